@@ -8,8 +8,8 @@ import numpy as np
 from scipy.optimize import minimize
 
 from benchmarks.cylinder_world import ROOM, SCALE, CylinderPace, CylinderWorld
-from sain_core.dynamics import RolloutModel
 from sain_core.feasibility import Feasibility
+from sain_core.model import Model, RolloutModel
 from sain_core.push import LENGTH, PushLimits
 from sain_core.scene import POSITION, Table
 from sain_core.seeding import generator
@@ -60,8 +60,8 @@ def cylinder_agent(model: RolloutModel, planner: PlannerConfig = PLANNER) -> Age
     return planning_agent(model, model, config)
 
 
-class CylinderOracle:
-    """A `Dynamics` that is judo's own physics: an upper bound for models."""
+class CylinderOracle(Model):
+    """A `Model` that is judo's own physics: an upper bound for models."""
 
     def __init__(self) -> None:
         """Make a copy of the world."""

@@ -33,9 +33,9 @@ from benchmarks.cylinder_planning import (
 from benchmarks.cylinder_world import EVERY, SCALE, STEPS, CylinderWorld
 from benchmarks.peer_optimizers import INSTALL
 from sain_core.bootstrap import bootstrap_mean
-from sain_core.dynamics import RolloutModel, as_rollout
 from sain_core.errors import SainError
 from sain_core.goal import Goal
+from sain_core.model import RolloutModel
 from sain_core.seeding import generator
 from sain_eval.loop.statistics import wilson_interval
 from sain_model.evaluation.markdown import markdown_table
@@ -170,7 +170,7 @@ def learned_model(world: CylinderWorld, episodes: int, console: Console) -> Roll
         f"our prior, fitted to {len(off)} pushes: off by {np.median(off):.1f} mm in the median,"
         f" {off.mean():.1f} in the mean; {prior.config}"
     )
-    return as_rollout(prior)
+    return prior
 
 
 def main() -> None:
@@ -183,7 +183,7 @@ def main() -> None:
     players: dict[str, Player] = {
         "ours": lambda seed: play_ours(seed, world, cylinder_agent(model)),
         "oracle": lambda seed: play_ours(
-            seed, world, cylinder_agent(as_rollout(CylinderOracle()), ORACLE_PLANNER)
+            seed, world, cylinder_agent(CylinderOracle(), ORACLE_PLANNER)
         ),
         **{name: partial(play_judo, world=world, optimizer=name) for name in JUDO},
     }

@@ -36,7 +36,7 @@ import numpy as np
 import torch
 
 from sain_core.bootstrap import bootstrap_ratio
-from sain_core.dynamics import Dynamics
+from sain_core.model import Model
 from sain_core.scene import TARGET
 from sain_core.seeding import generator
 from sain_core.types import Scalars, Scenes
@@ -165,7 +165,7 @@ def _learned(judge: Judge, folder: Path, size: int, alone: bool) -> list[list[st
     return rows
 
 
-def _train(split: Split, prior: Dynamics, friction: FrictionFilter | None) -> SainDynamics:
+def _train(split: Split, prior: Model, friction: FrictionFilter | None) -> SainDynamics:
     """Return a network on a prior, with its regions."""
     per_epoch = max(2 * len(split.train) // CONFIG.batch, 1)
     named = PLANAR if friction else IDENTITY

@@ -22,7 +22,7 @@ import tyro
 from benchmarks.planar_prior import draw
 from benchmarks.report import Figure, report
 from benchmarks.timing import fastest
-from sain_core.dynamics import StepwiseRollout
+from sain_core.model import Model
 from sain_core.plugins import load_dynamics
 from sain_core.types import Pushes, Scenes
 from sain_model.dynamics.sain import SainDynamics
@@ -50,7 +50,7 @@ class Options:
     """write the figures to this JSON file"""
 
 
-class Reference:
+class Reference(Model):
     """SAIN step by step, its network run by PyTorch."""
 
     def __init__(self, sain: SainDynamics) -> None:
@@ -95,13 +95,13 @@ def rollouts(sain: SainDynamics, options: Options) -> list[Figure]:
     ).reshape(-1, *scene.shape)
     physics = sain.prior.step(before, pushes)
     reference = Reference(sain)
-    far = np.abs(StepwiseRollout(reference).rollout(scene, sequences) - predicted)[..., :2].max()
+    far = np.abs(reference.rollout(scene, sequences) - predicted)[..., :2].max()
     times = fastest(
         {
             "rollout": lambda: sain.rollout(scene, sequences),
-            "prior": lambda: StepwiseRollout(sain.prior).rollout(scene, sequences),
+            "prior": lambda: sain.prior.rollout(scene, sequences),
             "network": lambda: sain.correct(before, pushes, physics),
-            "reference": lambda: StepwiseRollout(reference).rollout(scene, sequences),
+            "reference": lambda: reference.rollout(scene, sequences),
             "peak": peak(threads),
             "peak of one": peak(1),
         },

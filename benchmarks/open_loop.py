@@ -30,8 +30,8 @@ from rich.console import Console
 from rich.progress import track
 
 from sain_core.bootstrap import Interval, bootstrap_mean
-from sain_core.dynamics import Dynamics
 from sain_core.errors import SainError
+from sain_core.model import Model
 from sain_core.push import LENGTH
 from sain_core.scene import TARGET
 from sain_core.seeding import generator
@@ -120,7 +120,7 @@ def model_predictions(data: Dataset, windows: Windows, command: Command) -> dict
         RESIDUAL_SAIN: command.residual,
         RECURRENT_SAIN: command.recurrent,
     }
-    models: dict[str, Dynamics] = {name: load_sain(path) for name, path in paths.items() if path}
+    models: dict[str, Model] = {name: load_sain(path) for name, path in paths.items() if path}
     loop = predict_open_loop(data.select(np.isin(data.episode, windows.episodes)), models)
     at_start = np.flatnonzero(
         (loop.earlier == 0) & np.isin(loop.windows.episodes, windows.episodes)

@@ -26,7 +26,7 @@ import tyro
 from rich.console import Console
 
 from benchmarks.report import Figure, report
-from sain_core.dynamics import Dynamics
+from sain_core.model import Model
 from sain_core.storage import write_whole
 from sain_model.data.dataset import Split, limit_training, split_by_episode
 from sain_model.data.examples import Examples, make_examples
@@ -135,7 +135,7 @@ def main() -> None:
 
 
 def follow(
-    command: Command, name: str, config: TrainingConfig, split: Split, prior: Dynamics, epochs: int
+    command: Command, name: str, config: TrainingConfig, split: Split, prior: Model, epochs: int
 ) -> Course:
     """Train with these settings to so many epochs and return what came of it."""
     folder = command.out / name

@@ -7,11 +7,11 @@ from typing import Final
 import numpy as np
 
 from benchmarks.peer_optimizers import Numbers, PeerOptimizer, PeerSettings, PushBox, peer_optimizer
-from sain_core.dynamics import RolloutModel
+from sain_core.model import RolloutModel
 from sain_core.types import PushSequences, Scalars
 from sain_mppi.agent.agent import AgentConfig
 from sain_mppi.agent.decision import Decider, PlanJob, PushDecision
-from sain_mppi.agent.fallback import FallbackRollout
+from sain_mppi.agent.fallback import FallbackRollout, Patience
 from sain_mppi.algorithms.proposals import draw_permitted, without_idle
 from sain_mppi.algorithms.search import Search
 from sain_mppi.objective.objective import Objective
@@ -26,7 +26,7 @@ class PeerDecider(Decider):
         self, model: RolloutModel, physics: RolloutModel, config: AgentConfig, peer: PeerSettings
     ) -> None:
         """Plan with this model, or else with this physics."""
-        self._model, self._config, self._peer = FallbackRollout(model, physics), config, peer
+        self._models, self._config, self._peer = (model, physics), config, peer
         self._box = PushBox(config.feasibility.limits, peer.turn)
         self._session: int | None = None
         self._optimizer: PeerOptimizer | None = None
@@ -42,8 +42,9 @@ class PeerDecider(Decider):
             seed = int(generator.integers(2**31))
             self._optimizer = peer_optimizer(self._peer, self._box, seed)
             self._nominal, self._session = None, job.session
-        self._model.begin(job.history, None, job.cancelled, job.bodies)
-        search = self._search(job)
+        patience = Patience(cancelled=job.cancelled)
+        model = FallbackRollout(*self._models, job.history, job.bodies, patience)
+        search = self._search(job, model)
         nominal = self._start(search, generator)
         for _ in range(self._peer.rounds):
             nominal = self._optimizer.improve(nominal, partial(self._costs, search))
@@ -55,13 +56,13 @@ class PeerDecider(Decider):
             draw = partial(_uniform, search, generator)
             search.evaluate(draw_permitted(search, draw, self._peer.each, generator))
         plan = search.result()
-        return PushDecision(job, plan.push, plan, self._model.failure)
+        return PushDecision(job, plan.push, plan, model.failure)
 
-    def _search(self, job: PlanJob) -> Search:
+    def _search(self, job: PlanJob, model: RolloutModel) -> Search:
         config, scene = self._config, job.view.scene
         planner, feasibility = config.planner, config.feasibility
         objective = Objective(job.goal, job.start, planner.weights, feasibility, job.bodies)
-        return Search(self._model, planner, feasibility, scene, objective, job.refused)
+        return Search(model, planner, feasibility, scene, objective, job.refused)
 
     def _start(self, search: Search, generator: np.random.Generator) -> Numbers:
         """Return the rest of the last nominal, and a rest at its end; or a first one."""

@@ -33,7 +33,6 @@ from benchmarks.peer_optimizers import (
 )
 from benchmarks.peer_planning import PeerDecider, TimedDecider
 from sain_core.drawing.figures import write_png
-from sain_core.dynamics import as_rollout
 from sain_core.plugins import load_dynamics
 from sain_core.storage import append_json
 from sain_core.workers.options import WorkerOptions
@@ -103,7 +102,7 @@ def play(job: PeerJob) -> dict[str, Any]:
     torch.set_num_threads(1)
     numba.set_num_threads(1)
     case = SCENARIOS["anywhere"].scene(job.seed)
-    model, physics = (as_rollout(load_dynamics(name)) for name in (job.model, "planar"))
+    model, physics = (load_dynamics(name) for name in (job.model, "planar"))
     planner = ours_with(job.samples)
     if job.planner in PEERS:
         peer = replace(PEERS[job.planner], samples=job.samples, **dict(job.changes))

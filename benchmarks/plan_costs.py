@@ -13,7 +13,6 @@ import tyro
 from rich.console import Console
 
 from benchmarks.planar_prior import on_threads
-from sain_core.dynamics import as_rollout
 from sain_core.plugins import load_dynamics
 from sain_core.seeding import generator
 from sain_eval.scenes.scenarios import SCENARIOS, ScenarioScene
@@ -66,7 +65,7 @@ def main() -> None:
     console = Console(width=160, highlight=False)
     seeds = range(command.seed, command.seed + command.scenes)
     cases = [SCENARIOS["anywhere"].scene(seed) for seed in seeds]
-    model = as_rollout(load_dynamics(command.model))
+    model = load_dynamics(command.model)
     console.print(HEAD, markup=False)
     for samples in command.samples:
         first: np.ndarray | None = None

@@ -34,7 +34,7 @@ from benchmarks.report import Figure, report
 from benchmarks.timing import fastest
 from sain_core.drawing.figures import TEXT, new_figure, style_axes, write_png
 from sain_core.drawing.palette import PALETTE
-from sain_core.dynamics import IdentityPrior, as_rollout
+from sain_core.model import IdentityPrior
 from sain_core.plugins import load_dynamics
 from sain_core.scene import TARGET
 from sain_core.seeding import generator
@@ -138,7 +138,7 @@ def compare(sain: SainDynamics, name: str, options: Options) -> list[Figure]:
     threads, case = numba.get_num_threads(), problem()
     noise = NoiseConfig(length=0.02)  # clipping then makes few pushes of the peer's a rest
     config = PlannerConfig(algorithm=MPPI, samples=SAMPLES, horizon=HORIZON, noise=noise)
-    ours, peer = Planner(as_rollout(sain), config), Peer(sain, case, config)
+    ours, peer = Planner(sain, config), Peer(sain, case, config)
     mean = ours.plan(Problem.of(case.disks, case.goal), generator(0, "benchmark")).pushes
     works = {
         "peer": lambda: peer.plan(case.disks, mean),
@@ -280,8 +280,8 @@ def phases(sain: SainDynamics, options: Options) -> list[Figure]:
 def moving_pushes(planner: Planner, case: ScenarioScene) -> int:
     """Return how many pushes of a plan move anything: rests cost nothing."""
 
-    class Counting:
-        """Passes everything on and counts."""
+    class Counting(IdentityPrior):
+        """Passes rollouts on and counts."""
 
         pushes = 0
 

@@ -191,7 +191,7 @@ def learn(folder: Path, model: SainDynamics, sizes: list[int]) -> None:
         start = time.perf_counter()
         belief = identify(model, {str(folder): some})
         taken = time.perf_counter() - start
-        one = model.with_belief(belief)
+        one = model.with_prior_belief(belief)
         error = mean_error(folder, [(d, predict_with_history(one, d).mean) for d in tests])
         count = sum(map(len, some))
         print(f"{count} pushes, {taken:.1f} s, {belief.likeliest.name}: {error}", flush=True)

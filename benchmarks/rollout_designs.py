@@ -18,6 +18,7 @@ from numpy import ndarray
 from rich.console import Console
 
 from sain_core.bootstrap import bootstrap_mean
+from sain_core.model import Model
 from sain_core.scene import TARGET
 from sain_core.seeding import generator
 from sain_core.types import Pushes, Scenes
@@ -50,7 +51,7 @@ class Command:
     """Of the particles and of the bootstrap."""
 
 
-class Particles:
+class Particles(Model):
     """A model with errors of its own kind added after every push."""
 
     def __init__(

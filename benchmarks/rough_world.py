@@ -21,7 +21,7 @@ import tyro
 
 from benchmarks.identification import identify
 from sain_core.bootstrap import Interval, bootstrap_ratio
-from sain_core.dynamics import Dynamics
+from sain_core.model import Model
 from sain_core.scene import TARGET
 from sain_core.seeding import generator
 from sain_core.storage import write_json
@@ -175,7 +175,7 @@ def identified_errors(split: Split, command: Command) -> np.ndarray:
     return target_distances(prior.step_conditioned(test.state, test.action, told), test)
 
 
-def target_errors(data: Dataset, dynamics: Dynamics) -> np.ndarray:
+def target_errors(data: Dataset, dynamics: Model) -> np.ndarray:
     """Return how far off the target's predicted positions are, (M,) [mm]."""
     return target_distances(dynamics.step(data.state, data.action), data)
 

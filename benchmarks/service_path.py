@@ -26,7 +26,7 @@ import tyro
 from benchmarks.report import Figure, report
 from benchmarks.timing import fastest
 from sain_bags.reading.reader import Bag
-from sain_core.dynamics import RolloutModel, as_rollout
+from sain_core.model import RolloutModel
 from sain_core.plugins import load_dynamics
 from sain_core.seeding import generator
 from sain_core.types import Pushes
@@ -63,7 +63,7 @@ def service_and_process(options: Options) -> list[Figure]:
     """Plan with the model here and behind its node, in a domain of its own."""
     import domain_coordinator  # needs the middleware
 
-    model = as_rollout(load_dynamics(options.model))
+    model = load_dynamics(options.model)
     figures = []
     with domain_coordinator.domain_id() as domain:
         os.environ["ROS_DOMAIN_ID"] = str(domain)
@@ -112,6 +112,7 @@ def served(model: str) -> Iterator[RolloutModel]:
     from rclpy.executors import SingleThreadedExecutor
     from rclpy.node import Node
 
+    from sain_mppi.agent.fallback import Patience
     from sain_mppi.ros.remote import RemoteRollout
 
     command = ["ros2", "run", "sain_model", "model_node", "--ros-args", "-p", f"model:={model}"]
@@ -119,7 +120,7 @@ def served(model: str) -> Iterator[RolloutModel]:
     rclpy.init()
     node, executor = Node("asker", namespace="sain"), SingleThreadedExecutor()
     executor.add_node(node)
-    remote = RemoteRollout(node, TIMEOUT_S)
+    remote = RemoteRollout(node, TIMEOUT_S, Patience())
     spinning = Thread(target=executor.spin, daemon=True)
     try:
         if not remote.wait_until_ready(PATIENCE_S):

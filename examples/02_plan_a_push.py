@@ -5,7 +5,6 @@
 
 import numpy as np
 
-from sain_core.dynamics import StepwiseRollout
 from sain_core.goal import Goal
 from sain_core.scene import make_scene
 from sain_model.physics.planar import PlanarPrior
@@ -22,8 +21,7 @@ scene = make_scene(
 goal = Goal.place(0.50, 0.25, tolerance=0.005)
 
 prior = PlanarPrior()
-model = StepwiseRollout(prior)
-agent = planning_agent(model, model, AgentConfig(seed=7))
+agent = planning_agent(prior, prior, AgentConfig(seed=7))
 task = Task(goal_id=1, episode_id=0, goal=goal, max_pushes=15)
 
 decision = act(agent, GoalGiven(task), SceneSeen(scene, episode_id=1, scene_id=1))

@@ -2,11 +2,12 @@
 
 import numpy as np
 
+from sain_core.model import Model
 from sain_core.push import ANGLE, LENGTH, LOCATION, PushLimits
 from sain_core.scene import MID, POSITION, RADIUS, TARGET, VELOCITY, unit
 
 
-class MyModel:
+class MyModel(Model):
     """Predicts pushes of two disks by geometry alone."""
 
     def step(self, scenes: np.ndarray, pushes: np.ndarray) -> np.ndarray:

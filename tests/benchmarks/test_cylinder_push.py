@@ -15,7 +15,6 @@ from benchmarks.cylinder_world import (
     stroke_times,
     travel_times,
 )
-from sain_core.dynamics import as_rollout
 from sain_core.push import strokes
 from sain_core.scene import POSITION, unit
 from sain_model.physics.planar import PlanarPrior
@@ -58,7 +57,7 @@ def test_strokes_and_ways_go_forward_and_end_in_time(length):
 
 def test_our_agent_brings_the_cart_to_the_goal(world):
     prior = PlanarPrior(TEXTBOOK_TABLE)
-    record = play_ours(0, world, cylinder_agent(as_rollout(prior)))
+    record = play_ours(0, world, cylinder_agent(prior))
     assert record.reached(0.3)
     assert len(record.trace) == len(record.paused)
 

@@ -9,7 +9,6 @@ import pytest
 from benchmarks.peer_optimizers import PYTORCH, PeerSettings, PushBox
 from benchmarks.peer_planning import PeerDecider, TimedDecider
 from benchmarks.peers import PEERS, ours_with
-from sain_core.dynamics import as_rollout
 from sain_core.errors import ConfigError
 from sain_core.push import LENGTH, PushLimits
 from sain_eval.scenes.scenarios import SCENARIOS
@@ -31,7 +30,7 @@ def peer(request: pytest.FixtureRequest) -> PeerSettings:
 
 
 def first_plan(peer: PeerSettings) -> PushDecision:
-    model = as_rollout(PlanarPrior())
+    model = PlanarPrior()
     config = AgentConfig(planner=PlannerConfig(ahead=False))
     decider = TimedDecider(PeerDecider(model, model, config, peer))
     agent = Agent(decider, config)
@@ -56,7 +55,7 @@ def test_same_seed_same_push(peer):
 def test_a_missing_judo_is_named_with_its_installation(monkeypatch):
     monkeypatch.setitem(sys.modules, "judo.optimizers", None)
     monkeypatch.setitem(sys.modules, "judo", None)
-    model, config = as_rollout(PlanarPrior()), AgentConfig()
+    model, config = PlanarPrior(), AgentConfig()
     agent = Agent(PeerDecider(model, model, config, PeerSettings("judo cem")), config)
     stop = act(agent, GoalGiven(Task(1, 1, GOAL, 15)), SceneSeen(CASE.disks, 1, 1))
     assert isinstance(stop.error, ConfigError)

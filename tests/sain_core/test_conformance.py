@@ -5,9 +5,9 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from sain_core.dynamics import IdentityPrior, Radii
 from sain_core.errors import ModelUnavailableError
 from sain_core.history import PushHistory
+from sain_core.model import IdentityPrior, Model, Radii
 from sain_core.model_checks.conformance import check_dynamics, sample_pushes, violations
 from sain_core.push import LENGTH
 from sain_core.scene import MASS, VX, check_scene
@@ -22,7 +22,7 @@ def shift(scenes: Scenes, pushes: Pushes) -> Scenes:
     return predicted
 
 
-class Model:
+class Shifting(Model):
     """Shifts the mid disk; what it predicts is spoilt."""
 
     def __init__(self, spoil: Spoil) -> None:
@@ -63,7 +63,7 @@ def at_random() -> Spoil:
 
 
 def test_a_model_that_keeps_the_contract_passes() -> None:
-    check_dynamics(Model(lambda scenes, pushes, predicted: predicted))
+    check_dynamics(Shifting(lambda scenes, pushes, predicted: predicted))
     check_dynamics(IdentityPrior())
 
 
@@ -92,12 +92,12 @@ def test_the_scenes_that_are_tried_can_exist(disks: int) -> None:
     ],
 )
 def test_a_rule_that_is_broken_is_named(spoil: Spoil, message: str) -> None:
-    assert any(message in line for line in violations(Model(spoil)))
+    assert any(message in line for line in violations(Shifting(spoil)))
     with pytest.raises(ModelUnavailableError, match=r"not keep the contract:\n  \* 2 disks"):
-        check_dynamics(Model(spoil))
+        check_dynamics(Shifting(spoil))
 
 
-class Rollout(Model):
+class Rollout(Shifting):
     def __init__(self, factor: float = 1.0, radius: float = 0.01) -> None:
         super().__init__(lambda scenes, pushes, predicted: predicted)
         self.factor, self.radius = factor, radius
@@ -110,7 +110,7 @@ class Rollout(Model):
     def regions(self, scene: Scene, pushes: PushSequences, predicted: PredictedScenes) -> Radii:
         return np.full(predicted.shape[:3], self.radius)
 
-    def with_history(self, history: PushHistory) -> "Rollout":
+    def condition(self, history: PushHistory) -> "Rollout":
         if len(history):
             self.spoil = by_batch
         return self
@@ -119,4 +119,4 @@ class Rollout(Model):
 def test_what_is_optional_is_checked_where_it_is_there() -> None:
     assert "rollout predicts something else than step" in violations(Rollout(factor=2.0))[0]
     assert "regions returns radii that are negative" in violations(Rollout(radius=-1.0))[0]
-    assert "with_history changes the model itself" in violations(Rollout())[0]
+    assert "condition changes the model itself" in violations(Rollout())[0]

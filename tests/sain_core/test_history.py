@@ -1,11 +1,9 @@
 import numpy as np
 import pytest
 
-from sain_core.dynamics import IdentityPrior, StepwiseRollout
 from sain_core.errors import InvalidInputError
-from sain_core.history import PushHistory, informed, informed_rollout
+from sain_core.history import PushHistory
 from sain_core.scene import MASS, RADIUS
-from sain_core.types import Scenes
 
 SCENE = np.zeros((2, 8))
 SCENE[:, MASS], SCENE[:, RADIUS] = 8.0, 0.07
@@ -15,16 +13,6 @@ PUSH = np.array([0.1, 0.2, 0.05])
 def history(pushes: int) -> PushHistory:
     scenes = np.stack([SCENE] * pushes)
     return PushHistory(scenes, np.stack([PUSH] * pushes), scenes.copy())
-
-
-class Counting(IdentityPrior):
-    """Knows how many pushes it was told of."""
-
-    def __init__(self, told: int = 0) -> None:
-        self.told = told
-
-    def with_history(self, history: PushHistory) -> "Counting":
-        return Counting(len(history))
 
 
 def test_a_history_grows_push_by_push_and_leaves_the_old_one_as_it_was() -> None:
@@ -61,26 +49,6 @@ def test_a_push_of_another_number_of_disks_does_not_belong_to_it() -> None:
     three = np.concatenate([SCENE, SCENE[1:]])
     with pytest.raises(InvalidInputError, match=r"scene has shape \(3, 8\); its past has \(2, 8"):
         history(1).then(three, PUSH, three)
-
-
-def test_what_can_learn_is_told_and_what_cannot_stays() -> None:
-    deaf = IdentityPrior()
-    assert informed(deaf, history(2)) is deaf
-    told = informed(Counting(), history(2))
-    assert isinstance(told, Counting) and told.told == 2
-
-
-def test_a_stepwise_rollout_passes_on_what_it_is_told() -> None:
-    told = informed_rollout(StepwiseRollout(Counting()), history(3))
-    assert isinstance(told, StepwiseRollout) and isinstance(told.dynamics, Counting)
-    assert told.dynamics.told == 3
-
-    class Deaf:
-        def rollout(self, scene: Scenes, pushes: Scenes) -> Scenes:
-            return scene
-
-    deaf = Deaf()
-    assert informed_rollout(deaf, history(1)) is deaf
 
 
 def test_a_radius_that_is_measured_a_little_differently_is_the_same_body() -> None:

@@ -5,9 +5,9 @@ from types import ModuleType
 import pytest
 
 from sain_core import plugins
-from sain_core.dynamics import IdentityPrior
 from sain_core.errors import ConfigError
 from sain_core.extensions import offers
+from sain_core.model import IdentityPrior
 
 
 @pytest.fixture
@@ -43,7 +43,10 @@ def test_an_unknown_name_is_refused_with_the_nearest(asked: list[str]) -> None:
 
 
 def test_what_is_no_dynamics_is_refused(asked: list[str]) -> None:
-    message = "model 'broken' of the package of offering: offering:broken returned a object"
+    message = (
+        "model 'broken' of the package of offering: offering:broken returned a object has no method"
+        r" step\(scenes, pushes\); a model inherits from sain_core.model.Model"
+    )
     with pytest.raises(ConfigError, match=message):
         plugins.load_dynamics("broken")
 

@@ -3,13 +3,14 @@
 import numpy as np
 import pytest
 
+from sain_core.model import Model
 from sain_core.push import LENGTH, PushLimits, push_direction, tool_start
 from sain_core.scene import MID, POSITION, RADIUS, make_scene, unit
 from sain_core.types import Pushes, Scene, Scenes
 
 
-class PushedApart:
-    """Quasi-static `Dynamics`: the tool moves in small steps and overlaps are pushed out."""
+class PushedApart(Model):
+    """Quasi-static: the tool moves in small steps and overlaps are pushed out."""
 
     def __init__(self, steps: int = 20) -> None:
         self.limits = PushLimits()
@@ -37,7 +38,7 @@ class PushedApart:
 
 @pytest.fixture
 def dynamics() -> PushedApart:
-    """A `Dynamics` that any planner test can roll out."""
+    """A model that any planner test can roll out."""
     return PushedApart()
 
 

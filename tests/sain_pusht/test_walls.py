@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from sain_core.dynamics import IdentityPrior
+from sain_core.model import IdentityPrior
 from sain_pusht.agent import WALLS
 from sain_pusht.block import pusht_bodies, scene_of
 from sain_pusht.walls import InsideWalls

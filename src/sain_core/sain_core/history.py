@@ -1,28 +1,20 @@
 """What an episode has shown so far: its pushes, and where they led.
 
-Friction cannot be seen in a scene. A dynamics that can learn it from the pushes before has
-``with_history``; what an episode showed says nothing of another one.
+Friction cannot be seen in a scene. A model may infer it from the episode's earlier pushes
+(`sain_core.model.Model.condition`); they say nothing of another episode.
 """
 
 from dataclasses import dataclass
-from typing import Final, Protocol, Self, runtime_checkable
+from typing import Final, Self
 
 import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
 from sain_core.dataset import Column, Transitions
-from sain_core.dynamics import (
-    Dynamics,
-    RolloutModel,
-    StepwiseRollout,
-    shaped,
-    shaped_rollout,
-)
 from sain_core.errors import InvalidInputError
 from sain_core.push import PUSH_SIZE
 from sain_core.scene import MASS, RADIUS, STATE_SIZE
-from sain_core.shapes.bodies import PAPER_DISKS, Bodies
 from sain_core.types import PushArray, Scene
 
 SAME_KIND: Final = 0.05  # share by which one mass or radius may be measured differently
@@ -131,40 +123,3 @@ def _as_wide(*pushes: Float[ndarray, "_ _"]) -> list[Float[ndarray, "_ _"]]:
     """Return pushes (B, 3) and (B, 4) with equal numbers: three of them are against body 0."""
     size = max(some.shape[1] for some in pushes)
     return [np.pad(some, ((0, 0), (0, size - some.shape[1]))) for some in pushes]
-
-
-@runtime_checkable
-class LearningDynamics(Protocol):
-    """A `Dynamics` that can learn from an episode's earlier pushes. Pure: `self` stays as it is."""
-
-    def with_history(self, history: PushHistory) -> Dynamics:
-        """Return the dynamics that these pushes speak for; without pushes the usual one."""
-        ...
-
-
-def informed(dynamics: Dynamics, history: PushHistory) -> Dynamics:
-    """Return what a dynamics becomes by these pushes: itself, if it cannot learn from them."""
-    return dynamics.with_history(history) if isinstance(dynamics, LearningDynamics) else dynamics
-
-
-@runtime_checkable
-class LearningRollout(Protocol):
-    """A `RolloutModel` that can learn from an episode's earlier pushes."""
-
-    def with_history(self, history: PushHistory) -> RolloutModel:
-        """Return the model that these pushes speak for; without pushes the usual one."""
-        ...
-
-
-def informed_rollout(
-    model: RolloutModel, history: PushHistory, bodies: Bodies = PAPER_DISKS
-) -> RolloutModel:
-    """Return what a rollout model becomes by these pushes: itself, if it cannot learn.
-
-    Raises:
-        ConfigError: it cannot predict these bodies.
-    """
-    if isinstance(model, StepwiseRollout):
-        return StepwiseRollout(informed(shaped(model.dynamics, bodies), history))
-    model = shaped_rollout(model, bodies)
-    return model.with_history(history) if isinstance(model, LearningRollout) else model

@@ -6,10 +6,10 @@ from time import monotonic
 
 import numpy as np
 
-from sain_core.dynamics import Dynamics, RolloutModel, as_rollout, regions_of
 from sain_core.errors import NoPushError
 from sain_core.feasibility import Feasibility
 from sain_core.goal import Goal
+from sain_core.model import RolloutModel
 from sain_core.push import PUSH_SIZE
 from sain_core.types import PushArray, PushSequences, Scene
 from sain_mppi.algorithms import find_algorithm
@@ -33,12 +33,12 @@ class Planner:
 
     def __init__(
         self,
-        model: Dynamics | RolloutModel,
+        model: RolloutModel,
         config: PlannerConfig | None = None,
         feasibility: Feasibility | None = None,
     ) -> None:
         """Plan with this model, for an arm that can do what `feasibility` says."""
-        self.model = as_rollout(model)
+        self.model = model
         self.config = config or PlannerConfig()
         self.feasibility = feasibility or Feasibility()
         self.reset()
@@ -124,7 +124,7 @@ class Planner:
         Nothing that is to be executed depends on them: a push need not wait for this.
         """
         scene = problem.scene
-        regions = regions_of(self.model, scene, result.pushes[None], result.predicted[None])
+        regions = self.model.regions(scene, result.pushes[None], result.predicted[None])
         return result if regions is None else replace(result, regions=regions[0])
 
     def _search(

@@ -8,7 +8,7 @@ from typing import Any, Final
 import numpy as np
 from rich.console import Console
 
-from sain_core.dynamics import Dynamics, as_rollout
+from sain_core.model import Model
 from sain_core.provenance import ros2_command
 from sain_core.scene import POSITION, THETA, wrap_angle
 from sain_core.storage import make_folder
@@ -73,7 +73,7 @@ def learn(lesson: Lesson, out: Path, say: Say) -> SainDynamics:
     )
     bodies = pusht_bodies(known.gyration)
     sain = SainDynamics(trainer.network, known.prior, PLANAR_LAB).with_bodies(bodies)
-    models: dict[str, Dynamics] = {
+    models: dict[str, Model] = {
         "textbook": textbook().prior,
         "identified": known.prior,
         "network": sain,
@@ -118,7 +118,7 @@ def collect(lesson: Lesson, say: Say) -> tuple[Split, Identified]:
     known = identify(data_set(rows[:FITTED_BY], pusht_bodies()))
     say(f"identified: {known}")
     world = PushtWorld(bodies=known.prior.bodies)
-    rollout = as_rollout(known.prior)
+    rollout = known.prior
     first = 2 * rows[-1][3]
     played = played_pushes(
         lesson.played_episodes, world, lambda: pusht_agent(rollout, rollout), first
@@ -128,7 +128,7 @@ def collect(lesson: Lesson, say: Say) -> tuple[Split, Identified]:
     return split_by_episode(data_set(rows, world.bodies), 0, 0.1, 0.15), known
 
 
-def accuracy(model: Dynamics, data: Dataset) -> dict[str, Any]:
+def accuracy(model: Model, data: Dataset) -> dict[str, Any]:
     """Return median, mean and 95th percentile of the errors, far from the walls and everywhere."""
     off = model.step(data.state, data.action) - data.next_state
     mm = 1e3 * np.linalg.norm(off[:, 0, POSITION], axis=-1)

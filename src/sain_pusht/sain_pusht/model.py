@@ -4,8 +4,8 @@ from importlib import resources
 from pathlib import Path
 from typing import Final, NamedTuple
 
-from sain_core.dynamics import RolloutModel, as_rollout
 from sain_core.errors import CheckpointError
+from sain_core.model import RolloutModel
 from sain_core.plugins import load_dynamics
 from sain_core.shapes.bodies import Bodies
 from sain_model.dynamics.checkpoint import read_card
@@ -38,15 +38,15 @@ def load_model(name: str) -> PushtModel:
     """
     shipped = load_sain(CHECKPOINT)
     bodies = learned_bodies(CHECKPOINT)
-    physics = as_rollout(InsideWalls(shipped.prior, bodies))
+    physics = InsideWalls(shipped.prior, bodies)
     if name == PRIOR:
         return PushtModel(physics, physics, bodies)
     if name == ORACLE:
-        return PushtModel(as_rollout(PushtOracle()), physics, bodies)
+        return PushtModel(PushtOracle(), physics, bodies)
     model = shipped if name == SHIPPED else load_dynamics(name)
     if name != SHIPPED:
         bodies = learned_bodies(Path(name)) if Path(name).exists() else pusht_bodies()
-    return PushtModel(as_rollout(InsideWalls(model, bodies)), physics, bodies)
+    return PushtModel(InsideWalls(model, bodies), physics, bodies)
 
 
 def learned_bodies(path: Path) -> Bodies:

@@ -7,6 +7,7 @@ from typing import Any, Final, Self
 
 import numpy as np
 
+from sain_core.model import Model
 from sain_core.push import LENGTH, PushLimits, strokes
 from sain_core.scene import unit
 from sain_core.shapes.bodies import Bodies
@@ -20,8 +21,8 @@ from sain_pusht.servo import Servo, servo_of
 ORACLE_STEPS: Final = 300  # any: the copy is never stepped as an environment
 
 
-class PushtOracle:
-    """A `Dynamics` that knows gym-pusht: it is gym-pusht."""
+class PushtOracle(Model):
+    """A `Model` that knows gym-pusht: it is gym-pusht."""
 
     def __init__(self, limits: PushLimits = LIMITS, pace: Pace = Pace()) -> None:
         """Make a copy of the world."""

@@ -5,7 +5,7 @@ from typing import Self
 
 import numpy as np
 
-from sain_core.dynamics import Dynamics, shaped
+from sain_core.model import Model
 from sain_core.scene import POSITION, RADIUS, THETA
 from sain_core.shapes.bodies import Bodies
 from sain_core.types import Pushes, Scenes
@@ -13,18 +13,18 @@ from sain_pusht.agent import WALLS
 
 
 @dataclass(frozen=True, eq=False)
-class InsideWalls:
-    """A `Dynamics` of one block in a square room.
+class InsideWalls(Model):
+    """A `Model` of one block in a square room.
 
     The block is moved straight back out of a wall. How the wall turns it is left out.
     """
 
-    dynamics: Dynamics
+    dynamics: Model
     bodies: Bodies
 
     def with_bodies(self, bodies: Bodies) -> Self:
         """Return the dynamics for this block."""
-        return type(self)(shaped(self.dynamics, bodies), bodies)
+        return type(self)(self.dynamics.with_bodies(bodies), bodies)
 
     def step(self, scenes: Scenes, pushes: Pushes) -> Scenes:
         """Predict the scenes (B, 1, 8) after pushes (B, 3)."""

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sain_core.dynamics import IdentityPrior
 from sain_core.errors import ConfigError, ModelUnavailableError, SainError
 from sain_core.goal import Goal
+from sain_core.model import IdentityPrior
 from sain_core.scene import MID, POSITION, TARGET
 from sain_core.world import DivergedError
 from sain_eval.loop.closed_loop import run_episode

@@ -6,7 +6,6 @@ import numpy as np
 from PIL import Image
 
 from sain_core.drawing.figures import DOTS_PER_INCH, new_figure
-from sain_core.dynamics import as_rollout
 from sain_core.goal import BodyPose, Goal
 from sain_core.scene import POSITION, THETA, make_scene
 from sain_core.seeding import generator
@@ -29,7 +28,7 @@ def scene_of(count):
 
 def picture_of(scene, goal, bodies=PAPER_DISKS):
     """Return a plan, what its legend names, and a function: place [m] -> colour (3,)."""
-    plan = Planner(as_rollout(PlanarPrior()), PLANNER).plan(
+    plan = Planner(PlanarPrior(), PLANNER).plan(
         Problem.of(scene, goal, bodies), generator(0, "plan")
     )
     figure = new_figure(6.6, 7.2)

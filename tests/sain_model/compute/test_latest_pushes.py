@@ -54,7 +54,7 @@ def test_friction_inferred_push_by_push_is_friction_inferred_at_once(random_push
 
 def test_what_is_remembered_is_of_one_physics(random_pushes: Draw) -> None:
     past = history(random_pushes, 3)
-    first, other = PRIOR.with_history(past), PRIOR.at(0.1).with_history(past)
-    assert PRIOR.with_history(past) == first
-    assert PRIOR.at(0.1).with_history(past) == other
+    first, other = PRIOR.condition(past), PRIOR.at(0.1).condition(past)
+    assert PRIOR.condition(past) == first
+    assert PRIOR.at(0.1).condition(past) == other
     assert PlanarPrior().filter() is PRIOR.filter() is not PRIOR.at(0.1).filter()

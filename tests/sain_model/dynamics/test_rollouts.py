@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 import torch
 
-from sain_core.dynamics import as_rollout
 from sain_core.errors import CheckpointError
 from sain_core.scene import POSE, POSITION, TARGET, wrap_angle
 from sain_model.data.dataset import Dataset, Split, split_by_episode
@@ -56,7 +55,7 @@ def test_a_rollout_of_one_push_is_a_step(data: Dataset) -> None:
     learned[..., 2] = wrap_angle(learned[..., 2])
     # one is PyTorch's forward pass, the other the kernels', both in single precision
     np.testing.assert_allclose(learned, stepped[..., POSE], atol=1e-6)
-    rolled = as_rollout(sain).rollout(data.state[0], data.action[:1, None])
+    rolled = sain.rollout(data.state[0], data.action[:1, None])
     np.testing.assert_allclose(rolled[0, 0], stepped[0], atol=1e-6)
 
 

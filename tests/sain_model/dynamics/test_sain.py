@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 import torch
 
-from sain_core.dynamics import Dynamics, IdentityPrior
 from sain_core.errors import InvalidInputError
+from sain_core.model import IdentityPrior, Model
 from sain_core.plugins import load_dynamics
 from sain_core.push import LENGTH, rotate_pushes
 from sain_core.scene import (
@@ -50,7 +50,7 @@ def test_a_new_network_leaves_the_prior_as_it_is(random_pushes: Draw) -> None:
     scenes, pushes = random_pushes(20, 0)
     prior = PlanarPrior()
     sain = SainDynamics(InteractionNetwork(), prior, "planar")
-    assert isinstance(sain, Dynamics)
+    assert isinstance(sain, Model)
     np.testing.assert_allclose(sain.step(scenes, pushes), prior.step(scenes, pushes), atol=1e-12)
 
 

@@ -5,7 +5,6 @@ import hashlib
 import numpy as np
 import pytest
 
-from sain_core.dynamics import shaped
 from sain_core.history import PushHistory
 from sain_core.plugins import load_dynamics
 from sain_core.push import PushLimits
@@ -51,7 +50,7 @@ def test_named_disks_are_the_papers_disks(sain: SainDynamics, bodies: Bodies) ->
     scene, pushed = scene_of(len(bodies)), pushes(40)
     scenes = np.repeat(scene[None], len(pushed), axis=0)
     expected = sain.with_bodies(PAPER_DISKS).step(scenes, pushed)
-    np.testing.assert_array_equal(shaped(sain, bodies).step(scenes, pushed), expected)
+    np.testing.assert_array_equal(sain.with_bodies(bodies).step(scenes, pushed), expected)
 
 
 @pytest.mark.parametrize("name", OTHERS)
@@ -71,7 +70,7 @@ def test_any_bodies_are_corrected_but_little(sain: SainDynamics, name: str) -> N
 
 
 def test_a_disk_alone_can_be_predicted(sain: SainDynamics) -> None:
-    told, scene, pushed = shaped(sain, Bodies.disks(1)), scene_of(1), pushes(40)
+    told, scene, pushed = sain.with_bodies(Bodies.disks(1)), scene_of(1), pushes(40)
     scenes = np.repeat(scene[None], len(pushed), axis=0)
     assert isinstance(told, SainDynamics)
     physics = PlanarPrior().step(scenes, pushed)
@@ -86,7 +85,7 @@ def test_friction_is_inferred_for_a_shape(sain: SainDynamics) -> None:
     pushed = pushes(6)
     scenes = np.repeat(scene_of(1)[None], len(pushed), axis=0)
     after = told.prior.at(0.18).step(scenes, pushed)
-    informed = told.with_history(PushHistory(scenes, pushed, after))
+    informed = told.condition(PushHistory(scenes, pushed, after))
     assert isinstance(informed.prior, PlanarPrior)
     assert informed.prior.config.friction == pytest.approx(0.18, rel=0.1)
     assert informed.friction_log_std < told.friction_log_std

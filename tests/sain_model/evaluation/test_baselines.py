@@ -1,4 +1,4 @@
-"""Dynamics of other packages beside ours in ``evaluate``: named, followed, counted, closed."""
+"""Models of other packages beside ours in ``evaluate``: named, followed, counted, closed."""
 
 import json
 import sys
@@ -12,6 +12,7 @@ from rich.console import Console
 
 from sain_core import plugins
 from sain_core.extensions import offers
+from sain_core.model import Model
 from sain_model import commands
 from sain_model.evaluation.baselines import AT_ONCE, Followed, followed, open_models, refusals
 from tests.sain_model.rolling import PUSHES, make_episodes, truth
@@ -88,7 +89,9 @@ def test_the_simulators_own_offer_is_rolled_out(
 ) -> None:
     lines = setup_arguments("sain_sim")["entry_points"]["sain.dynamics"]
     entries = [EntryPoint(*line.split(" = "), plugins.GROUP) for line in lines]
-    monkeypatch.setattr(offers, "entry_points", lambda group: entries)
+    monkeypatch.setattr(
+        offers, "entry_points", lambda group: entries if group == plugins.GROUP else []
+    )
     folder, out = make_episodes(tmp_path / "data", FEW), tmp_path / "errors.json"
     arguments = [str(folder), "--baselines", "bullet", "bullet_measured", "--out", str(out)]
     assert commands.evaluate([*arguments, "--open-loop", "1", "2"]) == 0
@@ -113,7 +116,7 @@ def test_following_changes_no_prediction_and_counts_every_push() -> None:
     pushes = np.zeros((len(scenes), 3))
     counted: list[float] = []
 
-    class Shift:
+    class Shift(Model):
         def step(self, scenes: np.ndarray, pushes: np.ndarray) -> np.ndarray:
             return shifted(scenes)
 

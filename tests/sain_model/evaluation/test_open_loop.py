@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sain_core.dynamics import IdentityPrior
 from sain_core.errors import CheckpointError, DatasetError
 from sain_core.history import PushHistory
+from sain_core.model import IdentityPrior, Model
 from sain_core.plugins import load_dynamics
 from sain_core.scene import POSITION, TARGET
 from sain_model import commands
@@ -27,7 +27,7 @@ from tests.sain_model.rolling import EPISODES, PUSHES, load_episodes, make_episo
 OPTIONS = ["--epochs", "2", "--hidden", "8", "--message", "4", "--test", "0.3"]
 
 
-class Oracle:
+class Oracle(Model):
     def step(self, scenes: np.ndarray, pushes: np.ndarray) -> np.ndarray:
         return truth(scenes, pushes)
 
@@ -77,7 +77,7 @@ def test_history_is_of_earlier_pushes_alone(data: Dataset) -> None:
     np.testing.assert_array_equal(told[loop.earlier == 0], loop.predictions[MEASURED][::PUSHES])
     row = 4  # of episode 0: four pushes came before
     past = PushHistory(data.state[:row], data.action[:row], data.next_state[:row])
-    knowing = planar.with_history(past)
+    knowing = planar.condition(past)
     expected = roll_out(knowing, data.state[row : row + 1], data.action[None, row : row + 2])
     np.testing.assert_allclose(told[row], expected[0], atol=1e-9)
 

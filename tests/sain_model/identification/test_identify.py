@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from sain_core.dynamics import Dynamics
 from sain_core.errors import CheckpointError, ConfigError, DatasetError
-from sain_core.plugins import load_dynamics, with_belief
+from sain_core.model import Model
+from sain_core.plugins import load_dynamics
 from sain_core.types import Pushes, Scenes
 from sain_model import commands
 from sain_model.cli.identify import load_recordings, run
@@ -51,8 +51,8 @@ def record(folder: Path, draw: Draw, config: PlanarConfig, seed: int, column: st
     return folder
 
 
-def believing(name: str, belief: Path) -> Dynamics:
-    return with_belief(name, load_dynamics(name), str(belief))
+def believing(name: str, belief: Path) -> Model:
+    return load_dynamics(name).with_belief(belief)
 
 
 @pytest.fixture

@@ -82,8 +82,8 @@ def test_predictions_rest_on_the_ratio(
     sain: SainDynamics, random_pushes: Draw, noise: float | None
 ) -> None:
     history = telling(random_pushes, noise=noise)
-    usual, unknown = sain.with_history(history), sain.with_unknown_masses()
-    told = unknown.with_history(history)
+    usual, unknown = sain.condition(history), sain.with_unknown_masses()
+    told = unknown.condition(history)
     assert isinstance(told.prior, PlanarPrior)
     assert unknown.mass_log_std == 0.3
     assert 0.0 < told.mass_log_std < 0.15
@@ -101,7 +101,7 @@ def test_predictions_rest_on_the_ratio(
 def test_one_step_and_a_rollout_agree_and_state_masses_as_they_were(
     sain: SainDynamics, random_pushes: Draw
 ) -> None:
-    told = sain.with_unknown_masses().with_history(telling(random_pushes))
+    told = sain.with_unknown_masses().condition(telling(random_pushes))
     scenes, pushes = random_pushes(6, 5)
     for scene, push in zip(scenes, pushes, strict=True):
         one = told.step(scene[None], push[None])[0]
@@ -115,7 +115,7 @@ def test_regions_are_wider_before_the_ratio_is_told(
     unknown, history = sain.with_unknown_masses(), telling(random_pushes)
     spreads = [
         model.predict(history.state, history.action).friction[:, 1].mean()
-        for model in (sain, unknown, unknown.with_history(history))
+        for model in (sain, unknown, unknown.condition(history))
     ]
     assert spreads[2] < spreads[0] < spreads[1]
 
@@ -182,5 +182,5 @@ def test_recordings_of_the_same_bodies_tell_their_ratio(
     assert belief.likeliest.config.mass_ratio == pytest.approx(RATIO, rel=0.05)
     assert belief.mass_log_std < 0.1
     scenes, pushes = history.state, history.action
-    off = sain.with_belief(belief).step(scenes, pushes) - history.next_state
+    off = sain.with_prior_belief(belief).step(scenes, pushes) - history.next_state
     assert np.linalg.norm(off[:, 1, POSITION], axis=-1).mean() < 0.001

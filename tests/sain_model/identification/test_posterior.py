@@ -137,7 +137,7 @@ def test_a_history_and_a_row_of_many_tell_the_same(sain: SainDynamics, random_pu
     )  # fmt: skip
     rows = predict_with_history(sain, data)
     for push in range(COUNT):
-        informed = sain.with_history(history.select(slice(push)))
+        informed = sain.condition(history.select(slice(push)))
         one = informed.step(history.state[push : push + 1], history.action[push : push + 1])
         np.testing.assert_allclose(one[0], rows.mean[push], atol=1e-9)
 
@@ -149,7 +149,7 @@ def test_a_correction_that_pushes_contradict_is_dropped(
         for parameter in sain.network.parameters():
             parameter.add_(0.3 * torch.randn_like(parameter))
     wild = replace(sain)
-    informed = wild.with_history(seen(random_pushes, AXES))
+    informed = wild.condition(seen(random_pushes, AXES))
     assert wild.corrects
     assert not informed.corrects
     scenes, pushes = random_pushes(3, 9)
@@ -172,9 +172,9 @@ def test_a_past_push_is_simulated_once(
     monkeypatch.setattr(curves, "curves_of", count)
     history = seen(random_pushes, AXES)
     for pushes in range(1, COUNT + 1):
-        informed = sain.with_history(history.select(slice(pushes)))
+        informed = sain.condition(history.select(slice(pushes)))
     assert asked == [1, 1] * COUNT
-    again = believing_model(replace(sain, belief=None)).with_history(history)
+    again = believing_model(replace(sain, belief=None)).condition(history)
     assert isinstance(again.prior, PlanarPrior)
     assert isinstance(informed.prior, PlanarPrior)
     assert again.prior.config == informed.prior.config
@@ -183,13 +183,13 @@ def test_a_past_push_is_simulated_once(
 def test_a_model_that_infers_nothing_takes_no_belief(belief: Belief) -> None:
     deaf = SainDynamics(InteractionNetwork(), PlanarPrior(AXES), "planar_axes")
     with pytest.raises(ConfigError, match="infers nothing from pushes, and takes no belief"):
-        deaf.with_belief(belief)
+        deaf.with_prior_belief(belief)
 
 
 def test_a_belief_is_for_the_prior_that_it_was_made_with(belief: Belief) -> None:
     other = SainDynamics(InteractionNetwork(), PlanarPrior(), "planar", friction=FrictionConfig())
     with pytest.raises(ConfigError, match="the belief is for a network on another prior"):
-        other.with_belief(belief)
+        other.with_prior_belief(belief)
 
 
 def test_the_table_friction_is_the_first_parameter() -> None:

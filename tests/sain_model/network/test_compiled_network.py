@@ -9,8 +9,8 @@ import pytest
 import torch
 from torch import nn
 
-from sain_core.dynamics import IdentityPrior, RolloutModel, StepwiseRollout
 from sain_core.errors import InvalidInputError
+from sain_core.model import IdentityPrior, RolloutModel
 from sain_core.plugins import load_dynamics
 from sain_core.push import LENGTH, PushLimits
 from sain_core.scene import POSITION, THETA, make_scene, wrap_angle
@@ -93,7 +93,7 @@ def test_a_rollout_is_step_after_step_to_the_bit_on_any_number_of_threads(disks:
     scenes, pushes = batch(disks, 4 * 300, seed=2)
     sequences = pushes.reshape(300, 4, 3)
     assert isinstance(sain, RolloutModel)
-    stepwise = StepwiseRollout(sain).rollout(scenes[0], sequences)
+    stepwise = sain.rollout(scenes[0], sequences)
     before = numba.get_num_threads()
     try:
         for threads in range(1, numba.config.NUMBA_NUM_THREADS + 1):
@@ -106,7 +106,7 @@ def test_a_rollout_is_step_after_step_to_the_bit_on_any_number_of_threads(disks:
 def test_a_rollout_on_another_prior_goes_step_by_step(random_pushes: Draw) -> None:
     scenes, pushes = random_pushes(20, 0)
     sain = SainDynamics(network(), IdentityPrior(), "identity")
-    stepwise = StepwiseRollout(sain).rollout(scenes[0], pushes.reshape(5, 4, 3))
+    stepwise = sain.rollout(scenes[0], pushes.reshape(5, 4, 3))
     np.testing.assert_array_equal(sain.rollout(scenes[0], pushes.reshape(5, 4, 3)), stepwise)
 
 

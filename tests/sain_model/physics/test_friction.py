@@ -6,9 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sain_core.dynamics import IdentityPrior
 from sain_core.errors import DatasetError, InvalidInputError
 from sain_core.history import PushHistory
+from sain_core.model import IdentityPrior
 from sain_core.push import LENGTH, mirror_pushes
 from sain_core.scene import POSITION, mirror_scenes
 from sain_core.types import Pushes, Scenes
@@ -74,7 +74,7 @@ def test_without_pushes_the_friction_is_the_nominal_one(friction: FrictionFilter
     belief = friction.infer(PushHistory.empty())
     assert (belief.mean, belief.pushes) == (NOMINAL, 0)
     assert belief.spread == pytest.approx(friction.config.width, rel=0.1)
-    assert PRIOR.with_history(PushHistory.empty()).config == PRIOR.config
+    assert PRIOR.condition(PushHistory.empty()).config == PRIOR.config
 
 
 def test_pushes_that_moved_nothing_tell_nothing(
@@ -237,7 +237,7 @@ def test_noise_needs_the_truth_and_episodes_of_two_pushes(random_pushes: Draw) -
 def test_the_planar_prior_learns_from_the_past(random_pushes: Draw) -> None:
     scenes, pushes = random_pushes(30, 8)
     truth = PRIOR.step(scenes, pushes, np.full(30, 0.2))
-    told = PRIOR.with_history(history(random_pushes, 0.2))
+    told = PRIOR.condition(history(random_pushes, 0.2))
     before, after = (
         np.linalg.norm((model.step(scenes, pushes) - truth)[..., POSITION], axis=-1).mean()
         for model in (PRIOR, told)
@@ -249,10 +249,10 @@ def test_sain_learns_from_the_past_if_it_was_trained_to(random_pushes: Draw) -> 
     scenes, pushes = random_pushes(30, 8)
     past = history(random_pushes, 0.2)
     deaf = SainDynamics(InteractionNetwork(), PRIOR, "planar")
-    assert deaf.with_history(past) is deaf
+    assert deaf.condition(past) is deaf
     sain = SainDynamics(InteractionNetwork(), PRIOR, "planar", friction=FrictionConfig())
-    assert sain.with_history(PushHistory.empty()) is sain
-    told = sain.with_history(past)
+    assert sain.condition(PushHistory.empty()) is sain
+    told = sain.condition(past)
     friction = FrictionFilter(PRIOR, NOMINAL).infer(past).mean
     np.testing.assert_array_equal(
         told.step(scenes, pushes), sain.step(scenes, pushes, np.full(30, friction))

@@ -318,7 +318,7 @@ def test_friction_is_inferred_from_pushes_of_any_body() -> None:
     truth = prior.at(0.17).step(scenes, pushes)
     history = PushHistory(scenes, pushes, truth)
     assert prior.filter().infer(history).mean == pytest.approx(0.17, rel=0.03)
-    assert prior.with_history(history).bodies == prior.bodies
+    assert prior.condition(history).bodies == prior.bodies
 
 
 def test_the_nominal_belief_is_about_masses_only() -> None:

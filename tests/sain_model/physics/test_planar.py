@@ -4,9 +4,9 @@ import numba
 import numpy as np
 import pytest
 
-from sain_core.dynamics import Dynamics
 from sain_core.errors import ConfigError, InvalidInputError
 from sain_core.feasibility import tool_gap
+from sain_core.model import Model
 from sain_core.push import LENGTH, PushLimits, mirror_pushes, push_direction, rotate_pushes
 from sain_core.scene import (
     MASS,
@@ -61,7 +61,7 @@ def prior() -> PlanarPrior:
 
 
 def test_it_is_a_dynamics(prior: PlanarPrior) -> None:
-    assert isinstance(prior, Dynamics)
+    assert isinstance(prior, Model)
 
 
 @pytest.mark.parametrize("disks", [2, 3, 5])

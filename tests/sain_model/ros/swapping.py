@@ -8,7 +8,6 @@ import torch
 from rcl_interfaces.srv import SetParameters
 from rclpy.parameter import Parameter
 
-from sain_core.dynamics import StepwiseRollout
 from sain_core.plugins import load_dynamics
 from sain_core.push import PushLimits
 from sain_core.ros import codec
@@ -43,10 +42,7 @@ def request() -> Rollout.Request:
 def answers_of(*paths: str) -> dict[str, bytes]:
     """Return what each checkpoint answers, by its hash."""
     models = [load_dynamics(path) for path in paths]
-    return {
-        model.model_hash: StepwiseRollout(model).rollout(SCENE, SEQUENCES).tobytes()
-        for model in models
-    }
+    return {model.model_hash: model.rollout(SCENE, SEQUENCES).tobytes() for model in models}
 
 
 def set_model(graph: Any, name: str) -> Any:

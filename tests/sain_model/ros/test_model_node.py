@@ -5,7 +5,6 @@ import pytest
 from diagnostic_msgs.msg import DiagnosticArray
 
 from sain_core import wire
-from sain_core.dynamics import StepwiseRollout
 from sain_core.errors import CheckpointError, ConfigError, ErrorCode
 from sain_core.history import PushHistory
 from sain_core.plugins import load_dynamics
@@ -45,7 +44,7 @@ def test_a_rollout_is_the_model_s_own_to_the_last_bit(graph, model):
     response = graph.call(Rollout, "rollout", rollout_request(sequences))
     assert (response.error_code, response.error_message) == (ErrorCode.OK, "")
     predicted = wire.decode_rollout(response, (16, 3, 2))
-    expected = StepwiseRollout(PlanarPrior()).rollout(SCENE, sequences)
+    expected = PlanarPrior().rollout(SCENE, sequences)
     np.testing.assert_array_equal(predicted, expected)
     assert response.model == "planar"
     assert response.compute_time > 0
@@ -111,7 +110,7 @@ def test_earlier_pushes_tell_the_service_the_friction(graph, model):
     response = graph.call(Rollout, "rollout", request)
     assert (response.error_code, response.error_message) == (ErrorCode.OK, "")
     assert response.friction == pytest.approx(0.18, rel=0.05)
-    told = StepwiseRollout(PlanarPrior().with_history(past)).rollout(SCENE, sequences)
+    told = PlanarPrior().condition(past).rollout(SCENE, sequences)
     np.testing.assert_array_equal(wire.decode_rollout(response, (4, 2, 2)), told)
     without = graph.call(Rollout, "rollout", rollout_request(sequences))
     assert without.friction == 0.12

@@ -15,6 +15,7 @@ from rclpy.parameter import Parameter
 
 from sain_core import wire
 from sain_core.errors import ErrorCode
+from sain_core.model import IdentityPrior
 from sain_core.plugins import load_dynamics
 from sain_core.types import Pushes, Scenes
 from sain_interfaces.srv import LoadModel, Rollout
@@ -107,7 +108,7 @@ def test_the_canary_sings_where_it_is_unpickled(tmp_path):
 
 
 def test_a_model_of_no_known_name_and_one_that_predicts_nan_are_refused(graph, monkeypatch):
-    class Broken:
+    class Broken(IdentityPrior):
         def step(self, scenes: Scenes, pushes: Pushes) -> Scenes:
             return np.full_like(scenes, np.nan)
 

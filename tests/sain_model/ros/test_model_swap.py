@@ -9,8 +9,8 @@ import pytest
 from diagnostic_msgs.msg import DiagnosticArray
 
 from sain_core import wire
-from sain_core.dynamics import IdentityPrior
 from sain_core.errors import ErrorCode
+from sain_core.model import IdentityPrior, Model
 from sain_core.plugins import load_dynamics
 from sain_core.ros.qos import SERVICE
 from sain_core.types import Pushes, Scenes
@@ -88,7 +88,7 @@ def test_a_stream_of_requests_goes_on_through_swaps(graph, first, second):
     assert json.loads(described.card)["weights_sha256"] == described.model_hash
 
 
-class Slow:
+class Slow(Model):
     """Predicts when it may."""
 
     def __init__(self) -> None:

@@ -3,7 +3,6 @@ from time import sleep
 import numpy as np
 import pytest
 
-from sain_core.dynamics import Dynamics, IdentityPrior
 from sain_core.errors import (
     ConfigError,
     InvalidInputError,
@@ -12,6 +11,7 @@ from sain_core.errors import (
     TooMuchWorkError,
 )
 from sain_core.history import PushHistory
+from sain_core.model import IdentityPrior, Model
 from sain_core.push import PushLimits
 from sain_core.scene import make_scene, wrap_angle
 from sain_core.shapes.bodies import Bodies
@@ -35,7 +35,7 @@ SCENES = np.stack([SCENE] * 6)
 PUSHES = PushLimits().sample(np.random.default_rng(0), 6)
 
 
-class Broken:
+class Broken(Model):
     def step(self, scenes: Scenes, pushes: Pushes) -> Scenes:
         return np.full_like(scenes, np.nan)
 
@@ -101,7 +101,7 @@ def test_a_model_serves_what_the_past_tells() -> None:
     server = ModelServer(sain, ServingConfig(model="mine"))
     for truth in (0.2, 0.08, 0.08):
         history = past(truth)
-        told = sain.with_history(history)
+        told = sain.condition(history)
         np.testing.assert_array_equal(
             server.predict(SCENES, PUSHES, history=history)[1], told.step(SCENES, PUSHES)
         )
@@ -192,7 +192,7 @@ def test_a_device_that_is_not_there_is_refused(
 def test_a_model_is_loaded_and_tried_before_it_is_served(
     sain: SainDynamics, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    models: dict[str, Dynamics] = {"one": sain, "broken": Broken()}
+    models: dict[str, Model] = {"one": sain, "broken": Broken()}
     monkeypatch.setattr(server_module, "load_dynamics", models.__getitem__)
     server = load_server(ServingConfig(model="one", max_work=99))
     assert (server.description.model, server.config.max_work) == ("one", 99)
@@ -207,7 +207,7 @@ class Slow(IdentityPrior):
         return scenes.copy()
 
 
-class DisksOnly:
+class DisksOnly(Model):
     def step(self, scenes: Scenes, pushes: Pushes) -> Scenes:
         return scenes.copy()
 
@@ -222,7 +222,7 @@ def test_a_model_that_is_of_no_use_to_a_planner_replaces_no_other(
         server.with_model("slow")
     disks, bodies = Bodies.disks(2), Bodies.named(["t"])
     assert server.with_model("disks", disks).description.model == "disks"
-    with pytest.raises(ConfigError, match="can only predict disks; the bodies are t: use a model"):
+    with pytest.raises(ConfigError, match="roles; the bodies are t: use a model"):
         server.with_model("disks", bodies)
     assert server.with_model("one", bodies).description.model == "one"
 

@@ -141,8 +141,8 @@ def test_friction_is_inferred_where_it_learned_to() -> None:
     truth = PlanarPrior().at(0.19).with_bodies(PAIR).step(scenes, pushes)
     history = PushHistory(scenes, pushes, truth)
     sain = ParameterCorrection(CorrectionEnsemble(SMALL), PlanarPrior()).with_bodies(PAIR)
-    assert sain.with_history(history).prior.config.friction == 0.12
-    learned = replace(sain, friction=FrictionConfig(outline_noise=3e-4)).with_history(history)
+    assert sain.condition(history).prior.config.friction == 0.12
+    learned = replace(sain, friction=FrictionConfig(outline_noise=3e-4)).condition(history)
     assert learned.prior.config.friction == pytest.approx(0.19, rel=0.05)
     assert learned.bodies == PAIR
 

@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sain_core.dynamics import StepwiseRollout
 from sain_core.errors import ConfigError
 from sain_core.feasibility import Feasibility
 from sain_core.goal import Goal
+from sain_core.model import IdentityPrior
 from sain_core.seeding import generator
 from sain_mppi.agent.decision import Decider, PlanJob, Task, View
 from sain_mppi.agent.planning import PlanningDecider
@@ -26,7 +26,7 @@ CHANGES = (
 
 
 def decider_of(dynamics, config):
-    model = StepwiseRollout(dynamics)
+    model = dynamics
     return PlanningDecider(model, model, config, Feasibility())
 
 
@@ -57,13 +57,13 @@ def test_what_was_found_with_other_settings_is_where_the_next_search_begins(scen
     assert again.plan.cost <= first.plan.cost
 
 
-class Adjusting:
+class Adjusting(IdentityPrior):
     """A model that changes the settings while it is asked."""
 
     decider: PlanningDecider
 
     def __init__(self, dynamics):
-        self.model = StepwiseRollout(dynamics)
+        self.model = dynamics
 
     def rollout(self, scene, pushes):
         self.decider.adjust(replace(FEW, samples=12, horizon=1))

@@ -6,10 +6,10 @@ from threading import Event, Thread
 import numpy as np
 import pytest
 
-from sain_core.dynamics import StepwiseRollout
 from sain_core.errors import ErrorCode, ModelUnavailableError
 from sain_core.goal import Goal
 from sain_core.history import PushHistory
+from sain_core.model import IdentityPrior
 from sain_core.scene import POSITION, TARGET
 from sain_core.shapes.bodies import PAPER_DISKS
 from sain_mppi.agent.agent import Agent, AgentConfig, act, planning_agent
@@ -33,13 +33,13 @@ PUSH = np.array([0.0, 0.1, 0.05])
 SOMEBODY = 9  # else's push
 
 
-class Still:
+class Still(IdentityPrior):
     """Predicts that nothing moves, and keeps how many earlier pushes it was conditioned on."""
 
     def __init__(self):
         self.conditioned = []
 
-    def with_history(self, history: PushHistory) -> "Still":
+    def condition(self, history: PushHistory) -> "Still":
         self.conditioned.append(len(history))
         return self
 
@@ -66,8 +66,7 @@ class Fixed(Decider):
 
 @pytest.fixture
 def agent(dynamics):
-    model = StepwiseRollout(dynamics)
-    return planning_agent(model, model, CONFIG)
+    return planning_agent(dynamics, dynamics, CONFIG)
 
 
 def begun(agent, scene, task=TASK):

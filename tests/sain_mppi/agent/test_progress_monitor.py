@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sain_core.dynamics import IdentityPrior, StepwiseRollout
 from sain_core.errors import NoProgressError
 from sain_core.feasibility import Feasibility
 from sain_core.goal import Goal
+from sain_core.model import IdentityPrior
 from sain_core.scene import MID, POSITION, TARGET
 from sain_core.seeding import generator
 from sain_mppi.agent.decision import PlanJob, Task, View
@@ -27,7 +27,7 @@ def moved(scene, disk, way):
 
 
 def decider_over(dynamics, config=CONFIG):
-    model = StepwiseRollout(dynamics)
+    model = dynamics
     return PlanningDecider(model, model, config, Feasibility())
 
 

@@ -6,10 +6,10 @@ from time import monotonic, sleep
 import numpy as np
 import pytest
 
-from sain_core.dynamics import IdentityPrior, StepwiseRollout
 from sain_core.errors import ModelUnavailableError, NoPushError
 from sain_core.feasibility import Feasibility, Reach
 from sain_core.goal import Goal
+from sain_core.model import IdentityPrior
 from sain_core.push import LENGTH, LOCATION
 from sain_core.scene import MASS, make_scene, unit
 from sain_core.seeding import generator
@@ -38,25 +38,24 @@ def problem(scene, goal=GOAL):
 
 
 def planner(model, algorithm, feasibility=None, **changes):
-    rollout = model if hasattr(model, "rollout") else StepwiseRollout(model)
-    return Planner(rollout, replace(CONFIG, algorithm=algorithm, **changes), feasibility)
+    return Planner(model, replace(CONFIG, algorithm=algorithm, **changes), feasibility)
 
 
-class Changed:
-    """A `RolloutModel` whose answers are spoiled."""
+class Changed(IdentityPrior):
+    """A model whose answers are spoiled."""
 
     def __init__(self, dynamics, spoil):
-        self.inner, self.spoil = StepwiseRollout(dynamics), spoil
+        self.inner, self.spoil = dynamics, spoil
 
     def rollout(self, scene, pushes):
         return self.spoil(self.inner.rollout(scene, pushes))
 
 
-class Slow:
-    """A `RolloutModel` that takes its time for each sequence."""
+class Slow(IdentityPrior):
+    """A model that takes its time for each sequence."""
 
     def __init__(self, dynamics, seconds):
-        self.inner, self.seconds = StepwiseRollout(dynamics), seconds
+        self.inner, self.seconds = dynamics, seconds
 
     def rollout(self, scene, pushes):
         sleep(self.seconds * len(pushes))
@@ -85,7 +84,7 @@ def test_every_push_is_one_that_the_arm_can_do(algorithm, dynamics, seed, disks)
 
 def test_the_result_is_what_the_model_says_of_the_plan(algorithm, scene, dynamics):
     plan = planner(dynamics, algorithm).plan(problem(scene), generator(0))
-    predicted = StepwiseRollout(dynamics).rollout(scene, plan.pushes[None])[0]
+    predicted = dynamics.rollout(scene, plan.pushes[None])[0]
     np.testing.assert_allclose(plan.predicted, predicted)
     assert plan.cost == pytest.approx(sum(plan.terms.values()))
     assert plan.improves and 1.0 <= plan.effective_samples <= plan.samples

@@ -5,7 +5,6 @@ from time import monotonic
 
 import numpy as np
 
-from sain_core.dynamics import as_rollout
 from sain_core.goal import BodyPose, Goal
 from sain_core.scene import make_scene
 from sain_core.seeding import generator
@@ -22,7 +21,7 @@ CONFIG = PlannerConfig(samples=64)
 
 
 def plan(config, seed=0, deadline=None):
-    model = as_rollout(PlanarPrior().with_bodies(BODIES))
+    model = PlanarPrior().with_bodies(BODIES)
     planner = Planner(model, config)
     return planner.plan(Problem.of(SCENE, GOAL, BODIES), generator(seed), deadline)
 

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sain_core.dynamics import IdentityPrior, StepwiseRollout
 from sain_core.feasibility import Feasibility
 from sain_core.goal import Goal
+from sain_core.model import IdentityPrior, Model
 from sain_core.push import LENGTH, push_direction
 from sain_core.scene import POSITION, unit
 from sain_core.seeding import generator
@@ -26,8 +26,8 @@ CONFIG = PlannerConfig(algorithm=GRADIENT, samples=64, horizon=3)
 NOTHING = np.empty((0, CONFIG.horizon, 3))
 
 
-class Gliding:
-    """A smooth `Dynamics`: all disks go where the tool goes, as far as it goes."""
+class Gliding(Model):
+    """Smooth: all disks go where the tool goes, as far as it goes."""
 
     def step(self, scenes: Scenes, pushes: Pushes) -> Scenes:
         after = scenes.copy()
@@ -41,7 +41,7 @@ class Recorded(Search):
 
     def __init__(self, dynamics, config, scene):
         objective = Objective(GOAL, scene, config.weights, Feasibility(), PAPER_DISKS)
-        super().__init__(StepwiseRollout(dynamics), config, Feasibility(), scene, objective)
+        super().__init__(dynamics, config, Feasibility(), scene, objective)
         self.drawn: list[Scalars] = []
         self.probed: list[PushSequences] = []
 
@@ -104,6 +104,6 @@ def test_it_draws_again_where_nothing_helps(scene):
 
 
 def test_the_next_plan_begins_where_the_last_one_ended(scene):
-    planner = Planner(StepwiseRollout(Gliding()), CONFIG)
+    planner = Planner(Gliding(), CONFIG)
     costs = [planner.plan(Problem.of(scene, GOAL), generator(seed)).cost for seed in range(4)]
     assert (np.diff(costs) <= 0.0).all()

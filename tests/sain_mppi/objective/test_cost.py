@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sain_core.dynamics import StepwiseRollout
 from sain_core.feasibility import Feasibility
 from sain_core.goal import BodyPose, Goal
 from sain_core.push import LENGTH, rotate_pushes
@@ -39,7 +38,7 @@ def rest_terms(scene, goal, **weights):
 def test_turning_scene_pushes_and_goal_together_changes_no_cost(scene, dynamics, angle):
     goal = np.array([0.5, 0.25])
     pushes = uniform_sequences(FEASIBILITY.limits, generator(0), 64, 4)
-    predicted = StepwiseRollout(dynamics).rollout(scene, pushes)
+    predicted = dynamics.rollout(scene, pushes)
     terms = terms_of(scene, pushes, predicted, goal)
     c, s = np.cos(angle), np.sin(angle)
     turned_goal = np.array([[c, -s], [s, c]]) @ goal
@@ -145,7 +144,7 @@ def test_predictions_that_are_not_finite_cost_infinitely(scene):
 
 def test_risk_is_what_the_model_is_not_sure_of_about_the_target(scene, dynamics):
     pushes = uniform_sequences(FEASIBILITY.limits, generator(3), 5, 2)
-    predicted = StepwiseRollout(dynamics).rollout(scene, pushes)
+    predicted = dynamics.rollout(scene, pushes)
     regions = generator(4).uniform(0.0, 0.1, (5, 2, 2))
     weights = replace(WEIGHTS, risk=3.0)
     goal = np.array([0.7, 0.0])
@@ -155,7 +154,7 @@ def test_risk_is_what_the_model_is_not_sure_of_about_the_target(scene, dynamics)
 
 
 def test_a_sure_sequence_is_preferred_when_risk_has_a_price(scene, dynamics):
-    class Unsure(StepwiseRollout):
+    class Unsure(type(dynamics)):
         """Knows nothing of where long pushes lead."""
 
         def regions(self, scene, pushes, predicted):
@@ -165,7 +164,7 @@ def test_a_sure_sequence_is_preferred_when_risk_has_a_price(scene, dynamics):
     lengths = []
     for risk in (0.0, 50.0):
         config = PlannerConfig(samples=192, weights=CostWeights(risk=risk))
-        planner = Planner(Unsure(dynamics), config)
+        planner = Planner(Unsure(), config)
         problem = Problem.of(scene, goal)
         plan = planner.complete(problem, planner.plan(problem, generator(0)))
         lengths.append(plan.pushes[:, LENGTH].max())

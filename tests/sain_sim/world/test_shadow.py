@@ -3,8 +3,8 @@ import dataclasses
 import numpy as np
 import pytest
 
-from sain_core.dynamics import Dynamics
 from sain_core.errors import ConfigError
+from sain_core.model import Model
 from sain_core.push import PushLimits
 from sain_core.scene import MASS, MID, POSITION, RADIUS, TARGET, move_apart, surface_gaps
 from sain_sim.world.parameters import nominal_parameters
@@ -28,7 +28,7 @@ def test_predictions_are_pure_and_keep_mass_and_radius(kind, bench):
     pushes = np.array([bench.towards(heading), bench.towards(heading, 0.05), [0.0, 0.0, 0.0]])
     scenes = np.repeat(start[None], 3, axis=0)
     with BulletPrior(kind, parameters=parameters) as shadow:
-        assert isinstance(shadow, Dynamics)
+        assert isinstance(shadow, Model)
         predicted = shadow.step(scenes, pushes)
         assert np.array_equal(shadow.step(scenes[::-1], pushes[::-1])[::-1], predicted)
     assert np.array_equal(predicted[..., (MASS, RADIUS)], scenes[..., (MASS, RADIUS)])

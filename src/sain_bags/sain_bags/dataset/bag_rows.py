@@ -11,8 +11,8 @@ from sain_bags.transitions.messages import MessageReader
 from sain_bags.transitions.pairing import Pairing
 from sain_bags.transitions.rows import EpisodeBodies, RowBlock, RowMaker
 from sain_bags.transitions.sources import Source, open_source
-from sain_core.dynamics import Dynamics
 from sain_core.errors import DatasetError
+from sain_core.model import Model
 from sain_core.plugins import load_dynamics
 from sain_core.workers.options import WorkerOptions
 from sain_core.workers.running import run_on_workers
@@ -47,9 +47,9 @@ class BagRows:
         self._stack, self._config = ExitStack(), config
         self._maker = RowMaker(self._load, *config)
 
-    def _load(self) -> Dynamics:
+    def _load(self) -> Model:
         dynamics = load_dynamics(self._config.prior)
-        self._stack.callback(getattr(dynamics, "close", lambda: None))
+        self._stack.callback(dynamics.close)
         return dynamics
 
     def parts(self, source: Source, bodies: EpisodeBodies) -> Iterator[BagPart]:

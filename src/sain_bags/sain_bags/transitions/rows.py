@@ -22,8 +22,8 @@ from sain_bags.transitions.message_fields import GOAL_ID
 from sain_bags.transitions.paired_pushes import PairedPushes, as_columns
 from sain_bags.transitions.pairing import Paired
 from sain_core.dataset import MOVED, Column
-from sain_core.dynamics import Dynamics, shaped
 from sain_core.errors import SainError
+from sain_core.model import Model
 from sain_core.push import check_predictable
 from sain_core.scene import MASS, POSITION, RADIUS, TARGET, check_scenes
 from sain_core.shapes.bodies import PAPER_DISKS, Bodies, check_bodies
@@ -48,14 +48,14 @@ class RowMaker:
 
     def __init__(
         self,
-        prior: Callable[[], Dynamics],
+        prior: Callable[[], Model],
         prior_name: str,
         moved_only: bool = False,
         keep_unsettled: bool = False,
     ) -> None:
         """Store the settings; the prior is made when a push without a prediction comes."""
         self._make_prior, self._prior_name = prior, prior_name
-        self._prior: Dynamics | None = None
+        self._prior: Model | None = None
         self._moved_only, self._keep_unsettled = moved_only, keep_unsettled
 
     def rows(
@@ -185,14 +185,14 @@ class RowMaker:
         return predicted, reasons
 
 
-def _step(prior: Dynamics, scenes: Scenes, pushes: Pushes, bodies: Bodies) -> Scenes:
+def _step(prior: Model, scenes: Scenes, pushes: Pushes, bodies: Bodies) -> Scenes:
     """Return the prior's predictions (M, N, 8) of pushes that it can be asked about."""
     if bodies.all_round:
         check_scenes(scenes)
     else:
         for scene in scenes:
             check_bodies(scene, bodies)
-    return shaped(prior, bodies).step(scenes, check_predictable(pushes))
+    return prior.with_bodies(bodies).step(scenes, check_predictable(pushes))
 
 
 def _possible(scenes: Scenes) -> ndarray:

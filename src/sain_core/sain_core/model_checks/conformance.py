@@ -9,9 +9,9 @@ from typing import Final
 
 import numpy as np
 
-from sain_core.dynamics import Dynamics, RegionModel, RolloutModel, StepwiseRollout
 from sain_core.errors import ModelUnavailableError, SainError
-from sain_core.history import LearningDynamics, PushHistory
+from sain_core.history import PushHistory
+from sain_core.model import Dynamics, Model, as_model
 from sain_core.model_checks.response_check import check_rollout, check_step
 from sain_core.push import LENGTH, PushLimits
 from sain_core.scene import POSE, THETA, is_settled, make_scene, unit, wrap_angle
@@ -29,26 +29,28 @@ def check_dynamics(dynamics: Dynamics, disks: tuple[int, ...] = (2, 3)) -> None:
 
     Raises:
         ModelUnavailableError: naming all that it does not keep.
+        ConfigError: see `sain_core.model.as_model`.
     """
-    broken = [line for count in disks for line in violations(dynamics, count)]
+    model = as_model(dynamics)
+    broken = [line for count in disks for line in violations(model, count)]
     if broken:
         text = "".join(f"\n  * {line}" for line in dict.fromkeys(broken))
         raise ModelUnavailableError(f"{type(dynamics).__name__} does not keep the contract:{text}")
 
 
-def violations(dynamics: Dynamics, disks: int = 2) -> list[str]:
-    """Return one sentence for each part of the contract that a dynamics does not keep."""
+def violations(model: Model, disks: int = 2) -> list[str]:
+    """Return one sentence for each part of the contract that a model does not keep."""
     scenes, pushes = sample_pushes(PUSHES, disks)
     try:
-        predicted = check_step(dynamics.step(scenes.copy(), pushes.copy()), scenes, "step")
-        found = list(_step_violations(dynamics, scenes, pushes, predicted))
-        if isinstance(dynamics, RolloutModel):
-            found += _rollout_violations(dynamics, dynamics, scenes, pushes)
-        if isinstance(dynamics, LearningDynamics):
-            found += _history_violations(dynamics, scenes, pushes, predicted)
+        predicted = check_step(model.step(scenes.copy(), pushes.copy()), scenes, "step")
+        broken = [
+            *_step_violations(model, scenes, pushes, predicted),
+            *_rollout_violations(model, scenes, pushes),
+            *_history_violations(model, scenes, pushes, predicted),
+        ]
     except SainError as error:
         return [f"{disks} disks: {error}"]
-    return [f"{disks} disks: {line}" for line in found]
+    return [f"{disks} disks: {line}" for line in broken]
 
 
 def sample_pushes(count: int, disks: int, seed: int = 0) -> tuple[Scenes, Pushes]:
@@ -72,7 +74,7 @@ def sample_pushes(count: int, disks: int, seed: int = 0) -> tuple[Scenes, Pushes
 
 
 def _step_violations(
-    dynamics: Dynamics, scenes: Scenes, pushes: Pushes, predicted: Scenes
+    model: Model, scenes: Scenes, pushes: Pushes, predicted: Scenes
 ) -> Iterator[str]:
     if predicted.dtype != np.float64:
         yield f"step returns {predicted.dtype}; it must return float64"
@@ -81,45 +83,37 @@ def _step_violations(
     if not np.array_equal(predicted[-1], scenes[-1]):
         yield "step changes the scene of a push of length 0; every bit must stay"
     given = scenes.copy(), pushes.copy()
-    again = dynamics.step(*given)
+    again = model.step(*given)
     if not np.array_equal(again, predicted):
         yield "step predicts something else when asked again; it must be deterministic"
     if not (np.array_equal(given[0], scenes) and np.array_equal(given[1], pushes)):
         yield "step changes its arguments; it must leave them as they are"
-    alone = np.concatenate([dynamics.step(scenes[[i]], pushes[[i]]) for i in range(len(pushes))])
+    alone = np.concatenate([model.step(scenes[[i]], pushes[[i]]) for i in range(len(pushes))])
     if _apart(alone, predicted) > TOLERANCE:
         yield "step predicts something else for a push alone than in a batch"
 
 
-def _rollout_violations(
-    dynamics: Dynamics, model: RolloutModel, scenes: Scenes, pushes: Pushes
-) -> Iterator[str]:
+def _rollout_violations(model: Model, scenes: Scenes, pushes: Pushes) -> Iterator[str]:
     sequences = pushes.reshape(-1, HORIZON, pushes.shape[-1])
     scene = scenes[0]
     predicted = check_rollout(model.rollout(scene, sequences), scene, sequences, "rollout")
-    expected = StepwiseRollout(dynamics).rollout(scene, sequences)
-    carries = hasattr(dynamics, "roll_out")  # more than the scene: steps cannot show it
-    if not carries and _apart(predicted, expected) > TOLERANCE:
+    if _apart(predicted, Model.rollout(model, scene, sequences)) > TOLERANCE:
         yield "rollout predicts something else than step, push after push"
-    if isinstance(model, RegionModel):
-        radii = model.regions(scene, sequences, predicted)
-        if radii is not None and (radii.shape != predicted.shape[:3] or not (radii >= 0.0).all()):
-            yield "regions returns radii that are negative, NaN or not of shape (K, H, N)"
+    radii = model.regions(scene, sequences, predicted)
+    if radii is not None and (radii.shape != predicted.shape[:3] or not (radii >= 0.0).all()):
+        yield "regions returns radii that are negative, NaN or not of shape (K, H, N)"
 
 
 def _history_violations(
-    dynamics: LearningDynamics, scenes: Scenes, pushes: Pushes, predicted: Scenes
+    model: Model, scenes: Scenes, pushes: Pushes, predicted: Scenes
 ) -> Iterator[str]:
-    disks = scenes.shape[1]
-    usual = dynamics.with_history(PushHistory.empty(disks)).step(scenes, pushes)
-    if not np.array_equal(usual, predicted):
-        yield "with_history without pushes predicts something else than the model itself"
-    learned = dynamics.with_history(PushHistory(scenes[:2], pushes[:2], predicted[:2]))
-    check_step(learned.step(scenes, pushes), scenes, "step after with_history")
-    if isinstance(dynamics, Dynamics) and not np.array_equal(
-        dynamics.step(scenes, pushes), predicted
-    ):
-        yield "with_history changes the model itself; it must return another one"
+    default = model.condition(PushHistory.empty(scenes.shape[1])).step(scenes, pushes)
+    if not np.array_equal(default, predicted):
+        yield "condition without pushes predicts something else than the model itself"
+    conditioned = model.condition(PushHistory(scenes[:2], pushes[:2], predicted[:2]))
+    check_step(conditioned.step(scenes, pushes), scenes, "step after condition")
+    if not np.array_equal(model.step(scenes, pushes), predicted):
+        yield "condition changes the model itself; it must return another one"
 
 
 def _apart(ones: Scenes, others: Scenes) -> float:

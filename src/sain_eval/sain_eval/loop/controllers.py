@@ -8,10 +8,9 @@ from typing import Final
 
 import numpy as np
 
-from sain_core.dynamics import as_rollout
 from sain_core.errors import ConfigError, NoPushError
 from sain_core.feasibility import Feasibility
-from sain_core.plugins import BelievingDynamics, as_observed, load_dynamics
+from sain_core.plugins import as_observed, load_dynamics
 from sain_core.push import LOCATION
 from sain_core.scene import MID, POSITION, TARGET, wrap_angle
 from sain_eval.scenes.scenario_scene import ScenarioScene
@@ -111,14 +110,14 @@ def agent_maker(name: str, config: AgentConfig = AgentConfig(), belief: str = ""
         raise ConfigError(f"a controller needs a name: {', '.join(BASELINES)} or a dynamics")
     if name in BASELINES:
         return lambda scene: Agent(BASELINES[name](config.feasibility), config)
-    physics = as_rollout(load_dynamics(config.prior))
+    physics = load_dynamics(config.prior)
     if name == ORACLE:
         blind = replace(config, history=False)
-        return lambda scene: planning_agent(as_rollout(_true_physics(scene)), physics, blind)
-    dynamics = load_dynamics(name)
-    if belief and isinstance(dynamics, BelievingDynamics):
-        dynamics = dynamics.believing(Path(belief).expanduser())
-    model = as_rollout(as_observed(dynamics, config.estimator.unknown))
+        return lambda scene: planning_agent(_true_physics(scene), physics, blind)
+    model = load_dynamics(name)
+    if belief and model.takes_belief:
+        model = model.with_belief(Path(belief))
+    model = as_observed(model, config.estimator.unknown)
     return lambda scene: planning_agent(model, physics, config)
 
 

@@ -9,8 +9,8 @@ import torch
 from rich.console import Console
 
 from sain_core.dataset import draw_parts
-from sain_core.dynamics import Dynamics
 from sain_core.errors import CheckpointError, ConfigError, DatasetError
+from sain_core.model import Model
 from sain_core.provenance import ros2_command
 from sain_core.push import LENGTH
 from sain_core.storage import write_json
@@ -42,7 +42,7 @@ def run(command: EvaluateModelOptions, console: Console) -> None:
     torch.set_num_threads(1)
     path = command.checkpoint or shipped_checkpoint()
     sain = load_sain(path) if command.checkpoint else load_shipped()
-    sain = sain.believing(Path(command.belief)) if command.belief else sain
+    sain = sain.with_belief(Path(command.belief)) if command.belief else sain
     data = load_datasets([command.dataset])
     if len(data.parts) == 1 and data.parts[0].bodies.are_paper_disks:
         errors = _errors_of_disks(command, data.parts[0], sain, console)
@@ -99,16 +99,16 @@ def _errors_of_shapes(
 
 def _models(
     command: EvaluateModelOptions, sain: SainDynamics, learned: SainDynamics | None
-) -> dict[str, Dynamics]:
+) -> dict[str, Model]:
     """Return the models to roll out, by name."""
-    models: dict[str, Dynamics] = {} if learned is None else {LEARNED: learned}
+    models: dict[str, Model] = {} if learned is None else {LEARNED: learned}
     models[NAMES.get(sain.kind, sain.kind)] = sain
     if command.recurrent:
         models[RECURRENT_SAIN] = load_sain(command.recurrent)
     return models
 
 
-def _card(model: Dynamics) -> str:
+def _card(model: Model) -> str:
     """Return the JSON card of a model that comes from a checkpoint; empty for physics."""
     return str(getattr(model, "card", ""))
 
@@ -116,8 +116,8 @@ def _card(model: Dynamics) -> str:
 def _open_loop(
     command: EvaluateModelOptions,
     held_out: Dataset,
-    models: Mapping[str, Dynamics],
-    physics: Mapping[str, Dynamics],
+    models: Mapping[str, Model],
+    physics: Mapping[str, Model],
     console: Console,
 ) -> dict[str, Any]:
     """Return the errors of rollouts, and how many pushes physics could not carry out in them."""

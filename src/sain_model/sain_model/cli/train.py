@@ -8,7 +8,7 @@ import torch
 from rich.console import Console
 
 from sain_core.drawing.figures import write_png
-from sain_core.dynamics import Dynamics
+from sain_core.model import Model
 from sain_model.data.dataset import Dataset, Split
 from sain_model.data.mixed import MixedDataset, MixedSplit, load_datasets, split_datasets
 from sain_model.dynamics.checkpoint import save_checkpoint
@@ -27,7 +27,7 @@ from sain_model.training.rollout_training import RolloutTrainer
 from sain_model.training.training_card import make_card, save_settings
 from sain_model.training.training_loop import LossHistory
 
-Physics = tuple[Dynamics, FrictionFilter | None]
+Physics = tuple[Model, FrictionFilter | None]
 
 
 def run(command: TrainOptions, console: Console) -> None:

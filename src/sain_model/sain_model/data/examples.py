@@ -9,12 +9,12 @@ from jaxtyping import Float
 from torch import Tensor
 from torch.nn import functional
 
-from sain_core.dynamics import Dynamics
+from sain_core.model import Model
 from sain_core.scene import VELOCITY
 from sain_core.types import Scalars
 from sain_model.data.dataset import Dataset
 from sain_model.data.mixed import MixedDataset
-from sain_model.data.shaped_physics import filter_for, prior_for
+from sain_model.data.shaped_physics import filter_for
 from sain_model.network.feature_kernels import MIRRORED_BODY
 from sain_model.network.features import (
     network_inputs,
@@ -90,7 +90,7 @@ class Examples:
 
 def make_examples(
     data: Dataset,
-    prior: Dynamics,
+    prior: Model,
     friction: Scalars | None = None,
     network: NetworkConfig = NetworkConfig(),
 ) -> Examples:
@@ -99,7 +99,7 @@ def make_examples(
     `friction` (M,) is what the planar prior uses; None: the nominal one. `network` says which
     features there are.
     """
-    prior_here = prior_for(prior, data.bodies)
+    prior_here = prior.with_bodies(data.bodies)
     physics_next = step_knowing(prior_here, data.state, data.action, friction)
     frames = push_frames(data.state, data.action, data.bodies)
     features = network_inputs(network, data.state, frames, physics_next, data.bodies)
@@ -111,7 +111,7 @@ def make_examples(
 
 def training_examples(
     data: Dataset | MixedDataset,
-    prior: Dynamics,
+    prior: Model,
     friction: FrictionFilter | None,
     mirror: bool,
     random: np.random.Generator | None = None,

@@ -10,8 +10,8 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from sain_core.dataset import Column
-from sain_core.dynamics import Dynamics
 from sain_core.errors import DatasetError
+from sain_core.model import Model
 from sain_model.data.dataset import Dataset
 from sain_model.data.mixed import MixedDataset
 from sain_model.data.shaped_physics import filter_for
@@ -22,7 +22,7 @@ NOISES: Final = (0.0001, 0.0002, 0.0003, 0.0005, 0.001, 0.002)  # [m]
 SHARES: Final = (0.005, 0.01, 0.02, 0.03, 0.05, 0.1)
 
 
-def make_filter(prior: Dynamics, train: Dataset | MixedDataset) -> FrictionFilter | None:
+def make_filter(prior: Model, train: Dataset | MixedDataset) -> FrictionFilter | None:
     """Return what infers friction for a prior, its noise fitted where the truth is known.
 
     None for a prior that knows no friction.

@@ -1,24 +1,12 @@
-"""Priors and filters of friction for the bodies of a data set."""
+"""Filters of friction for the bodies of a data set."""
 
 from dataclasses import replace
 
-from sain_core.dynamics import Dynamics, ShapedDynamics, shaped
 from sain_core.shapes.bodies import Bodies
 from sain_core.types import Scalars
 from sain_model.data.dataset import Dataset
 from sain_model.physics.friction import FrictionFilter
 from sain_model.physics.planar import PlanarPrior
-
-
-def prior_for(prior: Dynamics, bodies: Bodies) -> Dynamics:
-    """Return a prior for these bodies.
-
-    Raises:
-        ConfigError: it can only predict disks.
-    """
-    if isinstance(prior, ShapedDynamics):
-        return prior.with_bodies(bodies)  # which also allows a disk alone
-    return shaped(prior, bodies)
 
 
 def filter_for(friction: FrictionFilter, bodies: Bodies) -> FrictionFilter:

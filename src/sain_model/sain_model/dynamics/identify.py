@@ -119,4 +119,4 @@ def believing_model(model: SainDynamics) -> SainDynamics:
         return model
     if model.friction is None or not isinstance(model.prior, PlanarPrior):
         raise ConfigError(f"the model on {model.prior_name!r} infers nothing from pushes")
-    return model.with_belief(usual_belief(model.prior.config, model.friction))
+    return model.with_prior_belief(usual_belief(model.prior.config, model.friction))

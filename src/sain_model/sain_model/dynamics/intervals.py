@@ -23,9 +23,9 @@ from numpy import ndarray
 
 from sain_core.config import Config, option
 from sain_core.dataset import Transitions
-from sain_core.dynamics import REGION_STD
 from sain_core.errors import ConfigError
 from sain_core.history import PushHistory
+from sain_core.model import REGION_STD
 from sain_core.push import pushed_bodies
 from sain_core.scene import MID, POSITION
 from sain_core.types import Indices, Scalars, Scenes

@@ -4,7 +4,7 @@ from importlib import resources
 from pathlib import Path
 
 from sain_core.config import typed_settings
-from sain_core.dynamics import Dynamics
+from sain_core.model import Model
 from sain_model.dynamics.checkpoint import (
     ARCHITECTURE,
     CORRECTION_ARCHITECTURE,
@@ -30,7 +30,7 @@ from sain_model.network.settings import NetworkConfig
 from sain_model.physics.friction import FrictionConfig
 
 
-def load_builtin(name: str) -> Dynamics:
+def load_builtin(name: str) -> Model:
     """Return the model ``sain``, which comes with this package, or the checkpoint at a path.
 
     Raises:

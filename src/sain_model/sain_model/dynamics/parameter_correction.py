@@ -16,6 +16,7 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from sain_core.history import PushHistory
+from sain_core.model import Model
 from sain_core.push import LENGTH
 from sain_core.shapes.bodies import PAPER_DISKS, Bodies
 from sain_core.types import Pushes, Scalars, Scenes
@@ -32,8 +33,8 @@ PARAMETER_CORRECTION: Final = "parameter_correction"
 
 
 @dataclass(frozen=True, eq=False)
-class ParameterCorrection:
-    """Several networks, trained alike from different seeds, on one prior. A `Dynamics`.
+class ParameterCorrection(Model):
+    """Several networks, trained alike from different seeds, on one prior.
 
     What they predict is averaged. Attributes are called as those of `SainDynamics`.
     """
@@ -57,7 +58,7 @@ class ParameterCorrection:
         """What infers the friction that the prior is told; None: this model learns nothing."""
         return None if self.friction is None else self.prior.filter(self.friction)
 
-    def with_history(self, history: PushHistory) -> Self:
+    def condition(self, history: PushHistory) -> Self:
         """Return this model on the friction that an episode's earlier pushes tell of.
 
         It is the model itself without pushes, and where it was not trained to learn from them.

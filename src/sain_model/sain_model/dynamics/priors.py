@@ -6,8 +6,8 @@ from dataclasses import asdict, replace
 from typing import Any, TypeVar
 
 from sain_core.config import Config, typed_settings
-from sain_core.dynamics import Dynamics, IdentityPrior
 from sain_core.errors import CheckpointError
+from sain_core.model import IdentityPrior, Model
 from sain_core.plugins import load_dynamics
 from sain_model.dynamics.lab_prior import LabPrior
 from sain_model.dynamics.settings import (
@@ -23,7 +23,7 @@ C = TypeVar("C", bound=Config)
 Settings = dict[str, Any]
 
 
-def load_prior(name: str, settings: Settings | None = None) -> Dynamics:
+def load_prior(name: str, settings: Settings | None = None) -> Model:
     """Return a prior by its name, from any installed package.
 
     Args:
@@ -67,7 +67,7 @@ def _load_lab(settings: Settings) -> LabPrior:
         return LabPrior(PlanarConfig(**typed_settings(PlanarConfig, settings)), centre=(x, y))
 
 
-def prior_settings(prior: Dynamics) -> Settings:
+def prior_settings(prior: Model) -> Settings:
     """Return the settings that make a prior again: the second argument of `load_prior`."""
     if isinstance(prior, LabPrior):
         return asdict(prior.config) | {"centre": list(prior.centre)}

@@ -15,7 +15,7 @@ from jaxtyping import Float
 from numpy import ndarray
 from torch import Tensor
 
-from sain_core.dynamics import Dynamics
+from sain_core.model import Model
 from sain_core.push import LENGTH, LOCATION
 from sain_core.scene import POSE, THETA, unit, wrap_angle
 from sain_core.shapes.bodies import PAPER_DISKS, Bodies
@@ -35,7 +35,7 @@ Physics = Callable[[Scenes, Pushes, ndarray], Scenes]  # scenes, pushes, rows of
 def roll(
     network: InteractionNetwork,
     windows: Windows,
-    prior: Dynamics,
+    prior: Model,
     friction: Float[ndarray, "W T"] | None = None,
     bodies: Bodies = PAPER_DISKS,
 ) -> Float[Tensor, "W T N 3"]:
@@ -59,7 +59,7 @@ def roll(
     return torch.stack(poses, dim=1)
 
 
-def _physics(prior: Dynamics, friction: Scalars | None) -> Physics:
+def _physics(prior: Model, friction: Scalars | None) -> Physics:
     def predict(scenes: Scenes, pushes: Pushes, rows: ndarray) -> Scenes:
         return step_knowing(prior, scenes, pushes, None if friction is None else friction[rows])
 

@@ -1,25 +1,24 @@
-"""SAIN as a `Dynamics`: a prior and the network that corrects it."""
+"""SAIN as a `Model`: a prior and the network that corrects it."""
 
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Final, Self
+from typing import ClassVar, Final, Self
 
 import numpy as np
 import torch
 from jaxtyping import Float
 from numpy import ndarray
 
-from sain_core.dynamics import Dynamics, Radii, StepwiseRollout, scenes_before
 from sain_core.errors import ConfigError, InvalidInputError
 from sain_core.history import PushHistory
+from sain_core.model import Model, Radii, scenes_before
 from sain_core.push import LENGTH, pushed_bodies
 from sain_core.shapes.bodies import PAPER_DISKS, Bodies
 from sain_core.types import PredictedScenes, Pushes, PushSequences, Scalars, Scene, Scenes
 from sain_model.compute.batch_checks import check_physics_next
 from sain_model.compute.devices import CPU
 from sain_model.compute.threads import settle_threads
-from sain_model.data.shaped_physics import prior_for
 from sain_model.dynamics.intervals import Intervals, Prediction, pushed_errors
 from sain_model.dynamics.learning import (
     Learned,
@@ -47,7 +46,7 @@ RECURRENT: Final = "recurrent"  # Fig. 1d, equations 3 and 4: trained on its own
 
 
 @dataclass(frozen=True, eq=False)
-class SainDynamics:
+class SainDynamics(Model):
     """s' = f_p(s, a) + f_theta(f_p(s, a), s, a), the paper's equation 2.
 
     Attributes:
@@ -63,7 +62,7 @@ class SainDynamics:
         recurrent: whether it was trained on rollouts of its own predictions.
         device: what the network runs on, ``cpu`` or ``cuda``. The prior stays on the CPU.
         bodies: that are pushed.
-        learned: what `with_history` was told; None: nothing.
+        learned: what `condition` was given; None: nothing.
         belief: kinds of physics and parameters that pushes choose from; None: friction alone.
         corrects: whether the network's correction counts.
         mass_log_std: standard deviation of the logarithm of the ratio of masses that its prior is
@@ -71,7 +70,7 @@ class SainDynamics:
     """
 
     network: InteractionNetwork
-    prior: Dynamics
+    prior: Model
     prior_name: str
     model_hash: str = ""
     card: str = ""
@@ -85,6 +84,7 @@ class SainDynamics:
     belief: Belief | None = None
     corrects: bool = True
     mass_log_std: float = 0.0
+    takes_belief: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         """Stop whatever a network does in training alone."""
@@ -131,7 +131,7 @@ class SainDynamics:
             return 1
         return MassFilter(friction, self.belief.mass_log_std if self.belief else 0.0).size
 
-    def with_history(self, history: PushHistory) -> Self:
+    def condition(self, history: PushHistory) -> Self:
         """Return this model on the physics that an episode's earlier pushes tell of.
 
         With a belief, that is the kind of physics, its parameters, and whether the network's
@@ -178,7 +178,7 @@ class SainDynamics:
             replace(self, prior=self.prior.at(friction), conditioned_log_std=friction_log_std)
         )
 
-    def with_belief(self, belief: Belief) -> Self:
+    def with_prior_belief(self, belief: Belief) -> Self:
         """Return this model with what is believed before an episode's first push.
 
         Raises:
@@ -197,16 +197,16 @@ class SainDynamics:
         """
         if self.belief is None:
             return self
-        return self.with_belief(self.belief.with_unknown_masses())
+        return self.with_prior_belief(self.belief.with_unknown_masses())
 
-    def believing(self, path: Path) -> Self:
+    def with_belief(self, path: Path) -> Self:
         """Return this model with the belief in a file of ``sain_model identify``.
 
         Raises:
             CheckpointError: no such file, or not a belief.
-            ConfigError: see `with_belief`.
+            ConfigError: see `with_prior_belief`.
         """
-        return self.with_belief(read_belief(path))
+        return self.with_prior_belief(read_belief(path.expanduser()))
 
     def with_bodies(self, bodies: Bodies) -> Self:
         """Return the model of scenes of these bodies.
@@ -214,7 +214,9 @@ class SainDynamics:
         Raises:
             ConfigError: its prior cannot predict them.
         """
-        prior = prior_for(self.prior, bodies)
+        if bodies == self.bodies:
+            return self
+        prior = self.prior.with_bodies(bodies)
         return self._with_same_weights(replace(self, prior=prior, bodies=bodies))
 
     def _with_same_weights(self, other: Self) -> Self:
@@ -309,16 +311,12 @@ class SainDynamics:
         ratio = self.prior.config.mass_ratio if isinstance(self.prior, PlanarPrior) else 1.0
         return with_mass_ratio(scenes, ratio)
 
-    def rollout(self, scene: Scene, pushes: PushSequences) -> PredictedScenes:
-        """Predict scenes (K, H, N, 8) for push sequences (K, H, 3) from one scene (N, 8)."""
-        return StepwiseRollout(self).rollout(scene, pushes)
-
     def regions(
         self, scene: Scene, pushes: PushSequences, predicted: PredictedScenes
     ) -> Radii | None:
         """Return the radii (K, H, N) [m] of the regions that should hold each disk.
 
-        None without calibrated regions: see `sain_core.dynamics.RegionModel`.
+        None without calibrated regions: see `sain_core.model.RolloutModel`.
         """
         if self.intervals is None:
             return None

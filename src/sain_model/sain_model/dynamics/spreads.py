@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
-from sain_core.dynamics import Dynamics
+from sain_core.model import Model
 from sain_core.scene import POSITION
 from sain_core.types import Pushes, Scalars, Scenes
 from sain_model.physics.planar import PlanarPrior
@@ -17,7 +17,7 @@ Step = Callable[[Scenes, Pushes, Scalars | None], Scenes]
 
 def physics_spread(
     step: Step,
-    prior: Dynamics,
+    prior: Model,
     scenes: Scenes,
     pushes: Pushes,
     friction: Scalars | None,

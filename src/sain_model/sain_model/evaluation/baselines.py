@@ -13,7 +13,7 @@ import numpy as np
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from sain_core.dynamics import Dynamics
+from sain_core.model import Model
 from sain_core.model_checks.response_check import answering, check_step
 from sain_core.plugins import load_dynamics
 from sain_core.types import Pushes, Scenes
@@ -21,19 +21,19 @@ from sain_core.types import Pushes, Scenes
 AT_ONCE: Final = 32  # pushes between two looks at the clock
 
 
-class Followed:
-    """A dynamics whose answers are checked, and that reports how many pushes it has predicted."""
+class Followed(Model):
+    """A model whose answers are checked, and that reports how many pushes it has predicted."""
 
-    def __init__(self, name: str, dynamics: Dynamics, advance: Callable[[float], None]) -> None:
+    def __init__(self, name: str, dynamics: Model, advance: Callable[[float], None]) -> None:
         """Call `advance` with each number of pushes that this dynamics is done with."""
-        self._name = f"model {name!r}"
+        self._label = f"model {name!r}"
         self._dynamics = dynamics
         self._advance = advance
 
     @property
     def refused(self) -> int | None:
         """How many pushes it could not carry out; None: it does not count them."""
-        return getattr(self._dynamics, "refused", None)
+        return self._dynamics.refused
 
     def step(self, scenes: Scenes, pushes: Pushes) -> Scenes:
         """Predict the settled scenes (B, N, 8) after pushes (B, 3) from scenes (B, N, 8).
@@ -44,33 +44,32 @@ class Followed:
         predicted = np.empty_like(scenes)
         for first in range(0, len(pushes), AT_ONCE):
             rows = slice(first, first + AT_ONCE)
-            with answering(self._name):
+            with answering(self._label):
                 answer = self._dynamics.step(scenes[rows], pushes[rows])
-            predicted[rows] = check_step(answer, scenes[rows], self._name)
+            predicted[rows] = check_step(answer, scenes[rows], self._label)
             self._advance(len(pushes[rows]))
         return predicted
 
 
 @contextmanager
-def open_models(names: Sequence[str]) -> Iterator[dict[str, Dynamics]]:
+def open_models(names: Sequence[str]) -> Iterator[dict[str, Model]]:
     """Give the models of these names, and close them in the end.
 
     Raises:
         ConfigError, CheckpointError: see `sain_core.plugins.load_dynamics`.
     """
     with ExitStack() as stack:
-        found: dict[str, Dynamics] = {}
+        found: dict[str, Model] = {}
         for name in names:
-            dynamics = found[name] = load_dynamics(name)
-            if close := getattr(dynamics, "close", None):
-                stack.callback(close)
+            found[name] = load_dynamics(name)
+            stack.callback(found[name].close)
         yield found
 
 
 @contextmanager
 def followed(
-    dynamics: Mapping[str, Dynamics], pushes: int, console: Console
-) -> Iterator[dict[str, Dynamics]]:
+    dynamics: Mapping[str, Model], pushes: int, console: Console
+) -> Iterator[dict[str, Model]]:
     """Give the same dynamics, each with a bar that shows how far it has come.
 
     Each is going to predict so many pushes.
@@ -86,7 +85,7 @@ def followed(
         }
 
 
-def refusals(dynamics: Mapping[str, Dynamics]) -> dict[str, int]:
+def refusals(dynamics: Mapping[str, Model]) -> dict[str, int]:
     """Return how many pushes each of these that counts them could not carry out."""
-    counts = {name: getattr(one, "refused", None) for name, one in dynamics.items()}
+    counts = {name: one.refused for name, one in dynamics.items()}
     return {name: count for name, count in counts.items() if count is not None}

@@ -6,7 +6,7 @@ from typing import Any, Final
 import numpy as np
 from numpy import ndarray
 
-from sain_core.dynamics import Dynamics
+from sain_core.model import Model
 from sain_core.scene import TARGET
 from sain_core.types import Mask, Scalars, Scenes
 from sain_model.data.dataset import Dataset
@@ -62,7 +62,7 @@ def _sums_before(data: Dataset, values: Scalars) -> tuple[Scalars, ndarray]:
     return sums[place] - sums[place - count], count
 
 
-def history_predictions(data: Dataset, sain: Dynamics | None) -> dict[str, Scenes]:
+def history_predictions(data: Dataset, sain: Model | None) -> dict[str, Scenes]:
     """Return what predictors that know the earlier pushes say (M, N, 8), by their names."""
     planar = PlanarPrior()
     known = earlier_friction(planar.filter(), data)

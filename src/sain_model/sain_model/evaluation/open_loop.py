@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Float, Int
 from numpy import ndarray
 
-from sain_core.dynamics import Dynamics, IdentityPrior
+from sain_core.model import IdentityPrior, Model
 from sain_core.push import LENGTH
 from sain_core.types import Pushes, Scalars, Scenes
 from sain_model.data.dataset import Dataset
@@ -43,7 +43,7 @@ class OpenLoop:
     earlier: Int[ndarray, "W"]  # how many pushes came before each window in its episode
 
 
-class NominalPlanar:
+class NominalPlanar(Model):
     """The planar prior that believes every disk to have nominal mass and radius."""
 
     def __init__(self) -> None:
@@ -55,7 +55,7 @@ class NominalPlanar:
 
 
 def roll_out(
-    dynamics: Dynamics, scenes: Scenes, pushes: ndarray, friction: Scalars | None = None
+    dynamics: Model, scenes: Scenes, pushes: ndarray, friction: Scalars | None = None
 ) -> Rollouts:
     """Predict scenes (W, T, N, 8) for push sequences (W, T, 3), each from its own scene.
 
@@ -78,9 +78,9 @@ def roll_out(
 
 def predict_open_loop(
     data: Dataset,
-    models: Mapping[str, Dynamics],
+    models: Mapping[str, Model],
     steps: int = max(STEPS),
-    others: Mapping[str, Dynamics] | None = None,
+    others: Mapping[str, Model] | None = None,
 ) -> OpenLoop:
     """Return what physics and models say over all windows of at most so many pushes.
 
@@ -93,7 +93,7 @@ def predict_open_loop(
     windows = make_windows(data, steps)
     first = windows.rows[:, 0]
     planar = PlanarPrior()
-    everyone: dict[str, Dynamics] = {
+    everyone: dict[str, Model] = {
         NO_MOTION: IdentityPrior(),
         NOMINAL: NominalPlanar(),
         MEASURED: planar,
@@ -109,7 +109,7 @@ def predict_open_loop(
     predictions[TRUE_FRICTION][known] = roll_out(
         planar, windows.scenes[known], windows.pushes[known], data.friction[first][known]
     )
-    learners: list[tuple[str, Dynamics, FrictionFilter]] = [(MEASURED, planar, planar.filter())]
+    learners: list[tuple[str, Model, FrictionFilter]] = [(MEASURED, planar, planar.filter())]
     for name, model in models.items():
         if isinstance(model, SainDynamics) and model.filter is not None:
             learners.append((name, model, model.filter))

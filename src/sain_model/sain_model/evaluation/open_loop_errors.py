@@ -6,7 +6,7 @@ import numpy as np
 from numpy import ndarray
 
 from sain_core.bootstrap import bootstrap_ratio
-from sain_core.dynamics import Dynamics
+from sain_core.model import Model
 from sain_core.scene import MID, TARGET
 from sain_core.seeding import generator
 from sain_core.types import Mask
@@ -100,7 +100,7 @@ def ratios(loop: OpenLoop, step: int, below: str, seed: int) -> dict[str, list[f
 def card_errors(data: Dataset, sain: SainDynamics) -> dict[str, Any]:
     """Return mean target errors [mm] of a model and of physics, cheaply, for a model's card."""
     windows = make_windows(data, max(STEPS))
-    models: dict[str, Dynamics] = {MEASURED: PlanarPrior(), NAMES.get(sain.kind, LEARNED): sain}
+    models: dict[str, Model] = {MEASURED: PlanarPrior(), NAMES.get(sain.kind, LEARNED): sain}
     predictions = {
         name: roll_out(model, windows.scenes, windows.pushes) for name, model in models.items()
     }

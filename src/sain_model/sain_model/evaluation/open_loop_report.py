@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final
 
-from sain_core.dynamics import Dynamics
+from sain_core.model import Model
 from sain_core.storage import write_whole
 from sain_model.data.dataset import Dataset
 from sain_model.dynamics.settings import STEPS
@@ -35,10 +35,10 @@ STATISTICS: Final = ("{mean:.2f} [{low:.2f}, {high:.2f}]", "{median:.2f}", "{p95
 def report_open_loop(
     out: Path,
     data: Dataset,
-    models: Mapping[str, Dynamics],
+    models: Mapping[str, Model],
     seed: int,
     steps: tuple[int, ...] = STEPS,
-    others: Mapping[str, Dynamics] | None = None,
+    others: Mapping[str, Model] | None = None,
 ) -> dict[str, Any]:
     """Roll out everything over held-out pushes; write NAME_open_loop.md and .png beside `out`.
 

@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from sain_core.dynamics import Dynamics
+from sain_core.model import Model
 from sain_core.types import Scenes
 from sain_model.data.dataset import Dataset, Split
 from sain_model.data.mixed import MixedDataset, MixedSplit
@@ -36,7 +36,7 @@ from sain_model.physics.planar import PlanarPrior
 
 
 def evaluate(
-    data: Dataset, sain: Dynamics | None = None, learned: Dynamics | None = None, seed: int = 0
+    data: Dataset, sain: Model | None = None, learned: Model | None = None, seed: int = 0
 ) -> dict[str, Any]:
     """Return the errors of all there is to compare, over all pushes and where the target moved.
 
@@ -67,9 +67,7 @@ def evaluate(
     return result
 
 
-def predict_all(
-    data: Dataset, sain: Dynamics | None, learned: Dynamics | None
-) -> dict[str, Scenes]:
+def predict_all(data: Dataset, sain: Model | None, learned: Model | None) -> dict[str, Scenes]:
     """Return what each predictor says (M, N, 8); NaN where it cannot say."""
     planar = PlanarPrior()
     predictions = {

@@ -6,14 +6,14 @@ import numpy as np
 
 from sain_core.bootstrap import bootstrap_ratio
 from sain_core.dataset import MOVED
-from sain_core.dynamics import Dynamics
+from sain_core.model import Model
 from sain_core.push import pushed_bodies
 from sain_core.scene import POSITION, THETA, wrap_angle
 from sain_core.seeding import generator
 from sain_core.types import Mask, Scenes
 from sain_model.data.dataset import Dataset
 from sain_model.data.mixed import MixedDataset
-from sain_model.data.shaped_physics import filter_for, prior_for
+from sain_model.data.shaped_physics import filter_for
 from sain_model.dynamics.parameter_correction import ParameterCorrection
 from sain_model.dynamics.sain import SainDynamics
 from sain_model.evaluation.history_errors import earlier_friction, predict_with_history
@@ -43,7 +43,7 @@ def shape_errors(data: MixedDataset | Dataset, sain: LearnedModel, seed: int = 0
 
 
 def measure_bodies(
-    physics: FrictionFilter | Dynamics,
+    physics: FrictionFilter | Model,
     sain: LearnedModel | None,
     data: MixedDataset | Dataset,
 ) -> Rows:
@@ -66,7 +66,7 @@ def measure_bodies(
     return {name: np.concatenate([piece[name] for piece in pieces]) for name in pieces[0]}
 
 
-def predict_told(model: FrictionFilter | Dynamics, part: Dataset) -> Scenes:
+def predict_told(model: FrictionFilter | Model, part: Dataset) -> Scenes:
     """Return what a model says (M, N, 8).
 
     A filter's physics, and a parameter correction with one, have the friction that the episode's
@@ -77,7 +77,7 @@ def predict_told(model: FrictionFilter | Dynamics, part: Dataset) -> Scenes:
         known = earlier_friction(told, part)
         return told.physics.step(part.state, part.action, known.mean)
     if not isinstance(model, ParameterCorrection):
-        return prior_for(model, part.bodies).step(part.state, part.action)
+        return model.with_bodies(part.bodies).step(part.state, part.action)
     shaped = model.with_bodies(part.bodies)
     friction = earlier_friction(shaped.filter, part).mean if shaped.filter else None
     return shaped.step(part.state, part.action, friction)

@@ -10,8 +10,8 @@ from typing import Final, Self
 
 import numpy as np
 
-from sain_core.dynamics import Dynamics, IdentityPrior
 from sain_core.history import PushHistory
+from sain_core.model import IdentityPrior, Model
 from sain_core.model_checks.response_check import answering, check_step
 from sain_core.push import LENGTH, PushLimits, pushed_bodies
 from sain_core.scene import MASS, MID, RADIUS
@@ -31,8 +31,8 @@ NOMINAL_RADIUS: Final = 0.06  # [m], of every other disk
 
 
 @dataclass(frozen=True)
-class PlanarPrior:
-    """Predicts pushes by simulating them in the plane. A `Dynamics`."""
+class PlanarPrior(Model):
+    """Predicts pushes by simulating them in the plane."""
 
     config: PlanarConfig = PlanarConfig()
     bodies: Bodies = PAPER_DISKS  # that are pushed
@@ -51,9 +51,9 @@ class PlanarPrior:
 
     def with_bodies(self, bodies: Bodies) -> Self:
         """Return this prior for scenes of these bodies."""
-        return replace(self, bodies=bodies)
+        return self if bodies == self.bodies else replace(self, bodies=bodies)
 
-    def with_history(self, history: PushHistory) -> Self:
+    def condition(self, history: PushHistory) -> Self:
         """Return this prior with the friction that an episode's earlier pushes tell of."""
         return self.at(self.filter().infer(history).mean)
 
@@ -152,9 +152,7 @@ def _filter(prior: PlanarPrior, config: FrictionConfig) -> FrictionFilter:
     return FrictionFilter(prior, prior.config.friction, config)
 
 
-def step_knowing(
-    prior: Dynamics, scenes: Scenes, pushes: Pushes, friction: Scalars | None
-) -> Scenes:
+def step_knowing(prior: Model, scenes: Scenes, pushes: Pushes, friction: Scalars | None) -> Scenes:
     """Predict with a prior that is told the friction (B,), if there is any and it can be told."""
     if friction is not None and isinstance(prior, PlanarPrior):
         return prior.step(scenes, pushes, friction)

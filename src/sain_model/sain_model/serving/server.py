@@ -1,21 +1,22 @@
 """Answers what a model is asked over a wire: checked and bounded. No middleware here."""
 
 from dataclasses import dataclass, replace
+from pathlib import Path
 from time import perf_counter
 from typing import Final
 
 import numpy as np
 
-from sain_core.dynamics import Dynamics, Radii, RegionModel, as_rollout, shaped
 from sain_core.errors import ConfigError, TooMuchWorkError
-from sain_core.history import PushHistory, informed
+from sain_core.history import PushHistory
+from sain_core.model import Model, Radii
 from sain_core.model_checks.response_check import (
     answering,
     check_finite_answer,
     check_rollout,
     check_step,
 )
-from sain_core.plugins import as_observed, load_dynamics, with_belief
+from sain_core.plugins import as_observed, load_dynamics
 from sain_core.scene import THETA, make_scene, wrap_angle
 from sain_core.shapes.bodies import PAPER_DISKS, Bodies
 from sain_core.types import PredictedScenes, Pushes, PushSequences, Scene, Scenes
@@ -55,7 +56,7 @@ class ModelServer:
     and the node goes on with it in one assignment.
     """
 
-    def __init__(self, dynamics: Dynamics, config: ServingConfig) -> None:
+    def __init__(self, dynamics: Model, config: ServingConfig) -> None:
         """Serve this dynamics, on the device that the settings choose.
 
         Raises:
@@ -69,7 +70,7 @@ class ModelServer:
         self._name = f"model {config.model!r}"
         self.description = describe_model(config.model, dynamics)
         self._usual = dynamics
-        self._learned: tuple[PushHistory, Bodies, Dynamics] | None = None
+        self._learned: tuple[PushHistory, Bodies, Model] | None = None
 
     def with_model(self, name: str, bodies: Bodies = PAPER_DISKS) -> "ModelServer":
         """Return a server of another model with these settings, for a planner.
@@ -95,7 +96,7 @@ class ModelServer:
         times = []
         for _ in range(TRIALS):
             begun = perf_counter()
-            as_rollout(self._usual).rollout(WARM_UP_SCENE, TRIAL_PUSHES)
+            self._usual.rollout(WARM_UP_SCENE, TRIAL_PUSHES)
             times.append((perf_counter() - begun) / len(TRIAL_PUSHES))
         if min(times) > SLOWEST:
             raise ConfigError(
@@ -113,7 +114,7 @@ class ModelServer:
             self.rollout(WARM_UP_SCENE, WARM_UP_PUSHES)
             self.predict(np.stack([WARM_UP_SCENE] * len(WARM_UP_PUSHES)), WARM_UP_PUSHES[:, 0])
 
-    def knowing(self, history: PushHistory | None, bodies: Bodies = PAPER_DISKS) -> Dynamics:
+    def knowing(self, history: PushHistory | None, bodies: Bodies = PAPER_DISKS) -> Model:
         """Return the model for these bodies, conditioned on an episode's earlier pushes.
 
         The latest is kept.
@@ -123,11 +124,11 @@ class ModelServer:
             ConfigError: the model cannot predict these bodies.
         """
         if history is None or len(history) == 0:
-            return shaped(self._usual, bodies)
+            return self._usual.with_bodies(bodies)
         self.check_work(len(history) * self._frictions(), history.disks)
         kept = self._learned
         if kept is None or not (kept[0] is history or kept[0].equals(history)) or kept[1] != bodies:
-            self._learned = history, bodies, informed(shaped(self._usual, bodies), history)
+            self._learned = history, bodies, self._usual.with_bodies(bodies).condition(history)
             return self._learned[2]
         return kept[2]
 
@@ -160,7 +161,7 @@ class ModelServer:
         self.check_work(pushes.shape[0] * pushes.shape[1], len(scene))
         check_asked_scenes(scene[None], bodies)
         check_asked_pushes(pushes, bodies)
-        predicted = as_rollout(self.knowing(history, bodies)).rollout(scene, pushes)
+        predicted = self.knowing(history, bodies).rollout(scene, pushes)
         return check_finite_answer(check_rollout(predicted, scene, pushes, self._name), self._name)
 
     def regions(
@@ -175,10 +176,7 @@ class ModelServer:
 
         All but `predicted` as in `rollout`, whose answer that is.
         """
-        dynamics = self.knowing(history, bodies)
-        if not isinstance(dynamics, RegionModel):
-            return None
-        return dynamics.regions(scene, pushes, predicted)
+        return self.knowing(history, bodies).regions(scene, pushes, predicted)
 
     def predict(
         self,
@@ -251,8 +249,10 @@ def load_server(config: ServingConfig) -> ModelServer:
         ConfigError: no model of this name.
         ModelUnavailableError: it predicts NaN or Inf.
     """
-    dynamics = with_belief(config.model, load_dynamics(config.model), config.belief)
-    server = ModelServer(as_observed(dynamics, config.unknown), config)
+    model = load_dynamics(config.model)
+    if config.belief:
+        model = model.with_belief(Path(config.belief))
+    server = ModelServer(as_observed(model, config.unknown), config)
     server.try_out()
     return server
 
@@ -263,7 +263,7 @@ def _residual(next_state: Scenes, physics_next: Scenes) -> Scenes:
     return residual
 
 
-def describe_model(name: str, dynamics: Dynamics) -> Description:
+def describe_model(name: str, dynamics: Model) -> Description:
     """Return what a dynamics of this name is."""
     if is_learned(dynamics):
         return Description(

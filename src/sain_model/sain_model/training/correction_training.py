@@ -16,7 +16,7 @@ from sain_model.compute.threads import settle_threads
 from sain_model.data.dataset import Dataset, Split
 from sain_model.data.examples import Examples, make_examples
 from sain_model.data.mixed import MixedDataset, MixedSplit
-from sain_model.data.shaped_physics import others_friction, prior_for
+from sain_model.data.shaped_physics import others_friction
 from sain_model.dynamics.correction_network import CorrectionEnsemble, CorrectionNetwork
 from sain_model.dynamics.loss import mixed_loss
 from sain_model.dynamics.physics_gradient import ToldPushes, conditioned_moves, moves
@@ -74,7 +74,7 @@ class _Lesson:
 
 def _told(data: Dataset, prior: PlanarPrior, friction: FrictionFilter | None) -> ToldPushes:
     """Return pushes on the prior of their bodies, with the friction that other pushes tell of."""
-    shaped = prior_for(prior, data.bodies)
+    shaped = prior.with_bodies(data.bodies)
     assert isinstance(shaped, PlanarPrior)
     frames = push_frames(data.state, data.action, data.bodies)
     return ToldPushes(shaped, data.state, data.action, frames, others_friction(data, friction))

@@ -8,7 +8,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from sain_core.dynamics import Dynamics
+from sain_core.model import Model
 from sain_core.plugins import check_model_name
 from sain_core.seeding import generator
 from sain_model.compute.threads import settle_threads
@@ -29,7 +29,7 @@ from sain_model.training.training_loop import Step, TrainingLoop
 
 def prior_and_filter(
     config: TrainingConfig, train: Dataset | MixedDataset
-) -> tuple[Dynamics, FrictionFilter | None]:
+) -> tuple[Model, FrictionFilter | None]:
     """Return what is corrected, and what infers the friction that it is told; None: nothing does.
 
     The filter's noise is fitted to the training part.
@@ -48,7 +48,7 @@ class Trainer(TrainingLoop):
     def __init__(
         self,
         split: Split | MixedSplit,
-        prior: Dynamics,
+        prior: Model,
         config: TrainingConfig,
         folder: Path,
         friction: FrictionFilter | None = None,
@@ -85,7 +85,7 @@ class Trainer(TrainingLoop):
         self._begin(folder / self.STATE, identity, optimizer, start)
 
     def _prepare(
-        self, split: Split | MixedSplit, prior: Dynamics, friction: FrictionFilter | None
+        self, split: Split | MixedSplit, prior: Model, friction: FrictionFilter | None
     ) -> None:
         config = self.config
         random = generator(config.seed, "history") if config.history == EARLIER else None

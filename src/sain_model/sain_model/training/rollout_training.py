@@ -7,14 +7,14 @@ from typing import Final
 import torch
 from torch import Tensor
 
-from sain_core.dynamics import Dynamics
 from sain_core.errors import DatasetError
+from sain_core.model import Model
 from sain_core.seeding import generator
 from sain_core.types import Scalars
 from sain_model.compute.threads import one_numba_thread
 from sain_model.data.dataset import Dataset, Split
 from sain_model.data.mixed import MixedDataset, MixedSplit
-from sain_model.data.shaped_physics import others_friction, prior_for
+from sain_model.data.shaped_physics import others_friction
 from sain_model.data.windows import Windows, make_windows
 from sain_model.dynamics.loss import rollout_loss
 from sain_model.dynamics.rollouts import roll
@@ -35,7 +35,7 @@ class RolloutTrainer(TrainingLoop):
         self,
         network: InteractionNetwork,
         split: Split | MixedSplit,
-        prior: Dynamics,
+        prior: Model,
         config: RolloutConfig,
         training: TrainingConfig,
         folder: Path,
@@ -55,7 +55,7 @@ class RolloutTrainer(TrainingLoop):
         self.epochs, self.max_grad_norm = config.rollout_epochs, config.max_grad_norm
         train, validation = _alike(split.train), _alike(split.validation)
         self._bodies = train.bodies
-        self._training, self._prior = training, prior_for(prior, train.bodies)
+        self._training, self._prior = training, prior.with_bodies(train.bodies)
         self._train = make_windows(train, config.steps_ahead)
         if training.mirrors and train.bodies.all_round:
             image = make_windows(train.mirrored(), config.steps_ahead)

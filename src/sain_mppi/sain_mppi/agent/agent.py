@@ -8,9 +8,9 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 from sain_core.config import Config, live_group, option
-from sain_core.dynamics import RolloutModel
 from sain_core.errors import CancelledError, ErrorCode, InvalidInputError, SainError
 from sain_core.feasibility import Feasibility
+from sain_core.model import RolloutModel
 from sain_core.push import push_ids
 from sain_core.seeding import generator
 from sain_core.shapes.bodies import PAPER_DISKS, Bodies
@@ -33,6 +33,7 @@ from sain_mppi.agent.events import (
     SceneSeen,
     TimePassed,
 )
+from sain_mppi.agent.fallback import Patience
 from sain_mppi.agent.goal_tracker import GoalTracker, GoalTrackerConfig
 from sain_mppi.agent.memory import EpisodeMemory
 from sain_mppi.agent.planning import PlanningDecider
@@ -287,7 +288,15 @@ def _done(agent: Agent, event: Event) -> Iterator[PushDecision | Stop]:
             yield action
 
 
-def planning_agent(model: RolloutModel, physics: RolloutModel, config: AgentConfig) -> Agent:
-    """Return an agent that plans with a model, and with physics while the model fails."""
-    decider = PlanningDecider(model, physics, config.planner, config.feasibility)
+def planning_agent(
+    model: RolloutModel,
+    physics: RolloutModel,
+    config: AgentConfig,
+    patience: Patience | None = None,
+) -> Agent:
+    """Return an agent that plans with a model, and with physics while the model fails.
+
+    `patience` is the model's, where it may have to be waited for.
+    """
+    decider = PlanningDecider(model, physics, config.planner, config.feasibility, patience)
     return Agent(decider, config)

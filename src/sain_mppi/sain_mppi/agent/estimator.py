@@ -12,9 +12,9 @@ from typing import Final
 
 import numpy as np
 
-from sain_core.dynamics import REGION_STD
 from sain_core.errors import ErrorCode
 from sain_core.history import PushHistory
+from sain_core.model import REGION_STD
 from sain_core.observation import RADII
 from sain_core.push import PushLimits
 from sain_core.scene import MASS, POSITION, RADIUS

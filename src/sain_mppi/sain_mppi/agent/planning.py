@@ -6,11 +6,11 @@ from typing import Final
 
 import numpy as np
 
-from sain_core.dynamics import RolloutModel
 from sain_core.errors import NoProgressError
 from sain_core.feasibility import Feasibility
+from sain_core.model import RolloutModel
 from sain_mppi.agent.decision import Decider, PlanJob, PushDecision
-from sain_mppi.agent.fallback import FallbackRollout
+from sain_mppi.agent.fallback import FallbackRollout, Patience
 from sain_mppi.agent.progress_monitor import ProgressMonitor
 from sain_mppi.algorithms.config import PlannerConfig
 from sain_mppi.algorithms.proposals import RESET
@@ -30,10 +30,12 @@ class PlanningDecider(Decider):
         physics: RolloutModel,
         config: PlannerConfig,
         feasibility: Feasibility,
+        patience: Patience | None = None,
     ) -> None:
         """Plan with this model, or else with this physics."""
-        self._model = FallbackRollout(model, physics)
-        self._planner = Planner(self._model, config, feasibility)
+        self._model, self._physics = model, physics
+        self._patience = patience or Patience()
+        self._planner = Planner(model, config, feasibility)
         self._monitor = ProgressMonitor(config.progress)
         self._config, self._feasibility = config, feasibility
         self._session: int | None = None
@@ -58,8 +60,10 @@ class PlanningDecider(Decider):
             self._planner.reset()
             self._monitor.reset()
             self._session = job.session
-        self._model.begin(
-            job.history, started + MODEL_SHARE * time if time else None, job.cancelled, job.bodies
+        self._patience.until = started + MODEL_SHARE * time if time else None
+        self._patience.cancelled = job.cancelled
+        model = self._planner.model = FallbackRollout(
+            self._model, self._physics, job.history, job.bodies, self._patience
         )
         self._look(job)
         concern = self._monitor.concern
@@ -72,7 +76,7 @@ class PlanningDecider(Decider):
             shortest=shortest_way(job),
         )
         self._monitor.expect(job.view.scene, plan.predicted[0])
-        failure, last = self._model.failure, self._monitor.last
+        failure, last = model.failure, self._monitor.last
         return PushDecision(job, plan.push, plan, failure, concern, last, settings=config)
 
     def _look(self, job: PlanJob) -> None:

@@ -5,9 +5,9 @@ from time import perf_counter
 
 import numpy as np
 
-from sain_core.dynamics import Radii, RolloutModel, regions_of
 from sain_core.errors import ModelUnavailableError
 from sain_core.feasibility import Feasibility
+from sain_core.model import Radii, RolloutModel
 from sain_core.model_checks.response_check import check_rollout
 from sain_core.scene import POSITION
 from sain_core.types import (
@@ -152,7 +152,7 @@ class Search:
 
     def _regions(self, sequences: PushSequences, predicted: PredictedScenes) -> Radii | None:
         begun = perf_counter()
-        regions = regions_of(self.model, self.scene, sequences, predicted)
+        regions = self.model.regions(self.scene, sequences, predicted)
         self._rollout_time += perf_counter() - begun
         return regions
 

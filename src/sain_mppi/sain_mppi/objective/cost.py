@@ -14,9 +14,9 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
-from sain_core.dynamics import Radii, scenes_before
 from sain_core.feasibility import Feasibility, tool_gap
 from sain_core.goal import BodyPose, Errors, Goal
+from sain_core.model import Radii, scenes_before
 from sain_core.push import LENGTH
 from sain_core.scene import POSITION, RADIUS, THETA, Table, unit
 from sain_core.shapes.bodies import PAPER_DISKS, Bodies

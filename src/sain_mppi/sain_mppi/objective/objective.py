@@ -5,9 +5,9 @@ from typing import Final
 
 import numpy as np
 
-from sain_core.dynamics import Radii
 from sain_core.feasibility import Feasibility
 from sain_core.goal import BodyPose, Goal
+from sain_core.model import Radii
 from sain_core.push import ANGLE, LENGTH, LOCATION, PUSH_SIZE, push_direction
 from sain_core.scene import POSITION, THETA, wrap_angle
 from sain_core.shapes.bodies import Bodies

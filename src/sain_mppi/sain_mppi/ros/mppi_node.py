@@ -11,7 +11,6 @@ from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.node import Node
 
 from sain_core import wire
-from sain_core.dynamics import as_rollout
 from sain_core.errors import ErrorCode, SainError
 from sain_core.plugins import as_observed, load_dynamics
 from sain_core.ros import codec
@@ -46,6 +45,7 @@ from sain_mppi.agent.events import (
     SceneSeen,
     TimePassed,
 )
+from sain_mppi.agent.fallback import Patience
 from sain_mppi.ros.goals import Aims, Goals
 from sain_mppi.ros.markers import PlanMarkers
 from sain_mppi.ros.plan_message import (
@@ -79,11 +79,11 @@ class MppiNode(Node):
         self.config = config = read_parameters(self, MppiConfig)
         self.ownership = Ownership(self, ("plan",))  # people and players send pushes, too
         in_process = config.dynamics != SERVICE
-        self.remote = None if in_process else RemoteRollout(self, config.model_timeout)
-        model = self.remote or as_rollout(
-            as_observed(load_dynamics(config.model), config.estimator.unknown)
-        )
-        self.agent = planning_agent(model, as_rollout(load_dynamics(config.prior)), config)
+        patience = Patience()
+        self.remote = None if in_process else RemoteRollout(self, config.model_timeout, patience)
+        model = self.remote or as_observed(load_dynamics(config.model), config.estimator.unknown)
+        physics = load_dynamics(config.prior)
+        self.agent = planning_agent(model, physics, config, patience)
         LiveParameters(self, config, self._on_settings)
         self.worker = Worker(self, "planning")
         self.actions: list[Action] = []  # of the agent, that wait for listeners or for the model

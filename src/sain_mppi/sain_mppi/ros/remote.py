@@ -11,7 +11,6 @@ from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.node import Node
 
 from sain_core import wire
-from sain_core.dynamics import Radii
 from sain_core.errors import (
     CancelledError,
     ErrorCode,
@@ -20,11 +19,13 @@ from sain_core.errors import (
     SainError,
 )
 from sain_core.history import PushHistory
+from sain_core.model import Radii
 from sain_core.ros import codec
 from sain_core.ros.diagnostics import node_of
 from sain_core.shapes.bodies import PAPER_DISKS, Bodies
 from sain_core.types import PredictedScenes, PushSequences, Scene
 from sain_interfaces.srv import Rollout
+from sain_mppi.agent.fallback import Patience
 
 LOOK: Final = 0.02  # [s] between looks whether an answer is still wanted
 MODEL_NODE: Final = "model_node"
@@ -41,8 +42,8 @@ class Served:
 class RemoteRollout:
     """A `RolloutModel` that asks the model's node. Never call it on the executor's thread."""
 
-    def __init__(self, node: Node, timeout_s: float) -> None:
-        """Ask through this node, waiting no longer than `timeout_s` for each answer."""
+    def __init__(self, node: Node, timeout_s: float, patience: Patience) -> None:
+        """Ask through this node, waiting no longer than `timeout_s` and `patience` allow."""
         self._client = node.create_client(Rollout, "rollout")
         self._name = node.resolve_service_name("rollout")
         self._node_name = node.resolve_service_name(MODEL_NODE)
@@ -51,8 +52,7 @@ class RemoteRollout:
         self._served = Served()
         self._bodies: Bodies = PAPER_DISKS
         self._history: PushHistory | None = None
-        self._until: float | None = None
-        self._cancelled = Event()
+        self._patience = patience
         self._closed = Event()
 
     @property
@@ -89,14 +89,11 @@ class RemoteRollout:
         shaped._bodies = bodies
         return shaped
 
-    def with_history(self, history: PushHistory) -> Self:
-        """Send these earlier pushes of the episode along from now on; return itself."""
-        self._history = history
-        return self
-
-    def until(self, moment: float | None, cancelled: Event) -> None:
-        """See `sain_mppi.agent.fallback.Impatient`; None: wait for the usual time."""
-        self._until, self._cancelled = moment, cancelled
+    def condition(self, history: PushHistory) -> Self:
+        """Return the same model; these earlier pushes of the episode are sent along."""
+        conditioned = copy(self)
+        conditioned._history = history
+        return conditioned
 
     def close(self) -> None:
         """End the call that waits for an answer, and every later one. For any thread."""
@@ -121,7 +118,7 @@ class RemoteRollout:
     ) -> Radii | None:
         """Return how sure the model is of a rollout (K, H, N) [m]; None: it cannot tell.
 
-        The model predicts once more; see `sain_core.dynamics.RegionModel`.
+        The model predicts once more; see `sain_core.model.RolloutModel`.
 
         Raises:
             ModelUnavailableError: as `rollout`.
@@ -164,12 +161,12 @@ class RemoteRollout:
         return response
 
     def _wait(self, answered: Event) -> None:
-        patience = self._timeout_s
-        if self._until is not None:
-            patience = min(patience, max(self._until - monotonic(), 0.0))
-        end = monotonic() + patience
+        timeout, until = self._timeout_s, self._patience.until
+        if until is not None:
+            timeout = min(timeout, max(until - monotonic(), 0.0))
+        end = monotonic() + timeout
         while not answered.wait(min(LOOK, max(end - monotonic(), 0.0))):
-            if self._cancelled.is_set() or self._closed.is_set():
+            if self._patience.cancelled.is_set() or self._closed.is_set():
                 raise CancelledError("the answer is no longer wanted")
             if monotonic() >= end:
-                raise ModelUnavailableError(f"the model did not answer within {patience:.3g} s")
+                raise ModelUnavailableError(f"the model did not answer within {timeout:.3g} s")

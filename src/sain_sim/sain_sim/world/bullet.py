@@ -20,19 +20,21 @@ class Bullet(BulletPrior):
 
     In a scene that was predicted the mid disk may stand where the arm does not reach. A world
     refuses such a push, and nothing moves: so it is predicted, and counted.
-
-    Attributes:
-        refused: how many pushes the arm could not carry out so far.
     """
 
-    refused = 0
+    _refused = 0
+
+    @property
+    def refused(self) -> int:
+        """How many pushes the arm could not carry out so far."""
+        return self._refused
 
     def predict(self, scene: Scene, push: PushArray) -> Scene:
         """Predict the settled scene (N, 8) after one push (3,) from a scene (N, 8)."""
         try:
             return super().predict(scene, push)
         except UnreachableError:
-            self.refused += 1
+            self._refused += 1
             return scene.copy()
 
 

@@ -14,6 +14,7 @@ from typing import Final
 import numpy as np
 
 from sain_core.errors import ConfigError
+from sain_core.model import Model
 from sain_core.push import PushLimits
 from sain_core.scene import (
     MID,
@@ -39,8 +40,8 @@ TRUE: Final = "true"  # all parameters of the truth: what is left is the repeata
 KINDS: Final = (NOMINAL, MEASURED, TRUE)
 
 
-class BulletPrior(Closeable):
-    """A `sain_core.dynamics.Dynamics` that sets a world to a scene and pushes."""
+class BulletPrior(Closeable, Model):
+    """A `Model` that sets a world to a scene and pushes."""
 
     def __init__(
         self,

@@ -1,0 +1,230 @@
+"""The one contract of everything that predicts a push: `Dynamics`, `RolloutModel`, and `Model`.
+
+The four kinds of the paper's Fig. 1 all are a `Model`; planner, evaluation and service take any of
+them. One step is one whole push, from settled scene to settled scene. Who writes a model inherits
+from `Model` and implements `step`.
+"""
+
+from abc import ABC, abstractmethod
+from math import log
+from pathlib import Path
+from typing import Any, ClassVar, Final, Protocol, Self, runtime_checkable
+
+import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
+
+from sain_core.errors import ConfigError
+from sain_core.history import PushHistory
+from sain_core.push import LENGTH
+from sain_core.shapes.bodies import Bodies
+from sain_core.types import PredictedScenes, Pushes, PushSequences, Scene, Scenes
+
+Radii = Float[ndarray, "K H N"]
+
+REGION_STD: Final = (-2.0 * log(0.1)) ** 0.5  # radius over standard deviation of a 90 % circle
+
+
+@runtime_checkable
+class Dynamics(Protocol):
+    """Predicts where whole pushes lead. Pure: the same input gives the same output."""
+
+    def step(self, scenes: Scenes, pushes: Pushes) -> Scenes:
+        """Predict the settled scenes (B, N, 8) after pushes (B, A) from scenes (B, N, 8)."""
+        ...
+
+
+@runtime_checkable
+class RolloutModel(Protocol):
+    """Predicts whole sequences of pushes from one scene: what a planner needs."""
+
+    def rollout(self, scene: Scene, pushes: PushSequences) -> PredictedScenes:
+        """Predict scenes (K, H, N, 8) for push sequences (K, H, A) from one scene (N, 8).
+
+        Entry ``[k, h]`` is the scene *after* push h of sequence k.
+        """
+        ...
+
+    def regions(
+        self, scene: Scene, pushes: PushSequences, predicted: PredictedScenes
+    ) -> Radii | None:
+        """Return the radius [m] of the region that should hold each disk after each push.
+
+        Each push is looked at by itself: as if the scene that it was predicted to start from were
+        right.
+
+        Args:
+            scene: (N, 8), before the first push.
+            pushes: (K, H, A).
+            predicted: (K, H, N, 8), what this model predicted for them.
+
+        Returns:
+            (K, H, N), or None where the model has no regions.
+        """
+        ...
+
+    def with_bodies(self, bodies: Bodies) -> "RolloutModel":
+        """Return the model for these bodies. Pure: `self` stays as it is.
+
+        Raises:
+            ConfigError: it cannot predict such bodies.
+        """
+        ...
+
+    def condition(self, history: PushHistory) -> "RolloutModel":
+        """Return the model conditioned on an episode's earlier pushes. Pure likewise.
+
+        Without pushes it is the model itself.
+        """
+        ...
+
+
+class Model(ABC):
+    """A `Dynamics` and a `RolloutModel`, given `step` alone.
+
+    The other methods are those of a model of disks that infers nothing from earlier pushes. They
+    are there to be overridden.
+
+    Attributes:
+        takes_belief: whether `with_belief` is overridden.
+    """
+
+    takes_belief: ClassVar[bool] = False
+
+    @abstractmethod
+    def step(self, scenes: Scenes, pushes: Pushes) -> Scenes:
+        """Predict the settled scenes (B, N, 8) after pushes (B, A) from scenes (B, N, 8)."""
+
+    def rollout(self, scene: Scene, pushes: PushSequences) -> PredictedScenes:
+        """Predict scenes (K, H, N, 8) with H batched steps of at most K pushes.
+
+        Pushes of zero length move nothing, so that no step is made of them.
+        """
+        samples, horizon, _ = pushes.shape
+        predicted = np.empty((samples, horizon, *scene.shape))
+        current = np.broadcast_to(scene, (samples, *scene.shape)).copy()  # (K, N, 8)
+        for step in range(horizon):
+            moving = pushes[:, step, LENGTH] > 0.0
+            if moving.any():
+                current[moving] = self.step(current[moving], pushes[moving, step])
+            predicted[:, step] = current
+        return predicted
+
+    def regions(
+        self, scene: Scene, pushes: PushSequences, predicted: PredictedScenes
+    ) -> Radii | None:
+        """Return None: it has no regions; see `RolloutModel`."""
+        return None
+
+    def with_bodies(self, bodies: Bodies) -> Self:
+        """Return the model itself, for disks and for cubes, which stand in for them.
+
+        Raises:
+            ConfigError: for other bodies.
+        """
+        if bodies.stand_in_for_disks:
+            return self
+        names = ", ".join(shape.name for shape in bodies.shapes)
+        raise ConfigError(
+            f"{self._name} can only predict disks with the paper's roles; the bodies are {names}:"
+            " use a model for any shape, such as sain, or give it the method with_bodies"
+        )
+
+    def condition(self, history: PushHistory) -> Self:
+        """Return the model itself: it infers nothing from earlier pushes."""
+        return self
+
+    def with_belief(self, path: Path) -> Self:
+        """Return the model with the belief in a file of ``sain_model identify``.
+
+        Each episode begins with it.
+
+        Raises:
+            CheckpointError: no such file, or not a belief.
+            ConfigError: it takes no belief, or none like this.
+        """
+        raise ConfigError(
+            f"{self._name} takes no belief; 'sain' does, and checkpoints on planar priors"
+        )
+
+    def with_unknown_masses(self) -> Self:
+        """Return the model for scenes with nominal masses: itself, if it cannot infer them."""
+        return self
+
+    @property
+    def refused(self) -> int | None:
+        """How many pushes it could not carry out so far; None: it does not count them."""
+        return None
+
+    def close(self) -> None:  # noqa: B027 - there is nothing to release
+        """Release what it holds."""
+
+    @property
+    def _name(self) -> str:
+        return type(self).__name__
+
+
+class IdentityPrior(Model):
+    """f_p(s, a) = s: the prior that the paper deploys (section II-D)."""
+
+    def step(self, scenes: Scenes, pushes: Pushes) -> Scenes:
+        """Return the scenes unchanged."""
+        return scenes.copy()
+
+    def with_bodies(self, bodies: Bodies) -> Self:
+        """Return the same: it moves no body of any shape."""
+        return self
+
+
+class _OnlySteps(Model):
+    """A `Model` of an object that has only `step`."""
+
+    def __init__(self, dynamics: Any) -> None:
+        self._dynamics = dynamics
+
+    def step(self, scenes: Scenes, pushes: Pushes) -> Scenes:
+        predicted: Scenes = self._dynamics.step(scenes, pushes)
+        return predicted
+
+    @property
+    def refused(self) -> int | None:
+        return getattr(self._dynamics, "refused", None)
+
+    def close(self) -> None:
+        getattr(self._dynamics, "close", lambda: None)()
+
+    @property
+    def _name(self) -> str:
+        return type(self._dynamics).__name__
+
+
+MORE: Final = ("rollout", "regions", "with_bodies", "condition", "with_belief")  # beyond `step`
+FORMER: Final = ("with_history", "believing")  # names that `Model` had for some of them
+
+
+def as_model(dynamics: object) -> Model:
+    """Return a model: what is none becomes one by its `step`.
+
+    Raises:
+        ConfigError: it has no `step`, or methods of `Model` without being one, which nobody calls.
+    """
+    if isinstance(dynamics, Model):
+        return dynamics
+    what = type(dynamics).__name__
+    if not callable(getattr(dynamics, "step", None)):
+        raise ConfigError(
+            f"a {what} has no method step(scenes, pushes); a model inherits from"
+            " sain_core.model.Model and implements it"
+        )
+    if more := [name for name in MORE + FORMER if hasattr(dynamics, name)]:
+        raise ConfigError(
+            f"a {what} has {' and '.join(more)}, and does not inherit from sain_core.model.Model:"
+            " let it, and override the methods that Model has"
+        )
+    return _OnlySteps(dynamics)
+
+
+def scenes_before(scene: Scene, predicted: PredictedScenes) -> PredictedScenes:
+    """Return the scenes (K, H, N, 8) that the pushes of a rollout start from."""
+    first = np.broadcast_to(scene, (len(predicted), 1, *scene.shape))
+    return np.concatenate([first, predicted[:, :-1]], axis=1)
