@@ -28,7 +28,7 @@ from benchmarks.report import Figure, report
 from sain_sim.arm.client import Client
 from sain_sim.collecting.collect import CollectConfig, collect
 from sain_sim.collecting.episode import EpisodeConfig, EpisodeRunner
-from sain_sim.episodes.truth import TRUTHS, TruthConfig
+from sain_sim.world.truth import TRUTHS, TruthConfig
 
 RESET, STEP = "resetSimulation", "stepSimulation"
 QUESTIONS = ("get", "calculate", "connect", "disconnect")

@@ -27,7 +27,7 @@ from sain_core.feasibility import Feasibility
 from sain_core.scene import POSITION
 from sain_core.seeding import generator
 from sain_eval.scenes.scenarios import SCENARIOS
-from sain_sim.episodes.truth import TruthConfig
+from sain_sim.world.truth import TruthConfig
 from sain_sim.world.world import World
 
 SCENARIO: Final = "anywhere"

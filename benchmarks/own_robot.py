@@ -38,7 +38,7 @@ from sain_eval.scenes.placement import draw_goal, touching_distance
 from sain_interfaces.msg import Goal as GoalMessage
 from sain_interfaces.msg import Plan
 from sain_interfaces.msg import Scene as SceneMessage
-from sain_sim.perception.body_file import BodyFile, read_bodies
+from sain_sim.camera.body_file import BodyFile, read_bodies
 
 EXAMPLE: Final = Path(__file__).parents[1] / "examples" / "my_robot"
 BODIES: Final = EXAMPLE / "my_robot" / "bodies.yaml"

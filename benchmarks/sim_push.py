@@ -21,13 +21,13 @@ from sain_core.seeding import generator
 from sain_core.types import PushArray, Scene
 from sain_sim.arm.client import Client
 from sain_sim.arm.motion import MotionConfig
-from sain_sim.bullet.bodies import resting
-from sain_sim.bullet.stage import Stage
-from sain_sim.episodes.samplers import CircleSampler
-from sain_sim.episodes.start import draw_start
-from sain_sim.rendering.render import CameraConfig, Renderer
+from sain_sim.camera.render import CameraConfig, Renderer
+from sain_sim.collecting.samplers import CircleSampler
+from sain_sim.engines.bullet.bodies import resting
+from sain_sim.engines.bullet.stage import Stage
 from sain_sim.world.outcome import Sample
 from sain_sim.world.parameters import WorldParameters, nominal_parameters, sample_parameters
+from sain_sim.world.start import draw_start
 from sain_sim.world.stroke import Stroke
 from sain_sim.world.workcell import GRAVITY, STEPS_PER_LOOK, WorldConfig
 from sain_sim.world.world import World

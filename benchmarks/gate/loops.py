@@ -25,8 +25,8 @@ from sain_model.evaluation.history_errors import (
 from sain_model.evaluation.metrics import position_errors
 from sain_model.evaluation.shape_errors import PUSHED, shape_errors
 from sain_pusht.evaluation import PushtJob, results_row, run_pusht_jobs
-from sain_sim.episodes.truth import RANDOMISED_TRUTH, ROUGH, TruthConfig
 from sain_sim.world.engines import MUJOCO
+from sain_sim.world.truth import RANDOMISED_TRUTH, ROUGH, TruthConfig
 
 SHIPPED, PLANAR = "sain", "planar"
 WITHIN: Final = Tolerance(0.005, 0.03)

@@ -12,7 +12,7 @@ from sain_eval.scenes.shape_scenarios import StreakScenario
 from sain_eval.tolerance import Tolerance
 from sain_gym import AgentPolicy
 from sain_gym.push_env import PushEnv
-from sain_sim.episodes.truth import TruthConfig
+from sain_sim.world.truth import TruthConfig
 from tests.sain_gym.playing import MakeEnv
 
 

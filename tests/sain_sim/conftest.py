@@ -7,10 +7,10 @@ from sain_core.push import PushLimits
 from sain_core.scene import unit, wrap_angle
 from sain_core.seeding import generator
 from sain_core.types import PushArray, Scene
-from sain_sim.episodes.samplers import CircleSampler
-from sain_sim.episodes.start import draw_start
+from sain_sim.collecting.samplers import CircleSampler
 from sain_sim.world.engines import BULLET, MUJOCO
 from sain_sim.world.parameters import WorldParameters, nominal_parameters, sample_parameters
+from sain_sim.world.start import draw_start
 from sain_sim.world.workcell import WorldConfig
 from sain_sim.world.world import World
 

@@ -17,9 +17,9 @@ from sain_interfaces.msg import Plan
 from sain_mppi.agent.agent import AgentConfig
 from sain_mppi.agent.estimate import EstimatorConfig
 from sain_mppi.ros.mppi_node import MppiNode
-from sain_sim.episodes.truth import TruthConfig
+from sain_sim.camera.camera import WorldCameraConfig
 from sain_sim.ros.sim_node import SimNode
-from sain_sim.world.camera import WorldCameraConfig
+from sain_sim.world.truth import TruthConfig
 
 TOLERANCE = 0.01
 RANDOMISED, ROUGH = TruthConfig(), TruthConfig(world="rough")

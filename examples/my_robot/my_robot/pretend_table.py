@@ -15,7 +15,7 @@ from sain_core.scene import POSE, THETA, move_apart
 from sain_core.seeding import generator
 from sain_core.types import PushArray
 from sain_model.physics.planar import PlanarConfig, PlanarPrior
-from sain_sim.perception.body_file import read_bodies
+from sain_sim.camera.body_file import read_bodies
 
 RATE = 30.0  # [Hz], of the camera
 SETTLING = 0.2  # [s], from the end of a push to rest

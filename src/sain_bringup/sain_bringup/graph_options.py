@@ -15,9 +15,9 @@ from sain_core.plugins import check_model_name
 from sain_core.untrusted.yaml_text import read_yaml
 from sain_eval.scenes.scenarios import SCENARIOS
 from sain_live.settings import PageConfig
-from sain_sim.episodes.start import WORLDS
-from sain_sim.perception.body_file import read_bodies
+from sain_sim.camera.body_file import read_bodies
 from sain_sim.world.engines import DEFAULT_ENGINE, ENGINE_HELP, check_engine
+from sain_sim.world.start import WORLDS
 
 ELSEWHERE: Final = "elsewhere"  # the robot that is started by somebody else
 

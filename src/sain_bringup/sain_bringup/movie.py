@@ -29,12 +29,12 @@ from sain_core.workers.processes import ProcessPool
 from sain_core.workers.work import Software, Work
 
 if TYPE_CHECKING:
-    from sain_sim.rendering.render import Renderer  # takes a second to load
+    from sain_sim.camera.render import Renderer  # takes a second to load
 
 JOINTS: Final = "sensor_msgs/msg/JointState"
 INK: Final = (43, 48, 54)
 GREEN: Final = (24, 128, 78)
-RING: Final = (26, 158, 102)  # the goal's, as `sain_sim.rendering.render` draws it
+RING: Final = (26, 158, 102)  # the goal's, as `sain_sim.camera.render` draws it
 RARE: Final = (GREEN, RING, INK)
 SWATCH: Final = 40  # [px], rows that a rare colour gets in the sheet for the palette
 MARGIN: Final = 16  # [px]
@@ -123,7 +123,7 @@ class Scenery:
 
     def renderer(self) -> "Renderer":
         """Return what renders the pictures."""
-        from sain_sim.rendering.render import CameraConfig, Renderer
+        from sain_sim.camera.render import CameraConfig, Renderer
 
         camera = CameraConfig(width=self.config.width, height=self.config.height)
         renderer = Renderer(self.start, self.shapes, camera)

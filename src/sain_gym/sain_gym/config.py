@@ -8,8 +8,8 @@ from sain_core.config import Config, option, typed_settings
 from sain_core.errors import ConfigError
 from sain_eval.scenes.scenarios import OFFERED, SCENARIOS
 from sain_eval.tolerance import Tolerance
-from sain_sim.episodes.truth import RANDOMISED, TRUTHS, TruthConfig
 from sain_sim.world.engines import DEFAULT_ENGINE, ENGINE_HELP
+from sain_sim.world.truth import RANDOMISED, TRUTHS, TruthConfig
 
 STATE: Final = "state"
 IMAGE: Final = "image"

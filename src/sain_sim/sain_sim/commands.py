@@ -10,7 +10,7 @@ sim_node: Final = NodeCommand(
     about="Simulates the table, the disks and the arm with PyBullet or MuJoCo. Carries out one push"
     " at a time and publishes its result.",
     node="ros.sim_node:SimNode",
-    settings="node.simulator:SimulatorConfig",
+    settings="ros.simulator:SimulatorConfig",
     publishes=(
         "scene",
         "push_result",
@@ -34,7 +34,7 @@ poses_to_scene: Final = NodeCommand(
     about="Makes scenes of the poses of bodies, for a robot: with ids, velocities and whether all"
     " rest. Poses come as frames on /tf or as an array. A YAML file states shapes and masses.",
     node="ros.poses_node:PosesNode",
-    settings="perception.settings:PosesConfig",
+    settings="camera.settings:PosesConfig",
     publishes=("scene", "shapes", "markers", "/diagnostics"),
     subscribes=("poses", "/tf", "/tf_static", "push", "push_result"),
     example="bodies:=bodies.yaml",

@@ -15,7 +15,7 @@ from sain_eval.loop.controllers import agent_maker
 from sain_eval.scenes.scenarios import SCENARIOS
 from sain_mppi.agent.agent import Agent, AgentConfig
 from sain_mppi.agent.decision import Decider, PushDecision
-from sain_sim.episodes.truth import TruthConfig
+from sain_sim.world.truth import TruthConfig
 from sain_sim.world.world import World
 
 PAPER = SCENARIOS["paper"].scene(0)

@@ -4,11 +4,11 @@ import pytest
 
 from sain_eval.cli.options import EvaluateOptions
 from sain_eval.loop.evaluation import EpisodeJob, play_job
-from sain_sim.episodes.truth import TruthConfig
+from sain_sim.world.truth import TruthConfig
 
 
 def play(seed, engine="bullet", **camera):
-    from sain_sim.world.camera import WorldCameraConfig
+    from sain_sim.camera.camera import WorldCameraConfig
 
     options = EvaluateOptions(camera=WorldCameraConfig(**camera))
     job = EpisodeJob(

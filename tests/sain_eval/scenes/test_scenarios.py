@@ -7,7 +7,7 @@ from sain_core.feasibility import Feasibility, reachable
 from sain_core.scene import MID, POSITION, RADIUS, TARGET, THETA, check_scene, surface_gaps
 from sain_core.shapes.disk import FLAT, THREE_FEET
 from sain_eval.scenes.scenarios import CONTACT_GAP, SCENARIOS
-from sain_sim.episodes.truth import TruthConfig
+from sain_sim.world.truth import TruthConfig
 
 FEASIBILITY = Feasibility()
 SEEDS = range(60)

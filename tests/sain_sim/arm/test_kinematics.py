@@ -10,7 +10,7 @@ from sain_sim.arm.client import Client
 from sain_sim.arm.kinematics import FLANGE_DROP, LOWER_LIMITS, UPPER_LIMITS, Kinematics
 from sain_sim.arm.motion import MotionConfig
 from sain_sim.arm.panda import ArmConfig, PandaModel
-from sain_sim.bullet.arm import STICK_LINK
+from sain_sim.engines.bullet.arm import STICK_LINK
 from sain_sim.world.workcell import WorldConfig
 
 KINEMATICS = WorldConfig().kinematics

@@ -14,11 +14,11 @@ from sain_core.seeding import generator
 from sain_core.shapes.disk import THREE_FEET
 from sain_sim.collecting.collect import CollectConfig, collect
 from sain_sim.collecting.episode import EpisodeConfig
+from sain_sim.collecting.samplers import GridSampler
 from sain_sim.collecting.shards import load_shards
 from sain_sim.commands import collect as main
-from sain_sim.episodes.samplers import GridSampler
-from sain_sim.episodes.start import draw_start
 from sain_sim.world.parameters import RANGES, WIDE, sample_parameters
+from sain_sim.world.start import draw_start
 from sain_sim.world.workcell import WorldConfig
 
 SHORT = EpisodeConfig(pushes=4, floor_episodes=1)

@@ -12,8 +12,8 @@ from sain_core.world import DivergedError
 from sain_sim.collecting.collect import CARD_FILE, IDENTITY_FILE, CollectConfig, collect
 from sain_sim.collecting.episode import EpisodeConfig, EpisodeRunner
 from sain_sim.collecting.shards import load_shards
-from sain_sim.episodes.truth import TruthConfig
 from sain_sim.world.engines import MUJOCO
+from sain_sim.world.truth import TruthConfig
 
 pytest.importorskip("mujoco", reason="MuJoCo is not installed")
 

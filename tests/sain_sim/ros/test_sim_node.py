@@ -12,8 +12,8 @@ from sain_core.errors import BusyError, ErrorCode
 from sain_core.ros import codec
 from sain_core.scene import make_scene
 from sain_interfaces.srv import ResetScene
-from sain_sim.episodes.start import draw_episode
 from sain_sim.ros.sim_node import SimNode
+from sain_sim.world.start import draw_episode
 from tests.rviz import shown
 
 AHEAD = (0.0, 0.0, 0.1)

@@ -6,9 +6,9 @@ import pytest
 
 from sain_core.errors import ConfigError
 from sain_sim.commands import collect as main
-from sain_sim.episodes.truth import TruthConfig
 from sain_sim.world import engines
 from sain_sim.world.engines import BULLET, ENGINES, MUJOCO, check_engine, simulation_class
+from sain_sim.world.truth import TruthConfig
 from sain_sim.world.workcell import Simulation
 
 MISSING = (
@@ -69,7 +69,7 @@ sys.modules["pybullet"] = None  # as where it is not installed
 import numpy as np
 from sain_core.errors import ConfigError
 from sain_core.scene import make_scene
-from sain_sim.episodes.truth import TruthConfig
+from sain_sim.world.truth import TruthConfig
 from sain_sim.world.engines import check_engine
 from sain_sim.world.shadow import BulletPrior
 places = np.array([(0.45, 0.0), (0.7, 0.1)])

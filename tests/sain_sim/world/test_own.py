@@ -9,12 +9,12 @@ from sain_core.errors import BlockedError, ConfigError, OutOfRangeError
 from sain_core.model_checks.worlds import two_disks
 from sain_core.scene import MID, TARGET, X
 from sain_core.world import Outcome, WorldFailedError
-from sain_sim.episodes.truth import TruthConfig
-from sain_sim.rendering.window import Window
+from sain_sim.camera.window import Window
 from sain_sim.world.engines import BULLET, OFFERED
 from sain_sim.world.own import OwnWorld, open_world
 from sain_sim.world.parameters import WorldParameters
 from sain_sim.world.shadow import BulletPrior
+from sain_sim.world.truth import TruthConfig
 from sain_sim.world.world import World
 
 NAME = "stranger"

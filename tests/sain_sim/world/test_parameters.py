@@ -5,8 +5,8 @@ from sain_core.errors import ConfigError
 from sain_core.seeding import generator
 from sain_core.shapes.registry import get_shape, shape_names
 from sain_sim.arm.client import Client
-from sain_sim.bullet.bodies import Body, resting
-from sain_sim.bullet.collision import Build
+from sain_sim.engines.bullet.bodies import Body, resting
+from sain_sim.engines.bullet.collision import Build
 from sain_sim.world.parameters import (
     FRICTION_RANGE,
     MASS_RANGE,

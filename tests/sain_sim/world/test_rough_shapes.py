@@ -9,11 +9,11 @@ from shapely import MultiPoint, Polygon
 from sain_core.shapes.library import SHAPES
 from sain_core.shapes.registry import get_shape
 from sain_core.shapes.shape import REGULAR_FEET
-from sain_sim.episodes.start import draw_episode
-from sain_sim.episodes.truth import TruthConfig
 from sain_sim.world.parameters import WorldParameters
 from sain_sim.world.rough_shapes import LEAST_LOAD, fit_shapes
 from sain_sim.world.roughness import EFFECTS, Roughness, draw_roughness
+from sain_sim.world.start import draw_episode
+from sain_sim.world.truth import TruthConfig
 from sain_sim.world.world import World
 
 LABS = [TruthConfig("rough", lab=lab) for lab in range(8)]

@@ -5,8 +5,8 @@ import pytest
 
 from sain_core.errors import BlockedError, InvalidInputError
 from sain_core.scene import MID, POSITION, TARGET, Y
-from sain_sim.episodes.start import paper_start
 from sain_sim.world.parameters import nominal_parameters
+from sain_sim.world.start import paper_start
 from sain_sim.world.world import World
 
 PUSH = np.array([0.0, 0.0, 0.10])

@@ -18,8 +18,8 @@ from sain_eval.tolerance import Tolerance
 from sain_mppi.agent.agent import AgentConfig
 from sain_mppi.agent.estimate import EstimatorConfig
 from sain_mppi.algorithms.config import PlannerConfig
-from sain_sim.episodes.truth import RANDOMISED_TRUTH, TruthConfig
-from sain_sim.world.camera import WorldCameraConfig
+from sain_sim.camera.camera import WorldCameraConfig
+from sain_sim.world.truth import RANDOMISED_TRUTH, TruthConfig
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from sain_eval.tolerance import Tolerance
 from sain_mppi.agent.agent import Agent
 from sain_mppi.agent.decision import Task
 from sain_mppi.agent.play import play
-from sain_sim.world.camera import WorldCameraConfig
+from sain_sim.camera.camera import WorldCameraConfig
 from sain_sim.world.own import open_world
 from sain_sim.world.workcell import WorldConfig
 

@@ -20,9 +20,9 @@ from sain_eval.scenes.scenario_scene import ScenarioScene
 from sain_eval.scenes.scenarios import draw_scene
 from sain_eval.tolerance import Tolerance, tightest
 from sain_mppi.agent.agent import AgentConfig
-from sain_sim.episodes.truth import RANDOMISED_TRUTH, TruthConfig
-from sain_sim.world.camera import WorldCameraConfig
+from sain_sim.camera.camera import WorldCameraConfig
 from sain_sim.world.engines import modules_of
+from sain_sim.world.truth import RANDOMISED_TRUTH, TruthConfig
 
 Kept = TypeVar("Kept")
 

@@ -5,7 +5,7 @@ from typing import Final
 
 from sain_core.types import PushArray, Scene
 from sain_mppi.agent.play import Sight
-from sain_sim.world.camera import Camera, WorldCameraConfig
+from sain_sim.camera.camera import Camera, WorldCameraConfig
 from sain_sim.world.checked import CheckedWorld
 from sain_sim.world.outcome import Sample
 

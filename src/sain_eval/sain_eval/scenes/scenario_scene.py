@@ -7,8 +7,8 @@ from sain_core.goal import Goal
 from sain_core.shapes.disk import THREE_FEET
 from sain_core.shapes.registry import built_shapes
 from sain_core.types import Scene
-from sain_sim.episodes.truth import RANDOMISED_TRUTH, TruthConfig
 from sain_sim.world.parameters import WorldParameters
+from sain_sim.world.truth import RANDOMISED_TRUTH, TruthConfig
 
 MAX_PUSHES: Final = 15  # paper section II-D
 

@@ -23,14 +23,14 @@ from sain_core.shapes.registry import built_shapes, check_footprint, footprint_n
 from sain_core.types import PushArray
 from sain_core.world import DivergedError
 from sain_sim.collecting.push_counts import PushCounts
-from sain_sim.episodes.nominal_shadow import NominalShadow
-from sain_sim.episodes.samplers import CircleSampler, GridSampler, OutlineSampler
-from sain_sim.episodes.start import draw_bodies_start, draw_start, wholly_on
-from sain_sim.episodes.truth import RANDOMISED_TRUTH, TruthConfig
+from sain_sim.collecting.samplers import CircleSampler, GridSampler, OutlineSampler
+from sain_sim.world.nominal_shadow import NominalShadow
 from sain_sim.world.outcome import StrokeOutcome
 from sain_sim.world.own import open_world
 from sain_sim.world.parameters import PAPER, RANGES, WIDE, WorldParameters
 from sain_sim.world.shadow import NOMINAL, TRUE, BulletPrior
+from sain_sim.world.start import draw_bodies_start, draw_start, wholly_on
+from sain_sim.world.truth import RANDOMISED_TRUTH, TruthConfig
 from sain_sim.world.workcell import WorldConfig
 
 MISSED: Final = 1e-5  # [m]; an untouched target creeps by up to 3e-6 m in Bullet

@@ -27,10 +27,10 @@ from sain_core.ros.steady import steady_timer
 from sain_core.scene import Table
 from sain_interfaces.msg import Bodies, Push, PushResult
 from sain_interfaces.msg import Scene as SceneMessage
-from sain_sim.perception.body_file import Poses, read_bodies
-from sain_sim.perception.frame_tree import FrameTree
-from sain_sim.perception.scene_tracker import SceneTracker
-from sain_sim.perception.settings import PosesConfig
+from sain_sim.camera.body_file import Poses, read_bodies
+from sain_sim.camera.frame_tree import FrameTree
+from sain_sim.camera.scene_tracker import SceneTracker
+from sain_sim.camera.settings import PosesConfig
 from sain_sim.ros.markers import table_markers
 
 OWNED = ("scene", "shapes")

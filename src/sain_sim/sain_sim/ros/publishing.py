@@ -17,9 +17,9 @@ from sain_core.types import Scene
 from sain_interfaces.msg import Bodies, Push, PushPrediction, PushResult, WorldParameters
 from sain_interfaces.msg import Scene as SceneMessage
 from sain_sim.arm.panda import JOINT_NAMES
-from sain_sim.node.session import Session
-from sain_sim.node.simulator import SHADOW_MODEL, Pushed, Simulator
 from sain_sim.ros.markers import scene_markers
+from sain_sim.ros.session import Session
+from sain_sim.ros.simulator import SHADOW_MODEL, Pushed, Simulator
 from sain_sim.ros.transforms import Transforms, frame_prefix
 from sain_sim.world.outcome import Sample
 

@@ -1,1 +1,0 @@
-"""A world in PyBullet, the default engine. May import `world` and `arm`."""

@@ -1,0 +1,1 @@
+"""What a camera reports, and pictures of a world. May import `world`."""

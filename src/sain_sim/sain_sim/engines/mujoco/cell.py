@@ -1,0 +1,158 @@
+"""A world in MuJoCo: one model for each set of bodies, and data that start anew for every push."""
+
+import logging
+from typing import Any, Final, NamedTuple
+
+import mujoco
+import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
+
+from sain_core.scene import DISK_HEIGHT, SETTLED_SPEED, SETTLED_SPIN, THETA, X, Y
+from sain_core.types import Mask, Scene
+from sain_core.world import DivergedError
+from sain_sim.arm.controlled import JOINT_COUNT
+from sain_sim.engines.mujoco.arm import MujocoArm
+from sain_sim.engines.mujoco.description import FEET_FIRST, TOOL, describe_world, physics_steps
+from sain_sim.world.parameters import WorldParameters
+from sain_sim.world.workcell import FALLEN_HEIGHT, Origin, Simulation, Workcell, WorldConfig
+
+WARNINGS: Final = {
+    name: int(kind)
+    for name, kind in mujoco.mjtWarning.__members__.items()
+    if name != "mjNWARNING"  # their number
+}
+
+log = logging.getLogger(__name__)
+mujoco.set_mju_user_warning(lambda text: log.debug("%s", text))  # or it writes MUJOCO_LOG.TXT
+
+
+class MujocoStates(NamedTuple):
+    """Where the bodies are and how they move; of a fixed one the velocities are zero."""
+
+    poses: Float[ndarray, "N 7"]  # position [m], quaternion w x y z
+    speeds: Float[ndarray, "N 6"]  # in the world [m/s], turning in the body's frame [rad/s]
+
+
+class MujocoSimulation(Simulation):
+    """The model of the bodies that are simulated now."""
+
+    def __init__(self, config: WorldConfig) -> None:
+        """Begin without a model."""
+        super().__init__(config)
+        self._built: tuple[WorldParameters, Any, Any] | None = None
+
+    def resting(self, scene: Scene, parameters: WorldParameters) -> MujocoStates:
+        """Return the states of bodies that stand at rest where a scene (N, 8) has them."""
+        poses = np.zeros((len(scene), 7))
+        poses[:, 0], poses[:, 1], poses[:, 2] = scene[:, X], scene[:, Y], DISK_HEIGHT / 2
+        poses[:, 3], poses[:, 6] = np.cos(scene[:, THETA] / 2), np.sin(scene[:, THETA] / 2)
+        return MujocoStates(poses, np.zeros((len(scene), 6)))
+
+    def build(self, parameters: WorldParameters, origin: Origin, steps: int) -> "MujocoCell":
+        """Build a workcell with these bodies, after so many earlier control steps."""
+        if self._built is None or self._built[0] != parameters:
+            model = describe_world(self.config, parameters, self.home)
+            self._built = (parameters, model, mujoco.MjData(model))
+        _, model, data = self._built
+        return MujocoCell(model, data, self.config, parameters, origin, steps)
+
+    def close(self) -> None:
+        """Let go of the model; a second call does nothing."""
+        self._built = None
+
+
+class MujocoCell(Workcell):
+    """Data of a model, set to an origin: nothing of earlier pushes is left in them."""
+
+    arm: MujocoArm
+
+    def __init__(
+        self,
+        model: Any,
+        data: Any,
+        config: WorldConfig,
+        parameters: WorldParameters,
+        origin: Origin,
+        steps: int,
+    ) -> None:
+        """Set everything to the origin, at rest and without forces."""
+        super().__init__(config, origin, steps)
+        self._model, self._data, self._parameters = model, data, parameters
+        self._substeps = physics_steps(config.motion.time_step)
+        self._free = np.array([i not in parameters.bodies.fixed for i in range(parameters.count)])
+        mujoco.mj_resetData(model, data)
+        count = int(self._free.sum())
+        self._poses = data.qpos[JOINT_COUNT:].reshape(count, 7)  # views
+        self._speeds = data.qvel[JOINT_COUNT:].reshape(count, 6)
+        self._fixed_poses = origin.states.poses[~self._free]
+        self._poses[:] = origin.states.poses[self._free]
+        self._speeds[:] = origin.states.speeds[self._free]
+        data.mocap_pos[:], data.mocap_quat[:] = np.split(self._fixed_poses, [3], axis=1)
+        self.arm = MujocoArm(model, data, config.kinematics, config.motion.time_step)
+        self.arm.place(origin.joints)
+        self._body_of = model.geom_bodyid - model.body("body0").id  # (G,); below 0: table and arm
+        self._is_tool = model.geom_contype == TOOL
+        self._is_foot = model.geom_priority == FEET_FIRST
+
+    def states(self) -> MujocoStates:
+        """Return the bodies' states."""
+        poses, speeds = np.zeros((len(self._free), 7)), np.zeros((len(self._free), 6))
+        poses[self._free], speeds[self._free] = self._poses, self._speeds
+        poses[~self._free] = self._fixed_poses
+        return MujocoStates(poses, speeds)
+
+    def scene(self, states: MujocoStates) -> Scene:
+        """Return the scene (N, 8) of bodies in these states."""
+        (w, x, y, z), (p, q, r) = states.poses[:, 3:].T, states.speeds[:, 3:].T
+        heading = np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
+        # the last row of the rotation matrix: how fast a body turns about the world's z
+        spin = 2 * (x * z - w * y) * p + 2 * (y * z + w * x) * q + (1 - 2 * (x * x + y * y)) * r
+        rows = (*states.poses[:, :2].T, heading, *states.speeds[:, :2].T, spin)
+        about = (self._parameters.masses, self._parameters.radii)
+        return np.stack([*rows, *map(np.array, about)], axis=-1)
+
+    def fallen(self) -> Mask:
+        """Tell which bodies (N,) have left the table."""
+        return np.asarray(self.states().poses[:, 2] < FALLEN_HEIGHT)
+
+    def still(self) -> bool:
+        """Tell whether every body on the table is settled; fallen bodies do not count."""
+        scene = self.scene(self.states())
+        slow = np.hypot(*scene[:, 3:5].T) < SETTLED_SPEED
+        return bool(np.all((slow & (np.abs(scene[:, 5]) < SETTLED_SPIN)) | self.fallen()))
+
+    def advance(self) -> None:
+        """Simulate one control step.
+
+        Raises:
+            DivergedError: MuJoCo reports a problem, or a number that is not finite.
+        """
+        self._set_patches()
+        mujoco.mj_step(self._model, self._data, nstep=self._substeps)
+        self._check_finite()
+
+    def touched(self, pushed: int) -> int | None:
+        """Return the first body but the pushed one that the tool touches, if any."""
+        pairs = self._data.contact.geom  # (C, 2)
+        with_tool = self._is_tool[pairs].any(axis=1)
+        bodies = self._body_of[pairs[with_tool]].max(axis=1)
+        others = bodies[bodies != pushed]
+        return int(others.min()) if others.size else None
+
+    def _set_patches(self) -> None:
+        """Set the friction of each body's feet to that of its place, if the table has patches."""
+        roughness = self._parameters.roughness
+        if roughness.patches:
+            for body, (x, y) in enumerate(self.states().poses[:, :2].tolist()):
+                feet = self._is_foot & (self._body_of == body)
+                factor = roughness.friction_factor(x, y)
+                self._model.geom_friction[feet, 0] = factor * self._parameters.friction
+
+    def _check_finite(self) -> None:
+        """Raise `DivergedError` for a problem that MuJoCo counted, or for NaN or Inf."""
+        data = self._data
+        found = [name for name, kind in WARNINGS.items() if data.warning[kind].number]
+        if found or not np.isfinite(data.qacc).all():
+            words = ", ".join(found) or "numbers that are not finite"
+            raise DivergedError(f"MuJoCo found no solution of the push: {words}")

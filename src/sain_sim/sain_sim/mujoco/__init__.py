@@ -1,1 +1,0 @@
-"""A world in MuJoCo, an optional extra. May import `world` and `arm`."""

@@ -1,1 +1,0 @@
-"""The simulator without ROS: worlds, ids, time. May import `world`."""

@@ -1,1 +1,0 @@
-"""Bodies as a camera reports them: poses become scenes with ids. May import `world`."""

@@ -1,1 +1,0 @@
-"""Pictures of a world from its recording. May import `world`."""

@@ -1,0 +1,186 @@
+"""The truth world and the nominal shadow world: all that a simulator node calls."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache, partial
+from time import perf_counter
+
+import numpy as np
+
+from sain_core.config import option
+from sain_core.errors import SainError
+from sain_core.scene import RADIUS
+from sain_core.shapes.disk import DISK_SHAPES, THREE_FEET
+from sain_core.types import PushArray, Scene
+from sain_sim.camera.camera import Camera, WorldCameraConfig
+from sain_sim.camera.window import Window
+from sain_sim.ros.pacing import Pacer
+from sain_sim.world.engines import BULLET
+from sain_sim.world.nominal_shadow import NominalShadow
+from sain_sim.world.outcome import Sample, StrokeOutcome
+from sain_sim.world.own import open_world
+from sain_sim.world.parameters import WorldParameters, nominal_parameters
+from sain_sim.world.start import WORLDS, draw_episode
+from sain_sim.world.truth import TruthConfig
+from sain_sim.world.workcell import WorldConfig
+
+SHADOW_MODEL = "bullet_nominal"
+
+
+@dataclass(frozen=True)
+class SimulatorConfig(TruthConfig):
+    """What is simulated, and how it is displayed."""
+
+    world: str = option(
+        "randomised", "which world draws the parameters that a reset does not give", choices=WORLDS
+    )
+    seed: int = option(0, "seed of the first episode", minimum=0)
+    disk_shape: str = option(THREE_FEET, "shape of the disks", choices=DISK_SHAPES)
+    real_time_factor: float = option(
+        0.0, "simulated time over wall time; 0: as fast as possible", minimum=0.0, maximum=100.0
+    )
+    state_rate: float = option(
+        30.0, "scenes per simulated second during a push", unit="Hz", minimum=0.1, maximum=240.0
+    )
+    idle_rate: float = option(
+        2.0,
+        "settled scenes per second, for subscribers that join late",
+        unit="Hz",
+        minimum=0.1,
+        maximum=100.0,
+    )
+    gui: bool = option(False, "show the world in a window (needs a display)")
+    shadow: bool = option(True, "predict each push with the nominal world")
+    peer_wait: float = option(
+        1.0, "time to look for another simulator at the start", unit="s", minimum=0.0, maximum=60.0
+    )
+    frame_prefix: str = option(
+        "", "prefix of frames on /tf; empty: the namespace, but for /sain, where there is none"
+    )
+    service_introspection: str = option(
+        "disabled",
+        "publish service calls: not at all, time and client, or with contents",
+        choices=("disabled", "metadata", "contents"),
+    )
+    state_file: str = option(
+        "", "file that is kept to go on from after a crash, and gone on from; empty: none"
+    )
+    bullet: WorldConfig = WorldConfig()
+    camera: WorldCameraConfig = WorldCameraConfig()
+
+
+@dataclass(frozen=True)
+class Pushed:
+    """An executed push.
+
+    Attributes:
+        outcome: what it led to.
+        sample: the world after it.
+        wall_time: [s]
+        predicted: (N, 8) by the shadow world, or why it could not; None without a shadow world.
+    """
+
+    outcome: StrokeOutcome
+    sample: Sample
+    wall_time: float
+    predicted: Scene | SainError | None
+
+
+class Simulator:
+    """The worlds and their time. All calls must come from the thread that made it: PyBullet."""
+
+    def __init__(self, config: SimulatorConfig, pacer: Pacer) -> None:
+        """Make the worlds; `reset` starts an episode."""
+        self.config = config
+        self.pacer = pacer
+        viewer = Window() if config.gui else None
+        self.world = open_world(nominal_parameters(), config.bullet, viewer, config.engine)
+        self.shadow = NominalShadow("nominal", config.bullet) if config.shadow else None
+        self.camera = None if config.camera.is_exact else Camera(config.camera)
+        rate = config.state_rate if self.camera is None else config.camera.frame_rate
+        self._every = config.bullet.steps_of(1.0 / rate)
+
+    @property
+    def parameters(self) -> WorldParameters:
+        """The truth world's parameters."""
+        return self.world.parameters
+
+    @property
+    def within(self) -> str:
+        """What to add to the name of a world for its engine; nothing for Bullet."""
+        return "" if self.config.engine == BULLET else f" in {self.config.engine}"
+
+    def reset(
+        self,
+        seed: int,
+        world: str,
+        scene: Scene | None,
+        shapes: tuple[str, ...],
+        friction: float,
+        roles: tuple[str, ...] = (),
+    ) -> Sample:
+        """Start an episode as `draw_episode` draws it."""
+        config = self.config
+        parameters, start = draw_episode(
+            seed,
+            world or config.world,
+            scene,
+            shapes,
+            friction,
+            config.disk_shape,
+            config.lab,
+            config.effects,
+            roles,
+        )
+        self.world.reset(start, parameters)
+        if self.camera is not None:
+            self.camera.begin(seed, parameters)
+        if self.shadow is not None:
+            self.shadow.truth = parameters  # for the shapes, which the nominal world shares
+        return self.look()
+
+    @property
+    def radii(self) -> tuple[float, ...]:
+        """The bodies' radii [m], as measured."""
+        if self.camera is None:
+            return self.parameters.radii
+        scene = self.parameters.scene(np.zeros((self.parameters.count, 2)))
+        return tuple(self.camera.measured(scene)[:, RADIUS].tolist())
+
+    def push(
+        self,
+        push: PushArray,
+        on_sample: Callable[[Sample], None],
+        seen: Scene | None = None,
+    ) -> Pushed:
+        """Execute a push with samples at the state rate; see `World.push` for `seen` and errors."""
+        predict = cache(partial(self._predict, self.world.observe(), push))
+
+        def show(sample: Sample) -> None:
+            predict()  # while the arm moves: afterwards a planner needs the processor
+            self.pacer.follow(sample.time)
+            on_sample(sample)
+
+        begun = perf_counter()
+        outcome = self.world.push(push, on_step=show, every=self._every, seen=seen)
+        return Pushed(outcome, self.look(), perf_counter() - begun, predict())
+
+    def _predict(self, scene: Scene, push: PushArray) -> Scene | SainError | None:
+        if self.shadow is None:
+            return None
+        try:
+            return self.shadow.step(scene[None], push[None])[0]
+        except SainError as error:
+            return error
+
+    def close(self) -> None:
+        """Close the worlds."""
+        self.world.close()
+        if self.shadow is not None:
+            self.shadow.close()
+
+    def look(self) -> Sample:
+        """Return the worlds as they are now."""
+        sample = self.world.sample()
+        self.pacer.follow(sample.time)
+        return sample

@@ -1,0 +1,178 @@
+"""What an episode starts from: the disks, their parameters and where they stand."""
+
+from dataclasses import replace
+from math import pi
+from typing import Final
+
+import numpy as np
+
+from sain_core.errors import ConfigError, InvalidInputError, OutOfRangeError
+from sain_core.scene import (
+    MASS,
+    MID,
+    POSITION,
+    RADIUS,
+    TARGET,
+    VELOCITY,
+    Table,
+    surface_gaps,
+    unit,
+)
+from sain_core.seeding import generator
+from sain_core.shapes.bodies import MOST_BODIES
+from sain_core.shapes.disk import DISK, THREE_FEET
+from sain_core.shapes.registry import built_shapes
+from sain_core.types import Scalars, Scene
+from sain_sim.world.parameters import WorldParameters, nominal_parameters
+from sain_sim.world.truth import ALL, TRUTHS, TruthConfig
+
+NOMINAL: Final = "nominal"
+WORLDS: Final = (*TRUTHS, NOMINAL)
+START: Final = (0.35, 0.0)  # [m], the mid disk in the paper's scene
+GAP: Final = 0.001  # [m], between mid disk and target in the paper's scene
+PLACING_TRIES: Final = 1000
+X_RANGE: Final = (0.34, 0.58)  # [m], of a drawn mid disk
+Y_RANGE: Final = (-0.22, 0.22)  # [m]
+TOUCHING: Final = 0.5  # share of drawn targets that start at the mid disk
+TOUCHING_GAP: Final = 0.002  # [m], largest gap of those
+TARGET_GAP: Final = 0.06  # [m], largest gap of the others
+TINY: Final = 1e-9  # [m], of rounding
+SPREAD: Final = 0.25  # [m], from the mid disk to further disks, at most, in x and in y
+
+
+def draw_episode(
+    seed: int,
+    world: str,
+    scene: Scene | None = None,
+    shapes: tuple[str, ...] = (),
+    friction: float = 0.0,
+    disk_shape: str = THREE_FEET,
+    lab: int = 0,
+    effects: str = ALL,
+    roles: tuple[str, ...] = (),
+) -> tuple[WorldParameters, Scene]:
+    """Return what an episode is made of; what is not given is drawn from the seed.
+
+    Args:
+        seed: same seed, same episode.
+        world: one of `WORLDS`.
+        scene: (N, 8), its velocities are ignored; the paper's start with two disks if None.
+        shapes: a footprint for each disk, as `sain_core.shapes` names them; none: all disks.
+        friction: with the table; 0: as the world has it.
+        disk_shape: one of `DISK_SHAPES`.
+        lab: which rough world.
+        effects: what is rough there, as `TruthConfig` has it.
+        roles: of each body, as `sain_core.shapes.bodies` names them; none: the paper's.
+
+    Raises:
+        InvalidInputError: a world or shape that does not exist, too few or many shapes or roles,
+            or too many bodies.
+        OutOfRangeError: a friction that is negative.
+        ConfigError: an effect or role that does not exist, no pushable body, or feet to be moved on
+            a flat disk.
+    """
+    if world not in WORLDS:
+        raise InvalidInputError(f"world is {world!r}; allowed: {', '.join(WORLDS)}")
+    if not friction >= 0.0:
+        raise OutOfRangeError(f"friction is {friction}; it must be positive, or 0 to have it drawn")
+    count = 2 if scene is None else len(scene)
+    if count > MOST_BODIES:
+        raise InvalidInputError(f"the scene has {count} bodies; at most {MOST_BODIES} are allowed")
+    for name, given in (("shapes", shapes), ("roles", roles)):
+        if len(given) not in (0, count):
+            raise InvalidInputError(f"{len(given)} {name} are given for {count} disks")
+    built = built_shapes(shapes or (DISK,) * count, disk_shape)
+    if world == NOMINAL:
+        parameters = nominal_parameters(count)
+    else:
+        truth = TruthConfig(world, effects, lab)
+        parameters = truth.draw(generator(seed, "episode"), count, shapes=built)
+    friction = friction or parameters.friction
+    parameters = replace(parameters, shapes=built, roles=roles, friction=friction)
+    if scene is None:
+        return parameters, paper_start(parameters)
+    masses, radii = tuple(scene[:, MASS].tolist()), tuple(scene[:, RADIUS].tolist())
+    resting = scene.copy()
+    resting[:, VELOCITY] = 0.0
+    return replace(parameters, masses=masses, radii=radii), resting
+
+
+def paper_start(parameters: WorldParameters) -> Scene:
+    """Return the paper's start (2, 8): the target behind the mid disk, all but touching."""
+    x, y = START
+    target_x = x + parameters.radii[0] + GAP + parameters.radii[1]
+    return parameters.scene(np.array([(x, y), (target_x, y)]))
+
+
+def draw_start(
+    generator: np.random.Generator,
+    parameters: WorldParameters,
+    table: Table,
+    spread: float = SPREAD,
+) -> Scene:
+    """Draw a start (N, 8): target at any bearing about the mid disk, others where there is room.
+
+    A target with corners turns a side to the mid disk, and gets room for its corners.
+
+    Raises:
+        ConfigError: when the disks find no room.
+    """
+    radii = np.array(parameters.radii)
+    shapes = parameters.body_shapes
+    corners = np.array([shape.circumradius - 1.0 for shape in shapes]) * radii
+    for _ in range(PLACING_TRIES):
+        mid = np.array([generator.uniform(*X_RANGE), generator.uniform(*Y_RANGE)])
+        touching = generator.uniform() < TOUCHING
+        gap = generator.uniform(0.0, TOUCHING_GAP if touching else TARGET_GAP)
+        bearing = generator.uniform(-pi, pi)
+        target = mid + (radii[MID] + radii[TARGET] + gap) * unit(np.asarray(bearing))
+        others = mid + generator.uniform(-spread, spread, (parameters.count - 2, 2))
+        headings = generator.uniform(-pi, pi, parameters.count)
+        headings[TARGET] = headings[TARGET] if shapes[TARGET].is_round else bearing
+        scene = parameters.scene(np.vstack([mid, target, others]), headings)
+        if _least_gap(scene, corners) >= 0.0 and wholly_on(scene, table):
+            return scene
+    raise ConfigError(
+        f"no room for {parameters.count} disks in {PLACING_TRIES} tries; enlarge spread"
+    )
+
+
+def draw_bodies_start(
+    generator: np.random.Generator, parameters: WorldParameters, table: Table
+) -> Scene:
+    """Draw a start (N, 8) of bodies of any shape: each near another one, in any pose.
+
+    Raises:
+        ConfigError: when the bodies find no room.
+    """
+    radii = np.array(parameters.radii)
+    reach = radii * np.array([shape.circumradius for shape in parameters.body_shapes])
+    corners = reach - radii
+    for _ in range(PLACING_TRIES):
+        places = np.empty((parameters.count, 2))
+        places[0] = generator.uniform(*X_RANGE), generator.uniform(*Y_RANGE)
+        for body in range(1, parameters.count):
+            near = int(generator.integers(body))
+            away = reach[near] + reach[body] + generator.uniform(0.0, TARGET_GAP)
+            places[body] = places[near] + away * unit(np.asarray(generator.uniform(-pi, pi)))
+        scene = parameters.scene(places, generator.uniform(-pi, pi, parameters.count))
+        gaps = surface_gaps(scene) - corners[:, None] - corners
+        if gaps.min() >= -TINY and wholly_on(scene, table):
+            return scene
+    raise ConfigError(f"no room for {parameters.count} bodies in {PLACING_TRIES} tries; take fewer")
+
+
+def _least_gap(scene: Scene, corners: Scalars) -> float:
+    """Return the smallest gap of a scene (N, 8) whose corners reach out by so much (N,) [m]."""
+    reach = corners[:, None] + corners
+    reach[[MID, TARGET], [TARGET, MID]] = 0.0  # these face each other
+    return float((surface_gaps(scene) - reach).min())
+
+
+def wholly_on(scene: Scene, table: Table) -> bool:
+    """Tell whether no disk of a scene (N, 8) sticks out over the edge, where it could tip."""
+    radii = scene[:, RADIUS, None]
+    return bool(
+        np.all(table.contains(scene[:, POSITION] - radii))
+        and np.all(table.contains(scene[:, POSITION] + radii))
+    )

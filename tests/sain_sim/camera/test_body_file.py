@@ -1,0 +1,86 @@
+"""The YAML file of bodies: what is refused, and in which words."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from sain_core.errors import ConfigError
+from sain_core.shapes.bodies import Role
+from sain_sim.camera.body_file import BodyFile, read_bodies
+
+TWO = """
+bodies:
+  - {name: mug, shape: disk, role: pushable, radius: 0.05, mass: 0.4, frame: tag_7}
+  - {shape: t, role: movable, radius: 0.1, mass: unknown, frame: tag_9}
+"""
+
+
+def read(folder: Path, text: str) -> BodyFile:
+    path = folder / "bodies.yaml"
+    path.write_text(text)
+    return read_bodies(path)
+
+
+def test_everything_of_a_body_is_read(tmp_path: Path) -> None:
+    file = read(tmp_path, TWO)
+    assert [shape.footprint for shape in file.bodies.shapes] == ["disk", "t"]
+    assert file.bodies.roles == (Role.PUSHABLE, Role.MOVABLE)
+    assert (file.names, file.frames) == (("mug", "t"), ("tag_7", "tag_9"))
+    assert (file.radii, file.masses, file.weighed) == ((0.05, 0.1), (0.4, 8.0), False)
+    scene = file.scene(np.array([[0.4, 0.1, 0.0], [0.6, 0.0, 1.0]]))
+    assert scene.shape == (2, 8)
+    assert scene[1].tolist() == [0.6, 0.0, 1.0, 0.0, 0.0, 0.0, 8.0, 0.1]
+    assert file.called(0) == "body 0 (mug)"
+
+
+def test_shape_and_radius_suffice(tmp_path: Path) -> None:
+    file = read(tmp_path, "bodies: [{shape: disk, radius: 0.05}, {shape: disk, radius: 0.05}]")
+    assert file.bodies.has_paper_roles
+    assert file.frames == ()
+    assert not file.weighed
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("bodies: []", "it must have a list 'bodies' of 1 to 32 bodies"),
+        ("- 1", "it must have a list 'bodies'"),
+        ("bodies: [3]", "body 0 is 3; it must have keys: name, shape"),
+        ("bodies: [{shape: disk}]", "body 0 has no radius; it needs shape and radius"),
+        (
+            "bodies: [{shape: disk, radus: 0.1}]",
+            r"body 0 has the key 'radus' \(did you mean 'radius'\?\)",
+        ),
+        (
+            "bodies: [{shape: dsk, radius: 0.1}]",
+            "shape of body 0 is 'dsk' .did you mean 'disk'.*; allowed: ",
+        ),
+        ("bodies: [{shape: disk, radius: 50}]", "radius of body 0 is 50; allowed: 0.001 to 0.5 m"),
+        ("bodies: [{shape: disk, radius: .nan}]", "radius of body 0 is nan; allowed"),
+        ("bodies: [{shape: disk, radius: 0.1, mass: light}]", "mass of body 0 is 'light'; allowed"),
+        ("bodies: [{shape: disk, radius: 0.1, role: fixed}]", "no body is pushable"),
+        (
+            "bodies: [{shape: disk, radius: 0.1, role: pushable}, {shape: disk, radius: 0.1}]",
+            "body 1 has no role and others have",
+        ),
+        (
+            "bodies: [{shape: disk, radius: 0.1, frame: a}, {shape: disk, radius: 0.1}]",
+            "body 1 has no frame and others have; give all a frame on /tf, or none",
+        ),
+        (
+            "bodies: [{shape: disk, radius: 0.1, frame: a}, {shape: t, radius: 0.1, frame: a}]",
+            "two bodies have the frame 'a'",
+        ),
+        ("bodies: &a [*a]", "is not read: it has an anchor or an alias"),
+        ("bodies: !!python/object:os.system []", "is not read: it has the tag"),
+    ],
+)
+def test_what_is_wrong_is_named(tmp_path: Path, text: str, message: str) -> None:
+    with pytest.raises(ConfigError, match=rf"bodies file .*bodies\.yaml.*{message}"):
+        read(tmp_path, text)
+
+
+def test_a_missing_file_is_named(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match=r"none\.yaml: No such file or directory"):
+        read_bodies(tmp_path / "none.yaml")

@@ -1,0 +1,103 @@
+import numpy as np
+import pytest
+from shapely import LinearRing, points
+
+from sain_core.errors import ConfigError
+from sain_core.shapes.disk import THREE_FEET
+from sain_core.shapes.registry import get_shape
+from sain_sim.camera.render import CameraConfig, Renderer
+from sain_sim.camera.scenery import band, flat_faces, ring
+from sain_sim.camera.shading import Caster, brightness, table_points
+from sain_sim.camera.window import Window
+from sain_sim.world.parameters import nominal_parameters
+from sain_sim.world.workcell import WorldConfig
+from sain_sim.world.world import World
+
+CAMERA = CameraConfig(width=160, height=90, oversampling=1)
+T = "t"
+JOINTS = WorldConfig().kinematics.joints(np.array([0.35, 0.0, 0.09]))
+
+
+@pytest.fixture(scope="module")
+def renderer():
+    scene = nominal_parameters().scene(np.array([[0.45, 0.0], [0.6, 0.0]]))
+    with Renderer(scene, (THREE_FEET, "cube"), CAMERA) as renderer:
+        yield renderer
+
+
+def test_a_picture_shows_disks_where_they_are(renderer):
+    here = nominal_parameters().scene(np.array([[0.45, 0.0], [0.6, 0.0]]))
+    there = nominal_parameters().scene(np.array([[0.45, 0.0], [0.75, 0.25]]))
+    first = renderer.picture(JOINTS, here)
+    assert first.shape == (90, 160, 3) and first.dtype == np.uint8
+    assert np.array_equal(renderer.picture(JOINTS, here), first)
+    orange = [
+        (p[..., 0] > 180) & (p[..., 2] < 90) for p in (first, renderer.picture(JOINTS, there))
+    ]
+    assert orange[0].sum() > 20 and orange[1].sum() > 20
+    assert not (orange[0] & orange[1]).all(where=orange[0])
+
+
+def test_the_goal_is_drawn_only_when_there_is_one(renderer):
+    scene = nominal_parameters().scene(np.array([[0.45, 0.0], [0.6, 0.0]]))
+    bare = renderer.picture(JOINTS, scene)
+    with_goal = renderer.picture(JOINTS, scene, np.array([0.8, 0.1]))
+    changed = np.abs(with_goal.astype(int) - bare).max(axis=-1) > 20
+    assert 5 < changed.sum() < 400
+    assert np.array_equal(renderer.picture(JOINTS, scene), bare)
+
+
+def test_a_caster_darkens_the_table_beside_it_away_from_the_light():
+    points = np.array([[[0.0, 0.0], [0.0, 0.13], [0.0, -0.13], [np.nan, np.nan]]])
+    light = (0.0, -1.0, 1.0)
+    bright = brightness(points, [Caster(0.0, 0.0, 0.1, 0.0, 0.1)], light)[0, :, 0]
+    assert bright[0] < 0.7 and bright[1] < 0.9
+    assert bright[2] == bright[3] == 1.0
+
+
+def test_rays_meet_the_table_where_the_camera_looks():
+    import pybullet
+
+    view = pybullet.computeViewMatrix([1.0, -1.0, 1.0], [0.4, 0.1, 0.0], [0.0, 0.0, 1.0])
+    projection = pybullet.computeProjectionMatrixFOV(40.0, 1.0, 0.1, 10.0)
+    points = table_points(view, projection, 101, 101)
+    assert np.allclose(points[50, 50], [0.4, 0.1], atol=1e-3)
+
+
+def test_meshes_are_round_and_whole():
+    mesh = flat_faces(get_shape(THREE_FEET).triangles(0.08))
+    corners = np.array(mesh["vertices"])
+    assert np.isclose(np.hypot(corners[:, 0], corners[:, 1]).max(), 0.08)
+    assert corners[:, 2].min() == -0.02 and corners[:, 2].max() == 0.02
+    assert max(mesh["indices"]) == len(corners) - 1
+    flat = np.array(ring(0.05, 0.01, 0.001)["vertices"])
+    distance = np.hypot(flat[:, 0], flat[:, 1])
+    assert np.allclose([distance.min(), distance.max()], [0.045, 0.055], atol=1e-5)
+
+
+def test_a_band_is_as_wide_on_each_side_of_a_corner():
+    t = get_shape(T).outline(0.1)
+    corners = np.array(band(t, 0.01, 0.001)["vertices"])[:, :2]
+    to_line = LinearRing(t).distance(points(corners))
+    assert np.allclose(to_line.max(), 0.005 * np.sqrt(2)) and to_line.min() > 0.0049
+
+
+def test_a_goal_with_a_heading_is_shown_as_the_outline_of_the_body():
+    scene = nominal_parameters().scene(np.array([[0.45, 0.0], [0.6, 0.0]]))
+    goal = np.array([0.7, 0.2])
+    with Renderer(scene, (T, "cube"), CAMERA) as renderer:
+        bare = renderer.picture(JOINTS, scene)
+        ringed = renderer.picture(JOINTS, scene, goal)
+        there = scene[0].copy()
+        there[:2] = goal
+        renderer.mark_goal(get_shape(T).placed(there))
+        marked = renderer.picture(JOINTS, scene, goal)
+        assert renderer.pixels.goal > 5
+    changed = [np.abs(p.astype(int) - bare).max(axis=-1) > 20 for p in (ringed, marked)]
+    assert changed[0].any() and changed[1].any() and (changed[0] != changed[1]).any()
+
+
+def test_a_window_without_a_screen_is_refused_in_words(monkeypatch):
+    monkeypatch.delenv("DISPLAY", raising=False)
+    with pytest.raises(ConfigError, match="DISPLAY is not set"):
+        World(nominal_parameters(), viewer=Window())

@@ -1,0 +1,266 @@
+"""From poses to scenes: ids, rest, jumps, and poses that are old."""
+
+import re
+from math import pi
+
+import numpy as np
+import pytest
+
+from sain_core.errors import ErrorCode, InvalidInputError
+from sain_core.scene import VELOCITY, VX, is_settled
+from sain_core.shapes.bodies import Bodies
+from sain_sim.camera.body_file import BodyFile
+from sain_sim.camera.scene_tracker import SceneTracker
+from sain_sim.camera.settings import TrackingConfig
+
+PERIOD = 1 / 30
+START = np.array([[0.40, 0.0, 0.0], [0.60, 0.05, 0.0]])
+
+
+def body_file(*shapes: str) -> BodyFile:
+    count = len(shapes)
+    names = ("mug", "target")[:count]
+    return BodyFile(Bodies.named(shapes), names, (0.06,) * count, (1.0,) * count, (), True)
+
+
+class Laboratory:
+    """A tracker, and a camera whose frames arrive at once."""
+
+    def __init__(self, *shapes: str, noise: str = "0,0", **config: float) -> None:
+        self.tracker = SceneTracker(
+            body_file(*(shapes or ("disk", "disk"))), TrackingConfig(noise=noise, **config)
+        )
+        self.time, self.poses = 100.0, START.copy()
+        self.noise = self.tracker._config.noise_std
+        self.random = np.random.default_rng(0)
+
+    def look(self, frames: int = 1) -> None:
+        for _ in range(frames):
+            self.time += PERIOD
+            seen = self.poses.copy()
+            seen[:, :2] += self.noise[0] * self.random.standard_normal((len(seen), 2))
+            seen[:, 2] += self.noise[1] * self.random.standard_normal(len(seen))
+            self.tracker.see(seen, self.time, self.time)
+
+    def move(self, body: int, way: tuple[float, float], frames: int) -> None:
+        for _ in range(frames):
+            self.poses[body, :2] += np.array(way) / frames
+            self.look()
+
+    @property
+    def ids(self) -> tuple[int, int]:
+        return self.tracker.episode_id, self.tracker.scene_id
+
+
+def test_bodies_are_a_scene_once_they_rest() -> None:
+    lab = Laboratory()
+    lab.look()
+    assert not lab.tracker.settled and not lab.tracker.ready
+    lab.look(9)
+    assert lab.tracker.settled
+    assert lab.ids == (1, 1)
+    scene = lab.tracker.scene()
+    np.testing.assert_array_equal(scene[:, :3], START)
+    assert not scene[:, VELOCITY].any()
+
+
+def test_ids_go_on_after_those_of_another_process() -> None:
+    lab = Laboratory()
+    lab.tracker = SceneTracker(body_file("disk", "disk"), TrackingConfig(), (3, 9))
+    lab.look(10)
+    assert lab.ids == (4, 10)
+
+
+def test_bodies_that_move_have_velocities_and_are_not_settled() -> None:
+    lab = Laboratory()
+    lab.look(10)
+    lab.move(0, (0.03, 0.0), 9)
+    assert not lab.tracker.settled
+    assert lab.tracker.scene()[0, VX] == pytest.approx(0.1, rel=1e-6)
+
+
+def test_where_rest_is_not_known_the_scene_is_not_at_rest() -> None:
+    lab = Laboratory()
+    lab.look(10)
+    lab.poses[0, 0] += 0.2
+    lab.look()
+    assert not is_settled(lab.tracker.scene())
+
+
+def test_each_executed_push_counts_and_no_refused_one() -> None:
+    lab = Laboratory()
+    lab.look(10)
+    lab.tracker.sent(5, 1, 1, lab.time)
+    lab.look()
+    assert not lab.tracker.settled and lab.tracker.busy_with == 5
+    lab.tracker.answered(5, ErrorCode.BLOCKED, lab.time)
+    lab.look()
+    assert lab.tracker.settled and lab.ids == (1, 1)
+    for push_id in (6, 7):
+        lab.tracker.sent(push_id, *lab.ids, lab.time)
+        lab.move(0, (0.05, 0.0), 10)
+        end = lab.time
+        lab.look(12)
+        lab.tracker.answered(push_id, ErrorCode.OK, end)
+        lab.tracker.answered(push_id, ErrorCode.OK, end)  # it came twice
+        assert lab.ids == (1, push_id - 4)
+        lab.look()
+        assert lab.tracker.settled
+    lab.look(30)
+    assert lab.ids == (1, 3)
+
+
+def test_frames_from_before_the_end_of_a_push_show_no_scene_after_it() -> None:
+    """A camera may be late: what rests in its frames has not been pushed yet."""
+    lab = Laboratory()
+    lab.look(10)
+    lab.tracker.sent(5, 1, 1, lab.time)
+    lab.tracker.answered(5, ErrorCode.OK, lab.time + 0.2)
+    lab.look(6)
+    assert not lab.tracker.settled
+    lab.look(10)
+    assert lab.tracker.settled and lab.ids == (1, 2)
+
+
+def test_an_answer_may_come_before_its_push() -> None:
+    lab = Laboratory()
+    lab.look(10)
+    lab.tracker.answered(5, ErrorCode.BLOCKED, lab.time)
+    lab.tracker.sent(5, 1, 1, lab.time)
+    lab.look()
+    assert lab.tracker.settled
+
+
+def test_a_duplicate_answers_no_push_that_is_under_way() -> None:
+    lab = Laboratory()
+    lab.look(10)
+    lab.tracker.sent(5, 1, 1, lab.time)
+    lab.tracker.answered(5, ErrorCode.DUPLICATE_PUSH, lab.time)
+    assert lab.tracker.busy_with == 5
+
+
+def test_a_push_without_a_result_is_lost_after_a_while() -> None:
+    lab = Laboratory(push_timeout=2.0)
+    lab.look(10)
+    lab.tracker.sent(5, 1, 1, lab.time)
+    lab.look(70)
+    assert lab.tracker.lost == "push 5 has no result after 2 s"
+    assert lab.tracker.settled
+
+
+def test_a_body_that_somebody_moved_makes_another_scene() -> None:
+    lab = Laboratory()
+    lab.look(10)
+    lab.move(1, (0.0, 0.05), 10)
+    lab.look(10)
+    assert lab.tracker.settled and lab.ids == (1, 2)
+
+
+def test_a_jump_ends_the_episode() -> None:
+    lab = Laboratory()
+    lab.look(10)
+    lab.poses[1, 0] += 0.2
+    lab.look()
+    assert lab.tracker.problem == (
+        "body 1 (target) jumped by 0.200 m in 0.033 s; at most 1 m/s is taken for motion:"
+        " nothing is pushed until all rest"
+    )
+    assert not lab.tracker.settled and lab.ids == (1, 1)
+    lab.look(10)
+    assert lab.tracker.settled and lab.ids == (2, 2) and not lab.tracker.problem
+
+
+def test_one_false_frame_changes_no_id() -> None:
+    lab = Laboratory()
+    lab.look(10)
+    lab.poses[1, 0] += 0.2
+    lab.look()
+    lab.poses[1, 0] -= 0.2
+    lab.look()
+    assert not lab.tracker.settled
+    lab.look(10)
+    assert lab.tracker.settled and lab.ids == (1, 1)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_noise_is_no_motion(seed: int) -> None:
+    lab = Laboratory("t", "t", noise="0.002,0.02")
+    lab.random = np.random.default_rng(seed)
+    lab.look(300)
+    assert lab.tracker.settled and lab.ids == (1, 1)
+
+
+def test_noise_that_nobody_stated_is_named_as_the_reason() -> None:
+    lab = Laboratory()
+    lab.noise = (0.002, 0.01)
+    lab.look(100)
+    assert not lab.tracker.settled and not lab.tracker.problem
+    lab.look(80)
+    assert re.match(
+        r"the bodies have not come to rest for \d s: places scatter by \d\.\d mm, headings by"
+        r" 0\.0\d+ rad, and noise is 0,0; give the noise of the poses",
+        lab.tracker.problem,
+    )
+
+
+def test_a_symmetric_body_that_is_seen_turned_has_not_moved() -> None:
+    lab = Laboratory("square", "disk")
+    lab.look(10)
+    lab.poses[0, 2] += pi / 2
+    lab.poses[1, 2] += 2.0
+    lab.look()
+    assert lab.tracker.settled and lab.ids == (1, 1)
+    np.testing.assert_allclose(lab.tracker.scene()[:, 2], 0.0, atol=1e-9)
+
+
+def test_a_turn_that_is_none_of_its_symmetry_is_a_jump() -> None:
+    lab = Laboratory("t", "disk")
+    lab.look(10)
+    lab.poses[0, 2] += pi / 2
+    lab.look()
+    assert "body 0 (mug) jumped by 1.57 rad in 0.033 s; at most 15 rad/s" in lab.tracker.problem
+
+
+def test_old_poses_are_not_used() -> None:
+    lab = Laboratory()
+    assert lab.tracker.problem == "no poses have come"
+    assert not lab.tracker.see(START, 90.0, 102.3)
+    assert lab.tracker.problem == "the poses are 12.3 s old; at most 0.5 s is allowed"
+    assert not lab.tracker.see(START, 105.0, 102.0)
+    assert lab.tracker.problem.startswith("the poses are stamped 3.0 s in the future; is the")
+    lab.look(10)
+    assert lab.tracker.settled and not lab.tracker.problem
+
+
+def test_poses_that_stop_coming_are_told() -> None:
+    lab = Laboratory()
+    lab.look(10)
+    lab.tracker.look(lab.time + 0.3)
+    assert lab.tracker.settled
+    lab.tracker.look(lab.time + 0.9)
+    assert lab.tracker.problem == "the poses are 0.9 s old; at most 0.5 s is allowed"
+    assert not lab.tracker.settled
+    lab.time += 5.0
+    lab.look(5)
+    assert not lab.tracker.settled  # nobody knows whether they rest
+    lab.look(6)
+    assert lab.tracker.settled and lab.ids == (1, 1)
+
+
+def test_poses_out_of_order_are_ignored() -> None:
+    lab = Laboratory()
+    lab.look(10)
+    assert not lab.tracker.see(START + 0.1, lab.time - 0.05, lab.time)
+    assert lab.tracker.settled
+
+
+@pytest.mark.parametrize(
+    ("poses", "message"),
+    [
+        (START[:1], "1 poses came; the bodies file has 2 bodies"),
+        (START * np.nan, "a pose is NaN or Inf; all must be finite"),
+    ],
+)
+def test_what_cannot_be_is_refused(poses: np.ndarray, message: str) -> None:
+    with pytest.raises(InvalidInputError, match=message):
+        Laboratory().tracker.see(poses, 100.0, 100.0)

@@ -1,0 +1,68 @@
+import numpy as np
+import pytest
+
+from sain_core.errors import InvalidInputError, OutOfRangeError
+from sain_core.scene import MASS, RADIUS, VELOCITY, make_scene, surface_gaps
+from sain_core.shapes.disk import FLAT, THREE_FEET
+from sain_sim.world.parameters import nominal_parameters
+from sain_sim.world.start import draw_episode
+
+GIVEN = make_scene(
+    np.array([(0.4, 0.1), (0.6, 0.1), (0.5, -0.2)]), np.array([7.5, 8.5, 7.0]), np.full(3, 0.06)
+)
+
+
+def test_the_seed_decides_what_is_not_given() -> None:
+    first, start = draw_episode(4, "randomised")
+    again, same = draw_episode(4, "randomised")
+    other, _ = draw_episode(5, "randomised")
+    assert first == again != other
+    np.testing.assert_array_equal(start, same)
+
+
+def test_the_default_start_is_the_paper_s() -> None:
+    parameters, start = draw_episode(4, "nominal")
+    assert parameters == nominal_parameters()
+    assert start[0, :2].tolist() == [0.35, 0.0]
+    assert surface_gaps(start)[0, 1] == pytest.approx(0.001)
+
+
+@pytest.mark.parametrize("world", ["randomised", "nominal"])
+def test_disks_that_are_given_keep_their_bodies_and_lose_their_velocities(world: str) -> None:
+    moving = GIVEN.copy()
+    moving[:, VELOCITY] = 0.3
+    parameters, start = draw_episode(0, world, moving)
+    np.testing.assert_array_equal(start, GIVEN)
+    assert parameters.masses == tuple(GIVEN[:, MASS])
+    assert parameters.radii == tuple(GIVEN[:, RADIUS])
+
+
+def test_friction_is_drawn_unless_it_is_given() -> None:
+    assert draw_episode(0, "randomised", GIVEN, friction=0.17)[0].friction == 0.17
+    assert 0.08 <= draw_episode(0, "randomised", GIVEN)[0].friction <= 0.20
+    assert draw_episode(0, "nominal", GIVEN)[0].friction == nominal_parameters().friction
+
+
+def test_shapes_become_the_way_disks_are_built() -> None:
+    shapes = draw_episode(0, "nominal", GIVEN, ("disk", "cube", "disk"), disk_shape=FLAT)[0].shapes
+    assert shapes == (FLAT, "cube", FLAT)
+    assert draw_episode(0, "nominal", GIVEN)[0].shapes == (THREE_FEET,) * 3
+
+
+@pytest.mark.parametrize(
+    ("arguments", "error", "text"),
+    [
+        (
+            {"world": "mars"},
+            InvalidInputError,
+            "world is 'mars'; allowed: randomised, rough",
+        ),
+        ({"friction": -0.1}, OutOfRangeError, "friction is -0.1; it must be positive"),
+        ({"friction": float("nan")}, OutOfRangeError, "friction is nan"),
+        ({"shapes": ("disk",)}, InvalidInputError, "1 shapes are given for 3 disks"),
+        ({"shapes": ("disk", "cone", "disk")}, InvalidInputError, "shape of body 1 is 'cone'"),
+    ],
+)
+def test_what_does_not_exist_is_refused(arguments, error, text) -> None:
+    with pytest.raises(error, match=text):
+        draw_episode(**({"seed": 0, "world": "nominal", "scene": GIVEN} | arguments))

@@ -1,0 +1,89 @@
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from sain_core.errors import ConfigError, DatasetError
+from sain_core.seeding import generator
+from sain_sim.collecting.collect import CollectConfig, collect
+from sain_sim.collecting.episode import EpisodeConfig
+from sain_sim.collecting.shards import load_shards
+from sain_sim.commands import collect as main
+from sain_sim.world.parameters import FRICTION_RANGE, sample_parameters
+from sain_sim.world.roughness import EFFECTS, RIM_FRICTION, Roughness
+from sain_sim.world.start import draw_episode
+from sain_sim.world.truth import TruthConfig
+
+ROUGH = TruthConfig("rough", lab=2)
+
+
+def drawn(truth: TruthConfig, episode: int, count: int = 2):
+    return truth.draw(generator(7, "episode", episode), count)
+
+
+def test_the_randomised_world_is_the_papers():
+    assert drawn(TruthConfig(), 3) == sample_parameters(generator(7, "episode", 3))
+
+
+def test_a_lab_stays_and_its_disks_differ():
+    episodes = [drawn(ROUGH, episode) for episode in range(20)]
+    assert len({(p.friction, p.rim_friction, p.roughness) for p in episodes}) == 1
+    assert len({(p.masses, p.radii) for p in episodes}) == 20
+    assert FRICTION_RANGE[0] <= episodes[0].friction <= FRICTION_RANGE[1]
+    assert RIM_FRICTION[0] <= episodes[0].rim_friction <= RIM_FRICTION[1]
+    assert drawn(replace(ROUGH, lab=3), 0).roughness != episodes[0].roughness
+
+
+def test_effects_are_switched_one_by_one():
+    smooth = drawn(replace(ROUGH, effects="none"), 0)
+    assert smooth.roughness == Roughness() and smooth.rim_friction == 0.12
+    for effect in EFFECTS:
+        alone = drawn(replace(ROUGH, effects=effect), 0)
+        assert alone.friction == smooth.friction
+        assert len(alone.roughness.arrays()) == (effect != "rims")
+        assert (alone.rim_friction != 0.12) == (effect == "rims")
+    varied = [drawn(replace(ROUGH, effects="all, friction"), i) for i in range(2)]
+    assert varied[0].friction != varied[1].friction
+    assert varied[0].roughness == varied[1].roughness == drawn(ROUGH, 0).roughness
+
+
+@pytest.mark.parametrize("effects", ["wind", "tilt,none", ""])
+def test_effects_that_do_not_exist_are_named(effects):
+    with pytest.raises(ConfigError, match="effect"):
+        TruthConfig("rough", effects).draw(generator(0, "x"))
+
+
+def test_the_simulator_draws_episodes_of_a_lab():
+    first, second = (draw_episode(seed, "rough", lab=2, effects="tilt")[0] for seed in (0, 1))
+    assert first.roughness == second.roughness == drawn(replace(ROUGH, effects="tilt"), 0).roughness
+    assert first.masses != second.masses
+
+
+def test_a_rough_collection_says_what_is_rough_and_repeats(tmp_path):
+    config = EpisodeConfig(pushes=3, floor_episodes=1, truth=ROUGH)
+    runs = [CollectConfig(tmp_path / name, episodes=2, seed=1, episode=config) for name in "ab"]
+    done = collect(runs[0])
+    assert done == collect(replace(runs[1], workers=2)) and done.transitions > 2
+    data, again = (load_shards(run.out) for run in runs)
+    assert all(np.array_equal(data[k], again[k], equal_nan=True) for k in data)
+    rough = drawn(ROUGH, 0).roughness
+    assert np.array_equal(data["rough_mass_offsets"][0], rough.mass_offsets)
+    assert np.array_equal(data["rough_tilt"][-1], rough.tilt)
+    # the floor knows all of it, the nominal shadow none
+    repeated = np.isfinite(data["floor_next"]).all(axis=1)
+    floor = np.abs(data["floor_next"] - data["next_state"])[repeated].max()
+    shadow = np.abs(data["physics_next"] - data["next_state"])[repeated].max()
+    assert floor < shadow / 3
+    with pytest.raises(DatasetError, match="was collected with truth"):
+        collect(replace(runs[0], episode=replace(config, truth=TruthConfig())))
+
+
+def test_the_command_collects_single_effects(tmp_path, capsys):
+    arguments = ["--out", str(tmp_path), "--episodes", "1", "--pushes", "1", "--world", "rough"]
+    assert main([*arguments, "--effects", "tilt,rims", "--lab", "4"]) == 0
+    identity = json.loads((tmp_path / "collection.json").read_text())
+    assert identity["truth"] == {"world": "rough", "effects": "tilt,rims", "lab": 4}
+    stored = {name for name in load_shards(tmp_path) if name.startswith("rough_")}
+    assert stored == {"rough_tilt"}
+    capsys.readouterr()
