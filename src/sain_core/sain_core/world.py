@@ -8,7 +8,7 @@ import numpy as np
 from sain_core.errors import SainError
 from sain_core.scene import MASS, POSITION, SETTLED_SPEED, SETTLED_SPIN, is_settled
 from sain_core.shapes.bodies import Bodies
-from sain_core.types import PushArray, Scene
+from sain_core.types import Mask, PushArray, Scalars, Scene
 
 MOST_WAY = 2.0  # [m], of a body in a push: several times as far as an arm reaches
 
@@ -38,12 +38,64 @@ class Setting:
     friction: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Outcome:
-    """An executed push: the scenes (N, 8) before and after it, at rest."""
+    """An executed push: the scenes (N, 8) before and after it, at rest.
+
+    Attributes:
+        before: it.
+        after: it.
+        duration: simulated time [s].
+        settled: False when bodies still moved after the longest wait.
+        fallen: (N,) which bodies are no longer on the table; None: the world does not tell.
+    """
 
     before: Scene
     after: Scene
+    duration: float = 0.0
+    settled: bool = True
+    fallen: Mask | None = None
+
+    @property
+    def off_table(self) -> bool:
+        """Whether any body fell off the table."""
+        return self.fallen is not None and bool(self.fallen.any())
+
+
+@dataclass(frozen=True, eq=False)
+class PushRecord:
+    """A push that was executed, however it was run: closed loop, graph, bag.
+
+    Attributes:
+        push: as executed.
+        before: (N, 8), settled.
+        after: (N, 8), settled.
+        predicted: (N, 8), what the planner's model expected.
+        physics: (N, 8), what the nominal world expected, f_p.
+        planning_time: [s].
+        noise: (N,) [m], of estimated scenes: see `sain_core.history.PushHistory`.
+    """
+
+    push: PushArray
+    before: Scene
+    after: Scene
+    predicted: Scene | None = None
+    physics: Scene | None = None
+    planning_time: float = 0.0
+    noise: Scalars | None = None
+
+    def error(self, body: int) -> float | None:
+        """Return how far [m] the prediction put a body from where it came to rest."""
+        return self._apart(self.predicted, body)
+
+    def physics_error(self, body: int) -> float | None:
+        """Return how far [m] physics alone put a body from where it came to rest."""
+        return self._apart(self.physics, body)
+
+    def _apart(self, expected: Scene | None, body: int) -> float | None:
+        if expected is None:
+            return None
+        return float(np.hypot(*(expected[body, POSITION] - self.after[body, POSITION])))
 
 
 @runtime_checkable

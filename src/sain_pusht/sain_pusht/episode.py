@@ -5,7 +5,7 @@ from typing import Final
 
 import numpy as np
 
-from sain_core.push_record import PushRecord
+from sain_core.world import PushRecord
 from sain_mppi.agent.agent import Agent
 from sain_mppi.agent.decision import Task
 from sain_mppi.agent.play import PlayOutcome, play

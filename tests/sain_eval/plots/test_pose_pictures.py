@@ -13,9 +13,9 @@ from sain_core.drawing.palette import PALETTE
 from sain_core.feasibility import Feasibility
 from sain_core.goal import BodyPose, Goal
 from sain_core.push import strokes
-from sain_core.push_record import PushRecord
 from sain_core.scene import POSITION, THETA, make_scene
 from sain_core.shapes.registry import footprint_names, get_shape
+from sain_core.world import PushRecord
 from sain_eval.cli.shapes import main
 from sain_eval.plots.body_marks import BODY_COLOURS, DASHED
 from sain_eval.plots.episode_record import EpisodeRecord
@@ -44,7 +44,9 @@ def record():
     expected[0][0, POSITION] += (0.003, 0.004)
     expected[0][0, THETA] += 0.2
     pushes = tuple(
-        PushRecord(np.array([location, 0.1, 0.1, body]), before, predicted, None, after, 0.2)
+        PushRecord(
+            np.array([location, 0.1, 0.1, body]), before, after, predicted, planning_time=0.2
+        )
         for body, location, before, predicted, after in zip(
             (0.0, 1.0), (1.0, -2.0), scenes, expected, scenes[1:], strict=False
         )

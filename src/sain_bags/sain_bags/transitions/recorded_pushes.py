@@ -7,9 +7,9 @@ import numpy as np
 
 from sain_core.errors import ErrorCode
 from sain_core.push import PUSH_NAMES
-from sain_core.push_record import PushRecord
 from sain_core.types import PushArray, Pushes, Scene, Scenes
 from sain_core.wire import decode_disks, decode_plan, decode_push, pushed_body, with_body
+from sain_core.world import PushRecord
 
 
 @dataclass(frozen=True)
@@ -65,7 +65,7 @@ class RecordedPush:
         if not self.executed or self.before is None or self.after is None:
             return None
         time = self.plan.planning_time if self.plan else 0.0
-        return PushRecord(self.push, self.before, self.predicted, self.physics, self.after, time)
+        return PushRecord(self.push, self.before, self.after, self.predicted, self.physics, time)
 
 
 def push_as_sent(message: Any) -> PushArray:

@@ -14,11 +14,11 @@ import numpy as np
 from sain_core.bootstrap import Interval, bootstrap_mean
 from sain_core.dataset import MOVED
 from sain_core.provenance import git_commit, processor, system, versions
-from sain_core.push_record import PushRecord
 from sain_core.scene import MID, POSITION, THETA, wrap_angle
 from sain_core.seeding import generator
 from sain_core.storage import write_whole
 from sain_core.types import Scene
+from sain_core.world import PushRecord
 from sain_eval.loop.closed_loop import EpisodeOutcome
 from sain_eval.loop.statistics import wilson_interval
 from sain_eval.plots.episode_record import EpisodeRecord

@@ -4,9 +4,9 @@ from dataclasses import dataclass
 from functools import cached_property
 
 from sain_core.goal import Goal, Judgement
-from sain_core.push_record import PushRecord
 from sain_core.shapes.bodies import Bodies
 from sain_core.types import Scene
+from sain_core.world import PushRecord
 from sain_eval.tolerance import Tolerance
 
 

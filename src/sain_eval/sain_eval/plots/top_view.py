@@ -12,9 +12,9 @@ from sain_core.drawing.figures import style_axes
 from sain_core.drawing.palette import PALETTE
 from sain_core.feasibility import Feasibility
 from sain_core.push import LENGTH, strokes
-from sain_core.push_record import PushRecord
 from sain_core.scene import POSITION, RADIUS, THETA, unit, wrap_angle
 from sain_core.types import Points, Scene
+from sain_core.world import PushRecord
 from sain_eval.plots.body_marks import (
     body_colour,
     body_names,

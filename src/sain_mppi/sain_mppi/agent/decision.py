@@ -14,7 +14,7 @@ from sain_core.history import PushHistory
 from sain_core.scene import MASS, POSITION, RADIUS, Table
 from sain_core.shapes.bodies import PAPER_DISKS, Bodies
 from sain_core.types import PushArray, Scene
-from sain_mppi.agent.progress_monitor import LastPush
+from sain_mppi.agent.progress_monitor import Surprise
 from sain_mppi.agent.uncertainty import Uncertainty
 from sain_mppi.algorithms.config import PlannerConfig
 from sain_mppi.algorithms.result import PlanResult
@@ -177,7 +177,7 @@ class PushDecision:
     plan: PlanResult | None = None
     failure: SainError | None = None
     concern: str = ""
-    last: LastPush | None = None
+    last: Surprise | None = None
     push_id: int = 0
     settings: PlannerConfig | None = None
 

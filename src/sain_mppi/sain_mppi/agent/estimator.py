@@ -7,7 +7,7 @@ no motion.
 
 import logging
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -19,7 +19,7 @@ from sain_core.observation import RADII
 from sain_core.push import PushLimits
 from sain_core.scene import MASS, POSITION, RADIUS
 from sain_core.shapes.bodies import PAPER_DISKS, Bodies
-from sain_core.types import PushArray, Scalars, Scene
+from sain_core.world import PushRecord
 from sain_mppi.agent.decision import PushDecision, View
 from sain_mppi.agent.estimate import Estimate, EstimatorConfig, fuse, in_motion, part_disks
 from sain_mppi.agent.radii import RadiusFilter
@@ -33,16 +33,6 @@ MODEL_SHARE: Final = 0.04  # and the share of the way
 CARRIED: Final = 2.0  # by how much an error of the start grows in a push
 MANY_MOVING: Final = 300  # frames, 10 s at 30 Hz
 LEVER: Final = 0.7  # [radii], from errors of places to errors of headings
-
-
-@dataclass(frozen=True, eq=False)
-class ObservedPush:
-    """A push between two estimated scenes (N, 8); noise (N,) [m]: see `PushHistory`."""
-
-    before: Scene
-    push: PushArray
-    after: Scene
-    noise: Scalars
 
 
 class Estimator:
@@ -78,7 +68,7 @@ class Estimator:
         self._since = self._clock()
         self._made: PushDecision | None = None  # that led to this scene
         self._waiting = False  # for the result of the push that led here
-        self.pushed: ObservedPush | None = None  # that led to the view, if its start is known
+        self.pushed: PushRecord | None = None  # that led to the view, if its start is known
 
     def see(self, frame: View) -> None:
         """Take a frame."""
@@ -239,7 +229,7 @@ class Estimator:
             noise = np.hypot(found.places, CARRIED * start.places.max())
             after = found.scene.copy()
             after[:, MASS:] = start.scene[:, MASS:]  # what the push was planned with
-            self.pushed = ObservedPush(start.scene, made.push, after, noise)
+            self.pushed = PushRecord(made.push, start.scene, after, noise=noise)
 
     def _view(self, frame: View, found: Estimate) -> View:
         place, turn = self.config.bias_std

@@ -7,11 +7,10 @@ from typing import Any, Final
 import numpy as np
 
 from sain_core.errors import SainError
-from sain_core.push_record import PushRecord
 from sain_core.scene import POSITION, is_settled
 from sain_core.shapes.bodies import Bodies
 from sain_core.types import PushArray, Scene
-from sain_core.world import AnyWorld, DivergedError, WorldFailedError
+from sain_core.world import AnyWorld, DivergedError, PushRecord, WorldFailedError
 from sain_mppi.agent.agent import Agent, act
 from sain_mppi.agent.decision import PushDecision, Stop, Task
 from sain_mppi.agent.events import EpisodeBegun, GoalGiven, PushEnded, PushExecuted, SceneSeen
@@ -147,7 +146,7 @@ class _Play:
                 return None
             return act(self._agent, PushEnded(push_id, error.code))
         time = 0.0 if decision.plan is None else decision.plan.times.total
-        self.pushes.append(PushRecord(push, before, decision.predicted, None, after, time))
+        self.pushes.append(PushRecord(push, before, after, decision.predicted, planning_time=time))
         self.fallbacks += decision.failure is not None
         self.scene = after
         executed = PushExecuted(push_id, EPISODE, before, push, after, self._sight.time)

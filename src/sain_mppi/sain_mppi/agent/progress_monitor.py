@@ -13,8 +13,8 @@ NEARER: Final = 0.99  # of the best so far: a resting cost below this share is p
 
 
 @dataclass(frozen=True)
-class LastPush:
-    """What became of the last push that was planned, for all N disks."""
+class Surprise:
+    """How far the last push led from where it should, for all N disks."""
 
     errors: Scalars  # (N,) [m], from the predicted place to the observed one
     expected: Scalars  # (N,) [m], errors up to these are no surprise
@@ -44,7 +44,7 @@ class ProgressMonitor:
         self._regions: Scalars | None = None
         self._best = np.inf
         self.without = 0  # pushes in a row without progress
-        self.last: LastPush | None = None
+        self.last: Surprise | None = None
 
     def expect(self, scene: Scene, predicted: Scene, regions: Scalars | None = None) -> None:
         """Take note of the scene (N, 8) to which a push from another scene (N, 8) should lead.
@@ -71,7 +71,7 @@ class ProgressMonitor:
 
     def _compare(
         self, before: Scene, expected: Scene, scene: Scene, noise: Scalars | None
-    ) -> LastPush:
+    ) -> Surprise:
         errors = np.linalg.norm((scene - expected)[:, POSITION], axis=1)
         way = np.linalg.norm((expected - before)[:, POSITION], axis=1)
         band = np.maximum(self._config.surprise, self._config.surprise_share * way)
@@ -79,7 +79,7 @@ class ProgressMonitor:
             band = np.maximum(band, self._regions)
         if noise is not None:
             band = np.hypot(band, noise)
-        return LastPush(errors, band)
+        return Surprise(errors, band)
 
     @property
     def concern(self) -> str:

@@ -21,11 +21,10 @@ from sain_core.shapes.bodies import MOST_BODIES, Bodies, Role
 from sain_core.shapes.disk import DISK, DISK_SHAPES, THREE_FEET
 from sain_core.shapes.registry import built_shapes, check_footprint, footprint_names
 from sain_core.types import PushArray
-from sain_core.world import DivergedError
+from sain_core.world import DivergedError, Outcome
 from sain_sim.collecting.push_counts import PushCounts
 from sain_sim.collecting.samplers import CircleSampler, GridSampler, OutlineSampler
 from sain_sim.world.nominal_shadow import NominalShadow
-from sain_sim.world.outcome import StrokeOutcome
 from sain_sim.world.own import open_world
 from sain_sim.world.parameters import PAPER, RANGES, WIDE, WorldParameters
 from sain_sim.world.shadow import NOMINAL, TRUE, BulletPrior
@@ -151,7 +150,7 @@ class EpisodeRunner:
 
     def _pushes(
         self, random: np.random.Generator, counts: PushCounts
-    ) -> Iterator[tuple[PushArray, StrokeOutcome]]:
+    ) -> Iterator[tuple[PushArray, Outcome]]:
         """Carry out pushes until there are enough, none is possible, or a disk leaves the table."""
         table = self._world_config.feasibility.table
         for _ in range(self._config.pushes):
@@ -166,7 +165,7 @@ class EpisodeRunner:
 
     def _push(
         self, random: np.random.Generator, counts: PushCounts
-    ) -> tuple[PushArray, StrokeOutcome] | None:
+    ) -> tuple[PushArray, Outcome] | None:
         """Draw pushes until one can be carried out; None when none could, or the engine failed."""
         scene = self._world.observe()
         for _ in range(self._config.tries):
@@ -186,7 +185,7 @@ class EpisodeRunner:
         episode: int,
         step: int,
         push: PushArray,
-        outcome: StrokeOutcome,
+        outcome: Outcome,
         moved: bool,
         floor: BulletPrior | None,
     ) -> Row:
@@ -225,7 +224,7 @@ def about_bodies(bodies: Bodies, push: PushArray) -> dict[str, Any]:
     return {Column.BODY: int(pushed_bodies(push)), **describe_bodies(bodies)}
 
 
-def _count(outcome: StrokeOutcome, counts: PushCounts, any_body: bool) -> bool:
+def _count(outcome: Outcome, counts: PushCounts, any_body: bool) -> bool:
     """Count a push that was carried out; tell whether it moved the target, or any, by 2 mm."""
     way = outcome.after[:, POSITION] - outcome.before[:, POSITION]
     ways = np.linalg.norm(way, axis=1)

@@ -12,12 +12,13 @@ from sain_core.errors import SainError
 from sain_core.scene import RADIUS
 from sain_core.shapes.disk import DISK_SHAPES, THREE_FEET
 from sain_core.types import PushArray, Scene
+from sain_core.world import Outcome
 from sain_sim.camera.camera import Camera, WorldCameraConfig
 from sain_sim.camera.window import Window
 from sain_sim.ros.pacing import Pacer
 from sain_sim.world.engines import BULLET
 from sain_sim.world.nominal_shadow import NominalShadow
-from sain_sim.world.outcome import Sample, StrokeOutcome
+from sain_sim.world.outcome import Sample
 from sain_sim.world.own import open_world
 from sain_sim.world.parameters import WorldParameters, nominal_parameters
 from sain_sim.world.start import WORLDS, draw_episode
@@ -80,7 +81,7 @@ class Pushed:
         predicted: (N, 8) by the shadow world, or why it could not; None without a shadow world.
     """
 
-    outcome: StrokeOutcome
+    outcome: Outcome
     sample: Sample
     wall_time: float
     predicted: Scene | SainError | None

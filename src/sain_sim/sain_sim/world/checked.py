@@ -13,8 +13,9 @@ from sain_core.push import LENGTH, strokes
 from sain_core.scene import MASS, RADIUS, check_on_table, check_states, unit
 from sain_core.shapes.bodies import Bodies, check_bodies
 from sain_core.types import PushArray, Scene
+from sain_core.world import Outcome
 from sain_sim.arm.client import Closeable
-from sain_sim.world.outcome import Observer, Sample, StrokeOutcome
+from sain_sim.world.outcome import Observer, Sample
 from sain_sim.world.parameters import WorldParameters
 from sain_sim.world.stroke import Stroke
 from sain_sim.world.workcell import WorldConfig
@@ -80,7 +81,7 @@ class CheckedWorld(Closeable):
         on_step: Observer | None = None,
         every: int = 1,
         seen: Scene | None = None,
-    ) -> StrokeOutcome:
+    ) -> Outcome:
         """Execute one push (3,) and wait until the scene is settled.
 
         Args:

@@ -1,14 +1,12 @@
-"""A push in the world: the tool's way, the samples during it, and the outcome."""
+"""Samples of the world during a push."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
 
-import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
-from sain_core.types import Mask, Scene
-from sain_core.world import Outcome
+from sain_core.types import Scene
 
 
 @dataclass(frozen=True)
@@ -35,23 +33,3 @@ class Sample:
 
 
 Observer = Callable[[Sample], None]
-
-
-@dataclass(frozen=True)
-class StrokeOutcome(Outcome):
-    """An executed push, with what only simulated worlds know of it.
-
-    Attributes:
-        duration: simulated time [s].
-        settled: False when the disks still moved after the longest wait.
-        fallen: (N,) which disks are no longer on the table.
-    """
-
-    duration: float
-    settled: bool
-    fallen: Mask
-
-    @property
-    def off_table(self) -> bool:
-        """Whether any disk fell off the table."""
-        return bool(np.any(self.fallen))

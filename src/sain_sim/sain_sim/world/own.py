@@ -10,7 +10,7 @@ from sain_core.errors import ConfigError, SainError
 from sain_core.extensions.offers import package_of
 from sain_core.shapes.bodies import check_bodies
 from sain_core.types import PushArray, Scene
-from sain_core.world import Setting, WorldFailedError, check_outcome
+from sain_core.world import Outcome, Setting, WorldFailedError, check_outcome
 from sain_sim.world.checked import CheckedWorld
 from sain_sim.world.engines import (
     BULLET,
@@ -20,7 +20,7 @@ from sain_sim.world.engines import (
     check_engine,
     load_world,
 )
-from sain_sim.world.outcome import Observer, Sample, StrokeOutcome
+from sain_sim.world.outcome import Observer, Sample
 from sain_sim.world.parameters import WorldParameters, in_a_row
 from sain_sim.world.stroke import is_idle
 from sain_sim.world.workcell import HOME, WorldConfig
@@ -84,7 +84,7 @@ class OwnWorld(CheckedWorld):
         on_step: Observer | None = None,
         every: int = 1,
         seen: Scene | None = None,
-    ) -> StrokeOutcome:
+    ) -> Outcome:
         """Execute one push; see `CheckedWorld.push`.
 
         Raises:
@@ -95,7 +95,7 @@ class OwnWorld(CheckedWorld):
         stroke, before = self.check(push, seen), self.observe()
         on_table = np.zeros(len(before), dtype=bool)
         if is_idle(push):
-            return StrokeOutcome(before, before.copy(), 0.0, True, on_table)
+            return Outcome(before, before.copy(), 0.0, True, on_table)
         motion = self.config.motion
         joints = self.config.kinematics.joints(motion.stroke(stroke.start, stroke.end))
 
@@ -114,7 +114,7 @@ class OwnWorld(CheckedWorld):
                 on_step(replace(self.sample("push")))
         self._scene = after
         fallen = ~self.config.feasibility.table.contains(after[:, :2])
-        return StrokeOutcome(before, self.observe(), self._time - begun, True, fallen)
+        return Outcome(before, self.observe(), self._time - begun, True, fallen)
 
     def _checked(self, method: str, before: Scene, call: Callable[[], object]) -> Scene:
         """Return a copy of the scene that a method of the world leads to."""

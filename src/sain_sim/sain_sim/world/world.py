@@ -10,11 +10,11 @@ from sain_core.push import pushed_bodies
 from sain_core.scene import MID, check_scene
 from sain_core.shapes.bodies import check_bodies
 from sain_core.types import PushArray, Scene
-from sain_core.world import DivergedError
+from sain_core.world import DivergedError, Outcome
 from sain_sim.arm.kinematics import Joints
 from sain_sim.world.checked import CheckedWorld
 from sain_sim.world.engines import DEFAULT_ENGINE, check_engine, simulation_class
-from sain_sim.world.outcome import Observer, Sample, StrokeOutcome
+from sain_sim.world.outcome import Observer, Sample
 from sain_sim.world.parameters import NOMINAL_FRICTION, WorldParameters, in_a_row
 from sain_sim.world.stroke import Stroke, is_idle
 from sain_sim.world.workcell import Origin, Route, Simulation, Watch, Watches, WorldConfig
@@ -113,7 +113,7 @@ class World(CheckedWorld):
         on_step: Observer | None = None,
         every: int = 1,
         seen: Scene | None = None,
-    ) -> StrokeOutcome:
+    ) -> Outcome:
         """Execute one push (3,); see `CheckedWorld.push`.
 
         With `on_step`, the push is executed once before, without calls: no refused push is shown.
@@ -125,7 +125,7 @@ class World(CheckedWorld):
         stroke = self.check(push, seen)
         if is_idle(push):
             scene = self.observe()
-            return StrokeOutcome(scene, scene.copy(), 0.0, True, self._cell.fallen())
+            return Outcome(scene, scene.copy(), 0.0, True, self._cell.fallen())
         return self.carry_out(stroke, on_step, every, int(pushed_bodies(push)))
 
     def carry_out(
@@ -134,7 +134,7 @@ class World(CheckedWorld):
         on_step: Observer | None = None,
         every: int = 1,
         pushed: int | None = MID,
-    ) -> StrokeOutcome:
+    ) -> Outcome:
         """Move the tool along a stroke, without the checks of `push`.
 
         Args:
@@ -149,7 +149,7 @@ class World(CheckedWorld):
         """
         return self._perform(self._route(stroke), self._watches(on_step, every), pushed)
 
-    def _perform(self, route: Route, watches: Watches, pushed: int | None) -> StrokeOutcome:
+    def _perform(self, route: Route, watches: Watches, pushed: int | None) -> Outcome:
         before, origin = self.observe(), self._cell.now
         if pushed is not None and watches:  # look ahead
             self._attempt(origin, route, (), pushed)
@@ -158,7 +158,7 @@ class World(CheckedWorld):
         duration = (self._cell.steps - self._steps) * self.config.motion.time_step
         self._steps = self._cell.steps
         cell = self._cell
-        return StrokeOutcome(before, self.observe(), duration, cell.still(), cell.fallen())
+        return Outcome(before, self.observe(), duration, cell.still(), cell.fallen())
 
     def _attempt(self, origin: Origin, route: Route, watches: Watches, pushed: int | None) -> None:
         """Execute a route in a new workcell; when that fails, restore the origin."""
