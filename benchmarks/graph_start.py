@@ -22,7 +22,7 @@ from sain_bringup.graph import MODEL, PLANNER, SIMULATOR, graph_commands, ros_ar
 from sain_bringup.graph_options import GraphOptions
 from sain_bringup.processes import Supervisor
 from sain_bringup.ros.director import Director
-from sain_core.cli.fitting_table import FittingTable
+from sain_core.cli.terminal import FittingTable
 from sain_core.ros.node_main import ros_context
 
 BARE = "import rclpy; rclpy.init(); rclpy.spin(rclpy.create_node({name!r}))"

@@ -22,8 +22,7 @@ import tyro
 from benchmarks.planar_prior import draw
 from benchmarks.report import Figure, report
 from benchmarks.timing import fastest
-from sain_core.model import Model
-from sain_core.plugins import load_dynamics
+from sain_core.model import Model, load_dynamics
 from sain_core.types import Pushes, Scenes
 from sain_model.dynamics.sain import SainDynamics
 from sain_model.network.torch_network import TorchNetwork

@@ -29,7 +29,7 @@ from benchmarks.live_viewer import Viewer
 from sain_bringup.graph import PAGE, graph_commands, page_command, ros_arguments
 from sain_bringup.graph_options import LiveOptions
 from sain_bringup.processes import Supervisor
-from sain_core.cli.fitting_table import FittingTable
+from sain_core.cli.terminal import FittingTable
 from sain_core.ros.node_main import ros_context
 
 HANDLE = "/goals/0"

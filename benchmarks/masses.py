@@ -17,7 +17,7 @@ import tyro
 from numpy import ndarray
 
 from sain_core.dataset import MOVED
-from sain_core.plugins import load_dynamics
+from sain_core.model import load_dynamics
 from sain_core.scene import MASS, MID, POSITION, TARGET
 from sain_core.seeding import generator
 from sain_core.types import Mask, Scalars, Scenes

@@ -33,11 +33,10 @@ from benchmarks.peer_optimizers import (
 )
 from benchmarks.peer_planning import PeerDecider, TimedDecider
 from sain_core.drawing.figures import write_png
-from sain_core.plugins import load_dynamics
+from sain_core.model import load_dynamics
 from sain_core.storage import append_json
-from sain_core.workers.options import WorkerOptions
-from sain_core.workers.running import run_on_workers
-from sain_core.workers.work import FunctionRunner, Software, Work
+from sain_core.workers.pool import FunctionRunner, Software, Work
+from sain_core.workers.running import WorkerOptions, run_on_workers
 from sain_eval.loop.closed_loop import run_episode
 from sain_eval.loop.results import scene_records
 from sain_eval.scenes.scenarios import SCENARIOS

@@ -13,7 +13,7 @@ import tyro
 from rich.console import Console
 
 from benchmarks.planar_prior import on_threads
-from sain_core.plugins import load_dynamics
+from sain_core.model import load_dynamics
 from sain_core.seeding import generator
 from sain_eval.scenes.scenarios import SCENARIOS, ScenarioScene
 from sain_mppi.algorithms.config import PlannerConfig

@@ -34,8 +34,7 @@ from benchmarks.report import Figure, report
 from benchmarks.timing import fastest
 from sain_core.drawing.figures import TEXT, new_figure, style_axes, write_png
 from sain_core.drawing.palette import PALETTE
-from sain_core.model import IdentityPrior
-from sain_core.plugins import load_dynamics
+from sain_core.model import IdentityPrior, load_dynamics
 from sain_core.scene import TARGET
 from sain_core.seeding import generator
 from sain_core.types import Pushes, Scene

@@ -22,9 +22,9 @@ from sain_core.push import PushLimits, strokes
 from sain_core.scene import POSITION, unit
 from sain_core.seeding import generator
 from sain_core.shapes import library
-from sain_core.shapes.disk import THREE_FEET
-from sain_core.shapes.registry import get_shape
+from sain_core.shapes.library import get_shape
 from sain_core.shapes.shape import FOOT_BEARINGS, Shape
+from sain_core.shapes.solids import THREE_FEET
 from sain_core.types import PushArray, Scene
 from sain_sim.world.parameters import FRICTION_RANGE, MASS_RANGE, WorldParameters
 from sain_sim.world.roughness import Feet, Roughness
@@ -32,7 +32,7 @@ from sain_sim.world.start import X_RANGE, Y_RANGE, wholly_on
 from sain_sim.world.truth import RANDOMISED, ROUGH, TruthConfig
 from sain_sim.world.world import World, WorldConfig
 
-NAMES = tuple(shape.name for shape in library.SHAPES)
+NAMES = tuple(shape.name for shape in library.library())
 UNSEEN = NAMES[3::4]
 SEEN = (*(name for name in NAMES if name not in UNSEEN), THREE_FEET)
 RADII_ALONE, RADII_TWO = (0.09, 0.11), (0.06, 0.08)  # [m], circumscribed

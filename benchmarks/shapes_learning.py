@@ -21,7 +21,7 @@ from rich.console import Console
 
 from benchmarks.shapes_errors import table
 from sain_core.dataset import Column, Columns, shard_path
-from sain_core.plugins import load_dynamics
+from sain_core.model import load_dynamics
 from sain_core.push import PUSH_SIZE
 from sain_core.scene import STATE_SIZE
 from sain_core.storage import write_arrays

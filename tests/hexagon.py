@@ -4,8 +4,8 @@ from collections.abc import Iterator
 
 import pytest
 
-from sain_core.shapes import registry
-from sain_core.shapes.polygon import Polygon, regular_corners
+from sain_core.shapes import library
+from sain_core.shapes.solids import Polygon, regular_corners
 
 HEXAGON = Polygon("six_sided", corners=regular_corners(6))
 
@@ -13,11 +13,11 @@ HEXAGON = Polygon("six_sided", corners=regular_corners(6))
 @pytest.fixture
 def own_shapes() -> Iterator[None]:
     """Forget after a test which shapes it registered."""
-    names, footprints = dict(registry._shapes), dict(registry._footprints)
+    names, footprints = dict(library._shapes), dict(library._footprints)
     yield
-    registry._load_offered.cache_clear()
-    registry._failed.clear()
-    for known, before in ((registry._shapes, names), (registry._footprints, footprints)):
+    library._load_offered.cache_clear()
+    library._failed.clear()
+    for known, before in ((library._shapes, names), (library._footprints, footprints)):
         known.clear()
         known.update(before)
 
@@ -25,5 +25,5 @@ def own_shapes() -> Iterator[None]:
 @pytest.fixture
 def hexagon(own_shapes: None) -> Polygon:
     """The hexagon, known by its name while a test runs."""
-    registry.register(HEXAGON)
+    library.register(HEXAGON)
     return HEXAGON

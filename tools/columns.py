@@ -8,7 +8,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from sain_core.dataset import ROUGH, Column
-from sain_core.shapes.names import MARKS
+from sain_core.shapes.bodies import MARKS
 
 PAGE = Path(__file__).parents[1] / "docs/reference/formats.md"
 BEGIN, END = "<!-- columns: made by tools/columns.py -->\n", "<!-- end of columns -->\n"

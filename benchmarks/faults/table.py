@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 from rich.console import Console
 
-from sain_core.cli.fitting_table import FittingTable
+from sain_core.cli.terminal import FittingTable
 from sain_core.provenance import git_commit, processor
 from sain_core.storage import write_whole
 

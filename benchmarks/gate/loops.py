@@ -11,7 +11,7 @@ from benchmarks.shapes_collect import NAMES, SEEN, UNSEEN
 from sain_core.bootstrap import Interval, bootstrap_ratio
 from sain_core.scene import TARGET
 from sain_core.seeding import generator
-from sain_core.workers.options import WorkerOptions
+from sain_core.workers.running import WorkerOptions
 from sain_eval.loop.evaluation import EpisodeJob, run_jobs
 from sain_eval.loop.results import SceneRecord, summarise
 from sain_eval.tolerance import Tolerance

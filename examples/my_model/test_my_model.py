@@ -3,7 +3,7 @@
 import numpy as np
 from my_model import load
 
-from sain_core.model_checks.conformance import check_dynamics
+from sain_core.conformance import check_dynamics
 from sain_core.scene import MID, POSITION, make_scene
 
 

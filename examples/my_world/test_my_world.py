@@ -3,7 +3,7 @@
 import numpy as np
 from my_world import load
 
-from sain_core.model_checks.worlds import check_world, two_disks
+from sain_core.conformance import check_world, two_disks
 from sain_core.scene import MID, TARGET, X
 
 

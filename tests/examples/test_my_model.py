@@ -9,7 +9,7 @@ import pytest
 
 from sain_bringup.graph import executable
 from sain_core.errors import ConfigError, SainError
-from sain_core.plugins import load_dynamics
+from sain_core.model import load_dynamics
 from tests.examples.installing import install, run
 from tests.paths import ROOT
 from tests.sain_model.rolling import make_episodes
@@ -57,8 +57,8 @@ def test_a_network_learns_on_top_of_it_and_is_loaded_again(
     card = json.loads((out / "sain.json").read_text())
     assert (card["prior"], card["prior_config"], card["kind"]) == ("my_model", {}, "residual")
     lines = (
-        "import sys; from sain_core.plugins import load_dynamics;"
-        " from sain_core.model_checks.conformance import check_dynamics;"
+        "import sys; from sain_core.model import load_dynamics;"
+        " from sain_core.conformance import check_dynamics;"
         " sain = load_dynamics(sys.argv[1]);"
         " print(type(sain.prior).__name__); check_dynamics(sain)"
     )

@@ -21,8 +21,7 @@ from sain_bringup.results import choose_episode, draw_pictures
 from sain_core.goal import Goal, Judgement
 from sain_core.scene import make_scene
 from sain_core.types import Scene
-from sain_core.workers.processes import ProcessPool
-from sain_core.workers.work import Work
+from sain_core.workers.pool import ProcessPool, Work
 
 GOAL = np.array([0.60, 0.0])
 

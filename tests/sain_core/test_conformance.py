@@ -5,10 +5,10 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
+from sain_core.conformance import check_dynamics, sample_pushes, violations
 from sain_core.errors import ModelUnavailableError
 from sain_core.history import PushHistory
 from sain_core.model import IdentityPrior, Model, Radii
-from sain_core.model_checks.conformance import check_dynamics, sample_pushes, violations
 from sain_core.push import LENGTH
 from sain_core.scene import MASS, VX, check_scene
 from sain_core.types import PredictedScenes, Pushes, PushSequences, Scene, Scenes

@@ -1,3 +1,5 @@
+"""What packages offer by entry points: found by name, checked, and blamed if it fails."""
+
 import sys
 from importlib.metadata import EntryPoint
 from types import ModuleType
@@ -5,141 +7,102 @@ from types import ModuleType
 import pytest
 
 from sain_core import plugins
-from sain_core.errors import ConfigError
-from sain_core.extensions import offers
-from sain_core.model import IdentityPrior
+from sain_core.errors import ConfigError, NoPushError
+from sain_core.plugins import Plugins
 
-
-@pytest.fixture
-def asked(monkeypatch: pytest.MonkeyPatch) -> list[str]:
-    """A package that offers dynamics, and the names that it was asked for."""
-    names: list[str] = []
-    module = ModuleType("offering")
-    module.load = lambda name: names.append(name) or IdentityPrior()  # type: ignore[attr-defined]
-    module.broken = lambda name: object()  # type: ignore[attr-defined]
-    monkeypatch.setitem(sys.modules, "offering", module)
-    offered = {"planar": "load", "checkpoint": "load", "broken": "broken"}
-    entries = [EntryPoint(n, f"offering:{f}", plugins.GROUP) for n, f in offered.items()]
-    monkeypatch.setattr(offers, "entry_points", lambda group: entries)
-    return names
-
-
-def test_a_name_goes_to_its_entry_point(asked: list[str]) -> None:
-    assert isinstance(plugins.load_dynamics("planar"), IdentityPrior)
-    assert asked == ["planar"]
-
-
-@pytest.mark.parametrize("path", ["runs/7", "model.safetensors", "~/model"])
-def test_a_path_goes_to_the_checkpoint_loader(asked: list[str], path: str) -> None:
-    plugins.load_dynamics(path)
-    assert asked == [path]
-
-
-def test_an_unknown_name_is_refused_with_the_nearest(asked: list[str]) -> None:
-    message = r"model 'planer' is unknown \(did you mean 'planar'\?\); known: broken, planar"
-    with pytest.raises(ConfigError, match=message):
-        plugins.load_dynamics("planer")
-    assert not asked
-
-
-def test_what_is_no_dynamics_is_refused(asked: list[str]) -> None:
-    message = (
-        "model 'broken' of the package of offering: offering:broken returned a object has no method"
-        r" step\(scenes, pushes\); a model inherits from sain_core.model.Model"
-    )
-    with pytest.raises(ConfigError, match=message):
-        plugins.load_dynamics("broken")
-
-
-class Weighing(IdentityPrior):
-    def with_unknown_masses(self) -> "Weighed":
-        return Weighed()
-
-
-class Weighed(IdentityPrior):
-    pass
-
-
-def test_a_dynamics_infers_masses_that_are_not_measured_if_it_can() -> None:
-    for unknown in ("mass", "radius, mass"):
-        assert isinstance(plugins.as_observed(Weighing(), unknown), Weighed)
-    for unknown in ("", "radius"):
-        assert isinstance(plugins.as_observed(Weighing(), unknown), Weighing)
-    assert isinstance(plugins.as_observed(IdentityPrior(), "mass"), IdentityPrior)
-    with pytest.raises(ConfigError, match="unknown is 'weight'; allowed: mass, radius"):
-        plugins.as_observed(IdentityPrior(), "weight")
+GROUP = "sain.toys"
 
 
 class Package:
     """The part of a `Distribution` that is shown."""
 
-    def __init__(self, name: str, version: str) -> None:
-        self.name, self.version = name, version
+    name, version = "their-toys", "1.2"
 
 
-def offer(monkeypatch: pytest.MonkeyPatch, *offered: tuple[str, str, str]) -> None:
-    """Let packages of these names offer models: name, value of the entry point, package."""
-    entries = []
-    for name, value, package in offered:
-        entry = EntryPoint(name, value, plugins.GROUP)
-        vars(entry)["dist"] = Package(package, "1.2")
-        entries.append(entry)
-    monkeypatch.setattr(offers, "entry_points", lambda group: entries)
+@pytest.fixture
+def toys(monkeypatch: pytest.MonkeyPatch) -> Plugins:
+    module = ModuleType("toys")
+    module.ball = lambda size: 1 / size  # type: ignore[attr-defined]
+    monkeypatch.setitem(sys.modules, "toys", module)
+    entries = [
+        EntryPoint("ball", "toys:ball", GROUP),
+        EntryPoint("none", "toys:none", GROUP),
+        EntryPoint("twice", "toys:ball", GROUP),
+        EntryPoint("twice", "more:ball", GROUP),
+    ]
+    for entry in entries:
+        vars(entry)["dist"] = Package
+    monkeypatch.setattr(plugins, "entry_points", lambda group: entries if group == GROUP else [])
+    return Plugins(GROUP, "toy", ("kite",))
 
 
-def test_a_name_of_two_packages_is_refused_and_names_both(
-    asked: list[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    both = [("mine", "offering:load", "one"), ("mine", "other:load", "two")]
-    offer(monkeypatch, *both, ("good", "offering:load", "one"))
-    message = (
-        r"model 'mine' is offered by package one 1.2 \(offering:load\) and package two 1.2"
-        r" \(other:load\); uninstall one of them"
-    )
-    for look in (plugins.load_dynamics, plugins.check_model_name):
-        with pytest.raises(ConfigError, match=message):
-            look("mine")
-    assert isinstance(plugins.load_dynamics("good"), IdentityPrior)
-    assert plugins.dynamics_names() == ["good", "mine"]
-
-
-def test_one_package_that_is_found_twice_is_no_conflict(
-    asked: list[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    offer(monkeypatch, *[("mine", "offering:load", "one")] * 2)
-    assert isinstance(plugins.load_dynamics("mine"), IdentityPrior)
+def test_names_are_those_that_are_built_in_and_offered(toys: Plugins) -> None:
+    assert toys.names() == ["ball", "kite", "none", "twice"]
+    for name in ("ball", "kite"):
+        toys.check(name)
 
 
 @pytest.mark.parametrize(
-    ("value", "cause"),
+    ("name", "message"),
     [
-        ("no_such_module:load", "ModuleNotFoundError: No module named 'no_such_module'"),
-        ("offering:forgotten", "AttributeError: module 'offering' has no attribute 'forgotten'"),
-        ("offering:fails", "ZeroDivisionError: division by zero"),
+        ("bal", r"toy 'bal' is unknown \(did you mean 'ball'\?\); known: ball, kite, none, twice$"),
+        (
+            "twice",
+            r"toy 'twice' is offered by package their-toys 1.2 \(toys:ball\) and package their-toys"
+            r" 1.2 \(more:ball\); uninstall one of them",
+        ),
     ],
 )
-def test_a_package_that_fails_is_named_and_the_others_work(
-    asked: list[str], monkeypatch: pytest.MonkeyPatch, value: str, cause: str
+def test_a_name_that_leads_nowhere_is_explained(toys: Plugins, name: str, message: str) -> None:
+    for look in (toys.check, toys.find):
+        with pytest.raises(ConfigError, match=message):
+            look(name)
+
+
+def test_a_package_that_cannot_be_loaded_is_named(toys: Plugins) -> None:
+    message = (
+        "toy 'none' of package their-toys 1.2 cannot be loaded: AttributeError: .*; repair or"
+        " uninstall that package. Other toys: ball, kite, twice"
+    )
+    with pytest.raises(ConfigError, match=message):
+        toys.load(toys.find("none"))
+
+
+def test_a_function_that_fails_names_its_package(toys: Plugins) -> None:
+    entry = toys.find("ball")
+    ball = toys.guarded(entry, toys.load(entry))
+    assert ball(2) == 0.5
+    message = "toy 'ball' of package their-toys 1.2 failed: ZeroDivisionError: division by zero"
+    with pytest.raises(ConfigError, match=message):
+        ball(0)
+
+
+def test_an_error_of_ours_stays_what_it_is(toys: Plugins) -> None:
+    def refuse() -> None:
+        raise NoPushError("none")
+
+    with pytest.raises(NoPushError):
+        toys.guarded(toys.find("ball"), refuse)()
+
+
+def test_where_nobody_offers_anything_that_is_said() -> None:
+    message = "known: none: no installed package has the entry points 'sain.nothing'"
+    with pytest.raises(ConfigError, match=message):
+        Plugins("sain.nothing", "thing").check("any")
+
+
+def test_a_package_that_offers_what_is_built_in_is_told_to_rename_it(
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    sys.modules["offering"].fails = lambda name: 1 / 0  # type: ignore[attr-defined]
-    offer(monkeypatch, ("mine", value, "their-model"), ("good", "offering:load", "one"))
-    message = f"model 'mine' of package their-model 1.2 cannot be loaded: {cause}; repair or"
-    with pytest.raises(ConfigError, match=message) as caught:
-        plugins.load_dynamics("mine")
-    assert str(caught.value).endswith("Other models: good")
-    assert isinstance(plugins.load_dynamics("good"), IdentityPrior)
-
-
-def test_a_name_is_checked_without_an_import(
-    asked: list[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    offer(monkeypatch, ("mine", "no_such_module:load", "their-model"))
-    plugins.check_model_name("mine")
-    with pytest.raises(ConfigError, match="model 'yours' is unknown; known: mine, or the path"):
-        plugins.check_model_name("yours")
-
-
-def test_without_any_package_that_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(offers, "entry_points", lambda group: [])
-    with pytest.raises(ConfigError, match="none: no installed package has the entry points"):
-        plugins.load_dynamics("sain")
+    entry = EntryPoint("kite", "toys:ball", GROUP)
+    vars(entry)["dist"] = Package
+    monkeypatch.setattr(plugins, "entry_points", lambda group: [entry])
+    message = (
+        r"toy 'kite' is built in, and offered by package their-toys 1.2 \(toys:ball\), too;"
+        r" give that one another name, or uninstall its package"
+    )
+    toys = Plugins(GROUP, "toy", ("kite", "boat"))
+    for _ in range(2):
+        with pytest.raises(ConfigError, match=message):
+            toys.check("kite")
+    toys.check("boat")

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from sain_core.errors import ModelUnavailableError, OutOfRangeError
-from sain_core.model_checks.response_check import (
+from sain_core.model import (
     answering,
     check_finite_answer,
     check_rollout,

@@ -8,7 +8,7 @@ import pytest
 from PIL import Image
 
 from sain_core.errors import ConfigError
-from sain_core.workers.options import WorkerOptions
+from sain_core.workers.running import WorkerOptions
 from sain_pusht.agent import FEASIBILITY, PLANNER, ToolPlace
 from sain_pusht.block import scene_of
 from sain_pusht.evaluation import PushtJob, run_pusht_jobs, summarise_pusht

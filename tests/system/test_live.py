@@ -18,7 +18,7 @@ from selenium.webdriver.common.keys import Keys
 
 from sain_bringup.graph import executable
 from sain_core.scene import RADIUS
-from sain_core.shapes.registry import get_shape
+from sain_core.shapes.library import get_shape
 from sain_live.orders import Reset
 from sain_live.page.goals import HANDLE
 from sain_live.page.serving import CAMERA, FIELD_OF_VIEW, LOOK_AT

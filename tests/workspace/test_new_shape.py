@@ -13,7 +13,7 @@ from matplotlib.patches import Polygon as Patch
 from sain_core.feasibility import Feasibility
 from sain_core.goal import Goal
 from sain_core.scene import MID, POSITION, RADIUS, TARGET, THETA, Table, X, Y, make_scene, unit
-from sain_core.shapes.disk import THREE_FEET
+from sain_core.shapes.solids import THREE_FEET
 from sain_eval.plots.episode_record import EpisodeRecord
 from sain_eval.plots.top_view import draw_top_view
 from sain_eval.scenes.scenarios import AnywhereScenario, PaperScenario

@@ -10,8 +10,8 @@ SOURCE: Final = Path(__file__).resolve().parents[2] / "src"
 PACKAGES: Final = {
     "sain_core": (
         "Scenes, pushes, the contract of models, and what all packages share.",
-        ("scene", "push", "dynamics", "history", "observation", "plugins",
-         "model_checks.conformance", "feasibility", "shapes.bodies", "dataset", "errors",
+        ("scene", "push", "model", "history", "observation", "plugins",
+         "conformance", "feasibility", "shapes.bodies", "dataset", "errors",
          "seeding"),
     ),
     "sain_sim": (

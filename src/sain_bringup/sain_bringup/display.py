@@ -10,7 +10,7 @@ from rich.console import Console
 from rich.text import Text
 
 from sain_bringup.options import EpisodePlan
-from sain_core.cli.waiting_line import WaitingLine
+from sain_core.cli.terminal import WaitingLine
 
 WIDTH: Final = 50  # of what a stage did, before the time it took
 SHOWN_DISTANCES: Final = 8  # of an episode, in one line

@@ -7,8 +7,7 @@ from typing import Final
 
 from sain_bringup.graph_options import ELSEWHERE, GraphOptions, LiveOptions
 from sain_bringup.options import NAMESPACE
-from sain_core.cli.command_line import split_ros_arguments
-from sain_core.cli.executables import executable
+from sain_core.cli.command_line import executable, split_ros_arguments
 from sain_core.observation import told_settings
 from sain_sim.world.engines import DEFAULT_ENGINE
 

@@ -10,9 +10,9 @@ import tyro
 
 from sain_core.config import Config, option
 from sain_core.errors import ConfigError, UntrustedFileError
+from sain_core.model import check_model_name
 from sain_core.observation import MASSES, ObservationConfig
-from sain_core.plugins import check_model_name
-from sain_core.untrusted.yaml_text import read_yaml
+from sain_core.untrusted import read_yaml
 from sain_eval.scenes.scenarios import SCENARIOS
 from sain_live.settings import PageConfig
 from sain_sim.camera.body_file import read_bodies

@@ -25,8 +25,7 @@ from sain_core.config import Config, option
 from sain_core.goal import Judgement
 from sain_core.types import Points, Scene
 from sain_core.wire import decode_disks
-from sain_core.workers.processes import ProcessPool
-from sain_core.workers.work import Software, Work
+from sain_core.workers.pool import ProcessPool, Software, Work
 
 if TYPE_CHECKING:
     from sain_sim.camera.render import Renderer  # takes a second to load

@@ -10,7 +10,7 @@ from rich.text import Text
 from sain_bags.reading.reader import Bag
 from sain_bags.transitions.recorded_episodes import Episode, read_episodes
 from sain_bringup.options import EPISODES_KEY, NAMESPACE_KEY
-from sain_core.cli.fitting_table import FittingTable
+from sain_core.cli.terminal import FittingTable
 from sain_core.storage import write_json
 from sain_eval.plots.episode_record import EpisodeRecord
 from sain_eval.scenes.scenarios import draw_scene

@@ -21,8 +21,7 @@ from sain_core.errors import DatasetError
 from sain_core.push import PUSH_SIZE
 from sain_core.scene import POSITION, STATE_SIZE
 from sain_core.seeding import generator
-from sain_core.shapes.bodies import Bodies
-from sain_core.shapes.names import as_names, bodies_named, marked_bodies
+from sain_core.shapes.bodies import Bodies, as_names, bodies_named, marked_bodies
 from sain_core.types import Mask, Points, Scenes
 
 SHARD_SIZE: Final = 1000  # transitions, as in the paper

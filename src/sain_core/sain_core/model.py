@@ -6,6 +6,9 @@ from `Model` and implements `step`.
 """
 
 from abc import ABC, abstractmethod
+from collections.abc import Iterator
+from contextlib import contextmanager
+from importlib.metadata import EntryPoint
 from math import log
 from pathlib import Path
 from typing import Any, ClassVar, Final, Protocol, Self, runtime_checkable
@@ -14,9 +17,12 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
-from sain_core.errors import ConfigError
+from sain_core.errors import ConfigError, ModelUnavailableError, SainError
 from sain_core.history import PushHistory
+from sain_core.observation import MASSES, unknown_names
+from sain_core.plugins import Plugins
 from sain_core.push import LENGTH
+from sain_core.scene import MASS
 from sain_core.shapes.bodies import Bodies
 from sain_core.types import PredictedScenes, Pushes, PushSequences, Scene, Scenes
 
@@ -228,3 +234,141 @@ def scenes_before(scene: Scene, predicted: PredictedScenes) -> PredictedScenes:
     """Return the scenes (K, H, N, 8) that the pushes of a rollout start from."""
     first = np.broadcast_to(scene, (len(predicted), 1, *scene.shape))
     return np.concatenate([first, predicted[:, :-1]], axis=1)
+
+
+GROUP: Final = "sain.dynamics"
+CHECKPOINT: Final = "checkpoint"
+MODELS: Final = Plugins(GROUP, "model", hidden=CHECKPOINT, more=", or the path of a checkpoint")
+
+
+def dynamics_names() -> list[str]:
+    """Return the names of all dynamics that installed packages offer."""
+    return MODELS.names()
+
+
+def check_model_name(name_or_path: str) -> None:
+    """Check that a model has this name, or that it can be a checkpoint; nothing is imported.
+
+    Raises:
+        ConfigError: no installed package offers it, or two do.
+    """
+    _find(name_or_path)
+
+
+def load_dynamics(name_or_path: str) -> Model:
+    """Return the model of this name, or the one in this checkpoint.
+
+    Raises:
+        ConfigError: neither a known name nor a path; two packages offer the name; its package
+            fails; or what it offers is no model. The message names the package.
+        CheckpointError: a checkpoint that is missing, damaged or of another architecture.
+    """
+    entry = _find(name_or_path)
+    loaded = MODELS.load(entry, lambda load: load(name_or_path), name_or_path)
+    try:
+        return as_model(loaded)
+    except ConfigError as error:
+        raise MODELS.wrong(entry, f"{entry.value} returned {error}", name_or_path) from error
+
+
+def as_observed(model: Model, unknown: str) -> Model:
+    """Return a model for scenes in which these names, with commas, are nominal.
+
+    Raises:
+        ConfigError: see `unknown_names`.
+    """
+    return model.with_unknown_masses() if MASSES in unknown_names(unknown) else model
+
+
+def _find(name_or_path: str) -> EntryPoint:
+    """Return the only entry point that offers a name, or else that of checkpoints."""
+    offered = MODELS.entries()
+    entries = offered.get(name_or_path, []) if name_or_path != CHECKPOINT else []
+    if not entries and _looks_like_path(name_or_path):
+        entries = offered.get(CHECKPOINT, [])
+    if not entries:
+        raise MODELS.unknown(name_or_path)
+    return MODELS.only(name_or_path, entries)
+
+
+def _looks_like_path(text: str) -> bool:
+    return "/" in text or text.startswith("~") or bool(Path(text).suffix) or Path(text).exists()
+
+
+@contextmanager
+def answering(model: str) -> Iterator[None]:
+    """Turn whatever a model raises into an error that names the model.
+
+    Raises:
+        ModelUnavailableError: the model raised something else than a `SainError`.
+    """
+    try:
+        yield
+    except SainError:
+        raise
+    except Exception as error:
+        raise ModelUnavailableError(f"{model} failed: {type(error).__name__}: {error}") from error
+
+
+def check_step(predicted: object, scenes: Scenes, model: str = "the model") -> Scenes:
+    """Return predicted scenes (B, N, 8) when they can follow from scenes (B, N, 8).
+
+    Raises:
+        ModelUnavailableError: no array, another shape, NaN or Inf, or disks of other masses or
+            radii. The message begins with how `model` is called.
+    """
+    found = check_finite_answer(_array(predicted, scenes.shape, model), model)
+    _check_disks(found, scenes, model)
+    return found
+
+
+def check_rollout(
+    predicted: object, scene: Scene, sequences: PushSequences, model: str = "the model"
+) -> PredictedScenes:
+    """Return predicted scenes (K, H, N, 8) when they can be of sequences (K, H, 3) from a scene.
+
+    Sequences whose prediction is not finite are let through: a search gives them no weight. To
+    refuse them too, use `check_finite_answer`.
+
+    Raises:
+        ModelUnavailableError: no array, another shape, or disks of other masses or radii.
+    """
+    found = _array(predicted, (*sequences.shape[:2], *scene.shape), model)
+    _check_disks(found[:, 0], np.broadcast_to(scene, found[:, 0].shape), model)
+    return found
+
+
+def check_finite_answer(predicted: ndarray, model: str = "the model") -> ndarray:
+    """Return predictions of any shape when all of them are finite.
+
+    Raises:
+        ModelUnavailableError: saying how many are not.
+    """
+    finite = np.isfinite(predicted)
+    if not finite.all():
+        bad = int((~finite).sum())
+        raise ModelUnavailableError(
+            f"{model} predicts NaN or Inf in {bad} of {finite.size} numbers"
+        )
+    return predicted
+
+
+def _array(predicted: object, expected: tuple[int, ...], model: str) -> ndarray:
+    if not isinstance(predicted, ndarray):
+        what = type(predicted).__name__
+        raise ModelUnavailableError(f"{model} returned a {what}; it must return a NumPy array")
+    if predicted.shape != expected:
+        raise ModelUnavailableError(
+            f"{model} predicted scenes of shape {predicted.shape}; the shape must be {expected}"
+        )
+    return predicted
+
+
+def _check_disks(predicted: ndarray, scenes: ndarray, model: str) -> None:
+    """Raise where a finite scene (.., N, 8) has disks of other masses or radii."""
+    other = (predicted[..., MASS:] != scenes[..., MASS:]).any(axis=(-2, -1))
+    if other.any() and np.isfinite(predicted[other]).all(axis=(-2, -1)).any():
+        raise ModelUnavailableError(
+            f"{model} predicted disks of other masses or radii; a push changes neither, and disks"
+            " must stay in their order"
+        )

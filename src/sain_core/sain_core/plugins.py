@@ -1,77 +1,158 @@
-"""The one registry of models: dynamics by name, from every installed package.
+"""Things of one kind that installed packages offer by name, in a group of entry points.
 
-A package offers dynamics through entry points in the group ``sain.dynamics``::
+    [project.entry-points."sain.planners"]
+    my_planner = "my_package:plan"
 
-    entry_points={"sain.dynamics": ["my_model = my_model:load"]}
-
-Each is a function from the name that was asked for to a model. A name that no package offers
-is taken as the path of a checkpoint, and goes to the entry point called ``checkpoint``. Every
-command and node finds its models here; docs/guides/your_model.md states what a model must do.
+An error names the package. A package that fails does not disturb the others.
 """
 
-from importlib.metadata import EntryPoint
-from pathlib import Path
-from typing import Final
+from collections.abc import Callable, Iterable
+from difflib import get_close_matches
+from functools import wraps
+from importlib.metadata import EntryPoint, entry_points
+from typing import Any, TypeVar
 
-from sain_core.errors import ConfigError
-from sain_core.extensions.offers import Offers
-from sain_core.model import Model, as_model
-from sain_core.observation import MASSES, unknown_names
+from sain_core.errors import ConfigError, SainError
 
-GROUP: Final = "sain.dynamics"
-CHECKPOINT: Final = "checkpoint"
-MODELS: Final = Offers(GROUP, "model", hidden=CHECKPOINT, more=", or the path of a checkpoint")
+T = TypeVar("T")
 
 
-def dynamics_names() -> list[str]:
-    """Return the names of all dynamics that installed packages offer."""
-    return MODELS.names()
+class Plugins:
+    """All offers of one kind, besides those that are built in."""
+
+    def __init__(
+        self, group: str, what: str, built_in: Iterable[str] = (), hidden: str = "", more: str = ""
+    ) -> None:
+        """Look in a group of entry points for what is called `what` in messages.
+
+        Args:
+            group: of entry points.
+            what: one of them, such as ``planner``.
+            built_in: names that no package need offer, and none may.
+            hidden: a name that is not listed.
+            more: what messages say that may be given besides names.
+        """
+        self.group, self.what = group, what
+        self._built_in, self._hidden, self._more = tuple(built_in), hidden, more
+        self._found: set[str] = set()
+
+    def names(self) -> list[str]:
+        """Return all names, those that are built in, too."""
+        return sorted({*self._built_in, *self.entries()} - {self._hidden})
+
+    def entries(self) -> dict[str, list[EntryPoint]]:
+        """Return the entry points of each name; more than one where packages contradict."""
+        offered: dict[str, dict[tuple[str, str], EntryPoint]] = {}
+        for entry in entry_points(group=self.group):
+            offered.setdefault(entry.name, {})[package_of(entry), entry.value] = entry
+        return {name: list(entries.values()) for name, entries in offered.items()}
+
+    def check(self, name: str) -> None:
+        """Check that something is built in or offered by this name; nothing is imported.
+
+        Raises:
+            ConfigError: as `find`; or it is built in, and a package offers another one.
+        """
+        if name in self._found:
+            return
+        if name not in self._built_in:
+            self.find(name)
+        elif entries := self.entries().get(name):
+            packages = " and ".join(map(_described, entries))
+            raise ConfigError(
+                f"{self.what} {name!r} is built in, and offered by {packages}, too;"
+                " give that one another name, or uninstall its package"
+            )
+        self._found.add(name)  # to look takes some ms
+
+    def find(self, name: str) -> EntryPoint:
+        """Return the only entry point of a name.
+
+        Raises:
+            ConfigError: no installed package offers it, or two do.
+        """
+        entries = self.entries().get(name, [])
+        if not entries:
+            raise self.unknown(name)
+        return self.only(name, entries)
+
+    def only(self, name: str, entries: list[EntryPoint]) -> EntryPoint:
+        """Return the one entry point; raise `ConfigError` where there are more."""
+        if len(entries) > 1:
+            packages = " and ".join(map(_described, entries))
+            raise ConfigError(
+                f"{self.what} {name!r} is offered by {packages}; uninstall one of them"
+            )
+        return entries[0]
+
+    def unknown(self, name: str) -> ConfigError:
+        """Return the error about a name that nobody offers."""
+        names = self.names()
+        none = f"none: no installed package has the entry points {self.group!r}"
+        known = ", ".join(names) or none
+        near = did_you_mean(name, names)
+        return ConfigError(f"{self.what} {name!r} is unknown{near}; known: {known}{self._more}")
+
+    def load(
+        self, entry: EntryPoint, make: Callable[[Any], Any] = lambda it: it, name: str = ""
+    ) -> Any:
+        """Return what is made of what an entry point leads to.
+
+        Raises:
+            ConfigError: its package fails; or as `make`.
+        """
+        try:
+            return make(entry.load())
+        except SainError:
+            raise
+        except Exception as error:
+            others = ", ".join(other for other in self.names() if other != entry.name) or "none"
+            raise ConfigError(
+                f"{self.what} {(name or entry.name)!r} of {package_of(entry)} cannot be loaded:"
+                f" {type(error).__name__}: {error}; repair or uninstall that package."
+                f" Other {self.what}s: {others}"
+            ) from error
+
+    def guarded(self, entry: EntryPoint, work: Callable[..., T]) -> Callable[..., T]:
+        """Return a function whose unexpected errors name the package.
+
+        Raises:
+            ConfigError: in place of any error that is no `SainError`.
+        """
+
+        @wraps(work)
+        def call(*given: Any) -> T:
+            try:
+                return work(*given)
+            except SainError:
+                raise
+            except Exception as error:
+                raise ConfigError(
+                    f"{self.what} {entry.name!r} of {package_of(entry)} failed:"
+                    f" {type(error).__name__}: {error}; repair or uninstall that package"
+                ) from error
+
+        return call
+
+    def wrong(self, entry: EntryPoint, problem: str, name: str = "") -> ConfigError:
+        """Return the error about an offer that is not what it should be."""
+        return ConfigError(
+            f"{self.what} {(name or entry.name)!r} of {package_of(entry)}: {problem}"
+        )
 
 
-def check_model_name(name_or_path: str) -> None:
-    """Check that a model has this name, or that it can be a checkpoint; nothing is imported.
-
-    Raises:
-        ConfigError: no installed package offers it, or two do.
-    """
-    _find(name_or_path)
+def did_you_mean(name: str, names: Iterable[str], alike: float = 0.6) -> str:
+    """Return a hint at the nearest name; empty: none is near."""
+    near = get_close_matches(name, list(names), n=1, cutoff=alike)
+    return f" (did you mean {near[0]!r}?)" if near else ""
 
 
-def load_dynamics(name_or_path: str) -> Model:
-    """Return the model of this name, or the one in this checkpoint.
-
-    Raises:
-        ConfigError: neither a known name nor a path; two packages offer the name; its package
-            fails; or what it offers is no model. The message names the package.
-        CheckpointError: a checkpoint that is missing, damaged or of another architecture.
-    """
-    entry = _find(name_or_path)
-    loaded = MODELS.load(entry, lambda load: load(name_or_path), name_or_path)
-    try:
-        return as_model(loaded)
-    except ConfigError as error:
-        raise MODELS.wrong(entry, f"{entry.value} returned {error}", name_or_path) from error
+def package_of(entry: EntryPoint) -> str:
+    """Return name and version of the package that offers something."""
+    if entry.dist is None:
+        return f"the package of {entry.module}"
+    return f"package {entry.dist.name} {entry.dist.version}"
 
 
-def as_observed(model: Model, unknown: str) -> Model:
-    """Return a model for scenes in which these names, with commas, are nominal.
-
-    Raises:
-        ConfigError: see `unknown_names`.
-    """
-    return model.with_unknown_masses() if MASSES in unknown_names(unknown) else model
-
-
-def _find(name_or_path: str) -> EntryPoint:
-    """Return the only entry point that offers a name, or else that of checkpoints."""
-    offered = MODELS.entries()
-    entries = offered.get(name_or_path, []) if name_or_path != CHECKPOINT else []
-    if not entries and _looks_like_path(name_or_path):
-        entries = offered.get(CHECKPOINT, [])
-    if not entries:
-        raise MODELS.unknown(name_or_path)
-    return MODELS.only(name_or_path, entries)
-
-
-def _looks_like_path(text: str) -> bool:
-    return "/" in text or text.startswith("~") or bool(Path(text).suffix) or Path(text).exists()
+def _described(entry: EntryPoint) -> str:
+    return f"{package_of(entry)} ({entry.value})"

@@ -23,8 +23,7 @@ import numpy as np
 from numpy import ndarray
 
 from sain_core.errors import DatasetError, OutputError, UntrustedFileError
-from sain_core.untrusted.files import open_regular
-from sain_core.untrusted.limits import limit, unpacked_bytes
+from sain_core.untrusted import limit, open_regular, unpacked_bytes
 
 PARTIAL: Final = ".partial"  # suffix of what is not whole yet
 ZIP_MAGIC: Final = b"PK\x03\x04"

@@ -15,8 +15,8 @@ from numpy import ndarray
 from sain_core.goal import BodyPose, Goal
 from sain_core.scene import RADIUS, THETA, make_scene, wrap_angle
 from sain_core.shapes.bodies import Bodies
-from sain_core.shapes.polygon import Compound, centroid
 from sain_core.shapes.shape import Vector
+from sain_core.shapes.solids import Compound, centroid
 from sain_core.types import Points, Scene
 
 PIXEL: Final = 1e-3  # [m]

@@ -15,8 +15,8 @@ import numpy as np
 from sain_core.bootstrap import Interval, bootstrap_mean
 from sain_core.seeding import generator
 from sain_core.storage import write_whole
-from sain_core.workers.options import WorkerOptions
-from sain_core.workers.work import FunctionRunner, Software, Work
+from sain_core.workers.pool import FunctionRunner, Software, Work
+from sain_core.workers.running import WorkerOptions
 from sain_eval.loop.evaluation import SOURCES, EpisodeDone, play_on_workers
 from sain_eval.loop.results import RESULTS_FILE, how_it_was_made, interval_row
 from sain_eval.loop.statistics import wilson_interval

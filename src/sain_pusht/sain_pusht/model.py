@@ -5,8 +5,7 @@ from pathlib import Path
 from typing import Final, NamedTuple
 
 from sain_core.errors import CheckpointError
-from sain_core.model import RolloutModel
-from sain_core.plugins import load_dynamics
+from sain_core.model import RolloutModel, load_dynamics
 from sain_core.shapes.bodies import Bodies
 from sain_model.dynamics.checkpoint import read_card
 from sain_model.dynamics.load import load_sain
@@ -30,7 +29,7 @@ class PushtModel(NamedTuple):
 
 
 def load_model(name: str) -> PushtModel:
-    """Return a model by its name: pusht, prior, oracle, or as in `sain_core.plugins`.
+    """Return a model by its name: pusht, prior, oracle, or as in `sain_core.model`.
 
     Raises:
         ConfigError: an unknown name, or gym-pusht is not installed.

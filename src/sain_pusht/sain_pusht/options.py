@@ -7,7 +7,7 @@ from typing import Annotated
 import tyro
 
 from sain_core.config import Config, option, required
-from sain_core.workers.options import WorkerOptions
+from sain_core.workers.running import WorkerOptions
 from sain_mppi.algorithms.config import PlannerConfig
 from sain_pusht.agent import PLANNER
 

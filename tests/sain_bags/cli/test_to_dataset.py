@@ -14,8 +14,8 @@ from sain_bags.dataset.card_picture import histograms
 from sain_bags.dataset.conversion import ConversionConfig, Converted, convert
 from sain_core.dataset import RECORDED, Column
 from sain_core.errors import ConfigError, DatasetError
-from sain_core.plugins import load_dynamics
-from sain_core.workers.options import WorkerOptions
+from sain_core.model import load_dynamics
+from sain_core.workers.running import WorkerOptions
 from sain_model.data.mixed import MixedDataset, load_datasets, load_transitions
 from tests.sain_bags.driven import BLOCKED, DUPLICATE, Drive, Parts
 from tests.sain_bags.independent import compare, independent_rows, shards

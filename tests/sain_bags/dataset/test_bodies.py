@@ -22,7 +22,7 @@ from sain_core.errors import DatasetError
 from sain_core.goal import KEEP_TOLERANCE, Goal
 from sain_core.scene import make_scene
 from sain_core.shapes.bodies import PAPER_DISKS, Bodies
-from sain_core.shapes.registry import get_shape
+from sain_core.shapes.library import get_shape
 from sain_model.physics.planar import PlanarPrior
 from tests.sain_bags.conftest import Messages, resting_scene
 from tests.sain_bags.dataset.conftest import read_npz

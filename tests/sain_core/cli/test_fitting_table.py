@@ -6,7 +6,7 @@ import pytest
 from rich.console import Console
 from rich.text import Text
 
-from sain_core.cli.fitting_table import FittingTable
+from sain_core.cli.terminal import FittingTable
 
 
 def shown(width: int, terminal: bool = True) -> str:

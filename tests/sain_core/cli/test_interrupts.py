@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from sain_core.cli.interrupts import interrupts_after_imports
+from sain_core.cli.command_line import interrupts_after_imports
 
 SWALLOWS = """
 import os, signal, time

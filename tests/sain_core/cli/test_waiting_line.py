@@ -5,15 +5,15 @@ from io import StringIO
 import pytest
 from rich.console import Console
 
-from sain_core.cli import waiting_line
-from sain_core.cli.waiting_line import WaitingLine
+from sain_core.cli import terminal
+from sain_core.cli.terminal import WaitingLine
 
 
 def test_without_a_terminal_lines_come_at_times_and_say_something_new(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     clock = [100.0]
-    monkeypatch.setattr(waiting_line.time, "monotonic", lambda: clock[-1])
+    monkeypatch.setattr(terminal.time, "monotonic", lambda: clock[-1])
     console = Console(file=StringIO(), width=40)
     line = WaitingLine(console, patience_s=1.0)
     line.say("nobody waits yet")

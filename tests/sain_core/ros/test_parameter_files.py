@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from sain_core.errors import ConfigError
-from sain_core.ros.parameter_files import check_parameter_files
+from sain_core.ros.parameters import check_parameter_files
 
 
 def test_a_fifo_is_refused_and_no_file_is_left_to_rcl(tmp_path: Path) -> None:

@@ -7,11 +7,12 @@ import pytest
 from shapely import LineString, Point, Polygon
 
 from sain_core.scene import unit, wrap_angle
-from sain_core.shapes.library import SHAPES
+from sain_core.shapes.library import get_shape, library
 from sain_core.shapes.outline import distance_to_way, is_inside, outline_of
-from sain_core.shapes.registry import get_shape
 
-ALL = pytest.mark.parametrize("shape", [*SHAPES, get_shape("cube")], ids=lambda shape: shape.name)
+ALL = pytest.mark.parametrize(
+    "shape", [*library(), get_shape("cube")], ids=lambda shape: shape.name
+)
 HOLLOW = ("half_ring", "u", "ring_segment", "l", "corner")
 LOCATIONS = np.linspace(-pi, pi, 721)[1:]
 

@@ -8,12 +8,12 @@ from shapely import MultiPoint, Point, Polygon, contains_xy, union_all
 
 from sain_core.scene import DISK_HEIGHT, make_scene
 from sain_core.shapes import library
-from sain_core.shapes.disk import DISK_SHAPES
-from sain_core.shapes.registry import get_shape, shape_names
+from sain_core.shapes.library import get_shape, shape_names
+from sain_core.shapes.solids import DISK_SHAPES
 from sain_core.types import Points
 from tests.hexagon import HEXAGON
 
-LIBRARY = library.SHAPES
+LIBRARY = library.library()
 SHAPES = [*map(get_shape, shape_names()), HEXAGON]
 ALL = pytest.mark.parametrize("shape", SHAPES, ids=lambda shape: shape.name)
 

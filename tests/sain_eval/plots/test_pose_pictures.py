@@ -14,7 +14,7 @@ from sain_core.feasibility import Feasibility
 from sain_core.goal import BodyPose, Goal
 from sain_core.push import strokes
 from sain_core.scene import POSITION, THETA, make_scene
-from sain_core.shapes.registry import footprint_names, get_shape
+from sain_core.shapes.library import footprint_names, get_shape
 from sain_core.world import PushRecord
 from sain_eval.cli.shapes import main
 from sain_eval.plots.body_marks import BODY_COLOURS, DASHED

@@ -5,7 +5,7 @@ import pytest
 
 from sain_core.feasibility import Feasibility, reachable
 from sain_core.scene import MID, POSITION, RADIUS, TARGET, THETA, check_scene, surface_gaps
-from sain_core.shapes.disk import FLAT, THREE_FEET
+from sain_core.shapes.solids import FLAT, THREE_FEET
 from sain_eval.scenes.scenarios import CONTACT_GAP, SCENARIOS
 from sain_sim.world.truth import TruthConfig
 

@@ -9,8 +9,8 @@ from sain_core.feasibility import Feasibility
 from sain_core.push import LOCATION
 from sain_core.scene import MASS, POSITION, RADIUS, TARGET
 from sain_core.shapes.bodies import Bodies, check_bodies
+from sain_core.shapes.library import footprint_names
 from sain_core.shapes.outline import is_inside
-from sain_core.shapes.registry import footprint_names
 from sain_eval.scenes.scenarios import SCENARIOS
 from sain_eval.scenes.shape_scenarios import StreakScenario, library_footprints
 from sain_eval.scenes.tool_room import draw_places, has_tool_room

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 import trimesh
 
+from sain_core import scratch
 from sain_core.errors import ConfigError
-from sain_core.workers import scratch
 from sain_live.page import meshes
 from sain_live.page.meshes import Mesh, read_mesh
 

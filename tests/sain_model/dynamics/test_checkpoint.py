@@ -11,7 +11,7 @@ import safetensors.torch
 import torch
 
 from sain_core.errors import CheckpointError, ConfigError, OutputError
-from sain_core.plugins import load_dynamics
+from sain_core.model import load_dynamics
 from sain_core.types import Pushes, Scenes
 from sain_model.dynamics.checkpoint import ModelCard, card_path, save_checkpoint
 from sain_model.dynamics.load import load_sain

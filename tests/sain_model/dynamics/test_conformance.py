@@ -5,9 +5,8 @@ from dataclasses import replace
 import pytest
 import torch
 
-from sain_core.model import IdentityPrior, Model
-from sain_core.model_checks.conformance import check_dynamics
-from sain_core.plugins import load_dynamics
+from sain_core.conformance import check_dynamics
+from sain_core.model import IdentityPrior, Model, load_dynamics
 from sain_model.dynamics.correction_network import CorrectionEnsemble
 from sain_model.dynamics.parameter_correction import ParameterCorrection
 from sain_model.dynamics.sain import SainDynamics

@@ -10,7 +10,7 @@ import torch
 
 from sain_core.errors import CheckpointError
 from sain_core.history import PushHistory
-from sain_core.plugins import load_dynamics
+from sain_core.model import load_dynamics
 from sain_core.push import LENGTH
 from sain_core.scene import MASS
 from sain_core.types import Pushes, Scenes

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from sain_core.errors import CheckpointError, ConfigError
-from sain_core.plugins import load_dynamics
+from sain_core.model import load_dynamics
 from sain_model import commands
 from sain_model.data.mixed import load_transitions
 from sain_model.dynamics.checkpoint import card_path

@@ -9,7 +9,7 @@ import pytest
 import torch
 
 from sain_core.errors import CheckpointError
-from sain_core.plugins import load_dynamics
+from sain_core.model import load_dynamics
 from sain_core.push import LENGTH
 from sain_core.scene import POSITION, TARGET
 from sain_model import commands

@@ -7,8 +7,7 @@ import pytest
 import torch
 
 from sain_core.errors import InvalidInputError
-from sain_core.model import IdentityPrior, Model
-from sain_core.plugins import load_dynamics
+from sain_core.model import IdentityPrior, Model, load_dynamics
 from sain_core.push import LENGTH, rotate_pushes
 from sain_core.scene import (
     MASS,

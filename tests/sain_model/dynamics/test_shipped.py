@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from sain_core.history import PushHistory
-from sain_core.plugins import load_dynamics
+from sain_core.model import load_dynamics
 from sain_core.push import PushLimits
 from sain_core.scene import make_scene
 from sain_core.shapes.bodies import PAPER_DISKS, Bodies

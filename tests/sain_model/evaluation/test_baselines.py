@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from sain_core import plugins
-from sain_core.extensions import offers
+from sain_core import model, plugins
 from sain_core.model import Model
 from sain_model import commands
 from sain_model.evaluation.baselines import AT_ONCE, Followed, followed, open_models, refusals
@@ -47,9 +46,9 @@ def foreign(monkeypatch: pytest.MonkeyPatch) -> list[Foreign]:
     module = ModuleType("another_package")
     module.load = lambda name: made.append(Foreign()) or made[-1]  # type: ignore[attr-defined]
     monkeypatch.setitem(sys.modules, "another_package", module)
-    entry = EntryPoint("foreign", "another_package:load", plugins.GROUP)
-    own = EntryPoint("planar_axes", "sain_model.dynamics.priors:load_prior", plugins.GROUP)
-    monkeypatch.setattr(offers, "entry_points", lambda group: [entry, own])
+    entry = EntryPoint("foreign", "another_package:load", model.GROUP)
+    own = EntryPoint("planar_axes", "sain_model.dynamics.priors:load_prior", model.GROUP)
+    monkeypatch.setattr(plugins, "entry_points", lambda group: [entry, own])
     return made
 
 
@@ -88,9 +87,9 @@ def test_the_simulators_own_offer_is_rolled_out(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     lines = setup_arguments("sain_sim")["entry_points"]["sain.dynamics"]
-    entries = [EntryPoint(*line.split(" = "), plugins.GROUP) for line in lines]
+    entries = [EntryPoint(*line.split(" = "), model.GROUP) for line in lines]
     monkeypatch.setattr(
-        offers, "entry_points", lambda group: entries if group == plugins.GROUP else []
+        plugins, "entry_points", lambda group: entries if group == model.GROUP else []
     )
     folder, out = make_episodes(tmp_path / "data", FEW), tmp_path / "errors.json"
     arguments = [str(folder), "--baselines", "bullet", "bullet_measured", "--out", str(out)]

@@ -8,8 +8,7 @@ import pytest
 
 from sain_core.errors import CheckpointError, DatasetError
 from sain_core.history import PushHistory
-from sain_core.model import IdentityPrior, Model
-from sain_core.plugins import load_dynamics
+from sain_core.model import IdentityPrior, Model, load_dynamics
 from sain_core.scene import POSITION, TARGET
 from sain_model import commands
 from sain_model.cli import evaluate as evaluate_cli

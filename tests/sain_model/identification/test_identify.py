@@ -9,8 +9,7 @@ import pytest
 from rich.console import Console
 
 from sain_core.errors import CheckpointError, ConfigError, DatasetError
-from sain_core.model import Model
-from sain_core.plugins import load_dynamics
+from sain_core.model import Model, load_dynamics
 from sain_core.types import Pushes, Scenes
 from sain_model import commands
 from sain_model.cli.identify import load_recordings, run

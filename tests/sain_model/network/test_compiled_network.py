@@ -10,8 +10,7 @@ import torch
 from torch import nn
 
 from sain_core.errors import InvalidInputError
-from sain_core.model import IdentityPrior, RolloutModel
-from sain_core.plugins import load_dynamics
+from sain_core.model import IdentityPrior, RolloutModel, load_dynamics
 from sain_core.push import LENGTH, PushLimits
 from sain_core.scene import POSITION, THETA, make_scene, wrap_angle
 from sain_core.types import Pushes, Scenes

@@ -9,8 +9,8 @@ import torch
 from sain_core.push import ANGLE, BODY, LENGTH, LOCATION, PushLimits
 from sain_core.scene import make_scene, mirror_scenes, rotate_scenes, wrap_angle
 from sain_core.shapes.bodies import Bodies, Role
-from sain_core.shapes.polygon import Compound
-from sain_core.shapes.registry import get_shape
+from sain_core.shapes.library import get_shape
+from sain_core.shapes.solids import Compound
 from sain_core.types import Pushes, Scenes
 from sain_model.network.compiled_network import CompiledNetwork
 from sain_model.network.feature_kernels import BODY_FEATURES, MIRRORED_BODY

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from sain_core.errors import CheckpointError, DatasetError
-from sain_core.plugins import load_dynamics
+from sain_core.model import load_dynamics
 from sain_core.push import rotate_pushes
 from sain_core.scene import POSITION, TARGET, rotate_scenes
 from sain_core.shapes.bodies import PAPER_DISKS

@@ -22,9 +22,9 @@ from sain_core.scene import (
     wrap_angle,
 )
 from sain_core.shapes.bodies import Bodies, Role, overlap
-from sain_core.shapes.polygon import Compound, Polygon
-from sain_core.shapes.registry import get_shape
+from sain_core.shapes.library import get_shape
 from sain_core.shapes.shape import Shape
+from sain_core.shapes.solids import Compound, Polygon
 from sain_core.types import Points, Pushes, Scenes
 from sain_model.physics.body_table import body_table, load_shares
 from sain_model.physics.corrections import CORRECTIONS

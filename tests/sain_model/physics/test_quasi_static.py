@@ -13,8 +13,8 @@ import pytest
 from sain_core.push import TOOL_RADIUS
 from sain_core.scene import THETA, make_scene, rotate_scenes, unit
 from sain_core.shapes.bodies import Bodies, Role
-from sain_core.shapes.flat_bottom import flat_bottom
-from sain_core.shapes.registry import get_shape
+from sain_core.shapes.library import get_shape
+from sain_core.shapes.supports import flat_bottom
 from sain_model.physics.planar import PlanarPrior
 from sain_model.physics.planar_config import AXES, TEXTBOOK, PlanarConfig
 

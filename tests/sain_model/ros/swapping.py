@@ -8,7 +8,7 @@ import torch
 from rcl_interfaces.srv import SetParameters
 from rclpy.parameter import Parameter
 
-from sain_core.plugins import load_dynamics
+from sain_core.model import load_dynamics
 from sain_core.push import PushLimits
 from sain_core.ros import codec
 from sain_core.scene import make_scene

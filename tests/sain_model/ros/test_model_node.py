@@ -7,7 +7,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from sain_core import wire
 from sain_core.errors import CheckpointError, ConfigError, ErrorCode
 from sain_core.history import PushHistory
-from sain_core.plugins import load_dynamics
+from sain_core.model import load_dynamics
 from sain_core.push import PushLimits
 from sain_core.ros import codec
 from sain_core.scene import make_scene

@@ -15,8 +15,7 @@ from rclpy.parameter import Parameter
 
 from sain_core import wire
 from sain_core.errors import ErrorCode
-from sain_core.model import IdentityPrior
-from sain_core.plugins import load_dynamics
+from sain_core.model import IdentityPrior, load_dynamics
 from sain_core.types import Pushes, Scenes
 from sain_interfaces.srv import LoadModel, Rollout
 from sain_model.dynamics.checkpoint import card_path

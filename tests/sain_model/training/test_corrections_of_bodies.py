@@ -8,7 +8,7 @@ import pytest
 import torch
 
 from sain_core.history import PushHistory
-from sain_core.plugins import load_dynamics
+from sain_core.model import load_dynamics
 from sain_core.push import LENGTH, PushLimits
 from sain_core.scene import make_scene
 from sain_core.shapes.bodies import Bodies

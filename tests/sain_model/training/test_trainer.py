@@ -8,7 +8,7 @@ import torch
 
 from sain_core.bootstrap import bootstrap_mean
 from sain_core.errors import CheckpointError
-from sain_core.plugins import load_dynamics
+from sain_core.model import load_dynamics
 from sain_core.seeding import generator
 from sain_model import commands
 from sain_model.data.dataset import Split, split_by_episode

@@ -3,8 +3,8 @@ import pytest
 from shapely import LinearRing, points
 
 from sain_core.errors import ConfigError
-from sain_core.shapes.disk import THREE_FEET
-from sain_core.shapes.registry import get_shape
+from sain_core.shapes.library import get_shape
+from sain_core.shapes.solids import THREE_FEET
 from sain_sim.camera.render import CameraConfig, Renderer
 from sain_sim.camera.scenery import band, flat_faces, ring
 from sain_sim.camera.shading import Caster, brightness, table_points

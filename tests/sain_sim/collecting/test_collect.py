@@ -11,7 +11,7 @@ from sain_core.errors import ConfigError, DatasetError, OutputError
 from sain_core.push import PaperGrid
 from sain_core.scene import POSITION, TARGET, THETA, surface_gaps
 from sain_core.seeding import generator
-from sain_core.shapes.disk import THREE_FEET
+from sain_core.shapes.solids import THREE_FEET
 from sain_sim.collecting.collect import CollectConfig, collect
 from sain_sim.collecting.episode import EpisodeConfig
 from sain_sim.collecting.samplers import GridSampler

@@ -12,9 +12,16 @@ import pytest
 
 from sain_bringup.graph import executable
 from sain_core.errors import SainError
-from sain_core.workers.pool import AHEAD, WorkerPool, in_order
-from sain_core.workers.processes import LIVES, ProcessPool
-from sain_core.workers.work import FunctionRunner, Software, Work
+from sain_core.workers.pool import (
+    AHEAD,
+    LIVES,
+    FunctionRunner,
+    ProcessPool,
+    Software,
+    Work,
+    WorkerPool,
+    in_order,
+)
 from sain_sim.collecting.collect import CollectConfig, collect
 from sain_sim.collecting.episode import EpisodeConfig, EpisodeResult, EpisodeRunner
 from sain_sim.collecting.push_counts import JOURNAL_FILE, PushCounts
@@ -114,7 +121,7 @@ def test_an_episode_that_cannot_be_run_is_an_error_of_the_collection(tmp_path) -
     errors = []
     for workers in (1, 2):
         with pytest.MonkeyPatch.context() as patch, pytest.raises(SainError) as caught:
-            patch.setattr("sain_core.workers.processes._serve", _refuse)
+            patch.setattr("sain_core.workers.pool._serve", _refuse)
             patch.setattr("sain_sim.collecting.episode.EpisodeRunner.run", _no_room)
             collect(CollectConfig(tmp_path, episodes=3, workers=workers, episode=crowded))
         errors.append(str(caught.value))

@@ -8,8 +8,8 @@ import pytest
 
 from sain_core.errors import BlockedError, ConfigError
 from sain_core.scene import MID, POSITION, TARGET, THETA, is_settled, unit
-from sain_core.shapes.disk import FLAT
 from sain_core.shapes.shape import REGULAR_FEET
+from sain_core.shapes.solids import FLAT
 from sain_sim.arm.kinematics import LOWER_LIMITS, UPPER_LIMITS
 from sain_sim.engines.bullet.tool_spring import SLIDES
 from sain_sim.world.parameters import WorldParameters, nominal_parameters

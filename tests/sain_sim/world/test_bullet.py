@@ -1,4 +1,4 @@
-"""Bullet by name, as `sain_core.plugins` finds it, and where its arm does not reach."""
+"""Bullet by name, as `sain_core.model` finds it, and where its arm does not reach."""
 
 import importlib
 

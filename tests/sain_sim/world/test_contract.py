@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from sain_core.model_checks.worlds import check_world, two_disks
+from sain_core.conformance import check_world, two_disks
 from sain_core.scene import TARGET, X
 from sain_core.world import Outcome, WorldFailedError
 from sain_sim.world.engines import ENGINES

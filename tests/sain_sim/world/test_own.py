@@ -5,8 +5,8 @@ from importlib.metadata import EntryPoint
 import numpy as np
 import pytest
 
+from sain_core.conformance import two_disks
 from sain_core.errors import BlockedError, ConfigError, OutOfRangeError
-from sain_core.model_checks.worlds import two_disks
 from sain_core.scene import MID, TARGET, X
 from sain_core.world import Outcome, WorldFailedError
 from sain_sim.camera.window import Window

@@ -3,7 +3,7 @@ import pytest
 
 from sain_core.errors import ConfigError
 from sain_core.seeding import generator
-from sain_core.shapes.registry import get_shape, shape_names
+from sain_core.shapes.library import get_shape, shape_names
 from sain_sim.arm.client import Client
 from sain_sim.engines.bullet.bodies import Body, resting
 from sain_sim.engines.bullet.collision import Build

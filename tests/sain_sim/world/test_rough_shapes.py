@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from shapely import MultiPoint, Polygon
 
-from sain_core.shapes.library import SHAPES
-from sain_core.shapes.registry import get_shape
+from sain_core.shapes.library import SHAPES, get_shape
 from sain_core.shapes.shape import REGULAR_FEET
 from sain_sim.world.parameters import WorldParameters
 from sain_sim.world.rough_shapes import LEAST_LOAD, fit_shapes

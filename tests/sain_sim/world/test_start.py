@@ -3,7 +3,7 @@ import pytest
 
 from sain_core.errors import InvalidInputError, OutOfRangeError
 from sain_core.scene import MASS, RADIUS, VELOCITY, make_scene, surface_gaps
-from sain_core.shapes.disk import FLAT, THREE_FEET
+from sain_core.shapes.solids import FLAT, THREE_FEET
 from sain_sim.world.parameters import nominal_parameters
 from sain_sim.world.start import draw_episode
 

@@ -17,7 +17,7 @@ from sain_core.scene import (
     surface_gaps,
     unit,
 )
-from sain_core.shapes.disk import FLAT, THREE_FEET
+from sain_core.shapes.solids import FLAT, THREE_FEET
 from sain_sim.world.parameters import nominal_parameters
 from sain_sim.world.workcell import WorldConfig
 from sain_sim.world.world import World

@@ -16,7 +16,7 @@ from sain_bags.reading.timing import TopicTiming, read_timings
 from sain_bags.transitions.message_fields import namespaces
 from sain_bags.transitions.recorded_episodes import Episode, read_episodes
 from sain_bags.writing.gaps import SILENT_KEY, UNDEFINED_KEY, read_gaps, read_names
-from sain_core.cli.fitting_table import FittingTable
+from sain_core.cli.terminal import FittingTable
 
 LISTED: Final = (SILENT_KEY, UNDEFINED_KEY)  # custom data that has lines of its own
 

@@ -11,7 +11,7 @@ from sain_bags.playing import PassageConfig
 from sain_bags.report.gathering import Limits
 from sain_bags.writing.writer import BagConfig
 from sain_core.config import Config, option, required
-from sain_core.workers.options import WorkerOptions
+from sain_core.workers.running import WorkerOptions
 
 BAG = "a bag's folder, or its MCAP file"
 

@@ -12,11 +12,9 @@ from sain_bags.transitions.pairing import Pairing
 from sain_bags.transitions.rows import EpisodeBodies, RowBlock, RowMaker
 from sain_bags.transitions.sources import Source, open_source
 from sain_core.errors import DatasetError
-from sain_core.model import Model
-from sain_core.plugins import load_dynamics
-from sain_core.workers.options import WorkerOptions
-from sain_core.workers.running import run_on_workers
-from sain_core.workers.work import Software, Work
+from sain_core.model import Model, load_dynamics
+from sain_core.workers.pool import Software, Work
+from sain_core.workers.running import WorkerOptions, run_on_workers
 
 SOFTWARE: Final = Software(
     ("sain_core", "sain_bags", "sain_model"), ("numpy", "mcap", "numba", "torch")

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from sain_bags.dataset.dataset_folder import CARD_FILE, PICTURE_FILE
 from sain_core.drawing.figures import TEXT, new_figure, style_axes, write_png
 from sain_core.drawing.palette import PALETTE
-from sain_core.untrusted.json_text import read_json
+from sain_core.untrusted import read_json
 
 COLUMNS: Final = 3
 

@@ -25,7 +25,7 @@ from sain_bags.transitions.sources import Source, find_sources
 from sain_core.config import Config, option
 from sain_core.dataset import SHARD_SIZE, Column, Columns
 from sain_core.errors import DatasetError
-from sain_core.workers.options import WorkerOptions
+from sain_core.workers.running import WorkerOptions
 
 WAITING_SHARDS: Final = 2  # that are made and not stored yet
 

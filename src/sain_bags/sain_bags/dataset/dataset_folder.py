@@ -28,7 +28,7 @@ from sain_core.dataset import (
 )
 from sain_core.errors import DatasetError, OutputError
 from sain_core.storage import remove_partial, write_json
-from sain_core.untrusted.json_text import read_json
+from sain_core.untrusted import read_json
 
 IDENTITY_FILE: Final = "conversion.json"
 CARD_FILE: Final = "card.json"

@@ -14,8 +14,7 @@ from sain_bags.reading.bag_files import BagFiles
 from sain_bags.reading.sqlite_file import SqliteFile, StoredMessage
 from sain_bags.writing.writer import BagConfig, BagWriter
 from sain_core.errors import DatasetError, UntrustedFileError
-from sain_core.untrusted.files import open_regular
-from sain_core.untrusted.limits import PIECE_BYTES
+from sain_core.untrusted import PIECE_BYTES, open_regular
 
 UNCOMPRESSED: Final = ("", "none")
 STORAGES: Final = ("mcap", "sqlite3")

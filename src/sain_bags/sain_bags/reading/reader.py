@@ -19,8 +19,7 @@ from sain_bags.mcap.whole_file import check_file
 from sain_bags.reading.bag_files import BagChannel, BagFiles
 from sain_bags.reading.foreign import CopiedBag, is_foreign
 from sain_core.errors import DatasetError, UntrustedFileError
-from sain_core.untrusted.limits import DECODED_BYTES, limit
-from sain_core.untrusted.time_allowance import TimeAllowance
+from sain_core.untrusted import DECODED_BYTES, TimeAllowance, limit
 
 BAD_DEFINITION: Final = (InvalidSpecification, InvalidValue, NameError)
 DECODING: Final = (

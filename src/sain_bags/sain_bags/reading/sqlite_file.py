@@ -9,8 +9,14 @@ from urllib.parse import quote
 from sain_bags.bag.definitions import Definitions
 from sain_bags.bag.metadata import Topic, read_profiles
 from sain_core.errors import InvalidInputError, UntrustedFileError
-from sain_core.untrusted.files import refuse_special
-from sain_core.untrusted.limits import NAME_LENGTH, PIECE_BYTES, TOPICS, limit, most_messages
+from sain_core.untrusted import (
+    NAME_LENGTH,
+    PIECE_BYTES,
+    TOPICS,
+    limit,
+    most_messages,
+    refuse_special,
+)
 
 TABLES: Final = ("topics", "messages", "message_definitions")
 STEPS: Final = 50_000  # of SQLite's machine, between two looks at how many there were

@@ -11,9 +11,9 @@ from sain_bags.report.pushes import answered, models, poses, rounded, unanswered
 from sain_bags.transitions.recorded_episodes import Episode
 from sain_core.errors import ConfigError
 from sain_core.scene import MASS, POSE, RADIUS
-from sain_core.shapes.disk import DISK
-from sain_core.shapes.registry import get_shape
+from sain_core.shapes.library import get_shape
 from sain_core.shapes.shape import Shape
+from sain_core.shapes.solids import DISK
 from sain_core.types import Scene
 
 STATUS: Final = ("unknown", "push", "reached", "no push", "exhausted")  # sain_interfaces/msg/Plan

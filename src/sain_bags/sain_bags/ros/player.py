@@ -20,7 +20,7 @@ PARTING: Final = 2.0  # [s], for what was sent last to arrive
 
 
 class Player(Node):
-    """Offers topics as their publishers did, and publishes bytes on them."""
+    """Plugins topics as their publishers did, and publishes bytes on them."""
 
     def __init__(self, topics: tuple[TopicSummary, ...], namespace: str, **options: Any) -> None:
         """Offer what can be offered here; the others are warned of.

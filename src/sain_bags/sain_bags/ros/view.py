@@ -9,7 +9,7 @@ from rich.console import Console
 
 from sain_bags.cli.options import ViewOptions
 from sain_bags.reading.reader import Bag
-from sain_core.cli.executables import executable
+from sain_core.cli.command_line import executable
 
 NAME: Final = "recording_page"  # beside a running graph and its page
 

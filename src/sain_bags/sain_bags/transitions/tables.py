@@ -24,7 +24,7 @@ from sain_bags.transitions.message_fields import (
 )
 from sain_core.errors import DatasetError
 from sain_core.scene import STATE_NAMES, STATE_SIZE
-from sain_core.untrusted.time_allowance import TimeAllowance
+from sain_core.untrusted import TimeAllowance
 
 KEPT_LAYOUTS: Final = 100  # of messages of one size
 

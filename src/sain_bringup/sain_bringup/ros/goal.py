@@ -12,7 +12,7 @@ from rich.console import Console
 from rich.markup import escape
 
 from sain_bringup.options import GoalOptions
-from sain_core.cli.waiting_line import WaitingLine
+from sain_core.cli.terminal import WaitingLine
 from sain_core.errors import ErrorCode, SainError
 from sain_core.ros.diagnostics import node_of
 from sain_core.ros.node_main import NAMESPACE, ros_context, spin_until

@@ -9,14 +9,14 @@ from rich.console import Console
 from rich.markup import escape
 
 from sain_bringup.options import PushOptions
-from sain_core.cli.fitting_table import FittingTable
+from sain_core.cli.terminal import FittingTable
 from sain_core.errors import ErrorCode, SainError
 from sain_core.push import push_ids
 from sain_core.ros.codec import encode_push
 from sain_core.ros.node_main import NAMESPACE, ros_context, spin_until
 from sain_core.ros.qos import LATCHED, RELIABLE
 from sain_core.scene import POSITION, THETA
-from sain_core.shapes.disk import DISK
+from sain_core.shapes.solids import DISK
 from sain_core.types import PushArray
 from sain_core.wire import decode_disks, with_body
 from sain_interfaces.msg import Bodies, Push, PushResult, Scene

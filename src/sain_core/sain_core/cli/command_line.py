@@ -6,18 +6,169 @@ once, and Ctrl-C during the imports ends the process without a traceback.
 """
 
 import io
+import os
+import select
+import shutil
+import signal
+import socket
 import sys
-from collections.abc import Callable
-from contextlib import redirect_stderr
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, redirect_stderr
 from dataclasses import dataclass, fields, is_dataclass
 from importlib import import_module
+from pathlib import Path
+from threading import Timer, current_thread, main_thread
+from types import FrameType
 from typing import Annotated, Any, Final, Literal, get_type_hints
 
-from sain_core.cli.closed_pipe import end_with_the_reader
-from sain_core.cli.host import check_host
-from sain_core.cli.interrupts import interrupts_after_imports, silent_interrupts
 from sain_core.config import describe_values
-from sain_core.errors import INTERRUPTED, ConfigError, SainError
+from sain_core.errors import INTERRUPTED, ConfigError, OutputError, SainError
+from sain_core.ros.network import CLOSED, RANGE
+
+
+def executable(package: str, name: str) -> Path:
+    """Return the file that ``ros2 run PACKAGE NAME`` starts.
+
+    Raises:
+        ConfigError: it is not installed.
+    """
+    prefixes = [p for p in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep) if p]
+    for prefix in prefixes:
+        path = Path(prefix, "lib", package, name)
+        if os.access(path, os.X_OK):
+            return path
+    raise ConfigError(
+        f"{package} {name} is not installed under AMENT_PREFIX_PATH; run inside ./env, or source"
+        " the workspace's install/setup.bash"
+    )
+
+
+SHARED: Final = Path("/dev/shm")
+LEAST: Final = 16 << 10  # bytes: two pages, and some for others that start now
+LOOPBACK: Final = "127.0.0.1"
+
+
+class NoNetworkError(SainError):
+    """Nodes cannot reach each other."""
+
+
+def check_host() -> None:
+    """Check that a process that uses ROS can start, and reach others.
+
+    Raises:
+        OutputError: shared memory is full.
+        NoNetworkError: the loopback interface is down.
+    """
+    check_shared_memory()
+    check_loopback()
+
+
+def check_shared_memory(folder: Path = SHARED) -> None:
+    """Check that there is room: without any, ROS dies with SIGBUS and says nothing.
+
+    Our own messages do not go through shared memory. But ROS is built with LTTng, which maps a page
+    of a small file there as soon as a process loads it.
+
+    Raises:
+        OutputError: shared memory is full, and what helps.
+    """
+    if not folder.is_dir() or shutil.disk_usage(folder).free >= LEAST:
+        return
+    raise OutputError(
+        f"{folder} is full, and ROS cannot start without a page there; remove what killed"
+        f" processes have left, such as {folder}/fastrtps_*, or enlarge it"
+    )
+
+
+def check_loopback(address: str = LOOPBACK) -> None:
+    """Check that nodes can send to each other on this computer, unless the network is opened.
+
+    Raises:
+        NoNetworkError: they cannot, and what helps.
+    """
+    if os.environ.get(RANGE, "") not in CLOSED:
+        return
+    try:
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as own:
+            own.bind((address, 0))
+            own.sendto(b"", own.getsockname())
+    except OSError as error:
+        raise NoNetworkError(
+            f"nodes talk over {address}, which cannot be used here: {error.strerror}; run"
+            " `sudo ip link set lo up`, or start the container with a network"
+        ) from error
+
+
+@contextmanager
+def end_with_the_reader() -> Iterator[None]:
+    """End the process with exit code 0 where nobody reads standard output any more."""
+    try:
+        yield
+    except BrokenPipeError:
+        if not _reader_is_gone():  # it was another pipe
+            raise
+        raise SystemExit(0) from None
+    finally:
+        try:
+            sys.stdout.flush()
+        except BrokenPipeError:  # what is left goes nowhere, also when Python itself ends
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
+def _reader_is_gone() -> bool:
+    look = select.poll()
+    look.register(sys.stdout.fileno(), 0)
+    return any(event & select.POLLERR for _, event in look.poll(0))
+
+
+Handler = Callable[[int, FrameType | None], None]
+
+IMPORTS: Final = "<frozen importlib._bootstrap"  # the file of the frames of an import
+LOOK_AGAIN: Final = 0.05  # [s] between looks whether an import is over
+
+
+@contextmanager
+def silent_interrupts(active: bool = True) -> Iterator[None]:
+    """Let Ctrl-C end the process at once: for what has begun nothing and imports much."""
+    with _handled(_end, active):
+        yield
+
+
+@contextmanager
+def interrupts_after_imports(active: bool = True) -> Iterator[None]:
+    """Let Ctrl-C raise `KeyboardInterrupt`; during an import, as soon as that is over."""
+    with _handled(_raise_outside_imports, active):
+        yield
+
+
+@contextmanager
+def _handled(handler: Handler, active: bool) -> Iterator[None]:
+    if not active or current_thread() is not main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGINT, handler)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+def _end(*_: object) -> None:
+    os._exit(INTERRUPTED)
+
+
+def _raise_outside_imports(_: int, frame: FrameType | None) -> None:
+    while frame is not None:
+        if frame.f_code.co_filename.startswith(IMPORTS):
+            # A signal to the main thread, which wakes it also where it waits.
+            main = main_thread().ident or 0
+            again = Timer(LOOK_AGAIN, signal.pthread_kill, (main, signal.SIGINT))
+            again.daemon = True
+            again.start()
+            return
+        frame = frame.f_back
+    raise KeyboardInterrupt
+
 
 LONGEST: Final = 4000  # characters of an error
 WRONG_USAGE: Final = 2  # exit code after an argument that is not allowed

@@ -10,10 +10,14 @@ from dataclasses import dataclass
 from difflib import get_close_matches
 from typing import Any, Final
 
-from sain_core.cli.closed_pipe import end_with_the_reader
-from sain_core.cli.command_line import WRONG_USAGE, load, split_ros_arguments
-from sain_core.cli.host import check_host
-from sain_core.cli.interrupts import silent_interrupts
+from sain_core.cli.command_line import (
+    WRONG_USAGE,
+    check_host,
+    end_with_the_reader,
+    load,
+    silent_interrupts,
+    split_ros_arguments,
+)
 from sain_core.config import Config, describe_values, show_value
 from sain_core.errors import INTERRUPTED, SainError
 

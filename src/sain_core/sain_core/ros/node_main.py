@@ -21,7 +21,7 @@ from rclpy.utilities import ok, try_shutdown
 from sain_core import notify
 from sain_core.errors import INTERRUPTED, ConfigError, SainError
 from sain_core.ros.network import stay_on_this_host
-from sain_core.ros.parameter_files import check_parameter_files
+from sain_core.ros.parameters import check_parameter_files
 from sain_core.ros.steady import steady_timer
 
 NAMESPACE = "sain"

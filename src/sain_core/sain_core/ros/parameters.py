@@ -7,10 +7,13 @@ was probably meant.
 """
 
 import dataclasses
+import sys
 from array import array
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from difflib import get_close_matches
-from typing import Any, TypeVar, get_args, get_origin, get_type_hints
+from itertools import pairwise
+from pathlib import Path
+from typing import Any, Final, TypeVar, get_args, get_origin, get_type_hints
 
 from rcl_interfaces.msg import (
     FloatingPointRange,
@@ -22,7 +25,28 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from sain_core.config import Config, check_field
-from sain_core.errors import ConfigError
+from sain_core.errors import ConfigError, UntrustedFileError
+from sain_core.untrusted import YAML_BYTES, read_regular
+
+OPTION: Final = "--params-file"
+
+
+def check_parameter_files(arguments: Sequence[str] | None) -> None:
+    """Check the files that arguments name, or those of the process; rcl waits for any FIFO.
+
+    Raises:
+        ConfigError: one is no regular file, or too large.
+    """
+    for option, name in pairwise(sys.argv if arguments is None else arguments):
+        if option != OPTION:
+            continue
+        try:
+            read_regular(Path(name), YAML_BYTES)
+        except UntrustedFileError as error:
+            raise ConfigError(f"{OPTION} {name} is not read: {error}") from error
+        except OSError:
+            return  # rcl says why
+
 
 C = TypeVar("C", bound=Config)
 

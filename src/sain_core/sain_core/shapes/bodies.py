@@ -3,14 +3,17 @@
 The state of a body is its row of the scene (`sain_core.scene`). What is here is sent once.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
-from functools import cached_property
+from functools import cached_property, lru_cache
 from itertools import combinations
 from typing import Final, Self
 
-from sain_core.errors import ConfigError, InvalidInputError
+import numpy as np
+from numpy import ndarray
+
+from sain_core.errors import ConfigError, DatasetError, InvalidInputError
 from sain_core.scene import (
     OVERLAP_TOLERANCE,
     POSITION,
@@ -19,8 +22,9 @@ from sain_core.scene import (
     check_scene,
     check_states,
 )
-from sain_core.shapes.registry import get_shape
+from sain_core.shapes.library import footprint_names, get_shape
 from sain_core.shapes.shape import Shape
+from sain_core.shapes.solids import DISK
 from sain_core.types import Scene
 
 MOST_BODIES: Final = 32
@@ -177,3 +181,38 @@ def overlap(scene: Scene, bodies: Bodies, first: int, second: int) -> float:
     rings = [Polygon(bodies.shapes[body].placed(scene[body])) for body in (first, second)]
     shared = rings[0].intersection(rings[1])
     return 4.0 * float(shared.area) / float(shared.length) if shared.area else 0.0
+
+
+BETWEEN: Final = ","
+MARKS: Final = "s"  # ends a column (N,) of older data sets that states which bodies are ``cubes``
+
+
+def as_names(bodies: Bodies) -> tuple[str, str]:
+    """Return the shapes and the roles of bodies."""
+    return BETWEEN.join(shape.footprint for shape in bodies.shapes), BETWEEN.join(bodies.roles)
+
+
+@lru_cache(maxsize=1024)
+def bodies_named(shapes: str, roles: str, count: int) -> Bodies:
+    """Return so many bodies by the names of shapes and roles; no roles are the paper's.
+
+    Raises:
+        DatasetError: shapes or roles that do not exist, or not one for each body.
+    """
+    try:
+        bodies = Bodies.named(shapes.split(BETWEEN), roles.split(BETWEEN) if roles else ())
+    except ConfigError as error:
+        raise DatasetError(f"the bodies {shapes!r} cannot be: {error}") from error
+    if len(bodies) != count:
+        raise DatasetError(f"{shapes!r} are {len(bodies)} shapes; the scenes have {count} bodies")
+    return bodies
+
+
+def marked_bodies(columns: Mapping[str, ndarray], roles: list[str], count: int) -> list[Bodies]:
+    """Return the bodies of rows of which columns mark those that are no disks."""
+    names = np.full((len(roles), count), DISK, dtype=object)
+    for name in footprint_names() if any(key.endswith(MARKS) for key in columns) else ():
+        if f"{name}{MARKS}" in columns:
+            names[np.asarray(columns[f"{name}{MARKS}"], dtype=bool)] = name
+    named = zip(names, roles, strict=True)
+    return [bodies_named(BETWEEN.join(row), role, count) for row, role in named]

@@ -3,14 +3,19 @@
 `docs/explanation/shapes.md` has them all in one picture.
 """
 
+from collections import ChainMap
+from collections.abc import Iterable, Mapping
+from functools import cache
 from itertools import pairwise
 from math import cos, pi, sin
 from typing import Final
 
 import numpy as np
 
-from sain_core.shapes.polygon import Compound
-from sain_core.shapes.shape import Pair
+from sain_core.errors import ConfigError, InvalidInputError, SainError
+from sain_core.plugins import Plugins, did_you_mean
+from sain_core.shapes.shape import Pair, Shape
+from sain_core.shapes.solids import CUBE_CORNERS, DISK, FLAT, THREE_FEET, Compound, Cube, Disk
 
 RANDOM_CORNERS: Final = (5, 6, 7, 8, 9, 10)  # of the random polygons, by seed
 LEAST_GAP: Final = 0.35  # [rad], between two corners of a random polygon
@@ -64,42 +69,172 @@ def _random_polygon(seed: int, count: int) -> tuple[Pair, ...]:
     return tuple((cos(b), sin(b)) for b in bearings.tolist())
 
 
-SHAPES: Final = (
-    Compound.of("square", _box(1, 1)),
-    Compound.of("box_3x2", _box(3, 2)),
-    Compound.of("box_2x1", _box(2, 1)),
-    Compound.of("box_3x1", _box(3, 1)),
-    Compound.of("bar", _box(5, 1)),
-    Compound.of("butter", _clipped_box(2.4, 1, 0.1)),
-    Compound.of("triangle", _arc(0, 2 * pi, 3)[:-1]),
-    Compound.of("right_triangle", ((0, 0), (4, 0), (0, 3))),
-    Compound.of("wedge", ((0, 0), (4, 0), (2, 1.3))),
-    Compound.of("spire", ((0, 0), (2, 0), (1, 3))),
-    Compound.of("pentagon", _arc(0, 2 * pi, 5)[:-1]),
-    Compound.of("hexagon", _arc(0, 2 * pi, 6)[:-1]),
-    Compound.of("octagon", _arc(0, 2 * pi, 8)[:-1]),
-    Compound.of("ellipse", _ellipse(1, 0.5)),
-    Compound.of("oval", _ellipse(1, 0.7)),
-    Compound.of("half_disk", _arc(0, pi, 12)),
-    Compound.of("quarter_disk", ((0, 0), *_arc(0, pi / 2, 9))),
-    Compound.of("trapezoid", ((0, 0), (4, 0), (3, 2), (1, 2))),
-    Compound.of("parallelogram", ((0, 0), (3, 0), (4, 2), (1, 2))),
-    Compound.of("rhombus", ((2, 0), (0, 1.2), (-2, 0), (0, -1.2))),
-    Compound.of("kite", ((0, 0), (1.2, 1), (0, 3), (-1.2, 1))),
-    Compound.of("t", _box(4, 1, y=3), _box(1, 3, x=1.5)),  # the proportions of Push-T
-    Compound.of("l", _box(1, 4), _box(2, 1, x=1)),
-    Compound.of("corner", _box(1, 3), _box(2, 1, x=1)),
-    Compound.of("u", _box(4, 1), _box(1, 2, y=1), _box(1, 2, x=3, y=1)),
-    Compound.of("z", _box(2, 1, x=1), _box(2, 1, y=1)),
-    Compound.of("h", _box(1, 3), _box(1, 1, x=1, y=1), _box(1, 3, x=2)),
-    Compound.of("plus", _box(1, 1, x=1), _box(3, 1, y=1), _box(1, 1, x=1, y=2)),
-    Compound.of("star", *_star(5, 0.5)),
-    Compound.of("star_6", *_star(6, 0.6)),
-    Compound.of("arrow", _box(2, 1, y=0.5), ((2, 0), (3.5, 1), (2, 2))),
-    Compound.of("ring_segment", *_ring_segment(-pi / 3, pi / 3, 0.6, 5)),
-    Compound.of("half_ring", *_ring_segment(-pi / 2, pi / 2, 0.55, 7)),
-    *(
-        Compound.of(f"random_{seed}", _random_polygon(seed, count))
-        for seed, count in enumerate(RANDOM_CORNERS)
-    ),
-)
+@cache
+def library() -> tuple[Shape, ...]:
+    """Return the library; only when it is needed, since its outlines take 0.3 s."""
+    return (
+        Compound.of("square", _box(1, 1)),
+        Compound.of("box_3x2", _box(3, 2)),
+        Compound.of("box_2x1", _box(2, 1)),
+        Compound.of("box_3x1", _box(3, 1)),
+        Compound.of("bar", _box(5, 1)),
+        Compound.of("butter", _clipped_box(2.4, 1, 0.1)),
+        Compound.of("triangle", _arc(0, 2 * pi, 3)[:-1]),
+        Compound.of("right_triangle", ((0, 0), (4, 0), (0, 3))),
+        Compound.of("wedge", ((0, 0), (4, 0), (2, 1.3))),
+        Compound.of("spire", ((0, 0), (2, 0), (1, 3))),
+        Compound.of("pentagon", _arc(0, 2 * pi, 5)[:-1]),
+        Compound.of("hexagon", _arc(0, 2 * pi, 6)[:-1]),
+        Compound.of("octagon", _arc(0, 2 * pi, 8)[:-1]),
+        Compound.of("ellipse", _ellipse(1, 0.5)),
+        Compound.of("oval", _ellipse(1, 0.7)),
+        Compound.of("half_disk", _arc(0, pi, 12)),
+        Compound.of("quarter_disk", ((0, 0), *_arc(0, pi / 2, 9))),
+        Compound.of("trapezoid", ((0, 0), (4, 0), (3, 2), (1, 2))),
+        Compound.of("parallelogram", ((0, 0), (3, 0), (4, 2), (1, 2))),
+        Compound.of("rhombus", ((2, 0), (0, 1.2), (-2, 0), (0, -1.2))),
+        Compound.of("kite", ((0, 0), (1.2, 1), (0, 3), (-1.2, 1))),
+        Compound.of("t", _box(4, 1, y=3), _box(1, 3, x=1.5)),  # the proportions of Push-T
+        Compound.of("l", _box(1, 4), _box(2, 1, x=1)),
+        Compound.of("corner", _box(1, 3), _box(2, 1, x=1)),
+        Compound.of("u", _box(4, 1), _box(1, 2, y=1), _box(1, 2, x=3, y=1)),
+        Compound.of("z", _box(2, 1, x=1), _box(2, 1, y=1)),
+        Compound.of("h", _box(1, 3), _box(1, 1, x=1, y=1), _box(1, 3, x=2)),
+        Compound.of("plus", _box(1, 1, x=1), _box(3, 1, y=1), _box(1, 1, x=1, y=2)),
+        Compound.of("star", *_star(5, 0.5)),
+        Compound.of("star_6", *_star(6, 0.6)),
+        Compound.of("arrow", _box(2, 1, y=0.5), ((2, 0), (3.5, 1), (2, 2))),
+        Compound.of("ring_segment", *_ring_segment(-pi / 3, pi / 3, 0.6, 5)),
+        Compound.of("half_ring", *_ring_segment(-pi / 2, pi / 2, 0.55, 7)),
+        *(
+            Compound.of(f"random_{seed}", _random_polygon(seed, count))
+            for seed, count in enumerate(RANDOM_CORNERS)
+        ),
+    )
+
+
+GROUP: Final = "sain.shapes"
+ALIKE: Final = 0.7  # of the letters: `disk` is no slip of `half_disk`
+OFFERS: Final = Plugins(GROUP, "shape")
+_BUILT_IN: Final = (Disk(THREE_FEET), Disk(FLAT, feet=()), Cube("cube", corners=CUBE_CORNERS))
+_shapes: dict[str, Shape] = {}
+_footprints: dict[str, Shape] = {}  # the usual shape of each
+_failed: dict[str, str] = {}  # offered shapes that cannot be used, and why
+_all: Final = ChainMap(_shapes, _footprints)
+
+
+def register(shape: Shape) -> None:
+    """Let a shape be found by its name in this process.
+
+    Raises:
+        ConfigError: another shape or footprint has its name.
+    """
+    if _all.get(shape.name, shape) != shape:
+        raise ConfigError(f"two shapes have the name {shape.name!r}; rename one of them")
+    _shapes[shape.name] = shape
+    _footprints.setdefault(shape.footprint, shape)
+
+
+def shape_names() -> list[str]:
+    """Return the names of all shapes, as a world is made of them."""
+    _load_library()
+    return list(_shapes)
+
+
+def footprint_names() -> list[str]:
+    """Return the names of all footprints, as requests and scenarios ask for them."""
+    _load_library()
+    return list(_footprints)
+
+
+def get_shape(name: str, body: int | None = None) -> Shape:
+    """Return the shape of this name, or the usual one with this footprint.
+
+    Raises:
+        ConfigError: there is neither; it names the body, if there is one.
+    """
+    return _find(name, _all, what=_shape_of(body))
+
+
+def check_shape(name: str, body: int | None = None) -> None:
+    """Check that a world can be made of a shape: a footprint does not say how it stands.
+
+    Raises:
+        ConfigError: no shape has this name; it names the body, if there is one.
+    """
+    _find(name, _shapes, what=_shape_of(body))
+
+
+def check_footprint(name: str) -> None:
+    """Check that a footprint exists.
+
+    Raises:
+        InvalidInputError: no shape has it.
+    """
+    _find(name, _footprints, InvalidInputError)
+
+
+def built_shapes(footprints: Iterable[str], disk_shape: str) -> tuple[str, ...]:
+    """Return the names of the shapes for some footprints; `disk_shape` is the one for disks.
+
+    Raises:
+        InvalidInputError: a footprint that does not exist, and of which body.
+    """
+    shapes = [
+        _find(footprint, _footprints, InvalidInputError, _shape_of(body))
+        for body, footprint in enumerate(footprints)
+    ]
+    return tuple(disk_shape if shape.footprint == DISK else shape.name for shape in shapes)
+
+
+def _shape_of(body: int | None) -> str:
+    return "shape" if body is None else f"shape of body {body}"
+
+
+def _find(
+    name: str,
+    known: Mapping[str, Shape],
+    error: type[SainError] = ConfigError,
+    what: str = "shape",
+) -> Shape:
+    if name not in known:
+        _load_library()
+    if name not in known:
+        _load_offered()
+    if name not in known:
+        if name in _failed:
+            raise error(_failed[name])
+        near = did_you_mean(name, known, ALIKE)
+        raise error(f"{what} is {name!r}{near}; allowed: {', '.join(known)}")
+    return known[name]
+
+
+@cache
+def _load_library() -> None:
+    for shape in library():
+        register(shape)
+
+
+@cache
+def _load_offered() -> None:
+    """Register what installed packages offer; once, since it takes a tenth of a second.
+
+    A package that fails does not disturb the others: only who asks for its shape hears of it.
+    """
+    for name, entries in OFFERS.entries().items():
+        try:
+            entry = OFFERS.only(name, entries)
+            shape = OFFERS.load(entry)
+            if not isinstance(shape, Shape):
+                kind = type(shape).__name__
+                raise OFFERS.wrong(entry, f"{entry.value} is a {kind}; it must be a Shape")
+            if shape.name != name:
+                called = f"{entry.value} has the name {shape.name!r}"
+                raise OFFERS.wrong(entry, f"{called}; entry point and shape must have one name")
+            register(shape)
+        except ConfigError as error:
+            _failed[name] = str(error)
+
+
+for _shape in _BUILT_IN:
+    register(_shape)

@@ -14,10 +14,9 @@ from numpy import ndarray
 
 from sain_core.errors import ConfigError, InvalidInputError, OutOfRangeError
 from sain_core.shapes.bodies import MOST_BODIES, Bodies, Role
-from sain_core.shapes.disk import DISK
-from sain_core.shapes.polygon import MOST_CORNERS, MOST_PARTS, Compound
-from sain_core.shapes.registry import get_shape
+from sain_core.shapes.library import get_shape
 from sain_core.shapes.shape import Pair, Shape
+from sain_core.shapes.solids import DISK, MOST_CORNERS, MOST_PARTS, Compound
 from sain_core.types import Points
 
 Ring = Float[ndarray, "_ 2"]  # one of several, each with its own number of corners

@@ -13,8 +13,16 @@ from types import ModuleType
 from typing import Any, Final
 
 from sain_core.errors import ConfigError, SainError
-from sain_core.workers.pool import THREAD_LIMITS, WorkerPool, environment
-from sain_core.workers.work import Done, Job, Runner, Software, Work
+from sain_core.workers.pool import (
+    THREAD_LIMITS,
+    Done,
+    Job,
+    Runner,
+    Software,
+    Work,
+    WorkerPool,
+    environment,
+)
 
 LOCAL: Final = "local"
 AUTO: Final = "auto"

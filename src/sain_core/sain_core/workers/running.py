@@ -2,12 +2,28 @@
 
 from collections.abc import Generator, Sequence
 from contextlib import ExitStack, closing
+from dataclasses import dataclass
 
-from sain_core.workers.options import WorkerOptions
-from sain_core.workers.pool import WorkerPool, as_finished, in_order
-from sain_core.workers.processes import ProcessPool
+from sain_core.config import Config, option
+from sain_core.workers.pool import Done, Job, ProcessPool, Work, WorkerPool, as_finished, in_order
 from sain_core.workers.ray_pool import RayPool, ray_cluster
-from sain_core.workers.work import Done, Job, Work
+
+
+@dataclass(frozen=True, kw_only=True)
+class WorkerOptions(Config):
+    """Who does the work. What is written does not depend on it."""
+
+    workers: int = option(
+        1,
+        "processes that share the work; planning takes longer with more of them than cores",
+        minimum=1,
+        maximum=4096,
+    )
+    ray: str = option(
+        "",
+        "Ray cluster of the workers: HOST:PORT; auto: this machine's; local: a new one on this"
+        " machine",
+    )
 
 
 def run_on_workers(

@@ -14,8 +14,8 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 
-from sain_core.cli.fitting_table import FittingTable
-from sain_core.cli.interrupts import silent_interrupts
+from sain_core.cli.command_line import silent_interrupts
+from sain_core.cli.terminal import FittingTable
 from sain_core.provenance import ros2_command
 from sain_core.storage import make_folder, write_whole
 from sain_eval.cli.options import EvaluateOptions

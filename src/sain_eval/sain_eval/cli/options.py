@@ -11,7 +11,7 @@ from sain_core.config import Config, option, required
 from sain_core.errors import ConfigError
 from sain_core.goal import MOST_TOLERANCE, MOST_TURN
 from sain_core.observation import observation_settings
-from sain_core.workers.options import WorkerOptions
+from sain_core.workers.running import WorkerOptions
 from sain_eval.cli.table_parts import TABLE_PARTS, TablePart
 from sain_eval.scenes.scenarios import OFFERED, SCENARIOS
 from sain_eval.tolerance import Tolerance

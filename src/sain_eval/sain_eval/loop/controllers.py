@@ -10,7 +10,7 @@ import numpy as np
 
 from sain_core.errors import ConfigError, NoPushError
 from sain_core.feasibility import Feasibility
-from sain_core.plugins import as_observed, load_dynamics
+from sain_core.model import as_observed, load_dynamics
 from sain_core.push import LOCATION
 from sain_core.scene import MID, POSITION, TARGET, wrap_angle
 from sain_eval.scenes.scenario_scene import ScenarioScene

@@ -9,9 +9,8 @@ from typing import Final, Generic, TypeVar
 
 from sain_core.drawing.figures import png_of
 from sain_core.storage import write_whole
-from sain_core.workers.options import WorkerOptions
-from sain_core.workers.running import run_on_workers
-from sain_core.workers.work import FunctionRunner, Job, Software, Work
+from sain_core.workers.pool import FunctionRunner, Job, Software, Work
+from sain_core.workers.running import WorkerOptions, run_on_workers
 from sain_eval.loop.closed_loop import EpisodeOutcome, run_episode
 from sain_eval.loop.controllers import agent_maker
 from sain_eval.loop.results import PACKAGES, SceneRecord, scene_records

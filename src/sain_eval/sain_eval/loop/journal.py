@@ -7,8 +7,7 @@ from typing import Any, Final
 
 from sain_core.errors import OutputError, UntrustedFileError
 from sain_core.storage import append_json
-from sain_core.untrusted.files import read_regular_text
-from sain_core.untrusted.json_text import parse_json
+from sain_core.untrusted import parse_json, read_regular_text
 from sain_eval.loop.results import SceneRecord
 
 JOURNAL_FILE: Final = "episodes.jsonl"

@@ -10,7 +10,7 @@ from typing import Any, Final
 
 from sain_core.errors import DatasetError
 from sain_core.observation import ObservationConfig, observation_settings, told_settings
-from sain_core.untrusted.json_text import read_json
+from sain_core.untrusted import read_json
 from sain_eval.loop.results import RESULTS_FILE, SCHEMA
 
 NEEDED: Final = (

@@ -6,7 +6,7 @@ from dataclasses import replace
 from itertools import groupby
 from typing import Any, Final
 
-from sain_core.shapes.disk import DISK
+from sain_core.shapes.solids import DISK
 from sain_eval.loop.controllers import BASELINES
 from sain_eval.loop.results import SceneRecord, summarise
 from sain_model.evaluation.markdown import markdown_table

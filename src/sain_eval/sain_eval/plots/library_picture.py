@@ -9,7 +9,7 @@ from matplotlib.patches import Circle, Patch, Polygon
 
 from sain_core.drawing.figures import TEXT, new_figure
 from sain_core.drawing.palette import PALETTE, rgba
-from sain_core.shapes.registry import footprint_names, get_shape
+from sain_core.shapes.library import footprint_names, get_shape
 from sain_core.shapes.shape import Shape
 
 COLUMNS: Final = 7

@@ -14,8 +14,8 @@ from sain_core.feasibility import Feasibility
 from sain_core.goal import Goal
 from sain_core.scene import POSITION, TARGET, THETA, check_scene, unit
 from sain_core.seeding import generator
-from sain_core.shapes.disk import DISK
-from sain_core.shapes.registry import get_shape
+from sain_core.shapes.library import get_shape
+from sain_core.shapes.solids import DISK
 from sain_core.types import Scene
 from sain_eval.scenes.placement import draw_extra_disks, draw_goal, touching_distance
 from sain_eval.scenes.scenario_scene import ScenarioScene

@@ -4,8 +4,8 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 from sain_core.goal import Goal
-from sain_core.shapes.disk import THREE_FEET
-from sain_core.shapes.registry import built_shapes
+from sain_core.shapes.library import built_shapes
+from sain_core.shapes.solids import THREE_FEET
 from sain_core.types import Scene
 from sain_sim.world.parameters import WorldParameters
 from sain_sim.world.truth import RANDOMISED_TRUTH, TruthConfig

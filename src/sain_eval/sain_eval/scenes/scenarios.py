@@ -4,7 +4,7 @@ from functools import cache
 from typing import Final, Protocol, runtime_checkable
 
 from sain_core.errors import SainError
-from sain_core.extensions.offers import Offers
+from sain_core.plugins import Plugins
 from sain_core.scene import Table
 from sain_core.shapes.bodies import Bodies, check_bodies
 from sain_eval.scenes.disk_scenarios import CONTACT_GAP, AnywhereScenario, PaperScenario
@@ -63,7 +63,7 @@ _SCENARIOS: Final[tuple[Scenario, ...]] = (
 
 SCENARIOS: Final[dict[str, Scenario]] = {scenario.name: scenario for scenario in _SCENARIOS}
 
-OFFERED: Final = Offers("sain.scenarios", "scenario", SCENARIOS)
+OFFERED: Final = Plugins("sain.scenarios", "scenario", SCENARIOS)
 
 
 def scenario_names() -> tuple[str, ...]:

@@ -18,8 +18,8 @@ from sain_core.goal import BodyPose, Goal
 from sain_core.scene import POSITION, RADIUS, TARGET, make_scene
 from sain_core.seeding import generator
 from sain_core.shapes.bodies import Role
-from sain_core.shapes.disk import DISK
-from sain_core.shapes.registry import get_shape
+from sain_core.shapes.library import get_shape, library
+from sain_core.shapes.solids import DISK
 from sain_core.types import Points, Scene
 from sain_eval.scenes.disk_scenarios import AnywhereScenario
 from sain_eval.scenes.placement import draw_goal
@@ -41,9 +41,7 @@ BLOCKED_DISTANCE: Final = (0.20, 0.30)  # [m], from the target to its goal
 @cache
 def library_footprints() -> tuple[str, ...]:
     """Return the names of the first 33 footprints: disk, cube, and those of the library."""
-    from sain_core.shapes.library import SHAPES  # its outlines take 0.3 s
-
-    return (DISK, "cube", *(shape.footprint for shape in SHAPES))[:LIBRARY_SHAPES]
+    return (DISK, "cube", *(shape.footprint for shape in library()))[:LIBRARY_SHAPES]
 
 
 @dataclass(frozen=True)

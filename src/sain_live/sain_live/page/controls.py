@@ -9,8 +9,8 @@ import viser
 
 from sain_core.drawing.palette import PALETTE
 from sain_core.errors import ConfigError, SainError
-from sain_core.plugins import dynamics_names
-from sain_core.shapes.registry import footprint_names
+from sain_core.model import dynamics_names
+from sain_core.shapes.library import footprint_names
 from sain_eval.scenes.scenarios import scenario_names
 from sain_live.orders import AS_DRAWN, Orders, Reset
 from sain_live.settings import PageConfig

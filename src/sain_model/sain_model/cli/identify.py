@@ -4,10 +4,10 @@ from collections.abc import Iterator
 
 from rich.console import Console
 
-from sain_core.cli.fitting_table import FittingTable
+from sain_core.cli.terminal import FittingTable
 from sain_core.errors import ConfigError, DatasetError
+from sain_core.model import load_dynamics
 from sain_core.observation import MASSES, unknown_names
-from sain_core.plugins import load_dynamics
 from sain_core.provenance import ros2_command
 from sain_model.cli.options import IdentifyOptions
 from sain_model.data.recordings import first_pushes, load_recording

@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING
 
-from sain_core.cli.waiting_line import WaitingLine
+from sain_core.cli.terminal import WaitingLine
 from sain_model.compute.kernel_store import (
     compilation_progress,
     compile_kernels,

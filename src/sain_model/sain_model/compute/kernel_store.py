@@ -26,7 +26,7 @@ from typing import Final
 import sain_core
 from sain_core.errors import ModelUnavailableError
 from sain_core.notify import alive
-from sain_core.workers.scratch import cache_folder
+from sain_core.scratch import cache_folder
 
 Report = Callable[[int, int], None]  # of compiled kernels, and of all that were missing
 

@@ -18,7 +18,7 @@ from numpy import ndarray
 
 from sain_core.dataset import SHAPED, Column, draw_parts
 from sain_core.errors import DatasetError
-from sain_core.shapes.names import bodies_named
+from sain_core.shapes.bodies import bodies_named
 from sain_core.types import Mask
 from sain_model.data.dataset import (
     Dataset,

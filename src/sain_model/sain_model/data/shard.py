@@ -9,10 +9,9 @@ from numpy import ndarray
 from sain_core.dataset import FLAT, NEEDED, SHAPED, Column, Columns, as_scenes, row_bodies
 from sain_core.errors import DatasetError
 from sain_core.scene import MASS, RADIUS, STATE_SIZE
-from sain_core.shapes.bodies import Bodies
-from sain_core.shapes.names import as_names
+from sain_core.shapes.bodies import Bodies, as_names
 from sain_core.storage import read_arrays
-from sain_core.untrusted.limits import BODIES, LARGEST_NUMBER
+from sain_core.untrusted import BODIES, LARGEST_NUMBER
 
 NO_STEP: Final = -1  # where a shard does not tell
 UNKNOWN: Final = {Column.FRICTION: np.nan, Column.FLOOR_NEXT: np.nan, Column.STEP: NO_STEP}

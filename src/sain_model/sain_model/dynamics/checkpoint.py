@@ -17,8 +17,7 @@ from torch import nn
 
 from sain_core.errors import CheckpointError, UntrustedFileError
 from sain_core.storage import write_json, write_whole
-from sain_core.untrusted.files import read_regular
-from sain_core.untrusted.json_text import parse_json
+from sain_core.untrusted import parse_json, read_regular
 from sain_model.dynamics.correction_network import CorrectionEnsemble
 from sain_model.network.feature_kernels import BODY_FEATURES, FEATURE_VERSION
 from sain_model.network.interaction_network import InteractionNetwork
@@ -35,7 +34,7 @@ class ModelCard:
     """What a checkpoint says of itself.
 
     Attributes:
-        prior: name of the prior that it corrects, as in `sain_core.plugins.load_dynamics`.
+        prior: name of the prior that it corrects, as in `sain_core.model.load_dynamics`.
         prior_config: its parameters, so that a later calibration does not change this model.
         network: size of the network.
         friction: how friction is inferred from an episode's earlier pushes; None: the model was

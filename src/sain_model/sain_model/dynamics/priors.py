@@ -7,8 +7,7 @@ from typing import Any, TypeVar
 
 from sain_core.config import Config, typed_settings
 from sain_core.errors import CheckpointError
-from sain_core.model import IdentityPrior, Model
-from sain_core.plugins import load_dynamics
+from sain_core.model import IdentityPrior, Model, load_dynamics
 from sain_model.dynamics.lab_prior import LabPrior
 from sain_model.dynamics.settings import (
     IDENTITY,
@@ -27,7 +26,7 @@ def load_prior(name: str, settings: Settings | None = None) -> Model:
     """Return a prior by its name, from any installed package.
 
     Args:
-        name: of the prior, as in `sain_core.plugins.load_dynamics`.
+        name: of the prior, as in `sain_core.model.load_dynamics`.
         settings: of `PlanarConfig`, for ``planar`` and ``planar_axes``; None: the usual ones.
 
     Raises:

@@ -51,7 +51,7 @@ class SainDynamics(Model):
 
     Attributes:
         prior: f_p.
-        prior_name: its name for `sain_core.plugins.load_dynamics`.
+        prior_name: its name for `sain_core.model.load_dynamics`.
         model_hash: SHA-256 of the weights; empty when they come from no checkpoint.
         card: the checkpoint's JSON card; empty likewise.
         friction: how it infers friction from an episode's earlier pushes; None: it was not

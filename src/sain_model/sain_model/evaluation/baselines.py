@@ -13,9 +13,7 @@ import numpy as np
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from sain_core.model import Model
-from sain_core.model_checks.response_check import answering, check_step
-from sain_core.plugins import load_dynamics
+from sain_core.model import Model, answering, check_step, load_dynamics
 from sain_core.types import Pushes, Scenes
 
 AT_ONCE: Final = 32  # pushes between two looks at the clock
@@ -56,7 +54,7 @@ def open_models(names: Sequence[str]) -> Iterator[dict[str, Model]]:
     """Give the models of these names, and close them in the end.
 
     Raises:
-        ConfigError, CheckpointError: see `sain_core.plugins.load_dynamics`.
+        ConfigError, CheckpointError: see `sain_core.model.load_dynamics`.
     """
     with ExitStack() as stack:
         found: dict[str, Model] = {}

@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
-from sain_core.cli.fitting_table import FittingTable
+from sain_core.cli.terminal import FittingTable
 
 PARTS = {"all": "all pushes", "target_moved": "pushes that moved the target"}
 

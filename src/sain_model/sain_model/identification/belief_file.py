@@ -9,7 +9,7 @@ import numpy as np
 from sain_core.config import typed_settings
 from sain_core.errors import CheckpointError
 from sain_core.storage import write_json
-from sain_core.untrusted.json_text import read_json
+from sain_core.untrusted import read_json
 from sain_model.identification.beliefs import Belief
 from sain_model.identification.parameters import COUNT
 from sain_model.identification.structures import Structure

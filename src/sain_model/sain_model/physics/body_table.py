@@ -15,8 +15,8 @@ from numpy import ndarray
 from sain_core.push import LENGTH, PushLimits, pushed_bodies, strokes
 from sain_core.scene import POSITION
 from sain_core.shapes.bodies import Bodies
-from sain_core.shapes.flat_bottom import FEET, FLAT, flat_bottom
 from sain_core.shapes.shape import REGULAR_FEET, Shape, feet_places
+from sain_core.shapes.supports import FEET, FLAT, flat_bottom
 from sain_core.types import Indices, Points, Pushes, Scalars, Scenes
 from sain_model.compute.compiling import plain
 from sain_model.compute.thread_pool import even_blocks, run_blocks

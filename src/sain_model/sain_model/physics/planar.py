@@ -11,8 +11,7 @@ from typing import Final, Self
 import numpy as np
 
 from sain_core.history import PushHistory
-from sain_core.model import IdentityPrior, Model
-from sain_core.model_checks.response_check import answering, check_step
+from sain_core.model import IdentityPrior, Model, answering, check_step
 from sain_core.push import LENGTH, PushLimits, pushed_bodies
 from sain_core.scene import MASS, MID, RADIUS
 from sain_core.shapes.bodies import PAPER_DISKS, Bodies

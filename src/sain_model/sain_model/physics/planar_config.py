@@ -8,7 +8,7 @@ import numpy as np
 from sain_core.config import Config, option
 from sain_core.push import TOOL_RADIUS
 from sain_core.scene import MASS, MID
-from sain_core.shapes.flat_bottom import BOTTOMS, FEET
+from sain_core.shapes.supports import BOTTOMS, FEET
 from sain_core.types import Scalars, Scenes
 from sain_model.physics.body_kernels import Physics
 

@@ -15,12 +15,10 @@ from sain_core import wire
 from sain_core.errors import BusyError, error_reply
 from sain_core.ros import codec
 from sain_core.ros.diagnostics import OK, WARN, Diagnostics
-from sain_core.ros.introspection import introspect
-from sain_core.ros.limits import LONGEST_PATH, shortened
 from sain_core.ros.node_main import NAMESPACE
 from sain_core.ros.parameters import read_parameters
 from sain_core.ros.qos import LATCHED
-from sain_core.ros.reception import Reception
+from sain_core.ros.reception import LONGEST_PATH, Reception, introspect, shortened
 from sain_core.ros.state_file import StateFile
 from sain_core.ros.steady import steady_timer
 from sain_core.ros.worker import Worker

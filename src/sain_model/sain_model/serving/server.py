@@ -9,14 +9,16 @@ import numpy as np
 
 from sain_core.errors import ConfigError, TooMuchWorkError
 from sain_core.history import PushHistory
-from sain_core.model import Model, Radii
-from sain_core.model_checks.response_check import (
+from sain_core.model import (
+    Model,
+    Radii,
     answering,
+    as_observed,
     check_finite_answer,
     check_rollout,
     check_step,
+    load_dynamics,
 )
-from sain_core.plugins import as_observed, load_dynamics
 from sain_core.scene import THETA, make_scene, wrap_angle
 from sain_core.shapes.bodies import PAPER_DISKS, Bodies
 from sain_core.types import PredictedScenes, Pushes, PushSequences, Scene, Scenes

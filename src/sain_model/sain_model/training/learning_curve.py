@@ -7,7 +7,7 @@ from typing import Final
 
 from sain_core.errors import CheckpointError
 from sain_core.storage import write_json
-from sain_core.untrusted.json_text import read_json
+from sain_core.untrusted import read_json
 from sain_model.data.dataset import Split, check_held_out, limit_training
 from sain_model.dynamics.sain import LEARNED as LEARNED_KIND
 from sain_model.dynamics.sain import SainDynamics

@@ -8,8 +8,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from sain_core.model import Model
-from sain_core.plugins import check_model_name
+from sain_core.model import Model, check_model_name
 from sain_core.seeding import generator
 from sain_model.compute.threads import settle_threads
 from sain_model.data.batches import Batches

@@ -18,7 +18,7 @@ from torch import Tensor, nn
 
 from sain_core.errors import CheckpointError
 from sain_core.storage import write_whole
-from sain_core.untrusted.files import read_regular
+from sain_core.untrusted import read_regular
 from sain_model.compute.threads import settle_threads
 
 

@@ -7,8 +7,7 @@ from typing import Self
 
 from sain_core.errors import CancelledError, ConfigError, SainError
 from sain_core.history import PushHistory
-from sain_core.model import Radii, RolloutModel
-from sain_core.model_checks.response_check import check_finite_answer, check_rollout
+from sain_core.model import Radii, RolloutModel, check_finite_answer, check_rollout
 from sain_core.shapes.bodies import PAPER_DISKS, Bodies
 from sain_core.types import PredictedScenes, PushSequences, Scene
 

@@ -6,7 +6,7 @@ from typing import Final, Self
 import numpy as np
 
 from sain_core.config import Config, option
-from sain_core.extensions.offers import Offers
+from sain_core.plugins import Plugins
 from sain_core.push import PaperGrid
 from sain_core.types import Scalars
 from sain_mppi.objective.cost_weights import CostWeights
@@ -19,7 +19,7 @@ EXHAUSTIVE: Final = "exhaustive"
 GRADIENT: Final = "gradient"
 
 ALGORITHM_NAMES: Final = (MPPI_ROUNDS, MPPI, ICEM, EXHAUSTIVE, GRADIENT)
-PLANNERS: Final = Offers("sain.planners", "planner", ALGORITHM_NAMES)
+PLANNERS: Final = Plugins("sain.planners", "planner", ALGORITHM_NAMES)
 
 ARGMIN: Final = "argmin"
 MEAN: Final = "mean"

@@ -7,8 +7,7 @@ import numpy as np
 
 from sain_core.errors import ModelUnavailableError
 from sain_core.feasibility import Feasibility
-from sain_core.model import Radii, RolloutModel
-from sain_core.model_checks.response_check import check_rollout
+from sain_core.model import Radii, RolloutModel, check_rollout
 from sain_core.scene import POSITION
 from sain_core.types import (
     Mask,

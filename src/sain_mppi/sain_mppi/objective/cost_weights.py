@@ -7,9 +7,9 @@ from typing import Final
 
 from sain_core.config import Config, option
 from sain_core.errors import ConfigError
-from sain_core.extensions.offers import Offers
+from sain_core.plugins import Plugins
 
-COSTS: Final = Offers("sain.costs", "cost")
+COSTS: Final = Plugins("sain.costs", "cost")
 
 
 @dataclass(frozen=True)

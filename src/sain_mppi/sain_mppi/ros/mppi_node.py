@@ -12,16 +12,14 @@ from rclpy.node import Node
 
 from sain_core import wire
 from sain_core.errors import ErrorCode, SainError
-from sain_core.plugins import as_observed, load_dynamics
+from sain_core.model import as_observed, load_dynamics
 from sain_core.ros import codec
 from sain_core.ros.diagnostics import ERROR, OK, WARN, Diagnostics
-from sain_core.ros.limits import shortened
 from sain_core.ros.node_main import NAMESPACE
-from sain_core.ros.ownership import Ownership
 from sain_core.ros.parameters import LiveParameters, read_parameters
-from sain_core.ros.peers import Return, listeners
+from sain_core.ros.peers import Ownership, Return, listeners
 from sain_core.ros.qos import LATCHED_QUEUE, QUEUE, RELIABLE
-from sain_core.ros.reception import Reception, outcome
+from sain_core.ros.reception import Reception, outcome, shortened
 from sain_core.ros.steady import steady_timer
 from sain_core.ros.worker import Worker
 from sain_core.scene import is_settled

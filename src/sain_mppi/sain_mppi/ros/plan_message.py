@@ -9,7 +9,7 @@ from builtin_interfaces.msg import Time
 
 from sain_core.errors import ErrorCode, error_reply
 from sain_core.ros import codec
-from sain_core.ros.limits import shortened
+from sain_core.ros.reception import shortened
 from sain_core.scene import POSITION
 from sain_interfaces.msg import Goal, Plan, Push
 from sain_mppi.agent.decision import PlanJob, PushDecision, Stop, StopReason, Task

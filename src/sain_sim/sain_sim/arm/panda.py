@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Final
 
 from sain_core.config import Config, option
-from sain_core.workers.scratch import scratch_folder
+from sain_core.scratch import scratch_folder
 from sain_sim.arm.client import Client
 from sain_sim.arm.controlled import JOINT_COUNT
 from sain_sim.arm.urdf import panda_with_stick

@@ -16,7 +16,7 @@ from sain_core.scene import POSE, make_scene
 from sain_core.shapes.bodies import MOST_BODIES, Bodies
 from sain_core.shapes.received import LEAST_RADIUS, LONGEST_NAME, MOST_RADIUS
 from sain_core.types import Scene
-from sain_core.untrusted.yaml_text import read_yaml
+from sain_core.untrusted import read_yaml
 from sain_sim.world.parameters import NOMINAL_MASS
 
 Poses = Float[ndarray, "N 3"]  # x, y [m], heading [rad]

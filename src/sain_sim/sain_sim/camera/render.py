@@ -16,7 +16,7 @@ from numpy import ndarray
 from sain_core.config import Config, option
 from sain_core.push import TOOL_RADIUS
 from sain_core.scene import DISK_HEIGHT, POSITION, RADIUS, TARGET, THETA, Table, X, Y
-from sain_core.shapes.disk import DISK
+from sain_core.shapes.solids import DISK
 from sain_core.types import Points, Scene
 from sain_sim.arm.client import Client, Closeable
 from sain_sim.arm.kinematics import Joints, Kinematics

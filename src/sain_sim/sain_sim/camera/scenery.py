@@ -6,7 +6,7 @@ import numpy as np
 
 from sain_core.drawing.palette import PALETTE, rgba
 from sain_core.scene import DISK_HEIGHT, Table, unit
-from sain_core.shapes.registry import get_shape
+from sain_core.shapes.library import get_shape
 from sain_core.shapes.shape import Triangles
 from sain_core.types import Points
 from sain_sim.arm.client import Client

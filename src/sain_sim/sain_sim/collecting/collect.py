@@ -15,10 +15,9 @@ from sain_core.config import option
 from sain_core.dataset import SHARD_PATTERN, SHARD_SIZE, Column, describe_fields
 from sain_core.errors import DatasetError
 from sain_core.storage import remove_partial, write_json
-from sain_core.untrusted.json_text import read_json
-from sain_core.workers.options import WorkerOptions
-from sain_core.workers.running import run_on_workers
-from sain_core.workers.work import Software, Work
+from sain_core.untrusted import read_json
+from sain_core.workers.pool import Software, Work
+from sain_core.workers.running import WorkerOptions, run_on_workers
 from sain_sim.collecting.episode import EpisodeConfig, EpisodeResult, EpisodeRunner
 from sain_sim.collecting.push_counts import JOURNAL_FILE, CollectionJournal, PushCounts
 from sain_sim.collecting.shards import ShardWriter, load_by_count

@@ -18,8 +18,8 @@ from sain_core.push import PUSH_SIZE, PaperGrid, pushed_bodies
 from sain_core.scene import POSITION, TARGET
 from sain_core.seeding import generator
 from sain_core.shapes.bodies import MOST_BODIES, Bodies, Role
-from sain_core.shapes.disk import DISK, DISK_SHAPES, THREE_FEET
-from sain_core.shapes.registry import built_shapes, check_footprint, footprint_names
+from sain_core.shapes.library import built_shapes, check_footprint, footprint_names
+from sain_core.shapes.solids import DISK, DISK_SHAPES, THREE_FEET
 from sain_core.types import PushArray
 from sain_core.world import DivergedError, Outcome
 from sain_sim.collecting.push_counts import PushCounts

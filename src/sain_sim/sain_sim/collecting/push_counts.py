@@ -8,8 +8,7 @@ from typing import Any, Final, Self
 
 from sain_core.errors import BlockedError, SainError, UnreachableError
 from sain_core.storage import append_json, write_whole
-from sain_core.untrusted.files import read_regular
-from sain_core.untrusted.json_text import parse_json
+from sain_core.untrusted import parse_json, read_regular
 
 JOURNAL_FILE: Final = "episodes.jsonl"
 

@@ -8,10 +8,10 @@ from std_msgs.msg import Header
 
 from sain_core.errors import ErrorCode, SainError, error_reply
 from sain_core.ros import codec
-from sain_core.ros.limits import shortened
 from sain_core.ros.markers import MarkerBoard
 from sain_core.ros.peers import LatchedTopic
 from sain_core.ros.qos import LATCHED, QUEUE, RELIABLE
+from sain_core.ros.reception import shortened
 from sain_core.scene import is_settled
 from sain_core.types import Scene
 from sain_interfaces.msg import Bodies, Push, PushPrediction, PushResult, WorldParameters

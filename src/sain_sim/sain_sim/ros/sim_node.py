@@ -10,13 +10,11 @@ from sain_core import wire
 from sain_core.errors import BusyError, CancelledError, SainError
 from sain_core.ros import codec
 from sain_core.ros.diagnostics import ERROR, OK, WARN, Diagnostics
-from sain_core.ros.introspection import introspect
-from sain_core.ros.limits import emptied, shortened
 from sain_core.ros.node_main import NAMESPACE
-from sain_core.ros.ownership import Ownership
 from sain_core.ros.parameters import read_parameters
+from sain_core.ros.peers import Ownership
 from sain_core.ros.qos import QUEUE
-from sain_core.ros.reception import Reception
+from sain_core.ros.reception import Reception, emptied, introspect, shortened
 from sain_core.ros.steady import steady_timer
 from sain_core.ros.worker import Worker
 from sain_interfaces.msg import Push, PushResult

@@ -10,7 +10,7 @@ import numpy as np
 from sain_core.config import option
 from sain_core.errors import SainError
 from sain_core.scene import RADIUS
-from sain_core.shapes.disk import DISK_SHAPES, THREE_FEET
+from sain_core.shapes.solids import DISK_SHAPES, THREE_FEET
 from sain_core.types import PushArray, Scene
 from sain_core.world import Outcome
 from sain_sim.camera.camera import Camera, WorldCameraConfig

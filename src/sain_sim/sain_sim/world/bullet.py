@@ -1,6 +1,6 @@
 """Bullet as a dynamics that other packages find by name.
 
-`sain_core.plugins` finds it under ``bullet`` (the paper's f_p: nominal masses, radii and friction)
+`sain_core.model` finds it under ``bullet`` (the paper's f_p: nominal masses, radii and friction)
 and ``bullet_measured`` (masses and radii of the scene, nominal friction). Each name that is asked
 for builds a world of its own, which `close` lets go of. All bodies are disks on three feet: a scene
 does not state shapes.

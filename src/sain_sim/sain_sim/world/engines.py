@@ -9,7 +9,7 @@ from importlib.util import find_spec
 from typing import Any, Final, NamedTuple
 
 from sain_core.errors import ConfigError
-from sain_core.extensions.offers import Offers
+from sain_core.plugins import Plugins
 from sain_core.world import AnyWorld, Setting
 
 
@@ -49,7 +49,7 @@ DEFAULT_ENGINE: Final = BULLET if find_spec(ENGINES[BULLET].module) else MUJOCO
 
 
 ENGINE_HELP: Final = f"physics engine: {', '.join(ENGINES)}, or a world of an installed package"
-OFFERED: Final = Offers("sain.worlds", "engine", ENGINES)
+OFFERED: Final = Plugins("sain.worlds", "engine", ENGINES)
 
 
 def is_installed(engine: str) -> bool:

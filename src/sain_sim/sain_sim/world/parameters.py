@@ -14,9 +14,9 @@ from sain_core.config import Config, option
 from sain_core.errors import ConfigError
 from sain_core.scene import MASS, RADIUS, Table, make_scene
 from sain_core.shapes.bodies import Bodies
-from sain_core.shapes.disk import THREE_FEET
-from sain_core.shapes.registry import check_shape
+from sain_core.shapes.library import check_shape
 from sain_core.shapes.shape import Pair, Shape
+from sain_core.shapes.solids import THREE_FEET
 from sain_core.types import Angles, Points, Scene
 from sain_sim.world.roughness import SMOOTH, Roughness
 

@@ -20,8 +20,8 @@ from sain_core.scene import (
 )
 from sain_core.seeding import generator
 from sain_core.shapes.bodies import MOST_BODIES
-from sain_core.shapes.disk import DISK, THREE_FEET
-from sain_core.shapes.registry import built_shapes
+from sain_core.shapes.library import built_shapes
+from sain_core.shapes.solids import DISK, THREE_FEET
 from sain_core.types import Scalars, Scene
 from sain_sim.world.parameters import WorldParameters, nominal_parameters
 from sain_sim.world.truth import ALL, TRUTHS, TruthConfig

@@ -8,7 +8,7 @@ import numpy as np
 from sain_core.config import Config, option
 from sain_core.errors import ConfigError
 from sain_core.seeding import generator
-from sain_core.shapes.disk import THREE_FEET
+from sain_core.shapes.solids import THREE_FEET
 from sain_sim.world.engines import BULLET, DEFAULT_ENGINE, ENGINE_HELP, check_engine
 from sain_sim.world.parameters import (
     FRICTION_RANGE,

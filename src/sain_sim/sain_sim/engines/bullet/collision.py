@@ -14,9 +14,9 @@ import numpy as np
 from shapely import Polygon as Ring
 
 from sain_core.scene import DISK_HEIGHT
+from sain_core.scratch import scratch_folder
 from sain_core.shapes.shape import Pair, Shape, Solid, prism_surface
 from sain_core.types import Points
-from sain_core.workers.scratch import scratch_folder
 from sain_sim.arm.client import Client
 from sain_sim.world.parameters import FOOT_RADIUS
 

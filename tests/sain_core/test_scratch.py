@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from sain_core.workers import scratch
+from sain_core import scratch
 
 HOLD = (
-    "from sain_core.workers.scratch import scratch_folder; import sys;"
+    "from sain_core.scratch import scratch_folder; import sys;"
     " held = scratch_folder('shape'); print(held.name, flush=True); sys.stdin.read()"
 )
 ENDS = {"at its end": True, "when it is killed": False}

@@ -5,8 +5,8 @@ from geometry_msgs.msg import PoseStamped
 from shape_msgs.msg import SolidPrimitive
 
 from sain_core.errors import InvalidInputError, SainError, TooMuchWorkError
-from sain_core.ros import limits
-from sain_core.ros.limits import check_sizes, emptied, shortened
+from sain_core.ros import reception
+from sain_core.ros.reception import check_sizes, emptied, shortened
 from sain_interfaces.action import Reach
 from sain_interfaces.msg import Bodies, Body, DiskState, Goal, GoalPose, Push, PushResult, Scene
 from sain_interfaces.srv import LoadModel, ResetScene, Rollout
@@ -44,7 +44,7 @@ def test_what_is_too_large_is_named_with_its_limit(message, text):
 
 
 def test_an_array_of_numbers_has_a_limit(monkeypatch):
-    monkeypatch.setattr(limits, "MOST_NUMBERS", 10)
+    monkeypatch.setattr(reception, "MOST_NUMBERS", 10)
     check_sizes(Rollout.Request(pushes=[0.0] * 10))
     with pytest.raises(InvalidInputError, match="pushes has 11 elements; at most 10"):
         check_sizes(Rollout.Request(pushes=[0.0] * 11))
@@ -64,5 +64,5 @@ def test_what_is_too_large_is_emptied_and_all_else_stays():
 def test_a_long_error_is_cut_and_says_so():
     assert shortened("short") == "short"
     cut = shortened(LONG)
-    assert len(cut) == limits.LONGEST_ERROR
+    assert len(cut) == reception.LONGEST_ERROR
     assert cut.endswith("x ... (5000 characters)")

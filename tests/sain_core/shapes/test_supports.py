@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from sain_core.shapes.flat_bottom import flat_bottom
-from sain_core.shapes.registry import get_shape
+from sain_core.shapes.library import get_shape
+from sain_core.shapes.supports import flat_bottom
 
 SHAPES = ("disk", "square", "t", "star", "bar", "ring_segment")
 

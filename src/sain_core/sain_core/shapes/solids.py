@@ -1,4 +1,4 @@
-"""Upright bodies with straight sides: one convex polygon, or several that touch (T, L, star)."""
+"""The solids of the library: disks, convex polygons, and several that touch (T, L, star)."""
 
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -9,10 +9,42 @@ import numpy as np
 from numpy import ndarray
 
 from sain_core.errors import ConfigError
-from sain_core.scene import DISK_HEIGHT
-from sain_core.shapes.feet import balanced_feet
+from sain_core.scene import DISK_HEIGHT, unit
 from sain_core.shapes.shape import REGULAR_FEET, Pair, Shape, Solid, Vector
+from sain_core.shapes.supports import balanced_feet
 from sain_core.types import Points
+
+DISK: Final = "disk"
+THREE_FEET: Final = "three_feet"
+FLAT: Final = "flat"  # as in the paper
+DISK_SHAPES: Final = (THREE_FEET, FLAT)
+CORNERS: Final = 72  # of an outline
+
+
+@dataclass(frozen=True)
+class Disk(Shape):
+    """An upright cylinder."""
+
+    feet: tuple[Pair, ...] = REGULAR_FEET
+
+    solid: ClassVar = Solid.CYLINDER
+    footprint = DISK
+    symmetry = 0.0
+    circumradius = 1.0
+
+    def outline(self, radius: float) -> Points:
+        """Return points (72, 2) [m] on a circle."""
+        return np.asarray(radius * unit(np.arange(CORNERS) * 2 * pi / CORNERS))
+
+    def parts(self, radius: float) -> tuple[Points, ...]:
+        """Return the one polygon that a circle is drawn as."""
+        return (self.outline(radius),)
+
+    def inertia(self, mass: float, radius: float) -> Vector:
+        """Return the principal moments [kg m^2] of a uniform cylinder."""
+        across = mass * (3 * radius**2 + DISK_HEIGHT**2) / 12
+        return across, across, mass * radius**2 / 2
+
 
 TOLERANCE: Final = 1e-6  # [radii], within which corners and centroids are equal
 GRID: Final = 1e-9  # [radii], to which corners of a union are rounded
@@ -220,3 +252,17 @@ def _sides(points: Points) -> tuple[Points, Points]:
 
 def _cross(first: Points, second: Points) -> ndarray:
     return np.asarray(first[..., 0] * second[..., 1] - first[..., 1] * second[..., 0])
+
+
+class Cube(Polygon):
+    """An upright square block; `DISK_HEIGHT` high like every body."""
+
+    solid: ClassVar = Solid.BOX
+
+    def inertia(self, mass: float, radius: float) -> Vector:
+        """Return the principal moments [kg m^2] of a uniform block."""
+        across = mass * ((2 * radius) ** 2 + DISK_HEIGHT**2) / 12
+        return across, across, mass * (2 * radius) ** 2 / 6
+
+
+CUBE_CORNERS: Final = ((1.0, 1.0), (-1.0, 1.0), (-1.0, -1.0), (1.0, -1.0))

@@ -4,11 +4,11 @@ from types import ModuleType
 
 import pytest
 
+from sain_core import plugins
 from sain_core.errors import ConfigError, InvalidInputError
-from sain_core.extensions import offers
-from sain_core.shapes import registry
-from sain_core.shapes.polygon import Polygon, regular_corners
-from sain_core.shapes.registry import GROUP, built_shapes, check_shape, get_shape, register
+from sain_core.shapes import library
+from sain_core.shapes.library import GROUP, built_shapes, check_shape, get_shape, register
+from sain_core.shapes.solids import Polygon, regular_corners
 from tests.hexagon import HEXAGON
 
 
@@ -19,8 +19,8 @@ def offered(own_shapes: None, monkeypatch: pytest.MonkeyPatch) -> list[EntryPoin
     module.HEXAGON, module.NUMBER = HEXAGON, 6  # type: ignore[attr-defined]
     monkeypatch.setitem(sys.modules, "offering", module)
     entries: list[EntryPoint] = []
-    monkeypatch.setattr(offers, "entry_points", lambda group: entries)
-    registry._load_offered.cache_clear()
+    monkeypatch.setattr(plugins, "entry_points", lambda group: entries)
+    library._load_offered.cache_clear()
     return entries
 
 

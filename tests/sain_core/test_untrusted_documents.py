@@ -8,9 +8,15 @@ from typing import Any
 import pytest
 
 from sain_core.errors import DatasetError, UntrustedFileError
-from sain_core.untrusted.json_text import parse_json, read_json
-from sain_core.untrusted.limits import DEPTH, DIGITS, YAML_BYTES
-from sain_core.untrusted.yaml_text import parse_yaml, read_yaml
+from sain_core.untrusted import (
+    DEPTH,
+    DIGITS,
+    YAML_BYTES,
+    parse_json,
+    parse_yaml,
+    read_json,
+    read_yaml,
+)
 
 DEEP = "[" * (DEPTH + 1) + "]" * (DEPTH + 1)
 READERS = [read_json, read_yaml]

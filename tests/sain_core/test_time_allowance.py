@@ -5,8 +5,12 @@ import time
 import pytest
 
 from sain_core.errors import UntrustedFileError
-from sain_core.untrusted import limits
-from sain_core.untrusted.time_allowance import TimeAllowance
+from sain_core.untrusted import (
+    TimeAllowance,
+    decoding_seconds,
+    most_messages,
+    unpacked_bytes,
+)
 
 
 def test_time_is_added_up(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -21,6 +25,6 @@ def test_time_is_added_up(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_larger_files_may_take_longer() -> None:
-    assert limits.decoding_seconds(1 << 20) == limits.decoding_seconds(0) + 20.0
-    assert limits.unpacked_bytes(1000) - limits.unpacked_bytes(0) == 200_000
-    assert limits.most_messages(80) - limits.most_messages(0) == 10
+    assert decoding_seconds(1 << 20) == decoding_seconds(0) + 20.0
+    assert unpacked_bytes(1000) - unpacked_bytes(0) == 200_000
+    assert most_messages(80) - most_messages(0) == 10

@@ -1,1 +1,0 @@
-"""Checks of models from any package: of the whole contract, and of each answer."""

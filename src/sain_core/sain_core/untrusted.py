@@ -1,0 +1,293 @@
+"""Files that somebody else may have made: how much of them is read, and only regular ones.
+
+An honest file is far below the limits. Above one of them a file is refused before it is read.
+"""
+
+import json
+import os
+import re
+import stat
+import time
+from io import BufferedReader
+from math import isinf
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Final
+
+import yaml
+
+from sain_core.errors import UntrustedFileError
+
+MIB: Final = 1 << 20
+
+# Documents: JSON and YAML
+JSON_BYTES: Final = 64 * MIB
+YAML_BYTES: Final = 2 * MIB
+DEPTH: Final = 64  # lists and objects inside each other
+JSON_ITEMS: Final = 4_000_000  # values, lists and objects
+YAML_EVENTS: Final = 200_000
+DIGITS: Final = 100  # of one number
+
+# What is compressed: chunks of MCAP, files and messages of rosbag2, arrays of npz
+FREE_BYTES: Final = 64 * MIB  # that any file may unpack to
+RATIO: Final = 200  # and so many more for each byte of the file
+PIECE_BYTES: Final = 128 * MIB  # of one chunk, record or message
+
+PIECE_RECORDS: Final = 5_000_000  # the smallest messages of a piece are 4.3 million
+
+# Bags
+FREE_MESSAGES: Final = 500_000  # of any file
+BYTES_A_MESSAGE: Final = 8  # of the file, for each more: its index alone has 16
+SUMMARY_BYTES: Final = 64 * MIB
+TOPICS: Final = 10_000
+NAME_LENGTH: Final = 1_000  # characters of a topic or a type
+
+# Definitions of messages (ros2msg), and messages that are decoded field by field
+DEFINITION_BYTES: Final = MIB
+DEFINITION_FIELDS: Final = 5_000
+DEFINITION_DEPTH: Final = 32  # types inside each other
+DEFINITION_LINE: Final = 4_000  # characters of a line without its comment
+ARRAY_LENGTH: Final = 1_000_000  # that a definition fixes
+DECODED_BYTES: Final = MIB
+DECODING_SECONDS: Final = 3.0  # of processor time, for any file
+DECODING_SECONDS_A_MIB: Final = 20.0  # and so much more for each MiB of the file
+
+# Data sets
+BODIES: Final = 100
+LARGEST_NUMBER: Final = 1e6  # of a scene or an action, in SI units
+
+# Weights of a network, and other files that are read whole
+WHOLE_BYTES: Final = 256 * MIB
+
+
+def unpacked_bytes(size: int) -> int:
+    """Return how much a file of this size [bytes] may unpack to [bytes]."""
+    return FREE_BYTES + RATIO * size
+
+
+def most_messages(size: int) -> int:
+    """Return how many messages a file of this size [bytes] may have."""
+    return FREE_MESSAGES + size // BYTES_A_MESSAGE
+
+
+def decoding_seconds(size: int) -> float:
+    """Return the processor time for decoding what is in a file of this size [bytes]."""
+    return DECODING_SECONDS + DECODING_SECONDS_A_MIB * size / MIB
+
+
+def limit(what: str, found: int, allowed: int) -> None:
+    """Raise `UntrustedFileError` where a file has more of something than is allowed."""
+    if found > allowed:
+        raise UntrustedFileError(f"it has more than {allowed:,} {what}")
+
+
+def too_deep() -> UntrustedFileError:
+    """Return the error about a document that is nested too deep."""
+    return UntrustedFileError(f"it is nested more than {DEPTH} deep")
+
+
+def too_long(number: str) -> UntrustedFileError:
+    """Return the error about a number with too many digits."""
+    return UntrustedFileError(f"a number has {len(number):,} digits; allowed: {DIGITS}")
+
+
+KINDS: Final = {
+    stat.S_IFDIR: "a folder",
+    stat.S_IFIFO: "a FIFO",
+    stat.S_IFCHR: "a device",
+    stat.S_IFBLK: "a device",
+    stat.S_IFSOCK: "a socket",
+}
+
+
+def open_regular(path: Path) -> BufferedReader:
+    """Open a file for reading; nothing is waited for.
+
+    Raises:
+        UntrustedFileError: it is no regular file.
+        OSError: it does not exist, or may not be read.
+    """
+    refuse_special(path.stat().st_mode)  # opening a device may have effects
+    descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC | os.O_NOCTTY)
+    try:
+        refuse_special(os.fstat(descriptor).st_mode)
+        return os.fdopen(descriptor, "rb")
+    except BaseException:
+        os.close(descriptor)
+        raise
+
+
+def refuse_special(mode: int) -> None:
+    """Raise `UntrustedFileError` where a file's mode is not that of a regular file."""
+    if not stat.S_ISREG(mode):
+        kind = KINDS.get(stat.S_IFMT(mode), "something else")
+        raise UntrustedFileError(f"it is {kind}; only regular files are read")
+
+
+def read_regular(path: Path, limit: int = WHOLE_BYTES) -> bytes:
+    """Return the content of a file.
+
+    Raises:
+        UntrustedFileError: it is no regular file, or larger than the limit [bytes].
+        OSError: it does not exist, or cannot be read.
+    """
+    with open_regular(path) as file:
+        size = os.fstat(file.fileno()).st_size
+        content = b"" if size > limit else file.read(limit + 1)
+    if max(size, len(content)) > limit:
+        raise UntrustedFileError(f"it has {max(size, len(content)):,} bytes; allowed: {limit:,}")
+    return content
+
+
+def read_regular_text(path: Path, limit: int = WHOLE_BYTES) -> str:
+    """Return the text of a file; raises as `read_regular`, and where it is not UTF-8."""
+    try:
+        return read_regular(path, limit).decode()
+    except UnicodeDecodeError as error:
+        raise UntrustedFileError(f"it is not UTF-8 ({error.reason})") from error
+
+
+SURROGATE: Final = re.compile(r"\\u[dD][89a-fA-F]")
+
+
+def read_json(path: Path) -> Any:
+    """Return the content of a JSON file; raises as `parse_json` and `read_regular`."""
+    return parse_json(read_regular_text(path, JSON_BYTES))
+
+
+def parse_json(text: str) -> Any:
+    """Return the content of a JSON text.
+
+    Raises:
+        UntrustedFileError: it is no JSON, or exceeds a limit.
+    """
+    limit("bytes", len(text), JSON_BYTES)
+    limit("values", sum(text.count(sign) for sign in ",[{"), JSON_ITEMS)
+    try:
+        content = json.loads(text, parse_int=_integer, parse_float=_number)
+    except RecursionError:
+        raise too_deep() from None
+    except UntrustedFileError:
+        raise
+    except ValueError as error:
+        raise UntrustedFileError(str(error)) from error
+    _limit_depth(content)
+    if SURROGATE.search(text):
+        _refuse_half_characters(content)
+    return content
+
+
+def _integer(digits: str) -> int:
+    if len(digits) > DIGITS:
+        raise too_long(digits)
+    return int(digits)
+
+
+def _number(digits: str) -> float:
+    number = float(digits)
+    if isinf(number):
+        raise UntrustedFileError(f"the number {digits[:DIGITS]} is too large for a double")
+    return number
+
+
+def _limit_depth(content: Any) -> None:
+    level = [content]
+    for _ in range(DEPTH):
+        level = [
+            value
+            for item in level
+            if isinstance(item, dict | list)
+            for value in (item.values() if isinstance(item, dict) else item)
+            if isinstance(value, dict | list)
+        ]
+        if not level:
+            return
+    raise too_deep()
+
+
+def _refuse_half_characters(content: Any) -> None:
+    try:
+        json.dumps(content, ensure_ascii=False).encode()
+    except UnicodeEncodeError as error:
+        raise UntrustedFileError("a text is no Unicode: it has half a character") from error
+
+
+NUMBERS: Final = ("tag:yaml.org,2002:int", "tag:yaml.org,2002:float")
+LOADER: Final[Any] = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+
+
+def read_yaml(path: Path) -> Any:
+    """Return the content of a YAML file; raises as `parse_yaml` and `read_regular`."""
+    return parse_yaml(read_regular_text(path, YAML_BYTES))
+
+
+def parse_yaml(text: str) -> Any:
+    """Return the content of a YAML text.
+
+    Raises:
+        UntrustedFileError: it is no YAML, has anchors, aliases or tags, or exceeds a limit.
+    """
+    limit("bytes", len(text), YAML_BYTES)
+    try:
+        _check_events(text)
+        return yaml.load(text, LOADER)  # it is a safe one
+    except UntrustedFileError:
+        raise
+    except yaml.YAMLError as error:
+        raise UntrustedFileError(" ".join(str(error).split())) from error
+    except RecursionError:
+        raise too_deep() from None
+    except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
+        raise UntrustedFileError(f"a value cannot be read ({error})") from error
+
+
+def _check_events(text: str) -> None:
+    depth = 0
+    for count, event in enumerate(yaml.parse(text, LOADER), 1):
+        limit("values", count, YAML_EVENTS)
+        if isinstance(event, yaml.AliasEvent) or getattr(event, "anchor", None):
+            raise UntrustedFileError("it has an anchor or an alias; neither is read")
+        if (tag := getattr(event, "tag", None)) not in (None, "!"):
+            raise UntrustedFileError(f"it has the tag {str(tag)[:40]!r}; tags are not read")
+        if isinstance(event, yaml.CollectionStartEvent):
+            depth += 1
+            if depth > DEPTH:
+                raise too_deep()
+        elif isinstance(event, yaml.CollectionEndEvent):
+            depth -= 1
+        elif isinstance(event, yaml.ScalarEvent) and _is_long_number(event):
+            raise too_long(event.value)
+
+
+def _is_long_number(event: yaml.ScalarEvent) -> bool:
+    if len(event.value) <= DIGITS:
+        return False
+    resolver = yaml.resolver.Resolver()
+    return resolver.resolve(yaml.ScalarNode, event.value, event.implicit) in NUMBERS
+
+
+class TimeAllowance:
+    """Adds up the processor time that is spent inside it, as a context manager."""
+
+    def __init__(self, size: int) -> None:
+        """Begin for a file of this size [bytes]."""
+        self._allowed = self._left = decoding_seconds(size)
+        self._began = 0.0
+
+    def __enter__(self) -> None:
+        """Begin to count."""
+        self._began = time.thread_time()
+
+    def __exit__(
+        self, kind: type[BaseException] | None, _: BaseException | None, __: TracebackType | None
+    ) -> None:
+        """Count.
+
+        Raises:
+            UntrustedFileError: it was more than is allowed.
+        """
+        self._left -= time.thread_time() - self._began
+        if self._left < 0.0 and kind is None:
+            raise UntrustedFileError(
+                f"decoding takes more than {self._allowed:.0f} s, too long for its size"
+            )

@@ -1,1 +1,0 @@
-"""Files that somebody else may have made: how much of them is read. May import `errors` alone."""
