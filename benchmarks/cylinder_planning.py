@@ -68,7 +68,7 @@ class CylinderOracle(Model):
         self._world = CylinderWorld(LIMITS)
 
     def step(self, scenes: Scenes, pushes: Pushes) -> Scenes:
-        """Return the scenes (B, 1, 8) after pushes (B, 3), one after another."""
+        """Return the scenes (B, 1, 8) after pushes (B, 5), one after another."""
         after = scenes.copy()
         for index in np.flatnonzero(pushes[:, LENGTH] > 0.0):
             after[index] = self._world.imagine(scenes[index], pushes[index])

@@ -146,7 +146,7 @@ class CylinderWorld:
         self.trace.append(self.distance)
 
     def push(self, push: PushArray) -> Scene:
-        """Carry out a push (3,); return the scene (1, 8) after it, or when time was up.
+        """Carry out a push (5,); return the scene (1, 8) after it, or when time was up.
 
         Raises:
             UnreachableError: there is no way to where it starts; nothing has moved.
@@ -157,7 +157,7 @@ class CylinderWorld:
         return self.scene
 
     def imagine(self, scene: Scene, push: PushArray) -> Scene:
-        """Return the scene (1, 8) after a push (3,) from another scene than there is."""
+        """Return the scene (1, 8) after a push (5,) from another scene than there is."""
         start, heading = strokes(scene, push, self.limits)
         self.task.data.qpos[:] = [*start / SCALE, *scene[0, POSITION] / SCALE]
         self.task.data.qvel[:] = 0.0

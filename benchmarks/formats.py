@@ -80,7 +80,7 @@ def rows_of(episode: np.ndarray) -> Columns:
     ids = {key: np.arange(count, dtype=np.uint64) for key in ("push_id", "bag_episode")}
     return {
         "state": state[:, :-1].reshape(count, 16),
-        "action": random.normal(size=(count, 3)),
+        "action": random.normal(size=(count, 5)),
         "physics_next": random.normal(size=(count, 16)),
         "next_state": state[:, 1:].reshape(count, 16),
         "episode": episode,

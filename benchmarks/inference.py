@@ -87,7 +87,7 @@ def rollouts(sain: SainDynamics, options: Options) -> list[Figure]:
     """Measure rollouts in this process."""
     threads = numba.get_num_threads()
     scenes, pushes = draw(SAMPLES * HORIZON, options.seed)
-    scene, sequences = scenes[0], pushes.reshape(SAMPLES, HORIZON, 3)
+    scene, sequences = scenes[0], pushes.reshape(SAMPLES, HORIZON, -1)
     predicted = sain.rollout(scene, sequences)
     before = np.concatenate(  # every scene that the rollout corrects a prediction for
         [np.broadcast_to(scene, (SAMPLES, 1, *scene.shape)), predicted[:, :-1]], axis=1

@@ -19,7 +19,7 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from sain_core.errors import ConfigError
-from sain_core.push import LENGTH, LOCATION, PUSH_SIZE, PushLimits
+from sain_core.push import LENGTH, LOCATION, PATH, PushLimits, make_push
 from sain_core.scene import wrap_angle
 from sain_core.types import PushSequences, Scalars
 
@@ -32,8 +32,9 @@ INSTALL: Final = (
 
 FEWEST: Final = 16  # samples of an iteration, judo's own default
 
-Numbers = Float[ndarray, "H A"]
-Costs = Callable[[Float[ndarray, "K H A"]], Scalars]
+PATH_SIZE: Final = PATH.stop - PATH.start
+Numbers = Float[ndarray, "H 3"]
+Costs = Callable[[Float[ndarray, "K H 3"]], Scalars]
 
 
 @dataclass(frozen=True)
@@ -89,18 +90,18 @@ class PushBox:
         self.rest = np.array([0.0, 0.0, -1.0])
         self.high = np.array([np.inf, 1.0, 1.0])
 
-    def pushes(self, numbers: Float[ndarray, "... A"]) -> PushSequences:
-        """Return the pushes (..., 3) that numbers in bounds name."""
-        pushes = self._middle + self._half * numbers
+    def pushes(self, numbers: Float[ndarray, "... 3"]) -> PushSequences:
+        """Return the pushes (..., 5) that numbers in bounds name."""
+        pushes = make_push(*np.moveaxis(self._middle + self._half * numbers, -1, 0))
         pushes[..., LOCATION] = wrap_angle(pushes[..., LOCATION])
-        pushes[..., LENGTH] = np.clip(pushes[..., LENGTH], 0.0, 2 * self._half[LENGTH])  # rounding
-        return np.asarray(pushes)
+        pushes[..., LENGTH] = np.clip(pushes[..., LENGTH], 0.0, 2 * self._half[-1])  # rounding
+        return pushes
 
-    def numbers(self, pushes: PushSequences) -> Float[ndarray, "... A"]:
-        """Return the numbers that name pushes (..., 3)."""
-        return np.asarray((pushes - self._middle) / self._half)
+    def numbers(self, pushes: PushSequences) -> Float[ndarray, "... 3"]:
+        """Return the numbers that name pushes (..., 5)."""
+        return np.asarray((pushes[..., PATH] - self._middle) / self._half)
 
-    def bounded(self, numbers: Float[ndarray, "... A"]) -> Float[ndarray, "... A"]:
+    def bounded(self, numbers: Float[ndarray, "... 3"]) -> Float[ndarray, "... 3"]:
         """Return numbers cut off at the bounds, as both projects do."""
         return np.clip(numbers, -self.high, self.high)
 
@@ -133,7 +134,7 @@ class PytorchMppi(PeerOptimizer):
             None,  # the model is asked elsewhere
             None,
             1,
-            torch.diag(torch.full((PUSH_SIZE,), settings.noise**2, dtype=torch.float64)),
+            torch.diag(torch.full((PATH_SIZE,), settings.noise**2, dtype=torch.float64)),
             num_samples=settings.each,
             horizon=settings.horizon,
             lambda_=settings.temperature,
@@ -184,7 +185,7 @@ def judo_optimizer(settings: PeerSettings) -> Any:
             "num_elites": max(round(settings.elites * settings.each), 2),
         },
     }
-    return make(config(**common, **own[settings.optimizer]), PUSH_SIZE)
+    return make(config(**common, **own[settings.optimizer]), PATH_SIZE)
 
 
 def peer_optimizer(settings: PeerSettings, box: PushBox, seed: int) -> PeerOptimizer:

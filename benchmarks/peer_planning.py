@@ -76,12 +76,12 @@ class PeerDecider(Decider):
         return self._box.numbers(sequences[np.argmin(search.evaluate(sequences))])
 
     def _costs(self, search: Search, numbers: PushSequences) -> Scalars:
-        """Return what sequences (K, H, 3) in the box's units cost."""
+        """Return what sequences (K, H, 5) in the box's units cost."""
         costs = search.probe(self._sequences(search, numbers))
         return np.where(np.isfinite(costs), costs, FORBIDDEN)
 
     def _sequences(self, search: Search, numbers: PushSequences) -> PushSequences:
-        """Return the pushes of sequences (K, H, 3); those too short to touch are rests."""
+        """Return the pushes of sequences (K, H, 5); those too short to touch are rests."""
         pushes = self._box.pushes(self._box.bounded(numbers))
         return without_idle(pushes, search.feasibility.limits)
 

@@ -44,7 +44,7 @@ class Options:
 
 
 def draw(batch: int, seed: int) -> tuple[Scenes, Pushes]:
-    """Draw scenes (B, 2, 8) with the target touching the mid disk anywhere, and pushes (B, 3)."""
+    """Draw scenes (B, 2, 8) with the target touching the mid disk anywhere, and pushes (B, 5)."""
     random = generator(seed, "planar benchmark")
     scenes = np.empty((batch, 2, 8))
     for index in range(batch):

@@ -35,6 +35,7 @@ from benchmarks.timing import fastest
 from sain_core.drawing.figures import TEXT, new_figure, style_axes, write_png
 from sain_core.drawing.palette import PALETTE
 from sain_core.model import IdentityPrior, load_dynamics
+from sain_core.push import LENGTH, PATH, make_push
 from sain_core.scene import TARGET
 from sain_core.seeding import generator
 from sain_core.types import Pushes, Scene
@@ -91,7 +92,7 @@ def plan_again(planner: Planner, case: ScenarioScene, seed: int = 0) -> PlanResu
 
 
 class Peer:
-    """pytorch_mppi over an eager step: state (K, N * 8) and action (K, 3) to the next state."""
+    """pytorch_mppi over an eager step: state (K, N * 8) and path (K, 3) to the next state."""
 
     def __init__(self, sain: SainDynamics, case: ScenarioScene, config: PlannerConfig) -> None:
         self.model, self.shape = Reference(sain), case.disks.shape
@@ -113,7 +114,7 @@ class Peer:
     def step(self, state: torch.Tensor, action: torch.Tensor) -> torch.Tensor:
         """Predict with the model that the planner has."""
         scenes = state.reshape(-1, *self.shape).numpy()
-        return torch.from_numpy(self.model.step(scenes, action.numpy())).flatten(1)
+        return torch.from_numpy(self.model.step(scenes, make_push(*action.numpy().T))).flatten(1)
 
     def cost(self, state: torch.Tensor, action: torch.Tensor) -> torch.Tensor:
         """Return the paper's cost, equation 6."""
@@ -121,8 +122,8 @@ class Peer:
         return ((target - self.goal) ** 2 @ self.weights.to(target.dtype)).to(torch.float64)
 
     def plan(self, scene: Scene, mean: Pushes) -> torch.Tensor:
-        """Draw about a mean (H, 3) and return the push to execute."""
-        self.control.U = torch.from_numpy(mean)
+        """Draw about a mean (H, 5) and return the push to execute."""
+        self.control.U = torch.from_numpy(mean[..., PATH].copy())
         return self.control.command(torch.from_numpy(scene.flatten()), False)
 
 
@@ -285,7 +286,7 @@ def moving_pushes(planner: Planner, case: ScenarioScene) -> int:
         pushes = 0
 
         def rollout(self, scene: Scene, pushes: np.ndarray) -> np.ndarray:
-            Counting.pushes += int((pushes[..., 2] > 0.0).sum())
+            Counting.pushes += int((pushes[..., LENGTH] > 0.0).sum())
             return model.rollout(scene, pushes)
 
     model, planner.model = planner.model, Counting()

@@ -18,7 +18,7 @@ import numpy as np
 from shapely import Polygon
 
 from sain_core.errors import ConfigError, SainError
-from sain_core.push import PushLimits, strokes
+from sain_core.push import PushLimits, make_push, strokes
 from sain_core.scene import POSITION, unit
 from sain_core.seeding import generator
 from sain_core.shapes import library
@@ -218,18 +218,16 @@ def run_episode(
 
 
 def draw_push(random: np.random.Generator, scene: Scene, parameters: WorldParameters) -> PushArray:
-    """Draw a push (4,) uniform along an outline; many of them roughly towards the other body."""
+    """Draw a push (5,) uniform along an outline; many of them roughly towards the other body."""
     limits = PushLimits()
     body = int(random.integers(len(scene)))
     aimed = len(scene) == 2 and random.uniform() < AIMED
     while True:
-        push = np.array(
-            [
-                -random.uniform(-pi, pi),
-                random.uniform(-limits.max_angle, limits.max_angle),
-                random.uniform(SHORTEST, limits.max_length),
-                float(body),
-            ]
+        push = make_push(
+            -random.uniform(-pi, pi),
+            random.uniform(-limits.max_angle, limits.max_angle),
+            random.uniform(SHORTEST, limits.max_length),
+            body=body,
         )
         if not aimed:
             return push

@@ -22,7 +22,6 @@ from rich.console import Console
 from benchmarks.shapes_errors import table
 from sain_core.dataset import Column, Columns, shard_path
 from sain_core.model import load_dynamics
-from sain_core.push import PUSH_SIZE
 from sain_core.scene import STATE_SIZE
 from sain_core.storage import write_arrays
 from sain_model.cli.train import learn
@@ -126,8 +125,7 @@ def transitions(rows: Columns, count: int) -> Columns:
     return {
         **dict(zip((Column.STATE, Column.NEXT_STATE), (before, after), strict=True)),
         Column.PHYSICS_NEXT: before,
-        Column.ACTION: rows["action"][:, :PUSH_SIZE],
-        Column.BODY: rows["action"][:, PUSH_SIZE].astype(np.int64),
+        Column.ACTION: rows["action"],
         Column.SHAPES: np.array([",".join(names[:count]) for names in rows["shapes"]]),
         Column.ROLES: np.full(len(before), ",".join(["pushable"] * count)),
         **{name: rows[name] for name in kept},

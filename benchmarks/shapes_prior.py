@@ -61,7 +61,7 @@ class Options:
 
 @dataclass(frozen=True)
 class Pushed:
-    """Pushes of one shape: scenes before, pushes (B, 3), scenes after, and after others aside."""
+    """Pushes of one shape: scenes before, pushes (B, 5), scenes after, and after others aside."""
 
     before: Scenes
     pushes: np.ndarray

@@ -12,8 +12,8 @@ from math import pi
 import numpy as np
 
 from benchmarks.report import Figure, report
-from sain_core.push import PushLimits
-from sain_core.scene import POSITION, unit, wrap_angle
+from sain_core.push import PushLimits, make_push, rotate_pushes
+from sain_core.scene import POSITION, unit
 from sain_core.seeding import generator
 from sain_core.types import PushArray
 from sain_sim.world.parameters import WorldParameters, sample_parameters
@@ -30,8 +30,7 @@ def outcomes(parameters: WorldParameters, bearing: float, push: PushArray) -> np
     for turn in TURNS:
         offset = (sum(parameters.radii) + 0.001) * unit(np.asarray(bearing + turn))
         scene = parameters.scene(np.stack([MIDDLE, MIDDLE + offset]), np.array([0.5, 2.0]) + turn)
-        turned = push + np.array([turn, 0.0, 0.0])
-        turned[0] = wrap_angle(turned[0])
+        turned = rotate_pushes(push, turn)
         with World(parameters) as world:
             world.reset(scene)
             away = world.push(turned).after[:, POSITION] - MIDDLE
@@ -48,7 +47,7 @@ def main() -> None:
         parameters = sample_parameters(random)
         bearing = random.uniform(-0.5, 0.5)
         location, angle, length = random.uniform((-0.5, -0.3, 0.06), (0.5, 0.3, 0.10))
-        push = limits.check(np.array([bearing + location, angle, length]))
+        push = limits.check(make_push(bearing + location, angle, length))
         ends = outcomes(parameters, bearing, push)
         off.append(1e3 * np.linalg.norm(ends - ends.mean(axis=0), axis=-1))
         moved.append(1e3 * np.linalg.norm(ends, axis=-1).mean())

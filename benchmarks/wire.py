@@ -22,7 +22,7 @@ class Asker:
     """Asks the same again and again, from arrays to arrays."""
 
     def __init__(self, scenes: Scenes, pushes: Pushes) -> None:
-        """Ask about pushes (B, 3) from scenes (B, N, 8)."""
+        """Ask about pushes (B, 5) from scenes (B, N, 8)."""
         self.scenes, self.pushes = scenes, pushes
         rclpy.init()
         self.node = Node("asker", namespace="sain")

@@ -5,6 +5,7 @@
 
 import numpy as np
 
+from sain_core.push import make_push
 from sain_core.scene import MID, POSITION, TARGET, make_scene
 from sain_model.physics.planar import PlanarPrior
 from sain_sim.world.world import World
@@ -16,7 +17,7 @@ scene = make_scene(
     radii=np.array([0.08, 0.06]),
 )
 friction = 0.12
-push = np.array([0.0, 0.1, 0.10])  # from behind, 0.1 rad to the left, 10 cm
+push = make_push(location=0.0, angle=0.1, length=0.10)  # from behind, 0.1 rad to the left, 10 cm
 
 with World.of_scene(scene, friction) as world:
     outcome = world.push(push)

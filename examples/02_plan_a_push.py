@@ -6,6 +6,7 @@
 import numpy as np
 
 from sain_core.goal import Goal
+from sain_core.push import ANGLE, LENGTH, LOCATION
 from sain_core.scene import make_scene
 from sain_model.physics.planar import PlanarPrior
 from sain_mppi.agent.agent import AgentConfig, act, planning_agent
@@ -28,8 +29,8 @@ decision = act(agent, GoalGiven(task), SceneSeen(scene, episode_id=1, scene_id=1
 while isinstance(decision, PushDecision):
     push = decision.push
     print(
-        f"push {agent.pushes}: location {push[0]:+.2f} rad, angle {push[1]:+.2f} rad,"
-        f" {100 * push[2]:4.1f} cm;"
+        f"push {agent.pushes}: location {push[LOCATION]:+.2f} rad, angle {push[ANGLE]:+.2f} rad,"
+        f" {100 * push[LENGTH]:4.1f} cm;"
         f" target {1e3 * decision.job.judgement.distance:5.1f} mm from the goal"
     )
     after = prior.step(scene[None], push[None])[0]  # in place of a real push

@@ -14,6 +14,7 @@ import gymnasium
 import numpy as np
 
 import sain_gym  # noqa: F401  (registers the environment)
+from sain_core.push import PATH, make_push
 
 ROUNDS = int(sys.argv[1]) if len(sys.argv) > 1 else 20
 POLICIES, BEST, SCENES, PUSHES = 24, 6, 4, 5
@@ -40,7 +41,8 @@ def play(pair: np.ndarray, scenes: list[int]) -> tuple[np.ndarray, np.ndarray]:
     returns, solved, running = np.zeros(2), np.zeros(2, bool), np.ones(2, bool)
     for _ in range(PUSHES):
         raw = np.einsum("pij,pj->pi", pair, features(observation))
-        pushes = np.clip(raw * SCALE, space.low, space.high)
+        numbers = np.clip(raw * SCALE, space.low[PATH], space.high[PATH])
+        pushes = make_push(*numbers.T)
         observation, reward, terminated, truncated, info = envs.step(pushes)
         returns += running * reward
         solved |= running & info["is_success"]

@@ -11,7 +11,7 @@ class MyModel(Model):
     """Predicts pushes of two disks by geometry alone."""
 
     def step(self, scenes: np.ndarray, pushes: np.ndarray) -> np.ndarray:
-        """Predict the settled scenes (B, N, 8) after pushes (B, 3) from scenes (B, N, 8)."""
+        """Predict the settled scenes (B, N, 8) after pushes (B, 5) from scenes (B, N, 8)."""
         after, pushed = scenes.copy(), pushes[:, LENGTH] > PushLimits().clearance
         way = (pushes[:, LENGTH] - PushLimits().clearance)[:, None]
         after[:, MID, POSITION] += way * unit(pushes[:, LOCATION] + pushes[:, ANGLE])

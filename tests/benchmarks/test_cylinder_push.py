@@ -15,7 +15,7 @@ from benchmarks.cylinder_world import (
     stroke_times,
     travel_times,
 )
-from sain_core.push import strokes
+from sain_core.push import LENGTH, LOCATION, make_push, strokes
 from sain_core.scene import POSITION, unit
 from sain_model.physics.planar import PlanarPrior
 
@@ -28,7 +28,7 @@ def world() -> CylinderWorld:
 @pytest.mark.parametrize("location", [-2.0, 0.3, 3.0])
 def test_the_way_to_a_stroke_touches_nothing_and_ends_there(world, location):
     before = world.reset(0)
-    start, _ = strokes(before, np.array([location, 0.0, 0.1]), LIMITS)
+    start, _ = strokes(before, make_push(location, 0.0, 0.1), LIMITS)
     world.follow(world.way_to(start / SCALE))
     np.testing.assert_allclose(world.task.data.qpos[:2], start / SCALE, atol=1e-3)
     np.testing.assert_allclose(world.scene, before, atol=1e-9)
@@ -36,9 +36,9 @@ def test_the_way_to_a_stroke_touches_nothing_and_ends_there(world, location):
 
 def test_a_straight_stroke_takes_the_cart_along(world):
     before = world.reset(1)
-    push = np.array([0.5, 0.0, 0.08])
+    push = make_push(0.5, 0.0, 0.08)
     moved = (world.push(push) - before)[0, POSITION]
-    expected = (push[2] - LIMITS.clearance) * unit(push[0])
+    expected = (push[LENGTH] - LIMITS.clearance) * unit(push[LOCATION])
     np.testing.assert_allclose(moved, expected, atol=1e-3)
 
 

@@ -19,6 +19,7 @@ from sain_bringup.options import EpisodePlan
 from sain_bringup.report import PlayedEpisode, summary_table
 from sain_bringup.results import choose_episode, draw_pictures
 from sain_core.goal import Goal, Judgement
+from sain_core.push import idle_pushes, make_push
 from sain_core.scene import make_scene
 from sain_core.types import Scene
 from sain_core.workers.pool import ProcessPool, Work
@@ -34,11 +35,11 @@ def scene(target_x: float) -> Scene:
 def push(number: int, before: Scene, after: Scene, error_code: int = 1) -> RecordedPush:
     plan = PlanRecord(
         plan_id=number, push_id=number, status=1, error_code=1, error_message="",
-        dynamics="planar", fallback=False, pushes=np.zeros((1, 3)),
+        dynamics="planar", fallback=False, pushes=idle_pushes(1),
         predicted=(after + 0.003)[None], goal_distance=0.1, planning_time=0.1 * number,
     )  # fmt: skip
     return RecordedPush(
-        push_id=number, push=np.array([0.0, 0.0, 0.1]), before=before, after=after,
+        push_id=number, push=make_push(0.0, 0.0, 0.1), before=before, after=after,
         error_code=error_code, error_message="", source="test", duration=1.0, wall_time=0.02,
         plan=plan, physics=after + 0.004,
     )  # fmt: skip

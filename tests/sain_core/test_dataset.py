@@ -28,7 +28,7 @@ def test_a_column_is_its_name_on_disk(tmp_path: Path) -> None:
 def test_shapes_follow_the_number_of_disks() -> None:
     assert Column.STATE.row_shape(2) == (16,)
     assert Column.MASSES.row_shape(3) == (3,)
-    assert Column.ACTION.row_shape(5) == (3,)
+    assert Column.ACTION.row_shape(5) == (5,)
     assert Column.EPISODE.row_shape(5) == ()
 
 

@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sain_core.feasibility import Feasibility, Reach, reachable, tool_gap
-from sain_core.push import PushLimits, mirror_pushes, tool_end, tool_start
+from sain_core.push import PushLimits, make_push, mirror_pushes, tool_end, tool_start
 from sain_core.scene import POSITION, RADIUS, make_scene, mirror_scenes
 from sain_core.types import Scene
 
@@ -31,13 +31,13 @@ def test_the_gap_is_the_smallest_on_the_way(seed: int) -> None:
 
 
 def test_from_behind_is_free_and_from_the_target_s_side_is_blocked() -> None:
-    behind, through = np.array([0.0, 0.0, 0.1]), np.array([np.pi, 0.0, 0.1])
+    behind, through = make_push(0.0, 0.0, 0.1), make_push(np.pi, 0.0, 0.1)
     mask = Feasibility().mask(np.stack([pair(), pair()]), np.stack([behind, through]))
     np.testing.assert_array_equal(mask, [True, False])
 
 
 def test_a_push_of_no_length_can_always_be_carried_out() -> None:
-    assert Feasibility().mask(pair(), np.array([np.pi, 0.0, 0.0]))
+    assert Feasibility().mask(pair(), make_push(np.pi, 0.0, 0.0))
 
 
 @given(seeds)

@@ -3,11 +3,12 @@ import pytest
 
 from sain_core.errors import InvalidInputError
 from sain_core.history import PushHistory
+from sain_core.push import make_push
 from sain_core.scene import MASS, RADIUS
 
 SCENE = np.zeros((2, 8))
 SCENE[:, MASS], SCENE[:, RADIUS] = 8.0, 0.07
-PUSH = np.array([0.1, 0.2, 0.05])
+PUSH = make_push(0.1, 0.2, 0.05)
 
 
 def history(pushes: int) -> PushHistory:
@@ -30,7 +31,7 @@ def test_a_history_grows_push_by_push_and_leaves_the_old_one_as_it_was() -> None
     ("field", "change", "text"),
     [
         ("state", lambda a: a[:, :0], r"past state has shape \(P, N, 8\) with N >= 1, not"),
-        ("action", lambda a: a[:-1], r"past action has shape \(3, 3\), not \(2, 3\)"),
+        ("action", lambda a: a[:-1], r"past action has shape \(3, 5\), not \(2, 5\)"),
         ("next_state", lambda a: a[:, [0, 1, 1]], r"past next_state has shape \(3, 2, 8\), no"),
         ("action", lambda a: a * np.nan, r"past action\[0, 0\] is NaN or Inf"),
         ("next_state", lambda a: a + np.inf, r"past next_state\[0, 0, 0\] is NaN or Inf"),

@@ -6,6 +6,7 @@ import pytest
 from sain_core.errors import ConfigError
 from sain_core.history import PushHistory
 from sain_core.model import IdentityPrior, Model, as_model
+from sain_core.push import LENGTH, PUSH_SIZE
 from sain_core.shapes.bodies import Bodies
 from sain_core.types import Pushes, Scenes
 
@@ -15,17 +16,17 @@ class Shift(Model):
 
     def step(self, scenes: Scenes, pushes: Pushes) -> Scenes:
         after = scenes.copy()
-        after[..., 0] += pushes[..., None, 2]
+        after[..., 0] += pushes[..., None, LENGTH]
         return after
 
 
 def test_a_rollout_feeds_predictions_back() -> None:
     scene = np.arange(16.0).reshape(2, 8)
-    pushes = np.random.default_rng(0).uniform(size=(5, 4, 3))
+    pushes = np.random.default_rng(0).uniform(size=(5, 4, PUSH_SIZE))
     predicted = Shift().rollout(scene, pushes)
     assert predicted.shape == (5, 4, 2, 8)
     moved = predicted[..., 0] - scene[:, 0]
-    expected = np.broadcast_to(np.cumsum(pushes[..., 2], axis=1)[..., None], moved.shape)
+    expected = np.broadcast_to(np.cumsum(pushes[..., LENGTH], axis=1)[..., None], moved.shape)
     np.testing.assert_allclose(moved, expected)
     np.testing.assert_array_equal(predicted[..., 1:], np.broadcast_to(scene[:, 1:], (5, 4, 2, 7)))
 
@@ -36,12 +37,12 @@ def test_a_dynamics_is_not_asked_about_rests() -> None:
     class Counting(Shift):
         def step(self, scenes: Scenes, pushes: Pushes) -> Scenes:
             counts.append(len(scenes))
-            assert (pushes[:, 2] > 0.0).all()
+            assert (pushes[:, LENGTH] > 0.0).all()
             return super().step(scenes, pushes)
 
-    pushes = np.ones((4, 3, 3))
-    pushes[1:, 1, 2] = 0.0
-    pushes[:, 2, 2] = 0.0
+    pushes = np.ones((4, 3, PUSH_SIZE))
+    pushes[1:, 1, LENGTH] = 0.0
+    pushes[:, 2, LENGTH] = 0.0
     predicted = Counting().rollout(np.zeros((2, 8)), pushes)
     assert counts == [4, 1]
     np.testing.assert_array_equal(predicted[:, -1, 0, 0], [2.0, 1.0, 1.0, 1.0])
@@ -49,7 +50,7 @@ def test_a_dynamics_is_not_asked_about_rests() -> None:
 
 def test_the_identity_prior_moves_nothing_and_gives_a_copy() -> None:
     scenes = np.ones((3, 2, 8))
-    after = IdentityPrior().step(scenes, np.ones((3, 3)))
+    after = IdentityPrior().step(scenes, np.ones((3, PUSH_SIZE)))
     np.testing.assert_array_equal(after, scenes)
     after += 1
     assert (scenes == 1).all()
@@ -72,7 +73,7 @@ def test_step_alone_gives_a_model() -> None:
     stranger = Stranger()
     model = as_model(stranger)
     assert as_model(model) is model
-    scene, pushes = np.zeros((2, 8)), np.ones((3, 2, 3))
+    scene, pushes = np.zeros((2, 8)), np.ones((3, 2, PUSH_SIZE))
     predicted = model.rollout(scene, pushes)
     np.testing.assert_array_equal(predicted[:, 1], np.full((3, 2, 8), 2.0))
     assert model.regions(scene, pushes, predicted) is None

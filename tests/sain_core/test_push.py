@@ -8,8 +8,12 @@ from hypothesis import strategies as st
 from sain_core.errors import InvalidInputError, OutOfRangeError
 from sain_core.push import (
     LENGTH,
+    PUSH_NAMES,
+    PUSH_SIZE,
     PaperGrid,
     PushLimits,
+    idle_pushes,
+    make_push,
     mirror_pushes,
     push_direction,
     rotate_pushes,
@@ -49,25 +53,28 @@ def test_every_sampled_push_is_inside_the_limits(seed: int) -> None:
         ((0.0, 0.79, 0.1), "push angle is 0.7900 rad; allowed: "),
         ((0.0, 0.0, -0.01), r"push length is -0.0100 m; allowed: \[0, 0.15\] m"),
         ((0.0, 0.0, 0.151), "push length is 0.1510 m"),
+        ((0.0, 0.0, 0.1, 0.009), r"push speed is 0.0090 m/s; allowed: \[0.01, 0.5\] m/s"),
+        ((0.0, 0.0, 0.1, 0.51), "push speed is 0.5100 m/s"),
+        ((0.0, 0.0, 0.1, 0.2, 1), "the push is against body 1, which is movable"),
+        ((0.0, 0.0, 0.1, 0.2, 0.5), "the push is against body 0.5, which does not exist"),
     ],
 )
 def test_a_push_out_of_range_is_refused(push: tuple[float, ...], message: str) -> None:
     with pytest.raises(OutOfRangeError, match=message):
-        LIMITS.check(np.array(push))
+        LIMITS.check(make_push(*push[:3], **dict(zip(("speed", "body"), push[3:], strict=False))))
 
 
-@pytest.mark.parametrize("column", range(3))
+@pytest.mark.parametrize("column", range(PUSH_SIZE))
 @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
 def test_nan_and_inf_are_refused_by_name(column: int, value: float) -> None:
-    push = np.zeros(3)
+    push = idle_pushes()
     push[column] = value
-    name = ("location", "angle", "length")[column]
-    with pytest.raises(InvalidInputError, match=f"{name} of the push is {value}"):
+    with pytest.raises(InvalidInputError, match=f"{PUSH_NAMES[column]} of the push is {value}"):
         LIMITS.check(push)
 
 
 def test_the_tool_starts_off_the_rim_by_its_clearance(scene: Scene) -> None:
-    start = tool_start(scene, np.array([0.0, 0.0, 0.1]), LIMITS)
+    start = tool_start(scene, make_push(0.0, 0.0, 0.1), LIMITS)
     np.testing.assert_allclose(start, (0.4 - 0.08 - 0.012 - 0.005, 0.1))
 
 
@@ -98,7 +105,7 @@ def test_the_tool_s_way_turns_and_mirrors_with_the_scene(seed: int, angle: float
 
 def test_the_paper_grid_has_105_pushes_inside_the_limits() -> None:
     grid = PaperGrid().pushes()
-    assert grid.shape == (5 * 7 * 3, 3)
+    assert grid.shape == (5 * 7 * 3, PUSH_SIZE)
     assert len(np.unique(grid, axis=0)) == 105
     for push in grid:
         LIMITS.check(push)

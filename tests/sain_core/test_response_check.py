@@ -10,11 +10,12 @@ from sain_core.model import (
     check_rollout,
     check_step,
 )
+from sain_core.push import idle_pushes
 from sain_core.scene import MASS, make_scene
 
 SCENE = make_scene(np.array([(0.4, 0.0), (0.6, 0.0)]), np.array([8.0, 7.5]), np.array([0.08, 0.06]))
 SCENES = np.stack([SCENE] * 3)
-SEQUENCES = np.zeros((3, 4, 3))
+SEQUENCES = idle_pushes(3, 4)
 PREDICTED = np.broadcast_to(SCENE, (3, 4, 2, 8)).copy()
 
 

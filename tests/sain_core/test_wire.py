@@ -7,6 +7,7 @@ import pytest
 
 from sain_core import wire
 from sain_core.errors import InvalidInputError
+from sain_core.push import PUSH_SIZE, pushed_bodies
 from sain_core.scene import STATE_NAMES
 
 
@@ -32,9 +33,9 @@ def test_what_is_not_finite_is_named() -> None:
     with pytest.raises(InvalidInputError, match="before: vy of disk 1 is nan; must be finite"):
         wire.decode_disks([disk(), disk(vy=float("nan"))], "before")
     with pytest.raises(InvalidInputError, match="angle of the push is inf; must be finite"):
-        wire.decode_push(Message(location=0.0, angle=float("inf"), length=0.1))
+        wire.decode_push(Message(body=0, location=0.0, angle=float("inf"), length=0.1))
     with pytest.raises(InvalidInputError, match="x of the goal of body 1 is nan; it must be fin"):
-        wire.decode_goal(Message(x=float("nan"), y=0.2, tolerance=0.0))
+        wire.decode_goal(Message(x=float("nan"), y=0.2, tolerance=0.0, poses=[]))
 
 
 def test_floats_take_the_stated_shape_row_by_row() -> None:
@@ -60,9 +61,9 @@ def rollout(**values: object) -> Message:
 
 def test_a_rollout_request_is_decoded() -> None:
     scene, pushes = wire.decode_rollout_request(rollout())
-    assert (scene.shape, pushes.shape) == ((2, 8), (2, 1, 3))
+    assert (scene.shape, pushes.shape) == ((2, 8), (2, 1, PUSH_SIZE))
     _, named = wire.decode_rollout_request(rollout(push_bodies=[0, 1]))
-    assert named[..., 3].tolist() == [[0.0], [1.0]]
+    assert pushed_bodies(named).tolist() == [[0], [1]]
 
 
 @pytest.mark.parametrize(
@@ -94,7 +95,7 @@ def test_physics_may_be_left_out_of_a_prediction_request() -> None:
 
 def test_a_plan_without_a_push_is_empty() -> None:
     pushes, predicted = wire.decode_plan(Message(horizon=0, disks=2, pushes=[], predicted=[]))
-    assert (pushes.shape, predicted.shape) == ((0, 3), (0, 2, 8))
+    assert (pushes.shape, predicted.shape) == ((0, PUSH_SIZE), (0, 2, 8))
 
 
 def past(**values: object) -> Message:
@@ -141,9 +142,9 @@ def test_a_past_that_cannot_be_is_refused(values: dict[str, object], message: st
 
 def test_a_result_is_where_a_push_led() -> None:
     before, after = (Message(disks=[disk(x=x), disk(x=1.0)]) for x in (0.1, 0.2))
-    push = Message(location=0.5, angle=0.1, length=0.05)
+    push = Message(body=1, location=0.5, angle=0.1, length=0.05)
     scene, action, next_scene = wire.decode_result(Message(before=before, after=after, push=push))
-    assert (scene[0, 0], next_scene[0, 0], action.tolist()) == (0.1, 0.2, [0.5, 0.1, 0.05])
+    assert (scene[0, 0], next_scene[0, 0], action.tolist()) == (0.1, 0.2, [1, 0.5, 0.1, 0.05, 0.2])
     after.disks.append(disk())
     with pytest.raises(InvalidInputError, match="a push led from 2 disks to 3; it cannot"):
         wire.decode_result(Message(before=before, after=after, push=push))

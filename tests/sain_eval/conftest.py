@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from sain_core.goal import Goal
+from sain_core.push import make_push
 from sain_core.scene import POSITION, TARGET, make_scene
 from sain_core.world import PushRecord
 from sain_eval.plots.episode_record import EpisodeRecord
@@ -20,7 +21,7 @@ def episode() -> EpisodeRecord:
     predicted = [scene.copy() for scene in scenes[1:]]
     predicted[0][TARGET, POSITION] += [0.003, 0.004]
     pushes = tuple(
-        PushRecord(np.array([0.0, 0.1, 0.12]), before, after, expected, planning_time=0.05)
+        PushRecord(make_push(0.0, 0.1, 0.12), before, after, expected, planning_time=0.05)
         for before, expected, after in zip(scenes, predicted, scenes[1:], strict=False)
     )
     return EpisodeRecord(Goal.place(*place, 0.02), pushes, scenes[0])

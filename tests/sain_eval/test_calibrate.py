@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from sain_core.errors import DatasetError
-from sain_core.push import PushLimits
+from sain_core.push import LOCATION, PushLimits
 from sain_core.scene import Table, X, make_scene, unit
 from sain_eval import commands
 from sain_eval.calibrate import FREE, START, calibrate, on_table
@@ -32,7 +32,7 @@ def dataset(tmp_path_factory: pytest.TempPathFactory) -> Path:
         ]
     )
     pushes = PushLimits().sample(random, PUSHES)
-    pushes[:, 0] *= 0.2
+    pushes[:, LOCATION] *= 0.2
     friction = random.uniform(0.08, 0.2, PUSHES)
     after = PlanarPrior(TRUTH).step(scenes, pushes, friction)
     folder = tmp_path_factory.mktemp("calibration")

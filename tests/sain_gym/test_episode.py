@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from sain_core.errors import BlockedError, ErrorCode
+from sain_core.push import make_push
 from sain_core.scene import POSITION, TARGET, THETA, VX
 from sain_core.world import DivergedError
 from sain_eval.plots.episode_record import EpisodeRecord
@@ -11,7 +12,7 @@ from sain_eval.scenes.scenarios import SCENARIOS
 from sain_eval.tolerance import Tolerance
 from sain_gym.episode import PushEpisode
 
-PUSH = np.array([0.0, 0.0, 0.1])
+PUSH = make_push(0.0, 0.0, 0.1)
 COST = 0.05
 
 

@@ -5,7 +5,7 @@ from math import pi
 import numpy as np
 import pytest
 
-from sain_core.push import PushLimits
+from sain_core.push import PushLimits, make_push
 from sain_eval.scenes.scenarios import SCENARIOS
 from sain_gym.spaces import PushSpaces
 
@@ -25,7 +25,7 @@ def test_limits_in_any_precision_are_the_limits(kind: type) -> None:
 
 def test_numbers_within_the_limits_stay_as_they_are() -> None:
     spaces = PushSpaces("anywhere")
-    push = np.array([-3.1, 0.123456789, 0.15])
+    push = make_push(-3.1, 0.123456789, 0.15)
     assert spaces.push_of(push).tolist() == push.tolist()
     assert spaces.push_of([1, 0, 0]).tolist() == [1.0, 0.0, 0.0]
     given = push.copy()

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from sain_core.errors import InvalidInputError
+from sain_core.push import LENGTH, idle_pushes
 from tests.sain_gym.playing import MakeEnv
 
 COUNT = 2
@@ -50,8 +51,8 @@ def test_each_is_as_if_alone(envs: gymnasium.vector.VectorEnv, make: MakeEnv) ->
 
 def test_nan_for_one_is_an_error(envs: gymnasium.vector.VectorEnv) -> None:
     envs.reset(seed=0)
-    actions = np.zeros((COUNT, 3))
-    actions[1, 2] = np.nan
+    actions = idle_pushes(COUNT)
+    actions[1, LENGTH] = np.nan
     with pytest.raises(InvalidInputError, match="length of the action is nan; it must be finite"):
         envs.step(actions)
     envs.close()

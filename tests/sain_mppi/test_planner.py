@@ -13,7 +13,7 @@ from sain_core.errors import (
 from sain_core.feasibility import Feasibility
 from sain_core.goal import Goal
 from sain_core.model import IdentityPrior
-from sain_core.push import LENGTH
+from sain_core.push import LENGTH, make_push
 from sain_core.scene import POSITION, TARGET, make_scene, unit
 from sain_core.seeding import generator
 from sain_core.shapes.bodies import PAPER_DISKS
@@ -35,7 +35,7 @@ def planner(dynamics, **changes):
 
 def test_the_result_tells_what_was_done(scene, dynamics):
     plan = planner(dynamics).plan(problem(scene), generator(0))
-    assert plan.pushes.shape == (CONFIG.horizon, 3)
+    assert plan.pushes.shape == (CONFIG.horizon, 5)
     assert plan.predicted.shape == (CONFIG.horizon, 2, 8)
     assert plan.cost == pytest.approx(sum(plan.terms.values()))
     assert plan.improves and plan.rounds == CONFIG.rounds
@@ -171,7 +171,7 @@ def test_what_was_prepared_is_dropped_for_a_wide_plan_a_refusal_or_another_goal(
         return ahead.plan(problem(expected, goal), generator(2), **options).rounds
 
     assert rounds() == 1
-    assert rounds(wide=True) == rounds(refused=(np.array([3.0, 0.0, 0.1]),)) == CONFIG.rounds
+    assert rounds(wide=True) == rounds(refused=(make_push(3.0, 0.0, 0.1),)) == CONFIG.rounds
     assert rounds(goal=Goal.place(0.70, 0.07)) == CONFIG.rounds
 
 

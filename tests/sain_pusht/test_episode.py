@@ -8,6 +8,7 @@ import pytest
 from PIL import Image
 
 from sain_core.errors import ConfigError
+from sain_core.push import make_push
 from sain_core.workers.running import WorkerOptions
 from sain_pusht.agent import FEASIBILITY, PLANNER, ToolPlace
 from sain_pusht.block import scene_of
@@ -52,7 +53,7 @@ def test_workers_of_a_cluster_change_nothing(tmp_path: Path) -> None:
 
 def test_a_tool_that_is_shut_in_pushes_what_it_reaches(world: PushtWorld) -> None:
     scene = scene_of(np.array([68.0, 393.5, -1.0268]))  # across a corner of the room
-    pushes = np.column_stack([np.linspace(-3.1, 3.1, 400), np.zeros(400), np.full(400, 0.03)])
+    pushes = make_push(np.linspace(-3.1, 3.1, 400), 0.0, 0.03)
     scenes, corner = np.broadcast_to(scene, (400, 1, 8)), ToolPlace()
     corner.place = np.array([0.043, 0.040])
     outside = FEASIBILITY.mask(scenes, pushes, world.bodies)
@@ -62,7 +63,7 @@ def test_a_tool_that_is_shut_in_pushes_what_it_reaches(world: PushtWorld) -> Non
 
 
 def test_in_the_middle_nothing_is_shut_off(world: PushtWorld) -> None:
-    pushes = np.column_stack([np.linspace(-3.1, 3.1, 400), np.zeros(400), np.full(400, 0.03)])
+    pushes = make_push(np.linspace(-3.1, 3.1, 400), 0.0, 0.03)
     scenes = np.broadcast_to(scene_of(np.array([256.0, 200.0, 0.0])), (400, 1, 8))
     assert FEASIBILITY.mask(scenes, pushes, world.bodies).mean() > 0.8
 

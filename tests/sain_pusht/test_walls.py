@@ -3,6 +3,7 @@
 import numpy as np
 
 from sain_core.model import IdentityPrior
+from sain_core.push import idle_pushes
 from sain_pusht.agent import WALLS
 from sain_pusht.block import pusht_bodies, scene_of
 from sain_pusht.walls import InsideWalls
@@ -12,7 +13,7 @@ def test_blocks_are_moved_straight_back_into_the_room() -> None:
     bodies, random = pusht_bodies(), np.random.default_rng(0)
     poses = np.column_stack([random.uniform(0, 512, (200, 2)), random.uniform(-3, 3, 200)])
     scenes = np.stack([scene_of(pose) for pose in poses])
-    after = InsideWalls(IdentityPrior(), bodies).step(scenes, np.zeros((200, 3)))
+    after = InsideWalls(IdentityPrior(), bodies).step(scenes, idle_pushes(200))
     low, high = WALLS
     inside = 0
     for before, moved in zip(scenes, after, strict=True):

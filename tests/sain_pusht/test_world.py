@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from sain_core.errors import UnreachableError
-from sain_core.push import LENGTH, tool_end
+from sain_core.push import LENGTH, idle_pushes, make_push, tool_end
 from sain_core.scene import POSITION
 from sain_core.shapes.outline import outline_of
 from sain_pusht.agent import LIMITS
@@ -23,7 +23,7 @@ def test_the_tool_does_not_touch_the_block_on_its_way(world: PushtWorld) -> None
 
 def test_a_stroke_ends_where_it_should(world: PushtWorld) -> None:
     scene = world.reset(2)
-    push = np.array([0.3, 0.1, 0.05])
+    push = make_push(0.3, 0.1, 0.05)
     end = tool_end(scene, push, LIMITS, world.bodies)
     world.push(push)
     assert world.motion[0] == pytest.approx(end, abs=5e-5)
@@ -45,7 +45,7 @@ def test_a_refused_push_moves_nothing(world: PushtWorld) -> None:
         world.env.step(np.array([400.0, 400.0]))
         world._see(world.inner._get_info())
         scene, steps = world.scene, world.steps
-        world.push(np.array([float(middle), 0.0, 0.03]))
+        world.push(make_push(float(middle), 0.0, 0.03))
     assert world.steps == steps
     assert np.array_equal(world.scene, scene)
 
@@ -60,6 +60,6 @@ def test_the_oracle_predicts_what_happens(world: PushtWorld) -> None:
 
 def test_the_oracle_lets_a_push_of_no_length_rest(world: PushtWorld) -> None:
     scene = world.reset(3)
-    push = np.zeros(3)
+    push = idle_pushes()
     assert push[LENGTH] == 0.0
     assert np.array_equal(PushtOracle().step(scene[None], push[None])[0], scene)

@@ -3,7 +3,7 @@ from importlib.util import find_spec
 import numpy as np
 import pytest
 
-from sain_core.push import PushLimits
+from sain_core.push import PushLimits, make_push
 from sain_core.scene import unit, wrap_angle
 from sain_core.seeding import generator
 from sain_core.types import PushArray, Scene
@@ -55,7 +55,7 @@ class Bench:
     @staticmethod
     def towards(heading: float, length: float = 0.1) -> PushArray:
         """A push through the mid disk's centre."""
-        return PushLimits().check(np.array([float(wrap_angle(np.asarray(heading))), 0.0, length]))
+        return PushLimits().check(make_push(float(wrap_angle(np.asarray(heading))), 0.0, length))
 
 
 @pytest.fixture(scope="session")

@@ -33,7 +33,7 @@ PLAYED = [
 
 
 def play_on_graph(graph, number, case):
-    """Return the executed pushes (P, 3) of an episode, its last scene, and how it ended."""
+    """Return the executed pushes (P, 5) of an episode, its last scene, and how it ended."""
     first = graph.reset(
         seed=case.seed,
         world=case.truth.world,
@@ -52,7 +52,7 @@ def play_on_graph(graph, number, case):
     graph.wait(ended, f"the end of episode {number}")
     results = graph.find("push_result", episode_id=episode, error_code=int(ErrorCode.OK))
     refused = len(graph.find("push_result", episode_id=episode)) - len(results)
-    pushes = np.array([wire.decode_push(result.push) for result in results]).reshape(-1, 3)
+    pushes = np.array([wire.decode_push(result.push) for result in results]).reshape(-1, 5)
     last = results[-1].after if results else first
     return pushes, wire.decode_disks(last.disks), refused, ended()[0].status == Plan.REACHED
 
@@ -68,7 +68,7 @@ def test_the_graph_and_evaluate_play_the_same_pushes(graph, full_motion):
         job = EpisodeJob(scenario, seed, "sain", (TOLERANCE,), truth=truth)
         outcome = play_job(job)  # first: it compiles what is not compiled yet
         pushes, final, refused, reached = play_on_graph(graph, number, job.case())
-        expected = np.array([push.push for push in outcome.record.pushes]).reshape(-1, 3)
+        expected = np.array([push.push for push in outcome.record.pushes]).reshape(-1, 5)
         assert pushes.tobytes() == expected.tobytes(), (scenario, seed, pushes, expected)
         assert final.tobytes() == outcome.final.tobytes()
         assert (refused, reached) == (outcome.refusals, outcome.failure == "")
@@ -95,7 +95,7 @@ def test_noisy_and_late_frames_lead_to_the_same_pushes_too(graph, delay):
         job = EpisodeJob("anywhere", seed, "sain", (TOLERANCE,), agent, camera=camera)
         outcome = play_job(job)
         pushes, final, refused, reached = play_on_graph(graph, number, job.case())
-        expected = np.array([push.push for push in outcome.record.pushes]).reshape(-1, 3)
+        expected = np.array([push.push for push in outcome.record.pushes]).reshape(-1, 5)
         assert pushes.tobytes() == expected.tobytes(), (seed, pushes, expected)
         assert final.tobytes() == outcome.final.tobytes()
         assert (refused, reached) == (outcome.refusals, outcome.failure == "")

@@ -12,6 +12,7 @@ from matplotlib.patches import Polygon as Patch
 
 from sain_core.feasibility import Feasibility
 from sain_core.goal import Goal
+from sain_core.push import make_push
 from sain_core.scene import MID, POSITION, RADIUS, TARGET, THETA, Table, X, Y, make_scene, unit
 from sain_core.shapes.solids import THREE_FEET
 from sain_eval.plots.episode_record import EpisodeRecord
@@ -58,7 +59,7 @@ def test_its_sides_and_corners_touch_where_they_are(bearing, reach):
 def test_a_world_pushes_it_like_any_body():
     parameters, start = draw_episode(0, "nominal", shapes=("disk", "six_sided"))
     assert parameters.shapes == (THREE_FEET, "six_sided")
-    push = np.array([0.0, 0.0, 0.1])
+    push = make_push(0.0, 0.0, 0.1)
     with World(parameters) as world:
         world.reset(start)
         outcome = world.push(push)

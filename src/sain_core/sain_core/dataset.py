@@ -21,7 +21,8 @@ from sain_core.errors import DatasetError
 from sain_core.push import PUSH_SIZE
 from sain_core.scene import POSITION, STATE_SIZE
 from sain_core.seeding import generator
-from sain_core.shapes.bodies import Bodies, as_names, bodies_named, marked_bodies
+from sain_core.shapes.bodies import BETWEEN, Bodies, as_names, bodies_named
+from sain_core.shapes.solids import DISK
 from sain_core.types import Mask, Points, Scenes
 
 SHARD_SIZE: Final = 1000  # transitions, as in the paper
@@ -90,9 +91,8 @@ class Column(StrEnum):
     # fmt: off
     STATE = ("state", (FLAT,), "float64", "m, rad, m/s, rad/s, kg",
              "scene before the push: x, y, theta, vx, vy, omega, mass, radius of each disk")
-    ACTION = "action", (PUSH_SIZE,), "float64", "rad, rad, m", "the push: location, angle, length"
-    BODY = ("body", (), "int64", "", "body that is pushed; without this column always body 0",
-            SOMETIMES, SOMETIMES)
+    ACTION = ("action", (PUSH_SIZE,), "float64", "rad, m, m/s",
+              "the push: body, location, angle, length, speed")
     PHYSICS_NEXT = ("physics_next", (FLAT,), "float64", "as `state`",
                     "scene after the push as physics predicts it, f_p(s, a)")
     NEXT_STATE = "next_state", (FLAT,), "float64", "as `state`", "scene after the push"
@@ -150,7 +150,7 @@ RECORDED: Final = tuple(c for c in Column if c.recorded is ALWAYS)
 NEEDED: Final = (  # for training; the order is that of a data set's SHA-256
     Column.STATE, Column.PHYSICS_NEXT, Column.NEXT_STATE, Column.ACTION, Column.EPISODE,
 )  # fmt: skip
-SHAPED: Final = (Column.BODY, Column.SHAPES, Column.ROLES)  # where not all bodies are disks
+SHAPED: Final = (Column.SHAPES, Column.ROLES)  # where not all bodies are disks
 POSED: Final = (Column.GOAL_POSES, Column.GOAL_TOLERANCES, Column.GOAL_KEEP)  # of poses
 FRICTIONS: Final = (Column.FRICTION, Column.RIM_FRICTION, Column.TOOL_FRICTION)
 
@@ -161,7 +161,7 @@ class Transitions:
 
     Attributes:
         state: (M, N, 8), settled, before each push.
-        action: (M, 3) or (M, 4), as executed.
+        action: (M, 5), as executed.
         next_state: (M, N, 8), settled, after each push.
     """
 
@@ -191,20 +191,20 @@ class Transitions:
 
 def describe_bodies(bodies: Bodies) -> dict[str, str]:
     """Return shapes and roles as the columns of a row."""
-    return dict(zip(SHAPED[1:], as_names(bodies), strict=True))
+    return dict(zip(SHAPED, as_names(bodies), strict=True))
 
 
 def row_bodies(columns: Columns) -> list[Bodies]:
-    """Return the bodies of each row; older data sets have marks like ``cubes``.
+    """Return the bodies of each row.
 
     Raises:
         DatasetError: shapes or roles that do not exist, or not one for each body.
     """
     rows, count = len(columns[Column.STATE]), columns[Column.STATE][0].size // STATE_SIZE
     roles = columns[Column.ROLES].tolist() if Column.ROLES in columns else rows * [""]
-    if Column.SHAPES not in columns:
-        return marked_bodies(columns, roles, count)
-    named = zip(columns[Column.SHAPES].tolist(), roles, strict=True)
+    disks = BETWEEN.join(count * [DISK])
+    shapes = columns[Column.SHAPES].tolist() if Column.SHAPES in columns else rows * [disks]
+    named = zip(shapes, roles, strict=True)
     return [bodies_named(shapes, role, count) for shapes, role in named]
 
 

@@ -14,8 +14,8 @@ import numpy as np
 
 from sain_core.config import Config, option
 from sain_core.errors import BlockedError, UnreachableError
-from sain_core.push import LENGTH, LOCATION, PUSH_SIZE, PushLimits, pushed_bodies, strokes
-from sain_core.scene import MID, POSITION, RADIUS, THETA, Table, unit
+from sain_core.push import LENGTH, LOCATION, PATH, PushLimits, pushed_bodies, strokes
+from sain_core.scene import POSITION, RADIUS, THETA, Table, unit
 from sain_core.shapes.bodies import PAPER_DISKS, Bodies
 from sain_core.shapes.outline import distance_to_way, outline_of
 from sain_core.shapes.shape import Shape
@@ -86,13 +86,13 @@ def gap_on_way(
     bodies: Bodies,
 ) -> Scalars:
     """Return the gap of a tool that starts at (..., 2) and travels in the direction (..., 2)."""
-    if pushes.shape[-1] == PUSH_SIZE and bodies.all_round:
-        others = scenes[..., MID + 1 :, :]
-        offset = others[..., POSITION] - start[..., None, :]  # (..., N - 1, 2)
+    if bodies.all_round:
+        offset = scenes[..., POSITION] - start[..., None, :]  # (..., N, 2)
         along = np.clip((offset * way[..., None, :]).sum(-1), 0.0, pushes[..., LENGTH, None])
         apart = np.linalg.norm(offset - along[..., None] * way[..., None, :], axis=-1)
-        gaps = apart - others[..., RADIUS] - limits.tool_radius
-        return np.asarray(gaps.min(axis=-1, initial=np.inf))
+        gaps = apart - scenes[..., RADIUS] - limits.tool_radius
+        other = pushed_bodies(pushes)[..., None] != np.arange(scenes.shape[-2])
+        return np.asarray(gaps.min(axis=-1, initial=np.inf, where=other))
     end = start + pushes[..., LENGTH, None] * way
     pushed, least = pushed_bodies(pushes), np.full(start.shape[:-1], np.inf)
     for body in range(scenes.shape[-2]):
@@ -221,7 +221,7 @@ class Feasibility(Config):
         """
         reach = self.reach
         if not reach.covers(start, way, push[LENGTH]):
-            numbers = ", ".join(f"{number:.3f}" for number in push[: LENGTH + 1])
+            numbers = ", ".join(f"{number:.3f}" for number in push[PATH])
             raise UnreachableError(
                 f"the tool's way for push ({numbers}) leaves the"
                 f" arm's reach of {reach.inner} to {reach.outer} m from the base,"

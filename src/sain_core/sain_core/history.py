@@ -40,9 +40,8 @@ class PushHistory(Transitions):
         shape = self.state.shape
         if len(shape) != 3 or shape[1] < 1 or shape[2] != STATE_SIZE:
             raise InvalidInputError(f"past state has shape (P, N, 8) with N >= 1, not {shape}")
-        size = PUSH_SIZE + (self.action.shape[-1] == PUSH_SIZE + 1)
         parts: list[tuple[str, tuple[int, ...]]] = [
-            (Column.ACTION, (shape[0], size)),
+            (Column.ACTION, (shape[0], PUSH_SIZE)),
             (Column.NEXT_STATE, shape),
         ]
         if self.noise is not None:
@@ -81,7 +80,7 @@ class PushHistory(Transitions):
         next_scene: Scene,
         noise: Float[ndarray, "N"] | None = None,
     ) -> Self:
-        """Return the history after one more push (3,), from a scene (N, 8) to the next one.
+        """Return the history after one more push (5,), from a scene (N, 8) to the next one.
 
         Masses and radii are those of the scene before. `noise` (N,) [m]: see `PushHistory`.
 
@@ -98,7 +97,7 @@ class PushHistory(Transitions):
             both = np.concatenate([self.noise_or_zero, new[None]])
         return type(self)(
             np.concatenate([self.state, scene[None]]),
-            np.concatenate(_as_wide(self.action, push[None])),
+            np.concatenate([self.action, push[None]]),
             np.concatenate([self.next_state, next_scene[None]]),
             both,
         )
@@ -117,9 +116,3 @@ class PushHistory(Transitions):
     def latest(self, most: int) -> Self:
         """Return the history of the latest pushes, at most so many."""
         return self.select(slice(max(len(self) - most, 0), None))
-
-
-def _as_wide(*pushes: Float[ndarray, "_ _"]) -> list[Float[ndarray, "_ _"]]:
-    """Return pushes (B, 3) and (B, 4) with equal numbers: three of them are against body 0."""
-    size = max(some.shape[1] for some in pushes)
-    return [np.pad(some, ((0, 0), (0, size - some.shape[1]))) for some in pushes]

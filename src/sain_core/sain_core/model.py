@@ -325,7 +325,7 @@ def check_step(predicted: object, scenes: Scenes, model: str = "the model") -> S
 def check_rollout(
     predicted: object, scene: Scene, sequences: PushSequences, model: str = "the model"
 ) -> PredictedScenes:
-    """Return predicted scenes (K, H, N, 8) when they can be of sequences (K, H, 3) from a scene.
+    """Return predicted scenes (K, H, N, 8) when they can be of sequences (K, H, 5) from a scene.
 
     Sequences whose prediction is not finite are let through: a search gives them no weight. To
     refuse them too, use `check_finite_answer`.

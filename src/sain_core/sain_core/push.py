@@ -1,15 +1,16 @@
 """A push: one straight stroke of the tool against one body.
 
-Against a disk it is the paper's a in R^3. ``location`` lambda in (-pi, pi]: world heading from the
+A push has five numbers everywhere: in arrays, messages, rows and files.
+
+``body`` is the place in the scene of the body that is pushed; 0 is the paper's mid disk. The next
+three are the paper's a in R^3. ``location`` lambda in (-pi, pi]: of a disk, world heading from the
 contact point on the rim to the centre (0: the tool touches the -x side). ``angle`` psi in
 [-pi/4, pi/4]: direction of travel relative to lambda. ``length`` L in [0, 0.15] m: the tool's
 travel from its start pose, where its surface stands `PushLimits.clearance` off the contact point.
-L = 0 moves nothing.
+L = 0 moves nothing. ``speed`` in [0.01, 0.5] m/s: the tool's on its travel.
 
 Against any other body, ``location`` names the contact point on its outline
 (`sain_core.shapes.outline`), and ``angle`` is relative to the outline's inward normal there.
-
-A push with three numbers is against body 0, the paper's mid disk. A fourth names the body.
 """
 
 from dataclasses import dataclass, fields
@@ -19,18 +20,22 @@ from secrets import randbits
 from typing import Final
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from sain_core.config import Config, option
 from sain_core.errors import InvalidInputError, OutOfRangeError
-from sain_core.scene import MID, POSITION, RADIUS, THETA, unit, wrap_angle
+from sain_core.scene import POSITION, RADIUS, THETA, unit, wrap_angle
 from sain_core.shapes.bodies import PAPER_DISKS, Bodies
 from sain_core.shapes.outline import outline_of
 from sain_core.shapes.shape import Shape
-from sain_core.types import Angles, Indices, Points, PushArray, Pushes, Scenes, States
+from sain_core.types import Angles, Indices, Points, PushArray, Pushes, Scalars, Scenes, States
 
-LOCATION, ANGLE, LENGTH, BODY = range(4)
-PUSH_SIZE: Final = 3  # without the body
-PUSH_NAMES: Final = ("location", "angle", "length")
+BODY, LOCATION, ANGLE, LENGTH, SPEED = range(5)
+PUSH_SIZE: Final = 5
+PUSH_NAMES: Final = ("body", "location", "angle", "length", "speed")
+PUSH_UNITS: Final = ("", "rad", "rad", "m", "m/s")
+PATH: Final = slice(LOCATION, LENGTH + 1)  # where the tool goes: location, angle, length
+DEFAULT_SPEED: Final = 0.2  # [m/s], what every push had before pushes had a speed
 
 TOOL_RADIUS: Final = 0.012  # [m], the cylindrical stick
 
@@ -55,6 +60,8 @@ class PushLimits(Config):
     tool_radius: float = option(
         TOOL_RADIUS, "radius of the stick", unit="m", minimum=0.001, maximum=0.05
     )
+    min_speed: float = option(0.01, "slowest travel", unit="m/s", minimum=0.001, maximum=0.2)
+    max_speed: float = option(0.5, "fastest travel", unit="m/s", minimum=0.2, maximum=2.0)
 
     def check(self, push: PushArray, bodies: Bodies = PAPER_DISKS) -> PushArray:
         """Return the push when it is inside the limits, and against a pushable body.
@@ -63,8 +70,10 @@ class PushLimits(Config):
             InvalidInputError: wrong shape, NaN or Inf.
             OutOfRangeError: a value outside its range; the message names both.
         """
-        if push.shape not in ((PUSH_SIZE,), (PUSH_SIZE + 1,)):
-            raise InvalidInputError(f"a push has shape (3,) or (4,), not {push.shape}")
+        if push.shape != (PUSH_SIZE,):
+            raise InvalidInputError(
+                f"a push has shape ({PUSH_SIZE},): {', '.join(PUSH_NAMES)}; not {push.shape}"
+            )
         if not np.isfinite(push).all():
             column = int(np.argmin(np.isfinite(push)))
             raise InvalidInputError(
@@ -82,33 +91,63 @@ class PushLimits(Config):
             raise OutOfRangeError(
                 f"push length is {push[LENGTH]:.4f} m; allowed: [0, {self.max_length}] m"
             )
-        body = push[BODY] if len(push) > PUSH_SIZE else 0.0
+        if not self.min_speed <= push[SPEED] <= self.max_speed:
+            raise OutOfRangeError(
+                f"push speed is {push[SPEED]:.4f} m/s; allowed:"
+                f" [{self.min_speed}, {self.max_speed}] m/s"
+            )
+        body = push[BODY]
         if body not in bodies.pushable:
             allowed, known = ", ".join(map(str, bodies.pushable)), range(len(bodies))
             what = f"is {bodies.roles[int(body)]}" if body in known else "does not exist"
             raise OutOfRangeError(
-                f"the push is against body {body:.0f}, which {what}; pushable are: {allowed}"
+                f"the push is against body {body:g}, which {what}; pushable are: {allowed}"
             )
         return push
 
-    def sample(self, generator: np.random.Generator, count: int) -> Pushes:
-        """Draw pushes (count, 3) uniformly: any side, any allowed angle and length."""
+    def sample(
+        self, generator: np.random.Generator, count: int, speed: Scalars | float = DEFAULT_SPEED
+    ) -> Pushes:
+        """Draw pushes (count, 5) of body 0 uniformly: any side, any allowed angle and length."""
         location = generator.uniform(-pi, pi, count)
         angle = generator.uniform(-self.max_angle, self.max_angle, count)
         length = generator.uniform(0.0, self.max_length, count)
-        return np.stack([-location, angle, length], axis=-1)  # -[-pi, pi) is (-pi, pi]
+        return make_push(-location, angle, length, speed=speed)  # -[-pi, pi) is (-pi, pi]
+
+
+def make_push(
+    location: ArrayLike,
+    angle: ArrayLike,
+    length: ArrayLike,
+    *,
+    body: ArrayLike = 0,
+    speed: ArrayLike = DEFAULT_SPEED,
+) -> Pushes:
+    """Return pushes (..., 5) of numbers, or of arrays that fit each other."""
+    numbers = np.broadcast_arrays(body, location, angle, length, speed)
+    return np.stack(numbers, axis=-1).astype(np.float64)
+
+
+def idle_pushes(*shape: int) -> Pushes:
+    """Return pushes (*shape, 5) that move nothing: of body 0, with length 0."""
+    return make_push(0.0, 0.0, np.zeros(shape))
 
 
 def check_predictable(pushes: Pushes) -> Pushes:
-    """Return pushes (..., 3) that a model may be asked about: any that `PushLimits` could allow.
+    """Return pushes (..., 5) that a model may be asked about: any that `PushLimits` could allow.
 
     Raises:
-        OutOfRangeError: naming the first that is longer or slants more than any arm's limits may.
+        OutOfRangeError: naming the first that is longer, slants more, or is slower or faster than
+            any arm's limits may.
     """
     bounds = {item.name: item.metadata["maximum"] for item in fields(PushLimits)}
+    slowest = next(
+        item.metadata["minimum"] for item in fields(PushLimits) if item.name == "min_speed"
+    )
     for column, low, high in (
         (ANGLE, -bounds["max_angle"], bounds["max_angle"]),
         (LENGTH, 0.0, bounds["max_length"]),
+        (SPEED, slowest, bounds["max_speed"]),
     ):
         wrong = (pushes[..., column] < low) | (pushes[..., column] > high)
         if wrong.any():
@@ -121,9 +160,7 @@ def check_predictable(pushes: Pushes) -> Pushes:
 
 
 def pushed_bodies(pushes: Pushes) -> Indices:
-    """Return which body each push (..., 3) or (..., 4) is against, (...,)."""
-    if pushes.shape[-1] == PUSH_SIZE:
-        return np.zeros(pushes.shape[:-1], dtype=np.int64)
+    """Return which body each push (..., 5) is against, (...,)."""
     return pushes[..., BODY].astype(np.int64)
 
 
@@ -157,7 +194,7 @@ def strokes(
 
     Args:
         scenes: (..., N, 8).
-        pushes: (..., 3) or (..., 4).
+        pushes: (..., 5).
         limits: for the tool's radius and the clearance.
         bodies: of the scenes.
 
@@ -188,8 +225,6 @@ def strokes(
 
 def _pushed_states(scenes: Scenes, pushes: Pushes) -> States:
     """Return the states (..., 8) of the bodies that pushes are against."""
-    if pushes.shape[-1] == PUSH_SIZE:
-        return scenes[..., MID, :]
     lead = np.broadcast_shapes(scenes.shape[:-2], pushes.shape[:-1])
     body = np.broadcast_to(pushed_bodies(pushes), lead)[..., None, None]
     all_states = np.broadcast_to(scenes, (*lead, *scenes.shape[-2:]))
@@ -234,8 +269,8 @@ class PaperGrid(Config):
     max_angle: float = option(pi / 4, "largest |angle|", unit="rad", minimum=0.0, maximum=pi / 2)
 
     def pushes(self) -> Pushes:
-        """Return the whole grid, (105, 3) by default."""
+        """Return the whole grid, (105, 5) by default."""
         location = np.linspace(-self.max_location, self.max_location, self.locations)
         angle = np.linspace(-self.max_angle, self.max_angle, self.angles)
         grid = np.meshgrid(location, angle, np.asarray(self.lengths), indexing="ij")
-        return np.stack([axis.ravel() for axis in grid], axis=-1)
+        return make_push(*(axis.ravel() for axis in grid))

@@ -18,7 +18,7 @@ from numpy import ndarray
 from sain_core.errors import InvalidInputError
 from sain_core.goal import KEEP_TOLERANCE, TOLERANCE, TURN_PER_METRE, BodyPose, Goal
 from sain_core.history import PushHistory
-from sain_core.push import PUSH_NAMES, PUSH_SIZE
+from sain_core.push import DEFAULT_SPEED, PATH, PUSH_NAMES, PUSH_SIZE, SPEED, make_push
 from sain_core.scene import STATE_NAMES, STATE_SIZE
 from sain_core.shapes.bodies import MOST_BODIES
 from sain_core.types import (
@@ -31,6 +31,7 @@ from sain_core.types import (
 )
 
 MIN_DISKS = 1
+ON_WIRE: Final = PATH.stop - PATH.start  # numbers of a push in an array, beside its body
 UNIT: Final = 0.01  # by which the length of a quaternion may be off
 UPRIGHT: Final = 0.9  # cosine of the largest tilt of a body, 25 degrees
 Place = Float[ndarray, "3"]
@@ -65,41 +66,36 @@ def check_disks(scene: Scene, name: str = "scene") -> Scene:
 
 
 def decode_push(message: Any) -> PushArray:
-    """Return a ``Push`` as an array (3,), or (4,) where it is against another body than body 0.
+    """Return a ``Push`` as an array (5,).
 
     Raises:
         InvalidInputError: NaN or Inf.
     """
-    return with_body(_decode_fields(message, PUSH_NAMES, "push"), pushed_body(message))
+    return check_fields(push_as_sent(message), PUSH_NAMES, "push")
 
 
-def pushed_body(message: Any) -> int:
-    """Return the body that a ``Push`` is against; older recordings know only body 0."""
-    return int(getattr(message, "body", 0))
-
-
-def with_body(push: Float[ndarray, "3"], body: int) -> PushArray:
-    """Return a push (3,) against a body: (3,) for body 0, else (4,)."""
-    return np.append(push, float(body)) if body else push
+def push_as_sent(message: Any) -> PushArray:
+    """Return a ``Push`` as an array (5,), whatever it holds: one that was refused may hold NaN."""
+    values = [getattr(message, name) for name in PUSH_NAMES[:SPEED]]
+    return np.array([*values, DEFAULT_SPEED], dtype=np.float64)
 
 
 def decode_goal(message: Any) -> Goal:
     """Return what a ``Goal``, received or recorded, asks for.
 
-    Without poses it is a place for the target; older recordings have none. A tolerance of 0 is the
-    default.
+    Without poses it is a place for the target. A tolerance of 0 is the default.
 
     Raises:
         InvalidInputError: more poses than a scene may have bodies, NaN or Inf.
         OutOfRangeError: a tolerance that is not positive, or too large.
     """
-    poses = getattr(message, "poses", ())
+    poses = message.poses
     if len(poses) > MOST_BODIES:
         raise InvalidInputError(f"the goal has {len(poses)} poses; at most {MOST_BODIES} may be")
     if not len(poses):
         return Goal.place(message.x, message.y, message.tolerance or TOLERANCE)
-    keep = tuple(int(body) for body in getattr(message, "keep", ()))
-    tolerance = getattr(message, "keep_tolerance", 0.0) or KEEP_TOLERANCE
+    keep = tuple(int(body) for body in message.keep)
+    tolerance = message.keep_tolerance or KEEP_TOLERANCE
     return Goal(tuple(map(_decode_goal_pose, poses)), keep, float(tolerance))
 
 
@@ -151,13 +147,16 @@ def flat_pose(place: Place, turn: Turn, what: str) -> Float[ndarray, "3"]:
 
 
 def decode_plan(message: Any) -> tuple[Pushes, Scenes]:
-    """Return the pushes (H, 3) or (H, 4) of a ``Plan`` and the scenes (H, N, 8) that it expects.
+    """Return the pushes (H, 5) of a ``Plan`` and the scenes (H, N, 8) that it expects.
 
     A plan that sends no push has H = 0.
     """
     horizon, disks = message.horizon, message.disks
-    pushes = decode_floats(message.pushes, (horizon, PUSH_SIZE), "pushes of the plan")
-    pushes = _with_bodies(pushes, getattr(message, "push_bodies", ()), "push_bodies of the plan")
+    if len(message.pushes) == horizon * PUSH_SIZE:
+        pushes = decode_floats(message.pushes, (horizon, PUSH_SIZE), "pushes of the plan")
+    else:
+        pushes = decode_floats(message.pushes, (horizon, ON_WIRE), "pushes of the plan")
+        pushes = _with_bodies(pushes, message.push_bodies, "push_bodies of the plan")
     predicted = decode_floats(
         message.predicted, (horizon, disks, STATE_SIZE), "predicted scenes of the plan"
     )
@@ -165,24 +164,24 @@ def decode_plan(message: Any) -> tuple[Pushes, Scenes]:
 
 
 def decode_rollout_request(request: Any) -> tuple[Scene, PushSequences]:
-    """Return scene (N, 8) and sequences (K, H, 3) or (K, H, 4) of a ``Rollout`` request."""
+    """Return scene (N, 8) and sequences (K, H, 5) of a ``Rollout`` request."""
     samples, horizon, disks = request.samples, request.horizon, request.disks
     _at_least(samples, 1, "samples")
     _at_least(horizon, 1, "horizon")
     _at_least(disks, MIN_DISKS, "disks")
     scene = decode_floats(request.scene, (disks, STATE_SIZE), "scene")
-    pushes = decode_floats(request.pushes, (samples, horizon, PUSH_SIZE), "pushes")
+    pushes = decode_floats(request.pushes, (samples, horizon, ON_WIRE), "pushes")
     return scene, _with_bodies(pushes, request.push_bodies, "push_bodies", disks)
 
 
 def decode_predict_request(request: Any) -> tuple[Scenes, Pushes, Scenes | None]:
-    """Return scenes (B, N, 8), pushes (B, 3) or (B, 4) and, if given, f_p(s, a) (B, N, 8)."""
+    """Return scenes (B, N, 8), pushes (B, 5) and, if given, f_p(s, a) (B, N, 8)."""
     batch, disks = request.batch, request.disks
     _at_least(batch, 1, "batch")
     _at_least(disks, MIN_DISKS, "disks")
     shape = (batch, disks, STATE_SIZE)
     scenes = decode_floats(request.scenes, shape, "scenes")
-    pushes = decode_floats(request.pushes, (batch, PUSH_SIZE), "pushes")
+    pushes = decode_floats(request.pushes, (batch, ON_WIRE), "pushes")
     pushes = _with_bodies(pushes, request.push_bodies, "push_bodies", disks)
     if len(request.physics_next) == 0:
         return scenes, pushes, None
@@ -199,7 +198,7 @@ def decode_past(request: Any) -> PushHistory:
     _at_least(disks, MIN_DISKS, "disks")
     shape = (past, disks, STATE_SIZE)
     scenes = decode_floats(request.past_scenes, shape, "past_scenes")
-    pushes = decode_floats(request.past_pushes, (past, PUSH_SIZE), "past_pushes")
+    pushes = decode_floats(request.past_pushes, (past, ON_WIRE), "past_pushes")
     return PushHistory(
         scenes,
         _with_bodies(pushes, request.past_bodies, "past_bodies", disks),
@@ -251,13 +250,13 @@ def decode_floats(values: Sequence[float], shape: tuple[int, ...], name: str) ->
 def _with_bodies(
     pushes: ndarray, bodies: Sequence[int], name: str, count: int | None = None
 ) -> ndarray:
-    """Return pushes (..., 3) with the bodies that they are against; unchanged if all are body 0.
+    """Return pushes (..., 5) of (..., 3) and the bodies that they are against; none: body 0.
 
     Raises:
         InvalidInputError: other numbers of pushes and bodies, or not one of `count` bodies.
     """
     if len(bodies) == 0:
-        return pushes
+        return make_push(*np.moveaxis(pushes, -1, 0))
     column = np.asarray(bodies)
     if column.size != pushes[..., 0].size:
         raise InvalidInputError(
@@ -267,11 +266,7 @@ def _with_bodies(
         raise InvalidInputError(
             f"{name} names body {column.max()}; there are bodies 0 to {count - 1}"
         )
-    if not column.any():
-        return pushes
-    return np.concatenate(
-        [pushes, column.reshape(*pushes.shape[:-1], 1).astype(np.float64)], axis=-1
-    )
+    return make_push(*np.moveaxis(pushes, -1, 0), body=column.reshape(pushes.shape[:-1]))
 
 
 def _decode_fields(message: Any, fields: tuple[str, ...], name: str) -> ndarray:

@@ -69,7 +69,7 @@ class AgentPolicy:
             reason = decision.failure or "the goal is reached" if decision else "the scene moves"
             raise NoPushError(f"the agent has no push for this scene: {reason}")
         self._push_id, self._decided = decision.push_id, episode.steps
-        self._action = self._env.spaces.action_of(decision.push)
+        self._action = decision.push
         return self._action.copy()
 
     def _begin(self, episode: PushEpisode) -> Decision:

@@ -91,7 +91,7 @@ class PushEpisode:
         return judged.distance + judged.turn / TURN_PER_METRE
 
     def execute(self, push: PushArray, after: Scene) -> StepVerdict:
-        """Take note of an executed push (3,) or (4,) and the scene (N, 8) after it."""
+        """Take note of an executed push (5,) and the scene (N, 8) after it."""
         self.answer = PushAnswer(push, self.scene, after, ErrorCode.OK)
         self.scene = after
         self.pushes += 1
@@ -122,7 +122,7 @@ class PushEpisode:
         return ""
 
     def refuse(self, push: PushArray, error: SainError) -> StepVerdict:
-        """Take note of a push (3,) or (4,) that was refused: nothing has moved."""
+        """Take note of a push (5,) that was refused: nothing has moved."""
         self.answer = PushAnswer(push, self.scene, self.scene, ErrorCode(error.code), str(error))
         self.refusals += 1
         self._refused += 1

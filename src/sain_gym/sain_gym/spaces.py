@@ -1,7 +1,7 @@
 """Actions and observations as arrays of fixed shapes, and pushes and scenes made from them.
 
-An action is a push (`sain_core.push`): location, angle and length. Where the tool may push several
-bodies, a fourth number names the body, rounded to the nearest whole number.
+An action is a push (`sain_core.push`): body, location, angle, length and speed. The body is rounded
+to the nearest whole number.
 
 A state is ``bodies`` (M, 8), the scene, and ``goal`` (M, 5): whether the body is wanted at a place,
 x, y, whether a heading is wanted, and the heading. M is the largest number of bodies of any scene
@@ -19,13 +19,12 @@ from numpy import ndarray
 
 from sain_core.errors import InvalidInputError, OutOfRangeError
 from sain_core.goal import Goal
-from sain_core.push import BODY, LOCATION, PUSH_NAMES, PUSH_SIZE, PushLimits
+from sain_core.push import BODY, LOCATION, PUSH_NAMES, PushLimits
 from sain_core.scene import STATE_SIZE
 from sain_core.shapes.bodies import Bodies
 from sain_core.types import PushArray, Scene
 from sain_eval.scenes.scenarios import draw_scene
 
-COLUMNS: Final = (*PUSH_NAMES, "body")
 GOAL_SIZE: Final = 5
 MOST_BODIES_IN: Final = {"clutter": 5, "blocked": 4}  # of scenarios whose scenes differ in number
 FARTHEST: Final = 10.0  # [m], any coordinate: a body that falls off the table stays well within
@@ -49,10 +48,10 @@ class PushSpaces:
         """Make the spaces of a scenario with pushes within these limits."""
         first = draw_scene(scenario, 0)
         self.most = MOST_BODIES_IN.get(scenario, len(first.disks))
-        high = [pi, limits.max_angle, limits.max_length]
-        low = [-pi, -limits.max_angle, 0.0]
-        if Bodies.named(first.shapes, first.roles).pushable != (0,):
-            low, high = [*low, -0.5], [*high, self.most - 0.5]
+        alone = Bodies.named(first.shapes, first.roles).pushable == (0,)
+        self._last = 0 if alone else self.most - 1  # body that may be named
+        low = [-0.5, -pi, -limits.max_angle, 0.0, limits.min_speed]
+        high = [self._last + 0.5, pi, limits.max_angle, limits.max_length, limits.max_speed]
         self.action = Box(np.array(low), np.array(high), dtype=np.float64)
         self.state = Dict(
             {
@@ -65,7 +64,7 @@ class PushSpaces:
         return Box(np.tile(low, (self.most, 1)), np.tile(high, (self.most, 1)), dtype=np.float64)
 
     def push_of(self, action: Any) -> PushArray:
-        """Return the push (3,) or (4,) that an action stands for.
+        """Return the push (5,) that an action stands for.
 
         A number in single or half precision that equals a limit rounded to that precision is the
         limit. The location -pi is pi.
@@ -80,18 +79,17 @@ class PushSpaces:
         if wrong.any():
             column = int(np.argmax(wrong))
             raise OutOfRangeError(
-                f"{COLUMNS[column]} of the action is {push[column]:.6g}; allowed:"
+                f"{PUSH_NAMES[column]} of the action is {push[column]:.6g}; allowed:"
                 f" {low[column]:.6g} to {high[column]:.6g}"
             )
         if push[LOCATION] == -pi:
             push[LOCATION] = pi
-        if len(push) > PUSH_SIZE:
-            push[BODY] = min(np.floor(push[BODY] + 0.5), self.most - 1)
+        push[BODY] = min(np.floor(push[BODY] + 0.5), self._last)
         return push
 
     def _numbers(self, action: Any) -> PushArray:
         """Return an action as finite numbers of the right shape."""
-        given, names = np.asarray(action), ", ".join(COLUMNS[: self.action.shape[0]])
+        given, names = np.asarray(action), ", ".join(PUSH_NAMES)
         if given.dtype.kind not in "fiu" or given.shape != self.action.shape:
             raise InvalidInputError(
                 f"the action is an array of {given.dtype} with shape {given.shape}; needed:"
@@ -101,17 +99,12 @@ class PushSpaces:
         if not np.isfinite(push).all():
             column = int(np.argmin(np.isfinite(push)))
             raise InvalidInputError(
-                f"{COLUMNS[column]} of the action is {push[column]}; it must be finite"
+                f"{PUSH_NAMES[column]} of the action is {push[column]}; it must be finite"
             )
         if given.dtype.kind == "f":
             for limit in (self.action.low, self.action.high):
                 push = np.where(given == limit.astype(given.dtype), limit, push)
         return push
-
-    def action_of(self, push: PushArray) -> Float[ndarray, "C"]:
-        """Return the action (C,) that stands for a push (3,) or (4,)."""
-        size = self.action.shape[0]
-        return np.pad(push, (0, max(0, size - len(push))))[:size]
 
     def state_of(self, scene: Scene, goal: Goal) -> dict[str, ndarray]:
         """Return a scene (N, 8) and a goal as they are observed."""

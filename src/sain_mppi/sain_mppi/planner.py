@@ -10,7 +10,7 @@ from sain_core.errors import NoPushError
 from sain_core.feasibility import Feasibility
 from sain_core.goal import Goal
 from sain_core.model import RolloutModel
-from sain_core.push import PUSH_SIZE
+from sain_core.push import idle_pushes
 from sain_core.types import PushArray, PushSequences, Scene
 from sain_mppi.algorithms import find_algorithm
 from sain_mppi.algorithms.config import EXHAUSTIVE, PlannerConfig
@@ -45,7 +45,7 @@ class Planner:
 
     def reset(self) -> None:
         """Forget the last plan."""
-        self._elites: PushSequences = np.empty((0, self.config.horizon, PUSH_SIZE))
+        self._elites: PushSequences = idle_pushes(0, self.config.horizon)
         self._scene: Scene | None = None  # that they begin from
         self._goal: Goal | None = None
         self._ahead: PushSequences | None = None  # what was found for the next scene
@@ -75,7 +75,7 @@ class Planner:
             deadline: `time.monotonic` at which the plan is wanted: the best one until then. One
                 small batch of sequences is always rolled out. None: as the settings say.
             wide: look further about, and not where the last plan would go on.
-            refused: (A,) each, pushes that were refused from this scene: nothing like them is
+            refused: (5,) each, pushes that were refused from this scene: nothing like them is
                 planned.
             shortest: [m], a first push moves its body by more: less would be lost in noise.
 
@@ -145,10 +145,10 @@ class Planner:
         return self._scene is not None and np.array_equal(scene, self._scene)
 
     def _start(self, scene: Scene, goal: Goal, search: Search) -> PushSequences:
-        """Return what the last plan leaves (E, H, A): nothing for another goal or horizon."""
-        config, size = search.config, search.objective.push_size
+        """Return what the last plan leaves (E, H, 5): nothing for another goal or horizon."""
+        config = search.config
         if not (config.warm_start and goal == self._goal):
-            return np.empty((0, config.horizon, size))
-        if self._elites.shape[1:] != (config.horizon, size):
-            return np.empty((0, config.horizon, size))
+            return idle_pushes(0, config.horizon)
+        if self._elites.shape[1] != config.horizon:
+            return idle_pushes(0, config.horizon)
         return self._elites if self._is_last(scene) else shift(self._elites)

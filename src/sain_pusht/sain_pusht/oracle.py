@@ -36,7 +36,7 @@ class PushtOracle(Model):
         return self
 
     def step(self, scenes: Scenes, pushes: Pushes) -> Scenes:
-        """Return the scenes (B, 1, 8) after pushes (B, 3), one after another."""
+        """Return the scenes (B, 1, 8) after pushes (B, 5), one after another."""
         after = scenes.copy()
         for index, (scene, push) in enumerate(zip(scenes, pushes, strict=True)):
             if push[LENGTH] > 0.0:

@@ -27,7 +27,7 @@ class InsideWalls(Model):
         return type(self)(self.dynamics.with_bodies(bodies), bodies)
 
     def step(self, scenes: Scenes, pushes: Pushes) -> Scenes:
-        """Predict the scenes (B, 1, 8) after pushes (B, 3)."""
+        """Predict the scenes (B, 1, 8) after pushes (B, 5)."""
         after = self.dynamics.step(scenes, pushes)
         corners = self.bodies.shapes[0].outline(1.0)  # (M, 2)
         cos, sin = np.cos(after[:, 0, THETA]), np.sin(after[:, 0, THETA])

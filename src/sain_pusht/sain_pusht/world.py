@@ -87,7 +87,7 @@ class PushtWorld:
         return self.scene
 
     def push(self, push: PushArray, *, seen: Scene | None = None) -> Outcome:
-        """Carry out a push (3,); it leads to the scene (1, 8) after it, or when the episode ended.
+        """Carry out a push (5,); it leads to the scene (1, 8) after it, or when the episode ended.
 
         Raises:
             UnreachableError: the disk cannot get to where the push starts; nothing has moved.

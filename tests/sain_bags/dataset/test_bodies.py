@@ -20,6 +20,7 @@ from sain_bringup.report import PlayedEpisode
 from sain_core.dataset import Column, row_bodies
 from sain_core.errors import DatasetError
 from sain_core.goal import KEEP_TOLERANCE, Goal
+from sain_core.push import BODY, make_push
 from sain_core.scene import make_scene
 from sain_core.shapes.bodies import PAPER_DISKS, Bodies
 from sain_core.shapes.library import get_shape
@@ -95,7 +96,7 @@ def test_rows_have_shapes_roles_body_and_poses(shaped_bag: Path, tmp_path: Path)
     convert([shaped_bag], tmp_path / "npz", KEPT)
     rows = read_npz(tmp_path / "npz")
     assert row_bodies(rows) == [Bodies.named(["t", "disk"], ["pushable", "fixed"])] * 2
-    assert rows[Column.BODY].tolist() == [0, 0]
+    assert rows[Column.ACTION][:, BODY].tolist() == [0, 0]
     np.testing.assert_array_equal(rows[Column.GOAL_POSES][0], [*POSE, np.nan, np.nan, np.nan])
     np.testing.assert_array_equal(rows[Column.GOAL_TOLERANCES][0], [0.02, 0.1, np.nan, np.nan])
     assert np.isnan(rows[Column.GOAL]).all()
@@ -169,7 +170,7 @@ def test_a_push_without_a_prediction_is_predicted_with_its_shape(
     convert([tmp_path / "bare"], tmp_path / "npz")
     rows = read_npz(tmp_path / "npz")
     prior = PlanarPrior().with_bodies(row_bodies(rows)[0])
-    expected = prior.step(STATES[0][None], np.array([[0.7, 0.0, 0.06]]))
+    expected = prior.step(STATES[0][None], make_push(0.7, 0.0, 0.06)[None])
     np.testing.assert_array_equal(rows[Column.PHYSICS_NEXT], expected.reshape(1, -1))
     assert np.abs(expected[0] - STATES[0]).max() > 0.01
 

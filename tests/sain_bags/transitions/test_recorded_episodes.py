@@ -14,6 +14,7 @@ from sain_bags.transitions.message_fields import namespaces
 from sain_bags.transitions.recorded_episodes import read_episodes
 from sain_core.errors import DatasetError
 from sain_core.goal import Goal
+from sain_core.push import LOCATION
 from sain_core.scene import make_scene
 from tests.sain_bags.conftest import resting_scene
 
@@ -31,7 +32,7 @@ def test_pushes_carry_plan_outcome_and_prediction(episode_bag: Path) -> None:
     assert last.physics_model == "bullet_nominal"
     assert last.plan is not None
     assert last.plan.planning_time == 0.25
-    np.testing.assert_allclose(last.push, [0.3, 0.0, 0.1])
+    np.testing.assert_allclose(last.push, [0.0, 0.3, 0.0, 0.1, 0.2])
 
 
 def test_a_refused_push_is_kept_apart_even_one_of_nan(episode_bag: Path) -> None:
@@ -40,7 +41,7 @@ def test_a_refused_push_is_kept_apart_even_one_of_nan(episode_bag: Path) -> None
     assert not refused.executed
     assert refused.error_message == "blocked"
     assert refused.physics is None
-    assert np.isnan(refused.push[0])
+    assert np.isnan(refused.push[LOCATION])
     assert [push.push_id for push in first.executed] == [1, 3]
 
 

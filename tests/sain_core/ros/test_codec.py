@@ -12,6 +12,7 @@ from sain_core import wire
 from sain_core.errors import InvalidInputError
 from sain_core.goal import BodyPose, Goal
 from sain_core.history import PushHistory
+from sain_core.push import make_push
 from sain_core.ros import codec
 from sain_interfaces.msg import Goal as GoalMessage
 from sain_interfaces.msg import Plan, Push, Scene
@@ -34,8 +35,9 @@ def test_a_scene_comes_back_bit_for_bit(scene):
     assert (back.header.stamp, back.header.frame_id) == (Time(sec=3, nanosec=7), "world")
 
 
-@given(arrays(np.float64, 3, elements=finite))
-def test_a_push_comes_back_bit_for_bit(push):
+@given(arrays(np.float64, 3, elements=finite), st.integers(0, 31))
+def test_a_push_comes_back_bit_for_bit(path, body):
+    push = make_push(*path, body=body)
     message = codec.encode_push(
         push, stamp=Time(), push_id=7, episode_id=8, scene_id=9, source="me"
     )
@@ -57,7 +59,10 @@ def test_a_goal_comes_back_bit_for_bit(pose):
 
 def test_a_plan_comes_back_bit_for_bit():
     random = np.random.default_rng(0)
-    pushes, predicted = random.normal(size=(4, 3)), random.normal(size=(4, 3, 8))
+    pushes, predicted = (
+        make_push(*random.normal(size=(3, 4)), body=[0, 2, 1, 0]),
+        random.normal(size=(4, 3, 8)),
+    )
     plan = Plan()
     codec.fill_plan(plan, pushes, predicted)
     back = wire.decode_plan(through_the_wire(plan))
@@ -90,7 +95,7 @@ def test_an_empty_message_survives_the_wire(message):
 
 def test_how_noisy_earlier_pushes_were_observed_comes_back():
     scene = np.array([[0.4, 0, 0, 0, 0, 0, 8, 0.08], [0.6, 0, 0, 0, 0, 0, 8, 0.06]])
-    push, noise = np.array([0.1, 0.2, 0.05]), np.array([0.001, 0.002])
+    push, noise = make_push(0.1, 0.2, 0.05), np.array([0.001, 0.002])
     request = Rollout.Request(disks=2)
     for history in (PushHistory.empty(), PushHistory.empty().then(scene, push, scene, noise)):
         codec.fill_past(request, history)

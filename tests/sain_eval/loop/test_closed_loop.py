@@ -8,6 +8,7 @@ import pytest
 from sain_core.errors import ConfigError, ModelUnavailableError, SainError
 from sain_core.goal import Goal
 from sain_core.model import IdentityPrior
+from sain_core.push import make_push
 from sain_core.scene import MID, POSITION, TARGET
 from sain_core.world import DivergedError
 from sain_eval.loop.closed_loop import run_episode
@@ -30,7 +31,7 @@ class Stubborn(Decider):
     """Wants the same push whatever happens."""
 
     def __init__(self, push):
-        self.push = np.array(push)
+        self.push = make_push(*push)
 
     def decide(self, job, generator):
         return PushDecision(job, self.push)

@@ -9,6 +9,7 @@ import pytest
 from sain_core.drawing.figures import write_png
 from sain_core.errors import ConfigError, InvalidInputError
 from sain_core.goal import BodyPose, Goal
+from sain_core.push import BODY, make_push
 from sain_core.scene import POSITION, make_scene
 from sain_eval.loop.closed_loop import run_episode
 from sain_eval.loop.controllers import agent_maker
@@ -92,7 +93,7 @@ class Fixed(Decider):
     """Makes the same push, whatever the scene."""
 
     def decide(self, job, generator):
-        return PushDecision(job, np.array([0.0, 0.0, 0.128]))
+        return PushDecision(job, make_push(0.0, 0.0, 0.128))
 
 
 def test_a_body_that_was_pushed_off_the_table_is_the_reason():
@@ -111,7 +112,7 @@ def test_random_pushes_are_against_pushable_bodies_of_any_shape():
     places = ((0.4, -0.2), (0.4, 0.0), (0.4, 0.2))
     case = scene_of(("t", "disk", "star"), places, poses, ("movable", "pushable", "pushable"))
     pushes = play(case, "random").record.pushes
-    assert len(pushes) == 2 and all(push.push[3] in (1.0, 2.0) for push in pushes)
+    assert len(pushes) == 2 and all(push.push[BODY] in (1.0, 2.0) for push in pushes)
 
 
 @pytest.mark.parametrize("count", [1, 10])

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from sain_core.feasibility import Feasibility, reachable
+from sain_core.push import make_push
 from sain_core.scene import MID, POSITION, RADIUS, TARGET, THETA, check_scene, surface_gaps
 from sain_core.shapes.solids import FLAT, THREE_FEET
 from sain_eval.scenes.scenarios import CONTACT_GAP, SCENARIOS
@@ -46,7 +47,7 @@ def test_scenes_exist_and_their_goal_is_on_the_table(scenario):
 
 
 def test_the_mid_disk_can_be_approached(scenario):
-    pushes = np.stack([LOCATIONS, np.zeros(72), np.full(72, 0.03)], axis=-1)
+    pushes = make_push(LOCATIONS, 0.0, 0.03)
     for seed in SEEDS:
         disks = scenario.scene(seed).disks
         assert FEASIBILITY.mask(np.broadcast_to(disks, (72, *disks.shape)), pushes).sum() >= 12
@@ -71,7 +72,7 @@ def test_a_straight_push_from_behind_reaches_the_goal(name):
         length = np.linalg.norm(way)
         assert 0.15 <= length <= 0.30
         pair[MID, POSITION] = pair[TARGET, POSITION] - way / length * pair[:, RADIUS].sum()
-        push = np.array([np.arctan2(way[1], way[0]), 0.0, length])
+        push = make_push(np.arctan2(way[1], way[0]), 0.0, length)
         assert reachable(pair, push, FEASIBILITY.limits, FEASIBILITY.reach)
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from sain_core.feasibility import Feasibility
-from sain_core.push import LOCATION
+from sain_core.push import BODY, LENGTH, LOCATION, idle_pushes
 from sain_core.scene import MASS, POSITION, RADIUS, TARGET
 from sain_core.shapes.bodies import Bodies, check_bodies
 from sain_core.shapes.library import footprint_names
@@ -68,8 +68,8 @@ def test_the_tool_can_stand_at_every_point_of_an_outline_at_the_start(name):
     for seed in range(0, 40, 8):
         case = SCENARIOS[name].scene(seed)
         for body in range(len(case.disks)):
-            pushes = np.zeros((72, 4))
-            pushes[:, LOCATION], pushes[:, 2], pushes[:, 3] = locations, 0.004, body
+            pushes = idle_pushes(72)
+            pushes[:, LOCATION], pushes[:, LENGTH], pushes[:, BODY] = locations, 0.004, body
             scenes = np.broadcast_to(case.disks, (72, *case.disks.shape))
             possible = FEASIBILITY.mask(scenes, pushes, bodies_of(case))
             convex = bodies_of(case).shapes[body].is_convex

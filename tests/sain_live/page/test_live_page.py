@@ -8,6 +8,7 @@ from websockets.exceptions import InvalidStatus
 
 from benchmarks.live_viewer import Viewer
 from sain_core.errors import BusyError
+from sain_core.push import make_push
 from sain_core.shapes.bodies import PAPER_DISKS
 from sain_live.page.live_page import LivePage
 from sain_live.page.serving import refusal
@@ -197,7 +198,7 @@ def test_plan_and_result_are_drawn_and_cleared(shown):
     after = np.stack([SCENE, SCENE])
     after[:, 0, 0] += 0.05
     ways = np.zeros((3, 2, 2, 2)) + 0.4
-    pushes = np.array([(0.0, 0.0, 0.1)] * 2)
+    pushes = make_push(0.0, 0.0, [0.1, 0.1])
     plan = LivePlan(7, SCENE, pushes, after, np.full((2, 2), 0.01), np.arange(3.0), ways)
     known.update(plan=plan, result=LiveResult(7, SCENE, SCENE, after[0], None))
     drawn = {f"/plan/{n}" for n in ("others", "chosen", "next", "last", "regions", "push")}

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from sain_core.push import make_push
 from sain_core.shapes.bodies import PAPER_DISKS
 from sain_core.types import PushSequences
 from sain_model.cli.kernels import RUNS
@@ -30,7 +31,7 @@ def test_predictions_run_what_was_compiled() -> None:
     assert kernels_are_ready()
     scenes = np.stack([make_scene(), make_scene()])
     scenes.setflags(write=False)
-    pushes = np.tile([[0.1, 0.2, 0.05]], (2, 1))[::-1]
+    pushes = np.tile(make_push(0.1, 0.2, 0.05), (2, 1))[::-1]
     pushes.setflags(write=False)
     for features, members in (("push", 1), ("world", 3)):
         network = new_network(NetworkConfig(features=features, members=members), 0)
@@ -52,4 +53,4 @@ def make_scene() -> np.ndarray:
 
 
 def sequences(pushes: np.ndarray) -> PushSequences:
-    return np.broadcast_to(pushes[:, None], (2, 3, 3))
+    return np.broadcast_to(pushes[:, None], (2, 3, 5))

@@ -51,7 +51,7 @@ def test_the_mirror_of_a_mirror_is_the_data(dataset: Path) -> None:
     ("key", "change", "message"),
     [
         ("state", None, "lacks state"),
-        ("action", lambda a: a[:, :2], r"action has shape \(60, 2\); it should be \(60, 3\)"),
+        ("action", lambda a: a[:, :2], r"action has shape \(60, 2\); it should be \(60, 5\)"),
         ("next_state", lambda a: a[:-1], r"next_state has shape \(59, 16\)"),
         (
             "state",

@@ -9,7 +9,7 @@ import torch
 
 from sain_core.errors import CheckpointError
 from sain_core.history import PushHistory
-from sain_core.push import LENGTH
+from sain_core.push import BODY, LENGTH
 from sain_core.scene import make_scene
 from sain_core.shapes.bodies import PAPER_DISKS, Bodies
 from sain_core.types import Pushes, Scenes
@@ -105,7 +105,7 @@ def test_the_pushed_body_has_the_region_of_a_mid_disk() -> None:
     told = sain.with_bodies(T_AND_STAR).predict(scenes, pushes)
     assert told.radius is not None
     score = 1e-4 + told.members
-    pushed = pushes[:, 3][:, None] == [0, 1]
+    pushed = pushes[:, [BODY]] == [0, 1]
     np.testing.assert_allclose(told.radius, np.where(pushed, 1.0, 3.0) * score)
 
 
@@ -130,10 +130,8 @@ def test_disks_are_bodies_too(sain: SainDynamics) -> None:
     """No bodies need be given where all are the paper's disks."""
     plain = replace(sain, prior=PlanarPrior(), bodies=PAPER_DISKS)
     scenes, pushes = pushes_of(8)
-    told = plain.step(scenes, pushes[:, :3])
-    np.testing.assert_array_equal(
-        told, plain.with_bodies(Bodies.disks(2)).step(scenes, pushes[:, :3])
-    )
+    told = plain.step(scenes, pushes)
+    np.testing.assert_array_equal(told, plain.with_bodies(Bodies.disks(2)).step(scenes, pushes))
 
 
 def test_earlier_pushes_widen_regions_in_a_world_unlike_home(sain: SainDynamics) -> None:

@@ -7,7 +7,7 @@ import pytest
 
 from sain_core.history import PushHistory
 from sain_core.model import load_dynamics
-from sain_core.push import PushLimits
+from sain_core.push import BODY, PushLimits
 from sain_core.scene import make_scene
 from sain_core.shapes.bodies import PAPER_DISKS, Bodies
 from sain_core.types import Pushes, Scene
@@ -76,7 +76,7 @@ def test_a_disk_alone_can_be_predicted(sain: SainDynamics) -> None:
     physics = PlanarPrior().step(scenes, pushed)
     np.testing.assert_allclose(told.step(scenes, pushed)[..., :2], physics[..., :2], atol=0.02)
     assert told.predict(scenes, pushed).radius is not None
-    assert told.rollout(scene, pushed.reshape(10, 4, 3)).shape == (10, 4, 1, 8)
+    assert told.rollout(scene, pushed.reshape(10, 4, 5)).shape == (10, 4, 1, 8)
 
 
 def test_friction_is_inferred_for_a_shape(sain: SainDynamics) -> None:
@@ -103,7 +103,8 @@ def test_the_card_belongs_to_the_weights() -> None:
 
 def test_a_server_answers_for_any_bodies() -> None:
     server, bodies = load_server(ServingConfig(model="sain")), OTHERS["two shapes"]
-    sequences = np.concatenate([pushes(8), np.ones((8, 1))], axis=1).reshape(4, 2, 4)
+    sequences = pushes(8).reshape(4, 2, 5)
+    sequences[..., BODY] = 1.0
     told = server.rollout(scene_of(2), sequences, bodies=bodies)
     regions = server.regions(scene_of(2), sequences, told, bodies=bodies)
     assert regions is not None

@@ -12,6 +12,7 @@ from rich.console import Console
 
 from sain_core import model, plugins
 from sain_core.model import Model
+from sain_core.push import LENGTH, idle_pushes
 from sain_model import commands
 from sain_model.evaluation.baselines import AT_ONCE, Followed, followed, open_models, refusals
 from tests.sain_model.rolling import PUSHES, make_episodes, truth
@@ -31,7 +32,7 @@ class Foreign:
     def step(self, scenes: np.ndarray, pushes: np.ndarray) -> np.ndarray:
         assert not self.closed
         self.batches.append(len(pushes))
-        too_short = pushes[:, 2] < 0.02
+        too_short = pushes[:, LENGTH] < 0.02
         self.refused += int(too_short.sum())
         return np.where(too_short[:, None, None], scenes, truth(scenes, pushes))
 
@@ -112,7 +113,7 @@ def shifted(scenes: np.ndarray) -> np.ndarray:
 
 def test_following_changes_no_prediction_and_counts_every_push() -> None:
     scenes = np.random.default_rng(0).normal(size=(2 * AT_ONCE + 3, 2, 8))
-    pushes = np.zeros((len(scenes), 3))
+    pushes = idle_pushes(len(scenes))
     counted: list[float] = []
 
     class Shift(Model):

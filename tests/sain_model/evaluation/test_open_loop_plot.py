@@ -22,7 +22,7 @@ def figure():
         for step in range(STEPS):
             predictions[name][:, step, :, POSITION.start] = 1e-3 * place * (step + 1)
     rows = np.arange(WINDOWS * STEPS).reshape(WINDOWS, STEPS)
-    pushes, episodes = np.ones((WINDOWS, STEPS, 3)), np.arange(WINDOWS) // 2
+    pushes, episodes = np.ones((WINDOWS, STEPS, 5)), np.arange(WINDOWS) // 2
     windows = Windows(rows, truth[:, 0], pushes, truth, episodes)
     loop = OpenLoop(windows, predictions, np.zeros(WINDOWS, int))
     return draw_open_loop(loop, np.ones(WINDOWS, bool), STEPS, 0)

@@ -10,6 +10,7 @@ from rich.console import Console
 
 from sain_core.errors import CheckpointError, ConfigError, DatasetError
 from sain_core.model import Model, load_dynamics
+from sain_core.push import BODY
 from sain_core.types import Pushes, Scenes
 from sain_model import commands
 from sain_model.cli.identify import load_recordings, run
@@ -151,7 +152,7 @@ def test_pushes_against_any_body_are_read(tmp_path: Path, random_pushes: Draw) -
     (part,) = load_recording(folder)
     assert part.bodies is not None
     assert [shape.name for shape in part.bodies.shapes] == ["t", "cube"]
-    np.testing.assert_array_equal(part.action[:, 3], np.arange(count) % 2)
+    np.testing.assert_array_equal(part.action[:, BODY], np.arange(count) % 2)
 
 
 @pytest.mark.parametrize("content", ["", "{}", '{"format": "sain-belief-1", "structures": []}'])

@@ -11,7 +11,7 @@ from torch import nn
 
 from sain_core.errors import InvalidInputError
 from sain_core.model import IdentityPrior, RolloutModel, load_dynamics
-from sain_core.push import LENGTH, PushLimits
+from sain_core.push import LENGTH, LOCATION, PushLimits
 from sain_core.scene import POSITION, THETA, make_scene, wrap_angle
 from sain_core.types import Pushes, Scenes
 from sain_model.compute.thread_pool import run_blocks
@@ -90,7 +90,7 @@ def test_a_batch_is_a_loop_to_the_bit() -> None:
 def test_a_rollout_is_step_after_step_to_the_bit_on_any_number_of_threads(disks: int) -> None:
     sain = SainDynamics(network(1), PlanarPrior().at(0.15), "planar")
     scenes, pushes = batch(disks, 4 * 300, seed=2)
-    sequences = pushes.reshape(300, 4, 3)
+    sequences = pushes.reshape(300, 4, 5)
     assert isinstance(sain, RolloutModel)
     stepwise = sain.rollout(scenes[0], sequences)
     before = numba.get_num_threads()
@@ -105,19 +105,19 @@ def test_a_rollout_is_step_after_step_to_the_bit_on_any_number_of_threads(disks:
 def test_a_rollout_on_another_prior_goes_step_by_step(random_pushes: Draw) -> None:
     scenes, pushes = random_pushes(20, 0)
     sain = SainDynamics(network(), IdentityPrior(), "identity")
-    stepwise = sain.rollout(scenes[0], pushes.reshape(5, 4, 3))
-    np.testing.assert_array_equal(sain.rollout(scenes[0], pushes.reshape(5, 4, 3)), stepwise)
+    stepwise = sain.rollout(scenes[0], pushes.reshape(5, 4, 5))
+    np.testing.assert_array_equal(sain.rollout(scenes[0], pushes.reshape(5, 4, 5)), stepwise)
 
 
 def test_a_rollout_that_cannot_be_is_refused(random_pushes: Draw) -> None:
     scenes, pushes = random_pushes(4, 0)
     sain = SainDynamics(network(), PlanarPrior(), "planar")
-    pushes[1, 0] = np.nan
-    with pytest.raises(InvalidInputError, match=r"pushes\[\d, 0\] is nan"):
-        sain.rollout(scenes[0], pushes.reshape(2, 2, 3))
+    pushes[1, LOCATION] = np.nan
+    with pytest.raises(InvalidInputError, match=r"pushes\[\d, 1\] is nan"):
+        sain.rollout(scenes[0], pushes.reshape(2, 2, 5))
     massless = scenes[0] * np.array([1, 1, 1, 1, 1, 1, 0, 1])
     with pytest.raises(InvalidInputError, match="mass of disk 0 in scene 0"):
-        sain.rollout(massless, pushes[2:].reshape(1, 2, 3))
+        sain.rollout(massless, pushes[2:].reshape(1, 2, 5))
 
 
 class Stacked(nn.Module):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import torch
 
-from sain_core.push import ANGLE, BODY, LENGTH, LOCATION, PushLimits
+from sain_core.push import ANGLE, BODY, LENGTH, LOCATION, PushLimits, make_push
 from sain_core.scene import make_scene, mirror_scenes, rotate_scenes, wrap_angle
 from sain_core.shapes.bodies import Bodies, Role
 from sain_core.shapes.library import get_shape
@@ -40,7 +40,7 @@ def bodies_of(*names: str) -> Bodies:
 
 
 def draw(count: int, batch: int, seed: int = 0) -> tuple[Scenes, Pushes, Scenes]:
-    """Return scenes, pushes (B, 4) of any body, and something that a prior could predict."""
+    """Return scenes, pushes (B, 5) of any body, and something that a prior could predict."""
     random = np.random.default_rng(seed)
     scenes = np.stack(
         [
@@ -157,7 +157,7 @@ def test_a_contact_is_where_two_sides_meet() -> None:
     """Two cubes of 0.1 m side by side, 4 mm apart, one of them 2 cm to the left."""
     places = np.array([(0.4, 0.0), (0.504, 0.02)])
     scenes = make_scene(places, np.full(2, 8.0), np.full(2, 0.05), np.zeros(2))[None]
-    push = np.array([[0.0, 0.0, 0.1, 0.0]])  # against the middle of the side towards -x
+    push = make_push(0.0, 0.0, 0.1)[None]  # against the middle of the side towards -x
     told = features_of(scenes, push, scenes, bodies_of("cube", "cube")).relations[0]
     there, tool = told[1], told[0]
     point, off, normal = (there[CONTACT_BEFORE + i : CONTACT_BEFORE + i + 2] for i in (0, 2, 4))

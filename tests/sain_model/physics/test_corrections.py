@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from sain_core.errors import InvalidInputError
-from sain_core.push import LENGTH, mirror_pushes, rotate_pushes
+from sain_core.push import LENGTH, make_push, mirror_pushes, rotate_pushes
 from sain_core.scene import (
     MID,
     POSITION,
@@ -91,7 +91,7 @@ def test_a_mirrored_scene_with_mirrored_corrections_ends_mirrored(random_pushes)
 def test_more_drag_stops_a_disk_sooner_and_a_slope_carries_it_down() -> None:
     places = np.array([[0.45, 0.0], [0.45, 0.3]])
     scene = make_scene(places, np.full(2, 8.0), np.array([0.08, 0.06]), np.zeros(2))[None]
-    push, prior = np.array([[0.0, 0.0, 0.1]]), PlanarPrior()
+    push, prior = make_push(0.0, 0.0, 0.1)[None], PlanarPrior()
     corrections = np.zeros((1, 2, told.CORRECTIONS))
     plain = prior.step(scene, push)[0]
     corrections[..., told.DRAG] = 1.0
@@ -111,7 +111,7 @@ def test_more_drag_stops_a_disk_sooner_and_a_slope_carries_it_down() -> None:
 def test_a_push_through_the_middle_turns_a_disk_whose_mass_is_to_one_side() -> None:
     places = np.array([[0.45, 0.0], [0.45, 0.3]])
     scene = make_scene(places, np.full(2, 8.0), np.array([0.08, 0.06]), np.zeros(2))[None]
-    push = np.array([[0.0, 0.0, 0.05]])
+    push = make_push(0.0, 0.0, 0.05)[None]
     corrections = np.zeros((1, 2, told.CORRECTIONS))
     prior = PlanarPrior()
     assert abs(prior.step_conditioned(scene, push, corrections)[0, MID, THETA]) < 1e-6

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from sain_core.push import BODY, LENGTH
+from sain_core.push import BODY, LENGTH, make_push
 from sain_core.scene import POSITION, THETA, make_scene, rotate_scenes, wrap_angle
 from sain_core.shapes.bodies import Bodies
 from sain_core.types import Pushes, Scenes
@@ -97,7 +97,7 @@ def test_renumbered_bodies_end_renumbered() -> None:
 
 def test_more_drag_shortens_the_way_and_a_slope_carries_it_down() -> None:
     scene = make_scene(np.array([(0.5, 0.0)]), np.array([8.0]), np.array([0.08]))[None]
-    push, prior = np.array([[0.0, 0.0, 0.1]]), PlanarPrior().with_bodies(ELLIPSE)
+    push, prior = make_push(0.0, 0.0, 0.1)[None], PlanarPrior().with_bodies(ELLIPSE)
     none = np.zeros((1, 1, told.CORRECTIONS))
     plain = prior.step_conditioned(scene, push, none)[0, 0]
     slow, down = none.copy(), none.copy()
@@ -121,7 +121,7 @@ def test_what_is_not_touched_stays_to_the_bit_whatever_its_centre_of_mass() -> N
 def test_a_mass_to_one_side_turns_an_ellipse_that_is_pushed_through_the_middle() -> None:
     scene = make_scene(np.array([(0.5, 0.0)]), np.array([8.0]), np.array([0.08]))[None]
     prior = PlanarPrior().with_bodies(ELLIPSE)
-    push = np.array([[0.0, 0.0, 0.05]])
+    push = make_push(0.0, 0.0, 0.05)[None]
     turned = []
     for side in (0.0, 1.0, -1.0):
         corrections = np.zeros((1, 1, told.CORRECTIONS))
@@ -142,7 +142,9 @@ def test_a_disk_as_an_outline_is_corrected_as_a_disk() -> None:
     """Both kernels have the same physics, solved in other steps."""
     scene = make_scene(np.array([(0.45, 0.0), (0.7, 0.0)]), np.full(2, 8.0), np.full(2, 0.07))
     scenes = np.repeat(scene[None], 20, axis=0)
-    pushes = np.random.default_rng(7).uniform([-0.5, -0.5, 0.05], [0.5, 0.5, 0.15], (20, 3))
+    pushes = make_push(
+        *np.random.default_rng(7).uniform([-0.5, -0.5, 0.05], [0.5, 0.5, 0.15], (20, 3)).T
+    )
     corrections = draw_corrections(scenes, 7)
     round_ones = PlanarPrior().step_conditioned(scenes, pushes, corrections)
     mixed = Bodies.named(["disk", "square"])

@@ -8,7 +8,7 @@ import pytest
 
 from sain_core.errors import InvalidInputError
 from sain_core.history import PushHistory
-from sain_core.push import ANGLE, BODY, LENGTH, LOCATION, PushLimits
+from sain_core.push import ANGLE, BODY, LENGTH, LOCATION, PushLimits, make_push
 from sain_core.scene import (
     MASS,
     POSITION,
@@ -56,7 +56,8 @@ def draw(bodies: Bodies, seed: int = 0, batch: int = BATCH) -> tuple[Scenes, Pus
         pairs = [(i, j) for j in range(count) for i in range(j)]
         if all(overlap(scene, bodies, *pair) == 0.0 for pair in pairs):
             scenes.append(scene)
-    pushes = np.column_stack([LIMITS.sample(random, batch), random.integers(0, count, batch)])
+    pushes = LIMITS.sample(random, batch)
+    pushes[:, BODY] = random.integers(0, count, batch)
     return np.stack(scenes), pushes
 
 
@@ -222,7 +223,7 @@ def test_a_straight_push_ends_where_mechanics_says() -> None:
     config = PlanarConfig(tool_restitution=0.0, friction_scale=1.0, yield_across=1.0)
     prior = replace(prior_of("square"), config=config)
     scene = make_scene(np.array([[0.45, 0.0]]), np.array([2.0]), np.array([0.07]))[None]
-    after = prior.step(scene, np.array([[0.0, 0.0, 0.1]]))
+    after = prior.step(scene, make_push(0.0, 0.0, 0.1)[None])
     slowing = config.friction * config.gravity
     slides = config.speed**2 / 2 * (1 / slowing - 1 / config.acceleration)
     expected = 0.1 - config.clearance + slides
@@ -237,7 +238,7 @@ def test_the_tool_leads_a_t_by_its_inner_corner() -> None:
     inner = np.sort(corners[np.lexsort(np.abs(corners).T)][:, Y])  # rows of y
     assert inner.size == 8
     scene = make_scene(np.array([[0.45, 0.0]]), np.array([2.0]), np.array([0.1]))[None]
-    pushes = np.column_stack([np.linspace(-3.1, 3.1, 500), np.zeros(500), np.full(500, 0.1)])
+    pushes = make_push(np.linspace(-3.1, 3.1, 500), 0.0, 0.1)
     after, touched = prior.step_with_contacts(np.repeat(scene, 500, axis=0), pushes)
     assert touched.mean() > 0.99
     assert np.isfinite(after).all()
@@ -249,7 +250,7 @@ def test_boxes_face_to_face_move_as_one() -> None:
     radius = 0.05 * np.sqrt(2.0)
     positions = np.array([[0.3, 0.0], [0.4, 0.0], [0.5, 0.0]])
     scene = make_scene(positions, np.full(3, 1.0), np.full(3, radius))[None]
-    after = prior.step(scene, np.array([[0.0, 0.0, 0.1]]))
+    after = prior.step(scene, make_push(0.0, 0.0, 0.1)[None])
     moved = (after - scene)[0]
     assert (moved[:, X] > 0.09).all()
     np.testing.assert_allclose(moved[:, THETA], 0.0, atol=2e-4)
@@ -265,7 +266,7 @@ def test_what_is_fixed_stays_and_stops_others() -> None:
         np.array([0.05, 0.1]),
         np.array([0.0, np.pi / 2]),
     )[None]
-    push = np.array([[0.0, 0.0, 0.02]])
+    push = make_push(0.0, 0.0, 0.02)[None]
     stopped = fixed.step(scene, push)
     np.testing.assert_array_equal(stopped[0, 1], scene[0, 1])
     assert free.step(scene, push)[0, 1, X] > scene[0, 1, X] + 0.002
@@ -307,7 +308,7 @@ def test_the_tool_touches_what_is_in_its_way_and_says_so() -> None:
         np.full(3, 2.0),
         np.array([0.1, 0.015, 0.05]),
     )[None]
-    pushes = np.array([[-2.3, np.pi / 4, 0.15, 0.0], [2.3, 0.0, 0.05, 0.0]])
+    pushes = make_push([-2.3, 2.3], [np.pi / 4, 0.0], [0.15, 0.05])
     _, touched = prior.step_with_contacts(np.repeat(scene, 2, axis=0), pushes)
     assert touched.tolist() == [[True, True, False], [True, False, False]] or touched[1, 0]
 
@@ -350,4 +351,4 @@ def test_what_does_not_fit_the_bodies_is_refused_by_name() -> None:
     with pytest.raises(InvalidInputError, match="push 1 is against body 2; the scenes have bod"):
         prior.step(scenes, pushes)
     with pytest.raises(InvalidInputError, match=r"corrections\[0, 0, 0\] is nan"):
-        prior.step_conditioned(scenes, pushes[:, :3], np.full((3, 2, CORRECTIONS), np.nan))
+        prior.step_conditioned(scenes, pushes, np.full((3, 2, CORRECTIONS), np.nan))

@@ -7,7 +7,14 @@ import pytest
 from sain_core.errors import ConfigError, InvalidInputError
 from sain_core.feasibility import tool_gap
 from sain_core.model import Model
-from sain_core.push import LENGTH, PushLimits, mirror_pushes, push_direction, rotate_pushes
+from sain_core.push import (
+    LENGTH,
+    PushLimits,
+    make_push,
+    mirror_pushes,
+    push_direction,
+    rotate_pushes,
+)
 from sain_core.scene import (
     MASS,
     MID,
@@ -189,7 +196,7 @@ def test_the_heavier_and_the_rougher_move_less() -> None:
     scenes = np.stack(
         [make_scene(positions, np.array([8.0, m]), np.array([0.08, 0.06])) for m in (4.0, 16.0)]
     )
-    pushes = np.array([[0.0, 0.0, 0.065]] * 2)
+    pushes = make_push(0.0, 0.0, [0.065, 0.065])
     light, heavy = prior.step(scenes, pushes)[:, TARGET, X]
     assert light > heavy > 0.6
     smooth, rough = (
@@ -209,7 +216,7 @@ def test_the_tool_pushes_any_disk_and_says_so(prior: PlanarPrior) -> None:
     """A disk in the tool's way beside the mid disk is touched first, and pushed."""
     positions = np.array([[0.45, 0.0], [0.6, 0.0], [0.44, 0.101]])
     scene = make_scene(positions, np.full(3, 8.0), np.array([0.08, 0.06, 0.02]))
-    pushes = np.array([[0.0, np.pi / 4, 0.15], [0.0, 0.0, 0.1]])
+    pushes = make_push(0.0, [np.pi / 4, 0.0], [0.15, 0.1])
     after, touched = prior.step_with_contacts(np.stack([scene, scene]), pushes)
     assert touched.tolist() == [[True, False, True], [True, False, False]]
     assert np.linalg.norm((after[0, 2] - scene[2])[POSITION]) > 0.005

@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sain_core.push import TOOL_RADIUS
+from sain_core.push import TOOL_RADIUS, make_push
 from sain_core.scene import THETA, make_scene, rotate_scenes, unit
 from sain_core.shapes.bodies import Bodies, Role
 from sain_core.shapes.library import get_shape
@@ -61,7 +61,7 @@ def test_a_slow_push_is_quasi_static(kind: str, inertia: float, speed: float) ->
     prior = PlanarPrior(config) if bodies is None else PlanarPrior(config, bodies)
     places = np.array([(0.5, 0.0), (0.9, 0.0)])
     scenes = np.repeat(make_scene(places, np.full(2, 8.0), np.full(2, RADIUS))[None], 3, axis=0)
-    pushes = np.array([(*push, LENGTH, 0.0) for push in PUSHES])
+    pushes = make_push(*np.array(PUSHES).T, LENGTH)
     moved = (prior.step(scenes, pushes) - scenes)[:, 0, : THETA + 1]
     for found, push in zip(moved, PUSHES, strict=True):
         expected = reference(*push, SLOW.foot_radius * RADIUS)
@@ -87,7 +87,7 @@ def test_any_speed_inertia_and_friction_leave_bodies_near(
         prior = PlanarPrior(config, Bodies.named(list(names), [Role.PUSHABLE] * 2))
         scenes = np.repeat(scene[None], 20, axis=0)
         ways = random.uniform((-3.0, -0.7), (3.0, 0.7), (20, 2))
-        pushes = np.column_stack([ways, np.full((20, 2), (LENGTH, 0.0))])
+        pushes = make_push(*ways.T, LENGTH)
         after = prior.step(scenes, pushes)
         assert np.isfinite(after).all()
         moved = np.linalg.norm((after - scenes)[:, 0, :2], axis=-1)
@@ -117,7 +117,7 @@ def test_bodies_on_flat_bottoms_turn_with_the_scene(names: tuple[str, ...]) -> N
     scene = make_scene(places, np.array([8.0, 7.0]), np.array([0.07, 0.06]), np.array([0.3, 1.0]))
     random = np.random.default_rng(3)
     ways = random.uniform((-3.0, -0.7), (3.0, 0.7), (20, 2))
-    pushes = np.column_stack([ways, np.full((20, 2), (LENGTH, 0.0))])
+    pushes = make_push(*ways.T, LENGTH)
     scenes = np.repeat(scene[None], 20, axis=0)
     after = prior.step(scenes, pushes)
     turned = prior.step(rotate_scenes(scenes, 0.9), pushes)

@@ -20,7 +20,7 @@ from sain_model.network.settings import NetworkConfig
 SCENE = make_scene(
     np.array([(0.40, 0.0), (0.541, 0.0)]), np.array([8.0, 8.0]), np.array([0.08, 0.06])
 )
-SEQUENCES = PushLimits().sample(np.random.default_rng(0), 40).reshape(20, 2, 3)
+SEQUENCES = PushLimits().sample(np.random.default_rng(0), 40).reshape(20, 2, 5)
 
 
 def make_checkpoint(path: Path, seed: int) -> str:

@@ -22,7 +22,7 @@ SCENE = make_scene(
 
 def pushes(*shape):
     count = int(np.prod(shape))
-    return PushLimits().sample(np.random.default_rng(0), count).reshape(*shape, 3)
+    return PushLimits().sample(np.random.default_rng(0), count).reshape(*shape, 5)
 
 
 def rollout_request(sequences, **fields):

@@ -12,7 +12,7 @@ from sain_core.errors import (
 )
 from sain_core.history import PushHistory
 from sain_core.model import IdentityPrior, Model
-from sain_core.push import PushLimits
+from sain_core.push import LENGTH, PushLimits
 from sain_core.scene import make_scene, wrap_angle
 from sain_core.shapes.bodies import Bodies
 from sain_core.types import Pushes, Scenes
@@ -70,7 +70,7 @@ def test_too_much_work_is_refused() -> None:
     with pytest.raises(TooMuchWorkError, match="6 predictions of 2 disks are 12 of work"):
         server.predict(SCENES, PUSHES)
     with pytest.raises(TooMuchWorkError):
-        server.rollout(SCENE, PUSHES.reshape(3, 2, 3))
+        server.rollout(SCENE, PUSHES.reshape(3, 2, 5))
     assert server.rollout(SCENE, PUSHES[:5, None]).shape == (5, 1, 2, 8)
 
 
@@ -134,11 +134,11 @@ def test_what_is_too_much_is_refused_before_anything_is_computed() -> None:
 def test_a_push_that_no_arm_could_make_is_refused() -> None:
     server = ModelServer(IdentityPrior(), ServingConfig())
     pushes = PUSHES.copy()
-    pushes[3, 2] = 1e9
+    pushes[3, LENGTH] = 1e9
     with pytest.raises(OutOfRangeError, match=r"length of push \(3,\) is 1000000000.0; allo"):
         server.predict(SCENES, pushes)
     with pytest.raises(OutOfRangeError, match=r"length of push \(1, 1\)"):
-        server.rollout(SCENE, pushes.reshape(3, 2, 3))
+        server.rollout(SCENE, pushes.reshape(3, 2, 5))
     pushes[3] = 0.0, -3.0, 0.1
     with pytest.raises(OutOfRangeError, match=r"angle of push \(3,\) is -3.0; allowed: -1.57"):
         server.predict(SCENES, pushes)

@@ -8,6 +8,7 @@ import pytest
 
 from sain_core.dataset import Column
 from sain_core.errors import DatasetError
+from sain_core.push import BODY, make_push
 from sain_core.scene import make_scene
 from sain_core.shapes.bodies import Bodies
 from sain_model import commands
@@ -35,12 +36,12 @@ def test_all_parts_know_their_bodies_and_pushes_name_theirs(any_bodies: Path) ->
     rows = 0
     for path in any_bodies.glob("shard-*.npz"):
         with np.load(path) as shard:
-            rows += len(shard[Column.BODY])
+            rows += len(shard[Column.ACTION])
             for row, names in enumerate(shard[Column.SHAPES]):
                 bodies = Bodies.named(names.split(","), ["pushable"] * (names.count(",") + 1))
                 part = next(part for part in data.parts if part.bodies == bodies)
                 own = part.episode == shard[Column.EPISODE][row]
-                assert shard[Column.BODY][row] in part.action[own, 3]
+                assert shard[Column.ACTION][row, BODY] in part.action[own, BODY]
     assert rows == len(data)
 
 
@@ -77,7 +78,7 @@ def test_the_checkpoint_serves_these_shapes(trained: Path) -> None:
     bodies = Bodies.named(["bar", "t", "disk"], ["pushable"] * 3)
     places = np.array([(0.4, 0.0), (0.6, 0.0), (0.5, 0.25)])
     scene = make_scene(places, np.full(3, 8.0), np.full(3, 0.07), np.zeros(3))
-    pushes = np.array([[[0.5, 0.1, 0.05, 1.0], [2.0, 0.0, 0.05, 2.0]]])
+    pushes = make_push([[0.5, 2.0]], [[0.1, 0.0]], 0.05, body=[[1, 2]])
     told = server.rollout(scene, pushes, bodies=bodies)
     assert told.shape == (1, 2, 3, 8)
     assert np.abs(told[0, 0, 1] - scene[1]).max() > 1e-3

@@ -9,7 +9,7 @@ import torch
 
 from sain_core.history import PushHistory
 from sain_core.model import load_dynamics
-from sain_core.push import LENGTH, PushLimits
+from sain_core.push import BODY, LENGTH, PushLimits, pushed_bodies
 from sain_core.scene import make_scene
 from sain_core.shapes.bodies import Bodies
 from sain_core.types import Pushes, Scenes
@@ -51,7 +51,9 @@ def draw(bodies: Bodies, count: int, seed: int) -> tuple[Scenes, Pushes]:
         ]
     )
     body = random.integers(len(bodies), size=count)
-    return scenes, np.column_stack([PushLimits().sample(random, count), body])
+    pushes = PushLimits().sample(random, count)
+    pushes[:, BODY] = body
+    return scenes, pushes
 
 
 def pushes_of(bodies: Bodies, count: int, seed: int) -> ToldPushes:
@@ -97,7 +99,7 @@ def test_gradients_are_those_of_simulated_variations() -> None:
     weights = np.random.default_rng(0).normal(size=(12, 2, 3)).astype(np.float32)
     (torch.from_numpy(weights) * conditioned_moves(corrections, pushes)).sum().backward()
     assert corrections.grad is not None
-    body = pushes.pushes[:, 3].astype(int)
+    body = pushed_bodies(pushes.pushes)
     for column in (told.DRAG, told.PULL_Y, told.MASS_FORE, told.LENGTH, told.LOCATION):
         more = np.zeros(shape)
         more[np.arange(12), body, column] = 0.1

@@ -10,6 +10,7 @@ from sain_core.errors import ErrorCode, ModelUnavailableError
 from sain_core.goal import Goal
 from sain_core.history import PushHistory
 from sain_core.model import IdentityPrior
+from sain_core.push import make_push
 from sain_core.scene import POSITION, TARGET
 from sain_core.shapes.bodies import PAPER_DISKS
 from sain_mppi.agent.agent import Agent, AgentConfig, act, planning_agent
@@ -29,7 +30,7 @@ from sain_mppi.algorithms.config import PlannerConfig
 CONFIG = AgentConfig(planner=PlannerConfig(samples=32, rounds=2, horizon=2))
 PLACE = np.array([0.70, 0.05])
 TASK = Task(1, 0, Goal.place(*PLACE, 0.01), 0)
-PUSH = np.array([0.0, 0.1, 0.05])
+PUSH = make_push(0.0, 0.1, 0.05)
 SOMEBODY = 9  # else's push
 
 
@@ -58,7 +59,7 @@ class Fixed(Decider):
     """Wants the same push whatever happens."""
 
     def __init__(self, push):
-        self.push = np.array(push)
+        self.push = make_push(*push)
 
     def decide(self, job, generator):
         return PushDecision(job, self.push)

@@ -5,12 +5,13 @@ import pytest
 
 from sain_core.errors import ErrorCode, OffTableError
 from sain_core.goal import Goal
+from sain_core.push import make_push
 from sain_core.scene import Table, make_scene
 from sain_mppi.agent.decision import PlanJob, StopReason, Task, View
 from sain_mppi.agent.goal_tracker import GoalTracker, GoalTrackerConfig
 
 SCENE = make_scene(np.array([(0.4, 0.0), (0.55, 0.0)]), np.full(2, 8.0), np.array([0.08, 0.06]))
-PUSH = np.array([0.0, 0.1, 0.05])
+PUSH = make_push(0.0, 0.1, 0.05)
 TASK = Task(1, 0, Goal.place(0.7, 0.0, 0.01), 0)
 
 

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 
 from sain_core.history import PushHistory
-from sain_core.push import PushLimits, tool_end, tool_start
+from sain_core.push import PushLimits, make_push, tool_end, tool_start
 from sain_core.scene import MID, POSITION, RADIUS, TARGET, make_scene
 from sain_core.shapes.bodies import Bodies
 from sain_mppi.agent.radii import BEFOREHAND, RadiusFilter, resized_push
 
 LIMITS = PushLimits()
-PUSH = np.array([0.3, 0.2, 0.12])
+PUSH = make_push(0.3, 0.2, 0.12)
 NOISE = np.full(2, 5e-4)
 
 
@@ -27,7 +27,7 @@ def test_pushes_show_the_sum_of_two_radii(scene, dynamics, radii):
     places = make_scene(np.array([[0.4, 0.0], [0.56, 0.03]]), scene[:, 6], scene[:, RADIUS])
     for angle in (0.0, 0.2, -0.1):
         before = known.apply(places)
-        push = np.array([0.2, angle, 0.15])
+        push = make_push(0.2, angle, 0.15)
         predicted = dynamics.step(before[None], push[None])[0]
         way = resized_push(push, before[MID, RADIUS], radii[MID], LIMITS)
         after = dynamics.step(resized(before, radii)[None], way[None])[0]

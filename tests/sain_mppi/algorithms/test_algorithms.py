@@ -108,7 +108,7 @@ def test_the_same_generator_gives_the_same_plan(algorithm, scene, dynamics):
 
 def test_one_sample_and_one_push_are_enough(algorithm, scene, dynamics):
     plan = planner(dynamics, algorithm, samples=1, horizon=1).plan(problem(scene), generator(0))
-    assert plan.pushes.shape == (1, 3)
+    assert plan.pushes.shape == (1, 5)
     assert_permitted(plan.push, scene)
 
 

@@ -8,7 +8,7 @@ import pytest
 from sain_core.feasibility import Feasibility
 from sain_core.goal import Goal
 from sain_core.model import IdentityPrior, Model
-from sain_core.push import LENGTH, push_direction
+from sain_core.push import LENGTH, idle_pushes, push_direction
 from sain_core.scene import POSITION, unit
 from sain_core.seeding import generator
 from sain_core.shapes.bodies import PAPER_DISKS
@@ -23,7 +23,7 @@ from sain_mppi.planner import Planner
 PLACE = np.array([0.62, 0.07])
 GOAL = Goal.place(*PLACE)
 CONFIG = PlannerConfig(algorithm=GRADIENT, samples=64, horizon=3)
-NOTHING = np.empty((0, CONFIG.horizon, 3))
+NOTHING = idle_pushes(0, CONFIG.horizon)
 
 
 class Gliding(Model):
@@ -81,7 +81,7 @@ def test_rests_stay_rests_and_steps_stay_inside_the_limits(scene):
     probed = np.concatenate(search.probed)
     assert (probed[:, 1, LENGTH] == 0.0).all() and (probed[:, 2, LENGTH] != 0.01).any()
     limits = Feasibility().limits
-    for push in probed.reshape(-1, 3):
+    for push in probed.reshape(-1, 5):
         limits.check(push)
 
 
@@ -92,7 +92,7 @@ def test_probes_are_samples_and_no_round(scene):
     assert 32 < search.samples <= 32 + sum(map(len, search.probed))
     drawn = search.effective
     assert 1.0 <= drawn <= 32
-    blocked = np.zeros((1, CONFIG.horizon, 3))
+    blocked = idle_pushes(1, CONFIG.horizon)
     blocked[0, 0] = [np.pi, 0.0, 0.1]  # from where the target is
     assert np.isinf(search.probe(blocked)).all() and search.effective == drawn
 

@@ -7,7 +7,7 @@ import pytest
 
 from sain_core.feasibility import Feasibility
 from sain_core.goal import BodyPose, Goal
-from sain_core.push import LENGTH, rotate_pushes
+from sain_core.push import LENGTH, idle_pushes, make_push, rotate_pushes
 from sain_core.scene import MID, POSITION, RADIUS, TARGET, Table, rotate_scenes, unit
 from sain_core.seeding import generator
 from sain_core.shapes.bodies import PAPER_DISKS, Bodies
@@ -30,7 +30,7 @@ def terms_of(scene, pushes, predicted, goal, weights=WEIGHTS, regions=None):
 
 def rest_terms(scene, goal, **weights):
     rest, weights = np.stack([[scene, scene]]), replace(WEIGHTS, **weights)
-    terms = terms_of(scene, np.zeros((1, 2, 3)), rest, goal, weights)
+    terms = terms_of(scene, idle_pushes(1, 2), rest, goal, weights)
     return {name: float(value[0]) for name, value in terms.items()}
 
 
@@ -91,7 +91,7 @@ def test_a_mid_disk_out_of_reach_costs(scene):
 def test_a_disk_whose_rim_gets_to_the_edge_of_the_table_costs(scene, y, out):
     after = scene.copy()
     after[MID, POSITION], after[MID, RADIUS] = [0.4, y], 0.08  # the edge: 0.6
-    pushes = np.zeros((1, 1, 3))
+    pushes = idle_pushes(1, 1)
     terms = terms_of(scene, pushes, after[None, None], (0.5, 0.2))
     start = scene[MID, RADIUS] - 0.08  # circles are as large as at the start
     expected = WEIGHTS.overhang * max(out + start, 0.0)
@@ -102,7 +102,7 @@ def test_a_mid_disk_that_the_tool_can_only_push_further_away_costs_unless_the_go
     def around(away, goal):
         after = scene.copy()
         after[MID, POSITION] = away * unit(np.asarray(0.3))
-        terms = terms_of(scene, np.zeros((1, 1, 3)), after[None, None], goal)
+        terms = terms_of(scene, idle_pushes(1, 1), after[None, None], goal)
         return float(terms["around"][0])
 
     limits, reach = FEASIBILITY.limits, FEASIBILITY.reach
@@ -119,8 +119,8 @@ def test_a_mid_disk_that_the_tool_can_only_push_further_away_costs_unless_the_go
 
 
 def test_a_later_push_that_is_blocked_costs(scene):
-    pushes = np.zeros((1, 2, 3))
-    pushes[0, 1] = [np.pi, 0.0, 0.1]  # the tool would start inside the target
+    pushes = idle_pushes(1, 2)
+    pushes[0, 1] = make_push(np.pi, 0.0, 0.1)  # the tool would start inside the target
     terms = terms_of(scene, pushes, np.stack([[scene, scene]]), (0.5, 0.2))
     assert terms["blocked"][0] == WEIGHTS.blocked
     assert terms["clearance"][0] > 0.0
@@ -130,7 +130,7 @@ def test_where_overshooting_is_for_good_the_last_millimetres_cost(scene):
     after = scene.copy()
     after[TARGET, POSITION] += [0.1, 0.0]
     near, far = after[TARGET, POSITION].copy(), after[TARGET, POSITION] + [0.02, 0.0]
-    pushes = np.array([[[0.0, 0.0, 0.1]]])
+    pushes = make_push(0.0, 0.0, 0.1)[None, None]
     costs = [terms_of(scene, pushes, after[None, None], goal) for goal in (near, far)]
     assert costs[0]["caution"][0] > 0.0 == costs[1]["caution"][0]
 
@@ -138,7 +138,7 @@ def test_where_overshooting_is_for_good_the_last_millimetres_cost(scene):
 def test_predictions_that_are_not_finite_cost_infinitely(scene):
     predicted = np.stack([[scene], [scene]])
     predicted[1, 0, TARGET, 0] = np.nan
-    costs = total_cost(terms_of(scene, np.zeros((2, 1, 3)), predicted, (0.5, 0.2)))
+    costs = total_cost(terms_of(scene, idle_pushes(2, 1), predicted, (0.5, 0.2)))
     assert np.isfinite(costs[0]) and costs[1] == np.inf
 
 
@@ -188,9 +188,9 @@ def test_the_distance_is_that_of_points_about_the_body(scene):
 def test_any_body_that_the_tool_may_not_touch_is_pushed_by_another(scene):
     roles = ("movable", "pushable")
     swapped, goal = Bodies.named(("disk", "disk"), roles), Goal.place(0.5, 0.2, body=0)
-    pushes, after = np.zeros((1, 1, 3)), scene[None, None]
+    pushes, after = idle_pushes(1, 1), scene[None, None]
     terms = terms_of(scene, pushes, after, (0.5, 0.2))
-    rollout = Rollout.of(scene[::-1], np.zeros((1, 1, 4)), after[..., ::-1, :])
+    rollout = Rollout.of(scene[::-1], idle_pushes(1, 1), after[..., ::-1, :])
     mirrored = cost_terms(goal, rollout, WEIGHTS, FEASIBILITY, swapped, scene[::-1])
     for name in ("position", "distance", "alignment", "approach", "caution", "reach"):
         np.testing.assert_allclose(mirrored[name], terms[name], err_msg=name)

@@ -3,7 +3,7 @@ import pytest
 
 from sain_core.feasibility import Feasibility
 from sain_core.goal import BodyPose, Goal
-from sain_core.push import ANGLE, BODY, LENGTH, strokes
+from sain_core.push import ANGLE, BODY, LENGTH, LOCATION, idle_pushes, make_push, strokes
 from sain_core.scene import POSITION, make_scene, wrap_angle
 from sain_core.shapes.bodies import Bodies
 from sain_mppi.objective.cost_weights import CostWeights
@@ -24,7 +24,7 @@ def objective(bodies: Bodies = PAIR) -> Objective:
 
 def test_uniform_draws_are_even_along_all_outlines_together():
     drawn = objective().uniform(np.random.default_rng(0), 4000, 2)
-    assert drawn.shape == (4000, 2, 4)
+    assert drawn.shape == (4000, 2, 5)
     share = (drawn[..., BODY] == 1).mean()  # a bar of 5 x 1 has a perimeter of 4.71 radii
     assert share == pytest.approx(2 * np.pi / (2 * np.pi + 4.71), abs=0.02)
 
@@ -61,7 +61,7 @@ def test_moving_a_body_that_is_to_be_kept_costs():
     after = SCENE.copy()
     after[1, 0] += 0.02
     terms = Objective(kept, SCENE, CostWeights(), FEASIBILITY, PAIR).terms(
-        SCENE, np.zeros((1, 1, 4)), after[None, None]
+        SCENE, idle_pushes(1, 1), after[None, None]
     )
     assert terms["keep"][0] == pytest.approx(CostWeights().keep * 0.02)
 
@@ -73,7 +73,7 @@ def test_a_shape_that_gets_over_the_edge_of_the_table_costs(x: float, out: float
     after[1, POSITION] = 0.5, 0.3
     for goal in (GOAL, Goal.place(0.4, 0.0)):
         terms = Objective(goal, SCENE, CostWeights(), FEASIBILITY, PAIR).terms(
-            SCENE, np.zeros((1, 1, 4)), after[None, None]
+            SCENE, idle_pushes(1, 1), after[None, None]
         )
         assert terms["overhang"][0] == pytest.approx(CostWeights().overhang * out)
 
@@ -84,7 +84,7 @@ def test_a_shape_may_be_near_the_edge_where_its_goal_is_or_where_it_is_left():
 
     def overhang(goal: Goal, start: np.ndarray) -> float:
         terms = Objective(goal, start, CostWeights(), FEASIBILITY, PAIR).terms(
-            start, np.zeros((1, 1, 4)), after[None, None]
+            start, idle_pushes(1, 1), after[None, None]
         )
         return float(terms["overhang"][0])
 
@@ -94,9 +94,9 @@ def test_a_shape_may_be_near_the_edge_where_its_goal_is_or_where_it_is_left():
 
 
 def test_the_mean_of_pushes_is_one_against_the_body_with_most_weight():
-    pushes = np.array([[[3.1, 0.1, 0.1, 1]], [[-3.1, 0.3, 0.1, 1]], [[0.0, 0.0, 0.0, 0]]])
+    pushes = make_push([[3.1], [-3.1], [0.0]], [[0.1], [0.3], [0.0]], 0.1, body=[[1], [1], [0]])
     mean = weighted_mean(pushes, np.array([0.3, 0.3, 0.4]))
-    assert mean[0, BODY] == 1 and abs(mean[0, 0]) == pytest.approx(np.pi)
+    assert mean[0, BODY] == 1 and abs(mean[0, LOCATION]) == pytest.approx(np.pi)
     assert mean[0, ANGLE] == pytest.approx(0.2)
     assert (inside_limits(mean[None], FEASIBILITY.limits)[..., BODY] == 1).all()
 
@@ -108,7 +108,7 @@ def test_candidates_push_through_another_body_what_the_tool_may_not_touch():
     goal = Goal((BodyPose(0, 0.6, -0.2), BodyPose(2, 0.7, 0.1)))
     search = Objective(goal, scene, CostWeights(), FEASIBILITY, bodies)
     drawn = search.candidates(scene, np.random.default_rng(0), 200, 3)
-    assert drawn.shape == (200, 3, 4) and {0.0, 1.0} == set(drawn[..., BODY].ravel())
+    assert drawn.shape == (200, 3, 5) and {0.0, 1.0} == set(drawn[..., BODY].ravel())
     assert {"alignment", "approach"} <= set(
         search.terms(scene, drawn[:1], scene[None, None] + np.zeros((1, 3, 1, 1)))
     )

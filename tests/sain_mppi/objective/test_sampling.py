@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sain_core.push import ANGLE, LENGTH, LOCATION, PushLimits
+from sain_core.push import ANGLE, LENGTH, LOCATION, PushLimits, idle_pushes, make_push
 from sain_core.seeding import generator
 from sain_mppi.algorithms.proposals import without_idle
 from sain_mppi.objective.candidates import go_around_sequences, straight_sequences
@@ -24,7 +24,7 @@ WIDE = np.array([2.0, 1.0, 0.2])
 
 
 def assert_inside(sequences):
-    for push in sequences.reshape(-1, 3):
+    for push in sequences.reshape(-1, 5):
         LIMITS.check(push)
 
 
@@ -37,7 +37,7 @@ def test_reflection_stays_inside_and_keeps_what_is_inside(value, low, span):
 
 
 def test_gaussian_samples_are_inside_and_not_on_the_bounds():
-    mean = np.array([[np.pi, LIMITS.max_angle, LIMITS.max_length]] * 4)
+    mean = make_push(np.pi, LIMITS.max_angle, np.full(4, LIMITS.max_length))
     drawn = gaussian_sequences(mean, WIDE, 0.2, LIMITS, generator(0), 500)
     assert_inside(drawn)
     assert (np.abs(drawn[..., ANGLE]) == LIMITS.max_angle).mean() < 1e-3
@@ -55,7 +55,7 @@ def test_candidates_are_inside_the_limits(scene):
     goal = np.array([0.3, 0.2])
     for propose in (straight_sequences, go_around_sequences):
         drawn = propose(scene, goal, LIMITS, generator(3), 200, 6)
-        assert drawn.shape == (200, 6, 3)
+        assert drawn.shape == (200, 6, 5)
         assert_inside(drawn)
 
 
@@ -76,9 +76,9 @@ def test_pushes_that_end_before_they_touch_are_rests():
 
 
 def test_the_mean_of_locations_is_taken_on_the_circle():
-    sequences = np.array([[[3.0, 0.1, 0.05]], [[-3.0, 0.3, 0.15]]])
+    sequences = make_push([[3.0], [-3.0]], [[0.1], [0.3]], [[0.05], [0.15]])
     mean = weighted_mean(sequences, np.array([0.5, 0.5]))
-    np.testing.assert_allclose(mean, [[np.pi, 0.2, 0.1]])
+    np.testing.assert_allclose(mean, make_push(np.pi, 0.2, 0.1)[None])
 
 
 def test_stopping_early_leaves_only_rest_behind_the_stop():
@@ -92,7 +92,7 @@ def test_shifting_drops_the_first_push_and_rests_at_the_end():
     sequences = uniform_sequences(LIMITS, generator(7), 5, 3)
     shifted = shift(sequences)
     np.testing.assert_array_equal(shifted[:, :2], sequences[:, 1:])
-    np.testing.assert_array_equal(shifted[:, 2], np.zeros((5, 3)))
+    np.testing.assert_array_equal(shifted[:, 2], idle_pushes(5))
 
 
 @pytest.mark.parametrize("length", [1, 2, 5, 6])

@@ -53,7 +53,7 @@ def test_transitions_are_what_they_say(collected):
     data = load_shards(config.out)
     assert len(data["state"]) == total > 8
     assert data["state"].shape == data["next_state"].shape == data["physics_next"].shape
-    assert data["state"].shape[1:] == (16,) and data["action"].shape[1:] == (3,)
+    assert data["state"].shape[1:] == (16,) and data["action"].shape[1:] == (5,)
     assert all(np.isfinite(data[name]).all() for name in data if name != "floor_next")
     first = data["episode"] == 0
     assert np.isfinite(data["floor_next"][first]).all()

@@ -5,7 +5,8 @@ import pytest
 
 from sain_core.dataset import Column, row_bodies
 from sain_core.errors import ConfigError, InvalidInputError
-from sain_core.push import PushLimits, strokes
+from sain_core.old_files import converted_rows
+from sain_core.push import BODY, LENGTH, LOCATION, PUSH_SIZE, PushLimits, pushed_bodies, strokes
 from sain_core.scene import RADIUS, make_scene
 from sain_core.shapes.bodies import Bodies, Role
 from sain_sim.collecting.collect import CollectConfig, collect
@@ -29,9 +30,9 @@ def test_rows_state_shapes_roles_and_the_body_of_the_push(collected):
     assert set(found) <= {1, 2, 3}
     pushed = []
     for count, data in found.items():
-        assert data[Column.ACTION].shape[1] == 3
-        assert (data[Column.BODY] < count).all()
-        pushed += data[Column.BODY].tolist()
+        assert data[Column.ACTION].shape[1] == PUSH_SIZE
+        assert (pushed_bodies(data[Column.ACTION]) < count).all()
+        pushed += pushed_bodies(data[Column.ACTION]).tolist()
         for bodies in row_bodies(data):
             assert len(bodies) == count
             assert {shape.footprint for shape in bodies.shapes} <= {"t", "l", "disk"}
@@ -45,19 +46,19 @@ def test_a_disk_alone_is_named_too(tmp_path):
     data = load_shards(tmp_path)
     shapes = [bodies.shapes[0].footprint for bodies in row_bodies(data)]
     assert set(shapes) == {"disk", "t"}
-    assert data[Column.BODY].tolist() == [0] * len(shapes)
+    assert pushed_bodies(data[Column.ACTION]).tolist() == [0] * len(shapes)
 
 
 def test_a_push_moves_the_body_that_it_names_and_physics_predicts_it(collected):
     for count, data in load_by_count(collected).items():
-        rows = np.arange(len(data[Column.BODY]))
+        rows = np.arange(len(data[Column.ACTION]))
         before, after, physics = (
             data[name].reshape(-1, count, 8)
             for name in (Column.STATE, Column.NEXT_STATE, Column.PHYSICS_NEXT)
         )
-        body = data[Column.BODY]
+        body = pushed_bodies(data[Column.ACTION])
         moved = np.hypot(*(after - before)[rows, body, :2].T)
-        travel = data[Column.ACTION][:, 2]
+        travel = data[Column.ACTION][:, LENGTH]
         assert (moved[travel > 0.08] > 0.001).all()
         error = np.hypot(*(physics - after)[rows, body, :2].T)
         assert np.median(error) < 0.5 * np.median(moved)
@@ -74,13 +75,13 @@ def test_the_same_seed_gives_the_same_bytes_also_after_a_stop(collected, tmp_pat
 def test_a_collection_of_disks_has_no_columns_of_shapes(tmp_path):
     collect(CollectConfig(tmp_path, 1, 3, episode=EpisodeConfig(pushes=2)))
     data = load_shards(tmp_path)
-    assert not {Column.BODY, Column.SHAPES, Column.ROLES} & data.keys()
+    assert not {Column.SHAPES, Column.ROLES} & data.keys()
     assert row_bodies(data) == [Bodies.disks(2)] * len(data[Column.EPISODE])
 
 
 def test_older_marks_mean_the_same():
     data = {Column.STATE: np.zeros((2, 24)), "cubes": np.array([[0, 1, 0], [0, 0, 1]], dtype=bool)}
-    assert row_bodies(data) == [
+    assert row_bodies(converted_rows(data)) == [
         Bodies.named(["disk", "cube", "disk"]),
         Bodies.named(["disk", "disk", "cube"]),
     ]
@@ -91,11 +92,11 @@ def test_pushes_are_even_along_the_outlines_of_all_pushable_bodies():
     scene = make_scene(np.zeros((3, 2)), np.ones(3), np.array([0.08, 0.06, 0.04]))
     random, sampler = np.random.default_rng(0), OutlineSampler()
     drawn = np.array([sampler.draw(random, scene, bodies) for _ in range(2000)])
-    assert set(drawn[:, 3]) == {0.0, 2.0}
-    assert abs(np.histogram(drawn[:, 0], 8, (-np.pi, np.pi))[0] / 250 - 1).max() < 0.25
+    assert set(drawn[:, BODY]) == {0.0, 2.0}
+    assert abs(np.histogram(drawn[:, LOCATION], 8, (-np.pi, np.pi))[0] / 250 - 1).max() < 0.25
     start, _ = strokes(np.broadcast_to(scene, (2000, 3, 8)), drawn, PushLimits(), bodies)
     away = np.hypot(*start.T)
-    assert (away < scene[drawn[:, 3].astype(int), RADIUS] + 0.018).all()
+    assert (away < scene[pushed_bodies(drawn), RADIUS] + 0.018).all()
 
 
 @pytest.mark.parametrize(

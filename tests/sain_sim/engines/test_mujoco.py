@@ -20,6 +20,7 @@ from sain_sim.world.world import World
 
 pytest.importorskip("mujoco", reason="MuJoCo is not installed")
 
+from sain_core.push import make_push
 from sain_sim.engines.mujoco.description import RIM, SERVO_STIFFNESS, TABLE, TOOL, physics_steps
 
 NOMINAL = nominal_parameters()
@@ -87,7 +88,7 @@ def test_the_tool_stays_within_a_millimetre_of_its_line(cell_world, bench):
     cell_world.reset(bench.touching())
     for angle in (0.0, 0.4):
         samples.clear()
-        cell_world.push(np.array([0.0, angle, 0.1]), on_step=samples.append)
+        cell_world.push(make_push(0.0, angle, 0.1), on_step=samples.append)
         tool = np.array([s.tool for s in samples if s.phase == "push"])
         line = np.array([s.commanded_tool for s in samples if s.phase == "push"])
         along = (line[-1] - line[0]) / np.linalg.norm(line[-1] - line[0])

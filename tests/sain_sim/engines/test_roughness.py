@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from sain_core.errors import BlockedError, ConfigError
+from sain_core.push import make_push
 from sain_core.scene import MID, POSITION, TARGET, THETA, is_settled, unit
 from sain_core.shapes.shape import REGULAR_FEET
 from sain_core.shapes.solids import FLAT
@@ -42,7 +43,7 @@ def pushed(parameters, heading=0.0, middle=MIDDLE, headings=None, length=0.12, a
     scene = parameters.scene(np.stack([middle, middle + apart * way]), headings)
     with World(parameters) as world:
         world.reset(scene)
-        outcome = world.push(np.array([heading, angle, length]))
+        outcome = world.push(make_push(heading, angle, length))
         assert outcome.settled
     moved = outcome.after[:, POSITION] - scene[:, POSITION]
     return np.stack([moved @ way, moved @ left], axis=-1)
@@ -76,7 +77,7 @@ def test_a_disk_turns_towards_the_side_that_is_light():
         scene = parameters.scene(beside(0.3, 0.2))
         with World(parameters) as world:
             world.reset(scene)
-            after = world.push(np.array([0.0, 0.0, 0.1])).after
+            after = world.push(make_push(0.0, 0.0, 0.1)).after
         assert heading * after[MID, THETA] < -0.05  # the heavy side stays behind
 
 
@@ -159,7 +160,7 @@ def test_a_tilted_table_pulls_downhill_and_holds_what_rests():
     scene = parameters.scene(beside(0.2, 0.0))
     with World(parameters) as world:
         world.reset(scene)
-        after = world.push(np.array([0.0, 0.3, 0.08])).after
+        after = world.push(make_push(0.0, 0.3, 0.08)).after
         for _ in range(5 * 240):
             world._cell._step("rest", (), pushed=None)
         crept = np.linalg.norm(world.observe()[:, POSITION] - after[:, POSITION], axis=-1)
@@ -176,7 +177,7 @@ def test_a_soft_tool_lags_by_what_its_spring_gives(stiffness):
     samples = []
     with World(parameters) as world:
         world.reset(scene)
-        world.push(np.array([0.0, 0.0, 0.15]), on_step=samples.append)
+        world.push(make_push(0.0, 0.0, 0.15), on_step=samples.append)
     lags = np.array([(sample.commanded_tool - sample.tool)[0] for sample in samples])
     load = 0.12 * GRAVITY * 16.0 / stiffness  # both disks slide
     assert np.median(lags[90:170]) == pytest.approx(load, rel=0.2)
@@ -189,7 +190,7 @@ def test_the_tool_behind_a_spring_still_refuses_other_disks():
     with World(parameters) as world:
         before = world.reset(scene)
         with pytest.raises(BlockedError):
-            world.push(np.array([0.0, pi / 4, 0.15]))
+            world.push(make_push(0.0, pi / 4, 0.15))
         assert np.array_equal(world.observe(), before)
 
 
@@ -200,7 +201,7 @@ def test_stock_joints_cannot_hold_an_impact():
         samples = []
         with World(parameters) as world:
             world.reset(parameters.scene(beside(0.141, 0.0)))
-            world.push(np.array([0.0, 0.0, 0.15]), on_step=samples.append)
+            world.push(make_push(0.0, 0.0, 0.15), on_step=samples.append)
             tool_radius = world.config.feasibility.limits.tool_radius
         lags.append(max(float(np.abs(s.tool - s.commanded_tool).max()) for s in samples))
         apart = [np.linalg.norm(s.tool[:2] - s.scene[MID, POSITION]) for s in samples]
@@ -214,7 +215,7 @@ def test_stock_joints_push_no_harder_than_franka_lets_them():
     parameters = replace(rough(stock_joints=True), masses=(60.0, 60.0))
     with World(parameters) as world:
         before = world.reset(parameters.scene(beside(0.141, 0.0)))
-        after = world.push(np.array([0.0, 0.0, 0.15])).after
+        after = world.push(make_push(0.0, 0.0, 0.15)).after
     assert 0.12 * GRAVITY * 120.0 > 2 * 58.0
     assert np.abs(after - before)[:, POSITION].max() < 0.01
 
@@ -248,7 +249,7 @@ def test_rough_rims_take_the_target_along():
         scene = parameters.scene(np.stack([MIDDLE, target]))
         with World(parameters) as world:
             world.reset(scene)
-            after = world.push(np.array([0.0, 0.0, 0.12])).after
+            after = world.push(make_push(0.0, 0.0, 0.12)).after
         ways.append((after - scene)[TARGET, 0])
     assert ways[1] > ways[0] + 0.005
 
@@ -285,7 +286,7 @@ def test_no_length_moves_nothing_on_a_rough_table(bench):
         world.reset(bench.touching())
         world.push(bench.straight)
         before = world.observe()
-        assert np.array_equal(world.push(np.array([1.0, 0.2, 0.0])).after, before)
+        assert np.array_equal(world.push(make_push(1.0, 0.2, 0.0)).after, before)
         assert np.array_equal(world.observe(), before)
 
 

@@ -4,13 +4,14 @@ import numpy as np
 import pytest
 
 from sain_core.conformance import check_world, two_disks
+from sain_core.push import LENGTH, make_push
 from sain_core.scene import TARGET, X
 from sain_core.world import Outcome, WorldFailedError
 from sain_sim.world.engines import ENGINES
 from sain_sim.world.parameters import WorldParameters
 from sain_sim.world.world import World
 
-PUSH = np.array([0.0, 0.0, 0.05])
+PUSH = make_push(0.0, 0.0, 0.05)
 
 
 class Stranger:
@@ -25,7 +26,7 @@ class Stranger:
 
     def push(self, push, *, seen=None):
         before = self.observe()
-        self._scene[TARGET, X] += 0.001 * (push[2] > 0.0)
+        self._scene[TARGET, X] += 0.001 * (push[LENGTH] > 0.0)
         return Outcome(before, self.observe())
 
 
@@ -51,7 +52,7 @@ class Memory(Stranger):
     def push(self, push, *, seen=None):
         before = self.observe()
         self.way *= 2.0
-        self._scene[TARGET, X] += self.way * (push[2] > 0.0)
+        self._scene[TARGET, X] += self.way * (push[LENGTH] > 0.0)
         return Outcome(before, self.observe())
 
 

@@ -7,6 +7,7 @@ import pytest
 
 from sain_core.conformance import two_disks
 from sain_core.errors import BlockedError, ConfigError, OutOfRangeError
+from sain_core.push import LENGTH, idle_pushes, make_push
 from sain_core.scene import MID, TARGET, X
 from sain_core.world import Outcome, WorldFailedError
 from sain_sim.camera.window import Window
@@ -18,7 +19,7 @@ from sain_sim.world.truth import TruthConfig
 from sain_sim.world.world import World
 
 NAME = "stranger"
-PUSH = np.array([0.0, 0.0, 0.05])
+PUSH = make_push(0.0, 0.0, 0.05)
 SCENE = two_disks().scene
 
 
@@ -36,7 +37,7 @@ class Stranger:
 
     def push(self, push, *, seen=None):
         self.seen, before = seen, self.observe()
-        self.scene[[MID, TARGET], X] += push[2]
+        self.scene[[MID, TARGET], X] += push[LENGTH]
         if self.fault == "refuses":
             raise BlockedError("not this one")
         if self.fault == "raises":
@@ -87,8 +88,8 @@ def test_a_push_takes_the_time_of_the_tool_which_is_shown(world):
 
 def test_a_push_that_is_checked_first_does_not_arrive(world):
     with pytest.raises(OutOfRangeError):
-        world.push(np.array([0.0, 0.0, 0.5]))
-    assert world.push(np.zeros(3)).after.tobytes() == SCENE.tobytes()
+        world.push(make_push(0.0, 0.0, 0.5))
+    assert world.push(idle_pushes()).after.tobytes() == SCENE.tobytes()
     assert not hasattr(world._world, "seen")
 
 

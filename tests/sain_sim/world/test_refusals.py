@@ -11,6 +11,7 @@ from sain_core.errors import (
     SainError,
     StaleSceneError,
 )
+from sain_core.push import make_push
 from sain_core.scene import MASS, MID, RADIUS, X
 from sain_sim.world.parameters import nominal_parameters
 from sain_sim.world.stroke import Stroke
@@ -35,7 +36,7 @@ def test_a_refused_push_moves_nothing(push, code, message, config, bench, engine
         world.reset(bench.touching())
         before, joints, time = world.observe(), world.sample().joint_positions, world.time
         with pytest.raises(SainError) as caught:
-            world.push(np.array(push))
+            world.push(make_push(*push))
         assert caught.value.code is code
         assert message in str(caught.value)
         assert np.array_equal(world.observe(), before)
@@ -47,7 +48,7 @@ def test_out_of_reach_is_refused_as_unreachable(world):
     scene = nominal_parameters().scene(np.array([[0.70, 0.0], [0.70, 0.3]]))
     world.reset(scene)
     with pytest.raises(SainError) as caught:
-        world.push(np.array([pi, 0.0, 0.1]))
+        world.push(make_push(pi, 0.0, 0.1))
     assert caught.value.code is ErrorCode.UNREACHABLE
     assert "leaves the arm's reach of 0.2 to 0.74 m" in str(caught.value)
     assert np.array_equal(world.observe(), world.observe())

@@ -5,7 +5,7 @@ import pytest
 
 from sain_core.errors import ConfigError
 from sain_core.model import Model
-from sain_core.push import PushLimits
+from sain_core.push import PushLimits, idle_pushes
 from sain_core.scene import MASS, MID, POSITION, RADIUS, TARGET, move_apart, surface_gaps
 from sain_sim.world.parameters import nominal_parameters
 from sain_sim.world.shadow import KINDS, MEASURED, NOMINAL, TRUE, BulletPrior, stand_back
@@ -25,7 +25,7 @@ def test_the_true_shadow_of_a_fresh_world_is_the_world(bench):
 def test_predictions_are_pure_and_keep_mass_and_radius(kind, bench):
     parameters, start = bench.drawn(5)
     heading = np.arctan2(*(start[TARGET, :2] - start[MID, :2])[::-1])
-    pushes = np.array([bench.towards(heading), bench.towards(heading, 0.05), [0.0, 0.0, 0.0]])
+    pushes = np.array([bench.towards(heading), bench.towards(heading, 0.05), idle_pushes()])
     scenes = np.repeat(start[None], 3, axis=0)
     with BulletPrior(kind, parameters=parameters) as shadow:
         assert isinstance(shadow, Model)

@@ -4,12 +4,13 @@ import numpy as np
 import pytest
 
 from sain_core.errors import BlockedError, InvalidInputError
+from sain_core.push import make_push
 from sain_core.scene import MID, POSITION, TARGET, Y
 from sain_sim.world.parameters import nominal_parameters
 from sain_sim.world.start import paper_start
 from sain_sim.world.world import World
 
-PUSH = np.array([0.0, 0.0, 0.10])
+PUSH = make_push(0.0, 0.0, 0.10)
 
 
 @pytest.fixture(scope="module")

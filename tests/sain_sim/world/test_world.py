@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from sain_core.errors import SainError
+from sain_core.push import make_push
 from sain_core.scene import (
     MID,
     POSITION,
@@ -68,7 +69,7 @@ def test_no_length_moves_nothing_at_all(world, bench):
     world.push(bench.straight)
     before, time = world.observe(), world.time
     seen = []
-    outcome = world.push(np.array([3.0, 0.1, 0.0]), on_step=seen.append)
+    outcome = world.push(make_push(3.0, 0.1, 0.0), on_step=seen.append)
     assert np.array_equal(outcome.before, before) and np.array_equal(outcome.after, before)
     assert np.array_equal(world.observe(), before)
     assert outcome.duration == 0.0 and world.time == time and not seen
@@ -133,7 +134,7 @@ parameters = nominal_parameters()
 world = World(parameters, engine=sys.argv[1])
 world.reset(parameters.scene(np.array([[0.42, 0.0], [0.561, 0.0]])))
 for angle in (0.2, -0.3):
-    after = world.push(np.array([0.0, angle, 0.1])).after
+    after = world.push(make_push(0.0, angle, 0.1)).after
 print(after.tobytes().hex())
 """
 
@@ -225,7 +226,7 @@ def test_mirrored_pushes_have_mirrored_outcomes(world, bench):
         ends = []
         for side in (1.0, -1.0):
             world.reset(bench.touching(bearing=side * bearing))
-            after = world.push(np.array([side * location, side * angle, 0.1])).after
+            after = world.push(make_push(side * location, side * angle, 0.1)).after
             ends.append(after[:, :3] * [1.0, side, side])
         assert np.abs(ends[0] - ends[1])[:, :2].max() < 1.5e-3
         assert np.abs(ends[0] - ends[1])[:, 2].max() < 0.03
@@ -243,7 +244,7 @@ def test_turning_scene_and_push_turns_the_outcome(engine):
             scene = parameters.scene(np.stack([mid, target]), np.array([1.0, 2.0]) + turn)
             with World(parameters, engine=engine) as world:
                 world.reset(scene)
-                after = world.push(np.array([location + turn, angle, 0.08])).after
+                after = world.push(make_push(location + turn, angle, 0.08)).after
             away = after[:, POSITION] - mid
             ends.append(np.stack([away @ unit(np.asarray(turn + a)) for a in (0.0, pi / 2)], -1))
         off.append(np.linalg.norm(ends - np.mean(ends, axis=0), axis=-1))

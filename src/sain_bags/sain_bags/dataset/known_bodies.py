@@ -59,9 +59,7 @@ class KnownBodies:
         disks = Bodies.disks(count)
         known = [self._bodies.get(key, disks) for key in zip(bags, episodes, strict=True)]
         about = [describe_bodies(bodies) for bodies in known]
-        columns = columns | {
-            str(name): np.array([row[name] for row in about]) for name in SHAPED[1:]
-        }
+        columns = columns | {str(name): np.array([row[name] for row in about]) for name in SHAPED}
         if not self._poses:
             return columns
         nothing = np.full((MOST_BODIES, POSE + 3), np.nan)
@@ -100,7 +98,7 @@ class KnownBodies:
                 )
 
     def _goal(self, sha256: str, message: Any) -> None:
-        if not len(getattr(message, "poses", ())):  # columns of their own have its place
+        if not len(message.poses):  # columns of their own have its place
             return
         goal = decode_goal(message)
         largest = max((*goal.wanted, *goal.keep))
@@ -112,7 +110,7 @@ class KnownBodies:
             if pose.heading is not None:
                 poses[pose.body, [THETA, POSE + 1]] = pose.heading, pose.heading_tolerance
         poses[list(goal.keep), -1] = goal.keep_tolerance
-        self._poses[sha256, int(getattr(message, GOAL_ID))] = poses
+        self._poses[sha256, int(message.goal_id)] = poses
 
 
 def _get(bodies: dict[int, Bodies], episode: int) -> Bodies:

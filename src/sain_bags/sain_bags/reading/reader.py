@@ -19,6 +19,7 @@ from sain_bags.mcap.whole_file import check_file
 from sain_bags.reading.bag_files import BagChannel, BagFiles
 from sain_bags.reading.foreign import CopiedBag, is_foreign
 from sain_core.errors import DatasetError, UntrustedFileError
+from sain_core.old_files import converted_message
 from sain_core.untrusted import DECODED_BYTES, TimeAllowance, limit
 
 BAD_DEFINITION: Final = (InvalidSpecification, InvalidValue, NameError)
@@ -155,7 +156,7 @@ class Bag(BagFiles):
             key = (raw.type, schema.data if schema else b"")
             if key not in decoders:
                 decoders[key] = _decoder(self.channels[number], self.path)
-            message = self._decode(decoders[key], raw)
+            message = converted_message(raw.type, self._decode(decoders[key], raw))
             yield Received(raw.topic, raw.type, message, raw.log_time, raw.publish_time)
 
     def raw_messages(

@@ -8,12 +8,13 @@ import numpy as np
 from sain_bags.report.frames import Frame
 from sain_bags.report.gathering import Gathered
 from sain_bags.transitions.recorded_episodes import Episode
-from sain_bags.transitions.recorded_pushes import RecordedPush, push_as_sent
+from sain_bags.transitions.recorded_pushes import RecordedPush
 from sain_core.errors import ErrorCode
-from sain_core.push import PushLimits, pushed_bodies, tool_end, tool_start
+from sain_core.push import PUSH_NAMES, PushLimits, pushed_bodies, tool_end, tool_start
 from sain_core.scene import POSE, POSITION, TARGET
 from sain_core.shapes.bodies import PAPER_DISKS, Bodies
 from sain_core.types import PushArray, Scene
+from sain_core.wire import push_as_sent
 
 DIGITS: Final = 8  # of metres and radians: what the page rounds again stays what it was
 PLACE_DIGITS: Final = 5  # of what is only drawn: hundredths of a millimetre
@@ -105,9 +106,7 @@ def _describe(push: RecordedPush, episode: Episode, moments: Moments) -> dict[st
         "fallback": bool(plan and plan.fallback),
         "planning": rounded(plan.planning_time if plan else None),
         "body": int(pushed_bodies(push.push)),
-        "location": rounded(push.push[0]),
-        "angle": rounded(push.push[1]),
-        "length": rounded(push.push[2]),
+        **{name: rounded(push.push[PUSH_NAMES.index(name)]) for name in PUSH_NAMES[1:]},
         "duration": rounded(push.duration, 3),
         "from": moments[0],
         "to": moments[1],

@@ -20,11 +20,10 @@ WORLD: Final = "sain_interfaces/msg/WorldParameters"
 BODIES: Final = "sain_interfaces/msg/Bodies"
 EPISODE_TYPES: Final = frozenset({SCENE, GOAL, PLAN, PUSH_RESULT, PREDICTION, BODIES})
 DISKS: Final = "disks"
-BODY: Final = "body"  # of a push
 GOAL_ID: Final = "goal_id"
 
 _IDS: Final = ("push_id", "episode_id")
-_PUSH: Final = (*_IDS, "scene_id", *PUSH_NAMES, BODY)
+_PUSH: Final = (*_IDS, "scene_id", *PUSH_NAMES)
 _SCENE: Final = (
     "episode_id", "scene_id", "settled", "header.stamp.sec", "header.stamp.nanosec", DISKS,
 )  # fmt: skip
@@ -41,7 +40,6 @@ FIELDS: Final = {
     ),
 }  # fmt: skip
 TEXTS: Final = frozenset({"model", "error_message"})
-LATER: Final = frozenset({BODY, f"push.{BODY}", GOAL_ID})  # 0 where older definitions lack them
 
 
 def all_paths(fields: Sequence[str]) -> list[str]:

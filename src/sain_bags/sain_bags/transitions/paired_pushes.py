@@ -8,10 +8,10 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy import ndarray
 
-from sain_bags.transitions.message_fields import BODY, DISKS, GOAL_ID
+from sain_bags.transitions.message_fields import DISKS, GOAL_ID
 from sain_bags.transitions.tables import Disks, Message, MessageTable, gather
 from sain_core.errors import ErrorCode
-from sain_core.push import PUSH_NAMES
+from sain_core.push import PUSH_NAMES, pushed_bodies
 from sain_core.scene import STATE_NAMES
 from sain_core.types import Scene
 
@@ -113,15 +113,14 @@ class PairedPushes:
 
     @cached_property
     def actions(self) -> ndarray:
-        """Location, angle and length of the pushes (K, 3)."""
+        """The pushes (K, 5)."""
         prefix = FIELDS_OF[self.source][0]
         return _numbers(self.messages[0], [prefix + name for name in PUSH_NAMES])
 
     @cached_property
     def bodies(self) -> ndarray:
         """The body that each push is against (K,)."""
-        table, rows = self.messages[0]
-        return np.asarray(table.columns[FIELDS_OF[self.source][0] + BODY][rows].astype(np.int64))
+        return pushed_bodies(self.actions)
 
     @cached_property
     def goal_ids(self) -> ndarray:

@@ -6,9 +6,8 @@ from typing import Any
 import numpy as np
 
 from sain_core.errors import ErrorCode
-from sain_core.push import PUSH_NAMES
 from sain_core.types import PushArray, Pushes, Scene, Scenes
-from sain_core.wire import decode_disks, decode_plan, decode_push, pushed_body, with_body
+from sain_core.wire import decode_disks, decode_plan, decode_push, push_as_sent
 from sain_core.world import PushRecord
 
 
@@ -23,7 +22,7 @@ class PlanRecord:
     error_message: str
     dynamics: str
     fallback: bool
-    pushes: Pushes  # (H, 3)
+    pushes: Pushes  # (H, 5)
     predicted: Scenes  # (H, N, 8), the scene after each
     goal_distance: float  # [m]
     planning_time: float  # [s]
@@ -35,7 +34,7 @@ class RecordedPush:
     """A push as a recording has it: executed, refused, or without a result."""
 
     push_id: int
-    push: PushArray  # (3,) or (4,)
+    push: PushArray  # (5,)
     before: Scene | None  # (N, 8); None: it came before there was a scene
     after: Scene | None  # (N, 8)
     error_code: int
@@ -66,12 +65,6 @@ class RecordedPush:
             return None
         time = self.plan.planning_time if self.plan else 0.0
         return PushRecord(self.push, self.before, self.after, self.predicted, self.physics, time)
-
-
-def push_as_sent(message: Any) -> PushArray:
-    """Return a push (3,) or (4,), whatever it holds: one that was refused may hold NaN."""
-    numbers = np.array([getattr(message, name) for name in PUSH_NAMES], dtype=np.float64)
-    return with_body(numbers, pushed_body(message))
 
 
 def recorded_push(

@@ -142,7 +142,6 @@ class RowMaker:
         models = np.where(pushes.predicted, pushes.models, computed)[chosen]
         return {
             Column.ACTION: pushes.actions[chosen],
-            Column.BODY: pushes.bodies[chosen],
             GOAL_ID: pushes.goal_ids[chosen],
             Column.DURATION: pushes.durations[chosen],
             Column.GOAL: pushes.goal_values[chosen, :2],
@@ -164,9 +163,7 @@ class RowMaker:
         """Return the prior's predictions (M, N, 8), and the reason for each that it cannot make."""
         if self._prior is None:
             self._prior = self._make_prior()
-        actions, pushed = pushes.actions[chosen], pushes.bodies[chosen]
-        if pushed.any():
-            actions = np.concatenate([actions, pushed[:, None].astype(np.float64)], axis=1)
+        actions = pushes.actions[chosen]
         predicted, reasons = np.zeros_like(scenes), dict[int, str]()
         episodes = pushes.ids["episode"][chosen]
         for episode in np.unique(episodes).tolist():

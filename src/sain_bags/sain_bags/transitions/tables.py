@@ -17,12 +17,12 @@ from sain_bags.reading.bag_files import BagChannel, Batch
 from sain_bags.transitions.message_fields import (
     DISKS,
     FIELDS,
-    LATER,
     all_paths,
     check_path,
     has_field,
 )
 from sain_core.errors import DatasetError
+from sain_core.old_files import LATER_FIELDS
 from sain_core.scene import STATE_NAMES, STATE_SIZE
 from sain_core.untrusted import TimeAllowance
 
@@ -113,10 +113,11 @@ class TableReader:
         self._channel, self._decoding = channel, decoding
         self._types = read_types(channel.type, channel.definition())
         self._layouts: defaultdict[int, list[Layout]] = defaultdict(list)
+        later = LATER_FIELDS.get(channel.type, {})
         self._wanted = [
             path
             for path in all_paths(FIELDS[channel.type])
-            if path not in LATER or has_field(self._types, channel.type, path)
+            if path not in later or has_field(self._types, channel.type, path)
         ]
         for path in self._wanted:
             check_path(self._types, channel.type, path)
@@ -128,7 +129,7 @@ class TableReader:
             DatasetError: one is not as its definition says, or they differ too much in their
                 lengths.
         """
-        builder = _Builder(FIELDS[self._channel.type], len(batch))
+        builder = _Builder(self._channel.type, len(batch))
         for size in np.unique(batch.sizes).tolist():
             if not size:
                 raise DatasetError(f"{self._channel.topic}: a message is empty")
@@ -159,8 +160,8 @@ class TableReader:
 class _Builder:
     """Collects messages layout by layout, and returns them in their order."""
 
-    def __init__(self, fields: Sequence[str], count: int) -> None:
-        self._count = count
+    def __init__(self, kind: str, count: int) -> None:
+        fields, self._later, self._count = FIELDS[kind], LATER_FIELDS.get(kind, {}), count
         self._names = [name for name in fields if not name.endswith(DISKS)]
         self._columns: dict[str, ndarray] = {}
         self._parts: dict[str, list[ndarray]] = {
@@ -189,13 +190,13 @@ class _Builder:
             )
             for name, parts in self._parts.items()
         }
-        for name in LATER.intersection(self._names) - self._columns.keys():
-            self._columns[name] = np.zeros(self._count, dtype=np.uint64)
+        for name in (self._later.keys() & set(self._names)) - self._columns.keys():
+            self._columns[name] = np.full(self._count, self._later[name])
         return MessageTable(self._columns, disks)
 
     def _take(self, layout: Layout, rows: ndarray, messages: ndarray) -> None:
         for name in self._names:
-            if name in LATER and name not in layout.numbers:
+            if name in self._later and name not in layout.numbers:
                 continue  # an older definition
             if name in layout.texts:
                 values: ndarray | list[str] = layout.read_texts(name, messages)

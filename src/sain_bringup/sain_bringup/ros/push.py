@@ -11,14 +11,14 @@ from rich.markup import escape
 from sain_bringup.options import PushOptions
 from sain_core.cli.terminal import FittingTable
 from sain_core.errors import ErrorCode, SainError
-from sain_core.push import push_ids
+from sain_core.push import make_push, push_ids
 from sain_core.ros.codec import encode_push
 from sain_core.ros.node_main import NAMESPACE, ros_context, spin_until
 from sain_core.ros.qos import LATCHED, RELIABLE
 from sain_core.scene import POSITION, THETA
 from sain_core.shapes.solids import DISK
 from sain_core.types import PushArray
-from sain_core.wire import decode_disks, with_body
+from sain_core.wire import decode_disks
 from sain_interfaces.msg import Bodies, Push, PushResult, Scene
 
 DISK_NAMES: Final = ("mid disk", "target")
@@ -110,9 +110,7 @@ def run(options: PushOptions, console: Console) -> int:
     with ros_context():
         sender = PushSender(options.timeout)
         try:
-            push = with_body(
-                np.array([options.location, options.angle, options.length]), options.body
-            )
+            push = make_push(options.location, options.angle, options.length, body=options.body)
             result = sender.send(push)
         finally:
             sender.destroy_node()

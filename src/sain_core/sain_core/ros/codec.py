@@ -16,7 +16,7 @@ from std_msgs.msg import Header
 
 from sain_core.goal import BodyPose, Goal
 from sain_core.history import PushHistory
-from sain_core.push import LENGTH, PUSH_NAMES, PUSH_SIZE, pushed_bodies
+from sain_core.push import PATH, PUSH_NAMES, pushed_bodies
 from sain_core.scene import DISK_HEIGHT, STATE_NAMES, THETA, X, Y
 from sain_core.shapes.bodies import Bodies
 from sain_core.shapes.shape import Shape, Solid
@@ -131,7 +131,7 @@ def encode_push(
     source: str,
     seen: Scene | None = None,
 ) -> Push:
-    """Return a push (3,) or (4,) with its id and those of the scene that it was planned from.
+    """Return a push (5,) with its id and those of the scene that it was planned from.
 
     `seen` (N, 8) is where the bodies are taken to be, where that is not where they are.
     """
@@ -143,7 +143,7 @@ def encode_push(
         source=source,
         body=int(pushed_bodies(push)),
         disks=[] if seen is None else encode_disks(seen),
-        **dict(zip(PUSH_NAMES, push[:PUSH_SIZE].tolist(), strict=True)),
+        **dict(zip(PUSH_NAMES[PATH], push[PATH].tolist(), strict=True)),
     )
 
 
@@ -200,15 +200,15 @@ def fill_bodies(request: Rollout.Request | PredictResidual.Request, bodies: Bodi
 
 
 def encode_pushes(pushes: Pushes | PushSequences) -> "tuple[array[float], array[int]]":
-    """Return pushes (..., 3) or (..., 4) as flat doubles, and the bodies; none: all body 0."""
-    bodies = array("I")
-    if pushes.shape[-1] > PUSH_SIZE:
-        bodies.frombytes(pushed_bodies(pushes).astype(np.uint32).tobytes())
-    return encode_floats(pushes[..., : LENGTH + 1]), bodies
+    """Return the paths of pushes (..., 5) as flat doubles, and the bodies; none: all body 0."""
+    bodies, pushed = array("I"), pushed_bodies(pushes)
+    if pushed.any():
+        bodies.frombytes(pushed.astype(np.uint32).tobytes())
+    return encode_floats(pushes[..., PATH]), bodies
 
 
 def fill_plan(message: Plan, pushes: Pushes, predicted: Scenes) -> None:
-    """Put the pushes (H, 3) or (H, 4) and the scenes (H, N, 8) after them into a plan."""
+    """Put the pushes (H, 5) and the scenes (H, N, 8) after them into a plan."""
     message.horizon, message.disks = predicted.shape[:2]
     message.pushes, message.push_bodies = encode_pushes(pushes)
     message.predicted = encode_floats(predicted)

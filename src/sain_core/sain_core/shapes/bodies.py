@@ -3,15 +3,12 @@
 The state of a body is its row of the scene (`sain_core.scene`). What is here is sent once.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from functools import cached_property, lru_cache
 from itertools import combinations
 from typing import Final, Self
-
-import numpy as np
-from numpy import ndarray
 
 from sain_core.errors import ConfigError, DatasetError, InvalidInputError
 from sain_core.scene import (
@@ -22,9 +19,8 @@ from sain_core.scene import (
     check_scene,
     check_states,
 )
-from sain_core.shapes.library import footprint_names, get_shape
+from sain_core.shapes.library import get_shape
 from sain_core.shapes.shape import Shape
-from sain_core.shapes.solids import DISK
 from sain_core.types import Scene
 
 MOST_BODIES: Final = 32
@@ -184,7 +180,6 @@ def overlap(scene: Scene, bodies: Bodies, first: int, second: int) -> float:
 
 
 BETWEEN: Final = ","
-MARKS: Final = "s"  # ends a column (N,) of older data sets that states which bodies are ``cubes``
 
 
 def as_names(bodies: Bodies) -> tuple[str, str]:
@@ -206,13 +201,3 @@ def bodies_named(shapes: str, roles: str, count: int) -> Bodies:
     if len(bodies) != count:
         raise DatasetError(f"{shapes!r} are {len(bodies)} shapes; the scenes have {count} bodies")
     return bodies
-
-
-def marked_bodies(columns: Mapping[str, ndarray], roles: list[str], count: int) -> list[Bodies]:
-    """Return the bodies of rows of which columns mark those that are no disks."""
-    names = np.full((len(roles), count), DISK, dtype=object)
-    for name in footprint_names() if any(key.endswith(MARKS) for key in columns) else ():
-        if f"{name}{MARKS}" in columns:
-            names[np.asarray(columns[f"{name}{MARKS}"], dtype=bool)] = name
-    named = zip(names, roles, strict=True)
-    return [bodies_named(BETWEEN.join(row), role, count) for row, role in named]

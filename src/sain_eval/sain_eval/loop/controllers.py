@@ -11,7 +11,7 @@ import numpy as np
 from sain_core.errors import ConfigError, NoPushError
 from sain_core.feasibility import Feasibility
 from sain_core.model import as_observed, load_dynamics
-from sain_core.push import LOCATION
+from sain_core.push import BODY, LOCATION, make_push
 from sain_core.scene import MID, POSITION, TARGET, wrap_angle
 from sain_eval.scenes.scenario_scene import ScenarioScene
 from sain_model.physics.planar import PlanarConfig, PlanarPrior
@@ -57,7 +57,7 @@ class StraightDecider(Decider):
         left = float(np.linalg.norm(goal - scene[TARGET, POSITION]))
         length = min(self._limits.clearance + left, self._limits.max_length)
         location = float(wrap_angle(np.arctan2(way[1], way[0])))
-        return PushDecision(job, np.array([location, 0.0, length]))
+        return PushDecision(job, make_push(location, 0.0, length))
 
 
 class RandomDecider(Decider):
@@ -76,8 +76,7 @@ class RandomDecider(Decider):
         pushes = self._feasibility.limits.sample(generator, RANDOM_DRAWS)
         bodies = job.known_bodies
         if bodies.pushable != (MID,):
-            body = generator.choice(bodies.pushable, (RANDOM_DRAWS, 1))
-            pushes = np.concatenate([pushes, body], axis=1)
+            pushes[:, BODY] = generator.choice(bodies.pushable, RANDOM_DRAWS)
         scene = job.view.scene
         pushes = pushes[permitted(scene, pushes, self._feasibility, bodies=job.bodies)]
         if not len(pushes):

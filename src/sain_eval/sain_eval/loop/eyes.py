@@ -43,7 +43,7 @@ class Eyes(Sight):
                 yield frame.scene, frame.time
 
     def push(self, push: PushArray, seen: Scene) -> Scene:
-        """Execute a push (3,) that was planned from a scene (N, 8), as seen; see `World.push`."""
+        """Execute a push (5,) that was planned from a scene (N, 8), as seen; see `World.push`."""
         camera = self._camera
         if camera is None:
             return self.world.push(push).after

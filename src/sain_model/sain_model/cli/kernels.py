@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 
 from sain_core.errors import ModelUnavailableError
-from sain_core.push import PUSH_SIZE
+from sain_core.push import make_push
 from sain_core.scene import MASS, RADIUS, X
 from sain_core.shapes.bodies import Bodies
 from sain_model.compute.kernel_store import compile_kernels, kernel_folder
@@ -22,7 +22,7 @@ from sain_model.compute.kernel_store import compile_kernels, kernel_folder
 SCENES: Final = np.zeros((1, 2, 8))
 SCENES[..., MASS], SCENES[..., RADIUS] = 8.0, 0.06
 SCENES[:, 1, X] = 0.2
-PUSHES: Final = np.full((1, PUSH_SIZE), 0.05)
+PUSHES: Final = make_push(0.05, 0.05, 0.05)[None]
 REPORT_PERIOD: Final = 1.0  # [s]
 
 

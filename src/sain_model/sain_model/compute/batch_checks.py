@@ -14,7 +14,7 @@ def check_batch(
     friction: np.ndarray | None = None,
     bodies: Bodies = PAPER_DISKS,
 ) -> None:
-    """Check that scenes (B, N, 8), pushes (B, 3 or 4) and frictions (B,) fit and can exist.
+    """Check that scenes (B, N, 8), pushes (B, 5) and frictions (B,) fit and can exist.
 
     Raises:
         InvalidInputError: naming what does not.
@@ -24,15 +24,14 @@ def check_batch(
     allowed = f"N = {most}" if least == most else f"N = {least} to {most}"
     if scenes.ndim != 3 or scenes.shape[2] != STATE_SIZE or not least <= scenes.shape[1] <= most:
         raise InvalidInputError(f"scenes have shape (B, N, 8) with {allowed}, not {scenes.shape}")
-    if pushes.shape not in ((len(scenes), PUSH_SIZE), (len(scenes), PUSH_SIZE + 1)):
+    if pushes.shape != (len(scenes), PUSH_SIZE):
         raise InvalidInputError(
-            f"pushes have shape ({len(scenes)}, 3) or ({len(scenes)}, 4), one for each scene,"
-            f" not {pushes.shape}"
+            f"pushes have shape ({len(scenes)}, {PUSH_SIZE}), one for each scene, not"
+            f" {pushes.shape}"
         )
     check_finite("scenes", scenes)
     check_finite("pushes", pushes)
-    if pushes.shape[1] > PUSH_SIZE:
-        _check_pushed(pushes[:, BODY], scenes.shape[1])
+    _check_pushed(pushes[:, BODY], scenes.shape[1])
     for column in (MASS, RADIUS):
         if (scenes[..., column] <= 0.0).any():
             scene, disk = (int(i) for i in np.argwhere(scenes[..., column] <= 0.0)[0])

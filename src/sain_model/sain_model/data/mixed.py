@@ -147,7 +147,7 @@ def _by_bodies(path: Path) -> list[Dataset]:
     for count in sorted({shard[Column.STATE].shape[1] for shard in shards}):
         alike = [shard for shard in shards if shard[Column.STATE].shape[1] == count]
         whole = from_shards(path, alike)
-        columns = (np.concatenate([shard[name] for shard in alike]) for name in SHAPED[1:])
+        columns = (np.concatenate([shard[name] for shard in alike]) for name in SHAPED)
         names = np.array([";".join(row) for row in zip(*columns, strict=True)])
         for name in np.unique(names):
             bodies = bodies_named(*str(name).split(";"), whole.disks)

@@ -6,7 +6,6 @@ from pathlib import Path
 import numpy as np
 
 from sain_core.dataset import Column, Columns, row_bodies
-from sain_core.push import PUSH_SIZE
 from sain_core.shapes.bodies import Bodies
 from sain_model.data.dataset import shard_paths
 from sain_model.data.shard import read_shard
@@ -52,6 +51,4 @@ def _joined(parts: list[Columns], bodies: Bodies, episodes: np.ndarray) -> Recor
         np.concatenate([part[name] for part in parts])
         for name in (Column.STATE, Column.ACTION, Column.NEXT_STATE, Column.EPISODE)
     )
-    if bodies.are_paper_disks:
-        action = action[:, :PUSH_SIZE]
     return RecordedPushes(state, action, next_state, np.searchsorted(episodes, episode), bodies)

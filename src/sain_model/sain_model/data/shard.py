@@ -8,6 +8,8 @@ from numpy import ndarray
 
 from sain_core.dataset import FLAT, NEEDED, SHAPED, Column, Columns, as_scenes, row_bodies
 from sain_core.errors import DatasetError
+from sain_core.old_files import converted_rows
+from sain_core.push import BODY
 from sain_core.scene import MASS, RADIUS, STATE_SIZE
 from sain_core.shapes.bodies import Bodies, as_names
 from sain_core.storage import read_arrays
@@ -29,13 +31,11 @@ KINDS: Final = {  # of NumPy, by the types of the schema
 def read_shard(path: Path) -> Columns:
     """Read and check one shard; states come back as (M, N, 8), with shapes and roles of each row.
 
-    The action (M, 4) has the pushed body where the shard names it.
-
     Raises:
         DatasetError: a damaged shard, a missing column, no rows, arrays that do not fit together,
             NaN or Inf, a number that cannot be, or pushes against bodies that are not pushable.
     """
-    arrays = read_arrays(path)
+    arrays = _converted(path, read_arrays(path))
     missing = [column for column in NEEDED if column not in arrays]
     if missing:
         raise DatasetError(f"{path} lacks {', '.join(missing)}; it holds {sorted(arrays)}")
@@ -51,6 +51,13 @@ def read_shard(path: Path) -> Columns:
         columns[column] = _checked(path, column, values, shape)
     _check_positive(path, arrays, columns)
     return columns | _shaped(path, arrays, columns[Column.ACTION])
+
+
+def _converted(path: Path, arrays: Columns) -> Columns:
+    try:
+        return converted_rows(arrays)
+    except DatasetError as error:
+        raise DatasetError(f"{path}: {error}") from error
 
 
 def _check_types(path: Path, arrays: Columns, count: int) -> None:
@@ -83,23 +90,20 @@ def _check_positive(path: Path, arrays: Columns, columns: Columns) -> None:
 
 
 def _shaped(path: Path, arrays: Columns, action: ndarray) -> Columns:
-    """Return shapes and roles of each row as text, and the action with the pushed body."""
+    """Return shapes and roles of each row as text; each push is against a pushable body."""
     bodies = _row_bodies(path, arrays)
     if Column.SHAPES in arrays and Column.ROLES in arrays:
-        names: Columns = {column: arrays[column] for column in SHAPED[1:]}
+        names: Columns = {column: arrays[column] for column in SHAPED}
     else:
         texts = np.array([as_names(some) for some in bodies])
-        names = dict(zip(SHAPED[1:], texts.T, strict=True))
-    if Column.BODY not in arrays:
-        return names
-    pushed = _checked(path, Column.BODY, arrays[Column.BODY], (len(action),))
-    for row, (body, some) in enumerate(zip(pushed.tolist(), bodies, strict=True)):
+        names = dict(zip(SHAPED, texts.T, strict=True))
+    for row, (body, some) in enumerate(zip(action[:, BODY].tolist(), bodies, strict=True)):
         if body not in some.pushable:
             raise DatasetError(
-                f"{path}: row {row} pushes body {body}; pushable are"
+                f"{path}: row {row} pushes body {body:g}; pushable are"
                 f" {', '.join(map(str, some.pushable))} of {len(some)} bodies"
             )
-    return {**names, Column.ACTION: np.column_stack([action, pushed])}
+    return names
 
 
 def _disks(path: Path, states: ndarray, count: int) -> int:

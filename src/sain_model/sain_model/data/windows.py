@@ -13,6 +13,7 @@ from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
 from sain_core.errors import DatasetError
+from sain_core.push import idle_pushes
 from sain_core.scene import POSE
 from sain_model.data.dataset import Dataset
 
@@ -31,7 +32,7 @@ class Windows:
 
     rows: Int[ndarray, "W T"]
     scenes: Float[ndarray, "W N 8"]
-    pushes: Float[ndarray, "W T 3"]
+    pushes: Float[ndarray, "W T 5"]
     next_scenes: Float[ndarray, "W T N 8"]
     episodes: Int[ndarray, "W"]
 
@@ -82,7 +83,7 @@ def make_windows(data: Dataset, steps: int, whole: bool = False) -> Windows:
         raise DatasetError(f"no episode has {steps} successive pushes; fewer, or longer episodes")
     last = np.maximum.accumulate(np.where(rows >= 0, np.arange(steps), 0), axis=1)
     filled = np.take_along_axis(rows, last, axis=1)
-    pushes = np.where((rows >= 0)[..., None], data.action[filled], 0.0)
+    pushes = np.where((rows >= 0)[..., None], data.action[filled], idle_pushes())
     first = rows[:, 0]
     return Windows(rows, data.state[first], pushes, data.next_state[filled], data.episode[first])
 

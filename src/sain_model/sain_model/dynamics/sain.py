@@ -225,7 +225,7 @@ class SainDynamics(Model):
         return other
 
     def step(self, scenes: Scenes, pushes: Pushes, friction: Scalars | None = None) -> Scenes:
-        """Predict the settled scenes (B, N, 8) after pushes (B, 3) from scenes (B, N, 8).
+        """Predict the settled scenes (B, N, 8) after pushes (B, 5) from scenes (B, N, 8).
 
         Args:
             scenes: settled scenes.

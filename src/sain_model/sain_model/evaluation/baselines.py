@@ -34,7 +34,7 @@ class Followed(Model):
         return self._dynamics.refused
 
     def step(self, scenes: Scenes, pushes: Pushes) -> Scenes:
-        """Predict the settled scenes (B, N, 8) after pushes (B, 3) from scenes (B, N, 8).
+        """Predict the settled scenes (B, N, 8) after pushes (B, 5) from scenes (B, N, 8).
 
         Raises:
             ModelUnavailableError: the dynamics fails, or its answer cannot be one.

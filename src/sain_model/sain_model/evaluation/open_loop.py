@@ -50,7 +50,7 @@ class NominalPlanar(Model):
         self._planar = PlanarPrior()
 
     def step(self, scenes: Scenes, pushes: Pushes) -> Scenes:
-        """Predict the settled scenes (B, N, 8) after pushes (B, 3) from scenes (B, N, 8)."""
+        """Predict the settled scenes (B, N, 8) after pushes (B, 5) from scenes (B, N, 8)."""
         return self._planar.step_as_nominal(scenes, pushes)
 
 

@@ -33,7 +33,7 @@ def step_varied(
         config: for the tool's radius and where it starts.
         bodies: of all scenes.
         scenes: (B, N, 8).
-        pushes: (B, 3) or (B, 4).
+        pushes: (B, 5).
         friction: with the table, (B,).
         physics: (B, 20).
 

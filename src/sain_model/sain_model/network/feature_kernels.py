@@ -12,7 +12,7 @@ The tool is one more sender: row i of the relations to body i, where a body woul
 
 import numpy as np
 
-from sain_core.push import ANGLE, LENGTH
+from sain_core.push import ANGLE, BODY, LENGTH, LOCATION, PUSH_SIZE
 from sain_core.scene import MASS, RADIUS, THETA, X, Y
 from sain_model.compute.compiling import (
     callable_kernel,
@@ -61,10 +61,10 @@ FEATURE_VERSION = 1  # raise it with every change of meaning, order or scale bel
 BODY_FEATURES = 20  # and the `PLACE_FEATURES` of a network that sees the world
 TURN = 2.0 * np.pi
 
-# Columns of a push as the kernels take it, after `LOCATION`, which is here the normal's heading in
-# the world, `ANGLE` and `LENGTH`: where the tool's axis begins [m], and the pushed body.
-START_X, START_Y, PUSHED = 3, 4, 5
-STROKE_SIZE = 6
+# Columns of a push as the kernels take it, after its five numbers, of which `LOCATION` is here the
+# normal's heading in the world: where the tool's axis begins [m].
+START_X, START_Y = PUSH_SIZE, PUSH_SIZE + 1
+STROKE_SIZE = PUSH_SIZE + 2
 
 MIRRORED_BODY = (4, 6, 8, 10, 13, 14, 18)  # columns that change their sign in a mirror
 
@@ -96,20 +96,20 @@ def write_lane(before, stroke, after, table, lane, places, work):
 
     Args:
         before: scene (N, 8) before the push.
-        stroke: (6,), see `START_X`.
+        stroke: (7,), see `START_X`.
         after: scene (N, 8) that the prior predicts.
         table: of the outlines.
         lane: which.
         places: whether the network sees places and headings.
         work: memory to fill.
     """
-    count, pushed = before.shape[0], int(stroke[PUSHED])
+    count, pushed = before.shape[0], int(stroke[BODY])
     origin_x, origin_y = before[pushed, X], before[pushed, Y]
     poses, placed = work.poses, work.placed
     for when in range(2):
         scene = after if when == 1 else before
         for body in range(count):
-            _write_pose(scene[body], origin_x, origin_y, stroke[0], poses[when, body])
+            _write_pose(scene[body], origin_x, origin_y, stroke[LOCATION], poses[when, body])
         _write_tool(stroke, origin_x, origin_y, when * stroke[LENGTH], table, poses[when, count])
         place_corners(table, poses[when], placed[when])
     for body in range(count):
@@ -165,7 +165,7 @@ def _write_pose(state, origin_x, origin_y, normal, pose):
 
 @compiled
 def _write_tool(stroke, origin_x, origin_y, way, table, pose):
-    cos, sin = np.cos(stroke[0]), np.sin(stroke[0])
+    cos, sin = np.cos(stroke[LOCATION]), np.sin(stroke[LOCATION])
     x, y = stroke[START_X] - origin_x, stroke[START_Y] - origin_y
     pose[POSE_X] = cos * x + sin * y + way * np.cos(stroke[ANGLE])
     pose[POSE_Y] = cos * y - sin * x + way * np.sin(stroke[ANGLE])
@@ -175,7 +175,7 @@ def _write_tool(stroke, origin_x, origin_y, way, table, pose):
 @compiled
 def _write_body(before, stroke, after, table, body, poses, lane, features):
     here, there = poses[0, body], poses[1, body]
-    features[0, lane] = 1.0 if body == int(stroke[PUSHED]) else 0.0
+    features[0, lane] = 1.0 if body == int(stroke[BODY]) else 0.0
     features[1, lane] = (before[MASS] - MASS_MIDDLE) / MASS_SCALE
     reach = table.reach[body] * before[RADIUS]
     features[2, lane] = (reach - REACH_MIDDLE) / REACH_SCALE
@@ -203,7 +203,7 @@ def _write_body(before, stroke, after, table, body, poses, lane, features):
 @compiled
 def _write_world(before, stroke, after, lane, features):
     """Write what tells places and headings apart: what is learned with it holds for one table."""
-    first, normal = BODY_FEATURES, stroke[0]
+    first, normal = BODY_FEATURES, stroke[LOCATION]
     features[first, lane] = (before[X] - TABLE_X) / TABLE_SCALE
     features[first + 1, lane] = (before[Y] - TABLE_Y) / TABLE_SCALE
     features[first + 2, lane] = (after[X] - TABLE_X) / TABLE_SCALE
@@ -222,7 +222,7 @@ def write_block(first, scenes, strokes, physics_next, table, places, bodies, rel
     Args:
         first: number of the first one.
         scenes: (B, N, 8), before the pushes.
-        strokes: (B, 6).
+        strokes: (B, 7).
         physics_next: (B, N, 8), what a prior predicts.
         table: of the outlines.
         places: whether the network sees places and headings.

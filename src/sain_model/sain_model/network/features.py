@@ -12,7 +12,7 @@ from jaxtyping import Float
 from numpy import ndarray
 from torch import Tensor
 
-from sain_core.push import ANGLE, BODY, LENGTH, LOCATION, PUSH_SIZE, PushLimits, strokes
+from sain_core.push import ANGLE, LOCATION, PUSH_SIZE, PushLimits, strokes
 from sain_core.scene import POSITION, THETA, wrap_angle
 from sain_core.shapes.bodies import Bodies
 from sain_core.types import Angles, Pushes, Scenes
@@ -21,7 +21,6 @@ from sain_model.compute.devices import CPU
 from sain_model.compute.thread_pool import run_blocks
 from sain_model.network.feature_kernels import (
     BODY_FEATURES,
-    PUSHED,
     START_X,
     STROKE_SIZE,
     write_block,
@@ -100,18 +99,15 @@ def elongations(bodies: Bodies) -> Float[ndarray, "N"]:
 
 
 def push_frames(scenes: Scenes, pushes: Pushes, bodies: Bodies) -> Strokes:
-    """Return pushes as features and residuals take them: the frame's heading is the first column.
+    """Return pushes as features and residuals take them: `LOCATION` is the frame's heading.
 
     See `network.feature_kernels`.
     """
     known = bodies.fitted(scenes.shape[1])
     start, heading = strokes(scenes, pushes, LIMITS, known)
     rows = np.zeros((len(pushes), STROKE_SIZE))
+    rows[:, :PUSH_SIZE], rows[:, START_X : START_X + 2] = pushes, start
     rows[:, LOCATION] = wrap_angle(heading - pushes[:, ANGLE])
-    rows[:, ANGLE], rows[:, LENGTH] = pushes[:, ANGLE], pushes[:, LENGTH]
-    rows[:, START_X : START_X + 2] = start
-    if pushes.shape[1] > PUSH_SIZE:
-        rows[:, PUSHED] = pushes[:, BODY]
     return rows
 
 

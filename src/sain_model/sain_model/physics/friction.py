@@ -37,7 +37,7 @@ class FrictionPhysics(Protocol):
         ...
 
     def step(self, scenes: Scenes, pushes: Pushes, friction: Scalars | None = None) -> Scenes:
-        """Predict scenes (B, N, 8) after pushes (B, 3), at frictions (B,)."""
+        """Predict scenes (B, N, 8) after pushes (B, 5), at frictions (B,)."""
         ...
 
 

@@ -19,6 +19,7 @@ from sain_core.model import (
     check_step,
     load_dynamics,
 )
+from sain_core.push import make_push
 from sain_core.scene import THETA, make_scene, wrap_angle
 from sain_core.shapes.bodies import PAPER_DISKS, Bodies
 from sain_core.types import PredictedScenes, Pushes, PushSequences, Scene, Scenes
@@ -32,8 +33,8 @@ WARM_UP_SCENE: Final = make_scene(
     np.array([(0.4, 0.0), (0.6, 0.0)]), np.array([8.0, 8.0]), np.array([0.08, 0.06])
 )
 WARM_UP_BODIES: Final = Bodies.named(["t", "disk"])
-WARM_UP_PUSHES: Final = np.array([[[0.0, 0.0, 0.1]], [[0.5, 0.1, 0.05]]])  # (2, 1, 3)
-TRIAL_PUSHES: Final = np.tile(WARM_UP_PUSHES, (16, 1, 1))  # (32, 1, 3)
+WARM_UP_PUSHES: Final = make_push([[0.0], [0.5]], [[0.0], [0.1]], [[0.1], [0.05]])  # (2, 1, 5)
+TRIAL_PUSHES: Final = np.tile(WARM_UP_PUSHES, (16, 1, 1))  # (32, 1, 5)
 TRIALS: Final = 3  # the fastest counts: other programs may take the processor
 SLOWEST: Final = 0.002  # [s] for a prediction: planners wait 2 s for thousands
 PHYSICS: Final = "physics"
@@ -147,7 +148,7 @@ class ModelServer:
         history: PushHistory | None = None,
         bodies: Bodies = PAPER_DISKS,
     ) -> PredictedScenes:
-        """Predict (K, H, N, 8) for push sequences (K, H, A) from a scene (N, 8).
+        """Predict (K, H, N, 8) for push sequences (K, H, 5) from a scene (N, 8).
 
         `history` are the earlier pushes of the scene's episode, where they are known; `bodies` its
         bodies.
@@ -188,7 +189,7 @@ class ModelServer:
         history: PushHistory | None = None,
         bodies: Bodies = PAPER_DISKS,
     ) -> tuple[Scenes, Scenes]:
-        """Predict where pushes (B, A) lead from scenes (B, N, 8).
+        """Predict where pushes (B, 5) lead from scenes (B, N, 8).
 
         Args:
             scenes: settled scenes.

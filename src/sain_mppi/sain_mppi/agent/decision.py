@@ -68,7 +68,7 @@ class PlanJob:
         session: a number that changes with goal and episode, and after a refusal for the scene:
             what a decider keeps from job to job holds within one session.
         pushes: sent for this goal before, without refused ones.
-        refused: (3,) each, pushes that were refused from this scene.
+        refused: (5,) each, pushes that were refused from this scene.
         history: the episode's earlier pushes.
         cancelled: set once the decision is no longer wanted.
         bodies: shapes and roles.
@@ -163,7 +163,7 @@ class PushDecision:
 
     Attributes:
         job: what was decided on.
-        push: (3,).
+        push: (5,).
         plan: the plan that the push begins; None: it was not planned.
         failure: why physics planned in place of the model; None: the model did.
         concern: why the plan is wider than usual; empty: it is not.

@@ -71,7 +71,7 @@ class FallbackRollout:
         return type(self)(*self._models, history, self._bodies, self._patience)
 
     def rollout(self, scene: Scene, pushes: PushSequences) -> PredictedScenes:
-        """Predict scenes (K, H, N, 8) for push sequences (K, H, A) from one scene (N, 8)."""
+        """Predict scenes (K, H, N, 8) for push sequences (K, H, 5) from one scene (N, 8)."""
         if self._patience.cancelled.is_set():
             raise CancelledError("the plan is no longer wanted")
         if self.failure is None:

@@ -135,7 +135,7 @@ class GoalTracker:
         return self.task is job.task and self.view is not None and self.view.key == job.view.key
 
     def sent(self, push_id: int, push: PushArray) -> None:
-        """Take note that a push (3,) was sent."""
+        """Take note that a push (5,) was sent."""
         self._awaited = (push_id, self._clock())
         self._unanswered[push_id] = push
         self._latest = push_id

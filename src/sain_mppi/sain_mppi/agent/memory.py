@@ -22,7 +22,7 @@ class EpisodeMemory:
         next_scene: Scene,
         noise: Scalars | None = None,
     ) -> None:
-        """Remember a push (3,) that led from one settled scene (N, 8) to another.
+        """Remember a push (5,) that led from one settled scene (N, 8) to another.
 
         `noise` (N,) [m]: see `PushHistory`.
 

@@ -11,7 +11,7 @@ from typing import Final
 import numpy as np
 
 from sain_core.history import PushHistory
-from sain_core.push import ANGLE, LENGTH, LOCATION, PUSH_SIZE, PushLimits, pushed_bodies
+from sain_core.push import ANGLE, LENGTH, LOCATION, PATH, PushLimits, pushed_bodies
 from sain_core.scene import POSITION, RADIUS, unit, wrap_angle
 from sain_core.shapes.bodies import PAPER_DISKS, Bodies
 from sain_core.types import PushArray, Scalars, Scene
@@ -49,7 +49,7 @@ class RadiusFilter:
 
         Args:
             before: (N, 8), that it was planned from, with the radii of then.
-            push: (3,) or (4,).
+            push: (5,).
             predicted: (N, 8).
             after: (N, 8), as observed.
             noise: (N,) [m], standard deviation of each coordinate of `after`.
@@ -107,25 +107,25 @@ class RadiusFilter:
             body = int(pushed_bodies(push))
             if self.round[body]:
                 old = state[row, body, RADIUS]
-                push[:PUSH_SIZE] = resized_push(push, old, self.radii[body], limits)
+                push[:] = resized_push(push, old, self.radii[body], limits)
         state[..., RADIUS] = after[..., RADIUS] = self.radii
         return PushHistory(state, action, after, history.noise)
 
 
 def resized_push(push: PushArray, old: float, new: float, limits: PushLimits) -> PushArray:
-    """Return (3,) the same way of the tool for a disk of another radius [m] in the same place.
+    """Return (5,) the same way of the tool for a disk of another radius [m] in the same place.
 
     It begins where the tool has its usual clearance from that disk.
     """
-    location, angle, length = push[:PUSH_SIZE]
+    location, angle, length = push[PATH]
     extra = limits.tool_radius + limits.clearance
     start, heading = -(old + extra) * unit(location), location + angle
     aside = (old + extra) * np.sin(angle)
     if (new + extra) ** 2 <= aside**2:
-        return push[:PUSH_SIZE]
+        return push
     along = (old + extra) * np.cos(angle) - np.sqrt((new + extra) ** 2 - aside**2)
     way = -(start + along * unit(heading))
-    resized = np.empty(PUSH_SIZE)
+    resized = push.copy()
     resized[LOCATION] = np.arctan2(way[1], way[0])
     resized[ANGLE] = wrap_angle(heading - resized[LOCATION])
     resized[LENGTH] = max(length - along, 0.0)

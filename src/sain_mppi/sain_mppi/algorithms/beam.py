@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from sain_core.push import idle_pushes
 from sain_core.types import PushSequences
 from sain_mppi.algorithms.proposals import draw_permitted
 from sain_mppi.algorithms.search import Search
@@ -21,11 +22,11 @@ def beam(search: Search, start: PushSequences, generator: np.random.Generator) -
         informed = search.objective.candidates(search.scene, generator, count // 4, horizon)
         uniform = search.objective.uniform(generator, count - len(informed), horizon)
         sequences = generator.permutation(np.concatenate([informed, uniform]))
-        sequences[:, 1:] = 0.0
+        sequences[:, 1:] = idle_pushes()
         return sequences
 
     sequences = draw_permitted(search, draw, config.first, generator)
-    sequences[:, 1:] = 0.0  # of the uniform draws in a hard place
+    sequences[:, 1:] = idle_pushes()  # of the uniform draws in a hard place
     search.probe(start[:1])
     for step in range(1, horizon + 1):
         costs = search.probe(sequences)

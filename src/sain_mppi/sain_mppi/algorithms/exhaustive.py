@@ -3,6 +3,7 @@
 import numpy as np
 
 from sain_core.errors import NoPushError
+from sain_core.push import idle_pushes
 from sain_core.types import PushSequences
 from sain_mppi.algorithms.search import Search
 
@@ -18,6 +19,6 @@ def exhaustive(search: Search, start: PushSequences, generator: np.random.Genera
         raise NoPushError(
             f"none of the grid's {len(every)} pushes can be carried out {search.where}"
         )
-    sequences = np.zeros((len(grid), search.config.horizon, grid.shape[-1]))
+    sequences = idle_pushes(len(grid), search.config.horizon)
     sequences[:, 0] = grid
     search.evaluate(sequences)

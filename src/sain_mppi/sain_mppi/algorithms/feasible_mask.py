@@ -6,7 +6,7 @@ from typing import Final
 import numpy as np
 
 from sain_core.feasibility import Feasibility
-from sain_core.push import LENGTH, LOCATION, PUSH_SIZE, pushed_bodies
+from sain_core.push import LENGTH, LOCATION, PATH, pushed_bodies
 from sain_core.scene import wrap_angle
 from sain_core.shapes.bodies import PAPER_DISKS, Bodies
 from sain_core.types import Mask, PushArray, Pushes, Scene
@@ -22,9 +22,9 @@ def permitted(
     bodies: Bodies = PAPER_DISKS,
     shortest: float = 0.0,
 ) -> Mask:
-    """Tell which pushes (B, A) touch their body in a scene (N, 8) and can be carried out.
+    """Tell which pushes (B, 5) touch their body in a scene (N, 8) and can be carried out.
 
-    What was refused, (A,) each, or is very like it, is not permitted either. Nor is what moves its
+    What was refused, (5,) each, or is very like it, is not permitted either. Nor is what moves its
     body by less than the `shortest` way [m].
     """
     scenes = np.broadcast_to(scene, (len(pushes), *scene.shape))
@@ -34,6 +34,6 @@ def permitted(
     for one in refused:
         apart = np.abs(pushes - one)
         apart[:, LOCATION] = np.abs(wrap_angle(pushes[:, LOCATION] - one[LOCATION]))
-        unlike = (apart[:, :PUSH_SIZE] > REFUSED_NEARBY).any(axis=1)
+        unlike = (apart[:, PATH] > REFUSED_NEARBY).any(axis=1)
         ok &= unlike | (pushed_bodies(pushes) != pushed_bodies(one))
     return np.asarray(ok)

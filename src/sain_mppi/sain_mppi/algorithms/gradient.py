@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
-from sain_core.push import LENGTH
+from sain_core.push import LENGTH, PATH
 from sain_core.types import PushSequences, Scalars
 from sain_mppi.algorithms.config import GradientConfig
 from sain_mppi.algorithms.proposals import draw_permitted, propose, without_idle
@@ -49,10 +49,11 @@ def descend(
     for _ in range(settings.steps):
         if search.over:
             break
-        slopes = unit * take_slopes(search, sequences, costs, settings.difference * unit)
-        way = adam.direction(slopes) * (sequences[..., LENGTH, None] > 0.0)
+        slopes = take_slopes(search, sequences, costs, settings.difference * unit)
+        way = adam.direction(unit * slopes[..., PATH]) * (sequences[..., LENGTH, None] > 0.0)
         longest = np.abs(way).max(axis=(1, 2), keepdims=True)
-        downhill = -unit * way / np.maximum(longest, TINY)
+        downhill = np.zeros_like(sequences)
+        downhill[..., PATH] = -unit * way / np.maximum(longest, TINY)
         sequences, costs = _step(search, sequences, costs, downhill, settings.rates())
     return sequences, costs
 
@@ -60,21 +61,22 @@ def descend(
 def take_slopes(
     search: Search, sequences: PushSequences, costs: Scalars, nudge: Float[ndarray, "3"]
 ) -> PushSequences:
-    """Return how the cost of sequences (S, H, 3) rises with every number of every push.
+    """Return how the cost of sequences (S, H, 5) rises with the numbers of every push's path.
 
     Differences are one-sided, towards the middle of what is allowed. The slope is 0 where the
     nudged sequence has no cost: its first push is not permitted, or the time was up.
     """
     limits = search.feasibility.limits
     middle = np.array([0.0, 0.0, limits.max_length / 2])
-    inwards = np.where(sequences > middle, -nudge, nudge)
-    moving = np.broadcast_to(sequences[..., LENGTH, None] > 0.0, sequences.shape)
+    path = sequences[..., PATH]
+    inwards = np.where(path > middle, -nudge, nudge)
+    moving = np.broadcast_to(sequences[..., LENGTH, None] > 0.0, path.shape)
     owner, push, number = np.nonzero(moving)
     nudged = sequences[owner]
-    nudged[np.arange(len(owner)), push, number] += inwards[moving]
+    nudged[np.arange(len(owner)), push, PATH.start + number] += inwards[moving]
     rise = search.probe(inside_limits(nudged, limits)) - costs[owner]
     slopes = np.zeros_like(sequences)
-    slopes[moving] = np.where(np.isfinite(rise), rise / inwards[moving], 0.0)
+    slopes[..., PATH][moving] = np.where(np.isfinite(rise), rise / inwards[moving], 0.0)
     return slopes
 
 

@@ -4,8 +4,10 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
 
-from sain_core.push import LOCATION
+from sain_core.push import LOCATION, PATH
 from sain_core.scene import wrap_angle
 from sain_core.types import PushSequences, Scalars
 from sain_mppi.algorithms.config import MEAN, IcemConfig
@@ -46,7 +48,7 @@ class Fit:
     """What the next population is drawn from."""
 
     mean: Sequence
-    deviation: Sequence
+    deviation: Float[ndarray, "H 3"]  # of location, angle and length
     kept: PushSequences  # elites that come along as they are
 
 
@@ -59,7 +61,9 @@ def _population(
     config = search.config
     noise = coloured_noise(generator, (count, 3, config.horizon), config.icem.colour)
     limits = search.feasibility.limits
-    drawn = inside_limits(fit.mean + fit.deviation * noise.transpose(0, 2, 1), limits)
+    drawn = np.repeat(fit.mean[None], count, axis=0)
+    drawn[..., PATH] += fit.deviation * noise.transpose(0, 2, 1)
+    drawn = inside_limits(drawn, limits)
     drawn = without_idle(stop_early(drawn, config.stop_share, generator), limits)
     known = [fit.kept, fit.mean[None]] if last else [fit.kept]
     return np.concatenate([*known, drawn])
@@ -73,7 +77,7 @@ def _refit(fit: Fit | None, sequences: PushSequences, costs: Scalars, settings: 
     mean = weighted_mean(elites, np.full(len(elites), 1.0 / len(elites)))
     apart = elites - mean
     apart[..., LOCATION] = wrap_angle(apart[..., LOCATION])
-    deviation = np.sqrt(np.square(apart).mean(axis=0))
+    deviation = np.sqrt(np.square(apart[..., PATH]).mean(axis=0))
     if fit is None:
         return Fit(mean, deviation, kept)
     share = np.array([settings.momentum, 1.0 - settings.momentum])

@@ -27,7 +27,7 @@ def draw_permitted(
     count: int,
     generator: np.random.Generator,
 ) -> PushSequences:
-    """Return up to so many sequences (K, H, 3) whose first push can be carried out.
+    """Return up to so many sequences (K, H, 5) whose first push can be carried out.
 
     `draw` returns about as many sequences as it is asked for, the dearest to it first. Uniform
     draws are added where most of them are blocked.
@@ -88,7 +88,7 @@ def propose(
 
 
 def without_idle(sequences: PushSequences, limits: PushLimits) -> PushSequences:
-    """Make rests of pushes (K, H, 3) that would end before they touch the mid disk."""
+    """Make rests of pushes (K, H, 5) that would end before they touch the mid disk."""
     touching = sequences[..., LENGTH] > limits.clearance
     sequences[..., LENGTH] *= touching
     return sequences

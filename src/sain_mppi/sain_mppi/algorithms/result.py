@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
-from sain_core.push import PUSH_SIZE
+from sain_core.push import idle_pushes
 from sain_core.scene import POSITION
 from sain_core.types import (
     PredictedScenes,
@@ -83,7 +83,7 @@ class PlanResult:
 
     @property
     def push(self) -> PushArray:
-        """The push (3,) to execute."""
+        """The push (5,) to execute."""
         return np.asarray(self.pushes[0])
 
     def way(self, scene: Scene, disk: int) -> Float[ndarray, "S 2"]:
@@ -99,10 +99,10 @@ class PlanResult:
 class Elites:
     """The best sequences in order, and what the very best leads to and costs."""
 
-    def __init__(self, horizon: int, shown: int, push_size: int = PUSH_SIZE) -> None:
+    def __init__(self, horizon: int, shown: int) -> None:
         """Begin with nothing; keep so many sequences to be shown."""
         self.cost = np.inf
-        self.sequences: PushSequences = np.empty((0, horizon, push_size))
+        self.sequences: PushSequences = idle_pushes(0, horizon)
         self.terms: dict[str, float] = {}
         self._predicted: Scenes | None = None
         self._costs: Scalars = np.empty(0)  # of the elites

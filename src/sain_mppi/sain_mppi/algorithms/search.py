@@ -8,6 +8,7 @@ import numpy as np
 from sain_core.errors import ModelUnavailableError
 from sain_core.feasibility import Feasibility
 from sain_core.model import Radii, RolloutModel, check_rollout
+from sain_core.push import idle_pushes
 from sain_core.scene import POSITION
 from sain_core.types import (
     Mask,
@@ -42,9 +43,9 @@ class Search:
         known: PushSequences | None = None,
         shortest: float = 0.0,
     ) -> None:
-        """Begin with nothing found, in a scene (N, 8) from which some pushes (3,) were refused.
+        """Begin with nothing found, in a scene (N, 8) from which some pushes (5,) were refused.
 
-        The plan is wanted at the deadline, a `time.monotonic`; None: whenever. `known` (E, H, A)
+        The plan is wanted at the deadline, a `time.monotonic`; None: whenever. `known` (E, H, 5)
         are what was found for about this scene. They are rolled out in one batch with the first
         sequences that an algorithm tries. Pushes that move their body by less than the `shortest`
         way [m] are not permitted as the first.
@@ -52,14 +53,14 @@ class Search:
         self.model, self.config, self.feasibility = model, config, feasibility
         self.scene, self.objective, self.refused = scene, objective, refused
         self.shortest = shortest
-        self.elites = Elites(config.horizon, config.shown, objective.push_size)
+        self.elites = Elites(config.horizon, config.shown)
         self.effective = 0.0
         self.samples = self.rounds = 0
         self._pacing = Pacing(deadline)
         self._rollout_time = self._cost_time = 0.0
         self._began = perf_counter()
         self.rest_cost = objective.rest_cost(scene, config.horizon)
-        self.known: PushSequences = np.empty((0, config.horizon, objective.push_size))
+        self.known: PushSequences = idle_pushes(0, config.horizon)
         if known is not None:
             self.known = known[self.permitted(known[:, 0])]
         self._waiting = self.known
@@ -84,12 +85,12 @@ class Search:
         return f"from here: {name} at ({x:.3f}, {y:.3f}) m{refused}"
 
     def permitted(self, pushes: Pushes) -> Mask:
-        """Tell which pushes (B, A) touch their body, can be carried out, and were not refused."""
+        """Tell which pushes (B, 5) touch their body, can be carried out, and were not refused."""
         bodies, shortest = self.objective.bodies, self.shortest
         return permitted(self.scene, pushes, self.feasibility, self.refused, bodies, shortest)
 
     def evaluate(self, sequences: PushSequences) -> Scalars:
-        """Roll out sequences (K, H, 3) and return what they cost (K,); their first pushes must be
+        """Roll out sequences (K, H, 5) and return what they cost (K,); their first pushes must be
         permitted.
 
         The cost is infinite where the prediction is not finite, and where the deadline came first.
@@ -109,7 +110,7 @@ class Search:
         return costs
 
     def probe(self, sequences: PushSequences) -> Scalars:
-        """Return what variants (K, H, 3) of evaluated sequences cost (K,); they are no round.
+        """Return what variants (K, H, 5) of evaluated sequences cost (K,); they are no round.
 
         Infinite as in `evaluate`, and where a first push is not permitted, all if need be.
         """

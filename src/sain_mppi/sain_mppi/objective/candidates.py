@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
-from sain_core.push import ANGLE, LENGTH, LOCATION, PUSH_SIZE, PushLimits
+from sain_core.push import ANGLE, LENGTH, LOCATION, PushLimits, idle_pushes
 from sain_core.scene import MID, POSITION, RADIUS, TARGET, unit
 from sain_core.types import Place, Points, PushSequences, Scalars, Scene
 from sain_mppi.objective.sampling import inside_limits
@@ -93,10 +93,10 @@ def _bearing_to_goal(
 def _strokes(
     waypoints: Points, limits: PushLimits, generator: np.random.Generator
 ) -> PushSequences:
-    """Turn the mid disk's waypoints (K, H + 1, 2) into pushes (K, H, 3) of allowed length."""
+    """Turn the mid disk's waypoints (K, H + 1, 2) into pushes (K, H, 5) of allowed length."""
     legs = np.diff(waypoints, axis=1)
     travel = np.linalg.norm(legs, axis=-1)
-    pushes = np.zeros((*travel.shape, PUSH_SIZE))
+    pushes = idle_pushes(*travel.shape)
     angle = ANGLE_SCATTER * generator.standard_normal(travel.shape)
     pushes[..., LOCATION] = np.arctan2(legs[..., 1], legs[..., 0]) - angle / 2
     pushes[..., ANGLE] = angle

@@ -43,7 +43,7 @@ class Rollout:
 
     before: PredictedScenes  # (K, H, N, 8), the scene that each push starts from
     after: PredictedScenes  # (K, H, N, 8), the scene that each push leads to
-    pushes: PushSequences  # (K, H, A)
+    pushes: PushSequences  # (K, H, 5)
     moving: Mask  # (K, H), pushes that are not of zero length
     regions: Radii | None = None  # (K, H, N) [m]; None: not asked for, or not known
 

@@ -8,7 +8,7 @@ import numpy as np
 from sain_core.feasibility import Feasibility
 from sain_core.goal import BodyPose, Goal
 from sain_core.model import Radii
-from sain_core.push import ANGLE, LENGTH, LOCATION, PUSH_SIZE, push_direction
+from sain_core.push import ANGLE, BODY, LENGTH, LOCATION, PUSH_SIZE, idle_pushes, push_direction
 from sain_core.scene import POSITION, THETA, wrap_angle
 from sain_core.shapes.bodies import Bodies
 from sain_core.shapes.outline import outline_of
@@ -50,7 +50,6 @@ class Objective:
         self.goal, self.start, self.weights = goal, start, weights
         self.feasibility, self.bodies = feasibility, bodies.fitted(len(start))
         self.pushable = self.bodies.pushable
-        self.push_size = PUSH_SIZE if self.pushable == (0,) else PUSH_SIZE + 1
 
     @property
     def has_corners(self) -> bool:
@@ -64,7 +63,7 @@ class Objective:
         predicted: PredictedScenes,
         regions: Radii | None = None,
     ) -> dict[str, Scalars]:
-        """Return the cost terms (K,), weighted, of sequences (K, H, A) from a scene (N, 8).
+        """Return the cost terms (K,), weighted, of sequences (K, H, 5) from a scene (N, 8).
 
         Raises:
             ConfigError: a term that an installed package offers fails.
@@ -77,26 +76,26 @@ class Objective:
     def rest_cost(self, scene: Scene, horizon: int = 1) -> float:
         """Return what doing nothing costs: so many pushes of zero length from a scene (N, 8)."""
         stay = np.broadcast_to(scene, (1, horizon, *scene.shape))
-        rest = np.zeros((1, horizon, self.push_size))
+        rest = idle_pushes(1, horizon)
         return float(total_cost(self.terms(scene, rest, stay))[0])
 
     def uniform(self, generator: np.random.Generator, count: int, horizon: int) -> PushSequences:
-        """Draw sequences (count, H, A) of any allowed pushes, evenly along all outlines."""
+        """Draw sequences (count, H, 5) of any allowed pushes, evenly along all outlines."""
         drawn = uniform_sequences(self.feasibility.limits, generator, count, horizon)
-        if self.push_size == PUSH_SIZE:
+        if self.pushable == (0,):
             return drawn
         perimeters = [
             2 * np.pi if shape.is_round else outline_of(shape).perimeter
             for shape in (self.bodies.shapes[body] for body in self.pushable)
         ]
         shares = np.array(perimeters) / sum(perimeters)
-        body = generator.choice(self.pushable, (count, horizon, 1), p=shares)
-        return np.concatenate([drawn, body.astype(np.float64)], axis=-1)
+        drawn[..., BODY] = generator.choice(self.pushable, (count, horizon), p=shares)
+        return drawn
 
     def candidates(
         self, scene: Scene, generator: np.random.Generator, count: int, horizon: int
     ) -> PushSequences:
-        """Return informed proposals (count, H, A), each with random details.
+        """Return informed proposals (count, H, 5), each with random details.
 
         Bodies that are far from their poses are drawn more often.
         """
@@ -138,8 +137,8 @@ class Objective:
             heading = push_direction(sequences) - scene[pusher, THETA]
             sequences[..., LOCATION], angle = outline.facing(heading)
             sequences[..., ANGLE] = np.clip(angle, -limits.max_angle, limits.max_angle)
-        more = self.push_size - PUSH_SIZE
-        return np.pad(sequences, ((0, 0), (0, 0), (0, more)), constant_values=pusher)
+        sequences[..., BODY] = pusher
+        return sequences
 
     def _straight_at(
         self,
@@ -162,16 +161,15 @@ class Objective:
         apart = wrap_angle(facing[:, None] - normal)
         best = np.argmin(np.abs(apart), axis=1)
         rows = np.arange(len(best))
-        limits, pushes = self.feasibility.limits, np.zeros((len(best), self.push_size))
+        limits, pushes = self.feasibility.limits, idle_pushes(len(best))
         pushes[:, LOCATION] = location[rows, best]
         widest = limits.max_angle
         pushes[:, ANGLE] = np.clip(apart[rows, best], -widest, widest)
         way = np.linalg.norm(aim.ways, axis=1)
         scatter = 1.0 + SLIDE_SCATTER * generator.standard_normal(len(best))
         pushes[:, LENGTH] = np.minimum(limits.clearance + way * np.abs(scatter), limits.max_length)
-        if self.push_size > PUSH_SIZE:
-            pushes[:, PUSH_SIZE] = aim.bodies
-        return inside_limits(pushes.reshape(count, horizon, self.push_size), limits)
+        pushes[:, BODY] = aim.bodies
+        return inside_limits(pushes.reshape(count, horizon, PUSH_SIZE), limits)
 
     def _aim(
         self, scene: Scene, shares: Scalars, generator: np.random.Generator, count: int

@@ -8,11 +8,21 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from sain_core.config import Config, option
-from sain_core.push import ANGLE, BODY, LENGTH, LOCATION, PUSH_SIZE, PushLimits
+from sain_core.push import (
+    ANGLE,
+    BODY,
+    LENGTH,
+    LOCATION,
+    PATH,
+    PUSH_SIZE,
+    SPEED,
+    PushLimits,
+    idle_pushes,
+)
 from sain_core.scene import wrap_angle
 from sain_core.types import PushArray, Pushes, PushSequences, Scalars
 
-Sequence = Float[ndarray, "H A"]
+Sequence = Float[ndarray, "H 5"]
 
 
 @dataclass(frozen=True)
@@ -56,11 +66,12 @@ def reflect(values: Scalars, low: float, high: float) -> Scalars:
 
 
 def inside_limits(pushes: PushSequences, limits: PushLimits) -> PushSequences:
-    """Bring pushes (..., 3) into the limits: locations wrap, angles and lengths reflect."""
+    """Bring pushes (..., 5) into the limits: locations wrap, angles, lengths and speeds reflect."""
     inside = pushes.copy()
     inside[..., LOCATION] = wrap_angle(pushes[..., LOCATION])
     inside[..., ANGLE] = reflect(pushes[..., ANGLE], -limits.max_angle, limits.max_angle)
     inside[..., LENGTH] = reflect(pushes[..., LENGTH], 0.0, limits.max_length)
+    inside[..., SPEED] = reflect(pushes[..., SPEED], limits.min_speed, limits.max_speed)
     return inside
 
 
@@ -72,14 +83,14 @@ def gaussian_sequences(
     generator: np.random.Generator,
     count: int,
 ) -> PushSequences:
-    """Draw sequences (count, H, A) about a mean (H, A), or each about its own (count, H, A).
+    """Draw sequences (count, H, 5) about a mean (H, 5), or each about its own (count, H, 5).
 
     Each has its own scale of noise.
     """
     scale = np.exp(generator.uniform(np.log(spread), 0.0, (count, 1, 1)))
     drawn = np.broadcast_to(mean, (count, *mean.shape[-2:])).copy()
-    noise = generator.standard_normal((*drawn.shape[:2], PUSH_SIZE)) * deviations * scale
-    drawn[..., :PUSH_SIZE] += noise
+    noise = generator.standard_normal(drawn[..., PATH].shape) * deviations * scale
+    drawn[..., PATH] += noise
     return inside_limits(drawn, limits)
 
 
@@ -108,7 +119,7 @@ def coloured_noise(
 def uniform_sequences(
     limits: PushLimits, generator: np.random.Generator, count: int, horizon: int
 ) -> PushSequences:
-    """Draw sequences (count, H, 3) of pushes from any side, of any allowed angle and length."""
+    """Draw sequences (count, H, 5) of pushes from any side, of any allowed angle and length."""
     return limits.sample(generator, count * horizon).reshape(count, horizon, PUSH_SIZE)
 
 
@@ -125,31 +136,31 @@ def stop_early(
 
 
 def weighted_mean(sequences: PushSequences, weights: Scalars) -> Sequence:
-    """Return the mean (H, A) of sequences (K, H, A); locations are averaged on the circle.
+    """Return the mean (H, 5) of sequences (K, H, 5); locations are averaged on the circle.
 
-    Where pushes name bodies, each push of the mean is of those against the body with most weight.
+    Each push of the mean is of those against the body with most weight.
     """
-    if sequences.shape[-1] > PUSH_SIZE:
+    bodies = sequences[0, :, BODY]
+    if (sequences[..., BODY] != bodies).any():
         return np.stack([_mean_push(step, weights) for step in sequences.swapaxes(0, 1)])
     mean = np.einsum("k,khp->hp", weights, sequences)
     sine = weights @ np.sin(sequences[..., LOCATION])
     cosine = weights @ np.cos(sequences[..., LOCATION])
-    mean[:, LOCATION] = wrap_angle(np.arctan2(sine, cosine))
+    mean[:, LOCATION], mean[:, BODY] = wrap_angle(np.arctan2(sine, cosine)), bodies
     return mean
 
 
 def _mean_push(pushes: Pushes, weights: Scalars) -> PushArray:
-    """Return the mean (4,) of the pushes (K, 4) against the body that has most of the weight."""
-    bodies, which = np.unique(pushes[:, BODY], return_inverse=True)
+    """Return the mean (5,) of the pushes (K, 5) against the body that has most of the weight."""
+    _, which = np.unique(pushes[:, BODY], return_inverse=True)
     best = int(np.argmax(np.bincount(which, weights=weights)))
     mine = which == best
     of_body = weights[mine] / weights[mine].sum()
-    mean = weighted_mean(pushes[mine, None, :PUSH_SIZE], of_body)[0]
-    return np.append(mean, bodies[best])
+    return np.asarray(weighted_mean(pushes[mine, None], of_body)[0])
 
 
 def shift(sequences: PushSequences) -> PushSequences:
-    """Drop the first push of sequences (K, H, 3), which was executed, and rest at their ends."""
+    """Drop the first push of sequences (K, H, 5), which was executed, and rest at their ends."""
     shifted = np.roll(sequences, -1, axis=-2)
-    shifted[..., -1, :] = 0.0
+    shifted[..., -1, :] = idle_pushes()
     return shifted

@@ -100,7 +100,7 @@ class RemoteRollout:
         self._closed.set()
 
     def rollout(self, scene: Scene, pushes: PushSequences) -> PredictedScenes:
-        """Predict scenes (K, H, N, 8) for push sequences (K, H, A) from one scene (N, 8).
+        """Predict scenes (K, H, N, 8) for push sequences (K, H, 5) from one scene (N, 8).
 
         Raises:
             ModelUnavailableError: nobody serves, answers in time, or answers what was asked.

@@ -14,10 +14,10 @@ import numpy as np
 from sain_core.config import Config, option
 from sain_core.dataset import MOVED, ROUGH, Column, Row, describe_bodies
 from sain_core.errors import ConfigError, SainError
-from sain_core.push import PUSH_SIZE, PaperGrid, pushed_bodies
+from sain_core.push import PaperGrid
 from sain_core.scene import POSITION, TARGET
 from sain_core.seeding import generator
-from sain_core.shapes.bodies import MOST_BODIES, Bodies, Role
+from sain_core.shapes.bodies import MOST_BODIES, Role
 from sain_core.shapes.library import built_shapes, check_footprint, footprint_names
 from sain_core.shapes.solids import DISK, DISK_SHAPES, THREE_FEET
 from sain_core.types import PushArray
@@ -194,7 +194,7 @@ class EpisodeRunner:
         parameters = self._world.parameters
         row: dict[str, Any] = {
             Column.STATE: before.ravel(),
-            Column.ACTION: push[:PUSH_SIZE],
+            Column.ACTION: push,
             Column.PHYSICS_NEXT: self._shadow.predict(before, push).ravel(),
             Column.NEXT_STATE: after.ravel(),
             Column.FLOOR_NEXT: again.ravel(),
@@ -211,17 +211,12 @@ class EpisodeRunner:
         }
         rough = {f"{ROUGH}{name}": v for name, v in parameters.roughness.arrays().items()}
         named = self._config.shapes or not parameters.bodies.are_paper_disks
-        return {**row, **(about_bodies(parameters.bodies, push) if named else {}), **rough}
+        return {**row, **(describe_bodies(parameters.bodies) if named else {}), **rough}
 
     def close(self) -> None:
         """Let go of the worlds."""
         self._world.close()
         self._shadow.close()
-
-
-def about_bodies(bodies: Bodies, push: PushArray) -> dict[str, Any]:
-    """Return the columns of a push that name the bodies of its scene and the pushed one."""
-    return {Column.BODY: int(pushed_bodies(push)), **describe_bodies(bodies)}
 
 
 def _count(outcome: Outcome, counts: PushCounts, any_body: bool) -> bool:

@@ -5,7 +5,7 @@ from typing import Final
 
 import numpy as np
 
-from sain_core.push import PaperGrid, PushLimits
+from sain_core.push import PaperGrid, PushLimits, make_push
 from sain_core.scene import MID, POSITION, RADIUS, TARGET, wrap_angle
 from sain_core.shapes.bodies import PAPER_DISKS, Bodies
 from sain_core.shapes.outline import outline_of
@@ -23,7 +23,7 @@ class CircleSampler:
     def draw(
         self, generator: np.random.Generator, scene: Scene, bodies: Bodies = PAPER_DISKS
     ) -> PushArray:
-        """Return a push (3,) for a scene (N, 8) of disks."""
+        """Return a push (5,) for a scene (N, 8) of disks."""
         limits = PushLimits()
         angle = generator.uniform(-limits.max_angle, limits.max_angle)
         length = generator.uniform(SHORTEST, limits.max_length)
@@ -31,7 +31,7 @@ class CircleSampler:
         if generator.uniform() < AIMED:
             way = scene[TARGET, POSITION] - scene[MID, POSITION]
             heading = np.arctan2(way[1], way[0]) + generator.normal(0.0, AIM_SPREAD)
-        return np.array([wrap_angle(np.asarray(heading - angle)), angle, length])
+        return make_push(wrap_angle(np.asarray(heading - angle)), angle, length)
 
 
 class OutlineSampler:
@@ -40,14 +40,14 @@ class OutlineSampler:
     def draw(
         self, generator: np.random.Generator, scene: Scene, bodies: Bodies = PAPER_DISKS
     ) -> PushArray:
-        """Return a push (4,) for a scene (N, 8) of bodies."""
+        """Return a push (5,) for a scene (N, 8) of bodies."""
         lengths = [scene[body, RADIUS] * perimeter(bodies.shapes[body]) for body in bodies.pushable]
         body = generator.choice(bodies.pushable, p=np.array(lengths) / sum(lengths))
         limits = PushLimits()
         location = -generator.uniform(-pi, pi)  # (-pi, pi]
         angle = generator.uniform(-limits.max_angle, limits.max_angle)
         length = generator.uniform(SHORTEST, limits.max_length)
-        return np.array([location, angle, length, body])
+        return make_push(location, angle, length, body=body)
 
 
 def perimeter(shape: Shape) -> float:
@@ -65,5 +65,5 @@ class GridSampler:
     def draw(
         self, generator: np.random.Generator, scene: Scene, bodies: Bodies = PAPER_DISKS
     ) -> PushArray:
-        """Return a push (3,), whatever the scene."""
+        """Return a push (5,), whatever the scene."""
         return np.asarray(self._pushes[generator.integers(len(self._pushes))])

@@ -15,6 +15,7 @@ from sain_core.dataset import (
     shard_path,
 )
 from sain_core.errors import DatasetError
+from sain_core.old_files import converted_rows
 from sain_core.scene import STATE_SIZE
 from sain_core.storage import read_arrays, write_arrays
 
@@ -135,7 +136,7 @@ def load_shards(folder: Path) -> Columns:
 
 def _load(path: Path) -> Columns:
     try:
-        arrays = read_arrays(path)
+        arrays = converted_rows(read_arrays(path))
     except DatasetError as error:
         raise DatasetError(f"{error}; delete it to have it made anew") from error
     missing = {Column.STEP, *NEEDED} - arrays.keys()

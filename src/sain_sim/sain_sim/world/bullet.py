@@ -30,7 +30,7 @@ class Bullet(BulletPrior):
         return self._refused
 
     def predict(self, scene: Scene, push: PushArray) -> Scene:
-        """Predict the settled scene (N, 8) after one push (3,) from a scene (N, 8)."""
+        """Predict the settled scene (N, 8) after one push (5,) from a scene (N, 8)."""
         try:
             return super().predict(scene, push)
         except UnreachableError:

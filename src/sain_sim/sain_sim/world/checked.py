@@ -82,7 +82,7 @@ class CheckedWorld(Closeable):
         every: int = 1,
         seen: Scene | None = None,
     ) -> Outcome:
-        """Execute one push (3,) and wait until the scene is settled.
+        """Execute one push (5,) and wait until the scene is settled.
 
         Args:
             push: location, angle and length.
@@ -100,7 +100,7 @@ class CheckedWorld(Closeable):
         """Tell whether every body on the table is settled."""
 
     def check(self, push: PushArray, seen: Scene | None = None) -> Stroke:
-        """Return the tool's way for a push (3,) that can be carried out from here.
+        """Return the tool's way for a push (5,) that can be carried out from here.
 
         Only `push` finds a pose that the arm cannot take, or a body that is moved into the tool's
         way.

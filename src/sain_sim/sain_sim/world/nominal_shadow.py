@@ -2,7 +2,6 @@
 
 from dataclasses import replace
 
-from sain_core.push import PUSH_SIZE
 from sain_core.scene import POSITION, THETA
 from sain_core.types import PushArray, Scene
 from sain_sim.world.parameters import NOMINAL_MASS, WorldParameters
@@ -18,9 +17,9 @@ class NominalShadow(BulletPrior):
     """
 
     def predict(self, scene: Scene, push: PushArray) -> Scene:
-        """Predict the settled scene (N, 8) after one push (3,) or (4,) from a scene (N, 8)."""
+        """Predict the settled scene (N, 8) after one push (5,) from a scene (N, 8)."""
         truth = self.truth
-        if truth is None or is_idle(push) or (len(push) == PUSH_SIZE and is_plain(truth)):
+        if truth is None or is_idle(push) or is_plain(truth):
             return super().predict(scene, push)
         parameters = self._with_shapes(scene, truth)
         start = parameters.scene(scene[:, POSITION], scene[:, THETA])

@@ -70,7 +70,7 @@ class BulletPrior(Closeable, Model):
         self._world = World(nominal_parameters(), config, engine=engine)
 
     def step(self, scenes: Scenes, pushes: Pushes) -> Scenes:
-        """Predict the settled scenes (B, N, 8) after pushes (B, 3) from scenes (B, N, 8).
+        """Predict the settled scenes (B, N, 8) after pushes (B, 5) from scenes (B, N, 8).
 
         Raises:
             UnreachableError: a push that the arm cannot carry out.
@@ -81,7 +81,7 @@ class BulletPrior(Closeable, Model):
         return predicted
 
     def predict(self, scene: Scene, push: PushArray) -> Scene:
-        """Predict the settled scene (N, 8) after one push (3,) from a scene (N, 8)."""
+        """Predict the settled scene (N, 8) after one push (5,) from a scene (N, 8)."""
         if is_idle(push):
             return scene.copy()
         parameters = self._parameters(scene)

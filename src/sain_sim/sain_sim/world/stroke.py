@@ -24,7 +24,7 @@ class Stroke:
     def of_push(
         cls, scene: Scene, push: PushArray, limits: PushLimits, bodies: Bodies = PAPER_DISKS
     ) -> "Stroke":
-        """Return the tool's way for a push (3,) or (4,) in a scene (N, 8), of disks by default."""
+        """Return the tool's way for a push (5,) in a scene (N, 8), of disks by default."""
         start, heading = strokes(scene, push, limits, bodies)
         return cls(start, start + push[LENGTH] * unit(heading), float(heading))
 

@@ -114,7 +114,7 @@ class World(CheckedWorld):
         every: int = 1,
         seen: Scene | None = None,
     ) -> Outcome:
-        """Execute one push (3,); see `CheckedWorld.push`.
+        """Execute one push (5,); see `CheckedWorld.push`.
 
         With `on_step`, the push is executed once before, without calls: no refused push is shown.
 

@@ -72,7 +72,7 @@ def test_parquet_has_the_types_and_the_card_in_its_schema(bag: Path, tmp_path: P
     out = to("parquet", bag, tmp_path / "out")
     schema = parquet.read_schema(out / "train-00000.parquet")
     assert schema.field("state").type == pyarrow.list_(pyarrow.float64(), 16)
-    assert schema.field("action").type == pyarrow.list_(pyarrow.float64(), 3)
+    assert schema.field("action").type == pyarrow.list_(pyarrow.float64(), 5)
     assert schema.field("stamp").type == pyarrow.int64()
     assert schema.field("push_id").type == pyarrow.uint64()
     assert schema.field("moved").type == pyarrow.bool_()

@@ -108,7 +108,7 @@ def test_minari_terminates_at_the_goal(tmp_path: Path) -> None:
 
     from sain_bags.dataset.formats.to_minari import write
 
-    rows = pushes([0.4, 0.6, 0.89, 0.7, 0.6]) | {"action": np.zeros((4, 3))}
+    rows = pushes([0.4, 0.6, 0.89, 0.7, 0.6]) | {"action": np.zeros((4, 5))}
     spread: dict[str, Any] = {"minimum": -4.0, "maximum": 4.0}
     source = stored(tmp_path, rows)
     card = {"ranges": dict.fromkeys(("location", "angle", "length"), spread)}

@@ -86,7 +86,7 @@ def _cut(columns: Columns, rows: slice) -> Columns:
 def _tidy(columns: Columns, rows: slice) -> Columns:
     """Return some rows with columns in order, and texts as wide as the longest of them."""
     tidy = {}
-    passed = [name for name in (Column.BODY, GOAL_ID) if name in columns]
+    passed = [name for name in (GOAL_ID,) if name in columns]
     for name in map(str, (*RECORDED, *passed)):
         column = columns[name][rows]
         if column.dtype.kind == "U":

@@ -48,8 +48,8 @@ def write(rows: StoredRows, folder: Path) -> None:
 def _pushes(ranges: dict[str, Any]) -> Box:
     """Return the space of pushes: the limits, extended by recorded pushes beyond them."""
     limits = PushLimits()
-    low = np.array([-np.pi, -limits.max_angle, 0.0])
-    high = np.array([np.pi, limits.max_angle, limits.max_length])
+    low = np.array([0.0, -np.pi, -limits.max_angle, 0.0, limits.min_speed])
+    high = np.array([0.0, np.pi, limits.max_angle, limits.max_length, limits.max_speed])
     recorded = [ranges[name] for name in PUSH_NAMES]
     low = np.minimum(low, [spread["minimum"] for spread in recorded])
     high = np.maximum(high, [spread["maximum"] for spread in recorded])
