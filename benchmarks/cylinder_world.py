@@ -17,7 +17,7 @@ from sain_core.errors import ConfigError
 from sain_core.push import LENGTH, PushLimits, strokes
 from sain_core.scene import POSITION, make_scene, unit
 from sain_core.types import Points, PushArray, Scalars, Scene
-from sain_pusht.way import Room, way_round
+from sain_pusht.motion import Room, path_round
 
 SCALE: Final = 0.1  # our metres in one of judo's
 STEPS: Final = 750  # of an episode: `max_num_task_steps` of judo's run_mpc, 15 s
@@ -181,7 +181,7 @@ class CylinderWorld:
         size = self.radius / np.cos(np.pi / CORNERS)
         cart, place = self.task.data.qpos[2:4], self.task.data.qpos[:2].copy()
         outline = cart + size * unit(angles)
-        way = way_round(place, start, outline, self.radius + self._pace.keep_off, ROOM)
+        way = path_round(place, start, outline, self.radius + self._pace.keep_off, ROOM)
         total = float(np.hypot(*np.diff(way, axis=0).T).sum())
         return along(way, travel_times(total, self._pace.free, self._pace.speeding * 4, self._step))
 

@@ -33,7 +33,7 @@ from sain_core.ros.qos import LATCHED, RELIABLE
 from sain_core.scene import POSE, POSITION, TARGET, check_scene, unit
 from sain_core.seeding import generator
 from sain_core.types import Points, Scene
-from sain_eval.loop.statistics import wilson_interval
+from sain_eval.loop.results import wilson_interval
 from sain_eval.scenes.placement import draw_goal, touching_distance
 from sain_interfaces.msg import Goal as GoalMessage
 from sain_interfaces.msg import Plan

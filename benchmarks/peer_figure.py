@@ -13,7 +13,7 @@ from sain_core.bootstrap import bootstrap_mean
 from sain_core.drawing.figures import TEXT, new_figure, style_axes
 from sain_core.drawing.palette import PALETTE
 from sain_core.seeding import generator
-from sain_eval.loop.statistics import wilson_interval
+from sain_eval.loop.results import wilson_interval
 from sain_model.evaluation.markdown import markdown_table
 
 Lines = Sequence[dict[str, Any]]  # of the journal

@@ -15,7 +15,7 @@ from matplotlib.axes import Axes
 
 from sain_core.drawing.figures import TEXT, new_figure, style_axes, write_png
 from sain_core.drawing.palette import PALETTE
-from sain_eval.loop.statistics import wilson_interval
+from sain_eval.loop.results import wilson_interval
 
 SERIES: Final = (  # models as the page names them, what they are called in the picture, colour
     (("straight pushes",), "straight pushes", PALETTE.floor),

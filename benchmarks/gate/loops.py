@@ -12,9 +12,9 @@ from sain_core.bootstrap import Interval, bootstrap_ratio
 from sain_core.scene import TARGET
 from sain_core.seeding import generator
 from sain_core.workers.running import WorkerOptions
-from sain_eval.loop.evaluation import EpisodeJob, run_jobs
+from sain_eval.episode import Tolerance
+from sain_eval.loop.evaluation import EpisodeJob, run_jobs, run_on
 from sain_eval.loop.results import SceneRecord, summarise
-from sain_eval.tolerance import Tolerance
 from sain_model.data.mixed import load_datasets, load_transitions
 from sain_model.dynamics.load import load_shipped
 from sain_model.evaluation.history_errors import (
@@ -24,7 +24,7 @@ from sain_model.evaluation.history_errors import (
 )
 from sain_model.evaluation.metrics import position_errors
 from sain_model.evaluation.shape_errors import PUSHED, shape_errors
-from sain_pusht.evaluation import PushtJob, results_row, run_pusht_jobs
+from sain_pusht.evaluation import WORK, PushtJob, pusht_row
 from sain_sim.world.engines import MUJOCO
 from sain_sim.world.truth import RANDOMISED_TRUTH, ROUGH, TruthConfig
 
@@ -155,8 +155,9 @@ def measure() -> list[Gate]:
     shipped, planar = (row for part, row in rows.items() if part.world == "rough")
     more = shipped["successes"] - planar["successes"]
     gates.append(Gate("rough, anywhere: SAIN - planar", more, "scenes", "-8 of 100", at_least=0))
-    with closing(run_pusht_jobs([PushtJob(seed, "pusht") for seed in PUSHT], WORKERS)) as played:
-        gates += _gates("gym-pusht", results_row("pusht", list(played)), "500/500, 3.3")
+    with closing(run_on(WORK, [PushtJob(seed, "pusht") for seed in PUSHT], WORKERS)) as played:
+        row = pusht_row([record for done in played for record in done])
+    gates += _gates("gym-pusht", row, "500/500, 3.3")
     return gates
 
 

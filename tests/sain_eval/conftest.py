@@ -7,7 +7,7 @@ from sain_core.goal import Goal
 from sain_core.push import make_push
 from sain_core.scene import POSITION, TARGET, make_scene
 from sain_core.world import PushRecord
-from sain_eval.plots.episode_record import EpisodeRecord
+from sain_eval.episode import EpisodeRecord
 
 
 @pytest.fixture

@@ -5,11 +5,11 @@ import numpy as np
 import pytest
 
 from sain_core.errors import ConfigError, NoPushError
+from sain_eval.episode import Tolerance
 from sain_eval.loop.closed_loop import EpisodeOutcome, run_episode
 from sain_eval.loop.controllers import agent_maker
 from sain_eval.scenes.scenarios import SCENARIOS
 from sain_eval.scenes.shape_scenarios import StreakScenario
-from sain_eval.tolerance import Tolerance
 from sain_gym import AgentPolicy
 from sain_gym.push_env import PushEnv
 from sain_sim.world.truth import TruthConfig

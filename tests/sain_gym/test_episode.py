@@ -7,9 +7,8 @@ from sain_core.errors import BlockedError, ErrorCode
 from sain_core.push import make_push
 from sain_core.scene import POSITION, TARGET, THETA, VX
 from sain_core.world import DivergedError
-from sain_eval.plots.episode_record import EpisodeRecord
+from sain_eval.episode import EpisodeRecord, Tolerance
 from sain_eval.scenes.scenarios import SCENARIOS
-from sain_eval.tolerance import Tolerance
 from sain_gym.episode import PushEpisode
 
 PUSH = make_push(0.0, 0.0, 0.1)
@@ -55,7 +54,7 @@ def test_success_is_that_of_an_evaluation(off: float, turned: float, solved: boo
     goal, start = episode.record.goal, episode.scene
     after = at_the_goal(episode, off, turned)
     verdict = episode.execute(PUSH, after)
-    record = EpisodeRecord(goal, (), start, episode.case.shapes, roles=episode.case.roles)
+    record = EpisodeRecord(goal, (), start, episode.case.bodies)
     assert record.judge(after, Tolerance(0.02)).reached == solved
     assert (verdict.terminated, verdict.truncated) == (solved, False)
     assert episode.info()["is_success"] == episode.over == solved

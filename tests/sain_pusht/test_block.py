@@ -13,7 +13,7 @@ from sain_pusht.block import (
     pusht_bodies,
     scene_of,
 )
-from sain_pusht.world import PushtWorld
+from sain_pusht.world import NEAR, TURNED, PushtWorld
 
 
 @pytest.mark.parametrize("seed", [0, 3, 7])
@@ -49,8 +49,6 @@ def test_a_block_at_the_goal_is_a_success_there(world: PushtWorld) -> None:
 
 
 def test_what_the_agent_takes_for_reached_is_a_success_there(world: PushtWorld) -> None:
-    from sain_pusht.episode import NEAR, TURNED
-
     world.reset(0)
     goal = goal_of(world.goal, NEAR, TURNED).placed(world.scene)
     for bearing in np.linspace(0.0, 2 * np.pi, 12):

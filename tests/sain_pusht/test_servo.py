@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from sain_pusht.block import pixels
-from sain_pusht.servo import Servo
+from sain_pusht.motion import Servo
 from sain_pusht.world import PushtWorld
 
 
@@ -15,7 +15,7 @@ def test_it_predicts_the_disk_of_gym_pusht(world: PushtWorld) -> None:
     expected = world.arena.servo.follow(world.motion, targets)[9::10]
     for target, motion in zip(targets, expected, strict=True):
         _, _, _, _, info = world.env.step(pixels(target))
-        world._see(info)
+        world.note(info)
         assert world.motion == pytest.approx(motion, abs=1e-9)
 
 

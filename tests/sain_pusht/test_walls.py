@@ -6,7 +6,7 @@ from sain_core.model import IdentityPrior
 from sain_core.push import idle_pushes
 from sain_pusht.agent import WALLS
 from sain_pusht.block import pusht_bodies, scene_of
-from sain_pusht.walls import InsideWalls
+from sain_pusht.model import InsideWalls
 
 
 def test_blocks_are_moved_straight_back_into_the_room() -> None:

@@ -6,7 +6,7 @@ import pytest
 from sain_core.errors import UnreachableError
 from sain_core.shapes.outline import distance_to_way
 from sain_pusht.block import pusht_bodies, scene_of
-from sain_pusht.way import Room, way_round
+from sain_pusht.motion import Room, path_round
 
 ROOM = Room(0.022, 0.489)
 GAP = 0.019
@@ -25,7 +25,7 @@ def test_ways_keep_their_gap_and_stay_in_the_room() -> None:
         corners = np.broadcast_to(outline, (2, *outline.shape))
         if distance_to_way(ends, ends, corners).min() < GAP:
             continue
-        way = way_round(start, end, outline, GAP, ROOM)
+        way = path_round(start, end, outline, GAP, ROOM)
         corners = np.broadcast_to(outline, (len(way) - 1, *outline.shape))
         assert distance_to_way(way[:-1], way[1:], corners).min() >= GAP - 1e-4
         assert ROOM.contains(way)
@@ -37,7 +37,7 @@ def test_ways_keep_their_gap_and_stay_in_the_room() -> None:
 
 def test_a_free_line_is_the_way() -> None:
     outline = outline_at(256, 256, 0.0)
-    way = way_round(np.array([0.05, 0.05]), np.array([0.05, 0.45]), outline, GAP, ROOM)
+    way = path_round(np.array([0.05, 0.05]), np.array([0.05, 0.45]), outline, GAP, ROOM)
     assert len(way) == 2
 
 
@@ -45,12 +45,12 @@ def test_a_tool_that_touches_the_block_first_leaves_it() -> None:
     outline = outline_at(256, 256, 0.0)
     top = float(outline[:, 1].max())
     start = np.array([0.256, top + 0.015])
-    way = way_round(start, np.array([0.256, 0.05]), outline, GAP, ROOM)
+    way = path_round(start, np.array([0.256, 0.05]), outline, GAP, ROOM)
     assert way[1] == pytest.approx([0.256, top + GAP], abs=1e-9)
 
 
 def test_behind_a_block_at_the_wall_nothing_is_reached() -> None:
     outline = outline_at(60, 30, np.pi / 2)
     shut = np.array([0.03, float(outline[:, 1].max()) + 0.0])
-    with pytest.raises(UnreachableError, match="no way for the tool"):
-        way_round(np.array([0.4, 0.1]), shut, outline, 0.05, ROOM)
+    with pytest.raises(UnreachableError, match="no path for the tool"):
+        path_round(np.array([0.4, 0.1]), shut, outline, 0.05, ROOM)

@@ -9,7 +9,7 @@ from sain_core.scene import POSITION
 from sain_core.shapes.outline import outline_of
 from sain_pusht.agent import LIMITS
 from sain_pusht.collecting import random_pushes
-from sain_pusht.oracle import PushtOracle
+from sain_pusht.model import PushtOracle
 from sain_pusht.world import OVERLAP, PushtWorld
 
 
@@ -40,10 +40,10 @@ def test_a_refused_push_moves_nothing(world: PushtWorld) -> None:
     scene = world.reset(0)
     shape = world.bodies.shapes[0]
     middle = outline_of(shape).facing(np.array(0.0))[0]
-    with pytest.raises(UnreachableError, match="no way for the tool"):
+    with pytest.raises(UnreachableError, match="no path for the tool"):
         world.inner.block.position = (30.0, 256.0)  # half of it is beyond the wall
         world.env.step(np.array([400.0, 400.0]))
-        world._see(world.inner._get_info())
+        world.note(world.inner._get_info())
         scene, steps = world.scene, world.steps
         world.push(make_push(float(middle), 0.0, 0.03))
     assert world.steps == steps

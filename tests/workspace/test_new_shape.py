@@ -14,8 +14,9 @@ from sain_core.feasibility import Feasibility
 from sain_core.goal import Goal
 from sain_core.push import make_push
 from sain_core.scene import MID, POSITION, RADIUS, TARGET, THETA, Table, X, Y, make_scene, unit
+from sain_core.shapes.bodies import Bodies
 from sain_core.shapes.solids import THREE_FEET
-from sain_eval.plots.episode_record import EpisodeRecord
+from sain_eval.episode import EpisodeRecord
 from sain_eval.plots.top_view import draw_top_view
 from sain_eval.scenes.scenarios import AnywhereScenario, PaperScenario
 from sain_sim.camera.render import CameraConfig, Renderer
@@ -109,7 +110,9 @@ def test_a_rendered_picture_shows_its_corners():
 
 def test_the_top_view_draws_its_outline():
     scene, _ = two_bodies(turn=0.3)
-    record = EpisodeRecord(Goal.place(0.7, 0.0, 0.05), (), scene, ("disk", "six_sided"))
+    record = EpisodeRecord(
+        Goal.place(0.7, 0.0, 0.05), (), scene, Bodies.named(("disk", "six_sided"))
+    )
     axes = Figure((4, 4)).add_axes((0, 0, 1, 1))
     draw_top_view(axes, record, Feasibility())
     outlines = [patch.get_xy() for patch in axes.patches if type(patch) is Patch]

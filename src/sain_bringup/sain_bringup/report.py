@@ -12,7 +12,7 @@ from sain_bags.transitions.recorded_episodes import Episode, read_episodes
 from sain_bringup.options import EPISODES_KEY, NAMESPACE_KEY
 from sain_core.cli.terminal import FittingTable
 from sain_core.storage import write_json
-from sain_eval.plots.episode_record import EpisodeRecord
+from sain_eval.episode import EpisodeRecord
 from sain_eval.scenes.scenarios import draw_scene
 
 EpisodeSummary = dict[str, Any]
@@ -66,19 +66,10 @@ class PlayedEpisode:
         """Return the episode as `sain_eval` draws it."""
         episode = self.episode
         assert episode.goal is not None
-        shapes = draw_scene(self.scenario, self.seed).shapes if self.scenario else ()
-        roles: tuple[str, ...] = ()
-        if not episode.bodies.are_paper_disks:
-            shapes = tuple(shape.footprint for shape in episode.bodies.shapes)
-            roles = tuple(map(str, episode.bodies.roles))
-        return EpisodeRecord(
-            goal=episode.goal,
-            pushes=episode.records,
-            start=episode.start,
-            shapes=shapes,
-            roles=roles,
-            title=self.title,
-        )
+        bodies = episode.bodies
+        if bodies.are_paper_disks and self.scenario:
+            bodies = draw_scene(self.scenario, self.seed).bodies
+        return EpisodeRecord(episode.goal, episode.records, episode.start, bodies, self.title)
 
 
 def played_episodes(bag: Bag) -> tuple[PlayedEpisode, ...]:

@@ -6,8 +6,8 @@ from typing import Any, Final, Self
 
 from sain_core.config import Config, option, typed_settings
 from sain_core.errors import ConfigError
+from sain_eval.episode import Tolerance
 from sain_eval.scenes.scenarios import OFFERED, SCENARIOS
-from sain_eval.tolerance import Tolerance
 from sain_sim.world.engines import DEFAULT_ENGINE, ENGINE_HELP
 from sain_sim.world.truth import RANDOMISED, TRUTHS, TruthConfig
 

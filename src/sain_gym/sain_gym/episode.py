@@ -11,9 +11,8 @@ from sain_core.goal import TURN_PER_METRE
 from sain_core.scene import POSITION, is_settled
 from sain_core.types import PushArray, Scene
 from sain_core.world import DivergedError
-from sain_eval.plots.episode_record import EpisodeRecord
+from sain_eval.episode import EpisodeRecord, Tolerance
 from sain_eval.scenes.scenario_scene import ScenarioScene
-from sain_eval.tolerance import Tolerance
 from sain_mppi.agent.goal_tracker import LOOK_AGAIN, GoalTrackerConfig
 
 TABLE: Final = Feasibility().table
@@ -70,7 +69,7 @@ class PushEpisode:
         """Take the next goal."""
         case = self.case
         goal = self._within.apply(case.goals[self.goals_reached])
-        self.record = EpisodeRecord(goal, (), self.scene, case.shapes, roles=case.roles)
+        self.record = EpisodeRecord(goal, (), self.scene, case.bodies)
         self._left = case.max_pushes
         self._refused = 0  # in a row
 

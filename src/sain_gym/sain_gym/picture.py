@@ -16,7 +16,7 @@ from sain_core.drawing.palette import PALETTE
 from sain_core.feasibility import Feasibility
 from sain_core.scene import POSITION, unit
 from sain_core.types import Points, Scene
-from sain_eval.plots.episode_record import EpisodeRecord
+from sain_eval.episode import EpisodeRecord
 
 TopImage = UInt8[ndarray, "size size 3"]
 

@@ -20,7 +20,7 @@ from sain_mppi.agent.goal_tracker import GoalTrackerConfig
 from sain_mppi.algorithms.config import PlannerConfig, ProgressConfig
 from sain_mppi.objective.cost_weights import CostWeights
 from sain_pusht.block import PIXEL
-from sain_pusht.way import KEEP_OFF, Corners, Room
+from sain_pusht.motion import KEEP_OFF, Corners, Room
 
 AGENT_RADIUS: Final = 15 * PIXEL  # [m], gym-pusht's add_circle
 WALLS: Final = (7 * PIXEL, 504 * PIXEL)  # [m], their faces: gym-pusht's add_segment

@@ -15,8 +15,7 @@ from sain_model.data.dataset import Dataset
 from sain_mppi.agent.agent import Agent
 from sain_mppi.algorithms.feasible_mask import permitted
 from sain_pusht.agent import FEASIBILITY, LIMITS
-from sain_pusht.episode import play_pusht
-from sain_pusht.world import PushtWorld
+from sain_pusht.world import PushtWorld, play_pusht
 
 FIRST_SEED: Final = 100_000  # of episodes to learn from: far from those of evaluations
 RANDOM_PUSHES: Final = 12  # in an episode at most
@@ -55,9 +54,8 @@ def played_pushes(
 ) -> Iterator[Row]:
     """Yield the pushes of an agent that plays so many episodes from a seed on."""
     for seed in range(first, first + episodes):
-        _, episode = play_pusht(seed, agent(), world)
-        (pursuit,) = episode.pursuits
-        whole = pursuit.pushes[: len(pursuit.pushes) - world.over]  # the last one was cut off
+        pushes = play_pusht(seed, agent(), world).record.pushes
+        whole = pushes[: len(pushes) - world.over]  # the last one was cut off
         yield from ((push.before, push.push, push.after, seed) for push in whole)
 
 

@@ -5,6 +5,10 @@ from typing import Final
 from sain_core.cli.command_line import Command
 
 evaluate: Final = Command(
-    "sain_pusht evaluate", "options:EvaluateOptions", "report:run", prefixes=True
+    "sain_pusht evaluate",
+    "options:EvaluateOptions",
+    "evaluation:run",
+    resumes="episode",
+    prefixes=True,
 )
 learn: Final = Command("sain_pusht learn", "options:LearnOptions", "learning:run")

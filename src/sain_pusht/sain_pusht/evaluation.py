@@ -1,37 +1,59 @@
-"""Many episodes of gym-pusht on workers, and what they add up to."""
+"""`ros2 run sain_pusht evaluate`: the evaluation of `sain_eval`, with gym-pusht as the world."""
 
-import csv
 import dataclasses
-import io
-import json
-from collections.abc import Generator, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from functools import cache, partial
+from io import BytesIO
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
+from PIL import Image
+from rich.console import Console
 
-from sain_core.bootstrap import Interval, bootstrap_mean
+from sain_core.bootstrap import bootstrap_mean
+from sain_core.cli.command_line import silent_interrupts
+from sain_core.provenance import ros2_command
 from sain_core.seeding import generator
-from sain_core.storage import write_whole
+from sain_core.storage import make_folder, write_whole
 from sain_core.workers.pool import FunctionRunner, Software, Work
-from sain_core.workers.running import WorkerOptions
-from sain_eval.loop.evaluation import SOURCES, EpisodeDone, play_on_workers
-from sain_eval.loop.results import RESULTS_FILE, how_it_was_made, interval_row
-from sain_eval.loop.statistics import wilson_interval
+from sain_eval.cli.evaluate import FAILURES_FILE, TABLE_FILE, play, show, show_failures
+from sain_eval.episode import Tolerance
+from sain_eval.loop.closed_loop import EpisodeOutcome
+from sain_eval.loop.evaluation import SOURCES, EpisodeDone, run_on
+from sain_eval.loop.results import (
+    Journal,
+    SceneRecord,
+    interval_row,
+    scene_records,
+    summarise,
+    write_results,
+)
+from sain_eval.loop.tables import failures_page, results_table
+from sain_eval.scenes.scenario_scene import ScenarioScene
 from sain_mppi.algorithms.config import PlannerConfig
 from sain_pusht.agent import PLANNER, pusht_agent
-from sain_pusht.episode import PushtRecord, play_pusht
-from sain_pusht.film import gif_of
 from sain_pusht.model import PushtModel, load_model
-from sain_pusht.motion import Pace
-from sain_pusht.world import PushtWorld
+from sain_pusht.options import EvaluateOptions
+from sain_pusht.world import NEAR, TURNED, PushtWorld, play_pusht
 
 PACKAGES: Final = ("gym-pusht", "pymunk", "gymnasium", "numpy", "numba", "torch")
 REALITY: Final = "gym-pusht"
 SUCCESS: Final = "95 % covered"
-EPISODES_FILE: Final = "episodes.csv"
+FILM_FILE: Final = "episode.gif"
+RATE: Final = 10  # [1/s], of pictures: as fast as it happens
+HOLD: Final = 1.5  # [s], of the last picture
+COLOURS: Final = 48
+
+
+@dataclass(frozen=True)
+class PushtRecord(SceneRecord):
+    """What became of an episode; its pushes are strokes, its success is that of gym-pusht."""
+
+    steps: int = 0  # of control, all of them
+    free_steps: int = 0  # those of them that led to where strokes start
+    coverage: float = 0.0  # of the goal, the largest
 
 
 @dataclass(frozen=True)
@@ -41,33 +63,48 @@ class PushtJob:
     seed: int
     model: str
     planner: PlannerConfig = PLANNER
-    pace: Pace = Pace()
     picture: Path | None = None
 
 
-def run_pusht_job(job: PushtJob) -> EpisodeDone[PushtRecord]:
+def run(options: EvaluateOptions, console: Console) -> None:
+    """Play what is left, write the results, and print them as tables."""
+    with silent_interrupts():  # what is missing should not wait for the first episode
+        _ = _world(options.model)
+    folder, seeds = make_folder(options.out), range(options.seed, options.seed + options.episodes)
+    settings = {"planner": dataclasses.asdict(options.planner)}
+    journal = Journal(folder, settings, PushtRecord)
+    jobs = [
+        PushtJob(seed, options.model, options.planner)
+        for seed in seeds
+        if (REALITY, seed, options.model) not in journal.done
+    ]
+    if options.film and jobs:
+        jobs[0] = replace(jobs[0], picture=folder / FILM_FILE)
+    play(run_on(WORK, jobs, options), len(jobs), journal, Console(stderr=True, soft_wrap=True))
+    wanted = [r for r in journal.records if r.controller == options.model and r.seed in seeds]
+    records = sorted(wanted, key=lambda record: record.seed)
+    config = {**dataclasses.asdict(options), "out": str(options.out)}
+    rows = write_pusht_results(folder, records, config, ros2_command("sain_pusht", "evaluate"))
+    show(rows, console)
+    console.print(steps_text(rows[0]), highlight=False, soft_wrap=True)
+    show_failures(records, folder / FAILURES_FILE, console)
+
+
+def run_job(job: PushtJob) -> EpisodeDone[PushtRecord]:
     """Play one episode."""
-    known = _load(job.model)
-    world = _world(job.model, job.pace)
+    models, world = _load(job.model), _world(job.model)
     world.frames = [] if job.picture else None
-    agent = pusht_agent(known.model, known.physics, job.planner, world.tool)
-    record, _ = play_pusht(job.seed, agent, world)
-    if not job.picture:
-        return EpisodeDone(record)
-    return EpisodeDone(record, job.picture, gif_of(world.frames or []))
+    agent = pusht_agent(models.model, models.physics, job.planner, world.tool)
+    outcome = play_pusht(job.seed, agent, world)
+    drawn = gif_of(world.frames) if world.frames else b""
+    return EpisodeDone([pusht_record(job, outcome, world)], job.picture, drawn)
 
 
-def run_pusht_jobs(
-    jobs: Sequence[PushtJob], options: WorkerOptions = WorkerOptions()
-) -> Generator[PushtRecord, None, None]:
-    """Play all jobs on workers, write their animations, and yield their records in order."""
-    work = Work(
-        partial(FunctionRunner, run_pusht_job),
-        Software(SOURCES, PACKAGES),
-        lambda job: f"episode {job.seed}",
-        goes_on=False,
-    )
-    return play_on_workers(work, jobs, options, ordered=True)
+WORK: Final = Work(
+    partial(FunctionRunner, run_job),
+    Software((*SOURCES, "sain_pusht"), PACKAGES),
+    lambda job: f"episode {job.seed} of gym-pusht with {job.model}",
+)
 
 
 @cache
@@ -76,102 +113,80 @@ def _load(model: str) -> PushtModel:
 
 
 @cache
-def _world(model: str, pace: Pace) -> PushtWorld:
-    return PushtWorld(pace=pace, bodies=_load(model).bodies)
+def _world(model: str) -> PushtWorld:
+    return PushtWorld(_load(model).bodies)
 
 
-@dataclass(frozen=True)
-class PushtSummary:
-    """What many episodes add up to. Times and errors are over all strokes."""
-
-    episodes: int
-    successes: int
-    success: Interval
-    steps: Interval
-    steps_median: float
-    free_share: float
-    strokes: float
-    best_coverage: float
-    planning_median_s: float
-    planning_p95_s: float
-    error_mm: float
-    error_deg: float
-    refusals: int
-
-
-def summarise_pusht(records: Sequence[PushtRecord]) -> PushtSummary:
-    """Add up episodes; steps count in all of them, solved or not."""
-    steps = np.array([record.steps for record in records], dtype=float)
-    successes = sum(record.success for record in records)
-    times = _joined(records, "planning_s")
-    return PushtSummary(
-        episodes=len(records),
-        successes=successes,
-        success=wilson_interval(successes, len(records)),
-        steps=bootstrap_mean(steps, generator(0, "bootstrap", "pusht")),
-        steps_median=float(np.median(steps)),
-        free_share=float(sum(record.free_steps for record in records) / max(steps.sum(), 1.0)),
-        strokes=float(np.mean([record.pushes for record in records])),
-        best_coverage=float(np.mean([record.best_coverage for record in records])),
-        planning_median_s=float(np.median(times)),
-        planning_p95_s=float(np.quantile(times, 0.95)),
-        error_mm=float(np.median(_joined(records, "error_mm"))),
-        error_deg=float(np.median(_joined(records, "error_deg"))),
-        refusals=sum(record.refusals for record in records),
+def pusht_record(job: PushtJob, outcome: EpisodeOutcome, world: PushtWorld) -> PushtRecord:
+    """Return the record of an episode that a world has just played."""
+    episode = outcome.record
+    shapes = tuple(shape.name for shape in episode.bodies.shapes)
+    case = ScenarioScene(REALITY, job.seed, episode.start, np.nan, shapes, episode.goal)
+    (judged,) = scene_records(case, job.model, outcome, (Tolerance(NEAR, TURNED),))
+    why = "no steps are left" if world.over else outcome.failure or "the agent stopped"
+    fields = vars(judged) | {
+        "success": world.success,
+        "failure": "" if world.success else why,
+        "within": SUCCESS,
+    }
+    return PushtRecord(
+        **fields, steps=world.steps, free_steps=world.free_steps, coverage=world.coverage
     )
 
 
-def results_row(model: str, records: Sequence[PushtRecord]) -> dict[str, Any]:
-    """Return the row of these episodes in results; see `sain_eval.loop.results.summarise`.
+def pusht_row(records: Sequence[PushtRecord]) -> dict[str, Any]:
+    """Return the row of these episodes in results, with what only gym-pusht counts.
 
-    Pushes are strokes of the solved episodes, steps are over all of them.
+    Steps count in all episodes, solved or not.
     """
-    summary = summarise_pusht(records)
-    strokes = np.array([record.pushes for record in records if record.success], dtype=float)
-    pushes = bootstrap_mean(strokes, generator(0, "bootstrap", "pusht", "strokes"))
-    errors = _joined(records, "error_mm")
-    return {
-        "scenario": REALITY,
-        "controller": model,
-        "tolerance": 0.0,
-        "heading_tolerance": 0.0,
-        "within": SUCCESS,
-        "scenes": summary.episodes,
-        "successes": summary.successes,
-        "rate": interval_row(summary.success),
-        "pushes": interval_row(pushes),
-        "steps": summary.steps.estimate,
-        "target_error": 1e-3 * float(errors.mean()) if np.isfinite(errors).all() else None,
-        "refusals": summary.refusals,
-        "goals_in_a_row": [],
-        "most_goals": 1,
+    (row,) = summarise(records)
+    steps = np.array([float(record.steps) for record in records])
+    interval = bootstrap_mean(steps, generator(0, "bootstrap", "pusht"))
+    return row | {
+        "steps": float(steps.mean()),
+        "steps_interval": interval_row(interval),
+        "steps_median": float(np.median(steps)),
+        "free_share": sum(record.free_steps for record in records) / max(float(steps.sum()), 1.0),
+        "coverage": float(np.mean([record.coverage for record in records])),
     }
 
 
-def _joined(records: Sequence[PushtRecord], column: str) -> np.ndarray:
-    values = [value for record in records for value in getattr(record, column)]
-    return np.array(values or [0.0])
+def steps_text(row: dict[str, Any]) -> str:
+    """Return in words what only gym-pusht counts."""
+    low, high = row["steps_interval"]["low"], row["steps_interval"]["high"]
+    return (
+        f"steps: mean {row['steps']:.1f} [{low:.1f}, {high:.1f}], median {row['steps_median']:.0f},"
+        f" {100 * row['free_share']:.0f} % without contact; largest coverage: mean"
+        f" {row['coverage']:.3f}"
+    )
 
 
 def write_pusht_results(
     folder: Path, records: Sequence[PushtRecord], config: dict[str, Any], command: str
-) -> None:
-    """Write ``results.json``, with all it takes to make it again, and ``episodes.csv``."""
-    content = {
-        **how_it_was_made(config, command, PACKAGES),
-        "reality": REALITY,
-        "summary": [results_row(config["model"], records)],
-        "gym_pusht": dataclasses.asdict(summarise_pusht(records)),
-        "episodes": [dataclasses.asdict(record) for record in records],
-    }
-    text = json.dumps(content, indent=1, default=str) + "\n"
-    write_whole(folder / RESULTS_FILE, text.encode())
-    table = io.StringIO()
-    rows = csv.writer(table, lineterminator="\n")
-    names = [item.name for item in dataclasses.fields(PushtRecord)]
-    plain = [name for name in names if not isinstance(getattr(records[0], name), tuple)]
-    rows.writerow([*plain, "planning_s"])
-    for record in records:
-        total = round(sum(record.planning_s), 4)
-        rows.writerow([*(getattr(record, name) for name in plain), total])
-    write_whole(folder / EPISODES_FILE, table.getvalue().encode())
+) -> list[dict[str, Any]]:
+    """Write results and tables as `evaluate` does; return the rows of the summary."""
+    rows = [pusht_row(records)]
+    write_results(folder, records, config, command, PACKAGES, reality=REALITY, summary=rows)
+    table = f"{results_table(rows)}\n{steps_text(rows[0])}\n"
+    write_whole(folder / TABLE_FILE, table.encode())
+    write_whole(folder / FAILURES_FILE, failures_page(records).encode())
+    return rows
+
+
+def gif_of(frames: Sequence[np.ndarray]) -> bytes:
+    """Return pictures (height, width, 3) as a GIF.
+
+    Its colours are those of the first and the last: one of them shows the goal, which the block
+    may cover.
+    """
+    pictures = [Image.fromarray(frame) for frame in frames]
+    both = np.concatenate([frames[0], frames[-1]], axis=1)
+    palette = Image.fromarray(both).quantize(COLOURS)
+    indexed = [picture.quantize(palette=palette, dither=Image.Dither.NONE) for picture in pictures]
+    times = [round(1000 / RATE)] * len(indexed)
+    times[-1] += round(1000 * HOLD)
+    memory = BytesIO()
+    indexed[0].save(
+        memory, format="GIF", save_all=True, append_images=indexed[1:], duration=times, loop=0
+    )
+    return memory.getvalue()

@@ -16,13 +16,13 @@ from sain_pusht.agent import PLANNER
 class EvaluateOptions(WorkerOptions):
     """Play Push-T in gym-pusht: its physics, seeds, steps and measure of success.
 
-    The agent is the one that evaluate and mppi_node run. An episode ends when gym-pusht says so,
-    after 300 steps at the latest.
+    The agent is the one that sain_eval's evaluate and mppi_node run. An episode ends when gym-pusht
+    says so, after 300 steps at the latest. After a stop, the same command continues.
     """
 
     out: Path = option(
         Path("results/pusht"),
-        "folder for results.json, episodes.csv, table.md and episode.gif; made if need be",
+        "folder for results.json, table.md, episodes.jsonl and episode.gif; made if need be",
     )
     episodes: int = option(500, "episodes to play", minimum=1)
     seed: int = option(0, "seed of the first episode; the next ones have the next seeds", minimum=0)

@@ -11,6 +11,7 @@ from sain_core.errors import ConfigError, InvalidInputError
 from sain_core.goal import BodyPose, Goal
 from sain_core.push import BODY, make_push
 from sain_core.scene import POSITION, make_scene
+from sain_eval.episode import Tolerance
 from sain_eval.loop.closed_loop import run_episode
 from sain_eval.loop.controllers import agent_maker
 from sain_eval.loop.results import scene_records
@@ -18,7 +19,6 @@ from sain_eval.plots.pictures import draw_episode
 from sain_eval.scenes.scenario_scene import ScenarioScene
 from sain_eval.scenes.scenarios import SCENARIOS
 from sain_eval.scenes.shape_scenarios import StreakScenario
-from sain_eval.tolerance import Tolerance
 from sain_mppi.agent.agent import Agent, AgentConfig
 from sain_mppi.agent.decision import Decider, PushDecision
 
@@ -42,11 +42,11 @@ def play(case, name="planar", tolerance=Tolerance(0.02, 0.1)):
 def test_planning_with_the_planar_prior_brings_a_t_to_its_pose():
     outcome = play(PUSH_T)
     record = outcome.record
-    assert outcome.failure == "" and not outcome.fallen and outcome.refusals == 0
+    assert outcome.failure == "" and outcome.refusals == 0
     assert record.last.distance <= 0.02 and record.last.turn <= 0.1
-    assert record.shapes == ("t",) and record.bodies.pushable == (0,)
+    assert record.bodies.shapes[0].footprint == "t" and record.bodies.pushable == (0,)
     (judged,) = scene_records(PUSH_T, "planar", outcome, (Tolerance(0.02, 0.1),))
-    assert judged.success and judged.heading_tolerance == 0.1 and judged.mid_errors == ()
+    assert judged.success and judged.heading_tolerance == 0.1
     assert len(judged.turn_errors) == len(judged.target_errors) == judged.pushes
     assert max(judged.target_errors) < 0.03 and min(judged.plan_seconds) > 0.0
 
@@ -102,9 +102,7 @@ def test_a_body_that_was_pushed_off_the_table_is_the_reason():
         "test", 0, disks, 0.12, ("square",), Goal((BodyPose(0, 0.5, 0.0, 0.0),)), 5
     )
     outcome = run_episode(case, Agent(Fixed(), AgentConfig()), 0.02)
-    assert (
-        outcome.failure.startswith("push 1 moved body 0 off the table, to (0.") and outcome.fallen
-    )
+    assert outcome.failure.startswith("push 1 moved body 0 off the table, to (0.")
 
 
 def test_random_pushes_are_against_pushable_bodies_of_any_shape():

@@ -19,8 +19,8 @@ def evaluated(
     fallbacks = int(controller == "sain")
     records = [
         SceneRecord(
-            scenario, seed, controller, within, seed < solved, 4 + seed, 0.01, 0.03,
-            (0.001, 0.003), (), 0, "" if seed < solved else "too far", fallbacks,
+            scenario, seed, controller, within, seed < solved, 4 + seed, 0.01,
+            (0.001, 0.003), 0, "" if seed < solved else "too far", fallbacks,
         )
         for seed in range(4)
     ]  # fmt: skip

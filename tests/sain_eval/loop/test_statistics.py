@@ -3,7 +3,7 @@
 import pytest
 
 from sain_core.errors import OutOfRangeError
-from sain_eval.loop.statistics import wilson_interval
+from sain_eval.loop.results import wilson_interval
 
 
 @pytest.mark.parametrize(

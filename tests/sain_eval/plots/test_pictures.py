@@ -14,6 +14,7 @@ from sain_core.errors import OutputError
 from sain_core.feasibility import Feasibility
 from sain_core.push import tool_end, tool_start
 from sain_core.scene import POSITION, RADIUS, TARGET
+from sain_core.shapes.bodies import Bodies
 from sain_eval.plots.legend import MARKS
 from sain_eval.plots.pictures import describe_result, draw_episode, draw_overview
 
@@ -40,8 +41,8 @@ def test_every_kind_of_episode_has_a_picture(episode, change, tmp_path):
         "no prediction": tuple(replace(push, predicted=None) for push in episode.pushes),
         "physics": tuple(replace(push, physics=push.before) for push in episode.pushes),
     }.get(change, episode.pushes)
-    shapes = ("disk", "cube") if change == "cube" else ()
-    record = replace(episode, pushes=pushes, start=episode.scenes[0], shapes=shapes)
+    shapes = ("disk", "cube" if change == "cube" else "disk")
+    record = replace(episode, pushes=pushes, start=episode.scenes[0], bodies=Bodies.named(shapes))
     path = write_png(draw_episode(record, "A title"), tmp_path / "episode.png")
     assert path.read_bytes().startswith(b"\x89PNG")
     assert path.stat().st_size > 20_000
@@ -118,7 +119,7 @@ def test_table_and_reach_are_those_of_the_project(episode):
 
 @pytest.mark.parametrize(("shape", "kind"), [("disk", Circle), ("cube", Polygon)])
 def test_the_target_ends_where_the_record_has_it(episode, shape, kind):
-    axes = draw_episode(replace(episode, shapes=("disk", shape))).axes[0]
+    axes = draw_episode(replace(episode, bodies=Bodies.named(("disk", shape)))).axes[0]
     final = episode.scenes[-1][TARGET]
     (patch,) = [
         patch

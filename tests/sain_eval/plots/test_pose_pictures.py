@@ -14,11 +14,12 @@ from sain_core.feasibility import Feasibility
 from sain_core.goal import BodyPose, Goal
 from sain_core.push import strokes
 from sain_core.scene import POSITION, THETA, make_scene
+from sain_core.shapes.bodies import Bodies
 from sain_core.shapes.library import footprint_names, get_shape
 from sain_core.world import PushRecord
 from sain_eval.cli.shapes import main
+from sain_eval.episode import EpisodeRecord
 from sain_eval.plots.body_marks import BODY_COLOURS, DASHED
-from sain_eval.plots.episode_record import EpisodeRecord
 from sain_eval.plots.library_picture import draw_library
 from sain_eval.plots.pictures import describe_result, draw_episode, draw_overview
 
@@ -52,7 +53,7 @@ def record():
         )
     )
     goal = Goal((BodyPose(0, 0.51, -0.1, 0.75, 0.02, 0.1), BodyPose(1, 0.5, 0.21, 0.02, 0.02, 0.1)))
-    return EpisodeRecord(goal, pushes, scenes[0], ("t", "bar"), roles=("pushable", "pushable"))
+    return EpisodeRecord(goal, pushes, scenes[0], Bodies.named(("t", "bar"), ("pushable",) * 2))
 
 
 def with_edge(axes, colour):
@@ -79,11 +80,11 @@ def test_a_heading_counts_modulo_the_symmetry(record):
 
 def test_bodies_end_where_the_record_has_them_and_goals_are_dashed(record):
     axes = draw_episode(record).axes[0]
-    for body, name in enumerate(record.shapes):
-        outline = get_shape(name).placed(record.scenes[-1][body])
+    for body, shape in enumerate(record.bodies.shapes):
+        outline = shape.placed(record.scenes[-1][body])
         assert is_among(outline, with_edge(axes, BODY_COLOURS[body]))
         wanted = record.goal.placed(record.start)[body]
-        goal = get_shape(name).placed(wanted)
+        goal = shape.placed(wanted)
         assert is_among(goal, with_edge(axes, PALETTE.goal))
     dashed = [
         patch
@@ -145,7 +146,7 @@ def test_the_legend_names_each_body(record):
 
 
 def test_a_place_to_be_reached_by_bodies_of_any_shape(record):
-    indirect = replace(record, goal=Goal.place(0.5, 0.21), roles=())
+    indirect = replace(record, goal=Goal.place(0.5, 0.21), bodies=Bodies.named(("t", "bar")))
     pushes = tuple(replace(push, push=push.push[:3]) for push in record.pushes)
     figure = draw_episode(replace(indirect, pushes=pushes))
     texts = [text.get_text() for text in figure.legends[0].get_texts()]
@@ -158,7 +159,7 @@ def test_every_kind_of_episode_has_a_picture(record, change, tmp_path):
     one = {
         "no pushes": replace(record, pushes=()),
         "no headings": replace(record, goal=Goal(free)),
-        "fixed": replace(record, roles=("pushable", "fixed")),
+        "fixed": replace(record, bodies=Bodies.named(("t", "bar"), ("pushable", "fixed"))),
     }.get(change, record)
     figure = draw_overview([one] * 3) if change == "overview" else draw_episode(one)
     assert write_png(figure, tmp_path / "picture.png").stat().st_size > 20_000

@@ -7,7 +7,6 @@ from typing import Final
 
 from sain_bringup.display import EpisodeView
 from sain_core.errors import ErrorCode
-from sain_core.shapes.bodies import Bodies
 from sain_core.wire import decode_disks
 from sain_eval.scenes.scenarios import ScenarioScene
 from sain_interfaces.msg import Plan, PushPrediction, PushResult, Scene
@@ -99,5 +98,4 @@ class Progress:
 def distance(case: ScenarioScene, message: Scene) -> float:
     """Return the largest distance [m] of a body to its pose."""
     scene = decode_disks(message.disks)
-    bodies = Bodies.named(case.shapes, case.roles)
-    return case.goal.judge(scene, scene, bodies).distance
+    return case.goal.judge(scene, scene, case.bodies).distance

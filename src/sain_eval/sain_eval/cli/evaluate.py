@@ -1,9 +1,10 @@
 """`ros2 run sain_eval evaluate`: controllers on seeded scenes, with the real arm, without ROS."""
 
 import dataclasses
+from collections.abc import Generator, Sequence
 from contextlib import closing
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 from rich.console import Console
 from rich.progress import (
@@ -18,12 +19,10 @@ from sain_core.cli.command_line import silent_interrupts
 from sain_core.cli.terminal import FittingTable
 from sain_core.provenance import ros2_command
 from sain_core.storage import make_folder, write_whole
-from sain_eval.cli.options import EvaluateOptions
-from sain_eval.cli.table_parts import TABLE_NOTE
+from sain_eval.cli.options import TABLE_NOTE, EvaluateOptions
 from sain_eval.loop.controllers import BASELINES, agent_maker
-from sain_eval.loop.evaluation import EpisodeJob, run_jobs
-from sain_eval.loop.journal import Journal
-from sain_eval.loop.results import SceneRecord, summarise, write_results
+from sain_eval.loop.evaluation import EpisodeJob, Record, run_jobs
+from sain_eval.loop.results import Journal, SceneRecord, summarise, write_results
 from sain_eval.loop.tables import (
     HEADER,
     failure_line,
@@ -45,7 +44,7 @@ def run(options: EvaluateOptions, console: Console) -> None:
     """Evaluate, and print the summary as a table."""
     progress = Console(stderr=True, soft_wrap=True)
     records = evaluate(options, ros2_command("sain_eval", "evaluate"), progress)
-    show(records, console)
+    show(summarise(records), console)
     if options.table:
         console.print(f"\n{TABLE_NOTE}", markup=False, highlight=False, soft_wrap=True)
     show_failures(records, options.out / FAILURES_FILE, console)
@@ -63,20 +62,9 @@ def evaluate(options: EvaluateOptions, command: str, console: Console) -> list[S
         for name in dict.fromkeys(name for part in options.parts for name in part.controllers):
             # a bad name should not wait for its first scene
             agent_maker(name, options.agent, options.belief)
-    journal = Journal(make_folder(options.out), options.settings())
+    journal = Journal(make_folder(options.out), options.settings(), SceneRecord)
     jobs = jobs_of(options, journal.done)
-    if len(jobs) < len(journal.done):
-        console.print(f"{len(journal.done)} episodes are done already", highlight=False)
-    times = (TimeElapsedColumn(), "left", TimeRemainingColumn())
-    columns = ("episodes", BarColumn(), MofNCompleteColumn(), *times)
-    with (
-        Progress(*columns, console=console) as progress,
-        closing(run_jobs(jobs, options)) as results,
-    ):
-        task = progress.add_task("episodes", total=len(jobs))
-        for records in results:
-            journal.add(records)
-            progress.advance(task)
+    play(run_jobs(jobs, options), len(jobs), journal, console)
     kept = sorted(
         (record for record in journal.records if wants(options, record)),
         key=lambda record: (record.place, record.seed, record.controller),  # whoever was first
@@ -112,6 +100,30 @@ def jobs_of(options: EvaluateOptions, done: set[tuple[str, int, str]]) -> list[E
     ]
 
 
+def _picture(options: EvaluateOptions, scenario: str, seed: int, controller: str) -> Path | None:
+    if seed >= options.seed + options.pictures:
+        return None
+    return options.out / f"{scenario}_{seed}_{controller.replace('/', '_')}.png"
+
+
+def play(
+    results: Generator[list[Record], None, None],
+    count: int,
+    journal: Journal[Record],
+    console: Console,
+) -> None:
+    """Keep the records of so many episodes in a journal as they come, under a bar."""
+    if done := len(journal.done):
+        console.print(f"{done} episodes are done already", highlight=False)
+    times = (TimeElapsedColumn(), "left", TimeRemainingColumn())
+    columns = ("episodes", BarColumn(), MofNCompleteColumn(), *times)
+    with Progress(*columns, console=console) as progress, closing(results):
+        task = progress.add_task("episodes", total=count)
+        for records in results:
+            journal.add(records)
+            progress.advance(task)
+
+
 def wants(options: EvaluateOptions, record: SceneRecord) -> bool:
     """Tell whether a record of an earlier run belongs to what was asked for now."""
     return any(
@@ -127,29 +139,26 @@ def table_page(options: EvaluateOptions, records: list[SceneRecord]) -> str:
     table = results_table(summarise(records))
     if not options.table:
         return table
-    failed = [line for record in failures(records) if (line := _explained(record))]
+    planned = [one for one in failures(records) if one.controller not in BASELINES]
+    lines = "".join(f"* {failure_line(record)}\n" for record in planned)
     return (
         f"{table}\n{TABLE_NOTE}\n\nFailures of controllers that plan; all are in"
         f" [{FAILURES_FILE}]({FAILURES_FILE}), each shape is in"
-        f" [{SHAPE_TABLE_FILE}]({SHAPE_TABLE_FILE}):\n\n{''.join(failed) or 'None.'}"
+        f" [{SHAPE_TABLE_FILE}]({SHAPE_TABLE_FILE}):\n\n{lines or 'None.'}"
     )
 
 
-def _explained(record: SceneRecord) -> str:
-    return "" if record.controller in BASELINES else f"* {failure_line(record)}\n"
-
-
-def show(records: list[SceneRecord], console: Console) -> None:
+def show(summary: list[dict[str, Any]], console: Console) -> None:
     """Print the summary as a table."""
     table = FittingTable()
     for name in HEADER:
         table.add_column(name)
-    for row in summarise(records):
+    for row in summary:
         table.add_row(*table_cells(row))
     console.print(table, soft_wrap=True)
 
 
-def show_failures(records: list[SceneRecord], path: Path, console: Console) -> None:
+def show_failures(records: Sequence[SceneRecord], path: Path, console: Console) -> None:
     """Print each failed episode with its reason; where there are many, the first ones."""
     lines = [failure_line(record) for record in failures(records)]
     if lines:
@@ -158,9 +167,3 @@ def show_failures(records: list[SceneRecord], path: Path, console: Console) -> N
         console.print(f"  {line}", markup=False, highlight=False, soft_wrap=True)
     if len(lines) > MOST_FAILURES:
         console.print(f"  and {len(lines) - MOST_FAILURES} more in {path}", markup=False)
-
-
-def _picture(options: EvaluateOptions, scenario: str, seed: int, controller: str) -> Path | None:
-    if seed >= options.seed + options.pictures:
-        return None
-    return options.out / f"{scenario}_{seed}_{controller.replace('/', '_')}.png"

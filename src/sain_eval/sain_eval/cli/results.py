@@ -4,8 +4,7 @@ from rich.console import Console
 
 from sain_core.storage import make_folder, write_whole
 from sain_eval.cli.options import ResultsOptions
-from sain_eval.loop.realities import read_results
-from sain_eval.loop.results_page import results_page
+from sain_eval.loop.results_page import read_results, results_page
 
 
 def run(options: ResultsOptions, console: Console) -> None:

@@ -11,19 +11,19 @@ from sain_core.drawing.figures import png_of
 from sain_core.storage import write_whole
 from sain_core.workers.pool import FunctionRunner, Job, Software, Work
 from sain_core.workers.running import WorkerOptions, run_on_workers
+from sain_eval.episode import Tolerance, tightest
 from sain_eval.loop.closed_loop import EpisodeOutcome, run_episode
 from sain_eval.loop.controllers import agent_maker
 from sain_eval.loop.results import PACKAGES, SceneRecord, scene_records
 from sain_eval.plots.pictures import draw_episode
 from sain_eval.scenes.scenario_scene import ScenarioScene
 from sain_eval.scenes.scenarios import draw_scene
-from sain_eval.tolerance import Tolerance, tightest
 from sain_mppi.agent.agent import AgentConfig
 from sain_sim.camera.camera import WorldCameraConfig
 from sain_sim.world.engines import modules_of
 from sain_sim.world.truth import RANDOMISED_TRUTH, TruthConfig
 
-Kept = TypeVar("Kept")
+Record = TypeVar("Record", bound=SceneRecord)
 
 SOURCES: Final = ("sain_core", "sain_sim", "sain_model", "sain_mppi", "sain_eval")
 
@@ -47,6 +47,15 @@ class EpisodeJob:
         return draw_scene(self.scenario, self.seed).within(self.truth)
 
 
+@dataclass(frozen=True)
+class EpisodeDone(Generic[Record]):
+    """An episode that was played: its records, and its picture where one was wanted."""
+
+    records: list[Record]
+    picture: Path | None = None  # where to write it
+    drawn: bytes = b""
+
+
 def play_job(job: EpisodeJob) -> EpisodeOutcome:
     """Run one episode to the tightest tolerance."""
     case = job.case()
@@ -54,16 +63,7 @@ def play_job(job: EpisodeJob) -> EpisodeOutcome:
     return run_episode(case, agent, tightest(job.tolerances), camera=job.camera)
 
 
-@dataclass(frozen=True)
-class EpisodeDone(Generic[Kept]):
-    """An episode that was played: what is kept of it, and its picture where one was wanted."""
-
-    kept: Kept
-    picture: Path | None = None  # where to write it
-    drawn: bytes = b""
-
-
-def run_job(job: EpisodeJob) -> EpisodeDone[list[SceneRecord]]:
+def run_job(job: EpisodeJob) -> EpisodeDone[SceneRecord]:
     """Run one episode and judge it at each tolerance."""
     outcome = play_job(job)
     records = scene_records(job.case(), job.controller, outcome, job.tolerances)
@@ -84,15 +84,15 @@ def run_jobs(
         Software(SOURCES, (*PACKAGES, *engines)),
         lambda job: f"scene {job.seed} of {job.scenario} with {job.controller}",
     )
-    return play_on_workers(work, jobs, options, ordered=False)
+    return run_on(work, jobs, options)
 
 
-def play_on_workers(
-    work: Work[Job, EpisodeDone[Kept]], jobs: Sequence[Job], options: WorkerOptions, ordered: bool
-) -> Generator[Kept, None, None]:
-    """Play episodes on workers, write their pictures, and yield what is kept of them."""
-    with closing(run_on_workers(work, jobs, options, ordered)) as results:
-        for played in results:
-            if played.picture is not None:
-                write_whole(played.picture, played.drawn)
-            yield played.kept
+def run_on(
+    work: Work[Job, EpisodeDone[Record]], jobs: Sequence[Job], options: WorkerOptions
+) -> Generator[list[Record], None, None]:
+    """Play episodes on workers, write their pictures, and yield their records as they come."""
+    with closing(run_on_workers(work, jobs, options, ordered=False)) as results:
+        for done in results:
+            if done.picture is not None:
+                write_whole(done.picture, done.drawn)
+            yield done.records

@@ -1,4 +1,4 @@
-"""Results as data: one record a scene and tolerance, and their summary with intervals."""
+"""Results as data: a record for each scene and tolerance, their summary, and the files of both."""
 
 import dataclasses
 import json
@@ -7,28 +7,30 @@ from dataclasses import dataclass
 from itertools import groupby
 from math import isnan
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, Generic, TypeVar
 
 import numpy as np
+from scipy.special import ndtri  # scipy.stats would take half a second more to load
 
 from sain_core.bootstrap import Interval, bootstrap_mean
 from sain_core.dataset import MOVED
+from sain_core.errors import OutOfRangeError, OutputError, UntrustedFileError
 from sain_core.provenance import git_commit, processor, system, versions
-from sain_core.scene import MID, POSITION, THETA, wrap_angle
+from sain_core.scene import POSITION, THETA, wrap_angle
 from sain_core.seeding import generator
-from sain_core.storage import write_whole
+from sain_core.storage import append_json, write_whole
 from sain_core.types import Scene
+from sain_core.untrusted import parse_json, read_regular_text
 from sain_core.world import PushRecord
+from sain_eval.episode import EpisodeRecord, Tolerance
 from sain_eval.loop.closed_loop import EpisodeOutcome
-from sain_eval.loop.statistics import wilson_interval
-from sain_eval.plots.episode_record import EpisodeRecord
 from sain_eval.scenes.scenario_scene import ScenarioScene
 from sain_eval.scenes.scenarios import SCENARIOS
-from sain_eval.tolerance import Tolerance
 
 TURNED: Final = 0.02  # [rad], as little as `MOVED` at the rim of a body of 0.1 m
 SCHEMA: Final = "sain-results-1"
 RESULTS_FILE: Final = "results.json"
+JOURNAL_FILE: Final = "episodes.jsonl"
 PACKAGES: Final = ("numpy", "scipy", "numba", "torch", "pybullet", "sain_core")
 
 
@@ -43,20 +45,19 @@ class SceneRecord:
     success: bool  # settled within the tolerance, everything on the table, in time
     pushes: int  # until then, or all that were made
     final_distance: float  # [m], then or at the end; of several poses the largest
-    planning_seconds: float  # mean of the pushes
-    target_errors: tuple[float, ...]  # [m], of the model's prediction, one for each push
-    mid_errors: tuple[float, ...]  # [m]; none where it has a pose itself
+    target_errors: tuple[float, ...]  # [m], of predictions; see `_prediction_error`
     refusals: int
     failure: str  # empty for a success
     fallbacks: int = 0  # pushes that physics planned because the model failed
     heading_tolerance: float = 0.0  # [rad]
     has_heading: bool = False  # whether the goal asks for one
     final_turn: float = 0.0  # [rad], as the distance
-    turn_errors: tuple[float, ...] = ()  # [rad], of the model's prediction
+    turn_errors: tuple[float, ...] = ()  # [rad], as `target_errors`
     plan_seconds: tuple[float, ...] = ()  # of each push
     shapes: tuple[str, ...] = ()  # of the bodies
     goals: int = 1  # reached in a row, where a scene has several
     most_goals: int = 1  # that the scene has
+    within: str = ""  # what counts as success, where it is not the tolerance
 
     @property
     def group(self) -> tuple[str, str, float, float]:
@@ -64,11 +65,18 @@ class SceneRecord:
         return self.scenario, self.controller, self.tolerance, self.heading_tolerance
 
     @property
+    def episode(self) -> tuple[str, int, str]:
+        """What no two episodes of an evaluation share."""
+        return self.scenario, self.seed, self.controller
+
+    @property
     def place(self) -> int:
         """The number of the scenario in the order of all; after these, if it is none of them."""
-        return (
-            list(SCENARIOS).index(self.scenario) if self.scenario in SCENARIOS else len(SCENARIOS)
-        )
+        names = list(SCENARIOS)
+        return names.index(self.scenario) if self.scenario in names else len(names)
+
+
+Record = TypeVar("Record", bound=SceneRecord)
 
 
 def scene_records(
@@ -81,14 +89,15 @@ def scene_records(
 
     A number is a distance [m].
     """
-    return [_judge(case, controller, outcome, Tolerance.of(one)) for one in tolerances]
+    return [_judged(case, controller, outcome, Tolerance.of(one)) for one in tolerances]
 
 
-def _judge(
+def _judged(
     case: ScenarioScene, controller: str, outcome: EpisodeOutcome, tolerance: Tolerance
 ) -> SceneRecord:
     made: list[PushRecord] = []
-    goals, judged = 0, outcome.records[0].judge(outcome.records[0].start)
+    goals, first = 0, outcome.records[0]
+    judged = first.judge(first.start)
     for episode in outcome.records:
         reached = episode.pushes_to(tolerance)
         count = len(episode.pushes) if reached is None else reached
@@ -98,10 +107,7 @@ def _judge(
             break
         goals += 1
     success = goals == len(case.goals)
-    times = [push.planning_time for push in made]
-    errors = [_prediction_error(push, outcome.record) for push in made]
-    known = [error for error in errors if error is not None]
-    mid = [e for push in made if (e := push.error(MID)) is not None]
+    errors = [e for push in made if (e := _prediction_error(push, outcome.record)) is not None]
     return SceneRecord(
         scenario=case.scenario,
         seed=case.seed,
@@ -110,17 +116,15 @@ def _judge(
         success=success,
         pushes=len(made),
         final_distance=judged.distance,
-        planning_seconds=float(np.mean(times)) if times else 0.0,
-        target_errors=tuple(distance for distance, _ in known),
-        mid_errors=() if MID in case.goal.wanted else tuple(mid),
+        target_errors=tuple(distance for distance, _ in errors),
         refusals=outcome.refusals,
         failure="" if success else outcome.failure or "not within this tolerance",
         fallbacks=outcome.fallbacks,
         heading_tolerance=tolerance.turn,
         has_heading=case.goal.has_heading,
         final_turn=judged.turn,
-        turn_errors=tuple(turn for _, turn in known),
-        plan_seconds=tuple(times),
+        turn_errors=tuple(turn for _, turn in errors),
+        plan_seconds=tuple(push.planning_time for push in made),
         shapes=case.shapes,
         goals=goals,
         most_goals=len(case.goals),
@@ -167,31 +171,48 @@ def _row(records: list[SceneRecord]) -> dict[str, Any]:
     first, turned = records[0], any(record.has_heading for record in records)
     random = generator(0, "bootstrap", *map(str, first.group))
     errors = [error for record in records for error in record.target_errors]
-    mid_errors = [error for record in records for error in record.mid_errors]
+    turns = [error for record in records if turned for error in record.turn_errors]
     times = [time for record in records for time in record.plan_seconds if time > 0.0]
     return {
         "scenario": first.scenario,
         "controller": first.controller,
         "tolerance": first.tolerance,
         "heading_tolerance": first.heading_tolerance if turned else 0.0,
+        "within": first.within or None,
         "scenes": len(records),
         "successes": len(solved),
         "rate": interval_row(wilson_interval(len(solved), len(records))),
         "pushes": interval_row(bootstrap_mean(np.array([float(r.pushes) for r in solved]), random)),
-        "final_distance": _mean([record.final_distance for record in records]),
-        "final_turn": _mean([record.final_turn for record in records]),
-        "planning_seconds": _mean([record.planning_seconds for record in records]),
-        "planning_median": _quantile(times, 0.5),
-        "planning_p95": _quantile(times, 0.95),
-        "target_error": _mean(errors),
-        "turn_error": _mean([e for r in records if turned for e in r.turn_errors]),
-        "mid_error": _mean(mid_errors),
+        "planning_median": float(np.median(times)) if times else None,
+        "planning_p95": float(np.quantile(times, 0.95)) if times else None,
+        "target_error": float(np.mean(errors)) if errors else None,
+        "turn_error": float(np.mean(turns)) if turns else None,
         "refusals": sum(record.refusals for record in records),
         "fallbacks": sum(record.fallbacks for record in records),
-        "goals": _mean([float(record.goals) for record in records]),
         "goals_in_a_row": [record.goals for record in records if record.most_goals > 1],
         "most_goals": first.most_goals,
     }
+
+
+def wilson_interval(successes: int, trials: int, confidence: float = 0.95) -> Interval:
+    """Return a success rate with its Wilson score interval (Wilson 1927, eq. 6 ff.).
+
+    Unlike the normal one it is right for rates near 0 and 1 and for few trials.
+
+    Raises:
+        OutOfRangeError: not 0 <= successes <= trials, or no trial.
+    """
+    if trials < 1 or not 0 <= successes <= trials:
+        raise OutOfRangeError(
+            f"{successes} successes of {trials} trials;"
+            " needed: 0 <= successes <= trials and at least one trial"
+        )
+    share, z = successes / trials, float(ndtri(0.5 + 0.5 * confidence))
+    centre = (successes + z**2 / 2) / (trials + z**2)
+    half = z * np.sqrt(trials * share * (1.0 - share) + z**2 / 4) / (trials + z**2)
+    low = 0.0 if successes == 0 else float(centre - half)
+    high = 1.0 if successes == trials else float(centre + half)
+    return Interval(share, low, high)
 
 
 def interval_row(interval: Interval) -> dict[str, float | None]:
@@ -199,36 +220,88 @@ def interval_row(interval: Interval) -> dict[str, float | None]:
     return {name: None if isnan(v) else v for name, v in interval._asdict().items()}
 
 
-def _mean(values: list[float]) -> float | None:
-    return float(np.mean(values)) if values else None
+def write_results(
+    folder: Path,
+    records: Sequence[SceneRecord],
+    config: dict[str, Any],
+    command: str,
+    packages: Sequence[str] = PACKAGES,
+    **more: Any,
+) -> Path:
+    """Write `results.json`: records, summary, and what it takes to make them again.
 
-
-def _quantile(values: list[float], share: float) -> float | None:
-    return float(np.quantile(values, share)) if values else None
-
-
-def how_it_was_made(
-    config: dict[str, Any], command: str, packages: Sequence[str]
-) -> dict[str, Any]:
-    """Return the beginning of results: all it takes to make them again."""
-    return {
+    `more` stands in the file beside these, or in place of them.
+    """
+    content = {
         "schema": SCHEMA,
         "command": command,
         "config": config,
         "git_commit": git_commit(),
         "versions": versions(*packages),
         "machine": {"cpu": processor(), "system": system()},
-    }
-
-
-def write_results(
-    folder: Path, records: Sequence[SceneRecord], config: dict[str, Any], command: str
-) -> Path:
-    """Write `results.json`: records, summary, and what it takes to make them again."""
-    content = {
-        **how_it_was_made(config, command, PACKAGES),
         "summary": summarise(records),
         "scenes": [dataclasses.asdict(record) for record in records],
+        **more,
     }
     text = json.dumps(content, indent=1, allow_nan=False) + "\n"
     return write_whole(folder / RESULTS_FILE, text.encode())
+
+
+class Journal(Generic[Record]):
+    """A line for every finished episode, in a file; what is there from before is kept and read.
+
+    The first line holds the settings. A last line cut off by a crash is dropped.
+    """
+
+    def __init__(self, folder: Path, settings: dict[str, Any], kind: type[Record]) -> None:
+        """Open the journal in a folder; its records are of this kind.
+
+        Raises:
+            OutputError: it was kept with other settings, is damaged or cannot be written.
+        """
+        self.path = folder / JOURNAL_FILE
+        self.records: list[Record] = []
+        self._kind = kind
+        try:
+            self._read(json.loads(json.dumps(settings)))  # tuples become lists, as in the file
+        except OSError as error:
+            raise OutputError(f"cannot use {self.path}: {error.strerror or error}") from error
+        except UntrustedFileError as error:
+            raise OutputError(f"{self.path} is not read: {error}") from error
+
+    @property
+    def done(self) -> set[tuple[str, int, str]]:
+        """The episodes that are finished."""
+        return {record.episode for record in self.records}
+
+    def add(self, records: list[Record]) -> None:
+        """Write one episode's records, one for each tolerance."""
+        append_json(self.path, [dataclasses.asdict(record) for record in records])
+        self.records += records
+
+    def _read(self, settings: dict[str, Any]) -> None:
+        text = read_regular_text(self.path) if self.path.exists() else ""
+        *lines, cut_off = text.split("\n")
+        if not lines:
+            self.path.write_text(json.dumps({"settings": settings}) + "\n")
+            return
+        try:
+            kept = parse_json(lines[0])["settings"]
+            differing = [k for k in {*kept, *settings} if kept.get(k) != settings.get(k)]
+            episodes = [parse_json(line) for line in lines[1:]]
+            self.records = [self._record(item) for episode in episodes for item in episode]
+        except (ValueError, KeyError, TypeError, AttributeError) as error:
+            raise OutputError(
+                f"{self.path} is damaged ({error}); remove it or choose another --out"
+            ) from error
+        if differing:
+            raise OutputError(
+                f"{self.path} was made with another {', '.join(sorted(differing))};"
+                " use the same, remove it or choose another --out"
+            )
+        if cut_off:
+            self.path.write_text("\n".join(lines) + "\n")
+
+    def _record(self, item: dict[str, Any]) -> Record:
+        lists = {name: tuple(value) for name, value in item.items() if isinstance(value, list)}
+        return self._kind(**item | lists)

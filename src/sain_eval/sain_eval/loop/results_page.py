@@ -1,14 +1,36 @@
-"""A page of results: scenarios in rows, realities in columns, the paper's numbers beside them."""
+"""A page of results: scenarios in rows, realities in columns, the paper's numbers beside them.
+
+A reality is a world that executes pushes: an engine with its physics, or somebody else's benchmark.
+"""
 
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, Final, NamedTuple
 
+from sain_core.errors import DatasetError
+from sain_core.observation import ObservationConfig, observation_settings, told_settings
+from sain_core.untrusted import read_json
 from sain_eval.loop.controllers import ORACLE
-from sain_eval.loop.realities import REALITY_NAMES, Results
-from sain_eval.loop.tables import solved_text, tolerance_text
+from sain_eval.loop.results import RESULTS_FILE, SCHEMA
+from sain_eval.loop.tables import solved_text, within_text
 from sain_eval.scenes.scenarios import SCENARIOS
 from sain_model.evaluation.markdown import markdown_table
 
+NUMBER: Final = (int, float)
+MAYBE: Final = (int, float, type(None))
+NEEDED: Final[dict[str, tuple[type, ...]]] = {  # of each row of a summary
+    "scenario": (str,), "controller": (str,), "tolerance": NUMBER, "heading_tolerance": MAYBE,
+    "scenes": (int,), "successes": (int,), "rate": (dict,), "pushes": (dict,),
+    "target_error": MAYBE, "most_goals": (int,), "goals_in_a_row": (list,),
+}  # fmt: skip
+OPTIONAL: Final = {"within": (str, type(None)), "steps": MAYBE, "fallbacks": MAYBE}
+INTERVALS: Final = {"rate": NUMBER, "pushes": MAYBE}
+REALITY_NAMES: Final = {
+    ("bullet", "randomised"): "Bullet",
+    ("bullet", "rough"): "Bullet, rough",
+    ("mujoco", "randomised"): "MuJoCo",
+}
 SHIPPED: Final = "SAIN as shipped"
 TRAINED_THERE: Final = "SAIN trained there"
 CONTROLLER_NAMES: Final = {
@@ -52,6 +74,75 @@ Scenes solved and pushes, at the smallest tolerance of each scenario.
 """
 
 
+@dataclass(frozen=True)
+class Results:
+    """What one evaluation wrote.
+
+    Attributes:
+        reality: where it was played, as people read it.
+        command: that played it.
+        commit: of the code.
+        summary: its rows; see `sain_eval.loop.results.summarise`.
+    """
+
+    reality: str
+    command: str
+    commit: str
+    summary: Sequence[dict[str, Any]]
+
+
+def read_results(folder: Path) -> Results:
+    """Read the results of an evaluation from its folder.
+
+    Raises:
+        DatasetError: there are none, or these are not results.
+    """
+    path = folder / RESULTS_FILE
+    try:
+        content = read_json(path)
+        if content["schema"] != SCHEMA:
+            raise DatasetError(f"{path} has the schema {content['schema']!r}; allowed: {SCHEMA!r}")
+        if lacking := {name for row in content["summary"] for name in NEEDED if name not in row}:
+            raise DatasetError(
+                f"{path} is of an earlier version, without {', '.join(sorted(lacking))}; run the"
+                " evaluation again"
+            )
+        for row in content["summary"]:
+            _check_row(row)
+        return Results(
+            str(content.get("reality") or _reality(content["config"])),
+            str(content["command"]),
+            str(content["git_commit"] or "unknown"),
+            content["summary"],
+        )
+    except OSError as error:
+        raise DatasetError(f"{path} cannot be read ({error}); run an evaluation first") from error
+    except (ValueError, LookupError, TypeError, AttributeError) as error:
+        raise DatasetError(f"{path} holds no results of an evaluation: {error!r}") from error
+
+
+def _check_row(row: Mapping[str, Any]) -> None:
+    values = [(name, row.get(name), kinds) for name, kinds in (NEEDED | OPTIONAL).items()]
+    values += [
+        (f"{name}.{part}", row[name][part], kinds)
+        for name, kinds in INTERVALS.items()
+        for part in ("estimate", "low", "high")
+    ]
+    for name, value, kinds in values:
+        if not isinstance(value, kinds):
+            raise ValueError(f"{name} is {str(value)[:40]!r}")
+
+
+def _reality(config: Mapping[str, Any]) -> str:
+    """Return the name of the world in which an evaluation was played, and how it was observed."""
+    truth, camera = config["truth"], config.get("camera", {})
+    key = (truth.get("engine", "bullet"), truth["world"])
+    names = observation_settings(ObservationConfig())
+    seen = ObservationConfig(**{name: camera[name] for name in names if name in camera})
+    words = [f"{name} {value}" for name, value in told_settings(seen).items()]
+    return ", ".join([REALITY_NAMES.get(key, f"{key[0]}, {key[1]}"), *words])
+
+
 class Line(NamedTuple):
     """A row of a scenario's table."""
 
@@ -86,10 +177,9 @@ def results_page(results: Sequence[Results], names: Mapping[str, str]) -> str:
 
 
 def _line(row: dict[str, Any], shown: Mapping[str, str]) -> Line:
-    turn = row["heading_tolerance"]
-    within = row.get("within") or tolerance_text(row["tolerance"], turn)
     model = shown.get(row["controller"], row["controller"])
-    return Line(row["scenario"], row["tolerance"], turn, model, within)
+    tolerance = row["tolerance"], row["heading_tolerance"]
+    return Line(row["scenario"], *tolerance, model, within_text(row))
 
 
 def _overview(cells: Cells, reality: str, order: Sequence[str]) -> str:

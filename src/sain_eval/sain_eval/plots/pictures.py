@@ -16,8 +16,8 @@ from sain_core.drawing.palette import PALETTE
 from sain_core.feasibility import Feasibility
 from sain_core.scene import POSITION
 from sain_core.types import Scene
+from sain_eval.episode import EpisodeRecord
 from sain_eval.plots.body_marks import body_colour, draw_error, draw_tolerance
-from sain_eval.plots.episode_record import EpisodeRecord
 from sain_eval.plots.legend import draw_legend
 from sain_eval.plots.pose_panels import draw_pose_distance, draw_pose_turn
 from sain_eval.plots.top_view import draw_top_view

@@ -9,8 +9,8 @@ from matplotlib.ticker import MaxNLocator, NullFormatter
 from sain_core.drawing.figures import style_axes
 from sain_core.drawing.palette import PALETTE
 from sain_core.types import Scalars
+from sain_eval.episode import EpisodeRecord
 from sain_eval.plots.body_marks import body_colour
-from sain_eval.plots.episode_record import EpisodeRecord
 
 LEAST_DISTANCE: Final = 0.1  # [mm], one is drawn no smaller
 LEAST_TURN: Final = 1e-3  # [rad], one is drawn no smaller

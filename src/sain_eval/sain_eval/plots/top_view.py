@@ -15,6 +15,7 @@ from sain_core.push import LENGTH, strokes
 from sain_core.scene import POSITION, RADIUS, THETA, unit, wrap_angle
 from sain_core.types import Points, Scene
 from sain_core.world import PushRecord
+from sain_eval.episode import EpisodeRecord
 from sain_eval.plots.body_marks import (
     body_colour,
     body_names,
@@ -24,7 +25,6 @@ from sain_eval.plots.body_marks import (
     draw_heading,
     draw_pose,
 )
-from sain_eval.plots.episode_record import EpisodeRecord
 
 SHOWN_MOVE: Final = 0.01  # [m], a disk that moved less is not drawn again
 SHOWN_TURN: Final = 0.1  # [rad], a body that moved and turned less has no ghost

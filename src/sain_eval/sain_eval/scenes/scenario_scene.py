@@ -4,6 +4,7 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 from sain_core.goal import Goal
+from sain_core.shapes.bodies import Bodies
 from sain_core.shapes.library import built_shapes
 from sain_core.shapes.solids import THREE_FEET
 from sain_core.types import Scene
@@ -40,6 +41,11 @@ class ScenarioScene:
     truth: TruthConfig = RANDOMISED_TRUTH
     roles: tuple[str, ...] = ()
     further: tuple[Goal, ...] = ()
+
+    @property
+    def bodies(self) -> Bodies:
+        """Shape and role of each body."""
+        return Bodies.named(self.shapes, self.roles)
 
     @property
     def goals(self) -> tuple[Goal, ...]:
