@@ -5,6 +5,7 @@ from math import pi
 import numpy as np
 
 from sain_core.feasibility import Feasibility, reachable
+from sain_core.push import make_push
 from sain_core.scene import MID, POSITION, RADIUS, TARGET, Table, make_scene, unit
 from sain_core.types import Angles, Place, Points, Scene
 
@@ -46,7 +47,7 @@ def _can_be_pushed(pair: Scene, heading: Angles, way: float, feasibility: Feasib
     """Tell whether the arm can push straight along, once the mid disk is behind the target."""
     behind = pair.copy()
     behind[MID, POSITION] = pair[TARGET, POSITION] - touching_distance(pair) * unit(heading)
-    stroke = np.array([heading, 0.0, way])
+    stroke = make_push(float(heading), 0.0, way)
     room = has_room(behind[MID, POSITION], pair[MID, RADIUS], feasibility.table)
     return room and bool(reachable(behind, stroke, feasibility.limits, feasibility.reach))
 
