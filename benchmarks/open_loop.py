@@ -56,9 +56,8 @@ from sain_model.evaluation.open_loop import (
 )
 from sain_model.network.features import apply_residual, true_residual
 from sain_sim.collecting.episode import EpisodeConfig, draw_parameters
-from sain_sim.world.bullet import Bullet
 from sain_sim.world.parameters import WorldParameters
-from sain_sim.world.shadow import MEASURED, TRUE, BulletPrior
+from sain_sim.world.shadow import MEASURED, TRUE, Bullet, BulletPrior
 from sain_sim.world.truth import TruthConfig
 from sain_sim.world.world import WorldConfig
 

@@ -16,17 +16,21 @@ import tyro
 from benchmarks.report import Figure, report
 from sain_core.errors import SainError
 from sain_core.push import TOOL_RADIUS
-from sain_core.scene import DISK_HEIGHT
+from sain_core.scene import DISK_HEIGHT, SETTLED_SPEED, SETTLED_SPIN
 from sain_core.seeding import generator
 from sain_core.types import PushArray, Scene
 from sain_sim.arm.client import Client
 from sain_sim.arm.motion import MotionConfig
 from sain_sim.camera.render import CameraConfig, Renderer
 from sain_sim.collecting.samplers import CircleSampler
-from sain_sim.engines.bullet.bodies import resting
-from sain_sim.engines.bullet.stage import Stage
+from sain_sim.engines.bullet.bodies import Body, resting
 from sain_sim.world.outcome import Sample
-from sain_sim.world.parameters import WorldParameters, nominal_parameters, sample_parameters
+from sain_sim.world.parameters import (
+    WorldParameters,
+    nominal_parameters,
+    sample_parameters,
+    table_box,
+)
 from sain_sim.world.start import draw_start
 from sain_sim.world.stroke import Stroke
 from sain_sim.world.workcell import GRAVITY, STEPS_PER_LOOK, WorldConfig
@@ -109,7 +113,18 @@ def armless_push(client: Client, case: Case) -> None:
     client.setGravity(0.0, 0.0, -GRAVITY)
     client.setTimeStep(motion.time_step)
     client.setPhysicsEngineParameter(deterministicOverlappingPairs=1)
-    stage = Stage(client, parameters, table, [resting(client, state) for state in start])
+    half, middle = table_box(table)
+    top = client.createCollisionShape(client.GEOM_BOX, halfExtents=half)
+    own = parameters.rim_friction**0.5  # Bullet multiplies the friction of two bodies
+    client.changeDynamics(
+        client.createMultiBody(0.0, top, basePosition=middle),
+        -1,
+        lateralFriction=parameters.friction / own,
+    )
+    bodies = [
+        Body(client, parameters, index, resting(client, state), own)
+        for index, state in enumerate(start)
+    ]
     shape = client.createCollisionShape(
         client.GEOM_CYLINDER, radius=TOOL_RADIUS, height=DISK_HEIGHT
     )
@@ -122,8 +137,13 @@ def armless_push(client: Client, case: Case) -> None:
     client.removeBody(tool)
     for step in range(1, round(config.max_settle_time / motion.time_step)):
         client.stepSimulation()
-        if step % STEPS_PER_LOOK == 0 and stage.still():
+        if step % STEPS_PER_LOOK == 0 and all(map(_is_still, bodies)):
             return
+
+
+def _is_still(body: Body) -> bool:
+    *_, vx, vy, spin = body.planar(body.state())
+    return bool(np.hypot(vx, vy) < SETTLED_SPEED and abs(spin) < SETTLED_SPIN)
 
 
 def _stroke_states(stroke: Stroke, motion: MotionConfig) -> Iterator[tuple[list, list]]:

@@ -24,8 +24,8 @@ setup(
             "collect = sain_sim.commands:collect",
         ],
         "sain.dynamics": [
-            "bullet = sain_sim.world.bullet:load_bullet",
-            "bullet_measured = sain_sim.world.bullet:load_bullet",
+            "bullet = sain_sim.world.shadow:load_bullet",
+            "bullet_measured = sain_sim.world.shadow:load_bullet",
         ],
     },
 )

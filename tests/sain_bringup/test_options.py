@@ -207,7 +207,7 @@ def test_a_robot_takes_the_place_of_the_simulator(tmp_path: Path) -> None:
     ("change", "message"),
     [
         ({"bodies": Path("b.yaml")}, "--bodies is for a robot; give --robot, too"),
-        ({"robot": "python3", "gui": True}, "--robot replaces the simulator; --gui and --engine"),
+        ({"robot": "python3", "gui": True}, "--robot replaces the simulator; --gui, --engine"),
         ({"robot": "python3", "engine": "mujoco"}, "--robot replaces the simulator"),
         ({"robot": "no_such_driver"}, "there is no command 'no_such_driver'"),
         ({"robot": "python3 '"}, "No closing quotation"),

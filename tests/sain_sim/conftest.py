@@ -18,7 +18,7 @@ from sain_sim.world.world import World
 class Bench:
     """Worlds and starts that the tests of the simulator share."""
 
-    straight = np.array([0.0, 0.0, 0.1])
+    straight = make_push(0.0, 0.0, 0.1)
 
     @staticmethod
     def touching(parameters: WorldParameters | None = None, bearing: float = 0.0) -> Scene:
@@ -50,7 +50,7 @@ class Bench:
         if world.engine == MUJOCO:
             cell._speeds[body, :2] = velocity
         else:
-            world._simulation.client.resetBaseVelocity(cell.stage.disks[body].id, [*velocity, 0.0])
+            world._simulation.client.resetBaseVelocity(cell.bodies[body].id, [*velocity, 0.0])
 
     @staticmethod
     def towards(heading: float, length: float = 0.1) -> PushArray:

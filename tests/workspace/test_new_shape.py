@@ -49,7 +49,7 @@ def test_its_sides_and_corners_touch_where_they_are(bearing, reach):
     way = np.array([*unit(np.asarray(0.2 + radians(bearing))), 0.0])
     with World(parameters) as world:
         world.reset(scene)
-        client, body = world._simulation.client, world._cell.stage.disks[TARGET].id
+        client, body = world._simulation.client, world._cell.bodies[TARGET].id
         ball = client.createCollisionShape(client.GEOM_SPHERE, radius=0.01)
         place = np.array([*scene[TARGET, POSITION], 0.02]) + (reach + 0.02) * way
         probe = client.createMultiBody(1.0, ball, -1, place.tolist())
@@ -84,7 +84,7 @@ def test_a_collection_and_its_data_set_say_which_body_it_is(tmp_path):
 @pytest.mark.parametrize("family", [PaperScenario, AnywhereScenario])
 def test_a_scenario_turns_one_of_its_sides_to_the_mid_disk(family):
     case = family("hexagons", target_shape="six_sided").scene(3)
-    assert case.parameters("flat").shapes == ("flat", "six_sided")
+    assert case.parameters().shapes == (THREE_FEET, "six_sided")
     x, y = case.disks[TARGET, POSITION] - case.disks[MID, POSITION]
     assert case.disks[TARGET, THETA] == pytest.approx(atan2(y, x), abs=1e-9)
     assert hypot(x, y) == pytest.approx(case.disks[:, RADIUS].sum() + 0.001)

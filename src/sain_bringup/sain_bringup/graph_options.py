@@ -12,6 +12,7 @@ from sain_core.config import Config, option
 from sain_core.errors import ConfigError, UntrustedFileError
 from sain_core.model import check_model_name
 from sain_core.observation import MASSES, ObservationConfig
+from sain_core.shapes.supports import BOTTOMS, FEET
 from sain_core.untrusted import read_yaml
 from sain_eval.scenes.scenarios import SCENARIOS
 from sain_live.settings import PageConfig
@@ -32,6 +33,9 @@ class GraphOptions(Config):
     """
 
     engine: str = option(DEFAULT_ENGINE, ENGINE_HELP)
+    bottom: str = option(
+        FEET, "what bodies stand on: three feet, or a flat bottom", choices=BOTTOMS
+    )
     model: str = option("sain", "name of a model (sain, planar, identity) or path of a checkpoint")
     belief: str = option(
         "", "file of `sain_model identify`, with which each episode begins; empty: none"
@@ -74,8 +78,10 @@ class GraphOptions(Config):
         """Check that robot and bodies belong together, and that no option is the simulator's."""
         if self.bodies is not None and not self.robot:
             raise ConfigError("--bodies is for a robot; give --robot, too")
-        if self.robot and (self.gui or self.engine != DEFAULT_ENGINE):
-            raise ConfigError("--robot replaces the simulator; --gui and --engine are of that")
+        if self.robot and (self.gui or self.engine != DEFAULT_ENGINE or self.bottom != FEET):
+            raise ConfigError(
+                "--robot replaces the simulator; --gui, --engine and --bottom are its"
+            )
         try:
             words = shlex.split(self.robot)
         except ValueError as error:

@@ -13,6 +13,7 @@ from sain_bringup.graph_options import GraphOptions
 from sain_core.config import Config, option
 from sain_core.errors import OutputError
 from sain_core.observation import ObservationConfig, told_settings
+from sain_core.shapes.supports import BOTTOMS, FEET
 from sain_core.storage import make_folder
 from sain_eval.scenes.scenarios import OFFERED, SCENARIOS
 from sain_sim.world.engines import BULLET, DEFAULT_ENGINE, ENGINE_HELP
@@ -49,6 +50,9 @@ class ClosedLoopOptions(Config):
         maximum=0.2,
     )
     engine: str = option(DEFAULT_ENGINE, ENGINE_HELP)
+    bottom: str = option(
+        FEET, "what bodies stand on: three feet, or a flat bottom", choices=BOTTOMS
+    )
     model: str = option("sain", "name of a model (sain, planar, identity) or path of a checkpoint")
     belief: str = option(
         "", "file of `sain_model identify`, with which each episode begins; empty: none"
@@ -80,6 +84,7 @@ class ClosedLoopOptions(Config):
         """Return the options of the graph that records to a folder."""
         return GraphOptions(
             engine=self.engine,
+            bottom=self.bottom,
             model=self.model,
             belief=self.belief,
             seed=self.seed,
@@ -177,6 +182,7 @@ def describe(plans: Sequence[EpisodePlan], options: ClosedLoopOptions) -> str:
     counts = Counter(plan.scenario for plan in plans)
     what = ", ".join(f"{count} × {name}" for name, count in counts.items())
     engine = "" if options.engine == BULLET else f" in {options.engine}"
+    engine += "" if options.bottom == FEET else f" on {options.bottom} bottoms"
     seen = "".join(f", {name} {value}" for name, value in told_settings(options.camera).items())
     return f"{what}, to {1e3 * options.tolerance:g} mm, with {options.model}{engine}{seen}"
 

@@ -26,7 +26,7 @@ def offered(own_shapes: None, monkeypatch: pytest.MonkeyPatch) -> list[EntryPoin
 
 def test_a_shape_has_a_name_and_a_footprint():
     assert get_shape("disk") is get_shape("three_feet") is not get_shape("flat")
-    assert built_shapes(("disk", "cube"), "flat") == ("flat", "cube")
+    assert built_shapes(("disk", "cube")) == ("three_feet", "cube")
 
 
 def test_an_unknown_name_is_an_error_that_lists_what_is_allowed():
@@ -37,13 +37,13 @@ def test_an_unknown_name_is_an_error_that_lists_what_is_allowed():
     with pytest.raises(ConfigError, match="shape is 'disk'; allowed: three_feet, flat, cube"):
         check_shape("disk")
     with pytest.raises(InvalidInputError, match="shape of body 1 is 'flat'; allowed: disk, cube"):
-        built_shapes(("disk", "flat"), "three_feet")
+        built_shapes(("disk", "flat"))
 
 
 def test_a_registered_shape_is_found(hexagon):
     assert get_shape("six_sided") is HEXAGON
     check_shape("six_sided")
-    assert built_shapes(("six_sided",), "flat") == ("six_sided",)
+    assert built_shapes(("six_sided",)) == ("six_sided",)
     register(Polygon("six_sided", corners=regular_corners(6)))  # the same again
 
 

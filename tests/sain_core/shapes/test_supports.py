@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from sain_core.shapes.library import get_shape
-from sain_core.shapes.supports import flat_bottom
+from sain_core.shapes.supports import even_supports, flat_bottom
 
 SHAPES = ("disk", "square", "t", "star", "bar", "ring_segment")
 
@@ -30,3 +30,14 @@ def test_pressure_moves_the_load_to_the_rim_or_to_the_middle() -> None:
         points, shares = flat_bottom(get_shape("square"), pressure)
         arms.append(shares @ np.hypot(*points.T))
     assert arms[0] < 0.95 * arms[1] < 0.95 * 0.9 * arms[2]
+
+
+@pytest.mark.parametrize("name", SHAPES)
+def test_even_supports_slide_and_turn_as_uniform_pressure(name: str) -> None:
+    shape = get_shape(name)
+    points = even_supports(shape)
+    fine, shares = flat_bottom(shape)
+    np.testing.assert_allclose(points.mean(axis=0), 0.0, atol=1e-12)
+    moments = (fine.T * shares) @ fine
+    np.testing.assert_allclose(points.T @ points / 9, moments, atol=0.06 * np.trace(moments))
+    assert np.hypot(*points.T).mean() == pytest.approx(shares @ np.hypot(*fine.T), rel=0.06)

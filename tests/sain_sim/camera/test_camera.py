@@ -5,11 +5,11 @@ import pytest
 
 from sain_core.scene import MASS, POSE, POSITION, RADIUS, is_settled
 from sain_sim.camera.camera import Camera, WorldCameraConfig
-from sain_sim.world.parameters import WorldParameters, in_a_row, nominal_parameters
+from sain_sim.world.parameters import WorldParameters, nominal_parameters, on_a_grid
 from sain_sim.world.workcell import WorldConfig
 
 PARAMETERS = WorldParameters(masses=(7.5, 8.5), radii=(0.085, 0.055))
-SCENE = in_a_row(PARAMETERS, WorldConfig().feasibility.table)
+SCENE = on_a_grid(PARAMETERS, WorldConfig().feasibility.table)
 
 
 def camera(seed=0, parameters=PARAMETERS, **config):

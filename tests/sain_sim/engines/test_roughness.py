@@ -10,9 +10,9 @@ from sain_core.errors import BlockedError, ConfigError
 from sain_core.push import make_push
 from sain_core.scene import MID, POSITION, TARGET, THETA, is_settled, unit
 from sain_core.shapes.shape import REGULAR_FEET
-from sain_core.shapes.solids import FLAT
+from sain_core.shapes.supports import FLAT
 from sain_sim.arm.kinematics import LOWER_LIMITS, UPPER_LIMITS
-from sain_sim.engines.bullet.tool_spring import SLIDES
+from sain_sim.engines.bullet.arm import SLIDES
 from sain_sim.world.parameters import WorldParameters, nominal_parameters
 from sain_sim.world.roughness import (
     EFFECTS,
@@ -54,7 +54,7 @@ def slide(parameters, heading):
     scene = parameters.scene(beside(-0.2, 0.0)[::-1])
     with World(parameters) as world:
         world.reset(scene)
-        body = world._cell.stage.disks[TARGET].id
+        body = world._cell.bodies[TARGET].id
         world._simulation.client.resetBaseVelocity(body, [*(0.3 * unit(np.asarray(heading))), 0.0])
         assert world.settle()
         return (world.observe() - scene)[TARGET, POSITION]
@@ -87,7 +87,7 @@ def test_a_scene_is_about_the_middles_of_the_disks():
     scene = parameters.scene(beside(0.2, 0.0), headings)
     with World(parameters) as world:
         assert np.allclose(world.reset(scene), scene, atol=1e-12)
-        body = world._cell.stage.disks[MID].id
+        body = world._cell.bodies[MID].id
         com = np.array(world._simulation.client.getBasePositionAndOrientation(body)[0][:2])
         assert np.allclose(com - MIDDLE, 0.15 * 0.08 * unit(np.asarray(0.4)))
         world._simulation.client.resetBaseVelocity(body, [0.0, 0.0, 0.0], [0.0, 0.0, 2.0])
@@ -105,7 +105,7 @@ def test_a_disk_that_leans_on_a_near_foot_turns_less():
         scene = parameters.scene(beside(0.2, 0.0))
         with World(parameters) as world:
             world.reset(scene)
-            body = world._cell.stage.disks[MID].id
+            body = world._cell.bodies[MID].id
             world._simulation.client.resetBaseVelocity(body, [0.0] * 3, [0.0, 0.0, 3.0])
             world.settle()
             turned.append(world.observe()[MID, THETA])
@@ -136,7 +136,7 @@ def test_each_disk_has_the_friction_of_its_own_place():
         parameters = rough(patches=((along, 0.0, phase - along * places[0, 0]),))
         with World(parameters) as world:
             world.reset(parameters.scene(places))
-            for disk in world._cell.stage.disks:
+            for disk in world._cell.bodies:
                 world._simulation.client.resetBaseVelocity(disk.id, [0.0, 0.2, 0.0])
             assert world.settle()
             ways = world.observe()[:, 1]
@@ -327,5 +327,5 @@ def test_what_does_not_fit_the_disks_is_refused():
     with pytest.raises(ConfigError, match="mass_offsets is about 3 disks, the world has 2"):
         replace(nominal_parameters(), roughness=offsets)
     feet = Roughness(feet=(REGULAR_FEET,) * 2)
-    with pytest.raises(ConfigError, match="'flat' has no feet"):
-        replace(nominal_parameters(shape=FLAT), roughness=feet)
+    with pytest.raises(ConfigError, match="body 0 lies flat and has no feet"):
+        replace(nominal_parameters(), bottom=FLAT, roughness=feet)

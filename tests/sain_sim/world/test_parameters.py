@@ -6,7 +6,6 @@ from sain_core.seeding import generator
 from sain_core.shapes.library import get_shape, shape_names
 from sain_sim.arm.client import Client
 from sain_sim.engines.bullet.bodies import Body, resting
-from sain_sim.engines.bullet.collision import Build
 from sain_sim.world.parameters import (
     FRICTION_RANGE,
     MASS_RANGE,
@@ -60,9 +59,9 @@ def test_parameters_that_make_no_world_are_refused(fields, message):
 @pytest.mark.parametrize("name", shape_names())
 def test_bullet_knows_the_mass_and_inertia_of_a_uniform_body(name):
     client, shape = Client(), get_shape(name)
-    scene = nominal_parameters().scene(np.array([[0.4, 0.0], [0.6, 0.0]]))
-    build = Build(shape, 7.5, 0.08, shape.feet)
-    body = Body(client, build, resting(client, scene[0]), 0.3)
+    parameters = WorldParameters(masses=(7.5,), radii=(0.08,), shapes=(name,))
+    scene = parameters.scene(np.array([[0.4, 0.0]]))
+    body = Body(client, parameters, 0, resting(client, scene[0]), 0.3)
     told = client.getDynamicsInfo(body.id, -1)
     assert told[0] == 7.5
     assert np.allclose(told[2], shape.inertia(7.5, 0.08))

@@ -3,7 +3,8 @@ import pytest
 
 from sain_core.errors import InvalidInputError, OutOfRangeError
 from sain_core.scene import MASS, RADIUS, VELOCITY, make_scene, surface_gaps
-from sain_core.shapes.solids import FLAT, THREE_FEET
+from sain_core.shapes.solids import THREE_FEET
+from sain_core.shapes.supports import FLAT
 from sain_sim.world.parameters import nominal_parameters
 from sain_sim.world.start import draw_episode
 
@@ -43,9 +44,11 @@ def test_friction_is_drawn_unless_it_is_given() -> None:
     assert draw_episode(0, "nominal", GIVEN)[0].friction == nominal_parameters().friction
 
 
-def test_shapes_become_the_way_disks_are_built() -> None:
-    shapes = draw_episode(0, "nominal", GIVEN, ("disk", "cube", "disk"), disk_shape=FLAT)[0].shapes
-    assert shapes == (FLAT, "cube", FLAT)
+def test_bodies_stand_on_feet_unless_they_lie_flat() -> None:
+    for world in ("nominal", "randomised"):
+        parameters = draw_episode(0, world, GIVEN, ("disk", "cube", "disk"), bottom=FLAT)[0]
+        assert parameters.shapes == (THREE_FEET, "cube", THREE_FEET)
+        assert all(map(parameters.lies_flat, range(3)))
     assert draw_episode(0, "nominal", GIVEN)[0].shapes == (THREE_FEET,) * 3
 
 

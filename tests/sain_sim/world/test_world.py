@@ -55,7 +55,7 @@ def test_a_push_moves_the_target_and_ends_at_rest(world, bench):
 
 @pytest.mark.parametrize("shape", [THREE_FEET, FLAT, "cube"])
 def test_sliding_disks_obey_coulomb(shape, bench, engine):
-    parameters = nominal_parameters(shape=THREE_FEET)
+    parameters = nominal_parameters()
     parameters = dataclasses.replace(parameters, shapes=(THREE_FEET, shape), friction=0.2)
     with World(parameters, engine=engine) as world:
         world.reset(bench.touching(parameters))

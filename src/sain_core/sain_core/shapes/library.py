@@ -15,7 +15,7 @@ import numpy as np
 from sain_core.errors import ConfigError, InvalidInputError, SainError
 from sain_core.plugins import Plugins, did_you_mean
 from sain_core.shapes.shape import Pair, Shape
-from sain_core.shapes.solids import CUBE_CORNERS, DISK, FLAT, THREE_FEET, Compound, Cube, Disk
+from sain_core.shapes.solids import CUBE_CORNERS, FLAT, THREE_FEET, Compound, Cube, Disk
 
 RANDOM_CORNERS: Final = (5, 6, 7, 8, 9, 10)  # of the random polygons, by seed
 LEAST_GAP: Final = 0.35  # [rad], between two corners of a random polygon
@@ -174,17 +174,16 @@ def check_footprint(name: str) -> None:
     _find(name, _footprints, InvalidInputError)
 
 
-def built_shapes(footprints: Iterable[str], disk_shape: str) -> tuple[str, ...]:
-    """Return the names of the shapes for some footprints; `disk_shape` is the one for disks.
+def built_shapes(footprints: Iterable[str]) -> tuple[str, ...]:
+    """Return the names of the shapes for some footprints.
 
     Raises:
         InvalidInputError: a footprint that does not exist, and of which body.
     """
-    shapes = [
-        _find(footprint, _footprints, InvalidInputError, _shape_of(body))
+    return tuple(
+        _find(footprint, _footprints, InvalidInputError, _shape_of(body)).name
         for body, footprint in enumerate(footprints)
-    ]
-    return tuple(disk_shape if shape.footprint == DISK else shape.name for shape in shapes)
+    )
 
 
 def _shape_of(body: int | None) -> str:

@@ -16,8 +16,7 @@ from sain_core.types import Points
 
 DISK: Final = "disk"
 THREE_FEET: Final = "three_feet"
-FLAT: Final = "flat"  # as in the paper
-DISK_SHAPES: Final = (THREE_FEET, FLAT)
+FLAT: Final = "flat"  # whatever the bottom of the world: old recordings name such disks
 CORNERS: Final = 72  # of an outline
 
 

@@ -6,7 +6,6 @@ from typing import Final
 from sain_core.goal import Goal
 from sain_core.shapes.bodies import Bodies
 from sain_core.shapes.library import built_shapes
-from sain_core.shapes.solids import THREE_FEET
 from sain_core.types import Scene
 from sain_sim.world.parameters import WorldParameters
 from sain_sim.world.truth import RANDOMISED_TRUTH, TruthConfig
@@ -57,8 +56,8 @@ class ScenarioScene:
         moved = replace(self, truth=truth)
         return replace(moved, friction=moved.parameters().friction)
 
-    def parameters(self, disk_shape: str = THREE_FEET) -> WorldParameters:
-        """Return the simulated world that this scene plays in; `disk_shape` builds its disks."""
-        shapes = built_shapes(self.shapes, disk_shape)
+    def parameters(self) -> WorldParameters:
+        """Return the simulated world that this scene plays in."""
+        shapes = built_shapes(self.shapes)
         parameters = WorldParameters.of_scene(self.disks, self.friction, shapes, self.roles)
         return self.truth.roughen(parameters)

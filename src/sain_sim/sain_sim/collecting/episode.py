@@ -19,12 +19,11 @@ from sain_core.scene import POSITION, TARGET
 from sain_core.seeding import generator
 from sain_core.shapes.bodies import MOST_BODIES, Role
 from sain_core.shapes.library import built_shapes, check_footprint, footprint_names
-from sain_core.shapes.solids import DISK, DISK_SHAPES, THREE_FEET
+from sain_core.shapes.solids import DISK
 from sain_core.types import PushArray
 from sain_core.world import DivergedError, Outcome
 from sain_sim.collecting.push_counts import PushCounts
 from sain_sim.collecting.samplers import CircleSampler, GridSampler, OutlineSampler
-from sain_sim.world.nominal_shadow import NominalShadow
 from sain_sim.world.own import open_world
 from sain_sim.world.parameters import PAPER, RANGES, WIDE, WorldParameters
 from sain_sim.world.shadow import NOMINAL, TRUE, BulletPrior
@@ -44,7 +43,6 @@ class EpisodeConfig(Config):
     """What episodes are like."""
 
     disks: int = option(2, "number of disks N", minimum=2, maximum=5)
-    shape: str = option(THREE_FEET, "construction of the disks", choices=DISK_SHAPES)
     target: str = option(DISK, f"what the target is: {', '.join(footprint_names())}")
     shapes: str = option(
         "",
@@ -126,7 +124,7 @@ class EpisodeRunner:
         self._sampler = GridSampler(PaperGrid()) if config.sampler == GRID else circle
         built = draw_parameters(generator(seed, "build"), config)
         self._world = open_world(built, self._world_config, engine=config.truth.engine)
-        self._shadow = NominalShadow(NOMINAL, self._world_config, self._world.parameters)
+        self._shadow = BulletPrior(NOMINAL, self._world_config, self._world.parameters)
 
     def run(self, episode: int) -> EpisodeResult:
         """Return the transitions of one episode, in order, and what became of its pushes."""
@@ -140,7 +138,7 @@ class EpisodeRunner:
         with ExitStack() as stack:
             floor = None
             if episode < self._config.floor_episodes:
-                true = NominalShadow(TRUE, self._world_config, parameters, self._world.engine)
+                true = BulletPrior(TRUE, self._world_config, parameters, self._world.engine)
                 floor = stack.enter_context(true)
             for step, (push, outcome) in enumerate(self._pushes(random, counts)):
                 moved = _count(outcome, counts, any_body=bool(self._config.shapes))
@@ -235,9 +233,9 @@ def draw_parameters(random: np.random.Generator, config: EpisodeConfig) -> World
     ranges = RANGES[config.parameters]
     if config.shapes:
         count = int(random.choice(config.counts))
-        names = built_shapes(random.choice(config.shape_names, count).tolist(), config.shape)
-        drawn = config.truth.draw(random, count, config.shape, ranges, names)
+        names = built_shapes(random.choice(config.shape_names, count).tolist())
+        drawn = config.truth.draw(random, count, ranges, names)
         return replace(drawn, roles=(Role.PUSHABLE,) * count)
     others = (DISK,) * (config.disks - 2)
-    names = built_shapes((DISK, config.target, *others), config.shape)
-    return config.truth.draw(random, config.disks, config.shape, ranges, names)
+    names = built_shapes((DISK, config.target, *others))
+    return config.truth.draw(random, config.disks, ranges, names)

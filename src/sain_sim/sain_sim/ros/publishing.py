@@ -116,6 +116,7 @@ class Publishing:
                 world=(world or self._simulator.config.world) + self._simulator.within,
                 shapes=list(parameters.shapes),
                 roles=list(parameters.roles),
+                bottom=parameters.bottom,
                 friction=parameters.friction,
                 rim_friction=parameters.rim_friction,
                 tool_friction=parameters.tool_friction,

@@ -10,17 +10,16 @@ import numpy as np
 from sain_core.config import option
 from sain_core.errors import SainError
 from sain_core.scene import RADIUS
-from sain_core.shapes.solids import DISK_SHAPES, THREE_FEET
 from sain_core.types import PushArray, Scene
 from sain_core.world import Outcome
 from sain_sim.camera.camera import Camera, WorldCameraConfig
 from sain_sim.camera.window import Window
 from sain_sim.ros.pacing import Pacer
 from sain_sim.world.engines import BULLET
-from sain_sim.world.nominal_shadow import NominalShadow
 from sain_sim.world.outcome import Sample
 from sain_sim.world.own import open_world
 from sain_sim.world.parameters import WorldParameters, nominal_parameters
+from sain_sim.world.shadow import BulletPrior
 from sain_sim.world.start import WORLDS, draw_episode
 from sain_sim.world.truth import TruthConfig
 from sain_sim.world.workcell import WorldConfig
@@ -36,7 +35,6 @@ class SimulatorConfig(TruthConfig):
         "randomised", "which world draws the parameters that a reset does not give", choices=WORLDS
     )
     seed: int = option(0, "seed of the first episode", minimum=0)
-    disk_shape: str = option(THREE_FEET, "shape of the disks", choices=DISK_SHAPES)
     real_time_factor: float = option(
         0.0, "simulated time over wall time; 0: as fast as possible", minimum=0.0, maximum=100.0
     )
@@ -96,7 +94,7 @@ class Simulator:
         self.pacer = pacer
         viewer = Window() if config.gui else None
         self.world = open_world(nominal_parameters(), config.bullet, viewer, config.engine)
-        self.shadow = NominalShadow("nominal", config.bullet) if config.shadow else None
+        self.shadow = BulletPrior("nominal", config.bullet) if config.shadow else None
         self.camera = None if config.camera.is_exact else Camera(config.camera)
         rate = config.state_rate if self.camera is None else config.camera.frame_rate
         self._every = config.bullet.steps_of(1.0 / rate)
@@ -128,10 +126,10 @@ class Simulator:
             scene,
             shapes,
             friction,
-            config.disk_shape,
             config.lab,
             config.effects,
             roles,
+            config.bottom,
         )
         self.world.reset(start, parameters)
         if self.camera is not None:

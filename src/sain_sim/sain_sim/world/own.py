@@ -21,7 +21,7 @@ from sain_sim.world.engines import (
     load_world,
 )
 from sain_sim.world.outcome import Observer, Sample
-from sain_sim.world.parameters import WorldParameters, in_a_row
+from sain_sim.world.parameters import WorldParameters, on_a_grid
 from sain_sim.world.stroke import is_idle
 from sain_sim.world.workcell import HOME, WorldConfig
 from sain_sim.world.world import Viewer, World
@@ -37,7 +37,7 @@ class OwnWorld(CheckedWorld):
     def __init__(
         self, parameters: WorldParameters, config: WorldConfig = WorldConfig(), engine: str = ""
     ) -> None:
-        """Load the world of this name, with the bodies in a row; `reset` places them.
+        """Load the world of this name, with the bodies on a grid; `reset` places them.
 
         Raises:
             ConfigError: see `load_world`.
@@ -49,7 +49,7 @@ class OwnWorld(CheckedWorld):
         self._joints = config.kinematics.joints(np.array([*HOME, config.motion.raised]))
         self._time = 0.0
         table = config.feasibility.table
-        self.load(check_bodies(in_a_row(parameters, table), parameters.bodies, table))
+        self.load(check_bodies(on_a_grid(parameters, table), parameters.bodies, table))
 
     def load(self, scene: Scene, parameters: WorldParameters | None = None) -> None:
         """Put the bodies in a scene (N, 8), without checks of the scene."""

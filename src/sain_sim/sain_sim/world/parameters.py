@@ -15,8 +15,9 @@ from sain_core.errors import ConfigError
 from sain_core.scene import MASS, RADIUS, Table, make_scene
 from sain_core.shapes.bodies import Bodies
 from sain_core.shapes.library import check_shape
-from sain_core.shapes.shape import Pair, Shape
+from sain_core.shapes.shape import Pair, Shape, feet_places
 from sain_core.shapes.solids import THREE_FEET
+from sain_core.shapes.supports import BOTTOMS, FEET, FLAT, even_supports
 from sain_core.types import Angles, Points, Scene
 from sain_sim.world.roughness import SMOOTH, Roughness
 
@@ -29,7 +30,7 @@ FRICTION_RANGE: Final = (0.08, 0.20)
 FOOT_RADIUS: Final = 0.004  # [m]
 FLOOR_SIZE: Final = 3.0  # [m], half its side
 THINNEST_TABLE: Final = 0.05  # [m], of a table as high as the arm's base
-ROW_ROOM: Final = 2**0.5  # [widths], from one disk to the next in the first scene
+ROOM: Final = 1.05  # [reaches], of each body in the first scene
 
 
 class Ranges(NamedTuple):
@@ -74,6 +75,9 @@ class WorldParameters(Config):
         NOMINAL_FRICTION, "friction of the tool on a disk", minimum=0.0, maximum=1.5
     )
     roughness: Roughness = SMOOTH
+    bottom: str = option(
+        FEET, "what bodies stand on: three feet, or a flat bottom", choices=BOTTOMS
+    )
     roles: tuple[str, ...] = option(
         (), "pushable, movable or fixed, for each body; none: only the first is pushable"
     )
@@ -91,9 +95,12 @@ class WorldParameters(Config):
             check_shape(name, body)
         _ = self.bodies  # checks the roles
         self.roughness.check_count(self.count)
-        for shape in self.body_shapes if self.roughness.feet else ():
-            if not shape.feet:
-                raise ConfigError(f"shape {shape.name!r} has no feet to be moved; use {THREE_FEET}")
+        for body in range(self.count) if self.roughness.feet else ():
+            if self.lies_flat(body):
+                raise ConfigError(
+                    f"body {body} lies flat and has no feet to be moved; use bottom {FEET}, or"
+                    " effects without feet"
+                )
 
     @property
     def count(self) -> int:
@@ -110,10 +117,16 @@ class WorldParameters(Config):
         """What each disk is like."""
         return self.bodies.shapes
 
-    @property
-    def feet(self) -> tuple[tuple[Pair, ...], ...]:
-        """Distance [radii] and bearing [rad] of each foot of each body."""
-        return self.roughness.feet or tuple(shape.feet for shape in self.body_shapes)
+    def lies_flat(self, body: int) -> bool:
+        """Return whether a body has a flat bottom."""
+        return self.bottom == FLAT or not self.body_shapes[body].feet
+
+    def supports(self, body: int) -> Points:
+        """Return the points (F, 2) [m] in a body's frame that carry it, about its middle."""
+        shape, radius = self.body_shapes[body], self.radii[body]
+        if self.lies_flat(body):
+            return radius * even_supports(shape)
+        return feet_places(self.roughness.feet[body] if self.roughness.feet else shape.feet, radius)
 
     @property
     def mass_offsets(self) -> tuple[Pair, ...]:
@@ -144,28 +157,25 @@ class WorldParameters(Config):
 
 
 @cache
-def nominal_parameters(
-    count: int = 2, shape: str = THREE_FEET, shapes: tuple[str, ...] | None = None
-) -> WorldParameters:
+def nominal_parameters(count: int = 2, shapes: tuple[str, ...] | None = None) -> WorldParameters:
     """Return the paper's nominal world with N = count disks; further disks are like the target."""
     return WorldParameters(
         masses=(NOMINAL_MASS,) * count,
         radii=tuple(NOMINAL_RADII[min(disk, 1)] for disk in range(count)),
-        shapes=shapes or (shape,) * count,
+        shapes=shapes or (THREE_FEET,) * count,
     )
 
 
 def sample_parameters(
     generator: np.random.Generator,
     count: int = 2,
-    shape: str = THREE_FEET,
     ranges: Ranges = RANGES[PAPER],
 ) -> WorldParameters:
     """Draw the paper's randomised world with N = count disks; further ones like the target."""
     return WorldParameters(
         masses=tuple(generator.uniform(*ranges.mass, count).tolist()),
         radii=tuple(float(generator.uniform(*ranges.radii[min(i, 1)])) for i in range(count)),
-        shapes=(shape,) * count,
+        shapes=(THREE_FEET,) * count,
         friction=float(generator.uniform(*ranges.friction)),
     )
 
@@ -180,10 +190,14 @@ def table_box(table: Table) -> tuple[list[float], list[float]]:
     return half, [(table.x_min + table.x_max) / 2, (table.y_min + table.y_max) / 2, -half[2]]
 
 
-def in_a_row(parameters: WorldParameters, table: Table) -> Scene:
-    """Return a scene with the disks in a row across the table, each with room to turn."""
-    room = max(ROW_ROOM, *(shape.circumradius for shape in parameters.body_shapes))
-    widths = 2.0 * np.array(parameters.radii) * room
-    y = np.cumsum(widths) - widths / 2 - widths.sum() / 2
-    x = np.full_like(y, (table.x_min + table.x_max) / 2)
-    return parameters.scene(np.stack([x, y], axis=-1))
+def on_a_grid(parameters: WorldParameters, table: Table) -> Scene:
+    """Return a scene with the bodies in rows about the table's middle, each with room to turn."""
+    reach = [
+        r * s.circumradius for r, s in zip(parameters.radii, parameters.body_shapes, strict=True)
+    ]
+    room = 2.0 * ROOM * max(reach)
+    columns = max(1, int((table.y_max - table.y_min) / room))
+    row, column = np.divmod(np.arange(parameters.count), min(columns, parameters.count))
+    middle = [(table.x_min + table.x_max) / 2, (table.y_min + table.y_max) / 2]
+    places = np.stack([row - row.max() / 2, column - column.max() / 2], axis=-1)
+    return parameters.scene(middle + room * places)

@@ -116,6 +116,7 @@ class Roughness(Config):
 SMOOTH: Final = Roughness()
 
 RIMS: Final = "rims"
+MOVED_FEET: Final = "feet"
 
 
 def _mass_offsets(random: np.random.Generator, count: int) -> tuple[Pair, ...]:
@@ -146,7 +147,7 @@ def _tilt(random: np.random.Generator, count: int) -> Pair:
 # of each effect the field of `Roughness`, and how its value is drawn for so many disks
 _DRAW: Final[dict[str, tuple[str, Callable[[np.random.Generator, int], Any]]]] = {
     "mass": ("mass_offsets", _mass_offsets),
-    "feet": ("feet", _feet),
+    MOVED_FEET: ("feet", _feet),
     "patches": ("patches", _patches),
     "direction": ("grain", lambda random, count: random.uniform(*GRAIN)),
     "tilt": ("tilt", _tilt),

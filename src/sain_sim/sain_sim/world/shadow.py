@@ -7,13 +7,22 @@ not from the shadow's. Where a shadow's disks are larger than the scene's,
   is predicted is the scene's own pose plus the motion seen in the shadow;
 * the mid disk could reach into the tool: the tool then starts further back on its line. With
   the paper's ranges its clearance of 5 mm is just enough, and it never has to.
+
+The size of bodies that are no disks is part of their shape. A shadow of such bodies has the radii
+of the scene, and only masses and friction are nominal.
+
+As dynamics that other packages find by name, it is ``bullet`` (the paper's f_p: nominal masses,
+radii and friction) and ``bullet_measured`` (masses and radii of the scene, nominal friction). Each
+name that is asked for builds a world of its own, which `close` lets go of. All bodies are disks on
+three feet: a scene does not state shapes.
 """
 
-from typing import Final
+from dataclasses import replace
+from typing import Final, Self
 
 import numpy as np
 
-from sain_core.errors import ConfigError
+from sain_core.errors import ConfigError, UnreachableError
 from sain_core.model import Model
 from sain_core.push import PushLimits
 from sain_core.scene import (
@@ -27,10 +36,10 @@ from sain_core.scene import (
     unit,
     wrap_angle,
 )
+from sain_core.shapes.bodies import PAPER_DISKS
 from sain_core.types import PushArray, Pushes, Scene, Scenes
-from sain_sim.arm.client import Closeable
 from sain_sim.world.engines import DEFAULT_ENGINE
-from sain_sim.world.parameters import WorldParameters, nominal_parameters
+from sain_sim.world.parameters import NOMINAL_MASS, WorldParameters, nominal_parameters
 from sain_sim.world.stroke import Stroke, is_idle
 from sain_sim.world.world import World, WorldConfig
 
@@ -38,10 +47,16 @@ NOMINAL: Final = "nominal"  # the paper's: nominal mass, radius and friction
 MEASURED: Final = "measured"  # mass and radius of the scene, nominal friction
 TRUE: Final = "true"  # all parameters of the truth: what is left is the repeatability floor
 KINDS: Final = (NOMINAL, MEASURED, TRUE)
+DYNAMICS: Final = {"bullet": NOMINAL, "bullet_measured": MEASURED}
 
 
-class BulletPrior(Closeable, Model):
-    """A `Model` that sets a world to a scene and pushes."""
+class BulletPrior(Model):
+    """A `Model` that sets a world to a scene and pushes.
+
+    Attributes:
+        kind: one of `KINDS`.
+        truth: the parameters of the truth; None: disks.
+    """
 
     def __init__(
         self,
@@ -84,18 +99,16 @@ class BulletPrior(Closeable, Model):
         """Predict the settled scene (N, 8) after one push (5,) from a scene (N, 8)."""
         if is_idle(push):
             return scene.copy()
-        parameters = self._parameters(scene)
+        bodies = PAPER_DISKS if self.truth is None else self.truth.bodies
+        plain = bodies.stand_in_for_disks and bodies.shapes[0].is_round
+        parameters = self._parameters(scene, plain)
         start = parameters.scene(scene[:, POSITION], scene[:, THETA])
-        if self.kind != TRUE:
-            start = move_apart(start)
         limits = self._world.config.feasibility.limits
-        stroke = stand_back(Stroke.of_push(scene, push, limits), start, limits)
-        return self._moved(scene, start, parameters, stroke)
-
-    def _moved(
-        self, scene: Scene, start: Scene, parameters: WorldParameters, stroke: Stroke
-    ) -> Scene:
-        """Return a scene (N, 8) moved as a stroke moves its shadow `start` (N, 8)."""
+        stroke = Stroke.of_push(scene, push, limits, bodies)
+        if plain and self.kind != TRUE:
+            start = move_apart(start)
+        if plain:
+            stroke = stand_back(stroke, start, limits)
         self._world.load(start, parameters)
         after = self._world.carry_out(stroke, pushed=None).after
         predicted = scene.copy()
@@ -104,17 +117,65 @@ class BulletPrior(Closeable, Model):
         predicted[:, VELOCITY] = after[:, VELOCITY]
         return predicted
 
-    def _parameters(self, scene: Scene) -> WorldParameters:
-        shapes = self.truth.shapes if self.truth is not None else None
-        if self.kind == TRUE and self.truth is not None:
-            return self.truth
-        if self.kind == MEASURED:
-            return WorldParameters.of_scene(scene, shapes=shapes)
-        return nominal_parameters(len(scene), shapes=shapes)
+    def _parameters(self, scene: Scene, plain: bool) -> WorldParameters:
+        truth = self.truth
+        if self.kind == TRUE and truth is not None:
+            return truth
+        if self.kind == NOMINAL and plain:
+            made = nominal_parameters(len(scene))
+        else:
+            made = WorldParameters.of_scene(scene)
+            if self.kind == NOMINAL:
+                made = replace(made, masses=(NOMINAL_MASS,) * len(scene))
+        if truth is None:
+            return made
+        return replace(made, shapes=truth.shapes, roles=truth.roles, bottom=truth.bottom)
 
     def close(self) -> None:
         """Close the shadow world."""
         self._world.close()
+
+    def __enter__(self) -> Self:
+        """Return the object itself."""
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Close it."""
+        self.close()
+
+
+class Bullet(BulletPrior):
+    """A shadow that goes on where its arm cannot: after predictions, not after what was seen.
+
+    In a scene that was predicted the mid disk may stand where the arm does not reach. A world
+    refuses such a push, and nothing moves: so it is predicted, and counted.
+    """
+
+    _refused = 0
+
+    @property
+    def refused(self) -> int:
+        """How many pushes the arm could not carry out so far."""
+        return self._refused
+
+    def predict(self, scene: Scene, push: PushArray) -> Scene:
+        """Predict the settled scene (N, 8) after one push (5,) from a scene (N, 8)."""
+        try:
+            return super().predict(scene, push)
+        except UnreachableError:
+            self._refused += 1
+            return scene.copy()
+
+
+def load_bullet(name: str) -> Bullet:
+    """Return Bullet by one of its names.
+
+    Raises:
+        ConfigError: there is none of that name.
+    """
+    if name not in DYNAMICS:
+        raise ConfigError(f"no dynamics {name!r} in the simulator; allowed: {', '.join(DYNAMICS)}")
+    return Bullet(DYNAMICS[name])
 
 
 def stand_back(stroke: Stroke, scene: Scene, limits: PushLimits) -> Stroke:

@@ -21,7 +21,8 @@ from sain_core.scene import (
 from sain_core.seeding import generator
 from sain_core.shapes.bodies import MOST_BODIES
 from sain_core.shapes.library import built_shapes
-from sain_core.shapes.solids import DISK, THREE_FEET
+from sain_core.shapes.solids import DISK
+from sain_core.shapes.supports import FEET
 from sain_core.types import Scalars, Scene
 from sain_sim.world.parameters import WorldParameters, nominal_parameters
 from sain_sim.world.truth import ALL, TRUTHS, TruthConfig
@@ -46,10 +47,10 @@ def draw_episode(
     scene: Scene | None = None,
     shapes: tuple[str, ...] = (),
     friction: float = 0.0,
-    disk_shape: str = THREE_FEET,
     lab: int = 0,
     effects: str = ALL,
     roles: tuple[str, ...] = (),
+    bottom: str = FEET,
 ) -> tuple[WorldParameters, Scene]:
     """Return what an episode is made of; what is not given is drawn from the seed.
 
@@ -59,17 +60,17 @@ def draw_episode(
         scene: (N, 8), its velocities are ignored; the paper's start with two disks if None.
         shapes: a footprint for each disk, as `sain_core.shapes` names them; none: all disks.
         friction: with the table; 0: as the world has it.
-        disk_shape: one of `DISK_SHAPES`.
         lab: which rough world.
         effects: what is rough there, as `TruthConfig` has it.
         roles: of each body, as `sain_core.shapes.bodies` names them; none: the paper's.
+        bottom: what bodies stand on, one of `BOTTOMS`.
 
     Raises:
         InvalidInputError: a world or shape that does not exist, too few or many shapes or roles,
             or too many bodies.
         OutOfRangeError: a friction that is negative.
-        ConfigError: an effect or role that does not exist, no pushable body, or feet to be moved on
-            a flat disk.
+        ConfigError: an effect or role that does not exist, no pushable body, or feet to be moved of
+            flat bodies.
     """
     if world not in WORLDS:
         raise InvalidInputError(f"world is {world!r}; allowed: {', '.join(WORLDS)}")
@@ -81,11 +82,11 @@ def draw_episode(
     for name, given in (("shapes", shapes), ("roles", roles)):
         if len(given) not in (0, count):
             raise InvalidInputError(f"{len(given)} {name} are given for {count} disks")
-    built = built_shapes(shapes or (DISK,) * count, disk_shape)
+    built = built_shapes(shapes or (DISK,) * count)
     if world == NOMINAL:
-        parameters = nominal_parameters(count)
+        parameters = replace(nominal_parameters(count), bottom=bottom)
     else:
-        truth = TruthConfig(world, effects, lab)
+        truth = TruthConfig(world, effects, lab, bottom=bottom)
         parameters = truth.draw(generator(seed, "episode"), count, shapes=built)
     friction = friction or parameters.friction
     parameters = replace(parameters, shapes=built, roles=roles, friction=friction)

@@ -8,7 +8,7 @@ import numpy as np
 from sain_core.config import Config, option
 from sain_core.errors import ConfigError
 from sain_core.seeding import generator
-from sain_core.shapes.solids import THREE_FEET
+from sain_core.shapes.supports import BOTTOMS, FEET, FLAT
 from sain_sim.world.engines import BULLET, DEFAULT_ENGINE, ENGINE_HELP, check_engine
 from sain_sim.world.parameters import (
     FRICTION_RANGE,
@@ -19,7 +19,7 @@ from sain_sim.world.parameters import (
     sample_parameters,
 )
 from sain_sim.world.rough_shapes import fit_shapes
-from sain_sim.world.roughness import EFFECTS, RIM_FRICTION, RIMS, draw_roughness
+from sain_sim.world.roughness import EFFECTS, MOVED_FEET, RIM_FRICTION, RIMS, draw_roughness
 
 RANDOMISED: Final = "randomised"
 ROUGH: Final = "rough"
@@ -44,6 +44,9 @@ class TruthConfig(Config):
     )
     lab: int = option(0, "number of the rough world", minimum=0)
     engine: str = option(DEFAULT_ENGINE, ENGINE_HELP)
+    bottom: str = option(
+        FEET, "what bodies stand on: three feet, or a flat bottom", choices=BOTTOMS
+    )
 
     def __post_init__(self) -> None:
         """Check the fields, that every effect is one, and that the engine has them."""
@@ -53,16 +56,17 @@ class TruthConfig(Config):
                 known = ", ".join((ALL, NONE, *KNOWN_EFFECTS))
                 raise ConfigError(f"effect is {effect!r}; allowed: {known}")
         check_engine(self.engine, self.effect_names if self.world == ROUGH else ())
+        if self.bottom == FLAT and self.world == ROUGH and MOVED_FEET in self.effect_names:
+            effects = ",".join(name for name in self.effect_names if name != MOVED_FEET)
+            raise ConfigError(f"bodies with a flat bottom have no feet to be moved; use {effects}")
 
     def settings(self) -> dict[str, Any]:
-        """Return the fields; the engine only where it is not the default.
+        """Return the fields; engine and bottom only where they are not the first ones.
 
         Collections and evaluations from before there was a choice go on.
         """
-        settings = asdict(self)
-        if self.engine == BULLET:
-            del settings["engine"]
-        return settings
+        first = {"engine": BULLET, "bottom": FEET}
+        return {k: v for k, v in asdict(self).items() if first.get(k) != v}
 
     @property
     def effect_names(self) -> tuple[str, ...]:
@@ -79,24 +83,26 @@ class TruthConfig(Config):
         self,
         random: np.random.Generator,
         count: int = 2,
-        shape: str = THREE_FEET,
         ranges: Ranges = RANGES[PAPER],
         shapes: tuple[str, ...] = (),
     ) -> WorldParameters:
         """Draw the parameters of one episode with N = count bodies; without shapes, of disks."""
-        drawn = sample_parameters(random, count, shape, ranges)
+        drawn = sample_parameters(random, count, ranges)
         return self.roughen(replace(drawn, shapes=shapes) if shapes else drawn)
 
     def roughen(self, parameters: WorldParameters) -> WorldParameters:
         """Return these bodies in this world; a randomised one leaves them as they are.
 
-        Each stands on the feet of its shape, off by the errors of the laboratory.
+        Each stands on the feet of its shape, off by the errors of the laboratory, or lies flat.
         """
+        parameters = replace(parameters, bottom=self.bottom)
         if self.world == RANDOMISED:
             return parameters
         names = self.effect_names
         drawn = draw_roughness(self.lab, names, parameters.count)
-        roughness = fit_shapes(drawn, parameters.body_shapes)
+        roughness = drawn
+        if self.bottom == FEET:
+            roughness = fit_shapes(drawn, parameters.body_shapes)
         friction, rims = parameters.friction, parameters.rim_friction
         if VARIED_FRICTION not in names:
             friction = float(generator(self.lab, "lab", "friction").uniform(*FRICTION_RANGE))

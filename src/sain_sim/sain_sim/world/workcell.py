@@ -13,7 +13,8 @@ import numpy as np
 from sain_core.config import Config, option
 from sain_core.errors import BlockedError
 from sain_core.feasibility import Feasibility
-from sain_core.types import Mask, Scene
+from sain_core.scene import DISK_HEIGHT, SETTLED_SPEED, SETTLED_SPIN, VELOCITY
+from sain_core.types import Mask, Scalars, Scene
 from sain_core.world import check_possible
 from sain_sim.arm.client import Closeable
 from sain_sim.arm.controlled import ControlledArm
@@ -21,9 +22,10 @@ from sain_sim.arm.kinematics import Joints, Kinematics
 from sain_sim.arm.motion import MotionConfig
 from sain_sim.arm.panda import ArmConfig
 from sain_sim.world.outcome import Observer, Sample
-from sain_sim.world.parameters import WorldParameters
+from sain_sim.world.parameters import FOOT_RADIUS, WorldParameters
 
 GRAVITY: Final = 9.81  # [m/s^2]
+SAG: Final = 0.0002  # [m], by which a flat bottom sinks into the table under its weight
 FALLEN_HEIGHT: Final = -0.01  # [m], a body whose middle is lower has left the table
 HOME: Final = (0.35, 0.0)  # [m], above where the tool waits for the first push
 STEPS_PER_LOOK: Final = 6  # between two tests whether the disks are settled
@@ -110,12 +112,8 @@ class Workcell(ABC):
         """Return the scene (N, 8) of bodies in these states."""
 
     @abstractmethod
-    def fallen(self) -> Mask:
-        """Tell which bodies (N,) have left the table."""
-
-    @abstractmethod
-    def still(self) -> bool:
-        """Tell whether every body on the table is settled; fallen bodies do not count."""
+    def heights(self, states: Any) -> Scalars:
+        """Return how high the middles of bodies in these states are, (N,) [m]."""
 
     @abstractmethod
     def advance(self) -> None:
@@ -150,6 +148,17 @@ class Workcell(ABC):
         An engine may normalise orientations that it is given, which changes last bits.
         """
         return self.scene(self.origin.states if self.unmoved else self.states())
+
+    def fallen(self) -> Mask:
+        """Tell which bodies (N,) have left the table."""
+        return self.heights(self.states()) < FALLEN_HEIGHT
+
+    def still(self) -> bool:
+        """Tell whether every body on the table is settled; fallen bodies do not count."""
+        states = self.states()
+        vx, vy, spin = self.scene(states)[:, VELOCITY].T
+        slow = (np.hypot(vx, vy) < SETTLED_SPEED) & (np.abs(spin) < SETTLED_SPIN)
+        return bool(np.all(slow | (self.heights(states) < FALLEN_HEIGHT)))
 
     def sample(self, phase: str) -> Sample:
         """Return the arm and the disks as they are."""
@@ -227,6 +236,12 @@ class Workcell(ABC):
             sample = self.sample(phase)
             for watch in due:
                 watch.observer(sample)
+
+
+def support_drop(parameters: WorldParameters, body: int) -> float:
+    """Return how far the middle of a body's supports is above that of the body [m]."""
+    sag = SAG if parameters.lies_flat(body) else 0.0
+    return FOOT_RADIUS - DISK_HEIGHT / 2 - sag
 
 
 class Simulation(Closeable):

@@ -15,7 +15,7 @@ from sain_sim.arm.kinematics import Joints
 from sain_sim.world.checked import CheckedWorld
 from sain_sim.world.engines import DEFAULT_ENGINE, check_engine, simulation_class
 from sain_sim.world.outcome import Observer, Sample
-from sain_sim.world.parameters import NOMINAL_FRICTION, WorldParameters, in_a_row
+from sain_sim.world.parameters import NOMINAL_FRICTION, WorldParameters, on_a_grid
 from sain_sim.world.stroke import Stroke, is_idle
 from sain_sim.world.workcell import Origin, Route, Simulation, Watch, Watches, WorldConfig
 
@@ -53,7 +53,7 @@ class World(CheckedWorld):
         viewer: Viewer | None = None,
         engine: str = DEFAULT_ENGINE,
     ) -> None:
-        """Start with the disks in a row; `reset` places them. The engine is loaded here."""
+        """Start with the bodies on a grid; `reset` places them. The engine is loaded here."""
         self.config = config
         self.engine = engine
         self.parameters = parameters
@@ -61,7 +61,7 @@ class World(CheckedWorld):
         self._simulation: Simulation = simulation_class(engine)(config)
         self._steps = 0
         self._viewer = viewer
-        self.load(check_bodies(in_a_row(parameters, table), parameters.bodies, table))
+        self.load(check_bodies(on_a_grid(parameters, table), parameters.bodies, table))
 
     @classmethod
     def of_scene(cls, scene: Scene, friction: float = NOMINAL_FRICTION) -> Self:

@@ -1,17 +1,22 @@
 """A world in Bullet: one client, emptied and filled again for every push."""
 
+from math import sqrt
 from typing import Final
 
-from sain_core.types import Mask, Scene
+import numpy as np
+
+from sain_core.scene import Table
+from sain_core.types import Scalars, Scene
 from sain_sim.arm.client import Client
 from sain_sim.arm.panda import ArmConfig, PandaModel
 from sain_sim.engines.bullet.arm import Arm
-from sain_sim.engines.bullet.bodies import BodyState, resting
-from sain_sim.engines.bullet.stage import Stage
-from sain_sim.world.parameters import WorldParameters
-from sain_sim.world.workcell import GRAVITY, Origin, Simulation, Workcell, WorldConfig
+from sain_sim.engines.bullet.bodies import Body, BodyState, resting, unseen_shape
+from sain_sim.world.parameters import FLOOR_SIZE, THINNEST_TABLE, WorldParameters, table_box
+from sain_sim.world.workcell import GRAVITY, SAG, Origin, Simulation, Workcell, WorldConfig
 
 CONTACT_BREAKING: Final = 0.001  # [m]; Bullet's 0.02 keeps contacts of rims that slid apart
+TABLE_BITS: Final = 0xFF00  # of the collision groups of tables that are one body's alone
+FLOOR_THICKNESS: Final = 0.05  # [m]
 
 
 class BulletSimulation(Simulation):
@@ -30,15 +35,10 @@ class BulletSimulation(Simulation):
 
     def build(self, parameters: WorldParameters, origin: Origin, steps: int) -> "BulletCell":
         """Build a workcell with these bodies, after so many earlier control steps."""
-        model = self._described(parameters.roughness.arm(self.config.arm))
-        return BulletCell(self.client, model, self.config, parameters, origin, steps)
-
-    def _described(self, arm: ArmConfig) -> PandaModel:
-        """Return the description of an arm; each is written once."""
-        if arm not in self._models:
-            radius = self.config.feasibility.limits.tool_radius
-            self._models[arm] = PandaModel(radius, arm)
-        return self._models[arm]
+        arm = parameters.roughness.arm(self.config.arm)
+        if arm not in self._models:  # each description is written once
+            self._models[arm] = PandaModel(self.config.feasibility.limits.tool_radius, arm)
+        return BulletCell(self.client, self._models[arm], self.config, parameters, origin, steps)
 
     def close(self) -> None:
         """Disconnect; a second call does nothing."""
@@ -51,6 +51,9 @@ class BulletCell(Workcell):
     Bullet's contact solver and broad phase keep data from earlier steps. These can be neither read
     nor saved (`saveState` loses them, and last bits), so equal worlds would give different
     results. A new workcell has none.
+
+    Bullet multiplies the friction coefficients of two bodies. Those of the single bodies are
+    chosen so that the products are the parameters' values for table, rims and tool.
     """
 
     arm: Arm
@@ -64,18 +67,9 @@ class BulletCell(Workcell):
         origin: Origin,
         steps: int,
     ) -> None:
-        """Empty the client and build everything in it.
-
-        Args:
-            client: the world's client, which is emptied.
-            model: the arm's description.
-            config: how the world is simulated.
-            parameters: of the bodies.
-            origin: the state to start from.
-            steps: earlier control steps, from which time is counted.
-        """
+        """Empty the client and build everything in it, the bodies in the origin's states."""
         super().__init__(config, origin, steps)
-        self._client = client
+        self._client, self._parameters = client, parameters
         table = config.feasibility.table
         client.resetSimulation()
         client.setGravity(*parameters.roughness.gravity(GRAVITY))
@@ -86,32 +80,103 @@ class BulletCell(Workcell):
         body = model.load(client, -table.height)
         self.arm = Arm(client, body, config.kinematics, model, config.motion.time_step)
         self.arm.place(origin.joints)
-        self.stage = Stage(client, parameters, table, origin.states)
-        self.arm.set_friction(self.stage.tool_friction)
+        friction = parameters.rim_friction**0.5  # of a body alone
+        self._table_friction = parameters.friction / friction  # of a table alone
+        self.tables = self._build_tables(table)
+        self._build_floor(table)
+        self.bodies = [
+            Body(client, parameters, index, state, friction)
+            for index, state in enumerate(origin.states)
+        ]
+        if len(self.tables) > 1:
+            self._part_tables()
+        self.arm.set_friction(parameters.tool_friction / friction)
+
+    def _build_tables(self, table: Table) -> list[int]:
+        """Build the table as a box down to the floor, once for each body where they differ.
+
+        A body has one friction in Bullet, and one stiffness. So each has a table of its own where
+        the table has patches, with the friction at the body's place, or where bodies lie flat:
+        their supports share the load by how deep they sink, as those of an elastic bottom do.
+        """
+        parameters = self._parameters
+        roughness, count = parameters.roughness, parameters.count
+        flat = [parameters.lies_flat(body) for body in range(count)]
+        half, middle = table_box(table)
+        number = count if roughness.patches or any(flat) else 1
+        tables = self._boxes(half, [middle] * number, self._table_friction)
+        if roughness.grain != 1.0:
+            across = roughness.grain**0.5  # keeps the mean of both directions
+            for one in tables:
+                self._client.changeDynamics(one, -1, anisotropicFriction=[1 / across, across, 1.0])
+        for body in np.flatnonzero(flat).tolist():
+            share = parameters.masses[body] / len(parameters.supports(body))
+            self._client.changeDynamics(
+                tables[body],
+                -1,
+                contactStiffness=share * GRAVITY / SAG,
+                contactDamping=2.0 * share * sqrt(GRAVITY / SAG),  # critical
+            )
+        return tables
+
+    def _part_tables(self) -> None:
+        """Let each body touch only its own table: of no two bodies both bits are the same."""
+        client = self._client
+        for index, (table, body) in enumerate(zip(self.tables, self.bodies, strict=True)):
+            mine, its = 1 << (8 + index % 8), 1 << (16 + (index + index // 8) % 8)
+            client.setCollisionFilterGroupMask(table, -1, mine, its)
+            client.setCollisionFilterGroupMask(body.id, -1, its | 1, ~TABLE_BITS | mine)
+
+    def _build_floor(self, table: Table) -> None:
+        """Build the floor at the height of the arm's base, for bodies that fall."""
+        drop = max(table.height, THINNEST_TABLE)
+        half = [FLOOR_SIZE, FLOOR_SIZE, FLOOR_THICKNESS / 2]
+        self._boxes(half, [[0.0, 0.0, -drop - FLOOR_THICKNESS / 2]], friction=1.0)
+
+    def _boxes(self, half: list[float], middles: list[list[float]], friction: float) -> list[int]:
+        """Build boxes with these half sides at some places, in one call: it takes that of one."""
+        client = self._client
+        bodies: tuple[int, ...] = client.createMultiBody(
+            baseMass=0.0,
+            baseCollisionShapeIndex=client.createCollisionShape(client.GEOM_BOX, halfExtents=half),
+            baseVisualShapeIndex=unseen_shape(client),
+            batchPositions=middles,
+        )
+        for body in bodies:
+            client.changeDynamics(body, -1, lateralFriction=friction, restitution=0.0)
+        return list(bodies)
 
     def states(self) -> list[BodyState]:
         """Return the bodies' states."""
-        return self.stage.states()
+        return [body.state() for body in self.bodies]
 
     def scene(self, states: list[BodyState]) -> Scene:
         """Return the scene (N, 8) of bodies in these states."""
-        return self.stage.scene(states)
+        rows = zip(self.bodies, states, strict=True)
+        return np.array([(*body.planar(state), body.mass, body.radius) for body, state in rows])
 
-    def fallen(self) -> Mask:
-        """Tell which bodies (N,) have left the table."""
-        return self.stage.fallen()
-
-    def still(self) -> bool:
-        """Tell whether every body on the table is settled; fallen bodies do not count."""
-        return self.stage.still()
+    def heights(self, states: list[BodyState]) -> Scalars:
+        """Return how high the middles of bodies in these states are, (N,) [m]."""
+        return np.array([state.position[2] for state in states])
 
     def advance(self) -> None:
         """Simulate one control step."""
-        self.stage.before_step()
+        roughness = self._parameters.roughness
+        for table, body in zip(self.tables, self.bodies, strict=True) if roughness.patches else ():
+            x, y, _ = body.place()
+            friction = self._table_friction * roughness.friction_factor(x, y)
+            self._client.changeDynamics(table, -1, lateralFriction=friction)
         if self.arm.spring is not None:
             self.arm.spring.pull()
         self._client.stepSimulation()
 
     def touched(self, pushed: int) -> int | None:
         """Return the first body but the pushed one that the tool touches, if any."""
-        return self.stage.touched_by(self.arm.body, self.arm.stick, pushed)
+        for index, body in enumerate(self.bodies):
+            if index == pushed:
+                continue
+            for contact in self._client.getContactPoints(self.arm.body, body.id, self.arm.stick):
+                distance, force = contact[8], contact[9]
+                if distance <= 0.0 or force > 0.0:
+                    return index
+        return None

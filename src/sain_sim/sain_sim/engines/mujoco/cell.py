@@ -8,14 +8,20 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
-from sain_core.scene import DISK_HEIGHT, SETTLED_SPEED, SETTLED_SPIN, THETA, X, Y
-from sain_core.types import Mask, Scene
+from sain_core.scene import DISK_HEIGHT, THETA, X, Y
+from sain_core.types import Scalars, Scene
 from sain_core.world import DivergedError
-from sain_sim.arm.controlled import JOINT_COUNT
-from sain_sim.engines.mujoco.arm import MujocoArm
-from sain_sim.engines.mujoco.description import FEET_FIRST, TOOL, describe_world, physics_steps
+from sain_sim.arm.controlled import JOINT_COUNT, ControlledArm
+from sain_sim.arm.kinematics import Joints, Kinematics, Tips
+from sain_sim.engines.mujoco.description import (
+    FEET_FIRST,
+    STICK,
+    TOOL,
+    describe_world,
+    physics_steps,
+)
 from sain_sim.world.parameters import WorldParameters
-from sain_sim.world.workcell import FALLEN_HEIGHT, Origin, Simulation, Workcell, WorldConfig
+from sain_sim.world.workcell import Origin, Simulation, Workcell, WorldConfig
 
 WARNINGS: Final = {
     name: int(kind)
@@ -32,6 +38,39 @@ class MujocoStates(NamedTuple):
 
     poses: Float[ndarray, "N 7"]  # position [m], quaternion w x y z
     speeds: Float[ndarray, "N 6"]  # in the world [m/s], turning in the body's frame [rad/s]
+
+
+class MujocoArm(ControlledArm):
+    """A Panda of MuJoCo's, whose joints are the first seven of the model."""
+
+    def __init__(self, model: Any, data: Any, kinematics: Kinematics, time_step: float) -> None:
+        """Control the arm of a world's data; each command holds for one time_step [s]."""
+        super().__init__(kinematics, time_step)
+        self._model, self._data = model, data
+        self._stick = model.geom(STICK).id
+        # A servo's damping brakes all motion. This lead cancels it at the speed that is commanded;
+        # the half step is from where a control step begins to its middle.
+        _, stiffness, damping = -model.actuator_biasprm[:, :3].T
+        self._lead = damping / stiffness + time_step / 2  # (7,) [s]
+
+    def put(self, joints: Joints) -> None:
+        """Set the joints to angles (7,) at once, at rest."""
+        self._data.qpos[:JOINT_COUNT] = joints
+        self._data.qvel[:JOINT_COUNT] = 0.0
+
+    def command(self, joints: list[float], speeds: list[float]) -> None:
+        """Command angles of now (7) [rad], and speeds (7) [rad/s] that lead to the next ones."""
+        self._data.ctrl[:] = np.array(joints) + self._lead * np.array(speeds)
+
+    def joint_states(self) -> tuple[Joints, Joints]:
+        """Return the joint angles (7,) [rad] and speeds (7,) [rad/s]."""
+        return self._data.qpos[:JOINT_COUNT].copy(), self._data.qvel[:JOINT_COUNT].copy()
+
+    def tool(self) -> Tips:
+        """Return where the tool's tip is, (3,) [m]: below the middle of the stick's round end."""
+        mujoco.mj_kinematics(self._model, self._data)
+        radius = self._model.geom_size[self._stick, 0]
+        return np.asarray(self._data.geom_xpos[self._stick] - [0.0, 0.0, radius])
 
 
 class MujocoSimulation(Simulation):
@@ -112,15 +151,9 @@ class MujocoCell(Workcell):
         about = (self._parameters.masses, self._parameters.radii)
         return np.stack([*rows, *map(np.array, about)], axis=-1)
 
-    def fallen(self) -> Mask:
-        """Tell which bodies (N,) have left the table."""
-        return np.asarray(self.states().poses[:, 2] < FALLEN_HEIGHT)
-
-    def still(self) -> bool:
-        """Tell whether every body on the table is settled; fallen bodies do not count."""
-        scene = self.scene(self.states())
-        slow = np.hypot(*scene[:, 3:5].T) < SETTLED_SPEED
-        return bool(np.all((slow & (np.abs(scene[:, 5]) < SETTLED_SPIN)) | self.fallen()))
+    def heights(self, states: MujocoStates) -> Scalars:
+        """Return how high the middles of bodies in these states are, (N,) [m]."""
+        return np.asarray(states.poses[:, 2])
 
     def advance(self) -> None:
         """Simulate one control step.

@@ -9,7 +9,10 @@ Contacts are between forms whose normals are exact, at heights that rounding doe
 * A disk touches tool and disks with a ball of its radius about its middle. Disks that press against
   each other cannot climb, as two of MuJoCo's cylinders do.
 * A prism is a convex hull for each part, a cube a box, both upright and of full height.
-* All stand on small balls: three feet, which carry the load that statics gives them.
+* All stand on small balls: three feet, which carry the load that statics gives them, or nine under
+  a flat bottom. These are soft, and share the load by how deep they sink. MuJoCo lifts a contact
+  that slips, the more the faster: where contacts are stiff, a body that spins on nine stands on its
+  rim. So the softness of flat bottoms is in the constraint (`YIELD`), which makes that negligible.
 """
 
 from typing import Any, Final
@@ -18,13 +21,12 @@ import mujoco
 import numpy as np
 
 from sain_core.scene import DISK_HEIGHT, Table
-from sain_core.shapes.shape import Shape, Solid, feet_places, prism_surface
-from sain_core.types import Points
+from sain_core.shapes.shape import Shape, Solid, prism_surface
 from sain_sim.arm.controlled import JOINT_COUNT, STOCK_TORQUE
 from sain_sim.arm.kinematics import Joints
 from sain_sim.arm.urdf import panda_with_stick
 from sain_sim.world.parameters import FLOOR_SIZE, FOOT_RADIUS, WorldParameters, table_box
-from sain_sim.world.workcell import GRAVITY, WorldConfig
+from sain_sim.world.workcell import GRAVITY, SAG, WorldConfig, support_drop
 
 LONGEST_STEP: Final = 0.002  # [s], [MuJoCo] default of `timestep`; control steps are longer
 STOCK_INERTIA: Final = 1.0  # [URDF] times this; rotors need no stand-in here
@@ -34,10 +36,10 @@ SLIDING_ONLY: Final = 3  # `condim`: no torsional or rolling friction, as in the
 SERVO_STIFFNESS: Final = np.array([4500.0, 4500.0, 3500.0, 3500.0, 2000.0, 2000.0, 2000.0])
 """[N m/rad], [Menagerie] `gainprm`; a multiple of these, as of the torques, holds the arm."""
 ROTOR_INERTIA: Final = 0.1  # [kg m^2], [Menagerie] `armature`
-MOST_FEET: Final = 12  # of a flat body: its outline has up to 72 corners
+YIELD: Final = 100.0  # [1 / mass], regularisation R of a flat bottom's contacts, [MuJoCo] solimp
+DAMPING: Final = 90.0  # [1/s], of a flat bottom on the table: a fifth of critical
+FRICTION_RATIO: Final = 10.0  # `impratio`: friction of soft contacts creeps at below 1 mm/s
 FLOOR_FRICTION: Final = 1.0  # [MuJoCo] default
-
-FOOT_DROP: Final = FOOT_RADIUS - DISK_HEIGHT / 2  # [m], from a body's middle to that of a foot
 
 BALL, BOX = mujoco.mjtGeom.mjGEOM_SPHERE, mujoco.mjtGeom.mjGEOM_BOX
 CYLINDER, PLANE = mujoco.mjtGeom.mjGEOM_CYLINDER, mujoco.mjtGeom.mjGEOM_PLANE
@@ -81,6 +83,8 @@ def _set_options(spec: Any, config: WorldConfig, parameters: WorldParameters) ->
     option.gravity = parameters.roughness.gravity(GRAVITY)
     option.timestep = config.motion.time_step / physics_steps(config.motion.time_step)
     option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC  # [MuJoCo] round cone: friction has no axes
+    if any(map(parameters.lies_flat, range(parameters.count))):
+        option.impratio = FRICTION_RATIO
     option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST  # [Menagerie]
     option.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET  # what diverges is reported
 
@@ -136,9 +140,12 @@ def _add_body(spec: Any, index: int, parameters: WorldParameters) -> None:
     body.explicitinertial, body.mass = True, mass
     body.ipos = [*offset, 0.0]
     body.inertia = shape.inertia(mass, radius)
-    for x, y in _feet(parameters, index):
-        foot = body.add_geom(type=BALL, size=[FOOT_RADIUS, 0.0, 0.0], pos=[x, y, FOOT_DROP])
+    supports, drop = parameters.supports(index), support_drop(parameters, index)
+    for x, y in supports:
+        foot = body.add_geom(type=BALL, size=[FOOT_RADIUS, 0.0, 0.0], pos=[x, y, drop])
         _collide(spec, foot, 0, TABLE, parameters.friction, FEET_FIRST)
+        if parameters.lies_flat(index):
+            _soften(foot, len(supports))
     height = DISK_HEIGHT - FOOT_RADIUS  # the feet's lower halves are below the body
     place = [0.0, 0.0, FOOT_RADIUS / 2]
     sides = RIM | TOOL
@@ -152,13 +159,12 @@ def _add_body(spec: Any, index: int, parameters: WorldParameters) -> None:
         _collide(spec, part, RIM, sides | TABLE, parameters.rim_friction, RIMS_LAST)
 
 
-def _feet(parameters: WorldParameters, index: int) -> Points:
-    """Return where a body's feet stand (F, 2) [m]; those of a flat one go along its outline."""
-    radius, feet = parameters.radii[index], parameters.feet[index]
-    if not feet:
-        outline = parameters.body_shapes[index].outline(radius)
-        return outline[:: -(-len(outline) // MOST_FEET)]
-    return feet_places(feet, radius)
+def _soften(foot: Any, count: int) -> None:
+    """Let one of so many supports sink by `SAG` under its share of the weight."""
+    impedance = 1.0 / (1.0 + YIELD)  # [MuJoCo] R = (1 - d) / d / mass
+    stiffness, damping = YIELD * GRAVITY / SAG / count, YIELD * DAMPING / count
+    foot.solimp[:2] = impedance, impedance
+    foot.solref = [-stiffness * impedance, -damping * impedance]  # negative: not a time constant
 
 
 def _parts(
