@@ -15,7 +15,8 @@ from rich.console import Console
 from benchmarks.planar_prior import on_threads
 from sain_core.model import load_dynamics
 from sain_core.seeding import generator
-from sain_eval.scenes.scenarios import SCENARIOS, ScenarioScene
+from sain_eval.scenes.scenario_scene import ScenarioScene
+from sain_eval.scenes.scenarios import SCENARIOS
 from sain_mppi.algorithms.config import PlannerConfig
 from sain_mppi.algorithms.result import PlanResult
 from sain_mppi.objective.problem import Problem

@@ -39,7 +39,8 @@ from sain_core.push import LENGTH, PATH, make_push
 from sain_core.scene import TARGET
 from sain_core.seeding import generator
 from sain_core.types import Pushes, Scene
-from sain_eval.scenes.scenarios import SCENARIOS, ScenarioScene
+from sain_eval.scenes.scenario_scene import ScenarioScene
+from sain_eval.scenes.scenarios import SCENARIOS
 from sain_model.dynamics.sain import SainDynamics
 from sain_model.dynamics.settings import IDENTITY
 from sain_mppi.algorithms.config import MPPI, PlannerConfig

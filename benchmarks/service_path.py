@@ -29,7 +29,8 @@ from sain_bags.reading.reader import Bag
 from sain_core.model import RolloutModel, load_dynamics
 from sain_core.seeding import generator
 from sain_core.types import Pushes
-from sain_eval.scenes.scenarios import SCENARIOS, ScenarioScene
+from sain_eval.scenes.scenario_scene import ScenarioScene
+from sain_eval.scenes.scenarios import SCENARIOS
 from sain_mppi.algorithms.config import PlannerConfig
 from sain_mppi.objective.problem import Problem
 from sain_mppi.planner import Planner

@@ -8,8 +8,8 @@ from sain_core.errors import ConfigError, NoPushError
 from sain_eval.episode import Tolerance
 from sain_eval.loop.closed_loop import EpisodeOutcome, run_episode
 from sain_eval.loop.controllers import agent_maker
+from sain_eval.scenes.families import PoseScenario
 from sain_eval.scenes.scenarios import SCENARIOS
-from sain_eval.scenes.shape_scenarios import StreakScenario
 from sain_gym import AgentPolicy
 from sain_gym.push_env import PushEnv
 from sain_sim.world.truth import TruthConfig
@@ -89,7 +89,7 @@ def test_asked_twice_it_answers_the_same(make: MakeEnv) -> None:
 def test_goals_in_a_row_are_those_of_an_evaluation(
     make: MakeEnv, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setitem(SCENARIOS, "streak", StreakScenario(goals=3))
+    monkeypatch.setitem(SCENARIOS, "streak", PoseScenario("streak", "t", goals=3))
     env = make(scenario="streak")
     pushes, info = play(env, AgentPolicy(env, "planar"), seed=0)
     outcome = evaluated(env, "planar", seed=0)

@@ -47,7 +47,7 @@ def test_the_command_goes_on_and_prints_steps_and_failures(
             yield [records(job.model)[job.seed]]
 
     monkeypatch.setattr(evaluation, "run_on", run_on)
-    monkeypatch.setattr(evaluation, "_world", lambda model: None)
+    monkeypatch.setattr(evaluation, "_load", lambda model: None)
     for episodes in (1, 3):
         text = StringIO()
         options = EvaluateOptions(out=tmp_path, episodes=episodes, film=False)
@@ -63,7 +63,6 @@ def test_gym_pusht_that_is_not_installed(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(__import__("sys").modules, "gym_pusht", None)
-    evaluation._world.cache_clear()
     assert commands.evaluate(["--out", str(tmp_path)]) == 1
     error = " ".join(capsys.readouterr().err.split())
     assert error.startswith("evaluate: gym-pusht cannot be imported (")

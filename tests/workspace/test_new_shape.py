@@ -18,7 +18,7 @@ from sain_core.shapes.bodies import Bodies
 from sain_core.shapes.solids import THREE_FEET
 from sain_eval.episode import EpisodeRecord
 from sain_eval.plots.top_view import draw_top_view
-from sain_eval.scenes.scenarios import AnywhereScenario, PaperScenario
+from sain_eval.scenes.families import AnywhereScenario, PaperScenario
 from sain_sim.camera.render import CameraConfig, Renderer
 from sain_sim.collecting.collect import CollectConfig, collect
 from sain_sim.collecting.episode import EpisodeConfig

@@ -8,10 +8,9 @@ from typing import Any, Final, Protocol
 from sain_core.config import Config
 from sain_core.errors import ConfigError
 from sain_core.goal import Goal
-from sain_eval.scenes.disk_scenarios import AnywhereScenario
+from sain_eval.scenes.families import AnywhereScenario, PoseScenario
 from sain_eval.scenes.scenario_scene import ScenarioScene
 from sain_eval.scenes.scenarios import draw_scene, find_scenario
-from sain_eval.scenes.shape_scenarios import PoseScenario, StreakScenario
 from sain_mppi.algorithms.config import PlannerConfig
 
 AS_DRAWN: Final = "as the scenario has it"
@@ -37,7 +36,7 @@ class Reset:
         if self.shape == AS_DRAWN:
             return draw_scene(self.scenario, self.seed)
         scenario: Any = find_scenario(self.scenario)
-        if isinstance(scenario, PoseScenario | StreakScenario):
+        if isinstance(scenario, PoseScenario):
             return replace(scenario, shape=self.shape).scene(self.seed)
         if isinstance(scenario, AnywhereScenario):
             return replace(scenario, target_shape=self.shape).scene(self.seed)

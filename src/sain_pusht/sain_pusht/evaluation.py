@@ -36,7 +36,7 @@ from sain_mppi.algorithms.config import PlannerConfig
 from sain_pusht.agent import PLANNER, pusht_agent
 from sain_pusht.model import PushtModel, load_model
 from sain_pusht.options import EvaluateOptions
-from sain_pusht.world import NEAR, TURNED, PushtWorld, play_pusht
+from sain_pusht.world import MOST_STEPS, NEAR, TURNED, PushtWorld, make_env, play_pusht
 
 PACKAGES: Final = ("gym-pusht", "pymunk", "gymnasium", "numpy", "numba", "torch")
 REALITY: Final = "gym-pusht"
@@ -69,7 +69,8 @@ class PushtJob:
 def run(options: EvaluateOptions, console: Console) -> None:
     """Play what is left, write the results, and print them as tables."""
     with silent_interrupts():  # what is missing should not wait for the first episode
-        _ = _world(options.model)
+        make_env(MOST_STEPS)
+        _load(options.model)
     folder, seeds = make_folder(options.out), range(options.seed, options.seed + options.episodes)
     settings = {"planner": dataclasses.asdict(options.planner)}
     journal = Journal(folder, settings, PushtRecord)

@@ -16,9 +16,9 @@ from sain_eval.loop.closed_loop import run_episode
 from sain_eval.loop.controllers import agent_maker
 from sain_eval.loop.results import scene_records
 from sain_eval.plots.pictures import draw_episode
+from sain_eval.scenes.families import PoseScenario
 from sain_eval.scenes.scenario_scene import ScenarioScene
 from sain_eval.scenes.scenarios import SCENARIOS
-from sain_eval.scenes.shape_scenarios import StreakScenario
 from sain_mppi.agent.agent import Agent, AgentConfig
 from sain_mppi.agent.decision import Decider, PushDecision
 
@@ -57,7 +57,7 @@ def test_the_same_scene_is_played_the_same_way_twice():
 
 
 def test_goals_in_a_row_follow_each_other_without_a_reset():
-    case = StreakScenario(goals=2).scene(0)
+    case = PoseScenario("streak", "t", goals=2).scene(0)
     outcome = play(case, tolerance=Tolerance(0.05, 0.5))
     first, second = outcome.records
     assert outcome.failure == ""
@@ -68,7 +68,7 @@ def test_goals_in_a_row_follow_each_other_without_a_reset():
 
 
 def test_a_row_of_goals_ends_with_the_first_that_fails():
-    case = replace(StreakScenario(goals=3).scene(0), max_pushes=1)
+    case = replace(PoseScenario("streak", "t", goals=3).scene(0), max_pushes=1)
     outcome = play(case)
     assert len(outcome.records) == 1
     (judged,) = scene_records(case, "planar", outcome, (0.02,))

@@ -11,9 +11,9 @@ from sain_core.scene import MASS, POSITION, RADIUS, TARGET
 from sain_core.shapes.bodies import Bodies, check_bodies
 from sain_core.shapes.library import footprint_names
 from sain_core.shapes.outline import is_inside
+from sain_eval.scenes.families import PoseScenario, library_footprints
+from sain_eval.scenes.placement import draw_places, has_tool_room
 from sain_eval.scenes.scenarios import SCENARIOS
-from sain_eval.scenes.shape_scenarios import StreakScenario, library_footprints
-from sain_eval.scenes.tool_room import draw_places, has_tool_room
 
 FEASIBILITY = Feasibility()
 POSES = ("box", "push_t", "shapes", "rearrange_2", "rearrange_3", "rearrange_4")
@@ -147,7 +147,7 @@ def test_a_streak_is_many_poses_each_away_from_the_one_before():
     ways = np.linalg.norm(np.diff(places, axis=0), axis=1)
     assert ways.min() >= 0.08
     assert has_tool_room(np.stack(places), sizes_of(case)[0], FEASIBILITY).all()
-    assert len(StreakScenario(goals=3).scene(0).goals) == 3
+    assert len(PoseScenario("streak", "t", goals=3).scene(0).goals) == 3
 
 
 def test_ten_bodies_find_their_places():

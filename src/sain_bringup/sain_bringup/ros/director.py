@@ -24,7 +24,7 @@ from sain_core.ros.peers import refuse_peers, refuse_rivals
 from sain_core.ros.qos import LATCHED, RELIABLE
 from sain_core.ros.steady import SIMULATED
 from sain_eval.episode import Tolerance
-from sain_eval.scenes.scenarios import ScenarioScene
+from sain_eval.scenes.scenario_scene import ScenarioScene
 from sain_interfaces.msg import Goal, Plan, PushPrediction, PushResult
 from sain_interfaces.srv import ResetScene
 

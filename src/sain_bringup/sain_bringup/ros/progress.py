@@ -8,7 +8,7 @@ from typing import Final
 from sain_bringup.display import EpisodeView
 from sain_core.errors import ErrorCode
 from sain_core.wire import decode_disks
-from sain_eval.scenes.scenarios import ScenarioScene
+from sain_eval.scenes.scenario_scene import ScenarioScene
 from sain_interfaces.msg import Plan, PushPrediction, PushResult, Scene
 
 LOST: Final = 5.0  # [s] after which what was not heard has got lost, where a process has crashed

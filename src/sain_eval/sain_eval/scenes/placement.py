@@ -1,55 +1,30 @@
-"""Where goals and further disks may go so that a scene can be solved."""
+"""Where goals and bodies may go so that a scene can be solved."""
 
+from collections.abc import Iterable
 from math import pi
+from typing import Final
 
 import numpy as np
 
 from sain_core.feasibility import Feasibility, reachable
 from sain_core.push import make_push
 from sain_core.scene import MID, POSITION, RADIUS, TARGET, Table, make_scene, unit
-from sain_core.types import Angles, Place, Points, Scene
+from sain_core.types import Angles, Mask, Place, Points, Scalars, Scene
 
-GOAL_TRIES = 20  # before the disks are placed anew
-DISK_TRIES = 200
-EDGE_ROOM = 0.02  # [m], between the rim of a disk at rest and the table's edge
-CORRIDOR_ROOM = 0.01  # [m], between further disks and the way of mid disk and target
-DISK_ROOM = 0.02  # [m], between further disks and the others
-NEIGHBOURHOOD = 0.35  # [m], further disks lie this near the middle of the target's way
+GOAL_TRIES: Final = 20  # before the disks are placed anew
+TRIES: Final = 200  # for one body, before all are placed anew
+EDGE_ROOM: Final = 0.02  # [m], between the rim of a disk at rest and the table's edge
+CORRIDOR_ROOM: Final = 0.01  # [m], between further disks and the path of mid disk and target
+DISK_ROOM: Final = 0.02  # [m], between further disks and the others
+NEIGHBOURHOOD: Final = 0.35  # [m], further disks lie this near the middle of the target's path
+BODY_GAP: Final = 0.03  # [m], between circumscribed circles: the tool fits in between
+BLOCKER_GAP: Final = 0.02  # [m], between circumscribed circles of bodies in the way and all others
+LANE_SHARE: Final = 0.5  # of the two radii: a body whose centre is so near the path blocks it
 
 
 def touching_distance(scene: Scene) -> float:
     """Return the distance [m] of mid disk and target when they touch."""
     return float(scene[MID, RADIUS] + scene[TARGET, RADIUS])
-
-
-def draw_goal(
-    pair: Scene,
-    distance: tuple[float, float],
-    feasibility: Feasibility,
-    random: np.random.Generator,
-) -> Place | None:
-    """Draw a goal (2,) that a straight push from behind can reach; None when none is found."""
-    target = pair[TARGET, POSITION]
-    for _ in range(GOAL_TRIES):
-        heading = np.asarray(random.uniform(-pi, pi))
-        way = random.uniform(*distance)
-        goal = target + way * unit(heading)
-        if not has_room(goal, pair[TARGET, RADIUS], feasibility.table):
-            continue
-        if not feasibility.reach.contains(goal):
-            continue
-        if _can_be_pushed(pair, heading, way, feasibility):
-            return np.asarray(goal)
-    return None
-
-
-def _can_be_pushed(pair: Scene, heading: Angles, way: float, feasibility: Feasibility) -> bool:
-    """Tell whether the arm can push straight along, once the mid disk is behind the target."""
-    behind = pair.copy()
-    behind[MID, POSITION] = pair[TARGET, POSITION] - touching_distance(pair) * unit(heading)
-    stroke = make_push(float(heading), 0.0, way)
-    room = has_room(behind[MID, POSITION], pair[MID, RADIUS], feasibility.table)
-    return room and bool(reachable(behind, stroke, feasibility.limits, feasibility.reach))
 
 
 def has_room(point: Place, radius: float, table: Table) -> bool:
@@ -59,30 +34,74 @@ def has_room(point: Place, radius: float, table: Table) -> bool:
     return bool(table.contains(corners).all())
 
 
+def has_tool_room(points: Points, sizes: Scalars, feasibility: Feasibility) -> Mask:
+    """Tell where bodies lie on the table with room for the tool all around.
+
+    Args:
+        points: (..., 2) [m], their centres.
+        sizes: (...,) [m], their circumscribed radii.
+        feasibility: table, reach and tool.
+    """
+    table, reach, limits = feasibility.table, feasibility.reach, feasibility.limits
+    edge = np.asarray(sizes + EDGE_ROOM)[..., None]
+    on_table = table.contains(points - edge) & table.contains(points + edge)
+    away = sizes + limits.clearance + limits.tool_radius
+    distance = np.hypot(points[..., 0], points[..., 1])
+    inside = (distance - away >= reach.inner) & (distance + away <= reach.outer)
+    return np.asarray(on_table & inside & reach.contains(points))
+
+
+def draw_goal(
+    pair: Scene,
+    distance: tuple[float, float],
+    feasibility: Feasibility,
+    random: np.random.Generator,
+) -> Place | None:
+    """Draw a goal (2,) that a straight push from behind can reach; None: none was drawn."""
+    target = pair[TARGET, POSITION]
+    for _ in range(GOAL_TRIES):
+        heading = np.asarray(random.uniform(-pi, pi))
+        length = random.uniform(*distance)
+        goal = target + length * unit(heading)
+        if not has_room(goal, pair[TARGET, RADIUS], feasibility.table):
+            continue
+        if feasibility.reach.contains(goal) and _can_be_pushed(pair, heading, length, feasibility):
+            return np.asarray(goal)
+    return None
+
+
+def _can_be_pushed(pair: Scene, heading: Angles, length: float, feasibility: Feasibility) -> bool:
+    """Tell whether the arm can push straight along, once the mid disk is behind the target."""
+    behind = pair.copy()
+    behind[MID, POSITION] = pair[TARGET, POSITION] - touching_distance(pair) * unit(heading)
+    stroke = make_push(float(heading), 0.0, length)
+    room = has_room(behind[MID, POSITION], pair[MID, RADIUS], feasibility.table)
+    return room and bool(reachable(behind, stroke, feasibility.limits, feasibility.reach))
+
+
 def draw_extra_disks(
     pair: Scene,
     goal: Place,
-    radii: tuple[float, ...],
+    radii: Iterable[float],
     feasibility: Feasibility,
     random: np.random.Generator,
 ) -> Points | None:
-    """Draw places (N - 2, 2) for further disks that leave the straight way to the goal open.
+    """Draw places (N - 2, 2) for further disks that leave the straight path to the goal open.
 
-    The way is that of the target to the goal, of the mid disk behind it, and of the tool
-    behind that. None when no place is found for one of them.
+    The path is that of the target to the goal, of the mid disk behind it, and of the tool
+    behind that. None: none was drawn for one of them.
     """
-    placed = pair
-    places = np.empty((0, 2))
+    placed, places = pair, np.empty((0, 2))
     middle = (pair[TARGET, POSITION] + goal) / 2
     for radius in radii:
-        for _ in range(DISK_TRIES):
+        for _ in range(TRIES):
             place = middle + random.uniform(-NEIGHBOURHOOD, NEIGHBOURHOOD, 2)
             if not has_room(place, radius, feasibility.table):
                 continue
             apart = np.linalg.norm(placed[:, POSITION] - place, axis=-1)
             if (apart < placed[:, RADIUS] + radius + DISK_ROOM).any():
                 continue
-            if _leaves_way_open(place, radius, pair, goal, feasibility):
+            if _leaves_path_open(place, radius, pair, goal, feasibility):
                 break
         else:
             return None
@@ -91,11 +110,11 @@ def draw_extra_disks(
     return places
 
 
-def _leaves_way_open(
+def _leaves_path_open(
     place: Place, radius: float, pair: Scene, goal: Place, feasibility: Feasibility
 ) -> bool:
     target = pair[TARGET, POSITION]
-    way = (goal - target) / np.linalg.norm(goal - target)
+    ahead = (goal - target) / np.linalg.norm(goal - target)
     limits = feasibility.limits
     behind = touching_distance(pair)
     tool = behind + pair[MID, RADIUS] + limits.clearance + limits.tool_radius
@@ -105,13 +124,75 @@ def _leaves_way_open(
         (tool, limits.tool_radius),
     )
     return all(
-        _segment_distance(place, target - back * way, goal - back * way)
+        _segment_distance(place, target - back * ahead, goal - back * ahead)
         >= radius + width + CORRIDOR_ROOM
         for back, width in lanes
     )
 
 
 def _segment_distance(point: Place, start: Place, end: Place) -> float:
-    way = end - start
-    share = np.clip((point - start) @ way / (way @ way), 0.0, 1.0)
-    return float(np.linalg.norm(start + share * way - point))
+    path = end - start
+    share = np.clip((point - start) @ path / (path @ path), 0.0, 1.0)
+    return float(np.linalg.norm(start + share * path - point))
+
+
+def draw_places(
+    sizes: Scalars,
+    random: np.random.Generator,
+    starts: Points | None = None,
+    least_way: float = 0.0,
+    feasibility: Feasibility = Feasibility(),
+) -> Points:
+    """Draw places (N, 2) for bodies with circumscribed radii (N,) [m], anywhere that is allowed.
+
+    Each is at least `least_way` [m] from the body's start (N, 2), where there are starts.
+    """
+    outer = feasibility.reach.outer
+    while True:
+        places: list[np.ndarray] = []
+        for body, size in enumerate(sizes.tolist()):
+            draws = random.uniform((0.0, -outer), (outer, outer), (TRIES, 2))
+            fits = has_tool_room(draws, np.full(TRIES, size), feasibility)
+            for other, place in enumerate(places):
+                apart = np.linalg.norm(draws - place, axis=1)
+                fits &= apart >= size + sizes[other] + BODY_GAP
+            if starts is not None:
+                fits &= np.linalg.norm(draws - starts[body], axis=1) >= least_way
+            if not fits.any():
+                break
+            places.append(draws[np.argmax(fits)])
+        else:
+            return np.stack(places)
+
+
+def draw_blockers(
+    pair: Scene,
+    goal: Place,
+    sizes: Scalars,
+    random: np.random.Generator,
+    feasibility: Feasibility = Feasibility(),
+) -> Points | None:
+    """Draw places (B, 2) in the straight lane of the target of a scene (2, 8) to its goal (2,).
+
+    None: none was drawn for one of the bodies with circumscribed radii (B,) [m].
+    """
+    target = pair[TARGET, POSITION]
+    path = goal - target
+    length = float(np.linalg.norm(path))
+    ahead = path / length
+    across = np.array([-ahead[1], ahead[0]])
+    taken = [(disk[POSITION], float(disk[RADIUS])) for disk in pair]
+    places: list[np.ndarray] = []
+    for size in sizes.tolist():
+        half = LANE_SHARE * (size + pair[TARGET, RADIUS])
+        along = random.uniform(0.0, length, TRIES)
+        beside = random.uniform(-half, half, TRIES)
+        draws = target + along[:, None] * ahead + beside[:, None] * across
+        fits = has_tool_room(draws, np.full(TRIES, size), feasibility)
+        for place, radius in taken:
+            fits &= np.linalg.norm(draws - place, axis=1) >= size + radius + BLOCKER_GAP
+        if not fits.any():
+            return None
+        places.append(draws[np.argmax(fits)])
+        taken.append((places[-1], size))
+    return np.stack(places)

@@ -6,28 +6,16 @@ from typing import Final, Protocol, runtime_checkable
 from sain_core.errors import SainError
 from sain_core.plugins import Plugins
 from sain_core.scene import Table
-from sain_core.shapes.bodies import Bodies, check_bodies
-from sain_eval.scenes.disk_scenarios import CONTACT_GAP, AnywhereScenario, PaperScenario
-from sain_eval.scenes.scenario_scene import MAX_PUSHES, ScenarioScene
-from sain_eval.scenes.shape_scenarios import (
+from sain_core.shapes.bodies import check_bodies
+from sain_eval.scenes.families import (
+    STREAK_GOALS,
+    AnywhereScenario,
     BlockedScenario,
     IndirectScenario,
+    PaperScenario,
     PoseScenario,
-    StreakScenario,
 )
-
-__all__ = [
-    "CONTACT_GAP",
-    "MAX_PUSHES",
-    "SCENARIOS",
-    "AnywhereScenario",
-    "PaperScenario",
-    "Scenario",
-    "ScenarioScene",
-    "draw_scene",
-    "find_scenario",
-    "scenario_names",
-]
+from sain_eval.scenes.scenario_scene import ScenarioScene
 
 
 @runtime_checkable
@@ -58,7 +46,7 @@ _SCENARIOS: Final[tuple[Scenario, ...]] = (
     PoseScenario("rearrange_3", count=3),
     PoseScenario("rearrange_4", count=4),
     BlockedScenario(),
-    StreakScenario(),
+    PoseScenario("streak", shape="t", goals=STREAK_GOALS),
 )
 
 SCENARIOS: Final[dict[str, Scenario]] = {scenario.name: scenario for scenario in _SCENARIOS}
@@ -111,7 +99,7 @@ def draw_scene(name: str, seed: int) -> ScenarioScene:
         kind = type(drawn).__name__
         raise OFFERED.wrong(entry, f"it drew a {kind}; it must draw a ScenarioScene")
     try:
-        check_bodies(drawn.disks, Bodies.named(drawn.shapes, drawn.roles), Table())
+        check_bodies(drawn.disks, drawn.bodies, Table())
     except SainError as error:
         raise OFFERED.wrong(entry, f"its scene {seed} cannot exist: {error}") from error
     return drawn
