@@ -43,7 +43,7 @@ PACE: Final = CylinderPace()
 TEXTBOOK_TABLE: Final = PlanarConfig(
     tool_radius=PUSHER,
     clearance=LIMITS.clearance,
-    speed=SCALE * PACE.pushing,
+    speed_factor=SCALE * PACE.pushing / 0.2,
     tool_friction=0.01,  # of judo's cylinders
     tool_restitution=0.0,
 )

@@ -147,7 +147,7 @@ def target_errors(sain: SainDynamics, data: Dataset, corrected: bool = True) -> 
     else:
         assert sain.filter is not None and isinstance(sain.prior, PlanarPrior)
         known = earlier_friction(sain.filter, data)
-        predicted = sain.prior.step(data.state, data.action, known.mean)
+        predicted = sain.prior.step(data.state, data.action, {"friction": known.mean})
     return position_errors(predicted, data.next_state, TARGET)
 
 

@@ -153,7 +153,7 @@ def _learned(judge: Judge, folder: Path, size: int, alone: bool) -> list[list[st
     friction = prior.filter(structure.friction)
     sain = _train(split, prior, friction)
     test = judge.test
-    truth = _off(sain.step(test.state, test.action, test.friction), test)
+    truth = _off(sain.step(test.state, test.action, {"friction": test.friction}), test)
     rows = [
         judge.row(f"identified, {structure.name}", _physics(prior, test, friction), pushes),
         judge.model("SAIN, learned there", sain, pushes),
@@ -190,7 +190,7 @@ def _textbook() -> PlanarPrior:
 def _physics(prior: PlanarPrior, test: Dataset, friction: FrictionFilter | None = None) -> Scalars:
     """Return errors of physics with the friction that earlier pushes tell of."""
     known = earlier_friction(friction or prior.filter(), test)
-    return _off(prior.step(test.state, test.action, known.mean), test)
+    return _off(prior.step(test.state, test.action, {"friction": known.mean}), test)
 
 
 def _off(predicted: Scenes, test: Dataset) -> Scalars:

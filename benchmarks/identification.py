@@ -5,10 +5,10 @@ from typing import Final
 import numpy as np
 
 from sain_model.data.dataset import Dataset
+from sain_model.dynamics.corrections import CORRECTIONS, Corrections
 from sain_model.dynamics.physics_gradient import ToldPushes, moves, variations
 from sain_model.network.feature_kernels import TURN_SCALE
 from sain_model.network.interaction_network import POSITION_UNIT
-from sain_model.physics.corrections import CORRECTIONS, Corrections
 from sain_model.physics.planar import PlanarPrior
 
 STEPS: Final = 8

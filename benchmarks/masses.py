@@ -26,9 +26,10 @@ from sain_model.data.mixed import load_transitions
 from sain_model.dynamics.intervals import Prediction
 from sain_model.dynamics.learning import learn, predict_rows
 from sain_model.dynamics.sain import SainDynamics
+from sain_model.evaluation.baselines import NOMINAL_MASS
 from sain_model.evaluation.markdown import markdown_table
 from sain_model.identification.evidence import Known
-from sain_model.physics.planar import NOMINAL_MASS, PlanarPrior
+from sain_model.physics.planar import PlanarPrior
 from sain_model.physics.planar_config import AXES
 
 KNOWN: Final = ((0, 0), (1, 1), (2, 2), (3, 3), (4, 9))  # earlier pushes that moved the target
@@ -104,7 +105,8 @@ def _scaled_change(data: Dataset) -> float:
     """Return the largest change [m] of a prediction when all masses are scaled together."""
     heavier, prior = data.state.copy(), PlanarPrior(AXES)
     heavier[..., MASS] *= 1.5
-    ends = [prior.step(scenes, data.action, data.friction) for scenes in (data.state, heavier)]
+    known = {"friction": data.friction}
+    ends = [prior.step(scenes, data.action, known) for scenes in (data.state, heavier)]
     return float(np.abs(ends[0] - ends[1])[..., POSITION].max())
 
 

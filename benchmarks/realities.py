@@ -120,8 +120,8 @@ def rows_of(folder: Path, model: SainDynamics) -> Rows:
         friction = earlier_friction(plain.filter(), data).mean
         known = np.where(np.isfinite(data.friction), data.friction, 0.12)
         predicted = {
-            PLANAR: plain.step(data.state, data.action, friction),
-            TRUE: plain.step(data.state, data.action, known),
+            PLANAR: plain.step(data.state, data.action, {"friction": friction}),
+            TRUE: plain.step(data.state, data.action, {"friction": known}),
             FRICTION: predict_with_history(before, data).mean,
             SHIPPED: predict_with_history(model, data).mean,
         }
@@ -182,7 +182,10 @@ def learn(folder: Path, model: SainDynamics, sizes: list[int]) -> None:
         for data in tests
     ]
     print("planar", mean_error(folder, [(d, p.step(d.state, d.action)) for d, p, _ in plain]))
-    told = [(d, p.step(d.state, d.action, earlier_friction(f, d).mean)) for d, p, f in plain]
+    known = [{"friction": earlier_friction(f, d).mean} for d, _, f in plain]
+    told = [
+        (d, p.step(d.state, d.action, one)) for (d, p, _), one in zip(plain, known, strict=True)
+    ]
     print("planar, history", mean_error(folder, told))
     for name, one in (("friction alone", without_belief(model)), ("shipped", model)):
         print(name, mean_error(folder, [(d, predict_with_history(one, d).mean) for d in tests]))

@@ -33,6 +33,7 @@ from sain_model.data.dataset import (
     split_by_episode,
 )
 from sain_model.data.mixed import load_transitions
+from sain_model.dynamics.corrections import corrected_values
 from sain_model.dynamics.parameter_correction import ParameterCorrection
 from sain_model.dynamics.priors import load_planar, load_prior
 from sain_model.dynamics.sain import SainDynamics
@@ -172,7 +173,8 @@ def identified_errors(split: Split, command: Command) -> np.ndarray:
     """Return the errors (M,) [mm] of the prior that is told the same of every push."""
     prior, test = load_planar(command.prior, {"friction": command.prior_friction}), split.test
     told = np.tile(identify(prior, split.train), (len(test), 1, 1))
-    return target_distances(prior.step_conditioned(test.state, test.action, told), test)
+    values = corrected_values(told, test.action, prior.config)
+    return target_distances(prior.step(test.state, test.action, values), test)
 
 
 def target_errors(data: Dataset, dynamics: Model) -> np.ndarray:

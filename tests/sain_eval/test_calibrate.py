@@ -34,7 +34,7 @@ def dataset(tmp_path_factory: pytest.TempPathFactory) -> Path:
     pushes = PushLimits().sample(random, PUSHES)
     pushes[:, LOCATION] *= 0.2
     friction = random.uniform(0.08, 0.2, PUSHES)
-    after = PlanarPrior(TRUTH).step(scenes, pushes, friction)
+    after = PlanarPrior(TRUTH).step(scenes, pushes, {"friction": friction})
     folder = tmp_path_factory.mktemp("calibration")
     np.savez(
         folder / "shard.npz",

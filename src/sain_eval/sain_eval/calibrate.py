@@ -141,7 +141,7 @@ def _fit(
 
 def _cost(data: Dataset, config: PlanarConfig) -> float:
     """Return how far off the prior is: about linear in the errors of target and mid disk."""
-    predicted = PlanarPrior(config).step(data.state, data.action, data.friction)
+    predicted = PlanarPrior(config).step(data.state, data.action, {"friction": data.friction})
     off = 1e3 * np.linalg.norm((predicted - data.next_state)[..., POSITION], axis=-1)
     off = np.minimum(off[:, [MID, TARGET]], LARGE)
     return float((np.sqrt(SMALL**2 + off**2) + 0.02 * off**2).mean())
@@ -151,9 +151,9 @@ def _judge(
     data: Dataset, start: PlanarConfig, fitted: PlanarConfig
 ) -> dict[str, dict[str, Accuracy]]:
     predictions = {
-        "before": PlanarPrior(start).step(data.state, data.action, data.friction),
-        "fitted": PlanarPrior(fitted).step(data.state, data.action, data.friction),
-        "in use": PlanarPrior().step(data.state, data.action, data.friction),
+        "before": PlanarPrior(start).step(data.state, data.action, {"friction": data.friction}),
+        "fitted": PlanarPrior(fitted).step(data.state, data.action, {"friction": data.friction}),
+        "in use": PlanarPrior().step(data.state, data.action, {"friction": data.friction}),
         "floor": data.floor_next,
     }
     moved = target_moved(data.state, data.next_state)

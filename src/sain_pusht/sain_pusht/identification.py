@@ -14,10 +14,9 @@ from scipy.optimize import minimize
 from sain_core.scene import POSITION, THETA, wrap_angle
 from sain_core.types import Scalars
 from sain_model.data.dataset import Dataset
-from sain_model.dynamics.lab_prior import LabPrior, shifted_table
 from sain_model.physics.body_kernels import DISK_FEET, DISK_INERTIA
-from sain_model.physics.body_table import SHARE
-from sain_model.physics.planar import PlanarConfig
+from sain_model.physics.body_table import SHARE, body_table
+from sain_model.physics.planar import PlanarConfig, PlanarPrior
 from sain_pusht.agent import AGENT_RADIUS
 from sain_pusht.block import BLOCK_RADIUS, pusht_bodies
 
@@ -50,18 +49,20 @@ class Identified:
     tool_friction: float
 
     @property
-    def prior(self) -> LabPrior:
+    def prior(self) -> PlanarPrior:
         """The prior with these parameters."""
         bodies = pusht_bodies(self.gyration)
-        supports = shifted_table(bodies, self.centre).supports
+        supports = body_table(bodies).supports
         even = STICKY.inertia / DISK_INERTIA
         arm = supports[:, SHARE] @ np.hypot(supports[:, 0], supports[:, 1])
         config = replace(
             STICKY,
             tool_friction=self.tool_friction,
             foot_radius=float(DISK_FEET * even**0.5 * self.gyration / arm),
+            centre_x=self.centre[0],
+            centre_y=self.centre[1],
         )
-        return LabPrior(config, bodies, centre=self.centre)
+        return PlanarPrior(config, bodies)
 
 
 def textbook() -> Identified:
@@ -93,7 +94,7 @@ def identify(data: Dataset) -> Identified:
     return known(found.x)
 
 
-def errors(prior: LabPrior, data: Dataset) -> np.ndarray:
+def errors(prior: PlanarPrior, data: Dataset) -> np.ndarray:
     """Return how far blocks come to lie from where they are predicted (M, 2).
 
     In mm: the distance, and the turn at the block's circumscribed circle.

@@ -17,7 +17,7 @@ from sain_model.data.dataset import Dataset, Split, split_by_episode
 from sain_model.dynamics.checkpoint import ModelCard, save_checkpoint
 from sain_model.dynamics.priors import prior_settings
 from sain_model.dynamics.sain import SainDynamics
-from sain_model.dynamics.settings import PLANAR_LAB, LossConfig
+from sain_model.dynamics.settings import PLANAR, LossConfig
 from sain_model.network.settings import PUSH_FRAME, NetworkConfig
 from sain_model.training.push_training import Trainer
 from sain_model.training.settings import NOTHING, TrainingConfig
@@ -63,7 +63,7 @@ def learn(lesson: Lesson, out: Path, say: Say) -> SainDynamics:
         network=NETWORK,
         loss=LOSS,
         weight_decay=0.01,
-        prior=PLANAR_LAB,
+        prior=PLANAR,
         history=NOTHING,
     )
     taught = replace(split, train=_far(split.train), validation=_far(split.validation))
@@ -72,7 +72,7 @@ def learn(lesson: Lesson, out: Path, say: Say) -> SainDynamics:
         lambda epoch, past: say(f"epoch {epoch}: {past.train[-1]:.3f} {past.validation[-1]:.3f}")
     )
     bodies = pusht_bodies(known.gyration)
-    sain = SainDynamics(trainer.network, known.prior, PLANAR_LAB).with_bodies(bodies)
+    sain = SainDynamics(trainer.network, known.prior, PLANAR).with_bodies(bodies)
     models: dict[str, Model] = {
         "textbook": textbook().prior,
         "identified": known.prior,
@@ -97,7 +97,7 @@ def _data(known: Identified, split: Split) -> dict[str, Any]:
 
 def _card(sain: SainDynamics, known: Identified, report: dict[str, Any]) -> ModelCard:
     return ModelCard(
-        PLANAR_LAB,
+        PLANAR,
         prior_settings(known.prior),
         {},
         kind=sain.kind,

@@ -36,7 +36,7 @@ def test_predictions_run_what_was_compiled() -> None:
     for features, members in (("push", 1), ("world", 3)):
         network = new_network(NetworkConfig(features=features, members=members), 0)
         sain = SainDynamics(network, PlanarPrior(), "planar")
-        sain.step(scenes, pushes, np.broadcast_to(0.12, 2))
+        sain.step(scenes, pushes, {"friction": np.broadcast_to(0.12, 2)})
         sain.rollout(scenes[0], sequences(pushes))
     frames = push_frames(scenes, pushes, PAPER_DISKS)
     network_inputs(NetworkConfig(), scenes, frames, scenes, PAPER_DISKS)

@@ -16,7 +16,9 @@ PRIOR = PlanarPrior()
 
 def history(draw: Draw, pushes: int) -> PushHistory:
     scenes, actions = draw(pushes, 5)
-    return PushHistory(scenes, actions, PRIOR.step(scenes, actions, np.full(pushes, 0.2)))
+    return PushHistory(
+        scenes, actions, PRIOR.step(scenes, actions, {"friction": np.full(pushes, 0.2)})
+    )
 
 
 def test_only_new_pushes_are_computed_and_only_the_latest_history_is_kept(

@@ -158,7 +158,7 @@ def test_a_folder_that_cannot_be_written(tmp_path: Path) -> None:
     ("field", "value", "message"),
     [
         ("prior_config", {"friction": "0.1"}, "friction is '0.1'; it must be of type float"),
-        ("prior_config", {"speed": True}, "speed is True; it must be of type float"),
+        ("prior_config", {"gravity": True}, "gravity is True; it must be of type float"),
         ("friction", {"points": 6.5}, "points is 6.5; it must be of type int"),
     ],
 )

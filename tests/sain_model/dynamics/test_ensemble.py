@@ -166,7 +166,10 @@ def test_what_is_not_known_of_the_friction_is_told_and_earlier_pushes_make_it_le
     assert known.predict(scenes, pushes).friction.mean() < 0.5 * first.friction.mean()
     told = np.full(len(pushes), 0.12)
     assert (sain.predict(scenes, pushes, told).friction == 0.0).all()
-    ends = [sain.step(scenes, pushes, told * np.exp(way * 0.2))[..., :2] for way in (-1, 1)]
+    ends = [
+        sain.step(scenes, pushes, {"friction": told * np.exp(way * 0.2)})[..., :2]
+        for way in (-1, 1)
+    ]
     expected = np.linalg.norm(ends[1] - ends[0], axis=-1) / 2
     unsure = sain.predict(scenes, pushes, told, np.full(len(pushes), 0.2))
     np.testing.assert_allclose(unsure.friction, expected, atol=1e-12)

@@ -15,6 +15,7 @@ from sain_core.scene import POSITION, TARGET
 from sain_model import commands
 from sain_model.data.dataset import Split, split_by_episode
 from sain_model.data.mixed import load_transitions
+from sain_model.dynamics import corrections as told
 from sain_model.dynamics.checkpoint import (
     CORRECTION_ARCHITECTURE,
     ModelCard,
@@ -26,8 +27,7 @@ from sain_model.dynamics.parameter_correction import ParameterCorrection
 from sain_model.dynamics.physics_gradient import ToldPushes, conditioned_moves, moves
 from sain_model.dynamics.priors import load_planar
 from sain_model.dynamics.settings import PLANAR_AXES, CorrectionNetworkConfig
-from sain_model.physics import corrections as told
-from sain_model.physics.planar import PlanarPrior
+from sain_model.physics.planar import PlanarConfig, PlanarPrior
 from sain_model.physics.planar_config import AXES
 from sain_model.serving.server import ModelServer
 from sain_model.serving.settings import ServingConfig
@@ -46,7 +46,8 @@ def laboratory(dataset: Path) -> Split:
     corrections = np.zeros((len(data), 2, told.CORRECTIONS))
     corrections[..., told.PULL_X], corrections[..., told.DRAG] = 1.5, -1.0
     corrections[..., told.MASS_LEFT] = 1.2
-    after = PlanarPrior().step_conditioned(data.state, data.action, corrections)
+    values = told.corrected_values(corrections, data.action, PlanarConfig())
+    after = PlanarPrior().step(data.state, data.action, values)
     return split_by_episode(replace(data, next_state=after), 0, 0.2, 0.2)
 
 
@@ -76,7 +77,11 @@ def test_gradients_are_those_of_simulated_variations(random_pushes) -> None:
         more = np.zeros(shape)
         more[:, disk, column] = 0.1
         ends = [
-            moves(scenes, pushes, prior.step_conditioned(scenes, pushes, c))
+            moves(
+                scenes,
+                pushes,
+                prior.step(scenes, pushes, told.corrected_values(c, pushes, prior.config)),
+            )
             for c in (0 * more, more)
         ]
         slope = ((ends[1] - ends[0]) * weights.numpy()).sum(axis=(1, 2)) / 0.1

@@ -36,7 +36,7 @@ def record(folder: Path, draw: Draw, config: PlanarConfig, seed: int, column: st
     random = np.random.default_rng(seed)
     episode = np.repeat(np.arange(EPISODES), PUSHES)
     friction = random.uniform(0.08, 0.2, EPISODES)[episode]
-    after = PlanarPrior(config).step(scenes, pushes, friction)
+    after = PlanarPrior(config).step(scenes, pushes, {"friction": friction})
     after[..., :2] += random.normal(0, 1e-4, after[..., :2].shape)
     arrays = {
         "state": scenes.reshape(len(scenes), -1),

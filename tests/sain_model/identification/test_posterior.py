@@ -10,7 +10,7 @@ import torch
 from sain_core.dataset import Transitions
 from sain_core.errors import ConfigError
 from sain_core.history import PushHistory
-from sain_core.shapes.bodies import PAPER_DISKS, Bodies
+from sain_core.shapes.bodies import PAPER_DISKS
 from sain_core.types import Pushes, Scenes
 from sain_model.data.dataset import Dataset
 from sain_model.dynamics.identify import believing_model
@@ -21,7 +21,6 @@ from sain_model.identification.beliefs import Belief, usual_belief
 from sain_model.identification.evidence import Known
 from sain_model.identification.parameters import FRICTION, config_at, parameters_of, values_at
 from sain_model.identification.posterior import Posterior, infer
-from sain_model.identification.varied_pushes import step_varied
 from sain_model.network.interaction_network import InteractionNetwork
 from sain_model.physics.friction import FrictionConfig
 from sain_model.physics.planar import PlanarPrior
@@ -56,22 +55,6 @@ def seen(draw: Draw, config: PlanarConfig, count: int = COUNT, seed: int = 5) ->
 
 def told(belief: Belief, history: PushHistory) -> Posterior:
     return infer(belief, PAPER_DISKS, history, Known.everything(len(history)))
-
-
-@pytest.mark.parametrize("names", [["disk", "disk"], ["cube", "disk"]])
-def test_rows_with_parameters_of_their_own_predict_as_the_prior_does(
-    random_pushes: Draw, names: list[str]
-) -> None:
-    scenes, pushes = random_pushes(4, 1)
-    bodies = Bodies.named(names)
-    configs = [AXES, PlanarConfig(), TEXTBOOK, PlanarConfig(friction=0.2, tool_friction=0.3)]
-    physics = np.array([config.physics() for config in configs])
-    friction = np.array([config.friction for config in configs])
-    together = step_varied(AXES, bodies, scenes, pushes, friction, physics)
-    for row, config in enumerate(configs):
-        prior = PlanarPrior(config, bodies)
-        alone = prior.step(scenes[row : row + 1], pushes[row : row + 1])
-        np.testing.assert_array_equal(together[row], alone[0])
 
 
 @pytest.mark.parametrize(("config", "kind"), [(AXES, AXES_FIRST), (TEXTBOOK, TEXTBOOK_SECOND)])

@@ -38,14 +38,14 @@ def friction() -> FrictionFilter:
 
 def history(draw: Draw, truth: float, pushes: int = PUSHES, noise: float = 0.0) -> PushHistory:
     scenes, actions = draw(pushes, 5)
-    after = PRIOR.step(scenes, actions, np.full(pushes, truth))
+    after = PRIOR.step(scenes, actions, {"friction": np.full(pushes, truth)})
     after[..., POSITION] += np.random.default_rng(1).normal(0, noise, after[..., POSITION].shape)
     return PushHistory(scenes, actions, after)
 
 
 def world(draw: Draw) -> tuple[Scenes, Pushes, Scenes]:
     scenes, pushes = draw(EPISODES * PUSHES, 6)
-    return scenes, pushes, PRIOR.step(scenes, pushes, FRICTIONS)
+    return scenes, pushes, PRIOR.step(scenes, pushes, {"friction": FRICTIONS})
 
 
 @pytest.mark.parametrize("truth", [0.035, 0.08, 0.12, 0.2, 0.38])
@@ -236,7 +236,7 @@ def test_noise_needs_the_truth_and_episodes_of_two_pushes(random_pushes: Draw) -
 
 def test_the_planar_prior_learns_from_the_past(random_pushes: Draw) -> None:
     scenes, pushes = random_pushes(30, 8)
-    truth = PRIOR.step(scenes, pushes, np.full(30, 0.2))
+    truth = PRIOR.step(scenes, pushes, {"friction": np.full(30, 0.2)})
     told = PRIOR.condition(history(random_pushes, 0.2))
     before, after = (
         np.linalg.norm((model.step(scenes, pushes) - truth)[..., POSITION], axis=-1).mean()
@@ -255,7 +255,7 @@ def test_sain_learns_from_the_past_if_it_was_trained_to(random_pushes: Draw) -> 
     told = sain.condition(past)
     friction = FrictionFilter(PRIOR, NOMINAL).infer(past).mean
     np.testing.assert_array_equal(
-        told.step(scenes, pushes), sain.step(scenes, pushes, np.full(30, friction))
+        told.step(scenes, pushes), sain.step(scenes, pushes, {"friction": np.full(30, friction)})
     )
     assert sain.prior is PRIOR
 

@@ -57,11 +57,11 @@ def reference(location: float, angle: float, torsion: float, steps: int = 4000) 
 @pytest.mark.parametrize("inertia", [0.1, 0.43, 0.8])
 @pytest.mark.parametrize("speed", [0.01, 0.02])
 def test_a_slow_push_is_quasi_static(kind: str, inertia: float, speed: float) -> None:
-    bodies, config = KINDS[kind], replace(SLOW, inertia=inertia, speed=speed)
+    bodies, config = KINDS[kind], replace(SLOW, inertia=inertia)
     prior = PlanarPrior(config) if bodies is None else PlanarPrior(config, bodies)
     places = np.array([(0.5, 0.0), (0.9, 0.0)])
     scenes = np.repeat(make_scene(places, np.full(2, 8.0), np.full(2, RADIUS))[None], 3, axis=0)
-    pushes = make_push(*np.array(PUSHES).T, LENGTH)
+    pushes = make_push(*np.array(PUSHES).T, LENGTH, speed=speed)
     moved = (prior.step(scenes, pushes) - scenes)[:, 0, : THETA + 1]
     for found, push in zip(moved, PUSHES, strict=True):
         expected = reference(*push, SLOW.foot_radius * RADIUS)
@@ -83,11 +83,11 @@ def test_any_speed_inertia_and_friction_leave_bodies_near(
     for _ in range(10):
         low, high = [0.01, 0.1, 0.05], [0.5, 1.5, 2.0]
         speed, friction, inertia = np.exp(random.uniform(np.log(low), np.log(high))).tolist()
-        config = replace(base, speed=speed, friction=friction, inertia=inertia)
+        config = replace(base, friction=friction, inertia=inertia)
         prior = PlanarPrior(config, Bodies.named(list(names), [Role.PUSHABLE] * 2))
         scenes = np.repeat(scene[None], 20, axis=0)
         ways = random.uniform((-3.0, -0.7), (3.0, 0.7), (20, 2))
-        pushes = make_push(*ways.T, LENGTH)
+        pushes = make_push(*ways.T, LENGTH, speed=speed)
         after = prior.step(scenes, pushes)
         assert np.isfinite(after).all()
         moved = np.linalg.norm((after - scenes)[:, 0, :2], axis=-1)
@@ -96,13 +96,15 @@ def test_any_speed_inertia_and_friction_leave_bodies_near(
 
 @pytest.mark.parametrize("pressure", [0.0, 2.0])
 def test_a_flat_bottom_turns_as_its_torsion_says(pressure: float) -> None:
-    config = replace(SLOW, speed=0.01, bottom="flat", pressure=pressure)
+    config = replace(SLOW, bottom="flat", pressure=pressure)
     points, shares = flat_bottom(get_shape("disk"), pressure)
     torsion = RADIUS * float(shares @ np.hypot(*points.T))
     places = np.array([(0.5, 0.0), (0.9, 0.0)])
     scene = make_scene(places, np.full(2, 8.0), np.full(2, RADIUS))[None]
     location, angle = PUSHES[1]
-    moved = PlanarPrior(config).step(scene, np.array([[location, angle, LENGTH]])) - scene
+    moved = (
+        PlanarPrior(config).step(scene, make_push([location], angle, LENGTH, speed=0.01)) - scene
+    )
     expected = reference(location, angle, torsion)
     assert moved[0, 0, THETA] == pytest.approx(expected[2], abs=np.radians(1.5))
     assert np.hypot(*(moved[0, 0, :2] - expected[:2])) < 2e-3

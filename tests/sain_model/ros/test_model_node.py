@@ -99,7 +99,7 @@ def test_a_wrong_rollout_request_is_answered_with_what_is_wrong(graph, model, fi
 
 def history(friction, count=3):
     scenes, actions = np.stack([SCENE] * count), pushes(count)
-    after = PlanarPrior().step(scenes, actions, np.full(count, friction))
+    after = PlanarPrior().step(scenes, actions, {"friction": np.full(count, friction)})
     return PushHistory(scenes, actions, after)
 
 

@@ -92,7 +92,7 @@ def test_a_scene_that_cannot_exist_is_refused() -> None:
 
 def past(friction: float, pushes: int = 4) -> PushHistory:
     scenes, actions = SCENES[:pushes], PUSHES[:pushes]
-    after = PlanarPrior().step(scenes, actions, np.full(pushes, friction))
+    after = PlanarPrior().step(scenes, actions, {"friction": np.full(pushes, friction)})
     return PushHistory(scenes, actions, after)
 
 

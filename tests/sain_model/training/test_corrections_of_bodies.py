@@ -16,6 +16,7 @@ from sain_core.types import Pushes, Scenes
 from sain_model import commands
 from sain_model.data.dataset import Dataset
 from sain_model.data.mixed import MixedDataset, MixedSplit
+from sain_model.dynamics import corrections as told
 from sain_model.dynamics.checkpoint import read_card
 from sain_model.dynamics.correction_network import CorrectionEnsemble
 from sain_model.dynamics.parameter_correction import ParameterCorrection
@@ -23,9 +24,8 @@ from sain_model.dynamics.physics_gradient import ToldPushes, conditioned_moves
 from sain_model.dynamics.settings import CorrectionNetworkConfig
 from sain_model.evaluation.shape_errors import shape_errors
 from sain_model.network.features import push_frames
-from sain_model.physics import corrections as told
 from sain_model.physics.friction import FrictionConfig
-from sain_model.physics.planar import PlanarPrior
+from sain_model.physics.planar import PlanarConfig, PlanarPrior
 from sain_model.serving.server import load_server
 from sain_model.serving.settings import ServingConfig
 from sain_model.training.correction_training import CorrectionTrainer
@@ -68,7 +68,8 @@ def laboratory(bodies: Bodies, count: int, first: int) -> Dataset:
     corrections = np.zeros((count, len(bodies), told.CORRECTIONS))
     corrections[..., told.PULL_X], corrections[..., told.DRAG] = 1.5, -1.0
     corrections[np.arange(count), pushes[:, 3].astype(int), told.LENGTH] = 1.0
-    after = PlanarPrior().with_bodies(bodies).step_conditioned(scenes, pushes, corrections)
+    values = told.corrected_values(corrections, pushes, PlanarConfig())
+    after = PlanarPrior().with_bodies(bodies).step(scenes, pushes, values)
     return Dataset(
         state=scenes,
         action=pushes,

@@ -81,7 +81,7 @@ def belief_tables(belief: Belief) -> Iterator[FittingTable]:
         (
             parameter.meaning,
             f"{getattr(likeliest.config, parameter.name):.4g}",
-            _spread(parameter.spread * deviation, parameter.factor),
+            _spread(parameter.spread * deviation, parameter.logarithm),
         )
         for parameter, deviation in zip(likeliest.parameters, deviations, strict=True)
     )

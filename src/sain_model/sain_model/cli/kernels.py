@@ -28,15 +28,9 @@ REPORT_PERIOD: Final = 1.0  # [s]
 
 def run_pushes() -> None:
     """Run what pushes bodies."""
-    from sain_model.identification.varied_pushes import step_varied
-    from sain_model.physics.corrections import CORRECTIONS
     from sain_model.physics.planar import PlanarPrior
 
-    prior = PlanarPrior()
-    prior.step(SCENES, PUSHES)
-    prior.step_conditioned(SCENES, PUSHES, np.zeros((1, 2, CORRECTIONS)))
-    varied = np.full(1, prior.config.friction), np.array(prior.config.physics())[None]
-    step_varied(prior.config, prior.bodies, SCENES, PUSHES, *varied)
+    PlanarPrior().step(SCENES, PUSHES)
 
 
 def run_network() -> None:

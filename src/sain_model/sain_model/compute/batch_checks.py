@@ -11,10 +11,9 @@ from sain_core.shapes.bodies import PAPER_DISKS, Bodies
 def check_batch(
     scenes: np.ndarray,
     pushes: np.ndarray,
-    friction: np.ndarray | None = None,
     bodies: Bodies = PAPER_DISKS,
 ) -> None:
-    """Check that scenes (B, N, 8), pushes (B, 5) and frictions (B,) fit and can exist.
+    """Check that scenes (B, N, 8) and pushes (B, 5) fit and can exist.
 
     Raises:
         InvalidInputError: naming what does not.
@@ -39,8 +38,6 @@ def check_batch(
                 f"{STATE_NAMES[column]} of disk {disk} in scene {scene} is"
                 f" {scenes[scene, disk, column]}; it must be positive"
             )
-    if friction is not None:
-        _check_friction(friction, len(scenes))
 
 
 def _check_pushed(pushed: np.ndarray, count: int) -> None:
@@ -51,15 +48,6 @@ def _check_pushed(pushed: np.ndarray, count: int) -> None:
             f"push {index} is against body {pushed[index]:g};"
             f" the scenes have bodies 0 to {count - 1}"
         )
-
-
-def _check_friction(friction: np.ndarray, batch: int) -> None:
-    if friction.shape != (batch,):
-        raise InvalidInputError(f"friction has shape ({batch},), not {friction.shape}")
-    check_finite("friction", friction)
-    if (friction <= 0.0).any():
-        index = int(np.argmax(friction <= 0.0))
-        raise InvalidInputError(f"friction[{index}] is {friction[index]}; it must be positive")
 
 
 def check_finite(name: str, values: np.ndarray) -> None:

@@ -26,6 +26,7 @@ from sain_model.network.inputs import GAP_AFTER, GAP_BEFORE
 from sain_model.network.relation_kernels import MIRRORED_RELATION
 from sain_model.network.settings import NetworkConfig
 from sain_model.physics.friction import FrictionFilter
+from sain_model.physics.parameters import known_friction
 from sain_model.physics.planar import step_knowing
 
 MIRRORED_MOTION: Final = (1, 2)  # across the push, and the turn
@@ -100,7 +101,7 @@ def make_examples(
     features there are.
     """
     prior_here = prior.with_bodies(data.bodies)
-    physics_next = step_knowing(prior_here, data.state, data.action, friction)
+    physics_next = step_knowing(prior_here, data.state, data.action, known_friction(friction))
     frames = push_frames(data.state, data.action, data.bodies)
     features = network_inputs(network, data.state, frames, physics_next, data.bodies)
     velocity = data.next_state[..., VELOCITY] - physics_next[..., VELOCITY]

@@ -6,12 +6,12 @@ import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
+from sain_model.dynamics.corrections import CORRECTIONS, DRAG
 from sain_model.dynamics.settings import CorrectionNetworkConfig
 from sain_model.network.features import count_features
 from sain_model.network.inputs import PLACE_FEATURES, TURN_SCALE
 from sain_model.network.interaction_network import OUTPUTS, POSITION_UNIT, sum_messages
 from sain_model.network.members import make_perceptron, zero_last_layer
-from sain_model.physics.corrections import CORRECTIONS, DRAG
 
 BEFORE: Final = slice(-PLACE_FEATURES, 2 - PLACE_FEATURES)  # a body's place in the world
 AFTER: Final = slice(2 - PLACE_FEATURES, 4 - PLACE_FEATURES)
@@ -53,7 +53,7 @@ class CorrectionNetwork(nn.Module):
     def forward(
         self, bodies: Float[Tensor, "B N D"], relations: Float[Tensor, "B E R"]
     ) -> tuple[Float[Tensor, "B N C"], Float[Tensor, "B N 3"]]:
-        """Return corrections (`physics.corrections`) and the residual of what comes of them.
+        """Return corrections (`dynamics.corrections`) and the residual of what comes of them.
 
         Features are in the frame of the world.
         """

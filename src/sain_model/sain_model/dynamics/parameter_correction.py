@@ -3,7 +3,7 @@
     s' = f_p(s, a, c) + f_theta,   (c, f_theta) = network(f_p(s, a), s, a)
 
 The paper's equation 2 adds a residual to what physics predicts. Here the network first corrects
-parameters of physics (`physics.corrections`), so that physics computes what a slope or a mass off
+parameters of physics (`dynamics.corrections`), so that physics computes what a slope or a mass off
 the middle does to this push. The network adds a residual to that.
 """
 
@@ -19,14 +19,15 @@ from sain_core.history import PushHistory
 from sain_core.model import Model
 from sain_core.push import LENGTH
 from sain_core.shapes.bodies import PAPER_DISKS, Bodies
-from sain_core.types import Pushes, Scalars, Scenes
+from sain_core.types import Pushes, Scenes
 from sain_model.compute.devices import CPU
 from sain_model.compute.threads import settle_threads
 from sain_model.dynamics.correction_network import CorrectionEnsemble
+from sain_model.dynamics.corrections import Corrections, corrected_values
 from sain_model.dynamics.physics_gradient import moves
 from sain_model.network.features import Strokes, apply_residual, network_inputs, push_frames
-from sain_model.physics.corrections import Corrections
 from sain_model.physics.friction import FrictionConfig, FrictionFilter
+from sain_model.physics.parameters import Values
 from sain_model.physics.planar import PlanarPrior
 
 PARAMETER_CORRECTION: Final = "parameter_correction"
@@ -72,18 +73,20 @@ class ParameterCorrection(Model):
         """Return the model of scenes of these bodies."""
         return replace(self, prior=self.prior.with_bodies(bodies), bodies=bodies)
 
-    def step(self, scenes: Scenes, pushes: Pushes, friction: Scalars | None = None) -> Scenes:
+    def step(self, scenes: Scenes, pushes: Pushes, values: Values | None = None) -> Scenes:
         """Predict the settled scenes (B, N, 8) after pushes (B, 3 or 4) from scenes (B, N, 8).
 
-        A push of length 0 leaves the scene unchanged, bit for bit; so do fixed bodies. `friction`
-        with the table is (B,); None: the prior's own.
+        A push of length 0 leaves the scene unchanged, bit for bit; so do fixed bodies. `values`
+        are those of the prior's parameters that differ from its settings.
         """
-        physics_next = self.prior.step(scenes, pushes, friction)
+        values = values or {}
+        physics_next = self.prior.step(scenes, pushes, values)
         frames = push_frames(scenes, pushes, self.bodies)
         plain = moves(scenes, frames, physics_next)
         change = np.zeros_like(plain)
         for corrections, residual in self.corrections(scenes, frames, physics_next):
-            told = self.prior.step_conditioned(scenes, pushes, corrections, friction)
+            corrected = corrected_values(corrections, pushes, self.prior.config)
+            told = self.prior.step(scenes, pushes, {**values, **corrected})
             change += moves(scenes, frames, told) - plain + residual
         predicted = apply_residual(physics_next, frames, change / len(self.networks))
         idle = pushes[:, LENGTH] == 0.0

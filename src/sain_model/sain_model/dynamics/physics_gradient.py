@@ -14,9 +14,9 @@ from torch import Tensor
 
 from sain_core.push import pushed_bodies
 from sain_core.types import Indices, Pushes, Scalars, Scenes
+from sain_model.dynamics.corrections import CORRECTIONS, OF_DISKS, Corrections, corrected_values
 from sain_model.network.features import Strokes, true_residual
 from sain_model.network.inputs import TURN_SCALE
-from sain_model.physics.corrections import CORRECTIONS, OF_DISKS, Corrections
 from sain_model.physics.planar import PlanarPrior
 
 VARIATION: Final = 0.1  # of a correction, in its unit
@@ -42,8 +42,10 @@ class ToldPushes(NamedTuple):
 
     def moves(self, corrections: Corrections) -> Float[ndarray, "B N 3"]:
         """Return the moves that the prior predicts when told corrections (B, N, C)."""
-        world = self.scenes, self.pushes, corrections, self.friction
-        return moves(self.scenes, self.frames, self.prior.step_conditioned(*world))
+        values = corrected_values(corrections, self.pushes, self.prior.config)
+        if self.friction is not None:
+            values["friction"] = self.friction
+        return moves(self.scenes, self.frames, self.prior.step(self.scenes, self.pushes, values))
 
     def repeated(self, times: int) -> Self:
         """Return the pushes so many times, one after the other."""

@@ -8,11 +8,9 @@ from typing import Any, TypeVar
 from sain_core.config import Config, typed_settings
 from sain_core.errors import CheckpointError
 from sain_core.model import IdentityPrior, Model, load_dynamics
-from sain_model.dynamics.lab_prior import LabPrior
 from sain_model.dynamics.settings import (
     IDENTITY,
     PLANAR,
-    PLANAR_LAB,
     PLANAR_PRIORS,
 )
 from sain_model.physics.planar import PlanarConfig, PlanarPrior
@@ -37,8 +35,6 @@ def load_prior(name: str, settings: Settings | None = None) -> Model:
         return IdentityPrior()
     if name in PLANAR_PRIORS:
         return load_planar(name, settings)
-    if name == PLANAR_LAB:
-        return _load_lab(dict(settings or {}))
     if settings:
         raise CheckpointError(f"the prior {name!r} has no settings; given: {', '.join(settings)}")
     return load_dynamics(name)
@@ -60,16 +56,8 @@ def load_planar(name: str, settings: Settings | None = None) -> PlanarPrior:
         return PlanarPrior(replace(usual, **typed_settings(PlanarConfig, settings or {})))
 
 
-def _load_lab(settings: Settings) -> LabPrior:
-    with naming("settings of the laboratory's prior"):
-        x, y = (float(value) for value in settings.pop("centre"))
-        return LabPrior(PlanarConfig(**typed_settings(PlanarConfig, settings)), centre=(x, y))
-
-
 def prior_settings(prior: Model) -> Settings:
     """Return the settings that make a prior again: the second argument of `load_prior`."""
-    if isinstance(prior, LabPrior):
-        return asdict(prior.config) | {"centre": list(prior.centre)}
     return asdict(prior.config) if isinstance(prior, PlanarPrior) else {}
 
 

@@ -25,6 +25,7 @@ from sain_model.data.windows import Windows
 from sain_model.network.features import network_inputs, push_frames
 from sain_model.network.interaction_network import InteractionNetwork
 from sain_model.network.settings import NetworkConfig
+from sain_model.physics.parameters import known_friction
 from sain_model.physics.planar import step_knowing
 
 STEPS: Final = (2e-4, 2e-4, 2e-3)  # [m, m, rad], of the finite differences: well above rounding
@@ -61,7 +62,8 @@ def roll(
 
 def _physics(prior: Model, friction: Scalars | None) -> Physics:
     def predict(scenes: Scenes, pushes: Pushes, rows: ndarray) -> Scenes:
-        return step_knowing(prior, scenes, pushes, None if friction is None else friction[rows])
+        known = None if friction is None else friction[rows]
+        return step_knowing(prior, scenes, pushes, known_friction(known))
 
     return predict
 

@@ -37,6 +37,7 @@ from sain_model.network.features import elongations, network_inputs, push_frames
 from sain_model.network.interaction_network import InteractionNetwork
 from sain_model.network.torch_network import TorchNetwork
 from sain_model.physics.friction import FrictionConfig, FrictionFilter
+from sain_model.physics.parameters import Values, known_friction
 from sain_model.physics.planar import PlanarPrior, step_knowing
 from sain_model.physics.planar_config import with_mass_ratio
 
@@ -184,7 +185,7 @@ class SainDynamics(Model):
         Raises:
             ConfigError: it infers nothing from pushes, or the belief is for another prior.
         """
-        if self.filter is None or type(self.prior) is not PlanarPrior:
+        if self.filter is None:
             raise ConfigError(
                 f"the model on {self.prior_name!r} infers nothing from pushes, and takes no belief"
             )
@@ -224,15 +225,15 @@ class SainDynamics(Model):
         vars(other)["_forward"] = self._forward
         return other
 
-    def step(self, scenes: Scenes, pushes: Pushes, friction: Scalars | None = None) -> Scenes:
+    def step(self, scenes: Scenes, pushes: Pushes, values: Values | None = None) -> Scenes:
         """Predict the settled scenes (B, N, 8) after pushes (B, 5) from scenes (B, N, 8).
 
         Args:
             scenes: settled scenes.
             pushes: one a scene.
-            friction: with the table (B,), where it is known and the prior can be told.
+            values: of parameters of the prior, where it has any (`physics.parameters`).
         """
-        return self.correct(scenes, pushes, step_knowing(self.prior, scenes, pushes, friction))
+        return self.correct(scenes, pushes, step_knowing(self.prior, scenes, pushes, values))
 
     def predict(
         self,
@@ -257,7 +258,8 @@ class SainDynamics(Model):
             friction_log_std = np.full(len(pushes), usual)
         if mass_log_std is None:
             mass_log_std = np.full(len(pushes), self.mass_log_std)
-        physics_next = step_knowing(self.prior, scenes, pushes, friction)
+        values = known_friction(friction)
+        physics_next = step_knowing(self.prior, scenes, pushes, values)
         prediction = Prediction(
             self.correct(scenes, pushes, physics_next),
             self.members_spread(scenes, pushes, physics_next),

@@ -9,7 +9,6 @@ from sain_model.network.settings import WORLD_FRAME, NetworkConfig, PerceptronCo
 PLANAR: Final = "planar"
 PLANAR_AXES: Final = "planar_axes"
 PLANAR_PRIORS: Final = (PLANAR, PLANAR_AXES)
-PLANAR_LAB: Final = "planar_lab"  # only on cards: what it is was fitted
 SHIPPED: Final = "sain"
 IDENTITY: Final = "identity"
 STEPS: Final = (1, 5, 15)

@@ -9,10 +9,11 @@ from numpy import ndarray
 from sain_core.model import Model
 from sain_core.scene import POSITION
 from sain_core.types import Pushes, Scalars, Scenes
+from sain_model.physics.parameters import Values, known_friction
 from sain_model.physics.planar import PlanarPrior
 from sain_model.physics.planar_config import with_mass_ratio
 
-Step = Callable[[Scenes, Pushes, Scalars | None], Scenes]
+Step = Callable[[Scenes, Pushes, Values | None], Scenes]
 
 
 def physics_spread(
@@ -27,7 +28,7 @@ def physics_spread(
     """Return how far places move with one standard deviation [m].
 
     Args:
-        step: predicts, with friction (B,) or with what the prior has.
+        step: predicts, with values of parameters or with what the prior has.
         prior: what is under it.
         scenes: settled scenes.
         pushes: one a scene.
@@ -40,11 +41,17 @@ def physics_spread(
         return spread
     if log_std.any():
         usual = np.full(len(pushes), prior.config.friction) if friction is None else friction
-        less, more = (step(scenes, pushes, usual * np.exp(way * log_std)) for way in (-1, 1))
+        less, more = (
+            step(scenes, pushes, {"friction": usual * np.exp(way * log_std)}) for way in (-1, 1)
+        )
         spread = _half_way(less, more)
     if mass_log_std.any():
         less, more = (
-            step(with_mass_ratio(scenes, np.exp(way * mass_log_std)), pushes, friction)
+            step(
+                with_mass_ratio(scenes, np.exp(way * mass_log_std)),
+                pushes,
+                known_friction(friction),
+            )
             for way in (-1, 1)
         )
         spread = np.hypot(spread, _half_way(less, more))

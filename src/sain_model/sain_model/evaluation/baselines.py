@@ -14,9 +14,24 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from sain_core.model import Model, answering, check_step, load_dynamics
+from sain_core.scene import MASS, MID, RADIUS
 from sain_core.types import Pushes, Scenes
+from sain_model.physics.planar import PlanarPrior
 
+NOMINAL_MASS: Final = 8.0  # [kg], the paper, section III-A
+NOMINAL_MID_RADIUS: Final = 0.08  # [m]
+NOMINAL_RADIUS: Final = 0.06  # [m], of every other disk
 AT_ONCE: Final = 32  # pushes between two looks at the clock
+
+
+def step_as_nominal(prior: PlanarPrior, scenes: Scenes, pushes: Pushes) -> Scenes:
+    """Predict as `prior`, believing that every body has nominal mass, every disk nominal radius."""
+    believed = scenes.copy()
+    believed[..., MASS] = NOMINAL_MASS
+    if prior.bodies.all_round:
+        believed[..., RADIUS] = NOMINAL_RADIUS
+        believed[:, MID, RADIUS] = NOMINAL_MID_RADIUS
+    return prior.step_as_if(scenes, believed, pushes)[0]
 
 
 class Followed(Model):

@@ -66,12 +66,12 @@ def history_predictions(data: Dataset, sain: Model | None) -> dict[str, Scenes]:
     """Return what predictors that know the earlier pushes say (M, N, 8), by their names."""
     planar = PlanarPrior()
     known = earlier_friction(planar.filter(), data)
-    predictions = {PLANAR_HISTORY: planar.step(data.state, data.action, known.mean)}
+    predictions = {PLANAR_HISTORY: planar.step(data.state, data.action, {"friction": known.mean})}
     if not isinstance(sain, SainDynamics) or sain.filter is None:
         return predictions
     known = earlier_friction(sain.filter, data)
     assert isinstance(sain.prior, PlanarPrior)
-    predictions[PRIOR_HISTORY] = sain.prior.step(data.state, data.action, known.mean)
+    predictions[PRIOR_HISTORY] = sain.prior.step(data.state, data.action, {"friction": known.mean})
     predictions[SAIN_HISTORY] = predict_with_history(sain, data).mean
     predictions[SAIN_TRUE] = step_on_true_friction(sain, data)
     return predictions
@@ -81,7 +81,8 @@ def step_on_true_friction(model: SainDynamics | PlanarPrior, data: Dataset) -> S
     """Return what a model says (M, N, 8) that is told the true friction; NaN: it is not known."""
     known = np.isfinite(data.friction)
     told = np.full_like(data.state, np.nan)
-    told[known] = model.step(data.state[known], data.action[known], data.friction[known])
+    values = {"friction": data.friction[known]}
+    told[known] = model.step(data.state[known], data.action[known], values)
     return told
 
 

@@ -20,6 +20,7 @@ from sain_model.data.dataset import Dataset
 from sain_model.data.windows import Windows, make_windows
 from sain_model.dynamics.sain import RECURRENT, RESIDUAL, SainDynamics
 from sain_model.dynamics.settings import STEPS
+from sain_model.evaluation.baselines import step_as_nominal
 from sain_model.evaluation.history_errors import earlier_friction, earlier_pushes
 from sain_model.evaluation.metrics import BULLET, FLOOR, MEASURED, NO_MOTION, NOMINAL
 from sain_model.physics.friction import FrictionFilter
@@ -46,12 +47,9 @@ class OpenLoop:
 class NominalPlanar(Model):
     """The planar prior that believes every disk to have nominal mass and radius."""
 
-    def __init__(self) -> None:
-        self._planar = PlanarPrior()
-
     def step(self, scenes: Scenes, pushes: Pushes) -> Scenes:
         """Predict the settled scenes (B, N, 8) after pushes (B, 5) from scenes (B, N, 8)."""
-        return self._planar.step_as_nominal(scenes, pushes)
+        return step_as_nominal(PlanarPrior(), scenes, pushes)
 
 
 def roll_out(
@@ -70,7 +68,7 @@ def roll_out(
     for step in range(pushes.shape[1]):
         moving = pushes[:, step, LENGTH] > 0.0
         if moving.any():
-            told = () if friction is None else (friction[moving],)
+            told = () if friction is None else ({"friction": friction[moving]},)
             current[moving] = dynamics.step(current[moving], pushes[moving, step], *told)
         predicted[:, step] = current
     return predicted

@@ -10,6 +10,7 @@ from sain_model.data.dataset import Dataset, Split
 from sain_model.data.mixed import MixedDataset, MixedSplit
 from sain_model.dynamics.sain import LEARNED as LEARNED_KIND
 from sain_model.dynamics.sain import SainDynamics
+from sain_model.evaluation.baselines import step_as_nominal
 from sain_model.evaluation.coverage import measure_intervals
 from sain_model.evaluation.history_errors import (
     errors_by_history,
@@ -72,7 +73,7 @@ def predict_all(data: Dataset, sain: Model | None, learned: Model | None) -> dic
     planar = PlanarPrior()
     predictions = {
         NO_MOTION: data.state,
-        NOMINAL: planar.step_as_nominal(data.state, data.action),
+        NOMINAL: step_as_nominal(planar, data.state, data.action),
         BULLET: data.physics_next,
         MEASURED: planar.step(data.state, data.action),
         TRUE: step_on_true_friction(planar, data),

@@ -18,6 +18,7 @@ from sain_model.dynamics.parameter_correction import ParameterCorrection
 from sain_model.dynamics.sain import SainDynamics
 from sain_model.evaluation.history_errors import earlier_friction, predict_with_history
 from sain_model.physics.friction import FrictionFilter
+from sain_model.physics.parameters import known_friction
 
 LearnedModel = SainDynamics | ParameterCorrection
 Rows = dict[str, np.ndarray]
@@ -75,12 +76,12 @@ def predict_told(model: FrictionFilter | Model, part: Dataset) -> Scenes:
     if isinstance(model, FrictionFilter):
         told = filter_for(model, part.bodies)
         known = earlier_friction(told, part)
-        return told.physics.step(part.state, part.action, known.mean)
+        return told.physics.step(part.state, part.action, {"friction": known.mean})
     if not isinstance(model, ParameterCorrection):
         return model.with_bodies(part.bodies).step(part.state, part.action)
     shaped = model.with_bodies(part.bodies)
     friction = earlier_friction(shaped.filter, part).mean if shaped.filter else None
-    return shaped.step(part.state, part.action, friction)
+    return shaped.step(part.state, part.action, known_friction(friction))
 
 
 def _about(part: Dataset) -> Rows:

@@ -63,7 +63,7 @@ def _written(structure: Structure) -> dict[str, Any]:
             "meaning": parameter.meaning,
             "mean": getattr(structure.config, parameter.name),
             "spread": float(parameter.spread * deviation),
-            "spread_is": "of the logarithm" if parameter.factor else "of the value",
+            "spread_is": "of the logarithm" if parameter.logarithm else "of the value",
         }
         for parameter, deviation in zip(structure.parameters, deviations.tolist(), strict=True)
     ]

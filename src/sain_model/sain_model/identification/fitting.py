@@ -8,7 +8,6 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from sain_core.dataset import Transitions
-from sain_core.scene import MASS
 from sain_core.shapes.bodies import Bodies
 from sain_core.types import Scenes
 from sain_model.identification.evidence import (
@@ -22,10 +21,9 @@ from sain_model.identification.evidence import (
     picked,
     scales_of,
 )
-from sain_model.identification.parameters import Places, mass_ratio_at, physics_at
+from sain_model.identification.parameters import Places, named_values_at
 from sain_model.identification.structures import Structure
-from sain_model.identification.varied_pushes import step_varied
-from sain_model.physics.planar_config import with_mass_ratio
+from sain_model.physics.planar import PlanarPrior
 
 STEPS: Final = 3
 DIFFERENCE: Final = 0.2  # [spreads], of a finite difference
@@ -91,11 +89,8 @@ def errors_at(
 
 def step_at(structure: Structure, bodies: Bodies, pushes: Transitions, places: Places) -> Scenes:
     """Predict pushes (P), each with parameters z of its own (P, D)."""
-    config, ratio = structure.config, mass_ratio_at(structure.config, places)
-    scenes = with_mass_ratio(pushes.state, ratio)
-    after = step_varied(config, bodies, scenes, pushes.action, *physics_at(config, places))
-    after[..., MASS] = pushes.state[..., MASS]
-    return after
+    prior = PlanarPrior(structure.config, bodies)
+    return prior.step(pushes.state, pushes.action, named_values_at(structure.config, places))
 
 
 def slopes_of(

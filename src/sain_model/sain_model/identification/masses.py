@@ -84,7 +84,7 @@ class MassFilter:
         parts = []
         for ratio in np.exp(self._log_ratios):
             weighed = np.repeat(with_mass_ratio(scenes, ratio), len(grid), axis=0)
-            after = self.friction.physics.step(weighed, actions, frictions)
+            after = self.friction.physics.step(weighed, actions, {"friction": frictions})
             parts.append(after.reshape(count, len(grid), *scenes.shape[1:]))
         return parts[0] if len(parts) == 1 else np.concatenate(parts, axis=1)
 

@@ -8,8 +8,9 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
-from sain_model.identification.parameters import MASS_RATIO, RATIO, Parameter, parameters_of
+from sain_model.identification.parameters import MASS_RATIO, RATIO, parameters_of
 from sain_model.physics.friction import FrictionConfig
+from sain_model.physics.parameters import Parameter
 from sain_model.physics.planar_config import PlanarConfig
 
 

@@ -17,16 +17,18 @@ from sain_core.scene import Y as STATE_Y
 from sain_model.compute.compiling import compiled, compiled_with_arrays
 
 TOOL = 0
-DISK_INERTIA = 0.5  # share of mass x radius^2, of the uniform disk that `Physics.inertia` is of
-DISK_FEET = 0.7  # radii, where the disks stand that `Physics.foot_radius` is of
+DISK_INERTIA = 0.5  # share of mass x radius^2, of the uniform disk that the inertia is of
+DISK_FEET = 0.7  # radii, where the disks stand that the radius of feet is of
+LEAST_SHARE = 0.15  # of its load, that an offset of the centre of mass leaves each support
+LEAST_ARM = 0.09  # radii, supports nearer to the middle press as one that stands there
 
 # Columns of a body [SI units]. `LIGHTNESS` is 1 / mass and `TURN` 1 / moment of inertia, both 0
 # for what nothing moves. `ROUND` is the radius that its corners are rounded with, `REACH` that of
-# the circumscribed circle, `TWIST` the arm on which friction resists a turn on the spot. Columns
-# from `DRAG` on are corrections (`physics.corrections`); `MASS_FORE` and `MASS_LEFT` lead from the
-# centroid to the centre of mass in the body's frame. `X` and `Y` are those of the latter.
+# the circumscribed circle, `TWIST` the arm on which friction resists a turn on the spot. `SLOWING`
+# is the deceleration by friction with the table. `MASS_FORE` and `MASS_LEFT` lead from the centroid
+# to the centre of mass in the body's frame. `X` and `Y` are those of the latter.
 X, Y, VX, VY, SPIN, COS, SIN, TURNED, LIGHTNESS, TURN, ROUND, REACH, TWIST = range(13)
-DRAG, SLOPE_X, SLOPE_Y, MASS_FORE, MASS_LEFT, BODY_GRIP, TOOL_GRIP = range(13, 20)
+SLOWING, SLOPE_X, SLOPE_Y, MASS_FORE, MASS_LEFT, BODY_GRIP, TOOL_GRIP = range(13, 20)
 BODY_SIZE = 20
 # Columns of a corner in its body's frame, with the side to the next one: its direction and length.
 CORNER_X, CORNER_Y, SIDE_X, SIDE_Y, LENGTH, CONVEX = range(6)
@@ -46,31 +48,6 @@ POINT_X, POINT_Y, CORNER_AT_X, CORNER_AT_Y, FACE_X, FACE_Y, PAST, LEFT = range(1
 CONTACT_SIZE = 26
 POINT_BODY, SIDE_BODY, KIND, KEY = range(4)  # integer columns of a contact
 MOST_CONTACTS = 24  # of a pair, a guard; two polygons that lie side by side have two to four
-
-
-class Physics(NamedTuple):
-    """What the kernels need to know of `PlanarConfig`, as plain numbers in SI units."""
-
-    gravity: float
-    foot_radius: float
-    inertia: float
-    tool_friction: float
-    disk_friction: float
-    tool_restitution: float
-    disk_restitution: float
-    friction_scale: float
-    yield_across: float
-    axes_yield: float
-    middle_height: float
-    tool_height: float
-    disk_height: float
-    tool_radius: float
-    speed: float
-    acceleration: float
-    longest_step: float
-    stop_share: float
-    stop_step: float
-    bend: float
 
 
 class Workspace(NamedTuple):
@@ -122,7 +99,7 @@ def make_workspace(table):
 
 
 @compiled
-def load_bodies(states, order, table, start_x, start_y, physics, work):
+def load_bodies(states, order, table, start_x, start_y, physics, own, work):
     """Fill the scratch memory from a scene (N, 8), taken as at rest.
 
     Args:
@@ -131,7 +108,8 @@ def load_bodies(states, order, table, start_x, start_y, physics, work):
         table: of the bodies.
         start_x: where the tool's axis stands [m].
         start_y: likewise.
-        physics: for the tool's radius and the bodies' feet and inertia.
+        physics: numbers of the push.
+        own: numbers of the bodies, (N,).
         work: to fill.
     """
     bodies = work.bodies
@@ -142,41 +120,48 @@ def load_bodies(states, order, table, start_x, start_y, physics, work):
     work.corners[TOOL, CONVEX] = 1.0  # the tool's one corner is its axis
     for index in range(states.shape[0]):
         row, body = index + 1, order[index]
-        _load_body(bodies, row, states[body], table, body, physics)
+        _load_body(bodies, row, states[body], table, body, physics, own[body])
         _load_corners(work, row, states[body, STATE_RADIUS], table, body)
-        _load_supports(work, row, states[body], table, body, physics)
+        _load_supports(work, row, states[body, STATE_RADIUS], table, body, physics, own[body])
     for row in range(bodies.shape[0]):
         work.touched[row] = False
     forget_steps(work)
 
 
 @compiled
-def _load_body(bodies, row, state, table, body, physics):
+def _load_body(bodies, row, state, table, body, physics, own):
     radius = state[STATE_RADIUS]
-    bodies[row, X], bodies[row, Y] = state[STATE_X], state[STATE_Y]
     bodies[row, VX] = bodies[row, VY] = bodies[row, SPIN] = bodies[row, TURNED] = 0.0
     bodies[row, COS], bodies[row, SIN] = np.cos(state[STATE_THETA]), np.sin(state[STATE_THETA])
     bodies[row, ROUND] = table.rounding[body] * radius
-    bodies[row, REACH] = table.reach[body] * radius
-    lightness = 0.0 if table.fixed[body] else 1.0 / state[STATE_MASS]
-    inertia = physics.inertia / DISK_INERTIA * table.inertia[body] * radius * radius
+    # Half of the ratio goes to body 0: masses stay near those of the scene.
+    root = np.sqrt(physics.mass_ratio)
+    mass = state[STATE_MASS] / root if body == 0 else state[STATE_MASS] * root
+    lightness = 0.0 if table.fixed[body] else 1.0 / mass
+    inertia = own.inertia / DISK_INERTIA * table.inertia[body] * radius * radius
     bodies[row, LIGHTNESS], bodies[row, TURN] = lightness, lightness / inertia
-    bodies[row, SLOPE_X] = bodies[row, SLOPE_Y] = 0.0
-    bodies[row, MASS_FORE] = bodies[row, MASS_LEFT] = 0.0
-    bodies[row, DRAG] = bodies[row, BODY_GRIP] = bodies[row, TOOL_GRIP] = 1.0
+    bodies[row, SLOWING] = own.friction_scale * physics.friction * physics.gravity
+    bodies[row, SLOPE_X], bodies[row, SLOPE_Y] = own.slope_x, own.slope_y
+    bodies[row, BODY_GRIP], bodies[row, TOOL_GRIP] = own.disk_friction, own.tool_friction
+    fore, left = radius * own.centre_x, radius * own.centre_y
+    bodies[row, MASS_FORE], bodies[row, MASS_LEFT] = fore, left
+    bodies[row, REACH] = table.reach[body] * radius + np.sqrt(fore * fore + left * left)
+    x, y = mass_offset(bodies, row, bodies[row, COS], bodies[row, SIN])
+    bodies[row, X], bodies[row, Y] = state[STATE_X] + x, state[STATE_Y] + y
 
 
 @compiled
 def _load_corners(work, row, radius, table, body):
-    """Scale an outline; a corner is convex where the way turns left."""
+    """Scale an outline about the centre of mass; a corner is convex where the way turns left."""
     corners = work.corners
+    fore, left = work.bodies[row, MASS_FORE], work.bodies[row, MASS_LEFT]
     first, last = table.first_corner[body], table.first_corner[body + 1]
     start = work.first_corner[row]
     end = start + last - first
     work.first_corner[row + 1] = end
     for index in range(start, end):
-        corners[index, CORNER_X] = radius * table.corners[first + index - start, 0]
-        corners[index, CORNER_Y] = radius * table.corners[first + index - start, 1]
+        corners[index, CORNER_X] = radius * table.corners[first + index - start, 0] - fore
+        corners[index, CORNER_Y] = radius * table.corners[first + index - start, 1] - left
     before = end - 1
     for index in range(start, end):
         after = index + 1 if index + 1 < end else start
@@ -189,35 +174,81 @@ def _load_corners(work, row, radius, table, body):
         corners[index, SIDE_X], corners[index, SIDE_Y] = scale * x, scale * y
         corners[index, LENGTH] = length
     for index in range(start, end):
-        left = corners[before, SIDE_X] * corners[index, SIDE_Y]
-        left -= corners[before, SIDE_Y] * corners[index, SIDE_X]
-        corners[index, CONVEX] = 1.0 if left >= 0.0 else 0.0
+        turn = corners[before, SIDE_X] * corners[index, SIDE_Y]
+        turn -= corners[before, SIDE_Y] * corners[index, SIDE_X]
+        corners[index, CONVEX] = 1.0 if turn >= 0.0 else 0.0
         before = index
 
 
 @compiled
-def _load_supports(work, row, state, table, body, physics):
-    """Place the supports, where `foot_radius` says that those of a disk stand."""
+def _load_supports(work, row, radius, table, body, physics, own):
+    """Place the supports about the centre of mass, and share the load among them.
+
+    `foot_radius` says where those of a disk stand, `torsion` how far those of this body are spread.
+    """
     bodies, supports = work.bodies, work.supports
-    scale = physics.foot_radius / DISK_FEET * state[STATE_RADIUS]
+    scale = physics.foot_radius / DISK_FEET * radius * own.torsion
+    fore, left = bodies[row, MASS_FORE], bodies[row, MASS_LEFT]
     first, last = table.first_support[body], table.first_support[body + 1]
     start = work.first_support[row]
-    work.first_support[row + 1] = start + last - first
-    heaviness = physics.inertia / (physics.foot_radius * physics.foot_radius)  # as of a disk's foot
+    end = start + last - first
+    work.first_support[row + 1] = end
+    for foot in range(start, end):
+        x, y = table.supports[first + foot - start, 0], table.supports[first + foot - start, 1]
+        supports[foot, FOOT_X], supports[foot, FOOT_Y] = scale * x - fore, scale * y - left
+        weight = table.supports[first + foot - start, 3]
+        if own.pressure != 0.0:
+            weight *= max(np.sqrt(x * x + y * y), LEAST_ARM * table.reach[body]) ** own.pressure
+        supports[foot, SHARE] = weight
+    _share_load(supports, start, end)
+    # As heavy to turn as a disk on its feet, however far this body's feet are from each other.
+    heaviness = own.inertia / (physics.foot_radius * physics.foot_radius)
+    lightness = 0.0
+    if bodies[row, LIGHTNESS] > 0.0:
+        lightness = bodies[row, TURN] / bodies[row, LIGHTNESS]
     twist = 0.0
-    for index in range(first, last):
-        foot = start + index - first
-        x, y = scale * table.supports[index, 0], scale * table.supports[index, 1]
-        supports[foot, FOOT_X], supports[foot, FOOT_Y] = x, y
-        supports[foot, SHARE] = table.supports[index, 2]
-        supports[foot, LEAN_X] = table.supports[index, 3] / scale
-        supports[foot, LEAN_Y] = table.supports[index, 4] / scale
-        squared = x * x + y * y
-        if bodies[row, LIGHTNESS] > 0.0:
-            lightness = bodies[row, TURN] / bodies[row, LIGHTNESS]
-            supports[foot, YIELD] = heaviness * squared * lightness
+    for foot in range(start, end):
+        squared = supports[foot, FOOT_X] ** 2 + supports[foot, FOOT_Y] ** 2
+        supports[foot, YIELD] = heaviness * squared * lightness
         twist += supports[foot, SHARE] * np.sqrt(squared)
     bodies[row, TWIST] = twist
+
+
+@compiled
+def _share_load(supports, start, end):
+    """Replace the weights of supports by their shares of a load that acts at their origin.
+
+    Statics asks that shares w_i sum to 1 and balance at p. Supports as stiff as their weights m_i
+    carry w_i = m_i (a + b x_i + c y_i): with the weights' centroid and second moments, a, b, c are
+    linear in p. A load too far out is moved in until no support carries less than `LEAST_SHARE` of
+    what it does below the centroid: the load lies off the supports otherwise, and the body tips.
+    """
+    total, mean_x, mean_y = 0.0, 0.0, 0.0
+    for foot in range(start, end):
+        total += supports[foot, SHARE]
+        mean_x += supports[foot, SHARE] * supports[foot, FOOT_X]
+        mean_y += supports[foot, SHARE] * supports[foot, FOOT_Y]
+    mean_x, mean_y = mean_x / total, mean_y / total
+    xx, xy, yy = 0.0, 0.0, 0.0
+    for foot in range(start, end):
+        x, y = supports[foot, FOOT_X] - mean_x, supports[foot, FOOT_Y] - mean_y
+        weight = supports[foot, SHARE]
+        xx, xy, yy = xx + weight * x * x, xy + weight * x * y, yy + weight * y * y
+    scale = 1.0 / (xx * yy - xy * xy)
+    inwards = 1.0
+    for foot in range(start, end):
+        x, y = supports[foot, FOOT_X] - mean_x, supports[foot, FOOT_Y] - mean_y
+        weight = supports[foot, SHARE]
+        supports[foot, LEAN_X] = weight * scale * (yy * x - xy * y)
+        supports[foot, LEAN_Y] = weight * scale * (xx * y - xy * x)
+        supports[foot, SHARE] = weight / total
+        grows = -(supports[foot, LEAN_X] * mean_x + supports[foot, LEAN_Y] * mean_y)
+        least = (LEAST_SHARE - 1.0) * supports[foot, SHARE]
+        if inwards * grows < least:
+            inwards = least / grows
+    for foot in range(start, end):
+        grows = supports[foot, LEAN_X] * mean_x + supports[foot, LEAN_Y] * mean_y
+        supports[foot, SHARE] -= inwards * grows
 
 
 @compiled

@@ -12,30 +12,21 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
-from sain_core.push import LENGTH, PushLimits, pushed_bodies, strokes
+from sain_core.push import LENGTH, LOCATION, SPEED, PushLimits, strokes
 from sain_core.scene import POSITION
 from sain_core.shapes.bodies import Bodies
 from sain_core.shapes.shape import REGULAR_FEET, Shape, feet_places
 from sain_core.shapes.supports import FEET, FLAT, flat_bottom
-from sain_core.types import Indices, Points, Pushes, Scalars, Scenes
+from sain_core.types import Indices, Points, Pushes, Scenes
 from sain_model.compute.compiling import plain
 from sain_model.compute.thread_pool import even_blocks, run_blocks
-from sain_model.physics.body_kernels import Physics
-from sain_model.physics.corrections import (
-    ANGLE,
-    OF_DISKS,
-    Corrections,
-    corrected_disks,
-    corrected_pushes,
-    saturated,
-)
 from sain_model.physics.push_kernels import CHUNK, push_bodies_block
 
 Touched = Bool[ndarray, "B N"]
-Ways = Float[ndarray, "B 4"]  # where the tool starts [m], its heading [rad], its way [m]
+Ways = Float[ndarray, "B 5"]  # start of the tool [m], heading [rad], way [m], speed [m/s]
 
 STRAIGHT: Final = 1e-9  # [rad], a corner that turns less is a point in the middle of a side
-SHARE, ALONG_X, ALONG_Y = 2, 3, 4  # columns of a support after its x and y
+SHARE, AREA = 2, 3  # columns of a support after its x and y
 
 
 class BodyTable(NamedTuple):
@@ -47,7 +38,7 @@ class BodyTable(NamedTuple):
     first_corner: Int[ndarray, "E"]
     corners: Float[ndarray, "M 2"]  # counter-clockwise
     first_support: Int[ndarray, "E"]
-    supports: Float[ndarray, "F 5"]  # x, y, share of the load, and how it grows along x and y
+    supports: Float[ndarray, "F 4"]  # x, y, share of the load, area that it stands for
     rounding: Float[ndarray, "N"]  # 1 for a disk, 0 for an outline with straight sides
     reach: Float[ndarray, "N"]  # circumscribed radius
     inertia: Float[ndarray, "N"]  # upright moment, share of mass x radius^2
@@ -58,10 +49,9 @@ def push_bodies(
     scenes: Scenes,
     ways: Ways,
     pushed: Indices,
-    friction: Scalars,
     table: BodyTable,
-    physics: Physics,
-    corrections: Corrections | None = None,
+    physics: ndarray,
+    own: ndarray,
 ) -> tuple[Scenes, Touched]:
     """Simulate pushes.
 
@@ -69,48 +59,43 @@ def push_bodies(
         scenes: (B, N, 8).
         ways: of the tool, as `tool_ways` makes them.
         pushed: which body each push is against, (B,).
-        friction: with the table, (B,).
         table: of the N bodies.
-        physics: the rest.
-        corrections: of each body; None: there are none.
+        physics: numbers of the pushes, (B,), as `rows_of` makes them.
+        own: numbers of the bodies, (B, N), likewise.
 
     Returns:
         The settled scenes, and which bodies the tool touched (B, N).
     """
-    told = np.empty((len(scenes), 0, OF_DISKS))
-    if corrections is not None:
-        told = plain(corrected_disks(corrections))
     order, after = nearest_first(scenes, pushed), plain(scenes.copy())
     touched = np.zeros(scenes.shape[:2], dtype=bool)
-    friction, size = plain(friction), even_blocks(len(scenes), CHUNK)
+    size = even_blocks(len(scenes), CHUNK)
 
     def work(first: int) -> None:
         rows = slice(first, first + size)
-        known = ways[rows], friction[rows], table, physics
-        push_bodies_block(0, after[rows], order[rows], *known, touched[rows], told[rows])
+        given = ways[rows], table, physics[rows], own[rows]
+        push_bodies_block(0, after[rows], order[rows], *given, touched[rows])
 
     run_blocks(work, len(scenes), size)
     return after, touched
 
 
 def tool_ways(
-    scenes: Scenes,
-    pushes: Pushes,
-    limits: PushLimits,
-    bodies: Bodies,
-    corrections: Corrections | None = None,
+    scenes: Scenes, pushes: Pushes, limits: PushLimits, bodies: Bodies, physics: ndarray
 ) -> Ways:
-    """Return where the tool's axis starts, its heading and how far it goes, as corrected.
+    """Return the ways of the tool, with the offsets of `physics` (B,), the numbers of the pushes.
 
-    A corrected location keeps the heading.
+    An offset of the location keeps the heading. A push of no length stays one, and none becomes
+    shorter than that.
     """
+    length = np.maximum(pushes[:, LENGTH] + physics["length_offset"], 0.0)
+    length[pushes[:, LENGTH] == 0.0] = 0.0
     start, heading = strokes(scenes, pushes, limits, bodies)
-    if corrections is None:
-        return np.column_stack([start, heading, pushes[:, LENGTH]])
-    corrected = corrected_pushes(pushes, corrections)
-    start, _ = strokes(scenes, corrected, limits, bodies)
-    told = saturated(corrections)[np.arange(len(pushes)), pushed_bodies(pushes)]
-    return np.column_stack([start, heading + told[:, ANGLE], corrected[:, LENGTH]])
+    if physics["location_offset"].any():
+        around = pushes.copy()
+        around[:, LOCATION] += physics["location_offset"]
+        start, _ = strokes(scenes, around, limits, bodies)
+    heading = heading + physics["angle_offset"]
+    return np.column_stack([start, heading, length, pushes[:, SPEED] * physics["speed_factor"]])
 
 
 def nearest_first(scenes: Scenes, pushed: Indices) -> Int[ndarray, "B N"]:
@@ -126,16 +111,13 @@ def nearest_first(scenes: Scenes, pushed: Indices) -> Int[ndarray, "B N"]:
 
 
 @lru_cache(maxsize=4096)  # a data set may have a thousand combinations of shapes
-def body_table(bodies: Bodies, bottom: str = FEET, pressure: float = 0.0) -> BodyTable:
+def body_table(bodies: Bodies, bottom: str = FEET) -> BodyTable:
     """Return the table of some bodies; made once, since a plan asks for it a dozen times.
 
-    `bottom` is `FEET` or `FLAT`, `pressure` how a flat one presses (`flat_bottom`).
+    `bottom` is `FEET` or `FLAT`.
     """
     corners = [_corners(shape) for shape in bodies.shapes]
-    if bottom == FLAT:
-        supports = [load_shares(*flat_bottom(shape, pressure)) for shape in bodies.shapes]
-    else:
-        supports = [load_shares(_feet(shape)) for shape in bodies.shapes]
+    supports = [_flat(shape) if bottom == FLAT else _feet(shape) for shape in bodies.shapes]
     return BodyTable(
         _starts(corners),
         np.concatenate(corners),
@@ -146,23 +128,6 @@ def body_table(bodies: Bodies, bottom: str = FEET, pressure: float = 0.0) -> Bod
         np.array([shape.inertia(1.0, 1.0)[2] for shape in bodies.shapes]),
         np.array([body in bodies.fixed for body in range(len(bodies))]),
     )
-
-
-def load_shares(
-    supports: Points, weights: Float[ndarray, "F"] | None = None
-) -> Float[ndarray, "F 5"]:
-    """Return supports (F, 2) with how they share the load of a body whose weight acts at p.
-
-    Statics asks that the shares sum to 1 and balance at p: A w = (1, p_x, p_y). Three supports
-    leave one answer, the barycentric coordinates of p; of more, the least norm is taken, as by
-    supports that are as stiff as their weights (F,) say; None: equally stiff.
-
-    Returns:
-        (F, 5): x, y, the share at p = 0, and its derivatives by p_x and p_y.
-    """
-    root = np.ones(len(supports)) if weights is None else np.sqrt(weights)
-    balance = np.column_stack([np.ones(len(supports)), supports]).T
-    return np.column_stack([supports, root[:, None] * np.linalg.pinv(balance * root)])
 
 
 def _corners(shape: Shape) -> Points:
@@ -176,11 +141,19 @@ def _corners(shape: Shape) -> Points:
     return np.ascontiguousarray(outline[np.abs(turn) > STRAIGHT])
 
 
-def _feet(shape: Shape) -> Points:
-    """Return the three feet (3, 2) of a body; a round one that lies flat has them as well."""
-    if shape.is_round:
-        return feet_places(REGULAR_FEET, 1.0)
-    return shape.supports(1.0)
+def _feet(shape: Shape) -> Float[ndarray, "3 4"]:
+    """Return the three feet of a body; a round one that lies flat has them as well.
+
+    There is one way to share a load among three, whatever they stand for.
+    """
+    feet = feet_places(REGULAR_FEET, 1.0) if shape.is_round else shape.supports(1.0)
+    balance = np.column_stack([np.ones(3), feet]).T
+    return np.column_stack([feet, np.linalg.solve(balance, [1.0, 0.0, 0.0]), np.ones(3)])
+
+
+def _flat(shape: Shape) -> Float[ndarray, "F 4"]:
+    points, shares = flat_bottom(shape)
+    return np.column_stack([points, shares, shares])
 
 
 def _starts(groups: Sequence[ndarray]) -> ndarray:

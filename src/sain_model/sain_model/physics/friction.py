@@ -20,8 +20,9 @@ from sain_core.config import Config, option
 from sain_core.history import PushHistory
 from sain_core.scene import MID, POSITION, TARGET
 from sain_core.shapes.bodies import Bodies
-from sain_core.types import Pushes, Scalars, Scenes
+from sain_core.types import Pushes, Scenes
 from sain_model.compute.latest_pushes import LatestPushes
+from sain_model.physics.parameters import Values
 
 WATCHED: Final = slice(MID, TARGET + 1)  # the first bodies, one or two
 CHUNK: Final = 32_768  # predictions at a time: bounds memory
@@ -36,8 +37,8 @@ class FrictionPhysics(Protocol):
         """What it predicts."""
         ...
 
-    def step(self, scenes: Scenes, pushes: Pushes, friction: Scalars | None = None) -> Scenes:
-        """Predict scenes (B, N, 8) after pushes (B, 5), at frictions (B,)."""
+    def step(self, scenes: Scenes, pushes: Pushes, values: Values | None = None) -> Scenes:
+        """Predict scenes (B, N, 8) after pushes (B, 5), with values by name (B,)."""
         ...
 
 
@@ -185,7 +186,7 @@ class FrictionFilter:
             predicted = self.physics.step(
                 np.repeat(scenes[rows], len(grid), axis=0),
                 np.repeat(pushes[rows], len(grid), axis=0),
-                np.tile(grid, rows.stop - first),
+                {"friction": np.tile(grid, rows.stop - first)},
             ).reshape(rows.stop - first, len(grid), *scenes.shape[1:])
             off = (predicted - next_scenes[rows, None])[:, :, WATCHED, POSITION]
             errors[rows] = np.linalg.norm(off, axis=-1)

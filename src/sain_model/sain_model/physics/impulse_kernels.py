@@ -196,10 +196,10 @@ def _sliding(work, index, point, side):
 
 
 @compiled_apart
-def solve_impulses(work, physics):
+def solve_impulses(work, tool_speed):
     """Find the impulses that keep all contacts apart, with Coulomb friction; apply them.
 
-    Bodies with a `grip` are held back by the table meanwhile.
+    Bodies with a `grip` are held back by the table meanwhile. `tool_speed` is its highest [m/s].
     """
     contacts = work.contacts
     for index in range(work.counts[0]):
@@ -208,13 +208,13 @@ def solve_impulses(work, physics):
     for _ in range(SWEEPS):
         change = 0.0
         for index in range(work.counts[0]):
-            change = max(change, _solve_contact(work, index, physics))
+            change = max(change, _solve_contact(work, index))
         for row in range(1, work.bodies.shape[0]):
             if work.grip[row] > 0.0:
                 change = max(change, hold_back(work, row))
             if work.stuck[row]:
                 change = max(change, hold_supports(work, row))
-        if change < CONVERGED * physics.speed:
+        if change < CONVERGED * tool_speed:
             break
     _note_touched(work)
 
@@ -229,16 +229,16 @@ def _note_touched(work):
 
 
 @compiled
-def _solve_contact(work, index, physics):
+def _solve_contact(work, index):
     """Correct the impulse of one contact; return the change of velocity it made [m/s]."""
     bodies, contacts = work.bodies, work.contacts
     point, side = work.features[index, POINT_BODY], work.features[index, SIDE_BODY]
     excess = _leaving(work, index, point, side) + contacts[index, BIAS]
     normal = max(contacts[index, ALONG] - contacts[index, NORMAL_MASS] * excess, 0.0)
     if point == TOOL:
-        limit = normal * physics.tool_friction * bodies[side, TOOL_GRIP]
+        limit = normal * bodies[side, TOOL_GRIP]
     else:
-        limit = normal * physics.disk_friction * bodies[max(point, side), BODY_GRIP]
+        limit = normal * bodies[max(point, side), BODY_GRIP]
     rim = contacts[index, ACROSS] - contacts[index, RIM_MASS] * _sliding(work, index, point, side)
     rim = min(max(rim, -limit), limit)
     along, across = normal - contacts[index, ALONG], rim - contacts[index, ACROSS]

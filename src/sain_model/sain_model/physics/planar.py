@@ -5,28 +5,21 @@ mass and radius that the scene states and, unless told better, the nominal frict
 """
 
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
-from typing import Final, Self
-
-import numpy as np
+from functools import lru_cache
+from typing import Self
 
 from sain_core.history import PushHistory
 from sain_core.model import IdentityPrior, Model, answering, check_step
 from sain_core.push import LENGTH, PushLimits, pushed_bodies
-from sain_core.scene import MASS, MID, RADIUS
+from sain_core.scene import MASS
 from sain_core.shapes.bodies import PAPER_DISKS, Bodies
-from sain_core.types import Pushes, Scalars, Scenes
+from sain_core.types import Pushes, Scenes
 from sain_model.compute.batch_checks import check_batch
 from sain_model.compute.kernel_progress import compile_visibly
-from sain_model.physics.body_kernels import Physics
-from sain_model.physics.body_table import Touched, Ways, body_table, push_bodies, tool_ways
-from sain_model.physics.corrections import Corrections, check_corrections
+from sain_model.physics.body_table import Touched, body_table, push_bodies, tool_ways
 from sain_model.physics.friction import FrictionConfig, FrictionFilter
-from sain_model.physics.planar_config import PlanarConfig, with_mass_ratio
-
-NOMINAL_MASS: Final = 8.0  # [kg], the paper, section III-A
-NOMINAL_MID_RADIUS: Final = 0.08  # [m]
-NOMINAL_RADIUS: Final = 0.06  # [m], of every other disk
+from sain_model.physics.parameters import Values, check_values, rows_of
+from sain_model.physics.planar_config import PlanarConfig
 
 
 @dataclass(frozen=True)
@@ -39,10 +32,6 @@ class PlanarPrior(Model):
     def __post_init__(self) -> None:
         """See that the kernels are compiled: no plan is to wait for them."""
         compile_visibly()
-
-    @cached_property
-    def _physics(self) -> Physics:
-        return self.config.physics()
 
     def at(self, friction: float) -> Self:
         """Return this prior with another friction between disks and table."""
@@ -60,89 +49,47 @@ class PlanarPrior(Model):
         """Return what infers friction with this prior, about the one that it assumes."""
         return _filter(self, config)
 
-    def step(self, scenes: Scenes, pushes: Pushes, friction: Scalars | None = None) -> Scenes:
-        """Predict the settled scenes (B, N, 8) after pushes (B, 3 or 4) from scenes (B, N, 8).
+    def step(self, scenes: Scenes, pushes: Pushes, values: Values | None = None) -> Scenes:
+        """Predict the settled scenes (B, N, 8) after pushes (B, 5) from scenes (B, N, 8).
 
         Args:
             scenes: settled scenes; velocities are taken as zero.
             pushes: one push a scene. Length 0 leaves the scene unchanged, bit for bit.
-            friction: with the table (B,), where it is known; the configured one if not.
+            values: parameters by name (`sain_model.physics.parameters`), (B,); those of bodies
+                (B,) or (B, N). The settings have the others.
 
         Raises:
-            InvalidInputError: wrong shapes, NaN or Inf.
+            InvalidInputError: wrong shapes, NaN or Inf; a value that is not allowed.
         """
-        return self.step_with_contacts(scenes, pushes, friction)[0]
-
-    def step_conditioned(
-        self,
-        scenes: Scenes,
-        pushes: Pushes,
-        corrections: Corrections,
-        friction: Scalars | None = None,
-    ) -> Scenes:
-        """Predict as `step`, told what is unlike the textbook (`sain_model.physics.corrections`).
-
-        Raises:
-            InvalidInputError: wrong shapes, NaN or Inf.
-        """
-        check_batch(scenes, pushes, friction, self.bodies)
-        check_corrections(corrections, scenes)
-        ways = tool_ways(scenes, pushes, self._limits, self._bodies(scenes), corrections)
-        return self._simulate(scenes, ways, pushes, friction, corrections)[0]
+        return self.step_with_contacts(scenes, pushes, values)[0]
 
     def step_with_contacts(
-        self, scenes: Scenes, pushes: Pushes, friction: Scalars | None = None
+        self, scenes: Scenes, pushes: Pushes, values: Values | None = None
     ) -> tuple[Scenes, Touched]:
         """As `step`, and tell for each push which bodies the tool touched, (B, N)."""
-        check_batch(scenes, pushes, friction, self.bodies)
-        ways = tool_ways(scenes, pushes, self._limits, self._bodies(scenes))
-        return self._simulate(scenes, ways, pushes, friction)
+        return self.step_as_if(scenes, scenes, pushes, values)
 
-    def step_as_nominal(self, scenes: Scenes, pushes: Pushes) -> Scenes:
-        """Predict as `step`, believing that every body has nominal mass, every disk nominal radius.
-
-        The tool moves as it does in truth: its way comes from the scene's own radii. Overlaps of
-        disks that are believed too large are undone without giving them speed.
-        """
-        check_batch(scenes, pushes, None, self.bodies)
-        believed = scenes.copy()
-        believed[..., MASS] = NOMINAL_MASS
-        if self.bodies.all_round:
-            believed[..., RADIUS] = NOMINAL_RADIUS
-            believed[:, MID, RADIUS] = NOMINAL_MID_RADIUS
-        ways = tool_ways(scenes, pushes, self._limits, self._bodies(scenes))
-        predicted, _ = self._simulate(believed, ways, pushes, None)
-        predicted[..., MASS:] = scenes[..., MASS:]
-        return predicted
-
-    @property
-    def _limits(self) -> PushLimits:
-        config = self.config
-        return PushLimits(tool_radius=config.tool_radius, clearance=config.clearance)
-
-    def _bodies(self, scenes: Scenes) -> Bodies:
-        return self.bodies.fitted(scenes.shape[1])
-
-    def _simulate(
-        self,
-        scenes: Scenes,
-        ways: Ways,
-        pushes: Pushes,
-        friction: Scalars | None,
-        corrections: Corrections | None = None,
+    def step_as_if(
+        self, scenes: Scenes, believed: Scenes, pushes: Pushes, values: Values | None = None
     ) -> tuple[Scenes, Touched]:
-        """Run the kernels."""
-        if friction is None:
-            friction = np.full(len(scenes), self.config.friction)
-        weighed = with_mass_ratio(scenes, self.config.mass_ratio)
-        config, pushed = self.config, pushed_bodies(pushes)
-        table = body_table(self._bodies(scenes), config.bottom, config.pressure)
-        after, touched = push_bodies(
-            weighed, ways, pushed, friction, table, self._physics, corrections
-        )
+        """As `step_with_contacts`, with masses and radii that are believed, (B, N, 8).
+
+        The tool moves as it does in truth: its way comes from the scenes. Overlaps of bodies that
+        are believed too large are undone without giving them speed.
+        """
+        check_batch(scenes, pushes, self.bodies)
+        values = values or {}
+        batch, count, _ = scenes.shape
+        check_values(values, batch, count)
+        config, bodies = self.config, self.bodies.fitted(count)
+        physics, own = rows_of(config, values, batch, count)
+        limits = PushLimits(tool_radius=config.tool_radius, clearance=config.clearance)
+        ways = tool_ways(scenes, pushes, limits, bodies, physics)
+        table, pushed = body_table(bodies, config.bottom), pushed_bodies(pushes)
+        after, touched = push_bodies(believed, ways, pushed, table, physics, own)
         idle = pushes[:, LENGTH] == 0.0
         after[idle] = scenes[idle]
-        after[..., MASS] = scenes[..., MASS]
+        after[..., MASS:] = scenes[..., MASS:]
         return after, touched
 
 
@@ -151,11 +98,11 @@ def _filter(prior: PlanarPrior, config: FrictionConfig) -> FrictionFilter:
     return FrictionFilter(prior, prior.config.friction, config)
 
 
-def step_knowing(prior: Model, scenes: Scenes, pushes: Pushes, friction: Scalars | None) -> Scenes:
-    """Predict with a prior that is told the friction (B,), if there is any and it can be told."""
-    if friction is not None and isinstance(prior, PlanarPrior):
-        return prior.step(scenes, pushes, friction)
-    if isinstance(prior, (PlanarPrior, IdentityPrior)):
+def step_knowing(prior: Model, scenes: Scenes, pushes: Pushes, values: Values | None) -> Scenes:
+    """Predict with a prior that is given values of parameters, if it has any."""
+    if isinstance(prior, PlanarPrior):
+        return prior.step(scenes, pushes, values)
+    if isinstance(prior, IdentityPrior):
         return prior.step(scenes, pushes)
     with answering("the prior"):
         return check_step(prior.step(scenes, pushes), scenes, "the prior")

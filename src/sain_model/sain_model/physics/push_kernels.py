@@ -9,12 +9,12 @@ import numpy as np
 from sain_model.compute.compiling import callable_kernel, compiled, compiled_apart
 from sain_model.physics.body_kernels import (
     COS,
-    DRAG,
     LIGHTNESS,
     REACH,
     SIN,
     SLOPE_X,
     SLOPE_Y,
+    SLOWING,
     SPIN,
     TOOL,
     TURN,
@@ -38,7 +38,7 @@ from sain_model.physics.impulse_kernels import (
     prepare_impulses,
     solve_impulses,
 )
-from sain_model.physics.support_kernels import brake, correct_bodies, note_lean
+from sain_model.physics.support_kernels import brake, note_lean
 from sain_model.physics.tool_kernels import (
     first_touch_of,
     make_profile,
@@ -53,30 +53,33 @@ CHUNK = 64  # pushes that one thread takes at a time: a third of a millisecond
 STILL = 1e-7  # [m/s], slower than this is at rest
 COLLISION = 0.01  # [m/s], touching bodies that approach faster than this collide
 SHORTEST_STEP = 2e-4  # [s]
+# Limits of steps, over the longest step [s].
+STOP_SHARE = 17.5  # [1/s], of a spinning body, share of the time that it takes to stop
+STOP_STEP = 5 / 12  # a body about to stop needs no shorter steps
+BEND = 2.5  # [rad/s], by which the normal of a pressing contact may turn
 MOST_STEPS = 5000  # far beyond any push; keeps a wrong parameter from running for ever
 
 
 @compiled
-def calm_time(bodies, slowing, physics):
+def calm_time(bodies, tool_speed, physics):
     """Return the longest step [s] in which friction changes no body's motion too much.
 
-    A body that does not spin slides straight and slows evenly: it may stop in one step. Where the
-    tool is slower than what friction stops in the longest step, the push is quasi-static: the
-    table holds all bodies back, and no step is too long for that (`hold_back`).
+    A body that does not spin slides straight and slows evenly: it may stop in one step. A body
+    that friction stops from the tool's speed in the longest step moves quasi-statically: the table
+    holds it back, and no step is too long for that (`hold_back`).
 
     Args:
         bodies: rows of bodies.
-        slowing: deceleration of a sliding body [m/s^2].
-        physics: for the limits.
+        tool_speed: the tool's highest [m/s].
+        physics: for the longest step.
     """
     step = physics.longest_step
-    if physics.speed <= slowing * step:
-        return step
     for row in range(1, bodies.shape[0]):
+        slowing = bodies[row, SLOWING]
         stop = outer_speed(bodies, row) / (slowing * spin_share(bodies, row))
-        if stop > 0.0:
+        if stop > 0.0 and tool_speed > slowing * physics.longest_step:
             if bodies[row, SPIN] != 0.0:
-                stop = max(physics.stop_share * stop, physics.stop_step)
+                stop = physics.longest_step * max(STOP_SHARE * stop, STOP_STEP)
             step = min(step, stop)
     return step
 
@@ -112,13 +115,13 @@ def carry(bodies, row, step, before):
 
 
 @compiled
-def advance(work, slowing, physics, step):
+def advance(work, tool_speed, physics, step):
     """Move everything on by one step [s]; return a bound on the speeds after it [m/s].
 
     Args:
         work: scratch memory with contacts prepared for this step.
-        slowing: deceleration of a sliding body [m/s^2].
-        physics: for the frictions.
+        tool_speed: the tool's highest [m/s].
+        physics: for the heights at which forces act.
         step: duration [s].
     """
     bodies, before, change = work.bodies, work.before, work.change
@@ -131,13 +134,13 @@ def advance(work, slowing, physics, step):
             continue
         bodies[row, VX] += step * bodies[row, SLOPE_X]
         bodies[row, VY] += step * bodies[row, SLOPE_Y]
-        less = slowing * bodies[row, DRAG] * step
+        less = bodies[row, SLOWING] * step
         if outer_speed(bodies, row) > 2.0 * less * spin_share(bodies, row):
             brake(work, row, less, physics, step)
         else:
             work.grip[row] = less
             work.held[row, 0] = work.held[row, 1] = work.held[row, 2] = 0.0
-    solve_impulses(work, physics)
+    solve_impulses(work, tool_speed)
     note_lean(work, physics, step)
     part_overlaps(work)
     fastest = 0.0
@@ -151,90 +154,87 @@ def advance(work, slowing, physics, step):
 
 
 @compiled
-def plan_step(work, slowing, physics, rest):
+def plan_step(work, tool_speed, physics, rest):
     """Let collide what collides now, list the contacts, and return a good step [s].
 
     Args:
         work: scratch memory.
-        slowing: deceleration of a sliding body [m/s^2].
+        tool_speed: the tool's highest [m/s].
         physics: for the limits.
         rest: the step ends no later than this [s].
     """
     keep_impulses(work)
-    step = min(rest, calm_time(work.bodies, slowing, physics))
+    step = min(rest, calm_time(work.bodies, tool_speed, physics))
     find_touching(work, step)
     recall_impulses(work)
     impact, approach, turning = foresee(work, step)
     if approach > COLLISION:
         forget_steps(work)
         prepare_impulses(work, 0.0, physics)
-        solve_impulses(work, physics)
-        step = min(rest, calm_time(work.bodies, slowing, physics))
+        solve_impulses(work, tool_speed)
+        step = min(rest, calm_time(work.bodies, tool_speed, physics))
         keep_impulses(work)
         find_touching(work, step)
         recall_impulses(work)
         impact, approach, turning = foresee(work, step)
     step = min(step, max(impact, SHORTEST_STEP))
-    if turning * step > physics.bend:
-        step = max(physics.bend / turning, SHORTEST_STEP)
+    bend = BEND * physics.longest_step
+    if turning * step > bend:
+        step = max(bend / turning, SHORTEST_STEP)
     return step
 
 
 @compiled_apart
-def push_bodies(states, order, push, friction, table, physics, work, touched, corrections):
+def push_bodies(states, order, push, table, physics, own, work, touched):
     """Carry out one push in place.
 
     Args:
         states: scene (N, 8).
         order: number of the body of each row but the tool's, (N,).
-        push: where the tool's axis starts [m], its heading [rad], its way [m]; (4,).
-        friction: with the table.
+        push: see `push_bodies_block`.
         table: of the bodies.
-        physics: the rest.
+        physics: numbers of the push, a `PUSH_ROW`.
+        own: numbers of the bodies, `BODY_ROW`s (N,).
         work: scratch memory.
         touched: (N,) bool, receives which bodies the tool touched.
-        corrections: of the bodies, (N, 7); (0, 7): none.
     """
-    load_bodies(states, order, table, push[0], push[1], physics, work)
-    if corrections.shape[0] > 0:
-        correct_bodies(order, corrections, table, work)
+    load_bodies(states, order, table, push[0], push[1], physics, own, work)
     bodies = work.bodies
-    way_x, way_y, length = np.cos(push[2]), np.sin(push[2]), push[3]
+    way_x, way_y, length, fastest_tool = np.cos(push[2]), np.sin(push[2]), push[3], push[4]
     distance = first_touch_of(work, way_x, way_y)
     if distance >= length:
         return
-    profile = make_profile(length, physics.speed, physics.acceleration)
+    profile = make_profile(length, fastest_tool, physics.acceleration)
     time = time_of(profile, distance)
-    slowing = physics.friction_scale * friction * physics.gravity
     for _ in range(MOST_STEPS):
         speed = tool_speed(profile, time)
         bodies[TOOL, X], bodies[TOOL, Y] = push[0] + distance * way_x, push[1] + distance * way_y
         bodies[TOOL, VX], bodies[TOOL, VY] = speed * way_x, speed * way_y
-        step = plan_step(work, slowing, physics, until_kink(profile, time))
+        step = plan_step(work, fastest_tool, physics, until_kink(profile, time))
         prepare_impulses(work, step, physics)
         time += step
         distance, speed = travelled(profile, time), tool_speed(profile, time)
         bodies[TOOL, VX], bodies[TOOL, VY] = speed * way_x, speed * way_y
-        fastest = advance(work, slowing, physics, step)
+        fastest = advance(work, fastest_tool, physics, step)
         if fastest == 0.0 and time >= profile.end - 1e-9:
             break
     unload_bodies(states, order, work, touched)
 
 
 @callable_kernel
-def push_bodies_block(first, scenes, order, pushes, friction, table, physics, touched, corrections):
+def push_bodies_block(first, scenes, order, pushes, table, physics, own, touched):
     """Carry out up to `CHUNK` pushes, from the one numbered `first` on, in place.
 
     Args:
         first: number of the first one.
         scenes: (B, N, 8), changed to what they become.
         order: (B, N), bodies by row.
-        pushes: (B, 4), see `push_bodies`.
-        friction: with the table, (B,).
+        pushes: where the tool's axis starts [m], its heading [rad], its way [m], and its highest
+            speed [m/s], (B, 5).
         table: of the bodies.
-        physics: the rest.
+        physics: `PUSH_ROW` of `physics.parameters`, (B,).
+        own: `BODY_ROW`, (B, N).
         touched: (B, N) bool, receives which bodies the tool touched.
-        corrections: of the bodies, (B, N, 7); (B, 0, 7): none.
     """
     work = make_workspace(table)
     for index in range(first, min(first + CHUNK, scenes.shape[0])):
@@ -243,10 +243,9 @@ def push_bodies_block(first, scenes, order, pushes, friction, table, physics, to
                 scenes[index],
                 order[index],
                 pushes[index],
-                friction[index],
                 table,
-                physics,
+                physics[index],
+                own[index],
                 work,
                 touched[index],
-                corrections[index],
             )

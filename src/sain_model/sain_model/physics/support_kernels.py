@@ -8,11 +8,7 @@ from sain_model.physics.body_kernels import (
     ALONG,
     ARM_X,
     ARM_Y,
-    BODY_GRIP,
-    CORNER_X,
-    CORNER_Y,
     COS,
-    DRAG,
     FOOT_X,
     FOOT_Y,
     HELD_X,
@@ -21,8 +17,6 @@ from sain_model.physics.body_kernels import (
     LEAN_Y,
     LIGHTNESS,
     LIMIT,
-    MASS_FORE,
-    MASS_LEFT,
     NORMAL_X,
     NORMAL_Y,
     POINT_BODY,
@@ -32,24 +26,17 @@ from sain_model.physics.body_kernels import (
     SHARE,
     SIDE_BODY,
     SIN,
-    SLOPE_X,
-    SLOPE_Y,
     SPIN,
     TOOL,
-    TOOL_GRIP,
     TURN,
     TWIST,
     VX,
     VY,
     YIELD,
-    X,
-    Y,
-    mass_offset,
 )
 
 NEWTON_STEPS = 20  # most of them; three or four are usual
 ON_SURFACE = 1e-9  # share by which friction may exceed the limit
-LEAST_SHARE = 0.15  # of its load, that an offset of the centre of mass leaves each support
 SLOW = 1.0  # a support is slow that friction could stop in this many steps under a whole load
 
 
@@ -101,7 +88,7 @@ def _pull_back(work, row, vx, vy, spin, slowing, turns, physics):
                 light = axes_yield * supports[foot, YIELD] / squared
                 x /= 1.0 + light * arm_y * arm_y
                 y /= 1.0 + light * arm_x * arm_x
-            else:
+            if across_yield > 0.0:
                 light = across_yield * supports[foot, YIELD]
                 less = light / (1.0 + light) * (arm_x * y - arm_y * x) / squared
                 x, y = x + less * arm_y, y - less * arm_x
@@ -250,63 +237,3 @@ def note_lean(work, physics, step):
         tilt[point, 1] += py * bodies[point, LIGHTNESS]
         tilt[side, 0] -= px * bodies[side, LIGHTNESS]
         tilt[side, 1] -= py * bodies[side, LIGHTNESS]
-
-
-@compiled
-def correct_bodies(order, corrections, table, work):
-    """Give the loaded bodies their corrections.
-
-    Args:
-        order: number of the body of each row but the tool's, (N,).
-        corrections: (N, 7), see `physics.corrections`.
-        table: of the bodies.
-        work: scratch memory, just loaded.
-    """
-    bodies = work.bodies
-    for index in range(order.shape[0]):
-        row, body = index + 1, order[index]
-        told = corrections[body]
-        bodies[row, DRAG], bodies[row, BODY_GRIP], bodies[row, TOOL_GRIP] = (
-            told[0],
-            told[5],
-            told[6],
-        )
-        bodies[row, SLOPE_X], bodies[row, SLOPE_Y] = told[1], told[2]
-        radius = bodies[row, REACH] / table.reach[body]
-        _shift_mass(work, row, radius * told[3], radius * told[4])
-
-
-@compiled
-def _shift_mass(work, row, fore, left):
-    """Move a body's centre of mass in its frame [m], as far as all supports still carry some."""
-    bodies, corners, supports = work.bodies, work.corners, work.supports
-    if fore == 0.0 and left == 0.0:
-        return
-    first, last = work.first_support[row], work.first_support[row + 1]
-    share = 1.0
-    for foot in range(first, last):
-        grows = supports[foot, LEAN_X] * fore + supports[foot, LEAN_Y] * left
-        if supports[foot, SHARE] + share * grows < LEAST_SHARE * supports[foot, SHARE]:
-            share = (LEAST_SHARE - 1.0) * supports[foot, SHARE] / grows
-    fore, left = share * fore, share * left
-    heaviness = 0.0  # per squared arm, see `YIELD`
-    for foot in range(first, last):
-        x, y = supports[foot, FOOT_X], supports[foot, FOOT_Y]
-        heaviness = max(heaviness, supports[foot, YIELD] / max(x * x + y * y, 1e-12))
-    twist = 0.0
-    for foot in range(first, last):
-        grows = supports[foot, LEAN_X] * fore + supports[foot, LEAN_Y] * left
-        supports[foot, SHARE] += grows
-        supports[foot, FOOT_X] -= fore
-        supports[foot, FOOT_Y] -= left
-        squared = supports[foot, FOOT_X] ** 2 + supports[foot, FOOT_Y] ** 2
-        supports[foot, YIELD] = heaviness * squared
-        twist += supports[foot, SHARE] * np.sqrt(squared)
-    for corner in range(work.first_corner[row], work.first_corner[row + 1]):
-        corners[corner, CORNER_X] -= fore
-        corners[corner, CORNER_Y] -= left
-    bodies[row, MASS_FORE], bodies[row, MASS_LEFT], bodies[row, TWIST] = fore, left, twist
-    bodies[row, REACH] += np.sqrt(fore * fore + left * left)
-    x, y = mass_offset(bodies, row, bodies[row, COS], bodies[row, SIN])
-    bodies[row, X] += x
-    bodies[row, Y] += y

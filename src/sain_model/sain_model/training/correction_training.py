@@ -23,6 +23,7 @@ from sain_model.dynamics.physics_gradient import ToldPushes, conditioned_moves, 
 from sain_model.network.features import push_frames
 from sain_model.network.settings import NetworkConfig
 from sain_model.physics.friction import FrictionFilter
+from sain_model.physics.parameters import known_friction
 from sain_model.physics.planar import PlanarPrior
 from sain_model.training.settings import CorrectionTrainingConfig, cosine
 from sain_model.training.training_loop import LossHistory, Step, TrainingLoop
@@ -50,7 +51,7 @@ class _Lesson:
             told = _told(part, prior, friction)
             parts.append(told)
             examples.append(make_examples(part, prior, told.friction, seen).padded(most))
-            after = told.prior.step(part.state, part.action, told.friction)
+            after = told.prior.step(part.state, part.action, known_friction(told.friction))
             way = torch.from_numpy(moves(part.state, told.frames, after).astype(np.float32))
             plain.append(_padded(way, most))
         return cls(tuple(parts), examples[0].and_then(*examples[1:]), torch.cat(plain))

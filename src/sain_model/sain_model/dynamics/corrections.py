@@ -25,20 +25,23 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
-from sain_core.errors import InvalidInputError
-from sain_core.push import ANGLE as PUSH_ANGLE
-from sain_core.push import LENGTH as PUSH_LENGTH
-from sain_core.push import LOCATION as PUSH_LOCATION
 from sain_core.push import pushed_bodies
 from sain_core.types import Pushes
 from sain_model.compute.batch_checks import check_finite
+from sain_model.physics.planar_config import PlanarConfig
 
 DRAG, PULL_X, PULL_Y, MASS_FORE, MASS_LEFT, RIM_GRIP, TOOL_GRIP = range(7)
-OF_DISKS: Final = 7  # columns that the kernels take of each disk, in their order
+OF_DISKS: Final = 7  # columns of each disk; the others are of the tool
 LENGTH, ANGLE, LOCATION = range(7, 10)
 CORRECTIONS: Final = 10
 UNIT: Final = np.array([0.3, 0.1, 0.1, 0.1, 0.1, 0.5, 0.5, 0.005, 0.05, 0.05])
 MOST: Final = np.array([1.2, 0.5, 0.5, 0.35, 0.35, 2.0, 2.0, 0.02, 0.3, 0.3])
+
+FACTORS: Final = {"friction_scale": DRAG, "disk_friction": RIM_GRIP, "tool_friction": TOOL_GRIP}
+SHIFTS: Final = {
+    "slope_x": PULL_X, "slope_y": PULL_Y, "centre_x": MASS_FORE, "centre_y": MASS_LEFT
+}  # fmt: skip
+OF_TOOL: Final = {"length_offset": LENGTH, "angle_offset": ANGLE, "location_offset": LOCATION}
 
 Corrections = Float[ndarray, "B N C"]  # C = CORRECTIONS
 
@@ -48,35 +51,18 @@ def saturated(corrections: Corrections) -> Corrections:
     return np.asarray(MOST * np.tanh(corrections * (UNIT / MOST)))
 
 
-def corrected_disks(corrections: Corrections) -> Float[ndarray, "B N 7"]:
-    """Return what the kernels take of each disk: factors, accelerations, lengths in radii."""
-    told = saturated(corrections)[..., :OF_DISKS]
-    for column in (DRAG, RIM_GRIP, TOOL_GRIP):
-        told[..., column] = np.exp(told[..., column])
-    return told
-
-
-def corrected_pushes(pushes: Pushes, corrections: Corrections) -> Pushes:
-    """Return pushes (B, 3 or 4) with their length, angle and location corrected.
-
-    A push of no length stays as it is; none becomes shorter than that.
-    """
-    told = saturated(corrections)[np.arange(len(pushes)), pushed_bodies(pushes)]
-    corrected = pushes.copy()
-    longer = np.maximum(pushes[:, PUSH_LENGTH] + told[:, LENGTH], 0.0)
-    corrected[:, PUSH_LENGTH] = np.where(pushes[:, PUSH_LENGTH] == 0.0, 0.0, longer)
-    corrected[:, PUSH_ANGLE] += told[:, ANGLE] - told[:, LOCATION]
-    corrected[:, PUSH_LOCATION] += told[:, LOCATION]
-    return corrected
-
-
-def check_corrections(corrections: ndarray, scenes: ndarray) -> None:
-    """Check that corrections (B, N, 10) are of these scenes (B, N, 8) and finite.
+def corrected_values(
+    corrections: Corrections, pushes: Pushes, config: PlanarConfig
+) -> dict[str, ndarray]:
+    """Return the parameters of a prior with these settings, as corrected, by name.
 
     Raises:
-        InvalidInputError: naming what is not.
+        InvalidInputError: corrections that are not finite.
     """
-    right = (*scenes.shape[:2], CORRECTIONS)
-    if corrections.shape != right:
-        raise InvalidInputError(f"corrections have shape {right}, not {corrections.shape}")
     check_finite("corrections", corrections)
+    change = saturated(corrections)
+    pushed = change[np.arange(len(pushes)), pushed_bodies(pushes)]
+    values = {name: change[..., column] for name, column in SHIFTS.items()}
+    for name, column in FACTORS.items():
+        values[name] = getattr(config, name) * np.exp(change[..., column])
+    return values | {name: pushed[:, column] for name, column in OF_TOOL.items()}

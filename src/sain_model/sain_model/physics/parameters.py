@@ -1,0 +1,193 @@
+"""The parameters of the planar prior: one list, from which settings, kernels and inference read.
+
+To add one, enter it here and in `PlanarConfig`, and use it in the solver, where it has this name.
+"""
+
+from collections.abc import Mapping
+from typing import Any, Final, Literal, NamedTuple
+
+import numpy as np
+from numpy import ndarray
+
+from sain_core.config import option
+from sain_core.errors import InvalidInputError
+from sain_model.compute.batch_checks import check_finite
+
+Scope = Literal["body", "table", "tool", "episode"]
+Values = Mapping[str, ndarray]  # (B,) by name; parameters of bodies (B,) for all, or (B, N)
+
+
+class Parameter(NamedTuple):
+    """One parameter of the physics, and what is believed of it before any push.
+
+    Attributes:
+        name: the field of `PlanarConfig`, of the solver's rows, and of `Values`.
+        meaning: in plain words.
+        unit: of its value; empty for a share or a factor.
+        scope: what it belongs to. A value for each body may be given for those of scope "body".
+        spread: standard deviation before any push; 0: it is not inferred.
+        logarithm: whether the spread is that of the logarithm.
+        least: smallest value.
+        most: largest value.
+    """
+
+    name: str
+    meaning: str
+    unit: str
+    scope: Scope
+    spread: float
+    logarithm: bool
+    least: float
+    most: float
+
+
+PARAMETERS: Final = (
+    Parameter("friction", "friction with the table", "", "episode", 0.5, True, 0.005, 10.0),
+    Parameter(
+        "friction_scale", "friction with the table at work, share of the coefficient",
+        "", "body", 0.0, True, 0.2, 5.0,
+    ),
+    Parameter("tool_friction", "friction with the tool", "", "body", 0.5, True, 0.0, 5.0),
+    Parameter(
+        "disk_friction", "friction with bodies that are nearer to the push",
+        "", "body", 0.5, True, 0.0, 5.0,
+    ),
+    Parameter(
+        "tool_restitution", "bounce off the tool, share of the speed",
+        "", "tool", 0.15, False, 0.0, 0.9,
+    ),
+    Parameter(
+        "disk_restitution", "bounce between bodies, share of the speed",
+        "", "episode", 0.15, False, 0.0, 0.9,
+    ),
+    Parameter(
+        "foot_radius", "where a disk's three feet stand, share of its radius",
+        "", "episode", 0.1, True, 0.2, 1.0,
+    ),
+    Parameter(
+        "torsion", "torsion length, share of the one that the supports give",
+        "", "body", 0.0, True, 0.2, 5.0,
+    ),
+    Parameter(
+        "inertia", "moment of inertia, share of mass x radius^2 for a disk; likewise for others",
+        "", "body", 0.2, True, 0.05, 2.0,
+    ),
+    Parameter(
+        "tool_height", "height at which the tool presses on a body",
+        "m", "tool", 0.008, False, 0.0, 0.06,
+    ),
+    Parameter(
+        "disk_height", "height at which bodies press on each other",
+        "m", "episode", 0.008, False, 0.0, 0.06,
+    ),
+    Parameter(
+        "middle_height", "height of a body's centre of mass",
+        "m", "episode", 0.004, False, 0.0, 0.05,
+    ),
+    Parameter(
+        "speed_factor", "speed of the tool, share of the push's", "", "tool", 0.05, True, 0.1, 10.0
+    ),
+    Parameter(
+        "yield_across",
+        "weight of a foot's motion across its arm in the direction of its friction: a solver"
+        " gives way to where a foot is lighter to move",
+        "", "table", 0.15, False, 0.1, 1.0,
+    ),
+    Parameter(
+        "axes_yield",
+        "a solver weighs a foot's friction along the world's x and y by how hard the foot is to"
+        " move that way, 1 / (1 + this x its share across)",
+        "", "table", 0.3, False, 0.0, 5.0,
+    ),
+    Parameter(
+        "mass_ratio", "masses of bodies 1 and on over that of body 0, times what scenes state",
+        "", "episode", 0.3, True, 0.02, 50.0,
+    ),
+    Parameter(
+        "pressure",
+        "of a flat bottom: exponent of the distance from its middle; 0: the same everywhere",
+        "", "body", 0.0, False, -1.0, 8.0,
+    ),
+    Parameter(
+        "centre_x", "centre of mass from the centroid, in the body's frame and radii",
+        "", "body", 0.0, False, -0.6, 0.6,
+    ),
+    Parameter("centre_y", "likewise to the body's left", "", "body", 0.0, False, -0.6, 0.6),
+    Parameter(
+        "slope_x", "acceleration along the world's x, as on a slope",
+        "m/s^2", "body", 0.0, False, -0.5, 0.5,
+    ),
+    Parameter("slope_y", "likewise along the world's y", "m/s^2", "body", 0.0, False, -0.5, 0.5),
+    Parameter(
+        "length_offset", "how much further the tool goes", "m", "tool", 0.0, False, -0.05, 0.05
+    ),
+    Parameter("angle_offset", "how far to the left it goes", "rad", "tool", 0.0, False, -0.5, 0.5),
+    Parameter(
+        "location_offset", "how far around the body it starts, its heading kept",
+        "rad", "tool", 0.0, False, -0.5, 0.5,
+    ),
+)  # fmt: skip
+BY_NAME: Final = {parameter.name: parameter for parameter in PARAMETERS}
+
+SETTINGS: Final = ("gravity", "tool_radius", "acceleration", "longest_step")  # the same in all rows
+OF_BODIES: Final = tuple(one.name for one in PARAMETERS if one.scope == "body")
+OF_PUSHES: Final = tuple(one.name for one in PARAMETERS if one.scope != "body") + SETTINGS
+PUSH_ROW: Final = np.dtype([(name, np.float64) for name in OF_PUSHES])
+BODY_ROW: Final = np.dtype([(name, np.float64) for name in OF_BODIES])
+
+
+def parameter(name: str, default: float) -> Any:
+    """Declare the setting of a parameter."""
+    one = BY_NAME[name]
+    return option(default, one.meaning, unit=one.unit, minimum=one.least, maximum=one.most)
+
+
+def known_friction(friction: ndarray | None) -> Values | None:
+    """Return the values of frictions with the table (B,), where they are known."""
+    return None if friction is None else {"friction": friction}
+
+
+def rows_of(config: object, values: Values, batch: int, bodies: int) -> tuple[ndarray, ndarray]:
+    """Return what the solver reads for each push: `PUSH_ROW` (B,), and `BODY_ROW` (B, N).
+
+    Args:
+        config: has what `values` has not.
+        values: checked, see `check_values`.
+        batch: B.
+        bodies: N.
+    """
+    pushes, own = np.empty(batch, PUSH_ROW), np.empty((batch, bodies), BODY_ROW)
+    pushes[:] = tuple(getattr(config, name) for name in OF_PUSHES)
+    own[:] = tuple(getattr(config, name) for name in OF_BODIES)
+    for name, value in values.items():
+        if name in OF_PUSHES:
+            pushes[name] = value
+        else:
+            own[name] = value if value.ndim == 2 else value[:, None]
+    return pushes, own
+
+
+def check_values(values: Values, batch: int, bodies: int) -> None:
+    """Check that values are of parameters, fit a batch of B scenes with N bodies, and are allowed.
+
+    Raises:
+        InvalidInputError: naming what is not, and what is allowed.
+    """
+    for name, value in values.items():
+        one = BY_NAME.get(name)
+        if one is None:
+            raise InvalidInputError(
+                f"the planar prior has no parameter {name!r}; it has: {', '.join(BY_NAME)}"
+            )
+        shapes = [(batch,), (batch, bodies)] if one.scope == "body" else [(batch,)]
+        if value.shape not in shapes:
+            allowed = " or ".join(map(str, shapes))
+            raise InvalidInputError(f"{name} has shape {allowed}, not {value.shape}")
+        check_finite(name, value)
+        wrong = (value < one.least) | (value > one.most)
+        if wrong.any():
+            where = tuple(int(index) for index in np.argwhere(wrong)[0])
+            raise InvalidInputError(
+                f"{name}{list(where)} is {value[where]}{one.unit and ' '}{one.unit};"
+                f" allowed: {one.least:g} to {one.most:g}"
+            )

@@ -1,0 +1,235 @@
+"""The planar prior with parameters of its own for each push and each body."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from sain_core.errors import InvalidInputError
+from sain_core.push import ANGLE, BODY, LENGTH, LOCATION, SPEED, make_push
+from sain_core.scene import POSITION, THETA, make_scene, mirror_scenes, rotate_scenes, wrap_angle
+from sain_core.shapes.bodies import Bodies, Role
+from sain_core.types import Pushes, Scenes
+from sain_model.physics.parameters import BY_NAME, OF_BODIES, PARAMETERS
+from sain_model.physics.planar import PlanarPrior
+from sain_model.physics.planar_config import AXES, PlanarConfig
+
+EVERY = ("disk", "disk"), ("t", "star"), ("disk", "half_ring"), ("ellipse", "u")
+FLAT = replace(PlanarConfig(), bottom="flat")
+
+
+def kinds(*names: str) -> Bodies:
+    return Bodies.named(list(names), [Role.PUSHABLE] * len(names))
+
+
+def draw(count: int, seed: int = 0) -> tuple[Scenes, Pushes]:
+    random = np.random.default_rng(seed)
+    places = np.array([(0.45, 0.0), (0.58, 0.02)])
+    scene = make_scene(places, np.array([8.0, 7.5]), np.array([0.07, 0.06]), np.array([0.3, 1.0]))
+    pushes = np.column_stack(
+        [
+            random.integers(2, size=count),
+            random.uniform(-3, 3, count),
+            random.uniform(-0.7, 0.7, count),
+            random.uniform(0.05, 0.15, count),
+            random.uniform(0.05, 0.3, count),
+        ]
+    )
+    return np.repeat(scene[None], count, axis=0), pushes
+
+
+def draw_values(count: int, bodies: int, seed: int = 0) -> dict[str, np.ndarray]:
+    """Return values of all parameters, near to those that a laboratory might have."""
+    random, values = np.random.default_rng(seed), {}
+    for one in PARAMETERS:
+        shape = (count, bodies) if one.scope == "body" else (count,)
+        usual, spread = getattr(PlanarConfig(), one.name), one.spread or 0.2
+        away = random.normal(0.0, spread, shape)
+        if one.name.endswith("_offset") or one.name.startswith("slope"):
+            away *= 0.1
+        drawn = usual * np.exp(away) if one.logarithm else usual + away
+        values[one.name] = np.clip(drawn, one.least, one.most)
+    values["axes_yield"][:] = 0.0  # the others commute with turning
+    return values
+
+
+def close(first: Scenes, second: Scenes) -> None:
+    np.testing.assert_allclose(first[..., POSITION], second[..., POSITION], atol=5e-6)
+    turned = wrap_angle(first[..., THETA] - second[..., THETA])
+    np.testing.assert_allclose(turned, 0.0, atol=2e-4)
+
+
+@pytest.mark.parametrize("config", [PlanarConfig(), AXES, FLAT], ids=["planar", "axes", "flat"])
+@pytest.mark.parametrize("names", EVERY)
+def test_the_values_of_the_settings_change_no_bit(
+    names: tuple[str, ...], config: PlanarConfig
+) -> None:
+    scenes, pushes = draw(40)
+    prior = PlanarPrior(config, kinds(*names))
+    values = {one.name: np.full(40, getattr(config, one.name)) for one in PARAMETERS}
+    np.testing.assert_array_equal(prior.step(scenes, pushes, values), prior.step(scenes, pushes))
+    each = {name: np.full((40, 2), getattr(config, name)) for name in OF_BODIES}
+    np.testing.assert_array_equal(prior.step(scenes, pushes, each), prior.step(scenes, pushes))
+
+
+@pytest.mark.parametrize("config", [PlanarConfig(), FLAT], ids=["feet", "flat"])
+@pytest.mark.parametrize("names", EVERY)
+def test_a_batch_is_a_loop_to_the_bit(names: tuple[str, ...], config: PlanarConfig) -> None:
+    scenes, pushes = draw(30, 1)
+    values, prior = draw_values(30, 2, 1), PlanarPrior(config, kinds(*names))
+    together = prior.step(scenes, pushes, values)
+    for row in range(30):
+        one = slice(row, row + 1)
+        own = {name: value[one] for name, value in values.items()}
+        np.testing.assert_array_equal(prior.step(scenes[one], pushes[one], own)[0], together[row])
+
+
+@pytest.mark.parametrize("names", EVERY)
+def test_a_row_is_the_prior_with_these_settings(names: tuple[str, ...]) -> None:
+    scenes, pushes = draw(20, 2)
+    values = draw_values(20, 2, 2)
+    shared = {name: value[:, 0] if value.ndim == 2 else value for name, value in values.items()}
+    together = PlanarPrior(PlanarConfig(), kinds(*names)).step(scenes, pushes, shared)
+    for row in range(20):
+        settings = {name: float(value[row]) for name, value in shared.items()}
+        prior = PlanarPrior(replace(PlanarConfig(), **settings), kinds(*names))
+        one = slice(row, row + 1)
+        np.testing.assert_array_equal(prior.step(scenes[one], pushes[one])[0], together[row])
+
+
+@pytest.mark.parametrize("names", EVERY)
+def test_a_push_of_no_length_moves_nothing(names: tuple[str, ...]) -> None:
+    scenes, pushes = draw(10, 3)
+    pushes[:, LENGTH] = 0.0
+    prior = PlanarPrior(PlanarConfig(), kinds(*names))
+    after = prior.step(scenes, pushes, draw_values(10, 2, 3))
+    np.testing.assert_array_equal(after, scenes)
+
+
+@pytest.mark.parametrize("config", [PlanarConfig(), FLAT], ids=["feet", "flat"])
+@pytest.mark.parametrize("names", EVERY)
+def test_a_turned_scene_on_a_turned_slope_ends_turned(
+    names: tuple[str, ...], config: PlanarConfig
+) -> None:
+    scenes, pushes = draw(30, 4)
+    values, prior, angle = draw_values(30, 2, 4), PlanarPrior(config, kinds(*names)), 1.3
+    after = prior.step(scenes, pushes, values)
+    cos, sin = np.cos(angle), np.sin(angle)
+    x, y = values["slope_x"], values["slope_y"]
+    turned = values | {"slope_x": cos * x - sin * y, "slope_y": sin * x + cos * y}
+    other = pushes.copy()  # a place on an outline turns with the body, one on a disk does not
+    round_ones = np.array([name == "disk" for name in names])[pushes[:, BODY].astype(int)]
+    other[round_ones, LOCATION] = wrap_angle(other[round_ones, LOCATION] + angle)
+    close(prior.step(rotate_scenes(scenes, angle), other, turned), rotate_scenes(after, angle))
+
+
+@pytest.mark.parametrize(
+    ("names", "config"), [(("disk", "disk"), PlanarConfig()), (("disk", "square"), FLAT)]
+)
+def test_a_mirrored_scene_ends_mirrored(names: tuple[str, ...], config: PlanarConfig) -> None:
+    scenes, pushes = draw(30, 5)
+    values, prior = draw_values(30, 2, 5), PlanarPrior(config, kinds(*names))
+    odd = "slope_y", "centre_y", "angle_offset", "location_offset"
+    mirrored = values | {name: -values[name] for name in odd}
+    other = pushes.copy()
+    other[:, BODY] = pushes[:, BODY] = 0.0  # a disk
+    other[:, [LOCATION, ANGLE]] *= -1.0
+    after = prior.step(scenes, pushes, values)
+    close(prior.step(mirror_scenes(scenes), other, mirrored), mirror_scenes(after))
+
+
+@pytest.mark.parametrize("names", EVERY)
+def test_renumbered_bodies_end_renumbered(names: tuple[str, ...]) -> None:
+    scenes, pushes = draw(30, 6)
+    values = draw_values(30, 2, 6)
+    after = PlanarPrior(PlanarConfig(), kinds(*names)).step(scenes, pushes, values)
+    other = pushes.copy()
+    other[:, BODY] = 1 - other[:, BODY]
+    swapped = {
+        name: value[:, ::-1].copy() if value.ndim == 2 else value for name, value in values.items()
+    }
+    swapped["mass_ratio"] = 1.0 / values["mass_ratio"]
+    back = PlanarPrior(PlanarConfig(), kinds(*names[::-1]))
+    close(back.step(scenes[:, ::-1].copy(), other, swapped)[:, ::-1], after)
+
+
+@pytest.mark.parametrize("name", BY_NAME)
+def test_every_parameter_counts(name: str) -> None:
+    scenes, pushes = draw(30, 7)
+    one = BY_NAME[name]
+    prior = PlanarPrior(replace(FLAT, tool_restitution=0.3), kinds("disk", "t"))
+    usual = getattr(prior.config, name)
+    changed = 1.3 * usual if one.logarithm else usual + 0.3 * (one.most - usual)
+    if changed == usual:
+        changed = 0.5 * (one.least + usual)
+    after = prior.step(scenes, pushes, {name: np.full(30, changed)})
+    assert np.abs(after - prior.step(scenes, pushes))[..., : THETA + 1].max() > 1e-5
+
+
+@pytest.mark.parametrize("bottom", ["feet", "flat"])
+@pytest.mark.parametrize("names", EVERY)
+def test_no_allowed_value_gives_nan(names: tuple[str, ...], bottom: str) -> None:
+    scenes, pushes = draw(200, 8)
+    random, values = np.random.default_rng(8), {}
+    for one in PARAMETERS:
+        shape = (200, 2) if one.scope == "body" else (200,)
+        usual = getattr(PlanarConfig(), one.name)
+        choices = np.array([one.least, one.most, usual])
+        values[one.name] = random.choice(choices, shape, p=[0.2, 0.2, 0.6])
+    prior = PlanarPrior(replace(PlanarConfig(), bottom=bottom), kinds(*names))
+    assert np.isfinite(prior.step(scenes, pushes, values)).all()
+    level = values | {"slope_x": np.zeros(200), "slope_y": np.zeros(200)}
+    moved = prior.step(scenes, pushes, level) - scenes
+    speed = pushes[:, SPEED] * values["speed_factor"] * (1 + values["tool_restitution"])
+    speed *= 1 + values["disk_restitution"]  # what a light body leaves a heavy one with
+    slowing = 9.81 * values["friction"] * values["friction_scale"].min(axis=1)
+    farthest = 0.3 + 5.0 * speed**2 / slowing
+    assert (np.abs(moved[..., POSITION]).max(axis=(1, 2)) < farthest).all()
+
+
+def test_a_body_that_nothing_touches_stays_to_the_bit() -> None:
+    scenes, pushes = draw(20, 9)
+    scenes[:, 1, 0] += 1.5
+    pushes[:, BODY] = 0.0
+    after = PlanarPrior(PlanarConfig(), kinds("t", "star")).step(
+        scenes, pushes, draw_values(20, 2, 9)
+    )
+    np.testing.assert_array_equal(after[:, 1], scenes[:, 1])
+
+
+@pytest.mark.parametrize("name", ["disk", "ellipse"])
+def test_more_friction_stops_a_body_sooner_and_a_slope_carries_it_down(name: str) -> None:
+    scenes = make_scene(np.array([(0.5, 0.0)]), np.array([8.0]), np.array([0.08]))[None]
+    scenes, push = np.repeat(scenes, 3, axis=0), make_push(0.0, 0.0, np.full(3, 0.1))
+    values = {"friction_scale": np.array([1.0, 1.5, 1.0]), "slope_y": np.array([0.0, 0.0, 0.1])}
+    free, dragged, down = PlanarPrior(PlanarConfig(), kinds(name)).step(scenes, push, values)[:, 0]
+    assert 0.5 < dragged[0] < free[0] - 1e-3
+    assert down[1] > free[1] + 1e-3
+
+
+@pytest.mark.parametrize("name", ["disk", "ellipse"])
+def test_a_mass_to_one_side_turns_what_is_pushed_through_the_middle(name: str) -> None:
+    scenes = make_scene(np.array([(0.5, 0.0)]), np.array([8.0]), np.array([0.08]))[None]
+    scenes, push = np.repeat(scenes, 3, axis=0), make_push(0.0, 0.0, np.full(3, 0.05))
+    values = {"centre_y": np.array([0.0, 0.1, -0.1])}  # on the left of the push: it stays behind
+    even, left, right = PlanarPrior(PlanarConfig(), kinds(name)).step(scenes, push, values)[
+        :, 0, THETA
+    ]
+    assert left - even > 0.01 and right - even < -0.01
+
+
+def test_what_is_no_value_is_refused_by_name() -> None:
+    scenes, pushes = draw(3)
+    prior = PlanarPrior(PlanarConfig(), kinds("t", "star"))
+
+    def refused(message: str, **values: np.ndarray) -> None:
+        with pytest.raises(InvalidInputError, match=message):
+            prior.step(scenes, pushes, values)
+
+    refused(r"no parameter 'frction'; it has: friction, ", frction=np.full(3, 0.1))
+    refused(r"friction has shape \(3,\), not \(2,\)", friction=np.full(2, 0.1))
+    refused(r"friction has shape \(3,\), not \(3, 2\)", friction=np.full((3, 2), 0.1))
+    refused(r"centre_x has shape \(3,\) or \(3, 2\), not \(3, 1\)", centre_x=np.zeros((3, 1)))
+    refused(r"friction\[1\] is nan; it must be finite", friction=np.array([0.1, np.nan, 0.1]))
+    refused(r"friction\[0\] is -0.1; allowed: 0.005 to 10", friction=np.full(3, -0.1))
+    refused(r"slope_x\[0, 1\] is 3.0 m/s\^2; all", slope_x=np.array([(0, 3.0)] * 3))
