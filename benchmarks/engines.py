@@ -20,9 +20,9 @@ from sain_core.errors import UnreachableError
 from sain_core.scene import MID, POSITION, TARGET, unit
 from sain_core.types import Scene
 from sain_sim.world.engines import ENGINES
-from sain_sim.world.outcome import Sample
 from sain_sim.world.parameters import nominal_parameters
 from sain_sim.world.stroke import Stroke
+from sain_sim.world.workcell import Sample
 from sain_sim.world.world import World
 
 FURTHER = 0.05  # [m]
@@ -62,11 +62,11 @@ def push_all(engine: str, drawn: list[Case]) -> Pushed:
         begun = time.process_time()
         for parameters, start, push in drawn:
             world.load(start, parameters)
-            ends.append(world.carry_out(world.check(push), pushed=None).after)
+            ends.append(world.carry_out(world.check(push), guarded=False).after)
         cost = 1e3 * (time.process_time() - begun) / len(drawn)
         for parameters, start, push in drawn[: len(drawn) // 4]:
             world.load(start, parameters)
-            world.carry_out(world.check(push), note, pushed=None)
+            world.carry_out(world.check(push), note, guarded=False)
     return Pushed(np.array(ends), cost, np.array(off))
 
 
@@ -83,12 +83,12 @@ def repeated(engine: str, drawn: list[Case]) -> np.ndarray:
             end = stroke.end + FURTHER * unit(np.asarray(stroke.heading))
             further = Stroke(stroke.start, end, stroke.heading)
             try:
-                seen = world.carry_out(stroke, pushed=None).after
-                ends = [world.carry_out(further, pushed=None).after]
+                seen = world.carry_out(stroke, guarded=False).after
+                ends = [world.carry_out(further, guarded=False).after]
             except UnreachableError:
                 continue
             world.load(seen, parameters)
-            ends.append(world.carry_out(further, pushed=None).after)
+            ends.append(world.carry_out(further, guarded=False).after)
             apart.append(1e3 * np.linalg.norm((ends[1] - ends[0])[TARGET, POSITION]))
     return np.array(apart)
 

@@ -24,7 +24,6 @@ from sain_sim.arm.motion import MotionConfig
 from sain_sim.camera.render import CameraConfig, Renderer
 from sain_sim.collecting.samplers import CircleSampler
 from sain_sim.engines.bullet.bodies import Body, resting
-from sain_sim.world.outcome import Sample
 from sain_sim.world.parameters import (
     WorldParameters,
     nominal_parameters,
@@ -33,7 +32,7 @@ from sain_sim.world.parameters import (
 )
 from sain_sim.world.start import draw_start
 from sain_sim.world.stroke import Stroke
-from sain_sim.world.workcell import GRAVITY, STEPS_PER_LOOK, WorldConfig
+from sain_sim.world.workcell import GRAVITY, STEPS_PER_LOOK, Sample, WorldConfig
 from sain_sim.world.world import World
 
 Case = tuple[WorldParameters, Scene, PushArray]
@@ -148,7 +147,7 @@ def _is_still(body: Body) -> bool:
 
 def _stroke_states(stroke: Stroke, motion: MotionConfig) -> Iterator[tuple[list, list]]:
     middle = np.array([0.0, 0.0, DISK_HEIGHT / 2])
-    tips = motion.stroke(stroke.start, stroke.end) + middle
+    tips = motion.stroke(stroke.start, stroke.end, stroke.speed) + middle
     speeds = np.diff(tips, axis=0) / motion.time_step
     yield from zip(tips[:-1].tolist(), speeds.tolist(), strict=True)
 

@@ -23,9 +23,9 @@ from sain_sim.camera.render import CameraConfig, Renderer
 from sain_sim.collecting.collect import CollectConfig, collect
 from sain_sim.collecting.episode import EpisodeConfig
 from sain_sim.collecting.shards import load_shards
-from sain_sim.world.outcome import Sample
 from sain_sim.world.parameters import WorldParameters
 from sain_sim.world.start import draw_episode
+from sain_sim.world.workcell import Sample
 from sain_sim.world.world import World
 
 JOINTS = np.array([0.8, -1.0, 0.0, -2.6, 0.0, 1.6, 0.8])  # out of the picture

@@ -14,7 +14,7 @@ import numpy as np
 
 from sain_core.config import Config, option
 from sain_core.errors import BlockedError, UnreachableError
-from sain_core.push import LENGTH, LOCATION, PATH, PushLimits, pushed_bodies, strokes
+from sain_core.push import BODY, LENGTH, LOCATION, PATH, PushLimits, strokes
 from sain_core.scene import POSITION, RADIUS, THETA, Table, unit
 from sain_core.shapes.bodies import PAPER_DISKS, Bodies
 from sain_core.shapes.outline import distance_to_way, outline_of
@@ -91,10 +91,10 @@ def gap_on_way(
         along = np.clip((offset * way[..., None, :]).sum(-1), 0.0, pushes[..., LENGTH, None])
         apart = np.linalg.norm(offset - along[..., None] * way[..., None, :], axis=-1)
         gaps = apart - scenes[..., RADIUS] - limits.tool_radius
-        other = pushed_bodies(pushes)[..., None] != np.arange(scenes.shape[-2])
+        other = pushes[..., BODY, None] != np.arange(scenes.shape[-2])
         return np.asarray(gaps.min(axis=-1, initial=np.inf, where=other))
     end = start + pushes[..., LENGTH, None] * way
-    pushed, least = pushed_bodies(pushes), np.full(start.shape[:-1], np.inf)
+    pushed, least = pushes[..., BODY], np.full(start.shape[:-1], np.inf)
     for body in range(scenes.shape[-2]):
         passing = np.broadcast_to(pushed != body, least.shape)
         if not passing.any():
@@ -114,7 +114,7 @@ def start_gap(
     """
     if all(shape.is_convex for shape in bodies.shapes):
         return np.full(pushes.shape[:-1], limits.clearance)
-    pushed = pushed_bodies(pushes)
+    pushed = pushes[..., BODY]
     gap = np.full(np.broadcast_shapes(scenes.shape[:-2], pushed.shape), limits.clearance)
     for body, shape in enumerate(bodies.shapes):
         mine = np.broadcast_to(pushed == body, gap.shape)
@@ -207,7 +207,7 @@ class Feasibility(Config):
         possible = self.reach.covers(start, way, pushes[..., LENGTH])
         possible &= gap >= self.tool_margin
         possible &= start_gap(scenes, pushes, self.limits, bodies) >= 0.0
-        possible &= np.isin(pushed_bodies(pushes), bodies.pushable)
+        possible &= np.isin(pushes[..., BODY], bodies.pushable)
         return np.asarray(possible | (pushes[..., LENGTH] == 0.0))
 
     def check_way(

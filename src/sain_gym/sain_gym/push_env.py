@@ -15,8 +15,8 @@ from sain_gym.episode import PushEpisode
 from sain_gym.errors import EnvironmentClosedError, EpisodeEndedError
 from sain_gym.picture import TopImage, TopPicture
 from sain_gym.spaces import PushSpaces
-from sain_sim.world.checked import CheckedWorld
 from sain_sim.world.own import open_world
+from sain_sim.world.world import CheckedWorld
 
 FIRST_DRAWN: Final = 1_000_000  # scenes that are drawn have numbers from here on
 AFTER_DRAWN: Final = 2**31

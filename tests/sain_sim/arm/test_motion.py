@@ -4,23 +4,23 @@ from hypothesis import strategies as st
 
 from sain_sim.arm.motion import MotionConfig, trapezoid
 
-MOTION = MotionConfig()
+MOTION, SPEED = MotionConfig(), 0.2  # [m/s]
 
 
 @given(st.floats(1e-6, 0.5))
 def test_a_profile_goes_from_rest_to_rest_inside_its_limits(length):
-    way = trapezoid(length, MOTION.speed, MOTION.acceleration, MOTION.time_step)
+    way = trapezoid(length, SPEED, MOTION.acceleration, MOTION.time_step)
     assert way[0] == 0.0
     assert np.isclose(way[-1], length, rtol=1e-12)
     steps = np.diff(way)
     assert (steps >= -1e-15).all()
-    assert steps.max() <= MOTION.speed * MOTION.time_step + 1e-12
+    assert steps.max() <= SPEED * MOTION.time_step + 1e-12
     limit = MOTION.acceleration * MOTION.time_step**2
     assert np.abs(np.diff(steps, prepend=0.0, append=0.0)).max() <= limit + 1e-12
 
 
 def test_a_stroke_is_straight_and_low():
-    tips = MOTION.stroke(np.array([0.4, 0.1]), np.array([0.5, -0.02]))
+    tips = MOTION.stroke(np.array([0.4, 0.1]), np.array([0.5, -0.02]), SPEED)
     assert np.allclose(tips[0], [0.4, 0.1, MOTION.tip_height])
     assert np.allclose(tips[-1], [0.5, -0.02, MOTION.tip_height])
     way = (tips[-1] - tips[0])[:2]

@@ -77,7 +77,7 @@ def test_a_tool_that_meets_another_disk_goes_back_and_leaves_no_trace(config, be
             assert np.array_equal(world.sample().joint_positions, joints)
             assert world.time == time
         assert not seen  # nobody sees a push that is refused
-        unguarded = calm.carry_out(into_target, pushed=None).after
+        unguarded = calm.carry_out(into_target, guarded=False).after
         assert unguarded[1, X] > before[1, X] + 0.01  # it was really in the way
         calm.reset(start)
         calm.push(bench.straight)

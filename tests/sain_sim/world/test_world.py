@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from sain_core.errors import SainError
-from sain_core.push import make_push
+from sain_core.push import SPEED, make_push
 from sain_core.scene import (
     MID,
     POSITION,
@@ -62,6 +62,16 @@ def test_sliding_disks_obey_coulomb(shape, bench, engine):
         outcome = world.push(bench.towards(0.0, 0.15))
     beyond = outcome.after[TARGET, 0] - outcome.after[MID, 0] - sum(parameters.radii)
     assert -0.001 < beyond < 0.2**2 / (2 * 0.2 * 9.81)  # at most a free slide from 0.2 m/s
+
+
+def test_the_tool_moves_at_the_speed_of_the_push(world, bench):
+    for speed in (0.05, 0.2, 0.4):
+        push, places = bench.straight.copy(), []
+        push[SPEED] = speed
+        world.reset(bench.touching())
+        world.push(push, on_step=lambda sample: places.append(sample.commanded_tool))  # noqa: B023
+        fastest = np.linalg.norm(np.diff(places, axis=0), axis=1).max()
+        assert fastest / world.config.motion.time_step == pytest.approx(speed, rel=1e-3)
 
 
 def test_no_length_moves_nothing_at_all(world, bench):

@@ -14,10 +14,9 @@ from sain_mppi.agent.agent import Agent
 from sain_mppi.agent.decision import Task
 from sain_mppi.agent.play import Sight, play
 from sain_sim.camera.camera import Camera, WorldCameraConfig
-from sain_sim.world.checked import CheckedWorld
-from sain_sim.world.outcome import Sample
 from sain_sim.world.own import open_world
-from sain_sim.world.workcell import WorldConfig
+from sain_sim.world.workcell import Sample, WorldConfig
+from sain_sim.world.world import CheckedWorld
 
 MOST_FRAMES: Final = 2000  # of one scene; an agent that needs more never decides
 

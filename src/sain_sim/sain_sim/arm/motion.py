@@ -14,9 +14,8 @@ Progress = Float[ndarray, "T"]  # [m], from 0 to the length
 
 @dataclass(frozen=True)
 class MotionConfig(Config):
-    """Speeds and heights of the tool."""
+    """Speeds and heights of the tool; a push has its own speed."""
 
-    speed: float = option(0.2, "speed of a push", unit="m/s", minimum=0.01, maximum=1.0)
     travel_speed: float = option(0.5, "speed out of contact", unit="m/s", minimum=0.01, maximum=1.5)
     acceleration: float = option(4.0, "acceleration", unit="m/s^2", minimum=0.1, maximum=20.0)
     tip_height: float = option(
@@ -36,10 +35,10 @@ class MotionConfig(Config):
         """Height [m] of the tip between pushes."""
         return self.tip_height + self.lift
 
-    def stroke(self, start: ndarray, end: ndarray) -> Tips:
-        """Return the tips (T, 3) of a push from start (2,) to end (2,) [m]."""
+    def stroke(self, start: ndarray, end: ndarray, speed: float) -> Tips:
+        """Return the tips (T, 3) of a push from start (2,) to end (2,) [m], at a speed [m/s]."""
         low_start, low_end = (np.array([*place, self.tip_height]) for place in (start, end))
-        return self.line(low_start, low_end, self.speed)
+        return self.line(low_start, low_end, speed)
 
     def line(self, start: ndarray, end: ndarray, speed: float | None = None) -> Tips:
         """Return the tips (T, 3) on a straight line from start (3,) to end (3,) [m]."""

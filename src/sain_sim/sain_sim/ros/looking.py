@@ -4,7 +4,7 @@ from typing import Final
 
 from sain_sim.camera.camera import Camera
 from sain_sim.ros.pacing import Pacer
-from sain_sim.world.outcome import Sample
+from sain_sim.world.workcell import Sample
 
 NEW: Final = 5.0  # [s], simulated, for which a scene at rest is new: 150 frames at 30 Hz
 HASTE: Final = 5.0  # times as fast as the wall clock, where the world runs as fast as possible

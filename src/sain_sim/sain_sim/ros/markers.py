@@ -12,7 +12,7 @@ from sain_core.ros.markers import body_marker, make_marker, make_pose
 from sain_core.scene import DISK_HEIGHT, Table, X, Y
 from sain_core.shapes.bodies import Bodies, Role
 from sain_core.types import Scene
-from sain_sim.world.outcome import Sample
+from sain_sim.world.workcell import Sample
 
 TABLE_THICKNESS: Final = 0.02  # [m]
 TOOL_LENGTH: Final = 0.22  # [m]

@@ -21,7 +21,7 @@ from sain_sim.ros.markers import scene_markers
 from sain_sim.ros.session import Session
 from sain_sim.ros.simulator import SHADOW_MODEL, Pushed, Simulator
 from sain_sim.ros.transforms import Transforms, frame_prefix
-from sain_sim.world.outcome import Sample
+from sain_sim.world.workcell import Sample
 
 
 class Publishing:

@@ -25,7 +25,7 @@ from sain_sim.ros.publishing import Publishing
 from sain_sim.ros.resumption import LOST_TIME, LeftEpisode, Resumption
 from sain_sim.ros.session import Session
 from sain_sim.ros.simulator import Pushed, Simulator, SimulatorConfig
-from sain_sim.world.outcome import Sample
+from sain_sim.world.workcell import Sample
 
 LOOK_AGAIN = 0.1  # [s] between looks for those who listened before a crash
 OWNED = ("scene", "shapes", "push_result", "/clock")

@@ -16,13 +16,12 @@ from sain_sim.camera.camera import Camera, WorldCameraConfig
 from sain_sim.camera.window import Window
 from sain_sim.ros.pacing import Pacer
 from sain_sim.world.engines import BULLET
-from sain_sim.world.outcome import Sample
 from sain_sim.world.own import open_world
 from sain_sim.world.parameters import WorldParameters, nominal_parameters
 from sain_sim.world.shadow import BulletPrior
 from sain_sim.world.start import WORLDS, draw_episode
 from sain_sim.world.truth import TruthConfig
-from sain_sim.world.workcell import WorldConfig
+from sain_sim.world.workcell import Sample, WorldConfig
 
 SHADOW_MODEL = "bullet_nominal"
 

@@ -11,7 +11,6 @@ from sain_core.plugins import package_of
 from sain_core.shapes.bodies import check_bodies
 from sain_core.types import PushArray, Scene
 from sain_core.world import Outcome, Setting, WorldFailedError, check_outcome
-from sain_sim.world.checked import CheckedWorld
 from sain_sim.world.engines import (
     BULLET,
     DEFAULT_ENGINE,
@@ -20,11 +19,10 @@ from sain_sim.world.engines import (
     check_engine,
     load_world,
 )
-from sain_sim.world.outcome import Observer, Sample
 from sain_sim.world.parameters import WorldParameters, on_a_grid
-from sain_sim.world.stroke import is_idle
-from sain_sim.world.workcell import HOME, WorldConfig
-from sain_sim.world.world import Viewer, World
+from sain_sim.world.stroke import Stroke
+from sain_sim.world.workcell import HOME, Observer, Sample, WorldConfig
+from sain_sim.world.world import CheckedWorld, Viewer, World
 
 T = TypeVar("T")
 
@@ -78,26 +76,24 @@ class OwnWorld(CheckedWorld):
         """Tell whether every body is settled: it always is."""
         return True
 
-    def push(
+    def _execute(
         self,
+        stroke: Stroke,
         push: PushArray,
-        on_step: Observer | None = None,
-        every: int = 1,
-        seen: Scene | None = None,
+        on_step: Observer | None,
+        every: int,
+        seen: Scene | None,
     ) -> Outcome:
-        """Execute one push; see `CheckedWorld.push`.
+        """Let the stranger's world push.
 
         Raises:
-            SainError: as `check`, or the world refuses. The bodies are put back.
+            SainError: the world refuses. The bodies are put back.
             WorldFailedError: the world raised anything else, or what it returned breaks the
                 contract. The bodies are put back.
         """
-        stroke, before = self.check(push, seen), self.observe()
-        on_table = np.zeros(len(before), dtype=bool)
-        if is_idle(push):
-            return Outcome(before, before.copy(), 0.0, True, on_table)
-        motion = self.config.motion
-        joints = self.config.kinematics.joints(motion.stroke(stroke.start, stroke.end))
+        before, motion = self.observe(), self.config.motion
+        tips = motion.stroke(stroke.start, stroke.end, stroke.speed)
+        joints = self.config.kinematics.joints(tips)
 
         def perform() -> object:
             return self._world.push(push.copy(), seen=seen).after

@@ -24,7 +24,7 @@ import numpy as np
 
 from sain_core.errors import ConfigError, UnreachableError
 from sain_core.model import Model
-from sain_core.push import PushLimits
+from sain_core.push import LENGTH, PushLimits
 from sain_core.scene import (
     MID,
     POSE,
@@ -40,7 +40,7 @@ from sain_core.shapes.bodies import PAPER_DISKS
 from sain_core.types import PushArray, Pushes, Scene, Scenes
 from sain_sim.world.engines import DEFAULT_ENGINE
 from sain_sim.world.parameters import NOMINAL_MASS, WorldParameters, nominal_parameters
-from sain_sim.world.stroke import Stroke, is_idle
+from sain_sim.world.stroke import Stroke
 from sain_sim.world.world import World, WorldConfig
 
 NOMINAL: Final = "nominal"  # the paper's: nominal mass, radius and friction
@@ -97,7 +97,7 @@ class BulletPrior(Model):
 
     def predict(self, scene: Scene, push: PushArray) -> Scene:
         """Predict the settled scene (N, 8) after one push (5,) from a scene (N, 8)."""
-        if is_idle(push):
+        if push[LENGTH] == 0.0:
             return scene.copy()
         bodies = PAPER_DISKS if self.truth is None else self.truth.bodies
         plain = bodies.stand_in_for_disks and bodies.shapes[0].is_round
@@ -110,7 +110,7 @@ class BulletPrior(Model):
         if plain:
             stroke = stand_back(stroke, start, limits)
         self._world.load(start, parameters)
-        after = self._world.carry_out(stroke, pushed=None).after
+        after = self._world.carry_out(stroke, guarded=False).after
         predicted = scene.copy()
         predicted[:, POSE] += after[:, POSE] - start[:, POSE]
         predicted[:, THETA] = wrap_angle(predicted[:, THETA])
@@ -188,4 +188,4 @@ def stand_back(stroke: Stroke, scene: Scene, limits: PushLimits) -> Stroke:
     along = float(offset @ way)
     across = float(offset @ offset) - along**2
     back = np.sqrt(wanted**2 - across) - along  # to where the tool just touches
-    return Stroke(stroke.start - back * way, stroke.end, stroke.heading)
+    return stroke.from_further_back(float(back))

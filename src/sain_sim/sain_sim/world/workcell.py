@@ -5,10 +5,13 @@ each push. How a push goes, who watches it and when it is refused is here, once 
 """
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any, Final, NamedTuple
 
 import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
 
 from sain_core.config import Config, option
 from sain_core.errors import BlockedError
@@ -21,7 +24,6 @@ from sain_sim.arm.controlled import ControlledArm
 from sain_sim.arm.kinematics import Joints, Kinematics
 from sain_sim.arm.motion import MotionConfig
 from sain_sim.arm.panda import ArmConfig
-from sain_sim.world.outcome import Observer, Sample
 from sain_sim.world.parameters import FOOT_RADIUS, WorldParameters
 
 GRAVITY: Final = 9.81  # [m/s^2]
@@ -53,6 +55,32 @@ class WorldConfig(Config):
     def kinematics(self) -> Kinematics:
         """The arm's kinematics, its base below the table top."""
         return Kinematics(-self.feasibility.table.height, self.arm.tool_length)
+
+
+@dataclass(frozen=True)
+class Sample:
+    """The world at one control step.
+
+    Attributes:
+        time: simulated time [s]; it never goes back, not even at a reset.
+        joint_positions: (7,) [rad].
+        joint_velocities: (7,) [rad/s].
+        tool: the place of the tip, (3,) [m].
+        commanded_tool: the commanded place of the tip, (3,) [m].
+        scene: the disks, (N, 8).
+        phase: "approach", "push", "settle", "lift" or "rest".
+    """
+
+    time: float
+    joint_positions: Float[ndarray, "7"]
+    joint_velocities: Float[ndarray, "7"]
+    tool: Float[ndarray, "3"]
+    commanded_tool: Float[ndarray, "3"]
+    scene: Scene
+    phase: str
+
+
+Observer = Callable[[Sample], None]
 
 
 class Route(NamedTuple):

@@ -1,25 +1,167 @@
-"""The simulated world: a table, bodies, and a Panda that pushes them with its stick."""
+"""Worlds that push bodies: what all have in common, and the simulated one.
 
+Scenes and pushes are checked at this door, and only here.
+"""
+
+from abc import abstractmethod
 from itertools import accumulate
-from typing import Protocol, Self, runtime_checkable
+from typing import Final, Protocol, Self, runtime_checkable
 
 import numpy as np
 
-from sain_core.errors import BlockedError
-from sain_core.push import pushed_bodies
-from sain_core.scene import MID, check_scene
+from sain_core.errors import BlockedError, InvalidInputError
+from sain_core.scene import MASS, RADIUS, check_scene
 from sain_core.shapes.bodies import check_bodies
 from sain_core.types import PushArray, Scene
 from sain_core.world import DivergedError, Outcome
+from sain_sim.arm.client import Closeable
 from sain_sim.arm.kinematics import Joints
-from sain_sim.world.checked import CheckedWorld
 from sain_sim.world.engines import DEFAULT_ENGINE, check_engine, simulation_class
-from sain_sim.world.outcome import Observer, Sample
 from sain_sim.world.parameters import NOMINAL_FRICTION, WorldParameters, on_a_grid
-from sain_sim.world.stroke import Stroke, is_idle
-from sain_sim.world.workcell import Origin, Route, Simulation, Watch, Watches, WorldConfig
+from sain_sim.world.stroke import Stroke, checked_stroke
+from sain_sim.world.workcell import (
+    Observer,
+    Origin,
+    Route,
+    Sample,
+    Simulation,
+    Watch,
+    Watches,
+    WorldConfig,
+)
 
-__all__ = ["Viewer", "World", "WorldConfig"]
+__all__ = ["CheckedWorld", "Viewer", "World", "WorldConfig"]
+
+MATCH_TOLERANCE: Final = 1e-6  # [kg] or [m]
+
+
+class CheckedWorld(Closeable):
+    """A `sain_core.world.AnyWorld` of bodies with parameters, in an engine.
+
+    Attributes:
+        config: how it is simulated.
+        engine: its name.
+        parameters: what is in it.
+    """
+
+    config: WorldConfig
+    engine: str
+    parameters: WorldParameters
+
+    def reset(self, scene: Scene, parameters: WorldParameters | None = None) -> Scene:
+        """Put the disks where a scene (N, 8) has them, at rest, and the arm at home.
+
+        Args:
+            scene: the poses; its masses and radii must be those of the parameters.
+            parameters: of new disks; None keeps the present ones.
+
+        Returns:
+            The scene as observed: the given one with zero velocities.
+
+        Raises:
+            InvalidInputError: not a scene, or one of other disks than these.
+            OffTableError: a disk off the table.
+        """
+        wanted = parameters or self.parameters
+        _check_same(scene, wanted)
+        check_bodies(scene, wanted.bodies, self.config.feasibility.table)
+        self.load(scene, parameters)
+        return self.observe()
+
+    @abstractmethod
+    def load(self, scene: Scene, parameters: WorldParameters | None = None) -> None:
+        """Put the disks in a scene (N, 8) without checks; engines push overlapping disks apart."""
+
+    @property
+    @abstractmethod
+    def time(self) -> float:
+        """Simulated time [s] since the world was made; resets do not restart it."""
+
+    @abstractmethod
+    def observe(self) -> Scene:
+        """Return the disks' states (N, 8) as they are."""
+
+    @abstractmethod
+    def sample(self) -> Sample:
+        """Return the arm and the disks as they are."""
+
+    @abstractmethod
+    def still(self) -> bool:
+        """Tell whether every body on the table is settled; fallen bodies do not count."""
+
+    def push(
+        self,
+        push: PushArray,
+        on_step: Observer | None = None,
+        every: int = 1,
+        seen: Scene | None = None,
+    ) -> Outcome:
+        """Execute one push (5,) and wait until the scene is settled.
+
+        Args:
+            push: body, location, angle, length and speed.
+            on_step: called with a `Sample` after each control step. What is refused is not shown.
+            every: steps between two calls.
+            seen: (N, 8), where the bodies are taken to be: the tool's way follows from this. It
+                starts a little further back. None: where they are.
+
+        Raises:
+            SainError: as `check`; UnreachableError: a pose on the way; BlockedError: the tool would
+                touch another body during the push. No bit of the state changes then.
+        """
+        stroke = self.check(push, seen)
+        if stroke.length == 0.0:
+            scene = self.observe()
+            return Outcome(scene, scene.copy(), 0.0, True, np.zeros(len(scene), dtype=bool))
+        return self._execute(stroke, push, on_step, every, seen)
+
+    @abstractmethod
+    def _execute(
+        self,
+        stroke: Stroke,
+        push: PushArray,
+        on_step: Observer | None,
+        every: int,
+        seen: Scene | None,
+    ) -> Outcome:
+        """Execute a push that was checked, as this stroke."""
+
+    def check(self, push: PushArray, seen: Scene | None = None) -> Stroke:
+        """Return the tool's way for a push (5,) that can be carried out from here.
+
+        Only `push` finds a pose that the arm cannot take, or a body that is moved into the tool's
+        way.
+
+        Raises:
+            SainError: see `checked_stroke`.
+        """
+        return checked_stroke(
+            push,
+            self.observe(),
+            self.still(),
+            self.config.feasibility,
+            self.parameters.bodies,
+            seen,
+        )
+
+
+def _check_same(scene: Scene, parameters: WorldParameters) -> None:
+    """Raise `InvalidInputError` unless a scene (N, 8) has the masses and radii of a world."""
+    if len(scene) != parameters.count:
+        raise InvalidInputError(
+            f"the scene has {len(scene)} bodies; this world has {parameters.count}"
+        )
+    for column, name, values in (
+        (MASS, "mass", parameters.masses),
+        (RADIUS, "radius", parameters.radii),
+    ):
+        wrong = np.abs(scene[:, column] - values) > MATCH_TOLERANCE
+        if wrong.any():
+            disk = int(np.argmax(wrong))
+            raise InvalidInputError(
+                f"{name} of body {disk} is {scene[disk, column]:.6g} in the scene and"
+                f" {values[disk]:.6g} in this world; they must be the same"
+            )
 
 
 @runtime_checkable
@@ -107,51 +249,41 @@ class World(CheckedWorld):
         """Tell whether every body on the table is settled; fallen bodies do not count."""
         return self._cell.still()
 
-    def push(
+    def _execute(
         self,
+        stroke: Stroke,
         push: PushArray,
-        on_step: Observer | None = None,
-        every: int = 1,
-        seen: Scene | None = None,
+        on_step: Observer | None,
+        every: int,
+        seen: Scene | None,
     ) -> Outcome:
-        """Execute one push (5,); see `CheckedWorld.push`.
-
-        With `on_step`, the push is executed once before, without calls: no refused push is shown.
-
-        Raises:
-            SainError: as `check`; UnreachableError: a pose on the way; BlockedError: the tool would
-                touch another disk during the push. No bit of the state changes then.
-        """
-        stroke = self.check(push, seen)
-        if is_idle(push):
-            scene = self.observe()
-            return Outcome(scene, scene.copy(), 0.0, True, self._cell.fallen())
-        return self.carry_out(stroke, on_step, every, int(pushed_bodies(push)))
+        return self.carry_out(stroke, on_step, every)
 
     def carry_out(
         self,
         stroke: Stroke,
         on_step: Observer | None = None,
         every: int = 1,
-        pushed: int | None = MID,
+        guarded: bool = True,
     ) -> Outcome:
         """Move the tool along a stroke, without the checks of `push`.
+
+        With an observer, a guarded stroke is executed once before, without calls.
 
         Args:
             stroke: the tool's way in the world.
             on_step: as in `push`.
             every: as in `push`.
-            pushed: refuse when the tool would touch another body than this; None: never refuse.
+            guarded: refuse when the tool would touch another body than the stroke's.
 
         Raises:
             UnreachableError: a pose on the way.
-            BlockedError: only with a `pushed` body.
+            BlockedError: only if it is guarded.
         """
-        return self._perform(self._route(stroke), self._watches(on_step, every), pushed)
-
-    def _perform(self, route: Route, watches: Watches, pushed: int | None) -> Outcome:
+        route, watches = self._route(stroke), self._watches(on_step, every)
+        pushed = stroke.body if guarded else None
         before, origin = self.observe(), self._cell.now
-        if pushed is not None and watches:  # look ahead
+        if guarded and watches:  # look ahead
             self._attempt(origin, route, (), pushed)
             self._build(origin)
         self._attempt(origin, route, watches, pushed)
@@ -179,7 +311,7 @@ class World(CheckedWorld):
     def _route(self, stroke: Stroke) -> Route:
         """Return the joints along a push, or raise `UnreachableError`."""
         motion, arm = self.config.motion, self._cell.arm
-        tips = motion.stroke(stroke.start, stroke.end)
+        tips = motion.stroke(stroke.start, stroke.end, stroke.speed)
         above_start, above_end = (np.array([*tip[:2], motion.raised]) for tip in tips[[0, -1]])
         if self.config.full_motion:
             approach = motion.arc(arm.tip(), above_start)
