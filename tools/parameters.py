@@ -12,7 +12,7 @@ from sain_core.config import Config, show_value
 from sain_live.settings import PageConfig
 from sain_model.serving.settings import ServingConfig
 from sain_mppi.agent.agent import MppiConfig
-from sain_sim.camera.settings import PosesConfig
+from sain_sim.camera.scene_tracker import PosesConfig
 from sain_sim.ros.simulator import SimulatorConfig
 
 PAGE = Path(__file__).parents[1] / "docs/reference/parameters.md"

@@ -34,7 +34,7 @@ poses_to_scene: Final = NodeCommand(
     about="Makes scenes of the poses of bodies, for a robot: with ids, velocities and whether all"
     " rest. Poses come as frames on /tf or as an array. A YAML file states shapes and masses.",
     node="ros.poses_node:PosesNode",
-    settings="camera.settings:PosesConfig",
+    settings="camera.scene_tracker:PosesConfig",
     publishes=("scene", "shapes", "markers", "/diagnostics"),
     subscribes=("poses", "/tf", "/tf_static", "push", "push_result"),
     example="bodies:=bodies.yaml",

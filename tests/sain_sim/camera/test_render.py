@@ -5,10 +5,8 @@ from shapely import LinearRing, points
 from sain_core.errors import ConfigError
 from sain_core.shapes.library import get_shape
 from sain_core.shapes.solids import THREE_FEET
-from sain_sim.camera.render import CameraConfig, Renderer
-from sain_sim.camera.scenery import band, flat_faces, ring
-from sain_sim.camera.shading import Caster, brightness, table_points
-from sain_sim.camera.window import Window
+from sain_sim.camera.render import CameraConfig, Renderer, Window
+from sain_sim.camera.scenery import Caster, band, brightness, flat_faces, ring, table_points
 from sain_sim.world.parameters import nominal_parameters
 from sain_sim.world.workcell import WorldConfig
 from sain_sim.world.world import World

@@ -10,8 +10,7 @@ from sain_core.errors import ErrorCode, InvalidInputError
 from sain_core.scene import VELOCITY, VX, is_settled
 from sain_core.shapes.bodies import Bodies
 from sain_sim.camera.body_file import BodyFile
-from sain_sim.camera.scene_tracker import SceneTracker
-from sain_sim.camera.settings import TrackingConfig
+from sain_sim.camera.scene_tracker import SceneTracker, TrackingConfig
 
 PERIOD = 1 / 30
 START = np.array([[0.40, 0.0, 0.0], [0.60, 0.05, 0.0]])

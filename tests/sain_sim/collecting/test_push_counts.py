@@ -6,8 +6,7 @@ from sain_core.errors import BlockedError, OffTableError, OutputError, Unreachab
 from sain_sim.cli.collect import account
 from sain_sim.collecting.collect import CollectConfig, collect
 from sain_sim.collecting.episode import EpisodeConfig
-from sain_sim.collecting.push_counts import JOURNAL_FILE, CollectionJournal, PushCounts
-from sain_sim.collecting.shards import load_shards
+from sain_sim.collecting.shards import JOURNAL_FILE, CollectionJournal, PushCounts, load_shards
 
 
 def test_every_push_that_is_drawn_is_counted_once(tmp_path) -> None:

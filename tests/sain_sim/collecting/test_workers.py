@@ -24,7 +24,7 @@ from sain_core.workers.pool import (
 )
 from sain_sim.collecting.collect import CollectConfig, collect
 from sain_sim.collecting.episode import EpisodeConfig, EpisodeResult, EpisodeRunner
-from sain_sim.collecting.push_counts import JOURNAL_FILE, PushCounts
+from sain_sim.collecting.shards import JOURNAL_FILE, PushCounts
 from sain_sim.commands import collect as main
 
 SHORT = EpisodeConfig(pushes=3)

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from sain_sim.camera.camera import Camera, WorldCameraConfig
-from sain_sim.ros.looking import NEW, Looking
-from sain_sim.ros.pacing import Pacer
+from sain_sim.ros.session import NEW, Looking, Pacer
 from sain_sim.world.parameters import nominal_parameters
 from sain_sim.world.world import World
 

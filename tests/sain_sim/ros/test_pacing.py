@@ -2,7 +2,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sain_sim.ros.pacing import Pacer
+from sain_sim.ros.session import Pacer
 
 
 class Wall:

@@ -10,7 +10,7 @@ from sain_core.errors import BlockedError, ConfigError, OutOfRangeError
 from sain_core.push import LENGTH, idle_pushes, make_push
 from sain_core.scene import MID, TARGET, X
 from sain_core.world import Outcome, WorldFailedError
-from sain_sim.camera.window import Window
+from sain_sim.camera.render import Window
 from sain_sim.world.engines import BULLET, OFFERED
 from sain_sim.world.own import OwnWorld, open_world
 from sain_sim.world.parameters import WorldParameters

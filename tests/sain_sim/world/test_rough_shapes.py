@@ -9,8 +9,7 @@ from shapely import MultiPoint, Polygon
 from sain_core.shapes.library import SHAPES, get_shape
 from sain_core.shapes.shape import REGULAR_FEET
 from sain_sim.world.parameters import WorldParameters
-from sain_sim.world.rough_shapes import LEAST_LOAD, fit_shapes
-from sain_sim.world.roughness import EFFECTS, Roughness, draw_roughness
+from sain_sim.world.roughness import EFFECTS, LEAST_LOAD, Roughness, draw_roughness, fit_shapes
 from sain_sim.world.start import draw_episode
 from sain_sim.world.truth import TruthConfig
 from sain_sim.world.world import World

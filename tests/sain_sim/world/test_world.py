@@ -138,6 +138,7 @@ def test_worlds_repeat_bit_for_bit_fresh_used_or_watched(config, bench, engine):
 PROGRAM = """
 import sys
 import numpy as np
+from sain_core.push import make_push
 from sain_sim.world.parameters import nominal_parameters
 from sain_sim.world.world import World
 parameters = nominal_parameters()

@@ -8,7 +8,7 @@ from math import cos, sin
 from typing import Final, NamedTuple
 
 from sain_sim.arm.kinematics import FLANGE_DROP
-from sain_sim.arm.urdf import LAST_LINK, panda_with_stick
+from sain_sim.arm.panda import LAST_LINK, panda_with_stick
 
 BASE_FRAME: Final = "panda_link0"
 TOOL_FRAME: Final = "panda_tool"  # at the stick's tip

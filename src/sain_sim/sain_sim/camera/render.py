@@ -1,4 +1,4 @@
-"""Pictures of a world from its recording: joints and disks in, an image out.
+"""Pictures of a world from its recording: joints and disks in, an image out; and a window.
 
 A renderer has a client of its own that is never stepped, so the world that is shown need not
 exist any more. It draws with Bullet's software renderer and needs no display. Each picture is
@@ -21,9 +21,18 @@ from sain_core.types import Points, Scene
 from sain_sim.arm.client import Client, Closeable
 from sain_sim.arm.kinematics import Joints, Kinematics
 from sain_sim.arm.panda import JOINT_COUNT, ArmConfig, PandaModel
-from sain_sim.camera.scenery import OFF_STAGE, build_disk, build_mark, build_ring, build_table
-from sain_sim.camera.shading import Caster, brightness, table_points
+from sain_sim.camera.scenery import (
+    OFF_STAGE,
+    Caster,
+    brightness,
+    build_disk,
+    build_mark,
+    build_ring,
+    build_table,
+    table_points,
+)
 from sain_sim.camera.viewpoint import Eye, candidate_eyes, circle, rank_eyes
+from sain_sim.world.world import World
 
 Image = UInt8[ndarray, "height width 3"]
 
@@ -220,3 +229,44 @@ def _average(image: ndarray, times: int) -> ndarray:
     corners = [(row, column) for row in range(times) for column in range(times)]
     total = sum(image[row::times, column::times].astype(np.float32) for row, column in corners)
     return np.asarray(total / times**2)
+
+
+EVERY: Final = 4  # control steps: 60 pictures a simulated second
+
+
+class Window:
+    """Shows a `World` on the screen."""
+
+    every = EVERY
+
+    def __init__(self) -> None:
+        """Start closed: the world calls `open` when it is loaded."""
+        self._renderer: Renderer | None = None
+
+    def open(self, world: World) -> None:
+        """Show a newly loaded world in place of the previous one.
+
+        Raises:
+            ConfigError: there is no display.
+        """
+        self.close()
+        sample, config = world.sample(), world.config
+        self._renderer = Renderer(
+            sample.scene,
+            world.parameters.shapes,
+            table=config.feasibility.table,
+            arm=config.arm,
+            gui=True,
+        )
+        self.show(sample.joint_positions, sample.scene)
+
+    def show(self, joints: Joints, scene: Scene) -> None:
+        """Show the arm at joints (7,) [rad] and the disks as in a scene (N, 8)."""
+        assert self._renderer is not None, "open comes first"
+        self._renderer.show(joints, scene)
+
+    def close(self) -> None:
+        """Close the window; a second call does nothing."""
+        if self._renderer is not None:
+            self._renderer.close()
+            self._renderer = None

@@ -9,7 +9,7 @@ from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TimeRemainingColumn
 
 from sain_sim.collecting.collect import CollectConfig, Collected, collect
-from sain_sim.collecting.push_counts import PushCounts
+from sain_sim.collecting.shards import PushCounts
 
 
 def run(config: CollectConfig, _: Console) -> None:

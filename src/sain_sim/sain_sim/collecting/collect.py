@@ -19,8 +19,13 @@ from sain_core.untrusted import read_json
 from sain_core.workers.pool import Software, Work
 from sain_core.workers.running import WorkerOptions, run_on_workers
 from sain_sim.collecting.episode import EpisodeConfig, EpisodeResult, EpisodeRunner
-from sain_sim.collecting.push_counts import JOURNAL_FILE, CollectionJournal, PushCounts
-from sain_sim.collecting.shards import ShardWriter, load_by_count
+from sain_sim.collecting.shards import (
+    JOURNAL_FILE,
+    CollectionJournal,
+    PushCounts,
+    ShardWriter,
+    load_by_count,
+)
 from sain_sim.world.engines import DEFAULT_ENGINE, modules_of
 
 IDENTITY_FILE: Final = "collection.json"

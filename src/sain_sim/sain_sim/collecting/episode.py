@@ -22,8 +22,8 @@ from sain_core.shapes.library import built_shapes, check_footprint, footprint_na
 from sain_core.shapes.solids import DISK
 from sain_core.types import PushArray
 from sain_core.world import DivergedError, Outcome
-from sain_sim.collecting.push_counts import PushCounts
 from sain_sim.collecting.samplers import CircleSampler, GridSampler, OutlineSampler
+from sain_sim.collecting.shards import PushCounts
 from sain_sim.world.own import open_world
 from sain_sim.world.parameters import PAPER, RANGES, WIDE, WorldParameters
 from sain_sim.world.shadow import NOMINAL, TRUE, BulletPrior

@@ -27,8 +27,7 @@ from sain_interfaces.msg import Bodies, Push, PushResult
 from sain_interfaces.msg import Scene as SceneMessage
 from sain_sim.camera.body_file import Poses, read_bodies
 from sain_sim.camera.frame_tree import FrameTree
-from sain_sim.camera.scene_tracker import SceneTracker
-from sain_sim.camera.settings import PosesConfig
+from sain_sim.camera.scene_tracker import PosesConfig, SceneTracker
 from sain_sim.ros.markers import table_markers
 
 OWNED = ("scene", "shapes")

@@ -19,11 +19,9 @@ from sain_core.ros.steady import steady_timer
 from sain_core.ros.worker import Worker
 from sain_interfaces.msg import Push, PushResult
 from sain_interfaces.srv import ResetScene
-from sain_sim.ros.looking import Looking
-from sain_sim.ros.pacing import Pacer
 from sain_sim.ros.publishing import Publishing
 from sain_sim.ros.resumption import LOST_TIME, LeftEpisode, Resumption
-from sain_sim.ros.session import Session
+from sain_sim.ros.session import Looking, Pacer, Session
 from sain_sim.ros.simulator import Pushed, Simulator, SimulatorConfig
 from sain_sim.world.workcell import Sample
 

@@ -18,8 +18,14 @@ from sain_sim.world.parameters import (
     WorldParameters,
     sample_parameters,
 )
-from sain_sim.world.rough_shapes import fit_shapes
-from sain_sim.world.roughness import EFFECTS, MOVED_FEET, RIM_FRICTION, RIMS, draw_roughness
+from sain_sim.world.roughness import (
+    EFFECTS,
+    MOVED_FEET,
+    RIM_FRICTION,
+    RIMS,
+    draw_roughness,
+    fit_shapes,
+)
 
 RANDOMISED: Final = "randomised"
 ROUGH: Final = "rough"

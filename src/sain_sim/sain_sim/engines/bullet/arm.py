@@ -6,10 +6,9 @@ from typing import Final
 import numpy as np
 
 from sain_sim.arm.client import Client
-from sain_sim.arm.controlled import JOINT_COUNT, STOCK_TORQUE, ControlledArm
 from sain_sim.arm.kinematics import FLANGE_DROP, WRIST_OFFSET, Joints, Kinematics, Tips
-from sain_sim.arm.panda import PandaModel
-from sain_sim.arm.urdf import SPRUNG_MASS
+from sain_sim.arm.motion import JOINT_COUNT, STOCK_TORQUE, ControlledArm
+from sain_sim.arm.panda import SPRUNG_MASS, PandaModel
 
 STICK_LINK: Final = 6  # the stick is part of the last link
 JOINTS: Final = range(JOINT_COUNT)

@@ -1,7 +1,7 @@
 """What MuJoCo simulates: an arm, a table and bodies. Every number has its source beside it.
 
 Sources: [MuJoCo] its documentation, chapters Computation and XML reference; [Menagerie] the Panda
-of github.com/google-deepmind/mujoco_menagerie (``panda_nohand.xml``); [URDF] `sain_sim.arm.urdf`,
+of github.com/google-deepmind/mujoco_menagerie (``panda_nohand.xml``); [URDF] `sain_sim.arm.panda`,
 made from ``pybullet_data``; [Franka] its data sheet. Masses, sizes and friction are drawn.
 
 Contacts are between forms whose normals are exact, at heights that rounding does not change:
@@ -22,9 +22,9 @@ import numpy as np
 
 from sain_core.scene import DISK_HEIGHT, Table
 from sain_core.shapes.shape import Shape, Solid, prism_surface
-from sain_sim.arm.controlled import JOINT_COUNT, STOCK_TORQUE
 from sain_sim.arm.kinematics import Joints
-from sain_sim.arm.urdf import panda_with_stick
+from sain_sim.arm.motion import JOINT_COUNT, STOCK_TORQUE
+from sain_sim.arm.panda import panda_with_stick
 from sain_sim.world.parameters import FLOOR_SIZE, FOOT_RADIUS, WorldParameters, table_box
 from sain_sim.world.workcell import GRAVITY, SAG, WorldConfig, support_drop
 
