@@ -248,9 +248,7 @@ def test_bad_input_is_refused_by_name(prior: PlanarPrior) -> None:
         InvalidInputError, match=r"mass of disk 1 in scene 2 is 0.0; it must be pos"
     ):
         prior.step(broken, pushes)
-    with pytest.raises(
-        InvalidInputError, match=r"pushes have shape \(3, 5\), one for each"
-    ):
+    with pytest.raises(InvalidInputError, match=r"pushes have shape \(3, 5\), one for each"):
         check_batch(scenes, pushes[:2])
     with pytest.raises(InvalidInputError, match=r"scenes have shape \(B, N, 8\) with N = 1 to 32"):
         check_batch(scenes[:, :0], pushes)

@@ -67,6 +67,7 @@ WITHOUT_BULLET = """
 import sys
 sys.modules["pybullet"] = None  # as where it is not installed
 import numpy as np
+from sain_core.push import make_push
 from sain_core.errors import ConfigError
 from sain_core.scene import make_scene
 from sain_sim.world.truth import TruthConfig
@@ -75,7 +76,7 @@ from sain_sim.world.shadow import BulletPrior
 places = np.array([(0.45, 0.0), (0.7, 0.1)])
 scene = make_scene(places, np.array([8.0, 8.0]), np.array([0.08, 0.06]))
 print(TruthConfig().engine)
-print(round(float(BulletPrior().predict(scene, np.array([0.0, 0.0, 0.1]))[0, 0] - scene[0, 0]), 2))
+print(round(float(BulletPrior().predict(scene, make_push(0.0, 0.0, 0.1))[0, 0] - scene[0, 0]), 2))
 try:
     check_engine("bullet")
 except ConfigError as error:
