@@ -12,7 +12,8 @@ from sain_core.drawing.figures import TEXT, new_figure, write_png
 from sain_core.goal import Goal
 from sain_core.scene import make_scene
 from sain_core.seeding import generator
-from sain_eval.plots.plan_picture import draw_plan, draw_plan_legend
+from sain_eval.plots.marks import draw_legend
+from sain_eval.plots.plan_picture import draw_plan
 from sain_model.dynamics.load import load_sain, shipped_checkpoint
 from sain_mppi.algorithms import ALGORITHMS
 from sain_mppi.algorithms.config import PlannerConfig
@@ -49,5 +50,5 @@ for place, (axes, name) in enumerate(zip(places, ALGORITHMS, strict=False)):
     )
 for axes in places[len(ALGORITHMS) :]:
     axes.remove()
-draw_plan_legend(figure, names)
+draw_legend(figure, names, columns=3)
 print(f"drawn into {write_png(figure, Path('planners.png'))}")

@@ -6,7 +6,8 @@ Commands without a graph are run by `test_small_runs.py`, on a few rows, scenes 
 SMALL = {
     "sain_sim collect", "sain_model train", "sain_model train_correction", "sain_model evaluate",
     "sain_model identify", "sain_eval evaluate", "sain_bags info",
-    "sain_bags recover", "sain_bags to_dataset", "sain_bags report", "sain_eval.cli.shapes",
+    "sain_bags recover", "sain_bags to_dataset", "sain_bags report",
+    "sain_eval.plots.library_picture",
 }  # fmt: skip
 TERMINAL = "tests/documentation/test_terminal.py"
 CLOSED_LOOP = "tests/system/test_closed_loop.py"

@@ -9,7 +9,7 @@ import pytest
 
 from sain_bags.writing.writer import BagWriter
 from sain_core.cli.command_line import Command
-from sain_eval.cli import shapes
+from sain_eval.plots import library_picture
 from tests.documentation.coverage import PAGES_BY_TEST, SMALL, program
 from tests.documentation.shell import PAGES, command_blocks, commands_in, page_name
 from tests.sain_bags.conftest import Messages, Recording
@@ -73,8 +73,8 @@ def commands_of(page: Path, folder: Path) -> list[list[str]]:
 def run(words: list[str], folder: Path) -> int:
     """Run one of them in a folder, which is the current one."""
     name = program(words)
-    if name == "sain_eval.cli.shapes":
-        return shapes.main(["shapes.png"])
+    if name == "sain_eval.plots.library_picture":
+        return library_picture.main(["shapes.png"])
     package, executable = name.split()
     arguments = small(name, words[words.index(executable) + 1 :])
     prepare(arguments, folder)

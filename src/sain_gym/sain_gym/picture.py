@@ -90,6 +90,6 @@ class TopPicture:
 
 def _colour(record: EpisodeRecord, body: int) -> str:
     """Return the colour of a body in all pictures."""
-    from sain_eval.plots.body_marks import body_colour  # which loads matplotlib
+    from sain_eval.plots.marks import body_colour  # which loads matplotlib
 
     return body_colour(record, body)

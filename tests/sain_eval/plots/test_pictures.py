@@ -15,7 +15,7 @@ from sain_core.feasibility import Feasibility
 from sain_core.push import tool_end, tool_start
 from sain_core.scene import POSITION, RADIUS, TARGET
 from sain_core.shapes.bodies import Bodies
-from sain_eval.plots.legend import MARKS
+from sain_eval.plots.marks import MARKS
 from sain_eval.plots.pictures import describe_result, draw_episode, draw_overview
 
 

@@ -10,7 +10,8 @@ from sain_core.goal import BodyPose, Goal
 from sain_core.scene import POSITION, THETA, make_scene
 from sain_core.seeding import generator
 from sain_core.shapes.bodies import PAPER_DISKS, Bodies
-from sain_eval.plots.plan_picture import draw_plan, draw_plan_legend
+from sain_eval.plots.marks import draw_legend
+from sain_eval.plots.plan_picture import draw_plan
 from sain_model.physics.planar import PlanarPrior
 from sain_mppi.algorithms.config import PlannerConfig
 from sain_mppi.objective.problem import Problem
@@ -34,7 +35,7 @@ def picture_of(scene, goal, bodies=PAPER_DISKS):
     figure = new_figure(6.6, 7.2)
     axes = figure.subplots()
     names = draw_plan(axes, scene, goal, plan, bodies=bodies)
-    draw_plan_legend(figure, names)
+    draw_legend(figure, names, columns=3)
     memory = BytesIO()
     figure.savefig(memory, format="png", dpi=DOTS_PER_INCH)
     pixels = np.array(Image.open(memory).convert("RGB")).astype(int)

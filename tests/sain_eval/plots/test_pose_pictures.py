@@ -12,15 +12,14 @@ from sain_core.drawing.figures import write_png
 from sain_core.drawing.palette import PALETTE
 from sain_core.feasibility import Feasibility
 from sain_core.goal import BodyPose, Goal
-from sain_core.push import strokes
+from sain_core.push import make_push, strokes
 from sain_core.scene import POSITION, THETA, make_scene
 from sain_core.shapes.bodies import Bodies
 from sain_core.shapes.library import footprint_names, get_shape
 from sain_core.world import PushRecord
-from sain_eval.cli.shapes import main
 from sain_eval.episode import EpisodeRecord
-from sain_eval.plots.body_marks import BODY_COLOURS, DASHED
-from sain_eval.plots.library_picture import draw_library
+from sain_eval.plots.library_picture import draw_library, main
+from sain_eval.plots.marks import BODY_COLOURS, DASHED
 from sain_eval.plots.pictures import describe_result, draw_episode, draw_overview
 
 LIMITS = Feasibility().limits
@@ -46,7 +45,7 @@ def record():
     expected[0][0, THETA] += 0.2
     pushes = tuple(
         PushRecord(
-            np.array([location, 0.1, 0.1, body]), before, after, predicted, planning_time=0.2
+            make_push(location, 0.1, 0.1, body=body), before, after, predicted, planning_time=0.2
         )
         for body, location, before, predicted, after in zip(
             (0.0, 1.0), (1.0, -2.0), scenes, expected, scenes[1:], strict=False
@@ -147,8 +146,7 @@ def test_the_legend_names_each_body(record):
 
 def test_a_place_to_be_reached_by_bodies_of_any_shape(record):
     indirect = replace(record, goal=Goal.place(0.5, 0.21), bodies=Bodies.named(("t", "bar")))
-    pushes = tuple(replace(push, push=push.push[:3]) for push in record.pushes)
-    figure = draw_episode(replace(indirect, pushes=pushes))
+    figure = draw_episode(indirect)
     texts = [text.get_text() for text in figure.legends[0].get_texts()]
     assert {"body 0", "body 1", "goal and tolerance"} <= set(texts)
 
@@ -181,4 +179,4 @@ def test_the_command_writes_the_picture_or_says_why_not(tmp_path, capsys):
     assert main([]) == 2 and capsys.readouterr().err.startswith("usage: python -m sain_eval")
     (tmp_path / "file").write_text("")
     assert main([str(tmp_path / "file" / "shapes.png")]) == 1
-    assert capsys.readouterr().err.startswith("shapes: cannot")
+    assert capsys.readouterr().err.startswith("library_picture: cannot")

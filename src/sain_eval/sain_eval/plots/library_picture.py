@@ -1,20 +1,31 @@
-"""All shapes in one picture: outlines, names, feet and centroid."""
+"""All shapes in one picture: outlines, names, feet and centroid.
 
+``python -m sain_eval.plots.library_picture FILE.png`` draws it.
+"""
+
+import sys
+from collections.abc import Sequence
+from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.patches import Circle, Patch, Polygon
+from matplotlib.patches import Circle, Polygon
+from rich.console import Console
 
-from sain_core.drawing.figures import TEXT, new_figure
+from sain_core.drawing.figures import TEXT, new_figure, write_png
 from sain_core.drawing.palette import PALETTE, rgba
+from sain_core.errors import SainError
+from sain_core.scene import RADIUS, STATE_SIZE
 from sain_core.shapes.library import footprint_names, get_shape
 from sain_core.shapes.shape import Shape
+from sain_eval.plots.marks import outline_patch
 
 COLUMNS: Final = 7
 TILE: Final = (1.3, 1.45)  # [inch]
 HALF: Final = 1.12  # [circumscribed radii], half of the width of a tile
+USAGE: Final = "usage: python -m sain_eval.plots.library_picture FILE.png"
 
 
 def draw_library() -> Figure:
@@ -31,23 +42,36 @@ def draw_library() -> Figure:
 
 def draw_shape(axes: Axes, shape: Shape) -> None:
     """Draw one shape: its outline, the edges of its parts, its feet, its centroid and x axis."""
-    radius = 1.0 / shape.circumradius
+    state = np.zeros(STATE_SIZE)
+    state[RADIUS] = radius = 1.0 / shape.circumradius
     circle: dict[str, Any] = {"fill": False, "edgecolor": PALETTE.line, "linewidth": 1.0}
     axes.add_patch(Circle((0.0, 0.0), 1.0, **circle))
-    axes.add_patch(_outline(shape, radius))
+    style: dict[str, Any] = {"facecolor": rgba(PALETTE.mid, 0.22), "edgecolor": PALETTE.mid}
+    axes.add_patch(outline_patch(state, shape, linewidth=1.6, **style))
     if not shape.is_round:
         for part in shape.parts(radius):
             seams: dict[str, Any] = {"edgecolor": rgba(PALETTE.mid, 0.35), "linewidth": 0.6}
             axes.add_patch(Polygon(part, closed=True, fill=False, **seams))
-    feet = shape.supports(radius)
-    axes.plot(*feet.T, "o", color=PALETTE.target, markersize=4.5)
+    axes.plot(*shape.supports(radius).T, "o", color=PALETTE.target, markersize=4.5)
     axes.plot(0.0, 0.0, "+", color=PALETTE.ink, markersize=8.0, markeredgewidth=1.4)
     axes.set(xlim=(-HALF, HALF), ylim=(-HALF, HALF), aspect="equal")
     axes.set_axis_off()
 
 
-def _outline(shape: Shape, radius: float) -> Patch:
-    style: dict[str, Any] = {"facecolor": rgba(PALETTE.mid, 0.22), "edgecolor": PALETTE.mid}
-    if shape.is_round:
-        return Circle((0.0, 0.0), radius, linewidth=1.6, **style)
-    return Polygon(np.asarray(shape.outline(radius)), closed=True, linewidth=1.6, **style)
+def main(arguments: Sequence[str]) -> int:
+    """Write the picture and print its path; return the exit status."""
+    error = Console(stderr=True, soft_wrap=True, markup=False, highlight=False)
+    if len(arguments) != 1 or arguments[0].startswith("-"):
+        error.print(USAGE)
+        return 2
+    try:
+        path = write_png(draw_library(), Path(arguments[0]))
+    except SainError as problem:
+        error.print(f"library_picture: {problem}")
+        return 1
+    Console(soft_wrap=True).print(str(path), markup=False, highlight=False)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

@@ -9,17 +9,15 @@ from typing import Any, Final
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import MaxNLocator
+from matplotlib.ticker import MaxNLocator, NullFormatter
 
 from sain_core.drawing.figures import TEXT, new_figure, style_axes
 from sain_core.drawing.palette import PALETTE
 from sain_core.feasibility import Feasibility
 from sain_core.scene import POSITION
-from sain_core.types import Scene
+from sain_core.types import Scalars, Scene
 from sain_eval.episode import EpisodeRecord
-from sain_eval.plots.body_marks import body_colour, draw_error, draw_tolerance
-from sain_eval.plots.legend import draw_legend
-from sain_eval.plots.pose_panels import draw_pose_distance, draw_pose_turn
+from sain_eval.plots.marks import body_colour, draw_error, draw_legend, draw_tolerance
 from sain_eval.plots.top_view import draw_top_view
 
 SIZE: Final = (6.6, 7.4)  # [inch]
@@ -28,6 +26,8 @@ ZOOM: Final = 2.2  # half the width of the view round the goal, in tolerances
 COLUMNS: Final = 2  # of an overview
 TILE: Final = (3.5, 3.5)  # [inch], of an episode in it
 LEGEND: Final = 0.8  # [inch]
+LEAST_DISTANCE: Final = 0.1  # [mm], one is drawn no smaller
+LEAST_TURN: Final = 1e-3  # [rad], one is drawn no smaller
 
 
 def draw_episode(
@@ -46,9 +46,9 @@ def draw_episode(
     axes["v"].set_title(
         describe_result(record), fontsize=TEXT + 1, loc="left", color=result_colour(record)
     )
-    draw_pose_distance(axes["d"], record)
+    _draw_distance(axes["d"], record)
     if record.goal.has_heading:
-        draw_pose_turn(axes["t"], record)
+        _draw_turn(axes["t"], record)
     else:
         _draw_arrival(axes["t"], record)
     names += _draw_errors(axes["e"], record)
@@ -82,6 +82,46 @@ def _millimetres(distance: float) -> str:
 def result_colour(record: EpisodeRecord) -> str:
     """Return the colour of an episode's result: whether it reached the goal."""
     return PALETTE.success if record.last.reached else PALETTE.alarm
+
+
+def _draw_distance(axes: Axes, record: EpisodeRecord) -> None:
+    """Draw the distance of each body to its pose after each push, over the tolerance."""
+    style_axes(axes, "Bodies to poses", grid=None, xlabel="pushes", ylabel="distance [mm]")
+    goal = record.goal
+    _draw_lines(
+        axes,
+        record,
+        1e3 * goal.errors(np.stack(record.scenes), record.bodies)[0],
+        1e3 * goal.tolerance,
+        LEAST_DISTANCE,
+    )
+
+
+def _draw_turn(axes: Axes, record: EpisodeRecord) -> None:
+    """Draw the turn of each body to its heading after each push, over the tolerance."""
+    style_axes(axes, "Headings", grid=None, xlabel="pushes", ylabel="turn [rad]")
+    goal = record.goal
+    turns = np.abs(goal.errors(np.stack(record.scenes), record.bodies)[1])
+    turns[:, [pose.heading is None for pose in goal.poses]] = np.nan
+    _draw_lines(axes, record, turns, goal.heading_tolerance, LEAST_TURN)
+
+
+def _draw_lines(
+    axes: Axes, record: EpisodeRecord, errors: Scalars, tolerance: float, least: float
+) -> None:
+    """Draw errors (pushes + 1, P) as a line for each pose, on a logarithmic scale."""
+    axes.set_yscale("log")
+    axes.yaxis.set_major_formatter("{x:g}")
+    axes.yaxis.set_minor_formatter(NullFormatter())  # it labels ticks where a decade is not full
+    axes.axhspan(1e-9, tolerance, color=PALETTE.goal, alpha=0.13, linewidth=0)
+    axes.axhline(tolerance, color=PALETTE.goal, linewidth=1.2)
+    shown = np.maximum(errors, least)
+    for pose, line in zip(record.goal.poses, shown.T, strict=True):
+        colour = body_colour(record, pose.body)
+        axes.plot(line, "o-", color=colour, linewidth=1.8, markersize=4.0)
+    axes.set_ylim(min(np.nanmin(shown), tolerance) / 2, max(np.nanmax(shown), tolerance) * 1.8)
+    axes.set_xlim(-0.3, max(len(errors) - 1, 1) + 0.3)
+    axes.xaxis.set_major_locator(MaxNLocator(6, integer=True))
 
 
 def _draw_arrival(axes: Axes, record: EpisodeRecord) -> None:

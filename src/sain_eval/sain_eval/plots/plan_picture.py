@@ -1,14 +1,12 @@
 """The picture of a plan from above: the sequence chosen, what else was tried, where it may lead."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.colors import LinearSegmentedColormap
-from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 
 from sain_core.drawing.palette import PALETTE
@@ -18,8 +16,8 @@ from sain_core.push import pushed_bodies, tool_end, tool_start
 from sain_core.scene import POSITION, RADIUS
 from sain_core.shapes.bodies import PAPER_DISKS, Bodies
 from sain_core.types import Points, Scene
-from sain_eval.plots.body_marks import body_colour, body_names, draw_body, draw_pose
-from sain_eval.plots.legend import draw_legend
+from sain_eval.episode import EpisodeRecord
+from sain_eval.plots.marks import body_colour, body_names, draw_body, draw_pose
 from sain_eval.plots.top_view import draw_arrow, draw_table, frame_view
 from sain_mppi.algorithms.result import PlanResult
 
@@ -27,21 +25,6 @@ MOVED: Final = 1e-3  # [m], a body that should move less has no way
 COSTS: Final = LinearSegmentedColormap.from_list(
     "costs", [PALETTE.goal, PALETTE.learned, PALETTE.alarm]
 )
-
-
-@dataclass(frozen=True)
-class _Planned:
-    """What a plan is about, as `Depicted`."""
-
-    start: Scene  # (N, 8)
-    goal: Goal
-    bodies: Bodies
-
-    def followed(self, plan: PlanResult) -> tuple[int, ...]:
-        """Return the bodies whose ways are drawn: those wanted, pushed or moved."""
-        moves = np.linalg.norm(plan.predicted[..., POSITION] - self.start[:, POSITION], axis=-1)
-        moved = np.flatnonzero(moves.max(axis=0, initial=0.0) > MOVED).tolist()
-        return tuple(sorted({*self.goal.wanted, *pushed_bodies(plan.pushes).tolist(), *moved}))
 
 
 def draw_plan(
@@ -60,11 +43,11 @@ def draw_plan(
     disks.
 
     Returns:
-        What `draw_plan_legend` explains.
+        What `draw_legend` explains.
     """
     feasibility = feasibility or Feasibility()
-    planned = _Planned(scene, goal, bodies.fitted(len(scene)))
-    followed = planned.followed(plan)
+    planned = EpisodeRecord(goal, (), scene, bodies)
+    followed = _followed(planned, plan)
     frame_view(axes, _extent(planned, plan, followed))
     draw_table(axes, feasibility)
     _draw_others(axes, planned, plan)
@@ -80,12 +63,14 @@ def draw_plan(
     return _names(planned, plan)
 
 
-def draw_plan_legend(figure: Figure, names: Sequence[str], columns: int = 3) -> None:
-    """Explain what `draw_plan` returned along the bottom of a figure."""
-    draw_legend(figure, names, columns)
+def _followed(planned: EpisodeRecord, plan: PlanResult) -> tuple[int, ...]:
+    """Return the bodies whose paths are drawn: those wanted, pushed or moved."""
+    moves = np.linalg.norm(plan.predicted[..., POSITION] - planned.start[:, POSITION], axis=-1)
+    moved = np.flatnonzero(moves.max(axis=0, initial=0.0) > MOVED).tolist()
+    return tuple(sorted({*planned.goal.wanted, *pushed_bodies(plan.pushes).tolist(), *moved}))
 
 
-def _extent(planned: _Planned, plan: PlanResult, followed: Sequence[int]) -> Points:
+def _extent(planned: EpisodeRecord, plan: PlanResult, followed: Sequence[int]) -> Points:
     """Return points (M, 2) that all have to be in view."""
     scenes = [planned.start, *plan.predicted, planned.goal.placed(planned.start)]
     points = []
@@ -96,7 +81,7 @@ def _extent(planned: _Planned, plan: PlanResult, followed: Sequence[int]) -> Poi
     return np.concatenate(points)
 
 
-def _draw_others(axes: Axes, planned: _Planned, plan: PlanResult) -> None:
+def _draw_others(axes: Axes, planned: EpisodeRecord, plan: PlanResult) -> None:
     count = len(plan.others.costs)
     colours = COSTS(np.linspace(0.0, 1.0, count))
     for body in planned.goal.wanted if count else ():
@@ -105,7 +90,7 @@ def _draw_others(axes: Axes, planned: _Planned, plan: PlanResult) -> None:
         axes.add_collection(lines)
 
 
-def _draw_way(axes: Axes, planned: _Planned, plan: PlanResult, body: int) -> None:
+def _draw_way(axes: Axes, planned: EpisodeRecord, plan: PlanResult, body: int) -> None:
     """Draw what the plan does to a body, and the region of the first push."""
     for predicted in plan.predicted:
         draw_body(axes, planned, predicted, body, 0.06, edge=0.3, linewidth=0.7, zorder=3.5)
@@ -117,7 +102,7 @@ def _draw_way(axes: Axes, planned: _Planned, plan: PlanResult, body: int) -> Non
         axes.add_patch(region)
 
 
-def _names(planned: _Planned, plan: PlanResult) -> list[str]:
+def _names(planned: EpisodeRecord, plan: PlanResult) -> list[str]:
     names = ["table", "reachable area", *body_names(planned), "push"]
     names += ["90 % region"] * (plan.regions is not None)
     others = ["other sequence, cheapest", "other sequence, dearest"]

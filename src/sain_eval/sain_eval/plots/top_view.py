@@ -16,7 +16,7 @@ from sain_core.scene import POSITION, RADIUS, THETA, unit, wrap_angle
 from sain_core.types import Points, Scene
 from sain_core.world import PushRecord
 from sain_eval.episode import EpisodeRecord
-from sain_eval.plots.body_marks import (
+from sain_eval.plots.marks import (
     body_colour,
     body_names,
     draw_body,
@@ -46,7 +46,7 @@ def draw_top_view(
     """Draw an episode into axes whose width is `aspect` times their height.
 
     Returns:
-        What of `sain_eval.legend.MARKS` was drawn.
+        What of ``MARKS`` was drawn.
     """
     feasibility = feasibility or Feasibility()
     frame_view(axes, _extent(record, feasibility), aspect)
