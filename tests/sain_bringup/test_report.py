@@ -1,8 +1,9 @@
 """Figures, moments and pictures of a run, made from episodes as a bag gives them."""
 
+from concurrent.futures import Future
 from dataclasses import replace
 from io import BytesIO, StringIO
-from itertools import pairwise
+from itertools import cycle, pairwise
 from pathlib import Path
 
 import numpy as np
@@ -22,7 +23,7 @@ from sain_core.goal import Goal, Judgement
 from sain_core.push import idle_pushes, make_push
 from sain_core.scene import make_scene
 from sain_core.types import Scene
-from sain_core.workers.pool import ProcessPool, Work
+from sain_core.workers.pool import Processes, Work
 
 GOAL = np.array([0.60, 0.0])
 
@@ -174,18 +175,19 @@ class FakeRenderer:
         return picture
 
 
-class InProcess(ProcessPool):
-    """A pool whose workers are this process."""
+class InProcess(Processes):
+    """Workers that are this process."""
 
-    def __init__(self, size: int, work: Work) -> None:
-        self.size, self.runners = size, [work.start() for _ in range(size)]
-        self.done: list = []
+    def __init__(self, work: Work, size: int) -> None:
+        self.runners = cycle([work.start() for _ in range(size)])
 
-    def begin(self, number: int, job: object) -> None:
-        self.done.insert(0, (number, self.runners[number].run(job)))
+    def submit(self, job: object) -> Future:
+        done: Future = Future()
+        done.set_result(next(self.runners).run(job))
+        return done
 
-    def finished(self) -> list:
-        return [self.done.pop()]
+    def result(self, future: Future) -> object:
+        return future.result()
 
     def close(self) -> None:
         pass
@@ -195,7 +197,7 @@ def filmed(
     monkeypatch: pytest.MonkeyPatch, blind: int = 0
 ) -> tuple[list[Image.Image], list[float]]:
     used: list[float] = []
-    monkeypatch.setattr(movie, "ProcessPool", InProcess)
+    monkeypatch.setattr(movie, "Processes", InProcess)
     monkeypatch.setattr(movie.Scenery, "renderer", lambda _: FakeRenderer(blind, used))
     scenery = Scenery(scene(0.4), None, None, GOAL, 0.08, "paper 4", MovieConfig())
     return Film(scenery, moments(5, 0.1), processes=2).frames(), used

@@ -6,7 +6,6 @@ import pytest
 from sain_core.errors import ModelUnavailableError, OutOfRangeError
 from sain_core.model import (
     answering,
-    check_finite_answer,
     check_rollout,
     check_step,
 )
@@ -64,9 +63,9 @@ def test_a_rollout_that_cannot_be_an_answer_is_refused(answer: object, message: 
 
 def test_a_search_gets_sequences_that_are_not_finite_and_others_may_refuse_them() -> None:
     predicted = np.full_like(PREDICTED, np.nan)
-    assert check_rollout(predicted, SCENE, SEQUENCES) is predicted
+    assert check_rollout(predicted, SCENE, SEQUENCES, finite=False) is predicted
     with pytest.raises(ModelUnavailableError, match="the model predicts NaN or Inf in 192 of 192"):
-        check_finite_answer(predicted)
+        check_rollout(predicted, SCENE, SEQUENCES)
 
 
 def test_what_a_model_raises_names_the_model() -> None:

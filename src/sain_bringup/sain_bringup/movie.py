@@ -25,7 +25,7 @@ from sain_core.config import Config, option
 from sain_core.goal import Judgement
 from sain_core.types import Points, Scene
 from sain_core.wire import decode_disks
-from sain_core.workers.pool import ProcessPool, Software, Work
+from sain_core.workers.pool import Processes, Software, Work
 
 if TYPE_CHECKING:
     from sain_sim.camera.render import Renderer  # takes a second to load
@@ -183,22 +183,19 @@ class Film:
         ends = np.linspace(0, len(moments), size + 1).astype(int).tolist()
         self._parts = [moments[first:last] for first, last in pairwise(ends)]
         nothing = Software((), ())  # that the pictures must agree with
-        work = Work(partial(FilmWorker, scenery), nothing, lambda part: "the film", goes_on=False)
-        self._pool: ProcessPool[Part, list[Image.Image] | None] = ProcessPool(size, work)
+        work = Work(partial(FilmWorker, scenery), nothing, lambda part: "the film", resumes=False)
+        self._pool: Processes[Part, list[Image.Image] | None] = Processes(work, size)
         self._begin()
 
     def _begin(self) -> None:
         eye, whatever = self._views.pop(0)
-        for number, moments in enumerate(self._parts):
-            self._pool.begin(number, Part(moments, eye, whatever))
+        parts = [Part(moments, eye, whatever) for moments in self._parts]
+        self._futures = [self._pool.submit(part) for part in parts]
 
     def frames(self) -> list[Image.Image]:
         """Wait for the pictures and return them."""
         while True:
-            done: dict[int, list[Image.Image] | None] = {}
-            while len(done) < len(self._parts):
-                done.update(self._pool.finished())
-            parts = [done[number] for number in sorted(done)]
+            parts = [self._pool.result(future) for future in self._futures]
             if None not in parts:
                 return [frame for part in parts if part is not None for frame in part]
             self._begin()  # from the next place; from the last one, all pictures count

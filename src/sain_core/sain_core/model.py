@@ -242,17 +242,20 @@ MODELS: Final = Plugins(GROUP, "model", hidden=CHECKPOINT, more=", or the path o
 
 
 def dynamics_names() -> list[str]:
-    """Return the names of all dynamics that installed packages offer."""
+    """Return the names of all models that installed packages offer."""
     return MODELS.names()
 
 
-def check_model_name(name_or_path: str) -> None:
-    """Check that a model has this name, or that it can be a checkpoint; nothing is imported.
+def check_model_name(name_or_path: str) -> EntryPoint:
+    """Return what offers a model of this name, or checkpoints; nothing is imported.
 
     Raises:
         ConfigError: no installed package offers it, or two do.
     """
-    _find(name_or_path)
+    is_path = "/" in name_or_path or name_or_path.startswith("~")
+    is_path = is_path or bool(Path(name_or_path).suffix) or Path(name_or_path).exists()
+    offered = name_or_path != CHECKPOINT and name_or_path in MODELS.entries()
+    return MODELS.find(CHECKPOINT if is_path and not offered else name_or_path)
 
 
 def load_dynamics(name_or_path: str) -> Model:
@@ -263,7 +266,7 @@ def load_dynamics(name_or_path: str) -> Model:
             fails; or what it offers is no model. The message names the package.
         CheckpointError: a checkpoint that is missing, damaged or of another architecture.
     """
-    entry = _find(name_or_path)
+    entry = check_model_name(name_or_path)
     loaded = MODELS.load(entry, lambda load: load(name_or_path), name_or_path)
     try:
         return as_model(loaded)
@@ -280,28 +283,9 @@ def as_observed(model: Model, unknown: str) -> Model:
     return model.with_unknown_masses() if MASSES in unknown_names(unknown) else model
 
 
-def _find(name_or_path: str) -> EntryPoint:
-    """Return the only entry point that offers a name, or else that of checkpoints."""
-    offered = MODELS.entries()
-    entries = offered.get(name_or_path, []) if name_or_path != CHECKPOINT else []
-    if not entries and _looks_like_path(name_or_path):
-        entries = offered.get(CHECKPOINT, [])
-    if not entries:
-        raise MODELS.unknown(name_or_path)
-    return MODELS.only(name_or_path, entries)
-
-
-def _looks_like_path(text: str) -> bool:
-    return "/" in text or text.startswith("~") or bool(Path(text).suffix) or Path(text).exists()
-
-
 @contextmanager
 def answering(model: str) -> Iterator[None]:
-    """Turn whatever a model raises into an error that names the model.
-
-    Raises:
-        ModelUnavailableError: the model raised something else than a `SainError`.
-    """
+    """Turn errors other than a `SainError` into a `ModelUnavailableError` that names the model."""
     try:
         yield
     except SainError:
@@ -310,65 +294,46 @@ def answering(model: str) -> Iterator[None]:
         raise ModelUnavailableError(f"{model} failed: {type(error).__name__}: {error}") from error
 
 
-def check_step(predicted: object, scenes: Scenes, model: str = "the model") -> Scenes:
-    """Return predicted scenes (B, N, 8) when they can follow from scenes (B, N, 8).
+def check_step(
+    predicted: object, scenes: Scenes, model: str = "the model", finite: bool = True
+) -> Scenes:
+    """Return predicted scenes (..., N, 8) when they can follow from scenes (..., N, 8).
+
+    What is not `finite` is let through if asked: a search gives it no weight.
 
     Raises:
         ModelUnavailableError: no array, another shape, NaN or Inf, or disks of other masses or
             radii. The message begins with how `model` is called.
     """
-    found = check_finite_answer(_array(predicted, scenes.shape, model), model)
-    _check_disks(found, scenes, model)
-    return found
-
-
-def check_rollout(
-    predicted: object, scene: Scene, sequences: PushSequences, model: str = "the model"
-) -> PredictedScenes:
-    """Return predicted scenes (K, H, N, 8) when they can be of sequences (K, H, 5) from a scene.
-
-    Sequences whose prediction is not finite are let through: a search gives them no weight. To
-    refuse them too, use `check_finite_answer`.
-
-    Raises:
-        ModelUnavailableError: no array, another shape, or disks of other masses or radii.
-    """
-    found = _array(predicted, (*sequences.shape[:2], *scene.shape), model)
-    _check_disks(found[:, 0], np.broadcast_to(scene, found[:, 0].shape), model)
-    return found
-
-
-def check_finite_answer(predicted: ndarray, model: str = "the model") -> ndarray:
-    """Return predictions of any shape when all of them are finite.
-
-    Raises:
-        ModelUnavailableError: saying how many are not.
-    """
-    finite = np.isfinite(predicted)
-    if not finite.all():
-        bad = int((~finite).sum())
-        raise ModelUnavailableError(
-            f"{model} predicts NaN or Inf in {bad} of {finite.size} numbers"
-        )
-    return predicted
-
-
-def _array(predicted: object, expected: tuple[int, ...], model: str) -> ndarray:
     if not isinstance(predicted, ndarray):
         what = type(predicted).__name__
         raise ModelUnavailableError(f"{model} returned a {what}; it must return a NumPy array")
-    if predicted.shape != expected:
+    if predicted.shape != scenes.shape:
         raise ModelUnavailableError(
-            f"{model} predicted scenes of shape {predicted.shape}; the shape must be {expected}"
+            f"{model} predicted scenes of shape {predicted.shape}; the shape must be {scenes.shape}"
         )
-    return predicted
-
-
-def _check_disks(predicted: ndarray, scenes: ndarray, model: str) -> None:
-    """Raise where a finite scene (.., N, 8) has disks of other masses or radii."""
+    is_finite = np.isfinite(predicted)
+    if finite and not is_finite.all():
+        bad = int((~is_finite).sum())
+        raise ModelUnavailableError(
+            f"{model} predicts NaN or Inf in {bad} of {is_finite.size} numbers"
+        )
     other = (predicted[..., MASS:] != scenes[..., MASS:]).any(axis=(-2, -1))
-    if other.any() and np.isfinite(predicted[other]).all(axis=(-2, -1)).any():
+    if (other & is_finite.all(axis=(-2, -1))).any():
         raise ModelUnavailableError(
             f"{model} predicted disks of other masses or radii; a push changes neither, and disks"
             " must stay in their order"
         )
+    return predicted
+
+
+def check_rollout(
+    predicted: object,
+    scene: Scene,
+    sequences: PushSequences,
+    model: str = "the model",
+    finite: bool = True,
+) -> PredictedScenes:
+    """Return predicted scenes (K, H, N, 8) when they can follow from a scene; see `check_step`."""
+    before = np.broadcast_to(scene, (*sequences.shape[:2], *scene.shape))
+    return check_step(predicted, before, model, finite)

@@ -6,7 +6,8 @@
 An error names the package. A package that fails does not disturb the others.
 """
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from difflib import get_close_matches
 from functools import wraps
 from importlib.metadata import EntryPoint, entry_points
@@ -18,7 +19,7 @@ T = TypeVar("T")
 
 
 class Plugins:
-    """All offers of one kind, besides those that are built in."""
+    """All of one kind: those that packages offer, besides those that are built in."""
 
     def __init__(
         self, group: str, what: str, built_in: Iterable[str] = (), hidden: str = "", more: str = ""
@@ -34,7 +35,7 @@ class Plugins:
         """
         self.group, self.what = group, what
         self._built_in, self._hidden, self._more = tuple(built_in), hidden, more
-        self._found: set[str] = set()
+        self._checked: set[str] = set()
 
     def names(self) -> list[str]:
         """Return all names, those that are built in, too."""
@@ -53,17 +54,16 @@ class Plugins:
         Raises:
             ConfigError: as `find`; or it is built in, and a package offers another one.
         """
-        if name in self._found:
+        if name in self._checked:
             return
         if name not in self._built_in:
             self.find(name)
         elif entries := self.entries().get(name):
-            packages = " and ".join(map(_described, entries))
             raise ConfigError(
-                f"{self.what} {name!r} is built in, and offered by {packages}, too;"
+                f"{self.what} {name!r} is built in, and offered by {_described(entries)}, too;"
                 " give that one another name, or uninstall its package"
             )
-        self._found.add(name)  # to look takes some ms
+        self._checked.add(name)  # to look takes some ms
 
     def find(self, name: str) -> EntryPoint:
         """Return the only entry point of a name.
@@ -73,25 +73,20 @@ class Plugins:
         """
         entries = self.entries().get(name, [])
         if not entries:
-            raise self.unknown(name)
+            names = self.names()
+            none = f"none: no installed package has the entry points {self.group!r}"
+            known = ", ".join(names) or none
+            near = did_you_mean(name, names)
+            raise ConfigError(f"{self.what} {name!r} is unknown{near}; known: {known}{self._more}")
         return self.only(name, entries)
 
     def only(self, name: str, entries: list[EntryPoint]) -> EntryPoint:
         """Return the one entry point; raise `ConfigError` where there are more."""
         if len(entries) > 1:
-            packages = " and ".join(map(_described, entries))
             raise ConfigError(
-                f"{self.what} {name!r} is offered by {packages}; uninstall one of them"
+                f"{self.what} {name!r} is offered by {_described(entries)}; uninstall one of them"
             )
         return entries[0]
-
-    def unknown(self, name: str) -> ConfigError:
-        """Return the error about a name that nobody offers."""
-        names = self.names()
-        none = f"none: no installed package has the entry points {self.group!r}"
-        known = ", ".join(names) or none
-        near = did_you_mean(name, names)
-        return ConfigError(f"{self.what} {name!r} is unknown{near}; known: {known}{self._more}")
 
     def load(
         self, entry: EntryPoint, make: Callable[[Any], Any] = lambda it: it, name: str = ""
@@ -101,38 +96,32 @@ class Plugins:
         Raises:
             ConfigError: its package fails; or as `make`.
         """
-        try:
+        with self._blaming(entry, "cannot be loaded", name):
             return make(entry.load())
+
+    def guarded(self, entry: EntryPoint, work: Callable[..., T]) -> Callable[..., T]:
+        """Return a function whose errors, but for a `SainError`, name the package."""
+
+        @wraps(work)
+        def call(*given: Any) -> T:
+            with self._blaming(entry, "failed"):
+                return work(*given)
+
+        return call
+
+    @contextmanager
+    def _blaming(self, entry: EntryPoint, what: str, name: str = "") -> Iterator[None]:
+        try:
+            yield
         except SainError:
             raise
         except Exception as error:
             others = ", ".join(other for other in self.names() if other != entry.name) or "none"
             raise ConfigError(
-                f"{self.what} {(name or entry.name)!r} of {package_of(entry)} cannot be loaded:"
+                f"{self.what} {(name or entry.name)!r} of {package_of(entry)} {what}:"
                 f" {type(error).__name__}: {error}; repair or uninstall that package."
                 f" Other {self.what}s: {others}"
             ) from error
-
-    def guarded(self, entry: EntryPoint, work: Callable[..., T]) -> Callable[..., T]:
-        """Return a function whose unexpected errors name the package.
-
-        Raises:
-            ConfigError: in place of any error that is no `SainError`.
-        """
-
-        @wraps(work)
-        def call(*given: Any) -> T:
-            try:
-                return work(*given)
-            except SainError:
-                raise
-            except Exception as error:
-                raise ConfigError(
-                    f"{self.what} {entry.name!r} of {package_of(entry)} failed:"
-                    f" {type(error).__name__}: {error}; repair or uninstall that package"
-                ) from error
-
-        return call
 
     def wrong(self, entry: EntryPoint, problem: str, name: str = "") -> ConfigError:
         """Return the error about an offer that is not what it should be."""
@@ -154,5 +143,5 @@ def package_of(entry: EntryPoint) -> str:
     return f"package {entry.dist.name} {entry.dist.version}"
 
 
-def _described(entry: EntryPoint) -> str:
-    return f"{package_of(entry)} ({entry.value})"
+def _described(entries: Iterable[EntryPoint]) -> str:
+    return " and ".join(f"{package_of(entry)} ({entry.value})" for entry in entries)

@@ -16,7 +16,7 @@ import pytest
 
 from sain_core.errors import ConfigError
 from sain_core.workers.pool import FunctionRunner, Software, Work
-from sain_core.workers.ray_pool import RayPool
+from sain_core.workers.ray_pool import start_actors
 from sain_sim.collecting.collect import CollectConfig, collect
 from sain_sim.collecting.episode import EpisodeConfig
 from sain_sim.commands import collect as main
@@ -115,4 +115,4 @@ def test_machines_with_other_software_are_refused(monkeypatch) -> None:
     cluster.get = lambda references: [{"numpy": "0.1"} for _ in references]
     cluster.exceptions = SimpleNamespace(RayTaskError=KeyError, RayError=KeyError)
     with pytest.raises(ConfigError, match="other software the same seed may give other bytes"):
-        RayPool(cluster, 1, Work(FunctionRunner, Software((), ("numpy",)), str))
+        start_actors(cluster, 1, Work(FunctionRunner, Software((), ("numpy",)), str))

@@ -7,24 +7,14 @@ from functools import partial
 from multiprocessing import active_children
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from sain_bringup.graph import executable
 from sain_core.errors import SainError
-from sain_core.workers.pool import (
-    AHEAD,
-    LIVES,
-    FunctionRunner,
-    ProcessPool,
-    Software,
-    Work,
-    WorkerPool,
-    in_order,
-)
+from sain_core.workers.pool import AHEAD, LIVES, FunctionRunner, Software, Work, run_on_processes
 from sain_sim.collecting.collect import CollectConfig, collect
-from sain_sim.collecting.episode import EpisodeConfig, EpisodeResult, EpisodeRunner
-from sain_sim.collecting.shards import JOURNAL_FILE, PushCounts
+from sain_sim.collecting.episode import EpisodeConfig, EpisodeResult
+from sain_sim.collecting.shards import JOURNAL_FILE
 from sain_sim.commands import collect as main
 
 SHORT = EpisodeConfig(pushes=3)
@@ -43,76 +33,51 @@ def whole(tmp_path_factory) -> tuple[CollectConfig, dict[str, bytes]]:
     return config, content(config.out)
 
 
-class ShuffledPool(WorkerPool[int, EpisodeResult]):
-    """Ends episodes in any order."""
+class Numbers:
+    """Does nothing, and leaves a file for each job."""
 
-    def __init__(self, size: int) -> None:
-        super().__init__(size, Work(lambda: FunctionRunner(_no_room), NO_SOFTWARE, str))
-        self.begun: list[int] = []
-        self._running: list[int] = []
-        self._random = np.random.default_rng(0)
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
 
-    @property
-    def free(self) -> int:
-        return self.size - len(self._running)
-
-    def begin(self, number: int, job: int) -> None:
-        assert self.free and number == job
-        self.begun.append(job)
-        self._running.append(job)
-
-    def finished(self) -> list[tuple[int, EpisodeResult]]:
-        late = [episode for episode in self._running if episode]  # the first one ends last
-        episode = self._random.choice(late) if late and len(self.begun) < 30 else self._running[0]
-        self._running.remove(episode)
-        return [(int(episode), EpisodeResult([], PushCounts(moved=int(episode))))]
+    def run(self, job: int) -> int:
+        (self.folder / str(job)).touch()
+        return job
 
     def close(self) -> None:
-        self._running.clear()
+        pass
 
 
-def test_episodes_come_back_in_order_and_no_worker_runs_far_ahead() -> None:
-    pool = ShuffledPool(4)
-    results = in_order(pool, range(100))
-    assert next(results).counts.moved == 0
-    assert max(pool.begun) < AHEAD * pool.size
-    assert [result.counts.moved for result in results] == list(range(1, 100))
-    assert pool.begun == list(range(100))
+def test_results_come_back_in_order_and_no_worker_runs_far_ahead(tmp_path) -> None:
+    work = Work(partial(Numbers, tmp_path), NO_SOFTWARE, str)
+    results = run_on_processes(work, range(100), 2, ordered=True)
+    assert next(results) == 0
+    time.sleep(0.5)
+    assert len(list(tmp_path.iterdir())) <= 2 * AHEAD
+    assert list(results) == list(range(1, 100))
+    assert sorted(run_on_processes(work, range(9), 2, ordered=False)) == list(range(9))
 
 
-def test_a_worker_killed_in_mid_episode_costs_nothing(whole, tmp_path, caplog, monkeypatch) -> None:
+def test_a_worker_killed_in_mid_episode_costs_nothing(whole, tmp_path, caplog) -> None:
     config, expected = whole
-    begin, begun = ProcessPool.begin, []
 
-    def begin_and_kill(pool, number, job) -> None:
-        begin(pool, number, job)
-        begun.append(number)
-        if begun.count(2) == 1 and number == 2:
-            ((worker, _, _),) = (one for one in pool._busy.values() if one[1] == number)
-            os.kill(worker.process.pid, signal.SIGKILL)
+    def kill(episodes: int, transitions: int) -> None:
+        if episodes == 1:
+            os.kill(active_children()[0].pid, signal.SIGKILL)
 
-    monkeypatch.setattr(ProcessPool, "begin", begin_and_kill)
-    collect(replace(config, out=tmp_path, workers=2))
+    collect(replace(config, out=tmp_path, workers=2), kill)
     assert content(tmp_path) == expected
-    assert "a worker died (exit code -9); episode" in caplog.text
-    assert sorted(begun) == [0, 1, 2, 2, 3, 4]
+    assert "ended a worker with exit code -9; its jobs are done again" in caplog.text
     assert active_children() == []
 
 
-def test_an_episode_that_ends_every_worker_is_named() -> None:
-    class Doomed(ProcessPool):
-        def _start(self):
-            worker = super()._start()
-            worker.process.kill()
-            return worker
+def kill_oneself(job: int) -> None:
+    os.kill(os.getpid(), signal.SIGKILL)
 
-    work = Work(partial(EpisodeRunner, 0, SHORT), NO_SOFTWARE, lambda job: f"episode {job}")
-    pool = Doomed(1, work)
-    pool.begin(0, 7)
-    with pytest.raises(SainError, match=rf"episode 7 ended {LIVES} workers, .* exit code -9"):
-        while True:
-            pool.finished()
-    pool.close()
+
+def test_an_episode_that_ends_every_worker_is_named() -> None:
+    work = Work(partial(FunctionRunner, kill_oneself), NO_SOFTWARE, lambda job: f"episode {job}")
+    with pytest.raises(SainError, match=rf"{LIVES} workers died, .* episode 7 ended .* code -9; w"):
+        list(run_on_processes(work, [7], 1, ordered=True))
     assert active_children() == []
 
 
@@ -121,7 +86,7 @@ def test_an_episode_that_cannot_be_run_is_an_error_of_the_collection(tmp_path) -
     errors = []
     for workers in (1, 2):
         with pytest.MonkeyPatch.context() as patch, pytest.raises(SainError) as caught:
-            patch.setattr("sain_core.workers.pool._serve", _refuse)
+            patch.setattr("sain_core.workers.pool._do", _refuse)
             patch.setattr("sain_sim.collecting.episode.EpisodeRunner.run", _no_room)
             collect(CollectConfig(tmp_path, episodes=3, workers=workers, episode=crowded))
         errors.append(str(caught.value))
@@ -132,9 +97,8 @@ def _no_room(*_: object) -> EpisodeResult:
     raise SainError("no room")
 
 
-def _refuse(pipe, *_: object) -> None:
-    pipe.recv()
-    pipe.send(SainError("no room"))
+def _refuse(job: int) -> EpisodeResult:
+    raise SainError("no room")
 
 
 def children(process: int) -> list[int]:

@@ -1,22 +1,21 @@
-"""Workers of this machine: what they do, and the order in which their results come."""
+"""Work that processes of this machine share, on top of `concurrent.futures`."""
 
 import hashlib
 import logging
 import multiprocessing
 import os
 import signal
-import sys
-from abc import ABC, abstractmethod
-from collections import Counter, deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import closing, contextmanager, suppress
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from importlib.util import find_spec
-from multiprocessing import connection
+from multiprocessing.util import Finalize
 from pathlib import Path
 from threading import Thread
 from time import sleep
-from typing import Any, Final, Generic, NamedTuple, Protocol, TypeVar
+from typing import Any, Final, Generic, Protocol, TypeVar
 
 from sain_core.errors import SainError
 from sain_core.provenance import versions
@@ -25,6 +24,19 @@ Job = TypeVar("Job")
 Done = TypeVar("Done")
 JobIn = TypeVar("JobIn", contravariant=True)
 DoneOut = TypeVar("DoneOut", covariant=True)
+
+AHEAD: Final = 8  # jobs a worker may be ahead of the one that is waited for
+LIVES: Final = 3  # workers that die one after another, with nothing done, before the work stops
+GRACE: Final = 5.0  # [s] for a worker to clear up when its owner has died
+CLOSING: Final = 1.0  # [s], likewise when the work ends before it is done
+THREAD_LIMITS: Final = (
+    "OMP_NUM_THREADS",
+    "OPENBLAS_NUM_THREADS",
+    "MKL_NUM_THREADS",
+    "NUMBA_NUM_THREADS",
+)
+
+log = logging.getLogger(__name__)
 
 
 class Runner(Protocol[JobIn, DoneOut]):
@@ -43,12 +55,8 @@ class FunctionRunner(Generic[Job, Done]):
     """A `Runner` that calls a function and keeps nothing."""
 
     def __init__(self, function: Callable[[Job], Done]) -> None:
-        """Store the function."""
-        self._function = function
-
-    def run(self, job: Job) -> Done:
-        """Do a job."""
-        return self._function(job)
+        """Call this function."""
+        self.run = function
 
     def close(self) -> None:
         """There is nothing to release."""
@@ -66,7 +74,7 @@ class Software:
     sources: tuple[str, ...]
     packages: tuple[str, ...]
 
-    def found(self) -> dict[str, str]:
+    def here(self) -> dict[str, str]:
         """Return it as it is on this machine."""
         digest = hashlib.sha256()
         for name in self.sources:
@@ -85,28 +93,19 @@ class Work(Generic[Job, Done]):
         start: makes, in a worker, what does the jobs; it can be pickled.
         software: what the results depend on.
         name: returns the name of a job for errors.
-        goes_on: whether the same command continues after a stop.
+        resumes: whether the same command continues after a stop.
     """
 
     start: Callable[[], Runner[Job, Done]]
     software: Software
     name: Callable[[Job], str]
-    goes_on: bool = True
+    resumes: bool = True
 
     @property
     def after_a_stop(self) -> str:
         """The end of an error that stops the work."""
         whole = "; what is in the folder is whole, and the same command goes on from there"
-        return whole if self.goes_on else ""
-
-
-AHEAD: Final = 8  # jobs a worker may be ahead of the one that is waited for
-THREAD_LIMITS: Final = (
-    "OMP_NUM_THREADS",
-    "OPENBLAS_NUM_THREADS",
-    "MKL_NUM_THREADS",
-    "NUMBA_NUM_THREADS",
-)
+        return whole if self.resumes else ""
 
 
 @contextmanager
@@ -121,149 +120,125 @@ def environment(values: Mapping[str, str]) -> Iterator[None]:
         os.environ.update(before)
 
 
-class WorkerPool(ABC, Generic[Job, Done]):
-    """Workers, each of which does one job at a time. Jobs have numbers."""
+class WorkerDiedError(SainError):
+    """A worker that ended in the middle of a job."""
 
-    def __init__(self, size: int, work: Work[Job, Done]) -> None:
-        """Begin without workers; there are to be so many."""
-        self.size, self._work = size, work
-        self._idle: list[Any] = []
-        self._busy: dict[Any, tuple[Any, int, Job]] = {}  # by what is waited for
 
-    @property
-    def free(self) -> int:
-        """How many workers have nothing to do."""
-        return len(self._idle)
+def run_on_processes(
+    work: Work[Job, Done], jobs: Sequence[Job], size: int, ordered: bool
+) -> Iterator[Done]:
+    """Do jobs in so many processes; yield their results, in order or as they come.
 
-    @property
-    def _workers(self) -> list[Any]:
-        return [*self._idle, *(worker for worker, _, _ in self._busy.values())]
+    Where a worker dies, all are replaced, and the jobs that are not done are done again.
 
-    @abstractmethod
-    def begin(self, number: int, job: Job) -> None:
-        """Give a job to a worker that is free."""
+    Raises:
+        SainError: a job cannot be done, or ends every worker that tries.
+    """
+    left, deaths = dict(enumerate(jobs)), 0
+    while left:
+        with closing(Processes(work, size)) as processes:
+            try:
+                for number, result in processes.results(left, ordered):
+                    del left[number]
+                    deaths = 0
+                    yield result
+            except WorkerDiedError as error:
+                deaths += 1
+                if deaths == LIVES:
+                    raise SainError(
+                        f"{LIVES} workers died, the last one: {error}{work.after_a_stop}"
+                    ) from error
+                log.warning("%s; its jobs are done again", error)
 
-    @abstractmethod
-    def finished(self) -> list[tuple[int, Done]]:
-        """Wait until there are jobs that have ended; return their numbers and results.
+
+class Processes(Generic[Job, Done]):
+    """An executor whose workers end with this process, also in the middle of a job."""
+
+    def __init__(self, work: Work[Job, Done], size: int) -> None:
+        """Begin without jobs; the first one starts so many processes."""
+        self._work, self._size = work, size
+        spawn = multiprocessing.get_context("spawn")
+        self._executor = ProcessPoolExecutor(size, spawn, _begin, (work.start,))
+        self._running: dict[Future[Done], Job] = {}
+        self._processes: list[Any] = []
+
+    def submit(self, job: Job) -> "Future[Done]":
+        """Give a job to a worker that is free, as soon as one is."""
+        with environment(dict.fromkeys(THREAD_LIMITS, "1")):
+            future: Future[Done] = self._executor.submit(_do, job)
+        self._processes = self._processes or list(self._executor._processes.values())
+        self._running[future] = job
+        return future
+
+    def result(self, future: "Future[Done]") -> Done:
+        """Wait for the result of a job.
 
         Raises:
-            SainError: one cannot be done, or ends every worker that tries.
+            SainError: the job cannot be done.
+            WorkerDiedError: a worker died, of which nobody knows in which of the jobs.
         """
+        try:
+            result = future.result()
+        except BrokenProcessPool as error:
+            for process in self._processes:
+                process.join()
+            codes = [process.exitcode for process in self._processes if process.exitcode]
+            names = map(self._work.name, list(self._running.values())[: self._size])
+            raise WorkerDiedError(
+                f"{' or '.join(names)} ended a worker with exit code {(codes or [0])[0]}"
+            ) from error
+        finally:
+            if future.done() and not isinstance(future.exception(), BrokenProcessPool):
+                del self._running[future]
+        return result
 
-    @abstractmethod
+    def results(self, jobs: Mapping[int, Job], ordered: bool) -> Iterator[tuple[int, Done]]:
+        """Yield numbers and results of numbered jobs."""
+        numbers: dict[Future[Done], int] = {}
+        waiting = iter(list(jobs.items()))
+        while True:
+            while len(numbers) < AHEAD * self._size and (pair := next(waiting, None)):
+                numbers[self.submit(pair[1])] = pair[0]
+            if not numbers:
+                return
+            first = next(iter(numbers))
+            done = [first] if ordered else wait(numbers, return_when=FIRST_COMPLETED).done
+            for future in done:
+                yield numbers.pop(future), self.result(future)
+
     def close(self) -> None:
         """End the workers, also in the middle of a job."""
+        if self._running:
+            for process in self._processes:
+                process.terminate()
+            for process in self._processes:
+                process.join(CLOSING)
+                process.kill()
+        self._executor.shutdown(cancel_futures=True)
 
 
-def in_order(pool: WorkerPool[Job, Done], jobs: Sequence[Job]) -> Iterator[Done]:
-    """Do jobs on a pool; yield their results in order."""
-    waiting = deque(enumerate(jobs))
-    done: dict[int, Done] = {}
-    for wanted in range(len(jobs)):
-        while wanted not in done:
-            while waiting and pool.free and waiting[0][0] < wanted + AHEAD * pool.size:
-                pool.begin(*waiting.popleft())
-            done.update(pool.finished())
-        yield done.pop(wanted)
+_runner: Runner[Any, Any]  # of this process, which is a worker
 
 
-def as_finished(pool: WorkerPool[Job, Done], jobs: Sequence[Job]) -> Iterator[Done]:
-    """Do jobs on a pool; yield their results as they come."""
-    waiting = deque(enumerate(jobs))
-    left = len(jobs)
-    while left:
-        while waiting and pool.free:
-            pool.begin(*waiting.popleft())
-        for _, result in pool.finished():
-            left -= 1
-            yield result
-
-
-LIVES: Final = 3  # workers that a job may cost before the work stops
-GRACE: Final = 5.0  # [s] for a worker to clear up when its owner has died
-
-log = logging.getLogger(__name__)
-
-
-class _Worker(NamedTuple):
-    process: Any  # a spawned process
-    pipe: connection.Connection
-
-
-class ProcessPool(WorkerPool[Job, Done]):
-    """Processes of this machine; one that dies is replaced and its job is done again."""
-
-    def __init__(self, size: int, work: Work[Job, Done]) -> None:
-        """Start so many processes."""
-        super().__init__(size, work)
-        self._context = multiprocessing.get_context("spawn")
-        self._deaths: Counter[int] = Counter()
-        self._idle += [self._start() for _ in range(size)]
-
-    def begin(self, number: int, job: Job) -> None:
-        """Give a job to a process that is free."""
-        worker = self._idle.pop()
-        self._busy[worker.pipe] = (worker, number, job)
-        with suppress(BrokenPipeError):  # it died while idle: `finished` will see
-            worker.pipe.send(job)
-
-    def finished(self) -> list[tuple[int, Done]]:
-        """Wait for processes that have ended a job; see `WorkerPool`."""
-        results = []
-        for pipe in connection.wait(list(self._busy)):
-            worker, number, job = self._busy.pop(pipe)
-            try:
-                answer = worker.pipe.recv()
-            except (EOFError, ConnectionResetError):
-                self._replace(worker, number, job)
-                continue
-            self._idle.append(worker)
-            if isinstance(answer, SainError):
-                raise answer
-            results.append((number, answer))
-        return results
-
-    def _replace(self, worker: _Worker, number: int, job: Job) -> None:
-        """Give the job of a worker that died to a new one."""
-        worker.pipe.close()
-        worker.process.join()
-        self._deaths[number] += 1
-        code, name = worker.process.exitcode, self._work.name(job)
-        if self._deaths[number] == LIVES:
-            raise SainError(
-                f"{name} ended {LIVES} workers, the last with exit code"
-                f" {code}{self._work.after_a_stop}"
-            )
-        log.warning("a worker died (exit code %s); %s is run again", code, name)
-        self._idle.append(self._start())
-        self.begin(number, job)
-
-    def _start(self) -> _Worker:
-        pipe, its_end = self._context.Pipe()
-        process = self._context.Process(target=_serve, args=(its_end, self._work.start))
-        with environment(dict.fromkeys(THREAD_LIMITS, "1")):  # read once, when a worker starts
-            process.start()
-        its_end.close()  # so that a worker's death closes the pipe
-        return _Worker(process, pipe)
-
-    def close(self) -> None:
-        """End the processes, also in the middle of a job."""
-        for worker, _, _ in self._busy.values():
-            worker.process.terminate()
-        for worker in self._workers:
-            worker.pipe.close()  # ends the idle ones
-            worker.process.join()
-
-
-def _serve(pipe: connection.Connection, start: Callable[[], Runner[Any, Any]]) -> None:
-    """Do the jobs that come through a pipe until it closes, as it does when its owner dies."""
+def _begin(start: Callable[[], Runner[Any, Any]]) -> None:
+    """Get ready, in a worker."""
+    global _runner
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the owner, who ends us
-    signal.signal(signal.SIGTERM, lambda *_: sys.exit())  # clears up
     Thread(target=_end_with_owner, daemon=True).start()
-    with closing(start()) as runner, suppress(EOFError, BrokenPipeError, ConnectionResetError):
-        while True:
-            pipe.send(_result(runner, pipe.recv()))
+    _runner = start()
+    clear_up = Finalize(None, _runner.close, exitpriority=1)
+
+    def end(*_: object) -> None:
+        try:
+            clear_up()
+        finally:
+            os._exit(0)
+
+    signal.signal(signal.SIGTERM, end)
+
+
+def _do(job: Any) -> Any:
+    return _runner.run(job)
 
 
 def _end_with_owner() -> None:
@@ -274,10 +249,3 @@ def _end_with_owner() -> None:
         os.kill(os.getpid(), signal.SIGTERM)
         sleep(GRACE)
         os._exit(1)
-
-
-def _result(runner: Runner[Any, Any], job: Any) -> Any:
-    try:
-        return runner.run(job)
-    except SainError as error:
-        return error

@@ -1,12 +1,13 @@
 """Workers of a Ray cluster. Ray is an optional extra: nothing else imports it."""
 
 import functools
+import importlib
 import logging
 import os
 import secrets
 import socket
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from types import ModuleType
@@ -20,7 +21,6 @@ from sain_core.workers.pool import (
     Runner,
     Software,
     Work,
-    WorkerPool,
     environment,
 )
 
@@ -140,56 +140,45 @@ class RayWorker:
 
     def software(self, software: Software) -> dict[str, str]:
         """Return what decides about the bytes of results."""
-        return software.found()
+        return software.here()
 
 
-class RayPool(WorkerPool[Job, Done]):
-    """Actors of a cluster, one CPU each; one that dies is replaced and its job done again."""
+def run_on_ray(
+    work: Work[Job, Done], jobs: Sequence[Job], size: int, ordered: bool, address: str
+) -> Iterator[Done]:
+    """Do jobs in so many actors of a cluster, one CPU each; yield their results.
 
-    def __init__(self, ray: ModuleType, size: int, work: Work[Job, Done]) -> None:
-        """Start the actors.
+    An actor that dies is replaced, and its job done again.
 
-        Raises:
-            ConfigError: a machine of the cluster has other software, whose bytes could differ.
-        """
-        super().__init__(size, work)
-        self._ray = ray
-        remote = ray.remote(num_cpus=1, max_restarts=-1, max_task_retries=RETRIES)(RayWorker)
-        self._idle += [remote.remote(work.start, str(Path.cwd())) for _ in range(size)]
-        own = work.software.found()
-        asked = [actor.software.remote(work.software) for actor in self._idle]
-        for found in self._get(asked):
-            if found != own:
-                raise ConfigError(
-                    f"a machine of the cluster has {found}, this one {own}; with other"
-                    " software the same seed may give other bytes"
-                )
-
-    def begin(self, number: int, job: Job) -> None:
-        """Give a job to an actor that is free."""
-        actor = self._idle.pop()
-        self._busy[actor.run.remote(job)] = (actor, number, job)
-
-    def finished(self) -> list[tuple[int, Done]]:
-        """Wait for an actor that has ended its job; see `WorkerPool`."""
-        ready, _ = self._ray.wait(list(self._busy), num_returns=1)
-        results = []
-        for reference in ready:
-            actor, number, _ = self._busy.pop(reference)
-            results.append((number, self._get(reference)))
-            self._idle.append(actor)
-        return results
-
-    def _get(self, references: Any) -> Any:
+    Raises:
+        ConfigError: see `ray_cluster`; or a machine has other software, whose bytes could differ.
+        SainError: a job cannot be done.
+    """
+    with ray_cluster(address, size) as ray:
+        actors = start_actors(ray, size, work)
+        pool = importlib.import_module("ray.util").ActorPool(actors)
         try:
-            return self._ray.get(references)
-        except self._ray.exceptions.RayTaskError as error:
+            results = pool.map if ordered else pool.map_unordered
+            yield from results(lambda actor, job: actor.run.remote(job), jobs)
+        except ray.exceptions.RayTaskError as error:
             cause = error.cause
             raise cause if isinstance(cause, SainError) else SainError(f"Ray: {error}") from error
-        except self._ray.exceptions.RayError as error:
-            raise SainError(f"Ray: {error}{self._work.after_a_stop}") from error
+        except ray.exceptions.RayError as error:
+            raise SainError(f"Ray: {error}{work.after_a_stop}") from error
+        finally:
+            for actor in actors:  # also in the middle of a job
+                ray.kill(actor)
 
-    def close(self) -> None:
-        """End the actors, also in the middle of a job."""
-        for actor in self._workers:
-            self._ray.kill(actor)
+
+def start_actors(ray: ModuleType, size: int, work: Work[Any, Any]) -> list[Any]:
+    """Start actors; raise `ConfigError` where their software is not the one here."""
+    remote = ray.remote(num_cpus=1, max_restarts=-1, max_task_retries=RETRIES)(RayWorker)
+    actors = [remote.remote(work.start, str(Path.cwd())) for _ in range(size)]
+    own = work.software.here()
+    for other in ray.get([actor.software.remote(work.software) for actor in actors]):
+        if other != own:
+            raise ConfigError(
+                f"a machine of the cluster has {other}, this one {own}; with other software the"
+                " same seed may give other bytes"
+            )
+    return actors

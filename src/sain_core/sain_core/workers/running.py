@@ -1,12 +1,12 @@
 """Work done by this process, by others, or by a Ray cluster."""
 
 from collections.abc import Generator, Sequence
-from contextlib import ExitStack, closing
+from contextlib import closing
 from dataclasses import dataclass
 
 from sain_core.config import Config, option
-from sain_core.workers.pool import Done, Job, ProcessPool, Work, WorkerPool, as_finished, in_order
-from sain_core.workers.ray_pool import RayPool, ray_cluster
+from sain_core.workers.pool import Done, Job, Work, run_on_processes
+from sain_core.workers.ray_pool import run_on_ray
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -29,15 +29,9 @@ class WorkerOptions(Config):
 def run_on_workers(
     work: Work[Job, Done], jobs: Sequence[Job], options: WorkerOptions, ordered: bool = True
 ) -> Generator[Done, None, None]:
-    """Do all jobs and yield their results; workers end with this process, killed or not.
+    """Do all jobs; yield their results in the order of the jobs, or else as they come.
 
-    One worker without Ray is this process.
-
-    Args:
-        work: what to do.
-        jobs: to be done, each by one worker.
-        options: who does them.
-        ordered: yield in the order of the jobs, else as they come.
+    One worker without Ray is this process. Workers end with this process, killed or not.
 
     Raises:
         ConfigError: there is no such Ray cluster.
@@ -46,14 +40,10 @@ def run_on_workers(
     size = min(options.workers, len(jobs))
     if not jobs:
         return
-    with ExitStack() as stack:
-        if size == 1 and not options.ray:
-            yield from map(stack.enter_context(closing(work.start())).run, jobs)
-            return
-        pool: WorkerPool[Job, Done]
-        if options.ray:
-            ray = stack.enter_context(ray_cluster(options.ray, size))
-            pool = stack.enter_context(closing(RayPool(ray, size, work)))
-        else:
-            pool = stack.enter_context(closing(ProcessPool(size, work)))
-        yield from (in_order if ordered else as_finished)(pool, jobs)
+    if options.ray:
+        yield from run_on_ray(work, jobs, size, ordered, options.ray)
+    elif size > 1:
+        yield from run_on_processes(work, jobs, size, ordered)
+    else:
+        with closing(work.start()) as runner:
+            yield from map(runner.run, jobs)

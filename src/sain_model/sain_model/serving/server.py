@@ -14,7 +14,6 @@ from sain_core.model import (
     Radii,
     answering,
     as_observed,
-    check_finite_answer,
     check_rollout,
     check_step,
     load_dynamics,
@@ -165,7 +164,7 @@ class ModelServer:
         check_asked_scenes(scene[None], bodies)
         check_asked_pushes(pushes, bodies)
         predicted = self.knowing(history, bodies).rollout(scene, pushes)
-        return check_finite_answer(check_rollout(predicted, scene, pushes, self._name), self._name)
+        return check_rollout(predicted, scene, pushes, self._name)
 
     def regions(
         self,
@@ -218,7 +217,7 @@ class ModelServer:
             next_state = dynamics.step(scenes, pushes)
         else:
             next_state = physics_next  # physics alone corrects nothing
-        check_finite_answer(next_state, self._name)
+        check_step(next_state, scenes, self._name)
         return _residual(next_state, physics_next), next_state
 
     def _frictions(self) -> int:

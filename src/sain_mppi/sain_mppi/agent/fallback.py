@@ -7,7 +7,7 @@ from typing import Self
 
 from sain_core.errors import CancelledError, ConfigError, SainError
 from sain_core.history import PushHistory
-from sain_core.model import Radii, RolloutModel, check_finite_answer, check_rollout
+from sain_core.model import Radii, RolloutModel, check_rollout
 from sain_core.shapes.bodies import PAPER_DISKS, Bodies
 from sain_core.types import PredictedScenes, PushSequences, Scene
 
@@ -76,8 +76,7 @@ class FallbackRollout:
             raise CancelledError("the plan is no longer wanted")
         if self.failure is None:
             try:
-                predicted = check_rollout(self._model.rollout(scene, pushes), scene, pushes)
-                return check_finite_answer(predicted)
+                return check_rollout(self._model.rollout(scene, pushes), scene, pushes)
             except CancelledError:
                 raise
             except SainError as error:

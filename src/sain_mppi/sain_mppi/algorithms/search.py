@@ -170,7 +170,7 @@ class Search:
         begun = perf_counter()
         predicted = self.model.rollout(self.scene, sequences)
         self._rollout_time += perf_counter() - begun
-        return check_rollout(predicted, self.scene, sequences)
+        return check_rollout(predicted, self.scene, sequences, finite=False)
 
     def _costs(
         self, sequences: PushSequences, predicted: PredictedScenes
