@@ -37,7 +37,6 @@ VARIANTS: dict[str, Changes] = {
     "no warm start": {"no-warm-start": ""},
     "no informed candidates": {"candidate-share": 0},
     "no wider plans": {"progress.surprise": 9, "progress.stalled-after": 99},
-    "risk": {"weights.risk": 5},
     "gradient": {"algorithm": "gradient"},
     "icem": {"algorithm": "icem"},
     "mppi, as many sequences": {"algorithm": "mppi", "samples": 1.75},

@@ -13,13 +13,14 @@ from sain_core.model import Model, RolloutModel
 from sain_core.push import LENGTH, PushLimits
 from sain_core.scene import POSITION, Table
 from sain_core.seeding import generator
+from sain_core.shapes.bodies import Bodies
 from sain_core.types import Pushes, Scalars, Scenes
 from sain_model.physics.planar import PlanarPrior
 from sain_model.physics.planar_config import PlanarConfig
 from sain_mppi.agent.agent import Agent, AgentConfig, planning_agent
 from sain_mppi.agent.goal_tracker import GoalTrackerConfig
 from sain_mppi.algorithms.config import PlannerConfig, ProgressConfig
-from sain_mppi.algorithms.feasible_mask import permitted
+from sain_mppi.objective.problem import touching
 from sain_pusht.agent import SquareReach
 
 PUSHER: Final = 0.25 * SCALE  # [m], the radius of judo's pusher
@@ -90,7 +91,7 @@ def _random_pushes(
         for _ in range(each):
             pushes = LIMITS.sample(random, 64)
             pushes[:, LENGTH] = np.maximum(pushes[:, LENGTH] ** 2 / 0.3, 2 * LIMITS.clearance)
-            pushes = pushes[permitted(scene, pushes, FEASIBILITY)]
+            pushes = pushes[touching(scene, pushes, FEASIBILITY, Bodies.disks(1))]
             if world.over or not len(pushes):
                 break
             push = pushes[0]

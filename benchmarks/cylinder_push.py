@@ -40,8 +40,15 @@ from sain_core.seeding import generator
 from sain_eval.loop.results import wilson_interval
 from sain_model.evaluation.markdown import markdown_table
 from sain_mppi.agent.agent import Agent, act
-from sain_mppi.agent.decision import PushDecision, Task
-from sain_mppi.agent.events import Event, GoalGiven, PushEnded, PushExecuted, SceneSeen
+from sain_mppi.agent.events import (
+    Event,
+    GoalGiven,
+    PushDecision,
+    PushEnded,
+    PushExecuted,
+    SceneObserved,
+    Task,
+)
 
 OWN: Final = 0.3  # [m], judo's GOAL_DISTANCE_THRESHOLD
 NEAR: Final = 0.01  # [m]
@@ -122,7 +129,7 @@ def play_ours(seed: int, world: CylinderWorld, agent: Agent) -> CylinderRecord:
     made = 0
     while not world.over:
         begun = time.process_time()
-        decision = act(agent, event) or act(agent, SceneSeen(scene, EPISODE, made + 1))
+        decision = act(agent, event) or act(agent, SceneObserved(scene, EPISODE, made + 1))
         seconds.append(time.process_time() - begun)
         pauses[len(world.trace)] += seconds[-1]
         if not isinstance(decision, PushDecision):

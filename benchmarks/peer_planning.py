@@ -10,11 +10,10 @@ from benchmarks.peer_optimizers import Numbers, PeerOptimizer, PeerSettings, Pus
 from sain_core.model import RolloutModel
 from sain_core.types import PushSequences, Scalars
 from sain_mppi.agent.agent import AgentConfig
-from sain_mppi.agent.decision import Decider, PlanJob, PushDecision
-from sain_mppi.agent.fallback import FallbackRollout, Patience
-from sain_mppi.algorithms.proposals import draw_permitted, without_idle
+from sain_mppi.agent.events import PlanJob, PushDecision
+from sain_mppi.agent.planning import Decider, FallbackRollout, Patience
 from sain_mppi.algorithms.search import Search
-from sain_mppi.objective.objective import Objective
+from sain_mppi.objective.cost import Objective
 
 FORBIDDEN: Final = 1e6  # cost of a sequence whose first push is not permitted
 
@@ -43,7 +42,7 @@ class PeerDecider(Decider):
             self._optimizer = peer_optimizer(self._peer, self._box, seed)
             self._nominal, self._session = None, job.session
         patience = Patience(cancelled=job.cancelled)
-        model = FallbackRollout(*self._models, job.history, job.bodies, patience)
+        model = FallbackRollout(*self._models, job.history, job.problem.bodies, patience)
         search = self._search(job, model)
         nominal = self._start(search, generator)
         for _ in range(self._peer.rounds):
@@ -54,15 +53,14 @@ class PeerDecider(Decider):
             search.settle_on(found)  # where its first push is permitted
         if not len(search.elites.sequences):  # not one sample is permitted
             draw = partial(_uniform, search, generator)
-            search.evaluate(draw_permitted(search, draw, self._peer.each, generator))
+            search.evaluate(search.draw_permitted(draw, self._peer.each, generator))
         plan = search.result()
         return PushDecision(job, plan.push, plan, model.failure)
 
     def _search(self, job: PlanJob, model: RolloutModel) -> Search:
-        config, scene = self._config, job.view.scene
-        planner, feasibility = config.planner, config.feasibility
-        objective = Objective(job.goal, job.start, planner.weights, feasibility, job.bodies)
-        return Search(model, planner, feasibility, scene, objective, job.refused)
+        planner = self._config.planner
+        objective = Objective(job.problem, planner.weights)
+        return Search(model, planner, objective, job.refused)
 
     def _start(self, search: Search, generator: np.random.Generator) -> Numbers:
         """Return the rest of the last nominal, and a rest at its end; or a first one."""
@@ -71,8 +69,8 @@ class PeerDecider(Decider):
         if not self._peer.drawn:
             return np.zeros((self._peer.horizon, len(self._box.rest)))
         draw = partial(_uniform, search, generator)
-        sequences = draw_permitted(search, draw, self._peer.each, generator)
-        sequences = without_idle(sequences, search.feasibility.limits)
+        sequences = search.draw_permitted(draw, self._peer.each, generator)
+        sequences = search.without_idle(sequences)
         return self._box.numbers(sequences[np.argmin(search.evaluate(sequences))])
 
     def _costs(self, search: Search, numbers: PushSequences) -> Scalars:
@@ -83,11 +81,11 @@ class PeerDecider(Decider):
     def _sequences(self, search: Search, numbers: PushSequences) -> PushSequences:
         """Return the pushes of sequences (K, H, 5); those too short to touch are rests."""
         pushes = self._box.pushes(self._box.bounded(numbers))
-        return without_idle(pushes, search.feasibility.limits)
+        return search.without_idle(pushes)
 
 
 def _uniform(search: Search, generator: np.random.Generator, count: int) -> PushSequences:
-    return search.objective.uniform(generator, count, search.config.horizon)
+    return search.uniform(generator, count)
 
 
 class TimedDecider(Decider):

@@ -109,8 +109,7 @@ def play(job: PeerJob) -> dict[str, Any]:
         decider = TimedDecider(PeerDecider(model, physics, config, peer))
     else:
         config = AgentConfig(planner=ours_with(job.samples, job.planner))
-        feasibility = config.feasibility
-        decider = TimedDecider(PlanningDecider(model, physics, config.planner, feasibility))
+        decider = TimedDecider(PlanningDecider(model, physics, config.planner))
     outcome = run_episode(case, Agent(decider, config), TOLERANCES[-1])
     records = scene_records(case, job.planner, outcome, TOLERANCES)
     return {

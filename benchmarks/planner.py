@@ -43,10 +43,9 @@ from sain_eval.scenes.scenario_scene import ScenarioScene
 from sain_eval.scenes.scenarios import SCENARIOS
 from sain_model.dynamics.sain import SainDynamics
 from sain_model.dynamics.settings import IDENTITY
-from sain_mppi.algorithms.config import MPPI, PlannerConfig
+from sain_mppi.algorithms.config import MPPI, NoiseConfig, PlannerConfig
 from sain_mppi.algorithms.result import PlanResult
 from sain_mppi.objective.problem import Problem
-from sain_mppi.objective.sampling import NoiseConfig
 from sain_mppi.planner import Planner
 
 SAMPLES, HORIZON = 1024, 15

@@ -112,7 +112,7 @@ def served(model: str) -> Iterator[RolloutModel]:
     from rclpy.executors import SingleThreadedExecutor
     from rclpy.node import Node
 
-    from sain_mppi.agent.fallback import Patience
+    from sain_mppi.agent.planning import Patience
     from sain_mppi.ros.remote import RemoteRollout
 
     command = ["ros2", "run", "sain_model", "model_node", "--ros-args", "-p", f"model:={model}"]

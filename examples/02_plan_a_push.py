@@ -10,8 +10,7 @@ from sain_core.push import ANGLE, LENGTH, LOCATION
 from sain_core.scene import make_scene
 from sain_model.physics.planar import PlanarPrior
 from sain_mppi.agent.agent import AgentConfig, act, planning_agent
-from sain_mppi.agent.decision import PushDecision, Task
-from sain_mppi.agent.events import GoalGiven, PushExecuted, SceneSeen
+from sain_mppi.agent.events import GoalGiven, PushDecision, PushExecuted, SceneObserved, Task
 
 scene = make_scene(
     positions=np.array([[0.45, 0.0], [0.591, 0.0]]),
@@ -25,7 +24,7 @@ prior = PlanarPrior()
 agent = planning_agent(prior, prior, AgentConfig(seed=7))
 task = Task(goal_id=1, episode_id=0, goal=goal, max_pushes=15)
 
-decision = act(agent, GoalGiven(task), SceneSeen(scene, episode_id=1, scene_id=1))
+decision = act(agent, GoalGiven(task), SceneObserved(scene, episode_id=1, scene_id=1))
 while isinstance(decision, PushDecision):
     push = decision.push
     print(
@@ -35,7 +34,7 @@ while isinstance(decision, PushDecision):
     )
     after = prior.step(scene[None], push[None])[0]  # in place of a real push
     executed = PushExecuted(decision.push_id, 1, scene, push, after)
-    decision = act(agent, executed, SceneSeen(after, 1, scene_id=agent.pushes + 1))
+    decision = act(agent, executed, SceneObserved(after, 1, scene_id=agent.pushes + 1))
     scene = after
 
 if decision is None or decision.failure:

@@ -14,8 +14,7 @@ from sain_core.push import LENGTH, PushLimits
 from sain_eval.scenes.scenarios import SCENARIOS
 from sain_model.physics.planar import PlanarPrior
 from sain_mppi.agent.agent import Agent, AgentConfig, act
-from sain_mppi.agent.decision import PushDecision, Task
-from sain_mppi.agent.events import GoalGiven, SceneSeen
+from sain_mppi.agent.events import GoalGiven, PushDecision, SceneObserved, Task
 from sain_mppi.algorithms.config import MPPI, MPPI_ROUNDS, PlannerConfig
 
 CASE = SCENARIOS["anywhere"].scene(3)
@@ -34,7 +33,7 @@ def first_plan(peer: PeerSettings) -> PushDecision:
     config = AgentConfig(planner=PlannerConfig(ahead=False))
     decider = TimedDecider(PeerDecider(model, model, config, peer))
     agent = Agent(decider, config)
-    decision = act(agent, GoalGiven(Task(1, 1, GOAL, 15)), SceneSeen(CASE.disks, 1, 1))
+    decision = act(agent, GoalGiven(Task(1, 1, GOAL, 15)), SceneObserved(CASE.disks, 1, 1))
     assert isinstance(decision, PushDecision)
     assert len(decider.seconds) == 1
     return decision
@@ -57,7 +56,7 @@ def test_a_missing_judo_is_named_with_its_installation(monkeypatch):
     monkeypatch.setitem(sys.modules, "judo", None)
     model, config = PlanarPrior(), AgentConfig()
     agent = Agent(PeerDecider(model, model, config, PeerSettings("judo cem")), config)
-    stop = act(agent, GoalGiven(Task(1, 1, GOAL, 15)), SceneSeen(CASE.disks, 1, 1))
+    stop = act(agent, GoalGiven(Task(1, 1, GOAL, 15)), SceneObserved(CASE.disks, 1, 1))
     assert isinstance(stop.error, ConfigError)
     assert "pip install --no-deps judo-rai" in stop.failure
 

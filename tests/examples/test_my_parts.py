@@ -54,14 +54,13 @@ def test_a_shape_is_pushed(environment: dict[str, str], tmp_path: Path) -> None:
 def test_the_new_terms_count_where_nothing_is_done(environment: dict[str, str]) -> None:
     lines = (
         "import numpy as np; from sain_core.scene import make_scene;"
-        " from sain_core.feasibility import Feasibility;"
-        " from sain_core.shapes.bodies import PAPER_DISKS;"
+        " from sain_mppi.objective.problem import Problem;"
         " from sain_mppi.objective.cost_weights import CostWeights;"
-        " from sain_mppi.objective.objective import Objective;"
+        " from sain_mppi.objective.cost import Objective;"
         " scene = make_scene(np.array([[0.4, 0.0], [0.6, 0.3]]), np.ones(2), np.full(2, 0.05));"
-        " from sain_core.goal import Goal; goal = Goal.place(0.6, 0.3);"
-        " costs = [Objective(goal, scene, CostWeights(more=m), Feasibility(), PAPER_DISKS)"
-        ".rest_cost(scene) for m in ('', 'my_centre:2.0')];"
+        " from sain_core.goal import Goal; problem = Problem.of(scene, Goal.place(0.6, 0.3));"
+        " costs = [Objective(problem, CostWeights(more=m))"
+        ".rest_cost() for m in ('', 'my_centre:2.0')];"
         " print(round(costs[1] - costs[0], 6))"
     )
     assert run(environment, [sys.executable, "-c", lines]).strip() == str(

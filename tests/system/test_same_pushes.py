@@ -15,7 +15,7 @@ from sain_core.scene import MASS
 from sain_eval.loop.evaluation import EpisodeJob, play_job
 from sain_interfaces.msg import Plan
 from sain_mppi.agent.agent import AgentConfig
-from sain_mppi.agent.estimate import EstimatorConfig
+from sain_mppi.agent.uncertainty import EstimatorConfig
 from sain_mppi.ros.mppi_node import MppiNode
 from sain_sim.camera.camera import WorldCameraConfig
 from sain_sim.ros.sim_node import SimNode

@@ -25,7 +25,7 @@ PACKAGES: Final = {
     ),
     "sain_mppi": (
         "The agent that decides, and the planner that it asks.",
-        ("agent.agent", "agent.decision", "planner", "algorithms.config"),
+        ("agent.agent", "agent.events", "planner", "algorithms.config"),
     ),
     "sain_bags": (
         "Recordings without ROS.",

@@ -4,8 +4,7 @@ import numpy as np
 
 from sain_core.scene import POSITION
 from sain_core.types import Scalars
-from sain_mppi.objective.cost import Rollout
-from sain_mppi.objective.objective import Objective
+from sain_mppi.objective.cost import Objective, Rollout
 
 MIDDLE = np.array([0.5, 0.0])  # [m]
 

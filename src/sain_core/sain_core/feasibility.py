@@ -200,6 +200,12 @@ class Feasibility(Config):
 
         A push must also be against a pushable body.
         """
+        return self.assess(scenes, pushes, bodies)[0]
+
+    def assess(
+        self, scenes: Scenes, pushes: Pushes, bodies: Bodies = PAPER_DISKS
+    ) -> tuple[Mask, Scalars]:
+        """Return which pushes are possible, see `mask`, and the gaps [m] of `tool_gap`."""
         limits = self.limits
         start, heading = strokes(scenes, pushes, limits, bodies)
         way = unit(heading)
@@ -208,7 +214,7 @@ class Feasibility(Config):
         possible &= gap >= self.tool_margin
         possible &= start_gap(scenes, pushes, self.limits, bodies) >= 0.0
         possible &= np.isin(pushes[..., BODY], bodies.pushable)
-        return np.asarray(possible | (pushes[..., LENGTH] == 0.0))
+        return np.asarray(possible | (pushes[..., LENGTH] == 0.0)), gap
 
     def check_way(
         self, start: Points, way: Points, scene: Scene, push: PushArray, bodies: Bodies

@@ -109,6 +109,19 @@ class Plugins:
 
         return call
 
+    def function(self, name: str) -> tuple[EntryPoint, Callable[..., Any]]:
+        """Return who offers a function by a name, and that function, `guarded`.
+
+        Raises:
+            ConfigError: as `find` and `load`; or it is no function.
+        """
+        entry = self.find(name)
+        work = self.load(entry)
+        if not callable(work):
+            kind = type(work).__name__
+            raise self.wrong(entry, f"{entry.value} is a {kind}; it must be a function")
+        return entry, self.guarded(entry, work)
+
     @contextmanager
     def _blaming(self, entry: EntryPoint, what: str, name: str = "") -> Iterator[None]:
         try:

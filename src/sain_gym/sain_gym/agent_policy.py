@@ -11,8 +11,16 @@ from sain_eval.loop.controllers import agent_maker
 from sain_gym.episode import PushEpisode
 from sain_gym.push_env import PushEnv
 from sain_mppi.agent.agent import AgentConfig, act
-from sain_mppi.agent.decision import PushDecision, Stop, Task
-from sain_mppi.agent.events import EpisodeBegun, GoalGiven, PushEnded, PushExecuted, SceneSeen
+from sain_mppi.agent.events import (
+    EpisodeBegun,
+    GoalGiven,
+    PushDecision,
+    PushEnded,
+    PushExecuted,
+    SceneObserved,
+    Stop,
+    Task,
+)
 
 Decision = PushDecision | Stop | None
 EPISODE: Final = 1  # its id; the agent is new in each
@@ -94,4 +102,4 @@ class AgentPolicy:
         return PushExecuted(self._push_id, EPISODE, answer.before, answer.push, answer.after)
 
     def _look(self, episode: PushEpisode) -> Decision:
-        return act(self._agent, SceneSeen(episode.scene, EPISODE, episode.pushes + 1))
+        return act(self._agent, SceneObserved(episode.scene, EPISODE, episode.pushes + 1))

@@ -10,7 +10,7 @@ from sain_core.goal import MOST_SHARED, BodyPose, Goal
 from sain_core.scene import POSITION, TARGET, THETA, Table
 from sain_core.shapes.bodies import Bodies, Role, overlap
 from sain_core.types import Scene
-from sain_mppi.objective.in_reach import check_in_reach
+from sain_mppi.objective.problem import Problem
 
 FIRST_WAY: Final = (0.12, 0.0)  # [m], from a body to the goal that it is given first
 FEASIBILITY: Final = Feasibility()
@@ -50,7 +50,7 @@ def check_aim(
         InvalidInputError: into a body that stays where it is; all else that `Goal` checks.
     """
     goal.check(scene, bodies, feasibility.table)
-    check_in_reach(goal, scene, bodies, feasibility)
+    Problem(scene, goal, bodies, scene, feasibility).check_reach()
     placed = goal.placed(scene)
     for body in goal.wanted:
         for other, role in enumerate(bodies.roles):

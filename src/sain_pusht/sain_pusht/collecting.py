@@ -13,7 +13,7 @@ from sain_core.shapes.bodies import Bodies
 from sain_core.types import PushArray, Scene
 from sain_model.data.dataset import Dataset
 from sain_mppi.agent.agent import Agent
-from sain_mppi.algorithms.feasible_mask import permitted
+from sain_mppi.objective.problem import touching
 from sain_pusht.agent import FEASIBILITY, LIMITS
 from sain_pusht.world import PushtWorld, play_pusht
 
@@ -45,7 +45,7 @@ def _draw(random: np.random.Generator, scene: Scene, bodies: Bodies) -> PushArra
     pushes = LIMITS.sample(random, DRAWS)
     beyond = LIMITS.max_length - LIMITS.clearance
     pushes[:, LENGTH] = LIMITS.clearance + beyond * random.uniform(0.0, 1.0, DRAWS) ** 2
-    pushes = pushes[permitted(scene, pushes, FEASIBILITY, bodies=bodies)]
+    pushes = pushes[touching(scene, pushes, FEASIBILITY, bodies)]
     return pushes[0] if len(pushes) else None
 
 

@@ -15,7 +15,8 @@ from sain_eval.loop.closed_loop import run_episode
 from sain_eval.loop.controllers import agent_maker
 from sain_eval.scenes.scenarios import SCENARIOS
 from sain_mppi.agent.agent import Agent, AgentConfig
-from sain_mppi.agent.decision import Decider, PushDecision
+from sain_mppi.agent.events import PushDecision
+from sain_mppi.agent.planning import Decider
 from sain_sim.world.truth import TruthConfig
 from sain_sim.world.world import World
 

@@ -20,7 +20,8 @@ from sain_eval.scenes.families import PoseScenario
 from sain_eval.scenes.scenario_scene import ScenarioScene
 from sain_eval.scenes.scenarios import SCENARIOS
 from sain_mppi.agent.agent import Agent, AgentConfig
-from sain_mppi.agent.decision import Decider, PushDecision
+from sain_mppi.agent.events import PushDecision
+from sain_mppi.agent.planning import Decider
 
 PUSH_T = SCENARIOS["push_t"].scene(9)
 ROW = np.stack([np.full(10, 0.45), np.linspace(-0.45, 0.45, 10)], axis=-1)

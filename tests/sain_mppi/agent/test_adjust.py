@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from sain_core.errors import ConfigError
-from sain_core.feasibility import Feasibility
 from sain_core.goal import Goal
 from sain_core.model import IdentityPrior
 from sain_core.seeding import generator
-from sain_mppi.agent.decision import Decider, PlanJob, Task, View
-from sain_mppi.agent.planning import PlanningDecider
+from sain_mppi.agent.events import PlanJob, SceneObserved, Task
+from sain_mppi.agent.planning import Decider, PlanningDecider
 from sain_mppi.algorithms.config import PlannerConfig
+from sain_mppi.objective.problem import Problem
 
 TASK = Task(1, 0, Goal.place(0.68, 0.05, 0.01), 0)
 FEW = PlannerConfig(samples=48, rounds=2, horizon=3)
@@ -27,11 +27,13 @@ CHANGES = (
 
 def decider_of(dynamics, config):
     model = dynamics
-    return PlanningDecider(model, model, config, Feasibility())
+    return PlanningDecider(model, model, config)
 
 
 def job_in(scene, number=0):
-    return PlanJob(TASK, View(scene, 1, 1 + number, True, 0.0), scene, 1, number)
+    return PlanJob(
+        TASK, SceneObserved(scene, 1, 1 + number), Problem.of(scene, TASK.goal), 1, number
+    )
 
 
 @pytest.mark.parametrize("changes", CHANGES, ids="-".join)
@@ -72,7 +74,7 @@ class Adjusting(IdentityPrior):
 
 def test_a_plan_in_progress_keeps_its_settings(scene, dynamics):
     model = Adjusting(dynamics)
-    model.decider = PlanningDecider(model, model, FEW, Feasibility())
+    model.decider = PlanningDecider(model, model, FEW)
     first = model.decider.decide(job_in(scene), generator(0))
     assert first.settings == FEW
     assert len(first.plan.pushes) == FEW.horizon
@@ -90,7 +92,7 @@ def test_a_surprise_is_judged_by_the_settings_of_now(scene, dynamics):
     moved = scene.copy()
     moved[1, 0] += 0.03
     then = decider.decide(job_in(moved, 2), generator(2))
-    assert (then.concern, then.last.expected.min()) == ("", 1.0)
+    assert (then.warning, then.last_expected.min()) == ("", 1.0)
 
 
 def test_who_does_not_plan_has_nothing_to_change():

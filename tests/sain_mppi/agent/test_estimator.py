@@ -1,21 +1,20 @@
 """From noisy and late frames to one view of a scene."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 from sain_core.errors import ErrorCode, OutOfRangeError
 from sain_core.goal import Goal
 from sain_core.scene import POSE, POSITION, TARGET, VELOCITY, VX, is_settled
-from sain_mppi.agent.decision import PlanJob, PushDecision, Task, View
-from sain_mppi.agent.estimate import Estimate, EstimatorConfig, fuse, in_motion
 from sain_mppi.agent.estimator import Estimator
-from sain_mppi.agent.uncertainty import Uncertainty
+from sain_mppi.agent.events import PlanJob, PushDecision, SceneObserved, Task
+from sain_mppi.agent.uncertainty import EstimatorConfig, Uncertainty, fuse, in_motion
+from sain_mppi.objective.problem import Problem
 
 NOISE = (0.005, 0.035)
 CONFIG = EstimatorConfig(noise="0.005,0.035")
 PERIOD = 1 / 30
+GOAL = Goal.place(0.7, 0.0)
 
 
 def noisy(scene, count, seed=0):
@@ -28,7 +27,8 @@ def noisy(scene, count, seed=0):
 
 def feed(estimator, scenes, scene_id=1, start=0.0):
     for index, scene in enumerate(scenes):
-        estimator.see(View(scene, 1, scene_id, True, 0.0, start + index * PERIOD))
+        time = start + index * PERIOD
+        estimator.observe(SceneObserved(scene, 1, scene_id, time=time))
 
 
 @pytest.fixture
@@ -45,10 +45,10 @@ def test_as_many_frames_are_averaged_as_the_precision_needs(estimator, scene):
     feed(estimator, noisy(scene, 1, 1), start=24 * PERIOD)
     view = estimator.estimate()
     np.testing.assert_allclose(view.scene[:, POSITION], scene[:, POSITION], atol=0.003)
-    np.testing.assert_allclose(view.sure.places, 0.001)
+    np.testing.assert_allclose(view.uncertainty.places, 0.001)
     assert is_settled(view.scene) and not view.scene[:, VELOCITY].any()
     feed(estimator, noisy(scene, 5), start=1.0)
-    assert estimator.estimate() is None and estimator.view is view  # once a scene
+    assert estimator.estimate() is None and estimator.estimated is view  # once a scene
 
 
 def test_frames_from_before_the_end_of_a_push_do_not_count(estimator, scene):
@@ -58,7 +58,7 @@ def test_frames_from_before_the_end_of_a_push_do_not_count(estimator, scene):
     moved[:, 0] += 0.1
     feed(estimator, noisy(scene, 30), scene_id=2, start=1.0)  # late: still of the scene before
     assert estimator.estimate() is None  # the result of the push is not there
-    estimator.answered(7, ErrorCode.OK, 2.0)
+    estimator.ended(7, ErrorCode.OK, 2.0)
     assert estimator.estimate() is None
     feed(estimator, noisy(moved, 25, 1), scene_id=2, start=2.01)
     np.testing.assert_allclose(estimator.estimate().scene[:, 0], moved[:, 0], atol=0.003)
@@ -86,20 +86,21 @@ def test_bodies_that_never_seem_to_rest_are_reported(scene, caplog):
 def test_what_a_push_should_lead_to_counts_by_its_precision(scene):
     frames = list(noisy(scene, 25))
     seen = fuse(frames, NOISE)
-    sure = Estimate(scene, np.full(2, 1e-6), np.full(2, 1e-6))
-    np.testing.assert_allclose(fuse(frames, NOISE, sure).scene[:, POSE], scene[:, POSE], atol=1e-5)
-    unsure = fuse(frames, NOISE, replace(sure, places=np.full(2, 1.0), turns=np.full(2, 9.0)))
-    np.testing.assert_allclose(unsure.scene, seen.scene, atol=1e-6)
-    both = fuse(frames, NOISE, replace(sure, places=np.full(2, 0.001)))
-    np.testing.assert_allclose(both.places, 0.001 / 2**0.5)
+    certain = scene, Uncertainty(np.full(2, 1e-6), np.full(2, 1e-6))
+    np.testing.assert_allclose(fuse(frames, NOISE, certain)[0][:, POSE], scene[:, POSE], atol=1e-5)
+    vague = scene, Uncertainty(np.full(2, 1.0), np.full(2, 9.0))
+    uncertain = fuse(frames, NOISE, vague)
+    np.testing.assert_allclose(uncertain[0], seen[0], atol=1e-6)
+    both = fuse(frames, NOISE, (scene, Uncertainty(np.full(2, 0.001), np.full(2, 1e-6))))
+    np.testing.assert_allclose(both[1].places, 0.001 / 2**0.5)
 
 
 def test_a_prediction_that_is_far_off_does_not_count(scene):
     frames, far = list(noisy(scene, 25)), scene.copy()
     far[TARGET, 0] += 0.02
-    wrong = Estimate(far, np.full(2, 1e-3), np.full(2, 1e-2))
+    wrong = far, Uncertainty(np.full(2, 1e-3), np.full(2, 1e-2))
     found = fuse(frames, NOISE, wrong)
-    np.testing.assert_array_equal(found.scene[TARGET], fuse(frames, NOISE).scene[TARGET])
+    np.testing.assert_array_equal(found[0][TARGET], fuse(frames, NOISE)[0][TARGET])
 
 
 def test_the_probability_of_a_place_is_that_of_normal_errors():
@@ -112,10 +113,10 @@ def test_the_probability_of_a_place_is_that_of_normal_errors():
 
 
 def job(scene, std, tolerance):
-    sure = Uncertainty(np.full(2, std), np.full(2, 0.01), 0.95)
-    view = View(scene, 1, 1, True, 0.0, sure=sure)
-    goal = scene[TARGET, POSITION] + [0.008, 0.0]
-    return PlanJob(Task(1, 0, Goal.place(*goal, tolerance), 0), view, scene, 1, 0)
+    uncertainty = Uncertainty(np.full(2, std), np.full(2, 0.01), 0.95)
+    observed = SceneObserved(scene, 1, 1, uncertainty=uncertainty)
+    goal = Goal.place(*scene[TARGET, POSITION] + [0.008, 0.0], tolerance)
+    return PlanJob(Task(1, 0, goal, 0), observed, Problem.of(scene, goal), 1, 0)
 
 
 def test_a_goal_is_reached_with_the_wanted_probability(scene):
@@ -124,24 +125,28 @@ def test_a_goal_is_reached_with_the_wanted_probability(scene):
     assert not job(scene, 0.004, 0.011).reached
 
 
+def check_tolerance(job):
+    job.observed.uncertainty.check_tolerance(job.problem.goal)
+
+
 def test_a_tolerance_that_noise_hides_is_refused(scene):
     with pytest.raises(OutOfRangeError, match=r"4\.0 mm .* less than 95 %; choose wider"):
-        job(scene, 0.004, 0.005).check()
-    job(scene, 0.001, 0.005).check()
+        check_tolerance(job(scene, 0.004, 0.005))
+    check_tolerance(job(scene, 0.001, 0.005))
 
 
 def test_an_own_push_is_learned_from_with_the_noise_of_both_scenes(estimator, scene):
     feed(estimator, noisy(scene, 25))
     view = estimator.estimate()
     made = PushDecision(
-        PlanJob(Task(1, 0, Goal.place(0.0, 0.0), 0), view, scene, 1, 0), np.ones(3), push_id=7
+        PlanJob(Task(1, 0, GOAL, 0), view, Problem.of(scene, GOAL), 1, 0), np.ones(5), push_id=7
     )
     estimator.sent(made)
     estimator.completed(made)
-    estimator.answered(7, ErrorCode.OK, 1.0)
+    estimator.ended(7, ErrorCode.OK, 1.0)
     feed(estimator, noisy(scene, 25, 1), scene_id=2, start=1.01)
     after = estimator.estimate()
-    learned = estimator.pushed
+    learned = estimator.executed
     assert learned.before is view.scene
     np.testing.assert_array_equal(learned.after, after.scene)
     np.testing.assert_allclose(learned.noise, np.hypot(0.001, 0.002))

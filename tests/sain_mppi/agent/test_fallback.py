@@ -7,7 +7,7 @@ from sain_core.model import IdentityPrior, Model
 from sain_core.push import idle_pushes
 from sain_core.scene import MASS
 from sain_core.shapes.bodies import Bodies
-from sain_mppi.agent.fallback import FallbackRollout, Patience
+from sain_mppi.agent.planning import FallbackRollout, Patience
 
 SCENE, PUSHES = np.zeros((2, 8)), idle_pushes(3, 1)
 

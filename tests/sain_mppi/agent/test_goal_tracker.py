@@ -3,12 +3,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sain_core.errors import ErrorCode, OffTableError
+from sain_core.errors import ErrorCode
 from sain_core.goal import Goal
 from sain_core.push import make_push
-from sain_core.scene import Table, make_scene
-from sain_mppi.agent.decision import PlanJob, StopReason, Task, View
+from sain_core.scene import make_scene
+from sain_mppi.agent.events import PlanJob, SceneObserved, StopReason, Task
 from sain_mppi.agent.goal_tracker import GoalTracker, GoalTrackerConfig
+from sain_mppi.objective.problem import Problem
 
 SCENE = make_scene(np.array([(0.4, 0.0), (0.55, 0.0)]), np.full(2, 8.0), np.array([0.08, 0.06]))
 PUSH = make_push(0.0, 0.1, 0.05)
@@ -22,8 +23,8 @@ class Clock:
         return self.now
 
 
-def view(scene_id: int = 1, episode_id: int = 1, settled: bool = True) -> View:
-    return View(SCENE, episode_id, scene_id, settled, 0.0)
+def view(scene_id: int = 1, episode_id: int = 1, settled: bool = True) -> SceneObserved:
+    return SceneObserved(SCENE, episode_id, scene_id, settled)
 
 
 @pytest.fixture
@@ -33,69 +34,63 @@ def clock() -> Clock:
 
 @pytest.fixture
 def tracker(clock: Clock) -> GoalTracker:
-    return GoalTracker(GoalTrackerConfig(max_refusals=2, answer_timeout=5.0), Table(), clock)
+    return GoalTracker(GoalTrackerConfig(max_refusals=2, answer_timeout=5.0), clock)
 
 
 def job_of(tracker: GoalTracker) -> PlanJob:
-    job = tracker.next_job()
-    assert job is not None
-    return job
+    scene = tracker.next_scene()
+    assert scene is not None and tracker.task is not None and tracker.start is not None
+    problem = Problem.of(scene.scene, tracker.task.goal, start=tracker.start.scene)
+    state = tracker.session, tracker.pushes, tracker.refused
+    return PlanJob(tracker.task, scene, problem, *state)
 
 
 def test_it_takes_a_goal_and_a_settled_scene_in_any_order(tracker: GoalTracker) -> None:
-    tracker.see(view())
-    assert tracker.next_job() is None
-    tracker.aim(TASK)
-    assert job_of(tracker).view.key == (1, 1)
-    tracker.see(view(2, settled=False))
-    assert tracker.next_job() is None
-    tracker.see(view(2))
-    assert job_of(tracker).view.key == (1, 2)
+    tracker.observe(view())
+    assert tracker.next_scene() is None
+    tracker.set_goal(TASK)
+    assert job_of(tracker).observed.key == (1, 1)
+    tracker.observe(view(2, settled=False))
+    assert tracker.next_scene() is None
+    tracker.observe(view(2))
+    assert job_of(tracker).observed.key == (1, 2)
 
 
 def test_each_scene_is_decided_on_once_a_goal(tracker: GoalTracker) -> None:
-    tracker.aim(TASK)
-    tracker.see(view())
+    tracker.set_goal(TASK)
+    tracker.observe(view())
     job_of(tracker)
-    tracker.see(view())
-    assert tracker.next_job() is None
-    tracker.aim(replace(TASK, goal_id=2))
+    tracker.observe(view())
+    assert tracker.next_scene() is None
+    tracker.set_goal(replace(TASK, goal_id=2))
     assert job_of(tracker).task.goal_id == 2
 
 
 def test_a_goal_of_one_episode_waits_for_it(tracker: GoalTracker) -> None:
-    tracker.aim(replace(TASK, episode_id=2))
-    tracker.see(view(episode_id=1))
-    assert tracker.next_job() is None
-    tracker.see(view(5, episode_id=2))
-    assert job_of(tracker).view.episode_id == 2
-
-
-def test_a_goal_that_cannot_be_served_leaves_none(tracker: GoalTracker) -> None:
-    tracker.aim(TASK)
-    with pytest.raises(OffTableError):
-        tracker.aim(replace(TASK, goal=Goal.place(9.0, 0.0)))
-    tracker.see(view())
-    assert tracker.next_job() is None
+    tracker.set_goal(replace(TASK, episode_id=2))
+    tracker.observe(view(episode_id=1))
+    assert tracker.next_scene() is None
+    tracker.observe(view(5, episode_id=2))
+    assert job_of(tracker).observed.episode_id == 2
 
 
 def test_a_job_is_unwanted_once_its_goal_or_scene_is_past(tracker: GoalTracker) -> None:
-    tracker.aim(TASK)
-    tracker.see(view())
+    tracker.set_goal(TASK)
+    tracker.observe(view())
     job = job_of(tracker)
     assert tracker.is_current(job)
-    tracker.see(view(2))
+    tracker.observe(view(2))
     assert not tracker.is_current(job)
-    tracker.see(view(1))
-    tracker.aim(replace(TASK))
+    tracker.observe(view(1))
+    tracker.set_goal(replace(TASK))
     assert not tracker.is_current(job)
 
 
 def test_a_job_at_the_goal_without_pushes_left_or_refused_too_often_is_a_stop(
     tracker: GoalTracker,
 ) -> None:
-    tracker.aim(replace(TASK, max_pushes=1))
-    tracker.see(view())
+    tracker.set_goal(replace(TASK, max_pushes=1))
+    tracker.observe(view())
     job = job_of(tracker)
     assert tracker.stop(job) is None
     refused = tracker.stop(replace(job, refused=(PUSH, PUSH)))
@@ -105,126 +100,127 @@ def test_a_job_at_the_goal_without_pushes_left_or_refused_too_often_is_a_stop(
     exhausted = tracker.stop(job)
     assert exhausted is not None and exhausted.reason is StopReason.EXHAUSTED
     assert exhausted.failure == "1 pushes left body 1 150.0 mm and 0.000 rad from its pose"
-    there = tracker.stop(replace(job, task=replace(job.task, goal=Goal.place(*SCENE[1, :2]))))
+    reached = replace(job.problem, goal=Goal.place(*SCENE[1, :2]))
+    there = tracker.stop(replace(job, problem=reached))
     assert there is not None and (there.reason, there.failure) == (StopReason.REACHED, "")
 
 
 def test_a_push_refused_for_itself_is_to_be_replaced(tracker: GoalTracker) -> None:
-    tracker.aim(TASK)
-    tracker.see(view())
+    tracker.set_goal(TASK)
+    tracker.observe(view())
     for attempt in range(3):
         assert len(job_of(tracker).refused) == attempt
         tracker.sent(10 + attempt, PUSH)
-        assert tracker.answered(10 + attempt, ErrorCode.BLOCKED)
+        tracker.ended(10 + attempt, ErrorCode.BLOCKED)
     assert tracker.pushes == 0
 
 
 def test_sessions_end_with_goal_and_episode_and_when_a_scene_was_not_the_current_one(
     tracker: GoalTracker,
 ) -> None:
-    tracker.aim(TASK)
-    tracker.see(view(1))
+    tracker.set_goal(TASK)
+    tracker.observe(view(1))
     first = job_of(tracker)
-    tracker.see(view(2))
+    tracker.observe(view(2))
     second = job_of(tracker)
-    assert (second.session, second.start is first.start) == (first.session, True)
+    assert (second.session, second.problem.start is first.problem.start) == (first.session, True)
     tracker.sent(10, PUSH)
-    tracker.answered(10, ErrorCode.STALE_SCENE)
-    tracker.see(view(3))
+    tracker.ended(10, ErrorCode.STALE_SCENE)
+    tracker.observe(view(3))
     third = job_of(tracker)
-    tracker.see(view(4, episode_id=2))
+    tracker.observe(view(4, episode_id=2))
     fourth = job_of(tracker)
-    tracker.aim(replace(TASK, goal_id=2))
+    tracker.set_goal(replace(TASK, goal_id=2))
     sessions = [second.session, third.session, fourth.session, job_of(tracker).session]
     assert len(set(sessions)) == 4
 
 
 @pytest.mark.parametrize("code", [ErrorCode.STALE_SCENE, ErrorCode.BUSY, ErrorCode.UNKNOWN_EPISODE])
 def test_a_push_refused_for_its_scene_waits_for_the_next_look(tracker, code) -> None:
-    tracker.aim(TASK)
-    tracker.see(view())
+    tracker.set_goal(TASK)
+    tracker.observe(view())
     job_of(tracker)
     tracker.sent(10, PUSH)
-    assert tracker.answered(10, code)
-    assert tracker.next_job() is None
-    tracker.see(view())  # it was the current one after all
+    tracker.ended(10, code)
+    assert tracker.next_scene() is None
+    tracker.observe(view())  # it was the current one after all
     assert job_of(tracker).refused == ()
 
 
 def test_what_becomes_of_others_pushes_does_not_matter(tracker: GoalTracker) -> None:
-    tracker.aim(TASK)
-    tracker.see(view())
+    tracker.set_goal(TASK)
+    tracker.observe(view())
     job_of(tracker)
     tracker.sent(10, PUSH)
-    assert not tracker.answered(99, ErrorCode.BLOCKED)
-    assert (tracker.pushes, tracker.next_job()) == (1, None)
+    tracker.ended(99, ErrorCode.BLOCKED)
+    assert (tracker.pushes, tracker.next_scene()) == (1, None)
 
 
 def test_a_late_refusal_of_a_past_scene_only_counts(tracker: GoalTracker, clock: Clock) -> None:
-    tracker.aim(TASK)
-    tracker.see(view())
+    tracker.set_goal(TASK)
+    tracker.observe(view())
     job_of(tracker)
     tracker.sent(10, PUSH)
-    tracker.see(view(2))
+    tracker.observe(view(2))
     clock.now = 1.0
     job = job_of(tracker)
-    assert tracker.answered(10, ErrorCode.STALE_SCENE)
+    tracker.ended(10, ErrorCode.STALE_SCENE)
     assert tracker.is_current(job)
     assert tracker.pushes == 0
 
 
 def test_a_push_that_is_never_answered_is_planned_again(tracker: GoalTracker, clock: Clock) -> None:
-    tracker.aim(TASK)
-    tracker.see(view())
+    tracker.set_goal(TASK)
+    tracker.observe(view())
     job_of(tracker)
     tracker.sent(10, PUSH)
     clock.now = 4.0
-    tracker.see(view())
-    assert tracker.next_job() is None
+    tracker.observe(view())
+    assert tracker.next_scene() is None
     clock.now = 6.0
-    tracker.see(view())
-    assert job_of(tracker).view.key == (1, 1)
+    tracker.observe(view())
+    assert job_of(tracker).observed.key == (1, 1)
 
 
 def test_a_scene_waits_for_the_result_of_the_push_before(
     tracker: GoalTracker, clock: Clock
 ) -> None:
-    tracker.aim(TASK)
-    tracker.see(view())
+    tracker.set_goal(TASK)
+    tracker.observe(view())
     job_of(tracker)
     tracker.sent(7, PUSH)
-    tracker.see(view(2, settled=False))
+    tracker.observe(view(2, settled=False))
     clock.now = 100.0  # however long it moves
-    tracker.see(view(2))
-    assert tracker.next_job() is None
-    assert not tracker.answered(7, ErrorCode.OK)
-    assert job_of(tracker).view.key == (1, 2)
+    tracker.observe(view(2))
+    assert tracker.next_scene() is None
+    tracker.ended(7, ErrorCode.OK)
+    assert job_of(tracker).observed.key == (1, 2)
 
 
 def test_a_result_that_does_not_come_is_not_waited_for_any_longer(
     tracker: GoalTracker, clock: Clock
 ) -> None:
-    tracker.aim(TASK)
-    tracker.see(view())
+    tracker.set_goal(TASK)
+    tracker.observe(view())
     job_of(tracker)
     tracker.sent(7, PUSH)
-    tracker.see(view(2))
+    tracker.observe(view(2))
     clock.now = 0.49
-    tracker.see(view(2))
-    assert tracker.next_job() is None
+    tracker.observe(view(2))
+    assert tracker.next_scene() is None
     clock.now = 0.51
-    assert job_of(tracker).view.key == (1, 2)
+    assert job_of(tracker).observed.key == (1, 2)
 
 
 def test_a_result_that_was_lost_delays_one_plan_alone(tracker: GoalTracker, clock: Clock) -> None:
-    tracker.aim(TASK)
-    tracker.see(view())
+    tracker.set_goal(TASK)
+    tracker.observe(view())
     job_of(tracker)
     tracker.sent(7, PUSH)
-    tracker.see(view(2))
+    tracker.observe(view(2))
     clock.now = 1.0
     job_of(tracker)  # without the result of push 7, which never comes
     tracker.sent(8, PUSH)
-    tracker.see(view(3))
-    assert not tracker.answered(8, ErrorCode.OK)
-    assert job_of(tracker).view.key == (1, 3)
+    tracker.observe(view(3))
+    tracker.ended(8, ErrorCode.OK)
+    assert job_of(tracker).observed.key == (1, 3)

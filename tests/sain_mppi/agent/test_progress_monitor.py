@@ -6,15 +6,14 @@ import numpy as np
 import pytest
 
 from sain_core.errors import NoProgressError
-from sain_core.feasibility import Feasibility
 from sain_core.goal import Goal
 from sain_core.model import IdentityPrior
 from sain_core.scene import MID, POSITION, TARGET
 from sain_core.seeding import generator
-from sain_mppi.agent.decision import PlanJob, Task, View
-from sain_mppi.agent.planning import PlanningDecider
-from sain_mppi.agent.progress_monitor import ProgressMonitor
+from sain_mppi.agent.events import PlanJob, SceneObserved, Task
+from sain_mppi.agent.planning import PlanningDecider, ProgressMonitor
 from sain_mppi.algorithms.config import PlannerConfig, ProgressConfig
+from sain_mppi.objective.problem import Problem
 
 TASK = Task(1, 0, Goal.place(0.68, 0.05, 0.01), 0)
 CONFIG = PlannerConfig(samples=96, rounds=2)
@@ -28,7 +27,7 @@ def moved(scene, disk, way):
 
 def decider_over(dynamics, config=CONFIG):
     model = dynamics
-    return PlanningDecider(model, model, config, Feasibility())
+    return PlanningDecider(model, model, config)
 
 
 @pytest.fixture
@@ -37,17 +36,19 @@ def decider(dynamics):
 
 
 def decide(decider, scene, number=0, **changes):
-    job = PlanJob(TASK, View(scene, 1, 1 + number, True, 0.0), scene, 1, number)
+    job = PlanJob(
+        TASK, SceneObserved(scene, 1, 1 + number), Problem.of(scene, TASK.goal), 1, number
+    )
     return decider.decide(replace(job, **changes), generator(number))
 
 
 def test_a_push_that_leads_where_it_should_is_no_concern(scene, decider):
     first = decide(decider, scene)
     then = decide(decider, first.predicted, 1)
-    assert first.last is None and first.concern == then.concern == ""
-    np.testing.assert_array_equal(then.last.errors, [0.0, 0.0])
+    assert first.last_errors is None and first.warning == then.warning == ""
+    np.testing.assert_array_equal(then.last_errors, [0.0, 0.0])
     way = np.linalg.norm((first.predicted - scene)[:, POSITION], axis=1)
-    np.testing.assert_allclose(then.last.expected, np.maximum(0.01, 0.3 * way))
+    np.testing.assert_allclose(then.last_expected, np.maximum(0.01, 0.3 * way))
 
 
 @pytest.mark.parametrize(("disk", "name"), [(MID, "mid disk"), (TARGET, "target")])
@@ -55,23 +56,23 @@ def test_after_a_surprise_the_plan_is_wider_and_says_why(scene, decider, disk, n
     first = decide(decider, scene)
     way = [0.06 if disk == TARGET else -0.06, 0.0]
     then = decide(decider, moved(first.predicted, disk, way), 1)
-    assert then.concern.startswith(f"{name} 60 mm from where it should be")
+    assert then.warning.startswith(f"{name} 60 mm from where it should be")
     assert then.plan.samples > first.plan.samples
-    assert then.last.errors[disk] == pytest.approx(0.06)
+    assert then.last_errors[disk] == pytest.approx(0.06)
 
 
 def test_in_another_session_there_is_no_past_to_be_surprised_by(scene, decider):
     first = decide(decider, scene)
     then = decide(decider, moved(first.predicted, TARGET, [0.06, 0.0]), 1, session=2)
-    assert (then.concern, then.last) == ("", None)
+    assert (then.warning, then.last_errors) == ("", None)
 
 
 def test_an_error_inside_the_model_s_region_is_no_surprise(scene):
     monitor = ProgressMonitor(ProgressConfig())
     for regions, surprising in ((None, True), (np.array([0.0, 0.1]), False)):
         monitor.expect(scene, moved(scene, TARGET, [0.02, 0.0]), regions)
-        monitor.look(moved(scene, TARGET, [0.05, 0.0]), 1.0)
-        assert monitor.last.surprising == surprising
+        monitor.observe(moved(scene, TARGET, [0.05, 0.0]), 1.0)
+        assert bool(monitor.warning) == surprising
 
 
 def test_a_refused_push_and_a_scene_of_other_disks_are_no_surprise(scene, decider):
@@ -79,8 +80,8 @@ def test_a_refused_push_and_a_scene_of_other_disks_are_no_surprise(scene, decide
     again = decide(decider, scene, 1, refused=(first.push,))
     more = np.concatenate([scene, moved(scene[:1], 0, [0.0, 0.3])])
     then = decide(decider, more, 2)
-    assert again.last is None and then.last is None
-    assert again.concern == then.concern == ""
+    assert again.last_errors is None and then.last_errors is None
+    assert again.warning == then.warning == ""
 
 
 def test_pushes_that_bring_nothing_make_plans_wider_and_at_last_none(scene):
@@ -90,9 +91,9 @@ def test_pushes_that_bring_nothing_make_plans_wider_and_at_last_none(scene):
     with pytest.raises(NoProgressError, match="4 pushes in a row brought nothing, the distance is"):
         for number in range(9):
             jolted = moved(scene, MID, [1e-4 * (number % 2), 0.0])
-            concerns.append(decide(decider, jolted, number).concern)
+            concerns.append(decide(decider, jolted, number).warning)
     assert concerns == ["", "", "2 pushes brought nothing", "3 pushes brought nothing"]
-    assert decide(decider, scene, session=2).concern == ""
+    assert decide(decider, scene, session=2).warning == ""
 
 
 def test_a_way_round_the_target_counts_as_progress(scene, decider):
@@ -103,4 +104,4 @@ def test_a_way_round_the_target_counts_as_progress(scene, decider):
         around[MID, POSITION] = around[TARGET, POSITION] + 0.15 * np.array(
             [np.cos(bearing), np.sin(bearing)]
         )
-        assert "brought nothing" not in decide(decider, around, step).concern
+        assert "brought nothing" not in decide(decider, around, step).warning

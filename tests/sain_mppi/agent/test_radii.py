@@ -31,8 +31,8 @@ def test_pushes_show_the_sum_of_two_radii(scene, dynamics, radii):
         predicted = dynamics.step(before[None], push[None])[0]
         way = resized_push(push, before[MID, RADIUS], radii[MID], LIMITS)
         after = dynamics.step(resized(before, radii)[None], way[None])[0]
-        known.learn(before, push, predicted, after, NOISE)
-        known.look(after, NOISE)
+        known.update(before, push, predicted, after, NOISE)
+        known.exclude_overlaps(after, NOISE)
     assert known.radii.sum() == pytest.approx(sum(radii), abs=0.001)
     assert (known.std < 0.8 * BEFOREHAND).all()
 
@@ -41,9 +41,9 @@ def test_disks_nearer_than_their_radii_allow_are_smaller(scene):
     near = scene.copy()
     near[TARGET, 0] = near[MID, 0] + 0.134
     known = RadiusFilter(scene[:, RADIUS])
-    known.look(near, NOISE)
+    known.exclude_overlaps(near, NOISE)
     assert known.radii.sum() == pytest.approx(0.134, abs=5e-4)
-    known.look(scene, NOISE)  # apart: tells nothing
+    known.exclude_overlaps(scene, NOISE)  # apart: tells nothing
     assert known.radii.sum() == pytest.approx(0.134, abs=5e-4)
 
 
@@ -52,7 +52,7 @@ def test_bodies_with_corners_keep_their_size(scene):
     known = RadiusFilter(scene[:, RADIUS], bodies)
     near = scene.copy()
     near[TARGET, 0] = near[MID, 0] + 0.13
-    known.look(near, NOISE)
+    known.exclude_overlaps(near, NOISE)
     np.testing.assert_array_equal(known.radii, scene[:, RADIUS])
 
 
@@ -68,7 +68,7 @@ def test_an_earlier_push_keeps_its_way_when_the_radius_changes(scene, radius):
     assert (starts[0] - starts[1]) @ across == pytest.approx(0.0, abs=1e-12)
     known = RadiusFilter(np.array([radius, 0.06]))
     past = PushHistory.empty().then(scene, PUSH, scene, NOISE)
-    told = known.retold(past, LIMITS)
+    told = known.restated(past, LIMITS)
     np.testing.assert_allclose(told.action[0], push)
     assert told.noise is past.noise and (told.state[0, MID, RADIUS] == radius).all()
     assert scene[MID, POSITION].tobytes() == told.state[0, MID, POSITION].tobytes()

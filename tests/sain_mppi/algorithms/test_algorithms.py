@@ -33,12 +33,12 @@ WEIGHTLESS = CostWeights(
 pytestmark = pytest.mark.parametrize("algorithm", ALGORITHMS)
 
 
-def problem(scene, goal=GOAL):
-    return Problem.of(scene, goal)
+def problem(scene, goal=GOAL, feasibility=Feasibility()):
+    return Problem.of(scene, goal, feasibility=feasibility)
 
 
-def planner(model, algorithm, feasibility=None, **changes):
-    return Planner(model, replace(CONFIG, algorithm=algorithm, **changes), feasibility)
+def planner(model, algorithm, **changes):
+    return Planner(model, replace(CONFIG, algorithm=algorithm, **changes))
 
 
 class Changed(IdentityPrior):
@@ -194,7 +194,7 @@ def test_a_model_in_which_nothing_moves_still_gives_a_push(algorithm, scene):
 def test_no_push_left_is_an_error_that_says_where(algorithm, scene, dynamics):
     nowhere = Feasibility(reach=Reach(inner=0.50, outer=0.74, max_bearing=1.0))
     with pytest.raises(NoPushError, match=r"body 0 at \(0\.400, 0\.000\)"):
-        planner(dynamics, algorithm, nowhere).plan(problem(scene), generator(0))
+        planner(dynamics, algorithm).plan(problem(scene, feasibility=nowhere), generator(0))
 
 
 @pytest.mark.parametrize("selection", ["argmin", "mean"])

@@ -8,15 +8,14 @@ import pytest
 from sain_core.feasibility import Feasibility
 from sain_core.goal import Goal
 from sain_core.model import IdentityPrior, Model
-from sain_core.push import LENGTH, idle_pushes, push_direction
+from sain_core.push import LENGTH, idle_pushes, make_push, push_direction
 from sain_core.scene import POSITION, unit
 from sain_core.seeding import generator
-from sain_core.shapes.bodies import PAPER_DISKS
 from sain_core.types import Pushes, PushSequences, Scalars, Scenes
 from sain_mppi.algorithms.config import GRADIENT, GradientConfig, PlannerConfig
 from sain_mppi.algorithms.gradient import gradient
 from sain_mppi.algorithms.search import Search
-from sain_mppi.objective.objective import Objective
+from sain_mppi.objective.cost import Objective
 from sain_mppi.objective.problem import Problem
 from sain_mppi.planner import Planner
 
@@ -40,8 +39,7 @@ class Recorded(Search):
     """A search that remembers what it was asked."""
 
     def __init__(self, dynamics, config, scene):
-        objective = Objective(GOAL, scene, config.weights, Feasibility(), PAPER_DISKS)
-        super().__init__(dynamics, config, Feasibility(), scene, objective)
+        super().__init__(dynamics, config, Objective(Problem.of(scene, GOAL), config.weights))
         self.drawn: list[Scalars] = []
         self.probed: list[PushSequences] = []
 
@@ -76,7 +74,7 @@ def test_more_steps_lead_further_down(scene):
 
 def test_rests_stay_rests_and_steps_stay_inside_the_limits(scene):
     search = Recorded(Gliding(), replace(CONFIG, samples=2, stop_share=1.0), scene)
-    start = np.array([[[0.1, 0.7, 0.145], [0.0, 0.0, 0.0], [0.2, -0.78, 0.01]]])
+    start = make_push([[0.1, 0.0, 0.2]], [[0.7, 0.0, -0.78]], [[0.145, 0.0, 0.01]])
     gradient(search, start, generator(0))
     probed = np.concatenate(search.probed)
     assert (probed[:, 1, LENGTH] == 0.0).all() and (probed[:, 2, LENGTH] != 0.01).any()
@@ -93,7 +91,7 @@ def test_probes_are_samples_and_no_round(scene):
     drawn = search.effective
     assert 1.0 <= drawn <= 32
     blocked = idle_pushes(1, CONFIG.horizon)
-    blocked[0, 0] = [np.pi, 0.0, 0.1]  # from where the target is
+    blocked[0, 0] = make_push(np.pi, 0.0, 0.1)  # from where the target is
     assert np.isinf(search.probe(blocked)).all() and search.effective == drawn
 
 

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sain_core.errors import OutOfRangeError
-from sain_mppi.algorithms.weights import cost_spread, effective_samples, softmin_weights
+from sain_mppi.algorithms.sampling import cost_spread, effective_samples, softmin_weights
 
 COSTS = st.lists(st.floats(-1e3, 1e3), min_size=1, max_size=40).map(np.array)
 

@@ -7,25 +7,25 @@ import pytest
 
 from sain_core.feasibility import Feasibility
 from sain_core.goal import BodyPose, Goal
-from sain_core.push import LENGTH, idle_pushes, make_push, rotate_pushes
-from sain_core.scene import MID, POSITION, RADIUS, TARGET, Table, rotate_scenes, unit
+from sain_core.push import idle_pushes, make_push, rotate_pushes
+from sain_core.scene import MID, POSITION, RADIUS, TARGET, rotate_scenes, unit
 from sain_core.seeding import generator
 from sain_core.shapes.bodies import PAPER_DISKS, Bodies
-from sain_mppi.algorithms.config import PlannerConfig
-from sain_mppi.objective.cost import Rollout, cost_terms, pose_distance, total_cost
+from sain_mppi.objective.cost import Objective, pose_distance, total_cost
 from sain_mppi.objective.cost_weights import CostWeights
 from sain_mppi.objective.problem import Problem
-from sain_mppi.objective.sampling import uniform_sequences
-from sain_mppi.planner import Planner
 
 FEASIBILITY = Feasibility()
 WEIGHTS = CostWeights()
 TURNING = ("position", "distance", "alignment", "approach", "clearance", "effort", "pushes")
 
 
-def terms_of(scene, pushes, predicted, goal, weights=WEIGHTS, regions=None):
-    rollout = Rollout.of(scene, pushes, predicted, regions)
-    return cost_terms(Goal.place(*goal), rollout, weights, FEASIBILITY, PAPER_DISKS, scene)
+def problem_of(scene, goal, bodies=PAPER_DISKS):
+    return Problem(scene, goal, bodies.fitted(len(scene)), scene, FEASIBILITY)
+
+
+def terms_of(scene, pushes, predicted, goal, weights=WEIGHTS):
+    return Objective(problem_of(scene, Goal.place(*goal)), weights).terms(pushes, predicted)
 
 
 def rest_terms(scene, goal, **weights):
@@ -37,7 +37,7 @@ def rest_terms(scene, goal, **weights):
 @pytest.mark.parametrize("angle", [0.7, -2.4, np.pi])
 def test_turning_scene_pushes_and_goal_together_changes_no_cost(scene, dynamics, angle):
     goal = np.array([0.5, 0.25])
-    pushes = uniform_sequences(FEASIBILITY.limits, generator(0), 64, 4)
+    pushes = FEASIBILITY.limits.sample(generator(0), 64 * 4).reshape(64, 4, 5)
     predicted = dynamics.rollout(scene, pushes)
     terms = terms_of(scene, pushes, predicted, goal)
     c, s = np.cos(angle), np.sin(angle)
@@ -59,7 +59,7 @@ def test_at_the_goal_nothing_is_left_to_pay(scene):
 
 def test_position_is_the_papers_weighted_square(scene):
     goal = scene[TARGET, POSITION] + [0.1, 0.2]
-    terms = rest_terms(scene, goal, position=(10.0, 100.0), running=0.0, terminal=1.0)
+    terms = rest_terms(scene, goal, position=(10.0, 100.0), running=0.0)
     assert terms["position"] == pytest.approx(10.0 * 0.01 + 100.0 * 0.04)
 
 
@@ -69,15 +69,6 @@ def test_being_behind_the_target_is_cheaper_than_before_it(scene):
     assert ahead["alignment"] == pytest.approx(0.0, abs=1e-9)
     assert back["alignment"] == pytest.approx(WEIGHTS.alignment)
     assert ahead["approach"] < back["approach"]
-
-
-def test_a_disk_near_the_edge_costs_but_the_goal_may_be_there(scene):
-    table = Table()
-    scene[TARGET, POSITION] = [0.6, table.y_max - 0.02]
-    scene[MID, POSITION] = [0.45, table.y_max - 0.02 - 0.1]
-    there = scene[TARGET, POSITION].copy()
-    assert rest_terms(scene, np.array([0.6, 0.0]))["edge"] > 1.0
-    assert rest_terms(scene, there)["edge"] == pytest.approx(0.0)
 
 
 def test_a_mid_disk_out_of_reach_costs(scene):
@@ -142,43 +133,13 @@ def test_predictions_that_are_not_finite_cost_infinitely(scene):
     assert np.isfinite(costs[0]) and costs[1] == np.inf
 
 
-def test_risk_is_what_the_model_is_not_sure_of_about_the_target(scene, dynamics):
-    pushes = uniform_sequences(FEASIBILITY.limits, generator(3), 5, 2)
-    predicted = dynamics.rollout(scene, pushes)
-    regions = generator(4).uniform(0.0, 0.1, (5, 2, 2))
-    weights = replace(WEIGHTS, risk=3.0)
-    goal = np.array([0.7, 0.0])
-    for known, risk in ((regions, 3.0 * regions[:, :, TARGET].sum(axis=1)), (None, np.zeros(5))):
-        terms = terms_of(scene, pushes, predicted, goal, weights, known)
-        np.testing.assert_allclose(terms["risk"], risk)
-
-
-def test_a_sure_sequence_is_preferred_when_risk_has_a_price(scene, dynamics):
-    class Unsure(type(dynamics)):
-        """Knows nothing of where long pushes lead."""
-
-        def regions(self, scene, pushes, predicted):
-            return np.repeat(pushes[..., LENGTH, None] > 0.06, 2, axis=-1).astype(float)
-
-    goal = Goal.place(0.68, 0.05)
-    lengths = []
-    for risk in (0.0, 50.0):
-        config = PlannerConfig(samples=192, weights=CostWeights(risk=risk))
-        planner = Planner(Unsure(), config)
-        problem = Problem.of(scene, goal)
-        plan = planner.complete(problem, planner.plan(problem, generator(0)))
-        lengths.append(plan.pushes[:, LENGTH].max())
-        assert plan.regions.shape == (config.horizon, 2)
-    assert lengths[0] > 0.06 > lengths[1]
-
-
 def test_the_distance_is_that_of_points_about_the_body(scene):
     wanted, bodies = Goal((BodyPose(0, 0.5, 0.1, 1.0),)), Bodies.named(("t", "disk"), ())
 
     def distance(x, y, heading):
         after = scene.copy()
         after[0, [0, 1, 2, RADIUS]] = x, y, heading, 0.06
-        return pose_distance(wanted, after, bodies, 1.0)[0]
+        return pose_distance(problem_of(scene, wanted, bodies), after, 1.0)[0]
 
     assert distance(0.53, 0.14, 1.0) == pytest.approx(0.05)
     half = distance(0.5, 0.1, 1.0 + np.pi)
@@ -190,7 +151,7 @@ def test_any_body_that_the_tool_may_not_touch_is_pushed_by_another(scene):
     swapped, goal = Bodies.named(("disk", "disk"), roles), Goal.place(0.5, 0.2, body=0)
     pushes, after = idle_pushes(1, 1), scene[None, None]
     terms = terms_of(scene, pushes, after, (0.5, 0.2))
-    rollout = Rollout.of(scene[::-1], idle_pushes(1, 1), after[..., ::-1, :])
-    mirrored = cost_terms(goal, rollout, WEIGHTS, FEASIBILITY, swapped, scene[::-1])
+    problem = problem_of(scene[::-1], goal, swapped)
+    mirrored = Objective(problem, WEIGHTS).terms(pushes, after[..., ::-1, :])
     for name in ("position", "distance", "alignment", "approach", "caution", "reach"):
         np.testing.assert_allclose(mirrored[name], terms[name], err_msg=name)

@@ -6,9 +6,12 @@ from sain_core.goal import BodyPose, Goal
 from sain_core.push import ANGLE, BODY, LENGTH, LOCATION, idle_pushes, make_push, strokes
 from sain_core.scene import POSITION, make_scene, wrap_angle
 from sain_core.shapes.bodies import Bodies
+from sain_core.types import Scene
+from sain_mppi.algorithms.sampling import weighted_mean
+from sain_mppi.objective.cost import Objective
 from sain_mppi.objective.cost_weights import CostWeights
-from sain_mppi.objective.objective import Objective
-from sain_mppi.objective.sampling import inside_limits, weighted_mean
+from sain_mppi.objective.problem import Problem
+from sain_mppi.objective.proposals import candidates, inside_limits, uniform
 
 FEASIBILITY = Feasibility()
 PAIR = Bodies.named(("bar", "disk"), ("pushable", "pushable"))
@@ -18,12 +21,12 @@ SCENE = make_scene(
 GOAL = Goal((BodyPose(0, 0.6, -0.1, 0.0), BodyPose(1, 0.35, 0.2)))
 
 
-def objective(bodies: Bodies = PAIR) -> Objective:
-    return Objective(GOAL, SCENE, CostWeights(), FEASIBILITY, bodies)
+def objective(bodies: Bodies = PAIR, goal: Goal = GOAL, scene: Scene = SCENE) -> Objective:
+    return Objective(Problem(scene, goal, bodies, scene, FEASIBILITY), CostWeights())
 
 
 def test_uniform_draws_are_even_along_all_outlines_together():
-    drawn = objective().uniform(np.random.default_rng(0), 4000, 2)
+    drawn = uniform(objective(), np.random.default_rng(0), 4000, 2)
     assert drawn.shape == (4000, 2, 5)
     share = (drawn[..., BODY] == 1).mean()  # a bar of 5 x 1 has a perimeter of 4.71 radii
     assert share == pytest.approx(2 * np.pi / (2 * np.pi + 4.71), abs=0.02)
@@ -32,13 +35,13 @@ def test_uniform_draws_are_even_along_all_outlines_together():
 def test_only_pushable_bodies_are_drawn():
     only = Bodies.named(("bar", "disk"), ("movable", "pushable"))
     search = objective(only)
-    drawn = [search.uniform(np.random.default_rng(0), 50, 1)]
-    drawn.append(search.candidates(SCENE, np.random.default_rng(0), 50, 1))
+    drawn = [uniform(search, np.random.default_rng(0), 50, 1)]
+    drawn.append(candidates(search, np.random.default_rng(0), 50, 1))
     assert all((some[..., BODY] == 1).all() for some in drawn)
 
 
 def test_candidates_travel_towards_the_pose_of_their_body():
-    drawn = objective().candidates(SCENE, np.random.default_rng(0), 300, 1)[:, 0]
+    drawn = candidates(objective(), np.random.default_rng(0), 300, 1)[:, 0]
     assert {0.0, 1.0} == set(drawn[:, BODY])
     scenes = np.broadcast_to(SCENE, (300, 2, 8))
     _, headings = strokes(scenes, drawn, FEASIBILITY.limits, PAIR)
@@ -52,7 +55,7 @@ def test_candidates_travel_towards_the_pose_of_their_body():
 
 def test_rest_costs_more_the_farther_the_bodies_are():
     there = GOAL.placed(SCENE)
-    far, near = objective().rest_cost(SCENE), objective().rest_cost(there)
+    far, near = objective().rest_cost(), objective(scene=there).rest_cost()
     assert far > near + 5.0
 
 
@@ -60,9 +63,7 @@ def test_moving_a_body_that_is_to_be_kept_costs():
     kept = Goal((BodyPose(0, 0.6, -0.1, 0.0),), keep=(1,))
     after = SCENE.copy()
     after[1, 0] += 0.02
-    terms = Objective(kept, SCENE, CostWeights(), FEASIBILITY, PAIR).terms(
-        SCENE, idle_pushes(1, 1), after[None, None]
-    )
+    terms = objective(goal=kept).terms(idle_pushes(1, 1), after[None, None])
     assert terms["keep"][0] == pytest.approx(CostWeights().keep * 0.02)
 
 
@@ -72,9 +73,7 @@ def test_a_shape_that_gets_over_the_edge_of_the_table_costs(x: float, out: float
     after[0, POSITION] = x, 0.0  # a circle of 6 cm and 2 cm of room; the edge is at 16 cm
     after[1, POSITION] = 0.5, 0.3
     for goal in (GOAL, Goal.place(0.4, 0.0)):
-        terms = Objective(goal, SCENE, CostWeights(), FEASIBILITY, PAIR).terms(
-            SCENE, idle_pushes(1, 1), after[None, None]
-        )
+        terms = objective(goal=goal).terms(idle_pushes(1, 1), after[None, None])
         assert terms["overhang"][0] == pytest.approx(CostWeights().overhang * out)
 
 
@@ -83,9 +82,7 @@ def test_a_shape_may_be_near_the_edge_where_its_goal_is_or_where_it_is_left():
     after = near.placed(SCENE)
 
     def overhang(goal: Goal, start: np.ndarray) -> float:
-        terms = Objective(goal, start, CostWeights(), FEASIBILITY, PAIR).terms(
-            start, idle_pushes(1, 1), after[None, None]
-        )
+        terms = objective(PAIR, goal, start).terms(idle_pushes(1, 1), after[None, None])
         return float(terms["overhang"][0])
 
     assert overhang(near, SCENE) == 0.0
@@ -106,9 +103,9 @@ def test_candidates_push_through_another_body_what_the_tool_may_not_touch():
     scene = np.concatenate([SCENE, SCENE[1:]])
     scene[2, POSITION] = 0.6, 0.0
     goal = Goal((BodyPose(0, 0.6, -0.2), BodyPose(2, 0.7, 0.1)))
-    search = Objective(goal, scene, CostWeights(), FEASIBILITY, bodies)
-    drawn = search.candidates(scene, np.random.default_rng(0), 200, 3)
+    search = objective(bodies, goal, scene)
+    drawn = candidates(search, np.random.default_rng(0), 200, 3)
     assert drawn.shape == (200, 3, 5) and {0.0, 1.0} == set(drawn[..., BODY].ravel())
     assert {"alignment", "approach"} <= set(
-        search.terms(scene, drawn[:1], scene[None, None] + np.zeros((1, 3, 1, 1)))
+        search.terms(drawn[:1], scene[None, None] + np.zeros((1, 3, 1, 1)))
     )

@@ -16,7 +16,8 @@ from sain_core.shapes.bodies import Bodies
 from sain_interfaces.msg import Bodies as BodiesMessage
 from sain_interfaces.msg import Goal, GoalPose, Plan
 from sain_model.physics.planar import PlanarPrior
-from sain_mppi.ros.mppi_node import MOST_SHAPES, MppiNode
+from sain_mppi.agent.agent import MOST_EPISODES
+from sain_mppi.ros.mppi_node import MppiNode
 from tests.rviz import shown
 from tests.sain_mppi.ros.straw import SMALL, nth_push, plan
 
@@ -66,7 +67,7 @@ def warned(graph, text):
 def test_a_scene_waits_for_the_shapes_of_its_episode(graph, straw, shapes, planner):
     graph.aim_at(TURN, 1)
     straw.show(disks=SCENE)
-    graph.wait(lambda: planner.early is not None, "the scene to wait")
+    graph.wait(lambda: planner.agent.early, "the scene to wait")
     assert not graph.heard["plan"]
     shapes(TEE)
     push = nth_push(graph, 1)
@@ -106,7 +107,7 @@ def test_shapes_that_change_during_an_episode_are_ignored_and_reported(
     nth_push(graph, 1)
     shapes(Bodies.named(["l", "disk"], ["pushable", "fixed"]))
     warned(graph, "shapes of episode 1 are ignored: the shape of body 0 changed from t to l")
-    assert planner.shapes == {1: TEE}
+    assert planner.agent.bodies == TEE
 
 
 def test_shapes_of_another_episode_change_nothing_until_its_scenes_come(
@@ -114,12 +115,12 @@ def test_shapes_of_another_episode_change_nothing_until_its_scenes_come(
 ):
     shapes(TEE)
     straw.show(disks=SCENE)
-    graph.wait(lambda: planner.episode == 1, "the scene")
+    graph.wait(lambda: planner.agent._episode == 1, "the scene")
     elsewhere = Bodies.named(["l", "disk"], ["pushable", "fixed"])
-    for episode in (*range(100, 100 + MOST_SHAPES), 7):
+    for episode in (*range(100, 100 + MOST_EPISODES), 7):
         shapes(elsewhere, episode_id=episode)
-        graph.wait(lambda wanted=episode: wanted in planner.shapes, "the shapes")
-    assert len(planner.shapes) == MOST_SHAPES + 1  # and those of this episode
+        graph.wait(lambda wanted=episode: wanted in planner.agent._bodies, "the shapes")
+    assert len(planner.agent._bodies) == MOST_EPISODES + 1  # and those of this episode
     graph.aim_at(TURN, 1)
     pushes, predicted = wire.decode_plan(plan(graph, push_id=nth_push(graph, 1).push_id))
     expected = PlanarPrior().with_bodies(TEE).step(SCENE[None], pushes[:1])[0]
@@ -174,14 +175,3 @@ def test_a_goal_of_poses_that_cannot_be_served_says_why(
 def test_a_goal_of_more_poses_than_bodies_can_be_is_not_read(graph, straw, shapes, planner):
     graph.aiming.publish(Goal(goal_id=4, poses=[GoalPose()] * 33))
     assert "poses has 33 elements; at most 32" in plan(graph, goal_id=4).error_message
-
-
-def test_shapes_that_are_told_again_for_a_late_listener_are_no_restart(graph, monkeypatch):
-    node, begun = graph.start(MppiNode, **SMALL), []
-    monkeypatch.setattr(node, "_update", begun.append)
-    node.episode = 3
-    bodies = Bodies.named(["t", "disk"])
-    for seconds in (1.0, 1.0, 2.0, 2.0):
-        stamp = codec.encode_time(round(1e9 * seconds))
-        node._on_bodies(codec.encode_bodies(bodies, [0.06, 0.06], stamp=stamp, episode_id=3))
-    assert [event.time for event in begun] == [0.0, 2.0]

@@ -23,13 +23,13 @@ def test_planning_that_fails_unexpectedly_is_a_plan_without_a_push(
         straw.show()
         graph.wait(lambda: node.reception.figures["received_scene"], "the scene")
         if method == "next":
-            node.agent._tracker.next_job = fail
+            node.agent._tracker.next_scene = fail
         graph.aim(GOAL, 1)
         found = plan(graph, goal_id=1)
         assert found.status == Plan.NO_PUSH
         assert ErrorCode(found.error_code) is ErrorCode.INTERNAL
         assert found.error_message == "ZeroDivisionError: in the planner"
-    node.agent._tracker.__dict__.pop("next_job", None)
+    node.agent._tracker.__dict__.pop("next_scene", None)
     graph.aim(GOAL, 2)
     assert nth_push(graph, 1).scene_id == 1
     assert node.reception.figures["defects"] >= 1

@@ -104,7 +104,7 @@ def test_a_pose_from_rviz_moves_the_target(graph, straw, planner):
 def test_the_heading_of_a_pose_counts_for_a_body_that_has_one(graph, straw, planner):
     publisher = graph.bystander.create_publisher(PoseStamped, "goal_pose", 10)
     graph.wait(publisher.get_subscription_count, "who listens to poses")
-    planner.shapes[1] = Bodies.named(("box_3x2",))
+    planner.agent._bodies[1] = Bodies.named(("box_3x2",))
     alone = START[:1].copy()
     straw.show(disks=alone)
     pose = Pose(position=Point(x=0.5, y=0.1), orientation=Quaternion(z=np.sin(0.2), w=np.cos(0.2)))
@@ -144,7 +144,7 @@ def test_a_pose_that_no_body_on_the_table_has_is_refused(
 @pytest.mark.parametrize("known", [True, False], ids=["shapes", "no shapes"])
 def test_a_place_means_the_only_body_of_a_scene(graph, straw, planner, client, known):
     if known:
-        planner.shapes[1] = Bodies.named(("t",))
+        planner.agent._bodies[1] = Bodies.named(("t",))
     alone = START[:1].copy()
     straw.show(disks=alone)
     graph.aim((0.5, 0.1), 1)

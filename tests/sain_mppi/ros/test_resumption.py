@@ -47,8 +47,7 @@ def test_goal_pushes_and_history_go_on(graph, straw, path):
     graph.stop(node)
     node = start(graph, path)
     assert node.agent.pushes == 2
-    memory = node.agent._memory.of(1, 2)
-    assert len(memory) == 1
+    assert len(node.agent._history[1]) == 1
     executed(graph, straw, 2, scene_id=3)
     made = plan(graph, goal_id=1, scene_id=3)
     assert made.status in (Plan.REACHED, Plan.EXHAUSTED)
@@ -74,14 +73,14 @@ def test_a_goal_that_is_over_is_not_begun_again(graph, straw, path):
 def test_a_planner_that_dies_while_it_says_reached_says_it_again(graph, straw, path, monkeypatch):
     node = start(graph, path)
     noted = []
-    publish = node.plan_publisher.publish
+    publish = node.plans.publisher.publish
 
     def publish_and_die(message):
         publish(message)
         noted.append(json.loads(path.read_text())["goal"])
-        monkeypatch.setattr(node.notes, "planned", lambda plan: None)
+        monkeypatch.setattr(node.notes, "add_plan", lambda plan: None)
 
-    monkeypatch.setattr(node.plan_publisher, "publish", publish_and_die)
+    monkeypatch.setattr(node.plans.publisher, "publish", publish_and_die)
     graph.aim(START[1, :2], 1)
     straw.show()
     assert plan(graph, goal_id=1).status == Plan.REACHED

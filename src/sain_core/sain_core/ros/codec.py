@@ -33,7 +33,7 @@ WORLD_FRAME = "world"
 def encode_floats(values: np.ndarray) -> "array[float]":
     """Return an array of any shape as flat, row-major doubles."""
     flat = array("d")
-    flat.frombytes(np.ascontiguousarray(values, dtype=np.float64).tobytes())
+    flat.frombytes(np.ascontiguousarray(values, dtype=np.float64).reshape(-1).view(np.uint8).data)
     return flat
 
 

@@ -16,7 +16,7 @@ from sain_core.workers.running import WorkerOptions
 from sain_eval.episode import Tolerance
 from sain_eval.scenes.scenarios import OFFERED, SCENARIOS
 from sain_mppi.agent.agent import AgentConfig
-from sain_mppi.agent.estimate import EstimatorConfig
+from sain_mppi.agent.uncertainty import EstimatorConfig
 from sain_mppi.algorithms.config import PlannerConfig
 from sain_sim.camera.camera import WorldCameraConfig
 from sain_sim.world.truth import RANDOMISED_TRUTH, TruthConfig

@@ -11,7 +11,7 @@ from sain_core.world import AnyWorld
 from sain_eval.episode import EpisodeRecord, Tolerance
 from sain_eval.scenes.scenario_scene import ScenarioScene
 from sain_mppi.agent.agent import Agent
-from sain_mppi.agent.decision import Task
+from sain_mppi.agent.events import Task
 from sain_mppi.agent.play import Sight, play
 from sain_sim.camera.camera import Camera, WorldCameraConfig
 from sain_sim.world.own import open_world

@@ -16,8 +16,8 @@ from sain_core.scene import MID, POSITION, TARGET, wrap_angle
 from sain_eval.scenes.scenario_scene import ScenarioScene
 from sain_model.physics.planar import PlanarConfig, PlanarPrior
 from sain_mppi.agent.agent import Agent, AgentConfig, planning_agent
-from sain_mppi.agent.decision import Decider, PlanJob, PushDecision
-from sain_mppi.algorithms.feasible_mask import permitted
+from sain_mppi.agent.events import PlanJob, PushDecision
+from sain_mppi.agent.planning import Decider
 
 ORACLE: Final = "oracle"
 RANDOM_DRAWS: Final = 256
@@ -44,7 +44,7 @@ class StraightDecider(Decider):
         Raises:
             NoPushError: this push was refused, or the goal is more than a place.
         """
-        if not job.goal.is_place:
+        if not job.problem.goal.is_place:
             raise NoPushError(
                 "the controller straight brings a target to a place, and the goal asks for more;"
                 " choose random, planar or another model"
@@ -52,7 +52,7 @@ class StraightDecider(Decider):
         if job.refused:
             location = job.refused[-1][LOCATION]
             raise NoPushError(f"the straight push at {location:.2f} rad was refused")
-        scene, goal = job.view.scene, job.goal.places[0]
+        scene, goal = job.problem.scene, job.problem.goal.places[0]
         way = goal - scene[MID, POSITION]
         left = float(np.linalg.norm(goal - scene[TARGET, POSITION]))
         length = min(self._limits.clearance + left, self._limits.max_length)
@@ -74,11 +74,10 @@ class RandomDecider(Decider):
             NoPushError: none of many draws is permitted.
         """
         pushes = self._feasibility.limits.sample(generator, RANDOM_DRAWS)
-        bodies = job.known_bodies
+        bodies = job.problem.bodies
         if bodies.pushable != (MID,):
             pushes[:, BODY] = generator.choice(bodies.pushable, RANDOM_DRAWS)
-        scene = job.view.scene
-        pushes = pushes[permitted(scene, pushes, self._feasibility, bodies=job.bodies)]
+        pushes = pushes[job.problem.permitted(pushes)]
         if not len(pushes):
             raise NoPushError(f"none of {RANDOM_DRAWS} random pushes can be carried out")
         return PushDecision(job, pushes[0])

@@ -6,17 +6,18 @@ from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import Final
 
 from sain_core.config import Config, live_group, option
 from sain_core.errors import CancelledError, ErrorCode, InvalidInputError, SainError
 from sain_core.feasibility import Feasibility
+from sain_core.history import PushHistory
 from sain_core.model import RolloutModel
 from sain_core.push import push_ids
 from sain_core.seeding import generator
 from sain_core.shapes.bodies import PAPER_DISKS, Bodies
-from sain_core.types import PushArray, Scalars, Scene
-from sain_mppi.agent.decision import Decider, PlanJob, PushDecision, Stop, StopReason, View
-from sain_mppi.agent.estimate import EstimatorConfig
+from sain_core.shapes.received import check_unchanged
+from sain_core.world import PushRecord
 from sain_mppi.agent.estimator import Estimator
 from sain_mppi.agent.events import (
     Action,
@@ -27,22 +28,30 @@ from sain_mppi.agent.events import (
     Event,
     GoalCancelled,
     GoalGiven,
+    PlanJob,
     Prepared,
+    PushDecision,
     PushEnded,
     PushExecuted,
-    SceneSeen,
+    SceneObserved,
+    Stop,
+    StopReason,
+    Task,
     TimePassed,
 )
-from sain_mppi.agent.fallback import Patience
 from sain_mppi.agent.goal_tracker import GoalTracker, GoalTrackerConfig
-from sain_mppi.agent.memory import EpisodeMemory
-from sain_mppi.agent.planning import PlanningDecider
+from sain_mppi.agent.planning import Decider, Patience, PlanningDecider
+from sain_mppi.agent.uncertainty import EstimatorConfig
 from sain_mppi.algorithms.config import PlannerConfig
+from sain_mppi.objective.problem import Problem
 
 logger = logging.getLogger(__name__)
 
-SERVICE = "service"
-IN_PROCESS = "in_process"
+SERVICE: Final = "service"
+IN_PROCESS: Final = "in_process"
+MOST_PUSHES: Final = 20  # of an episode, the latest; more would tell little and cost time
+MOST_EARLY: Final = 500  # scenes that are kept until their bodies are given
+MOST_EPISODES: Final = 16  # others than the present one, whose bodies are kept
 
 
 @dataclass(frozen=True)
@@ -68,12 +77,12 @@ class MppiConfig(AgentConfig):
         2.0, "longest wait for a reply of the model", unit="s", minimum=0.01, maximum=600.0
     )
     state_file: str = option(
-        "", "file that is kept to go on from after a crash, and gone on from; empty: none"
+        "", "file that is kept to resume after a crash, and resumed from; empty: none"
     )
 
 
 class Agent:
-    """Brings the target to one goal after another.
+    """Brings bodies to one goal after another.
 
     Events go in, in any order; pushes, stops and computations come out. `update` is quick and
     belongs to one thread. `act` computes at once, others compute on a thread of their own.
@@ -89,15 +98,18 @@ class Agent:
         self.decider = decider
         self.config = config
         self._clock = clock
-        self._tracker = GoalTracker(config.goal_tracker, config.feasibility.table, clock)
-        self._memory = EpisodeMemory()
+        self._tracker = GoalTracker(config.goal_tracker, clock)
         patience = config.goal_tracker.result_patience
         self._estimator: Estimator | None = None  # exact scenes need none
         if not config.estimator.is_exact:
             limits = config.feasibility.limits
             self._estimator = Estimator(config.estimator, patience, clock, limits)
         self._push_ids = push_ids()
-        self._episode: EpisodeBegun | None = None
+        self._episode = 0  # of the latest scene
+        self._begun = 0.0  # when the episode of the latest event began [s]
+        self._bodies: dict[int, Bodies] = {}  # of this episode and others, by episode
+        self._early: list[SceneObserved] = []  # of an episode whose bodies are not given yet
+        self._history = 0, PushHistory.empty()  # of an episode
         self._running: PlanJob | None = None
         self._ahead: PlanJob | None = None  # whose push was prepared for last
         self._completing = False  # of the latest decision, whose plan is to be seen first
@@ -107,16 +119,34 @@ class Agent:
         """Pushes sent for the goal, without refused ones."""
         return self._tracker.pushes
 
+    @property
+    def early(self) -> int:
+        """How many scenes wait for the bodies of their episode."""
+        return len(self._early)
+
+    def bodies_of(self, episode_id: int) -> Bodies:
+        """Return the bodies of an episode, disks if none were given."""
+        return self._bodies.get(episode_id, PAPER_DISKS)
+
+    @property
+    def bodies(self) -> Bodies:
+        """The bodies of the latest scene."""
+        return self.bodies_of(self._episode)
+
+    def check(self, event: EpisodeBegun) -> None:
+        """Raise `InvalidInputError` where the bodies of the present episode would change."""
+        if event.episode_id == self._episode and event.episode_id in self._bodies:
+            check_unchanged(self._bodies[event.episode_id], event.bodies)
+
     def update(self, event: Event) -> tuple[Action, ...]:
         """Take note of an event; return what is to be done, in this order."""
         match event:
             case EpisodeBegun():
                 self._begin(event)
-            case SceneSeen():
-                self._see(event)
+            case SceneObserved():
+                self._observe(event)
             case PushExecuted():
-                self._learn(event)
-                self._end_push(event.push_id, ErrorCode.OK, event.time)
+                self._execute(event)
             case PushEnded():
                 self._end_push(event.push_id, event.code, event.time)
             case GoalGiven():
@@ -132,53 +162,70 @@ class Agent:
         return self._next()
 
     def _begin(self, event: EpisodeBegun) -> None:
-        before, self._episode = self._episode, event
-        again = before is not None and before.episode_id == event.episode_id
-        if again and (push_id := self._tracker.awaited_push) is not None:
-            self._end_push(push_id, ErrorCode.STALE_SCENE, event.time)
+        episode_id, before = event.episode_id, self._begun
+        self._begun = event.time
+        if episode_id == self._episode and episode_id in self._bodies:
+            push_id = self._tracker.awaited_push
+            if push_id is not None and not 0.0 < event.time == before:
+                self._end_push(push_id, ErrorCode.STALE_SCENE, 0.0)
+            return
+        self._bodies.pop(episode_id, None)
+        others = [other for other in self._bodies if other != self._episode]
+        for other in others[: 1 - MOST_EPISODES]:
+            del self._bodies[other]
+        self._bodies[episode_id] = event.bodies
+        early, self._early = self._early, []
+        for scene in early:
+            self._observe(scene)
 
     def _set_goal(self, event: GoalGiven) -> tuple[Action, ...]:
+        task = event.task
+        self._tracker.set_goal(task, event.pushes)
         try:
-            self._tracker.aim(event.task, event.pushes)
+            task.goal.check_places(self.config.feasibility.table)  # the rest needs a scene
         except SainError as error:
-            return (Stop(event.task, StopReason.FAILED, error=error),)
+            self._tracker.task = None
+            return (Stop(task, StopReason.FAILED, error=error),)
         return ()
 
-    def _see(self, event: SceneSeen) -> None:
-        settled, now = event.settled, self._clock()
-        view = View(event.scene, event.episode_id, event.scene_id, settled, now, event.time)
-        if self._estimator is None:
-            self._tracker.see(view)
+    def _observe(self, scene: SceneObserved) -> None:
+        if scene.bodies_follow and scene.episode_id not in self._bodies:
+            same = [early for early in self._early if early.episode_id == scene.episode_id]
+            self._early = [*same[1 - MOST_EARLY :], scene]
             return
-        self._estimator.see(view)
-        known = self._estimator.view  # of this scene, at rest
-        settled = known is not None and settled  # no push follows while one is under way
-        self._tracker.see(replace(known or view, settled=settled))
-
-    def _learn(self, event: PushExecuted) -> None:
-        """Remember a push; where observations are not exact, only own ones, as estimated."""
+        self._episode = scene.episode_id
+        scene = replace(scene, received=self._clock())
         if self._estimator is None:
-            self._remember(event.episode_id, event.before, event.push, event.after)
+            self._tracker.observe(scene)
+            return
+        self._estimator.observe(scene)
+        estimated = self._estimator.estimated  # of this scene, at rest
+        settled = estimated is not None and scene.settled  # no push follows while one is under way
+        self._tracker.observe(replace(estimated or scene, settled=settled))
 
-    def _remember(
-        self,
-        episode_id: int,
-        before: Scene,
-        push: PushArray,
-        after: Scene,
-        noise: Scalars | None = None,
-    ) -> None:
+    def _remember(self, episode_id: int, push: PushRecord) -> None:
         if not self.config.history:
             return
+        latest, history = self._history
+        if latest != episode_id:
+            history = PushHistory.empty(len(push.before))
         try:
-            self._memory.add(episode_id, before, push, after, noise)
+            history = history.then(push.before, push.push, push.after, push.noise)
         except InvalidInputError as error:
-            logger.warning("nothing is learned of a push: %s", error)
+            logger.warning("a push is left out of the history: %s", error)
+            return
+        self._history = episode_id, history.latest(MOST_PUSHES)
+
+    def _execute(self, event: PushExecuted) -> None:
+        if self._estimator is None:  # else only own ones count, as estimated
+            record = PushRecord(event.push, event.before, event.after)
+            self._remember(event.episode_id, record)
+        self._end_push(event.push_id, ErrorCode.OK, event.time)
 
     def _end_push(self, push_id: int, code: int, time: float) -> None:
         if self._estimator is not None:
-            self._estimator.answered(push_id, code, time)
-        self._tracker.answered(push_id, code)
+            self._estimator.ended(push_id, code, time)
+        self._tracker.ended(push_id, code)
 
     def _cancel(self, event: GoalCancelled) -> tuple[Action, ...]:
         task, self._tracker.task = self._tracker.task, None
@@ -199,44 +246,56 @@ class Agent:
         if self._completing:
             return ()
         self._take_estimate()
-        job = self._tracker.next_job()
-        if job is None:
+        task, observed = self._tracker.task, self._tracker.next_scene()
+        if task is None or observed is None:
             return ()
-        episode_id = job.view.episode_id
-        past = self._memory.of(episode_id, len(job.view.scene))
-        if self._estimator is not None:
-            past = self._estimator.retold(past)
-        job = replace(job, bodies=self._bodies_of(episode_id), history=past)
         try:
-            job.check()
+            job = self._job(task, observed)
         except SainError as error:
-            return (Stop(job.task, StopReason.FAILED, error=error),)
+            return (Stop(task, StopReason.FAILED, error=error),)
         if stop := self._tracker.stop(job):
             return (stop,)
         self._running = job
-        failed = partial(Stop, job.task, StopReason.FAILED, job)
+        failed = partial(Stop, task, StopReason.FAILED, job)
         return (Computation(partial(self._decide, job), lambda error: Decided(failed(error))),)
 
-    def _bodies_of(self, episode_id: int) -> Bodies:
-        begun = self._episode
-        return begun.bodies if begun and begun.episode_id == episode_id else PAPER_DISKS
+    def _job(self, task: Task, observed: SceneObserved) -> PlanJob:
+        """Return the job of deciding on a scene; scene and goal are checked here, once."""
+        tracker, count = self._tracker, len(observed.scene)
+        assert tracker.start is not None
+        problem = Problem.of(
+            observed.scene,
+            task.goal.fitted(count),
+            self.bodies_of(observed.episode_id),
+            tracker.start.scene,
+            self.config.feasibility,
+        )
+        if observed.uncertainty is not None:
+            observed.uncertainty.check_tolerance(problem.goal)
+        episode_id, history = self._history
+        if episode_id != observed.episode_id or history.disks != count:
+            history = PushHistory.empty(count)
+        if self._estimator is not None:
+            history = self._estimator.restated(history)
+        state = tracker.session, tracker.pushes, tracker.refused
+        return PlanJob(task, observed, problem, *state, history)
 
     def _take_estimate(self) -> None:
         """Take the scene that frames at rest show, once there are enough of them."""
         estimator = self._estimator
-        view = None if estimator is None else estimator.estimate(self._bodies_of)
-        if estimator is None or view is None:
+        estimated = None if estimator is None else estimator.estimate(self.bodies_of)
+        if estimator is None or estimated is None:
             return
-        if (made := estimator.pushed) is not None:
-            self._remember(view.episode_id, made.before, made.push, made.after, made.noise)
-        self._tracker.see(view)
+        if estimator.executed is not None:
+            self._remember(estimated.episode_id, estimator.executed)
+        self._tracker.observe(estimated)
 
     def _decide(self, job: PlanJob) -> Decided:
         try:
             random = generator(self.config.seed, "plan", *job.stream)
             decision = self.decider.decide(job, random)
             limits = self.config.feasibility.limits
-            limits.check(decision.push, job.known_bodies)  # nothing else is ever sent
+            limits.check(decision.push, job.problem.bodies)  # nothing else is ever sent
         except CancelledError:
             return Decided(None)
         except SainError as error:
@@ -298,5 +357,4 @@ def planning_agent(
 
     `patience` is the model's, where it may have to be waited for.
     """
-    decider = PlanningDecider(model, physics, config.planner, config.feasibility, patience)
-    return Agent(decider, config)
+    return Agent(PlanningDecider(model, physics, config.planner, patience), config)

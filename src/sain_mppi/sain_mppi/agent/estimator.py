@@ -17,13 +17,13 @@ from sain_core.history import PushHistory
 from sain_core.model import REGION_STD
 from sain_core.observation import RADII
 from sain_core.push import PushLimits
-from sain_core.scene import MASS, POSITION, RADIUS
+from sain_core.scene import MASS, POSITION, RADIUS, move_apart
 from sain_core.shapes.bodies import PAPER_DISKS, Bodies
+from sain_core.types import Scene
 from sain_core.world import PushRecord
-from sain_mppi.agent.decision import PushDecision, View
-from sain_mppi.agent.estimate import Estimate, EstimatorConfig, fuse, in_motion, part_disks
+from sain_mppi.agent.events import PushDecision, SceneObserved
 from sain_mppi.agent.radii import RadiusFilter
-from sain_mppi.agent.uncertainty import Uncertainty
+from sain_mppi.agent.uncertainty import Estimate, EstimatorConfig, Uncertainty, fuse, in_motion
 
 logger = logging.getLogger(__name__)
 
@@ -36,7 +36,7 @@ LEVER: Final = 0.7  # [radii], from errors of places to errors of headings
 
 
 class Estimator:
-    """Turns frames and results of pushes into one view of each settled scene."""
+    """Turns frames and results of pushes into one estimate of each settled scene."""
 
     def __init__(
         self,
@@ -47,7 +47,7 @@ class Estimator:
     ) -> None:
         """Begin without a frame; wait for the result of a push at most so long [s].
 
-        `limits` tell where the tool starts and ends.
+        The tool starts and ends as `limits` state.
         """
         self.config, self._limits = config, limits
         self._patience, self._clock = patience, clock
@@ -59,28 +59,28 @@ class Estimator:
         self._radii: RadiusFilter | None = None  # where they are not measured
         self._reset(None)
 
-    def _reset(self, before: View | None) -> None:
-        """Forget the frames; the scene before was this one."""
+    def _reset(self, before: SceneObserved | None) -> None:
+        """Forget the frames; the estimate of the scene before was this one."""
         self._before = before
-        self.view: View | None = None
-        self._frames: list[View] = []
+        self.estimated: SceneObserved | None = None
+        self._frames: list[SceneObserved] = []
         self._moving = 0  # frames that showed motion
         self._since = self._clock()
         self._made: PushDecision | None = None  # that led to this scene
         self._waiting = False  # for the result of the push that led here
-        self.pushed: PushRecord | None = None  # that led to the view, if its start is known
+        self.executed: PushRecord | None = None  # led to the estimate from the one before
 
-    def see(self, frame: View) -> None:
+    def observe(self, frame: SceneObserved) -> None:
         """Take a frame."""
         if frame.key != self._key:
             self._begin(frame)
-        if frame.settled and self.view is None:
+        if frame.settled and self.estimated is None:
             self._frames.append(frame)
 
-    def _begin(self, frame: View) -> None:
+    def _begin(self, frame: SceneObserved) -> None:
         """Begin with another scene."""
         same = self._key is not None and self._key[0] == frame.episode_id
-        self._reset(self.view if same else None)
+        self._reset(self.estimated if same else None)
         self._key, early, self._early = frame.key, self._early, None
         if not same:
             self._end, self._sent, self._radii = -np.inf, None, None
@@ -94,18 +94,18 @@ class Estimator:
         self._sent = decision
 
     def completed(self, decision: PushDecision) -> PushDecision:
-        """Take note of the regions of a push that was sent; return them with what is not sure.
+        """Take note of the regions of a push that was sent; return them with the uncertainty.
 
         For any thread.
         """
         self._completed = decision
-        plan, sure = decision.plan, decision.job.view.sure
-        if plan is None or plan.regions is None or sure is None:
+        plan, uncertainty = decision.plan, decision.job.observed.uncertainty
+        if plan is None or plan.regions is None or uncertainty is None:
             return decision
-        regions = np.hypot(plan.regions, REGION_STD * sure.places)
+        regions = np.hypot(plan.regions, REGION_STD * uncertainty.places)
         return replace(decision, plan=replace(plan, regions=regions))
 
-    def answered(self, push_id: int, code: int, time: float) -> None:
+    def ended(self, push_id: int, code: int, time: float) -> None:
         """Take note that a push, whoever sent it, ended at a time [s], or was refused."""
         own = self._sent is not None and self._sent.push_id == push_id
         made, self._sent = (self._sent, None) if own else (None, self._sent)
@@ -121,42 +121,47 @@ class Estimator:
 
     def estimate(
         self, bodies_of: Callable[[int], Bodies] = lambda episode_id: PAPER_DISKS
-    ) -> View | None:
-        """Return the view of a scene, once, as soon as there are enough frames of it.
+    ) -> SceneObserved | None:
+        """Return the estimate of a scene, once, as soon as there are enough frames of it.
 
         `bodies_of` returns the bodies of an episode.
         """
-        if self.view is not None or self._key is None or self._is_early():
+        if self.estimated is not None or self._key is None or self._is_early():
             return None
         frames = self._at_rest()
         if frames is None:
             return None
         scenes, noise = [frame.scene for frame in frames], self.config.noise_std
-        known = bodies_of(frames[0].episode_id)
-        expected = self._expected()
-        found = fuse(scenes, noise, expected)
+        bodies, expected = bodies_of(frames[0].episode_id), self._expected()
+        scene, uncertainty = fuse(scenes, noise, expected)
         if RADII in self.config.unknown_names:
-            self._measure(fuse(scenes, noise), expected, known)
+            self._measure(fuse(scenes, noise), expected, bodies)
         if self._radii is not None:
-            found = replace(found, scene=self._radii.apply(found.scene))
-        if known.all_round:
-            found = replace(found, scene=part_disks(found.scene))
-        self.view = self._view(frames[-1], found)
-        self._learn(found)
-        return self.view
+            scene = self._radii.apply(scene)
+        if bodies.all_round:
+            scene = move_apart(scene)
+        place, turn = self.config.bias_std
+        total = Uncertainty(
+            np.hypot(uncertainty.places, place),
+            np.hypot(uncertainty.turns, turn),
+            self.config.confidence,
+        )
+        self.estimated = replace(frames[-1], scene=scene, settled=True, uncertainty=total)
+        self._conclude(scene, uncertainty)
+        return self.estimated
 
-    def _at_rest(self) -> list[View] | None:
+    def _at_rest(self) -> list[SceneObserved] | None:
         """Return frames that show the bodies at rest after the push; None: not enough so far."""
-        after = [frame for frame in self._frames if frame.observed > self._end]
+        after = [frame for frame in self._frames if frame.time > self._end]
         for first in range(len(after) - self.config.frames + 1):
             frames = after[first : first + self.config.frames]
-            times = np.array([frame.observed for frame in frames])
+            times = np.array([frame.time for frame in frames])
             if not in_motion(np.stack([f.scene for f in frames]), times, self.config.noise_std):
                 return frames
             self._drop(frames[0])
         return None
 
-    def _drop(self, frame: View) -> None:
+    def _drop(self, frame: SceneObserved) -> None:
         """Do without a frame that shows motion."""
         self._frames.remove(frame)
         self._moving += 1
@@ -168,26 +173,26 @@ class Estimator:
                 self.config.noise,
             )
 
-    def _measure(self, seen: Estimate, expected: Estimate | None, bodies: Bodies) -> None:
-        """Learn the radii of disks from what frames show, and from the push before them."""
+    def _measure(self, observed: Estimate, expected: Estimate | None, bodies: Bodies) -> None:
+        """Update the radii of disks from what frames show, and from the push before them."""
+        scene, noise = observed[0], observed[1].places
         if self._radii is None:
-            self._radii = RadiusFilter(seen.scene[:, RADIUS], bodies)
+            self._radii = RadiusFilter(scene[:, RADIUS], bodies)
         start, made = self._start(), self._made
         if expected is not None and start is not None and made is not None:
-            before, after = start.scene, seen.scene
-            self._radii.learn(before, made.push, expected.scene, after, seen.places)
-        self._radii.look(seen.scene, seen.places)
+            self._radii.update(start[0], made.push, expected[0], scene, noise)
+        self._radii.exclude_overlaps(scene, noise)
 
-    def retold(self, history: PushHistory) -> PushHistory:
-        """Return earlier pushes of the episode as they would be stated with what is known now."""
-        if self._radii is None or len(history) == 0 or self.view is None:
+    def restated(self, history: PushHistory) -> PushHistory:
+        """Return earlier pushes of the episode as they would be stated with the radii of now."""
+        if self._radii is None or len(history) == 0 or self.estimated is None:
             return history
-        return self._radii.retold(history, self._limits)
+        return self._radii.restated(history, self._limits)
 
     def _is_early(self) -> bool:
-        """Tell whether it may soon be known when the push ended, and how sure its prediction is."""
-        known = self._made is None or self._completion is not None
-        if known and not self._waiting:
+        """Tell whether the end of the push, and the regions of its prediction, may soon come."""
+        complete = self._made is None or self._completion is not None
+        if complete and not self._waiting:
             return False
         return self._clock() - self._since < self._patience
 
@@ -204,38 +209,33 @@ class Estimator:
         if made is None or before is None or made.predicted is None:
             return None
         regions = None if made.plan is None else made.plan.regions
-        way = np.linalg.norm((made.predicted - before.scene)[:, POSITION], axis=1)
+        scene, certain = before
+        way = np.linalg.norm((made.predicted - scene)[:, POSITION], axis=1)
         errors = MODEL_ERROR + MODEL_SHARE * way if regions is None else regions[0] / REGION_STD
         moved = way > UNMOVED
-        start = before.places.max() + (0.0 if self._radii is None else self._radii.std.max())
-        places = np.hypot(errors, np.where(moved, CARRIED * start, before.places))
-        lever = LEVER * before.scene[:, RADIUS]
-        turns = np.hypot(before.turns, np.where(moved, places, errors) / lever)
-        return Estimate(made.predicted, places, turns)
+        start = certain.places.max() + (0.0 if self._radii is None else self._radii.std.max())
+        places = np.hypot(errors, np.where(moved, CARRIED * start, certain.places))
+        turns = np.where(moved, places, errors) / (LEVER * scene[:, RADIUS])
+        return made.predicted, Uncertainty(places, np.hypot(certain.turns, turns))
 
     def _start(self) -> Estimate | None:
         """Return the estimate that the push started from."""
         start, made = self._before, self._made
-        if start is None or start.sure is None or made is None or made.job.view.key != start.key:
+        if start is None or start.uncertainty is None or made is None:
+            return None
+        if made.job.observed.key != start.key:
             return None
         place, turn = self.config.bias_std
-        places = np.sqrt(np.maximum(start.sure.places**2 - place**2, 0.0))
-        turns = np.sqrt(np.maximum(start.sure.turns**2 - turn**2, 0.0))
-        return Estimate(start.scene, places, turns)
+        places = np.sqrt(np.maximum(start.uncertainty.places**2 - place**2, 0.0))
+        turns = np.sqrt(np.maximum(start.uncertainty.turns**2 - turn**2, 0.0))
+        return start.scene, Uncertainty(places, turns)
 
-    def _learn(self, found: Estimate) -> None:
+    def _conclude(self, scene: Scene, uncertainty: Uncertainty) -> None:
+        """State the push that led here between two estimates."""
         start, made = self._start(), self._made
         if start is not None and made is not None:
-            noise = np.hypot(found.places, CARRIED * start.places.max())
-            after = found.scene.copy()
-            after[:, MASS:] = start.scene[:, MASS:]  # what the push was planned with
-            self.pushed = PushRecord(made.push, start.scene, after, noise=noise)
-
-    def _view(self, frame: View, found: Estimate) -> View:
-        place, turn = self.config.bias_std
-        sure = Uncertainty(
-            np.hypot(found.places, place), np.hypot(found.turns, turn), self.config.confidence
-        )
-        return View(
-            found.scene, *frame.key, True, frame.received, observed=frame.observed, sure=sure
-        )
+            before, certain = start
+            after = scene.copy()
+            after[:, MASS:] = before[:, MASS:]  # what the push was planned with
+            noise = np.hypot(uncertainty.places, CARRIED * certain.places.max())
+            self.executed = PushRecord(made.push, before, after, noise=noise)

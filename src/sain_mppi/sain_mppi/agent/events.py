@@ -1,20 +1,47 @@
-"""What happens to an agent, and what it wants done: `Agent.update` turns one into the other."""
+"""What happens to an agent, what it decides on, and what it wants done.
+
+`Agent.update` turns an `Event` into `Action`s.
+"""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from enum import Enum, auto
+from functools import cached_property
+from threading import Event as Flag
 
-from sain_core.errors import CancelledError
+import numpy as np
+
+from sain_core.errors import CancelledError, SainError
+from sain_core.goal import Goal, Judgement
+from sain_core.history import PushHistory
+from sain_core.scene import MASS, POSITION, RADIUS
 from sain_core.shapes.bodies import Bodies
-from sain_core.types import PushArray, Scene
-from sain_mppi.agent.decision import PushDecision, Stop, Task
+from sain_core.types import PushArray, Scalars, Scene
+from sain_mppi.agent.uncertainty import Uncertainty
+from sain_mppi.algorithms.config import PlannerConfig
+from sain_mppi.algorithms.result import PlanResult
+from sain_mppi.objective.problem import Problem
+
+SLACK = 4.0  # standard deviations: a body that was to be kept is moved when seen further off
+STREAM_DECIMALS = 6  # of the numbers that name a random stream: 1 um, far above rounding
+
+
+@dataclass(frozen=True, eq=False)
+class Task:
+    """A goal as it was given. Episode 0: any. No pushes: no limit."""
+
+    goal_id: int
+    episode_id: int
+    goal: Goal
+    max_pushes: int
 
 
 @dataclass(frozen=True, eq=False)
 class EpisodeBegun:
     """An episode has these bodies. Without this event, all are disks.
 
-    If it comes again for the same episode, then whoever executes pushes began anew at a time [s],
-    and the push under way has no result.
+    If it comes again for the same episode, with another time [s] or none, then whoever executes
+    pushes began anew, and the push under way has no result.
     """
 
     episode_id: int
@@ -23,10 +50,18 @@ class EpisodeBegun:
 
 
 @dataclass(frozen=True, eq=False)
-class SceneSeen:
+class SceneObserved:
     """A scene (N, 8), with the ids by which a push names it.
 
-    `time` is that of the observation [s], by the clock of the results.
+    Attributes:
+        scene: (N, 8).
+        episode_id: of its episode.
+        scene_id: changes with each push.
+        settled: whether the bodies are at rest.
+        time: of the observation [s], by the clock of the results.
+        bodies_follow: its episode has an `EpisodeBegun`, which may not have come yet.
+        received: when it arrived [s], by the agent's own clock; the agent fills it in.
+        uncertainty: of the poses; None: they are exact.
     """
 
     scene: Scene
@@ -34,6 +69,14 @@ class SceneSeen:
     scene_id: int
     settled: bool = True
     time: float = 0.0
+    bodies_follow: bool = False
+    received: float = 0.0
+    uncertainty: Uncertainty | None = None
+
+    @property
+    def key(self) -> tuple[int, int]:
+        """The ids by which a push names the scene."""
+        return self.episode_id, self.scene_id
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,7 +95,7 @@ class PushExecuted:
 class PushEnded:
     """A push, whoever sent it, ended with a code of `sain_core.errors.ErrorCode`.
 
-    It was refused. Or it was executed (OK), and nothing is known of where it led.
+    It was refused. Or it was executed (OK), and the scene to which it led is unknown.
     """
 
     push_id: int
@@ -81,6 +124,137 @@ class TimePassed:
 
 
 @dataclass(frozen=True, eq=False)
+class PlanJob:
+    """One settled scene to decide on, for one goal.
+
+    Attributes:
+        task: the goal.
+        observed: the scene, as it was observed.
+        problem: scene and goal, checked.
+        session: a number that changes with goal and episode, and after a refusal for the scene:
+            what a decider keeps from job to job holds within one session.
+        pushes: sent for this goal before, without refused ones.
+        refused: (5,) each, pushes that were refused from this scene.
+        history: the episode's earlier pushes.
+        cancelled: set once the decision is no longer wanted.
+    """
+
+    task: Task
+    observed: SceneObserved
+    problem: Problem
+    session: int
+    pushes: int
+    refused: tuple[PushArray, ...] = ()
+    history: PushHistory = field(default_factory=PushHistory.empty)
+    cancelled: Flag = field(default_factory=Flag)
+
+    @cached_property
+    def judgement(self) -> Judgement:
+        """How far the scene is from the goal."""
+        problem = self.problem
+        table = problem.feasibility.table
+        return problem.goal.judge(self.observed.scene, problem.start, problem.bodies, table)
+
+    @property
+    def left(self) -> str:
+        """What is left to do, for messages."""
+        judged = self.judgement
+        return ", ".join(
+            f"body {judged.goal.poses[number].body} {1e3 * judged.distances[number]:.1f} mm and"
+            f" {judged.turns[number]:.3f} rad from its pose"
+            for number in judged.missed
+        )
+
+    @property
+    def reached(self) -> bool:
+        """Whether the goal is reached; where poses are uncertain, with enough probability."""
+        uncertainty = self.observed.uncertainty
+        if uncertainty is None:
+            return self.judgement.reached
+        return uncertainty.is_reached(self.judgement) and self.moved is None
+
+    @property
+    def moved(self) -> int | None:
+        """The first body that was to be kept and was moved, if any."""
+        uncertainty = self.observed.uncertainty
+        slack = 0.0 if uncertainty is None else SLACK * float(uncertainty.places.max())
+        return self.judgement.moved(slack)
+
+    @property
+    def stream(self) -> tuple[str, int, int]:
+        """The name of the job's random stream below the agent's seed.
+
+        It is made of the goal, the disks at the session's start, and the numbers of pushes and
+        refusals since. It holds no id of a message: who plays the same episode draws the same.
+        """
+        disks = self.problem.start[:, [*range(POSITION.stop), MASS, RADIUS]]
+        words = np.concatenate([self.problem.goal.numbers, disks.ravel()])
+        words = words.round(STREAM_DECIMALS) + 0.0
+        return words.tobytes().hex(), self.pushes, len(self.refused)
+
+
+@dataclass(frozen=True, eq=False)
+class PushDecision:
+    """A push to carry out, and what it rests on.
+
+    Attributes:
+        job: what was decided on.
+        push: (5,).
+        plan: the plan that the push begins; None: it was not planned.
+        failure: why physics planned in place of the model; None: the model did.
+        warning: why the plan is wider than by default; empty: it is not.
+        last_errors: (N,) [m], from where the push before should have led to where it led; None:
+            there was none, or nobody compares.
+        last_expected: (N,) [m], errors up to these are expected.
+        push_id: of the push, once the agent counts it as sent.
+        settings: what was planned with; None: it was not planned.
+    """
+
+    job: PlanJob
+    push: PushArray
+    plan: PlanResult | None = None
+    failure: SainError | None = None
+    warning: str = ""
+    last_errors: Scalars | None = None
+    last_expected: Scalars | None = None
+    push_id: int = 0
+    settings: PlannerConfig | None = None
+
+    @property
+    def predicted(self) -> Scene | None:
+        """The scene (N, 8) after the push, as predicted."""
+        return None if self.plan is None else self.plan.predicted[0]
+
+
+class StopReason(Enum):
+    """Why the agent sends no push."""
+
+    REACHED = auto()
+    EXHAUSTED = auto()
+    FAILED = auto()
+
+
+@dataclass(frozen=True, eq=False)
+class Stop:
+    """No push, and why: the goal is reached, the pushes are used up, or there is an error.
+
+    `job` is what was decided on; None: the goal itself cannot be served.
+    """
+
+    task: Task
+    reason: StopReason
+    job: PlanJob | None = None
+    error: BaseException | None = None
+
+    @property
+    def failure(self) -> str:
+        """Why the goal was not reached; empty: it was."""
+        if self.reason is StopReason.EXHAUSTED and self.job is not None:
+            return f"{self.task.max_pushes} pushes left {self.job.left}"
+        return "" if self.error is None else f"{type(self.error).__name__}: {self.error}"
+
+
+@dataclass(frozen=True, eq=False)
 class Decided:
     """The work on a job has ended. No outcome: it was cancelled."""
 
@@ -100,17 +274,9 @@ class Prepared:
 
 
 Event = (
-    EpisodeBegun
-    | SceneSeen
-    | PushExecuted
-    | PushEnded
-    | GoalGiven
-    | GoalCancelled
-    | TimePassed
-    | Decided
-    | Completed
-    | Prepared
-)
+    EpisodeBegun | SceneObserved | PushExecuted | PushEnded | GoalGiven | GoalCancelled
+    | TimePassed | Decided | Completed | Prepared
+)  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,4 +295,4 @@ class Computation:
 
 
 Action = PushDecision | Stop | Computation
-"""Send a push; tell that no push follows, and why; compute. No action: wait for an event."""
+"""Send a push; send no more, and why; compute. No action: wait for an event."""

@@ -10,9 +10,8 @@ from typing import Final
 
 from sain_core.config import Config, option
 from sain_core.errors import ErrorCode, GoalLostError, NoPushError
-from sain_core.scene import Table
 from sain_core.types import PushArray
-from sain_mppi.agent.decision import PlanJob, Stop, StopReason, Task, View
+from sain_mppi.agent.events import PlanJob, SceneObserved, Stop, StopReason, Task
 
 LOOK_AGAIN: Final = (ErrorCode.STALE_SCENE, ErrorCode.BUSY, ErrorCode.UNKNOWN_EPISODE)
 """Refusals that say that the scene was not the current one: the next scene to arrive is."""
@@ -42,77 +41,64 @@ class GoalTrackerConfig(Config):
 
 
 class GoalTracker:
-    """Follows one goal at a time. Each settled scene is decided on once, unless it is refused."""
+    """Follows one goal at a time. Each settled scene is decided on once, unless it is refused.
+
+    Attributes:
+        task: the goal; None: there is none.
+        observed: the latest scene; None: there is none.
+        start: the scene that was decided on first in this session.
+        session: changes with goal and episode, and after a refusal for the scene.
+        pushes: sent for the goal, without refused ones.
+        refused: (5,) each, pushes that were refused from this scene.
+    """
 
     def __init__(
-        self,
-        config: GoalTrackerConfig,
-        table: Table,
-        clock: Callable[[], float] = time.monotonic,
+        self, config: GoalTrackerConfig, clock: Callable[[], float] = time.monotonic
     ) -> None:
-        """Begin without a goal."""
-        self._config = config
-        self._table = table
-        self._clock = clock
+        self._config, self._clock = config, clock
         self.task: Task | None = None
-        self.view: View | None = None
-        self.pushes = 0
-        self._refused: tuple[PushArray, ...] = ()  # from this scene
+        self.observed: SceneObserved | None = None
+        self.start: SceneObserved | None = None
+        self.session = self.pushes = 0
+        self.refused: tuple[PushArray, ...] = ()
         self._decided: tuple[int, int] | None = None
         self._awaited: tuple[int, float] | None = None  # push id and when it was sent
         self._unanswered: dict[int, PushArray] = {}
         self._latest: int | None = None  # push, of the task's
         self._arrived: tuple[tuple[int, int], float] | None = None  # a settled scene, and when
-        self._session = 0
-        self._start: View | None = None  # of the session
 
-    def aim(self, task: Task, pushes: int = 0) -> None:
-        """Follow a new goal, for which so many pushes were sent before.
-
-        Raises:
-            SainError: a goal that cannot be served; there is none to follow then.
-        """
-        self.task, self.pushes, self._refused, self._start = None, pushes, (), None
+    def set_goal(self, task: Task, pushes: int = 0) -> None:
+        """Follow a new goal, for which so many pushes were sent before."""
+        self.task, self.pushes, self.refused, self.start = task, pushes, (), None
         self._decided, self._awaited, self._latest = None, None, None
         self._unanswered.clear()
-        task.goal.check_places(self._table)  # all else needs the bodies: the planner checks it
-        self.task = task
 
-    def see(self, view: View) -> None:
+    def observe(self, scene: SceneObserved) -> None:
         """Take note of a scene."""
-        if self.view is None or view.key != self.view.key:
-            self._refused, self._awaited = (), None
+        if self.observed is None or scene.key != self.observed.key:
+            self.refused, self._awaited = (), None
         elif self._overdue():
             self._decided, self._awaited = None, None
-        if view.settled and (self._arrived is None or self._arrived[0] != view.key):
-            self._arrived = (view.key, self._clock())
-        self.view = view
+        if scene.settled and (self._arrived is None or self._arrived[0] != scene.key):
+            self._arrived = (scene.key, self._clock())
+        self.observed = scene
 
-    def next_job(self) -> PlanJob | None:
-        """Return what is to be decided now, if anything; it is not returned again."""
-        task, view = self.task, self.view
-        if task is None or view is None or not view.settled or view.key == self._decided:
+    def next_scene(self) -> SceneObserved | None:
+        """Return the scene to be decided on now, if any; it is not returned again."""
+        task, scene = self.task, self.observed
+        if task is None or scene is None or not scene.settled or scene.key == self._decided:
             return None
-        if task.episode_id not in (0, view.episode_id) or self._result_is_under_way():
+        if task.episode_id not in (0, scene.episode_id) or self._result_is_under_way():
             return None
-        self._decided = view.key
-        first = self._start
+        self._decided, first = scene.key, self.start
         if (
             first is None
-            or first.episode_id != view.episode_id
-            or len(first.scene) != len(view.scene)
+            or first.episode_id != scene.episode_id
+            or len(first.scene) != len(scene.scene)
         ):
-            first = self._start = view
-            self._session += 1
-        return PlanJob(
-            task,
-            view,
-            first.scene,
-            self._session,
-            self.pushes,
-            self._refused,
-            table=self._table,
-        )
+            self.start = scene
+            self.session += 1
+        return scene
 
     def stop(self, job: PlanJob) -> Stop | None:
         """Return why a job needs no decision; None: it needs one."""
@@ -132,7 +118,8 @@ class GoalTracker:
 
     def is_current(self, job: PlanJob) -> bool:
         """Tell whether a job is still about the current goal and scene."""
-        return self.task is job.task and self.view is not None and self.view.key == job.view.key
+        scene = self.observed
+        return self.task is job.task and scene is not None and scene.key == job.observed.key
 
     def sent(self, push_id: int, push: PushArray) -> None:
         """Take note that a push (5,) was sent."""
@@ -141,25 +128,24 @@ class GoalTracker:
         self._latest = push_id
         self.pushes += 1
 
-    def answered(self, push_id: int, code: int) -> bool:
-        """Take note of what became of a push; tell whether it was sent for this goal and refused.
+    def ended(self, push_id: int, code: int) -> None:
+        """Take note of what became of a push.
 
         A push refused for its scene waits for the next scene to arrive, others for nothing.
         """
         push = self._unanswered.pop(push_id, None)
         if push is None or code == ErrorCode.OK:
-            return False
+            return
         self.pushes -= 1
         awaited = self._awaited is not None and self._awaited[0] == push_id
         if awaited:
             self._awaited = self._decided = None
         if awaited and code not in LOOK_AGAIN:
-            self._refused = (*self._refused, push)
-            return True
-        self._start = None  # nothing that was planned holds any more
+            self.refused = (*self.refused, push)
+            return
+        self.start = None  # nothing that was planned holds any more
         if awaited:
-            self.view = None
-        return True
+            self.observed = None
 
     @property
     def awaited_push(self) -> int | None:
@@ -170,7 +156,7 @@ class GoalTracker:
         """Tell whether to wait for what became of the push that led to this scene.
 
         Scenes and results come on topics of their own, in any order. A plan that was made before
-        the result would know one push less of the episode.
+        the result would lack one push of the episode.
         """
         if self._arrived is None or self._latest not in self._unanswered:
             return False

@@ -1,43 +1,95 @@
 """From a job to a push: the planner, its model, the physics behind it, and the progress."""
 
-from dataclasses import replace
+import logging
+from abc import ABC, abstractmethod
+from dataclasses import dataclass, field, replace
+from threading import Event
 from time import monotonic
-from typing import Final
+from typing import Final, Self
 
 import numpy as np
 
-from sain_core.errors import NoProgressError
-from sain_core.feasibility import Feasibility
-from sain_core.model import RolloutModel
-from sain_mppi.agent.decision import Decider, PlanJob, PushDecision
-from sain_mppi.agent.fallback import FallbackRollout, Patience
-from sain_mppi.agent.progress_monitor import ProgressMonitor
-from sain_mppi.algorithms.config import PlannerConfig
-from sain_mppi.algorithms.proposals import RESET
-from sain_mppi.objective.objective import Objective
+from sain_core.errors import CancelledError, ConfigError, NoProgressError, SainError
+from sain_core.history import PushHistory
+from sain_core.model import Radii, RolloutModel, check_rollout
+from sain_core.scene import POSITION, TARGET
+from sain_core.shapes.bodies import PAPER_DISKS, Bodies
+from sain_core.types import PredictedScenes, PushSequences, Scalars, Scene
+from sain_mppi.agent.events import PlanJob, PushDecision
+from sain_mppi.algorithms.config import PlannerConfig, ProgressConfig
+from sain_mppi.algorithms.search import RESET
+from sain_mppi.objective.cost import Objective
 from sain_mppi.planner import Planner
 
+logger = logging.getLogger(__name__)
+
 SHORTEST: Final = 4.0  # standard deviations of places: a shorter way of a body is lost in noise
+NOISE: Final = 3.0  # standard deviations of places: by so much more may an error seem to be
 MODEL_SHARE: Final = 0.8  # of the time for a plan: a model that is silent so long is late
+NEARER: Final = 0.99  # of the best so far: a resting cost below this share is progress
+
+
+class Decider(ABC):
+    """Chooses the push for one job after another. All but `adjust` belong to one thread."""
+
+    @abstractmethod
+    def decide(self, job: PlanJob, generator: np.random.Generator) -> PushDecision:
+        """Choose a push; the same jobs and generators give the same pushes.
+
+        Raises:
+            CancelledError: the job was cancelled.
+            SainError: there is no push to make, and why.
+        """
+
+    def prepare(self, decision: PushDecision, generator: np.random.Generator) -> bool:
+        """Work ahead on what follows on the latest decision, while its push is executed.
+
+        Returns:
+            Whether there was anything to prepare.
+
+        Raises:
+            CancelledError: the decision's job was cancelled.
+        """
+        return False
+
+    def complete(self, decision: PushDecision) -> PushDecision:
+        """Return the latest decision with what its push need not wait for."""
+        return decision
+
+    def adjust(self, planner: PlannerConfig) -> None:
+        """Plan with other settings from the next job on; raise `ConfigError` if it has none."""
+        raise ConfigError(f"{type(self).__name__} does not plan: it has no settings to change")
+
+
+@dataclass
+class Patience:
+    """How long a plan waits for its model; shared with a model that answers from elsewhere.
+
+    Attributes:
+        until: a model that has not answered by this `time.monotonic` fails; None: no limit.
+        cancelled: once it is set, the plan ends with `CancelledError`.
+    """
+
+    until: float | None = None
+    cancelled: Event = field(default_factory=Event)
 
 
 class PlanningDecider(Decider):
-    """Plans with a model, with physics while the model fails, and wider after a surprise."""
+    """Plans with a model, with physics while the model fails, and wider after large errors."""
 
     def __init__(
         self,
         model: RolloutModel,
         physics: RolloutModel,
         config: PlannerConfig,
-        feasibility: Feasibility,
         patience: Patience | None = None,
     ) -> None:
         """Plan with this model, or else with this physics."""
         self._model, self._physics = model, physics
         self._patience = patience or Patience()
-        self._planner = Planner(model, config, feasibility)
+        self._planner = Planner(model, config)
         self._monitor = ProgressMonitor(config.progress)
-        self._config, self._feasibility = config, feasibility
+        self._config = config
         self._session: int | None = None
 
     def adjust(self, planner: PlannerConfig) -> None:
@@ -49,43 +101,42 @@ class PlanningDecider(Decider):
 
         Raises:
             CancelledError: the job was cancelled.
-            NoPushError, NoProgressError, UnreachableError: there is no push to make.
-            SainError: a scene that cannot exist, or a disk off the table.
+            NoPushError, NoProgressError: there is no push to make.
+            SainError: model and physics failed.
         """
-        config = self._config
+        config, planner, monitor = self._config, self._planner, self._monitor
         started, time = monotonic(), config.deadline
-        self._planner.use(config)
-        self._monitor.use(config.progress)
+        planner.use(config)
+        monitor.config = config.progress
         if job.session != self._session:
-            self._planner.reset()
-            self._monitor.reset()
+            planner.reset()
+            monitor.reset()
             self._session = job.session
         self._patience.until = started + MODEL_SHARE * time if time else None
         self._patience.cancelled = job.cancelled
-        model = self._planner.model = FallbackRollout(
-            self._model, self._physics, job.history, job.bodies, self._patience
+        model = planner.model = FallbackRollout(
+            self._model, self._physics, job.history, job.problem.bodies, self._patience
         )
-        self._look(job)
-        concern = self._monitor.concern
-        plan = self._planner.plan(
+        self._compare(job)
+        warning = monitor.warning
+        plan = planner.plan(
             job.problem,
             generator,
             deadline=started + time if time else None,
-            wide=bool(concern),
+            wide=bool(warning),
             refused=job.refused,
             shortest=shortest_way(job),
         )
-        self._monitor.expect(job.view.scene, plan.predicted[0])
-        failure, last = model.failure, self._monitor.last
-        return PushDecision(job, plan.push, plan, failure, concern, last, settings=config)
+        monitor.expect(job.problem.scene, plan.predicted[0])
+        errors = monitor.errors, monitor.expected
+        return PushDecision(job, plan.push, plan, model.failure, warning, *errors, settings=config)
 
-    def _look(self, job: PlanJob) -> None:
+    def _compare(self, job: PlanJob) -> None:
         """Compare the scene with what was expected; raise when it is no use going on."""
-        scene, monitor = job.view.scene, self._monitor
-        weights = self._planner.config.weights
-        goal = Objective(job.goal, job.start, weights, self._feasibility, job.bodies)
-        sure = job.view.sure
-        monitor.look(scene, goal.rest_cost(scene), None if sure is None else 3.0 * sure.places)
+        monitor, uncertainty = self._monitor, job.observed.uncertainty
+        rest_cost = Objective(job.problem, self._config.weights).rest_cost()
+        noise = None if uncertainty is None else NOISE * uncertainty.places
+        monitor.observe(job.problem.scene, rest_cost, noise)
         if monitor.hopeless:
             raise NoProgressError(
                 f"{monitor.without} pushes in a row brought nothing, the distance is"
@@ -98,26 +149,183 @@ class PlanningDecider(Decider):
         job, plan = decision.job, decision.plan
         if plan is None or decision.failure is not None or not self._planner.config.ahead:
             return False
-        expected = replace(job.view, scene=plan.predicted[0], settled=True)
+        expected = replace(job.observed, scene=plan.predicted[0], settled=True)
         last = job.task.max_pushes and job.pushes + 1 >= job.task.max_pushes
-        if last or replace(job, view=expected).reached:
+        if last or replace(job, observed=expected).reached:
             return False
-        expected_problem = job.problem.after(plan.predicted[0])
+        expected_problem = replace(job.problem, scene=plan.predicted[0])
         self._planner.prepare(expected_problem, generator, shortest_way(job))
         return True
 
     def complete(self, decision: PushDecision) -> PushDecision:
         """Return the latest decision with the model's regions, where it has any."""
-        scene, plan = decision.job.view.scene, decision.plan
+        plan = decision.plan
         if plan is None or decision.failure is not None:
             return decision
-        plan = self._planner.complete(decision.job.problem, plan)
+        problem = decision.job.problem
+        plan = self._planner.complete(problem, plan)
         if plan.regions is not None:
-            self._monitor.expect(scene, plan.predicted[0], plan.regions[0])
+            self._monitor.expect(problem.scene, plan.predicted[0], plan.regions[0])
         return replace(decision, plan=plan)
 
 
 def shortest_way(job: PlanJob) -> float:
     """Return the way [m] below which a push would be lost in the noise of the observations."""
-    sure = job.view.sure
-    return 0.0 if sure is None else SHORTEST * float(sure.places.max())
+    uncertainty = job.observed.uncertainty
+    return 0.0 if uncertainty is None else SHORTEST * float(uncertainty.places.max())
+
+
+class FallbackRollout:
+    """Predicts with a model; once it fails, with physics. Made anew for each plan.
+
+    A model fails when it raises, is late (it raises then), predicts NaN or Inf, or predicts for
+    another scene. Within one plan there is no way back: a silent model delays a plan only once.
+    """
+
+    def __init__(
+        self,
+        model: RolloutModel,
+        physics: RolloutModel,
+        history: PushHistory | None = None,
+        bodies: Bodies = PAPER_DISKS,
+        patience: Patience | None = None,
+    ) -> None:
+        """Ask this model, or else this physics.
+
+        Physics is conditioned when it is first used: inferring a friction takes time.
+
+        Args:
+            model: to ask first.
+            physics: to fall back on.
+            history: the episode's earlier pushes, on which both are conditioned.
+            bodies: shapes and roles.
+            patience: with the model.
+        """
+        self._models, self._history, self._bodies = (model, physics), history, bodies
+        self._patience = patience or Patience()
+        self._physics: RolloutModel | None = None  # conditioned
+        self.failure: SainError | None = None
+        try:
+            self._model = self._conditioned(model)
+        except ConfigError as error:  # it cannot predict such bodies
+            self.failure = error
+
+    def with_bodies(self, bodies: Bodies) -> Self:
+        """Return the same for these bodies, where the model has not failed yet."""
+        return type(self)(*self._models, self._history, bodies, self._patience)
+
+    def condition(self, history: PushHistory) -> Self:
+        """Return the same conditioned on a history, where the model has not failed yet."""
+        return type(self)(*self._models, history, self._bodies, self._patience)
+
+    def rollout(self, scene: Scene, pushes: PushSequences) -> PredictedScenes:
+        """Predict scenes (K, H, N, 8) for push sequences (K, H, A) from one scene (N, 8)."""
+        if self._patience.cancelled.is_set():
+            raise CancelledError("the plan is no longer wanted")
+        if self.failure is None:
+            try:
+                return check_rollout(self._model.rollout(scene, pushes), scene, pushes)
+            except CancelledError:
+                raise
+            except SainError as error:
+                logger.debug("falling back to physics: %s", error)
+                self.failure = error
+        if self._physics is None:
+            self._physics = self._conditioned(self._models[1])
+        return self._physics.rollout(scene, pushes)
+
+    def regions(
+        self, scene: Scene, pushes: PushSequences, predicted: PredictedScenes
+    ) -> Radii | None:
+        """Return the model's regions of what it predicted; None: it, or physics, has none."""
+        if self.failure is not None:
+            return None
+        try:
+            return self._model.regions(scene, pushes, predicted)
+        except SainError as error:  # the plan stands without it
+            logger.debug("no regions are known: %s", error)
+            return None
+
+    def _conditioned(self, model: RolloutModel) -> RolloutModel:
+        model = model.with_bodies(self._bodies)
+        return model if self._history is None else model.condition(self._history)
+
+
+class ProgressMonitor:
+    """Follows one goal: compares each scene with the predicted one and with the best so far.
+
+    Attributes:
+        config: what it judges by.
+        without: pushes in a row without progress.
+        errors: (N,) [m], of the last planned push, from the predicted place to the observed one;
+            None: there was none.
+        expected: (N,) [m], errors up to these are expected.
+    """
+
+    def __init__(self, config: ProgressConfig) -> None:
+        self.config = config
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget how pushes came out."""
+        self._before: Scene | None = None
+        self._predicted: Scene | None = None
+        self._regions: Scalars | None = None
+        self._best = np.inf
+        self.without = 0
+        self.errors: Scalars | None = None
+        self.expected: Scalars | None = None
+
+    def expect(self, scene: Scene, predicted: Scene, regions: Scalars | None = None) -> None:
+        """Take note of the scene (N, 8) to which a push from another scene (N, 8) should lead.
+
+        `regions` (N,) [m] are the radii of the regions that should hold the disks, if the model has
+        them. An error inside its region does not trigger wider planning.
+        """
+        self._before, self._predicted, self._regions = scene.copy(), predicted.copy(), regions
+
+    def observe(self, scene: Scene, rest_cost: float, noise: Scalars | None = None) -> None:
+        """Take note of the present scene (N, 8), and of what it would cost to do nothing.
+
+        `noise` (N,) [m] is by how much more places may seem to differ from what was expected.
+        """
+        self.errors = self.expected = None
+        before, predicted = self._before, self._predicted
+        if before is not None and predicted is not None and not np.array_equal(scene, before):
+            if scene.shape == predicted.shape:
+                self._compare(before, predicted, scene, noise)
+            self.without += 1
+        if rest_cost < NEARER * self._best:
+            self.without, self._best = 0, rest_cost
+
+    def _compare(
+        self, before: Scene, predicted: Scene, scene: Scene, noise: Scalars | None
+    ) -> None:
+        self.errors = np.linalg.norm((scene - predicted)[:, POSITION], axis=1)
+        way = np.linalg.norm((predicted - before)[:, POSITION], axis=1)
+        self.expected = np.maximum(self.config.surprise, self.config.surprise_share * way)
+        if self._regions is not None:
+            self.expected = np.maximum(self.expected, self._regions)
+        if noise is not None:
+            self.expected = np.hypot(self.expected, noise)
+
+    @property
+    def warning(self) -> str:
+        """Why to plan wider than by default; empty: there is no reason to."""
+        if self.errors is not None and self.expected is not None:
+            errors, expected = self.errors[: TARGET + 1], self.expected[: TARGET + 1]
+            worst = int(np.argmax(errors / expected))
+            if errors[worst] > expected[worst]:
+                return (
+                    f"{('mid disk', 'target')[worst]} {1e3 * errors[worst]:.0f} mm from where it"
+                    f" should be, {1e3 * expected[worst]:.0f} mm were expected"
+                )
+        if self.without >= self.config.stalled_after:
+            return f"{self.without} pushes brought nothing"
+        return ""
+
+    @property
+    def hopeless(self) -> bool:
+        """Whether there is no point in going on."""
+        most = self.config.give_up_after
+        return most > 0 and self.without >= most

@@ -12,8 +12,16 @@ from sain_core.shapes.bodies import Bodies
 from sain_core.types import PushArray, Scene
 from sain_core.world import AnyWorld, DivergedError, PushRecord, WorldFailedError
 from sain_mppi.agent.agent import Agent, act
-from sain_mppi.agent.decision import PushDecision, Stop, Task
-from sain_mppi.agent.events import EpisodeBegun, GoalGiven, PushEnded, PushExecuted, SceneSeen
+from sain_mppi.agent.events import (
+    EpisodeBegun,
+    GoalGiven,
+    PushDecision,
+    PushEnded,
+    PushExecuted,
+    SceneObserved,
+    Stop,
+    Task,
+)
 from sain_mppi.agent.goal_tracker import LOOK_AGAIN
 
 EPISODE: Final = 1  # its id
@@ -127,7 +135,7 @@ class _Play:
         """Let the agent look until it decides; None: there is nothing that it can decide on."""
         settled, ids = bool(is_settled(self.scene)), (EPISODE, len(self.pushes) + 1)
         for scene, time in self._sight.look():
-            decision = act(self._agent, SceneSeen(scene, *ids, settled, time))
+            decision = act(self._agent, SceneObserved(scene, *ids, settled, time))
             if decision is not None:
                 return decision
         return None
@@ -136,7 +144,7 @@ class _Play:
         """Execute a push; return what the agent decides once it has the result."""
         before, push, push_id = self.scene, decision.push, decision.push_id
         try:
-            after = self._sight.push(push, decision.job.view.scene)
+            after = self._sight.push(push, decision.job.observed.scene)
         except WorldFailedError:
             raise
         except SainError as error:

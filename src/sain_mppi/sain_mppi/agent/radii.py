@@ -24,7 +24,7 @@ OUTLIER: Final = 4.0  # standard deviations
 
 
 class RadiusFilter:
-    """What is known of the radii of an episode's bodies. Those of other shapes are measured."""
+    """Estimates the radii of an episode's disks. Those of other shapes are measured."""
 
     def __init__(self, radii: Scalars, bodies: Bodies = PAPER_DISKS) -> None:
         """Begin with radii (N,) [m], those of disks nominal."""
@@ -37,7 +37,7 @@ class RadiusFilter:
         """Standard deviations (N,) [m]."""
         return np.sqrt(np.maximum(np.diag(self._covariance), 0.0))
 
-    def learn(
+    def update(
         self,
         before: Scene,
         push: PushArray,
@@ -45,7 +45,7 @@ class RadiusFilter:
         after: Scene,
         noise: Scalars,
     ) -> None:
-        """Learn from a push.
+        """Update by a push.
 
         Args:
             before: (N, 8), that it was planned from, with the radii of then.
@@ -60,22 +60,22 @@ class RadiusFilter:
             pair = (pushed, other)
             if other == pushed or not self.round[pushed]:
                 continue
-            expected, seen = (_apart(*scene[pair, POSITION]) for scene in (predicted, after))
+            expected, observed = (_apart(*scene[pair, POSITION]) for scene in (predicted, after))
             if expected - before[pair, RADIUS].sum() < TOUCHING:
                 error = np.sqrt((noise[[*pair]] ** 2).sum() + AT_DISK**2)
-                self._update(pair, before, seen - expected, float(error))
+                self._update(pair, before, observed - expected, float(error))
 
-    def look(self, scene: Scene, noise: Scalars) -> None:
-        """Learn from disks of a scene (N, 8) that would overlap with these radii."""
+    def exclude_overlaps(self, scene: Scene, noise: Scalars) -> None:
+        """Update by disks of a scene (N, 8) that would overlap with these radii."""
         rounds = np.flatnonzero(self.round).tolist()
         for place, first in enumerate(rounds):
             for second in rounds[place + 1 :]:
                 pair = (first, second)
                 short = _apart(*scene[pair, POSITION]) - self.radii[[*pair]].sum()
                 if short < 0.0:
-                    known = scene.copy()
-                    known[:, RADIUS] = self.radii
-                    self._update(pair, known, short, float(np.hypot(*noise[[*pair]])))
+                    assumed = scene.copy()
+                    assumed[:, RADIUS] = self.radii
+                    self._update(pair, assumed, short, float(np.hypot(*noise[[*pair]])))
 
     def _update(self, bodies: tuple[int, ...], assumed: Scene, more: float, error: float) -> None:
         """Take it that these bodies' radii add up to so much more [m] than was assumed."""
@@ -95,7 +95,7 @@ class RadiusFilter:
         resized[:, RADIUS] = self.radii
         return resized
 
-    def retold(self, history: PushHistory, limits: PushLimits) -> PushHistory:
+    def restated(self, history: PushHistory, limits: PushLimits) -> PushHistory:
         """Return earlier pushes as they would be stated with these radii: the tool went as it did.
 
         Each scene has the radii with which its push was planned, and these tell where the tool was.
@@ -115,7 +115,7 @@ class RadiusFilter:
 def resized_push(push: PushArray, old: float, new: float, limits: PushLimits) -> PushArray:
     """Return (5,) the same way of the tool for a disk of another radius [m] in the same place.
 
-    It begins where the tool has its usual clearance from that disk.
+    It begins where the tool has its clearance from that disk.
     """
     location, angle, length = push[PATH]
     extra = limits.tool_radius + limits.clearance

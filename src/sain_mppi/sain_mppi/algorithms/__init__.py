@@ -40,16 +40,10 @@ def find_algorithm(name: str) -> Algorithm:
     """
     if name in ALGORITHMS:
         return ALGORITHMS[name]
-    entry = PLANNERS.find(name)
-    algorithm = PLANNERS.load(entry)
-    if not callable(algorithm):
-        raise PLANNERS.wrong(
-            entry, f"{entry.value} is a {type(algorithm).__name__}; it must be a function"
-        )
-    guarded = PLANNERS.guarded(entry, algorithm)
+    entry, algorithm = PLANNERS.function(name)
 
     def search_with(search: Search, start: PushSequences, generator: np.random.Generator) -> None:
-        guarded(search, start, generator)
+        algorithm(search, start, generator)
         if not len(search.elites.sequences):
             raise PLANNERS.wrong(
                 entry, "it found no sequence of finite cost; it must call search.evaluate"

@@ -4,13 +4,13 @@ from dataclasses import dataclass, replace
 from typing import Final, Self
 
 import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
 
 from sain_core.config import Config, option
 from sain_core.plugins import Plugins
 from sain_core.push import PaperGrid
-from sain_core.types import Scalars
 from sain_mppi.objective.cost_weights import CostWeights
-from sain_mppi.objective.sampling import NoiseConfig
 
 MPPI_ROUNDS: Final = "mppi_rounds"
 MPPI: Final = "mppi"
@@ -23,6 +23,34 @@ PLANNERS: Final = Plugins("sain.planners", "planner", ALGORITHM_NAMES)
 
 ARGMIN: Final = "argmin"
 MEAN: Final = "mean"
+
+
+@dataclass(frozen=True)
+class NoiseConfig(Config):
+    """How far samples scatter about the mean sequence in the first round, and after it."""
+
+    location: float = option(0.5, "standard deviation of the location", unit="rad", minimum=0.0)
+    angle: float = option(0.3, "standard deviation of the angle", unit="rad", minimum=0.0)
+    length: float = option(0.04, "standard deviation of the length", unit="m", minimum=0.0)
+    shrink: float = option(
+        0.4, "factor on the deviations from one round to the next", minimum=0.01, maximum=1.0
+    )
+    spread: float = option(
+        0.2,
+        "smallest random factor on a sample's noise; the largest is 1",
+        minimum=0.01,
+        maximum=1.0,
+    )
+
+    def scaled(self, factor: float) -> Self:
+        """Return noise that is so many times as wide."""
+        wider = {name: factor * getattr(self, name) for name in ("location", "angle", "length")}
+        return replace(self, **wider)
+
+    def deviations(self, round_number: int) -> Float[ndarray, "3"]:
+        """Return the standard deviations (location, angle, length) of a round, from 0."""
+        scale = self.shrink**round_number
+        return scale * np.array([self.location, self.angle, self.length])
 
 
 @dataclass(frozen=True)
@@ -48,7 +76,7 @@ class IcemConfig(Config):
 
 @dataclass(frozen=True)
 class GradientConfig(Config):
-    """What gradient descent has of its own; a push counts in standard deviations of the noise."""
+    """What gradient descent has of its own."""
 
     drawn: float = option(
         0.5, "share of K that is sampled before the descent", minimum=0.0, maximum=1.0
@@ -57,23 +85,6 @@ class GradientConfig(Config):
         0.008, "share of K that descends in parallel: the best samples", minimum=0.0, maximum=1.0
     )
     steps: int = option(7, "number of descent steps", minimum=0)
-    difference: float = option(
-        0.02,
-        "size of the finite difference, in standard deviations of the noise",
-        minimum=1e-6,
-        maximum=1.0,
-    )
-    longest: float = option(0.5, "largest step, in standard deviations of the noise", minimum=1e-6)
-    shortest: float = option(
-        0.004, "smallest step; a sequence stays if that is worse too", minimum=1e-6
-    )
-    tries: int = option(8, "number of step lengths that the line search tries", minimum=1)
-    momentum: float = option(0.5, "beta_1 of Adam", minimum=0.0, maximum=0.999)
-    squares: float = option(0.99, "beta_2 of Adam", minimum=0.0, maximum=0.9999)
-
-    def rates(self) -> Scalars:
-        """Return the lengths of the steps that are tried, (R,)."""
-        return np.geomspace(self.longest, self.shortest, self.tries)
 
 
 @dataclass(frozen=True)

@@ -11,15 +11,14 @@ from sain_core.push import LOCATION, PATH
 from sain_core.scene import wrap_angle
 from sain_core.types import PushSequences, Scalars
 from sain_mppi.algorithms.config import MEAN, IcemConfig
-from sain_mppi.algorithms.proposals import draw_permitted, propose, without_idle
-from sain_mppi.algorithms.search import Search
-from sain_mppi.objective.sampling import (
+from sain_mppi.algorithms.sampling import (
     Sequence,
     coloured_noise,
-    inside_limits,
     stop_early,
     weighted_mean,
 )
+from sain_mppi.algorithms.search import Search
+from sain_mppi.objective.proposals import inside_limits
 
 
 def icem(search: Search, start: PushSequences, generator: np.random.Generator) -> None:
@@ -37,7 +36,7 @@ def icem(search: Search, start: PushSequences, generator: np.random.Generator) -
         last = round_number == config.rounds - 1
         draw = partial(_population, search, fit, last, generator)
         count = config.samples_in(round_number)
-        sequences = draw_permitted(search, draw, count, generator)
+        sequences = search.draw_permitted(draw, count, generator)
         fit = _refit(fit, sequences, search.evaluate(sequences), config.icem)
     if config.selection == MEAN and fit is not None:
         search.settle_on(fit.mean)
@@ -57,14 +56,14 @@ def _population(
 ) -> PushSequences:
     """Draw sequences with noise that is correlated over H; the last have the mean among them."""
     if fit is None:
-        return propose(search, None, 0, generator, count)
+        return search.propose(None, 0, generator, count)
     config = search.config
     noise = coloured_noise(generator, (count, 3, config.horizon), config.icem.colour)
     limits = search.feasibility.limits
     drawn = np.repeat(fit.mean[None], count, axis=0)
     drawn[..., PATH] += fit.deviation * noise.transpose(0, 2, 1)
     drawn = inside_limits(drawn, limits)
-    drawn = without_idle(stop_early(drawn, config.stop_share, generator), limits)
+    drawn = search.without_idle(stop_early(drawn, config.stop_share, generator))
     known = [fit.kept, fit.mean[None]] if last else [fit.kept]
     return np.concatenate([*known, drawn])
 

@@ -4,9 +4,8 @@ import numpy as np
 
 from sain_core.types import PushSequences
 from sain_mppi.algorithms.config import MEAN
-from sain_mppi.algorithms.proposals import draw_permitted
+from sain_mppi.algorithms.sampling import gaussian_sequences, weighted_mean
 from sain_mppi.algorithms.search import Search
-from sain_mppi.objective.sampling import gaussian_sequences, weighted_mean
 
 
 def mppi(search: Search, start: PushSequences, generator: np.random.Generator) -> None:
@@ -19,11 +18,11 @@ def mppi(search: Search, start: PushSequences, generator: np.random.Generator) -
 
     def draw(count: int) -> PushSequences:
         if not len(start):
-            return search.objective.uniform(generator, count, config.horizon)
+            return search.uniform(generator, count)
         deviations = config.noise.deviations(0)
         return gaussian_sequences(start[0], deviations, 1.0, limits, generator, count)
 
-    sequences = draw_permitted(search, draw, config.samples, generator)
+    sequences = search.draw_permitted(draw, config.samples, generator)
     costs = search.evaluate(sequences)
     if config.selection == MEAN:
         search.settle_on(weighted_mean(sequences, search.weights(costs)))

@@ -1,18 +1,18 @@
 """MPPI with several rounds: each draws nearer the mean of the last, and fewer.
 
-Where the tool pushes bodies with corners, a beam search finds the first mean.
+Where the tool pushes bodies with corners, a beam search finds the first mean: proposals that build
+on what the model predicts of each push.
 """
 
 from functools import partial
 
 import numpy as np
 
+from sain_core.push import idle_pushes
 from sain_core.types import PushSequences
-from sain_mppi.algorithms.beam import beam
 from sain_mppi.algorithms.config import MEAN
-from sain_mppi.algorithms.proposals import draw_permitted, propose
+from sain_mppi.algorithms.sampling import Sequence, weighted_mean
 from sain_mppi.algorithms.search import Search
-from sain_mppi.objective.sampling import Sequence, weighted_mean
 
 
 def mppi_rounds(search: Search, start: PushSequences, generator: np.random.Generator) -> None:
@@ -33,13 +33,43 @@ def mppi_rounds(search: Search, start: PushSequences, generator: np.random.Gener
         if found and (search.over or (stuck and search.improves)):
             break
         wide = 0 if stuck else round_number
-        draw = partial(propose, search, mean, wide, generator)
+        draw = partial(search.propose, mean, wide, generator)
         count = max(round(share * config.samples_in(wide)), 1)
-        sequences = draw_permitted(search, draw, count, generator)
+        sequences = search.draw_permitted(draw, count, generator)
         costs = search.evaluate(sequences)
         mean = _updated(mean, weighted_mean(sequences, search.weights(costs)), config.smoothing)
     if config.selection == MEAN and mean is not None:
         search.settle_on(mean)
+
+
+def beam(search: Search, start: PushSequences, generator: np.random.Generator) -> None:
+    """Try single pushes, keep the best, try pushes after each of these, and so on up to H.
+
+    The best of what the last plan leaves, `start`, is tried as well.
+
+    A prefix costs what it costs to rest after it. A corner that is pushed turns away, so a
+    sequence that is drawn as a whole rarely has a second push that suits its first.
+    """
+    config, horizon = search.config.beam, search.config.horizon
+
+    def draw(count: int) -> PushSequences:
+        informed = search.candidates(generator, count // 4)
+        uniform = search.uniform(generator, count - len(informed))
+        sequences = generator.permutation(np.concatenate([informed, uniform]))
+        sequences[:, 1:] = idle_pushes()
+        return sequences
+
+    sequences = search.draw_permitted(draw, config.first, generator)
+    sequences[:, 1:] = idle_pushes()  # of the uniform draws in a hard place
+    search.probe(start[:1])
+    for step in range(1, horizon + 1):
+        costs = search.probe(sequences)
+        best = np.argsort(costs, kind="stable")[: config.width]
+        best = best[np.isfinite(costs[best])]
+        if step == horizon or not len(best) or search.over:
+            return
+        sequences = np.repeat(sequences[best], config.branch, axis=0)
+        sequences[:, step] = search.uniform(generator, len(sequences))[:, 0]
 
 
 def _updated(mean: Sequence | None, new: Sequence, kept: float) -> Sequence:

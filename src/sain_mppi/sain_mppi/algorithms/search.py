@@ -1,31 +1,37 @@
-"""One plan's search: rolls out what an algorithm tries, costs it, and keeps the best."""
+"""One plan's search: draws what an algorithm tries, rolls it out, costs it, and keeps the best."""
 
-from collections.abc import Sequence
-from time import perf_counter
+from collections.abc import Callable, Iterator, Sequence
+from time import monotonic, perf_counter
+from typing import Final
 
 import numpy as np
 
-from sain_core.errors import ModelUnavailableError
-from sain_core.feasibility import Feasibility
-from sain_core.model import Radii, RolloutModel, check_rollout
-from sain_core.push import idle_pushes
+from sain_core.errors import ModelUnavailableError, NoPushError
+from sain_core.model import RolloutModel, check_rollout
+from sain_core.push import LENGTH, idle_pushes
 from sain_core.scene import POSITION
-from sain_core.types import (
-    Mask,
-    PredictedScenes,
-    PushArray,
-    Pushes,
-    PushSequences,
-    Scalars,
-    Scene,
-)
+from sain_core.types import Mask, PredictedScenes, PushArray, Pushes, PushSequences, Scalars
 from sain_mppi.algorithms.config import PlannerConfig
-from sain_mppi.algorithms.feasible_mask import permitted
-from sain_mppi.algorithms.pacing import Pacing
 from sain_mppi.algorithms.result import Elites, PlanResult, Times
-from sain_mppi.algorithms.weights import cost_spread, effective_samples, softmin_weights
-from sain_mppi.objective.cost import total_cost
-from sain_mppi.objective.objective import Objective
+from sain_mppi.algorithms.sampling import (
+    cost_spread,
+    effective_samples,
+    gaussian_sequences,
+    softmin_weights,
+    stop_early,
+)
+from sain_mppi.objective.cost import Objective, total_cost
+from sain_mppi.objective.proposals import candidates, uniform
+
+RESET: Final = "reset the scene: ./env ros2 run sain_bringup reset"
+SURPLUS: Final = 2  # sequences drawn for each one wanted: those are dropped whose first push is
+# not permitted
+LAST_RESORT: Final = 256  # uniform draws in a hard place, besides four for each one wanted
+FIRST_PART: Final = 64  # sequences, until it is known how long they take
+PART: Final = 256
+RESERVE: Final = 0.004  # [s] before the deadline, for what comes after the search
+
+Draw = Callable[[int], PushSequences]
 
 
 class Search:
@@ -35,35 +41,33 @@ class Search:
         self,
         model: RolloutModel,
         config: PlannerConfig,
-        feasibility: Feasibility,
-        scene: Scene,
         objective: Objective,
         refused: Sequence[PushArray] = (),
         deadline: float | None = None,
-        known: PushSequences | None = None,
+        prepared: PushSequences | None = None,
         shortest: float = 0.0,
     ) -> None:
-        """Begin with nothing found, in a scene (N, 8) from which some pushes (5,) were refused.
+        """Begin without a sequence, in a scene from which some pushes (5,) were refused.
 
-        The plan is wanted at the deadline, a `time.monotonic`; None: whenever. `known` (E, H, 5)
-        are what was found for about this scene. They are rolled out in one batch with the first
-        sequences that an algorithm tries. Pushes that move their body by less than the `shortest`
-        way [m] are not permitted as the first.
+        The plan is wanted at the deadline, a `time.monotonic`; None: whenever. `prepared` (E, H, 5)
+        was planned for about this scene. It is rolled out in one batch with the first sequences
+        that an algorithm tries. Pushes that move their body by less than the `shortest` way [m]
+        are not permitted as the first.
         """
-        self.model, self.config, self.feasibility = model, config, feasibility
-        self.scene, self.objective, self.refused = scene, objective, refused
-        self.shortest = shortest
+        self.model, self.config, self.objective = model, config, objective
+        self.scene, self.feasibility = objective.problem.scene, objective.feasibility
+        self.refused, self.shortest = refused, shortest
         self.elites = Elites(config.horizon, config.shown)
         self.effective = 0.0
         self.samples = self.rounds = 0
         self._pacing = Pacing(deadline)
         self._rollout_time = self._cost_time = 0.0
         self._began = perf_counter()
-        self.rest_cost = objective.rest_cost(scene, config.horizon)
-        self.known: PushSequences = idle_pushes(0, config.horizon)
-        if known is not None:
-            self.known = known[self.permitted(known[:, 0])]
-        self._waiting = self.known
+        self.rest_cost = objective.rest_cost(config.horizon)
+        self.prepared = idle_pushes(0, config.horizon)
+        if prepared is not None:
+            self.prepared = prepared[self.permitted(prepared[:, 0])]
+        self._waiting = self.prepared
 
     @property
     def improves(self) -> bool:
@@ -78,16 +82,82 @@ class Search:
     @property
     def where(self) -> str:
         """The situation, for messages."""
-        body = self.objective.pushable[0]
+        body = self.objective.bodies.pushable[0]
         x, y = self.scene[body, POSITION]
-        name = f"body {body}"
         refused = f", {len(self.refused)} refused before" if self.refused else ""
-        return f"from here: {name} at ({x:.3f}, {y:.3f}) m{refused}"
+        return f"from here: body {body} at ({x:.3f}, {y:.3f}) m{refused}"
 
     def permitted(self, pushes: Pushes) -> Mask:
         """Tell which pushes (B, 5) touch their body, can be carried out, and were not refused."""
-        bodies, shortest = self.objective.bodies, self.shortest
-        return permitted(self.scene, pushes, self.feasibility, self.refused, bodies, shortest)
+        return self.objective.problem.permitted(pushes, self.refused, self.shortest)
+
+    def uniform(self, generator: np.random.Generator, count: int) -> PushSequences:
+        """Draw sequences (count, H, 5) of any allowed pushes."""
+        return uniform(self.objective, generator, count, self.config.horizon)
+
+    def candidates(self, generator: np.random.Generator, count: int) -> PushSequences:
+        """Draw informed proposals (count, H, 5)."""
+        return candidates(self.objective, generator, count, self.config.horizon)
+
+    def draw_permitted(
+        self, draw: Draw, count: int, generator: np.random.Generator
+    ) -> PushSequences:
+        """Return up to so many sequences (K, H, 5) whose first push can be carried out.
+
+        `draw` returns about as many sequences as it is asked for, the dearest to it first. Uniform
+        draws are added where most of them are blocked.
+
+        Raises:
+            NoPushError: no first push is permitted.
+        """
+        sequences = draw(SURPLUS * count)
+        sequences = sequences[self.permitted(sequences[:, 0])]
+        if len(sequences) < count:
+            more = self.uniform(generator, 4 * count + LAST_RESORT)
+            sequences = np.concatenate([sequences, more[self.permitted(more[:, 0])]])
+        if not len(sequences):
+            raise NoPushError(
+                f"no push can be carried out {self.where}; move a body by hand, or {RESET}"
+            )
+        return np.asarray(sequences[:count])
+
+    def propose(
+        self, mean: Pushes | None, round_number: int, generator: np.random.Generator, count: int
+    ) -> PushSequences:
+        """Draw sequences (count, H, 5) of all kinds, shuffled; behind the mean, where there is one.
+
+        Without a mean what would be drawn about it is drawn uniformly.
+        """
+        config = self.config
+        informed = round(count * config.candidate_share)
+        about_mean = 0 if mean is None else count - informed
+        if mean is not None and round_number == 0:
+            about_mean -= min(round(count * config.uniform_share), about_mean)
+        drawn = self.uniform(generator, count - informed - about_mean)
+        parts = [
+            self.candidates(generator, informed),
+            stop_early(drawn, config.stop_share, generator),
+        ]
+        if mean is not None:
+            near = self._near(mean, round_number, generator, about_mean)
+            parts.append(stop_early(near, config.stop_share, generator))
+        drawn = generator.permutation(self.without_idle(np.concatenate(parts)))
+        return np.asarray(drawn if mean is None else np.concatenate([mean[None], drawn]))
+
+    def _near(
+        self, mean: Pushes, round_number: int, generator: np.random.Generator, count: int
+    ) -> PushSequences:
+        """Draw about a mean (H, 5), or about what was prepared, each in turn."""
+        about, noise = mean, self.config.noise
+        if len(self.prepared):
+            about = self.prepared[np.arange(count) % len(self.prepared)]
+        deviations, limits = noise.deviations(round_number), self.feasibility.limits
+        return gaussian_sequences(about, deviations, noise.spread, limits, generator, count)
+
+    def without_idle(self, sequences: PushSequences) -> PushSequences:
+        """Make rests of pushes (K, H, 5) that would end before they touch their body."""
+        sequences[..., LENGTH] *= sequences[..., LENGTH] > self.feasibility.limits.clearance
+        return sequences
 
     def evaluate(self, sequences: PushSequences) -> Scalars:
         """Roll out sequences (K, H, 5) and return what they cost (K,); their first pushes must be
@@ -125,7 +195,7 @@ class Search:
         return softmin_weights(costs, self.config.temperature * cost_spread(costs))
 
     def settle_on(self, sequence: Pushes) -> None:
-        """Take one sequence (H, 3) as the plan, whatever else was found, if it can be done."""
+        """Take one sequence (H, 5) as the plan, whatever others cost, if it can be done."""
         if not self.permitted(sequence[:1]).all():
             return
         predicted = self._rollout(sequence[None])
@@ -150,12 +220,6 @@ class Search:
             elites.shown,
         )
 
-    def _regions(self, sequences: PushSequences, predicted: PredictedScenes) -> Radii | None:
-        begun = perf_counter()
-        regions = self.model.regions(self.scene, sequences, predicted)
-        self._rollout_time += perf_counter() - begun
-        return regions
-
     def _try(self, sequences: PushSequences) -> Scalars:
         costs = np.full(len(sequences), np.inf)
         for part in self._pacing.parts(len(sequences)):
@@ -175,9 +239,54 @@ class Search:
     def _costs(
         self, sequences: PushSequences, predicted: PredictedScenes
     ) -> tuple[Scalars, dict[str, Scalars]]:
-        regions = self._regions(sequences, predicted) if self.config.weights.risk > 0.0 else None
         begun = perf_counter()
-        terms = self.objective.terms(self.scene, sequences, predicted, regions)
+        terms = self.objective.terms(sequences, predicted)
         costs = total_cost(terms)
         self._cost_time += perf_counter() - begun
         return costs, terms
+
+
+class Pacing:
+    """Keeps a deadline: divides what is rolled out into parts, and begins none too late.
+
+    It measures how long sequences take, and how long an algorithm takes between its rounds.
+    """
+
+    def __init__(self, deadline: float | None) -> None:
+        """Keep this `time.monotonic`; None: there is no hurry."""
+        self._deadline = deadline
+        self._pace = 0.0  # [s] a sequence, at most so far
+        self._between = 0.0  # [s], longest from one round to the next
+        self._idle_since = perf_counter()
+
+    @property
+    def over(self) -> bool:
+        """Whether there is no time left for another round."""
+        return self._late(self._between + FIRST_PART * self._pace)
+
+    def parts(self, count: int) -> Iterator[slice]:
+        """Yield parts of a round: one, or under a deadline as many as there is time for.
+
+        The first is small, and always there: whether there is time for it, `over` tells.
+        """
+        self._between = max(self._between, perf_counter() - self._idle_since)
+        start = 0
+        while start < count:
+            size = self._size(count, start)
+            if start and self._late(size * self._pace):
+                break
+            begun = perf_counter()
+            yield slice(start, start + size)
+            start += size
+            self._pace = max(self._pace, (perf_counter() - begun) / size)
+        self._idle_since = perf_counter()
+
+    def _size(self, count: int, start: int) -> int:
+        if self._deadline is None:
+            return count
+        hurried = not start or self._late(PART * self._pace)
+        return min(FIRST_PART if hurried else PART, count - start)
+
+    def _late(self, needed: float) -> bool:
+        """Tell whether so many seconds more are too many."""
+        return self._deadline is not None and monotonic() + needed + RESERVE > self._deadline

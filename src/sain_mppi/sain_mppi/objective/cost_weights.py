@@ -20,7 +20,6 @@ class CostWeights(Config):
         (100.0, 100.0), "Q for x and y of bodies with poses, paper eq. 6", unit="1/m^2", minimum=0.0
     )
     running: float = option(0.5, "share of Q after every push but the last", minimum=0.0)
-    terminal: float = option(1.0, "share of Q after the last push", minimum=0.0)
     distance: float = option(
         50.0,
         "weight of the distances of bodies to their poses after the last push, not squared",
@@ -65,22 +64,7 @@ class CostWeights(Config):
     reach_margin: float = option(
         0.10, "distance to the limits below which the reach cost begins", unit="m", minimum=0.001
     )
-    edge: float = option(
-        5.0, "weight of a disk within `edge_margin` of the table's edge", minimum=0.0
-    )
-    edge_margin: float = option(
-        0.06,
-        "distance between a disk's centre and the edge at which that cost begins",
-        unit="m",
-        minimum=0.001,
-    )
     blocked: float = option(3.0, "cost of each later push that is not feasible", minimum=0.0)
-    risk: float = option(
-        0.0,
-        "weight of the summed prediction regions of bodies with poses; slower",
-        unit="1/m",
-        minimum=0.0,
-    )
     effort: float = option(0.05, "weight of the tool's travel", unit="1/m", minimum=0.0)
     pushes: float = option(0.01, "cost of each push of non-zero length", minimum=0.0)
     lever: float = option(

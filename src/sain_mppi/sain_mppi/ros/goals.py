@@ -21,6 +21,7 @@ from sain_core.ros.reception import Reception
 from sain_core.shapes.bodies import Bodies
 from sain_interfaces.action import Reach
 from sain_interfaces.msg import DiskState, Goal, GoalPose, Plan
+from sain_mppi.agent.events import Task
 
 RESULTS_KEPT: Final = 60  # [s], of actions, for clients that ask late
 REMEMBERED: Final = 100  # messages, so that none counts twice
@@ -37,12 +38,12 @@ class ActionGoal:
     latest: Plan
 
 
-class Aims(NamedTuple):
-    """What becomes of goals."""
+class GoalHandlers(NamedTuple):
+    """What is called with goals."""
 
-    aim: Callable[[Goal], None]  # called for each
+    set_goal: Callable[[Goal], None]  # with each
     refuse: Callable[[Goal, BaseException], None]  # ... that cannot be one
-    drop: Callable[[CancelledError], None]  # when an action is cancelled
+    cancel: Callable[[CancelledError], None]  # when an action is cancelled
 
 
 class Goals:
@@ -52,13 +53,13 @@ class Goals:
         self,
         node: Node,
         reception: Reception,
-        aims: Aims,
+        handlers: GoalHandlers,
         bodies: Callable[[], Bodies],
     ) -> None:
-        """Hear goals from now on. `bodies` are those of the scene, as far as known."""
+        """Listen from now on. `bodies` returns those of the latest scene."""
         self._node = node
         self._reception = reception
-        self._aims = aims
+        self._handlers = handlers
         self._bodies = bodies
         self.seen: deque[int] = deque(maxlen=REMEMBERED)
         self._ids = push_ids()  # far from those that people count from 1
@@ -66,7 +67,7 @@ class Goals:
         self._followed: ActionGoal | None = None
         # Latched goals are heard by who comes late; `ros2 topic pub` offers none that are latched.
         # With queues of one length, what is heard first is never older than what was heard before.
-        self._hear = reception.guarded("goal", self._on_goal, aims.refuse)
+        self._hear = reception.guarded("goal", self._on_goal, handlers.refuse)
         for qos in (LATCHED_QUEUE, RELIABLE):
             node.create_subscription(Goal, "goal", cast(Any, self._on_heard), qos)
         reception.listen(PoseStamped, "goal_pose", self._on_pose, RELIABLE)
@@ -114,7 +115,7 @@ class Goals:
     def _on_goal(self, message: Goal) -> None:
         if self._followed is not None and self._followed.goal_id != message.goal_id:
             self._end(CancelledError(f"goal {message.goal_id} was given"))
-        self._aims.aim(message)
+        self._handlers.set_goal(message)
 
     def _on_pose(self, message: PoseStamped) -> None:
         if message.header.frame_id not in ("", WORLD_FRAME):
@@ -177,13 +178,19 @@ class Goals:
         if followed is not None and followed.handle == handle:
             error = CancelledError(f"goal {followed.goal_id} was cancelled")
             self._end(error)
-            self._aims.drop(error)  # the client has its result by then
+            self._handlers.cancel(error)  # the client has its result by then
         return CancelResponse.ACCEPT
 
     def _end(self, error: CancelledError | None) -> None:
         followed, self._followed = self._followed, None
         if followed is not None:
             followed.ended.set_result(error)
+
+
+def task_of(message: Goal) -> Task:
+    """Return the task that a message gives; raise `SainError` if its goal cannot be one."""
+    ids = message.goal_id, message.episode_id
+    return Task(*ids, wire.decode_goal(message), message.max_pushes)
 
 
 def predicted_disks(plan: Plan) -> list[DiskState]:

@@ -18,7 +18,7 @@ from sain_core.push import pushed_bodies
 from sain_core.ros.markers import MarkerBoard, body_marker, line_marker, make_marker, make_pose
 from sain_core.scene import DISK_HEIGHT, X, Y
 from sain_core.types import Scene
-from sain_mppi.agent.decision import PlanJob, PushDecision
+from sain_mppi.agent.events import PlanJob, PushDecision
 from sain_mppi.algorithms.result import Shown
 
 LINE_WIDTH: Final = 0.006  # [m]
@@ -44,10 +44,10 @@ class PlanMarkers:
 
     def show(self, decision: PushDecision, stamp: Time) -> None:
         """Show a plan."""
-        self._episode = decision.job.view.episode_id
+        self._episode = decision.job.observed.episode_id
         self._board.show(plan_markers(decision, stamp))
 
-    def see(self, episode_id: int) -> None:
+    def observe(self, episode_id: int) -> None:
         """Clear what is shown once another episode has begun."""
         if self._episode not in (None, episode_id):
             self._episode = None
@@ -60,8 +60,8 @@ def plan_markers(decision: PushDecision, stamp: Time) -> list[Marker]:
     markers = goal_markers(job, stamp)
     if result is None:
         return markers
-    scene, bodies = job.view.scene, job.known_bodies
-    markers += _others(scene, result.others, job.goal.wanted[0], stamp)
+    scene, bodies = job.problem.scene, job.problem.bodies
+    markers += _others(scene, result.others, job.problem.goal.wanted[0], stamp)
     for body in shown_bodies(decision):
         colour, after = rgba(PALETTE.disk(body), 0.9), result.predicted[0, body]
         way = result.way(scene, body)
@@ -78,7 +78,7 @@ def plan_markers(decision: PushDecision, stamp: Time) -> list[Marker]:
 def shown_bodies(decision: PushDecision) -> tuple[int, ...]:
     """Return the bodies whose ways are drawn: those pushed or with a pose."""
     pushes = decision.push[None] if decision.plan is None else decision.plan.pushes
-    return tuple(sorted({*pushed_bodies(pushes).tolist(), *decision.job.goal.wanted}))
+    return tuple(sorted({*pushed_bodies(pushes).tolist(), *decision.job.problem.goal.wanted}))
 
 
 def goal_markers(job: PlanJob, stamp: Time) -> list[Marker]:
@@ -86,7 +86,7 @@ def goal_markers(job: PlanJob, stamp: Time) -> list[Marker]:
 
     A pose without a heading is a flat disk as wide as the tolerance.
     """
-    goal, scene, bodies = job.goal, job.view.scene, job.known_bodies
+    goal, scene, bodies = job.problem.goal, job.problem.scene, job.problem.bodies
     markers = []
     for pose in goal.poses:
         if pose.heading is None:

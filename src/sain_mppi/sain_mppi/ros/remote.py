@@ -25,7 +25,7 @@ from sain_core.ros.diagnostics import node_of
 from sain_core.shapes.bodies import PAPER_DISKS, Bodies
 from sain_core.types import PredictedScenes, PushSequences, Scene
 from sain_interfaces.srv import Rollout
-from sain_mppi.agent.fallback import Patience
+from sain_mppi.agent.planning import Patience
 
 LOOK: Final = 0.02  # [s] between looks whether an answer is still wanted
 MODEL_NODE: Final = "model_node"

@@ -2,11 +2,28 @@
 
 from collections.abc import Iterable
 
+from rclpy.impl.rcutils_logger import RcutilsLogger
 from rclpy.node import Node
 
+from sain_core import wire
+from sain_core.errors import ErrorCode, SainError
+from sain_core.ros.codec import decode_time
 from sain_core.ros.state_file import StateFile, id_in, message_of, text_of
 from sain_interfaces.msg import Goal, Plan, PushResult
-from sain_mppi.agent.memory import MOST_PUSHES
+from sain_mppi.agent.agent import MOST_PUSHES
+from sain_mppi.agent.events import PushEnded, PushExecuted
+
+
+def event_of(message: PushResult, logger: RcutilsLogger) -> PushExecuted | PushEnded:
+    """Return what a result says; one whose scenes cannot be read is only an end."""
+    time = decode_time(message.header.stamp)
+    if message.error_code == ErrorCode.OK:
+        try:
+            states = wire.decode_result(message)
+            return PushExecuted(message.push_id, message.episode_id, *states, time)
+        except SainError as error:
+            logger.warning(f"push {message.push_id} is left out of the history: {error}")
+    return PushEnded(message.push_id, message.error_code, time)
 
 
 class Notes:
@@ -27,23 +44,23 @@ class Notes:
         self.results: list[PushResult] = []
         self._read()
 
-    def aimed(self, goal: Goal, heard: Iterable[int]) -> None:
+    def set_goal(self, goal: Goal, heard: Iterable[int]) -> None:
         """Note a new goal, and the goals that were heard so far."""
         self.goal, self.pushes, self.heard = goal, 0, list(heard)
         self.write()
 
     def heard_by(self, names: Iterable[str]) -> None:
         """Note who hears the planner."""
-        if (known := sorted(names)) != self.listeners:
-            self.listeners = known
+        if (now := sorted(names)) != self.listeners:
+            self.listeners = now
             self.write()
 
-    def counted(self, pushes: int) -> None:
+    def count(self, pushes: int) -> None:
         """Note how many pushes were sent for the goal."""
         self.pushes = pushes
         self.write()
 
-    def planned(self, plan: Plan) -> None:
+    def add_plan(self, plan: Plan) -> None:
         """Note a plan, and whether the goal is still followed after it."""
         self.plans = plan.plan_id
         over = plan.status != Plan.PUSH
@@ -51,11 +68,16 @@ class Notes:
             self.goal = None
         self.write()
 
-    def learned(self, result: PushResult, pushes: int) -> None:
+    def add_result(self, result: PushResult, pushes: int) -> None:
         """Note what a push led to."""
         same = [one for one in self.results if one.episode_id == result.episode_id]
         self.results = [*same, result][-MOST_PUSHES:]
-        self.counted(pushes)
+        self.count(pushes)
+
+    @property
+    def kept(self) -> bool:
+        """Whether there is a file."""
+        return bool(self._file)
 
     def write(self) -> None:
         """Write all of it."""

@@ -5,22 +5,33 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from sain_core.goal import Goal
 from sain_core.push import ANGLE, LENGTH, LOCATION, PushLimits, idle_pushes, make_push
 from sain_core.seeding import generator
-from sain_mppi.algorithms.proposals import without_idle
-from sain_mppi.objective.candidates import go_around_sequences, straight_sequences
-from sain_mppi.objective.sampling import (
+from sain_mppi.algorithms.config import PlannerConfig
+from sain_mppi.algorithms.sampling import (
     coloured_noise,
     gaussian_sequences,
-    reflect,
     shift,
     stop_early,
-    uniform_sequences,
     weighted_mean,
 )
+from sain_mppi.algorithms.search import Search
+from sain_mppi.objective.cost import Objective
+from sain_mppi.objective.cost_weights import CostWeights
+from sain_mppi.objective.problem import Problem
+from sain_mppi.objective.proposals import candidates, reflect
 
 LIMITS = PushLimits()
 WIDE = np.array([2.0, 1.0, 0.2])
+
+
+def objective_of(scene, x, y):
+    return Objective(Problem.of(scene, Goal.place(x, y)), CostWeights())
+
+
+def uniform_sequences(limits, random, count, horizon):
+    return limits.sample(random, count * horizon).reshape(count, horizon, 5)
 
 
 def assert_inside(sequences):
@@ -52,25 +63,24 @@ def test_gaussian_samples_without_deviation_are_the_mean():
 
 
 def test_candidates_are_inside_the_limits(scene):
-    goal = np.array([0.3, 0.2])
-    for propose in (straight_sequences, go_around_sequences):
-        drawn = propose(scene, goal, LIMITS, generator(3), 200, 6)
-        assert drawn.shape == (200, 6, 5)
-        assert_inside(drawn)
+    drawn = candidates(objective_of(scene, 0.3, 0.2), generator(3), 400, 6)
+    assert drawn.shape == (400, 6, 5)
+    assert_inside(drawn)
 
 
 def test_going_around_starts_from_many_sides(scene):
-    drawn = go_around_sequences(scene, np.array([0.3, 0.0]), LIMITS, generator(4), 400, 6)
+    drawn = candidates(objective_of(scene, 0.35, 0.0), generator(4), 400, 6)
     headings = drawn[:, 0, LOCATION]
     assert (headings > 0.5).any() and (headings < -0.5).any()
 
 
-def test_pushes_that_end_before_they_touch_are_rests():
+def test_pushes_that_end_before_they_touch_are_rests(scene, dynamics):
     drawn = uniform_sequences(LIMITS, generator(8), 200, 3)
     drawn[:, 1, LENGTH] = generator(9).uniform(0.0, 2 * LIMITS.clearance, 200)
     short = drawn[..., LENGTH] <= LIMITS.clearance
     assert short.any() and not short.all()
-    kept = without_idle(drawn.copy(), LIMITS)
+    search = Search(dynamics, PlannerConfig(), objective_of(scene, 0.7, 0.0))
+    kept = search.without_idle(drawn.copy())
     assert (kept[short][:, LENGTH] == 0.0).all()
     np.testing.assert_array_equal(kept[~short], drawn[~short])
 

@@ -1,78 +1,16 @@
-"""Random push sequences inside the limits, with nothing piled up on their bounds."""
-
-from dataclasses import dataclass, replace
-from typing import Self
+"""Random push sequences about a mean, means of sequences, and the weights of MPPI."""
 
 import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
-from sain_core.config import Config, option
-from sain_core.push import (
-    ANGLE,
-    BODY,
-    LENGTH,
-    LOCATION,
-    PATH,
-    PUSH_SIZE,
-    SPEED,
-    PushLimits,
-    idle_pushes,
-)
+from sain_core.errors import OutOfRangeError
+from sain_core.push import BODY, LENGTH, LOCATION, PATH, PushLimits, idle_pushes
 from sain_core.scene import wrap_angle
 from sain_core.types import PushArray, Pushes, PushSequences, Scalars
+from sain_mppi.objective.proposals import inside_limits
 
 Sequence = Float[ndarray, "H 5"]
-
-
-@dataclass(frozen=True)
-class NoiseConfig(Config):
-    """How far samples scatter about the mean sequence in the first round, and after it."""
-
-    location: float = option(0.5, "standard deviation of the location", unit="rad", minimum=0.0)
-    angle: float = option(0.3, "standard deviation of the angle", unit="rad", minimum=0.0)
-    length: float = option(0.04, "standard deviation of the length", unit="m", minimum=0.0)
-    shrink: float = option(
-        0.4, "factor on the deviations from one round to the next", minimum=0.01, maximum=1.0
-    )
-    spread: float = option(
-        0.2,
-        "smallest random factor on a sample's noise; the largest is 1",
-        minimum=0.01,
-        maximum=1.0,
-    )
-
-    def scaled(self, factor: float) -> Self:
-        """Return noise that is so many times as wide."""
-        wider = {name: factor * getattr(self, name) for name in ("location", "angle", "length")}
-        return replace(self, **wider)
-
-    def deviations(self, round_number: int) -> Float[ndarray, "3"]:
-        """Return the standard deviations (location, angle, length) of a round, from 0."""
-        scale = self.shrink**round_number
-        return scale * np.array([self.location, self.angle, self.length])
-
-
-def reflect(values: Scalars, low: float, high: float) -> Scalars:
-    """Fold values back into [low, high] as between two mirrors.
-
-    Unlike clipping it leaves no samples piled up on the bounds.
-    """
-    span = high - low
-    if span == 0.0:
-        return np.full_like(values, low)
-    folded = np.abs(np.mod(values - low + span, 2 * span) - span)
-    return np.clip(low + folded, low, high)  # rounding only
-
-
-def inside_limits(pushes: PushSequences, limits: PushLimits) -> PushSequences:
-    """Bring pushes (..., 5) into the limits: locations wrap, angles, lengths and speeds reflect."""
-    inside = pushes.copy()
-    inside[..., LOCATION] = wrap_angle(pushes[..., LOCATION])
-    inside[..., ANGLE] = reflect(pushes[..., ANGLE], -limits.max_angle, limits.max_angle)
-    inside[..., LENGTH] = reflect(pushes[..., LENGTH], 0.0, limits.max_length)
-    inside[..., SPEED] = reflect(pushes[..., SPEED], limits.min_speed, limits.max_speed)
-    return inside
 
 
 def gaussian_sequences(
@@ -116,13 +54,6 @@ def coloured_noise(
     return np.asarray(np.fft.irfft(spectrum, n=length, axis=-1) / deviation)
 
 
-def uniform_sequences(
-    limits: PushLimits, generator: np.random.Generator, count: int, horizon: int
-) -> PushSequences:
-    """Draw sequences (count, H, 5) of pushes from any side, of any allowed angle and length."""
-    return limits.sample(generator, count * horizon).reshape(count, horizon, PUSH_SIZE)
-
-
 def stop_early(
     sequences: PushSequences, share: float, generator: np.random.Generator
 ) -> PushSequences:
@@ -164,3 +95,44 @@ def shift(sequences: PushSequences) -> PushSequences:
     shifted = np.roll(sequences, -1, axis=-2)
     shifted[..., -1, :] = idle_pushes()
     return shifted
+
+
+def softmin_weights(costs: Scalars, temperature: float) -> Scalars:
+    """Return weights (K,) proportional to exp(-cost / temperature), which sum to 1.
+
+    The heart of MPPI (Williams et al. 2017, eq. 34).
+
+    Args:
+        costs: (K,), at least one finite; infinite ones get no weight.
+        temperature: lambda, in the unit of the costs. As it goes to 0 the weights pick the
+            cheapest sample; at exactly 0 they do, shared equally among ties.
+
+    Raises:
+        OutOfRangeError: no finite cost, or a negative temperature.
+    """
+    if temperature < 0:
+        raise OutOfRangeError(f"temperature is {temperature}; it must not be negative")
+    cheapest = costs.min(initial=np.inf)
+    if not np.isfinite(cheapest):
+        raise OutOfRangeError("no cost is finite; softmin weights need at least one that is")
+    excess = costs - cheapest
+    if temperature == 0.0:
+        weights = (excess == 0.0).astype(np.float64)
+    else:
+        with np.errstate(over="ignore"):  # a tiny temperature sends far costs to exp(-inf) = 0
+            weights = np.exp(-excess / temperature)
+    return np.asarray(weights / weights.sum())
+
+
+def cost_spread(costs: Scalars) -> float:
+    """Return the gap between the median and the smallest finite cost, the scale of a round.
+
+    A temperature relative to it means the same 30 cm from the goal and 1 cm from it.
+    """
+    finite = np.asarray(costs)[np.isfinite(costs)]
+    return float(np.median(finite) - finite.min())
+
+
+def effective_samples(weights: Scalars) -> float:
+    """Return how many equally weighted samples the weights (K,) are worth (Kish 1965): 1 to K."""
+    return float(1.0 / np.square(weights).sum())
