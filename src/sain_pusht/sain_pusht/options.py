@@ -28,8 +28,8 @@ class EvaluateOptions(WorkerOptions):
     seed: int = option(0, "seed of the first episode; the next ones have the next seeds", minimum=0)
     model: str = option(
         "pusht",
-        "pusht: the shipped one; prior: its prior alone; oracle: gym-pusht's own physics; or a name"
-        " or path as in evaluate",
+        "what plans: pusht, the shipped model; prior, its physics alone; oracle, gym-pusht's own"
+        " physics; or a name or path as in sain_eval's evaluate",
     )
     film: bool = option(True, "write the first episode as episode.gif")
     planner: Annotated[PlannerConfig, tyro.conf.arg(help="How the agent plans.")] = field(

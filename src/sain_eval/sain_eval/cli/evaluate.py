@@ -65,8 +65,9 @@ def evaluate(options: EvaluateOptions, command: str, console: Console) -> list[S
     journal = Journal(make_folder(options.out), options.settings(), SceneRecord)
     jobs = jobs_of(options, journal.done)
     play(run_jobs(jobs, options), len(jobs), journal, console)
+    planned = options.planned()
     kept = sorted(
-        (record for record in journal.records if wants(options, record)),
+        (record for record in journal.records if record.episode in planned),
         key=lambda record: (record.place, record.seed, record.controller),  # whoever was first
     )
     config = {**dataclasses.asdict(options), "out": str(options.out)}
@@ -82,21 +83,16 @@ def jobs_of(options: EvaluateOptions, done: set[tuple[str, int, str]]) -> list[E
     """Return the episodes that are still to be run, scene by scene."""
     return [
         EpisodeJob(
-            scenario,
-            seed,
-            controller,
+            *key,
             part.tolerances,
             options.agent,
-            _picture(options, scenario, seed, controller),
+            _picture(options, *key),
             options.truth,
             options.belief,
             options.camera,
         )
-        for part in options.parts
-        for scenario in part.scenarios
-        for seed in range(options.seed, options.seed + part.scenes(options.scenes))
-        for controller in part.controllers
-        if (scenario, seed, controller) not in done
+        for key, part in options.planned().items()
+        if key not in done
     ]
 
 
@@ -122,16 +118,6 @@ def play(
         for records in results:
             journal.add(records)
             progress.advance(task)
-
-
-def wants(options: EvaluateOptions, record: SceneRecord) -> bool:
-    """Tell whether a record of an earlier run belongs to what was asked for now."""
-    return any(
-        record.scenario in part.scenarios
-        and record.controller in part.controllers
-        and 0 <= record.seed - options.seed < part.scenes(options.scenes)
-        for part in options.parts
-    )
 
 
 def table_page(options: EvaluateOptions, records: list[SceneRecord]) -> str:

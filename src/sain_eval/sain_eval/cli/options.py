@@ -173,24 +173,27 @@ class EvaluateOptions(WorkerOptions):
         estimator = EstimatorConfig(**observation_settings(self.camera))
         return AgentConfig(history=self.history, planner=self.planner, estimator=estimator)
 
+    def planned(self) -> dict[tuple[str, int, str], TablePart]:
+        """Return the part of each episode to play, by scenario, seed and controller, in order."""
+        return {
+            (scenario, seed, controller): part
+            for part in self.parts
+            for scenario in part.scenarios
+            for seed in range(self.seed, self.seed + part.scenes(self.scenes))
+            for controller in part.controllers
+        }
+
     def settings(self) -> dict[str, object]:
         """Return what a record depends on besides scenario, seed and controller."""
-        settings: dict[str, object] = {
-            "tolerances": [one.stored() for one in self.parts[0].tolerances],
-            "planner": dataclasses.asdict(self.planner),
+        return {
+            "table": self.table,
+            "tolerances": [[one.stored() for one in part.tolerances] for part in self.parts],
             "history": self.history,
+            "belief": self.belief,
+            "truth": dataclasses.asdict(self.truth),
+            "camera": dataclasses.asdict(self.camera),
+            "planner": dataclasses.asdict(self.planner),
         }
-        if self.belief:
-            settings["belief"] = self.belief
-        if self.truth != RANDOMISED_TRUTH:
-            settings["truth"] = self.truth.settings()
-        if self.camera != WorldCameraConfig():
-            settings["camera"] = dataclasses.asdict(self.camera)
-        if self.table:
-            settings["table"] = [
-                [*part.scenarios, *(one.stored() for one in part.tolerances)] for part in self.parts
-            ]
-        return settings
 
 
 @dataclass(frozen=True)
