@@ -24,7 +24,7 @@ from sain_core.seeding import generator
 from sain_core.shapes import library
 from sain_core.shapes.library import get_shape
 from sain_core.shapes.shape import FOOT_BEARINGS, Shape
-from sain_core.shapes.solids import THREE_FEET
+from sain_core.shapes.solids import DISK
 from sain_core.types import PushArray, Scene
 from sain_sim.world.parameters import FRICTION_RANGE, MASS_RANGE, WorldParameters
 from sain_sim.world.roughness import Feet, Roughness
@@ -34,7 +34,7 @@ from sain_sim.world.world import World, WorldConfig
 
 NAMES = tuple(shape.name for shape in library.library())
 UNSEEN = NAMES[3::4]
-SEEN = (*(name for name in NAMES if name not in UNSEEN), THREE_FEET)
+SEEN = (*(name for name in NAMES if name not in UNSEEN), DISK)
 RADII_ALONE, RADII_TWO = (0.09, 0.11), (0.06, 0.08)  # [m], circumscribed
 DISK_SHARE = 0.75  # of those: a disk is wider than anything else of its radius
 PUSHES = 8  # of an episode

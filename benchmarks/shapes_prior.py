@@ -72,7 +72,7 @@ class Pushed:
 def push_in_bullet(shape: str, options: Options) -> Pushed:
     """Push a body of some shape at random places, each time also a little aside."""
     random = generator(options.seed, f"shapes benchmark {shape}")
-    shapes = ("three_feet" if shape == "disk" else shape,)
+    shapes = (shape,)
     parameters = WorldParameters((MASS,), (RADIUS,), shapes, friction=FRICTION)
     rows: list[tuple[np.ndarray, ...]] = []
     with World(parameters, WorldConfig(full_motion=False)) as world:

@@ -13,13 +13,12 @@ HEXAGON = Polygon("six_sided", corners=regular_corners(6))
 @pytest.fixture
 def own_shapes() -> Iterator[None]:
     """Forget after a test which shapes it registered."""
-    names, footprints = dict(library._shapes), dict(library._footprints)
+    before = dict(library._shapes)
     yield
     library._load_offered.cache_clear()
     library._failed.clear()
-    for known, before in ((library._shapes, names), (library._footprints, footprints)):
-        known.clear()
-        known.update(before)
+    library._shapes.clear()
+    library._shapes.update(before)
 
 
 @pytest.fixture

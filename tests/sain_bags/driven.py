@@ -52,7 +52,7 @@ class Drive:
         """Tell what an episode's world is made of."""
         self._send(
             "world_parameters", "WorldParameters",
-            episode_id=episode, world="randomised", shapes=["three_feet"] * self.parts.disks,
+            episode_id=episode, world="randomised", shapes=["disk"] * self.parts.disks,
             friction=friction, rim_friction=2 * friction, tool_friction=3 * friction,
         )  # fmt: skip
 

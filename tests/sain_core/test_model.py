@@ -104,5 +104,5 @@ def test_a_model_of_disks_predicts_cubes_too_and_no_other_shape() -> None:
     model = Shift()
     assert model.with_bodies(Bodies.named(("disk", "cube"))) is model
     assert model.with_bodies(Bodies.disks(3)) is model
-    with pytest.raises(ConfigError, match=r"Shift can only predict disks .* three_feet, t: use a"):
+    with pytest.raises(ConfigError, match=r"Shift can only predict disks .* disk, t: use a"):
         model.with_bodies(Bodies.named(("disk", "t")))

@@ -15,7 +15,7 @@ from sain_core.goal import Goal
 from sain_core.push import make_push
 from sain_core.scene import MID, POSITION, RADIUS, TARGET, THETA, Table, X, Y, make_scene, unit
 from sain_core.shapes.bodies import Bodies
-from sain_core.shapes.solids import THREE_FEET
+from sain_core.shapes.solids import DISK
 from sain_eval.episode import EpisodeRecord
 from sain_eval.plots.top_view import draw_top_view
 from sain_eval.scenes.families import AnywhereScenario, PaperScenario
@@ -38,7 +38,7 @@ def two_bodies(turn: float) -> tuple[np.ndarray, WorldParameters]:
     """A disk and a hexagon that is turned, well apart."""
     places, headings = np.array([[0.4, -0.2], [0.5, 0.1]]), np.array([0.0, turn])
     scene = make_scene(places, np.full(2, 8.0), np.full(2, RADIUS_M), headings)
-    return scene, WorldParameters.of_scene(scene, shapes=(THREE_FEET, "six_sided"))
+    return scene, WorldParameters.of_scene(scene, shapes=(DISK, "six_sided"))
 
 
 @pytest.mark.parametrize(
@@ -59,7 +59,7 @@ def test_its_sides_and_corners_touch_where_they_are(bearing, reach):
 
 def test_a_world_pushes_it_like_any_body():
     parameters, start = draw_episode(0, "nominal", shapes=("disk", "six_sided"))
-    assert parameters.shapes == (THREE_FEET, "six_sided")
+    assert parameters.shapes == (DISK, "six_sided")
     push = make_push(0.0, 0.0, 0.1)
     with World(parameters) as world:
         world.reset(start)
@@ -84,7 +84,7 @@ def test_a_collection_and_its_data_set_say_which_body_it_is(tmp_path):
 @pytest.mark.parametrize("family", [PaperScenario, AnywhereScenario])
 def test_a_scenario_turns_one_of_its_sides_to_the_mid_disk(family):
     case = family("hexagons", target_shape="six_sided").scene(3)
-    assert case.parameters().shapes == (THREE_FEET, "six_sided")
+    assert case.parameters().shapes == (DISK, "six_sided")
     x, y = case.disks[TARGET, POSITION] - case.disks[MID, POSITION]
     assert case.disks[TARGET, THETA] == pytest.approx(atan2(y, x), abs=1e-9)
     assert hypot(x, y) == pytest.approx(case.disks[:, RADIUS].sum() + 0.001)

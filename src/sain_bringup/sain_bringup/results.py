@@ -100,7 +100,7 @@ def begin_film(bag: Bag, one: PlayedEpisode, config: MovieConfig = MovieConfig()
     place, pose = one.episode.goal.places[0], one.episode.goal.poses[0]
     # The body has reached its place when it lies wholly inside the ring.
     ring = float(one.episode.start[pose.body, RADIUS]) + pose.tolerance
-    shapes = tuple(shape.footprint for shape in one.record().bodies.shapes)
+    shapes = tuple(shape.name for shape in one.record().bodies.shapes)
     scenery = Scenery(one.episode.start, shapes, _goal_outline(one), place, ring, one.title, config)
     return Film(scenery, choose_moments(episode_moments(bag, one.episode), config))
 

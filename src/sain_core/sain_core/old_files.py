@@ -16,7 +16,7 @@ from sain_core.errors import DatasetError
 from sain_core.push import DEFAULT_SPEED, PATH, make_push
 from sain_core.scene import STATE_SIZE
 from sain_core.shapes.bodies import BETWEEN
-from sain_core.shapes.library import footprint_names
+from sain_core.shapes.library import shape_names
 from sain_core.shapes.solids import DISK
 
 PATH_SIZE: Final = PATH.stop - PATH.start
@@ -64,9 +64,7 @@ def _with_names(columns: Columns) -> Columns:
     rows, state = dict(columns), columns.get(Column.STATE)
     if Column.SHAPES in rows or state is None or not any(key.endswith(MARKS) for key in rows):
         return rows
-    marks = {
-        name: rows.pop(f"{name}{MARKS}") for name in footprint_names() if f"{name}{MARKS}" in rows
-    }
+    marks = {name: rows.pop(f"{name}{MARKS}") for name in shape_names() if f"{name}{MARKS}" in rows}
     if marks:
         names = np.full((len(state), state[0].size // STATE_SIZE), DISK, dtype=object)
         for name, marked in marks.items():

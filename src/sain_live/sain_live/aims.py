@@ -60,6 +60,6 @@ def check_aim(
             if deep > MOST_SHARED:
                 raise InvalidInputError(
                     f"the goal of body {body} lies in body {other}"
-                    f" ({bodies.shapes[other].footprint}), by {1e3 * deep:.0f} mm;"
+                    f" ({bodies.shapes[other].name}), by {1e3 * deep:.0f} mm;"
                     " drag it to a free place"
                 )

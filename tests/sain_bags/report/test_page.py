@@ -117,7 +117,7 @@ def test_disks_and_goal_have_their_true_size(browser, bag, page):
 
 def test_a_cube_is_drawn_as_one_wherever_it_stands(browser, record, tmp_path):
     recording = record()
-    shapes = ["three_feet", "cube"]
+    shapes = ["disk", "cube"]
     recording.add("/sain/world_parameters", "WorldParameters", episode_id=1, shapes=shapes)
     show = Show(recording)
     show.episode(1, 2, [0.05])

@@ -45,7 +45,7 @@ def test_planning_with_the_planar_prior_brings_a_t_to_its_pose():
     record = outcome.record
     assert outcome.failure == "" and outcome.refusals == 0
     assert record.last.distance <= 0.02 and record.last.turn <= 0.1
-    assert record.bodies.shapes[0].footprint == "t" and record.bodies.pushable == (0,)
+    assert record.bodies.shapes[0].name == "t" and record.bodies.pushable == (0,)
     (judged,) = scene_records(PUSH_T, "planar", outcome, (Tolerance(0.02, 0.1),))
     assert judged.success and judged.heading_tolerance == 0.1
     assert len(judged.turn_errors) == len(judged.target_errors) == judged.pushes

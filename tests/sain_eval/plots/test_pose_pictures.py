@@ -15,7 +15,7 @@ from sain_core.goal import BodyPose, Goal
 from sain_core.push import make_push, strokes
 from sain_core.scene import POSITION, THETA, make_scene
 from sain_core.shapes.bodies import Bodies
-from sain_core.shapes.library import footprint_names, get_shape
+from sain_core.shapes.library import get_shape, shape_names
 from sain_core.world import PushRecord
 from sain_eval.episode import EpisodeRecord
 from sain_eval.plots.library_picture import draw_library, main
@@ -165,7 +165,7 @@ def test_every_kind_of_episode_has_a_picture(record, change, tmp_path):
 
 def test_the_library_has_each_shape_with_its_feet_and_its_name():
     figure = draw_library()
-    assert [axes.get_title() for axes in figure.axes] == footprint_names()
+    assert [axes.get_title() for axes in figure.axes] == shape_names()
     for axes in figure.axes:
         shape = get_shape(axes.get_title())
         feet, cross = (line.get_xydata() for line in axes.lines)

@@ -6,7 +6,7 @@ import pytest
 from sain_core.feasibility import Feasibility, reachable
 from sain_core.push import make_push
 from sain_core.scene import MID, POSITION, RADIUS, TARGET, THETA, check_scene, surface_gaps
-from sain_core.shapes.solids import THREE_FEET
+from sain_core.shapes.solids import DISK
 from sain_eval.scenes.families import CONTACT_GAP
 from sain_eval.scenes.scenarios import SCENARIOS
 from sain_sim.world.truth import TruthConfig
@@ -110,7 +110,7 @@ def test_the_paper_scene_is_the_papers():
 
 def test_the_world_is_built_as_asked():
     case = SCENARIOS["paper_cube"].scene(0)
-    assert case.parameters().shapes == (THREE_FEET, "cube")
+    assert case.parameters().shapes == (DISK, "cube")
     assert case.parameters().friction == case.friction
 
 

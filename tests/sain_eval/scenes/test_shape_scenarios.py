@@ -9,9 +9,9 @@ from sain_core.feasibility import Feasibility
 from sain_core.push import BODY, LENGTH, LOCATION, idle_pushes
 from sain_core.scene import MASS, POSITION, RADIUS, TARGET
 from sain_core.shapes.bodies import Bodies, check_bodies
-from sain_core.shapes.library import footprint_names
+from sain_core.shapes.library import shape_names
 from sain_core.shapes.outline import is_inside
-from sain_eval.scenes.families import PoseScenario, library_footprints
+from sain_eval.scenes.families import PoseScenario, library_shapes
 from sain_eval.scenes.placement import draw_places, has_tool_room
 from sain_eval.scenes.scenarios import SCENARIOS
 
@@ -99,7 +99,7 @@ def test_shapes_has_each_of_33_shapes_in_turn():
     names = [SCENARIOS["shapes"].scene(seed).shapes for seed in range(34)]
     assert names[0] == names[33] == ("disk",) and names[1] == ("cube",)
     assert len(set(names)) == 33 and {("t",), ("star",), ("u",)} <= set(names)
-    assert set(library_footprints()) <= set(footprint_names())
+    assert set(library_shapes()) <= set(shape_names())
 
 
 def test_a_disk_has_no_heading_and_any_other_body_has_one():

@@ -30,7 +30,7 @@ from sain_model.network.settings import FRAMES, NetworkConfig
 from sain_model.network.torch_network import TorchNetwork
 
 CONFIG = NetworkConfig()
-NAMES = ("t", "right_triangle", "three_feet", "ellipse", "l")
+NAMES = ("t", "right_triangle", "disk", "ellipse", "l")
 FEET = [5, 6, 16, 17, 18]  # features of where the supports are
 PLACES = np.array([(0.45, 0.0), (0.57, 0.03), (0.5, 0.14), (0.44, -0.13), (0.72, 0.1)])
 
@@ -178,7 +178,7 @@ def test_kernels_say_what_pytorch_says(frame: str) -> None:
     with torch.no_grad():
         for parameter in network.parameters():
             parameter.add_(0.1 * torch.randn_like(parameter))
-    bodies = bodies_of("t", "three_feet", "star")
+    bodies = bodies_of("t", "disk", "star")
     scenes, pushes, after = draw(3, 150)
     pushes[::7, LENGTH] = 0.0
     compiled = CompiledNetwork(network).correct(scenes, pushes, after, bodies)

@@ -69,7 +69,7 @@ def test_the_card_states_errors_by_group_and_by_shape(trained: Path) -> None:
     assert low <= pushed["sain_mm"] / pushed["prior_mm"] <= high
     assert 0.5 < pushed["coverage"] <= 1.0
     shapes = card.errors["shapes"]
-    assert set(shapes) <= {"t", "bar", "three_feet"}
+    assert set(shapes) <= {"t", "bar", "disk"}
     assert sum(shape["pushes"] for shape in shapes.values()) == pushed["pushes"]
 
 

@@ -48,7 +48,7 @@ def test_disks_nearer_than_their_radii_allow_are_smaller(scene):
 
 
 def test_bodies_with_corners_keep_their_size(scene):
-    bodies = Bodies.named(("three_feet", "cube"), ())
+    bodies = Bodies.named(("disk", "cube"), ())
     known = RadiusFilter(scene[:, RADIUS], bodies)
     near = scene.copy()
     near[TARGET, 0] = near[MID, 0] + 0.13

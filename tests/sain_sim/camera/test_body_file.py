@@ -24,7 +24,7 @@ def read(folder: Path, text: str) -> BodyFile:
 
 def test_everything_of_a_body_is_read(tmp_path: Path) -> None:
     file = read(tmp_path, TWO)
-    assert [shape.footprint for shape in file.bodies.shapes] == ["disk", "t"]
+    assert [shape.name for shape in file.bodies.shapes] == ["disk", "t"]
     assert file.bodies.roles == (Role.PUSHABLE, Role.MOVABLE)
     assert (file.names, file.frames) == (("mug", "t"), ("tag_7", "tag_9"))
     assert (file.radii, file.masses, file.weighed) == ((0.05, 0.1), (0.4, 8.0), False)

@@ -63,9 +63,7 @@ def test_a_late_frame_says_when_it_was_observed():
 
 
 def test_what_is_not_measured_is_nominal_but_shapes_keep_their_size():
-    parameters = WorldParameters(
-        masses=(7.5, 8.5), radii=(0.085, 0.055), shapes=("three_feet", "cube")
-    )
+    parameters = WorldParameters(masses=(7.5, 8.5), radii=(0.085, 0.055), shapes=("disk", "cube"))
     seen = camera(parameters=parameters, unknown="mass,radius").measured(SCENE)
     nominal = nominal_parameters()
     np.testing.assert_array_equal(seen[:, MASS], nominal.masses)

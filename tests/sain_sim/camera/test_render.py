@@ -4,7 +4,7 @@ from shapely import LinearRing, points
 
 from sain_core.errors import ConfigError
 from sain_core.shapes.library import get_shape
-from sain_core.shapes.solids import THREE_FEET
+from sain_core.shapes.solids import DISK
 from sain_sim.camera.render import CameraConfig, Renderer, Window
 from sain_sim.camera.scenery import Caster, band, brightness, flat_faces, ring, table_points
 from sain_sim.world.parameters import nominal_parameters
@@ -19,7 +19,7 @@ JOINTS = WorldConfig().kinematics.joints(np.array([0.35, 0.0, 0.09]))
 @pytest.fixture(scope="module")
 def renderer():
     scene = nominal_parameters().scene(np.array([[0.45, 0.0], [0.6, 0.0]]))
-    with Renderer(scene, (THREE_FEET, "cube"), CAMERA) as renderer:
+    with Renderer(scene, (DISK, "cube"), CAMERA) as renderer:
         yield renderer
 
 
@@ -63,7 +63,7 @@ def test_rays_meet_the_table_where_the_camera_looks():
 
 
 def test_meshes_are_round_and_whole():
-    mesh = flat_faces(get_shape(THREE_FEET).triangles(0.08))
+    mesh = flat_faces(get_shape(DISK).triangles(0.08))
     corners = np.array(mesh["vertices"])
     assert np.isclose(np.hypot(corners[:, 0], corners[:, 1]).max(), 0.08)
     assert corners[:, 2].min() == -0.02 and corners[:, 2].max() == 0.02

@@ -11,7 +11,7 @@ from sain_core.errors import ConfigError, DatasetError, OutputError
 from sain_core.push import PaperGrid
 from sain_core.scene import POSITION, TARGET, THETA, surface_gaps
 from sain_core.seeding import generator
-from sain_core.shapes.solids import THREE_FEET
+from sain_core.shapes.solids import DISK
 from sain_sim.collecting.collect import CollectConfig, collect
 from sain_sim.collecting.episode import EpisodeConfig
 from sain_sim.collecting.samplers import GridSampler
@@ -181,7 +181,7 @@ def test_a_cube_starts_with_a_side_to_the_mid_disk_and_room_for_its_corners():
     for seed in range(30):
         random = generator(seed, "start")
         drawn = sample_parameters(random, 3)
-        cube = dataclasses.replace(drawn, shapes=(THREE_FEET, "cube", THREE_FEET))
+        cube = dataclasses.replace(drawn, shapes=(DISK, "cube", DISK))
         scene = draw_start(random, cube, table)
         corners = cube.radii[TARGET] * np.array([[1, 1], [1, -1], [-1, 1], [-1, -1]])
         turn = scene[TARGET, THETA]

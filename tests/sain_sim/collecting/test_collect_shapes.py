@@ -35,7 +35,7 @@ def test_rows_state_shapes_roles_and_the_body_of_the_push(collected):
         pushed += pushed_bodies(data[Column.ACTION]).tolist()
         for bodies in row_bodies(data):
             assert len(bodies) == count
-            assert {shape.footprint for shape in bodies.shapes} <= {"t", "l", "disk"}
+            assert {shape.name for shape in bodies.shapes} <= {"t", "l", "disk"}
             assert set(bodies.roles) == {Role.PUSHABLE}
     assert len(set(pushed)) > 1
 
@@ -44,7 +44,7 @@ def test_a_disk_alone_is_named_too(tmp_path):
     alone = EpisodeConfig(pushes=1, shapes="disk,t", bodies="1")
     collect(CollectConfig(tmp_path, 6, 1, episode=alone))
     data = load_shards(tmp_path)
-    shapes = [bodies.shapes[0].footprint for bodies in row_bodies(data)]
+    shapes = [bodies.shapes[0].name for bodies in row_bodies(data)]
     assert set(shapes) == {"disk", "t"}
     assert pushed_bodies(data[Column.ACTION]).tolist() == [0] * len(shapes)
 

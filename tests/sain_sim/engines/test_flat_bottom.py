@@ -67,7 +67,7 @@ def _axes(angle: float) -> np.ndarray:
     return np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
 
 
-@pytest.mark.parametrize("name", ["three_feet", "t", "box_2x1"])
+@pytest.mark.parametrize("name", ["disk", "t", "box_2x1"])
 def test_what_is_thrown_stops_and_turns_as_uniform_pressure_lets_it(name, engine):
     with World(flat(name), engine=engine) as world:
         for speed, spin in ((0.25, 0.0), (0.0, 6.0), (0.25, 3.0)):
@@ -87,7 +87,7 @@ def test_the_distance_does_not_depend_on_the_mass(engine):
 
 
 def test_flat_bodies_rest_where_they_are_and_repeat_to_the_bit(engine, bench):
-    parameters = replace(nominal_parameters(shapes=("three_feet", "t")), bottom=FLAT)
+    parameters = replace(nominal_parameters(shapes=("disk", "t")), bottom=FLAT)
     ends = []
     for _ in range(2):
         with World(parameters, engine=engine) as world:
@@ -115,7 +115,7 @@ def test_a_body_turns_towards_where_its_mass_is(engine, bottom, bench):
     turns = []
     for side in (-1.0, 1.0):
         roughness = Roughness(mass_offsets=((0.0, 0.15 * side),))
-        parameters = replace(flat("three_feet"), bottom=bottom, roughness=roughness)
+        parameters = replace(flat("disk"), bottom=bottom, roughness=roughness)
         with World(parameters, engine=engine) as world:
             world.reset(parameters.scene(np.array([[0.48, 0.0]])))
             turns.append(world.push(bench.straight).after[0, 2])
@@ -124,9 +124,7 @@ def test_a_body_turns_towards_where_its_mass_is(engine, bottom, bench):
 
 def test_more_bodies_than_collision_groups_keep_their_own_tables(engine):
     count = 20
-    parameters = WorldParameters(
-        (8.0,) * count, (0.03,) * count, ("three_feet",) * count, bottom=FLAT
-    )
+    parameters = WorldParameters((8.0,) * count, (0.03,) * count, ("disk",) * count, bottom=FLAT)
     places = np.array([[0.3 + 0.1 * (i % 5), -0.3 + 0.15 * (i // 5)] for i in range(count)])
     with World(parameters, engine=engine) as world:
         world.reset(parameters.scene(places))
@@ -138,6 +136,6 @@ def test_a_rough_world_moves_no_feet_of_a_flat_bottom():
     with pytest.raises(ConfigError, match="no feet to be moved; use mass,patches,direction"):
         TruthConfig(world="rough", bottom=FLAT)
     truth = TruthConfig(world="rough", bottom=FLAT, effects="mass,tilt")
-    drawn = truth.roughen(nominal_parameters(shapes=("three_feet", "t")))
+    drawn = truth.roughen(nominal_parameters(shapes=("disk", "t")))
     assert drawn.bottom == FLAT and any(any(offset) for offset in drawn.mass_offsets)
     assert truth.settings()["bottom"] == FLAT and "bottom" not in TruthConfig().settings()

@@ -163,7 +163,7 @@ def test_each_episode_tells_what_its_world_is_made_of(graph, simulator):
     graph.wait(lambda: told(given), "the second world")
     drawn, _ = draw_episode(3, "randomised", shapes=("disk", "cube"))
     (first,), (second,) = told(scene), told(given)
-    assert (first.seed, first.world, first.shapes) == (3, "randomised", ["three_feet", "cube"])
+    assert (first.seed, first.world, first.shapes) == (3, "randomised", ["disk", "cube"])
     assert [first.friction, first.rim_friction, first.tool_friction] == [
         drawn.friction,
         drawn.rim_friction,

@@ -43,7 +43,7 @@ def test_each_shape_stands_below_itself_in_every_lab(shape):
 def test_disks_and_cubes_keep_what_was_drawn():
     for lab in range(8):
         drawn = draw_roughness(lab, EFFECTS, 3)
-        shapes = tuple(map(get_shape, ("three_feet", "cube", "three_feet")))
+        shapes = tuple(map(get_shape, ("disk", "cube", "disk")))
         assert fit_shapes(drawn, shapes) == drawn
         mixed = fit_shapes(drawn, (shapes[0], get_shape("t"), shapes[1]))
         assert (mixed.feet[0], mixed.feet[2]) == (drawn.feet[0], drawn.feet[2])

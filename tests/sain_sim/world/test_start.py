@@ -3,7 +3,7 @@ import pytest
 
 from sain_core.errors import InvalidInputError, OutOfRangeError
 from sain_core.scene import MASS, RADIUS, VELOCITY, make_scene, surface_gaps
-from sain_core.shapes.solids import THREE_FEET
+from sain_core.shapes.solids import DISK
 from sain_core.shapes.supports import FLAT
 from sain_sim.world.parameters import nominal_parameters
 from sain_sim.world.start import draw_episode
@@ -47,9 +47,9 @@ def test_friction_is_drawn_unless_it_is_given() -> None:
 def test_bodies_stand_on_feet_unless_they_lie_flat() -> None:
     for world in ("nominal", "randomised"):
         parameters = draw_episode(0, world, GIVEN, ("disk", "cube", "disk"), bottom=FLAT)[0]
-        assert parameters.shapes == (THREE_FEET, "cube", THREE_FEET)
+        assert parameters.shapes == (DISK, "cube", DISK)
         assert all(map(parameters.lies_flat, range(3)))
-    assert draw_episode(0, "nominal", GIVEN)[0].shapes == (THREE_FEET,) * 3
+    assert draw_episode(0, "nominal", GIVEN)[0].shapes == (DISK,) * 3
 
 
 @pytest.mark.parametrize(

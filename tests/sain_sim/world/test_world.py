@@ -18,7 +18,7 @@ from sain_core.scene import (
     surface_gaps,
     unit,
 )
-from sain_core.shapes.solids import FLAT, THREE_FEET
+from sain_core.shapes.solids import DISK
 from sain_sim.world.parameters import nominal_parameters
 from sain_sim.world.workcell import WorldConfig
 from sain_sim.world.world import World
@@ -53,10 +53,10 @@ def test_a_push_moves_the_target_and_ends_at_rest(world, bench):
     assert 0.5 < outcome.duration == pytest.approx(world.time)
 
 
-@pytest.mark.parametrize("shape", [THREE_FEET, FLAT, "cube"])
+@pytest.mark.parametrize("shape", [DISK, "cube"])
 def test_sliding_disks_obey_coulomb(shape, bench, engine):
     parameters = nominal_parameters()
-    parameters = dataclasses.replace(parameters, shapes=(THREE_FEET, shape), friction=0.2)
+    parameters = dataclasses.replace(parameters, shapes=(DISK, shape), friction=0.2)
     with World(parameters, engine=engine) as world:
         world.reset(bench.touching(parameters))
         outcome = world.push(bench.towards(0.0, 0.15))

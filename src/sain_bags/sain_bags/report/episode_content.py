@@ -104,7 +104,7 @@ def _disks(scene: Scene, gathered: Gathered) -> list[dict[str, Any]]:
                 "radius": rounded(state[RADIUS]),
                 "mass": rounded(state[MASS], 3),
                 "outline": _corners(shape, float(state[RADIUS])),
-                "name": shape.footprint,
+                "name": shape.name,
                 "role": str(role),
             }
             for state, shape, role in zip(scene, bodies.shapes, bodies.roles, strict=True)

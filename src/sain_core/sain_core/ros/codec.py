@@ -91,7 +91,7 @@ def encode_bodies(
     """Return shapes and roles of an episode's bodies with these radii [m]."""
     messages = [
         Body(
-            name=shape.footprint,
+            name=shape.name,
             role=str(role),
             radius=radius,
             symmetry=shape.symmetry,
@@ -195,7 +195,7 @@ def fill_past(request: Rollout.Request | PredictResidual.Request, history: PushH
 def fill_bodies(request: Rollout.Request | PredictResidual.Request, bodies: Bodies) -> None:
     """Put shapes and roles into a request; the paper's disks need none."""
     if not bodies.are_paper_disks:
-        request.shapes = [shape.footprint for shape in bodies.shapes]
+        request.shapes = [shape.name for shape in bodies.shapes]
         request.roles = [str(role) for role in bodies.roles]
 
 

@@ -184,7 +184,7 @@ BETWEEN: Final = ","
 
 def as_names(bodies: Bodies) -> tuple[str, str]:
     """Return the shapes and the roles of bodies."""
-    return BETWEEN.join(shape.footprint for shape in bodies.shapes), BETWEEN.join(bodies.roles)
+    return BETWEEN.join(shape.name for shape in bodies.shapes), BETWEEN.join(bodies.roles)
 
 
 @lru_cache(maxsize=1024)

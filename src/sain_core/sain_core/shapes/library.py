@@ -1,10 +1,12 @@
-"""The library of shapes: straight-sided bodies to push, each with a circumscribed radius of 1.
+"""Shapes by name: disk and cube, the library of straight-sided bodies, and those of other packages.
 
-`docs/explanation/shapes.md` has them all in one picture.
+`docs/explanation/shapes.md` has the library in one picture; each has a circumscribed radius of 1.
+Other packages offer shapes through entry points, which lead to instances of their name::
+
+    entry_points={"sain.shapes": ["my_hexagon = my_package:HEXAGON"]}
 """
 
-from collections import ChainMap
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from functools import cache
 from itertools import pairwise
 from math import cos, pi, sin
@@ -12,10 +14,10 @@ from typing import Final
 
 import numpy as np
 
-from sain_core.errors import ConfigError, InvalidInputError, SainError
+from sain_core.errors import ConfigError, InvalidInputError
 from sain_core.plugins import Plugins, did_you_mean
 from sain_core.shapes.shape import Pair, Shape
-from sain_core.shapes.solids import CUBE_CORNERS, FLAT, THREE_FEET, Compound, Cube, Disk
+from sain_core.shapes.solids import CUBE, DISK, Compound, Disk
 
 RANDOM_CORNERS: Final = (5, 6, 7, 8, 9, 10)  # of the random polygons, by seed
 LEAST_GAP: Final = 0.35  # [rad], between two corners of a random polygon
@@ -115,97 +117,53 @@ def library() -> tuple[Shape, ...]:
 
 GROUP: Final = "sain.shapes"
 ALIKE: Final = 0.7  # of the letters: `disk` is no slip of `half_disk`
-OFFERS: Final = Plugins(GROUP, "shape")
-_BUILT_IN: Final = (Disk(THREE_FEET), Disk(FLAT, feet=()), Cube("cube", corners=CUBE_CORNERS))
-_shapes: dict[str, Shape] = {}
-_footprints: dict[str, Shape] = {}  # the usual shape of each
+FORMER: Final = {"three_feet": DISK, "flat": DISK}  # names of disks in recordings of before
+OFFERED: Final = Plugins(GROUP, "shape")
+_shapes: dict[str, Shape] = {shape.name: shape for shape in (Disk(DISK), CUBE)}
 _failed: dict[str, str] = {}  # offered shapes that cannot be used, and why
-_all: Final = ChainMap(_shapes, _footprints)
 
 
 def register(shape: Shape) -> None:
     """Let a shape be found by its name in this process.
 
     Raises:
-        ConfigError: another shape or footprint has its name.
+        ConfigError: another shape has its name.
     """
-    if _all.get(shape.name, shape) != shape:
+    if _shapes.setdefault(shape.name, shape) != shape:
         raise ConfigError(f"two shapes have the name {shape.name!r}; rename one of them")
-    _shapes[shape.name] = shape
-    _footprints.setdefault(shape.footprint, shape)
 
 
 def shape_names() -> list[str]:
-    """Return the names of all shapes, as a world is made of them."""
+    """Return the names of all shapes."""
     _load_library()
     return list(_shapes)
 
 
-def footprint_names() -> list[str]:
-    """Return the names of all footprints, as requests and scenarios ask for them."""
-    _load_library()
-    return list(_footprints)
-
-
 def get_shape(name: str, body: int | None = None) -> Shape:
-    """Return the shape of this name, or the usual one with this footprint.
+    """Return the shape of this name.
 
     Raises:
-        ConfigError: there is neither; it names the body, if there is one.
+        ConfigError: there is none; it names the body, if there is one.
     """
-    return _find(name, _all, what=_shape_of(body))
+    name = FORMER.get(name, name)
+    for load in (_load_library, _load_offered):
+        if name not in _shapes:
+            load()
+    if name in _shapes:
+        return _shapes[name]
+    if name in _failed:
+        raise ConfigError(_failed[name])
+    what = "shape" if body is None else f"shape of body {body}"
+    near = did_you_mean(name, _shapes, ALIKE)
+    raise ConfigError(f"{what} is {name!r}{near}; allowed: {', '.join(_shapes)}")
 
 
-def check_shape(name: str, body: int | None = None) -> None:
-    """Check that a world can be made of a shape: a footprint does not say how it stands.
-
-    Raises:
-        ConfigError: no shape has this name; it names the body, if there is one.
-    """
-    _find(name, _shapes, what=_shape_of(body))
-
-
-def check_footprint(name: str) -> None:
-    """Check that a footprint exists.
-
-    Raises:
-        InvalidInputError: no shape has it.
-    """
-    _find(name, _footprints, InvalidInputError)
-
-
-def built_shapes(footprints: Iterable[str]) -> tuple[str, ...]:
-    """Return the names of the shapes for some footprints.
-
-    Raises:
-        InvalidInputError: a footprint that does not exist, and of which body.
-    """
-    return tuple(
-        _find(footprint, _footprints, InvalidInputError, _shape_of(body)).name
-        for body, footprint in enumerate(footprints)
-    )
-
-
-def _shape_of(body: int | None) -> str:
-    return "shape" if body is None else f"shape of body {body}"
-
-
-def _find(
-    name: str,
-    known: Mapping[str, Shape],
-    error: type[SainError] = ConfigError,
-    what: str = "shape",
-) -> Shape:
-    if name not in known:
-        _load_library()
-    if name not in known:
-        _load_offered()
-    if name not in known:
-        if name in _failed:
-            raise error(_failed[name])
-        near = did_you_mean(name, known, ALIKE)
-        raise error(f"{what} is {name!r}{near}; allowed: {', '.join(known)}")
-    return known[name]
+def check_shapes(names: Iterable[str]) -> tuple[str, ...]:
+    """Return names of shapes as they are today; raise `InvalidInputError` where one is unknown."""
+    try:
+        return tuple(get_shape(name, body).name for body, name in enumerate(names))
+    except ConfigError as error:
+        raise InvalidInputError(str(error)) from error
 
 
 @cache
@@ -220,20 +178,16 @@ def _load_offered() -> None:
 
     A package that fails does not disturb the others: only who asks for its shape hears of it.
     """
-    for name, entries in OFFERS.entries().items():
+    for name, entries in OFFERED.entries().items():
         try:
-            entry = OFFERS.only(name, entries)
-            shape = OFFERS.load(entry)
+            entry = OFFERED.only(name, entries)
+            shape = OFFERED.load(entry)
             if not isinstance(shape, Shape):
                 kind = type(shape).__name__
-                raise OFFERS.wrong(entry, f"{entry.value} is a {kind}; it must be a Shape")
+                raise OFFERED.wrong(entry, f"{entry.value} is a {kind}; it must be a Shape")
             if shape.name != name:
                 called = f"{entry.value} has the name {shape.name!r}"
-                raise OFFERS.wrong(entry, f"{called}; entry point and shape must have one name")
+                raise OFFERED.wrong(entry, f"{called}; entry point and shape must have one name")
             register(shape)
         except ConfigError as error:
             _failed[name] = str(error)
-
-
-for _shape in _BUILT_IN:
-    register(_shape)

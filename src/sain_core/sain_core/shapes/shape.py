@@ -40,7 +40,7 @@ class Shape(ABC):
     """An upright body of constant cross-section, `DISK_HEIGHT` high.
 
     Attributes:
-        name: in `WorldParameters` messages and in data sets.
+        name: in messages, data sets, scenarios and pictures.
     """
 
     name: str
@@ -50,21 +50,14 @@ class Shape(ABC):
     @property
     @abstractmethod
     def feet(self) -> tuple[Pair, ...]:
-        """Distance [radii] and bearing [rad] of each foot; none: the body lies flat."""
-
-    @property
-    def footprint(self) -> str:
-        """The name in requests, scenarios and pictures; shapes with one outline may share it."""
-        return self.name
+        """Distance [radii] and bearing [rad] of each foot."""
 
     @abstractmethod
     def parts(self, radius: float) -> tuple[Points, ...]:
         """Return convex polygons (M, 2) [m], counter-clockwise, that together are the footprint."""
 
     def supports(self, radius: float) -> Points:
-        """Return the points (F, 2) [m] that carry the body; the corners of one that lies flat."""
-        if not self.feet:
-            return self.outline(radius)
+        """Return where the feet are (F, 2) [m]."""
         return feet_places(self.feet, radius)
 
     @property

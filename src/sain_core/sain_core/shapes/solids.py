@@ -15,8 +15,6 @@ from sain_core.shapes.supports import balanced_feet
 from sain_core.types import Points
 
 DISK: Final = "disk"
-THREE_FEET: Final = "three_feet"
-FLAT: Final = "flat"  # whatever the bottom of the world: old recordings name such disks
 CORNERS: Final = 72  # of an outline
 
 
@@ -27,7 +25,6 @@ class Disk(Shape):
     feet: tuple[Pair, ...] = REGULAR_FEET
 
     solid: ClassVar = Solid.CYLINDER
-    footprint = DISK
     symmetry = 0.0
     circumradius = 1.0
 
@@ -264,4 +261,4 @@ class Cube(Polygon):
         return across, across, mass * (2 * radius) ** 2 / 6
 
 
-CUBE_CORNERS: Final = ((1.0, 1.0), (-1.0, 1.0), (-1.0, -1.0), (1.0, -1.0))
+CUBE: Final = Cube("cube", corners=((1.0, 1.0), (-1.0, 1.0), (-1.0, -1.0), (1.0, -1.0)))

@@ -18,7 +18,7 @@ from sain_core.drawing.figures import TEXT, new_figure, write_png
 from sain_core.drawing.palette import PALETTE, rgba
 from sain_core.errors import SainError
 from sain_core.scene import RADIUS, STATE_SIZE
-from sain_core.shapes.library import footprint_names, get_shape
+from sain_core.shapes.library import get_shape, shape_names
 from sain_core.shapes.shape import Shape
 from sain_eval.plots.marks import outline_patch
 
@@ -30,13 +30,13 @@ USAGE: Final = "usage: python -m sain_eval.plots.library_picture FILE.png"
 
 def draw_library() -> Figure:
     """Draw every shape with its circumscribed circle, x to the right."""
-    shapes = [get_shape(name) for name in footprint_names()]
+    shapes = [get_shape(name) for name in shape_names()]
     rows = -(-len(shapes) // COLUMNS)
     figure = new_figure(COLUMNS * TILE[0], rows * TILE[1])
     for place, shape in enumerate(shapes, start=1):
         axes = figure.add_subplot(rows, COLUMNS, place)
         draw_shape(axes, shape)
-        axes.set_title(shape.footprint, fontsize=TEXT + 0.5, color=PALETTE.ink, pad=1.0)
+        axes.set_title(shape.name, fontsize=TEXT + 0.5, color=PALETTE.ink, pad=1.0)
     return figure
 
 

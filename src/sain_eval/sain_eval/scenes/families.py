@@ -46,9 +46,9 @@ BLOCKED_DISTANCE: Final = (0.20, 0.30)  # [m], from the target to its goal
 
 
 @cache
-def library_footprints() -> tuple[str, ...]:
+def library_shapes() -> tuple[str, ...]:
     """Return the names of the first 33 footprints: disk, cube, and those of the library."""
-    return (DISK, "cube", *(shape.footprint for shape in library()))[:LIBRARY_SHAPES]
+    return (DISK, "cube", *(shape.name for shape in library()))[:LIBRARY_SHAPES]
 
 
 @dataclass(frozen=True)
@@ -177,7 +177,7 @@ class IndirectScenario:
     def scene(self, seed: int) -> ScenarioScene:
         """Draw two shapes, places and a goal; redraw the places until the scene can be solved."""
         random = generator(seed, "scenario", self.name)
-        shapes = random.choice(library_footprints(), 2, replace=False).tolist()
+        shapes = random.choice(library_shapes(), 2, replace=False).tolist()
         drawn, feasibility = _Drawn.sized(random, shapes, MANY_SIZE), Feasibility()
         while True:
             first = np.array(self.pusher) + random.uniform(-self.scatter, self.scatter, 2)
@@ -204,7 +204,7 @@ class BlockedScenario:
         """Draw mid disk, target and goal, then what is in the way, until there is room for it."""
         random = generator(seed, "scenario", self.name)
         count = int(random.integers(1, 3))
-        shapes = random.choice(library_footprints(), count).tolist()
+        shapes = random.choice(library_shapes(), count).tolist()
         blockers = _Drawn.sized(random, shapes, MANY_SIZE)
         base = AnywhereScenario(self.name, goal_distance=BLOCKED_DISTANCE)
         while True:
@@ -261,7 +261,7 @@ class PoseScenario:
     def _shapes(self, seed: int, random: np.random.Generator) -> Sequence[str]:
         if self.shape is not None:
             return (self.shape,) * self.count
-        names = library_footprints()
+        names = library_shapes()
         if self.count == 1:
             return (names[seed % len(names)],)
         shapes: list[str] = random.choice(names, self.count).tolist()

@@ -5,7 +5,7 @@ from typing import Final
 
 from sain_core.goal import Goal
 from sain_core.shapes.bodies import Bodies
-from sain_core.shapes.library import built_shapes
+from sain_core.shapes.library import check_shapes
 from sain_core.types import Scene
 from sain_sim.world.parameters import WorldParameters
 from sain_sim.world.truth import RANDOMISED_TRUTH, TruthConfig
@@ -58,6 +58,6 @@ class ScenarioScene:
 
     def parameters(self) -> WorldParameters:
         """Return the simulated world that this scene plays in."""
-        shapes = built_shapes(self.shapes)
+        shapes = check_shapes(self.shapes)
         parameters = WorldParameters.of_scene(self.disks, self.friction, shapes, self.roles)
         return self.truth.roughen(parameters)

@@ -119,4 +119,4 @@ def label(body: int, bodies: Bodies) -> str:
     if bodies.stand_in_for_disks:
         return {0: "pusher", 1: "target"}.get(body, f"{body}")
     more = "" if role is Role.PUSHABLE else f", {role}"
-    return f"{body} {bodies.shapes[body].footprint}{more}"
+    return f"{body} {bodies.shapes[body].name}{more}"

@@ -10,7 +10,7 @@ import viser
 from sain_core.drawing.palette import PALETTE
 from sain_core.errors import ConfigError, SainError
 from sain_core.model import dynamics_names
-from sain_core.shapes.library import footprint_names
+from sain_core.shapes.library import shape_names
 from sain_eval.scenes.scenarios import scenario_names
 from sain_live.orders import AS_DRAWN, Orders, Reset
 from sain_live.settings import PageConfig
@@ -82,7 +82,7 @@ class ControlsView:
         )
         self._shape = gui.add_dropdown(
             "shape",
-            (AS_DRAWN, *footprint_names()),
+            (AS_DRAWN, *shape_names()),
             hint="of the bodies, where it is free",
         )
         self._world = gui.add_dropdown(

@@ -18,7 +18,7 @@ from sain_core.push import PaperGrid
 from sain_core.scene import POSITION, TARGET
 from sain_core.seeding import generator
 from sain_core.shapes.bodies import MOST_BODIES, Role
-from sain_core.shapes.library import built_shapes, check_footprint, footprint_names
+from sain_core.shapes.library import check_shapes, get_shape, shape_names
 from sain_core.shapes.solids import DISK
 from sain_core.types import PushArray
 from sain_core.world import DivergedError, Outcome
@@ -43,7 +43,7 @@ class EpisodeConfig(Config):
     """What episodes are like."""
 
     disks: int = option(2, "number of disks N", minimum=2, maximum=5)
-    target: str = option(DISK, f"what the target is: {', '.join(footprint_names())}")
+    target: str = option(DISK, f"what the target is: {', '.join(shape_names())}")
     shapes: str = option(
         "",
         "shapes with commas between, drawn for each body, and all are pushed; empty: body 0, a"
@@ -77,7 +77,7 @@ class EpisodeConfig(Config):
         """Check the fields, and that the target's shape exists."""
         super().__post_init__()
         for name in (self.target, *self.shape_names):
-            check_footprint(name)
+            get_shape(name)
         if self.bodies and not self.shapes:
             raise ConfigError(f"bodies is {self.bodies!r}, and shapes is empty; give both")
         _ = self.counts  # checks them
@@ -233,9 +233,9 @@ def draw_parameters(random: np.random.Generator, config: EpisodeConfig) -> World
     ranges = RANGES[config.parameters]
     if config.shapes:
         count = int(random.choice(config.counts))
-        names = built_shapes(random.choice(config.shape_names, count).tolist())
+        names = check_shapes(random.choice(config.shape_names, count).tolist())
         drawn = config.truth.draw(random, count, ranges, names)
         return replace(drawn, roles=(Role.PUSHABLE,) * count)
     others = (DISK,) * (config.disks - 2)
-    names = built_shapes((DISK, config.target, *others))
+    names = check_shapes((DISK, config.target, *others))
     return config.truth.draw(random, config.disks, ranges, names)

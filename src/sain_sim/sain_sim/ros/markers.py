@@ -46,7 +46,7 @@ def body_labels(bodies: Bodies) -> list[str]:
     if bodies.shapes[0].is_round and bodies.has_paper_roles:
         return [*LABELS, *(f"disk {disk}" for disk in range(len(LABELS), count))][:count]
     return [
-        f"{body} {shape.footprint}" + (f" ({role})" if role is not Role.PUSHABLE else "")
+        f"{body} {shape.name}" + (f" ({role})" if role is not Role.PUSHABLE else "")
         for body, (shape, role) in enumerate(zip(bodies.shapes, bodies.roles, strict=True))
     ]
 

@@ -14,9 +14,8 @@ from sain_core.config import Config, option
 from sain_core.errors import ConfigError
 from sain_core.scene import MASS, RADIUS, Table, make_scene
 from sain_core.shapes.bodies import Bodies
-from sain_core.shapes.library import check_shape
 from sain_core.shapes.shape import Pair, Shape, feet_places
-from sain_core.shapes.solids import THREE_FEET
+from sain_core.shapes.solids import DISK
 from sain_core.shapes.supports import BOTTOMS, FEET, FLAT, even_supports
 from sain_core.types import Angles, Points, Scene
 from sain_sim.world.roughness import SMOOTH, Roughness
@@ -64,7 +63,7 @@ class WorldParameters(Config):
         minimum=0.02,
         maximum=0.2,
     )
-    shapes: tuple[str, ...] = option((THREE_FEET, THREE_FEET), "shape of each body")
+    shapes: tuple[str, ...] = option((DISK, DISK), "shape of each body")
     friction: float = option(
         NOMINAL_FRICTION, "friction with the table", minimum=0.005, maximum=1.5
     )
@@ -91,9 +90,7 @@ class WorldParameters(Config):
                 f"WorldParameters has {len(self.masses)} masses, {len(self.radii)} radii and"
                 f" {len(self.shapes)} shapes; it needs one of each for every body, 1 or more"
             )
-        for body, name in enumerate(self.shapes):
-            check_shape(name, body)
-        _ = self.bodies  # checks the roles
+        _ = self.bodies  # checks shapes and roles
         self.roughness.check_count(self.count)
         for body in range(self.count) if self.roughness.feet else ():
             if self.lies_flat(body):
@@ -119,7 +116,7 @@ class WorldParameters(Config):
 
     def lies_flat(self, body: int) -> bool:
         """Return whether a body has a flat bottom."""
-        return self.bottom == FLAT or not self.body_shapes[body].feet
+        return self.bottom == FLAT
 
     def supports(self, body: int) -> Points:
         """Return the points (F, 2) [m] in a body's frame that carry it, about its middle."""
@@ -150,7 +147,7 @@ class WorldParameters(Config):
         return cls(
             masses=tuple(scene[:, MASS].tolist()),
             radii=tuple(scene[:, RADIUS].tolist()),
-            shapes=shapes or (THREE_FEET,) * len(scene),
+            shapes=shapes or (DISK,) * len(scene),
             roles=roles,
             friction=friction,
         )
@@ -162,7 +159,7 @@ def nominal_parameters(count: int = 2, shapes: tuple[str, ...] | None = None) ->
     return WorldParameters(
         masses=(NOMINAL_MASS,) * count,
         radii=tuple(NOMINAL_RADII[min(disk, 1)] for disk in range(count)),
-        shapes=shapes or (THREE_FEET,) * count,
+        shapes=shapes or (DISK,) * count,
     )
 
 
@@ -175,7 +172,7 @@ def sample_parameters(
     return WorldParameters(
         masses=tuple(generator.uniform(*ranges.mass, count).tolist()),
         radii=tuple(float(generator.uniform(*ranges.radii[min(i, 1)])) for i in range(count)),
-        shapes=(THREE_FEET,) * count,
+        shapes=(DISK,) * count,
         friction=float(generator.uniform(*ranges.friction)),
     )
 

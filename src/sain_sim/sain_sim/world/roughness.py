@@ -188,13 +188,13 @@ LEAST_LOAD: Final = 0.1  # of the weight, on each foot; a third on each is even
 def fit_shapes(roughness: Roughness, shapes: tuple[Shape, ...]) -> Roughness:
     """Return the errors of disks as those of bodies with these shapes.
 
-    Bodies on a disk's regular feet, or on none, keep theirs. For others both errors are made
+    Bodies on a disk's regular feet keep theirs. For others both errors are made
     smaller, by the same share, until all feet are below the body and each carries a part of it.
     """
     regular = (REGULAR_FEET,) * len(shapes)
     made = [
         (feet, roughness.mass_offset(body))
-        if shape.feet in ((), REGULAR_FEET)
+        if shape.feet == REGULAR_FEET
         else _fit(shape, feet, roughness.mass_offset(body))
         for body, (shape, feet) in enumerate(zip(shapes, roughness.feet or regular, strict=True))
     ]

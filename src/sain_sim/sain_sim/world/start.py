@@ -20,7 +20,7 @@ from sain_core.scene import (
 )
 from sain_core.seeding import generator
 from sain_core.shapes.bodies import MOST_BODIES
-from sain_core.shapes.library import built_shapes
+from sain_core.shapes.library import check_shapes
 from sain_core.shapes.solids import DISK
 from sain_core.shapes.supports import FEET
 from sain_core.types import Scalars, Scene
@@ -82,7 +82,7 @@ def draw_episode(
     for name, given in (("shapes", shapes), ("roles", roles)):
         if len(given) not in (0, count):
             raise InvalidInputError(f"{len(given)} {name} are given for {count} disks")
-    built = built_shapes(shapes or (DISK,) * count)
+    built = check_shapes(shapes or (DISK,) * count)
     if world == NOMINAL:
         parameters = replace(nominal_parameters(count), bottom=bottom)
     else:
