@@ -22,7 +22,7 @@ from sain_core.bootstrap import bootstrap_mean
 from sain_core.errors import ConfigError
 from sain_core.seeding import generator
 from sain_eval.commands import evaluate
-from sain_model.evaluation.markdown import markdown_table
+from sain_model.evaluation.tables import markdown_table
 from sain_mppi.algorithms.config import PlannerConfig
 
 TOLERANCES = (0.05, 0.02, 0.01, 0.005)

@@ -38,7 +38,7 @@ from sain_core.goal import Goal
 from sain_core.model import RolloutModel
 from sain_core.seeding import generator
 from sain_eval.loop.results import wilson_interval
-from sain_model.evaluation.markdown import markdown_table
+from sain_model.evaluation.tables import markdown_table
 from sain_mppi.agent.agent import Agent, act
 from sain_mppi.agent.events import (
     Event,

@@ -28,20 +28,19 @@ from sain_core.seeding import generator
 from sain_core.storage import write_json
 from sain_model.data.dataset import (
     Dataset,
+    Part,
     Split,
     limit_training,
+    load_dataset,
     split_by_episode,
 )
-from sain_model.data.mixed import load_transitions
 from sain_model.dynamics.sain import SainDynamics
-from sain_model.evaluation.coverage import measure_intervals
-from sain_model.evaluation.history_errors import predict_with_history
-from sain_model.evaluation.metrics import position_errors
+from sain_model.evaluation.errors import TARGETS, evaluate, position_errors
+from sain_model.evaluation.predictors import SAIN, SAIN_HISTORY, predict_with_history
 from sain_model.network.features import count_features
 from sain_model.network.interaction_network import InteractionNetwork, ensemble
 from sain_model.network.settings import BOOTSTRAP, ORDER
-from sain_model.training.interval_fit import fit_intervals
-from sain_model.training.push_training import Trainer, prior_and_filter
+from sain_model.training.fit import Physics, fit
 from sain_model.training.settings import TrainingConfig
 
 PATIENCES = (3, 5, 10, 20)
@@ -71,8 +70,8 @@ def main() -> None:
     torch.set_num_threads(1)
     command = tyro.cli(Command, description=main.__doc__, config=(tyro.conf.OmitArgPrefixes,))
     speed = [forward_times(command, batch) for batch in BATCHES]
-    data = load_transitions(command.dataset)
-    outside = load_transitions(command.outside) if command.outside else None
+    data = load_dataset(command.dataset)
+    outside = load_dataset(command.outside).alike if command.outside else None
     rows = []
     for seed in command.seeds:
         config = replace(command.training, seed=seed)
@@ -124,13 +123,13 @@ def with_members(config: TrainingConfig, members: int, diversity: str) -> Traini
 
 
 def measure(
-    command: Command, config: TrainingConfig, split: Split, outside: Dataset | None
+    command: Command, config: TrainingConfig, split: Split, outside: Part | None
 ) -> tuple[dict[str, Any], np.ndarray]:
     """Train one model; return what was found of it and its target errors (M,) [mm] on test."""
     members, diversity = config.network.members, config.diversity
     folder = command.out / f"{members}-{diversity}-{config.seed}"
     sain, validation, seconds = trained(config, split, folder)
-    errors, disagreement = judged(sain, split.test)
+    errors, disagreement = judged(sain, split.test.alike)
     row: dict[str, Any] = {
         "members": members,
         "diversity": diversity,
@@ -138,11 +137,11 @@ def measure(
         "seconds": seconds,
         "target_mean": float(errors.mean()),
         "members_mean": disagreement,
-        "intervals": measure_intervals(sain, split.test, config.seed),
+        "intervals": regions_of(sain, split.test, config.seed),
         "early_stop": {patience: stopped(validation, patience) for patience in PATIENCES},
     }
     if outside is not None:
-        row["outside"] = measure_intervals(sain, outside, config.seed)
+        row["outside"] = regions_of(sain, Dataset((outside,)), config.seed)
         far, row["outside_members_mean"] = judged(sain, outside)
         row["outside_mean"] = float(far.mean())
     return row, errors
@@ -152,18 +151,23 @@ def trained(
     config: TrainingConfig, split: Split, folder: Path
 ) -> tuple[SainDynamics, list[float], float]:
     """Return the model, its validation losses, and the processor time of its training [s]."""
-    prior, friction = prior_and_filter(config, split.train)
-    trainer = Trainer(split, prior, config, folder, friction)
+    physics = Physics.of(config, split.train)
     begun = time.process_time()
-    trainer.run()
-    seconds = time.process_time() - begun
-    infers = friction.config if friction else None
-    sain = SainDynamics(trainer.network, prior, config.prior, friction=infers)
-    sain = replace(sain, intervals=fit_intervals(sain, split.validation))
-    return sain, trainer.history.validation, seconds
+    sain, (history,) = fit(split, physics, config, folder)
+    assert isinstance(sain, SainDynamics)
+    return sain, history.validation, time.process_time() - begun
 
 
-def judged(sain: SainDynamics, data: Dataset) -> tuple[np.ndarray, float]:
+def regions_of(sain: SainDynamics, data: Dataset, seed: int) -> dict[str, Any]:
+    """Return how often regions hold the target, by group, and rank correlations of its errors."""
+    found = evaluate(data, {SAIN: sain}, seed=seed)
+    name = SAIN_HISTORY if SAIN_HISTORY in found["rank_correlation"] else SAIN
+    errors = found["after"]["1"]["errors"]
+    held = {group: one[name]["coverage"][0] for group, one in errors.items() if name in one}
+    return {"held": held, "rank_correlation": found["rank_correlation"][name]}
+
+
+def judged(sain: SainDynamics, data: Part) -> tuple[np.ndarray, float]:
     """Return how far off the target is predicted with the episode's earlier pushes, (M,) [mm].
 
     And by how much the members disagree about it, on average [mm].
@@ -185,25 +189,24 @@ def stopped(validation: list[float], patience: int) -> tuple[float, float]:
 
 def show(row: dict[str, Any]) -> None:
     """Print one model's row."""
-    target = row["intervals"]["target"]
-    parts: dict[str, Any] = target["parts"]
-    held: Callable[[str], str] = lambda name: f"{100 * parts[name]['coverage']:.1f}"  # noqa: E731
-    thirds = " / ".join(held(name) for name in parts if name.endswith("by spread"))
-    ranks = target["rank_correlation"]
-    told = ", ".join(f"{name} {value:.2f}" for name, value in ranks.items() if value is not None)
+    held, ranks = row["intervals"]["held"], row["intervals"]["rank_correlation"]
+    thirds = " / ".join(
+        f"{100 * share:.1f}" for name, share in held.items() if name.endswith("by spread")
+    )
+    told = ", ".join(f"{name} {value:.2f}" for name, value in ranks.items())
     low, high = row["to one network"][1:]
     Console(width=160, highlight=False).print(
         f"{row['members']} {row['diversity']} seed {row['seed']}: {row['target_mean']:.4f} mm"
         f" ({row['to one network'][0]:.3f} [{low:.3f}, {high:.3f}]), {row['seconds']:.0f} s;"
-        f" held {held('all')} % ({thirds}); rank {told}",
+        f" held {100 * held[TARGETS]:.1f} % ({thirds}); rank {told}",
     )
     if "outside" in row:
-        far = row["outside"]["target"]
+        far = row["outside"]
         Console(width=160, highlight=False).print(
             f"  outside: {row['outside_mean']:.3f} mm, held"
-            f" {100 * far['parts']['all']['coverage']:.1f} %, members disagree in"
+            f" {100 * far['held'][TARGETS]:.1f} %, members disagree in"
             f" {row['outside_members_mean']:.3f} mm where it was {row['members_mean']:.3f}; rank"
-            f" {far['rank_correlation']['members'] or 0.0:.2f}"
+            f" {far['rank_correlation'].get('members', 0.0):.2f}"
         )
 
 

@@ -25,18 +25,15 @@ from sain_core.seeding import generator
 from sain_core.storage import write_json
 from sain_core.types import Scalars
 from sain_model.cli.evaluate import unseen
-from sain_model.data.dataset import Dataset, Split
-from sain_model.data.mixed import load_datasets, load_transitions, split_datasets
+from sain_model.data.dataset import Part, Split, load_dataset, split_by_episode
 from sain_model.dynamics.sain import SainDynamics
 from sain_model.dynamics.settings import SHIPPED
-from sain_model.evaluation.coverage import measure_intervals
-from sain_model.evaluation.history_errors import earlier_friction, predict_with_history
-from sain_model.evaluation.markdown import markdown_table
-from sain_model.evaluation.metrics import position_errors
+from sain_model.evaluation.errors import position_errors
+from sain_model.evaluation.predictors import Informed, predict_with_history
+from sain_model.evaluation.tables import markdown_table
 from sain_model.physics.planar import PlanarPrior
 from sain_model.training.fine_tuning import Parent
-from sain_model.training.interval_fit import fit_intervals
-from sain_model.training.push_training import Trainer
+from sain_model.training.fit import Physics, fit
 
 BULLET, PRIOR, AS_SHIPPED = "Bullet, nominal: f_p", "its prior", "SAIN as shipped"
 TUNED, SCRATCH = "fine-tuned", "from new weights"
@@ -78,7 +75,7 @@ def main() -> None:
     torch.set_num_threads(1)
     command = tyro.cli(Command, description=__doc__)
     parent = Parent.load(SHIPPED)
-    old = unseen(load_transitions(command.old), parent.card) if command.old else None
+    old = unseen(load_dataset(command.old), parent.card).alike if command.old else None
     report = {}
     for world in command.worlds:
         report[world] = compare(command, world, parent, old)
@@ -87,10 +84,10 @@ def main() -> None:
         write_json(command.out, report)
 
 
-def compare(command: Command, world: str, parent: Parent, old: Dataset | None) -> dict[str, Any]:
+def compare(command: Command, world: str, parent: Parent, old: Part | None) -> dict[str, Any]:
     """Return the rows of a world's table."""
     data = command.recordings / "data"
-    test = load_transitions(data / f"{world}_test")
+    test = load_dataset(data / f"{world}_test").alike
     shipped = target_errors(parent.sain, test)
     rows = [
         row(BULLET, position_errors(test.physics_next, test.next_state, TARGET), shipped, test),
@@ -98,9 +95,8 @@ def compare(command: Command, world: str, parent: Parent, old: Dataset | None) -
         model_row(AS_SHIPPED, parent.sain, shipped, test, old),
     ]
     for bags in command.bags:
-        seen = load_datasets([data / f"{world}_{bag + 1}" for bag in range(bags)])
-        split = split_datasets(seen, command.seed, parent.settings.validation, 0.0)
-        assert isinstance(split, Split)
+        seen = load_dataset(*(data / f"{world}_{bag + 1}" for bag in range(bags)))
+        split = split_by_episode(seen, command.seed, parent.settings.validation, 0.0)
         learned = {
             f"{TUNED}{f' at {rate:g}' if command.rates else ''}": train(
                 split, parent, command, rate
@@ -134,35 +130,37 @@ def train(
     start = None if rate is None else parent.sain
     sain = parent.sain
     with tempfile.TemporaryDirectory() as folder:
-        trainer = Trainer(split, sain.prior, config, Path(folder), sain.filter, start)
-        trainer.run()
-    model = SainDynamics(trainer.network, sain.prior, sain.prior_name, friction=sain.friction)
-    return replace(model, intervals=fit_intervals(model, split.validation))
+        physics = Physics(sain.prior, sain.filter)
+        model, _ = fit(split, physics, config, Path(folder), start=start)
+    assert isinstance(model, SainDynamics)
+    return model
 
 
-def target_errors(sain: SainDynamics, data: Dataset, corrected: bool = True) -> Scalars:
+def target_errors(sain: SainDynamics, data: Part, corrected: bool = True) -> Scalars:
     """Return how far off the target is (M,) [mm]: of the model, or of its prior alone."""
     if corrected:
         predicted = predict_with_history(sain, data).mean
     else:
         assert sain.filter is not None and isinstance(sain.prior, PlanarPrior)
-        known = earlier_friction(sain.filter, data)
-        predicted = sain.prior.step(data.state, data.action, {"friction": known.mean})
+        informed = Informed.make(sain.prior, data, sain.filter)
+        predicted = informed.step(data.state, data.action, np.arange(len(data)))
     return position_errors(predicted, data.next_state, TARGET)
 
 
 def model_row(
-    name: str, sain: SainDynamics, shipped: Scalars, test: Dataset, old: Dataset | None
+    name: str, sain: SainDynamics, shipped: Scalars, test: Part, old: Part | None
 ) -> dict[str, Any]:
     """Return the row of a model, with its regions and what it errs by in the old world."""
-    told = row(name, target_errors(sain, test), shipped, test)
-    told["regions"] = measure_intervals(sain, test, seed=0)["target"]["parts"]["all"]["coverage"]
+    errors, radius = target_errors(sain, test), predict_with_history(sain, test).radius
+    told = row(name, errors, shipped, test)
+    if radius is not None:
+        told["regions"] = float((errors <= 1e3 * radius[:, TARGET]).mean())
     if old is not None:
         told["old"] = float(target_errors(sain, old).mean())
     return told
 
 
-def row(name: str, errors: Scalars, shipped: Scalars, test: Dataset) -> dict[str, Any]:
+def row(name: str, errors: Scalars, shipped: Scalars, test: Part) -> dict[str, Any]:
     """Return mean, median and ratio to the shipped model, with 95 % intervals over episodes."""
     return {
         "name": name,

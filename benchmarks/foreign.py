@@ -40,25 +40,22 @@ from sain_core.model import Model
 from sain_core.scene import TARGET
 from sain_core.seeding import generator
 from sain_core.types import Scalars, Scenes
-from sain_model.data.dataset import Dataset, Split, split_by_episode
-from sain_model.data.mixed import load_transitions
+from sain_model.data.dataset import Part, Split, load_dataset, split_by_episode
 from sain_model.data.recordings import first_pushes, load_recording
 from sain_model.dynamics.identify import identify
 from sain_model.dynamics.load import load_shipped
 from sain_model.dynamics.priors import load_prior
 from sain_model.dynamics.sain import SainDynamics
-from sain_model.dynamics.settings import IDENTITY, PLANAR, PLANAR_AXES, LossConfig
-from sain_model.evaluation.coverage import measure_intervals
-from sain_model.evaluation.history_errors import earlier_friction, predict_with_history
-from sain_model.evaluation.markdown import markdown_table
-from sain_model.evaluation.metrics import position_errors
+from sain_model.dynamics.settings import IDENTITY, PLANAR, PLANAR_AXES
+from sain_model.evaluation.errors import position_errors
+from sain_model.evaluation.predictors import Informed, predict_with_history
+from sain_model.evaluation.tables import markdown_table
 from sain_model.network.settings import NetworkConfig
 from sain_model.physics.friction import FrictionFilter
 from sain_model.physics.planar import PlanarPrior
 from sain_model.physics.planar_config import TEXTBOOK
-from sain_model.training.interval_fit import fit_intervals
-from sain_model.training.push_training import Trainer
-from sain_model.training.settings import NOTHING, TrainingConfig
+from sain_model.training.fit import Physics, fit
+from sain_model.training.settings import NOTHING, LossConfig, TrainingConfig
 
 STEPS: Final = 5000  # of the optimizer, whatever the number of pushes
 CONFIG: Final = TrainingConfig(
@@ -76,12 +73,12 @@ COLUMNS: Final = ("pushes", "mean, mm", "to planar", "to textbook", "median", "r
 class Judge:
     """Held-out pushes, and the errors of physics that is fitted to nothing there."""
 
-    test: Dataset
+    test: Part
     planar: Scalars
     textbook: Scalars
 
     @classmethod
-    def of(cls, test: Dataset) -> "Judge":
+    def of(cls, test: Part) -> "Judge":
         """Return what judges by these pushes."""
         planar, textbook = (_physics(prior, test) for prior in (PlanarPrior(), _textbook()))
         return cls(test, planar, textbook)
@@ -98,9 +95,11 @@ class Judge:
 
     def model(self, name: str, model: SainDynamics, pushes: int = 0) -> list[str]:
         """Return the row of a model, with its regions."""
-        part = measure_intervals(model, self.test, seed=0)["target"]["parts"]["all"]
-        errors = _off(predict_with_history(model, self.test).mean, self.test)
-        return self.row(name, errors, pushes, f"{100 * part['coverage']:.0f} %")
+        prediction = predict_with_history(model, self.test)
+        assert prediction.radius is not None
+        errors = _off(prediction.mean, self.test)
+        held = errors <= 1e3 * prediction.radius[:, TARGET]
+        return self.row(name, errors, pushes, f"{100 * held.mean():.0f} %")
 
 
 def main() -> None:
@@ -111,7 +110,7 @@ def main() -> None:
     parser.add_argument("test", type=Path)
     parser.add_argument("--sizes", type=int, nargs="+", default=[3000])
     arguments = parser.parse_args()
-    judge = Judge.of(load_transitions(arguments.test))
+    judge = Judge.of(load_dataset(arguments.test).alike)
     show(_unlearned(judge))
     for size in arguments.sizes:
         show(_learned(judge, arguments.train, size, alone=size == max(arguments.sizes)))
@@ -143,7 +142,7 @@ def _learned(judge: Judge, folder: Path, size: int, alone: bool) -> list[list[st
     """
     parts = first_pushes(load_recording(folder), size)
     pushes = sum(map(len, parts))
-    data = load_transitions(folder)
+    data = load_dataset(folder)
     first = np.unique(data.episode)[: 1 + max(int(part.episode.max()) for part in parts)]
     split = split_by_episode(
         data.select(np.isin(data.episode, first)), CONFIG.seed, CONFIG.validation, CONFIG.test
@@ -176,24 +175,22 @@ def _train(split: Split, prior: Model, friction: FrictionFilter | None) -> SainD
         history=CONFIG.history if friction else NOTHING,
     )
     with tempfile.TemporaryDirectory() as out:
-        trainer = Trainer(split, prior, config, Path(out), friction)
-        trainer.run()
-    infers = friction.config if friction else None
-    model = SainDynamics(trainer.network, prior, named, friction=infers)
-    return replace(model, intervals=fit_intervals(model, split.validation))
+        model, _ = fit(split, Physics(prior, friction), config, Path(out))
+    assert isinstance(model, SainDynamics)
+    return model
 
 
 def _textbook() -> PlanarPrior:
     return PlanarPrior(replace(TEXTBOOK, friction=PlanarPrior().config.friction))
 
 
-def _physics(prior: PlanarPrior, test: Dataset, friction: FrictionFilter | None = None) -> Scalars:
+def _physics(prior: PlanarPrior, test: Part, friction: FrictionFilter | None = None) -> Scalars:
     """Return errors of physics with the friction that earlier pushes tell of."""
-    known = earlier_friction(friction or prior.filter(), test)
-    return _off(prior.step(test.state, test.action, {"friction": known.mean}), test)
+    informed = Informed.make(prior, test, friction)
+    return _off(informed.step(test.state, test.action, np.arange(len(test))), test)
 
 
-def _off(predicted: Scenes, test: Dataset) -> Scalars:
+def _off(predicted: Scenes, test: Part) -> Scalars:
     return position_errors(predicted, test.next_state, TARGET)
 
 

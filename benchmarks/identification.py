@@ -4,9 +4,9 @@ from typing import Final
 
 import numpy as np
 
-from sain_model.data.dataset import Dataset
-from sain_model.dynamics.corrections import CORRECTIONS, Corrections
+from sain_model.data.dataset import Part
 from sain_model.dynamics.physics_gradient import ToldPushes, moves, variations
+from sain_model.network.corrections import CORRECTIONS, Corrections
 from sain_model.network.feature_kernels import TURN_SCALE
 from sain_model.network.interaction_network import POSITION_UNIT
 from sain_model.physics.planar import PlanarPrior
@@ -17,7 +17,7 @@ SOFT: Final = 0.1  # of the scale: errors beyond it count less and less
 STIFFNESS: Final = 1.0  # how firmly a step stays small
 
 
-def identify(prior: PlanarPrior, data: Dataset) -> Corrections:
+def identify(prior: PlanarPrior, data: Part) -> Corrections:
     """Return one set of corrections (N, 10), fitted to all of the data by Gauss and Newton.
 
     One slope, one centre of mass of each disk, one friction of each and so on: what a patient

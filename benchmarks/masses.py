@@ -21,13 +21,12 @@ from sain_core.model import load_dynamics
 from sain_core.scene import MASS, MID, POSITION, TARGET
 from sain_core.seeding import generator
 from sain_core.types import Mask, Scalars, Scenes
-from sain_model.data.dataset import Dataset
-from sain_model.data.mixed import load_transitions
+from sain_model.data.dataset import Part, load_dataset
 from sain_model.dynamics.intervals import Prediction
 from sain_model.dynamics.learning import learn, predict_rows
 from sain_model.dynamics.sain import SainDynamics
-from sain_model.evaluation.baselines import NOMINAL_MASS
-from sain_model.evaluation.markdown import markdown_table
+from sain_model.evaluation.named_models import NOMINAL_MASS
+from sain_model.evaluation.tables import markdown_table
 from sain_model.identification.evidence import Known
 from sain_model.physics.planar import PlanarPrior
 from sain_model.physics.planar_config import AXES
@@ -39,7 +38,7 @@ WAYS: Final = ("nominal", "inferred", "true")
 
 def main(dataset: Annotated[Path, tyro.conf.Positional], model: str = "sain") -> None:
     """Print errors of predictions and of the ratio, by the number of telling pushes."""
-    data, dynamics = load_transitions(dataset), load_dynamics(model)
+    data, dynamics = load_dataset(dataset).alike, load_dynamics(model)
     assert isinstance(dynamics, SainDynamics)
     print(f"all masses scaled by 1.5: predictions change by {1e3 * _scaled_change(data):.1g} mm\n")
     nominal = replace(data, state=_nominal(data.state), next_state=_nominal(data.next_state))
@@ -86,12 +85,12 @@ def _nominal(scenes: Scenes) -> Scenes:
     return seen
 
 
-def _log_ratio(data: Dataset) -> Scalars:
+def _log_ratio(data: Part) -> Scalars:
     """Return the logarithm of the true ratio of target to mid disk (M,)."""
     return np.asarray(np.log(data.state[:, TARGET, MASS] / data.state[:, MID, MASS]))
 
 
-def _earlier(data: Dataset) -> list[ndarray]:
+def _earlier(data: Part) -> list[ndarray]:
     """Return for each push which others (M,) of its episode came before it."""
     rows = zip(data.episode, data.step, strict=True)
     return [(data.episode == episode) & (data.step < step) for episode, step in rows]
@@ -101,7 +100,7 @@ def _way(scenes: Scenes, others: Scenes) -> Scalars:
     return np.asarray(np.linalg.norm((scenes - others)[:, TARGET, POSITION], axis=-1))
 
 
-def _scaled_change(data: Dataset) -> float:
+def _scaled_change(data: Part) -> float:
     """Return the largest change [m] of a prediction when all masses are scaled together."""
     heavier, prior = data.state.copy(), PlanarPrior(AXES)
     heavier[..., MASS] *= 1.5

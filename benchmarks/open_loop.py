@@ -37,23 +37,23 @@ from sain_core.scene import TARGET
 from sain_core.seeding import generator
 from sain_core.storage import write_json
 from sain_core.types import PushArray, Scene
-from sain_model.data.dataset import Dataset
-from sain_model.data.mixed import load_transitions
+from sain_model.data.dataset import Dataset, Part, load_dataset
 from sain_model.data.windows import Windows, make_windows
-from sain_model.dynamics.load import load_sain
-from sain_model.evaluation.baselines import followed
-from sain_model.evaluation.markdown import markdown_table
-from sain_model.evaluation.metrics import (
+from sain_model.dynamics.load import load_checkpoint
+from sain_model.evaluation.errors import (
     LEARNED,
     position_errors,
     target_moved,
 )
-from sain_model.evaluation.open_loop import (
+from sain_model.evaluation.named_models import followed
+from sain_model.evaluation.predictors import (
     RECURRENT_SAIN,
-    RESIDUAL_SAIN,
-    predict_open_loop,
+    SAIN,
+    plain,
+    predict_all,
     roll_out,
 )
+from sain_model.evaluation.tables import markdown_table
 from sain_model.network.features import apply_residual, true_residual
 from sain_sim.collecting.episode import EpisodeConfig, draw_parameters
 from sain_sim.world.parameters import WorldParameters
@@ -92,7 +92,7 @@ def main() -> None:
     """Print mean target errors after 1, 5, 10 and 15 pushes."""
     torch.set_num_threads(1)
     command = tyro.cli(Command, description=__doc__)
-    data = load_transitions(command.dataset)
+    data = load_dataset(command.dataset).alike
     windows = first_windows(data, command)
     predictions = model_predictions(data, windows, command)
     predictions["bullet, measured"] = bullet_predictions(windows)
@@ -104,7 +104,7 @@ def main() -> None:
         write_json(command.out, report)
 
 
-def first_windows(data: Dataset, command: Command) -> Windows:
+def first_windows(data: Part, command: Command) -> Windows:
     """Return the first window of every episode that has one."""
     windows = make_windows(data, command.steps, whole=True)
     _, first = np.unique(windows.episodes, return_index=True)
@@ -112,22 +112,23 @@ def first_windows(data: Dataset, command: Command) -> Windows:
     return windows.select(first[starts][: command.most])
 
 
-def model_predictions(data: Dataset, windows: Windows, command: Command) -> dict[str, ndarray]:
+def model_predictions(data: Part, windows: Windows, command: Command) -> dict[str, ndarray]:
     """Return what planar physics and the models say over these windows."""
     paths = {
         LEARNED: command.learned,
-        RESIDUAL_SAIN: command.residual,
+        SAIN: command.residual,
         RECURRENT_SAIN: command.recurrent,
     }
-    models: dict[str, Model] = {name: load_sain(path) for name, path in paths.items() if path}
-    loop = predict_open_loop(data.select(np.isin(data.episode, windows.episodes)), models)
+    models: dict[str, Model] = {name: load_checkpoint(path) for name, path in paths.items() if path}
+    chosen = Dataset((data.select(np.isin(data.episode, windows.episodes)),))
+    (loop,) = predict_all(chosen, models, command.steps)
     at_start = np.flatnonzero(
         (loop.earlier == 0) & np.isin(loop.windows.episodes, windows.episodes)
     )
     order = at_start[np.argsort(loop.windows.episodes[at_start])]
     return {
         name: predicted[order]
-        for name, predicted in loop.predictions.items()
+        for name, predicted in loop.by_name.items()
         if "history" not in name and np.isfinite(predicted[order]).all()
     }
 
@@ -136,12 +137,12 @@ def bullet_predictions(windows: Windows) -> ndarray:
     """Return what Bullet with measured masses and radii says (W, T, N, 8)."""
     console, pushes = Console(stderr=True), int(np.count_nonzero(windows.pushes[..., LENGTH]))
     with Bullet(MEASURED) as bullet, followed({"bullet": bullet}, pushes, console) as shown:
-        return roll_out(shown["bullet"], windows.scenes, windows.pushes)
+        return roll_out(plain(shown["bullet"]), windows)
 
 
-def truths_with_errors(data: Dataset, windows: Windows, command: Command) -> dict[str, ndarray]:
+def truths_with_errors(data: Part, windows: Windows, command: Command) -> dict[str, ndarray]:
     """Return rollouts of the truth's own world with a model's errors added after every push."""
-    sain = load_sain(command.residual)
+    sain = load_checkpoint(command.residual)
     predicted = sain.step(data.state, data.action)
     errors = true_residual(data.next_state, data.action, predicted)
     moved = target_moved(data.state, predicted)

@@ -17,7 +17,7 @@ import tyro
 
 from sain_core.bootstrap import Interval, bootstrap_mean
 from sain_core.seeding import generator
-from sain_model.evaluation.markdown import markdown_table
+from sain_model.evaluation.tables import markdown_table
 
 
 @dataclass(frozen=True)

@@ -28,16 +28,15 @@ from rich.console import Console
 from benchmarks.report import Figure, report
 from sain_core.model import Model
 from sain_core.storage import write_whole
-from sain_model.data.dataset import Split, limit_training, split_by_episode
+from sain_model.data.dataset import Split, limit_training, load_dataset, split_by_episode
 from sain_model.data.examples import Examples, make_examples
-from sain_model.data.mixed import load_transitions
-from sain_model.dynamics.loss import mixed_loss
 from sain_model.dynamics.priors import load_prior
+from sain_model.network.interaction_network import new_network
 from sain_model.network.settings import PUSH_FRAME, NetworkConfig
-from sain_model.training.options import PAPER
-from sain_model.training.push_training import Trainer
-from sain_model.training.settings import NOTHING, TrainingConfig
-from sain_model.training.training_loop import LossHistory
+from sain_model.training.loss import mixed_loss
+from sain_model.training.objectives import SinglePushes
+from sain_model.training.settings import NOTHING, PAPER, TrainingConfig
+from sain_model.training.trainer import LossHistory, Trainer
 
 TARGET = 180.0  # [s]
 
@@ -110,7 +109,7 @@ def main() -> None:
     torch.set_num_threads(1)
     command = tyro.cli(Command, description=main.__doc__)
     split = split_by_episode(
-        load_transitions(command.dataset), command.seed, PAPER.validation, PAPER.test
+        load_dataset(command.dataset), command.seed, PAPER.validation, PAPER.test
     )
     split = limit_training(split, command.transitions)
     prior = load_prior(PAPER.prior)
@@ -127,7 +126,7 @@ def main() -> None:
         "paper": follow(command, "paper", paper, split, prior, command.epochs),
         "ours": follow(command, "ours", ours, split, prior, ours.epochs),
     }
-    examples = make_examples(split.validation, prior, None, network)
+    examples = make_examples(split.validation.alike, prior, None, network)
     nothing = mixed_loss(
         torch.zeros_like(examples.residual), examples, torch.arange(len(examples)), PAPER.loss
     )
@@ -140,8 +139,10 @@ def follow(
     """Train with these settings to so many epochs and return what came of it."""
     folder = command.out / name
     seeded = replace(config, seed=command.seed)
-    trainer = Trainer(split, prior, seeded, folder)
-    examples = make_examples(split.validation, prior, None, config.network)
+    network = new_network(seeded.network, seeded.seed)
+    pushes = SinglePushes(split, prior, None, seeded)
+    trainer = Trainer(network, pushes, seeded, folder / "training.pt")
+    examples = make_examples(split.validation.alike, prior, None, config.network)
     course = Course(folder / "course.json", trainer, examples, epochs)
     if len(course.losses) < trainer.epoch:
         raise SystemExit(f"{folder} was cut between state and course; remove it to start anew")

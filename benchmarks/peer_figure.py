@@ -14,7 +14,7 @@ from sain_core.drawing.figures import TEXT, new_figure, style_axes
 from sain_core.drawing.palette import PALETTE
 from sain_core.seeding import generator
 from sain_eval.loop.results import wilson_interval
-from sain_model.evaluation.markdown import markdown_table
+from sain_model.evaluation.tables import markdown_table
 
 Lines = Sequence[dict[str, Any]]  # of the journal
 

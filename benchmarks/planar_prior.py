@@ -21,7 +21,7 @@ from sain_core.scene import STATE_SIZE, make_scene, unit
 from sain_core.seeding import generator
 from sain_core.shapes.bodies import Bodies
 from sain_core.types import Pushes, Scenes
-from sain_model.dynamics.load import load_sain, shipped_checkpoint
+from sain_model.dynamics.load import load_shipped
 from sain_model.physics.planar import PlanarPrior
 
 SAMPLES, HORIZON = 1024, 6
@@ -113,7 +113,7 @@ def bullet_rate(options: Options) -> float:
 def correction_time(options: Options) -> float:
     """Return the time of one batch of corrections by the shipped network on one core [s]."""
     scenes, pushes = draw(SAMPLES, options.seed)
-    sain = load_sain(shipped_checkpoint())
+    sain = load_shipped()
     physics_next = sain.prior.step(scenes, pushes)
     with on_threads(1):
         works = {"correct": lambda: sain.correct(scenes, pushes, physics_next)}

@@ -27,23 +27,26 @@ from pathlib import Path
 
 import numpy as np
 
+from sain_core.bootstrap import bootstrap_ratio
 from sain_core.push import pushed_bodies
 from sain_core.scene import POSITION, TARGET
 from sain_core.seeding import generator
-from sain_model.data.dataset import Dataset
+from sain_model.data.dataset import Dataset, Part
 from sain_model.data.recordings import first_pushes, load_recording
 from sain_model.dynamics.identify import identify
 from sain_model.dynamics.load import load_shipped
 from sain_model.dynamics.sain import SainDynamics
-from sain_model.evaluation.history_errors import (
-    earlier_friction,
+from sain_model.evaluation.predictors import (
+    MEASURED,
+    PLANAR_HISTORY,
+    Informed,
     earlier_pushes,
+    predict_all,
     predict_with_history,
 )
 from sain_model.identification.laboratory import RecordedPushes, count_episodes
 from sain_model.physics.planar import PlanarPrior
 
-RESAMPLED = 2000
 FEW = 4  # earlier pushes from which on "after 4" counts
 PLANAR, FRICTION, SHIPPED, TRUE, EPISODE, COUNT = (
     "planar", "axes, friction alone", "shipped", "planar, true parameters", "episode", "count",
@@ -72,7 +75,7 @@ def main() -> None:
     sys.stdout.flush()
 
 
-def datasets(parts: list[RecordedPushes], truths: dict[bytes, float]) -> list[Dataset]:
+def datasets(parts: list[RecordedPushes], truths: dict[bytes, float]) -> list[Part]:
     """Return recorded pushes as data sets, with their true friction where it is known."""
     found = []
     for part in parts:
@@ -81,7 +84,7 @@ def datasets(parts: list[RecordedPushes], truths: dict[bytes, float]) -> list[Da
         nothing = np.full_like(part.state, np.nan)
         step = np.arange(len(part))
         found.append(
-            Dataset(
+            Part(
                 part.state,
                 part.action,
                 part.next_state,
@@ -90,8 +93,6 @@ def datasets(parts: list[RecordedPushes], truths: dict[bytes, float]) -> list[Da
                 step,
                 friction,
                 nothing,
-                "",
-                (),
                 part.bodies,
             )
         )
@@ -117,10 +118,10 @@ def rows_of(folder: Path, model: SainDynamics) -> Rows:
     before = without_belief(model)
     for data in datasets(load_recording(folder), true_frictions(folder)):
         plain = PlanarPrior(bodies=data.bodies)
-        friction = earlier_friction(plain.filter(), data).mean
+        informed = Informed.make(plain, data)
         known = np.where(np.isfinite(data.friction), data.friction, 0.12)
         predicted = {
-            PLANAR: plain.step(data.state, data.action, {"friction": friction}),
+            PLANAR: informed.step(data.state, data.action, np.arange(len(data))),
             TRUE: plain.step(data.state, data.action, {"friction": known}),
             FRICTION: predict_with_history(before, data).mean,
             SHIPPED: predict_with_history(model, data).mean,
@@ -136,13 +137,13 @@ def without_belief(model: SainDynamics) -> SainDynamics:
     return replace(model, belief=None)
 
 
-def body_of(folder: Path, data: Dataset) -> np.ndarray:
+def body_of(folder: Path, data: Part) -> np.ndarray:
     """Return whose error counts: the pushed body of many shapes, else the target."""
     many = "shapes" in folder.name
     return pushed_bodies(data.action) if many else np.full(len(data), TARGET)
 
 
-def errors(data: Dataset, predicted: np.ndarray, body: np.ndarray) -> np.ndarray:
+def errors(data: Part, predicted: np.ndarray, body: np.ndarray) -> np.ndarray:
     """Return errors of places (M,) [mm]."""
     off = (predicted - data.next_state)[np.arange(len(data)), body]
     return np.asarray(1e3 * np.linalg.norm(off[:, POSITION], axis=-1))
@@ -163,12 +164,9 @@ def comparison(folder: Path, rows: Rows) -> str:
 
 def ratio(rows: Rows, first: str, second: str, chosen: np.ndarray) -> str:
     """Return the ratio of two mean errors with its bootstrap interval over episodes."""
-    _, place = np.unique(rows[EPISODE][chosen], return_inverse=True)
-    sums = [np.bincount(place, rows[name][chosen]) for name in (first, second)]
-    draws = generator(0, "realities").integers(len(sums[0]), size=(RESAMPLED, len(sums[0])))
-    ratios = sums[0][draws].sum(axis=1) / sums[1][draws].sum(axis=1)
-    low, high = np.percentile(ratios, [2.5, 97.5])
-    return f"{sums[0].sum() / sums[1].sum():.3f} [{low:.3f}, {high:.3f}]"
+    above, below, episodes = (rows[name][chosen] for name in (first, second, EPISODE))
+    interval = bootstrap_ratio(above, below, generator(0, "realities"), episodes)
+    return "{:.3f} [{:.3f}, {:.3f}]".format(*interval)
 
 
 def learn(folder: Path, model: SainDynamics, sizes: list[int]) -> None:
@@ -177,16 +175,9 @@ def learn(folder: Path, model: SainDynamics, sizes: list[int]) -> None:
     half = count_episodes(parts) // 2
     held_out = [part.select(part.episode >= half) for part in parts]
     tests = datasets([part for part in held_out if len(part)], {})
-    plain = [
-        (data, PlanarPrior(bodies=data.bodies), PlanarPrior(bodies=data.bodies).filter())
-        for data in tests
-    ]
-    print("planar", mean_error(folder, [(d, p.step(d.state, d.action)) for d, p, _ in plain]))
-    known = [{"friction": earlier_friction(f, d).mean} for d, _, f in plain]
-    told = [
-        (d, p.step(d.state, d.action, one)) for (d, p, _), one in zip(plain, known, strict=True)
-    ]
-    print("planar, history", mean_error(folder, told))
+    every = predict_all(Dataset(tuple(tests)), {})
+    for name in (MEASURED, PLANAR_HISTORY):
+        print(name, mean_error(folder, [(one.part, one.by_name[name][:, 0]) for one in every]))
     for name, one in (("friction alone", without_belief(model)), ("shipped", model)):
         print(name, mean_error(folder, [(d, predict_with_history(one, d).mean) for d in tests]))
     for size in sizes:
@@ -200,7 +191,7 @@ def learn(folder: Path, model: SainDynamics, sizes: list[int]) -> None:
         print(f"{count} pushes, {taken:.1f} s, {belief.likeliest.name}: {error}", flush=True)
 
 
-def mean_error(folder: Path, predicted: list[tuple[Dataset, np.ndarray]]) -> str:
+def mean_error(folder: Path, predicted: list[tuple[Part, np.ndarray]]) -> str:
     """Return the mean error [mm] of predictions, and from the fifth push of an episode on."""
     off = [errors(data, after, body_of(folder, data)) for data, after in predicted]
     few = [earlier_pushes(data) >= FEW for data, _ in predicted]

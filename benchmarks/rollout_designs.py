@@ -22,14 +22,13 @@ from sain_core.model import Model
 from sain_core.scene import TARGET
 from sain_core.seeding import generator
 from sain_core.types import Pushes, Scenes
-from sain_model.data.dataset import Dataset, split_by_episode
-from sain_model.data.mixed import load_transitions
+from sain_model.data.dataset import Part, load_dataset, split_by_episode
 from sain_model.data.windows import Windows, make_windows
-from sain_model.dynamics.checkpoint import read_card
-from sain_model.dynamics.load import load_sain
+from sain_model.dynamics.checkpoint import parse_card
+from sain_model.dynamics.load import load_checkpoint
 from sain_model.dynamics.sain import SainDynamics
-from sain_model.evaluation.metrics import position_errors, target_moved
-from sain_model.evaluation.open_loop import roll_out
+from sain_model.evaluation.errors import position_errors, target_moved
+from sain_model.evaluation.predictors import plain, roll_out
 from sain_model.network.features import apply_residual, true_residual
 
 
@@ -54,9 +53,7 @@ class Command:
 class Particles(Model):
     """A model with errors of its own kind added after every push."""
 
-    def __init__(
-        self, sain: SainDynamics, validation: Dataset, random: np.random.Generator
-    ) -> None:
+    def __init__(self, sain: SainDynamics, validation: Part, random: np.random.Generator) -> None:
         predicted = sain.step(validation.state, validation.action)
         errors = true_residual(validation.next_state, validation.action, predicted)
         moved = target_moved(validation.state, predicted)
@@ -76,13 +73,13 @@ def main() -> None:
     """Print mean target errors."""
     torch.set_num_threads(1)
     command = tyro.cli(Command, description=__doc__)
-    windows = make_windows(load_transitions(command.dataset), max(command.steps))
+    windows = make_windows(load_dataset(command.dataset).alike, max(command.steps))
     console = Console(width=160, highlight=False)
     heads = " | ".join(f"{step} pushes" for step in command.steps)
     console.print(f"| target mean, mm, after | {heads} |\n| --- |{' ---: |' * len(command.steps)}")
     means = []
     for path in command.models:
-        means.append(roll_out(load_sain(path), windows.scenes, windows.pushes))
+        means.append(roll_out(plain(load_checkpoint(path)), windows))
         show(console, str(path), windows, means[-1], command)
         show(console, f"mean of {command.particles} particles", windows,
              particles(path, windows, command), command)  # fmt: skip
@@ -92,13 +89,15 @@ def main() -> None:
 
 def particles(path: Path, windows: Windows, command: Command) -> ndarray:
     """Return the mean (W, T, N, 8) of rollouts with a model's own errors."""
-    training = read_card(path).training
+    sain = load_checkpoint(path)
+    assert isinstance(sain, SainDynamics)
+    training = parse_card(path, sain.card).training
     shares = training["validation"], training["test"]
-    data = load_transitions(command.trained_on)
-    validation = split_by_episode(data, training["seed"], *shares).validation
+    data = load_dataset(command.trained_on)
+    validation = split_by_episode(data, training["seed"], *shares).validation.alike
     random = generator(command.seed, "particles")
-    model = Particles(load_sain(path), validation, random)
-    rollouts = [roll_out(model, windows.scenes, windows.pushes) for _ in range(command.particles)]
+    model = Particles(sain, validation, random)
+    rollouts = [roll_out(plain(model), windows) for _ in range(command.particles)]
     return np.asarray(np.mean(rollouts, axis=0))
 
 

@@ -11,7 +11,7 @@ inside physics `--inside-steps`, and all the weights that do best on the validat
 """
 
 import tempfile
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated
 
@@ -26,32 +26,24 @@ from sain_core.scene import TARGET
 from sain_core.seeding import generator
 from sain_core.storage import write_json
 from sain_model.data.dataset import (
-    Dataset,
+    Part,
     Split,
     check_held_out,
     limit_training,
+    load_dataset,
     split_by_episode,
 )
-from sain_model.data.mixed import load_transitions
-from sain_model.dynamics.corrections import corrected_values
-from sain_model.dynamics.parameter_correction import ParameterCorrection
 from sain_model.dynamics.priors import load_planar, load_prior
-from sain_model.dynamics.sain import SainDynamics
-from sain_model.dynamics.settings import IDENTITY, PLANAR, PLANAR_AXES, CorrectionNetworkConfig
-from sain_model.evaluation.markdown import markdown_table
-from sain_model.evaluation.metrics import (
-    FLOOR,
-    LEARNED,
-    NO_MOTION,
-    SAIN,
-    position_errors,
-)
+from sain_model.dynamics.settings import IDENTITY, PLANAR, PLANAR_AXES
+from sain_model.evaluation.errors import position_errors
+from sain_model.evaluation.predictors import FLOOR, LEARNED, NO_MOTION, SAIN
+from sain_model.evaluation.tables import markdown_table
+from sain_model.network.corrections import corrected_values
 from sain_model.network.settings import PUSH_FRAME, WORLD_FRAME, NetworkConfig
 from sain_model.physics.planar import PlanarConfig, PlanarPrior
 from sain_model.physics.planar_config import AXES
-from sain_model.training.correction_training import make_trainers, train_members
-from sain_model.training.push_training import Trainer
-from sain_model.training.settings import CorrectionTrainingConfig, TrainingConfig
+from sain_model.training.fit import Physics, fit
+from sain_model.training.settings import OF_PARAMETERS, TrainingConfig
 from sain_sim.world.shadow import MEASURED, BulletPrior
 
 FRICTIONS = np.arange(0.06, 0.245, 0.01)  # tried for the prior whose friction is fitted
@@ -94,8 +86,8 @@ def main() -> None:
     """Print the table of one collection."""
     torch.set_num_threads(1)
     command = tyro.cli(Command, description=main.__doc__)
-    split = split_by_episode(load_transitions(command.dataset), command.seed, 0.1, command.test)
-    check_held_out(split.test)
+    split = split_by_episode(load_dataset(command.dataset), command.seed, 0.1, command.test)
+    check_held_out(split)
     errors = physics_errors(split)
     best = min((name for name in errors if name.startswith(("planar", "bullet"))),
                key=lambda name: float(np.nanmean(errors[name])))  # fmt: skip
@@ -117,7 +109,7 @@ def main() -> None:
 
 def physics_errors(split: Split) -> dict[str, np.ndarray]:
     """Return the target's errors (M,) [mm] of what knows no data but one fitted friction."""
-    train, test = split.train, split.test
+    train, test = split.train.alike, split.test.alike
     with BulletPrior(MEASURED) as bullet:
         measured = bullet.step(test.state, test.action)
     errors = {
@@ -140,7 +132,7 @@ def network_errors(split: Split, prior_name: str, frame: str, command: Command) 
     settings = None if prior_name == IDENTITY else {"friction": command.prior_friction}
     prior = load_prior(prior_name, settings)
     rows = len(split.train) * (2 if frame == PUSH_FRAME else 1)  # mirrored copies
-    predicted = []
+    predicted, test = [], split.test.alike
     for member in range(command.members):
         config = TrainingConfig(
             seed=command.seed + member,
@@ -150,39 +142,41 @@ def network_errors(split: Split, prior_name: str, frame: str, command: Command) 
             network=NetworkConfig(features=frame, hidden=command.hidden),
         )
         with tempfile.TemporaryDirectory() as folder:
-            trainer = Trainer(split, prior, config, Path(folder))
-            trainer.run()
-        sain = SainDynamics(trainer.network, prior, prior_name)
-        predicted.append(sain.step(split.test.state, split.test.action))
-    return target_distances(np.mean(predicted, axis=0), split.test)  # of headings no mean is asked
+            model, _ = fit(split, Physics(prior), config, Path(folder))
+        predicted.append(model.step(test.state, test.action))
+    return target_distances(np.mean(predicted, axis=0), test)  # of headings no mean is asked
 
 
 def inside_errors(split: Split, command: Command) -> np.ndarray:
     """Train networks inside a prior and return their errors (M,) [mm] on what is held out."""
     prior = load_planar(command.prior, {"friction": command.prior_friction})
-    network = CorrectionNetworkConfig(hidden=command.hidden, members=command.members)
-    config = CorrectionTrainingConfig(
-        seed=command.seed, steps=command.inside_steps, batch=BATCH, network=network
+    network = replace(OF_PARAMETERS.network, hidden=command.hidden, members=command.members)
+    config = replace(
+        OF_PARAMETERS,
+        seed=command.seed,
+        epoch_steps=command.inside_steps // OF_PARAMETERS.epochs,
+        prior=command.prior,
+        network=network,
     )
     with tempfile.TemporaryDirectory() as folder:
-        networks, _ = train_members(make_trainers(split, prior, config, Path(folder)))
-    return target_errors(split.test, ParameterCorrection(networks, prior))
+        model, _ = fit(split, Physics(prior), config, Path(folder))
+    return target_errors(split.test.alike, model)
 
 
 def identified_errors(split: Split, command: Command) -> np.ndarray:
     """Return the errors (M,) [mm] of the prior that is told the same of every push."""
-    prior, test = load_planar(command.prior, {"friction": command.prior_friction}), split.test
-    told = np.tile(identify(prior, split.train), (len(test), 1, 1))
+    prior, test = load_planar(command.prior, {"friction": command.prior_friction}), split.test.alike
+    told = np.tile(identify(prior, split.train.alike), (len(test), 1, 1))
     values = corrected_values(told, test.action, prior.config)
     return target_distances(prior.step(test.state, test.action, values), test)
 
 
-def target_errors(data: Dataset, dynamics: Model) -> np.ndarray:
+def target_errors(data: Part, dynamics: Model) -> np.ndarray:
     """Return how far off the target's predicted positions are, (M,) [mm]."""
     return target_distances(dynamics.step(data.state, data.action), data)
 
 
-def target_distances(predicted: np.ndarray, data: Dataset) -> np.ndarray:
+def target_distances(predicted: np.ndarray, data: Part) -> np.ndarray:
     """Return the distances (M,) [mm] of targets predicted and targets seen."""
     return position_errors(predicted, data.next_state, TARGET)
 

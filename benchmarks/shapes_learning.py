@@ -1,79 +1,50 @@
-"""SAIN on the whole library of shapes: errors of prior and network, on shapes seen and unseen.
+"""Data sets of the whole library of shapes, seen and unseen, and errors of a model on them.
 
     nice ./env python -m benchmarks.shapes_collect data/shapes --episodes 5000
     nice ./env python -m benchmarks.shapes_learning data/shapes --world rough --out runs/shapes
+    nice ./env ros2 run sain_model train runs/shapes/seen --out runs/mine
     nice ./env python -m benchmarks.shapes_learning data/shapes --world rough --model sain \
-        --out runs/shipped
+        --out runs/shapes
 
-Friction is inferred from the episode's earlier pushes, for the baseline and, without
-`--no-history`, for SAIN. `--baseline` learns nothing, `--model` measures a model. The folders
-`seen` and `unseen` below `--out` are data sets that `ros2 run sain_model train` reads.
+The folders `seen` and `unseen` below `--out` are data sets. `--model` measures a model on both, of
+`seen` on what it has not learned from.
 """
 
 import argparse
-import json
-import sys
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 from rich.console import Console
 
-from benchmarks.shapes_errors import table
 from sain_core.dataset import Column, Columns, shard_path
 from sain_core.model import load_dynamics
 from sain_core.scene import STATE_SIZE
-from sain_core.storage import write_arrays
-from sain_model.cli.train import learn
+from sain_core.storage import write_arrays, write_json
+from sain_model.cli.evaluate import unseen
 from sain_model.compute.threads import settle_threads
-from sain_model.data.friction_noise import make_filter
-from sain_model.data.mixed import load_datasets, split_datasets
-from sain_model.dynamics.checkpoint import save_checkpoint
-from sain_model.dynamics.priors import load_planar
-from sain_model.dynamics.sain import SainDynamics
-from sain_model.dynamics.settings import PLANAR, PLANAR_PRIORS, LossConfig
-from sain_model.evaluation.shape_errors import figures, measure_bodies
-from sain_model.network.settings import PUSH_FRAME, WORLD_FRAME, NetworkConfig
-from sain_model.training.options import TrainOptions
-from sain_model.training.settings import EPISODE, NOTHING, TrainingConfig
-from sain_model.training.training_card import make_card
-from sain_model.training.training_loop import LossHistory
+from sain_model.data.dataset import load_dataset
+from sain_model.dynamics.checkpoint import parse_card
+from sain_model.evaluation.errors import evaluate
+from sain_model.evaluation.predictors import SAIN
+from sain_model.evaluation.tables import error_tables
 
 STATES = ("state", "next_state")
 
 
 def main() -> None:
-    """Learn and measure; see the module."""
+    """Write the data sets, and measure; see the module."""
     arguments = parse()
     settle_threads()
-    seen, unseen = (load_datasets([path]) for path in as_shards(arguments))
-    split = split_datasets(seen, 0, 0.1, 0.15)
-    prior = load_planar(arguments.prior)
-    friction = make_filter(prior, split.train)
-    assert friction is not None
-    print(friction.config, *(len(part) for part in vars(split).values()), len(unseen), flush=True)
-    infers = None if arguments.no_history else friction
-    sain: SainDynamics | None = None
-    histories: list[LossHistory] = []
-    command = options(arguments, infers is not None)
-    if arguments.model:
-        model = load_dynamics(arguments.model)
-        assert isinstance(model, SainDynamics)
-        sain = model
-    elif not arguments.baseline:
-        sain, histories = learn(command, seen, split, Console(), physics=(prior, infers))
-    report = {}
-    for name, test in {"seen": split.test, "unseen": unseen}.items():
-        print(f"\n## {name}, {arguments.prior}\n\n{table(measure_bodies(prior, None, test))}")
-        rows = measure_bodies(friction, sain, test)
-        report[name] = figures({key: values[rows["pushed"]] for key, values in rows.items()})
-        print(f"\n## {arguments.world}, {name} shapes\n\n{table(rows)}", flush=True)
-    (arguments.out / "report.json").write_text(json.dumps(report, indent=1) + "\n")
-    if sain is not None and histories:
-        card = make_card(command, seen, split, sain, histories, report, None)
-        told = " ".join(["python -m benchmarks.shapes_learning", *sys.argv[1:]])
-        path = arguments.out / f"{arguments.name}.safetensors"
-        save_checkpoint(path, sain.network, replace(card, command=told))
+    folders, report = as_shards(arguments), {}
+    if not arguments.model:
+        return
+    model = load_dynamics(arguments.model)
+    card = parse_card(Path(arguments.model), getattr(model, "card", "{}"))
+    for folder in folders:
+        report[folder.name] = evaluate(unseen(load_dataset(folder), card), {SAIN: model})
+        for table in error_tables(report[folder.name]):
+            Console(width=160).print(table)
+    write_json(arguments.out / "report.json", report)
 
 
 def parse() -> argparse.Namespace:
@@ -81,21 +52,9 @@ def parse() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("data", type=Path)
     parser.add_argument("--out", type=Path, required=True)
-    parser.add_argument("--name", default="sain", help="of the checkpoint")
-    parser.add_argument("--prior", choices=PLANAR_PRIORS, default=PLANAR)
-    parser.add_argument("--model", help="name or path of a model; nothing is learned")
+    parser.add_argument("--model", help="name or path of a model to measure")
     parser.add_argument("--world", choices=("randomised", "rough"), default="rough")
-    parser.add_argument("--frame", choices=(PUSH_FRAME, WORLD_FRAME))
-    parser.add_argument("--epochs", type=int, default=40)
-    parser.add_argument("--members", type=int, default=3)
-    parser.add_argument("--hidden", type=int, default=128)
-    parser.add_argument("--layers", type=int, default=2)
-    parser.add_argument("--batch", type=int, default=128)
-    parser.add_argument("--rate", type=float, default=2e-3)
-    parser.add_argument("--decay", type=float, default=0.01)
     parser.add_argument("--episodes", type=int, default=10**9, help="number of first episodes")
-    parser.add_argument("--baseline", action="store_true")
-    parser.add_argument("--no-history", action="store_true", help="friction is not inferred")
     return parser.parse_args()
 
 
@@ -130,31 +89,6 @@ def transitions(rows: Columns, count: int) -> Columns:
         Column.ROLES: np.full(len(before), ",".join(["pushable"] * count)),
         **{name: rows[name] for name in kept},
     }
-
-
-def options(arguments: argparse.Namespace, infers: bool) -> TrainOptions:
-    """Return the settings of a training; with `infers`, friction is inferred from history."""
-    frame = arguments.frame or (WORLD_FRAME if arguments.world == "rough" else PUSH_FRAME)
-    network = NetworkConfig(
-        features=frame,
-        members=arguments.members,
-        hidden=arguments.hidden,
-        message=arguments.hidden // 2,
-        layers=arguments.layers,
-    )
-    smooth = arguments.world != "rough"
-    loss = LossConfig(position_scale=0.0002, heading_scale=0.01) if smooth else LossConfig()
-    training = TrainingConfig(
-        epochs=arguments.epochs,
-        batch=arguments.batch,
-        learning_rate=arguments.rate,
-        network=network,
-        loss=loss,
-        weight_decay=arguments.decay,
-        prior=arguments.prior,
-        history=EPISODE if infers else NOTHING,
-    )
-    return TrainOptions((arguments.data,), arguments.out, arguments.name, training=training)
 
 
 if __name__ == "__main__":

@@ -19,8 +19,7 @@ from rich.progress import track
 
 from benchmarks.report import Figure, report
 from sain_core.scene import POSITION, TARGET
-from sain_model.data.dataset import Dataset, split_by_episode
-from sain_model.data.mixed import load_transitions
+from sain_model.data.dataset import Part, load_dataset, split_by_episode
 from sain_sim.world.parameters import FRICTION_RANGE, WorldParameters
 from sain_sim.world.shadow import TRUE, BulletPrior
 
@@ -42,7 +41,7 @@ class Command:
 def main() -> None:
     """Measure and print."""
     command = tyro.cli(Command, description=main.__doc__)
-    held_out = split_by_episode(load_transitions(command.dataset), 0, 0.1, 0.15).test
+    held_out = split_by_episode(load_dataset(command.dataset), 0, 0.1, 0.15).test.alike
     data = held_out.select(np.arange(len(held_out)) % command.every == 0)
     least = distances(best_answers(data, command.frictions), data)
     nominal = distances(data.physics_next[:, TARGET, POSITION], data)
@@ -59,7 +58,7 @@ def main() -> None:
     report("The target's mean error without a memory", figures)
 
 
-def best_answers(data: Dataset, count: int) -> np.ndarray:
+def best_answers(data: Part, count: int) -> np.ndarray:
     """Return where the target is best said to end, (M, 2) [m]."""
     low, high = FRICTION_RANGE
     frictions = low + (high - low) * (np.arange(count) + 0.5) / count
@@ -83,7 +82,7 @@ def geometric_median(points: np.ndarray) -> np.ndarray:
     return np.asarray(middle)
 
 
-def distances(ends: np.ndarray, data: Dataset) -> np.ndarray:
+def distances(ends: np.ndarray, data: Part) -> np.ndarray:
     """Return how far targets that are said to end there are off, (M,) [mm]."""
     return np.asarray(1e3 * np.linalg.norm(ends - data.next_state[:, TARGET, POSITION], axis=-1))
 

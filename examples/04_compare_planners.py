@@ -14,7 +14,7 @@ from sain_core.scene import make_scene
 from sain_core.seeding import generator
 from sain_eval.plots.marks import draw_legend
 from sain_eval.plots.plan_picture import draw_plan
-from sain_model.dynamics.load import load_sain, shipped_checkpoint
+from sain_model.dynamics.load import load_checkpoint, shipped_checkpoint
 from sain_mppi.algorithms import ALGORITHMS
 from sain_mppi.algorithms.config import PlannerConfig
 from sain_mppi.planner import Planner, Problem
@@ -26,7 +26,7 @@ scene = make_scene(
 )
 goal = Goal.place(0.50, 0.25)  # to the left: the mid disk must first go round the target
 problem = Problem.of(scene, goal)
-sain = load_sain(shipped_checkpoint())
+sain = load_checkpoint(shipped_checkpoint())
 
 COLUMNS = 3
 ROWS = -(-len(ALGORITHMS) // COLUMNS)

@@ -57,14 +57,14 @@ read = lambda name: json.loads((folder / name).read_text())
 shipped, tuned = read("shipped.json"), read("tuned.json")
 print(f"one push predicted, {shipped['transitions']} pushes of {shipped['episodes']} episodes:")
 for name, errors, row in (
-    ("physics alone", shipped, "prior"),
-    ("SAIN as shipped", shipped, "sain"),
-    ("fine-tuned", tuned, "sain"),
+    ("physics alone", shipped, "its prior, history"),
+    ("SAIN as shipped", shipped, "SAIN, history"),
+    ("fine-tuned", tuned, "SAIN, history"),
 ):
-    moved = errors["bodies"]["all that moved"]
-    print(f"  {name:16s}{moved[f'{row}_mm']:6.2f} mm mean error of the bodies that moved")
+    moved = errors["after"]["1"]["errors"]["all that moved"]
+    print(f"  {name:16s}{moved[row]['mm'][0]:6.2f} mm mean error of the bodies that moved")
 for name, errors in (("SAIN as shipped", shipped), ("fine-tuned", tuned)):
-    held = errors["bodies"]["all that moved"]["coverage"]
+    held = errors["after"]["1"]["errors"]["all that moved"]["SAIN, history"]["coverage"][0]
     print(f"  {name:16s}{100 * held:6.0f} % of them in its 90 % regions")
 print("in the closed loop, each model in different episodes:")
 for name, run in (("SAIN as shipped", "before"), ("fine-tuned", "after")):

@@ -32,7 +32,6 @@ setup(
         "console_scripts": [
             "model_node = sain_model.commands:model_node",
             "train = sain_model.commands:train",
-            "train_correction = sain_model.commands:train_correction",
             "evaluate = sain_model.commands:evaluate",
             "identify = sain_model.commands:identify",
             "learning_curve = sain_model.commands:learning_curve",

@@ -4,7 +4,7 @@ Commands without a graph are run by `test_small_runs.py`, on a few rows, scenes 
 """
 
 SMALL = {
-    "sain_sim collect", "sain_model train", "sain_model train_correction", "sain_model evaluate",
+    "sain_sim collect", "sain_model train", "sain_model evaluate",
     "sain_model identify", "sain_eval evaluate", "sain_bags info",
     "sain_bags recover", "sain_bags to_dataset", "sain_bags report",
     "sain_eval.plots.library_picture",

@@ -18,13 +18,13 @@ from tests.sain_model.rolling import EPISODES, EVERY, PUSHES, make_episodes
 
 LESS = {  # options whose value is smaller here than on the pages
     "--episodes": "1", "--floor-episodes": "1", "--workers": "1", "--scenes": "1", "--epochs": "1",
-    "--rollout-epochs": "1", "--steps-ahead": "2", "--steps": "20", "--pictures": "1",
+    "--rollout-epochs": "1", "--steps-ahead": "2", "--steps": "20", "--epoch-steps": "20",
+    "--pictures": "1",
     "--transitions": "40",
 }  # fmt: skip
 ALWAYS = {  # options that keep a command short and are not on every page
     "sain_sim collect": ("--episodes",),
-    "sain_model train": ("--epochs", "--rollout-epochs"),
-    "sain_model train_correction": ("--epochs", "--steps"),
+    "sain_model train": ("--epochs", "--epoch-steps", "--rollout-epochs"),
     "sain_eval evaluate": ("--scenes",),
 }
 

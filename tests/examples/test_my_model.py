@@ -74,10 +74,10 @@ def test_predictions_are_compared_with_its(
     environment: dict[str, str], dataset: Path, tmp_path: Path
 ) -> None:
     out = tmp_path / "errors.json"
-    arguments = ["--baselines", "my_model", "--open-loop", 1, 3, "--out", out]
+    arguments = ["--beside", "my_model", "--open-loop", 1, 3, "--out", out]
     run(environment, [str(executable("sain_model", "evaluate"))], dataset, *arguments)
-    rows = json.loads(out.read_text())["open_loop"]["1"]["errors"]["all"]
-    assert 0.0 < rows["my_model"]["mid"]["mean"] < 0.5 * rows["no motion"]["mid"]["mean"]
+    rows = json.loads(out.read_text())["after"]["1"]["errors"]["pushed"]
+    assert 0.0 < rows["my_model"]["mm"][0] < 0.5 * rows["no motion"]["mm"][0]
 
 
 def test_it_is_served_without_loading_pytorch(environment: dict[str, str]) -> None:

@@ -10,7 +10,7 @@ from sain_core.push import LOCATION, PushLimits
 from sain_core.scene import Table, X, make_scene, unit
 from sain_eval import commands
 from sain_eval.calibrate import FREE, START, calibrate, on_table
-from sain_model.data.mixed import load_transitions
+from sain_model.data.dataset import load_dataset
 from sain_model.physics.planar import PlanarPrior
 
 TRUTH = replace(START, tool_friction=0.25, foot_radius=0.55)
@@ -65,7 +65,7 @@ def test_parameters_are_fitted_and_judged_on_other_episodes(dataset: Path, tmp_p
 
 
 def test_pushes_over_the_edge_do_not_count(dataset: Path) -> None:
-    data = load_transitions(dataset)
+    data = load_dataset(dataset).alike
     assert on_table(data, Table()).all()
     data.next_state[3, 1, X] = 1.12  # its rim beyond the far edge at 1.16 m
     kept = on_table(data, Table())
@@ -74,7 +74,7 @@ def test_pushes_over_the_edge_do_not_count(dataset: Path) -> None:
 
 
 def test_without_the_true_friction_nothing_can_be_fitted(dataset: Path) -> None:
-    data = load_transitions(dataset)
+    data = load_dataset(dataset).alike
     data.friction[0] = np.nan
     with pytest.raises(DatasetError, match="no true friction"):
         calibrate(data, 0.25, 600)

@@ -5,12 +5,38 @@ import numpy as np
 import pytest
 import torch
 
-from sain_core.push import LENGTH, PushLimits
+from sain_core.model import Model
+from sain_core.push import LENGTH, LOCATION, PushLimits
 from sain_core.scene import MASS, POSITION, make_scene, unit
 from sain_core.types import Pushes, Scenes
+from sain_model.data.dataset import Split
+from sain_model.dynamics.checkpoint import ModelCard, card_path, parse_card
+from sain_model.network.interaction_network import new_network
+from sain_model.physics.friction import FrictionFilter
 from sain_model.physics.planar import PlanarPrior
+from sain_model.training.objectives import SinglePushes
+from sain_model.training.settings import TrainingConfig
+from sain_model.training.trainer import Trainer
 
 EPISODES, PUSHES = 20, 6
+
+
+def read_card(path: Path) -> ModelCard:
+    """Return the card beside these weights."""
+    return parse_card(card_path(path), card_path(path).read_text())
+
+
+def make_trainer(
+    split: Split,
+    prior: Model,
+    config: TrainingConfig,
+    folder: Path,
+    friction: FrictionFilter | None = None,
+) -> Trainer:
+    """Return a trainer of new weights on single pushes."""
+    network = new_network(config.network, config.seed)
+    pushes = SinglePushes(split, prior, friction, config)
+    return Trainer(network, pushes, config, folder / "training.pt")
 
 
 @pytest.fixture(autouse=True)
@@ -59,7 +85,7 @@ def write_dataset(folder: Path, episodes: int) -> Path:
     truth = physics.copy()
     moved = np.linalg.norm((physics - scenes)[:, 1, POSITION], axis=-1) > 1e-3
     further = 0.004 * (scenes[:, 0, MASS] - 8.0) * moved
-    truth[:, 1, POSITION] += further[:, None] * unit(pushes[:, 0])
+    truth[:, 1, POSITION] += further[:, None] * unit(pushes[:, LOCATION])
     labels = np.repeat(np.arange(episodes), PUSHES)
     for shard, rows in enumerate(np.array_split(np.arange(len(pushes)), 2)):
         np.savez_compressed(

@@ -7,8 +7,7 @@ import numpy as np
 from sain_core.push import PushLimits
 from sain_core.scene import POSITION, make_scene, unit
 from sain_core.types import Pushes, Scenes
-from sain_model.data.dataset import Dataset
-from sain_model.data.mixed import load_transitions
+from sain_model.data.dataset import Part, load_dataset
 from sain_model.physics.planar import PlanarPrior
 
 EPISODES, PUSHES = 16, 6
@@ -53,6 +52,6 @@ def make_episodes(folder: Path, kept: np.ndarray = EVERY) -> Path:
     return folder
 
 
-def load_episodes(folder: Path, kept: np.ndarray = EVERY) -> Dataset:
+def load_episodes(folder: Path, kept: np.ndarray = EVERY) -> Part:
     """Return what `make_episodes` writes."""
-    return load_transitions(make_episodes(folder, kept))
+    return load_dataset(make_episodes(folder, kept)).alike

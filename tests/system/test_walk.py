@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from sain_bags.reading.reader import Bag
-from sain_model.data.mixed import load_transitions
-from sain_model.dynamics.checkpoint import read_card
+from sain_model.data.dataset import load_dataset
 from sain_model.dynamics.load import shipped_checkpoint
 from tests.paths import ROOT
+from tests.sain_model.conftest import read_card
 
 pytestmark = pytest.mark.system
 
@@ -39,7 +39,7 @@ def walked(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
 
 def test_the_recording_became_rows_and_the_rows_a_model(walked: tuple[Path, str]) -> None:
     folder, _ = walked
-    data = load_transitions(folder / "data")
+    data = load_dataset(folder / "data").alike
     assert len(np.unique(data.episode)) == EPISODES
     card = read_card(folder / "model" / "sain.safetensors")
     assert card.data["sha256"] == data.sha256
@@ -63,8 +63,9 @@ def test_what_it_says_is_what_was_measured(walked: tuple[Path, str]) -> None:
     folder, told = walked
     for report in ("shipped", "tuned"):
         errors = json.loads((folder / f"{report}.json").read_text())
-        assert f"{errors['bodies']['all that moved']['sain_mm']:6.2f} mm mean error" in told
-        rows = load_transitions(folder / "unseen")
+        moved = errors["after"]["1"]["errors"]["all that moved"]["SAIN, history"]
+        assert f"{moved['mm'][0]:6.2f} mm mean error" in told
+        rows = load_dataset(folder / "unseen")
         assert errors["transitions"] == len(rows)
     lines = [line for line in told.splitlines() if line.startswith("--- ")]
     assert [line[4] for line in lines] == list("1234567")

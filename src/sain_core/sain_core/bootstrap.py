@@ -43,7 +43,7 @@ def bootstrap_ratio(
     first, second = np.asarray(above, np.float64), np.asarray(below, np.float64)
     if groups is not None:
         place = np.unique(groups, return_inverse=True)[1]
-        first, second = np.bincount(place, first), np.bincount(place, second)
+        first, second = (np.bincount(place, values).astype(float) for values in (first, second))
     drawn = random.integers(len(first), size=(RESAMPLES, len(first)))
     ratios = first[drawn].sum(axis=1) / second[drawn].sum(axis=1)
     low, high = np.quantile(ratios, [0.025, 0.975])

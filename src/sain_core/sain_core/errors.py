@@ -93,7 +93,7 @@ class ConfigError(SainError, ValueError, code=ErrorCode.CONFIG):
 
 
 class CheckpointError(SainError, code=ErrorCode.CHECKPOINT):
-    """A checkpoint that is missing, damaged or of another architecture."""
+    """A checkpoint that is missing, damaged or of another version."""
 
 
 class DatasetError(SainError, code=ErrorCode.DATASET):

@@ -264,7 +264,7 @@ def load_dynamics(name_or_path: str) -> Model:
     Raises:
         ConfigError: neither a known name nor a path; two packages offer the name; its package
             fails; or what it offers is no model. The message names the package.
-        CheckpointError: a checkpoint that is missing, damaged or of another architecture.
+        CheckpointError: a checkpoint that is missing, damaged or of another version.
     """
     entry = check_model_name(name_or_path)
     loaded = MODELS.load(entry, lambda load: load(name_or_path), name_or_path)

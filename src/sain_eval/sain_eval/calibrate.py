@@ -15,8 +15,8 @@ from sain_core.errors import DatasetError
 from sain_core.scene import MID, POSITION, RADIUS, TARGET, Table
 from sain_core.seeding import generator
 from sain_core.types import Mask, Scalars, Scenes
-from sain_model.data.dataset import Dataset
-from sain_model.evaluation.metrics import position_errors, target_moved
+from sain_model.data.dataset import Part
+from sain_model.evaluation.errors import position_errors, target_moved
 from sain_model.physics.planar import PlanarConfig, PlanarPrior
 from sain_model.physics.planar_config import TEXTBOOK
 
@@ -69,7 +69,7 @@ class Calibration:
 
 
 def calibrate(
-    data: Dataset,
+    data: Part,
     fit_share: float,
     evaluations: int,
     seed: int = 0,
@@ -98,7 +98,7 @@ def calibrate(
     return Calibration(best, fitted, len(part), _judge(rest, start, best))
 
 
-def on_table(data: Dataset, table: Table) -> Mask:
+def on_table(data: Part, table: Table) -> Mask:
     """Tell in which pushes (M,) every disk stood on the table with its whole rim, before and after.
 
     A disk that tips over the edge is no longer in the plane.
@@ -111,7 +111,7 @@ def on_table(data: Dataset, table: Table) -> Mask:
 
 
 def _fit(
-    data: Dataset, free: FreeParameters, first: PlanarConfig, evaluations: int, progress: Progress
+    data: Part, free: FreeParameters, first: PlanarConfig, evaluations: int, progress: Progress
 ) -> PlanarConfig:
     """Return the configuration with the lowest cost that Powell's method finds."""
     steps, lows, highs = (np.array(column) for column in zip(*free.values(), strict=True))
@@ -139,7 +139,7 @@ def _fit(
     return fitted(found.x)
 
 
-def _cost(data: Dataset, config: PlanarConfig) -> float:
+def _cost(data: Part, config: PlanarConfig) -> float:
     """Return how far off the prior is: about linear in the errors of target and mid disk."""
     predicted = PlanarPrior(config).step(data.state, data.action, {"friction": data.friction})
     off = 1e3 * np.linalg.norm((predicted - data.next_state)[..., POSITION], axis=-1)
@@ -147,9 +147,7 @@ def _cost(data: Dataset, config: PlanarConfig) -> float:
     return float((np.sqrt(SMALL**2 + off**2) + 0.02 * off**2).mean())
 
 
-def _judge(
-    data: Dataset, start: PlanarConfig, fitted: PlanarConfig
-) -> dict[str, dict[str, Accuracy]]:
+def _judge(data: Part, start: PlanarConfig, fitted: PlanarConfig) -> dict[str, dict[str, Accuracy]]:
     predictions = {
         "before": PlanarPrior(start).step(data.state, data.action, {"friction": data.friction}),
         "fitted": PlanarPrior(fitted).step(data.state, data.action, {"friction": data.friction}),

@@ -19,12 +19,6 @@ model_node: Final = NodeCommand(
 train: Final = Command(
     "sain_model train", "cli.options:train_options", "cli.train:run", resumes="epoch"
 )
-train_correction: Final = Command(
-    "sain_model train_correction",
-    "training.options:TrainCorrectionOptions",
-    "cli.train_correction:run",
-    resumes="epoch",
-)
 evaluate: Final = Command(
     "sain_model evaluate", "cli.options:EvaluateModelOptions", "cli.evaluate:run"
 )

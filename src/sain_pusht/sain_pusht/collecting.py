@@ -11,7 +11,7 @@ from sain_core.push import LENGTH
 from sain_core.seeding import generator
 from sain_core.shapes.bodies import Bodies
 from sain_core.types import PushArray, Scene
-from sain_model.data.dataset import Dataset
+from sain_model.data.dataset import Dataset, Part
 from sain_mppi.agent.agent import Agent
 from sain_mppi.objective.problem import touching
 from sain_pusht.agent import FEASIBILITY, LIMITS
@@ -63,7 +63,7 @@ def data_set(rows: list[Row], bodies: Bodies) -> Dataset:
     """Return pushes as a data set of these bodies."""
     state, action, after = (np.array([row[column] for row in rows]) for column in range(3))
     digest = hashlib.sha256(state.tobytes() + action.tobytes() + after.tobytes())
-    return Dataset(
+    part = Part(
         state=state,
         action=action,
         next_state=after,
@@ -72,6 +72,6 @@ def data_set(rows: list[Row], bodies: Bodies) -> Dataset:
         step=np.arange(len(rows)),
         friction=np.full(len(rows), np.nan),
         floor_next=np.full_like(state, np.nan),
-        sha256=digest.hexdigest(),
         bodies=bodies,
     )
+    return Dataset((part,), digest.hexdigest())

@@ -13,7 +13,7 @@ from scipy.optimize import minimize
 
 from sain_core.scene import POSITION, THETA, wrap_angle
 from sain_core.types import Scalars
-from sain_model.data.dataset import Dataset
+from sain_model.data.dataset import Part
 from sain_model.physics.body_kernels import DISK_FEET, DISK_INERTIA
 from sain_model.physics.body_table import SHARE, body_table
 from sain_model.physics.planar import PlanarConfig, PlanarPrior
@@ -71,7 +71,7 @@ def textbook() -> Identified:
     return Identified(even, (0.0, 0.0), PlanarConfig().tool_friction)
 
 
-def identify(data: Dataset) -> Identified:
+def identify(data: Part) -> Identified:
     """Return the parameters with which the prior predicts pushes best (Nelder and Mead)."""
     first = textbook()
     start = np.array([first.gyration, *first.centre, first.tool_friction])
@@ -94,7 +94,7 @@ def identify(data: Dataset) -> Identified:
     return known(found.x)
 
 
-def errors(prior: PlanarPrior, data: Dataset) -> np.ndarray:
+def errors(prior: PlanarPrior, data: Part) -> np.ndarray:
     """Return how far blocks come to lie from where they are predicted (M, 2).
 
     In mm: the distance, and the turn at the block's circumscribed circle.

@@ -13,14 +13,16 @@ from sain_core.provenance import ros2_command
 from sain_core.scene import POSITION, THETA, wrap_angle
 from sain_core.storage import make_folder
 from sain_core.types import Mask
-from sain_model.data.dataset import Dataset, Split, split_by_episode
+from sain_model.data.dataset import Dataset, Part, Split, split_by_episode
 from sain_model.dynamics.checkpoint import ModelCard, save_checkpoint
 from sain_model.dynamics.priors import prior_settings
 from sain_model.dynamics.sain import SainDynamics
-from sain_model.dynamics.settings import PLANAR, LossConfig
+from sain_model.dynamics.settings import PLANAR
+from sain_model.network.interaction_network import new_network
 from sain_model.network.settings import PUSH_FRAME, NetworkConfig
-from sain_model.training.push_training import Trainer
-from sain_model.training.settings import NOTHING, TrainingConfig
+from sain_model.training.objectives import SinglePushes
+from sain_model.training.settings import NOTHING, LossConfig, TrainingConfig
+from sain_model.training.trainer import Trainer
 from sain_model.training.training_card import environment
 from sain_pusht.agent import WALLS, pusht_agent
 from sain_pusht.block import pusht_bodies
@@ -67,18 +69,19 @@ def learn(lesson: Lesson, out: Path, say: Say) -> SainDynamics:
         history=NOTHING,
     )
     taught = replace(split, train=_far(split.train), validation=_far(split.validation))
-    trainer = Trainer(taught, known.prior, config, out)
-    trainer.run(
+    network = new_network(config.network, config.seed)
+    lessons = SinglePushes(taught, known.prior, None, config)
+    Trainer(network, lessons, config, out / "training.pt").run(
         lambda epoch, past: say(f"epoch {epoch}: {past.train[-1]:.3f} {past.validation[-1]:.3f}")
     )
     bodies = pusht_bodies(known.gyration)
-    sain = SainDynamics(trainer.network, known.prior, PLANAR).with_bodies(bodies)
+    sain = SainDynamics(network, known.prior, PLANAR).with_bodies(bodies)
     models: dict[str, Model] = {
         "textbook": textbook().prior,
         "identified": known.prior,
         "network": sain,
     }
-    report = {name: accuracy(model, split.test) for name, model in models.items()}
+    report = {name: accuracy(model, split.test.alike) for name, model in models.items()}
     for name, row in report.items():
         say(f"{name}: {row}")
     card = replace(_card(sain, known, report), data=_data(known, taught), training=asdict(config))
@@ -87,7 +90,7 @@ def learn(lesson: Lesson, out: Path, say: Say) -> SainDynamics:
 
 
 def _far(data: Dataset) -> Dataset:
-    return data.select(far_from_walls(data))
+    return data.select(far_from_walls(data.alike))
 
 
 def _data(known: Identified, split: Split) -> dict[str, Any]:
@@ -115,7 +118,7 @@ def collect(lesson: Lesson, say: Say) -> tuple[Split, Identified]:
     world = PushtWorld()
     rows = list(random_pushes(lesson.random_episodes, world))
     say(f"{len(rows)} random pushes")
-    known = identify(data_set(rows[:FITTED_BY], pusht_bodies()))
+    known = identify(data_set(rows[:FITTED_BY], pusht_bodies()).alike)
     say(f"identified: {known}")
     world = PushtWorld(bodies=known.prior.bodies)
     rollout = known.prior
@@ -128,7 +131,7 @@ def collect(lesson: Lesson, say: Say) -> tuple[Split, Identified]:
     return split_by_episode(data_set(rows, world.bodies), 0, 0.1, 0.15), known
 
 
-def accuracy(model: Model, data: Dataset) -> dict[str, Any]:
+def accuracy(model: Model, data: Part) -> dict[str, Any]:
     """Return median, mean and 95th percentile of the errors, far from the walls and everywhere."""
     off = model.step(data.state, data.action) - data.next_state
     mm = 1e3 * np.linalg.norm(off[:, 0, POSITION], axis=-1)
@@ -140,7 +143,7 @@ def accuracy(model: Model, data: Dataset) -> dict[str, Any]:
     }
 
 
-def far_from_walls(data: Dataset) -> Mask:
+def far_from_walls(data: Part) -> Mask:
     """Tell in which pushes (M,) the block's circumscribed circle stays within the walls."""
     places = np.stack([data.state, data.next_state])[:, :, 0]
     room = np.minimum(places[..., POSITION] - WALLS[0], WALLS[1] - places[..., POSITION])

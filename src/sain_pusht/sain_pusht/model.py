@@ -13,8 +13,8 @@ from sain_core.push import LENGTH, strokes
 from sain_core.scene import POSITION, RADIUS, THETA, unit
 from sain_core.shapes.bodies import Bodies
 from sain_core.types import PushArray, Pushes, Scene, Scenes
-from sain_model.dynamics.checkpoint import read_card
-from sain_model.dynamics.load import load_sain
+from sain_model.dynamics.checkpoint import card_path, parse_card
+from sain_model.dynamics.load import load_checkpoint
 from sain_pusht.agent import LIMITS, WALLS
 from sain_pusht.block import PIXEL, pixels, pose_of, pusht_bodies, scene_of
 from sain_pusht.motion import LANDING, PUSHING, ramp, servo_of
@@ -42,7 +42,7 @@ def load_model(name: str) -> PushtModel:
         ConfigError: an unknown name, or gym-pusht is not installed.
         CheckpointError: a checkpoint that cannot be loaded.
     """
-    shipped = load_sain(CHECKPOINT)
+    shipped = load_checkpoint(CHECKPOINT)
     bodies = trained_bodies(CHECKPOINT)
     physics = InsideWalls(shipped.prior, bodies)
     if name == PRIOR:
@@ -61,7 +61,7 @@ def trained_bodies(path: Path) -> Bodies:
     Raises:
         CheckpointError: its card cannot be read.
     """
-    gyration = read_card(path).data.get(GYRATION, 0.0)
+    gyration = parse_card(path, card_path(path).read_text()).data.get(GYRATION, 0.0)
     if not isinstance(gyration, (int, float)) or gyration < 0.0:
         raise CheckpointError(f"{GYRATION} on the card of {path} is {gyration!r}; it must be >= 0")
     return pusht_bodies(float(gyration))

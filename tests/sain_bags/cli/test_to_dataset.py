@@ -16,7 +16,7 @@ from sain_core.dataset import RECORDED, Column
 from sain_core.errors import ConfigError, DatasetError
 from sain_core.model import load_dynamics
 from sain_core.workers.running import WorkerOptions
-from sain_model.data.mixed import MixedDataset, load_datasets, load_transitions
+from sain_model.data.dataset import load_dataset
 from tests.sain_bags.driven import BLOCKED, DUPLICATE, Drive, Parts
 from tests.sain_bags.independent import compare, independent_rows, shards
 
@@ -89,7 +89,7 @@ def test_contiguous_pushes_are_what_another_reader_reads(record: Start, tmp_path
 
 def test_the_models_loader_reads_the_result(record: Start, tmp_path: Path) -> None:
     convert([drive(record)], tmp_path / "out")
-    data = load_transitions(tmp_path / "out")
+    data = load_dataset(tmp_path / "out").alike
     assert data.state.shape == (6, 2, 8)
     assert data.episode.tolist() == [0, 0, 0, 0, 1, 1]
     assert data.step.tolist() == [0, 1, 2, 3, 0, 1]
@@ -235,9 +235,9 @@ def test_a_push_that_no_prior_can_predict_is_counted(record: Start) -> None:
 def test_numbers_of_disks_go_to_shards_of_their_own(record: Start, tmp_path: Path) -> None:
     bags = [drive(record), drive(record, "three", Parts(disks=3))]
     convert(bags, tmp_path / "out")
-    with pytest.raises(DatasetError, match="mixes bodies"):
-        load_transitions(tmp_path / "out")
-    mixed = load_datasets([tmp_path / "out"])
+    with pytest.raises(DatasetError, match="scenes with the same bodies are needed"):
+        _ = load_dataset(tmp_path / "out").alike
+    mixed = load_dataset(tmp_path / "out")
     assert isinstance(mixed, MixedDataset)
     assert [(part.disks, len(part)) for part in mixed.parts] == [(2, 6), (3, 6)]
     card = json.loads((tmp_path / "out" / "card.json").read_text())

@@ -17,8 +17,7 @@ from sain_bags.dataset import dataset_folder
 from sain_bags.dataset.formats import MADE, FormatName
 from sain_core.dataset import PARTS
 from sain_core.errors import ConfigError, OutputError
-from sain_model.data.dataset import split_by_episode
-from sain_model.data.mixed import load_transitions
+from sain_model.data.dataset import load_dataset, split_by_episode
 from tests.sain_bags.dataset.formats.exported import Rows, card_of, drive, to
 from tests.sain_bags.driven import Drive, Parts
 
@@ -34,7 +33,7 @@ def test_the_split_is_the_one_that_train_draws(
     record: Callable[..., Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     bags = [drive(record), drive(record, "more", seed=1)]
-    split = split_by_episode(load_transitions(to("npz", bags, tmp_path / "npz")), 0, 0.1, 0.15)
+    split = split_by_episode(load_dataset(to("npz", bags, tmp_path / "npz")).alike, 0, 0.1, 0.15)
     wanted = {part: sorted(set(getattr(split, part).episode.tolist())) for part in PARTS}
     told = card_of(tmp_path / "npz")["split"]
     assert told["episodes"] == {part: wanted[part] for part in ("validation", "test")}

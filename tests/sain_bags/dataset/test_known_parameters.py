@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from sain_bags.dataset.conversion import convert
-from sain_model.data.mixed import load_transitions
+from sain_model.data.dataset import load_dataset
 from tests.sain_bags.driven import Drive, Parts
 
 
@@ -28,7 +28,7 @@ def test_rows_have_the_friction_of_their_episode(
     recording.writer.close()
     convert([recording.writer.folder], tmp_path / "out")
     expected = [0.15, 0.15, np.nan, np.nan, 0.09, 0.09]
-    np.testing.assert_array_equal(load_transitions(tmp_path / "out").friction, expected)
+    np.testing.assert_array_equal(load_dataset(tmp_path / "out").alike.friction, expected)
     np.testing.assert_array_equal(told(tmp_path / "out", "rim_friction"), 2 * np.array(expected))
     np.testing.assert_array_equal(told(tmp_path / "out", "tool_friction"), 3 * np.array(expected))
 

@@ -11,7 +11,7 @@ from sain_bags import commands
 from sain_bags.dataset.conversion import ConversionConfig, convert
 from sain_bags.transitions.sources import find_sources
 from sain_core.errors import DatasetError
-from sain_model.data.mixed import load_transitions
+from sain_model.data.dataset import load_dataset
 from tests.sain_bags.driven import Drive, Parts
 
 Start = Callable[..., Any]
@@ -29,7 +29,7 @@ def drive(record: Start, name: str = "bag", seed: int = 0, **parts: Any) -> Path
 def test_episodes_of_several_recordings_do_not_collide(record: Start, tmp_path: Path) -> None:
     bags = [drive(record, "first"), drive(record, "second", seed=1)]
     done = convert(bags, tmp_path / "out")
-    data = load_transitions(tmp_path / "out")
+    data = load_dataset(tmp_path / "out").alike
     assert data.episode.tolist() == [0, 0, 1, 2, 2, 3]
     assert data.step.tolist() == [0, 1, 0, 0, 1, 0]
     assert (done.transitions, done.episodes) == (6, 4)
@@ -43,7 +43,7 @@ def test_a_simulator_that_was_started_anew_begins_other_episodes(
         Drive(recording, seed=run).episode(1, [10 * run + 1, 10 * run + 2])
     recording.writer.close()
     convert([recording.writer.folder], tmp_path / "out")
-    data = load_transitions(tmp_path / "out")
+    data = load_dataset(tmp_path / "out").alike
     assert data.episode.tolist() == [0, 0, 1, 1]
 
 

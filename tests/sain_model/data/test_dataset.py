@@ -6,22 +6,21 @@ import pytest
 from sain_core.errors import DatasetError
 from sain_core.scene import Y
 from sain_core.shapes.bodies import Bodies
-from sain_model.data.dataset import split_by_episode
-from sain_model.data.mixed import load_transitions
+from sain_model.data.dataset import load_dataset, split_by_episode
 
 
 def test_all_shards_are_read_in_order(dataset: Path) -> None:
-    data = load_transitions(dataset)
+    data = load_dataset(dataset)
     assert len(data) == 120
     assert data.state.shape == (120, 2, 8)
     assert (np.diff(data.episode) >= 0).all()
-    one = load_transitions(dataset / "shard-0.npz")
+    one = load_dataset(dataset / "shard-0.npz")
     np.testing.assert_array_equal(one.action, data.action[:60])
-    assert one.sha256 != data.sha256 == load_transitions(dataset).sha256
+    assert one.sha256 != data.sha256 == load_dataset(dataset).sha256
 
 
 def test_no_episode_is_in_two_parts(dataset: Path) -> None:
-    data = load_transitions(dataset)
+    data = load_dataset(dataset)
     split = split_by_episode(data, seed=5, validation=0.2, test=0.3)
     parts = [set(part.episode.tolist()) for part in (split.train, split.validation, split.test)]
     assert [len(part) for part in parts] == [10, 4, 6]
@@ -34,13 +33,13 @@ def test_no_episode_is_in_two_parts(dataset: Path) -> None:
 
 
 def test_too_few_episodes_cannot_be_split(dataset: Path) -> None:
-    data = load_transitions(dataset)
+    data = load_dataset(dataset)
     with pytest.raises(DatasetError, match="2 episodes are too few"):
         split_by_episode(data.select(data.episode < 2), 0, 0.1, 0.1)
 
 
 def test_the_mirror_of_a_mirror_is_the_data(dataset: Path) -> None:
-    data = load_transitions(dataset)
+    data = load_dataset(dataset)
     twice = data.mirrored().mirrored()
     np.testing.assert_allclose(twice.state, data.state, atol=1e-12)
     np.testing.assert_allclose(twice.action, data.action, atol=1e-12)
@@ -94,22 +93,22 @@ def test_a_damaged_shard_is_refused(
     path = tmp_path / "bad.npz"
     np.savez(path, **{name: value for name, value in arrays.items() if value is not None})
     with pytest.raises(DatasetError, match=message) as caught:
-        load_transitions(path)
+        load_dataset(path)
     assert str(path) in str(caught.value)
 
 
 def test_what_is_no_shard_is_refused(dataset: Path, tmp_path: Path) -> None:
     with pytest.raises(DatasetError, match="holds no shards"):
-        load_transitions(tmp_path)
+        load_dataset(tmp_path)
     with pytest.raises(DatasetError, match="does not exist"):
-        load_transitions(tmp_path / "none.npz")
+        load_dataset(tmp_path / "none.npz")
     cut = tmp_path / "cut.npz"
     cut.write_bytes((dataset / "shard-0.npz").read_bytes()[:2000])
     with pytest.raises(DatasetError, match="is not a whole"):
-        load_transitions(cut)
+        load_dataset(cut)
     cut.write_text("hello")
     with pytest.raises(DatasetError, match="is not a whole"):
-        load_transitions(cut)
+        load_dataset(cut)
 
 
 def test_shards_with_other_numbers_of_disks_do_not_mix(dataset: Path, tmp_path: Path) -> None:
@@ -120,26 +119,26 @@ def test_shards_with_other_numbers_of_disks_do_not_mix(dataset: Path, tmp_path: 
         arrays[key] = np.hstack([arrays[key], arrays[key][:, 8:]])
     np.savez(tmp_path / "b.npz", **arrays)
     with pytest.raises(DatasetError, match=r"mixes bodies: .*; use one folder for each"):
-        load_transitions(tmp_path)
+        load_dataset(tmp_path)
 
 
 def test_the_order_of_an_episode_is_that_of_its_steps(dataset: Path, tmp_path: Path) -> None:
     arrays = dict(np.load(dataset / "shard-0.npz"))
     count = len(arrays["episode"])
     np.savez(tmp_path / "a.npz", **arrays)
-    np.testing.assert_array_equal(load_transitions(tmp_path / "a.npz").step, np.arange(count))
+    np.testing.assert_array_equal(load_dataset(tmp_path / "a.npz").alike.step, np.arange(count))
     steps = np.arange(count)[::-1] % 6
     np.savez(tmp_path / "b.npz", **arrays, step=steps)
-    np.testing.assert_array_equal(load_transitions(tmp_path / "b.npz").step, steps)
+    np.testing.assert_array_equal(load_dataset(tmp_path / "b.npz").alike.step, steps)
     np.savez(tmp_path / "c.npz", **arrays, step=steps // 2)
     with pytest.raises(DatasetError, match="episode 0 has two pushes with step"):
-        load_transitions(tmp_path / "c.npz")
+        load_dataset(tmp_path / "c.npz")
 
 
 def test_rows_name_their_bodies(dataset: Path, tmp_path: Path) -> None:
     arrays = dict(np.load(dataset / "shard-0.npz"))
     shapes, rows = np.array(["t,disk"] * 60), tmp_path / "shard-0.npz"
     np.savez(rows, **arrays, shapes=shapes)  # roles are optional
-    assert load_transitions(rows).bodies == Bodies.named(["t", "disk"], ["pushable", "movable"])
+    assert load_dataset(rows).alike.bodies == Bodies.named(["t", "disk"], ["pushable", "movable"])
     np.savez(rows, **arrays, shapes=shapes, roles=np.array(["pushable,pushable"] * 60))
-    assert load_transitions(rows).bodies == Bodies.named(["t", "disk"], ["pushable", "pushable"])
+    assert load_dataset(rows).alike.bodies == Bodies.named(["t", "disk"], ["pushable", "pushable"])

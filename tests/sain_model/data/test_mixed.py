@@ -9,22 +9,14 @@ import torch
 from sain_core.errors import DatasetError
 from sain_core.scene import STATE_SIZE, X, Y
 from sain_model.commands import evaluate, train
-from sain_model.data.dataset import (
-    Dataset,
-    split_by_episode,
-)
-from sain_model.data.examples import make_examples, training_examples
-from sain_model.data.mixed import (
-    MixedDataset,
-    MixedSplit,
-    load_datasets,
-    load_transitions,
-    split_datasets,
-)
-from sain_model.network.interaction_network import InteractionNetwork
+from sain_model.data.dataset import Dataset, Part, Split, load_dataset, split_by_episode
+from sain_model.data.examples import make_examples
+from sain_model.network.interaction_network import InteractionNetwork, new_network
 from sain_model.network.settings import NetworkConfig
 from sain_model.physics.friction import FrictionFilter
 from sain_model.physics.planar import PlanarPrior
+from sain_model.training.objectives import SinglePushes
+from sain_model.training.settings import TrainingConfig
 
 FAR = 0.45  # [m]
 
@@ -56,36 +48,26 @@ def folders(dataset: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Pa
     return dataset, root / "four", root / "again"
 
 
-def test_one_folder_is_what_it_is_by_itself(dataset: Path) -> None:
-    one, same = load_transitions(dataset), load_datasets([dataset])
-    (part,) = same.parts
-    assert same.sha256 == one.sha256 == part.sha256
-    np.testing.assert_array_equal(same.episode, one.episode)
-    split, again = split_by_episode(one, 3, 0.1, 0.2), split_datasets(same, 3, 0.1, 0.2)
-    np.testing.assert_array_equal(split.test.episode, again.test.episode)
-
-
 def test_numbers_of_disks_stay_apart_and_so_do_episodes_of_one_name(folders) -> None:
-    data = load_datasets(folders)
-    assert isinstance(data, MixedDataset)
+    data = load_dataset(*folders)
     assert [(part.disks, len(part)) for part in data.parts] == [(2, 180), (4, 60)]
     assert len(np.unique(data.episode)) == 20 + 10 + 10
     assert len(data.sources) == 3 and data.sha256 not in data.sources
-    two, again = load_transitions(folders[0]), load_transitions(folders[2])
+    two, again = load_dataset(folders[0]).alike, load_dataset(folders[2]).alike
     np.testing.assert_array_equal(data.parts[0].state, np.concatenate([two.state, again.state]))
 
 
 def test_several_folders_with_as_many_disks_are_one_data_set(folders) -> None:
-    data = load_datasets([folders[0], folders[2]])
+    data = load_dataset(folders[0], folders[2])
     assert len(data.parts) == 1 and len(data) == 180
-    assert data.sources == tuple(load_transitions(path).sha256 for path in folders[::2])
+    assert data.sources == tuple(load_dataset(path).sha256 for path in folders[::2])
 
 
 def test_a_folder_may_mix_numbers_of_disks(folders, tmp_path) -> None:
     for name, folder in (("a", folders[0]), ("b", folders[1])):
         shard = next(iter(sorted(folder.glob("*.npz"))))
         (tmp_path / f"{name}.npz").write_bytes(shard.read_bytes())
-    data = load_datasets([tmp_path])
+    data = load_dataset(tmp_path)
     assert [part.disks for part in data.parts] == [2, 4]
     assert not set(data.parts[0].episode) & set(data.parts[1].episode)
 
@@ -94,12 +76,12 @@ def test_the_same_push_in_two_data_sets_is_refused(folders, tmp_path) -> None:
     copy = tmp_path / "copy.npz"
     copy.write_bytes((folders[0] / "shard-1.npz").read_bytes())
     with pytest.raises(DatasetError, match=r"copy\.npz hold the same push; give each"):
-        load_datasets([folders[0], copy])
+        load_dataset(folders[0], copy)
     with pytest.raises(DatasetError, match="the same push"):
-        load_datasets([folders[0], folders[0]])
+        load_dataset(folders[0], folders[0])
 
 
-def single_rows(data: MixedDataset) -> list[Dataset]:
+def single_rows(data: Dataset) -> list[Part]:
     """Each push by itself."""
     return [
         part.select(np.arange(len(part)) == row) for part in data.parts for row in range(len(part))
@@ -109,9 +91,8 @@ def single_rows(data: MixedDataset) -> list[Dataset]:
 @pytest.mark.parametrize("shares", [(0.1, 0.0), (0.2, 0.0), (0.2, 0.3)])
 def test_no_transition_of_a_training_episode_is_held_out(folders, shares) -> None:
     """By what happened in them, not by their labels: the label of an episode could be wrong."""
-    data = load_datasets(folders)
-    split = split_datasets(data, 1, *shares)
-    assert isinstance(split, MixedSplit)
+    data = load_dataset(*folders)
+    split = split_by_episode(data, 1, *shares)
     parts = [split.train, split.validation, split.test]
     rows = [
         {(*row.state.ravel().tolist(), *row.action.ravel().tolist()) for row in single_rows(part)}
@@ -124,7 +105,7 @@ def test_no_transition_of_a_training_episode_is_held_out(folders, shares) -> Non
 
 
 def test_the_papers_splits_hold_nothing_out_for_a_test(dataset: Path) -> None:
-    data = load_transitions(dataset)
+    data = load_dataset(dataset)
     for share, count in ((0.1, 2), (0.2, 4)):
         split = split_by_episode(data, 0, share, 0.0)
         sizes = [len(np.unique(part.episode)) for part in (split.train, split.validation)]
@@ -140,7 +121,7 @@ def test_disks_that_do_not_exist_change_nothing_of_those_that_do(folders) -> Non
     for parameter in network.parameters():
         torch.nn.init.normal_(parameter, std=0.3)
     for folder in folders[:2]:
-        data = load_transitions(folder)
+        data = load_dataset(folder).alike
         examples = make_examples(data, PlanarPrior())
         padded = examples.padded(5)
         said = network(examples.bodies, examples.relations)
@@ -151,42 +132,38 @@ def test_disks_that_do_not_exist_change_nothing_of_those_that_do(folders) -> Non
     assert examples.padded(4) is examples
 
 
-def test_mixed_examples_are_those_of_the_parts_and_then_their_images(folders) -> None:
-    data = load_datasets(folders)
-    friction = FrictionFilter(PlanarPrior(), 0.12)
-    examples = training_examples(data, PlanarPrior(), friction, mirror=True)
-    assert len(examples) == 2 * len(data) and examples.bodies.shape[1] == 4
-    first = 0
-    for image in (False, True):
-        for part in data.parts:
-            alone = training_examples(part, PlanarPrior(), friction, mirror=True)
-            rows = slice(len(part), None) if image else slice(0, len(part))
-            expected = alone.bodies[rows]
-            found = examples.bodies[first : first + len(part), : part.disks]
-            assert torch.equal(found, expected)
-            first += len(part)
+def test_examples_of_all_parts_are_learned_from_and_then_their_images(folders) -> None:
+    data = load_dataset(*folders)
+    split, config = Split(data, data, data), TrainingConfig(network=NetworkConfig(hidden=8))
+    pushes = SinglePushes(split, PlanarPrior(), FrictionFilter(PlanarPrior(), 0.12), config)
+    np.testing.assert_array_equal(pushes.episodes, np.tile(data.episode, 2))
+    network = new_network(config.network, 0)
+    some = torch.arange(len(data))[None]
+    np.testing.assert_allclose(  # a network that says nothing errs alike in a mirror
+        pushes.losses(network, some).detach(), pushes.losses(network, some + len(data)).detach()
+    )
 
 
 def test_the_command_learns_from_all_of_them(folders, tmp_path, capsys) -> None:
     arguments = [*map(str, folders), "--out", str(tmp_path), "--epochs", "1", "--history", "none"]
     assert train(arguments) == 0
     card = (tmp_path / "sain.json").read_text()
-    assert '"by_disks"' in card and all(str(folder) in card for folder in folders)
+    assert all(str(folder) in card for folder in folders)
     capsys.readouterr()
 
 
 def test_fewer_transitions_are_first_episodes_of_all_parts(folders) -> None:
-    data = load_datasets(folders)
-    whole, split = split_datasets(data, 0, 0.1, 0.1), split_datasets(data, 0, 0.1, 0.1, 20)
+    data = load_dataset(*folders)
+    whole, split = split_by_episode(data, 0, 0.1, 0.1), split_by_episode(data, 0, 0.1, 0.1, 20)
     assert [len(split.train), len(split.test)] == [20, len(whole.test)]
     first = sorted(set(whole.train.episode.tolist()))[: len(set(split.train.episode.tolist()))]
     assert set(split.train.episode.tolist()) == set(first)
     with pytest.raises(DatasetError, match="9999 transitions to train on are asked for"):
-        split_datasets(data, 0, 0.1, 0.1, 9999)
+        split_by_episode(data, 0, 0.1, 0.1, 9999)
 
 
 def test_a_select_keeps_the_order_of_the_parts(folders) -> None:
-    data = load_datasets(folders)
+    data = load_dataset(*folders)
     rows = np.arange(len(data)) % 3 == 0
     picked = data.select(rows)
     np.testing.assert_array_equal(picked.episode, data.episode[rows])

@@ -7,8 +7,7 @@ import pytest
 from sain_core.errors import DatasetError
 from sain_core.push import LENGTH
 from sain_core.scene import X
-from sain_model.data.dataset import split_by_episode
-from sain_model.data.mixed import load_transitions
+from sain_model.data.dataset import Dataset, load_dataset, split_by_episode
 from sain_model.data.windows import make_windows
 from tests.sain_model.rolling import EPISODES, EVERY, PUSHES, load_episodes
 
@@ -58,14 +57,14 @@ def test_no_window_spans_a_gap(tmp_path: Path) -> None:
 
 
 def test_no_window_of_a_training_episode_is_in_validation_or_test(tmp_path: Path) -> None:
-    split = split_by_episode(load_episodes(tmp_path), 0, 0.2, 0.2)
-    parts = (split.train, split.validation, split.test)
+    split = split_by_episode(Dataset((load_episodes(tmp_path),)), 0, 0.2, 0.2)
+    parts = [part.alike for part in (split.train, split.validation, split.test)]
     seen = [set(make_windows(part, 4).episodes.tolist()) for part in parts]
     assert sum(map(len, seen)) == EPISODES == len(set.union(*seen))
 
 
 def test_what_has_no_long_windows_says_so(dataset: Path) -> None:
-    data = load_transitions(dataset)  # its pushes do not follow each other
+    data = load_dataset(dataset).alike  # its pushes do not follow each other
     assert make_windows(data, 3).known.sum() == len(data)
     with pytest.raises(DatasetError, match="no episode has 3 successive pushes"):
         make_windows(data, 3, whole=True)

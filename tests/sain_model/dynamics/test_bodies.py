@@ -13,13 +13,13 @@ from sain_core.push import BODY, LENGTH
 from sain_core.scene import make_scene
 from sain_core.shapes.bodies import PAPER_DISKS, Bodies
 from sain_core.types import Pushes, Scenes
-from sain_model.data.dataset import Dataset
+from sain_model.data.dataset import Part
 from sain_model.dynamics.checkpoint import ModelCard, card_path, save_checkpoint
 from sain_model.dynamics.intervals import IntervalConfig, Intervals
-from sain_model.dynamics.load import load_sain
+from sain_model.dynamics.load import load_checkpoint
 from sain_model.dynamics.priors import prior_settings
 from sain_model.dynamics.sain import SainDynamics
-from sain_model.evaluation.history_errors import predict_with_history
+from sain_model.evaluation.predictors import predict_with_history
 from sain_model.network.interaction_network import InteractionNetwork
 from sain_model.network.settings import NetworkConfig
 from sain_model.physics.friction import FrictionConfig
@@ -113,7 +113,7 @@ def test_a_checkpoint_is_what_was_saved(tmp_path: Path, sain: SainDynamics) -> N
     path = tmp_path / "shapes.safetensors"
     save_checkpoint(path, sain.network, ModelCard("planar", prior_settings(PlanarPrior()), {}))
     scenes, pushes = pushes_of(10)
-    loaded = load_sain(path).with_bodies(T_AND_STAR)
+    loaded = load_checkpoint(path).with_bodies(T_AND_STAR)
     np.testing.assert_array_equal(loaded.step(scenes, pushes), sain.step(scenes, pushes))
 
 
@@ -123,7 +123,7 @@ def test_a_card_with_other_features_is_refused(tmp_path: Path, sain: SainDynamic
     text = card_path(path).read_text()
     card_path(path).write_text(text.replace('"body_features": 20', '"body_features": 15'))
     with pytest.raises(CheckpointError, match="body_features is 15; this version reads 20"):
-        load_sain(path)
+        load_checkpoint(path)
 
 
 def test_disks_are_bodies_too(sain: SainDynamics) -> None:
@@ -147,7 +147,7 @@ def test_earlier_pushes_widen_regions_in_a_world_unlike_home(sain: SainDynamics)
     assert told.widening > 2.0
     assert sain.condition(PushHistory(state[:0], action[:0], following[:0])).widening == 1.0
     radius = told.predict(scenes[5:], pushes[5:]).radius
-    episode = Dataset(
+    episode = Part(
         state=scenes,
         action=pushes,
         next_state=after,
@@ -156,7 +156,6 @@ def test_earlier_pushes_widen_regions_in_a_world_unlike_home(sain: SainDynamics)
         step=np.arange(6),
         friction=np.full(6, 0.19),
         floor_next=scenes,
-        sha256="",
         bodies=T_AND_STAR,
     )
     rows = predict_with_history(sain, episode)

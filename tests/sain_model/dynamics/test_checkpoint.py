@@ -14,7 +14,7 @@ from sain_core.errors import CheckpointError, ConfigError, OutputError
 from sain_core.model import load_dynamics
 from sain_core.types import Pushes, Scenes
 from sain_model.dynamics.checkpoint import ModelCard, card_path, save_checkpoint
-from sain_model.dynamics.load import load_sain
+from sain_model.dynamics.load import load_checkpoint
 from sain_model.dynamics.priors import load_prior, prior_settings
 from sain_model.dynamics.sain import SainDynamics
 from sain_model.network.interaction_network import InteractionNetwork
@@ -66,10 +66,12 @@ def test_what_was_saved_is_loaded_with_the_prior_it_had(
         "layers": 2,
         "features": "push",
         "members": 1,
+        "output": "residual",
+        "places": 0,
     }
     assert card["weights_sha256"] == sain.model_hash
     scenes, pushes = random_pushes(10, 0)
-    network = load_sain(checkpoint).network
+    network = load_checkpoint(checkpoint).network
     again = SainDynamics(network, PlanarPrior(PlanarConfig(friction=0.15)), "planar")
     np.testing.assert_array_equal(sain.step(scenes, pushes), again.step(scenes, pushes))
     assert sorted(p.name for p in checkpoint.parent.iterdir()) == [
@@ -118,9 +120,8 @@ def test_a_card_that_is_none(checkpoint: Path) -> None:
 @pytest.mark.parametrize(
     ("field", "value", "message"),
     [
-        ("architecture", "transformer", "architecture is 'transformer'; this version reads 'inter"),
         ("feature_version", 99, "feature_version is 99; this version reads 1"),
-        ("format_version", 1, "has format 1; this version reads 2: train it again with: ros2 run"),
+        ("format_version", 1, "has format 1; this version reads 3: train it again with: ros2 run"),
         ("weights_sha256", "0" * 64, "its card says 0000000000000000"),
         ("prior", "plain", "the prior 'plain' has no settings; given: friction, gravity"),
         ("prior_config", {"friction": -1.0}, "PlanarConfig.friction is -1.0"),

@@ -7,10 +7,9 @@ import torch
 
 from sain_core.conformance import check_dynamics
 from sain_core.model import IdentityPrior, Model, load_dynamics
-from sain_model.dynamics.correction_network import CorrectionEnsemble
 from sain_model.dynamics.parameter_correction import ParameterCorrection
 from sain_model.dynamics.sain import SainDynamics
-from sain_model.dynamics.settings import IDENTITY, CorrectionNetworkConfig
+from sain_model.dynamics.settings import IDENTITY
 from sain_model.network.interaction_network import new_network
 from sain_model.network.settings import NetworkConfig
 from sain_model.physics.friction import FrictionConfig
@@ -28,12 +27,8 @@ def network(**settings: object) -> torch.nn.Module:
 
 
 def corrected() -> ParameterCorrection:
-    torch.manual_seed(2)
-    networks = CorrectionEnsemble(CorrectionNetworkConfig(hidden=8, message=4, members=2))
-    with torch.no_grad():
-        for parameter in networks.parameters():
-            parameter.add_(0.1 * torch.randn_like(parameter))
-    return ParameterCorrection(networks, PlanarPrior(), "planar")
+    inside = network(members=2, features="world", output="parameters", places=5)
+    return ParameterCorrection(inside, PlanarPrior(), "planar")
 
 
 MODELS: dict[str, Model] = {

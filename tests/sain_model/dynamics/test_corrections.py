@@ -5,7 +5,7 @@ import pytest
 
 from sain_core.errors import InvalidInputError
 from sain_core.push import idle_pushes, make_push
-from sain_model.dynamics import corrections as told
+from sain_model.network import corrections as told
 from sain_model.physics.parameters import BY_NAME, check_values
 from sain_model.physics.planar_config import PlanarConfig
 

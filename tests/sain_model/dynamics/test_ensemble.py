@@ -14,20 +14,19 @@ from sain_core.model import load_dynamics
 from sain_core.push import LENGTH
 from sain_core.scene import MASS
 from sain_core.types import Pushes, Scenes
-from sain_model.data.batches import Batches
-from sain_model.data.dataset import Split, split_by_episode
-from sain_model.data.mixed import load_transitions
+from sain_model.data.dataset import Split, load_dataset, split_by_episode
 from sain_model.dynamics.checkpoint import ModelCard, card_path, save_checkpoint
 from sain_model.dynamics.priors import prior_settings
 from sain_model.dynamics.sain import SainDynamics
 from sain_model.network.feature_kernels import BODY_FEATURES
 from sain_model.network.interaction_network import InteractionNetwork, ensemble, new_network
 from sain_model.network.relation_kernels import RELATION_FEATURES
-from sain_model.network.settings import BOOTSTRAP, ORDER, NetworkConfig
+from sain_model.network.settings import BOOTSTRAP, NetworkConfig
 from sain_model.physics.friction import FrictionConfig
 from sain_model.physics.planar import PlanarPrior
-from sain_model.training.push_training import Trainer
 from sain_model.training.settings import TrainingConfig
+from sain_model.training.trainer import Batches
+from tests.sain_model.conftest import make_trainer
 
 Draw = Callable[[int, int], tuple[Scenes, Pushes]]
 SMALL = NetworkConfig(hidden=16, message=8)
@@ -45,7 +44,7 @@ def wild(seed: int, config: NetworkConfig = SMALL) -> InteractionNetwork:
 
 @pytest.fixture
 def split(dataset: Path) -> Split:
-    return split_by_episode(load_transitions(dataset), 0, 0.2, 0.2)
+    return split_by_episode(load_dataset(dataset), 0, 0.2, 0.2)
 
 
 @pytest.mark.parametrize("bodies", [2, 4])
@@ -76,8 +75,12 @@ def test_every_member_starts_with_weights_of_its_own_and_the_first_as_a_lone_one
 
 def test_a_member_learns_what_it_would_learn_alone(split: Split, tmp_path: Path) -> None:
     common = {"epochs": 1, "batch": 8}  # one: which epoch is best is the ensemble's question
-    lone = Trainer(split, PlanarPrior(), TrainingConfig(network=SMALL, **common), tmp_path / "1")
-    three = Trainer(split, PlanarPrior(), TrainingConfig(network=THREE, **common), tmp_path / "3")
+    lone = make_trainer(
+        split, PlanarPrior(), TrainingConfig(network=SMALL, **common), tmp_path / "1"
+    )
+    three = make_trainer(
+        split, PlanarPrior(), TrainingConfig(network=THREE, **common), tmp_path / "3"
+    )
     start = {name: value[0].clone() for name, value in three.network.state_dict().items()}
     lone.run()
     three.run()
@@ -89,18 +92,18 @@ def test_a_member_learns_what_it_would_learn_alone(split: Split, tmp_path: Path)
 
 
 def test_every_member_sees_all_of_the_data_in_an_order_of_its_own() -> None:
-    batches = Batches(0, 16, np.repeat(np.arange(20), 5), members=3, diversity=ORDER)
+    batches = Batches(TrainingConfig(batch=16), np.repeat(np.arange(20), 5), 3)
     rows = torch.cat(list(batches.epoch(4)), dim=1)
     assert rows.shape == (3, 100)
     assert (rows.sort(dim=1).values == torch.arange(100)).all()
     assert not torch.equal(rows[0], rows[1]) and not torch.equal(rows[1], rows[2])
-    alone = torch.cat(list(Batches(0, 16, np.arange(100)).epoch(4)), dim=1)
+    alone = torch.cat(list(Batches(TrainingConfig(batch=16), np.arange(100), 1).epoch(4)), dim=1)
     assert torch.equal(alone[0], rows[0])
 
 
 def test_a_bootstrap_draws_whole_episodes() -> None:
     episodes = np.tile(np.repeat(np.arange(50), 4), 2)  # as with mirrored copies
-    batches = Batches(0, 32, episodes, members=4, diversity=BOOTSTRAP)
+    batches = Batches(TrainingConfig(batch=32, diversity=BOOTSTRAP), episodes, 4)
     first, second = (torch.cat(list(batches.epoch(number)), dim=1) for number in (0, 1))
     for member in range(4):
         assert torch.equal(first[member].sort().values, second[member].sort().values)
@@ -177,10 +180,10 @@ def test_what_is_not_known_of_the_friction_is_told_and_earlier_pushes_make_it_le
 
 def test_members_disagree_where_they_have_not_been(split: Split, tmp_path: Path) -> None:
     config = TrainingConfig(epochs=60, batch=16, network=THREE)
-    trainer = Trainer(split, PlanarPrior(), config, tmp_path)
+    trainer = make_trainer(split, PlanarPrior(), config, tmp_path)
     trainer.run()
     sain = SainDynamics(trainer.network, PlanarPrior(), "planar")
-    scenes, pushes = split.test.state, split.test.action
+    scenes, pushes = split.test.alike.state, split.test.alike.action
     heavy = scenes.copy()
     heavy[..., MASS] += 5.0  # 12 to 14 kg; trained on 7 to 9
     usual = sain.predict(scenes, pushes).members[:, 1].mean()

@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 
 from benchmarks.identification import identify
-from sain_model.data.mixed import load_transitions
-from sain_model.dynamics import corrections as told
+from sain_model.data.dataset import load_dataset
+from sain_model.network import corrections as told
 from sain_model.physics.planar import PlanarPrior
 
 
 def test_the_constants_of_a_laboratory_are_found(dataset) -> None:
-    data, prior = load_transitions(dataset), PlanarPrior()
+    data, prior = load_dataset(dataset).alike, PlanarPrior()
     truth = np.zeros((2, told.CORRECTIONS))
     truth[:, told.PULL_X], truth[:, told.DRAG] = 1.0, -0.5
     truth[0, told.MASS_LEFT], truth[1, told.RIM_GRIP] = 0.8, 1.5

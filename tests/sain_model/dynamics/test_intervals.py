@@ -10,11 +10,11 @@ import pytest
 from sain_core.errors import CheckpointError, ConfigError
 from sain_core.model import load_dynamics
 from sain_model import commands
-from sain_model.data.mixed import load_transitions
+from sain_model.data.dataset import Dataset, load_dataset
 from sain_model.dynamics.checkpoint import card_path
 from sain_model.dynamics.intervals import IntervalConfig, Intervals
 from sain_model.dynamics.sain import SainDynamics
-from sain_model.evaluation.coverage import measure_intervals
+from sain_model.evaluation.errors import evaluate
 from sain_model.network.interaction_network import InteractionNetwork
 from sain_model.physics.planar import PlanarPrior
 from sain_model.training.interval_fit import fit_disk
@@ -80,14 +80,11 @@ def test_training_fits_them_the_card_keeps_them_and_the_report_measures_them(
     report = tmp_path / "errors.json"
     checkpoint = ["--checkpoint", str(path), "--out", str(report)]
     assert commands.evaluate([str(dataset), *checkpoint]) == 0
-    found = json.loads(report.read_text())["intervals"]["SAIN"]
-    assert found == card["errors"]["intervals"]["SAIN"]
-    parts = found["target"]["parts"]
-    assert found["members"] == 2 and found["level"] == 0.9
-    thirds = [
-        parts[f"{name} third by spread"]["pushes"] for name in ("lowest", "middle", "highest")
-    ]
-    assert sum(thirds) == parts["all"]["pushes"] == 18
+    errors = json.loads(report.read_text())["after"]["1"]["errors"]
+    shown = {name: one["SAIN, history"] for name, one in errors.items() if "SAIN, history" in one}
+    assert "coverage" in shown["target"] and "coverage" in shown["pushed"]
+    thirds = [f"{name} third by spread" for name in ("lowest", "middle", "highest")]
+    assert sum(shown[third]["number"] for third in thirds) == shown["target"]["number"] == 18
 
     card["intervals"]["target"]["factors"] = [1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0]
     card_path(path).write_text(json.dumps(card))
@@ -96,15 +93,16 @@ def test_training_fits_them_the_card_keeps_them_and_the_report_measures_them(
 
 
 def test_coverage_is_counted(dataset: Path, tmp_path: Path) -> None:
-    data = load_transitions(dataset)
+    data = load_dataset(dataset).alike
     wide, none = IntervalConfig(factors=(1e6,)), IntervalConfig(noise=1e-9, factors=(1e-3,))
     intervals = Intervals(mid=wide, target=none)
     sain = SainDynamics(InteractionNetwork(), PlanarPrior(), "planar", intervals=intervals)
-    found = measure_intervals(sain, data, seed=0)
-    assert found["mid"]["parts"]["all"]["coverage"] == 1.0
+    found = evaluate(Dataset((data,)), {"sain": sain})
+    errors = found["after"]["1"]["errors"]
+    assert errors["pushed"]["sain"]["coverage"][0] == 1.0
     exact = np.all(sain.step(data.state, data.action)[:, 1, :2] == data.next_state[:, 1, :2], -1)
-    assert found["target"]["parts"]["all"]["coverage"] == pytest.approx(exact.mean(), abs=0.05)
-    assert found["target"]["rank_correlation"]["members"] is None  # a lone network agrees
+    assert errors["target"]["sain"]["coverage"][0] == pytest.approx(exact.mean(), abs=0.05)
+    assert "members" not in found["rank_correlation"]["sain"]  # a lone network agrees
 
 
 def test_regions_grow_with_the_elongation_of_the_supports() -> None:

@@ -1,4 +1,4 @@
-"""A network inside physics finds out what physics was not told; and keeps it."""
+"""A network that corrects parameters of the prior: what it learns, predicts, serves and keeps."""
 
 import json
 from dataclasses import asdict, replace
@@ -9,188 +9,233 @@ import pytest
 import torch
 
 from sain_core.errors import CheckpointError
+from sain_core.history import PushHistory
 from sain_core.model import load_dynamics
-from sain_core.push import LENGTH
-from sain_core.scene import POSITION, TARGET
+from sain_core.push import BODY, LENGTH, PushLimits, pushed_bodies
+from sain_core.scene import POSITION, make_scene
+from sain_core.shapes.bodies import Bodies
+from sain_core.types import Pushes, Scenes
 from sain_model import commands
-from sain_model.data.dataset import Split, split_by_episode
-from sain_model.data.mixed import load_transitions
-from sain_model.dynamics import corrections as told
-from sain_model.dynamics.checkpoint import (
-    CORRECTION_ARCHITECTURE,
-    ModelCard,
-    card_path,
-    save_checkpoint,
-)
-from sain_model.dynamics.correction_network import CorrectionEnsemble
+from sain_model.data.dataset import Dataset, Part, Split
+from sain_model.dynamics.checkpoint import ModelCard, card_path, save_checkpoint
 from sain_model.dynamics.parameter_correction import ParameterCorrection
-from sain_model.dynamics.physics_gradient import ToldPushes, conditioned_moves, moves
+from sain_model.dynamics.physics_gradient import ToldPushes, conditioned_moves
 from sain_model.dynamics.priors import load_planar
-from sain_model.dynamics.settings import PLANAR_AXES, CorrectionNetworkConfig
+from sain_model.dynamics.settings import PLANAR_AXES
+from sain_model.evaluation.errors import evaluate
+from sain_model.network import corrections as told
+from sain_model.network.features import push_frames
+from sain_model.network.interaction_network import InteractionNetwork, ensemble, new_network
+from sain_model.physics.friction import FrictionConfig
 from sain_model.physics.planar import PlanarConfig, PlanarPrior
 from sain_model.physics.planar_config import AXES
-from sain_model.serving.server import ModelServer
+from sain_model.serving.server import load_server
 from sain_model.serving.settings import ServingConfig
-from sain_model.training.correction_training import CorrectionTrainer, make_trainers, train_members
-from sain_model.training.settings import CorrectionTrainingConfig
+from sain_model.training.fit import Physics, fit
+from sain_model.training.settings import OF_PARAMETERS
+from tests.sain_model.conftest import make_trainer, read_card
 
-SMALL = CorrectionNetworkConfig(hidden=16, message=8)
-OPTIONS = ["--steps", "6", "--epochs", "2", "--hidden", "8", "--validation", "0.2", "--test", "0.2"]
-SHORT = CorrectionTrainingConfig(steps=20, epochs=4, batch=16, network=SMALL)
+SMALL = replace(OF_PARAMETERS.network, hidden=16, message=8)
+SHORT = replace(OF_PARAMETERS, epochs=4, epoch_steps=5, batch=16, network=SMALL)
+ROLES = ("pushable", "pushable")
+PAIR, ALONE = Bodies.named(("t", "bar"), ROLES), Bodies.named(("square",), ROLES[:1])
 
 
-@pytest.fixture(scope="module")
-def laboratory(dataset: Path) -> Split:
-    """The dataset in a laboratory with a slope, a worn table and masses off the middle."""
-    data = load_transitions(dataset)
-    corrections = np.zeros((len(data), 2, told.CORRECTIONS))
+def draw(bodies: Bodies, count: int, seed: int) -> tuple[Scenes, Pushes]:
+    random = np.random.default_rng(seed)
+    places = np.array([(0.45, 0.0), (0.57, 0.02)])[: len(bodies)]
+    scenes = np.stack(
+        [
+            make_scene(
+                places,
+                random.uniform(7.0, 9.0, len(bodies)),
+                np.full(len(bodies), 0.07),
+                random.uniform(-3.0, 3.0, len(bodies)),
+            )
+            for _ in range(count)
+        ]
+    )
+    body = random.integers(len(bodies), size=count)
+    pushes = PushLimits().sample(random, count)
+    pushes[:, BODY] = body
+    return scenes, pushes
+
+
+def pushes_of(bodies: Bodies, count: int, seed: int) -> ToldPushes:
+    scenes, pushes = draw(bodies, count, seed)
+    frames = push_frames(scenes, pushes, bodies)
+    return ToldPushes(PlanarPrior().with_bodies(bodies), scenes, pushes, frames)
+
+
+def laboratory(bodies: Bodies, count: int, first: int) -> Part:
+    """Pushes where the table is slippery and slopes, in episodes of four."""
+    scenes, pushes = draw(bodies, count, first)
+    corrections = np.zeros((count, len(bodies), told.CORRECTIONS))
     corrections[..., told.PULL_X], corrections[..., told.DRAG] = 1.5, -1.0
-    corrections[..., told.MASS_LEFT] = 1.2
-    values = told.corrected_values(corrections, data.action, PlanarConfig())
-    after = PlanarPrior().step(data.state, data.action, values)
-    return split_by_episode(replace(data, next_state=after), 0, 0.2, 0.2)
-
-
-def error(sain: ParameterCorrection | PlanarPrior, data) -> float:
-    off = sain.step(data.state, data.action) - data.next_state
-    return float(np.linalg.norm(off[:, TARGET, POSITION], axis=-1).mean())
-
-
-def test_it_starts_out_as_the_prior(random_pushes) -> None:
-    scenes, pushes = random_pushes(30, 0)
-    sain = ParameterCorrection(CorrectionEnsemble(replace(SMALL, members=2)), PlanarPrior())
-    np.testing.assert_allclose(
-        sain.step(scenes, pushes), PlanarPrior().step(scenes, pushes), atol=1e-12
+    corrections[np.arange(count), pushed_bodies(pushes), told.LENGTH] = 1.0
+    values = told.corrected_values(corrections, pushes, PlanarConfig())
+    after = PlanarPrior().with_bodies(bodies).step(scenes, pushes, values)
+    return Part(
+        state=scenes,
+        action=pushes,
+        next_state=after,
+        physics_next=scenes,
+        episode=first + np.arange(count) // 4,
+        step=np.arange(count) % 4,
+        friction=np.full(count, 0.12),
+        floor_next=np.full_like(scenes, np.nan),
+        bodies=bodies,
     )
 
 
-def test_gradients_are_those_of_simulated_variations(random_pushes) -> None:
-    scenes, pushes = random_pushes(12, 1)
-    prior, shape = PlanarPrior(), (12, 2, told.CORRECTIONS)
+@pytest.fixture(scope="module")
+def split() -> Split:
+    parts = [
+        Dataset((laboratory(PAIR, n, first), laboratory(ALONE, n, first + 100)))
+        for n, first in ((100, 0), (24, 200), (40, 400))
+    ]
+    return Split(*parts)
+
+
+def test_gradients_are_those_of_simulated_variations() -> None:
+    pushes = pushes_of(PAIR, 12, 1)
+    shape = (12, 2, told.CORRECTIONS)
     corrections = torch.zeros(shape, requires_grad=True)
-    weights = torch.from_numpy(np.random.default_rng(0).normal(size=(12, 2, 3)).astype(np.float32))
-    (
-        weights * conditioned_moves(corrections, ToldPushes(prior, scenes, pushes, pushes))
-    ).sum().backward()
+    weights = np.random.default_rng(0).normal(size=(12, 2, 3)).astype(np.float32)
+    (torch.from_numpy(weights) * conditioned_moves(corrections, pushes)).sum().backward()
     assert corrections.grad is not None
-    for disk, column in ((0, told.DRAG), (1, told.PULL_Y), (1, told.MASS_FORE), (0, told.LENGTH)):
+    body = pushed_bodies(pushes.pushes)
+    for column in (told.DRAG, told.PULL_Y, told.MASS_FORE, told.LENGTH, told.LOCATION):
         more = np.zeros(shape)
-        more[:, disk, column] = 0.1
-        ends = [
-            moves(
-                scenes,
-                pushes,
-                prior.step(scenes, pushes, told.corrected_values(c, pushes, prior.config)),
-            )
-            for c in (0 * more, more)
-        ]
-        slope = ((ends[1] - ends[0]) * weights.numpy()).sum(axis=(1, 2)) / 0.1
-        found = corrections.grad[:, disk, column].numpy()
+        more[np.arange(12), body, column] = 0.1
+        slope = ((pushes.moves(more) - pushes.moves(0 * more)) * weights).sum(axis=(1, 2)) / 0.1
+        found = corrections.grad[np.arange(12), body, column].numpy()
         np.testing.assert_allclose(found, slope, rtol=1e-3, atol=1e-4)
-    assert (corrections.grad[:, 1, told.OF_DISKS :] == 0.0).all()  # of the mid disk's row alone
+    own = corrections.grad[np.arange(12), 1 - body, told.OF_DISKS :]
+    assert (own == 0.0).all()  # of the pushed body's row alone
 
 
-def test_it_finds_out_what_a_laboratory_is_like(laboratory, tmp_path) -> None:
-    config = replace(SHORT, steps=120, learning_rate=1e-2)
-    trainer = CorrectionTrainer(laboratory, PlanarPrior(), config, tmp_path)
-    trainer.run()
-    networks = CorrectionEnsemble(SMALL)
-    networks[0] = trainer.network
-    sain = ParameterCorrection(networks, PlanarPrior())
-    assert error(sain, laboratory.test) < 0.35 * error(PlanarPrior(), laboratory.test)
-    scenes, pushes = laboratory.test.state, laboratory.test.action.copy()
-    corrections, _ = sain.corrections(scenes, pushes, PlanarPrior().step(scenes, pushes))[0]
-    assert np.median(corrections[..., told.PULL_X]) > 0.5
+def wild(seed: int) -> InteractionNetwork:
+    network = new_network(SMALL, seed)
+    for parameter in network.parameters():
+        torch.nn.init.normal_(parameter, std=0.1)
+    return network
+
+
+def test_it_starts_out_as_the_prior_and_a_push_of_no_length_moves_nothing() -> None:
+    scenes, pushes = draw(PAIR, 20, 2)
+    network = new_network(replace(SMALL, members=2), 0)
+    sain = ParameterCorrection(network, PlanarPrior()).with_bodies(PAIR)
+    physics = PlanarPrior().with_bodies(PAIR).step(scenes, pushes)
+    np.testing.assert_allclose(sain.step(scenes, pushes), physics, atol=1e-12)
+    sain = replace(sain, network=wild(0))
+    assert np.abs(sain.step(scenes, pushes) - physics).max() > 1e-3
     pushes[:, LENGTH] = 0.0
     np.testing.assert_array_equal(sain.step(scenes, pushes), scenes)
 
 
-def test_a_killed_training_goes_on_to_the_same_weights(laboratory, tmp_path) -> None:
+def test_members_are_averaged() -> None:
+    scenes, pushes = draw(PAIR, 20, 4)
+    alone = [wild(seed) for seed in range(2)]
+    prior = PlanarPrior().with_bodies(PAIR)
+    ends = [
+        ParameterCorrection(network, prior, bodies=PAIR).step(scenes, pushes) for network in alone
+    ]
+    both = ParameterCorrection(ensemble(alone), prior, bodies=PAIR).step(scenes, pushes)
+    assert np.abs(ends[0] - ends[1])[..., POSITION].max() > 1e-3
+    middle = (ends[0] + ends[1])[..., POSITION] / 2
+    np.testing.assert_allclose(both[..., POSITION], middle, atol=1e-7)
+
+
+def test_it_finds_out_what_a_laboratory_is_like(split: Split, tmp_path: Path) -> None:
+    config = replace(SHORT, epoch_steps=25, learning_rate=1e-2)
+    sain, _ = fit(split, Physics(PlanarPrior()), config, tmp_path)
+    found = evaluate(split.test, {"sain": sain})["after"]["1"]["ratios"]
+    for group in ("pushed, alone", "pushed, one of several"):
+        assert found[group]["sain"]["its prior"]["mm"][0] < 0.6
+
+
+def test_a_killed_training_goes_on_to_the_same_weights(split: Split, tmp_path: Path) -> None:
     class KilledError(Exception):
         pass
 
-    def kill(number: int, history: object) -> None:
-        if number == 2:
+    def kill(epoch: int, history: object) -> None:
+        if epoch == 2:
             raise KilledError
 
-    whole = CorrectionTrainer(laboratory, PlanarPrior(), SHORT, tmp_path / "whole")
+    config = replace(SHORT, network=replace(SMALL, members=2))
+    whole = make_trainer(split, PlanarPrior(), config, tmp_path / "whole")
     whole.run()
     with pytest.raises(KilledError):
-        CorrectionTrainer(laboratory, PlanarPrior(), SHORT, tmp_path / "killed").run(kill)
-    resumed = CorrectionTrainer(laboratory, PlanarPrior(), SHORT, tmp_path / "killed")
+        make_trainer(split, PlanarPrior(), config, tmp_path / "killed").run(kill)
+    resumed = make_trainer(split, PlanarPrior(), config, tmp_path / "killed")
     assert resumed.epoch == 2
     resumed.run()
     for name, value in whole.network.state_dict().items():
         torch.testing.assert_close(resumed.network.state_dict()[name], value, rtol=0, atol=0)
     with pytest.raises(CheckpointError, match="belongs to other settings"):
-        CorrectionTrainer(laboratory, PlanarPrior(), replace(SHORT, steps=30), tmp_path / "killed")
+        make_trainer(split, PlanarPrior(), replace(config, epochs=9), tmp_path / "killed")
 
 
-def test_members_differ_and_are_averaged(laboratory, tmp_path) -> None:
-    config = replace(SHORT, network=replace(SMALL, members=2))
-    networks, histories = train_members(make_trainers(laboratory, PlanarPrior(), config, tmp_path))
-    assert len(networks) == len(histories) == 2
-    scenes, pushes = laboratory.test.state, laboratory.test.action
-    ends = []
-    for member in networks:
-        alone = CorrectionEnsemble(SMALL)
-        alone[0] = member
-        ends.append(ParameterCorrection(alone, PlanarPrior()).step(scenes, pushes)[..., POSITION])
-    assert np.abs(ends[0] - ends[1]).max() > 1e-6
-    both = ParameterCorrection(networks, PlanarPrior()).step(scenes, pushes)[..., POSITION]
-    np.testing.assert_allclose(both, (ends[0] + ends[1]) / 2, atol=1e-9)
+def test_friction_is_inferred_where_it_learned_to() -> None:
+    scenes, pushes = draw(PAIR, 6, 3)
+    truth = PlanarPrior().at(0.19).with_bodies(PAIR).step(scenes, pushes)
+    history = PushHistory(scenes, pushes, truth)
+    sain = ParameterCorrection(new_network(SMALL, 0), PlanarPrior()).with_bodies(PAIR)
+    assert sain.condition(history).prior.config.friction == 0.12
+    learned = replace(sain, friction=FrictionConfig(outline_noise=3e-4)).condition(history)
+    assert learned.prior.config.friction == pytest.approx(0.19, rel=0.05)
+    assert learned.bodies == PAIR
 
 
-def test_the_command_writes_a_checkpoint_that_is_a_dynamics(dataset, tmp_path, capsys) -> None:
-    arguments = [str(dataset), "--out", str(tmp_path), *OPTIONS, "--members", "2"]
-    assert commands.train_correction(arguments) == 0
-    path = tmp_path / "correction.safetensors"
+def test_the_command_writes_a_checkpoint_that_serves_any_bodies(
+    any_bodies: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    options = ["--output", "parameters", "--history", "episode", "--epoch-steps", "2"]
+    options += ["--epochs", "2", "--members", "2"]
+    shares = ["--hidden", "8", "--validation", "0.2", "--test", "0.2"]
+    assert commands.train([str(any_bodies), "--out", str(tmp_path), *options, *shares]) == 0
+    assert "Errors after one push, by bodies" in capsys.readouterr().out
+    path = tmp_path / "sain.safetensors"
+    card = read_card(path)
+    assert card.body_features == 20
+    assert (
+        card.errors["after"]["1"]["errors"]["pushed"]["no motion"]["number"]
+        == card.data["transitions"]["test"]
+    )
     sain = load_dynamics(str(path))
-    assert isinstance(sain, ParameterCorrection) and len(sain.networks) == 2
-    data = load_transitions(dataset)
-    assert np.isfinite(sain.step(data.state, data.action)).all()
-    server = ModelServer(sain, ServingConfig(model=str(path)))
-    residual, after = server.predict(data.state, data.action)
-    physics = sain.prior.step(data.state, data.action)
-    np.testing.assert_allclose(residual[..., POSITION], (after - physics)[..., POSITION])
-    assert server.description.kind == "parameter_correction" and server.description.model_hash
+    assert isinstance(sain, ParameterCorrection)
+    assert sain.filter is not None
+    server, (scenes, pushes) = load_server(ServingConfig(model=str(path))), draw(PAIR, 4, 5)
+    rollout = server.rollout(scenes[0], pushes.reshape(2, 2, -1), bodies=PAIR)
+    shaped = sain.with_bodies(PAIR)
+    first = shaped.step(np.repeat(scenes[:1], 2, axis=0), pushes[::2])
+    np.testing.assert_array_equal(rollout[:, 0], first)
+    assert server.regions(scenes[0], pushes.reshape(2, 2, -1), rollout, bodies=PAIR) is None
+    assert server.description.kind == "parameter_correction"
     path.write_bytes(path.read_bytes()[:-8])
     with pytest.raises(CheckpointError, match="SHA-256"):
         load_dynamics(str(path))
-    with pytest.raises(SystemExit) as refused:
-        commands.train_correction([*arguments, "--prior", "identity"])
-    assert refused.value.code == 2 and "identity" in capsys.readouterr().err
 
 
-def test_without_held_out_episodes_nothing_is_trained(dataset, tmp_path, capsys) -> None:
-    assert (
-        commands.train_correction([str(dataset), "--out", str(tmp_path), *OPTIONS, "--test", "0"])
-        == 1
+def test_what_cannot_be_corrected_is_refused(
+    dataset: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    arguments = [str(dataset), "--out", str(tmp_path), "--output", "parameters"]
+    assert commands.train([*arguments, "--prior", "identity"]) == 1
+    assert "corrects planar or planar_axes, not 'identity'" in " ".join(
+        capsys.readouterr().err.split()
     )
-    assert "errors need held-out episodes; give --test above 0" in capsys.readouterr().err
-    assert not list(tmp_path.iterdir())
-
-
-def test_settings_are_written_when_a_state_was_accepted(dataset, tmp_path) -> None:
-    arguments = [str(dataset), "--out", str(tmp_path), *OPTIONS]
-    assert commands.train_correction(arguments) == 0
-    settings = tmp_path / "config.json"
-    assert json.loads(settings.read_text())["training"]["learning_rate"] == 2e-3
-    kept = settings.read_bytes()
-    assert (
-        commands.train_correction([*arguments, "--learning-rate", "1e-3"]) == 1
-    )  # of another training
-    assert settings.read_bytes() == kept
+    assert commands.train([*arguments, "--steps-ahead", "3"]) == 1
+    assert "--steps-ahead trains residuals" in " ".join(capsys.readouterr().err.split())
 
 
 @pytest.fixture(scope="module")
-def checkpoint(tmp_path_factory) -> Path:
+def checkpoint(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("correction") / "correction.safetensors"
     prior = load_planar(PLANAR_AXES, {"friction": 0.14})
     settings = {"prior": PLANAR_AXES, "prior_config": asdict(prior.config), "network": {}}
-    save_checkpoint(
-        path, CorrectionEnsemble(SMALL), ModelCard(**settings, architecture=CORRECTION_ARCHITECTURE)
-    )
+    save_checkpoint(path, new_network(SMALL, 0), ModelCard(**settings))
     return path
 
 
@@ -203,11 +248,12 @@ def with_card(checkpoint: Path, folder: Path, **changes: object) -> str:
     return str(path)
 
 
-def test_what_a_card_leaves_out_is_the_usual_of_its_own_prior(checkpoint, tmp_path) -> None:
+def test_what_a_card_leaves_out_is_the_default_of_its_own_prior(
+    checkpoint: Path, tmp_path: Path
+) -> None:
     whole = load_dynamics(str(checkpoint))
-    assert isinstance(whole, ParameterCorrection) and whole.prior.config == replace(
-        AXES, friction=0.14
-    )
+    assert isinstance(whole, ParameterCorrection)
+    assert whole.prior.config == replace(AXES, friction=0.14)
     path = with_card(checkpoint, tmp_path, prior_config={"friction": 0.14})
     assert load_dynamics(path).prior.config == whole.prior.config
 
@@ -220,9 +266,12 @@ def test_what_a_card_leaves_out_is_the_usual_of_its_own_prior(checkpoint, tmp_pa
         ({"prior_config": {"friction": -1.0}}, r"PlanarConfig\.friction is -1\.0"),
         ({"prior": "identity"}, "parameters of 'identity' cannot be corrected"),
         ({"network": {"hidden": "16"}}, "network: hidden is '16'; it must be of type int"),
+        ({"network": {"places": 5}}, "places is 5; a map needs --output parameters"),
     ],
 )
-def test_a_card_that_is_not_sound_is_refused(checkpoint, tmp_path, changes, message) -> None:
+def test_a_card_that_is_not_sound_is_refused(
+    checkpoint: Path, tmp_path: Path, changes: dict[str, object], message: str
+) -> None:
     path = with_card(checkpoint, tmp_path, **changes)
     with pytest.raises(CheckpointError, match=rf"correction\.json: .*{message}"):
         load_dynamics(path)

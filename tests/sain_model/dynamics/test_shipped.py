@@ -11,12 +11,12 @@ from sain_core.push import BODY, PushLimits
 from sain_core.scene import make_scene
 from sain_core.shapes.bodies import PAPER_DISKS, Bodies
 from sain_core.types import Pushes, Scene
-from sain_model.dynamics.checkpoint import read_card
 from sain_model.dynamics.load import shipped_checkpoint
 from sain_model.dynamics.sain import SainDynamics
 from sain_model.physics.planar import PlanarPrior
 from sain_model.serving.server import load_server
 from sain_model.serving.settings import ServingConfig
+from tests.sain_model.conftest import read_card
 
 PAIR = ("pushable", "pushable")
 OTHERS = {

@@ -12,10 +12,10 @@ from sain_core.errors import ConfigError
 from sain_core.history import PushHistory
 from sain_core.shapes.bodies import PAPER_DISKS
 from sain_core.types import Pushes, Scenes
-from sain_model.data.dataset import Dataset
+from sain_model.data.dataset import Part
 from sain_model.dynamics.identify import believing_model
 from sain_model.dynamics.sain import SainDynamics
-from sain_model.evaluation.history_errors import predict_with_history
+from sain_model.evaluation.predictors import predict_with_history
 from sain_model.identification import curves
 from sain_model.identification.beliefs import Belief, usual_belief
 from sain_model.identification.evidence import Known
@@ -114,9 +114,9 @@ def test_a_row_knows_the_earlier_pushes_of_its_episode_alone() -> None:
 def test_a_history_and_a_row_of_many_tell_the_same(sain: SainDynamics, random_pushes: Draw) -> None:
     history = seen(random_pushes, replace(TEXTBOOK, friction=0.09))
     nothing = np.full_like(history.state, np.nan)
-    data = Dataset(
+    data = Part(
         history.state, history.action, history.next_state, nothing, np.zeros(COUNT, np.int64),
-        np.arange(COUNT), np.full(COUNT, np.nan), nothing, "",
+        np.arange(COUNT), np.full(COUNT, np.nan), nothing,
     )  # fmt: skip
     rows = predict_with_history(sain, data)
     for push in range(COUNT):

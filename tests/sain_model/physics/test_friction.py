@@ -12,12 +12,9 @@ from sain_core.model import IdentityPrior
 from sain_core.push import LENGTH, mirror_pushes
 from sain_core.scene import POSITION, mirror_scenes
 from sain_core.types import Pushes, Scenes
-from sain_model.data.dataset import Dataset
+from sain_model.data.dataset import Part
 from sain_model.data.friction_noise import fit_noise
 from sain_model.dynamics.sain import SainDynamics
-from sain_model.evaluation.history_errors import earlier_friction
-from sain_model.evaluation.open_loop import predict_open_loop
-from sain_model.evaluation.prediction_errors import evaluate
 from sain_model.network.interaction_network import InteractionNetwork
 from sain_model.physics.friction import FrictionConfig, FrictionFilter
 from sain_model.physics.planar import PlanarPrior
@@ -193,30 +190,10 @@ def test_hindsight_leaves_the_push_itself_out(
     assert told.mean[3] == usual.mean[3]
 
 
-def transitions(draw: Draw, noise: float) -> Dataset:
+def transitions(draw: Draw, noise: float) -> Part:
     scenes, pushes, after = world(draw)
     after[..., POSITION] += np.random.default_rng(2).normal(0, noise, after[..., POSITION].shape)
-    return Dataset(scenes, pushes, after, after, EPISODE, STEP, FRICTIONS, after, "")
-
-
-def test_one_evaluation_infers_once_with_each_physics(
-    random_pushes: Draw, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    data, asked = transitions(random_pushes, 1e-4), []
-    infer = FrictionFilter.log_likelihood
-
-    def count(friction: FrictionFilter, *seen: np.ndarray) -> np.ndarray:
-        asked.append(friction)
-        return infer(friction, *seen)
-
-    monkeypatch.setattr(FrictionFilter, "log_likelihood", count)
-    trusting = FrictionConfig(noise=0.001)
-    sain = SainDynamics(InteractionNetwork(), PlanarPrior(), "planar", friction=trusting)
-    evaluate(data, sain)
-    predict_open_loop(data, {"SAIN": sain}, 2)
-    assert asked == [PlanarPrior().filter(), PlanarPrior().filter(trusting)]
-    earlier_friction(asked[0], data.select(STEP > 0))  # other pushes tell something else
-    assert len(asked) == 3
+    return Part(scenes, pushes, after, after, EPISODE, STEP, FRICTIONS, after)
 
 
 def test_physics_is_trusted_less_where_it_errs_more(random_pushes: Draw) -> None:

@@ -26,7 +26,7 @@ from sain_core.shapes.library import get_shape
 from sain_core.shapes.shape import Shape
 from sain_core.shapes.solids import Compound, Polygon
 from sain_core.types import Points, Pushes, Scenes
-from sain_model.evaluation.baselines import step_as_nominal
+from sain_model.evaluation.named_models import step_as_nominal
 from sain_model.physics.body_table import body_table
 from sain_model.physics.planar import PlanarConfig, PlanarPrior
 from sain_model.physics.planar_config import AXES

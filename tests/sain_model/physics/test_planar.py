@@ -33,7 +33,7 @@ from sain_core.scene import (
     wrap_angle,
 )
 from sain_core.types import Pushes, Scenes
-from sain_model.evaluation.baselines import step_as_nominal
+from sain_model.evaluation.named_models import step_as_nominal
 from sain_model.physics.planar import PlanarConfig, PlanarPrior, check_batch
 from sain_model.physics.planar_config import AXES
 

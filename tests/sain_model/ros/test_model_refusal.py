@@ -68,10 +68,7 @@ SPOILED: dict[str, tuple[Callable[[Path], object], str]] = {
         lambda path: edit_card(path, network={"hidden": 16, "message": 4, "layers": 2}),
         "has shape",
     ),
-    "architecture": (
-        lambda path: edit_card(path, architecture="transformer"),
-        "architecture is 'transformer'",
-    ),
+    "version": (lambda path: edit_card(path, format_version=2), "has format 2; this version"),
     "features": (lambda path: edit_card(path, feature_version=99), "feature_version is 99"),
     "nesting": (
         lambda path: card_path(path).write_text("[" * 100_000),

@@ -12,11 +12,11 @@ from sain_core.push import BODY, make_push
 from sain_core.scene import make_scene
 from sain_core.shapes.bodies import Bodies
 from sain_model import commands
-from sain_model.data.mixed import load_datasets, load_transitions, split_datasets
-from sain_model.dynamics.checkpoint import read_card
-from sain_model.dynamics.load import load_sain
+from sain_model.data.dataset import load_dataset, split_by_episode
+from sain_model.dynamics.load import load_checkpoint
 from sain_model.serving.server import load_server
 from sain_model.serving.settings import ServingConfig
+from tests.sain_model.conftest import read_card
 
 SMALL = ("--hidden", "8", "--message", "4", "--members", "2", "--epochs", "2", "--batch", "16")
 OWN = ("--prior", "planar_axes", "--validation", "0.2", "--test", "0.2")
@@ -30,7 +30,7 @@ def trained(any_bodies: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_all_parts_know_their_bodies_and_pushes_name_theirs(any_bodies: Path) -> None:
-    data = load_datasets([any_bodies])
+    data = load_dataset(any_bodies)
     assert {part.disks for part in data.parts} == {1, 2, 3, 4}
     assert len({part.bodies for part in data.parts}) == len(data.parts)
     rows = 0
@@ -48,8 +48,8 @@ def test_all_parts_know_their_bodies_and_pushes_name_theirs(any_bodies: Path) ->
 def test_no_episode_is_in_two_parts_of_a_split_and_fewer_pushes_can_be_asked_for(
     any_bodies: Path,
 ) -> None:
-    data = load_datasets([any_bodies])
-    split = split_datasets(data, 0, 0.2, 0.2, transitions=20)
+    data = load_dataset(any_bodies)
+    split = split_by_episode(data, 0, 0.2, 0.2, transitions=20)
     episodes = [set(part.episode) for part in (split.train, split.validation, split.test)]
     assert not episodes[0] & episodes[1]
     assert not episodes[1] & episodes[2]
@@ -62,15 +62,17 @@ def test_the_card_states_errors_by_group_and_by_shape(trained: Path) -> None:
     assert card.prior == "planar_axes"
     assert card.friction is not None
     assert card.intervals is not None
-    pushed = card.errors["bodies"]["pushed"]
-    assert pushed["pushes"] == card.errors["transitions"] == card.data["transitions"]["test"]
-    assert 0.0 < pushed["prior_mm"] < 10.0
-    low, high = pushed["ratio_mm"][1:]
-    assert low <= pushed["sain_mm"] / pushed["prior_mm"] <= high
-    assert 0.5 < pushed["coverage"] <= 1.0
-    shapes = card.errors["shapes"]
-    assert set(shapes) <= {"t", "bar", "disk"}
-    assert sum(shape["pushes"] for shape in shapes.values()) == pushed["pushes"]
+    errors = card.errors["after"]["1"]["errors"]
+    pushed, prior = (errors["pushed"][name] for name in ("SAIN, history", "its prior, history"))
+    assert pushed["number"] == card.errors["transitions"] == card.data["transitions"]["test"]
+    assert 0.0 < prior["mm"][0] < 10.0
+    ratio = card.errors["after"]["1"]["ratios"]["pushed"]["SAIN, history"]["its prior, history"]
+    assert ratio["mm"][1] <= pushed["mm"][0] / prior["mm"][0] <= ratio["mm"][2]
+    assert 0.5 < pushed["coverage"][0] <= 1.0
+    shapes = {name: one for name, one in errors.items() if name.startswith("pushed ")}
+    assert set(shapes) <= {"pushed t", "pushed bar", "pushed disk"}
+    total = sum(shape["SAIN, history"]["number"] for shape in shapes.values())
+    assert total == pushed["number"]
 
 
 def test_the_checkpoint_serves_these_shapes(trained: Path) -> None:
@@ -100,7 +102,7 @@ def test_fine_tuning_goes_on_with_pushes_of_any_body(
     assert "pushed bodies: mean error on the test episodes" in capsys.readouterr().out
     card = read_card(tmp_path / "tuned" / "sain.safetensors")
     assert card.errors["fine_tuning"]["bodies"] == "pushed bodies"
-    assert load_sain(tmp_path / "tuned" / "sain.safetensors").network.config.members == 2
+    assert load_checkpoint(tmp_path / "tuned" / "sain.safetensors").network.config.members == 2
     again = [str(any_bodies), "--from", str(trained), "--out", str(tmp_path / "again")]
     assert commands.train(again) == 1
     assert "has learned from this data set already" in " ".join(capsys.readouterr().err.split())
@@ -113,26 +115,27 @@ def test_evaluate_measures_what_it_has_not_seen(
     told = [str(any_bodies), "--checkpoint", str(trained), "--out", str(out)]
     assert commands.evaluate(told) == 0
     report = json.loads(out.read_text())
-    assert report["bodies"] == read_card(trained).errors["bodies"]
+    after = read_card(trained).errors["after"]
+    assert report["after"]["1"]["errors"]["pushed"] == after["1"]["errors"]["pushed"]
 
 
 def test_rollouts_and_what_needs_one_kind_of_scene_refuse_them(
     any_bodies: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    with pytest.raises(DatasetError, match=r"mixes bodies: .*; use one folder for each"):
-        load_transitions(any_bodies)
+    with pytest.raises(
+        DatasetError, match=r"scenes with the same bodies are needed, not: .*; give one folder"
+    ):
+        _ = load_dataset(any_bodies).alike
     arguments = [str(any_bodies), "--out", str(tmp_path), *OWN, "--steps-ahead", "2"]
     assert commands.train(arguments) == 1
-    assert "--steps-ahead needs scenes with the same bodies" in " ".join(
-        capsys.readouterr().err.split()
-    )
+    assert "scenes with the same bodies are needed" in " ".join(capsys.readouterr().err.split())
 
 
 def test_a_push_of_a_body_that_is_not_there_is_refused(any_bodies: Path, tmp_path: Path) -> None:
     path = sorted(any_bodies.glob("shard-*.npz"))[0]
     with np.load(path) as shard:
         content = dict(shard)
-    content["body"][1] = 7
+    content["action"][1, BODY] = 7
     np.savez(tmp_path / "shard-00000.npz", **content)
     with pytest.raises(DatasetError, match="row 1 pushes body 7; pushable are 0"):
-        load_datasets([tmp_path])
+        load_dataset(tmp_path)

@@ -10,16 +10,16 @@ import pytest
 from rich.console import Console
 
 from sain_core.errors import CheckpointError, DatasetError
+from sain_core.push import LOCATION
 from sain_core.scene import unit
 from sain_model import commands
-from sain_model.cli import train as train_cli
 from sain_model.cli.evaluate import unseen
-from sain_model.data.dataset import Dataset
-from sain_model.data.mixed import load_transitions
-from sain_model.dynamics.checkpoint import read_card
-from sain_model.dynamics.load import load_sain
+from sain_model.data.dataset import Part, load_dataset
+from sain_model.dynamics.load import load_checkpoint
 from sain_model.dynamics.sain import SainDynamics
-from sain_model.training.fine_tuning import Parent
+from sain_model.training.fine_tuning import Parent, gain_line
+from sain_model.training.trainer import Trainer
+from tests.sain_model.conftest import read_card
 
 SMALL = ("--hidden", "8", "--message", "4", "--members", "2")
 LEARN = ("--epochs", "20", "--batch", "16", "--learning-rate", "0.01")
@@ -33,7 +33,7 @@ def run(*arguments: object) -> int:
 def parent(dataset: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A small ensemble that has learned from the data set of all these tests."""
     out = tmp_path_factory.mktemp("parent")
-    assert run(dataset, "--out", out, "--epochs", 5, "--history", "earlier", *SMALL) == 0
+    assert run(dataset, "--out", out, "--epochs", 5, *SMALL) == 0
     return out / "sain.safetensors"
 
 
@@ -45,7 +45,7 @@ def world(dataset: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
         arrays = dict(np.load(shard))
         state, after = (arrays[name].reshape(-1, 2, 8) for name in ("state", "next_state"))
         way = np.linalg.norm((after - state)[:, 1, :2], axis=-1)
-        after[:, 1, :2] += 0.3 * way[:, None] * unit(arrays["action"][:, 0])
+        after[:, 1, :2] += 0.3 * way[:, None] * unit(arrays["action"][:, LOCATION])
         del arrays["friction"], arrays["floor_next"]
         np.savez_compressed(folder / shard.name, **arrays)
     return folder
@@ -64,7 +64,7 @@ def error(message: str) -> Callable[[pytest.CaptureFixture[str]], bool]:
 
 
 def test_it_is_the_parent_with_other_weights_and_regions(parent: Path, child: Path) -> None:
-    before, after = load_sain(parent), load_sain(child)
+    before, after = load_checkpoint(parent), load_checkpoint(child)
     assert isinstance(after, SainDynamics)
     assert after.network.config == before.network.config
     assert after.prior_name == before.prior_name
@@ -73,7 +73,7 @@ def test_it_is_the_parent_with_other_weights_and_regions(parent: Path, child: Pa
     assert after.model_hash != before.model_hash
     assert after.intervals is not None and after.intervals != before.intervals
     settings = read_card(child).training
-    assert settings["history"] == "earlier" and settings["validation"] == 0.2
+    assert settings["history"] == "episode" and settings["validation"] == 0.2
 
 
 def test_it_errs_less_where_it_learned(child: Path) -> None:
@@ -93,7 +93,7 @@ def test_the_card_tells_where_it_came_from(parent: Path, child: Path, dataset: P
         before.weights_sha256,
     ]
     assert family[1] == replace(before, errors={})
-    assert family[1].data["sha256"] == load_transitions(dataset).sha256
+    assert family[1].data["sha256"] == load_dataset(dataset).sha256
     assert list(before.lineage()) == [before]
     with pytest.raises(CheckpointError, match="parent on a card is no card"):
         list(replace(card, parent={"colour": "red"}).lineage())
@@ -102,10 +102,10 @@ def test_the_card_tells_where_it_came_from(parent: Path, child: Path, dataset: P
 def test_nothing_that_an_ancestor_learned_from_counts_as_held_out(
     parent: Path, child: Path, dataset: Path, world: Path
 ) -> None:
-    old, new = load_transitions(dataset), load_transitions(world)
+    old, new = load_dataset(dataset), load_dataset(world)
     by_parent, by_child = unseen(old, read_card(parent)), unseen(old, read_card(child))
     assert 0 < len(by_child) < len(old)
-    assert np.array_equal(by_child.action, by_parent.action)
+    assert np.array_equal(by_child.alike.action, by_parent.alike.action)
     assert 0 < len(unseen(new, read_card(child))) < len(new)
 
 
@@ -113,9 +113,9 @@ def test_the_same_command_gives_the_same_bytes_also_after_a_stop(
     parent: Path, child: Path, world: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     command = (world, "--from", parent, "--out", tmp_path, *LEARN)
-    whole = train_cli.Trainer.run
+    whole = Trainer.run
 
-    def stopped(self: train_cli.Trainer, progress: Callable[..., None]) -> None:
+    def stopped(self: Trainer, progress: Callable[..., None]) -> None:
         def stop(epoch: int, history: object) -> None:
             if epoch == 7:
                 raise KeyboardInterrupt
@@ -123,7 +123,7 @@ def test_the_same_command_gives_the_same_bytes_also_after_a_stop(
         whole(self, stop)
 
     with monkeypatch.context() as patch:
-        patch.setattr(train_cli.Trainer, "run", stopped)
+        patch.setattr(Trainer, "run", stopped)
         assert run(*command) == 130
     assert not (tmp_path / "sain.safetensors").exists()
     assert run(*command) == 0
@@ -163,7 +163,7 @@ def test_where_nothing_helps_the_parents_weights_stay(
         (["--members", "5"], "--members is 5; {} has 2, and its weights fit nothing else"),
         (["--features", "world"], "--features is 'world'; {} has 'push'"),
         (["--prior", "planar_axes"], "--prior is 'planar_axes'; {} has 'planar'"),
-        (["--history", "none"], "--history is 'none'; {} has 'earlier'"),
+        (["--history", "none"], "--history is 'none'; {} has 'episode'"),
         (["--prior-friction", "0.2"], "--prior-friction is 0.2; {} has 0.12"),
         (["--preset", "paper"], "--preset paper is for new weights"),
         (["--steps-ahead", "3"], "--steps-ahead is for new weights"),
@@ -191,7 +191,7 @@ def test_what_agrees_with_the_parent_may_be_said(parent: Path, world: Path, tmp_
 def test_data_that_an_ancestor_has_seen_are_refused(
     parent: Path, child: Path, dataset: Path, world: Path
 ) -> None:
-    old, new = load_transitions(dataset), load_transitions(world)
+    old, new = load_dataset(dataset), load_dataset(world)
     Parent.load(str(parent)).check_data(new)
     for checkpoint, data in ((parent, old), (child, old), (child, new)):
         with pytest.raises(DatasetError, match="has learned from this data set already"):
@@ -211,6 +211,10 @@ def test_what_cannot_be_a_parent_is_refused(dataset: Path, tmp_path: Path) -> No
     assert run(dataset, "--out", rolled, *options) == 0
     with pytest.raises(CheckpointError, match="was trained on rollouts"):
         Parent.load(str(rolled / "sain.safetensors"))
+    short = ("--epochs", 1, "--epoch-steps", 1, "--hidden", 8)
+    assert run(dataset, "--out", tmp_path / "inside", "--output", "parameters", *short) == 0
+    with pytest.raises(CheckpointError, match="corrects parameters; only residuals can"):
+        Parent.load(str(tmp_path / "inside" / "sain.safetensors"))
 
 
 def test_the_shipped_checkpoint_can_be_a_parent() -> None:
@@ -227,7 +231,7 @@ def test_a_card_with_settings_of_nonsense_is_refused(parent: Path, tmp_path: Pat
     card = json.loads(parent.with_suffix(".json").read_text())
     card["training"]["loss"]["robust"] = "very"
     path.with_suffix(".json").write_text(json.dumps(card))
-    load_sain(path)  # it can be served all the same
+    load_checkpoint(path)  # it can be served all the same
     with pytest.raises(CheckpointError, match=r"training.loss: robust is 'very'"):
         _ = Parent.load(str(path)).settings
 
@@ -235,7 +239,7 @@ def test_a_card_with_settings_of_nonsense_is_refused(parent: Path, tmp_path: Pat
 def test_one_episode_less_than_the_parts_is_too_few(
     parent: Path, world: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    few = first_episodes(load_transitions(world), 2)
+    few = first_episodes(load_dataset(world).alike, 2)
     arrays = {
         "state": few.state.reshape(len(few), -1),
         "action": few.action,
@@ -250,12 +254,12 @@ def test_one_episode_less_than_the_parts_is_too_few(
     assert run(*command, "--test", 0) == 0
 
 
-def first_episodes(data: Dataset, count: int) -> Dataset:
+def first_episodes(data: Part, count: int) -> Part:
     return data.select(np.isin(data.episode, np.unique(data.episode)[:count]))
 
 
 def test_the_summary_fits_a_line_of_text(child: Path) -> None:
     console = Console(record=True, width=200)
-    console.print(train_cli.gain_line(read_card(child).errors["fine_tuning"], "sain", "test"))
+    console.print(gain_line(read_card(child).errors["fine_tuning"], "sain", "test"))
     line = console.export_text()
     assert "mm with sain, " in line and "ratio 0." in line and line.count("[") == 1

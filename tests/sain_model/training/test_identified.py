@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from sain_model import commands
-from sain_model.dynamics.checkpoint import read_card
-from sain_model.dynamics.load import load_sain
+from sain_model.dynamics.load import load_checkpoint
 from sain_model.identification.belief_file import write_belief
 from sain_model.identification.beliefs import Belief
 from sain_model.identification.parameters import COUNT
@@ -16,6 +15,7 @@ from sain_model.identification.structures import Structure
 from sain_model.physics.friction import FrictionConfig
 from sain_model.physics.planar import PlanarPrior
 from sain_model.physics.planar_config import AXES, TEXTBOOK
+from tests.sain_model.conftest import read_card
 
 SMALL = ("--hidden", "8", "--message", "4", "--epochs", "2")
 LAB = replace(TEXTBOOK, friction=0.15, tool_friction=0.2)
@@ -43,7 +43,7 @@ def test_the_likeliest_physics_is_the_prior(
     belief = believe(tmp_path / "belief.json", odds)
     assert run(dataset, "--belief", belief, "--out", tmp_path / "out", *SMALL) == 0
     path = tmp_path / "out" / "sain.safetensors"
-    model, card = load_sain(path), read_card(path)
+    model, card = load_checkpoint(path), read_card(path)
     assert isinstance(model.prior, PlanarPrior)
     assert (model.prior.config, model.prior_name) == (config, name)
     assert card.training["prior"] == name
@@ -54,7 +54,7 @@ def test_the_likeliest_physics_is_the_prior(
 def test_without_history_friction_is_not_inferred(dataset: Path, tmp_path: Path) -> None:
     belief, out = believe(tmp_path / "belief.json", 1.0), tmp_path / "out"
     assert run(dataset, "--belief", belief, "--history", "none", "--out", out, *SMALL) == 0
-    assert load_sain(out / "sain.safetensors").friction is None
+    assert load_checkpoint(out / "sain.safetensors").friction is None
 
 
 @pytest.mark.parametrize(

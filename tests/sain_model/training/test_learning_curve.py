@@ -6,8 +6,7 @@ import pytest
 
 from sain_core.errors import CheckpointError, DatasetError
 from sain_model import commands
-from sain_model.data.dataset import Split, split_by_episode
-from sain_model.data.mixed import load_transitions
+from sain_model.data.dataset import Split, load_dataset, split_by_episode
 from sain_model.network.settings import NetworkConfig
 from sain_model.training.learning_curve import Point, learning_curve
 from sain_model.training.settings import TrainingConfig
@@ -19,7 +18,7 @@ SMALL = TrainingConfig(batch=16, network=NetworkConfig(hidden=8, message=4, laye
 
 @pytest.fixture
 def split(dataset: Path) -> Split:
-    return split_by_episode(load_transitions(dataset), 0, 0.2, 0.2)
+    return split_by_episode(load_dataset(dataset), 0, 0.2, 0.2)
 
 
 def test_every_size_is_learned_from_with_physics_and_without(split: Split, tmp_path: Path) -> None:
@@ -61,7 +60,7 @@ def test_more_than_there_is_cannot_be_learned_from(split: Split, tmp_path: Path)
 
 
 def test_without_held_out_episodes_nothing_is_trained(dataset: Path, tmp_path: Path) -> None:
-    split = split_by_episode(load_transitions(dataset), 0, 0.2, 0.0)
+    split = split_by_episode(load_dataset(dataset), 0, 0.2, 0.0)
     with pytest.raises(DatasetError, match="errors need held-out episodes; give --test above 0"):
         learning_curve(split, SMALL, SIZES, STEPS, tmp_path)
     assert commands.learning_curve([str(dataset), "--out", str(tmp_path), "--test", "0"]) == 1

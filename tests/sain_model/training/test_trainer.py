@@ -7,52 +7,52 @@ import pytest
 import torch
 
 from sain_core.bootstrap import bootstrap_mean
+from sain_core.dataset import MOVED
 from sain_core.errors import CheckpointError
 from sain_core.model import load_dynamics
+from sain_core.scene import POSITION, TARGET
 from sain_core.seeding import generator
 from sain_model import commands
-from sain_model.data.dataset import Split, split_by_episode
+from sain_model.data.dataset import Split, load_dataset, split_by_episode
 from sain_model.data.examples import Examples
-from sain_model.data.mixed import load_transitions
-from sain_model.dynamics.loss import mixed_loss
 from sain_model.dynamics.sain import SainDynamics
-from sain_model.dynamics.settings import LossConfig
-from sain_model.evaluation.metrics import measure
-from sain_model.evaluation.prediction_errors import evaluate
+from sain_model.evaluation.errors import TARGET_MOVED, TARGETS, evaluate, position_errors
 from sain_model.network.settings import NetworkConfig
 from sain_model.physics.planar import PlanarPrior
-from sain_model.training.push_training import Trainer
-from sain_model.training.settings import TrainingConfig
-from tests.sain_model.conftest import write_dataset
+from sain_model.training.loss import mixed_loss
+from sain_model.training.settings import LossConfig, TrainingConfig
+from tests.sain_model.conftest import make_trainer, write_dataset
 
 SMALL = NetworkConfig(hidden=32, message=8)
 
 
 @pytest.fixture
 def split(dataset: Path) -> Split:
-    return split_by_episode(load_transitions(dataset), 0, 0.2, 0.2)
+    return split_by_episode(load_dataset(dataset), 0, 0.2, 0.2)
 
 
 def test_training_learns_a_residual(tmp_path: Path) -> None:
-    split = split_by_episode(load_transitions(write_dataset(tmp_path, 100)), 0, 0.2, 0.2)
+    split = split_by_episode(load_dataset(write_dataset(tmp_path, 100)), 0, 0.2, 0.2)
     config = TrainingConfig(
         epochs=60, batch=16, network=SMALL, loss=LossConfig(position_scale=0.005)
     )
     prior = PlanarPrior()
-    trainer = Trainer(split, prior, config, tmp_path)
+    trainer = make_trainer(split, prior, config, tmp_path)
     trainer.run()
     sain = SainDynamics(trainer.network, prior, "planar")
-    test = split.test
-    before = measure(prior.step(test.state, test.action), test, 0)
-    after = measure(sain.step(test.state, test.action), test, 0)
-    assert after["target_mean"] < 0.6 * before["target_mean"]
+    test = split.test.alike
+    before, after = (
+        position_errors(model.step(test.state, test.action), test.next_state, TARGET)
+        for model in (prior, sain)
+    )
+    assert after.mean() < 0.6 * before.mean()
     history = trainer.history
     assert history.validation[history.best] == min(history.validation)
 
 
 def test_a_killed_training_goes_on_to_the_same_weights(split: Split, tmp_path: Path) -> None:
     config = TrainingConfig(epochs=4, batch=32, network=SMALL)
-    whole = Trainer(split, PlanarPrior(), config, tmp_path / "whole")
+    whole = make_trainer(split, PlanarPrior(), config, tmp_path / "whole")
     whole.run()
 
     class KillError(Exception):
@@ -63,8 +63,8 @@ def test_a_killed_training_goes_on_to_the_same_weights(split: Split, tmp_path: P
             raise KillError
 
     with pytest.raises(KillError):
-        Trainer(split, PlanarPrior(), config, tmp_path / "cut").run(kill)
-    resumed = Trainer(split, PlanarPrior(), config, tmp_path / "cut")
+        make_trainer(split, PlanarPrior(), config, tmp_path / "cut").run(kill)
+    resumed = make_trainer(split, PlanarPrior(), config, tmp_path / "cut")
     assert resumed.epoch == 2
     resumed.run()
     assert resumed.history == whole.history
@@ -74,12 +74,12 @@ def test_a_killed_training_goes_on_to_the_same_weights(split: Split, tmp_path: P
 
 def test_a_state_of_other_settings_or_damaged_is_refused(split: Split, tmp_path: Path) -> None:
     config = TrainingConfig(epochs=1, network=SMALL)
-    Trainer(split, PlanarPrior(), config, tmp_path).run()
+    make_trainer(split, PlanarPrior(), config, tmp_path).run()
     with pytest.raises(CheckpointError, match="belongs to other settings or data"):
-        Trainer(split, PlanarPrior(), TrainingConfig(epochs=2, network=SMALL), tmp_path)
-    (tmp_path / Trainer.STATE).write_bytes(b"half")
+        make_trainer(split, PlanarPrior(), TrainingConfig(epochs=2, network=SMALL), tmp_path)
+    (tmp_path / "training.pt").write_bytes(b"half")
     with pytest.raises(CheckpointError, match="is damaged"):
-        Trainer(split, PlanarPrior(), config, tmp_path)
+        make_trainer(split, PlanarPrior(), config, tmp_path)
 
 
 def test_the_loss_is_the_papers() -> None:
@@ -110,7 +110,8 @@ def test_the_command_lines_end_in_a_checkpoint_and_a_report(dataset: Path, tmp_p
     card = json.loads((out / "sain.json").read_text())
     assert card["data"]["episodes"] == {"train": 12, "validation": 2, "test": 6}
     assert sum(card["data"]["transitions"].values()) == 120
-    assert card["errors"]["all"]["SAIN"]["pushes"] == card["data"]["transitions"]["test"]
+    errors = card["errors"]["after"]["1"]["errors"][TARGETS]
+    assert errors["SAIN"]["number"] == card["data"]["transitions"]["test"]
     sain = load_dynamics(str(out / "sain.safetensors"))
     assert isinstance(sain, SainDynamics) and sain.kind == "residual"
     assert sain.friction is not None and asdict(sain.friction) == card["friction"]
@@ -121,17 +122,18 @@ def test_the_command_lines_end_in_a_checkpoint_and_a_report(dataset: Path, tmp_p
     )
     report = tmp_path / "errors.json"
     arguments = ["--checkpoint", str(out / "sain.safetensors"), "--out", str(report)]
-    arguments += ["--learned", str(learned / "sain.safetensors")]
+    arguments += ["--beside", str(learned / "sain.safetensors")]
     assert commands.evaluate([str(dataset), *arguments]) == 0
     errors = json.loads(report.read_text())
     assert errors["transitions"] == card["data"]["transitions"]["test"]
-    assert errors["all"]["SAIN"] == card["errors"]["all"]["SAIN"]
-    assert set(errors["all"]) == {
+    groups = errors["after"]["1"]["errors"]
+    assert groups[TARGETS]["SAIN"] == card["errors"]["after"]["1"]["errors"][TARGETS]["SAIN"]
+    assert set(groups[TARGETS]) == {
         "no motion",
         "planar, nominal",
         "bullet, nominal",
         "planar, measured",
-        "planar, true",
+        "planar, true friction",
         "learned only",
         "SAIN",
         "planar, history",
@@ -140,12 +142,11 @@ def test_the_command_lines_end_in_a_checkpoint_and_a_report(dataset: Path, tmp_p
         "SAIN, true friction",
         "floor",
     }
-    groups = errors["by_history"]
-    assert [group["earlier"] for group in groups] == ["0", "1", "2", "3+"]
-    assert [group["pushes"] for group in groups] == [6, 6, 6, 18]
-    assert groups[0]["target_mean"]["SAIN, history"] == groups[0]["target_mean"]["SAIN"]
-    assert groups[3]["target_mean"]["SAIN, history"] != groups[3]["target_mean"]["SAIN"]
-    assert errors["all"]["floor"]["target_mean"] == pytest.approx(0.1 * 2**0.5)
+    earlier = [groups[f"target, {name} earlier"] for name in ("0", "1", "2", "3+")]
+    assert [group["SAIN"]["number"] for group in earlier] == [6, 6, 6, 18]
+    assert earlier[0]["SAIN, history"]["mm"] == earlier[0]["SAIN"]["mm"]
+    assert earlier[3]["SAIN, history"]["mm"] != earlier[3]["SAIN"]["mm"]
+    assert groups[TARGETS]["floor"]["mm"][0] == pytest.approx(0.1 * 2**0.5)
 
 
 def test_a_command_line_says_what_is_wrong(
@@ -159,14 +160,16 @@ def test_a_command_line_says_what_is_wrong(
 
 
 def test_errors_are_what_they_say(dataset: Path) -> None:
-    data = load_transitions(dataset)
-    result = evaluate(data)
-    truth = PlanarPrior().step(data.state, data.action)
-    off = 1e3 * np.linalg.norm((truth - data.next_state)[:, 1, :2], axis=-1)
-    assert result["all"]["planar, measured"]["target_mean"] == pytest.approx(off.mean())
-    assert result["all"]["planar, measured"]["target_p95"] == pytest.approx(np.quantile(off, 0.95))
-    assert result["moved"] == result["target_moved"]["no motion"]["pushes"]
-    shares = result["reducible_error_removed"]
+    data = load_dataset(dataset)
+    found, part = evaluate(data, {}), data.alike
+    groups = found["after"]["1"]["errors"]
+    off = position_errors(PlanarPrior().step(part.state, part.action), part.next_state, TARGET)
+    row = groups[TARGETS]["planar, measured"]
+    assert row["mm"][0] == pytest.approx(off.mean())
+    assert row["p95"] == pytest.approx(np.quantile(off, 0.95))
+    moved = np.linalg.norm((part.next_state - part.state)[:, TARGET, POSITION], axis=-1) > MOVED
+    assert groups[TARGET_MOVED]["no motion"]["number"] == moved.sum()
+    shares = found["removed"][TARGET_MOVED]
     assert shares["planar, measured"] == pytest.approx(0.0, abs=1e-9)
     assert shares["no motion"] < 0.0
 

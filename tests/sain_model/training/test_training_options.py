@@ -20,35 +20,30 @@ from sain_core.cli.command_line import read_options
 from sain_core.errors import ConfigError
 from sain_model import commands
 from sain_model.cli.options import train_options
-from sain_model.data.batches import Batches
-from sain_model.data.dataset import Split, split_by_episode
-from sain_model.data.mixed import load_transitions
+from sain_model.data.dataset import Split, load_dataset, split_by_episode
 from sain_model.network.settings import NetworkConfig
 from sain_model.physics.planar import PlanarPrior
-from sain_model.training.options import (
-    LAMBDA,
-    PAPER,
-    PAPER_EPOCHS,
-    PAPER_STEPS,
-    PRESETS,
-    TrainOptions,
-)
 from sain_model.training.progress import FOLDER, event_log
-from sain_model.training.push_training import Trainer
 from sain_model.training.settings import (
     ADAM,
     HALVING_EPOCHS,
     HALVING_STEPS,
+    LAMBDA,
+    PAPER,
+    PRESETS,
     OptimizerConfig,
     TrainingConfig,
+    TrainOptions,
 )
+from sain_model.training.trainer import Batches
+from tests.sain_model.conftest import make_trainer
 
 SMALL = NetworkConfig(hidden=8, message=4)
 
 
 @pytest.fixture
 def split(dataset: Path) -> Split:
-    return split_by_episode(load_transitions(dataset), 0, 0.2, 0.2)
+    return split_by_episode(load_dataset(dataset), 0, 0.2, 0.2)
 
 
 def test_the_learning_rate_falls_along_a_cosine_or_by_halves() -> None:
@@ -77,8 +72,9 @@ def test_adam_adds_the_l2_term_of_equation_5() -> None:
 
 
 def test_an_epoch_of_so_many_steps_goes_on_where_the_last_one_stopped() -> None:
-    by_steps = Batches(3, 16, np.arange(100), steps=3)
-    by_pass = Batches(3, 16, np.arange(100))
+    config = TrainingConfig(seed=3, batch=16)
+    by_steps = Batches(replace(config, epoch_steps=3), np.arange(100), 1)
+    by_pass = Batches(config, np.arange(100), 1)
     steps = [rows for epoch in range(7) for rows in by_steps.epoch(epoch)]
     passes = [rows for epoch in range(3) for rows in by_pass.epoch(epoch)]
     assert len(steps) == len(passes) == 21
@@ -87,11 +83,11 @@ def test_an_epoch_of_so_many_steps_goes_on_where_the_last_one_stopped() -> None:
 
 def test_patience_ends_a_training_that_brings_nothing_more(split: Split, tmp_path: Path) -> None:
     config = TrainingConfig(epochs=60, batch=16, network=SMALL, patience=3, learning_rate=0.05)
-    stopped = Trainer(split, PlanarPrior(), config, tmp_path)
+    stopped = make_trainer(split, PlanarPrior(), config, tmp_path)
     stopped.run()
     history = stopped.history
     assert stopped.epoch < 60 and stopped.epoch == history.best + 1 + 3
-    again = Trainer(split, PlanarPrior(), config, tmp_path)
+    again = make_trainer(split, PlanarPrior(), config, tmp_path)
     again.run()  # it is finished: it only takes the best weights
     assert again.history == history
     for name, value in stopped.network.state_dict().items():
@@ -100,9 +96,9 @@ def test_patience_ends_a_training_that_brings_nothing_more(split: Split, tmp_pat
 
 def test_only_validated_epochs_can_be_best(split: Split, tmp_path: Path) -> None:
     config = TrainingConfig(epochs=8, batch=16, network=SMALL)
-    every = Trainer(split, PlanarPrior(), config, tmp_path / "1")
+    every = make_trainer(split, PlanarPrior(), config, tmp_path / "1")
     every.run()
-    third = Trainer(split, PlanarPrior(), replace(config, validate_every=3), tmp_path / "3")
+    third = make_trainer(split, PlanarPrior(), replace(config, validate_every=3), tmp_path / "3")
     third.run()
     assert third.history.train == every.history.train
     losses = every.history.validation
@@ -130,8 +126,9 @@ def test_the_papers_settings_are_one_word_and_can_be_changed() -> None:
     changed = parsed(["d", "--out", "o", "--preset", "paper", "--validation", "0.1"])
     assert changed.training == replace(PAPER, validation=0.1)
     assert parsed(["d", "--out", "o"]).training == TrainingConfig()
-    assert PAPER_STEPS.epochs * PAPER_STEPS.epoch_steps == 8000
-    assert PAPER_EPOCHS.optimizer.rate(7999, 8000, 10**7) == 0.125
+    steps, epochs = PRESETS["paper-steps"], PRESETS["paper-epochs"]
+    assert steps.epochs * steps.epoch_steps == 8000
+    assert epochs.optimizer.rate(7999, 8000, 10**7) == 0.125
     with pytest.raises(ConfigError, match=r"OptimizerConfig.schedule is 'linear'"):
         OptimizerConfig(schedule="linear")
 
@@ -171,7 +168,7 @@ def events(folder: Path) -> list[tuple[str, int, float]]:
 def test_tensorboard_gets_the_losses(dataset: Path, tmp_path: Path) -> None:
     options = ["--epochs", "3", "--hidden", "8", "--tensorboard"]
     assert commands.train([str(dataset), "--out", str(tmp_path), *options]) == 0
-    state = torch.load(tmp_path / Trainer.STATE, weights_only=True)
+    state = torch.load(tmp_path / "training.pt", weights_only=True)
     expected = [
         (f"loss/{name}", epoch, pytest.approx(state[name][epoch - 1]))
         for epoch in (1, 2, 3)
@@ -200,7 +197,7 @@ def test_an_ensemble_that_is_killed_in_training_ends_in_the_same_bytes(
     dataset: Path, tmp_path: Path
 ) -> None:
     options = ["--epochs", "25", "--hidden", "8", "--message", "4", "--batch", "8"]
-    options += ["--members", "3", "--history", "earlier"]
+    options += ["--members", "3"]
     assert commands.train([str(dataset), "--out", str(tmp_path / "whole"), *options]) == 0
     cut = tmp_path / "cut"
     command = [
@@ -215,13 +212,13 @@ def test_an_ensemble_that_is_killed_in_training_ends_in_the_same_bytes(
         stdout=subprocess.DEVNULL,
         start_new_session=True,
     )
-    while not (cut / Trainer.STATE).exists():
+    while not (cut / "training.pt").exists():
         assert child.poll() is None
         time.sleep(0.005)
     os.killpg(child.pid, signal.SIGKILL)
     assert child.wait() == -signal.SIGKILL
     assert not (cut / "sain.safetensors").exists()
-    done = len(torch.load(cut / Trainer.STATE, weights_only=True)["train"])
+    done = len(torch.load(cut / "training.pt", weights_only=True)["train"])
     assert 1 <= done < 25
     assert commands.train([str(dataset), "--out", str(cut), *options]) == 0
     whole = (tmp_path / "whole" / "sain.safetensors").read_bytes()

@@ -10,9 +10,8 @@ from sain_core.provenance import ros2_command
 from sain_core.storage import make_folder, write_json, write_whole
 from sain_eval.calibrate import Calibration, calibrate
 from sain_eval.cli.options import CalibrateOptions
-from sain_model.data.dataset import Dataset
-from sain_model.data.mixed import load_transitions
-from sain_model.evaluation.markdown import markdown_table
+from sain_model.data.dataset import Dataset, load_dataset
+from sain_model.evaluation.tables import markdown_table
 from sain_sim.collecting.collect import CollectConfig, collect
 from sain_sim.collecting.episode import EpisodeConfig
 
@@ -35,7 +34,7 @@ def run(command: CalibrateOptions, console: Console) -> None:
             bar.update(task, completed=evaluations, cost=cost)
 
         calibration = calibrate(
-            data, command.fit_share, command.evaluations, command.seed, command.axes, advance
+            data.alike, command.fit_share, command.evaluations, command.seed, command.axes, advance
         )
     command_text = ros2_command("sain_eval", "calibrate")
     text = markdown(calibration, data, command_text)
@@ -70,7 +69,7 @@ def markdown(calibration: Calibration, data: Dataset, command: str) -> str:
 
 def _data(command: CalibrateOptions, console: Console) -> Dataset:
     if command.dataset is not None:
-        return load_transitions(command.dataset)
+        return load_dataset(command.dataset)
     folder = command.out / "data"
     episode = EpisodeConfig(floor_episodes=command.episodes)
     config = CollectConfig(
@@ -79,7 +78,7 @@ def _data(command: CalibrateOptions, console: Console) -> Dataset:
     with _bar(console) as bar:
         task = bar.add_task("collect", total=command.episodes, cost=float("nan"))
         collect(config, lambda episodes, transitions: bar.update(task, completed=episodes))
-    return load_transitions(folder)
+    return load_dataset(folder)
 
 
 def _bar(console: Console) -> Progress:

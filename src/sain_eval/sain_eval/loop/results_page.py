@@ -15,7 +15,7 @@ from sain_eval.loop.controllers import ORACLE
 from sain_eval.loop.results import RESULTS_FILE, SCHEMA
 from sain_eval.loop.tables import solved_text, within_text
 from sain_eval.scenes.scenarios import SCENARIOS
-from sain_model.evaluation.markdown import markdown_table
+from sain_model.evaluation.tables import markdown_table
 
 NUMBER: Final = (int, float)
 MAYBE: Final = (int, float, type(None))

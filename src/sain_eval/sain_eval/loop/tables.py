@@ -9,7 +9,7 @@ from typing import Any, Final
 from sain_core.shapes.solids import DISK
 from sain_eval.loop.controllers import BASELINES
 from sain_eval.loop.results import SceneRecord, summarise
-from sain_model.evaluation.markdown import markdown_table
+from sain_model.evaluation.tables import markdown_table
 
 HEADER: Final = (
     "scenario", "controller", "within", "solved", "95 % interval", "pushes", "prediction error",

@@ -1,111 +1,88 @@
 """``ros2 run sain_model evaluate``: prediction errors of all kinds of dynamics."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 import torch
 from rich.console import Console
 
 from sain_core.dataset import draw_parts
-from sain_core.errors import CheckpointError, ConfigError, DatasetError
+from sain_core.errors import CheckpointError, DatasetError
 from sain_core.model import Model
 from sain_core.provenance import ros2_command
 from sain_core.push import LENGTH
-from sain_core.storage import write_json
+from sain_core.storage import write_json, write_whole
 from sain_core.types import Mask
 from sain_model.cli.options import EvaluateModelOptions
-from sain_model.data.dataset import Dataset
-from sain_model.data.mixed import MixedDataset, load_datasets
+from sain_model.data.dataset import Dataset, load_dataset
 from sain_model.data.windows import make_windows
 from sain_model.dynamics.checkpoint import ModelCard, parse_card
-from sain_model.dynamics.load import load_sain, load_shipped, shipped_checkpoint
-from sain_model.dynamics.sain import SainDynamics
-from sain_model.evaluation.baselines import followed, open_models, refusals
-from sain_model.evaluation.error_table import error_tables
-from sain_model.evaluation.metrics import LEARNED
-from sain_model.evaluation.open_loop import NAMES, RECURRENT_SAIN
-from sain_model.evaluation.open_loop_report import report_open_loop
-from sain_model.evaluation.prediction_errors import evaluate
-from sain_model.evaluation.shape_errors import shape_errors
-
-AnyData = TypeVar("AnyData", Dataset, MixedDataset)
+from sain_model.dynamics.load import load_checkpoint, load_shipped, shipped_checkpoint
+from sain_model.evaluation.errors import TARGET_MOVED, Figures, report
+from sain_model.evaluation.named_models import followed, open_models, refusals
+from sain_model.evaluation.predictors import NAMES, Predictions, predict_all
+from sain_model.evaluation.rollout_plot import save_rollout_plot
+from sain_model.evaluation.tables import error_tables, rollout_markdown
 
 
 def run(command: EvaluateModelOptions, console: Console) -> None:
-    """Evaluate, print a table and write the JSON.
+    """Evaluate, print tables and write JSON, Markdown and picture.
 
     Raises:
         DatasetError, CheckpointError, ConfigError, OutputError: see `sain_core.errors`.
     """
     torch.set_num_threads(1)
     path = command.checkpoint or shipped_checkpoint()
-    sain = load_sain(path) if command.checkpoint else load_shipped()
-    sain = sain.with_belief(Path(command.belief)) if command.belief else sain
-    data = load_datasets([command.dataset])
-    if len(data.parts) == 1 and data.parts[0].bodies.are_paper_disks:
-        errors = _errors_of_disks(command, data.parts[0], sain, console)
-    else:
-        errors = _errors_of_shapes(command, data, sain)
-    report = {
+    data = load_dataset(command.dataset)
+    with _models(command) as (models, physics):
+        cards = [parse_card(Path(name), text) for name, text in _cards(models).items()]
+        held_out = unseen(data, *cards)
+        steps = max(command.open_loop, default=1)
+        windows = [make_windows(part, steps).pushes[..., LENGTH] for part in held_out.parts]
+        pushes = sum(int(np.count_nonzero(lengths)) for lengths in windows)
+        with followed(physics, pushes, console) as shown:
+            predictions = predict_all(held_out, models, steps, shown)
+        refused = refusals(physics)
+        names = [*models]
+    errors = report(predictions, names, command.open_loop, command.seed)
+    _write(command, errors, predictions, refused)
+    document = {
         "dataset": {"path": str(command.dataset), "sha256": data.sha256},
-        "checkpoint": {"path": str(path), "sha256": sain.model_hash},
+        "checkpoint": {"path": str(path), "models": {name: _hash(models[name]) for name in names}},
         "belief": command.belief or None,
-        "learned": str(command.learned) if command.learned else None,
-        "recurrent": str(command.recurrent) if command.recurrent else None,
+        "beside": list(command.beside),
         "seed": command.seed,
         "command": ros2_command("sain_model", "evaluate"),
         **errors,
+        "refused": refused,
     }
-    write_json(command.out, report)
-    _show(errors, console)
+    write_json(command.out, document)
+    _show(errors, refused, console)
     console.print(f"written to {command.out}")
 
 
-def _errors_of_disks(
-    command: EvaluateModelOptions, data: Dataset, sain: SainDynamics, console: Console
-) -> dict[str, Any]:
-    """Return errors of everything that predicts disks, on pushes that no model has seen."""
-    learned = load_sain(command.learned) if command.learned else None
-    with open_models(command.baselines) as named:
-        models = _models(command, sain, learned)
-        models |= {name: model for name, model in named.items() if _card(model)}
-        physics = {name: model for name, model in named.items() if name not in models}
-        texts = {name: _card(model) for name, model in models.items()}
-        cards = [parse_card(Path(name), text) for name, text in texts.items() if text]
-        held_out = unseen(data, *cards)
-        errors = evaluate(held_out, sain, learned, command.seed)
-        if command.open_loop:
-            errors |= _open_loop(command, held_out, models, physics, console)
-    return errors
+@contextmanager
+def _models(command: EvaluateModelOptions) -> Iterator[tuple[dict[str, Model], dict[str, Model]]]:
+    """Give models by the names of their kinds, the one to evaluate first, and physics by name."""
+    main: Model = load_checkpoint(command.checkpoint) if command.checkpoint else load_shipped()
+    if command.belief:
+        main = main.with_belief(Path(command.belief))
+    with open_models(command.beside) as named:
+        models, physics = {_kind(main, "model"): main}, {}
+        for name, model in named.items():
+            if _card(model):
+                kind = _kind(model, name)
+                models[name if kind in models else kind] = model
+            else:
+                physics[name] = model
+        yield models, physics
 
 
-def _errors_of_shapes(
-    command: EvaluateModelOptions, data: MixedDataset, sain: SainDynamics
-) -> dict[str, Any]:
-    """Return errors of single pushes of any body, on pushes that the model has not seen.
-
-    Raises:
-        ConfigError: there are models to compare with, which needs disks.
-    """
-    if command.learned or command.recurrent or command.baselines:
-        raise ConfigError(
-            "on other bodies than disks, a model is compared with its own prior alone; leave"
-            " --learned, --recurrent and --baselines out"
-        )
-    return shape_errors(unseen(data, parse_card(Path("the card"), sain.card)), sain, command.seed)
-
-
-def _models(
-    command: EvaluateModelOptions, sain: SainDynamics, learned: SainDynamics | None
-) -> dict[str, Model]:
-    """Return the models to roll out, by name."""
-    models: dict[str, Model] = {} if learned is None else {LEARNED: learned}
-    models[NAMES.get(sain.kind, sain.kind)] = sain
-    if command.recurrent:
-        models[RECURRENT_SAIN] = load_sain(command.recurrent)
-    return models
+def _kind(model: Model, name: str) -> str:
+    return NAMES.get(getattr(model, "kind", ""), name)
 
 
 def _card(model: Model) -> str:
@@ -113,35 +90,45 @@ def _card(model: Model) -> str:
     return str(getattr(model, "card", ""))
 
 
-def _open_loop(
+def _cards(models: dict[str, Model]) -> dict[str, str]:
+    return {name: card for name, model in models.items() if (card := _card(model))}
+
+
+def _hash(model: Model) -> str:
+    return str(getattr(model, "model_hash", ""))
+
+
+def _write(
     command: EvaluateModelOptions,
-    held_out: Dataset,
-    models: Mapping[str, Model],
-    physics: Mapping[str, Model],
-    console: Console,
-) -> dict[str, Any]:
-    """Return the errors of rollouts, and how many pushes physics could not carry out in them."""
-    pushes = make_windows(held_out, max(command.open_loop)).pushes[..., LENGTH]
-    with followed(physics, int(np.count_nonzero(pushes)), console) as shown:
-        errors = report_open_loop(
-            command.out, held_out, models, command.seed, command.open_loop, shown
-        )
-    refused = refusals(shown)
-    return {"open_loop": errors} | ({"refused": refused} if refused else {})
+    errors: Figures,
+    predictions: list[Predictions],
+    refused: dict[str, int],
+) -> None:
+    """Write table and picture of rollouts beside the JSON, where any are asked for."""
+    if not command.open_loop:
+        return
+    text = rollout_markdown(errors) + "".join(
+        f"* {name}: pushes that could not be carried out in the scenes that it predicted, and moved"
+        f" nothing: {count}\n"
+        for name, count in refused.items()
+    )
+    stem = command.out.stem
+    write_whole(command.out.with_name(f"{stem}_open_loop.md"), text.encode())
+    save_rollout_plot(command.out.with_name(f"{stem}_open_loop.png"), predictions, command.seed)
 
 
-def _show(errors: dict[str, Any], console: Console) -> None:
+def _show(errors: Figures, refused: dict[str, int], console: Console) -> None:
     """Print errors of single pushes as tables."""
     for table in error_tables(errors):
         console.print(table, soft_wrap=True)
-    for name, share in errors.get("reducible_error_removed", {}).items():
+    for name, share in errors["removed"].get(TARGET_MOVED, {}).items():
         console.print(f"{name}: {100 * share:.0f} % of the reducible error removed")
-    for name, count in errors.get("refused", {}).items():
+    for name, count in refused.items():
         console.print(f"{name}: pushes of its rollouts that could not be carried out: {count}")
     console.print(f"{errors['transitions']} transitions of {errors['episodes']} episodes")
 
 
-def unseen(data: AnyData, *cards: ModelCard) -> AnyData:
+def unseen(data: Dataset, *cards: ModelCard) -> Dataset:
     """Return what no checkpoint was trained on: their test episodes, or all of other data.
 
     Raises:
@@ -158,8 +145,8 @@ def unseen(data: AnyData, *cards: ModelCard) -> AnyData:
     return data if held_out.all() else data.select(held_out)
 
 
-def _held_out(data: Dataset | MixedDataset, card: ModelCard) -> Mask:
-    """Tell which pushes (M,) a checkpoint was not trained on."""
+def _held_out(data: Dataset, card: ModelCard) -> Mask:
+    """Return which pushes (M,) a checkpoint was not trained on."""
     if data.sha256 in card.data.get("sources", ()):
         raise DatasetError(
             f"the checkpoint learned from this data among others ({card.data['path']}); evaluate it"

@@ -13,7 +13,7 @@ from sain_model.cli.options import IdentifyOptions
 from sain_model.data.recordings import first_pushes, load_recording
 from sain_model.dynamics.identify import Recording, believing_model, identify
 from sain_model.dynamics.sain import SainDynamics
-from sain_model.evaluation.error_table import make_table
+from sain_model.evaluation.tables import make_table
 from sain_model.identification.belief_file import write_belief
 from sain_model.identification.beliefs import Belief
 from sain_model.identification.laboratory import count_episodes, shifted

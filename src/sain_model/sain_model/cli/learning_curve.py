@@ -9,10 +9,8 @@ from sain_core.drawing.figures import write_png
 from sain_core.provenance import ros2_command
 from sain_core.storage import write_json, write_whole
 from sain_model.cli.options import LearningCurveOptions
-from sain_model.data.dataset import split_by_episode
-from sain_model.data.mixed import load_transitions
-from sain_model.evaluation.error_table import make_table
-from sain_model.evaluation.markdown import markdown_table
+from sain_model.data.dataset import load_dataset, split_by_episode
+from sain_model.evaluation.tables import make_table, markdown_table
 from sain_model.training.learning_curve import Point, learning_curve
 from sain_model.training.plots import draw_curves
 
@@ -25,7 +23,7 @@ def run(command: LearningCurveOptions, console: Console) -> None:
     """
     torch.set_num_threads(1)
     config = command.training
-    data = load_transitions(command.dataset)
+    data = load_dataset(command.dataset)
     split = split_by_episode(data, config.seed, config.validation, config.test)
     sizes = tuple(sorted(set(command.sizes)))
 

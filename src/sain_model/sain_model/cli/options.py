@@ -1,4 +1,4 @@
-"""Options of the commands, beside `sain_model.training.options`; they load without PyTorch."""
+"""Options of the commands; they load without PyTorch."""
 
 import argparse
 from dataclasses import dataclass, field, make_dataclass
@@ -9,8 +9,14 @@ import tyro
 
 from sain_core.config import Config, option, required
 from sain_model.dynamics.settings import STEPS
-from sain_model.training.options import DEFAULT, PRESETS, TrainOptions
-from sain_model.training.settings import TrainingConfig
+from sain_model.network.settings import PARAMETERS
+from sain_model.training.settings import (
+    DEFAULT,
+    OF_PARAMETERS,
+    PRESETS,
+    TrainingConfig,
+    TrainOptions,
+)
 
 DATASET: Final = "a shard *.npz, or a folder of them"
 
@@ -21,23 +27,17 @@ class EvaluateModelOptions(Config):
 
     dataset: Annotated[Path, tyro.conf.Positional] = required(DATASET)
     checkpoint: Path | None = option(None, "the checkpoint; by default the shipped one")
-    learned: Path | None = option(
-        None, 'a checkpoint of kind "learned", trained with --prior identity, to compare with'
-    )
-    recurrent: Path | None = option(
-        None, 'a checkpoint of kind "recurrent", trained with --steps-ahead, to compare with'
+    beside: tuple[str, ...] = option(
+        (),
+        "more models to compare with: paths of checkpoints, such as one of --prior identity or"
+        " --steps-ahead, or names in the registry of models (bullet is slow)",
     )
     belief: str = option(
         "", "file of `sain_model identify`, with which each episode begins; empty: none"
     )
-    baselines: Annotated[tuple[str, ...], tyro.conf.arg(aliases=["--beside"])] = option(
-        (),
-        "more models to compare with: names in the registry of models (bullet is slow), or paths of"
-        " checkpoints",
-    )
     open_loop: tuple[int, ...] = option(
         STEPS,
-        "numbers of pushes after which errors of rollouts of disks are taken; none: no rollouts",
+        "numbers of pushes after which errors of rollouts are taken; none: no rollouts",
     )
     out: Path = option(
         Path("evaluation.json"), "file for the errors; a table and a picture go beside it"
@@ -82,26 +82,29 @@ class LearningCurveOptions(Config):
 
 
 def train_options(arguments: list[str]) -> type[TrainOptions]:
-    """Return the options with the defaults that ``--preset`` and ``--from`` of arguments give.
+    """Return the options with the defaults that ``--preset``, ``--output`` and ``--from`` give.
 
     Raises:
         CheckpointError: the checkpoint of ``--from`` is not sound.
     """
     scout = argparse.ArgumentParser(add_help=False, allow_abbrev=False, exit_on_error=False)
     scout.add_argument("--preset", default=DEFAULT)
+    scout.add_argument("--output")
     scout.add_argument("--from", dest="parent")
     try:
         scouted = scout.parse_known_args(arguments)[0]
     except argparse.ArgumentError:
         return TrainOptions  # which reports it
-    usual = PRESETS.get(scouted.preset, TrainingConfig())
+    defaults = PRESETS.get(scouted.preset, TrainingConfig())
+    if scouted.output == PARAMETERS:
+        defaults = OF_PARAMETERS
     if scouted.parent:
         from sain_model.training.fine_tuning import Parent  # loads PyTorch
 
-        usual = Parent.load(scouted.parent).settings
+        defaults = Parent.load(scouted.parent).settings
     return make_dataclass(
         "TrainOptions",
-        [("training", TrainingConfig, field(default=usual))],
+        [("training", TrainingConfig, field(default=defaults))],
         bases=(TrainOptions,),
         frozen=True,
         namespace={"__doc__": TrainOptions.__doc__},

@@ -1,9 +1,13 @@
-"""Transitions (s, a, f_p(s, a), s') from disk, and their split by episode."""
+"""Transitions (s, a, f_p(s, a), s') of scenes with any bodies, and their split by episode.
+
+Scenes of N = 2 and N = 5 fit into no common array: a data set has one `Part` for all scenes of the
+same bodies. Episodes of different folders never have the same label, and a push that is in two of
+the folders is refused: it could end up on both sides of a split.
+"""
 
 import hashlib
-from collections.abc import Sized
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 from pathlib import Path
 from typing import Any, Self
 
@@ -15,15 +19,14 @@ from sain_core.dataset import NEEDED, SHAPED, Column, Columns, Transitions, draw
 from sain_core.errors import DatasetError
 from sain_core.push import mirror_pushes
 from sain_core.scene import mirror_scenes
-from sain_core.shapes.bodies import PAPER_DISKS, Bodies
-from sain_core.types import Scalars, Scenes
-from sain_model.data.shard import NO_STEP
-from sain_model.physics.friction import EpisodeFriction, FrictionFilter
+from sain_core.shapes.bodies import PAPER_DISKS, Bodies, bodies_named
+from sain_core.types import Mask, Scalars, Scenes
+from sain_model.data.shard import NO_STEP, read_shard
 
 
 @dataclass(frozen=True, eq=False)
-class Dataset(Transitions):
-    """M pushes with what physics predicted and what happened, to train or evaluate on.
+class Part(Transitions):
+    """M pushes in scenes of the same bodies, with what physics predicted and what happened.
 
     Attributes:
         physics_next: (M, N, 8), the nominal world's prediction, the paper's f_p.
@@ -31,8 +34,6 @@ class Dataset(Transitions):
         step: its place in the episode: the order of the data where no ``step`` is given.
         friction: the true friction with the table; NaN where it is not known.
         floor_next: the same push repeated in a world set to the observed state; NaN likewise.
-        sha256: of all columns that are needed.
-        sources: SHA-256 of each folder that it was put together from; empty: it is one folder.
         bodies: of all scenes.
     """
 
@@ -41,25 +42,67 @@ class Dataset(Transitions):
     step: Int[ndarray, "M"]
     friction: Scalars
     floor_next: Scenes
-    sha256: str
-    sources: tuple[str, ...] = ()
     bodies: Bodies = PAPER_DISKS
-
-    @cached_property
-    def inferred(self) -> dict[FrictionFilter, EpisodeFriction]:
-        """What `sain_model.evaluation.history_errors` has inferred from these pushes so far."""
-        return {}
-
-    @property
-    def parts(self) -> tuple[Self, ...]:
-        """These transitions, as the only part of a data set with one number of disks."""
-        return (self,)
 
     def mirrored(self) -> Self:
         """Return what would have happened in a mirror: the same physics."""
         scenes = (Column.STATE, Column.PHYSICS_NEXT, Column.NEXT_STATE, Column.FLOOR_NEXT)
         mirrored: dict[str, Any] = {n: mirror_scenes(getattr(self, n)) for n in scenes}
         return replace(self, action=mirror_pushes(self.action), **mirrored)
+
+
+@dataclass(frozen=True, eq=False)
+class Dataset:
+    """M pushes of scenes with any bodies.
+
+    Attributes:
+        parts: those of the same bodies each; disks first, in order of their number.
+        sha256: of all parts.
+        sources: SHA-256 of each folder and number of bodies that it was put together from; empty:
+            it is one.
+    """
+
+    parts: tuple[Part, ...]
+    sha256: str = ""
+    sources: tuple[str, ...] = ()
+
+    def __len__(self) -> int:
+        """Return the number of pushes M of all parts."""
+        return sum(len(part) for part in self.parts)
+
+    @property
+    def episode(self) -> Int[ndarray, "M"]:
+        """Which episode each push belongs to, part by part; no two parts share one."""
+        return self._column(Column.EPISODE)
+
+    @property
+    def alike(self) -> Part:
+        """All pushes, where scenes have the same bodies.
+
+        Raises:
+            DatasetError: they have not.
+        """
+        if len(self.parts) == 1:
+            return self.parts[0]
+        names = "; ".join(", ".join(s.name for s in part.bodies.shapes) for part in self.parts)
+        raise DatasetError(f"scenes with the same bodies are needed, not: {names}; give one folder")
+
+    def select(self, rows: Mask) -> Self:
+        """Return the pushes that a mask (M,) over all parts picks."""
+        ends = np.cumsum([len(part) for part in self.parts])[:-1]
+        masks = np.split(rows, ends)
+        picked = (part.select(mask) for part, mask in zip(self.parts, masks, strict=True))
+        return replace(self, parts=tuple(part for part in picked if len(part)))
+
+    def first(self, count: int) -> Self:
+        """Return so many pushes: episodes in order, the last one in part."""
+        rows = np.zeros(len(self), dtype=bool)
+        rows[np.lexsort((self._column(Column.STEP), self.episode))[:count]] = True
+        return self.select(rows)
+
+    def _column(self, name: str) -> Int[ndarray, "M"]:
+        columns = (getattr(part, name) for part in self.parts)
+        return np.concatenate([np.zeros(0, np.int64), *columns])
 
 
 @dataclass(frozen=True)
@@ -69,6 +112,75 @@ class Split:
     train: Dataset
     validation: Dataset
     test: Dataset
+
+    @property
+    def held_out(self) -> Dataset:
+        """What errors are measured on: the test part, or without one the validation part."""
+        return self.test if len(self.test) else self.validation
+
+
+def load_dataset(*paths: Path) -> Dataset:
+    """Read one or more shards or folders of them as one data set.
+
+    Raises:
+        DatasetError: nothing there, a damaged shard, a missing key, arrays that do not fit
+            together, NaN or Inf; or a push that is in two of the folders.
+    """
+    sources = [(path, *read) for path in paths for read in _read_folder(path)]
+    _check_apart([(path, part) for path, part, _ in sources])
+    hashes = tuple(dict.fromkeys(sha256 for *_, sha256 in sources))
+    parts: dict[tuple[int, str, tuple[str, ...]], list[Part]] = {}
+    for part in _labelled([part for _, part, _ in sources]):
+        parts.setdefault(_order(part), []).append(part)
+    joined = tuple(_joined(parts[key]) for key in sorted(parts))
+    if len(hashes) == 1:
+        return Dataset(joined, hashes[0])
+    return Dataset(joined, hashlib.sha256(" ".join(hashes).encode()).hexdigest(), hashes)
+
+
+def split_by_episode(
+    data: Dataset, seed: int, validation: float, test: float, transitions: int = 0
+) -> Split:
+    """Split transitions so that no episode is in two parts; see `sain_core.dataset.draw_parts`.
+
+    With no share for the test, training and validation share all: 90 to 10 or 80 to 20 in the
+    paper. `transitions` is what `limit_training` leaves; 0: all.
+
+    Raises:
+        DatasetError: too few episodes for the parts, or too few transitions.
+    """
+    split = Split(*map(data.select, draw_parts(data.episode, seed, validation, test)))
+    return limit_training(split, transitions) if transitions else split
+
+
+def limit_training(split: Split, transitions: int) -> Split:
+    """Return a split with so many transitions to train on, and as small a share to validate on.
+
+    Episodes are taken in order, the last one in part; what is held out stays whole.
+
+    Raises:
+        DatasetError: there are not that many.
+    """
+    count = len(split.train)
+    if transitions > count:
+        raise DatasetError(
+            f"{transitions} transitions to train on are asked for; there are {count}"
+        )
+    validated = max(round(len(split.validation) * transitions / count), 1)
+    return Split(split.train.first(transitions), split.validation.first(validated), split.test)
+
+
+def check_held_out(split: Split) -> None:
+    """Check that there are episodes to measure errors on.
+
+    Raises:
+        DatasetError: none is held out.
+    """
+    if not len(split.test):
+        raise DatasetError("errors need held-out episodes; give --test above 0")
+
+
+# --- reading --------------------------------------------------------------------------------------
 
 
 def shard_paths(path: Path) -> list[Path]:
@@ -83,80 +195,27 @@ def shard_paths(path: Path) -> list[Path]:
     return shards
 
 
-def from_shards(path: Path, shards: list[Columns]) -> Dataset:
-    """Return the transitions of shards with one number of bodies; the path is for messages.
-
-    Shapes and roles, where shards have them, are left out.
-    """
-    columns: dict[str, Any] = {
-        name: np.concatenate([shard[name] for shard in shards])
-        for name in shards[0]
-        if name not in SHAPED
-    }
-    digest = hashlib.sha256()
-    for column in NEEDED:
-        digest.update(np.ascontiguousarray(columns[column]).tobytes())
-    columns[Column.STEP] = _steps(path, columns[Column.EPISODE], columns[Column.STEP])
-    return Dataset(**columns, sha256=digest.hexdigest())
-
-
-def split_by_episode(
-    data: Dataset, seed: int, validation: float, test: float, transitions: int = 0
-) -> Split:
-    """Split transitions so that no episode is in two parts; see `sain_core.dataset.draw_parts`.
-
-    With no share for the test, training and validation share all: 90 to 10 or 80 to 20 in the
-    paper. `transitions` is what `limit_training` leaves; 0: all.
-
-    Raises:
-        DatasetError: too few episodes for the parts, or too few transitions.
-    """
-    parts = draw_parts(data.episode, seed, validation, test)
-    split = Split(*(data.select(rows) for rows in parts))
-    return limit_training(split, transitions) if transitions else split
+def _read_folder(path: Path) -> Iterable[tuple[Part, str]]:
+    """Yield what a folder holds by the bodies, and the SHA-256 of scenes of as many."""
+    shards = [read_shard(shard) for shard in shard_paths(path)]
+    for count in sorted({shard[Column.STATE].shape[1] for shard in shards}):
+        alike = [shard for shard in shards if shard[Column.STATE].shape[1] == count]
+        columns = {name: np.concatenate([shard[name] for shard in alike]) for name in alike[0]}
+        digest = hashlib.sha256()
+        for column in NEEDED:
+            digest.update(np.ascontiguousarray(columns[column]).tobytes())
+        kinds = [columns.pop(name) for name in SHAPED]
+        names = np.array([";".join(row) for row in zip(*kinds, strict=True)])
+        columns[Column.STEP] = _steps(path, columns)
+        for name in np.unique(names):
+            chosen: dict[str, Any] = {key: rows[names == name] for key, rows in columns.items()}
+            bodies = bodies_named(*str(name).split(";"), count)
+            yield Part(**chosen, bodies=bodies), digest.hexdigest()
 
 
-def check_held_out(test: Sized) -> None:
-    """Check that there are episodes to measure errors on.
-
-    Raises:
-        DatasetError: none is held out.
-    """
-    if not len(test):
-        raise DatasetError("errors need held-out episodes; give --test above 0")
-
-
-def limit_training(split: Split, transitions: int) -> Split:
-    """Return a split with so many transitions to train on, and as small a share to validate on.
-
-    Episodes are taken in order, the last one in part; what is held out stays whole.
-
-    Raises:
-        DatasetError: there are not that many.
-    """
-    validated = validation_share(len(split.train), len(split.validation), transitions)
-    return Split(
-        split.train.select(np.arange(len(split.train)) < transitions),
-        split.validation.select(np.arange(len(split.validation)) < validated),
-        split.test,
-    )
-
-
-def validation_share(count: int, validated: int, transitions: int) -> int:
-    """Return how many transitions validate so many of the `count` that there are to train on.
-
-    Raises:
-        DatasetError: there are not that many.
-    """
-    if transitions > count:
-        raise DatasetError(
-            f"{transitions} transitions to train on are asked for; there are {count}"
-        )
-    return max(round(validated * transitions / count), 1)
-
-
-def _steps(path: Path, episodes: ndarray, steps: ndarray) -> Int[ndarray, "M"]:
-    """Return the place of each push in its episode; by the order of the data where none tells."""
+def _steps(path: Path, columns: Columns) -> Int[ndarray, "M"]:
+    """Return the place of each push in its episode; the order of the data where none is given."""
+    episodes, steps = columns[Column.EPISODE], columns[Column.STEP]
     if (steps == NO_STEP).any():
         return np.arange(len(steps))
     order = np.lexsort((steps, episodes))
@@ -168,3 +227,47 @@ def _steps(path: Path, episodes: ndarray, steps: ndarray) -> Int[ndarray, "M"]:
             " its own"
         )
     return steps
+
+
+def _order(part: Part) -> tuple[int, str, tuple[str, ...]]:
+    """Return what parts are put together and sorted by: disks by their number."""
+    if part.bodies.are_paper_disks:
+        return part.disks, "", ()
+    first, *others = (shape.name for shape in part.bodies.shapes)
+    return 0, f"{first}|{'|'.join(others)}", part.bodies.roles
+
+
+def _labelled(parts: list[Part]) -> list[Part]:
+    """Return parts of which no two have an episode of the same label."""
+    found = [np.unique(part.episode, return_inverse=True) for part in parts]
+    if len(np.unique(np.concatenate([names for names, _ in found]))) == sum(
+        len(names) for names, _ in found
+    ):
+        return parts
+    firsts = np.cumsum([0, *(len(names) for names, _ in found)])
+    return [
+        replace(part, episode=first + labels)
+        for part, (_, labels), first in zip(parts, found, firsts[:-1], strict=True)
+    ]
+
+
+def _joined(parts: Sequence[Part]) -> Part:
+    """Return parts of the same bodies and with labels of their own as one."""
+    columns = [part.arrays for part in parts]
+    arrays: dict[str, Any] = {
+        name: np.concatenate([column[name] for column in columns]) for name in columns[0]
+    }
+    return replace(parts[0], **arrays)
+
+
+def _check_apart(sources: Sequence[tuple[Path, Part]]) -> None:
+    """Raise `DatasetError` when the same push from the same scene is in two places."""
+    seen: dict[bytes, Path] = {}
+    for path, part in sources:
+        flat = np.concatenate([part.state.reshape(len(part), -1), part.action], axis=-1)
+        keys = {row.tobytes() for row in flat}
+        for key in keys & seen.keys():
+            raise DatasetError(
+                f"{seen[key]} and {path} hold the same push; give each data set once"
+            )
+        seen |= dict.fromkeys(keys, path)

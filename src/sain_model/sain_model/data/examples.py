@@ -12,9 +12,7 @@ from torch.nn import functional
 from sain_core.model import Model
 from sain_core.scene import VELOCITY
 from sain_core.types import Scalars
-from sain_model.data.dataset import Dataset
-from sain_model.data.mixed import MixedDataset
-from sain_model.data.shaped_physics import filter_for
+from sain_model.data.dataset import Part
 from sain_model.network.feature_kernels import MIRRORED_BODY
 from sain_model.network.features import (
     network_inputs,
@@ -25,7 +23,6 @@ from sain_model.network.features import (
 from sain_model.network.inputs import GAP_AFTER, GAP_BEFORE
 from sain_model.network.relation_kernels import MIRRORED_RELATION
 from sain_model.network.settings import NetworkConfig
-from sain_model.physics.friction import FrictionFilter
 from sain_model.physics.parameters import known_friction
 from sain_model.physics.planar import step_knowing
 
@@ -90,7 +87,7 @@ class Examples:
 
 
 def make_examples(
-    data: Dataset,
+    data: Part,
     prior: Model,
     friction: Scalars | None = None,
     network: NetworkConfig = NetworkConfig(),
@@ -108,46 +105,3 @@ def make_examples(
     targets = (true_residual(data.next_state, frames, physics_next), velocity)
     told = (torch.from_numpy(array.astype(np.float32)) for array in targets)
     return Examples(*features.tensors(), *told)
-
-
-def training_examples(
-    data: Dataset | MixedDataset,
-    prior: Model,
-    friction: FrictionFilter | None,
-    mirror: bool,
-    random: np.random.Generator | None = None,
-    network: NetworkConfig = NetworkConfig(),
-) -> Examples:
-    """Return examples of the pushes and, with `mirror`, of their mirror images after them.
-
-    Args:
-        data: M pushes; where numbers of bodies differ, all examples are `Examples.padded`.
-        prior: what is corrected.
-        friction: infers the friction that the prior uses; None: it is the nominal one.
-        mirror: whether to add the mirror images.
-        random: draws how many of the latest *earlier* pushes friction is inferred from; None:
-            it is inferred from all *other* pushes of the episode.
-        network: which features its inputs have.
-    """
-    count = max(part.disks for part in data.parts)
-    examples = [
-        make_examples(part, prior, _inferred(part, friction, random), network).padded(count)
-        for part in data.parts
-    ]
-    images = [some.mirrored() for some in examples] if mirror else []
-    return examples[0].and_then(*examples[1:], *images)
-
-
-def _inferred(
-    data: Dataset, friction: FrictionFilter | None, random: np.random.Generator | None
-) -> Scalars | None:
-    """Return the friction (M,) that other pushes tell of; None: the nominal one."""
-    if friction is None:
-        return None
-    friction = filter_for(friction, data.bodies)
-    likelihood = friction.log_likelihood(data.state, data.action, data.next_state)
-    if random is None:
-        return friction.others(likelihood, data.episode).mean
-    known = friction.earlier(likelihood, data.episode, data.step)
-    fewer = random.integers(known.pushes + 1)
-    return friction.earlier(likelihood, data.episode, data.step, fewer).mean

@@ -12,8 +12,7 @@ from numpy import ndarray
 from sain_core.dataset import Column
 from sain_core.errors import DatasetError
 from sain_core.model import Model
-from sain_model.data.dataset import Dataset
-from sain_model.data.mixed import MixedDataset
+from sain_model.data.dataset import Dataset, Part
 from sain_model.data.shaped_physics import filter_for
 from sain_model.physics.friction import EpisodeFriction, FrictionConfig, FrictionFilter, ways
 from sain_model.physics.planar import PlanarPrior
@@ -22,7 +21,7 @@ NOISES: Final = (0.0001, 0.0002, 0.0003, 0.0005, 0.001, 0.002)  # [m]
 SHARES: Final = (0.005, 0.01, 0.02, 0.03, 0.05, 0.1)
 
 
-def make_filter(prior: Model, train: Dataset | MixedDataset) -> FrictionFilter | None:
+def make_filter(prior: Model, train: Dataset) -> FrictionFilter | None:
     """Return what infers friction for a prior, its noise fitted where the truth is known.
 
     None for a prior that knows no friction.
@@ -34,7 +33,7 @@ def make_filter(prior: Model, train: Dataset | MixedDataset) -> FrictionFilter |
 
 
 def fit_noise(
-    prior: PlanarPrior, *parts: Dataset, config: FrictionConfig = FrictionConfig()
+    prior: PlanarPrior, *parts: Part, config: FrictionConfig = FrictionConfig()
 ) -> FrictionConfig:
     """Return the settings under which an episode's earlier pushes best tell its friction.
 
@@ -58,7 +57,7 @@ def fit_noise(
 
 
 def _scores(
-    prior: PlanarPrior, parts: Sequence[Dataset], config: FrictionConfig
+    prior: PlanarPrior, parts: Sequence[Part], config: FrictionConfig
 ) -> Float[ndarray, "A S"]:
     """Return the sum over pushes of the score of each noise and each share of the way."""
     truth, episodes, steps = (
@@ -82,7 +81,7 @@ def _scores(
 
 
 def _errors(
-    friction: FrictionFilter, parts: Sequence[Dataset]
+    friction: FrictionFilter, parts: Sequence[Part]
 ) -> tuple[Float[ndarray, "M F W"], Float[ndarray, "M W"]]:
     """Return errors and ways of all parts; a body that a part lacks has no error."""
     errors, moved = [], []

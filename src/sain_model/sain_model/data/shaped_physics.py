@@ -4,7 +4,7 @@ from dataclasses import replace
 
 from sain_core.shapes.bodies import Bodies
 from sain_core.types import Scalars
-from sain_model.data.dataset import Dataset
+from sain_model.data.dataset import Part
 from sain_model.physics.friction import FrictionFilter
 from sain_model.physics.planar import PlanarPrior
 
@@ -16,7 +16,7 @@ def filter_for(friction: FrictionFilter, bodies: Bodies) -> FrictionFilter:
     return replace(friction, physics=friction.physics.with_bodies(bodies))
 
 
-def others_friction(data: Dataset, friction: FrictionFilter | None) -> Scalars | None:
+def others_friction(data: Part, friction: FrictionFilter | None) -> Scalars | None:
     """Return the friction (M,) that all other pushes of an episode tell of; None: the nominal."""
     if friction is None:
         return None

@@ -15,7 +15,7 @@ from numpy import ndarray
 from sain_core.errors import DatasetError
 from sain_core.push import idle_pushes
 from sain_core.scene import POSE
-from sain_model.data.dataset import Dataset
+from sain_model.data.dataset import Part
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,7 +63,7 @@ class Windows:
         return type(self)(**{name: array[which] for name, array in vars(self).items()})
 
 
-def make_windows(data: Dataset, steps: int, whole: bool = False) -> Windows:
+def make_windows(data: Part, steps: int, whole: bool = False) -> Windows:
     """Return one window of at most so many pushes from every push of the data on.
 
     `whole`: only windows of all T pushes, not the shorter ones at the end of an episode.
@@ -88,7 +88,7 @@ def make_windows(data: Dataset, steps: int, whole: bool = False) -> Windows:
     return Windows(rows, data.state[first], pushes, data.next_state[filled], data.episode[first])
 
 
-def following(data: Dataset) -> Int[ndarray, "M"]:
+def following(data: Part) -> Int[ndarray, "M"]:
     """Return which push came right after each push (M,) in its episode; -1 where none did."""
     order = np.lexsort((data.step, data.episode))
     this, following_one = order[:-1], order[1:]

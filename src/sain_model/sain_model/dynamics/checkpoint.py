@@ -18,14 +18,11 @@ from torch import nn
 from sain_core.errors import CheckpointError, UntrustedFileError
 from sain_core.storage import write_json, write_whole
 from sain_core.untrusted import parse_json, read_regular
-from sain_model.dynamics.correction_network import CorrectionEnsemble
 from sain_model.network.feature_kernels import BODY_FEATURES, FEATURE_VERSION
 from sain_model.network.interaction_network import InteractionNetwork
 from sain_model.network.relation_kernels import RELATION_FEATURES
 
-FORMAT_VERSION: Final = 2  # 1: with options that are gone
-ARCHITECTURE: Final = "interaction-network"
-CORRECTION_ARCHITECTURE: Final = "parameter-correction"
+FORMAT_VERSION: Final = 3
 SUFFIX: Final = ".safetensors"
 
 
@@ -40,8 +37,7 @@ class ModelCard:
         friction: how friction is inferred from an episode's earlier pushes; None: the model was
             trained without them, and knows the nominal friction alone.
         intervals: regions about its predictions, fitted to the validation episodes; None: not.
-        kind: as in `dynamics.sain`; empty on cards older than the kind "recurrent".
-        rollouts: how it was trained on rollouts of its own predictions; None: it was not.
+        kind: as in `dynamics.sain` and `dynamics.parameter_correction`.
         data: what it was trained on: path, SHA-256, transitions, episodes, split.
         training: settings, seed, epochs done, losses.
         errors: errors on the held-out episodes [mm], for it and what it is compared with.
@@ -58,7 +54,6 @@ class ModelCard:
     friction: dict[str, Any] | None = None
     intervals: dict[str, Any] | None = None
     kind: str = ""
-    rollouts: dict[str, Any] | None = None
     data: dict[str, Any] = field(default_factory=dict)
     training: dict[str, Any] = field(default_factory=dict)
     errors: dict[str, Any] = field(default_factory=dict)
@@ -66,7 +61,6 @@ class ModelCard:
     command: str = ""
     weights_sha256: str = ""
     parent: dict[str, Any] | None = None
-    architecture: str = ARCHITECTURE
     feature_version: int = FEATURE_VERSION
     body_features: int = BODY_FEATURES
     relation_features: int = RELATION_FEATURES
@@ -92,9 +86,7 @@ def card_path(weights: Path) -> Path:
     return weights.with_suffix(".json")
 
 
-def save_checkpoint(
-    path: Path, network: InteractionNetwork | CorrectionEnsemble, card: ModelCard
-) -> ModelCard:
+def save_checkpoint(path: Path, network: InteractionNetwork, card: ModelCard) -> ModelCard:
     """Write weights and card, each whole or not at all; return the card with the weights' hash.
 
     Raises:
@@ -116,17 +108,17 @@ def save_checkpoint(
     return card
 
 
-def read_checkpoint(path: Path, architecture: str) -> tuple[bytes, ModelCard, str]:
-    """Read weights of an architecture, their card and the card's JSON text, and check them.
+def read_checkpoint(path: Path) -> tuple[bytes, ModelCard, str]:
+    """Read weights, their card and the card's JSON text, and check them.
 
     Raises:
-        CheckpointError: missing, truncated, of another architecture or with a card that belongs
-            to other weights; the message names the file and what is wrong.
+        CheckpointError: missing, truncated, of another version or with a card that belongs to
+            other weights; the message names the file and what is wrong.
     """
     content = _read(path)
     text = _read(card_path(path)).decode(errors="replace")
     card = parse_card(card_path(path), text)
-    _check_card(card_path(path), card, architecture)
+    _check_card(card_path(path), card)
     found = hashlib.sha256(content).hexdigest()
     if found != card.weights_sha256:
         raise CheckpointError(
@@ -134,15 +126,6 @@ def read_checkpoint(path: Path, architecture: str) -> tuple[bytes, ModelCard, st
             " the file is truncated, changed, or the card belongs to other weights"
         )
     return content, card, text
-
-
-def read_card(path: Path) -> ModelCard:
-    """Read the card of the weights at this path, unchecked.
-
-    Raises:
-        CheckpointError: there is none, or it is no card.
-    """
-    return parse_card(card_path(path), _read(card_path(path)).decode(errors="replace"))
 
 
 def _read(path: Path) -> bytes:
@@ -159,21 +142,34 @@ def _read(path: Path) -> bytes:
 
 
 def parse_card(path: Path, text: str) -> ModelCard:
-    """Return the card with this JSON text."""
+    """Return the card with this JSON text.
+
+    Raises:
+        CheckpointError: it is no card, or one of another version; naming the command that makes
+            the checkpoint anew.
+    """
     try:
-        return ModelCard(**parse_json(text))
+        values = parse_json(text)
+        version, command = values.get("format_version", FORMAT_VERSION), values.get("command")
+        if version == FORMAT_VERSION:
+            return ModelCard(**values)
     except (ValueError, TypeError, AttributeError) as error:
         raise CheckpointError(f"{path} is not a checkpoint's card: {error}") from error
+    raise CheckpointError(
+        f"{path} has format {version!r}; this version reads {FORMAT_VERSION}: train it again with:"
+        f" {_of_today(str(command or ''))}"
+    )
 
 
-def _check_card(path: Path, card: ModelCard, architecture: str) -> None:
-    if card.format_version != FORMAT_VERSION:
-        raise CheckpointError(
-            f"{path} has format {card.format_version!r}; this version reads {FORMAT_VERSION}: train"
-            f" it again with: {card.command or 'ros2 run sain_model train DATASET --out DIR'}"
-        )
+def _of_today(command: str) -> str:
+    """Return the command that trains a checkpoint, in the words of this version."""
+    if not command:
+        return "ros2 run sain_model train DATASET --out DIR"
+    return command.replace(" train_correction ", " train --output parameters ")
+
+
+def _check_card(path: Path, card: ModelCard) -> None:
     expected = {
-        "architecture": architecture,
         "feature_version": FEATURE_VERSION,
         "body_features": BODY_FEATURES,
         "relation_features": RELATION_FEATURES,

@@ -3,7 +3,7 @@
     s' = f_p(s, a, c) + f_theta,   (c, f_theta) = network(f_p(s, a), s, a)
 
 The paper's equation 2 adds a residual to what physics predicts. Here the network first corrects
-parameters of physics (`dynamics.corrections`), so that physics computes what a slope or a mass off
+parameters of physics (`network.corrections`), so that physics computes what a slope or a mass off
 the middle does to this push. The network adds a residual to that.
 """
 
@@ -22,10 +22,10 @@ from sain_core.shapes.bodies import PAPER_DISKS, Bodies
 from sain_core.types import Pushes, Scenes
 from sain_model.compute.devices import CPU
 from sain_model.compute.threads import settle_threads
-from sain_model.dynamics.correction_network import CorrectionEnsemble
-from sain_model.dynamics.corrections import Corrections, corrected_values
 from sain_model.dynamics.physics_gradient import moves
+from sain_model.network.corrections import Corrections, corrected_values
 from sain_model.network.features import Strokes, apply_residual, network_inputs, push_frames
+from sain_model.network.interaction_network import InteractionNetwork
 from sain_model.physics.friction import FrictionConfig, FrictionFilter
 from sain_model.physics.parameters import Values
 from sain_model.physics.planar import PlanarPrior
@@ -35,12 +35,12 @@ PARAMETER_CORRECTION: Final = "parameter_correction"
 
 @dataclass(frozen=True, eq=False)
 class ParameterCorrection(Model):
-    """Several networks, trained alike from different seeds, on one prior.
+    """A network, or the members of an ensemble, on one prior.
 
-    What they predict is averaged. Attributes are called as those of `SainDynamics`.
+    What members predict is averaged. Attributes are called as those of `SainDynamics`.
     """
 
-    networks: CorrectionEnsemble
+    network: InteractionNetwork
     prior: PlanarPrior
     prior_name: str = ""
     model_hash: str = ""
@@ -52,7 +52,7 @@ class ParameterCorrection(Model):
 
     def __post_init__(self) -> None:
         """Stop whatever networks do in training alone."""
-        self.networks.eval()
+        self.network.eval()
 
     @property
     def filter(self) -> FrictionFilter | None:
@@ -88,7 +88,7 @@ class ParameterCorrection(Model):
             corrected = corrected_values(corrections, pushes, self.prior.config)
             told = self.prior.step(scenes, pushes, {**values, **corrected})
             change += moves(scenes, frames, told) - plain + residual
-        predicted = apply_residual(physics_next, frames, change / len(self.networks))
+        predicted = apply_residual(physics_next, frames, change / self.network.config.members)
         idle = pushes[:, LENGTH] == 0.0
         predicted[idle] = physics_next[idle]
         fixed = list(self.bodies.fixed)
@@ -102,12 +102,10 @@ class ParameterCorrection(Model):
 
         `frames` are those of the pushes, `physics_next` is what the uncorrected prior predicts.
         """
-        seen = self.networks.config.seen
-        features = network_inputs(seen, scenes, frames, physics_next, self.bodies)
+        config = self.network.config
+        features = network_inputs(config, scenes, frames, physics_next, self.bodies)
         settle_threads()
         with torch.inference_mode():
-            outputs = [network(*features.tensors()) for network in self.networks]
-        return [
-            (told.numpy().astype(np.float64), residual.numpy().astype(np.float64))
-            for told, residual in outputs
-        ]
+            residual, corrections = self.network.heads(*features.tensors())
+        outputs = zip(corrections.double().numpy(), residual.double().numpy(), strict=True)
+        return list(outputs)

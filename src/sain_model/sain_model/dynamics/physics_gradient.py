@@ -14,7 +14,7 @@ from torch import Tensor
 
 from sain_core.push import pushed_bodies
 from sain_core.types import Indices, Pushes, Scalars, Scenes
-from sain_model.dynamics.corrections import CORRECTIONS, OF_DISKS, Corrections, corrected_values
+from sain_model.network.corrections import CORRECTIONS, OF_DISKS, Corrections, corrected_values
 from sain_model.network.features import Strokes, true_residual
 from sain_model.network.inputs import TURN_SCALE
 from sain_model.physics.planar import PlanarPrior

@@ -1,28 +1,63 @@
 """The interaction network of the paper's section II-C: f_rel over pairs, f_dyn over bodies."""
 
+import functools
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Final
 
 import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
 from sain_core.seeding import generator
+from sain_model.network.corrections import CORRECTIONS, DRAG
 from sain_model.network.features import count_features
-from sain_model.network.inputs import GAP_AFTER, GAP_BEFORE, TURN_SCALE
-from sain_model.network.members import make_perceptron, zero_last_layer
+from sain_model.network.inputs import GAP_AFTER, GAP_BEFORE, PLACE_FEATURES, TURN_SCALE
 from sain_model.network.settings import NetworkConfig
 
-OUTPUTS = 3  # dx, dy, dtheta
-CHUNK = 512  # pushes at a time in an ensemble: what all its members make of them fits the cache
-POSITION_UNIT = 0.005  # [m], an output of 1; dtheta counts in TURN_SCALE
+OUTPUTS: Final = 3  # dx, dy, dtheta
+CHUNK: Final = 512  # pushes at a time: what all members make of them fits the cache
+POSITION_UNIT: Final = 0.005  # [m], an output of 1; dtheta counts in TURN_SCALE
+BEFORE: Final = slice(-PLACE_FEATURES, 2 - PLACE_FEATURES)  # a body's place in the world
+AFTER: Final = slice(2 - PLACE_FEATURES, 4 - PLACE_FEATURES)
+MAP_SCALE: Final = 2.0  # of the map's part in DRAG
+MAP_FINENESS: Final = 3.0  # its first layer starts out so much steeper than others
+
+
+class MemberLinear(nn.Module):
+    """A linear layer for each of M members, in one batched product.
+
+    Attributes:
+        weight: (M, outputs, inputs); a member's are drawn as those of `torch.nn.Linear` are.
+        bias: (M, outputs).
+    """
+
+    def __init__(self, members: int, inputs: int, outputs: int) -> None:
+        """Draw the weights of every member."""
+        super().__init__()
+        layers = [nn.Linear(inputs, outputs) for _ in range(members)]
+        self.weight = nn.Parameter(torch.stack([layer.weight.detach() for layer in layers]))
+        self.bias = nn.Parameter(torch.stack([layer.bias.detach() for layer in layers]))
+
+    def forward(self, inputs: Float[Tensor, "M *B I"]) -> Float[Tensor, "M *B O"]:
+        """Apply each member's layer to its own inputs."""
+        rows = inputs.flatten(1, -2)  # (M, rows, I)
+        outputs = torch.baddbmm(self.bias.unsqueeze(1), rows, self.weight.transpose(1, 2))
+        return outputs.unflatten(1, inputs.shape[1:-1])
 
 
 class InteractionNetwork(nn.Module):
     """Predicts what the prior gets wrong, for each of any number of bodies.
 
-    It may be an ensemble: M networks side by side, whose mean it predicts.
+    It may be an ensemble: M networks side by side, whose mean it predicts. It may also correct
+    parameters of the prior (`corrections`). Then it has one map of the table for all bodies: what a
+    place does to a body is the same for every body that comes by. The map is a function of place
+    alone, read along the straight line from where a body stands to where the uncorrected prior
+    predicts it. Its mean goes into `DRAG`, and all of it into f_dyn.
     """
+
+    unit: Tensor
+    way: Tensor
 
     def __init__(self, config: NetworkConfig = NetworkConfig()) -> None:
         """Build it so that it starts out by leaving the prior as it is."""
@@ -30,12 +65,19 @@ class InteractionNetwork(nn.Module):
         self.config = config
         size = config.hidden, config.layers, config.members
         of_body, of_relation = count_features(config)
-        self.relation = make_perceptron(of_relation, config.message, *size)
-        self.dynamics = make_perceptron(of_body + config.message, OUTPUTS, *size)
-        zero_last_layer(self.dynamics)
-        self.register_buffer(
-            "unit", torch.tensor([POSITION_UNIT, POSITION_UNIT, TURN_SCALE]), persistent=False
-        )
+        outputs = OUTPUTS + (CORRECTIONS if config.corrects_parameters else 0)
+        inputs = of_body + config.message + config.places
+        self.relation = _perceptron(of_relation, config.message, *size)
+        self.dynamics = _perceptron(inputs, outputs, *size)
+        _zero_last_layer(self.dynamics)
+        if config.places:
+            self.map = _perceptron(2, 1, *size)
+            steep = MAP_FINENESS / 2**0.5
+            nn.init.uniform_(next(self.map.parameters()), -steep, steep)
+            _zero_last_layer(self.map)
+            self.register_buffer("way", torch.linspace(0, 1, config.places), persistent=False)
+        unit = torch.tensor([POSITION_UNIT, POSITION_UNIT, TURN_SCALE])
+        self.register_buffer("unit", unit, persistent=False)
 
     def forward(
         self, bodies: Float[Tensor, "B N D"], relations: Float[Tensor, "B E R"]
@@ -50,18 +92,40 @@ class InteractionNetwork(nn.Module):
         self, bodies: Float[Tensor, "*M B N D"], relations: Float[Tensor, "*M B E R"]
     ) -> Float[Tensor, "M B N 3"]:
         """Return every member's residual, of the same inputs or each of its own (M, ...)."""
+        return self.heads(bodies, relations)[0]
+
+    def heads(
+        self, bodies: Float[Tensor, "*M B N D"], relations: Float[Tensor, "*M B E R"]
+    ) -> tuple[Float[Tensor, "M B N 3"], Float[Tensor, "M B N C"]]:
+        """Return as `each` the residual, and what every member corrects; C = 0 where none does.
+
+        With corrections, the residual is that of what the prior predicts with them.
+        """
         if bodies.ndim == 3:
             bodies = bodies.expand(self.config.members, *bodies.shape)
             relations = relations.expand(self.config.members, *relations.shape)
-        effects = sum_messages(self.relation, relations, bodies.shape[2])
-        output: Tensor = self.dynamics(torch.cat([bodies, effects], dim=-1)) * self.unit
-        return output
+        inputs = [bodies, sum_messages(self.relation, relations, bodies.shape[2])]
+        if self.config.places:
+            inputs.append(self._look_up(bodies))
+        output: Tensor = self.dynamics(torch.cat(inputs, dim=-1))
+        residual, corrections = output.split([OUTPUTS, output.shape[-1] - OUTPUTS], dim=-1)
+        if self.config.places:
+            drag = torch.zeros_like(corrections)
+            drag[..., DRAG] = MAP_SCALE * inputs[-1].mean(dim=-1)
+            corrections = corrections + drag
+        return residual * self.unit, corrections
+
+    def _look_up(self, bodies: Float[Tensor, "M B N D"]) -> Float[Tensor, "M B N P"]:
+        """Return the map along the way of each body."""
+        before, after = bodies[..., None, BEFORE], bodies[..., None, AFTER]
+        along: Tensor = self.map(before + self.way[:, None] * (after - before))
+        return along.squeeze(-1)
 
 
 def sum_messages(
     perceptron: nn.Module, relations: Float[Tensor, "*B E R"], bodies: int
 ) -> Float[Tensor, "*B N F"]:
-    """Return what each body is told by the others, and by the tool.
+    """Return the messages to each body, of the others and of the tool, added up.
 
     Bodies far apart send no messages, so that more of them change nothing either.
     """
@@ -87,3 +151,18 @@ def ensemble(networks: Sequence[InteractionNetwork]) -> InteractionNetwork:
     states = [network.state_dict() for network in networks]
     joined.load_state_dict({name: torch.stack([s[name] for s in states]) for name in states[0]})
     return joined
+
+
+def _perceptron(inputs: int, outputs: int, hidden: int, layers: int, members: int) -> nn.Sequential:
+    """Return a perceptron with so many hidden layers of this width, for one network or more."""
+    linear = nn.Linear if members == 1 else functools.partial(MemberLinear, members)
+    modules: list[nn.Module] = []
+    for width in [inputs, *[hidden] * (layers - 1)]:
+        modules += [linear(width, hidden), nn.SiLU()]
+    return nn.Sequential(*modules, linear(hidden, outputs))
+
+
+def _zero_last_layer(perceptron: nn.Sequential) -> None:
+    """Let a perceptron start out by saying nothing."""
+    for parameter in perceptron[-1].parameters():
+        nn.init.zeros_(parameter)

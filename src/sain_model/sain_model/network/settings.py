@@ -4,32 +4,55 @@ from dataclasses import dataclass
 from typing import Final
 
 from sain_core.config import Config, option
+from sain_core.errors import ConfigError
 
 PUSH_FRAME: Final = "push"
 WORLD_FRAME: Final = "world"  # the same, and where on the table and how turned things are
 FRAMES: Final = (PUSH_FRAME, WORLD_FRAME)
 ORDER: Final = "order"  # every member sees all of the data, in an order of its own
 BOOTSTRAP: Final = "bootstrap"  # every member sees episodes drawn with replacement
+RESIDUAL: Final = "residual"
+PARAMETERS: Final = "parameters"
 
 
 @dataclass(frozen=True)
-class PerceptronConfig(Config):
-    """The size of f_rel and f_dyn."""
+class NetworkConfig(Config):
+    """The size of the network, of f_rel and f_dyn, and what it puts out."""
 
     hidden: int = option(64, "width of the hidden layers", minimum=1, maximum=1024)
     message: int = option(
         32, "width of the message from one body to another", minimum=1, maximum=1024
     )
     layers: int = option(2, "hidden layers of f_rel and of f_dyn", minimum=1, maximum=6)
-
-
-@dataclass(frozen=True)
-class NetworkConfig(PerceptronConfig):
-    """The size of the network."""
-
     features: str = option(
         PUSH_FRAME,
         "frame of the features: that of the push, or that of the world too",
         choices=FRAMES,
     )
     members: int = option(1, "number of networks in the ensemble", minimum=1, maximum=64)
+    output: str = option(
+        RESIDUAL,
+        "a residual of the prior's prediction; or corrections of the planar prior's parameters, and"
+        " a residual of what it predicts with them",
+        choices=(RESIDUAL, PARAMETERS),
+    )
+    places: int = option(
+        0,
+        "places on a body's way where a map of the table is read, with corrections of parameters;"
+        " 0: no map",
+        minimum=0,
+    )
+
+    def __post_init__(self) -> None:
+        """Check the fields, and that a map has what it needs."""
+        super().__post_init__()
+        if self.places and (self.output != PARAMETERS or self.features != WORLD_FRAME):
+            raise ConfigError(
+                f"places is {self.places}; a map needs --output parameters --features world: give"
+                " both, or --places 0"
+            )
+
+    @property
+    def corrects_parameters(self) -> bool:
+        """Whether it corrects parameters of the prior."""
+        return self.output == PARAMETERS

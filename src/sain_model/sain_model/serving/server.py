@@ -247,7 +247,7 @@ def load_server(config: ServingConfig) -> ModelServer:
     """Return a server of the model that the settings name, loaded and tried.
 
     Raises:
-        CheckpointError: a checkpoint that is missing, damaged or of another architecture.
+        CheckpointError: a checkpoint that is missing, damaged or of another version.
         ConfigError: no model of this name.
         ModelUnavailableError: it predicts NaN or Inf.
     """

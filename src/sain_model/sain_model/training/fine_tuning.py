@@ -18,20 +18,24 @@ from sain_core.push import pushed_bodies
 from sain_core.scene import POSITION, TARGET
 from sain_core.seeding import generator
 from sain_core.types import Scalars
-from sain_model.data.dataset import Dataset, Split
-from sain_model.data.mixed import MixedDataset, MixedSplit
+from sain_model.data.dataset import Dataset, Part
 from sain_model.dynamics.checkpoint import SUFFIX, ModelCard, parse_card
-from sain_model.dynamics.load import card_part, load_sain, shipped_checkpoint
+from sain_model.dynamics.load import card_part, load_checkpoint, shipped_checkpoint
 from sain_model.dynamics.sain import RECURRENT, SainDynamics
-from sain_model.dynamics.settings import SHIPPED, LossConfig
-from sain_model.evaluation.history_errors import predict_with_history
-from sain_model.evaluation.metrics import position_errors
-from sain_model.evaluation.prediction_errors import held_out_part
-from sain_model.training.options import DEFAULT, TrainOptions
-from sain_model.training.settings import EPISODE, NOTHING, TrainingConfig
+from sain_model.dynamics.settings import SHIPPED
+from sain_model.evaluation.errors import position_errors
+from sain_model.evaluation.predictors import predict_with_history
+from sain_model.training.settings import (
+    DEFAULT,
+    EPISODE,
+    NOTHING,
+    LossConfig,
+    TrainingConfig,
+    TrainOptions,
+)
 
 KEPT: Final = ("prior", "prior_friction", "history")  # and its network: weights fit no others
-USUAL: Final = TrainingConfig(epochs=100, batch=64, validation=0.2)
+DEFAULTS: Final = TrainingConfig(epochs=100, batch=64, validation=0.2)
 """For fewer rows than most are trained on: smaller batches, more epochs, and more of the episodes
 to choose the best by; docs/guides/training.md tells what was tried."""
 
@@ -56,7 +60,9 @@ class Parent:
                 f"--from is {name!r}; it must be {SHIPPED}, or the path of a checkpoint *{SUFFIX}"
             )
         path = shipped_checkpoint() if name == SHIPPED else Path(name)
-        sain = load_sain(path)
+        sain = load_checkpoint(path)
+        if not isinstance(sain, SainDynamics):
+            raise CheckpointError(f"{path} corrects parameters; only residuals can be fine-tuned")
         if sain.kind == RECURRENT:
             raise CheckpointError(
                 f"{path} was trained on rollouts (--steps-ahead); fine-tuning learns from single"
@@ -73,7 +79,7 @@ class Parent:
         """
         loss = card_part("training.loss", LossConfig, self.card.training.get("loss", {}))
         learned = {
-            name: self.card.training.get(name, getattr(USUAL, name))
+            name: self.card.training.get(name, getattr(DEFAULTS, name))
             for name in ("weight_decay", "mirror", "diversity")
         }
         told = self.card.training.get("history", EPISODE) if self.sain.friction else NOTHING
@@ -81,10 +87,10 @@ class Parent:
             "training",
             TrainingConfig,
             {
-                **vars(USUAL),
+                **vars(DEFAULTS),
                 **learned,
                 "prior": self.card.prior,
-                "prior_friction": self.card.prior_config.get("friction", USUAL.prior_friction),
+                "prior_friction": self.card.prior_config.get("friction", DEFAULTS.prior_friction),
                 "history": told,
                 "network": self.sain.network.config,
                 "loss": loss,
@@ -117,7 +123,7 @@ class Parent:
             return
         raise ConfigError(f"{asked_for} is for new weights; leave it or --from out")
 
-    def check_data(self, data: Dataset | MixedDataset) -> None:
+    def check_data(self, data: Dataset) -> None:
         """Check that a data set is new to it: what is held out must not have been learned from.
 
         Raises:
@@ -131,14 +137,14 @@ class Parent:
                     " fine-tune on episodes that it has not seen"
                 )
 
-    def gain(self, sain: SainDynamics, split: Split | MixedSplit) -> dict[str, Any]:
+    def gain(self, sain: SainDynamics, held_out: Dataset) -> dict[str, Any]:
         """Return mean errors on held-out episodes [mm], before and after.
 
         They are those of the target; of the pushed body, where bodies have any shape. Friction is
         told as in deployment. "ratio" is the one over the other with its 95 % interval over
         episodes.
         """
-        parts = held_out_part(split).parts
+        parts = held_out.parts
         before, after = (
             np.concatenate([_errors(model, part) for part in parts]) for model in (self.sain, sain)
         )
@@ -152,7 +158,7 @@ class Parent:
         }
 
 
-def _errors(sain: SainDynamics, part: Dataset) -> Scalars:
+def _errors(sain: SainDynamics, part: Part) -> Scalars:
     """Return how far off the target, or the pushed body, is predicted (M,) [mm]."""
     after = predict_with_history(sain, part).mean
     if part.bodies.are_paper_disks and part.disks > TARGET:
@@ -163,3 +169,12 @@ def _errors(sain: SainDynamics, part: Dataset) -> Scalars:
 
 def _data_hashes(card: ModelCard) -> list[str]:
     return [card.data.get("sha256", ""), *card.data.get("sources", ())]
+
+
+def gain_line(gain: dict[str, Any], parent: str, part: str) -> str:
+    """Return in words what `Parent.gain` found, on this part of the data."""
+    ratio, low, high = gain["ratio"]
+    return (
+        f"{gain['bodies']}: mean error on the {part} episodes {gain['before']:.2f} mm"
+        f" with {parent}, {gain['after']:.2f} mm now; ratio {ratio:.2f} \\[{low:.2f}, {high:.2f}]"
+    )

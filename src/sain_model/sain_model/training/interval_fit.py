@@ -12,10 +12,10 @@ from scipy.optimize import minimize
 from sain_core.push import pushed_bodies
 from sain_core.scene import POSITION
 from sain_core.types import Scalars
-from sain_model.data.dataset import Dataset
+from sain_model.data.dataset import Part
 from sain_model.dynamics.intervals import LEVEL, IntervalConfig, Intervals, pushed_errors
 from sain_model.dynamics.sain import SainDynamics
-from sain_model.evaluation.history_errors import predict_with_history
+from sain_model.evaluation.predictors import predict_with_history
 from sain_model.network.features import elongations
 
 RESOLUTION: Final = 1e-6  # [m], differences below this do not count
@@ -25,7 +25,7 @@ FEW: Final = 60  # pushes below which there is one window
 STARTS: Final = (0.0, -2.0, -4.0)  # of the search, logarithms of the weights
 
 
-def fit_intervals(sain: SainDynamics, *data: Dataset, level: float = LEVEL) -> Intervals:
+def fit_intervals(sain: SainDynamics, *data: Part, level: float = LEVEL) -> Intervals:
     """Return regions that hold the pushed body and others in a share `level` of the pushes.
 
     The model's weights were not fitted to this data. Friction is told as in deployment, by the
@@ -43,7 +43,7 @@ def fit_intervals(sain: SainDynamics, *data: Dataset, level: float = LEVEL) -> I
     return _with_usual_errors(replace(sain, intervals=intervals), data)
 
 
-def _with_usual_errors(sain: SainDynamics, data: Sequence[Dataset]) -> Intervals:
+def _with_usual_errors(sain: SainDynamics, data: Sequence[Part]) -> Intervals:
     """Return its intervals with the usual logarithms of error over radius of pushed bodies."""
     assert sain.intervals is not None
     told = [pushed_errors(predict_with_history(sain, part), part) for part in data]
@@ -53,7 +53,7 @@ def _with_usual_errors(sain: SainDynamics, data: Sequence[Dataset]) -> Intervals
 
 
 def _scored(
-    sain: SainDynamics, data: Dataset
+    sain: SainDynamics, data: Part
 ) -> list[tuple[Float[ndarray, "3 R"], Float[ndarray, "R"], Float[ndarray, "R"]]]:
     """Return parts of the score, distances and elongations.
 

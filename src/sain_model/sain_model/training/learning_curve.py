@@ -3,19 +3,25 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 from sain_core.errors import CheckpointError
 from sain_core.storage import write_json
 from sain_core.untrusted import read_json
 from sain_model.data.dataset import Split, check_held_out, limit_training
-from sain_model.dynamics.sain import LEARNED as LEARNED_KIND
-from sain_model.dynamics.sain import SainDynamics
 from sain_model.dynamics.settings import IDENTITY
-from sain_model.evaluation.history_errors import PLANAR_HISTORY, SAIN_HISTORY
-from sain_model.evaluation.metrics import BULLET, FLOOR, LEARNED, MEASURED, SAIN
-from sain_model.evaluation.prediction_errors import evaluate
-from sain_model.training.push_training import Trainer, prior_and_filter
+from sain_model.evaluation.errors import MM, TARGETS, evaluate
+from sain_model.evaluation.predictors import (
+    BULLET,
+    FLOOR,
+    LEARNED,
+    MEASURED,
+    NAMES,
+    PLANAR_HISTORY,
+    SAIN,
+    SAIN_HISTORY,
+)
+from sain_model.training.fit import Physics, fit
 from sain_model.training.settings import TrainingConfig
 
 PHYSICS: Final = (BULLET, MEASURED, PLANAR_HISTORY, FLOOR)
@@ -58,7 +64,7 @@ def learning_curve(
         DatasetError: a size that there are not so many transitions for, or nothing is held out.
         CheckpointError: the folder's state is damaged or of other settings or data.
     """
-    check_held_out(split.test)
+    check_held_out(split)
     points: dict[tuple[str, int], Point] = {}
     for size, part in [(size, limit_training(split, size)) for size in sizes]:
         for prior in (IDENTITY, config.prior):
@@ -68,8 +74,7 @@ def learning_curve(
             for name in (*PHYSICS, *NETWORKS):
                 if row := errors.get(name):
                     trained = size if name in NETWORKS else 0
-                    interval = row["target_mean"], row["target_low"], row["target_high"]
-                    points[name, trained] = Point(name, trained, *interval)
+                    points[name, trained] = Point(name, trained, *row[MM])
     return list(points.values())
 
 
@@ -77,7 +82,7 @@ def _epochs(config: TrainingConfig, size: int, steps: int) -> int:
     return max(round(steps * config.batch / (size * (2 if config.mirrors else 1))), 1)
 
 
-def _errors(split: Split, config: TrainingConfig, folder: Path) -> dict[str, dict[str, float]]:
+def _errors(split: Split, config: TrainingConfig, folder: Path) -> dict[str, dict[str, Any]]:
     """Return the errors on all held-out pushes by predictor; from the folder, if they are there."""
     path = folder / "errors.json"
     identity = f"{config} {split.train.sha256} {len(split.test)}"
@@ -88,16 +93,10 @@ def _errors(split: Split, config: TrainingConfig, folder: Path) -> dict[str, dic
                 raise CheckpointError(
                     f"{path} belongs to other settings or data; use another folder"
                 )
-            return dict(done["all"])
+            return dict(done["errors"])
         except (OSError, LookupError, TypeError, ValueError) as error:
             raise CheckpointError(f"{path} is damaged ({error}); use another folder") from error
-    prior, friction = prior_and_filter(config, split.train)
-    trainer = Trainer(split, prior, config, folder, friction)
-    trainer.run()
-    infers = friction.config if friction else None
-    sain = SainDynamics(trainer.network, prior, config.prior, friction=infers)
-    alone = sain.kind == LEARNED_KIND
-    errors = evaluate(split.test, *((None, sain) if alone else (sain, None)))
-    report = {"identity": identity, **errors}
-    write_json(path, report)
-    return dict(errors["all"])
+    model, _ = fit(split, Physics.of(config, split.train), config, folder)
+    errors = evaluate(split.test, {NAMES[model.kind]: model})["after"]["1"]["errors"][TARGETS]
+    write_json(path, {"identity": identity, "errors": errors})
+    return dict(errors)

@@ -10,10 +10,9 @@ from matplotlib.ticker import FuncFormatter, NullLocator
 
 from sain_core.drawing.figures import TEXT, new_figure, style_axes
 from sain_core.drawing.palette import PALETTE
-from sain_model.evaluation.history_errors import SAIN_HISTORY
-from sain_model.evaluation.metrics import BULLET, FLOOR, LEARNED, SAIN
+from sain_model.evaluation.predictors import BULLET, FLOOR, LEARNED, SAIN, SAIN_HISTORY
 from sain_model.training.learning_curve import Point
-from sain_model.training.training_loop import LossHistory
+from sain_model.training.trainer import LossHistory
 
 COLOURS: Final = {
     LEARNED: PALETTE.learned,

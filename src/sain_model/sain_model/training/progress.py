@@ -1,27 +1,27 @@
 """What shows a training while it runs: a bar in the terminal, and TensorBoard as an extra."""
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Final
 
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
+from rich.progress import Progress as Bars
 
 from sain_core.errors import ConfigError
-from sain_model.training.training_loop import LossHistory
+from sain_model.training.trainer import LossHistory, Progress
 
 FOLDER: Final = "tensorboard"  # below the training's folder
-Follower = Callable[[int, LossHistory], None]  # called with the epochs done, and their losses
 
 
 @contextmanager
-def epoch_bar(console: Console, epochs: int, done: int) -> Iterator[Follower]:
+def epoch_bar(console: Console, epochs: int, done: int) -> Iterator[Progress]:
     """Show a bar over epochs with the losses and the time left."""
     losses, left = TextColumn("{task.fields[losses]}, left"), TimeRemainingColumn()
     columns = TextColumn("epoch"), BarColumn(), MofNCompleteColumn(), losses, left
-    with Progress(*columns, console=console) as bar:
+    with Bars(*columns, console=console) as bar:
         task = bar.add_task("train", total=epochs, completed=done, losses="starting")
 
         def advance(epoch: int, history: LossHistory) -> None:
@@ -35,7 +35,7 @@ def epoch_bar(console: Console, epochs: int, done: int) -> Iterator[Follower]:
 
 
 @contextmanager
-def event_log(folder: Path, done: int) -> Iterator[Follower]:
+def event_log(folder: Path, done: int) -> Iterator[Progress]:
     """Write the losses of each epoch below a folder; those after `done` epochs are replaced.
 
     Raises:

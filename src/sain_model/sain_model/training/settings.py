@@ -1,14 +1,32 @@
-"""Settings of all trainings, importable without PyTorch."""
+"""Settings of a training, importable without PyTorch, and presets: ours, and the paper's.
+
+The paper (section III-C): Adam at 0.001, halved every 2,500 steps, 8,000 epochs of batches of 16,
+validated every 500 epochs on 20 % of the data, the best kept; 10 % in section III-B; equation 5
+adds lambda |theta|^2. It gives neither lambda nor the scales of the loss: ours stand here.
+With 3,000 transitions an epoch is 188 steps, so that the learning rate is halved every 13 of the
+8,000 epochs and is nothing long before the first validation: either the steps are epochs, or the
+epochs are steps. See docs/guides/training.md.
+"""
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Final, Literal
 
-from sain_core.config import Config, option
+import tyro
+
+from sain_core.config import Config, option, required
 from sain_core.dataset import SHARES, TEST, VALIDATION
-from sain_model.dynamics.settings import PLANAR, CorrectionNetworkConfig, LossConfig
-from sain_model.network.settings import BOOTSTRAP, ORDER, PUSH_FRAME, NetworkConfig
+from sain_model.dynamics.settings import PLANAR, PLANAR_AXES
+from sain_model.network.settings import (
+    BOOTSTRAP,
+    ORDER,
+    PARAMETERS,
+    PUSH_FRAME,
+    WORLD_FRAME,
+    NetworkConfig,
+)
 
 if TYPE_CHECKING:
     import torch
@@ -19,6 +37,19 @@ ADAM: Final = "adam"
 COSINE: Final = "cosine"
 HALVING_STEPS: Final = "halving_steps"
 HALVING_EPOCHS: Final = "halving_epochs"
+NOTHING: Final = "none"
+EPISODE: Final = "episode"
+LAMBDA: Final = 1e-6  # of equation 5, of a loss in units of 1 mm
+
+
+@dataclass(frozen=True)
+class LossConfig(Config):
+    """The mixed loss of Algorithm 1, line 17, each term in units of a scale."""
+
+    robust: bool = option(True, "Huber's loss: beyond a scale an error counts linearly")
+    position_scale: float = option(0.001, "of position errors", unit="m", minimum=1e-6)
+    velocity_scale: float = option(0.1, "of velocity errors", unit="m/s", minimum=1e-6)
+    heading_scale: float = option(0.05, "of errors of sin and cos of the heading", minimum=1e-6)
 
 
 @dataclass(frozen=True)
@@ -40,7 +71,7 @@ class OptimizerConfig(Config):
     def rate(self, epoch: int, epochs: int, step: int) -> float:
         """Return the share of the first learning rate, at an epoch of so many and a step."""
         if self.schedule == COSINE:
-            return cosine(epoch, epochs)
+            return 0.5 * (1.0 + math.cos(math.pi * epoch / epochs))
         done = step if self.schedule == HALVING_STEPS else epoch
         return float(0.5 ** (done // self.halving))
 
@@ -54,19 +85,9 @@ class OptimizerConfig(Config):
         return kind(parameters, rate, weight_decay=weight_decay)
 
 
-def cosine(done: int, total: int) -> float:
-    """Return the share of the first learning rate when so much of a training is done."""
-    return 0.5 * (1.0 + math.cos(math.pi * done / total))
-
-
-NOTHING: Final = "none"
-EARLIER: Final = "earlier"
-EPISODE: Final = "episode"
-
-
 @dataclass(frozen=True)
-class DataConfig(Config):
-    """What a network learns from."""
+class TrainingConfig(Config):
+    """What a network learns from, and how."""
 
     seed: int = option(0, "seed; the same seed, data and settings give the same weights", minimum=0)
     validation: float = option(
@@ -82,15 +103,19 @@ class DataConfig(Config):
         maximum=0.5,
     )
     transitions: int = option(0, "number of training transitions; 0: all", minimum=0)
+    prior: str = option(
+        PLANAR,
+        "model that is corrected: a name in the registry of models; identity: the network alone",
+    )
     prior_friction: float = option(
         0.12, "nominal friction of the planar prior", minimum=0.01, maximum=1.0
     )
-
-
-@dataclass(frozen=True)
-class TrainingConfig(DataConfig):
-    """How a network is trained."""
-
+    history: str = option(
+        EPISODE,
+        "pushes that the friction is inferred from in training: none, or all others of the episode;"
+        " only for planar priors",
+        choices=(NOTHING, EPISODE),
+    )
     epochs: int = option(40, "passes over the data", minimum=1)
     epoch_steps: int = option(0, "steps in an epoch; 0: as many as one pass takes", minimum=0)
     validate_every: int = option(1, "epochs between validations", minimum=1)
@@ -102,19 +127,17 @@ class TrainingConfig(DataConfig):
     weight_decay: float = option(
         0.1, "weight decay of the optimizer, the paper's lambda", minimum=0.0
     )
+    max_grad_norm: float = option(
+        0.0,
+        "largest norm of a member's gradient; longer ones are scaled to it; 0: any",
+        minimum=0.0,
+    )
     diversity: str = option(
         ORDER,
         "data of each member: all pushes in another order, or episodes drawn with replacement",
         choices=(ORDER, BOOTSTRAP),
     )
     mirror: bool = option(True, "train on mirror images too; not with features of the world")
-    prior: str = option(PLANAR, "model that is corrected: a name in the registry of models")
-    history: str = option(
-        EPISODE,
-        "pushes that the friction is inferred from in training: none, the episode's earlier ones,"
-        " or all its others; only for planar priors",
-        choices=(NOTHING, EARLIER, EPISODE),
-    )
     network: NetworkConfig = NetworkConfig()
     loss: LossConfig = LossConfig()
     optimizer: OptimizerConfig = OptimizerConfig()
@@ -122,30 +145,107 @@ class TrainingConfig(DataConfig):
     @property
     def mirrors(self) -> bool:
         """Whether mirror images are learned from: a tilted table in a mirror is another table."""
-        return self.mirror and self.network.features == PUSH_FRAME
+        in_world = self.network.corrects_parameters or self.network.features != PUSH_FRAME
+        return self.mirror and not in_world
 
 
 @dataclass(frozen=True)
-class CorrectionTrainingConfig(DataConfig):
-    """How a network that corrects parameters is trained."""
+class RolloutConfig(Config):
+    """How a network that has learned from single pushes goes on to learn from rollouts."""
 
-    steps: int = option(3000, "steps of the optimizer in all epochs", minimum=1)
-    batch: int = option(64, "pushes in an optimizer step", minimum=1)
-    learning_rate: float = option(
-        2e-3, "learning rate at the start; it falls to 0 along a cosine", minimum=1e-7
+    steps_ahead: int = option(
+        1, "pushes of a training rollout; 1: single pushes only", minimum=1, maximum=100
     )
-    weight_decay: float = option(0.01, "weight decay of AdamW", minimum=0.0)
-    max_grad_norm: float = option(
-        50.0, "largest norm of a gradient; longer ones are scaled to it", minimum=1e-3
+    rollout_epochs: int = option(12, "passes over the windows", minimum=1)
+    rollout_batch: int = option(64, "windows in an optimizer step", minimum=1)
+    rollout_learning_rate: float = option(
+        1e-3, "learning rate at the start; it falls to 0 along a cosine", minimum=1e-7
     )
-    epochs: int = option(
-        20, "parts of the steps; validation after each chooses the best weights", minimum=1
+    rollout_max_grad_norm: float = option(
+        1.0, "largest norm of a gradient; longer ones are scaled to it", minimum=1e-6
     )
-    history: str = option(
-        NOTHING,
-        "pushes that the friction is inferred from: none, or in training the episode's others and"
-        " later its earlier ones",
-        choices=(NOTHING, EPISODE),
+
+    @property
+    def wanted(self) -> bool:
+        """Whether there is anything to learn from rollouts."""
+        return self.steps_ahead > 1
+
+    def after(self, training: TrainingConfig) -> TrainingConfig:
+        """Return how training goes on: seed, data, decay and loss stay."""
+        return replace(
+            training,
+            epochs=self.rollout_epochs,
+            epoch_steps=0,
+            validate_every=1,
+            patience=0,
+            batch=self.rollout_batch,
+            learning_rate=self.rollout_learning_rate,
+            max_grad_norm=self.rollout_max_grad_norm,
+            diversity=ORDER,
+            optimizer=OptimizerConfig(),
+        )
+
+
+PAPER: Final = TrainingConfig(
+    epochs=8000,
+    validate_every=500,
+    batch=16,
+    learning_rate=1e-3,
+    weight_decay=2 * LAMBDA,  # the gradient of lambda |theta|^2
+    mirror=False,
+    validation=0.2,
+    history=NOTHING,
+    loss=LossConfig(robust=False, position_scale=0.001, velocity_scale=0.1, heading_scale=0.05),
+    optimizer=OptimizerConfig(ADAM, HALVING_STEPS, 2500),
+)
+DEFAULT: Final = "default"
+PRESETS: Final = {
+    DEFAULT: TrainingConfig(),
+    "paper": PAPER,
+    "paper-epochs": replace(PAPER, optimizer=OptimizerConfig(ADAM, HALVING_EPOCHS, 2500)),
+    # 8,000 steps, validated every 500 of them
+    "paper-steps": replace(PAPER, epochs=16, epoch_steps=500, validate_every=1),
+}
+OF_PARAMETERS: Final = TrainingConfig(
+    prior=PLANAR_AXES,
+    history=NOTHING,
+    epochs=20,
+    epoch_steps=150,
+    batch=64,
+    weight_decay=0.01,
+    max_grad_norm=50.0,
+    network=NetworkConfig(features=WORLD_FRAME, output=PARAMETERS, places=5),
+)
+"""Where the network corrects parameters: every step simulates variations of the prior."""
+
+
+@dataclass(frozen=True)
+class TrainOptions(Config):
+    """Train the interaction network on what a prior leaves, or resume with a checkpoint.
+
+    The same command continues after a stop.
+    """
+
+    dataset: Annotated[tuple[Path, ...], tyro.conf.Positional] = required(
+        "shards *.npz or folders of them, one or more, also with different bodies"
     )
-    network: CorrectionNetworkConfig = CorrectionNetworkConfig()
-    loss: LossConfig = LossConfig()
+    out: Path = required("folder for checkpoint, card, loss curve and settings")
+    name: str = option("sain", "name of the checkpoint")
+    parent: Annotated[str | None, tyro.conf.arg(name="from", metavar="CHECKPOINT")] = option(
+        None,
+        "fine-tune a checkpoint: sain (shipped), or a path; its settings stay",
+    )
+    preset: Literal["default", "paper", "paper-epochs", "paper-steps"] = option(
+        "default",
+        "settings to start from: ours, or the paper's (docs/guides/training.md)",
+    )
+    belief: str = option(
+        "",
+        "file of `sain_model identify`: the network corrects the physics found there, not --prior;"
+        " empty: none",
+    )
+    tensorboard: bool = option(
+        False, "write the losses for TensorBoard too; needs the extra sain_model[tensorboard]"
+    )
+    training: TrainingConfig = TrainingConfig()
+    rollout: RolloutConfig = RolloutConfig()

@@ -11,51 +11,48 @@ import numpy as np
 from sain_core.provenance import processor, ros2_command, system, versions
 from sain_core.storage import write_whole
 from sain_model.data.dataset import Dataset, Split
-from sain_model.data.mixed import MixedDataset, MixedSplit
 from sain_model.dynamics.checkpoint import ModelCard
+from sain_model.dynamics.parameter_correction import ParameterCorrection
 from sain_model.dynamics.priors import prior_settings
 from sain_model.dynamics.sain import SainDynamics
-from sain_model.training.fine_tuning import Parent
-from sain_model.training.options import TrainCorrectionOptions, TrainOptions
-from sain_model.training.training_loop import LossHistory
+from sain_model.training.settings import TrainOptions
+from sain_model.training.trainer import LossHistory
 
 PACKAGES: Final = ("sain_model", "torch", "numpy", "numba", "scipy", "safetensors")
 
 
 def make_card(
     command: TrainOptions,
-    data: Dataset | MixedDataset,
-    split: Split | MixedSplit,
-    sain: SainDynamics,
+    data: Dataset,
+    split: Split,
+    model: SainDynamics | ParameterCorrection,
     histories: Sequence[LossHistory],
     errors: dict[str, Any],
-    parent: Parent | None,
+    parent: ModelCard | None = None,
 ) -> ModelCard:
     """Return the card of what was trained: with losses on single pushes, then on rollouts."""
     config = command.training
     training = {**asdict(config), **_losses(histories[0])}
     if len(histories) > 1:
-        training["rollouts"] = _losses(histories[1])
+        training["rollouts"] = {**asdict(command.rollout), **_losses(histories[1])}
+    intervals = getattr(model, "intervals", None)
     return ModelCard(
         prior=config.prior,
-        prior_config=prior_settings(sain.prior),
+        prior_config=prior_settings(model.prior),
         network=asdict(config.network),
-        friction=asdict(sain.friction) if sain.friction else None,
-        intervals=asdict(sain.intervals) if sain.intervals else None,
-        kind=sain.kind,
-        rollouts=asdict(command.rollout) if sain.recurrent else None,
-        data=data_part(command.dataset, data, split),
+        friction=asdict(model.friction) if model.friction else None,
+        intervals=asdict(intervals) if intervals else None,
+        kind=model.kind,
+        data=_data_part(command.dataset, data, split),
         training=training,
         errors=errors,
         versions=environment(),
         command=ros2_command("sain_model", "train"),
-        parent={**asdict(parent.card), "errors": {}} if parent else None,
+        parent={**asdict(parent), "errors": {}} if parent else None,
     )
 
 
-def data_part(
-    paths: Sequence[Path], data: Dataset | MixedDataset, split: Split | MixedSplit
-) -> dict[str, Any]:
+def _data_part(paths: Sequence[Path], data: Dataset, split: Split) -> dict[str, Any]:
     """Return what a card says of the data."""
     parts = {"train": split.train, "validation": split.validation, "test": split.test}
     return {
@@ -83,15 +80,13 @@ def environment() -> dict[str, str]:
     return {**versions(*PACKAGES), "system": system(), "processor": processor()}
 
 
-def save_settings(
-    executable: str, command: TrainOptions | TrainCorrectionOptions, data: Dataset | MixedDataset
-) -> None:
+def save_settings(command: TrainOptions, data: Dataset) -> None:
     """Write beside the checkpoint, from the start, what is to be done with what."""
     settings = {
         **asdict(command),
         "data_sha256": data.sha256,
         "environment": environment(),
-        "command": ros2_command("sain_model", executable),
+        "command": ros2_command("sain_model", "train"),
     }
     text = json.dumps(settings, indent=2, default=str) + "\n"
     write_whole(command.out / "config.json", text.encode())

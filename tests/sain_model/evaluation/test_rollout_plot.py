@@ -5,9 +5,10 @@ import pytest
 
 from sain_core.drawing.palette import PALETTE
 from sain_core.scene import POSITION
+from sain_model.data.dataset import Part
 from sain_model.data.windows import Windows
-from sain_model.evaluation.open_loop import OpenLoop
-from sain_model.evaluation.open_loop_plot import KINDS, draw_open_loop
+from sain_model.evaluation.predictors import Predictions
+from sain_model.evaluation.rollout_plot import KINDS, draw_rollouts
 
 WINDOWS, STEPS = 6, 4
 
@@ -24,15 +25,17 @@ def figure():
     rows = np.arange(WINDOWS * STEPS).reshape(WINDOWS, STEPS)
     pushes, episodes = np.ones((WINDOWS, STEPS, 5)), np.arange(WINDOWS) // 2
     windows = Windows(rows, truth[:, 0], pushes, truth, episodes)
-    loop = OpenLoop(windows, predictions, np.zeros(WINDOWS, int))
-    return draw_open_loop(loop, np.ones(WINDOWS, bool), STEPS, 0)
+    row, none = truth[:, 0], np.zeros(WINDOWS)
+    part = Part(row, np.ones((WINDOWS, 5)), row, row, episodes, episodes, none, row)
+    loop = Predictions(part, windows, predictions, {}, np.zeros(WINDOWS, int))
+    return draw_rollouts([loop], 0)
 
 
 def test_curves_are_the_mean_errors(figure):
     for axes in figure.axes:
         for place, line in enumerate(axes.lines, start=1):
             np.testing.assert_allclose(line.get_ydata(), place * np.arange(1, STEPS + 1))
-    assert [axes.get_title("left") for axes in figure.axes] == ["target", "mid disk"]
+    assert [axes.get_title("left") for axes in figure.axes] == ["target", "body 0"]
 
 
 def test_every_curve_is_in_the_legend_and_has_its_last_value(figure):

@@ -9,7 +9,7 @@ from torch import Tensor
 from sain_core.scene import POSE
 from sain_model.data.examples import Examples
 from sain_model.data.windows import Windows
-from sain_model.dynamics.settings import LossConfig
+from sain_model.training.settings import LossConfig
 
 
 def mixed_loss(

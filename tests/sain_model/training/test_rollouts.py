@@ -8,32 +8,32 @@ import torch
 
 from sain_core.errors import CheckpointError
 from sain_core.scene import POSE, POSITION, TARGET, wrap_angle
-from sain_model.data.dataset import Dataset, Split, split_by_episode
+from sain_model.data.dataset import Dataset, Part, Split, split_by_episode
 from sain_model.data.windows import make_windows
-from sain_model.dynamics.loss import rollout_loss
-from sain_model.dynamics.rollouts import roll
 from sain_model.dynamics.sain import SainDynamics
-from sain_model.dynamics.settings import LossConfig, RolloutConfig
-from sain_model.evaluation.open_loop import roll_out
+from sain_model.evaluation.predictors import plain, roll_out
 from sain_model.network.interaction_network import InteractionNetwork
 from sain_model.network.settings import NetworkConfig
 from sain_model.physics.planar import PlanarPrior
-from sain_model.training.push_training import Trainer
-from sain_model.training.rollout_training import RolloutTrainer
-from sain_model.training.settings import TrainingConfig
+from sain_model.training.loss import rollout_loss
+from sain_model.training.objectives import Rollouts
+from sain_model.training.rollouts import roll
+from sain_model.training.settings import LossConfig, RolloutConfig, TrainingConfig
+from sain_model.training.trainer import Trainer
+from tests.sain_model.conftest import make_trainer
 from tests.sain_model.rolling import load_episodes
 
 SMALL = NetworkConfig(hidden=16, message=8)
 
 
 @pytest.fixture(scope="module")
-def data(tmp_path_factory: pytest.TempPathFactory) -> Dataset:
+def data(tmp_path_factory: pytest.TempPathFactory) -> Part:
     return load_episodes(tmp_path_factory.mktemp("episodes"))
 
 
 @pytest.fixture(scope="module")
-def split(data: Dataset) -> Split:
-    return split_by_episode(data, 0, 0.2, 0.2)
+def split(data: Part) -> Split:
+    return split_by_episode(Dataset((data,)), 0, 0.2, 0.2)
 
 
 def some_network(seed: int = 1, features: str = "push") -> InteractionNetwork:
@@ -46,7 +46,7 @@ def some_network(seed: int = 1, features: str = "push") -> InteractionNetwork:
     return network.eval()
 
 
-def test_a_rollout_of_one_push_is_a_step(data: Dataset) -> None:
+def test_a_rollout_of_one_push_is_a_step(data: Part) -> None:
     windows = make_windows(data, 1)
     sain = SainDynamics(some_network(), PlanarPrior(), "planar", recurrent=True)
     stepped = sain.step(data.state, data.action)
@@ -59,22 +59,24 @@ def test_a_rollout_of_one_push_is_a_step(data: Dataset) -> None:
     np.testing.assert_allclose(rolled[0, 0], stepped[0], atol=1e-6)
 
 
-def test_training_rolls_out_what_is_deployed(data: Dataset) -> None:
+def test_training_rolls_out_what_is_deployed(data: Part) -> None:
     windows = make_windows(data, 4, whole=True)
     sain = SainDynamics(some_network(), PlanarPrior(), "planar", recurrent=True)
-    friction = np.full(len(windows), 0.15)
-    deployed = roll_out(sain, windows.scenes, windows.pushes, friction)
+
+    def at_friction(scenes: np.ndarray, pushes: np.ndarray, rows: np.ndarray) -> np.ndarray:
+        return sain.step(scenes, pushes, {"friction": np.full(len(rows), 0.15)})
+
+    deployed = roll_out(at_friction, windows)
     told = np.full(windows.rows.shape, 0.15)
     with torch.inference_mode():
         learned = roll(sain.network, windows, sain.prior, told).numpy()
     off = learned[..., :2] - deployed[..., POSITION]
     # Contacts amplify the rounding of headings that are wrapped in one and not in the other.
     assert np.quantile(np.abs(off), 0.99) < 1e-5
-    plain = roll_out(sain, windows.scenes, windows.pushes)
-    assert np.abs(deployed - plain).max() > 1e-3
+    assert np.abs(deployed - roll_out(plain(sain), windows)).max() > 1e-3
 
 
-def test_differences_give_the_gradient_of_the_whole_rollout(data: Dataset) -> None:
+def test_differences_give_the_gradient_of_the_whole_rollout(data: Part) -> None:
     """Compared with nudging the weights themselves, which knows nothing of how it is done."""
     network = some_network()
     windows = make_windows(data, 2, whole=True).select(np.arange(8))
@@ -95,7 +97,7 @@ def test_differences_give_the_gradient_of_the_whole_rollout(data: Dataset) -> No
     np.testing.assert_allclose(found, expected, rtol=0.1, atol=0.1 * np.abs(expected).max())
 
 
-def test_the_loss_is_over_what_was_pushed(data: Dataset) -> None:
+def test_the_loss_is_over_what_was_pushed(data: Part) -> None:
     windows = make_windows(data, 3)
     config = LossConfig(robust=False, position_scale=1.0, heading_scale=1.0)
     off = torch.from_numpy(windows.next_scenes[..., POSE]).clone()
@@ -105,11 +107,12 @@ def test_the_loss_is_over_what_was_pushed(data: Dataset) -> None:
     assert rollout_loss(off, windows, config).item() == pytest.approx(0.25)
 
 
-def train(split: Split, folder: Path, config: RolloutConfig) -> RolloutTrainer:
+def train(split: Split, folder: Path, config: RolloutConfig) -> Trainer:
     training = TrainingConfig(epochs=2, batch=32, network=SMALL, seed=3)
-    single = Trainer(split, PlanarPrior(), training, folder)
+    single = make_trainer(split, PlanarPrior(), training, folder)
     single.run()
-    return RolloutTrainer(single.network, split, PlanarPrior(), config, training, folder)
+    rollouts = Rollouts(split, PlanarPrior(), None, training, config)
+    return Trainer(single.network, rollouts, config.after(training), folder / "rollouts.pt")
 
 
 def test_a_killed_training_on_rollouts_goes_on_to_the_same_weights(
@@ -134,7 +137,7 @@ def test_a_killed_training_on_rollouts_goes_on_to_the_same_weights(
     assert resumed.history == whole.history
     for name, value in whole.network.state_dict().items():
         assert torch.equal(resumed.network.state_dict()[name], value), name
-    paths = [tmp_path / name / RolloutTrainer.STATE for name in ("whole", "cut")]
+    paths = [tmp_path / name / "rollouts.pt" for name in ("whole", "cut")]
     assert paths[0].read_bytes() == paths[1].read_bytes()
 
 
@@ -143,7 +146,7 @@ def test_a_state_of_other_settings_or_damaged_is_refused(split: Split, tmp_path:
     train(split, tmp_path, config).run()
     with pytest.raises(CheckpointError, match="belongs to other settings or data"):
         train(split, tmp_path, RolloutConfig(steps_ahead=3, rollout_epochs=1))
-    (tmp_path / RolloutTrainer.STATE).write_bytes(b"half")
+    (tmp_path / "rollouts.pt").write_bytes(b"half")
     with pytest.raises(CheckpointError, match="is damaged"):
         train(split, tmp_path, config)
 
@@ -153,7 +156,7 @@ def test_training_on_rollouts_lowers_the_error_of_rollouts(split: Split, tmp_pat
         steps_ahead=3, rollout_epochs=4, rollout_batch=8, rollout_learning_rate=5e-3
     )
     trainer = train(split, tmp_path, config)
-    windows = make_windows(split.test, 3, whole=True)
+    windows = make_windows(split.test.alike, 3, whole=True)
 
     def error() -> float:
         with torch.inference_mode():
@@ -168,6 +171,7 @@ def test_training_on_rollouts_lowers_the_error_of_rollouts(split: Split, tmp_pat
 
 
 def test_mirrored_windows_are_of_the_same_pushes_and_so_of_the_same_friction(split: Split) -> None:
-    windows, mirrored = (make_windows(data, 3) for data in (split.train, split.train.mirrored()))
+    parts = split.train.alike, split.train.alike.mirrored()
+    windows, mirrored = (make_windows(data, 3) for data in parts)
     np.testing.assert_array_equal(windows.rows, mirrored.rows)
     np.testing.assert_allclose(windows.scenes[:, :, 1], -mirrored.scenes[:, :, 1])

@@ -15,6 +15,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from sain_core.model import Model, answering, check_step, load_dynamics
 from sain_core.scene import MASS, MID, RADIUS
+from sain_core.shapes.bodies import Bodies
 from sain_core.types import Pushes, Scenes
 from sain_model.physics.planar import PlanarPrior
 
@@ -37,11 +38,15 @@ def step_as_nominal(prior: PlanarPrior, scenes: Scenes, pushes: Pushes) -> Scene
 class Followed(Model):
     """A model whose answers are checked, and that reports how many pushes it has predicted."""
 
-    def __init__(self, name: str, dynamics: Model, advance: Callable[[float], None]) -> None:
+    def __init__(self, label: str, dynamics: Model, advance: Callable[[float], None]) -> None:
         """Call `advance` with each number of pushes that this dynamics is done with."""
-        self._label = f"model {name!r}"
+        self._label = label
         self._dynamics = dynamics
         self._advance = advance
+
+    def with_bodies(self, bodies: Bodies) -> "Followed":
+        """Return the model for these bodies, followed likewise."""
+        return Followed(self._label, self._dynamics.with_bodies(bodies), self._advance)
 
     @property
     def refused(self) -> int | None:
@@ -93,7 +98,9 @@ def followed(
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
     with Progress(*columns, TimeRemainingColumn(), console=console) as bars:
         yield {
-            name: Followed(name, one, partial(bars.advance, bars.add_task(name, total=pushes)))
+            name: Followed(
+                f"model {name!r}", one, partial(bars.advance, bars.add_task(name, total=pushes))
+            )
             for name, one in dynamics.items()
         }
 

@@ -14,7 +14,7 @@ from sain_core import model, plugins
 from sain_core.model import Model
 from sain_core.push import LENGTH, idle_pushes
 from sain_model import commands
-from sain_model.evaluation.baselines import AT_ONCE, Followed, followed, open_models, refusals
+from sain_model.evaluation.named_models import AT_ONCE, Followed, followed, open_models, refusals
 from tests.sain_model.rolling import PUSHES, make_episodes, truth
 from tests.workspace.source_tree import setup_arguments
 
@@ -55,14 +55,15 @@ def foreign(monkeypatch: pytest.MonkeyPatch) -> list[Foreign]:
 
 def test_it_is_physics_beside_the_others(tmp_path: Path, foreign: list[Foreign]) -> None:
     folder, out = make_episodes(tmp_path / "data"), tmp_path / "errors.json"
-    arguments = [str(folder), "--baselines", "foreign", "planar_axes", "--out", str(out)]
+    arguments = [str(folder), "--beside", "foreign", "planar_axes", "--out", str(out)]
     assert commands.evaluate([*arguments, "--open-loop", "1", "3"]) == 0
     report = json.loads(out.read_text())
     assert list(report["refused"]) == ["foreign"] and report["refused"]["foreign"] > 0
     for step in ("1", "3"):
-        found = report["open_loop"][step]
-        assert found["best_physics"] == "foreign" and "ratio_to_foreign" in found
-        counts = {row["windows"] for row in found["errors"]["all"].values()}
+        found = report["after"][step]
+        assert "foreign" in found["ratios"]["target"]["SAIN"]  # the best physics
+        rows = found["errors"]["target"]
+        counts = {rows[name]["number"] for name in ("foreign", "planar, measured", "SAIN")}
         assert len(counts) == 1  # a refused push leaves no window out
     (one,) = foreign
     assert one.closed and max(one.batches) <= AT_ONCE
@@ -75,7 +76,7 @@ def test_what_is_not_installed_is_refused_before_anything_is_evaluated(
     tmp_path: Path, foreign: list[Foreign], capsys: pytest.CaptureFixture[str]
 ) -> None:
     folder, out = make_episodes(tmp_path / "data", FEW), tmp_path / "errors.json"
-    arguments = [str(folder), "--baselines", "foreign", "forein", "--out", str(out)]
+    arguments = [str(folder), "--beside", "foreign", "forein", "--out", str(out)]
     assert commands.evaluate(arguments) == 1
     said = " ".join(capsys.readouterr().err.split())
     assert (
@@ -93,16 +94,16 @@ def test_the_simulators_own_offer_is_rolled_out(
         plugins, "entry_points", lambda group: entries if group == model.GROUP else []
     )
     folder, out = make_episodes(tmp_path / "data", FEW), tmp_path / "errors.json"
-    arguments = [str(folder), "--baselines", "bullet", "bullet_measured", "--out", str(out)]
+    arguments = [str(folder), "--beside", "bullet", "bullet_measured", "--out", str(out)]
     assert commands.evaluate([*arguments, "--open-loop", "1", "2"]) == 0
     report = json.loads(out.read_text())
     assert set(report["refused"]) == {"bullet", "bullet_measured"}
     for step, windows in (("1", 24), ("2", 20)):
-        rows = report["open_loop"][step]["errors"]["all"]
-        still = rows["no motion"]["target"]["mean"]
+        rows = report["after"][step]["errors"]["target"]
+        still = rows["no motion"]["mm"][0]
         for name in ("bullet", "bullet_measured"):
-            assert rows[name]["windows"] == windows
-            assert 0.0 < rows[name]["target"]["mean"] < 0.5 * still
+            assert rows[name]["number"] == windows
+            assert 0.0 < rows[name]["mm"][0] < 0.5 * still
 
 
 def shifted(scenes: np.ndarray) -> np.ndarray:

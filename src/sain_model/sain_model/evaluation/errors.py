@@ -1,0 +1,352 @@
+"""Errors of predictions by group: a row for each body of each push, after so many pushes.
+
+Groups are those of the target, of pushed bodies, of bodies that moved, of each shape, by the number
+of earlier pushes, and by how certain a model is. Intervals are a bootstrap's over episodes.
+"""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
+
+from sain_core.bootstrap import Interval, bootstrap_mean, bootstrap_ratio
+from sain_core.dataset import MOVED
+from sain_core.model import Model
+from sain_core.push import pushed_bodies
+from sain_core.scene import POSITION, TARGET, THETA, wrap_angle
+from sain_core.seeding import generator
+from sain_core.types import Mask, Scalars, Scenes
+from sain_model.data.dataset import Dataset
+from sain_model.evaluation.predictors import (
+    BULLET,
+    FLOOR,
+    LEARNED,
+    NO_MOTION,
+    PLANAR_TRUE,
+    PRIOR,
+    PRIOR_HISTORY,
+    Predictions,
+    predict_all,
+)
+
+ENOUGH: Final = 3  # earlier pushes from which on they are taken together
+BELOW_ALL: Final = (FLOOR, PLANAR_TRUE, NO_MOTION)  # no physics that could be had
+THIRDS: Final = ("lowest third", "middle third", "highest third")
+TARGETS: Final = "target"
+TARGET_MOVED: Final = "target, moved"
+TARGET_MISSED: Final = "target, not moved"
+PUSHED: Final = "pushed"
+MM, DEG = "mm", "deg"
+
+Figures = dict[str, Any]
+
+
+@dataclass(frozen=True, eq=False)
+class ErrorRows:
+    """R bodies after so many pushes from the first scene.
+
+    Attributes:
+        about: what each row is of: "episode", "shape", "body", "pushed" (by the latest push),
+            "alone", "moved" [m] since the first scene, "earlier" pushes of the episode.
+        off: distances [mm] by predictor; NaN where it says nothing.
+        turned: likewise of headings [deg].
+        agreed: whether the latest push moved the body in prediction and truth, or in neither.
+        regions: columns "members", "friction", "spread" and "radius" [mm] of models that have them.
+    """
+
+    about: dict[str, ndarray]
+    off: dict[str, Float[ndarray, "R"]]
+    turned: dict[str, Float[ndarray, "R"]]
+    agreed: dict[str, ndarray]
+    regions: dict[str, dict[str, Float[ndarray, "R"]]]
+
+    @classmethod
+    def after(cls, predictions: Sequence[Predictions], step: int) -> "ErrorRows":
+        """Return the rows of all windows that are as long, after so many pushes, from 1."""
+        pieces = [_rows_of(some, step) for some in predictions]
+        return cls(*(_joined(columns) for columns in zip(*pieces, strict=True)))
+
+    def __len__(self) -> int:
+        """Return the number of rows R."""
+        return len(self.about["episode"])
+
+    def groups(self) -> dict[str, Mask]:
+        """Return which rows are of each group; groups may share rows, and have none."""
+        about = self.about
+        pushed, moved = about["pushed"], about["moved"] > MOVED
+        target, earlier = (about["body"] == TARGET) & ~pushed, about["earlier"]
+        groups = {
+            TARGETS: target,
+            TARGET_MOVED: target & moved,
+            TARGET_MISSED: target & ~moved,
+            **{f"target, {n} earlier": target & (earlier == n) for n in range(ENOUGH)},
+            f"target, {ENOUGH}+ earlier": target & (earlier >= ENOUGH),
+            PUSHED: pushed,
+            "pushed, alone": pushed & about["alone"],
+            "pushed, one of several": pushed & ~about["alone"],
+            "not pushed, moved": ~pushed & moved,
+            "all that moved": moved,
+        }
+        shapes = {
+            f"pushed {s}": pushed & (about["shape"] == s) for s in sorted(set(about["shape"]))
+        }
+        return groups | shapes | self._thirds(target if target.any() else pushed)
+
+    def _thirds(self, rows: Mask) -> dict[str, Mask]:
+        """Return thirds of these rows by how certain the first model with regions is."""
+        found: dict[str, Mask] = {}
+        for column in ("spread", "radius"):
+            for values in list(self.regions.values())[:1]:
+                place = np.full(len(rows), -1)
+                order = np.flatnonzero(rows)[np.argsort(values[column][rows], kind="stable")]
+                place[order] = 3 * np.arange(len(order)) // max(len(order), 1)
+                found |= {f"{name} by {column}": place == n for n, name in enumerate(THIRDS)}
+        return found
+
+    def figures(self, name: str, rows: Mask, seed: int) -> Figures | None:
+        """Return the errors of a predictor on these rows; None where it says nothing there."""
+        rows = rows & np.isfinite(self.off[name])
+        if not rows.any():
+            return None
+        off, turned = self.off[name][rows], self.turned[name][rows]
+        found: Figures = {
+            "number": int(rows.sum()),
+            MM: self._mean(off, rows, seed),
+            "median": float(np.median(off)),
+            "p95": float(np.quantile(off, 0.95)),
+            DEG: self._mean(turned, rows, seed),
+            "agreed": float(self.agreed[name][rows].mean()),
+        }
+        if name in self.regions:
+            regions = {key: values[rows] for key, values in self.regions[name].items()}
+            held = (off <= regions["radius"]).astype(float)
+            found |= {
+                "coverage": self._mean(held, rows, seed),
+                "spread": float(regions["spread"].mean()),
+                "radius": float(np.median(regions["radius"])),
+            }
+        return found
+
+    def _mean(self, values: Scalars, rows: ndarray, seed: int) -> Interval:
+        return bootstrap_mean(values, generator(seed, "bootstrap"), self.about["episode"][rows])
+
+    def ratio(
+        self, name: str, below: str, rows: Mask, seed: int, unit: str = MM
+    ) -> Interval | None:
+        """Return the ratio of two mean errors where both say something; None: nowhere."""
+        columns = self.off if unit == MM else self.turned
+        above, under = columns[name], columns[below]
+        rows = rows & np.isfinite(above) & np.isfinite(under)
+        if not rows.any() or not under[rows].any():
+            return None
+        random, episodes = generator(seed, "ratio"), self.about["episode"][rows]
+        return bootstrap_ratio(above[rows], under[rows], random, episodes)
+
+
+def evaluate(
+    data: Dataset,
+    models: Mapping[str, Model],
+    steps: Iterable[int] = (1,),
+    seed: int = 0,
+    others: Mapping[str, Model] | None = None,
+) -> Figures:
+    """Return the errors of all there is to compare; see `report` and `predictors.predict_all`.
+
+    Args:
+        data: pushes that no model was trained on.
+        models: by name; the first is the one that the ratio to its own prior is of.
+        steps: after how many pushes errors are taken.
+        seed: of the bootstrap.
+        others: more physics by name.
+    """
+    wanted = tuple(steps) or (1,)
+    return report(predict_all(data, models, max(wanted), others), [*models], wanted, seed)
+
+
+def report(
+    predictions: Sequence[Predictions], models: Sequence[str], steps: Sequence[int], seed: int = 0
+) -> Figures:
+    """Return all errors as a card or a JSON report has them.
+
+    "after" has for each number of pushes that any window reaches, "1" at least: "errors" by group
+    and predictor, "ratios" of models to the best physics, to the network alone, and to the prior
+    of the first model. "removed" is the share of the reducible error, the nominal world's above the
+    floor, that predictors remove after one push. "rank_correlation" is of errors with what a model
+    says of its certainty.
+    """
+    parts = [one.part for one in predictions]
+    reached = [
+        n for n in steps if any((one.windows.known.sum(axis=1) >= n).any() for one in predictions)
+    ]
+    found: Figures = {
+        "transitions": sum(map(len, parts)),
+        "episodes": len(np.unique(np.concatenate([part.episode for part in parts]))),
+        "after": {},
+    }
+    for step in sorted({1, *reached}):
+        rows = ErrorRows.after(predictions, step)
+        groups = {name: chosen for name, chosen in rows.groups().items() if chosen.any()}
+        errors = {
+            group: {
+                name: figures
+                for name in rows.off
+                if (figures := rows.figures(name, chosen, seed)) is not None
+            }
+            for group, chosen in groups.items()
+        }
+        ratios = {
+            group: _ratios(rows, chosen, errors[group], models, seed)
+            for group, chosen in groups.items()
+        }
+        found["after"][str(step)] = {"errors": errors, "ratios": ratios}
+        if step == 1:
+            found["removed"] = {
+                group: shares_removed({name: one[MM][0] for name, one in errors[group].items()})
+                for group in groups
+                if group.startswith(TARGETS)
+            }
+            found["rank_correlation"] = _certainty(rows)
+    return found
+
+
+def _ratios(
+    rows: ErrorRows, chosen: Mask, errors: Figures, models: Sequence[str], seed: int
+) -> Figures:
+    """Return mean errors of models over those of the best physics, LEARNED, and the own prior."""
+    learned = [name for name in errors if name.startswith(tuple(models))]
+    physics = [name for name in errors if name not in (*learned, *BELOW_ALL)]
+    below = [min(physics, key=lambda name: errors[name][MM][0])] if physics else []
+    others = (LEARNED, PRIOR, PRIOR_HISTORY)
+    below += [name for name in others if name in errors and name not in below]
+    found: Figures = {}
+    for name in learned:
+        for under in (one for one in below if one != name):
+            found.setdefault(name, {})[under] = {
+                unit: ratio
+                for unit in (MM, DEG)
+                if (ratio := rows.ratio(name, under, chosen, seed, unit)) is not None
+            }
+    return found
+
+
+def _certainty(rows: ErrorRows) -> dict[str, dict[str, float]]:
+    """Return Spearman's rank correlation of the target's, or pushed body's, error with spreads."""
+    groups = rows.groups()
+    chosen = groups[TARGETS] if groups[TARGETS].any() else groups[PUSHED]
+    return {
+        name: {
+            column: rank
+            for column, values in regions.items()
+            if (rank := rank_correlation(values[chosen], rows.off[name][chosen])) is not None
+        }
+        for name, regions in rows.regions.items()
+    }
+
+
+def shares_removed(means: Mapping[str, float]) -> dict[str, float]:
+    """Return which share of the reducible error each predictor removes.
+
+    Reducible is what the nominal world errs by above the floor; nothing where either is not known.
+    """
+    reducible = means.get(BULLET, np.nan) - means.get(FLOOR, np.nan)
+    if not reducible > 0.0:
+        return {}
+    return {
+        name: float((means[BULLET] - mean) / reducible)
+        for name, mean in means.items()
+        if name not in (BULLET, FLOOR)
+    }
+
+
+# --- of arrays ------------------------------------------------------------------------------------
+
+
+def position_errors(predicted: Scenes, actual: Scenes, body: int) -> Scalars:
+    """Return how far off a body's predicted position is, (M,) [mm]."""
+    missing = predicted[:, body, POSITION] - actual[:, body, POSITION]
+    return np.asarray(1e3 * np.linalg.norm(missing, axis=-1))
+
+
+def target_moved(before: Scenes, after: Scenes) -> Mask:
+    """Return in which scenes (M, N, 8) the target moved by more than the paper's threshold."""
+    return np.asarray(_ways(before, after)[:, TARGET] > MOVED)
+
+
+def rank_correlation(values: Scalars, off: Scalars) -> float | None:
+    """Return Spearman's rank correlation; None where the values do not differ."""
+    if len(values) < 3 or np.ptp(values) == 0.0 or np.ptp(off) == 0.0:
+        return None
+    return float(np.corrcoef(_ranks(values), _ranks(off))[0, 1])
+
+
+def _ranks(values: Scalars) -> Scalars:
+    """Return the ranks of values, from 1; equal ones share the mean of theirs."""
+    _, place, count = np.unique(values, return_inverse=True, return_counts=True)
+    return np.asarray((np.cumsum(count) - 0.5 * (count - 1))[place])
+
+
+def _ways(before: Scenes, after: Scenes) -> Float[ndarray, "*B N"]:
+    return np.asarray(np.linalg.norm((after - before)[..., POSITION], axis=-1))
+
+
+def _rows_of(
+    some: Predictions, step: int
+) -> tuple[
+    dict[str, Any], dict[str, ndarray], dict[str, ndarray], dict[str, ndarray], dict[str, Any]
+]:
+    """Return the columns of `ErrorRows` of one part."""
+    windows, part = some.windows, some.part
+    chosen = windows.known[:, step - 1]
+    truth, shape = windows.next_scenes[chosen, step - 1], (int(chosen.sum()), part.disks)
+    pushed = pushed_bodies(windows.pushes[chosen, step - 1])
+    names = [one.name for one in part.bodies.fitted(part.disks).shapes]
+
+    def each(values: ndarray) -> ndarray:
+        return np.broadcast_to(values, shape).reshape(-1)
+
+    about = {
+        "episode": each(windows.episodes[chosen, None]),
+        "shape": each(np.array(names)),
+        "body": each(np.arange(part.disks)),
+        "pushed": each(pushed[:, None] == np.arange(part.disks)),
+        "alone": each(np.array(part.disks == 1)),
+        "moved": each(_ways(windows.scenes[chosen], truth)),
+        "earlier": each(some.earlier[chosen, None]),
+    }
+    off, turned, agreed = {}, {}, {}
+    hit = _latest_ways(windows.scenes[chosen], windows.next_scenes[chosen], step) > MOVED
+    for name, rollouts in some.by_name.items():
+        predicted = rollouts[chosen]
+        last = predicted[:, step - 1]
+        off[name] = 1e3 * _ways(last, truth).reshape(-1)
+        headings = wrap_angle(last[..., THETA] - truth[..., THETA])
+        turned[name] = np.degrees(np.abs(headings)).reshape(-1)
+        also = _latest_ways(windows.scenes[chosen], predicted, step) > MOVED
+        agreed[name] = (also == hit).reshape(-1)
+    regions = {}
+    for name, said in some.regions.items() if step == 1 else ():
+        assert said.radius is not None
+        columns = {
+            "members": said.members,
+            "friction": said.friction,
+            "spread": said.spread,
+            "radius": said.radius,
+        }
+        regions[name] = {key: 1e3 * values[chosen].reshape(-1) for key, values in columns.items()}
+    return about, off, turned, agreed, regions
+
+
+def _latest_ways(first: Scenes, rollouts: ndarray, step: int) -> Float[ndarray, "W N"]:
+    """Return how far the latest of so many pushes moved each body."""
+    return _ways(first if step == 1 else rollouts[:, step - 2], rollouts[:, step - 1])
+
+
+def _joined(columns: Sequence[dict[str, Any]]) -> dict[str, Any]:
+    """Return the same columns of all parts as one, those that a part lacks left out."""
+    names = [name for name in columns[0] if all(name in some for some in columns)]
+    if names and isinstance(columns[0][names[0]], dict):
+        return {name: _joined([some[name] for some in columns]) for name in names}
+    return {name: np.concatenate([some[name] for some in columns]) for name in names}

@@ -1,0 +1,253 @@
+"""What there is to compare: physics, models, and what each makes of an episode's earlier pushes.
+
+All are rolled out over the same windows of successive pushes. After one push, a rollout is a
+prediction of a single push. A push is what the planner means by it: its numbers are relative to
+the pushed body, in a model to where the model itself predicts that body to be, in truth to where
+it was (docs/explanation/rollouts.md).
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from typing import Final, TypeGuard
+
+import numpy as np
+from jaxtyping import Float, Int
+from numpy import ndarray
+
+from sain_core.model import IdentityPrior, Model
+from sain_core.push import LENGTH
+from sain_core.types import Indices, Pushes, Scalars, Scenes
+from sain_model.data.dataset import Dataset, Part
+from sain_model.data.shaped_physics import filter_for
+from sain_model.data.windows import Windows, make_windows
+from sain_model.dynamics.intervals import Prediction, pushed_errors
+from sain_model.dynamics.learning import LearnedRows, learn, predict_rows
+from sain_model.dynamics.parameter_correction import PARAMETER_CORRECTION, ParameterCorrection
+from sain_model.dynamics.sain import LEARNED as LEARNED_KIND
+from sain_model.dynamics.sain import RECURRENT, RESIDUAL, SainDynamics
+from sain_model.evaluation.named_models import step_as_nominal
+from sain_model.identification.evidence import Known
+from sain_model.physics.friction import FrictionFilter
+from sain_model.physics.planar import PlanarPrior
+
+NO_MOTION: Final = "no motion"
+NOMINAL: Final = "planar, nominal"
+BULLET: Final = "bullet, nominal"
+MEASURED: Final = "planar, measured"
+FLOOR: Final = "floor"
+LEARNED: Final = "learned only"
+SAIN: Final = "SAIN"
+RECURRENT_SAIN: Final = "recurrent SAIN"
+HISTORY: Final = ", history"
+TRUE: Final = ", true friction"
+PLANAR_HISTORY: Final = "planar, history"
+PLANAR_TRUE: Final = "planar, true friction"
+PRIOR: Final = "its prior"
+PRIOR_HISTORY: Final = PRIOR + HISTORY
+SAIN_HISTORY: Final = SAIN + HISTORY
+NAMES: Final = {  # of a model's kind, the paper's Fig. 1
+    LEARNED_KIND: LEARNED,
+    RESIDUAL: SAIN,
+    RECURRENT: RECURRENT_SAIN,
+    PARAMETER_CORRECTION: "parameter correction",
+}
+
+Rollouts = Float[ndarray, "W T N 8"]
+Inferring = SainDynamics | ParameterCorrection | PlanarPrior
+Predictor = Callable[[Scenes, Pushes, Indices], Scenes]
+"""Predicts pushes from scenes with what is known at these rows of a part."""
+
+
+@dataclass(frozen=True, eq=False)
+class Predictions:
+    """What all predictors say over the same windows of one part.
+
+    Attributes:
+        part: the data.
+        windows: of successive pushes; one begins at every push.
+        by_name: rollouts; NaN where a predictor says nothing.
+        regions: of models that have any, for the first push of each window.
+        earlier: how many pushes came before each window in its episode.
+    """
+
+    part: Part
+    windows: Windows
+    by_name: dict[str, Rollouts]
+    regions: dict[str, Prediction]
+    earlier: Int[ndarray, "W"]
+
+
+def predict_all(
+    data: Dataset,
+    models: Mapping[str, Model],
+    steps: int = 1,
+    others: Mapping[str, Model] | None = None,
+) -> list[Predictions]:
+    """Return what physics and models say over all windows of at most so many pushes, by part.
+
+    Args:
+        data: pushes that no model was trained on.
+        models: by name; each that infers from pushes is asked with and without history. The prior
+            of the first one is asked, too.
+        steps: the most pushes of a window.
+        others: more physics by name, without history.
+    """
+    return [_predict_part(part, models, steps, others or {}) for part in data.parts]
+
+
+def _predict_part(
+    part: Part, models: Mapping[str, Model], steps: int, others: Mapping[str, Model]
+) -> Predictions:
+    windows = make_windows(part, steps)
+    planar = PlanarPrior(bodies=part.bodies)
+    predictors: dict[str, Predictor] = {
+        NO_MOTION: plain(IdentityPrior()),
+        NOMINAL: lambda scenes, pushes, _: step_as_nominal(planar, scenes, pushes),
+        MEASURED: plain(planar),
+        PLANAR_TRUE: _with_friction(planar, part.friction),
+        PLANAR_HISTORY: Informed.make(planar, part).step,
+    }
+    predictors |= {name: plain(model.with_bodies(part.bodies)) for name, model in others.items()}
+    regions = {}
+    for name, given in models.items():
+        model = given.with_bodies(part.bodies)
+        predictors[name] = plain(model)
+        if not infers(model):
+            if hasattr(model, "prior"):
+                predictors.setdefault(PRIOR, plain(model.prior))
+            if isinstance(model, SainDynamics) and model.intervals is not None:
+                regions[name] = model.predict(part.state, part.action)
+            continue
+        informed = Informed.make(model, part)
+        predictors[name + HISTORY] = informed.step
+        predictors[name + TRUE] = _with_friction(model, part.friction)
+        if PRIOR_HISTORY not in predictors:
+            assert isinstance(model.prior, PlanarPrior)
+            predictors[PRIOR_HISTORY] = Informed.make(model.prior, part, model.filter).step
+        if informed.prediction is not None and informed.prediction.radius is not None:
+            regions[name + HISTORY] = informed.prediction
+    by_name = {name: roll_out(one, windows) for name, one in predictors.items()}
+    for name, scenes in ((BULLET, part.physics_next), (FLOOR, part.floor_next)):
+        # recorded for single pushes
+        by_name[name] = np.full_like(windows.next_scenes, np.nan)
+        by_name[name][:, 0] = scenes
+    return Predictions(part, windows, by_name, regions, earlier_pushes(part))
+
+
+def roll_out(predictor: Predictor, windows: Windows) -> Rollouts:
+    """Predict all windows, each from its own scene, fed with its own predictions.
+
+    Pushes of zero length move nothing.
+    """
+    predicted = np.empty((*windows.pushes.shape[:2], *windows.scenes.shape[1:]))
+    current = windows.scenes.copy()
+    for step in range(windows.steps):
+        moving = windows.pushes[:, step, LENGTH] > 0.0
+        if moving.any():
+            pushes, rows = windows.pushes[moving, step], windows.rows[moving, 0]
+            current[moving] = predictor(current[moving], pushes, rows)
+        predicted[:, step] = current
+    return predicted
+
+
+def plain(model: Model) -> Predictor:
+    """Return what a model predicts without any history."""
+    return lambda scenes, pushes, _: model.step(scenes, pushes)
+
+
+def _with_friction(
+    model: SainDynamics | PlanarPrior | ParameterCorrection, friction: Scalars
+) -> Predictor:
+    """Return a model that is given a friction (M,); NaN where that is not known."""
+
+    def step(scenes: Scenes, pushes: Pushes, rows: Indices) -> Scenes:
+        given = friction[rows]
+        known, after = np.isfinite(given), np.full_like(scenes, np.nan)
+        if known.any():
+            after[known] = model.step(scenes[known], pushes[known], {"friction": given[known]})
+        return after
+
+    return step
+
+
+# --- history --------------------------------------------------------------------------------------
+
+
+def infers(model: Model) -> TypeGuard[SainDynamics | ParameterCorrection]:
+    """Return whether a model infers anything from earlier pushes."""
+    return getattr(model, "filter", None) is not None
+
+
+@dataclass(frozen=True, eq=False)
+class Informed:
+    """A model that makes use of the earlier pushes of each push's own episode, as in deployment.
+
+    Attributes:
+        step: predicts pushes as the model does before the pushes of these rows.
+        prediction: of the data itself, with what is open about it; None: the model gives no more
+            than scenes.
+    """
+
+    step: Predictor
+    prediction: Prediction | None = None
+
+    @classmethod
+    def make(
+        cls,
+        model: Inferring,
+        part: Part,
+        friction: FrictionFilter | None = None,
+    ) -> "Informed":
+        """Infer for each row what its earlier pushes show."""
+        if isinstance(model, SainDynamics) and model.belief is not None:
+            rows = learn(model, part, Known.earlier(part.episode, part.step))
+            prediction = predict_rows(model, part, rows)
+
+            def step(scenes: Scenes, pushes: Pushes, chosen: Indices) -> Scenes:
+                some = LearnedRows(rows.posterior.of_rows(chosen), rows.corrected[chosen])
+                asked = replace(part.select(chosen), state=scenes, action=pushes)
+                return predict_rows(model, asked, some).mean
+
+            return cls(step, _widened(model, part, prediction))
+        chosen = friction or (model.filter() if isinstance(model, PlanarPrior) else model.filter)
+        assert chosen is not None
+        shaped = filter_for(chosen, part.bodies)
+        likelihood = shaped.log_likelihood(part.state, part.action, part.next_state)
+        known = shaped.earlier(likelihood, part.episode, part.step)
+        given = _with_friction(model, known.mean)
+        if not isinstance(model, SainDynamics):
+            return cls(given)
+        prediction = model.predict(part.state, part.action, known.mean, known.spread)
+        return cls(given, _widened(model, part, prediction))
+
+
+def predict_with_history(model: SainDynamics, part: Part) -> Prediction:
+    """Return predictions as in deployment: with what the episode's earlier pushes show."""
+    shaped = model.with_bodies(part.bodies)
+    if not infers(shaped):
+        return shaped.predict(part.state, part.action)
+    prediction = Informed.make(shaped, part).prediction
+    assert prediction is not None
+    return prediction
+
+
+def _widened(sain: SainDynamics, part: Part, prediction: Prediction) -> Prediction:
+    """Return a prediction, regions wider where earlier errors were larger than in training."""
+    if sain.intervals is None or not sain.intervals.adapts or prediction.radius is None:
+        return prediction
+    excess = sain.intervals.excess(*pushed_errors(prediction, part))
+    order = np.lexsort((part.step, part.episode))
+    count = earlier_pushes(part)
+    sums = np.concatenate([[0.0], np.cumsum(excess[order])])
+    place = np.argsort(order)
+    widening = sain.intervals.widening(sums[place] - sums[place - count], count)
+    return replace(prediction, radius=prediction.radius * widening[:, None])
+
+
+def earlier_pushes(part: Part) -> Int[ndarray, "M"]:
+    """Return how many earlier pushes each push has in its own episode."""
+    order = np.lexsort((part.step, part.episode))
+    _, first, place = np.unique(part.episode[order], return_index=True, return_inverse=True)
+    count = np.empty(len(part), dtype=np.int64)
+    count[order] = np.arange(len(part)) - first[place]
+    return count

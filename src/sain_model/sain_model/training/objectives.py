@@ -1,0 +1,190 @@
+"""What a network learns: single pushes, Algorithm 1's phase II; or its own rollouts, equation 5.
+
+Single pushes teach a residual of the prior. Where the network corrects parameters of the prior,
+gradients come from simulated variations (`dynamics.physics_gradient`).
+"""
+
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+import torch
+from jaxtyping import Float, Int
+from torch import Tensor
+from torch.nn import functional
+
+from sain_core.model import Model
+from sain_core.types import Scalars
+from sain_model.compute.threads import one_numba_thread
+from sain_model.data.dataset import Dataset, Part, Split
+from sain_model.data.examples import Examples, make_examples
+from sain_model.data.shaped_physics import others_friction
+from sain_model.data.windows import Windows, make_windows
+from sain_model.dynamics.physics_gradient import ToldPushes, conditioned_moves, moves
+from sain_model.network.features import push_frames
+from sain_model.network.interaction_network import CHUNK, InteractionNetwork
+from sain_model.physics.friction import FrictionFilter
+from sain_model.physics.parameters import known_friction
+from sain_model.physics.planar import PlanarPrior
+from sain_model.training.loss import mixed_loss, rollout_loss
+from sain_model.training.rollouts import roll
+from sain_model.training.settings import RolloutConfig, TrainingConfig
+from sain_model.training.trainer import Objective
+
+
+def _identity(split: Split, prior: Model, friction: FrictionFilter | None) -> str:
+    about = f"{friction.config} {friction.nominal}" if friction else ""
+    return f"{getattr(prior, 'config', '')} {split.train.sha256} {len(split.train)} {about}"
+
+
+@dataclass(frozen=True)
+class _Pushes:
+    """Pushes to learn from, and how the prior answers to corrections of its parameters."""
+
+    examples: Examples
+    parts: tuple[ToldPushes, ...] = ()  # of the same bodies each; none: nothing is corrected
+    plain: Tensor = torch.zeros(0)  # (M, N, 3), the moves that the uncorrected prior predicts
+
+    @classmethod
+    def make(
+        cls,
+        data: Dataset,
+        prior: Model,
+        friction: FrictionFilter | None,
+        config: TrainingConfig,
+        mirror: bool = False,
+    ) -> Self:
+        network, most = config.network, max(part.disks for part in data.parts)
+        frictions = [others_friction(part, friction) for part in data.parts]
+        known = list(zip(data.parts, frictions, strict=True))
+        examples = [make_examples(part, prior, some, network).padded(most) for part, some in known]
+        images = [some.mirrored() for some in examples] if mirror else []
+        joined = examples[0].and_then(*examples[1:], *images)
+        if not network.corrects_parameters:
+            return cls(joined)
+        assert isinstance(prior, PlanarPrior)
+        parts = tuple(_on_prior(*one, prior) for one in known)
+        plain = torch.cat([_padded(_plain_moves(part), most) for part in parts])
+        return cls(joined, parts, plain)
+
+    def predict(
+        self, network: InteractionNetwork, rows: Int[Tensor, "*M b"]
+    ) -> Float[Tensor, "M b N 3"]:
+        """Return what every member says should be added to what the prior predicts."""
+        examples = self.examples
+        residual, corrections = network.heads(examples.bodies[rows], examples.relations[rows])
+        if not self.parts:
+            return residual
+        flat = rows.expand(residual.shape[:2]).flatten()
+        change = self._moves(corrections.flatten(0, 1), flat) - self.plain[flat]
+        return residual + change.view(residual.shape)
+
+    def _moves(self, corrections: Float[Tensor, "B N C"], rows: Tensor) -> Float[Tensor, "B N 3"]:
+        """Return the moves of the pushes in these rows, with parameters corrected."""
+        ends = np.cumsum([len(part.pushes) for part in self.parts])
+        owner = np.searchsorted(ends, rows.numpy(), side="right")
+        found, places = [], []
+        for number in np.unique(owner):
+            part, here = self.parts[number], np.flatnonzero(owner == number)
+            some = part.select(rows.numpy()[here] - (ends[number] - len(part.pushes)))
+            given = corrections[torch.from_numpy(here), : part.scenes.shape[1]]
+            found.append(_padded(conditioned_moves(given, some), corrections.shape[1]))
+            places.append(here)
+        return torch.cat(found)[torch.from_numpy(np.argsort(np.concatenate(places)))]
+
+
+def _on_prior(part: Part, friction: Scalars | None, prior: PlanarPrior) -> ToldPushes:
+    """Return pushes on the prior of their bodies."""
+    shaped = prior.with_bodies(part.bodies)
+    assert isinstance(shaped, PlanarPrior)
+    frames = push_frames(part.state, part.action, part.bodies)
+    return ToldPushes(shaped, part.state, part.action, frames, friction)
+
+
+def _plain_moves(part: ToldPushes) -> Float[Tensor, "M N 3"]:
+    """Return the moves that the uncorrected prior predicts."""
+    after = part.prior.step(part.scenes, part.pushes, known_friction(part.friction))
+    return torch.from_numpy(moves(part.scenes, part.frames, after).astype(np.float32))
+
+
+def _padded(motion: Tensor, bodies: int) -> Tensor:
+    """Return moves (M, N, 3) of so many bodies, of which those that are missing do not move."""
+    return functional.pad(motion, (0, 0, 0, bodies - motion.shape[1]))
+
+
+class SinglePushes(Objective):
+    """Algorithm 1's loss of single pushes, each member on rows of its own."""
+
+    def __init__(
+        self,
+        split: Split,
+        prior: Model,
+        friction: FrictionFilter | None,
+        config: TrainingConfig,
+    ) -> None:
+        """Prepare the data; `friction` infers that of the prior, None: it is the nominal one."""
+        self.identity, self.members = _identity(split, prior, friction), config.network.members
+        self._loss = config.loss
+        self._train = _Pushes.make(split.train, prior, friction, config, config.mirrors)
+        self._validation = _Pushes.make(split.validation, prior, friction, config)
+        copies = len(self._train.examples) // len(split.train)  # with mirror images two
+        self.episodes = np.tile(split.train.episode, copies)
+
+    def losses(self, network: InteractionNetwork, rows: Int[Tensor, "M b"]) -> Float[Tensor, "M"]:
+        """Return every member's loss."""
+        predicted = self._train.predict(network, rows)
+        return mixed_loss(predicted, self._train.examples, rows, self._loss)
+
+    def validate(self, network: InteractionNetwork) -> float:
+        """Return the loss of the members' mean."""
+        data = self._validation
+        rows = torch.arange(len(data.examples))
+        said = torch.cat([data.predict(network, some).mean(dim=0) for some in rows.split(CHUNK)])
+        return mixed_loss(said, data.examples, rows, self._loss).item()
+
+
+class Rollouts(Objective):
+    """Algorithm 1's loss of rollouts of the network's own predictions."""
+
+    def __init__(
+        self,
+        split: Split,
+        prior: Model,
+        friction: FrictionFilter | None,
+        config: TrainingConfig,
+        rollout: RolloutConfig,
+    ) -> None:
+        """Prepare the windows.
+
+        Raises:
+            DatasetError: scenes with different bodies.
+        """
+        self.identity = f"{_identity(split, prior, friction)} {rollout}"
+        train, validation = split.train.alike, split.validation.alike
+        self._bodies, self._loss = train.bodies, config.loss
+        self._prior = prior.with_bodies(train.bodies)
+        self._train = make_windows(train, rollout.steps_ahead)
+        if config.mirrors and train.bodies.all_round:
+            image = make_windows(train.mirrored(), rollout.steps_ahead)
+            self._train = self._train.and_then(image)
+        self._validation = make_windows(validation, rollout.steps_ahead)
+        self._frictions = [others_friction(part, friction) for part in (train, validation)]
+        self.episodes = self._train.episodes
+
+    def losses(self, network: InteractionNetwork, rows: Int[Tensor, "M b"]) -> Tensor:
+        """Return the loss of the members' mean."""
+        windows = self._train.select(rows[0].numpy())
+        return self._rollout_loss(network, windows, self._frictions[0])
+
+    def validate(self, network: InteractionNetwork) -> float:
+        """Return the loss of the members' mean."""
+        return self._rollout_loss(network, self._validation, self._frictions[1]).item()
+
+    def _rollout_loss(
+        self, network: InteractionNetwork, windows: Windows, friction: Scalars | None
+    ) -> Tensor:
+        # Behind a window's end nothing is pushed: any friction will do.
+        given = None if friction is None else friction[windows.rows]
+        with one_numba_thread():
+            poses = roll(network, windows, self._prior, given, self._bodies)
+        return rollout_loss(poses, windows, self._loss)

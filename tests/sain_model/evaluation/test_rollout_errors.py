@@ -1,0 +1,168 @@
+"""Errors of rollouts: what they are, over which windows, and what the command lines write."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from sain_core.errors import CheckpointError, DatasetError
+from sain_core.history import PushHistory
+from sain_core.model import IdentityPrior, Model, load_dynamics
+from sain_core.scene import POSITION, TARGET
+from sain_model import commands
+from sain_model.cli import evaluate as evaluate_cli
+from sain_model.data.dataset import Dataset, Part, split_by_episode
+from sain_model.dynamics.checkpoint import ModelCard
+from sain_model.dynamics.sain import SainDynamics
+from sain_model.evaluation.errors import PUSHED, TARGET_MISSED, TARGET_MOVED, TARGETS, evaluate
+from sain_model.evaluation.predictors import (
+    MEASURED,
+    NAMES,
+    PLANAR_HISTORY,
+    Predictions,
+    plain,
+    predict_all,
+    roll_out,
+)
+from sain_model.physics.planar import PlanarPrior
+from sain_model.serving.server import ModelServer
+from sain_model.serving.settings import ServingConfig
+from tests.sain_model.rolling import EPISODES, PUSHES, load_episodes, make_episodes, truth
+
+OPTIONS = ["--epochs", "2", "--hidden", "8", "--message", "4", "--test", "0.3"]
+
+
+class Oracle(Model):
+    def step(self, scenes: np.ndarray, pushes: np.ndarray) -> np.ndarray:
+        return truth(scenes, pushes)
+
+
+@pytest.fixture(scope="module")
+def data(tmp_path_factory: pytest.TempPathFactory) -> Part:
+    return load_episodes(tmp_path_factory.mktemp("episodes"))
+
+
+def predicted(data: Part, models: dict[str, Model], steps: int) -> Predictions:
+    (found,) = predict_all(Dataset((data,)), models, steps)
+    return found
+
+
+def test_errors_after_some_pushes_are_what_they_say(data: Part) -> None:
+    found = evaluate(Dataset((data,)), {"oracle": Oracle()}, (3,))["after"]["3"]["errors"]
+    row = found[TARGETS][MEASURED]
+    assert row["number"] == EPISODES * (PUSHES - 2)
+    off = []
+    for first in np.flatnonzero(data.step < PUSHES - 2):
+        scene = data.state[first : first + 1]
+        for push in data.action[first : first + 3]:
+            scene = PlanarPrior().step(scene, push[None])
+        off.append(scene[0, TARGET, POSITION] - data.next_state[first + 2, TARGET, POSITION])
+    errors = 1e3 * np.linalg.norm(off, axis=-1)
+    mean, low, high = row["mm"]
+    assert mean == pytest.approx(errors.mean()) and low < mean < high
+    assert row["median"] == pytest.approx(np.median(errors))
+    assert row["p95"] == pytest.approx(np.quantile(errors, 0.95))
+    oracle = found[PUSHED]["oracle"]
+    assert oracle["p95"] == 0.0 and oracle["agreed"] == 1.0
+
+
+def test_groups_are_by_contact_and_by_what_came_before(data: Part) -> None:
+    found = evaluate(Dataset((data,)), {})["after"]["1"]["errors"]
+    counts = {group: rows[MEASURED]["number"] for group, rows in found.items()}
+    way = (data.next_state - data.state)[:, TARGET, POSITION]
+    moved = int((np.linalg.norm(way, axis=-1) > 0.002).sum())
+    assert 0 < moved < len(data)
+    assert counts[TARGET_MOVED] == moved and counts[TARGET_MISSED] == len(data) - moved
+    assert counts["target, 3+ earlier"] == EPISODES * (PUSHES - 3)
+    assert found[TARGET_MISSED]["no motion"]["p95"] < 2.0
+    assert found[TARGETS]["no motion"]["agreed"] == pytest.approx(1 - moved / len(data))
+
+
+def test_history_is_of_earlier_pushes_alone(data: Part) -> None:
+    loop = predicted(data, {}, 2)
+    given = loop.by_name[PLANAR_HISTORY]
+    np.testing.assert_array_equal(given[loop.earlier == 0], loop.by_name[MEASURED][::PUSHES])
+    row = 4  # of episode 0: four pushes came before
+    past = PushHistory(data.state[:row], data.action[:row], data.next_state[:row])
+    knowing = PlanarPrior().condition(past)
+    expected = roll_out(plain(knowing), loop.windows.select(np.array([row])))
+    np.testing.assert_allclose(given[row], expected[0], atol=1e-9)
+
+
+def test_what_is_recorded_for_single_pushes_is_known_for_them_alone(data: Part) -> None:
+    bullet = predicted(data, {}, 2).by_name["bullet, nominal"]
+    np.testing.assert_array_equal(bullet[:, 0], data.physics_next)
+    assert np.isnan(bullet[:, 1]).all()
+    found = evaluate(Dataset((data,)), {}, (2,))["after"]["2"]["errors"][TARGETS]
+    assert "bullet, nominal" not in found and "floor" not in found
+
+
+def test_ratios_are_of_means_with_an_interval(data: Part) -> None:
+    still = {"still": IdentityPrior(), "oracle": Oracle()}
+    found = evaluate(Dataset((data,)), still, (3,))["after"]["3"]
+    (below,) = found["ratios"][TARGETS]["oracle"]
+    assert below.startswith("planar")
+    assert tuple(found["ratios"][TARGETS]["oracle"][below]["mm"]) == (0.0, 0.0, 0.0)
+    ratio, low, high = found["ratios"][TARGETS]["still"][below]["mm"]
+    assert 1.0 < low < ratio < high
+    errors = found["errors"][TARGETS]
+    assert ratio == pytest.approx(errors["still"]["mm"][0] / errors[below]["mm"][0])
+
+
+def test_steps_that_no_window_reaches_are_left_out(data: Part) -> None:
+    assert set(evaluate(Dataset((data,)), {}, (1, PUSHES, 15))["after"]) == {"1", str(PUSHES)}
+
+
+def test_the_command_lines_make_and_compare_the_four_kinds(tmp_path: Path) -> None:
+    folder = make_episodes(tmp_path / "data")
+    kinds = {
+        "learned": ["--prior", "identity"],
+        "residual": [],
+        "recurrent": ["--steps-ahead", "3", "--rollout-epochs", "2"],
+    }
+    paths = {kind: tmp_path / kind / "sain.safetensors" for kind in kinds}
+    for kind, more in kinds.items():
+        assert commands.train([str(folder), "--out", str(tmp_path / kind), *OPTIONS, *more]) == 0
+        card = json.loads(paths[kind].with_suffix(".json").read_text())
+        sain = load_dynamics(str(paths[kind]))
+        assert isinstance(sain, SainDynamics)
+        assert card["kind"] == sain.kind == kind
+        server = ModelServer(sain, ServingConfig(model=str(paths[kind])))
+        assert server.description.kind == kind
+        shown = card["errors"]["after"]["5"]["errors"][TARGETS]
+        assert shown[NAMES[kind]]["number"] == 10  # 5 episodes of 6 pushes held out
+    assert card["training"]["rollouts"]["steps_ahead"] == 3
+    assert card["training"]["rollouts"]["best_epoch"] in (1, 2)
+    assert (tmp_path / "recurrent" / "rollout_loss.png").exists()
+
+    out = tmp_path / "errors.json"
+    arguments = ["--checkpoint", str(paths["residual"]), "--out", str(out), "--beside"]
+    arguments += [str(paths["learned"]), str(paths["recurrent"]), "planar_axes"]
+    assert commands.evaluate([str(folder), *arguments, "--open-loop", "1", "5"]) == 0
+    rows = json.loads(out.read_text())["after"]["5"]["errors"][TARGETS]
+    assert {"learned only", "SAIN", "recurrent SAIN", "no motion"} <= set(rows)
+    assert {"planar, history", "recurrent SAIN, history"} <= set(rows)
+    assert rows["planar_axes"] != rows["planar, measured"]
+    table = (tmp_path / "errors_open_loop.md").read_text()
+    assert "### After 5 pushes, target" in table and "| recurrent SAIN, history |" in table
+    assert (tmp_path / "errors_open_loop.png").stat().st_size > 10_000
+
+
+def test_what_any_model_has_seen_is_not_evaluated_on(data: Part) -> None:
+    whole = Dataset((data,), "of these")
+
+    def card(seed: int, test: float = 0.3) -> ModelCard:
+        training = {"seed": seed, "validation": 0.1, "test": test}
+        return ModelCard("planar", {}, {}, data={"sha256": whole.sha256}, training=training)
+
+    held = evaluate_cli.unseen(whole, card(0), card(1))
+    both = [split_by_episode(whole, seed, 0.1, 0.3).test.episode for seed in (0, 1)]
+    assert set(held.episode) == set(both[0]) & set(both[1])
+    other = ModelCard("planar", {}, {}, data={"sha256": "other"})
+    assert len(evaluate_cli.unseen(whole, other)) == len(data)
+    mute = ModelCard("planar", {}, {}, data={"sha256": whole.sha256}, training={"seed": 0})
+    with pytest.raises(CheckpointError, match="which episodes of its data it has seen"):
+        evaluate_cli.unseen(whole, mute)
+    with pytest.raises(DatasetError, match="trained on all episodes between them"):
+        evaluate_cli.unseen(whole, *(card(seed, 0.1) for seed in range(6)))
