@@ -22,7 +22,7 @@ from sain_core.types import PushArray, Scene
 from sain_sim.arm.client import Client
 from sain_sim.arm.motion import MotionConfig
 from sain_sim.camera.render import CameraConfig, Renderer
-from sain_sim.collecting.samplers import CircleSampler
+from sain_sim.collecting.episode import CircleSampler
 from sain_sim.engines.bullet.bodies import Body, resting
 from sain_sim.world.parameters import (
     WorldParameters,

@@ -7,7 +7,7 @@ from sain_core.push import PushLimits, make_push
 from sain_core.scene import unit, wrap_angle
 from sain_core.seeding import generator
 from sain_core.types import PushArray, Scene
-from sain_sim.collecting.samplers import CircleSampler
+from sain_sim.collecting.episode import CircleSampler
 from sain_sim.world.engines import BULLET, MUJOCO
 from sain_sim.world.parameters import WorldParameters, nominal_parameters, sample_parameters
 from sain_sim.world.start import draw_start

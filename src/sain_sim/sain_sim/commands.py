@@ -40,5 +40,8 @@ poses_to_scene: Final = NodeCommand(
     example="bodies:=bodies.yaml",
 )
 collect: Final = Command(
-    "sain_sim collect", "collecting.collect:CollectConfig", "cli.collect:run", resumes="shard"
+    "sain_sim collect",
+    "collecting.collect:CollectConfig",
+    "collecting.collect:run",
+    resumes="shard",
 )

@@ -97,5 +97,5 @@ def test_a_goal_with_a_heading_is_shown_as_the_outline_of_the_body():
 
 def test_a_window_without_a_screen_is_refused_in_words(monkeypatch):
     monkeypatch.delenv("DISPLAY", raising=False)
-    with pytest.raises(ConfigError, match="DISPLAY is not set"):
-        World(nominal_parameters(), viewer=Window())
+    with World(nominal_parameters()) as world, pytest.raises(ConfigError, match="DISPLAY is not"):
+        Window().open(world.sample(), world.parameters.shapes, world.config)

@@ -13,8 +13,7 @@ from sain_core.scene import POSITION, TARGET, THETA, surface_gaps
 from sain_core.seeding import generator
 from sain_core.shapes.solids import DISK
 from sain_sim.collecting.collect import CollectConfig, collect
-from sain_sim.collecting.episode import EpisodeConfig
-from sain_sim.collecting.samplers import GridSampler
+from sain_sim.collecting.episode import EpisodeConfig, GridSampler
 from sain_sim.collecting.shards import load_shards
 from sain_sim.commands import collect as main
 from sain_sim.world.parameters import RANGES, WIDE, sample_parameters

@@ -10,8 +10,7 @@ from sain_core.push import BODY, LENGTH, LOCATION, PUSH_SIZE, PushLimits, pushed
 from sain_core.scene import RADIUS, make_scene
 from sain_core.shapes.bodies import Bodies, Role
 from sain_sim.collecting.collect import CollectConfig, collect
-from sain_sim.collecting.episode import EpisodeConfig
-from sain_sim.collecting.samplers import OutlineSampler
+from sain_sim.collecting.episode import EpisodeConfig, OutlineSampler
 from sain_sim.collecting.shards import load_by_count, load_shards
 
 MANY = EpisodeConfig(pushes=3, shapes="t, l,disk", bodies="1-3")

@@ -3,8 +3,7 @@ import json
 import pytest
 
 from sain_core.errors import BlockedError, OffTableError, OutputError, UnreachableError
-from sain_sim.cli.collect import account
-from sain_sim.collecting.collect import CollectConfig, collect
+from sain_sim.collecting.collect import CollectConfig, account, collect
 from sain_sim.collecting.episode import EpisodeConfig
 from sain_sim.collecting.shards import JOURNAL_FILE, CollectionJournal, PushCounts, load_shards
 

@@ -10,7 +10,6 @@ from sain_core.errors import BlockedError, ConfigError, OutOfRangeError
 from sain_core.push import LENGTH, idle_pushes, make_push
 from sain_core.scene import MID, TARGET, X
 from sain_core.world import Outcome, WorldFailedError
-from sain_sim.camera.render import Window
 from sain_sim.world.engines import BULLET, OFFERED
 from sain_sim.world.own import OwnWorld, open_world
 from sain_sim.world.parameters import WorldParameters
@@ -124,7 +123,5 @@ def test_a_refusal_is_its_own_error(world):
 def test_what_needs_an_engine_of_ours_is_refused(offered):
     with pytest.raises(ConfigError, match=r"engine stranger cannot simulate mass, .* use eng"):
         TruthConfig(world="rough", engine=NAME)
-    with pytest.raises(ConfigError, match="engine 'stranger' has no window; leave gui out"):
-        open_world(WorldParameters.of_scene(SCENE), viewer=Window(), engine=NAME)
     with pytest.raises(ConfigError, match="engine 'stranger' is no engine of ours: bullet, mujoco"):
         BulletPrior(engine=NAME)

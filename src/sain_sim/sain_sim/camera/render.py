@@ -32,7 +32,7 @@ from sain_sim.camera.scenery import (
     table_points,
 )
 from sain_sim.camera.viewpoint import Eye, candidate_eyes, circle, rank_eyes
-from sain_sim.world.world import World
+from sain_sim.world.workcell import Sample, WorldConfig
 
 Image = UInt8[ndarray, "height width 3"]
 
@@ -231,39 +231,28 @@ def _average(image: ndarray, times: int) -> ndarray:
     return np.asarray(total / times**2)
 
 
-EVERY: Final = 4  # control steps: 60 pictures a simulated second
-
-
 class Window:
-    """Shows a `World` on the screen."""
-
-    every = EVERY
+    """Shows a world on the screen."""
 
     def __init__(self) -> None:
-        """Start closed: the world calls `open` when it is loaded."""
+        """Start closed."""
         self._renderer: Renderer | None = None
 
-    def open(self, world: World) -> None:
-        """Show a newly loaded world in place of the previous one.
+    def open(self, sample: Sample, shapes: tuple[str, ...], config: WorldConfig) -> None:
+        """Show a newly loaded world of these shapes in place of the previous one.
 
         Raises:
             ConfigError: there is no display.
         """
         self.close()
-        sample, config = world.sample(), world.config
-        self._renderer = Renderer(
-            sample.scene,
-            world.parameters.shapes,
-            table=config.feasibility.table,
-            arm=config.arm,
-            gui=True,
-        )
-        self.show(sample.joint_positions, sample.scene)
+        table, arm = config.feasibility.table, config.arm
+        self._renderer = Renderer(sample.scene, shapes, table=table, arm=arm, gui=True)
+        self.show(sample)
 
-    def show(self, joints: Joints, scene: Scene) -> None:
-        """Show the arm at joints (7,) [rad] and the disks as in a scene (N, 8)."""
+    def show(self, sample: Sample) -> None:
+        """Show the arm and the bodies as they are."""
         assert self._renderer is not None, "open comes first"
-        self._renderer.show(joints, scene)
+        self._renderer.show(sample.joint_positions, sample.scene)
 
     def close(self) -> None:
         """Close the window; a second call does nothing."""

@@ -7,6 +7,7 @@ import logging
 from collections.abc import Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
+from math import pi
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -14,15 +15,16 @@ import numpy as np
 from sain_core.config import Config, option
 from sain_core.dataset import MOVED, ROUGH, Column, Row, describe_bodies
 from sain_core.errors import ConfigError, SainError
-from sain_core.push import PaperGrid
-from sain_core.scene import POSITION, TARGET
+from sain_core.push import PaperGrid, PushLimits, make_push
+from sain_core.scene import MID, POSITION, RADIUS, TARGET, wrap_angle
 from sain_core.seeding import generator
-from sain_core.shapes.bodies import MOST_BODIES, Role
+from sain_core.shapes.bodies import MOST_BODIES, PAPER_DISKS, Bodies, Role
 from sain_core.shapes.library import check_shapes, get_shape, shape_names
+from sain_core.shapes.outline import outline_of
+from sain_core.shapes.shape import Shape
 from sain_core.shapes.solids import DISK
-from sain_core.types import PushArray
+from sain_core.types import PushArray, Scene
 from sain_core.world import DivergedError, Outcome
-from sain_sim.collecting.samplers import CircleSampler, GridSampler, OutlineSampler
 from sain_sim.collecting.shards import PushCounts
 from sain_sim.world.own import open_world
 from sain_sim.world.parameters import PAPER, RANGES, WIDE, WorldParameters
@@ -30,6 +32,63 @@ from sain_sim.world.shadow import NOMINAL, TRUE, BulletPrior
 from sain_sim.world.start import draw_bodies_start, draw_start, wholly_on
 from sain_sim.world.truth import RANDOMISED_TRUTH, TruthConfig
 from sain_sim.world.workcell import WorldConfig
+
+AIMED: Final = 0.6  # share of pushes aimed through the target
+AIM_SPREAD: Final = 0.35  # [rad], standard deviation of the aim
+SHORTEST: Final = 0.02  # [m], shortest travel
+
+
+class CircleSampler:
+    """Pushes from any side of the disk; a share of them roughly through the target."""
+
+    def draw(
+        self, generator: np.random.Generator, scene: Scene, bodies: Bodies = PAPER_DISKS
+    ) -> PushArray:
+        """Return a push (5,) for a scene (N, 8) of disks."""
+        limits = PushLimits()
+        angle = generator.uniform(-limits.max_angle, limits.max_angle)
+        length = generator.uniform(SHORTEST, limits.max_length)
+        heading = generator.uniform(-pi, pi)
+        if generator.uniform() < AIMED:
+            way = scene[TARGET, POSITION] - scene[MID, POSITION]
+            heading = np.arctan2(way[1], way[0]) + generator.normal(0.0, AIM_SPREAD)
+        return make_push(wrap_angle(np.asarray(heading - angle)), angle, length)
+
+
+class OutlineSampler:
+    """Pushes evenly along the outlines of all pushable bodies."""
+
+    def draw(
+        self, generator: np.random.Generator, scene: Scene, bodies: Bodies = PAPER_DISKS
+    ) -> PushArray:
+        """Return a push (5,) for a scene (N, 8) of bodies."""
+        lengths = [scene[body, RADIUS] * perimeter(bodies.shapes[body]) for body in bodies.pushable]
+        body = generator.choice(bodies.pushable, p=np.array(lengths) / sum(lengths))
+        limits = PushLimits()
+        location = -generator.uniform(-pi, pi)  # (-pi, pi]
+        angle = generator.uniform(-limits.max_angle, limits.max_angle)
+        length = generator.uniform(SHORTEST, limits.max_length)
+        return make_push(location, angle, length, body=body)
+
+
+def perimeter(shape: Shape) -> float:
+    """Return the length of an outline [radii]."""
+    return 2 * pi if shape.is_round else outline_of(shape).perimeter
+
+
+class GridSampler:
+    """The paper's: one of 105 pushes, each as likely (section III-B a)."""
+
+    def __init__(self, grid: PaperGrid) -> None:
+        """Draw from this grid."""
+        self._pushes = grid.pushes()
+
+    def draw(
+        self, generator: np.random.Generator, scene: Scene, bodies: Bodies = PAPER_DISKS
+    ) -> PushArray:
+        """Return a push (5,), whatever the scene."""
+        return np.asarray(self._pushes[generator.integers(len(self._pushes))])
+
 
 MISSED: Final = 1e-5  # [m]; an untouched target creeps by up to 3e-6 m in Bullet
 log = logging.getLogger(__name__)

@@ -16,6 +16,7 @@ from sain_core.scene import is_settled
 from sain_core.types import Scene
 from sain_interfaces.msg import Bodies, Push, PushPrediction, PushResult, WorldParameters
 from sain_interfaces.msg import Scene as SceneMessage
+from sain_interfaces.srv import ResetScene
 from sain_sim.arm.panda import JOINT_NAMES
 from sain_sim.ros.markers import scene_markers
 from sain_sim.ros.session import Session
@@ -49,23 +50,46 @@ class Publishing:
         """Return the simulated time."""
         return codec.encode_time(self._simulator.pacer.now_ns)
 
-    def clock(self) -> None:
-        """Publish the simulated time."""
-        self._clock.publish(Clock(clock=self.now()))
+    def take(self, sample: Sample) -> None:
+        """Take the world as it is for the settled one, which the next push must name."""
+        self.sample = sample
+        self.settled = self._scene_message(sample, settled=bool(is_settled(sample.scene)))
 
-    def scene_message(self, sample: Sample, moving: bool) -> SceneMessage:
+    def settle(self, sample: Sample) -> None:
+        """Publish a new settled world."""
+        if self._simulator.looking is not None:
+            self._simulator.looking.renew()
+        self.take(sample)
+        self.state()
+
+    def state(self) -> None:
+        """Publish the settled world."""
+        self._state(self.sample, self.settled)
+
+    def moving(self, sample: Sample) -> None:
+        """Publish a world that moves, and what its camera sees."""
+        self._state(sample, self._scene_message(sample, settled=False))
+        if (looking := self._simulator.looking) is not None:
+            looking.watch(sample)
+            self._frames(settled=False)
+
+    def look(self) -> None:
+        """Publish what the camera sees of the settled world, if it is time for a frame."""
+        looking = self._simulator.looking
+        if looking is not None and looking.look(self.sample):
+            self._frames(settled=True)
+
+    def _scene_message(self, sample: Sample, settled: bool) -> SceneMessage:
         """Return the scene with the ids of this moment."""
-        return codec.encode_scene(
-            sample.scene,
-            stamp=self.now(),
-            episode_id=self._session.episode_id,
-            scene_id=self._session.scene_id,
-            settled=not moving and bool(is_settled(sample.scene)),
-        )
+        return self._encode(sample.scene, self.now(), settled)
 
-    def state(self, sample: Sample, scene: SceneMessage) -> None:
+    def _encode(self, scene: Scene, stamp: Time, settled: bool) -> SceneMessage:
+        ids = {"episode_id": self._session.episode_id, "scene_id": self._session.scene_id}
+        return codec.encode_scene(scene, stamp=stamp, settled=settled, **ids)
+
+    def _state(self, sample: Sample, scene: SceneMessage) -> None:
         """Publish time, joints, frames and markers, and the scene unless a camera sees it."""
-        self.clock()
+        self._clock.publish(Clock(clock=self.now()))
         stamp = scene.header.stamp
         joints = JointState(header=codec.header(stamp), name=list(JOINT_NAMES))
         joints.position = codec.encode_floats(sample.joint_positions)
@@ -78,42 +102,27 @@ class Publishing:
         if self._simulator.camera is None:
             self._scene.publish(scene)
 
-    def frames(self, moving: bool) -> None:
+    def _frames(self, settled: bool) -> None:
         """Publish what has arrived from the camera by now, and the time."""
-        camera = self._simulator.camera
-        assert camera is not None
-        self.clock()
-        for frame in camera.arrived(self._simulator.pacer.now):
-            self._scene.publish(
-                codec.encode_scene(
-                    frame.scene,
-                    stamp=codec.encode_time(round(1e9 * frame.time)),
-                    episode_id=self._session.episode_id,
-                    scene_id=self._session.scene_id,
-                    settled=not moving,
-                )
-            )
+        self._clock.publish(Clock(clock=self.now()))
+        camera, now = self._simulator.camera, self._simulator.pacer.now
+        for frame in () if camera is None else camera.arrived(now):
+            stamp = codec.encode_time(round(1e9 * frame.time))
+            self._scene.publish(self._encode(frame.scene, stamp, settled))
 
-    def shapes(self) -> None:
-        """Publish shape and role of each body of an episode."""
-        parameters = self._simulator.parameters
-        message = codec.encode_bodies(
-            parameters.bodies,
-            self._simulator.radii,
-            stamp=self.now(),
-            episode_id=self._session.episode_id,
+    def episode(self, begun: ResetScene.Request) -> None:
+        """Publish shape and role of each body of an episode, and the parameters of its world."""
+        simulator, episode_id = self._simulator, self._session.episode_id
+        parameters, radii = simulator.parameters, simulator.radii
+        self._shapes.publish(
+            codec.encode_bodies(parameters.bodies, radii, stamp=self.now(), episode_id=episode_id)
         )
-        self._shapes.publish(message)
-
-    def world(self, seed: int, world: str) -> None:
-        """Publish the parameters of an episode's world."""
-        parameters = self._simulator.parameters
         self._world.publish(
             WorldParameters(
                 header=self._header(),
-                episode_id=self._session.episode_id,
-                seed=seed,
-                world=(world or self._simulator.config.world) + self._simulator.within,
+                episode_id=episode_id,
+                seed=begun.seed,
+                world=(begun.world or simulator.config.world) + simulator.within,
                 shapes=list(parameters.shapes),
                 roles=list(parameters.roles),
                 bottom=parameters.bottom,
@@ -123,12 +132,12 @@ class Publishing:
             )
         )
 
-    def result_message(
-        self, push: Push, before: SceneMessage, after: SceneMessage, pushed: Pushed
-    ) -> PushResult:
-        """Return the result of an executed push."""
+    def executed(self, push: Push, pushed: Pushed) -> PushResult:
+        """Return the result of an executed push, and take the world after it."""
         message = self._reply(push, ErrorCode.OK, "")
-        message.before, message.after = before, after
+        message.before = self.settled
+        self.take(pushed.sample)
+        message.after = self.settled
         message.duration = pushed.outcome.duration
         message.wall_time = pushed.wall_time
         return message
@@ -137,11 +146,11 @@ class Publishing:
         """Publish the result of a push."""
         self._result.publish(message)
 
-    def refusal(self, push: Push, scene: SceneMessage, error: BaseException) -> None:
+    def refusal(self, push: Push, error: BaseException) -> None:
         """Publish why a push was refused; the scene is unchanged."""
         code, text = error_reply(error)
         message = self._reply(push, code, shortened(text))
-        message.before = message.after = scene
+        message.before = message.after = self.settled
         self._result.publish(message)
 
     def _reply(self, push: Push, code: int, text: str) -> PushResult:

@@ -5,10 +5,13 @@ from typing import Final
 
 from rclpy.node import Node
 
+from sain_core.ros import codec
 from sain_core.ros.peers import Return, listeners
 from sain_core.ros.state_file import StateFile, id_in, message_of, text_of
+from sain_core.types import Scene
 from sain_interfaces.msg import Push, PushResult
 from sain_interfaces.srv import ResetScene
+from sain_sim.ros.session import Session
 
 HEARD: Final = "push_result"  # by all who follow an episode
 LATEST: Final = 2.0**31 - 1e5  # [s], simulated: stamps hold 32 bits
@@ -36,6 +39,12 @@ class LeftEpisode:
     push: Push | None = None
     untold: PushResult | None = None
     listeners: tuple[str, ...] = ()
+
+    @property
+    def last_push(self) -> int:
+        """The id of the latest push; 0: there was none."""
+        last = self.push or self.untold
+        return 0 if last is None else last.push_id
 
     def write(self, file: StateFile) -> None:
         """Replace what a file holds."""
@@ -92,24 +101,24 @@ class Resumption:
         self._moment: LeftEpisode | None = None  # the latest that was kept
         self._back = Return(node, HEARD, self._listeners)
 
-    @property
-    def lost(self) -> Push | None:
-        """The push that was under way when the process before crashed."""
-        return None if self.left is None else self.left.push
-
-    @property
-    def untold(self) -> PushResult | None:
-        """The result that the process before had no time to publish."""
-        return None if self.left is None else self.left.untold
-
-    @property
-    def keeps(self) -> bool:
-        """Whether the state is kept."""
-        return bool(self._file)
-
-    def keep(self, moment: LeftEpisode) -> None:
-        """Replace the state."""
-        self._moment = replace(moment, listeners=self._listeners)
+    def keep(
+        self,
+        begun: ResetScene.Request,
+        scene: Scene,
+        friction: float,
+        session: Session,
+        time: float,
+        push: Push | None,
+        untold: PushResult | None,
+    ) -> None:
+        """Replace the state: an episode that began with a request, and is in a scene (N, 8)."""
+        if not self._file:
+            return
+        reset = ResetScene.Request(seed=begun.seed, world=begun.world, friction=friction)
+        reset.disks = codec.encode_disks(scene)
+        reset.shapes, reset.roles = begun.shapes, begun.roles
+        ids = session.episode_id, session.scene_id
+        self._moment = LeftEpisode(reset, *ids, time, push, untold, self._listeners)
         self._moment.write(self._file)
 
     def all_listen(self) -> bool:
@@ -118,9 +127,10 @@ class Resumption:
 
     def look_around(self) -> None:
         """Note who listens, at once: before the first reset nothing else may be noted."""
-        found = tuple(sorted(listeners(self._node, HEARD))) if self.keeps else self._listeners
+        found = tuple(sorted(listeners(self._node, HEARD))) if self._file else self._listeners
         if found == self._listeners:
             return
         self._listeners = found
         if self._moment is not None:
-            self.keep(self._moment)
+            self._moment = replace(self._moment, listeners=found)
+            self._moment.write(self._file)

@@ -43,14 +43,14 @@ class Session:
         if last_push:
             self._remember(last_push)
 
-    def begin_episode(self) -> None:
-        """Count a reset.
-
-        Raises:
-            BusyError: a push is under way.
-        """
+    def check_idle(self) -> None:
+        """Raise `BusyError` if a push is under way."""
         if self.busy:
             raise BusyError(f"push {self.busy_with} is under way; reset when it has ended")
+
+    def begin_episode(self) -> None:
+        """Count a reset; raises as `check_idle`."""
+        self.check_idle()
         self.episode_id += 1
         self.scene_id += 1
 

@@ -14,7 +14,7 @@ from sain_core.types import PushArray, Scene
 from sain_core.world import Outcome
 from sain_sim.camera.camera import Camera, WorldCameraConfig
 from sain_sim.camera.render import Window
-from sain_sim.ros.session import Pacer
+from sain_sim.ros.session import Looking, Pacer
 from sain_sim.world.engines import BULLET
 from sain_sim.world.own import open_world
 from sain_sim.world.parameters import WorldParameters, nominal_parameters
@@ -91,10 +91,13 @@ class Simulator:
         """Make the worlds; `reset` starts an episode."""
         self.config = config
         self.pacer = pacer
-        viewer = Window() if config.gui else None
-        self.world = open_world(nominal_parameters(), config.bullet, viewer, config.engine)
+        self.world = open_world(nominal_parameters(), config.bullet, config.engine)
+        self.window = Window() if config.gui else None
         self.shadow = BulletPrior("nominal", config.bullet) if config.shadow else None
         self.camera = None if config.camera.is_exact else Camera(config.camera)
+        self.looking: Looking | None = None
+        if self.camera is not None:
+            self.looking = Looking(self.camera, pacer, config.real_time_factor, config.idle_rate)
         rate = config.state_rate if self.camera is None else config.camera.frame_rate
         self._every = config.bullet.steps_of(1.0 / rate)
 
@@ -107,6 +110,11 @@ class Simulator:
     def within(self) -> str:
         """What to add to the name of a world for its engine; nothing for Bullet."""
         return "" if self.config.engine == BULLET else f" in {self.config.engine}"
+
+    @property
+    def what(self) -> str:
+        """The world's bodies in words."""
+        return f"{self.parameters.count} disks"
 
     def reset(
         self,
@@ -131,6 +139,8 @@ class Simulator:
             config.bottom,
         )
         self.world.reset(start, parameters)
+        if self.window is not None:
+            self.window.open(self.world.sample(), parameters.shapes, config.bullet)
         if self.camera is not None:
             self.camera.begin(seed, parameters)
         if self.shadow is not None:
@@ -157,10 +167,14 @@ class Simulator:
         def show(sample: Sample) -> None:
             predict()  # while the arm moves: afterwards a planner needs the processor
             self.pacer.follow(sample.time)
+            if self.window is not None:
+                self.window.show(sample)
             on_sample(sample)
 
         begun = perf_counter()
         outcome = self.world.push(push, on_step=show, every=self._every, seen=seen)
+        if self.camera is not None:
+            self.camera.count_push()
         return Pushed(outcome, self.look(), perf_counter() - begun, predict())
 
     def _predict(self, scene: Scene, push: PushArray) -> Scene | SainError | None:
@@ -174,6 +188,8 @@ class Simulator:
     def close(self) -> None:
         """Close the worlds."""
         self.world.close()
+        if self.window is not None:
+            self.window.close()
         if self.shadow is not None:
             self.shadow.close()
 

@@ -6,13 +6,12 @@ from typing import Final, TypeVar
 
 import numpy as np
 
-from sain_core.errors import ConfigError, SainError
+from sain_core.errors import SainError
 from sain_core.plugins import package_of
 from sain_core.shapes.bodies import check_bodies
 from sain_core.types import PushArray, Scene
 from sain_core.world import Outcome, Setting, WorldFailedError, check_outcome
 from sain_sim.world.engines import (
-    BULLET,
     DEFAULT_ENGINE,
     ENGINES,
     OFFERED,
@@ -22,7 +21,7 @@ from sain_sim.world.engines import (
 from sain_sim.world.parameters import WorldParameters, on_a_grid
 from sain_sim.world.stroke import Stroke
 from sain_sim.world.workcell import HOME, Observer, Sample, WorldConfig
-from sain_sim.world.world import CheckedWorld, Viewer, World
+from sain_sim.world.world import CheckedWorld, World
 
 T = TypeVar("T")
 
@@ -132,7 +131,6 @@ class OwnWorld(CheckedWorld):
 def open_world(
     parameters: WorldParameters,
     config: WorldConfig = WorldConfig(),
-    viewer: Viewer | None = None,
     engine: str = DEFAULT_ENGINE,
 ) -> CheckedWorld:
     """Return a world in an engine of this name: a built-in one, or one that a package offers.
@@ -142,7 +140,5 @@ def open_world(
         WorldFailedError: a package's world fails.
     """
     if engine in ENGINES:
-        return World(parameters, config, viewer, engine)
-    if viewer is not None:
-        raise ConfigError(f"engine {engine!r} has no window; leave gui out, or use {BULLET}")
+        return World(parameters, config, engine)
     return OwnWorld(parameters, config, engine)

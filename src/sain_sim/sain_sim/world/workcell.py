@@ -98,9 +98,6 @@ class Watch(NamedTuple):
     every: int
 
 
-Watches = tuple[Watch, ...]
-
-
 class Origin(NamedTuple):
     """The state that a workcell is built from.
 
@@ -200,7 +197,7 @@ class Workcell(ABC):
             phase=phase,
         )
 
-    def perform(self, route: Route, watches: Watches, pushed: int | None) -> None:
+    def perform(self, route: Route, watch: Watch | None, pushed: int | None) -> None:
         """Push and wait until the disks are still; show the arm's ways through the air, if wished.
 
         The tool waits where the push ended. Its ways through the air are shown and not simulated:
@@ -212,46 +209,42 @@ class Workcell(ABC):
             DivergedError: as `advance`, or bodies end where they cannot be.
         """
         if self._config.full_motion:
-            self._show(np.concatenate([route.approach, route.lower]), "approach", watches)
+            self._show(np.concatenate([route.approach, route.lower]), "approach", watch)
         self.arm.place(route.stroke[0])
-        self._follow(route.stroke, "push", watches, pushed)
-        self.settle("settle", watches, pushed)
+        self._follow(route.stroke, "push", watch, pushed)
+        self.settle("settle", watch, pushed)
         check_possible(self.scene(self.origin.states), self.observe())
         if self._config.full_motion:
-            self._show(route.lift, "lift", watches)
+            self._show(route.lift, "lift", watch)
         self.arm.place(route.lift[-1])
 
-    def settle(self, phase: str, watches: Watches, pushed: int | None) -> None:
+    def settle(self, phase: str, watch: Watch | None, pushed: int | None) -> None:
         """Step until two tests in a row find the disks settled, or for the longest wait."""
         looks = 0
         longest = round(self._config.max_settle_time / self._config.motion.time_step)
         for step in range(1, longest + 1):
-            self._step(phase, watches, pushed)
+            self._step(phase, watch, pushed)
             if step % STEPS_PER_LOOK == 0:
                 looks = looks + 1 if self.still() else 0
                 if looks == 2:
                     return
 
-    def _follow(self, joints: Joints, phase: str, watches: Watches, pushed: int | None) -> None:
+    def _follow(self, joints: Joints, phase: str, watch: Watch | None, pushed: int | None) -> None:
         for _ in self.arm.follow(joints):
-            self._step(phase, watches, pushed)
+            self._step(phase, watch, pushed)
 
-    def _show(self, joints: Joints, phase: str, watches: Watches) -> None:
-        """Let time pass and the watches see the arm along joints (T, 7), without simulating it."""
+    def _show(self, joints: Joints, phase: str, watch: Watch | None) -> None:
+        """Let time pass and the watch see the arm along joints (T, 7), without simulating it."""
         speeds = np.diff(joints, axis=0) / self._config.motion.time_step
         for place, speed in zip(joints[1:], speeds, strict=True):
             self.steps += 1
-            if due := self._due(watches):
+            if watch is not None and self.steps % watch.every == 0:
                 tip = self.arm.kinematics.tips(place)
                 moved = {"joint_positions": place, "joint_velocities": speed}
-                seen = replace(self.sample(phase), **moved, tool=tip, commanded_tool=tip)
-                for watch in due:
-                    watch.observer(seen)
+                sample = replace(self.sample(phase), **moved, tool=tip, commanded_tool=tip)
+                watch.observer(sample)
 
-    def _due(self, watches: Watches) -> list[Watch]:
-        return [watch for watch in watches if self.steps % watch.every == 0]
-
-    def _step(self, phase: str, watches: Watches, pushed: int | None) -> None:
+    def _step(self, phase: str, watch: Watch | None, pushed: int | None) -> None:
         self.advance()
         self.steps += 1
         if pushed is not None and (touched := self.touched(pushed)) is not None:
@@ -259,10 +252,8 @@ class Workcell(ABC):
                 f"the tool would come to touch body {touched}; this push may touch only"
                 f" body {pushed}"
             )
-        if watches and (due := self._due(watches)):
-            sample = self.sample(phase)
-            for watch in due:
-                watch.observer(sample)
+        if watch is not None and self.steps % watch.every == 0:
+            watch.observer(self.sample(phase))
 
 
 def support_drop(parameters: WorldParameters, body: int) -> float:

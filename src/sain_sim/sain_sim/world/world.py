@@ -5,7 +5,7 @@ Scenes and pushes are checked at this door, and only here.
 
 from abc import abstractmethod
 from itertools import accumulate
-from typing import Final, Protocol, Self, runtime_checkable
+from typing import Final, Self
 
 import numpy as np
 
@@ -15,7 +15,6 @@ from sain_core.shapes.bodies import check_bodies
 from sain_core.types import PushArray, Scene
 from sain_core.world import DivergedError, Outcome
 from sain_sim.arm.client import Closeable
-from sain_sim.arm.kinematics import Joints
 from sain_sim.world.engines import DEFAULT_ENGINE, check_engine, simulation_class
 from sain_sim.world.parameters import NOMINAL_FRICTION, WorldParameters, on_a_grid
 from sain_sim.world.stroke import Stroke, checked_stroke
@@ -26,11 +25,10 @@ from sain_sim.world.workcell import (
     Sample,
     Simulation,
     Watch,
-    Watches,
     WorldConfig,
 )
 
-__all__ = ["CheckedWorld", "Viewer", "World", "WorldConfig"]
+__all__ = ["CheckedWorld", "World", "WorldConfig"]
 
 MATCH_TOLERANCE: Final = 1e-6  # [kg] or [m]
 
@@ -164,23 +162,6 @@ def _check_same(scene: Scene, parameters: WorldParameters) -> None:
             )
 
 
-@runtime_checkable
-class Viewer(Protocol):
-    """Displays a world while it changes."""
-
-    every: int
-    """Control steps between two pictures."""
-
-    def open(self, world: "World") -> None:
-        """Show a newly loaded world in place of the previous one."""
-
-    def show(self, joints: Joints, scene: Scene) -> None:
-        """Show the arm at joints (7,) [rad] and the disks as in a scene (N, 8)."""
-
-    def close(self) -> None:
-        """Close the display; a second call does nothing."""
-
-
 class World(CheckedWorld):
     """One world in one engine, independent of all others.
 
@@ -192,7 +173,6 @@ class World(CheckedWorld):
         self,
         parameters: WorldParameters,
         config: WorldConfig = WorldConfig(),
-        viewer: Viewer | None = None,
         engine: str = DEFAULT_ENGINE,
     ) -> None:
         """Start with the bodies on a grid; `reset` places them. The engine is loaded here."""
@@ -202,7 +182,6 @@ class World(CheckedWorld):
         table = config.feasibility.table
         self._simulation: Simulation = simulation_class(engine)(config)
         self._steps = 0
-        self._viewer = viewer
         self.load(check_bodies(on_a_grid(parameters, table), parameters.bodies, table))
 
     @classmethod
@@ -226,8 +205,6 @@ class World(CheckedWorld):
         origin = Origin(self._simulation.resting(scene, wanted), self._simulation.home)
         self.parameters = wanted
         self._build(origin)
-        if self._viewer is not None:
-            self._viewer.open(self)
 
     def _build(self, origin: Origin) -> None:
         self._cell = self._simulation.build(self.parameters, origin, self._steps)
@@ -280,31 +257,34 @@ class World(CheckedWorld):
             UnreachableError: a pose on the way.
             BlockedError: only if it is guarded.
         """
-        route, watches = self._route(stroke), self._watches(on_step, every)
+        route = self._route(stroke)
+        watch = None if on_step is None else Watch(on_step, every)
         pushed = stroke.body if guarded else None
         before, origin = self.observe(), self._cell.now
-        if guarded and watches:  # look ahead
-            self._attempt(origin, route, (), pushed)
+        if guarded and watch is not None:  # look ahead
+            self._attempt(origin, route, None, pushed)
             self._build(origin)
-        self._attempt(origin, route, watches, pushed)
+        self._attempt(origin, route, watch, pushed)
         duration = (self._cell.steps - self._steps) * self.config.motion.time_step
         self._steps = self._cell.steps
         cell = self._cell
         return Outcome(before, self.observe(), duration, cell.still(), cell.fallen())
 
-    def _attempt(self, origin: Origin, route: Route, watches: Watches, pushed: int | None) -> None:
+    def _attempt(
+        self, origin: Origin, route: Route, watch: Watch | None, pushed: int | None
+    ) -> None:
         """Execute a route in a new workcell; when that fails, restore the origin."""
         if self._cell.origin is not origin:
             self._build(origin)
         try:
-            self._cell.perform(route, watches, pushed)
+            self._cell.perform(route, watch, pushed)
         except (BlockedError, DivergedError):
             self._build(origin)
             raise
 
-    def settle(self, on_step: Observer | None = None, every: int = 1) -> bool:
-        """Wait for the disks to settle, at most the longest wait; tell whether they are settled."""
-        self._cell.settle("rest", self._watches(on_step, every), pushed=None)
+    def settle(self) -> bool:
+        """Wait for the bodies to settle, at most the longest wait; return whether they are."""
+        self._cell.settle("rest", None, pushed=None)
         self._steps = self._cell.steps
         return self._cell.still()
 
@@ -323,16 +303,6 @@ class World(CheckedWorld):
         ends = accumulate(len(way) for way in ways)
         return Route(*(joints[end - len(way) : end] for way, end in zip(ways, ends, strict=True)))
 
-    def _watches(self, observer: Observer | None, every: int) -> Watches:
-        """Return the observer and the viewer, where given."""
-        watches = () if observer is None else (Watch(observer, every),)
-        viewer = self._viewer
-        if viewer is None:
-            return watches
-        return (*watches, Watch(lambda s: viewer.show(s.joint_positions, s.scene), viewer.every))
-
     def close(self) -> None:
         """Close the world; a second call does nothing."""
         self._simulation.close()
-        if self._viewer is not None:
-            self._viewer.close()
