@@ -327,5 +327,5 @@ def test_what_does_not_fit_the_disks_is_refused():
     with pytest.raises(ConfigError, match="mass_offsets is about 3 disks, the world has 2"):
         replace(nominal_parameters(), roughness=offsets)
     feet = Roughness(feet=(REGULAR_FEET,) * 2)
-    with pytest.raises(ConfigError, match="body 0 lies flat and has no feet"):
+    with pytest.raises(ConfigError, match="what lies flat has no feet"):
         replace(nominal_parameters(), bottom=FLAT, roughness=feet)

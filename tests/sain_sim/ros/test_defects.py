@@ -49,7 +49,7 @@ def test_a_reset_that_fails_unexpectedly_is_answered(graph, simulator, monkeypat
         patched.setattr(simulator.simulator, "reset", fail)
         reply = graph.call(ResetScene, "reset_scene", ResetScene.Request())
     assert ErrorCode(reply.error_code) is ErrorCode.INTERNAL
-    assert reply.scene == simulator.settled
+    assert reply.scene == simulator.publishing.settled
     assert graph.reset(seed=3).episode_id == 2
 
 

@@ -92,12 +92,10 @@ class WorldParameters(Config):
             )
         _ = self.bodies  # checks shapes and roles
         self.roughness.check_count(self.count)
-        for body in range(self.count) if self.roughness.feet else ():
-            if self.lies_flat(body):
-                raise ConfigError(
-                    f"body {body} lies flat and has no feet to be moved; use bottom {FEET}, or"
-                    " effects without feet"
-                )
+        if self.roughness.feet and self.lies_flat:
+            raise ConfigError(
+                "what lies flat has no feet to be moved; use bottom feet, or effects without feet"
+            )
 
     @property
     def count(self) -> int:
@@ -114,14 +112,15 @@ class WorldParameters(Config):
         """What each disk is like."""
         return self.bodies.shapes
 
-    def lies_flat(self, body: int) -> bool:
-        """Return whether a body has a flat bottom."""
+    @property
+    def lies_flat(self) -> bool:
+        """Whether bodies have flat bottoms."""
         return self.bottom == FLAT
 
     def supports(self, body: int) -> Points:
         """Return the points (F, 2) [m] in a body's frame that carry it, about its middle."""
         shape, radius = self.body_shapes[body], self.radii[body]
-        if self.lies_flat(body):
+        if self.lies_flat:
             return radius * even_supports(shape)
         return feet_places(self.roughness.feet[body] if self.roughness.feet else shape.feet, radius)
 

@@ -256,9 +256,9 @@ class Workcell(ABC):
             watch.observer(self.sample(phase))
 
 
-def support_drop(parameters: WorldParameters, body: int) -> float:
-    """Return how far the middle of a body's supports is above that of the body [m]."""
-    sag = SAG if parameters.lies_flat(body) else 0.0
+def support_drop(parameters: WorldParameters) -> float:
+    """Return how far the middles of supports are above that of their body [m]."""
+    sag = SAG if parameters.lies_flat else 0.0
     return FOOT_RADIUS - DISK_HEIGHT / 2 - sag
 
 

@@ -150,7 +150,7 @@ def _collision_shape(client: Client, parameters: WorldParameters, index: int) ->
     rim = Slab(radius, RIM_HEIGHT, [0.0 - x, 0.0 - y, 0.0])
     lift = [0.0 - x, 0.0 - y, FOOT_RADIUS / 2]  # the lower halves of the balls are below the body
     slabs = [rim, Slab(CORE_SHARE * radius, DISK_HEIGHT - FOOT_RADIUS, lift)]
-    drop = support_drop(parameters, index)
+    drop = support_drop(parameters)
     feet = [[a - x, b - y, drop] for a, b in parameters.supports(index).tolist()]
     balls = [client.GEOM_SPHERE] * len(feet)
     if shape.solid is Solid.PRISM:

@@ -100,19 +100,18 @@ class BulletCell(Workcell):
         their supports share the load by how deep they sink, as those of an elastic bottom do.
         """
         parameters = self._parameters
-        roughness, count = parameters.roughness, parameters.count
-        flat = [parameters.lies_flat(body) for body in range(count)]
+        roughness, flat = parameters.roughness, parameters.lies_flat
         half, middle = table_box(table)
-        number = count if roughness.patches or any(flat) else 1
+        number = parameters.count if roughness.patches or flat else 1
         tables = self._boxes(half, [middle] * number, self._table_friction)
         if roughness.grain != 1.0:
             across = roughness.grain**0.5  # keeps the mean of both directions
             for one in tables:
                 self._client.changeDynamics(one, -1, anisotropicFriction=[1 / across, across, 1.0])
-        for body in np.flatnonzero(flat).tolist():
+        for body, one in enumerate(tables if flat else ()):
             share = parameters.masses[body] / len(parameters.supports(body))
             self._client.changeDynamics(
-                tables[body],
+                one,
                 -1,
                 contactStiffness=share * GRAVITY / SAG,
                 contactDamping=2.0 * share * sqrt(GRAVITY / SAG),  # critical

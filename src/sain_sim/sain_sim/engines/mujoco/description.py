@@ -83,7 +83,7 @@ def _set_options(spec: Any, config: WorldConfig, parameters: WorldParameters) ->
     option.gravity = parameters.roughness.gravity(GRAVITY)
     option.timestep = config.motion.time_step / physics_steps(config.motion.time_step)
     option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC  # [MuJoCo] round cone: friction has no axes
-    if any(map(parameters.lies_flat, range(parameters.count))):
+    if parameters.lies_flat:
         option.impratio = FRICTION_RATIO
     option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST  # [Menagerie]
     option.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET  # what diverges is reported
@@ -140,11 +140,11 @@ def _add_body(spec: Any, index: int, parameters: WorldParameters) -> None:
     body.explicitinertial, body.mass = True, mass
     body.ipos = [*offset, 0.0]
     body.inertia = shape.inertia(mass, radius)
-    supports, drop = parameters.supports(index), support_drop(parameters, index)
+    supports, drop = parameters.supports(index), support_drop(parameters)
     for x, y in supports:
         foot = body.add_geom(type=BALL, size=[FOOT_RADIUS, 0.0, 0.0], pos=[x, y, drop])
         _collide(spec, foot, 0, TABLE, parameters.friction, FEET_FIRST)
-        if parameters.lies_flat(index):
+        if parameters.lies_flat:
             _soften(foot, len(supports))
     height = DISK_HEIGHT - FOOT_RADIUS  # the feet's lower halves are below the body
     place = [0.0, 0.0, FOOT_RADIUS / 2]
