@@ -13,7 +13,7 @@ from sain_core.errors import (
 from sain_core.feasibility import Feasibility
 from sain_core.goal import Goal
 from sain_core.model import IdentityPrior
-from sain_core.push import LENGTH, make_push
+from sain_core.push import LENGTH, SPEED, make_push
 from sain_core.scene import POSITION, TARGET, make_scene, unit
 from sain_core.seeding import generator
 from sain_core.shapes.bodies import PAPER_DISKS
@@ -181,3 +181,12 @@ def test_a_first_push_moves_its_body_further_than_what_noise_hides(scene, dynami
     long = planner(dynamics).plan(problem(scene, near), generator(3), shortest=0.06)
     clearance = Feasibility().limits.clearance
     assert usual.push[LENGTH] < clearance + 0.06 < long.push[LENGTH]
+
+
+def test_pushes_have_the_speeds_that_are_given_and_are_slow_near_the_goal(scene, dynamics):
+    plans = planner(dynamics, speeds=(0.1, 0.3), correction_speed=0.05, correction_within=0.03)
+    far = plans.plan(problem(scene), generator(0)).pushes
+    assert (far[far[:, LENGTH] > 0.0, SPEED] >= 0.1 - 1e-9).all()
+    near = Goal.place(*scene[TARGET, POSITION] + [0.02, 0.0])
+    slow = plans.plan(problem(scene, near), generator(1)).pushes
+    np.testing.assert_allclose(slow[:, SPEED], 0.05)

@@ -130,7 +130,9 @@ def make_push(
 
 def idle_pushes(*shape: int) -> Pushes:
     """Return pushes (*shape, 5) that move nothing: of body 0, with length 0."""
-    return make_push(0.0, 0.0, np.zeros(shape))
+    pushes = np.zeros((*shape, PUSH_SIZE))
+    pushes[..., SPEED] = DEFAULT_SPEED
+    return pushes
 
 
 def check_predictable(pushes: Pushes) -> Pushes:

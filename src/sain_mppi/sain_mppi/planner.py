@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import replace
 from time import monotonic
+from typing import Any
 
 import numpy as np
 
@@ -83,10 +84,9 @@ class Planner:
             prepared = None
         else:
             config = config.correcting()
-        objective = Objective(problem, config.weights)
-        search = Search(self.model, config, objective, refused, deadline, prepared, shortest)
+        search = self._search(problem, config, refused, deadline, prepared, shortest)
         start = self._start(problem, config) if prepared is None else prepared
-        find_algorithm(config.algorithm)(search, start, generator)
+        find_algorithm(config.algorithm)(search, search.resumed(start), generator)
         self._elites = search.elites.sequences
         self._scene, self._goal = problem.scene.copy(), problem.goal
         return search.result()
@@ -101,13 +101,19 @@ class Planner:
         config = self.config
         if self._goal is None or config.algorithm == EXHAUSTIVE:
             return
-        objective = Objective(problem, config.weights)
-        search = Search(self.model, config, objective, shortest=shortest)
+        search = self._search(problem, config, shortest=shortest)
         try:
-            find_algorithm(config.algorithm)(search, shift(self._elites), generator)
+            find_algorithm(config.algorithm)(search, search.resumed(shift(self._elites)), generator)
         except NoPushError:
             return
         self._prepared = search.elites.sequences
+
+    def _search(self, problem: Problem, config: PlannerConfig, *about: Any, **more: Any) -> Search:
+        """Return a search from the scene of a problem, with slow pushes near its goal."""
+        objective = Objective(problem, config.weights)
+        if objective.distance <= config.correction_within:
+            config = config.slowed()
+        return Search(self.model, config, objective, *about, **more)
 
     def complete(self, problem: Problem, result: PlanResult) -> PlanResult:
         """Return a plan with the model's regions, where it has any.

@@ -9,7 +9,7 @@ from numpy import ndarray
 
 from sain_core.config import Config, option
 from sain_core.plugins import Plugins
-from sain_core.push import PaperGrid
+from sain_core.push import DEFAULT_SPEED, PaperGrid
 from sain_mppi.objective.cost_weights import CostWeights
 
 MPPI_ROUNDS: Final = "mppi_rounds"
@@ -180,6 +180,18 @@ class PlannerConfig(Config):
     correction: int = option(
         192, "samples of the one round that corrects such a plan in the real scene", minimum=1
     )
+    speeds: tuple[float, ...] = option(
+        (DEFAULT_SPEED,), "speeds among which pushes are drawn", unit="m/s", minimum=0.01
+    )
+    correction_speed: float = option(
+        DEFAULT_SPEED, "speed of pushes that correct, near the goal", unit="m/s", minimum=0.01
+    )
+    correction_within: float = option(
+        0.03,
+        "distance of all bodies to their poses from which on pushes correct",
+        unit="m",
+        minimum=0.0,
+    )
     warm_start: bool = option(True, "start from the rest of the last plan")
     widening: float = option(
         2.0,
@@ -221,6 +233,10 @@ class PlannerConfig(Config):
             noise=self.noise.scaled(self.noise.shrink),
             uniform_share=0.0,
         )
+
+    def slowed(self) -> Self:
+        """Return settings for pushes that correct what is left near the goal."""
+        return replace(self, speeds=(self.correction_speed,))
 
     def samples_in(self, round_number: int) -> int:
         """Return how many sequences a round rolls out, from 0."""

@@ -8,7 +8,7 @@ import numpy as np
 
 from sain_core.errors import ModelUnavailableError, NoPushError
 from sain_core.model import RolloutModel, check_rollout
-from sain_core.push import LENGTH, idle_pushes
+from sain_core.push import LENGTH, SPEED, idle_pushes
 from sain_core.scene import POSITION
 from sain_core.types import Mask, PredictedScenes, PushArray, Pushes, PushSequences, Scalars
 from sain_mppi.algorithms.config import PlannerConfig
@@ -58,7 +58,7 @@ class Search:
         self.scene, self.feasibility = objective.problem.scene, objective.feasibility
         self.refused, self.shortest = refused, shortest
         self.elites = Elites(config.horizon, config.shown)
-        self.effective = 0.0
+        self._costs_of_round: Scalars = np.empty(0)
         self.samples = self.rounds = 0
         self._pacing = Pacing(deadline)
         self._rollout_time = self._cost_time = 0.0
@@ -66,13 +66,19 @@ class Search:
         self.rest_cost = objective.rest_cost(config.horizon)
         self.prepared = idle_pushes(0, config.horizon)
         if prepared is not None:
-            self.prepared = prepared[self.permitted(prepared[:, 0])]
+            self.prepared = self.resumed(prepared[self.permitted(prepared[:, 0])])
         self._waiting = self.prepared
 
     @property
     def improves(self) -> bool:
         """Whether the best sequence so far is better than doing nothing."""
         return bool(self.elites.cost < self.rest_cost)
+
+    @property
+    def effective(self) -> float:
+        """How many equally weighted samples the last round is worth; 0: there was none."""
+        costs = self._costs_of_round
+        return effective_samples(self.weights(costs)) if len(costs) else 0.0
 
     @property
     def over(self) -> bool:
@@ -93,11 +99,27 @@ class Search:
 
     def uniform(self, generator: np.random.Generator, count: int) -> PushSequences:
         """Draw sequences (count, H, 5) of any allowed pushes."""
-        return uniform(self.objective, generator, count, self.config.horizon)
+        drawn = uniform(self.objective, generator, count, self.config.horizon)
+        return self.at_speeds(drawn, generator)
 
     def candidates(self, generator: np.random.Generator, count: int) -> PushSequences:
         """Draw informed proposals (count, H, 5)."""
-        return candidates(self.objective, generator, count, self.config.horizon)
+        drawn = candidates(self.objective, generator, count, self.config.horizon)
+        return self.at_speeds(drawn, generator)
+
+    def at_speeds(self, sequences: PushSequences, generator: np.random.Generator) -> PushSequences:
+        """Return sequences (K, H, 5) whose pushes have one of the speeds of the settings each."""
+        speeds, chosen = self.config.speeds, sequences.copy()
+        drawn = len(speeds) > 1
+        chosen[..., SPEED] = generator.choice(speeds, chosen.shape[:2]) if drawn else speeds[0]
+        return chosen
+
+    def resumed(self, sequences: PushSequences) -> PushSequences:
+        """Return sequences (E, H, 5) of an earlier plan; where there is one speed, at that."""
+        resumed = sequences.copy()
+        if len(self.config.speeds) == 1:
+            resumed[..., SPEED] = self.config.speeds[0]
+        return resumed
 
     def draw_permitted(
         self, draw: Draw, count: int, generator: np.random.Generator
@@ -176,7 +198,7 @@ class Search:
             raise ModelUnavailableError(
                 f"none of the model's {len(sequences)} predictions is finite; check its checkpoint"
             )
-        self.effective = effective_samples(self.weights(costs))
+        self._costs_of_round = costs
         return costs
 
     def probe(self, sequences: PushSequences) -> Scalars:

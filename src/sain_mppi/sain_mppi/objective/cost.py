@@ -99,6 +99,12 @@ class Objective:
         self.feasibility = problem.feasibility
 
     @property
+    def distance(self) -> float:
+        """The largest distance [m] of a body to its pose, turns as far as they move its points."""
+        scene = self.problem.scene
+        return float(pose_distance(self.problem, scene, self.weights.lever).max())
+
+    @property
     def has_corners(self) -> bool:
         """Whether the tool may push a body that is not round: such a body turns."""
         return any(not self.bodies.shapes[body].is_round for body in self.bodies.pushable)
