@@ -13,6 +13,7 @@ import numpy as np
 from geometry_msgs.msg import PoseStamped
 
 from sain_core.goal import Goal
+from sain_core.push import PUSH_NAMES, idle_pushes
 from sain_core.ros import codec
 from sain_core.scene import make_scene
 from sain_core.shapes.bodies import Bodies as CoreBodies
@@ -48,22 +49,22 @@ def entries() -> list[Entry]:
     """Return all entries of the three nodes."""
     disks, stamp = codec.encode_disks(SCENE), codec.encode_time(0)
     past = {"past": 0}
-    asked = {"scene": codec.encode_floats(SCENE), "pushes": codec.encode_floats(np.zeros((4, 3)))}
+    asked = {"scene": codec.encode_floats(SCENE), "pushes": codec.encode_floats(idle_pushes(4))}
     rollout = srv.Rollout.Request(samples=2, horizon=2, disks=2, **past, **asked)
     predict = srv.PredictResidual.Request(batch=1, disks=2, **past)
-    predict.scenes, predict.pushes = asked["scene"], codec.encode_floats(np.zeros(3))
+    predict.scenes, predict.pushes = asked["scene"], codec.encode_floats(idle_pushes())
     scene = codec.encode_scene(SCENE, stamp=stamp, episode_id=1, scene_id=1, settled=True)
     two = CoreBodies.named(("disk", "t"), ())
     bodies = codec.encode_bodies(two, (0.08, 0.06), stamp=stamp, episode_id=1)
     goal = codec.encode_goal(Goal.place(0.7, 0.0), stamp=stamp, goal_id=1)
     push = msg.Push(episode_id=1, scene_id=1, length=0.1, source="flood", disks=disks)
     result = msg.PushResult(push=push, before=scene, after=scene, episode_id=1, push_id=1)
-    sizes = ("disks", "scene", "pushes", "push_bodies", "shapes", "roles", "past", "past_scenes")
+    sizes = ("disks", "scene", "pushes", "shapes", "roles", "past", "past_scenes")
     reset = ("disks", "shapes", "roles", "world", "friction")
     aims = ("x", "y", "tolerance", "poses", "keep")
     sim, model, mppi = PACKAGES
     return [
-        Entry(sim, "push", msg.Push, push, ("location", "length", "body", "disks"), "source"),
+        Entry(sim, "push", msg.Push, push, (*PUSH_NAMES, "disks"), "source"),
         Entry(
             sim, "reset_scene", srv.ResetScene, srv.ResetScene.Request(disks=disks), reset, "world"
         ),

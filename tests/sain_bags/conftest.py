@@ -11,6 +11,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from sain_bags.bag.definitions import Definitions
 from sain_bags.bag.metadata import Topic, TopicQos
 from sain_bags.writing.writer import BagWriter
+from sain_core.push import make_push
 from sain_core.scene import STATE_NAMES, make_scene
 from sain_core.types import Scene
 
@@ -100,11 +101,12 @@ class Recording:
         make, disks = self.messages.make, self.messages.disks
         code = more.get("error_code", 1)
         predicted = np.stack([after + 0.001, after + 0.002])
+        pushes = make_push(0.1, 0.1, [0.1, 0.1])
         self.add(
             "/sain/plan", "Plan",
             plan_id=number, push_id=number, episode_id=episode, status=1, error_code=1,
             goal_id=more.get("goal_id", episode), dynamics="planar", horizon=2, disks=len(before),
-            pushes=np.full(6, 0.1), predicted=predicted.ravel(), planning_time=0.25,
+            pushes=pushes.ravel(), predicted=predicted.ravel(), planning_time=0.25,
         )  # fmt: skip
         push = make(
             "sain_interfaces/msg/Push",

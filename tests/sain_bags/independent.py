@@ -46,7 +46,7 @@ def independent_rows(folder: Path) -> Iterator[dict[str, Any]]:
             continue
         row = {
             **scene_fields(before, after),
-            "action": [push.location, push.angle, push.length],
+            "action": [push.body, push.location, push.angle, push.length, push.speed or 0.2],
             "duration": result.duration if result else 1e-9 * (stamp(after) - stamp(before)),
             **goal_fields(goals.get(episode) or goals.get(0)),
             "push_id": number,

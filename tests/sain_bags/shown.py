@@ -7,10 +7,12 @@ from typing import Any
 import numpy as np
 from rosbags.highlevel import AnyReader
 
+from sain_core.push import make_push
 from sain_core.scene import make_scene
 from sain_core.types import Scene
 
 STEPS = 12  # scenes in motion during a push
+PLANNED = make_push(0.1, 0.1, [0.1, 0.1])
 PERIOD = 40_000_000  # [ns] between two of them
 OK, BLOCKED = 1, 9
 
@@ -51,7 +53,7 @@ class Show:
         self._send("push", push)
         self._send(
             "plan", "Plan", plan_id=self.push_id, **ids, status=1, error_code=1, dynamics="sain",
-            horizon=2, disks=len(before), pushes=np.full(6, 0.1), predicted=expected.ravel(),
+            horizon=2, disks=len(before), pushes=PLANNED.ravel(), predicted=expected.ravel(),
             planning_time=0.01 * self.push_id,
         )  # fmt: skip
         start = self._scene(episode, before, True)

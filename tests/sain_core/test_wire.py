@@ -33,7 +33,7 @@ def test_what_is_not_finite_is_named() -> None:
     with pytest.raises(InvalidInputError, match="before: vy of disk 1 is nan; must be finite"):
         wire.decode_disks([disk(), disk(vy=float("nan"))], "before")
     with pytest.raises(InvalidInputError, match="angle of the push is inf; must be finite"):
-        wire.decode_push(Message(body=0, location=0.0, angle=float("inf"), length=0.1))
+        wire.decode_push(Message(body=0, location=0.0, angle=float("inf"), length=0.1, speed=0.1))
     with pytest.raises(InvalidInputError, match="x of the goal of body 1 is nan; it must be fin"):
         wire.decode_goal(Message(x=float("nan"), y=0.2, tolerance=0.0, poses=[]))
 
@@ -55,14 +55,14 @@ def test_nan_in_an_array_says_where() -> None:
 
 
 def rollout(**values: object) -> Message:
-    ok = {"samples": 2, "horizon": 1, "disks": 2, "scene": [0.0] * 16, "pushes": [0.0] * 6}
-    return Message(**(ok | {"push_bodies": []} | values))
+    ok = {"samples": 2, "horizon": 1, "disks": 2, "scene": [0.0] * 16, "pushes": [0.0] * 10}
+    return Message(**(ok | values))
 
 
 def test_a_rollout_request_is_decoded() -> None:
     scene, pushes = wire.decode_rollout_request(rollout())
     assert (scene.shape, pushes.shape) == ((2, 8), (2, 1, PUSH_SIZE))
-    _, named = wire.decode_rollout_request(rollout(push_bodies=[0, 1]))
+    _, named = wire.decode_rollout_request(rollout(pushes=[0.0] * 5 + [1.0] * 5))
     assert pushed_bodies(named).tolist() == [[0], [1]]
 
 
@@ -72,7 +72,10 @@ def test_a_rollout_request_is_decoded() -> None:
         ({"samples": 0}, "samples is 0; it must be at least 1"),
         ({"horizon": 0}, "horizon is 0; it must be at least 1"),
         ({"disks": 0}, "disks is 0; it must be at least 1"),
-        ({"samples": 3}, r"pushes has 6 numbers; 9 were expected, for shape \(3, 1, 3\)"),
+        ({"samples": 3}, r"pushes has 10 numbers; 15 were expected, for shape \(3, 1, 5\)"),
+        ({"pushes": [2.0] * 10}, "pushes names body 2; there are bodies 0 to 1"),
+        ({"pushes": [0.5] * 10}, "pushes names body 0.5; there are bodies 0 to 1"),
+        ({"pushes": [-1.0] * 10}, "pushes names body -1; there are bodies 0 to 1"),
         ({"disks": 3}, r"scene has 16 numbers; 24 were expected, for shape \(3, 8\)"),
     ],
 )
@@ -82,9 +85,7 @@ def test_a_wrong_rollout_request_is_refused(values: dict[str, object], message: 
 
 
 def test_physics_may_be_left_out_of_a_prediction_request() -> None:
-    request = Message(
-        batch=1, disks=2, scenes=[0.0] * 16, pushes=[0.0] * 3, physics_next=[], push_bodies=[]
-    )
+    request = Message(batch=1, disks=2, scenes=[0.0] * 16, pushes=[0.0] * 5, physics_next=[])
     assert wire.decode_predict_request(request)[2] is None
     request.physics_next = [1.0] * 16
     assert wire.decode_predict_request(request)[2].shape == (1, 2, 8)
@@ -104,9 +105,8 @@ def past(**values: object) -> Message:
         "disks": 2,
         "past": 2,
         "past_scenes": numbers,
-        "past_pushes": [0.1] * 6,
+        "past_pushes": [0.0] * 10,
         "past_next": numbers,
-        "past_bodies": [],
         "past_noise": [],
     }
     return Message(**(fields | values))
@@ -129,8 +129,8 @@ def test_the_past_is_decoded_and_may_be_empty() -> None:
         ({"past": 0}, "past_scenes has 32 numbers; 0 were expected"),
         ({"disks": 3}, "past_scenes has 32 numbers; 48 were expected"),
         ({"disks": 0}, "disks is 0; it must be at least 1"),
-        ({"past_pushes": [0.1] * 5}, "past_pushes has 5 numbers; 6 were expected"),
-        ({"past_pushes": [float("nan")] * 6}, r"past_pushes at \(0, 0\) is nan"),
+        ({"past_pushes": [0.1] * 6}, "past_pushes has 6 numbers; 10 were expected"),
+        ({"past_pushes": [float("nan")] * 10}, r"past_pushes at \(0, 0\) is nan"),
         ({"past_noise": [0.001]}, "past_noise has 1 numbers; 4 were expected"),
         ({"past_next": [0.5] * 32}, "a past push changed a mass or radius"),
     ],
@@ -142,7 +142,7 @@ def test_a_past_that_cannot_be_is_refused(values: dict[str, object], message: st
 
 def test_a_result_is_where_a_push_led() -> None:
     before, after = (Message(disks=[disk(x=x), disk(x=1.0)]) for x in (0.1, 0.2))
-    push = Message(body=1, location=0.5, angle=0.1, length=0.05)
+    push = Message(body=1, location=0.5, angle=0.1, length=0.05, speed=0.0)
     scene, action, next_scene = wire.decode_result(Message(before=before, after=after, push=push))
     assert (scene[0, 0], next_scene[0, 0], action.tolist()) == (0.1, 0.2, [1, 0.5, 0.1, 0.05, 0.2])
     after.disks.append(disk())

@@ -9,10 +9,11 @@ from gymnasium.error import ClosedEnvironmentError, ResetNeeded
 
 import sain_gym.push_env
 from sain_core.errors import ConfigError, ErrorCode, InvalidInputError, OutOfRangeError, SainError
+from sain_core.push import make_push
 from sain_eval.scenes.scenarios import SCENARIOS
 from tests.sain_gym.playing import MakeEnv
 
-AHEAD = np.array([0.0, 0.0, 0.1])
+AHEAD = make_push(0.0, 0.0, 0.1)
 NAN = float("nan")
 
 
@@ -30,18 +31,19 @@ def test_a_scene_with_more_bodies_than_the_first_is_refused(make, monkeypatch):
 @pytest.mark.parametrize(
     ("action", "kind", "message"),
     [
-        ([0.0, NAN, 0.1], InvalidInputError, "angle of the action is nan; it must be finite"),
-        ([0.0, 0.0, np.inf], InvalidInputError, "length of the action is inf"),
-        ([0.0, 0.1], InvalidInputError, r"shape \(2,\); needed: numbers with shape \(3,\) \(loc"),
+        ([0.0, 0.0, NAN, 0.1, 0.2], InvalidInputError, "angle of the action is nan; it must be"),
+        ([0.0, 0.0, 0.0, np.inf, 0.2], InvalidInputError, "length of the action is inf"),
+        ([0.0, 0.1], InvalidInputError, r"shape \(2,\); needed: numbers with shape \(5,\) \(body"),
         ([[0.0, 0.0, 0.1]], InvalidInputError, r"shape \(1, 3\); needed"),
         (["a", "b", "c"], InvalidInputError, "an array of <U1"),
         ([None, 0.0, 0.1], InvalidInputError, "an array of object"),
         ([True, False, True], InvalidInputError, "an array of bool"),
         ([1j, 0.0, 0.1], InvalidInputError, "an array of complex128"),
-        ([3.2, 0.0, 0.1], OutOfRangeError, "location of the action is 3.2; allowed: -3.14159 to"),
-        ([0.0, -0.8, 0.1], OutOfRangeError, "angle of the action is -0.8; allowed: -0.785398 to"),
-        ([0.0, 0.0, -0.01], OutOfRangeError, "length of the action is -0.01; allowed: 0 to 0.15"),
-        ([0.0, 0.0, 1e300], OutOfRangeError, r"length of the action is 1e\+300"),
+        ([0, 3.2, 0.0, 0.1, 0.2], OutOfRangeError, "location of the action is 3.2; allowed: -3.1"),
+        ([0, 0.0, -0.8, 0.1, 0.2], OutOfRangeError, "angle of the action is -0.8; allowed: -0.7"),
+        ([0, 0.0, 0.0, -0.01, 0.2], OutOfRangeError, "length of the action is -0.01; allowed: 0"),
+        ([0, 0.0, 0.0, 1e300, 0.2], OutOfRangeError, r"length of the action is 1e\+300"),
+        ([0, 0.0, 0.0, 0.1, 0.6], OutOfRangeError, "speed of the action is 0.6; allowed: 0.01"),
     ],
 )  # fmt: skip
 def test_a_bad_action_moves_nothing(
@@ -61,14 +63,14 @@ def test_a_body_that_does_not_exist(make: MakeEnv) -> None:
     env = make(scenario="rearrange_2")
     env.reset(seed=0)
     with pytest.raises(OutOfRangeError, match=r"body of the action is 2; allowed: -0.5 to 1.5"):
-        env.step(np.array([0.0, 0.0, 0.1, 2.0]))
+        env.step(make_push(0.0, 0.0, 0.1, body=2.0))
 
 
 def test_a_refused_push_moves_nothing_and_costs(make: MakeEnv) -> None:
     env = make(scenario="paper", refusal_cost=0.25)
     _, info = env.reset(seed=0)
     before = env.scene
-    towards_the_base = np.array([np.pi, 0.0, 0.1])  # the tool would start inside the target
+    towards_the_base = make_push(np.pi, 0.0, 0.1)  # the tool would start inside the target
     _, reward, terminated, truncated, after = env.step(towards_the_base)
     assert env.scene.tobytes() == before.tobytes()
     assert reward == -(info["distance"] + 0.25)
@@ -81,7 +83,7 @@ def test_a_refused_push_moves_nothing_and_costs(make: MakeEnv) -> None:
 def test_a_push_against_a_body_that_may_not_be_touched_is_refused(make: MakeEnv) -> None:
     env = make(scenario="blocked")
     env.reset(seed=0)
-    *_, info = env.step(np.array([0.0, 0.0, 0.1, 1.0]))
+    *_, info = env.step(make_push(0.0, 0.0, 0.1, body=1.0))
     assert info["refusal_code"] == ErrorCode.OUT_OF_RANGE
     assert "body 1, which is movable; pushable are: 0, 2" in info["refusal"]
 
@@ -98,7 +100,7 @@ def test_a_step_after_the_end(make: MakeEnv) -> None:
     env = make(scenario="paper")
     env.reset(seed=0)
     while not env.episode.over:
-        env.step(np.array([np.pi, 0.0, 0.1]))
+        env.step(make_push(np.pi, 0.0, 0.1))
     before = env.scene
     with pytest.raises(ResetNeeded, match="the episode has ended after 10 steps; call reset") as e:
         env.step(AHEAD)

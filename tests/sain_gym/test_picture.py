@@ -5,6 +5,7 @@ import pytest
 
 from sain_core.drawing.palette import PALETTE, rgba
 from sain_core.feasibility import Feasibility
+from sain_core.push import make_push
 from sain_core.scene import POSITION
 from sain_eval.scenes.scenarios import SCENARIOS
 from sain_gym.picture import MARGIN, TopPicture
@@ -56,6 +57,6 @@ def test_a_push_changes_the_image(make: MakeEnv) -> None:
     env = make(scenario="paper", observation="image")
     before, _ = env.reset(seed=0)
     kept = before.copy()
-    after, *_ = env.step(np.array([0.0, 0.0, 0.15]))
+    after, *_ = env.step(make_push(0.0, 0.0, 0.15))
     assert (after != before).any()
     assert np.array_equal(before, kept)

@@ -5,7 +5,7 @@ from math import pi
 import numpy as np
 import pytest
 
-from sain_core.push import PushLimits, make_push
+from sain_core.push import ANGLE, BODY, PushLimits, make_push
 from sain_eval.scenes.scenarios import SCENARIOS
 from sain_gym.spaces import PushSpaces
 
@@ -19,7 +19,7 @@ def test_limits_in_any_precision_are_the_limits(kind: type) -> None:
     for limit in (spaces.action.low, spaces.action.high):
         push = spaces.push_of(limit.astype(kind))
         assert push.dtype == np.float64
-        assert push.tolist() == [pi, *limit[1:]]
+        assert push.tolist() == [0.0, pi, *limit[ANGLE:]]
         LIMITS.check(push)
 
 
@@ -27,7 +27,7 @@ def test_numbers_within_the_limits_stay_as_they_are() -> None:
     spaces = PushSpaces("anywhere")
     push = make_push(-3.1, 0.123456789, 0.15)
     assert spaces.push_of(push).tolist() == push.tolist()
-    assert spaces.push_of([1, 0, 0]).tolist() == [1.0, 0.0, 0.0]
+    assert spaces.push_of([0, 1, 0, 0, 0.5]).tolist() == [0.0, 1.0, 0.0, 0.0, 0.5]
     given = push.copy()
     spaces.push_of(given)[:] = 0.0
     assert given.tolist() == push.tolist()
@@ -37,14 +37,14 @@ def test_numbers_within_the_limits_stay_as_they_are() -> None:
     ("number", "body"), [(-0.5, 0), (0.0, 0), (0.49, 0), (0.5, 1), (1.0, 1), (2.49, 2), (2.5, 2)]
 )
 def test_the_body_is_the_nearest_whole_number(number: float, body: int) -> None:
-    push = PushSpaces("rearrange_3").push_of(np.array([0.0, 0.0, 0.1, number]))
-    assert push.tolist() == [0.0, 0.0, 0.1, body]
+    push = PushSpaces("rearrange_3").push_of(make_push(0.0, 0.0, 0.1, body=number))
+    assert push.tolist() == [body, 0.0, 0.0, 0.1, 0.2]
 
 
 def test_each_body_has_the_same_share_of_random_actions() -> None:
     spaces = PushSpaces("rearrange_3")
     spaces.action.seed(0)
-    bodies = [spaces.push_of(spaces.action.sample())[3] for _ in range(3000)]
+    bodies = [spaces.push_of(spaces.action.sample())[BODY] for _ in range(3000)]
     assert np.allclose(np.bincount(np.array(bodies, dtype=int)) / 3000, 1 / 3, atol=0.03)
 
 
@@ -72,9 +72,7 @@ def test_a_place_is_wanted_of_the_target() -> None:
 
 
 @pytest.mark.parametrize("scenario", ["anywhere", "rearrange_2"])
-def test_pushes_of_three_and_four_numbers_become_actions(scenario: str) -> None:
-    spaces = PushSpaces(scenario)
-    for push in (np.array([1.0, 0.2, 0.1]), np.array([1.0, 0.2, 0.1, 0.0])):
-        action = spaces.action_of(push)
-        assert action in spaces.action
-        assert spaces.push_of(action)[:3].tolist() == push[:3].tolist()
+def test_a_push_is_an_action(scenario: str) -> None:
+    spaces, push = PushSpaces(scenario), make_push(1.0, 0.2, 0.1, speed=0.05)
+    assert push in spaces.action
+    assert spaces.push_of(push).tolist() == push.tolist()

@@ -13,6 +13,7 @@ from sain_bringup.graph_options import GraphOptions
 from sain_core.config import Config, option
 from sain_core.errors import OutputError
 from sain_core.observation import ObservationConfig, told_settings
+from sain_core.push import DEFAULT_SPEED
 from sain_core.shapes.supports import BOTTOMS, FEET
 from sain_core.storage import make_folder
 from sain_eval.scenes.scenarios import OFFERED, SCENARIOS
@@ -112,6 +113,7 @@ class PushOptions(Config):
         0.0, "direction of travel relative to straight inward, -pi/4 to pi/4", unit="rad"
     )
     length: float = option(0.1, "travel of the tool, 0 to 0.15", unit="m")
+    speed: float = option(DEFAULT_SPEED, "of the tool, 0.01 to 0.5", unit="m/s")
     body: int = option(0, "body to push, as counted in the scene", minimum=0, maximum=2**32 - 1)
     timeout: float = option(10.0, "longest wait for the simulator", unit="s", minimum=0.0)
 

@@ -100,6 +100,8 @@ def _convert_plan(message: Any) -> None:
     bodies: ndarray | int = np.asarray(getattr(message, "push_bodies", ()))
     if np.size(bodies) not in (0, horizon):
         return
-    message.pushes = make_push(
-        *paths.reshape(-1, PATH_SIZE).T, body=bodies if np.size(bodies) else 0
-    ).ravel()
+    message.pushes = (
+        make_push(*paths.reshape(-1, PATH_SIZE).T, body=bodies if np.size(bodies) else 0)
+        .ravel()
+        .tolist()
+    )

@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from sain_core.config import Config, option
-from sain_core.errors import InvalidInputError, OutOfRangeError
+from sain_core.errors import ConfigError, InvalidInputError, OutOfRangeError
 from sain_core.scene import POSITION, RADIUS, THETA, unit, wrap_angle
 from sain_core.shapes.bodies import PAPER_DISKS, Bodies
 from sain_core.shapes.outline import outline_of
@@ -62,6 +62,17 @@ class PushLimits(Config):
     )
     min_speed: float = option(0.01, "slowest travel", unit="m/s", minimum=0.001, maximum=0.2)
     max_speed: float = option(0.5, "fastest travel", unit="m/s", minimum=0.2, maximum=2.0)
+    speed: float = option(
+        DEFAULT_SPEED, "travel where no other is asked for", unit="m/s", minimum=0.001, maximum=2.0
+    )
+
+    def __post_init__(self) -> None:
+        """Check the fields, and that the default speed is allowed."""
+        super().__post_init__()
+        if not self.min_speed <= self.speed <= self.max_speed:
+            raise ConfigError(
+                f"speed is {self.speed} m/s; allowed: [{self.min_speed}, {self.max_speed}] m/s"
+            )
 
     def check(self, push: PushArray, bodies: Bodies = PAPER_DISKS) -> PushArray:
         """Return the push when it is inside the limits, and against a pushable body.
@@ -106,12 +117,13 @@ class PushLimits(Config):
         return push
 
     def sample(
-        self, generator: np.random.Generator, count: int, speed: Scalars | float = DEFAULT_SPEED
+        self, generator: np.random.Generator, count: int, speed: Scalars | None = None
     ) -> Pushes:
         """Draw pushes (count, 5) of body 0 uniformly: any side, any allowed angle and length."""
         location = generator.uniform(-pi, pi, count)
         angle = generator.uniform(-self.max_angle, self.max_angle, count)
         length = generator.uniform(0.0, self.max_length, count)
+        speed = np.asarray(self.speed) if speed is None else speed
         return make_push(-location, angle, length, speed=speed)  # -[-pi, pi) is (-pi, pi]
 
 

@@ -18,7 +18,7 @@ from numpy import ndarray
 from sain_core.errors import InvalidInputError
 from sain_core.goal import KEEP_TOLERANCE, TOLERANCE, TURN_PER_METRE, BodyPose, Goal
 from sain_core.history import PushHistory
-from sain_core.push import DEFAULT_SPEED, PATH, PUSH_NAMES, PUSH_SIZE, SPEED, make_push
+from sain_core.push import BODY, DEFAULT_SPEED, PUSH_NAMES, PUSH_SIZE, SPEED
 from sain_core.scene import STATE_NAMES, STATE_SIZE
 from sain_core.shapes.bodies import MOST_BODIES
 from sain_core.types import (
@@ -31,7 +31,6 @@ from sain_core.types import (
 )
 
 MIN_DISKS = 1
-ON_WIRE: Final = PATH.stop - PATH.start  # numbers of a push in an array, beside its body
 UNIT: Final = 0.01  # by which the length of a quaternion may be off
 UPRIGHT: Final = 0.9  # cosine of the largest tilt of a body, 25 degrees
 Place = Float[ndarray, "3"]
@@ -66,7 +65,7 @@ def check_disks(scene: Scene, name: str = "scene") -> Scene:
 
 
 def decode_push(message: Any) -> PushArray:
-    """Return a ``Push`` as an array (5,).
+    """Return a ``Push`` as an array (5,); a speed of 0, as of a field left out, is the default.
 
     Raises:
         InvalidInputError: NaN or Inf.
@@ -76,8 +75,14 @@ def decode_push(message: Any) -> PushArray:
 
 def push_as_sent(message: Any) -> PushArray:
     """Return a ``Push`` as an array (5,), whatever it holds: one that was refused may hold NaN."""
-    values = [getattr(message, name) for name in PUSH_NAMES[:SPEED]]
-    return np.array([*values, DEFAULT_SPEED], dtype=np.float64)
+    return as_sent(np.array([getattr(message, name) for name in PUSH_NAMES], dtype=np.float64))
+
+
+def as_sent(numbers: Pushes) -> Pushes:
+    """Return the numbers of messages ``Push`` (..., 5) as pushes: a speed of 0 is the default."""
+    pushes = numbers.copy()
+    pushes[..., SPEED] = np.where(numbers[..., SPEED] == 0.0, DEFAULT_SPEED, numbers[..., SPEED])
+    return pushes
 
 
 def decode_goal(message: Any) -> Goal:
@@ -152,11 +157,7 @@ def decode_plan(message: Any) -> tuple[Pushes, Scenes]:
     A plan that sends no push has H = 0.
     """
     horizon, disks = message.horizon, message.disks
-    if len(message.pushes) == horizon * PUSH_SIZE:
-        pushes = decode_floats(message.pushes, (horizon, PUSH_SIZE), "pushes of the plan")
-    else:
-        pushes = decode_floats(message.pushes, (horizon, ON_WIRE), "pushes of the plan")
-        pushes = _with_bodies(pushes, message.push_bodies, "push_bodies of the plan")
+    pushes = _decode_pushes(message.pushes, (horizon,), "pushes of the plan", disks)
     predicted = decode_floats(
         message.predicted, (horizon, disks, STATE_SIZE), "predicted scenes of the plan"
     )
@@ -170,8 +171,7 @@ def decode_rollout_request(request: Any) -> tuple[Scene, PushSequences]:
     _at_least(horizon, 1, "horizon")
     _at_least(disks, MIN_DISKS, "disks")
     scene = decode_floats(request.scene, (disks, STATE_SIZE), "scene")
-    pushes = decode_floats(request.pushes, (samples, horizon, ON_WIRE), "pushes")
-    return scene, _with_bodies(pushes, request.push_bodies, "push_bodies", disks)
+    return scene, _decode_pushes(request.pushes, (samples, horizon), "pushes", disks)
 
 
 def decode_predict_request(request: Any) -> tuple[Scenes, Pushes, Scenes | None]:
@@ -181,8 +181,7 @@ def decode_predict_request(request: Any) -> tuple[Scenes, Pushes, Scenes | None]
     _at_least(disks, MIN_DISKS, "disks")
     shape = (batch, disks, STATE_SIZE)
     scenes = decode_floats(request.scenes, shape, "scenes")
-    pushes = decode_floats(request.pushes, (batch, ON_WIRE), "pushes")
-    pushes = _with_bodies(pushes, request.push_bodies, "push_bodies", disks)
+    pushes = _decode_pushes(request.pushes, (batch,), "pushes", disks)
     if len(request.physics_next) == 0:
         return scenes, pushes, None
     return scenes, pushes, decode_floats(request.physics_next, shape, "physics_next")
@@ -198,10 +197,9 @@ def decode_past(request: Any) -> PushHistory:
     _at_least(disks, MIN_DISKS, "disks")
     shape = (past, disks, STATE_SIZE)
     scenes = decode_floats(request.past_scenes, shape, "past_scenes")
-    pushes = decode_floats(request.past_pushes, (past, ON_WIRE), "past_pushes")
     return PushHistory(
         scenes,
-        _with_bodies(pushes, request.past_bodies, "past_bodies", disks),
+        _decode_pushes(request.past_pushes, (past,), "past_pushes", disks),
         decode_floats(request.past_next, shape, "past_next"),
         _decode_noise(request.past_noise, (past, disks)),
     )
@@ -247,26 +245,22 @@ def decode_floats(values: Sequence[float], shape: tuple[int, ...], name: str) ->
     return array
 
 
-def _with_bodies(
-    pushes: ndarray, bodies: Sequence[int], name: str, count: int | None = None
+def _decode_pushes(
+    values: Sequence[float], shape: tuple[int, ...], name: str, bodies: int
 ) -> ndarray:
-    """Return pushes (..., 5) of (..., 3) and the bodies that they are against; none: body 0.
+    """Return pushes (*shape, 5) against so many bodies.
 
     Raises:
-        InvalidInputError: other numbers of pushes and bodies, or not one of `count` bodies.
+        InvalidInputError: see `decode_floats`; or one is against a body that does not exist.
     """
-    if len(bodies) == 0:
-        return make_push(*np.moveaxis(pushes, -1, 0))
-    column = np.asarray(bodies)
-    if column.size != pushes[..., 0].size:
+    pushes = decode_floats(values, (*shape, PUSH_SIZE), name)
+    body = pushes[..., BODY]
+    wrong = (body < 0) | (body >= bodies) | (body % 1.0 != 0.0)
+    if wrong.any():
         raise InvalidInputError(
-            f"{name} has {column.size} numbers; the pushes are {pushes[..., 0].size}"
+            f"{name} names body {body[wrong][0]:g}; there are bodies 0 to {bodies - 1}"
         )
-    if count is not None and (column >= count).any():
-        raise InvalidInputError(
-            f"{name} names body {column.max()}; there are bodies 0 to {count - 1}"
-        )
-    return make_push(*np.moveaxis(pushes, -1, 0), body=column.reshape(pushes.shape[:-1]))
+    return pushes
 
 
 def _decode_fields(message: Any, fields: tuple[str, ...], name: str) -> ndarray:

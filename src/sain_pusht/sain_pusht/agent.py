@@ -20,7 +20,7 @@ from sain_mppi.agent.goal_tracker import GoalTrackerConfig
 from sain_mppi.algorithms.config import PlannerConfig, ProgressConfig
 from sain_mppi.objective.cost_weights import CostWeights
 from sain_pusht.block import PIXEL
-from sain_pusht.motion import KEEP_OFF, Corners, Room
+from sain_pusht.motion import KEEP_OFF, PUSHING, Corners, Room
 
 AGENT_RADIUS: Final = 15 * PIXEL  # [m], gym-pusht's add_circle
 WALLS: Final = (7 * PIXEL, 504 * PIXEL)  # [m], their faces: gym-pusht's add_segment
@@ -76,7 +76,7 @@ class RoomFeasibility(Feasibility):
         return np.asarray(contains_xy(own.buffer(KEEP_OFF), *places.T))
 
 
-LIMITS: Final = PushLimits(tool_radius=AGENT_RADIUS)
+LIMITS: Final = PushLimits(tool_radius=AGENT_RADIUS, speed=PUSHING)
 FEASIBILITY: Final = RoomFeasibility(
     limits=LIMITS, table=Table(x_min=WALLS[0], x_max=WALLS[1], y_min=WALLS[0], y_max=WALLS[1])
 )

@@ -27,6 +27,7 @@ STICKY: Final = PlanarConfig(
     friction_scale=1.0,
     tool_restitution=0.0,
     acceleration=8.0,
+    speed_factor=0.5,  # fitted when pushes had no speed of their own
     longest_step=1 / 120,
 )
 SOFT: Final = 0.5  # [mm], errors far below this hardly count

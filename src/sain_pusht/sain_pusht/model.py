@@ -9,7 +9,7 @@ import numpy as np
 
 from sain_core.errors import CheckpointError
 from sain_core.model import Model, RolloutModel, load_dynamics
-from sain_core.push import LENGTH, strokes
+from sain_core.push import LENGTH, SPEED, strokes
 from sain_core.scene import POSITION, RADIUS, THETA, unit
 from sain_core.shapes.bodies import Bodies
 from sain_core.types import PushArray, Pushes, Scene, Scenes
@@ -17,7 +17,7 @@ from sain_model.dynamics.checkpoint import card_path, parse_card
 from sain_model.dynamics.load import load_checkpoint
 from sain_pusht.agent import LIMITS, WALLS
 from sain_pusht.block import PIXEL, pixels, pose_of, pusht_bodies, scene_of
-from sain_pusht.motion import LANDING, PUSHING, ramp, servo_of
+from sain_pusht.motion import LANDING, ramp, servo_of
 from sain_pusht.world import MOST_STEPS, make_env
 
 GYRATION: Final = "gyration"  # on cards, of the block [radii]
@@ -120,7 +120,9 @@ class PushtOracle(Model):
     def _push(self, scene: Scene, push: PushArray) -> Scene:
         start, heading = strokes(scene, push, LIMITS, self._bodies)
         along = unit(heading)
-        places = start + ramp(float(push[LENGTH]), PUSHING)[:, None] * along
+        places = (
+            start + ramp(float(push[LENGTH]), push[SPEED] * self._servo.period)[:, None] * along
+        )
         motion = np.stack([start, LANDING * along])
         targets = self._servo.targets(motion, places, {len(places) - 1: np.zeros(2)})
         moved = self._servo.follow(motion, targets)

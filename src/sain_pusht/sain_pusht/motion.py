@@ -30,7 +30,7 @@ KEEP_OFF: Final = 0.004  # [m], gap between tool and block for which paths are p
 LEAST_GAP: Final = 0.0003  # [m], the smallest that is accepted on a path
 ROUNDING: Final = 1e-5  # [m], a path that enters what it should avoid by less does not enter it
 FREE: Final = 0.1  # [m], longest path in a step without contact
-PUSHING: Final = 0.04  # [m], longest travel of a stroke in a step
+PUSHING: Final = 0.4  # [m/s], speed of a stroke
 LANDING: Final = 0.05  # [m/s], at the start of a stroke
 TRIES: Final = 6  # of a path, each slower than the one before
 SLOWER: Final = 0.7
@@ -234,11 +234,13 @@ class DiskStroke:
         start: (2,) [m].
         heading: (2,), of length 1.
         length: [m].
+        speed: [m/s].
     """
 
     start: Place
     heading: Place
     length: float
+    speed: float = PUSHING
 
     def at(self, distances: Scalars) -> Points:
         """Return the places (S, 2) after some travel (S,) [m]."""
@@ -282,7 +284,9 @@ def plan_motion(
     path = path_round(motion[0], stroke.start, outline, arena.radius + KEEP_OFF, arena.room)
     for slower in SLOWER ** np.arange(TRIES):
         approach = spread(path, slower * FREE)
-        places = np.concatenate([approach, stroke.at(ramp(stroke.length, slower * PUSHING))])
+        places = np.concatenate(
+            [approach, stroke.at(ramp(stroke.length, slower * stroke.speed * servo.period))]
+        )
         stops = {len(approach) - 1: LANDING * stroke.heading, len(places) - 1: np.zeros(2)}
         targets = servo.targets(motion, places, stops)
         free = servo.follow(motion, targets[: len(approach)])[:, 0]

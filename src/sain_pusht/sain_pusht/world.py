@@ -5,7 +5,7 @@ from typing import Any, Final
 import numpy as np
 
 from sain_core.errors import ConfigError
-from sain_core.push import LENGTH, strokes
+from sain_core.push import LENGTH, SPEED, strokes
 from sain_core.scene import unit
 from sain_core.shapes.bodies import Bodies
 from sain_core.types import PushArray, Scene
@@ -111,7 +111,7 @@ class PushtWorld:
         """
         first = self.scene
         start, heading = strokes(first if seen is None else seen, push, LIMITS, self.bodies)
-        stroke = DiskStroke(start, unit(heading), float(push[LENGTH]))
+        stroke = DiskStroke(start, unit(heading), float(push[LENGTH]), float(push[SPEED]))
         targets, free = plan_motion(self.motion, stroke, self.outline, self.arena)
         before = self.outline
         for index, target in enumerate(targets):

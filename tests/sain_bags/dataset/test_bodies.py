@@ -31,7 +31,7 @@ from tests.sain_bags.dataset.conftest import read_npz
 POSE = (0.52, 0.01, 0.3)
 KEPT = ConversionConfig(keep_unsettled=True)
 LATER = re.compile(
-    r"^(uint32 body |GoalPose|uint32\[\] (keep|push_bodies)|float64 (keep_tol|goal_turn)"
+    r"^(uint32 body |GoalPose|uint32\[\] keep|float64 (keep_tol|goal_turn|speed)"
     r"|string\[\] roles).*\n",
     re.MULTILINE,
 )

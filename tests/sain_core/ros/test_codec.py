@@ -35,9 +35,9 @@ def test_a_scene_comes_back_bit_for_bit(scene):
     assert (back.header.stamp, back.header.frame_id) == (Time(sec=3, nanosec=7), "world")
 
 
-@given(arrays(np.float64, 3, elements=finite), st.integers(0, 31))
-def test_a_push_comes_back_bit_for_bit(path, body):
-    push = make_push(*path, body=body)
+@given(arrays(np.float64, 3, elements=finite), st.integers(0, 31), st.floats(1e-3, 2.0))
+def test_a_push_comes_back_bit_for_bit(path, body, speed):
+    push = make_push(*path, body=body, speed=speed)
     message = codec.encode_push(
         push, stamp=Time(), push_id=7, episode_id=8, scene_id=9, source="me"
     )

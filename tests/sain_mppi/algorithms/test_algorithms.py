@@ -10,7 +10,7 @@ from sain_core.errors import ModelUnavailableError, NoPushError
 from sain_core.feasibility import Feasibility, Reach
 from sain_core.goal import Goal
 from sain_core.model import IdentityPrior
-from sain_core.push import LENGTH, LOCATION
+from sain_core.push import ANGLE, LENGTH, LOCATION
 from sain_core.scene import MASS, make_scene, unit
 from sain_core.seeding import generator
 from sain_mppi.algorithms import ALGORITHMS
@@ -124,7 +124,7 @@ def test_refused_pushes_are_not_tried_again_from_the_same_scene(algorithm, scene
         for before in refused:
             apart = np.abs(push - before)
             apart[LOCATION] = min(apart[LOCATION], 2 * np.pi - apart[LOCATION])
-            assert apart[LOCATION] > 0.15 or apart[1] > 0.15 or apart[2] > 0.02
+            assert apart[LOCATION] > 0.15 or apart[ANGLE] > 0.15 or apart[LENGTH] > 0.02
         refused.append(push)
 
 

@@ -6,7 +6,16 @@ import pytest
 from sain_core.dataset import Column, row_bodies
 from sain_core.errors import ConfigError, InvalidInputError
 from sain_core.old_files import converted_rows
-from sain_core.push import BODY, LENGTH, LOCATION, PUSH_SIZE, PushLimits, pushed_bodies, strokes
+from sain_core.push import (
+    BODY,
+    LENGTH,
+    LOCATION,
+    PUSH_SIZE,
+    SPEED,
+    PushLimits,
+    pushed_bodies,
+    strokes,
+)
 from sain_core.scene import RADIUS, make_scene
 from sain_core.shapes.bodies import Bodies, Role
 from sain_sim.collecting.collect import CollectConfig, collect
@@ -37,6 +46,14 @@ def test_rows_state_shapes_roles_and_the_body_of_the_push(collected):
             assert {shape.name for shape in bodies.shapes} <= {"t", "l", "disk"}
             assert set(bodies.roles) == {Role.PUSHABLE}
     assert len(set(pushed)) > 1
+
+
+def test_speeds_are_drawn_where_a_range_is_given(tmp_path):
+    collect(CollectConfig(tmp_path, 3, 3, episode=EpisodeConfig(pushes=3, speeds="0.05-0.2")))
+    data = load_shards(tmp_path)
+    speeds, lengths = data[Column.ACTION][:, SPEED], data[Column.ACTION][:, LENGTH]
+    assert (speeds >= 0.05).all() and (speeds <= 0.2).all() and len(set(speeds)) == len(speeds)
+    assert (data[Column.DURATION] > lengths / speeds).all()
 
 
 def test_a_disk_alone_is_named_too(tmp_path):
@@ -107,6 +124,9 @@ def test_pushes_are_even_along_the_outlines_of_all_pushable_bodies():
         ({"shapes": "t", "bodies": "1-999999999999"}, "bodies is '1-999999999999'"),
         ({"shapes": "t", "bodies": "many"}, "bodies is 'many'"),
         ({"bodies": "2"}, "bodies is '2', and shapes is empty"),
+        ({"speeds": "0.2-0.1"}, "speeds is '0.2-0.1'; give a speed from 0.01 to 0.5 m/s"),
+        ({"speeds": "0"}, "speeds is '0'"),
+        ({"speeds": "slow"}, "speeds is 'slow'"),
     ],
 )
 def test_settings_that_cannot_be_are_refused(settings, text):

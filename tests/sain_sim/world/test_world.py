@@ -85,6 +85,18 @@ def test_no_length_moves_nothing_at_all(world, bench):
     assert outcome.duration == 0.0 and world.time == time and not seen
 
 
+@pytest.mark.parametrize("speed", [0.02, 0.2, 0.4])
+def test_the_tool_travels_at_the_speed_of_the_push(world, bench, speed):
+    world.reset(bench.touching())
+    seen = []
+    push = bench.straight.copy()
+    push[SPEED] = speed
+    world.push(push, on_step=seen.append)
+    tool = np.array([sample.commanded_tool for sample in seen if sample.phase == "push"])
+    steps = np.linalg.norm(np.diff(tool, axis=0), axis=1) / world.config.motion.time_step
+    assert steps.max() == pytest.approx(speed, rel=0.02)
+
+
 def test_time_goes_on_over_resets(world, bench):
     world.reset(bench.touching())
     world.push(bench.straight)

@@ -11,7 +11,7 @@ from numpy import ndarray
 
 from sain_bags.transitions.dropped import Dropped
 from sain_core.dataset import SHARD_SIZE, Column, Columns, centres, describe_fields
-from sain_core.push import ANGLE, LENGTH, LOCATION
+from sain_core.push import PUSH_NAMES
 from sain_core.scene import MID, TARGET
 
 BINS: Final = 20
@@ -19,6 +19,7 @@ QUANTITIES: Final = {  # what is counted, its unit, and the range that its bins 
     "location": ("rad", -pi, pi),
     "angle": ("rad", -pi / 4, pi / 4),
     "length": ("m", 0.0, 0.15),
+    "speed": ("m/s", 0.0, 0.5),
     "target_x": ("m", 0.0, 1.2),
     "target_y": ("m", -0.6, 0.6),
     "mid_travel": ("m", 0.0, 0.2),
@@ -149,9 +150,7 @@ def _quantities(shard: Columns) -> dict[str, ndarray]:
     travel = np.linalg.norm(after - before, axis=-1)
     target = min(TARGET, before.shape[1] - 1)  # or the only body
     return {
-        "location": shard[Column.ACTION][:, LOCATION],
-        "angle": shard[Column.ACTION][:, ANGLE],
-        "length": shard[Column.ACTION][:, LENGTH],
+        **dict(zip(PUSH_NAMES[1:], shard[Column.ACTION].T[1:], strict=True)),
         "target_x": before[:, target, 0],
         "target_y": before[:, target, 1],
         "mid_travel": travel[:, MID],

@@ -14,6 +14,7 @@ from sain_core.errors import ErrorCode
 from sain_core.push import PUSH_NAMES, pushed_bodies
 from sain_core.scene import STATE_NAMES
 from sain_core.types import Scene
+from sain_core.wire import as_sent
 
 OK: Final = int(ErrorCode.OK)
 NONE: Final = -1  # in place of a row
@@ -115,7 +116,7 @@ class PairedPushes:
     def actions(self) -> ndarray:
         """The pushes (K, 5)."""
         prefix = FIELDS_OF[self.source][0]
-        return _numbers(self.messages[0], [prefix + name for name in PUSH_NAMES])
+        return as_sent(_numbers(self.messages[0], [prefix + name for name in PUSH_NAMES]))
 
     @cached_property
     def bodies(self) -> ndarray:

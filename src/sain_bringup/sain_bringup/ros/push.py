@@ -110,7 +110,8 @@ def run(options: PushOptions, console: Console) -> int:
     with ros_context():
         sender = PushSender(options.timeout)
         try:
-            push = make_push(options.location, options.angle, options.length, body=options.body)
+            path = options.location, options.angle, options.length
+            push = make_push(*path, body=options.body, speed=options.speed)
             result = sender.send(push)
         finally:
             sender.destroy_node()

@@ -16,11 +16,11 @@ from std_msgs.msg import Header
 
 from sain_core.goal import BodyPose, Goal
 from sain_core.history import PushHistory
-from sain_core.push import PATH, PUSH_NAMES, pushed_bodies
+from sain_core.push import BODY, PUSH_NAMES
 from sain_core.scene import DISK_HEIGHT, STATE_NAMES, THETA, X, Y
 from sain_core.shapes.bodies import Bodies
 from sain_core.shapes.shape import Shape, Solid
-from sain_core.types import PushArray, Pushes, PushSequences, Scalars, Scene, Scenes
+from sain_core.types import PushArray, Pushes, Scalars, Scene, Scenes
 from sain_interfaces.msg import Bodies as BodiesMessage
 from sain_interfaces.msg import Body, DiskState, GoalPose, Plan, Push
 from sain_interfaces.msg import Goal as GoalMessage
@@ -141,9 +141,9 @@ def encode_push(
         episode_id=episode_id,
         scene_id=scene_id,
         source=source,
-        body=int(pushed_bodies(push)),
+        body=int(push[BODY]),
         disks=[] if seen is None else encode_disks(seen),
-        **dict(zip(PUSH_NAMES[PATH], push[PATH].tolist(), strict=True)),
+        **dict(zip(PUSH_NAMES[BODY + 1 :], push[BODY + 1 :].tolist(), strict=True)),
     )
 
 
@@ -186,7 +186,7 @@ def fill_past(request: Rollout.Request | PredictResidual.Request, history: PushH
     """Put an episode's earlier pushes into a request about scenes with as many disks."""
     request.past = len(history)
     request.past_scenes = encode_floats(history.state)
-    request.past_pushes, request.past_bodies = encode_pushes(history.action)
+    request.past_pushes = encode_floats(history.action)
     request.past_next = encode_floats(history.next_state)
     if history.noise is not None:
         request.past_noise = encode_floats(history.noise)
@@ -199,16 +199,8 @@ def fill_bodies(request: Rollout.Request | PredictResidual.Request, bodies: Bodi
         request.roles = [str(role) for role in bodies.roles]
 
 
-def encode_pushes(pushes: Pushes | PushSequences) -> "tuple[array[float], array[int]]":
-    """Return the paths of pushes (..., 5) as flat doubles, and the bodies; none: all body 0."""
-    bodies, pushed = array("I"), pushed_bodies(pushes)
-    if pushed.any():
-        bodies.frombytes(pushed.astype(np.uint32).tobytes())
-    return encode_floats(pushes[..., PATH]), bodies
-
-
 def fill_plan(message: Plan, pushes: Pushes, predicted: Scenes) -> None:
     """Put the pushes (H, 5) and the scenes (H, N, 8) after them into a plan."""
     message.horizon, message.disks = predicted.shape[:2]
-    message.pushes, message.push_bodies = encode_pushes(pushes)
+    message.pushes = encode_floats(pushes)
     message.predicted = encode_floats(predicted)

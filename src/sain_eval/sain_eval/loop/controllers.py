@@ -57,7 +57,7 @@ class StraightDecider(Decider):
         left = float(np.linalg.norm(goal - scene[TARGET, POSITION]))
         length = min(self._limits.clearance + left, self._limits.max_length)
         location = float(wrap_angle(np.arctan2(way[1], way[0])))
-        return PushDecision(job, make_push(location, 0.0, length))
+        return PushDecision(job, make_push(location, 0.0, length, speed=self._limits.speed))
 
 
 class RandomDecider(Decider):

@@ -111,7 +111,8 @@ def _straight_at(
     apart = wrap_angle(facing[:, None] - normal)
     best, rows = np.argmin(np.abs(apart), axis=1), np.arange(len(body))
     pushes = idle_pushes(len(body))
-    pushes[:, BODY], pushes[:, LOCATION] = body, location[rows, best]
+    pushes[:, BODY], pushes[:, SPEED] = body, limits.speed
+    pushes[:, LOCATION] = location[rows, best]
     pushes[:, ANGLE] = np.clip(apart[rows, best], -limits.max_angle, limits.max_angle)
     scatter = np.abs(1.0 + SLIDE_SCATTER * generator.standard_normal(len(body)))
     length = limits.clearance + np.linalg.norm(way, axis=1) * scatter
@@ -211,6 +212,7 @@ def _pushes_along(
     legs = np.diff(waypoints, axis=1)
     travel = np.linalg.norm(legs, axis=-1)
     pushes = idle_pushes(*travel.shape)
+    pushes[..., SPEED] = limits.speed
     angle = ANGLE_SCATTER * generator.standard_normal(travel.shape)
     pushes[..., LOCATION] = np.arctan2(legs[..., 1], legs[..., 0]) - angle / 2
     pushes[..., ANGLE] = angle

@@ -137,7 +137,7 @@ class RemoteRollout:
         samples, horizon, _ = pushes.shape
         request = Rollout.Request(samples=samples, horizon=horizon, disks=len(scene))
         request.scene = codec.encode_floats(scene)
-        request.pushes, request.push_bodies = codec.encode_pushes(pushes)
+        request.pushes = codec.encode_floats(pushes)
         codec.fill_bodies(request, self._bodies)
         if self._history is not None and self._history.disks == len(scene):
             codec.fill_past(request, self._history)

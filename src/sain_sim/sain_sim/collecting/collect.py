@@ -45,6 +45,7 @@ LATER: Final = (
     "parameters",
     "shapes",
     "bodies",
+    "speeds",
 )  # settings that older collections do not name
 
 CollectionProgress = Callable[[int, int], None]  # episodes done, transitions so far

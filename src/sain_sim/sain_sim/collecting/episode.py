@@ -15,7 +15,7 @@ import numpy as np
 from sain_core.config import Config, option
 from sain_core.dataset import MOVED, ROUGH, Column, Row, describe_bodies
 from sain_core.errors import ConfigError, SainError
-from sain_core.push import PaperGrid, PushLimits, make_push
+from sain_core.push import DEFAULT_SPEED, SPEED, PaperGrid, PushLimits, make_push
 from sain_core.scene import MID, POSITION, RADIUS, TARGET, wrap_angle
 from sain_core.seeding import generator
 from sain_core.shapes.bodies import MOST_BODIES, PAPER_DISKS, Bodies, Role
@@ -120,6 +120,11 @@ class EpisodeConfig(Config):
     sampler: str = option(
         CIRCLE, "pushes from any side, or the paper's grid", choices=(CIRCLE, GRID)
     )
+    speeds: str = option(
+        "",
+        "speed of pushes [m/s], or a range such as 0.05-0.2 from which each is drawn by its"
+        f" logarithm; empty: {DEFAULT_SPEED}",
+    )
     pushes: int = option(10, "largest number of pushes in an episode", minimum=1, maximum=100)
     tries: int = option(
         50, "draws for each push before the episode ends", minimum=1, maximum=10_000
@@ -139,7 +144,7 @@ class EpisodeConfig(Config):
             get_shape(name)
         if self.bodies and not self.shapes:
             raise ConfigError(f"bodies is {self.bodies!r}, and shapes is empty; give both")
-        _ = self.counts  # checks them
+        _ = self.counts, self.speed_range  # checks them
 
     @property
     def shape_names(self) -> tuple[str, ...]:
@@ -162,6 +167,22 @@ class EpisodeConfig(Config):
                 " such, as 1-3"
             )
         return tuple(range(first, last + 1))
+
+    @property
+    def speed_range(self) -> tuple[float, float]:
+        """The slowest and the fastest push [m/s]."""
+        limits = PushLimits()
+        low, _, high = (self.speeds or str(limits.speed)).partition("-")
+        try:
+            slowest, fastest = float(low), float(high or low)
+        except ValueError:
+            slowest = fastest = 0.0
+        if not limits.min_speed <= slowest <= fastest <= limits.max_speed:
+            raise ConfigError(
+                f"speeds is {self.speeds!r}; give a speed from {limits.min_speed} to"
+                f" {limits.max_speed} m/s, or a range of such, as 0.05-0.2"
+            )
+        return slowest, fastest
 
 
 class EpisodeResult(NamedTuple):
@@ -227,6 +248,9 @@ class EpisodeRunner:
         scene = self._world.observe()
         for _ in range(self._config.tries):
             push = self._sampler.draw(random, scene, self._world.parameters.bodies)
+            if self._config.speeds:
+                slowest, fastest = self._config.speed_range
+                push[SPEED] = slowest * (fastest / slowest) ** random.uniform()
             try:
                 return push, self._world.push(push)
             except DivergedError as error:

@@ -10,6 +10,7 @@ import pytest
 from sain_bags.dataset.formats.sharding import Columns
 from sain_bags.dataset.formats.stored_rows import StoredRows, goal_distance, reached
 from sain_core.dataset import shard_path
+from sain_core.push import BODY, PUSH_NAMES
 from sain_core.storage import write_arrays
 
 GOAL = (0.9, 0.0)
@@ -111,10 +112,11 @@ def test_minari_terminates_at_the_goal(tmp_path: Path) -> None:
     rows = pushes([0.4, 0.6, 0.89, 0.7, 0.6]) | {"action": np.zeros((4, 5))}
     spread: dict[str, Any] = {"minimum": -4.0, "maximum": 4.0}
     source = stored(tmp_path, rows)
-    card = {"ranges": dict.fromkeys(("location", "angle", "length"), spread)}
+    card = {"ranges": dict.fromkeys(PUSH_NAMES, spread)}
     parts = dict(source.parts, validation=frozenset())
     write(StoredRows("data", 2, source.shards, parts, card), tmp_path / "out")
     data = MinariDataset(tmp_path / "out" / "data")
     ends = [(e.terminations.tolist(), e.truncations.tolist()) for e in data]
     assert ends == [([False, True], [False, False]), ([False, False], [False, True])]
-    assert (data.action_space.low <= -4.0).all() and (data.action_space.high >= 4.0).all()
+    assert (data.action_space.low[1:] <= -4.0).all() and (data.action_space.high[1:] >= 4.0).all()
+    assert (data.action_space.low[BODY], data.action_space.high[BODY]) == (0.0, 1.0)

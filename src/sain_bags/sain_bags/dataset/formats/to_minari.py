@@ -36,7 +36,7 @@ def write(rows: StoredRows, folder: Path) -> None:
     path = folder / "data"
     path.mkdir(parents=True)
     states = Box(-np.inf, np.inf, Column.STATE.row_shape(rows.disks), np.float64)
-    storage = MinariStorage.new(path, states, _pushes(rows.card["ranges"]))
+    storage = MinariStorage.new(path, states, _pushes(rows.card["ranges"], rows.disks))
     name = rows.name if re.fullmatch(ALLOWED, rows.name) else NAME
     about = {"dataset_id": name, "minari_version": version("minari"), "description": DESCRIPTION}
     storage.update_metadata(about)
@@ -45,15 +45,15 @@ def write(rows: StoredRows, folder: Path) -> None:
     storage.update_metadata({SPLITS: splits})
 
 
-def _pushes(ranges: dict[str, Any]) -> Box:
+def _pushes(ranges: dict[str, Any], disks: int) -> Box:
     """Return the space of pushes: the limits, extended by recorded pushes beyond them."""
     limits = PushLimits()
-    low = np.array([0.0, -np.pi, -limits.max_angle, 0.0, limits.min_speed])
-    high = np.array([0.0, np.pi, limits.max_angle, limits.max_length, limits.max_speed])
-    recorded = [ranges[name] for name in PUSH_NAMES]
+    low = np.array([-np.pi, -limits.max_angle, 0.0, limits.min_speed])
+    high = np.array([np.pi, limits.max_angle, limits.max_length, limits.max_speed])
+    recorded = [ranges[name] for name in PUSH_NAMES[1:]]
     low = np.minimum(low, [spread["minimum"] for spread in recorded])
     high = np.maximum(high, [spread["maximum"] for spread in recorded])
-    return Box(low, high, dtype=np.float64)
+    return Box(np.append(0.0, low), np.append(disks - 1.0, high), dtype=np.float64)
 
 
 def _episodes(rows: StoredRows, splits: dict[str, list[int]]) -> Iterator[EpisodeBuffer]:
