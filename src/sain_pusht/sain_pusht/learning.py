@@ -1,8 +1,7 @@
 """Learns gym-pusht's physics from pushes made there: prior first, then a network on top."""
 
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, replace
-from pathlib import Path
+from dataclasses import asdict, replace
 from typing import Any, Final
 
 import numpy as np
@@ -39,96 +38,72 @@ FITTED_BY: Final = 600  # pushes that the prior is fitted to
 Say = Callable[[str], None]
 
 
-@dataclass(frozen=True)
-class Lesson:
-    """How much is collected and learned."""
-
-    random_episodes: int
-    played_episodes: int
-    epochs: int
-
-
 def run(options: LearnOptions, console: Console) -> None:
-    """Collect, learn, and write the checkpoint."""
-    lesson = Lesson(options.random_episodes, options.played_episodes, options.epochs)
-    learn(lesson, make_folder(options.out), lambda text: console.print(text, highlight=False))
+    """Collect, fit, train, and write ``pusht.safetensors`` with its card into a folder.
 
-
-def learn(lesson: Lesson, out: Path, say: Say) -> SainDynamics:
-    """Collect, identify, train, and write ``pusht.safetensors`` with its card into a folder.
-
-    The network learns from pushes far from the walls: it does not see them.
+    The network learns from pushes far from the walls: walls are none of its inputs.
     """
-    split, known = collect(lesson, say)
+    out = make_folder(options.out)
+
+    def say(text: str) -> None:
+        console.print(text, highlight=False)
+
+    split, fitted = collect(options.random_episodes, options.played_episodes, say)
+    far = replace(split, train=_far(split.train), validation=_far(split.validation))
     config = TrainingConfig(
-        epochs=lesson.epochs,
+        epochs=options.epochs,
         network=NETWORK,
         loss=LOSS,
         weight_decay=0.01,
         prior=PLANAR,
         history=NOTHING,
     )
-    taught = replace(split, train=_far(split.train), validation=_far(split.validation))
     network = new_network(config.network, config.seed)
-    lessons = SinglePushes(taught, known.prior, None, config)
-    Trainer(network, lessons, config, out / "training.pt").run(
+    objective = SinglePushes(far, fitted.prior, None, config)
+    Trainer(network, objective, config, out / "training.pt").run(
         lambda epoch, past: say(f"epoch {epoch}: {past.train[-1]:.3f} {past.validation[-1]:.3f}")
     )
-    bodies = pusht_bodies(known.gyration)
-    sain = SainDynamics(network, known.prior, PLANAR).with_bodies(bodies)
+    sain = SainDynamics(network, fitted.prior, PLANAR)
     models: dict[str, Model] = {
         "textbook": textbook().prior,
-        "identified": known.prior,
-        "network": sain,
+        "identified": fitted.prior,
+        "network": sain.with_bodies(pusht_bodies(fitted.gyration)),
     }
     report = {name: accuracy(model, split.test.alike) for name, model in models.items()}
     for name, row in report.items():
         say(f"{name}: {row}")
-    card = replace(_card(sain, known, report), data=_data(known, taught), training=asdict(config))
-    save_checkpoint(out / CHECKPOINT.name, sain.network, card)
-    return sain
+    counts = {name: len(part) for name, part in vars(far).items()}
+    card = ModelCard(
+        PLANAR,
+        prior_settings(fitted.prior),
+        {},
+        kind=sain.kind,
+        data={GYRATION: fitted.gyration, "transitions": counts, "sha256": far.train.sha256},
+        training=asdict(config),
+        errors=report,
+        versions=environment(),
+        command=ros2_command("sain_pusht", "learn"),
+    )
+    save_checkpoint(out / CHECKPOINT.name, network, card)
 
 
 def _far(data: Dataset) -> Dataset:
     return data.select(far_from_walls(data.alike))
 
 
-def _data(known: Identified, split: Split) -> dict[str, Any]:
-    counts = {name: len(part) for name, part in vars(split).items()}
-    return {GYRATION: known.gyration, "transitions": counts, "sha256": split.train.sha256}
+def collect(random: int, played: int, say: Say) -> tuple[Split, Identified]:
+    """Return pushes of so many episodes, split by episode, and the prior fitted to them.
 
-
-def _card(sain: SainDynamics, known: Identified, report: dict[str, Any]) -> ModelCard:
-    return ModelCard(
-        PLANAR,
-        prior_settings(known.prior),
-        {},
-        kind=sain.kind,
-        errors=report,
-        versions=environment(),
-        command=ros2_command("sain_pusht", "learn"),
-    )
-
-
-def collect(lesson: Lesson, say: Say) -> tuple[Split, Identified]:
-    """Return pushes, split by episode, and the prior that they tell of.
-
-    The prior is fitted to random pushes first; then an agent plays with it.
+    It is fitted to random pushes first; then an agent plays with it.
     """
-    world = PushtWorld()
-    rows = list(random_pushes(lesson.random_episodes, world))
+    rows = list(random_pushes(random, PushtWorld()))
     say(f"{len(rows)} random pushes")
-    known = identify(data_set(rows[:FITTED_BY], pusht_bodies()).alike)
-    say(f"identified: {known}")
-    world = PushtWorld(bodies=known.prior.bodies)
-    rollout = known.prior
-    first = 2 * rows[-1][3]
-    played = played_pushes(
-        lesson.played_episodes, world, lambda: pusht_agent(rollout, rollout), first
-    )
-    rows += list(played)
+    fitted = identify(data_set(rows[:FITTED_BY], pusht_bodies()).alike)
+    say(f"identified: {fitted}")
+    world, prior = PushtWorld(fitted.prior.bodies), fitted.prior
+    rows += played_pushes(played, world, lambda: pusht_agent(prior, prior), 2 * rows[-1][3])
     say(f"{len(rows)} pushes with those in play")
-    return split_by_episode(data_set(rows, world.bodies), 0, 0.1, 0.15), known
+    return split_by_episode(data_set(rows, world.bodies), 0, 0.1, 0.15), fitted
 
 
 def accuracy(model: Model, data: Part) -> dict[str, Any]:

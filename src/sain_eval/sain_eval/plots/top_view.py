@@ -46,7 +46,7 @@ def draw_top_view(
     """Draw an episode into axes whose width is `aspect` times their height.
 
     Returns:
-        What of ``MARKS`` was drawn.
+        What of `sain_eval.plots.marks.MARKS` was drawn.
     """
     feasibility = feasibility or Feasibility()
     frame_view(axes, _extent(record, feasibility), aspect)
