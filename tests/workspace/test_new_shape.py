@@ -25,6 +25,7 @@ from sain_sim.collecting.episode import EpisodeConfig
 from sain_sim.collecting.shards import load_shards
 from sain_sim.world.parameters import WorldParameters
 from sain_sim.world.start import draw_episode
+from sain_sim.world.truth import TruthConfig
 from sain_sim.world.workcell import Sample
 from sain_sim.world.world import World
 
@@ -58,7 +59,7 @@ def test_its_sides_and_corners_touch_where_they_are(bearing, reach):
 
 
 def test_a_world_pushes_it_like_any_body():
-    parameters, start = draw_episode(0, "nominal", shapes=("disk", "six_sided"))
+    parameters, start = draw_episode(0, TruthConfig("nominal"), shapes=("disk", "six_sided"))
     assert parameters.shapes == (DISK, "six_sided")
     push = make_push(0.0, 0.0, 0.1)
     with World(parameters) as world:

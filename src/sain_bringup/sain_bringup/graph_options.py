@@ -18,7 +18,7 @@ from sain_eval.scenes.scenarios import SCENARIOS
 from sain_live.settings import PageConfig
 from sain_sim.camera.body_file import read_bodies
 from sain_sim.world.engines import DEFAULT_ENGINE, ENGINE_HELP, check_engine
-from sain_sim.world.start import WORLDS
+from sain_sim.world.truth import TRUTHS
 
 ELSEWHERE: Final = "elsewhere"  # the robot that is started by somebody else
 
@@ -106,7 +106,7 @@ class LiveOptions(GraphOptions):
     scenario: str = option(
         "push_t", f"scene to begin with: {', '.join(SCENARIOS)}, or of an installed package"
     )
-    world: str = option("randomised", "hidden truth about friction and contacts", choices=WORLDS)
+    world: str = option("randomised", "hidden truth about friction and contacts", choices=TRUTHS)
     host: str = option("127.0.0.1", "address to listen at; 0.0.0.0: open to other computers")
     port: int = option(8080, "port to listen at", minimum=1, maximum=65535)
     real_time_factor: float = option(

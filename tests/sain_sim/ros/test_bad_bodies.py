@@ -7,6 +7,7 @@ from sain_core.errors import SainError
 from sain_core.scene import make_scene
 from sain_sim.world.parameters import nominal_parameters
 from sain_sim.world.start import draw_episode
+from sain_sim.world.truth import TruthConfig
 from sain_sim.world.world import World
 
 NAMES = ("t", "disk", "star", "l", "cube", "bar", "u", "plus", "hexagon", "arrow", "z")
@@ -23,7 +24,7 @@ def world():
 def reset(world, places, shapes, roles=(), size=0.08):
     count = len(places)
     scene = make_scene(np.array(places, float), np.full(count, 8.0), np.full(count, size))
-    parameters, start = draw_episode(0, "randomised", scene, shapes, 0.12, roles=roles)
+    parameters, start = draw_episode(0, TruthConfig("randomised"), scene, shapes, 0.12, roles=roles)
     return world.reset(start, parameters)
 
 

@@ -14,6 +14,7 @@ from sain_core.scene import make_scene
 from sain_interfaces.srv import ResetScene
 from sain_sim.ros.sim_node import SimNode
 from sain_sim.world.start import draw_episode
+from sain_sim.world.truth import TruthConfig
 from tests.rviz import shown
 
 AHEAD = (0.0, 0.0, 0.1)
@@ -161,7 +162,7 @@ def test_each_episode_tells_what_its_world_is_made_of(graph, simulator):
         return graph.find("world_parameters", episode_id=scene.episode_id)
 
     graph.wait(lambda: told(given), "the second world")
-    drawn, _ = draw_episode(3, "randomised", shapes=("disk", "cube"))
+    drawn, _ = draw_episode(3, TruthConfig("randomised"), shapes=("disk", "cube"))
     (first,), (second,) = told(scene), told(given)
     assert (first.seed, first.world, first.shapes) == (3, "randomised", ["disk", "cube"])
     assert [first.friction, first.rim_friction, first.tool_friction] == [

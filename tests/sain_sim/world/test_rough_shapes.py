@@ -79,7 +79,7 @@ def test_what_is_off_stays_off():
 
 def test_the_simulator_and_scenarios_give_a_t_its_own_feet():
     scene = world_of("t", "l").scene(np.array([(0.4, 0.0), (0.6, 0.2)]))
-    parameters, _ = draw_episode(3, "rough", scene, ("t", "l"), lab=4)
+    parameters, _ = draw_episode(3, TruthConfig("rough", lab=4), scene, ("t", "l"))
     assert parameters.roughness == world_of("t", "l", lab=LABS[4]).roughness
     with World(parameters) as world:
         world.reset(scene)

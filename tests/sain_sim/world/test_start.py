@@ -7,6 +7,7 @@ from sain_core.shapes.solids import DISK
 from sain_core.shapes.supports import FLAT
 from sain_sim.world.parameters import nominal_parameters
 from sain_sim.world.start import draw_episode
+from sain_sim.world.truth import TruthConfig
 
 GIVEN = make_scene(
     np.array([(0.4, 0.1), (0.6, 0.1), (0.5, -0.2)]), np.array([7.5, 8.5, 7.0]), np.full(3, 0.06)
@@ -14,15 +15,15 @@ GIVEN = make_scene(
 
 
 def test_the_seed_decides_what_is_not_given() -> None:
-    first, start = draw_episode(4, "randomised")
-    again, same = draw_episode(4, "randomised")
-    other, _ = draw_episode(5, "randomised")
+    first, start = draw_episode(4, TruthConfig("randomised"))
+    again, same = draw_episode(4, TruthConfig("randomised"))
+    other, _ = draw_episode(5, TruthConfig("randomised"))
     assert first == again != other
     np.testing.assert_array_equal(start, same)
 
 
 def test_the_default_start_is_the_paper_s() -> None:
-    parameters, start = draw_episode(4, "nominal")
+    parameters, start = draw_episode(4, TruthConfig("nominal"))
     assert parameters == nominal_parameters()
     assert start[0, :2].tolist() == [0.35, 0.0]
     assert surface_gaps(start)[0, 1] == pytest.approx(0.001)
@@ -32,34 +33,32 @@ def test_the_default_start_is_the_paper_s() -> None:
 def test_disks_that_are_given_keep_their_bodies_and_lose_their_velocities(world: str) -> None:
     moving = GIVEN.copy()
     moving[:, VELOCITY] = 0.3
-    parameters, start = draw_episode(0, world, moving)
+    parameters, start = draw_episode(0, TruthConfig(world), moving)
     np.testing.assert_array_equal(start, GIVEN)
     assert parameters.masses == tuple(GIVEN[:, MASS])
     assert parameters.radii == tuple(GIVEN[:, RADIUS])
 
 
 def test_friction_is_drawn_unless_it_is_given() -> None:
-    assert draw_episode(0, "randomised", GIVEN, friction=0.17)[0].friction == 0.17
-    assert 0.08 <= draw_episode(0, "randomised", GIVEN)[0].friction <= 0.20
-    assert draw_episode(0, "nominal", GIVEN)[0].friction == nominal_parameters().friction
+    assert draw_episode(0, TruthConfig("randomised"), GIVEN, friction=0.17)[0].friction == 0.17
+    assert 0.08 <= draw_episode(0, TruthConfig("randomised"), GIVEN)[0].friction <= 0.20
+    assert (
+        draw_episode(0, TruthConfig("nominal"), GIVEN)[0].friction == nominal_parameters().friction
+    )
 
 
 def test_bodies_stand_on_feet_unless_they_lie_flat() -> None:
     for world in ("nominal", "randomised"):
-        parameters = draw_episode(0, world, GIVEN, ("disk", "cube", "disk"), bottom=FLAT)[0]
+        truth = TruthConfig(world, bottom=FLAT)
+        parameters = draw_episode(0, truth, GIVEN, ("disk", "cube", "disk"))[0]
         assert parameters.shapes == (DISK, "cube", DISK)
         assert parameters.lies_flat
-    assert draw_episode(0, "nominal", GIVEN)[0].shapes == (DISK,) * 3
+    assert draw_episode(0, TruthConfig("nominal"), GIVEN)[0].shapes == (DISK,) * 3
 
 
 @pytest.mark.parametrize(
     ("arguments", "error", "text"),
     [
-        (
-            {"world": "mars"},
-            InvalidInputError,
-            "world is 'mars'; allowed: randomised, rough",
-        ),
         ({"friction": -0.1}, OutOfRangeError, "friction is -0.1; it must be positive"),
         ({"friction": float("nan")}, OutOfRangeError, "friction is nan"),
         ({"shapes": ("disk",)}, InvalidInputError, "1 shapes are given for 3 disks"),
@@ -68,4 +67,4 @@ def test_bodies_stand_on_feet_unless_they_lie_flat() -> None:
 )
 def test_what_does_not_exist_is_refused(arguments, error, text) -> None:
     with pytest.raises(error, match=text):
-        draw_episode(**({"seed": 0, "world": "nominal", "scene": GIVEN} | arguments))
+        draw_episode(**({"seed": 0, "truth": TruthConfig(), "scene": GIVEN} | arguments))

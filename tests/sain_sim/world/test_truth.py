@@ -55,7 +55,8 @@ def test_effects_that_do_not_exist_are_named(effects):
 
 
 def test_the_simulator_draws_episodes_of_a_lab():
-    first, second = (draw_episode(seed, "rough", lab=2, effects="tilt")[0] for seed in (0, 1))
+    lab = TruthConfig("rough", lab=2, effects="tilt")
+    first, second = (draw_episode(seed, lab)[0] for seed in (0, 1))
     assert first.roughness == second.roughness == drawn(replace(ROUGH, effects="tilt"), 0).roughness
     assert first.masses != second.masses
 

@@ -139,7 +139,8 @@ def _reality(config: Mapping[str, Any]) -> str:
     key = (truth.get("engine", "bullet"), truth["world"])
     names = observation_settings(ObservationConfig())
     seen = ObservationConfig(**{name: camera[name] for name in names if name in camera})
-    words = [f"{name} {value}" for name, value in told_settings(seen).items()]
+    words = [f"bottom {truth['bottom']}"] if "bottom" in truth else []
+    words += [f"{name} {value}" for name, value in told_settings(seen).items()]
     return ", ".join([REALITY_NAMES.get(key, f"{key[0]}, {key[1]}"), *words])
 
 

@@ -15,7 +15,7 @@ from sain_eval.scenes.scenarios import scenario_names
 from sain_live.orders import AS_DRAWN, Orders, Reset
 from sain_live.settings import PageConfig
 from sain_live.state import Kind, LiveState, Phase
-from sain_sim.world.start import WORLDS
+from sain_sim.world.truth import TRUTHS
 
 START, ONCE, PAUSE = "Start", "One push", "Pause"
 FIRST: Final = "push_t"
@@ -87,7 +87,7 @@ class ControlsView:
         )
         self._world = gui.add_dropdown(
             "world",
-            (AS_STARTED, *WORLDS),
+            (AS_STARTED, *TRUTHS),
             hint="true friction and contacts, hidden from the model",
         )
         self._hint = gui.add_html("")

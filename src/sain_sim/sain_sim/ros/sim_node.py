@@ -187,7 +187,8 @@ class SimNode(Node):
 
     def _report(self) -> None:
         ids = {"episode": self.session.episode_id, "scene": self.session.scene_id}
-        figures = {"engine": self.simulator.config.engine, **ids, **self.counts}
+        config = self.simulator.config
+        figures = {"engine": config.engine, "bottom": config.bottom, **ids, **self.counts}
         if rival := self.ownership.rival():
             self.diagnostics.set(ERROR, rival, **figures)
         elif not self.session.busy and not self.publishing.settled.settled:

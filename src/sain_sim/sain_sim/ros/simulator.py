@@ -1,14 +1,14 @@
 """The truth world and the nominal shadow world: all that a simulator node calls."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache, partial
 from time import perf_counter
 
 import numpy as np
 
 from sain_core.config import option
-from sain_core.errors import SainError
+from sain_core.errors import InvalidInputError, SainError
 from sain_core.scene import RADIUS
 from sain_core.types import PushArray, Scene
 from sain_core.world import Outcome
@@ -19,8 +19,8 @@ from sain_sim.world.engines import BULLET
 from sain_sim.world.own import open_world
 from sain_sim.world.parameters import WorldParameters, nominal_parameters
 from sain_sim.world.shadow import BulletPrior
-from sain_sim.world.start import WORLDS, draw_episode
-from sain_sim.world.truth import TruthConfig
+from sain_sim.world.start import draw_episode
+from sain_sim.world.truth import TRUTHS, TruthConfig
 from sain_sim.world.workcell import Sample, WorldConfig
 
 SHADOW_MODEL = "bullet_nominal"
@@ -30,9 +30,6 @@ SHADOW_MODEL = "bullet_nominal"
 class SimulatorConfig(TruthConfig):
     """What is simulated, and how it is displayed."""
 
-    world: str = option(
-        "randomised", "which world draws the parameters that a reset does not give", choices=WORLDS
-    )
     seed: int = option(0, "seed of the first episode", minimum=0)
     real_time_factor: float = option(
         0.0, "simulated time over wall time; 0: as fast as possible", minimum=0.0, maximum=100.0
@@ -126,21 +123,13 @@ class Simulator:
         roles: tuple[str, ...] = (),
     ) -> Sample:
         """Start an episode as `draw_episode` draws it."""
-        config = self.config
-        parameters, start = draw_episode(
-            seed,
-            world or config.world,
-            scene,
-            shapes,
-            friction,
-            config.lab,
-            config.effects,
-            roles,
-            config.bottom,
-        )
+        if world not in ("", *TRUTHS):
+            raise InvalidInputError(f"world is {world!r}; allowed: {', '.join(TRUTHS)}")
+        truth = replace(self.config, world=world or self.config.world)
+        parameters, start = draw_episode(seed, truth, scene, shapes, friction, roles)
         self.world.reset(start, parameters)
         if self.window is not None:
-            self.window.open(self.world.sample(), parameters.shapes, config.bullet)
+            self.window.open(self.world.sample(), parameters.shapes, self.config.bullet)
         if self.camera is not None:
             self.camera.begin(seed, parameters)
         if self.shadow is not None:

@@ -22,13 +22,10 @@ from sain_core.seeding import generator
 from sain_core.shapes.bodies import MOST_BODIES
 from sain_core.shapes.library import check_shapes
 from sain_core.shapes.solids import DISK
-from sain_core.shapes.supports import FEET
 from sain_core.types import Scalars, Scene
-from sain_sim.world.parameters import WorldParameters, nominal_parameters
-from sain_sim.world.truth import ALL, TRUTHS, TruthConfig
+from sain_sim.world.parameters import WorldParameters
+from sain_sim.world.truth import TruthConfig
 
-NOMINAL: Final = "nominal"
-WORLDS: Final = (*TRUTHS, NOMINAL)
 START: Final = (0.35, 0.0)  # [m], the mid disk in the paper's scene
 GAP: Final = 0.001  # [m], between mid disk and target in the paper's scene
 PLACING_TRIES: Final = 1000
@@ -43,37 +40,27 @@ SPREAD: Final = 0.25  # [m], from the mid disk to further disks, at most, in x a
 
 def draw_episode(
     seed: int,
-    world: str,
+    truth: TruthConfig,
     scene: Scene | None = None,
     shapes: tuple[str, ...] = (),
     friction: float = 0.0,
-    lab: int = 0,
-    effects: str = ALL,
     roles: tuple[str, ...] = (),
-    bottom: str = FEET,
 ) -> tuple[WorldParameters, Scene]:
     """Return what an episode is made of; what is not given is drawn from the seed.
 
     Args:
         seed: same seed, same episode.
-        world: one of `WORLDS`.
+        truth: the world that draws.
         scene: (N, 8), its velocities are ignored; the paper's start with two disks if None.
-        shapes: a footprint for each disk, as `sain_core.shapes` names them; none: all disks.
+        shapes: of each body, as `sain_core.shapes` names them; none: all disks.
         friction: with the table; 0: as the world has it.
-        lab: which rough world.
-        effects: what is rough there, as `TruthConfig` has it.
         roles: of each body, as `sain_core.shapes.bodies` names them; none: the paper's.
-        bottom: what bodies stand on, one of `BOTTOMS`.
 
     Raises:
-        InvalidInputError: a world or shape that does not exist, too few or many shapes or roles,
-            or too many bodies.
+        InvalidInputError: a shape that does not exist, or too few or many bodies, shapes or roles.
         OutOfRangeError: a friction that is negative.
-        ConfigError: an effect or role that does not exist, no pushable body, or feet to be moved of
-            flat bodies.
+        ConfigError: a role that does not exist, or no pushable body.
     """
-    if world not in WORLDS:
-        raise InvalidInputError(f"world is {world!r}; allowed: {', '.join(WORLDS)}")
     if not friction >= 0.0:
         raise OutOfRangeError(f"friction is {friction}; it must be positive, or 0 to have it drawn")
     count = 2 if scene is None else len(scene)
@@ -83,11 +70,7 @@ def draw_episode(
         if len(given) not in (0, count):
             raise InvalidInputError(f"{len(given)} {name} are given for {count} disks")
     built = check_shapes(shapes or (DISK,) * count)
-    if world == NOMINAL:
-        parameters = replace(nominal_parameters(count), bottom=bottom)
-    else:
-        truth = TruthConfig(world, effects, lab, bottom=bottom)
-        parameters = truth.draw(generator(seed, "episode"), count, shapes=built)
+    parameters = truth.draw(generator(seed, "episode"), count, shapes=built)
     friction = friction or parameters.friction
     parameters = replace(parameters, shapes=built, roles=roles, friction=friction)
     if scene is None:

@@ -16,6 +16,7 @@ from sain_sim.world.parameters import (
     RANGES,
     Ranges,
     WorldParameters,
+    nominal_parameters,
     sample_parameters,
 )
 from sain_sim.world.roughness import (
@@ -29,7 +30,8 @@ from sain_sim.world.roughness import (
 
 RANDOMISED: Final = "randomised"
 ROUGH: Final = "rough"
-TRUTHS: Final = (RANDOMISED, ROUGH)
+NOMINAL: Final = "nominal"
+TRUTHS: Final = (RANDOMISED, ROUGH, NOMINAL)
 ALL: Final = "all"
 NONE: Final = "none"
 VARIED_FRICTION: Final = "friction"  # not part of "all": friction hides, it is not structure
@@ -44,7 +46,9 @@ class TruthConfig(Config):
     episodes. Masses and radii are drawn for each.
     """
 
-    world: str = option(RANDOMISED, "the paper's world, or a rough one", choices=TRUTHS)
+    world: str = option(
+        RANDOMISED, "the paper's world, a rough one, or the nominal one", choices=TRUTHS
+    )
     effects: str = option(
         ALL, f"effects of a rough world: all, none, or a list of {', '.join(KNOWN_EFFECTS)}"
     )
@@ -93,16 +97,19 @@ class TruthConfig(Config):
         shapes: tuple[str, ...] = (),
     ) -> WorldParameters:
         """Draw the parameters of one episode with N = count bodies; without shapes, of disks."""
-        drawn = sample_parameters(random, count, ranges)
+        if self.world == NOMINAL:
+            drawn = nominal_parameters(count)
+        else:
+            drawn = sample_parameters(random, count, ranges)
         return self.roughen(replace(drawn, shapes=shapes) if shapes else drawn)
 
     def roughen(self, parameters: WorldParameters) -> WorldParameters:
-        """Return these bodies in this world; a randomised one leaves them as they are.
+        """Return these bodies in this world; only a rough one changes them.
 
         Each stands on the feet of its shape, off by the errors of the laboratory, or lies flat.
         """
         parameters = replace(parameters, bottom=self.bottom)
-        if self.world == RANDOMISED:
+        if self.world != ROUGH:
             return parameters
         names = self.effect_names
         drawn = draw_roughness(self.lab, names, parameters.count)
