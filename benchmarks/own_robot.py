@@ -30,8 +30,9 @@ from sain_core.goal import Goal
 from sain_core.ros import codec
 from sain_core.ros.node_main import NAMESPACE, ros_context
 from sain_core.ros.qos import LATCHED, RELIABLE
-from sain_core.scene import POSE, POSITION, TARGET, check_scene, unit
+from sain_core.scene import POSE, POSITION, TARGET, unit
 from sain_core.seeding import generator
+from sain_core.shapes.bodies import check_bodies
 from sain_core.types import Points, Scene
 from sain_eval.loop.results import wilson_interval
 from sain_eval.scenes.placement import draw_goal, touching_distance
@@ -133,7 +134,7 @@ def draw(file: BodyFile, seed: int) -> tuple[Scene, Points]:
         scene[TARGET, POSITION] += (touching_distance(scene) + 0.001) * unit(bearing)
         goal = draw_goal(scene, WAY, feasibility, random)
         if goal is not None and feasibility.table.contains(scene[:, POSITION]).all():
-            return check_scene(scene), goal
+            return check_bodies(scene), goal
 
 
 def encode(scene: Scene) -> PoseArray:

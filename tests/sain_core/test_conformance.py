@@ -10,7 +10,8 @@ from sain_core.errors import ModelUnavailableError
 from sain_core.history import PushHistory
 from sain_core.model import IdentityPrior, Model, Radii
 from sain_core.push import LENGTH
-from sain_core.scene import MASS, VX, check_scene
+from sain_core.scene import MASS, VX
+from sain_core.shapes.bodies import check_bodies
 from sain_core.types import PredictedScenes, Pushes, PushSequences, Scene, Scenes
 
 Spoil = Callable[[Scenes, Pushes, Scenes], Scenes]
@@ -71,7 +72,7 @@ def test_a_model_that_keeps_the_contract_passes() -> None:
 def test_the_scenes_that_are_tried_can_exist(disks: int) -> None:
     scenes, pushes = sample_pushes(12, disks)
     for scene in scenes:
-        check_scene(scene)
+        check_bodies(scene)
     assert (pushes[:-1, LENGTH] > 0.0).all() and pushes[-1, LENGTH] == 0.0
 
 

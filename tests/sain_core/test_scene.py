@@ -15,7 +15,6 @@ from sain_core.scene import (
     VY,
     Table,
     X,
-    check_scene,
     is_settled,
     make_scene,
     mirror_scenes,
@@ -24,6 +23,7 @@ from sain_core.scene import (
     unit,
     wrap_angle,
 )
+from sain_core.shapes.bodies import check_bodies
 from sain_core.types import Scene
 
 angles = st.floats(-50.0, 50.0)
@@ -109,7 +109,7 @@ def test_a_scene_that_cannot_exist_is_refused(
     scene = random_scene(1)
     scene[disk, column] = value
     with pytest.raises(InvalidInputError, match=message):
-        check_scene(scene)
+        check_bodies(scene)
 
 
 def test_overlapping_disks_are_refused_and_touching_ones_are_not() -> None:
@@ -117,13 +117,13 @@ def test_overlapping_disks_are_refused_and_touching_ones_are_not() -> None:
         positions = np.array([(0.4, 0.0), (0.4 + apart, 0.0)])
         return make_scene(positions, np.full(2, 8.0), np.array([0.08, 0.06]))
 
-    check_scene(pair(0.1395))
-    with pytest.raises(InvalidInputError, match=r"disks 0 and 1 overlap by 5.0 mm; at most 1 mm"):
-        check_scene(pair(0.135))
+    check_bodies(pair(0.1395))
+    with pytest.raises(InvalidInputError, match=r"\(disk\) overlap by 5.0 mm; at most 1 mm"):
+        check_bodies(pair(0.135))
 
 
 def test_a_disk_off_the_table_is_refused_where_a_table_is_given() -> None:
     scene = make_scene(np.array([(0.4, 0.0), (2.0, 0.1)]), np.full(2, 8.0), np.full(2, 0.06))
-    check_scene(scene)
+    check_bodies(scene)
     with pytest.raises(OffTableError, match=r"disk 1 at \(2.000, 0.100\) m is off the table"):
-        check_scene(scene, Table())
+        check_bodies(scene, table=Table())

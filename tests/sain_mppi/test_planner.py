@@ -130,7 +130,7 @@ def test_disks_that_seem_to_overlap_a_little_are_planned_with_as_touching(scene,
     deep[TARGET, POSITION] -= [0.031, 0.0]
     plan = planner(dynamics).plan(problem(near), generator(0))
     assert Feasibility().mask(near, plan.push)
-    with pytest.raises(InvalidInputError, match=r"disks 0 and 1 overlap by 30\.0 mm"):
+    with pytest.raises(InvalidInputError, match=r"1 \(disk\) overlap by 30\.0 mm"):
         planner(dynamics).plan(problem(deep), generator(0))
 
 

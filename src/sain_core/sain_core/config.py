@@ -10,14 +10,15 @@ default stands in one place only.
 """
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import MISSING, dataclass, field
 from math import isfinite
-from typing import Any, Literal, TypeVar, get_args, get_origin, get_type_hints
+from typing import Any, Literal, NamedTuple, TypeVar, get_args, get_origin, get_type_hints
 
 from sain_core.errors import ConfigError
 
 T = TypeVar("T")
+C = TypeVar("C", bound="Config")
 
 
 def option(
@@ -123,6 +124,40 @@ def check_field(field_name: str, item: "dataclasses.Field[Any]", value: Any) -> 
             raise ConfigError(f"{name} is {number}{unit}; it must be at least {low}{unit}")
         if high is not None and number > high:
             raise ConfigError(f"{name} is {number}{unit}; it must be at most {high}{unit}")
+
+
+class Setting(NamedTuple):
+    """One field of settings or of settings nested in them."""
+
+    name: str  # with those of the groups that it is in: ``planner.samples``
+    item: "dataclasses.Field[Any]"
+    kind: Any  # its type
+    value: Any
+    live: bool  # whether it, or a group that it is in, is declared so
+
+
+def settings_of(settings: Config, prefix: str = "", live: bool = False) -> Iterator[Setting]:
+    """Yield every setting; nested ones by the names of their groups, too."""
+    kinds = get_type_hints(type(settings))
+    for item in dataclasses.fields(settings):
+        name, value = prefix + item.name, getattr(settings, item.name)
+        may_change = live or item.metadata.get("live", False)
+        if isinstance(value, Config):
+            yield from settings_of(value, f"{name}.", may_change)
+        else:
+            yield Setting(name, item, kinds[item.name], value, may_change)
+
+
+def with_settings(settings: C, values: Mapping[str, Any], prefix: str = "") -> C:
+    """Return settings with other values of those that have a name there."""
+    changes = {}
+    for item in dataclasses.fields(settings):
+        name, value = prefix + item.name, getattr(settings, item.name)
+        if isinstance(value, Config):
+            changes[item.name] = with_settings(value, values, f"{name}.")
+        elif name in values:
+            changes[item.name] = values[name]
+    return dataclasses.replace(settings, **changes)
 
 
 def typed_settings(kind: type["Config"], settings: Mapping[str, Any]) -> dict[str, Any]:

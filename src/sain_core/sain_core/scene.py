@@ -76,26 +76,13 @@ def make_scene(
     return scene
 
 
-def check_scene(scene: Scene, table: Table | None = None) -> Scene:
-    """Return the scene of disks when it is one that can exist.
-
-    Bodies of other shapes: `sain_core.shapes.bodies.check_bodies`.
-
-    Args:
-        scene: array that should be (N, 8), N >= 1.
-        table: when given, every disk's centre must lie on it.
+def check_states(scene: Scene, table: Table | None = None) -> None:
+    """Check an array that should be a scene (N, 8), but for overlaps.
 
     Raises:
-        InvalidInputError: wrong shape, NaN or Inf, mass or radius not positive, disks overlapping.
-        OffTableError: a disk off the table.
+        InvalidInputError: wrong shape, NaN or Inf, mass or radius not positive.
+        OffTableError: a body off the table, where that is given.
     """
-    check_states(scene, table)
-    _check_overlap(scene)
-    return scene
-
-
-def check_states(scene: Scene, table: Table | None = None) -> None:
-    """Check a scene as `check_scene`, but for overlaps."""
     if scene.ndim != 2 or scene.shape[1] != STATE_SIZE or scene.shape[0] < 1:
         raise InvalidInputError(f"a scene has shape (N, 8) with N >= 1, not {scene.shape}")
     if not np.isfinite(scene).all():
@@ -111,34 +98,6 @@ def check_states(scene: Scene, table: Table | None = None) -> None:
             )
     if table is not None:
         check_on_table(scene, table)
-
-
-def check_scenes(scenes: Scenes) -> Scenes:
-    """Return scenes (B, N, 8) when each can exist; a thousand in a fraction of a millisecond.
-
-    Raises:
-        InvalidInputError: as `check_scene`, for the first that cannot.
-    """
-    bad = ~np.isfinite(scenes).all(axis=(1, 2))
-    bad |= (scenes[..., MASS:] <= 0.0).any(axis=(1, 2))
-    for first in range(1, scenes.shape[1]):
-        for second in range(first):
-            apart = scenes[:, first, POSITION] - scenes[:, second, POSITION]
-            rims = scenes[:, first, RADIUS] + scenes[:, second, RADIUS] - OVERLAP_TOLERANCE
-            bad |= (apart**2).sum(axis=-1) < np.maximum(rims, 0.0) ** 2
-    for scene in scenes[bad]:
-        check_scene(scene)
-    return scenes
-
-
-def _check_overlap(scene: Scene) -> None:
-    gaps = surface_gaps(scene)
-    if (gaps < -OVERLAP_TOLERANCE).any():
-        first, second = sorted(int(i) for i in np.unravel_index(np.argmin(gaps), gaps.shape))
-        raise InvalidInputError(
-            f"disks {first} and {second} overlap by {-1e3 * gaps.min():.1f} mm;"
-            f" at most {1e3 * OVERLAP_TOLERANCE:g} mm is allowed"
-        )
 
 
 def move_apart(scene: Scene) -> Scene:

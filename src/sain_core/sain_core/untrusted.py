@@ -281,11 +281,7 @@ class TimeAllowance:
     def __exit__(
         self, kind: type[BaseException] | None, _: BaseException | None, __: TracebackType | None
     ) -> None:
-        """Count.
-
-        Raises:
-            UntrustedFileError: it was more than is allowed.
-        """
+        """Count; raises `UntrustedFileError`: it was more than is allowed."""
         self._left -= time.thread_time() - self._began
         if self._left < 0.0 and kind is None:
             raise UntrustedFileError(

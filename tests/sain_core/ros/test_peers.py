@@ -11,7 +11,7 @@ from sain_interfaces.msg import Goal
 
 def test_a_rival_that_is_seen_late_is_refused(graph):
     first = graph.add(Node("first", namespace="sain", context=graph.context))
-    refuse_peers(first, ("aim",), 0.0)
+    refuse_peers(first, ("aim",))
     first.create_publisher(Goal, "aim", LATCHED)
     graph.wait(lambda: first.count_publishers("aim") == 1, "the first publisher")
     refuse_rivals(first, ("aim",))

@@ -5,7 +5,8 @@ import pytest
 
 from sain_core.feasibility import Feasibility, reachable
 from sain_core.push import make_push
-from sain_core.scene import MID, POSITION, RADIUS, TARGET, THETA, check_scene, surface_gaps
+from sain_core.scene import MID, POSITION, RADIUS, TARGET, THETA, surface_gaps
+from sain_core.shapes.bodies import check_bodies
 from sain_core.shapes.solids import DISK
 from sain_eval.scenes.families import CONTACT_GAP
 from sain_eval.scenes.scenarios import SCENARIOS
@@ -39,7 +40,7 @@ def test_the_same_seed_gives_the_same_scene_and_another_another(scenario):
 def test_scenes_exist_and_their_goal_is_on_the_table(scenario):
     for seed in SEEDS:
         case = scenario.scene(seed)
-        check_scene(case.disks, FEASIBILITY.table)
+        check_bodies(case.disks, table=FEASIBILITY.table)
         assert FEASIBILITY.table.contains(case.goal.places[0])
         assert len(case.shapes) == len(case.disks)
         assert case.max_pushes == 15

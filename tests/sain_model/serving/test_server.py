@@ -86,7 +86,7 @@ def test_a_scene_that_cannot_exist_is_refused() -> None:
     server = ModelServer(IdentityPrior(), ServingConfig())
     overlapping = SCENE.copy()
     overlapping[1, 0] = 0.45
-    with pytest.raises(InvalidInputError, match="disks 0 and 1 overlap"):
+    with pytest.raises(InvalidInputError, match=r"bodies 0 \(disk\) and 1 \(disk\) overlap"):
         server.rollout(overlapping, PUSHES[:, None])
 
 
@@ -147,7 +147,7 @@ def test_a_push_that_no_arm_could_make_is_refused() -> None:
 def test_a_scene_in_a_batch_that_cannot_exist_is_refused() -> None:
     server = ModelServer(IdentityPrior(), ServingConfig())
     for change, text in (
-        ((1, 0, 0.45), "disks 0 and 1 overlap"),
+        ((1, 0, 0.45), r"bodies 0 \(disk\) and 1 \(disk\) overlap"),
         ((0, 3, np.inf), "vx of disk 0 is inf"),
         ((1, 7, -0.06), "radius of disk 1 is -0.06"),
     ):

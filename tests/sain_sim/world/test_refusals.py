@@ -96,7 +96,7 @@ def test_a_scene_in_motion_takes_no_push(world, bench):
     ("change", "error", "message"),
     [
         ({(MID, X): np.nan}, InvalidInputError, "x of disk 0 is nan; must be finite"),
-        ({(1, X): 0.45}, InvalidInputError, "disks 0 and 1 overlap by"),
+        ({(1, X): 0.45}, InvalidInputError, "bodies 0 (disk) and 1 (disk) overlap by"),
         ({(1, X): 1.5}, OffTableError, "disk 1 at (1.500, 0.000) m is off the table"),
         ({(1, MASS): 7.0}, InvalidInputError, "mass of body 1 is 7 in the scene and 8 in this"),
         ({(0, RADIUS): 0.075}, InvalidInputError, "radius of body 0 is 0.075 in the scene"),

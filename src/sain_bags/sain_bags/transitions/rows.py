@@ -25,8 +25,8 @@ from sain_core.dataset import MOVED, Column
 from sain_core.errors import SainError
 from sain_core.model import Model
 from sain_core.push import check_predictable
-from sain_core.scene import MASS, POSITION, RADIUS, TARGET, check_scenes
-from sain_core.shapes.bodies import PAPER_DISKS, Bodies, check_bodies
+from sain_core.scene import MASS, POSITION, RADIUS, TARGET
+from sain_core.shapes.bodies import PAPER_DISKS, Bodies, check_scenes
 from sain_core.types import Pushes, Scenes
 from sain_core.wire import MIN_DISKS
 
@@ -184,11 +184,7 @@ class RowMaker:
 
 def _step(prior: Model, scenes: Scenes, pushes: Pushes, bodies: Bodies) -> Scenes:
     """Return the prior's predictions (M, N, 8) of pushes that it can be asked about."""
-    if bodies.all_round:
-        check_scenes(scenes)
-    else:
-        for scene in scenes:
-            check_bodies(scene, bodies)
+    check_scenes(scenes, bodies)
     return prior.with_bodies(bodies).step(scenes, check_predictable(pushes))
 
 

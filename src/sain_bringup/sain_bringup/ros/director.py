@@ -92,7 +92,7 @@ class Director(Node):
             if (now := time.monotonic()) >= next_look:
                 next_look = now + LOOK
                 if now - self._joined < EARLY:
-                    refuse_peers(self, ("scene", "push", "/clock"), 0.0)
+                    refuse_peers(self, ("scene", "push", "/clock"))
                 before = missing
                 missing = [Missing(name, f"{name} is ready") for name in starting()]
                 missing = missing or self._missing()

@@ -1,6 +1,5 @@
 """The entry point of a node: its help, and its arguments checked before anything is imported."""
 
-import dataclasses
 import os
 import shutil
 import sys
@@ -8,7 +7,7 @@ import textwrap
 from collections.abc import Iterator
 from dataclasses import dataclass
 from difflib import get_close_matches
-from typing import Any, Final
+from typing import Final
 
 from sain_core.cli.command_line import (
     WRONG_USAGE,
@@ -18,7 +17,7 @@ from sain_core.cli.command_line import (
     silent_interrupts,
     split_ros_arguments,
 )
-from sain_core.config import Config, describe_values, show_value
+from sain_core.config import Config, describe_values, settings_of, show_value
 from sain_core.errors import INTERRUPTED, SainError
 
 WIDEST: Final = 100  # columns of the help
@@ -122,22 +121,13 @@ class NodeCommand:
         )
 
 
-def describe_parameters(
-    settings: Config, prefix: str = "", live: bool = False
-) -> list[tuple[str, str, str, str]]:
+def describe_parameters(settings: Config) -> list[tuple[str, str, str, str]]:
     """Return name, default, allowed values and meaning of each parameter."""
-    found: list[tuple[str, str, str, str]] = []
-    for item in dataclasses.fields(settings):
-        value: Any = getattr(settings, item.name)
-        may_change = live or item.metadata.get("live", False)
-        if isinstance(value, Config):
-            found += describe_parameters(value, f"{prefix}{item.name}.", may_change)
-            continue
-        about = item.metadata
+    rows = []
+    for name, item, _, value, live in settings_of(settings):
+        about, unit = item.metadata, item.metadata.get("unit")
         allowed = describe_values(about)
-        allowed += f" {about['unit']}" if allowed and about.get("unit") else ""
-        meaning = about.get("description", "")
-        meaning = f"live: {meaning}" if may_change else meaning
-        default = " ".join(filter(None, (show_value(value), about.get("unit"))))
-        found.append((prefix + item.name, default, allowed, meaning))
-    return found
+        allowed += f" {unit}" if allowed and unit else ""
+        meaning = ("live: " if live else "") + about.get("description", "")
+        rows.append((name, " ".join(filter(None, (show_value(value), unit))), allowed, meaning))
+    return rows

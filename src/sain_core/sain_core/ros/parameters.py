@@ -13,7 +13,7 @@ from collections.abc import Callable, Sequence
 from difflib import get_close_matches
 from itertools import pairwise
 from pathlib import Path
-from typing import Any, Final, TypeVar, get_args, get_origin, get_type_hints
+from typing import Any, Final, TypeVar, get_args, get_origin
 
 from rcl_interfaces.msg import (
     FloatingPointRange,
@@ -24,7 +24,7 @@ from rcl_interfaces.msg import (
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from sain_core.config import Config, check_field
+from sain_core.config import Config, check_field, settings_of, with_settings
 from sain_core.errors import ConfigError, UntrustedFileError
 from sain_core.untrusted import YAML_BYTES, read_regular
 
@@ -65,12 +65,20 @@ def read_parameters(node: Node, config_class: type[C], default: C | None = None)
     Raises:
         ConfigError: an unknown name, a wrong type, or a value that is not allowed.
     """
-    default = config_class() if default is None else default
-    known = _names(config_class, "")
-    for name in node._parameter_overrides:
+    settings = config_class() if default is None else default
+    known = [one.name for one in settings_of(settings)]
+    overrides = node._parameter_overrides
+    for name in overrides:
         if name not in known and name.split(".")[0] not in ROS_OWN:
-            raise _unknown(name, known)
-    return _declare(node, default, "", False)
+            by_last = [other for other in known if other.split(".")[-1] == name.split(".")[-1]]
+            near = by_last or get_close_matches(name, known, n=3) or sorted(known)
+            raise ConfigError(f"parameter {name!r} is unknown; near it: {', '.join(near[:5])}")
+    given = {name: override.value for name, override in overrides.items() if name in known}
+    values = _typed(settings, given, check_all=True)
+    for name, item, kind, _, live in settings_of(settings):
+        value = list(values[name]) if isinstance(values[name], tuple) else values[name]
+        node.declare_parameter(name, value, _descriptor(item, kind, live), ignore_override=True)
+    return with_settings(settings, values)
 
 
 class LiveParameters:
@@ -101,69 +109,18 @@ class LiveParameters:
             self._use(changed)
 
     def _changed(self, parameters: list[Parameter]) -> Any:
-        return _replaced(self._settings, {one.name: one.value for one in parameters}, "")
+        values = {one.name: one.value for one in parameters}
+        return with_settings(self._settings, _typed(self._settings, values))
 
 
-def _replaced(settings: C, values: dict[str, Any], prefix: str) -> C:
-    """Return settings with the values that have a name there."""
-    kinds, changes = _fields(type(settings)), {}
-    for item in dataclasses.fields(settings):
-        name, value = prefix + item.name, getattr(settings, item.name)
-        if isinstance(value, Config):
-            changes[item.name] = _replaced(value, values, f"{name}.")
-        elif name in values:
-            changes[item.name] = _converted(name, kinds[item.name], values[name])
-            check_field(f"parameter {name!r}", item, changes[item.name])
-    return dataclasses.replace(settings, **changes)
-
-
-def _names(config_class: type[Config], prefix: str) -> list[str]:
-    names: list[str] = []
-    for name, kind in _fields(config_class).items():
-        nested = isinstance(kind, type) and issubclass(kind, Config)
-        names += _names(kind, f"{prefix}{name}.") if nested else [prefix + name]
-    return names
-
-
-def _fields(config_class: type[Config]) -> dict[str, Any]:
-    hints = get_type_hints(config_class)
-    return {item.name: hints[item.name] for item in dataclasses.fields(config_class)}
-
-
-def _unknown(name: str, known: list[str]) -> ConfigError:
-    by_last = [other for other in known if other.split(".")[-1] == name.split(".")[-1]]
-    near = by_last or get_close_matches(name, known, n=3) or sorted(known)
-    return ConfigError(f"parameter {name!r} is unknown; near it: {', '.join(near[:5])}")
-
-
-def _declare(node: Node, default: C, prefix: str, live: bool) -> C:
-    values: dict[str, Any] = {}
-    kinds = _fields(type(default))
-    for item in dataclasses.fields(default):
-        name, value = prefix + item.name, getattr(default, item.name)
-        may_change = live or item.metadata.get("live", False)
-        if isinstance(value, Config):
-            values[item.name] = _declare(node, value, f"{name}.", may_change)
-        else:
-            descriptor = _descriptor(item, kinds[item.name], may_change)
-            values[item.name] = _declare_one(node, name, item, value, descriptor, kinds[item.name])
-    return type(default)(**values)
-
-
-def _declare_one(
-    node: Node,
-    name: str,
-    item: "dataclasses.Field[Any]",
-    default: Any,
-    descriptor: ParameterDescriptor,
-    kind: Any,
-) -> Any:
-    override = node._parameter_overrides.get(name)
-    value = default if override is None else _converted(name, kind, override.value)
-    check_field(f"parameter {name!r}", item, value)
-    ros_value = list(value) if isinstance(value, tuple) else value
-    node.declare_parameter(name, ros_value, descriptor, ignore_override=True)
-    return value
+def _typed(settings: Config, values: dict[str, Any], check_all: bool = False) -> dict[str, Any]:
+    """Return given values in the types of their fields, checked; others if `check_all`."""
+    typed = {}
+    for name, item, kind, value, _ in settings_of(settings):
+        if name in values or check_all:
+            typed[name] = _converted(name, kind, values[name]) if name in values else value
+            check_field(f"parameter {name!r}", item, typed[name])
+    return typed
 
 
 def _converted(name: str, kind: Any, value: Any) -> Any:

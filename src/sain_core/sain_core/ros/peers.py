@@ -5,7 +5,6 @@ import os
 import time
 from collections.abc import Iterable, Iterator, Sequence
 from errno import EEXIST
-from pathlib import Path
 from stat import S_ISREG
 from typing import Any, Final
 from weakref import finalize
@@ -27,32 +26,18 @@ ANYONE: Final = "anyone"
 NAME_WAIT_S: Final = 2.0  # for the name of a node whose publisher was discovered before
 
 
-def refuse_peers(node: Node, topics: Iterable[str], wait_s: float) -> None:
-    """Look for other publishers of a node's own topics, before it publishes them itself.
-
-    For so long, as peers take their time to be discovered.
-
-    Raises:
-        BusyError: naming topic and peer.
-    """
-    end = time.monotonic() + wait_s
-    while True:
-        for topic in topics:
-            for peer in publishers(node, topic, NAME_WAIT_S):
-                name = node.resolve_topic_name(topic)
-                raise BusyError(f"{peer} publishes {name} already; {advice(name)}")
-        if time.monotonic() >= end:
-            return
-        time.sleep(POLL_S)
+def refuse_peers(node: Node, topics: Iterable[str]) -> None:
+    """Refuse to publish topics that somebody else publishes; raise `BusyError`, naming both."""
+    for topic in topics:
+        for peer in publishers(node, topic, NAME_WAIT_S):
+            name = node.resolve_topic_name(topic)
+            raise BusyError(f"{peer} publishes {name} already; {advice(name)}")
 
 
 def refuse_rivals(node: Node, topics: Iterable[str]) -> None:
-    """Look whether a topic that one node should own has two publishers.
+    """Raise `BusyError` where a topic that one node should own has two publishers.
 
     Discovery takes its time on a busy machine: who found no peer at first may do so later.
-
-    Raises:
-        BusyError: naming topic and publishers.
     """
     for topic in topics:
         if len(owners := publishers(node, topic, NAME_WAIT_S)) > 1:
@@ -234,8 +219,12 @@ class Ownership:
 def _lock(topic: str, domain: int) -> int:
     """Return a descriptor of a file that is locked until it is closed."""
     path = private_folder() / f"domain_{domain}{topic.replace('/', '.')}.lock"
+    flags = os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC
     try:
-        descriptor = _open(path)
+        descriptor = os.open(path, flags, 0o600)
+        if not S_ISREG(os.fstat(descriptor).st_mode):
+            os.close(descriptor)
+            raise FileExistsError(EEXIST, "it is no regular file; remove it")
         end = time.monotonic() + ENDING_S
         while not _is_locked(descriptor):
             if time.monotonic() >= end:
@@ -250,15 +239,6 @@ def _lock(topic: str, domain: int) -> int:
         os.pwrite(descriptor, f"{os.getpid()}\n".encode(), 0)
     except OSError as error:
         raise OutputError(f"cannot lock {path}: {error.strerror}") from error
-    return descriptor
-
-
-def _open(path: Path) -> int:
-    flags = os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC
-    descriptor = os.open(path, flags, 0o600)
-    if not S_ISREG(os.fstat(descriptor).st_mode):
-        os.close(descriptor)
-        raise FileExistsError(EEXIST, "it is no regular file; remove it")
     return descriptor
 
 

@@ -9,6 +9,7 @@ import re
 import traceback
 from collections.abc import Awaitable, Callable, Sequence
 from concurrent.futures import Future
+from functools import cache
 from typing import Any, Final, TypeVar
 
 from rclpy.callback_groups import CallbackGroup
@@ -31,7 +32,7 @@ STATES: Final = {
 
 
 def introspect(node: Node, service: Service, level: str) -> None:
-    """Publish each request and answer: disabled, when and by whom (metadata), or its contents."""
+    """Publish each request and answer on ``<service>/_service_event``, as `STATES` names it."""
     if level != "disabled":
         service.configure_introspection(node.get_clock(), SERVICE, STATES[level])
 
@@ -73,8 +74,6 @@ SEQUENCE: Final = re.compile(r"sequence<(.+?)(?:, \d+)?>")
 NUMERIC: Final = re.compile(r"u?int\d+|float|double|boolean|octet|char")
 TEXT: Final = re.compile(r"w?string.*")
 
-_known: dict[type, list[tuple[str, str, str]]] = {}  # by class of message
-
 
 def check_sizes(message: Any) -> None:
     """Check every text, array and stated dimension of a message, also of those within it.
@@ -83,32 +82,20 @@ def check_sizes(message: Any) -> None:
         InvalidInputError: a text that is too long, or an array with too many elements.
         TooMuchWorkError: a dimension of a request that is too large.
     """
-    for name, kind, element in _sized_fields(message):
-        value = getattr(message, name)
-        if kind == "value":
-            _check_value(name, value)
-        elif kind == "text":
-            _check_text(name, value)
-        elif kind == "message":
-            check_sizes(value)
-        else:
-            _check_array(name, value, element)
+    for name, kind, element in _sized_fields(type(message)):
+        _check_field(name, getattr(message, name), kind, element)
 
 
 def emptied(message: Any) -> Any:
     """Return a message with every text and array emptied that is too large, in place."""
-    for name, kind, _ in _sized_fields(message):
-        value = getattr(message, name)
+    for name, kind, _ in _sized_fields(type(message)):
         if kind == "message":
-            emptied(value)
-            continue
-        try:
-            if kind == "text":
-                _check_text(name, value)
-            elif kind != "value":
-                _check_array(name, value, kind)
-        except InvalidInputError:
-            setattr(message, name, "" if kind == "text" else [])
+            emptied(getattr(message, name))
+        elif kind != "value":
+            try:
+                _check_field(name, getattr(message, name), kind, "number")
+            except InvalidInputError:
+                setattr(message, name, "" if kind == "text" else [])
     return message
 
 
@@ -120,22 +107,18 @@ def shortened(text: str) -> str:
     return text[: LONGEST_ERROR - len(end)] + end
 
 
+@cache
 def _sized_fields(message: Any) -> Sequence[tuple[str, str, str]]:
-    """Return name, kind and kind of the elements of the fields that have a size."""
-    known = _known.get(type(message))
-    if known is not None:
-        return known
-    found = _known[type(message)] = []
+    """Return name, kind and kind of the elements of a class's fields that have a size."""
+    fields = []
     for name, kind in message.get_fields_and_field_types().items():
         if match := SEQUENCE.fullmatch(kind):
-            found.append((name, "array", _kind(match[1])))
-        elif TEXT.fullmatch(kind):
-            found.append((name, "text", ""))
+            fields.append((name, "array", _kind(match[1])))
         elif name in VALUES:
-            found.append((name, "value", ""))
-        elif _kind(kind) == "message":
-            found.append((name, "message", ""))
-    return found
+            fields.append((name, "value", ""))
+        elif _kind(kind) != "number":
+            fields.append((name, _kind(kind), ""))
+    return fields
 
 
 def _kind(kind: str) -> str:
@@ -144,27 +127,20 @@ def _kind(kind: str) -> str:
     return "number" if NUMERIC.match(kind) else "message"
 
 
-def _check_value(name: str, value: int) -> None:
-    if value > VALUES[name]:
-        raise TooMuchWorkError(f"{name} is {value}; at most {VALUES[name]} are accepted")
-
-
-def _check_text(name: str, value: str) -> None:
-    most = TEXTS.get(name, LONGEST_TEXT)
-    if len(value) > most:
-        raise InvalidInputError(f"{name} has {len(value)} characters; at most {most} are accepted")
-
-
-def _check_array(name: str, values: Any, element: str) -> None:
-    most = COUNTS.get(name, MOST_NUMBERS)
-    if len(values) > most:
-        raise InvalidInputError(f"{name} has {len(values)} elements; at most {most} are accepted")
-    if element == "text":
-        for value in values:
-            _check_text(name, value)
-    elif element == "message":
-        for value in values:
-            check_sizes(value)
+def _check_field(name: str, value: Any, kind: str, element: str) -> None:
+    if kind == "message":
+        check_sizes(value)
+    elif kind == "value":
+        if value > VALUES[name]:
+            raise TooMuchWorkError(f"{name} is {value}; at most {VALUES[name]} are accepted")
+    else:
+        texts = kind == "text"
+        most = TEXTS.get(name, LONGEST_TEXT) if texts else COUNTS.get(name, MOST_NUMBERS)
+        if len(value) > most:
+            what = "characters" if texts else "elements"
+            raise InvalidInputError(f"{name} has {len(value)} {what}; at most {most} are accepted")
+        for one in value if element in ("text", "message") else ():
+            _check_field(name, one, element, "")
 
 
 T = TypeVar("T")

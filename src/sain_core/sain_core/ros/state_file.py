@@ -102,11 +102,7 @@ def text_of(message: Any) -> str:
 
 
 def message_of(kind: type[M], text: Any) -> M:
-    """Return the message that a text holds.
-
-    Raises:
-        DatasetError: it holds none.
-    """
+    """Return the message that a text holds; raises `DatasetError`: it holds none."""
     try:
         message: M = deserialize_message(base64.b64decode(str(text), validate=True), kind)
     except Exception as error:  # rclpy's own errors have no common base

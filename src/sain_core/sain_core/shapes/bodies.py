@@ -10,18 +10,21 @@ from functools import cached_property, lru_cache
 from itertools import combinations
 from typing import Final, Self
 
+import numpy as np
+
 from sain_core.errors import ConfigError, DatasetError, InvalidInputError
 from sain_core.scene import (
+    MASS,
     OVERLAP_TOLERANCE,
     POSITION,
     RADIUS,
     Table,
-    check_scene,
     check_states,
+    surface_gaps,
 )
 from sain_core.shapes.library import get_shape
 from sain_core.shapes.shape import Shape
-from sain_core.types import Scene
+from sain_core.types import Scene, Scenes
 
 MOST_BODIES: Final = 32
 CUBE: Final = "cube"
@@ -136,18 +139,20 @@ PAPER_DISKS: Final = Bodies.disks(MOST_BODIES)  # as many of them as a scene has
 
 
 def check_bodies(
-    scene: Scene, bodies: Bodies, table: Table | None = None, most: float = OVERLAP_TOLERANCE
+    scene: Scene,
+    bodies: Bodies = PAPER_DISKS,
+    table: Table | None = None,
+    most: float = OVERLAP_TOLERANCE,
 ) -> Scene:
     """Return a scene (N, 8) when it can exist and consist of these bodies.
 
     Raises:
-        InvalidInputError: as `check_scene`; another number of bodies; or two whose outlines overlap
-            by more than `most` [m].
+        InvalidInputError: as `check_states`; another number of bodies; or two whose outlines
+            overlap by more than `most` [m].
         OffTableError: a body off the table.
     """
-    if bodies.all_round and len(scene) == len(bodies):
-        return check_scene(scene, table)
     check_states(scene, table)
+    bodies = bodies.fitted(len(scene))
     if len(scene) != len(bodies):
         raise InvalidInputError(
             f"the scene has {len(scene)} bodies; {len(bodies)} shapes are known"
@@ -163,18 +168,30 @@ def check_bodies(
     return scene
 
 
+def check_scenes(scenes: Scenes, bodies: Bodies, most: float = OVERLAP_TOLERANCE) -> None:
+    """Check scenes (B, N, 8) as `check_bodies` does; a thousand of disks in a millisecond."""
+    if bodies.all_round:
+        bad = ~np.isfinite(scenes).all(axis=(1, 2))
+        bad |= (scenes[..., MASS:] <= 0.0).any(axis=(1, 2))
+        bad |= (surface_gaps(scenes) < -most).any(axis=(1, 2))
+        scenes = scenes[bad]
+    for scene in scenes:
+        check_bodies(scene, bodies, most=most)
+
+
 def overlap(scene: Scene, bodies: Bodies, first: int, second: int) -> float:
     """Return how deep [m] the outlines of two bodies overlap, about; 0 where they are apart.
 
-    About: twice the area that they share, divided by half of its circumference.
+    About: twice the area that they share, divided by half of its circumference. Of disks exactly.
     """
     from shapely import Polygon
 
-    ends = scene[[first, second]]
-    reach = sum(bodies.shapes[body].circumradius * scene[body, RADIUS] for body in (first, second))
-    if float(((ends[0, POSITION] - ends[1, POSITION]) ** 2).sum()) >= reach**2:
-        return 0.0
-    rings = [Polygon(bodies.shapes[body].placed(scene[body])) for body in (first, second)]
+    ends, shapes = scene[[first, second]], (bodies.shapes[first], bodies.shapes[second])
+    reach = sum(shape.circumradius * end[RADIUS] for shape, end in zip(shapes, ends, strict=True))
+    deep = float(reach - np.hypot(*(ends[0, POSITION] - ends[1, POSITION])))
+    if deep <= 0.0 or (shapes[0].is_round and shapes[1].is_round):
+        return max(deep, 0.0)
+    rings = [Polygon(shape.placed(end)) for shape, end in zip(shapes, ends, strict=True)]
     shared = rings[0].intersection(rings[1])
     return 4.0 * float(shared.area) / float(shared.length) if shared.area else 0.0
 

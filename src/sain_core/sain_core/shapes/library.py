@@ -140,11 +140,7 @@ def shape_names() -> list[str]:
 
 
 def get_shape(name: str, body: int | None = None) -> Shape:
-    """Return the shape of this name.
-
-    Raises:
-        ConfigError: there is none; it names the body, if there is one.
-    """
+    """Return the shape of this name; raises `ConfigError`: there is none."""
     name = FORMER.get(name, name)
     for load in (_load_library, _load_offered):
         if name not in _shapes:

@@ -16,7 +16,7 @@ from sain_core.errors import ConfigError, InvalidInputError, OutOfRangeError
 from sain_core.shapes.bodies import MOST_BODIES, Bodies, Role
 from sain_core.shapes.library import get_shape
 from sain_core.shapes.shape import Pair, Shape
-from sain_core.shapes.solids import DISK, MOST_CORNERS, MOST_PARTS, Compound
+from sain_core.shapes.solids import DISK, MOST_PARTS, Compound
 from sain_core.types import Points
 
 Ring = Float[ndarray, "_ 2"]  # one of several, each with its own number of corners
@@ -34,8 +34,8 @@ def decode_bodies(message: Any) -> Bodies:
     """Return the shapes and roles that a ``Bodies`` message states.
 
     Raises:
-        InvalidInputError: no body or too many; parts that are no polygons, run clockwise, cross
-            themselves, are too many or do not touch; another outline than the shape has here.
+        InvalidInputError: no body or too many; parts that are no convex polygons, run clockwise,
+            are too many or do not touch; another outline than the shape has here.
         OutOfRangeError: a radius that is not positive or too large.
         ConfigError: a role that does not exist, or no pushable body.
     """
@@ -140,31 +140,13 @@ def _part(what: str, number: int, part: Any) -> Points:
             f"{what} has type {part.type}; allowed: {PRISM} (prism), {BOX} (box), or one"
             f" {CYLINDER} (cylinder) alone"
         )
-    corners = part.polygon.points
-    if not 3 <= len(corners) <= MOST_CORNERS:
+    points = np.array([(corner.x, corner.y) for corner in part.polygon.points]).reshape(-1, 2)
+    farthest = np.abs(points).max(initial=0.0)
+    if not farthest <= MOST_RADIUS:  # also NaN
         raise InvalidInputError(
-            f"{what} has {len(corners)} corners; it needs 3 or more, and at most {MOST_CORNERS}"
+            f"{what} has a corner {farthest:.3g} m away; allowed: {MOST_RADIUS} m"
         )
-    points = np.array([(corner.x, corner.y) for corner in corners], dtype=np.float64)
-    if not np.isfinite(points).all():
-        raise InvalidInputError(f"{what} has a corner that is NaN or Inf; all must be finite")
-    if np.abs(points).max() > MOST_RADIUS:
-        raise InvalidInputError(
-            f"{what} has a corner {np.abs(points).max():.3g} m away; allowed: {MOST_RADIUS} m"
-        )
-    _check_ring(what, points)
     return points
-
-
-def _check_ring(what: str, points: Points) -> None:
-    """Raise `InvalidInputError` unless corners make a simple polygon, counter-clockwise."""
-    from shapely import Polygon
-
-    ring = Polygon(points)
-    if not ring.is_valid or ring.area <= 0.0:
-        raise InvalidInputError(f"the outline of {what} crosses or touches itself; it must not")
-    if not ring.exterior.is_ccw:
-        raise InvalidInputError(f"the outline of {what} runs clockwise; give it counter-clockwise")
 
 
 def _dimension(number: int, dimensions: Sequence[float], place: int) -> float:

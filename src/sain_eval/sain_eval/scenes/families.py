@@ -16,9 +16,9 @@ import numpy as np
 
 from sain_core.feasibility import Feasibility
 from sain_core.goal import BodyPose, Goal
-from sain_core.scene import POSITION, RADIUS, TARGET, THETA, check_scene, make_scene, unit
+from sain_core.scene import POSITION, RADIUS, TARGET, THETA, make_scene, unit
 from sain_core.seeding import generator
-from sain_core.shapes.bodies import Role
+from sain_core.shapes.bodies import Role, check_bodies
 from sain_core.shapes.library import get_shape, library
 from sain_core.shapes.solids import DISK
 from sain_core.types import Angles, Points, Scene
@@ -152,7 +152,7 @@ class AnywhereScenario:
                 continue
             positions = np.concatenate([pair[:, POSITION], places])
             disks = drawn.at(positions, np.append(pair[:, THETA], np.zeros(extra)))
-            check_scene(disks, feasibility.table)
+            check_bodies(disks, table=feasibility.table)
             return drawn.case(self.name, seed, disks, Goal.place(*goal))
 
     def _draw_pair(self, random: np.random.Generator, drawn: _Drawn) -> Scene:

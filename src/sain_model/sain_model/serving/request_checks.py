@@ -6,8 +6,8 @@ import numpy as np
 
 from sain_core.errors import OutOfRangeError
 from sain_core.push import check_predictable, pushed_bodies
-from sain_core.scene import check_scenes
-from sain_core.shapes.bodies import Bodies, check_bodies
+from sain_core.scene import OVERLAP_TOLERANCE
+from sain_core.shapes.bodies import Bodies, check_scenes
 from sain_core.types import Pushes, Scenes
 
 SEEN_OVERLAP: Final = 0.02  # [m], of bodies with corners: cameras are not exact
@@ -15,11 +15,7 @@ SEEN_OVERLAP: Final = 0.02  # [m], of bodies with corners: cameras are not exact
 
 def check_asked_scenes(scenes: Scenes, bodies: Bodies) -> None:
     """Raise `InvalidInputError` unless all scenes (B, N, 8) can be of these bodies."""
-    if bodies.all_round:
-        check_scenes(scenes)
-        return
-    for scene in scenes:
-        check_bodies(scene, bodies, most=SEEN_OVERLAP)
+    check_scenes(scenes, bodies, OVERLAP_TOLERANCE if bodies.all_round else SEEN_OVERLAP)
 
 
 def check_asked_pushes(pushes: Pushes, bodies: Bodies) -> None:

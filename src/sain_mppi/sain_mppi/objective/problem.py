@@ -14,7 +14,6 @@ from sain_core.push import BODY, LENGTH, LOCATION, PATH
 from sain_core.scene import (
     OVERLAP_TOLERANCE,
     RADIUS,
-    check_scene,
     check_states,
     move_apart,
     surface_gaps,
@@ -87,7 +86,7 @@ class Problem:
             check_states(scene, table)
             deepest = -float(surface_gaps(scene).min(initial=np.inf))
             if deepest > OVERLAP_TOLERANCE:  # corners and tilted disks reach under each other
-                scene = check_scene(move_apart(scene) if deepest <= SEEN_OVERLAP else scene)
+                scene = check_bodies(move_apart(scene) if deepest <= SEEN_OVERLAP else scene)
         else:
             check_bodies(scene, bodies, table, SEEN_OVERLAP)
         goal.check(scene, bodies, table)

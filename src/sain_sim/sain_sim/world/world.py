@@ -10,7 +10,7 @@ from typing import Final, Self
 import numpy as np
 
 from sain_core.errors import BlockedError, InvalidInputError
-from sain_core.scene import MASS, RADIUS, check_scene
+from sain_core.scene import MASS, RADIUS
 from sain_core.shapes.bodies import check_bodies
 from sain_core.types import PushArray, Scene
 from sain_core.world import DivergedError, Outcome
@@ -193,7 +193,7 @@ class World(CheckedWorld):
             OffTableError: a disk off the table.
             ConfigError: a mass, radius or friction out of range.
         """
-        check_scene(scene, WorldConfig().feasibility.table)
+        check_bodies(scene, table=WorldConfig().feasibility.table)
         world = cls(WorldParameters.of_scene(scene, friction))
         world.reset(scene)
         return world
