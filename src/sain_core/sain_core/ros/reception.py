@@ -7,7 +7,7 @@ The one place where an exception of a callback becomes a code and a message. Wha
 import inspect
 import re
 import traceback
-from collections.abc import Awaitable, Callable, Sequence
+from collections.abc import Awaitable, Callable, Hashable, Sequence
 from concurrent.futures import Future
 from functools import cache
 from typing import Any, Final, TypeVar
@@ -108,10 +108,10 @@ def shortened(text: str) -> str:
 
 
 @cache
-def _sized_fields(message: Any) -> Sequence[tuple[str, str, str]]:
+def _sized_fields(message: Hashable) -> Sequence[tuple[str, str, str]]:
     """Return name, kind and kind of the elements of a class's fields that have a size."""
     fields = []
-    for name, kind in message.get_fields_and_field_types().items():
+    for name, kind in message.get_fields_and_field_types().items():  # type: ignore[attr-defined]
         if match := SEQUENCE.fullmatch(kind):
             fields.append((name, "array", _kind(match[1])))
         elif name in VALUES:
