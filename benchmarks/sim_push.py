@@ -22,7 +22,7 @@ from sain_core.types import PushArray, Scene
 from sain_sim.arm.client import Client
 from sain_sim.arm.motion import MotionConfig
 from sain_sim.camera.render import CameraConfig, Renderer
-from sain_sim.collecting.episode import CircleSampler
+from sain_sim.collecting.episode import draw_circle_push
 from sain_sim.engines.bullet.bodies import Body, resting
 from sain_sim.world.parameters import (
     WorldParameters,
@@ -61,7 +61,7 @@ def cases(options: Options) -> list[Case]:
         while len(drawn) < options.pushes:
             parameters = sample_parameters(random)
             start = draw_start(random, parameters, table)
-            push = CircleSampler().draw(random, start)
+            push = draw_circle_push(random, start, parameters.bodies)
             world.load(start, parameters)
             try:
                 world.push(push)

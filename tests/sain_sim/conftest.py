@@ -6,8 +6,9 @@ import pytest
 from sain_core.push import PushLimits, make_push
 from sain_core.scene import unit, wrap_angle
 from sain_core.seeding import generator
+from sain_core.shapes.bodies import PAPER_DISKS
 from sain_core.types import PushArray, Scene
-from sain_sim.collecting.episode import CircleSampler
+from sain_sim.collecting.episode import draw_circle_push
 from sain_sim.world.engines import BULLET, MUJOCO
 from sain_sim.world.parameters import WorldParameters, nominal_parameters, sample_parameters
 from sain_sim.world.start import draw_start
@@ -41,7 +42,7 @@ class Bench:
     def pushes(seed: int, scene: Scene, count: int) -> list[PushArray]:
         """Pushes, half of them aimed through the target of this scene."""
         random = generator(seed, "pushes")
-        return [CircleSampler().draw(random, scene) for _ in range(count)]
+        return [draw_circle_push(random, scene, PAPER_DISKS) for _ in range(count)]
 
     @staticmethod
     def kick(world: World, body: int, velocity: tuple[float, float]) -> None:

@@ -8,12 +8,13 @@ import sain_sim.collecting.collect as collection
 import sain_sim.collecting.shards
 from sain_core.dataset import COLLECTED, shard_path
 from sain_core.errors import ConfigError, DatasetError, OutputError
-from sain_core.push import PaperGrid
+from sain_core.push import BODY
 from sain_core.scene import POSITION, TARGET, THETA, surface_gaps
 from sain_core.seeding import generator
+from sain_core.shapes.bodies import PAPER_DISKS
 from sain_core.shapes.solids import DISK
 from sain_sim.collecting.collect import CollectConfig, collect
-from sain_sim.collecting.episode import EpisodeConfig, GridSampler
+from sain_sim.collecting.episode import EpisodeConfig, draw_grid_push
 from sain_sim.collecting.shards import load_shards
 from sain_sim.commands import collect as main
 from sain_sim.world.parameters import RANGES, WIDE, sample_parameters
@@ -158,7 +159,7 @@ def test_wide_parameters_and_a_cube_for_a_target(tmp_path):
     data = load_shards(tmp_path)
     assert done.transitions == len(data["shapes"]) > 0
     assert set(data["shapes"]) == {"disk,cube,disk"}
-    assert not data["body"].any()
+    assert not data["action"][:, BODY].any()
     identity = json.loads((tmp_path / "collection.json").read_text())
     assert identity["target"] == "cube" and identity["parameters"] == "wide"
     assert (data["masses"] < 7.0).any() or (data["masses"] > 9.0).any()
@@ -229,7 +230,6 @@ def test_starts_have_room_and_half_of_the_targets_at_the_mid_disk():
 
 
 def test_the_papers_grid_is_drawn_evenly():
-    sampler, random = GridSampler(PaperGrid()), generator(0, "grid")
-    scene = np.zeros((2, 8))
-    drawn = np.array([sampler.draw(random, scene) for _ in range(3000)])
+    scene, random = np.zeros((2, 8)), generator(0, "grid")
+    drawn = np.array([draw_grid_push(random, scene, PAPER_DISKS) for _ in range(3000)])
     assert len(np.unique(drawn, axis=0)) == 105

@@ -19,7 +19,7 @@ from sain_core.push import (
 from sain_core.scene import RADIUS, make_scene
 from sain_core.shapes.bodies import Bodies, Role
 from sain_sim.collecting.collect import CollectConfig, collect
-from sain_sim.collecting.episode import EpisodeConfig, OutlineSampler
+from sain_sim.collecting.episode import EpisodeConfig, draw_outline_push
 from sain_sim.collecting.shards import load_by_count, load_shards
 
 MANY = EpisodeConfig(pushes=3, shapes="t, l,disk", bodies="1-3")
@@ -106,8 +106,8 @@ def test_older_marks_mean_the_same():
 def test_pushes_are_even_along_the_outlines_of_all_pushable_bodies():
     bodies = Bodies.named(["bar", "disk", "t"], ["pushable", "fixed", "pushable"])
     scene = make_scene(np.zeros((3, 2)), np.ones(3), np.array([0.08, 0.06, 0.04]))
-    random, sampler = np.random.default_rng(0), OutlineSampler()
-    drawn = np.array([sampler.draw(random, scene, bodies) for _ in range(2000)])
+    random = np.random.default_rng(0)
+    drawn = np.array([draw_outline_push(random, scene, bodies) for _ in range(2000)])
     assert set(drawn[:, BODY]) == {0.0, 2.0}
     assert abs(np.histogram(drawn[:, LOCATION], 8, (-np.pi, np.pi))[0] / 250 - 1).max() < 0.25
     start, _ = strokes(np.broadcast_to(scene, (2000, 3, 8)), drawn, PushLimits(), bodies)

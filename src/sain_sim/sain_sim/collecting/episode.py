@@ -18,10 +18,9 @@ from sain_core.errors import ConfigError, SainError
 from sain_core.push import DEFAULT_SPEED, SPEED, PaperGrid, PushLimits, make_push
 from sain_core.scene import MID, POSITION, RADIUS, TARGET, wrap_angle
 from sain_core.seeding import generator
-from sain_core.shapes.bodies import MOST_BODIES, PAPER_DISKS, Bodies, Role
+from sain_core.shapes.bodies import MOST_BODIES, Bodies, Role
 from sain_core.shapes.library import check_shapes, get_shape, shape_names
 from sain_core.shapes.outline import outline_of
-from sain_core.shapes.shape import Shape
 from sain_core.shapes.solids import DISK
 from sain_core.types import PushArray, Scene
 from sain_core.world import DivergedError, Outcome
@@ -38,56 +37,34 @@ AIM_SPREAD: Final = 0.35  # [rad], standard deviation of the aim
 SHORTEST: Final = 0.02  # [m], shortest travel
 
 
-class CircleSampler:
-    """Pushes from any side of the disk; a share of them roughly through the target."""
-
-    def draw(
-        self, generator: np.random.Generator, scene: Scene, bodies: Bodies = PAPER_DISKS
-    ) -> PushArray:
-        """Return a push (5,) for a scene (N, 8) of disks."""
-        limits = PushLimits()
-        angle = generator.uniform(-limits.max_angle, limits.max_angle)
-        length = generator.uniform(SHORTEST, limits.max_length)
-        heading = generator.uniform(-pi, pi)
-        if generator.uniform() < AIMED:
-            way = scene[TARGET, POSITION] - scene[MID, POSITION]
-            heading = np.arctan2(way[1], way[0]) + generator.normal(0.0, AIM_SPREAD)
-        return make_push(wrap_angle(np.asarray(heading - angle)), angle, length)
+def draw_circle_push(random: np.random.Generator, scene: Scene, bodies: Bodies) -> PushArray:
+    """Draw a push (5,) from any side of disk 0; a share of them roughly through the target."""
+    limits = PushLimits()
+    angle = random.uniform(-limits.max_angle, limits.max_angle)
+    length = random.uniform(SHORTEST, limits.max_length)
+    heading = random.uniform(-pi, pi)
+    if random.uniform() < AIMED:
+        way = scene[TARGET, POSITION] - scene[MID, POSITION]
+        heading = np.arctan2(way[1], way[0]) + random.normal(0.0, AIM_SPREAD)
+    return make_push(wrap_angle(np.asarray(heading - angle)), angle, length)
 
 
-class OutlineSampler:
-    """Pushes evenly along the outlines of all pushable bodies."""
-
-    def draw(
-        self, generator: np.random.Generator, scene: Scene, bodies: Bodies = PAPER_DISKS
-    ) -> PushArray:
-        """Return a push (5,) for a scene (N, 8) of bodies."""
-        lengths = [scene[body, RADIUS] * perimeter(bodies.shapes[body]) for body in bodies.pushable]
-        body = generator.choice(bodies.pushable, p=np.array(lengths) / sum(lengths))
-        limits = PushLimits()
-        location = -generator.uniform(-pi, pi)  # (-pi, pi]
-        angle = generator.uniform(-limits.max_angle, limits.max_angle)
-        length = generator.uniform(SHORTEST, limits.max_length)
-        return make_push(location, angle, length, body=body)
+def draw_outline_push(random: np.random.Generator, scene: Scene, bodies: Bodies) -> PushArray:
+    """Draw a push (5,) evenly along the outlines of all pushable bodies of a scene (N, 8)."""
+    shapes = [bodies.shapes[body] for body in bodies.pushable]
+    around = [2 * pi if shape.is_round else outline_of(shape).perimeter for shape in shapes]
+    lengths = scene[list(bodies.pushable), RADIUS] * around
+    body = random.choice(bodies.pushable, p=lengths / sum(lengths.tolist()))
+    limits = PushLimits()
+    location = -random.uniform(-pi, pi)  # (-pi, pi]
+    angle = random.uniform(-limits.max_angle, limits.max_angle)
+    return make_push(location, angle, random.uniform(SHORTEST, limits.max_length), body=body)
 
 
-def perimeter(shape: Shape) -> float:
-    """Return the length of an outline [radii]."""
-    return 2 * pi if shape.is_round else outline_of(shape).perimeter
-
-
-class GridSampler:
-    """The paper's: one of 105 pushes, each as likely (section III-B a)."""
-
-    def __init__(self, grid: PaperGrid) -> None:
-        """Draw from this grid."""
-        self._pushes = grid.pushes()
-
-    def draw(
-        self, generator: np.random.Generator, scene: Scene, bodies: Bodies = PAPER_DISKS
-    ) -> PushArray:
-        """Return a push (5,), whatever the scene."""
-        return np.asarray(self._pushes[generator.integers(len(self._pushes))])
+def draw_grid_push(random: np.random.Generator, scene: Scene, bodies: Bodies) -> PushArray:
+    """Draw one of the paper's 105 pushes, each as likely (section III-B a)."""
+    pushes = PaperGrid().pushes()
+    return np.asarray(pushes[random.integers(len(pushes))])
 
 
 MISSED: Final = 1e-5  # [m]; an untouched target creeps by up to 3e-6 m in Bullet
@@ -200,8 +177,8 @@ class EpisodeRunner:
         self._seed = seed
         self._config = config
         self._world_config = WorldConfig()
-        circle = OutlineSampler() if config.shapes else CircleSampler()
-        self._sampler = GridSampler(PaperGrid()) if config.sampler == GRID else circle
+        circle = draw_outline_push if config.shapes else draw_circle_push
+        self._draw = draw_grid_push if config.sampler == GRID else circle
         built = draw_parameters(generator(seed, "build"), config)
         self._world = open_world(built, self._world_config, engine=config.truth.engine)
         self._shadow = BulletPrior(NOMINAL, self._world_config, self._world.parameters)
@@ -247,7 +224,7 @@ class EpisodeRunner:
         """Draw pushes until one can be carried out; None when none could, or the engine failed."""
         scene = self._world.observe()
         for _ in range(self._config.tries):
-            push = self._sampler.draw(random, scene, self._world.parameters.bodies)
+            push = self._draw(random, scene, self._world.parameters.bodies)
             if self._config.speeds:
                 slowest, fastest = self._config.speed_range
                 push[SPEED] = slowest * (fastest / slowest) ** random.uniform()
