@@ -8,7 +8,7 @@ from typing import Final
 from sain_bringup.graph_options import ELSEWHERE, GraphOptions, LiveOptions
 from sain_bringup.options import NAMESPACE
 from sain_core.cli.command_line import executable, split_ros_arguments
-from sain_core.observation import told_settings
+from sain_core.observation import changed_settings
 from sain_core.shapes.supports import FEET
 from sain_sim.world.engines import DEFAULT_ENGINE
 
@@ -47,7 +47,7 @@ def graph_commands(
         simulator |= {"engine": options.engine}
     if options.bottom != FEET:
         simulator |= {"bottom": options.bottom}
-    told = told_settings(options.observed)
+    told = changed_settings(options.observed)
     simulator |= {f"camera.{name}": str(value) for name, value in told.items()}
     planner = {f"estimator.{name}": str(value) for name, value in told.items()}
     if isinstance(options, LiveOptions):

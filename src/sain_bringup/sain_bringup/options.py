@@ -12,7 +12,7 @@ import tyro
 from sain_bringup.graph_options import GraphOptions
 from sain_core.config import Config, option
 from sain_core.errors import OutputError
-from sain_core.observation import ObservationConfig, told_settings
+from sain_core.observation import ObservationConfig, changed_settings
 from sain_core.push import DEFAULT_SPEED
 from sain_core.shapes.supports import BOTTOMS, FEET
 from sain_core.storage import make_folder
@@ -185,7 +185,7 @@ def describe(plans: Sequence[EpisodePlan], options: ClosedLoopOptions) -> str:
     what = ", ".join(f"{count} × {name}" for name, count in counts.items())
     engine = "" if options.engine == BULLET else f" in {options.engine}"
     engine += "" if options.bottom == FEET else f" on {options.bottom} bottoms"
-    seen = "".join(f", {name} {value}" for name, value in told_settings(options.camera).items())
+    seen = "".join(f", {name} {value}" for name, value in changed_settings(options.camera).items())
     return f"{what}, to {1e3 * options.tolerance:g} mm, with {options.model}{engine}{seen}"
 
 

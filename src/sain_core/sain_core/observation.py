@@ -94,7 +94,7 @@ def observation_settings(config: ObservationConfig) -> dict[str, Any]:
     return {item.name: getattr(config, item.name) for item in fields(ObservationConfig)}
 
 
-def told_settings(config: ObservationConfig) -> dict[str, Any]:
+def changed_settings(config: ObservationConfig) -> dict[str, Any]:
     """Return those of `observation_settings` that are not as in exact observations."""
     exact = observation_settings(ObservationConfig())
     told = observation_settings(config)

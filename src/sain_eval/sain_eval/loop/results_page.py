@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 from sain_core.errors import DatasetError
-from sain_core.observation import ObservationConfig, observation_settings, told_settings
+from sain_core.observation import ObservationConfig, observation_settings, changed_settings
 from sain_core.untrusted import read_json
 from sain_eval.loop.controllers import ORACLE
 from sain_eval.loop.results import RESULTS_FILE, SCHEMA
@@ -140,7 +140,7 @@ def _reality(config: Mapping[str, Any]) -> str:
     names = observation_settings(ObservationConfig())
     seen = ObservationConfig(**{name: camera[name] for name in names if name in camera})
     words = [f"bottom {truth['bottom']}"] if "bottom" in truth else []
-    words += [f"{name} {value}" for name, value in told_settings(seen).items()]
+    words += [f"{name} {value}" for name, value in changed_settings(seen).items()]
     return ", ".join([REALITY_NAMES.get(key, f"{key[0]}, {key[1]}"), *words])
 
 
