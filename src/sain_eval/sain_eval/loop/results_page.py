@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 from sain_core.errors import DatasetError
-from sain_core.observation import ObservationConfig, observation_settings, changed_settings
+from sain_core.observation import ObservationConfig, changed_settings, observation_settings
 from sain_core.untrusted import read_json
 from sain_eval.loop.controllers import ORACLE
 from sain_eval.loop.results import RESULTS_FILE, SCHEMA
