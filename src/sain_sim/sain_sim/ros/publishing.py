@@ -8,10 +8,11 @@ from std_msgs.msg import Header
 
 from sain_core.errors import ErrorCode, SainError, error_reply
 from sain_core.ros import codec
+from sain_core.ros.diagnostics import ERROR, OK, WARN, Diagnostics
 from sain_core.ros.markers import MarkerBoard
 from sain_core.ros.peers import LatchedTopic
 from sain_core.ros.qos import LATCHED, QUEUE, RELIABLE
-from sain_core.ros.reception import shortened
+from sain_core.ros.reception import Reception, shortened
 from sain_core.scene import is_settled
 from sain_core.types import Scene
 from sain_interfaces.msg import Bodies, Push, PushPrediction, PushResult, WorldParameters
@@ -28,7 +29,9 @@ from sain_sim.world.workcell import Sample
 class Publishing:
     """The simulator's topics."""
 
-    def __init__(self, node: Node, simulator: Simulator, session: Session) -> None:
+    def __init__(
+        self, node: Node, simulator: Simulator, session: Session, reception: Reception
+    ) -> None:
         """Create the publishers."""
         self._simulator = simulator
         self._session = session
@@ -45,6 +48,9 @@ class Publishing:
         prefix = frame_prefix(node, config.frame_prefix)
         self._transforms = Transforms(node, config.bullet, prefix)
         self._transforms.describe(self.now())
+        self._diagnostics = Diagnostics(
+            node, "simulation", now=self.now, more=lambda: reception.figures
+        )
 
     def now(self) -> Time:
         """Return the simulated time."""
@@ -180,6 +186,19 @@ class Publishing:
         else:
             message.disks = codec.encode_disks(predicted)
         self._prediction.publish(message)
+
+    def report(self, rival: str, counts: dict[str, int]) -> None:
+        """Report how the simulator is, beside a rival or alone, and so many pushes of each kind."""
+        session, config = self._session, self._simulator.config
+        ids = {"episode": session.episode_id, "scene": session.scene_id}
+        figures = {"engine": config.engine, "bottom": config.bottom, **ids, **counts}
+        if rival:
+            self._diagnostics.set(ERROR, rival, **figures)
+        elif not session.busy and not self.settled.settled:
+            message = "the disks do not come to rest; reset the scene"
+            self._diagnostics.set(WARN, message, **figures)
+        else:
+            self._diagnostics.set(OK, "simulating", **figures)
 
     def _header(self) -> Header:
         return codec.header(self.now())

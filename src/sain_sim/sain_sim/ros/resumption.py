@@ -11,7 +11,7 @@ from sain_core.ros.state_file import StateFile, id_in, message_of, text_of
 from sain_core.types import Scene
 from sain_interfaces.msg import Push, PushResult
 from sain_interfaces.srv import ResetScene
-from sain_sim.ros.session import Session
+from sain_sim.ros.session import Pacer, Session
 
 HEARD: Final = "push_result"  # by all who follow an episode
 LATEST: Final = 2.0**31 - 1e5  # [s], simulated: stamps hold 32 bits
@@ -39,12 +39,6 @@ class LeftEpisode:
     push: Push | None = None
     untold: PushResult | None = None
     listeners: tuple[str, ...] = ()
-
-    @property
-    def last_push(self) -> int:
-        """The id of the latest push; 0: there was none."""
-        last = self.push or self.untold
-        return 0 if last is None else last.push_id
 
     def write(self, file: StateFile) -> None:
         """Replace what a file holds."""
@@ -83,31 +77,43 @@ class Resumption:
     """The state of a simulator in a file, and the wait for those who listened before a crash.
 
     Attributes:
-        left: where another process was left; None: there was none.
         waits: whether not all listen again yet.
     """
 
-    def __init__(self, node: Node, path: str) -> None:
+    def __init__(self, node: Node, path: str, session: Session, pacer: Pacer) -> None:
         """Go on from the file at a path; empty: there is none.
 
         Raises:
             DatasetError: it is damaged.
         """
-        self._node = node
+        self._node, self._session, self._pacer = node, session, pacer
         self._file = StateFile(node, path)
-        self.left = LeftEpisode.read(self._file)
-        self.waits = self.left is not None
-        self._listeners = () if self.left is None else self.left.listeners
+        self._left = left = LeftEpisode.read(self._file)
+        self.waits = left is not None
+        self.lost = None if left is None else left.push  # under way when the process crashed
+        self.untold = None if left is None else left.untold  # a result that was not published
+        self._listeners = () if left is None else left.listeners
         self._moment: LeftEpisode | None = None  # the latest that was kept
         self._back = Return(node, HEARD, self._listeners)
+
+    def resume(self) -> ResetScene.Request | None:
+        """Take up ids and time of another process; return what leads to its scene, if any."""
+        left = self._left
+        if left is None:
+            return None
+        last = left.push or left.untold
+        push_id = 0 if last is None else last.push_id
+        self._session.go_on_from(left.episode_id, left.scene_id, push_id)
+        self._pacer.go_on_from(left.time + LOST_TIME)
+        where = f"scene {left.scene_id} of episode {left.episode_id}"
+        self._node.get_logger().warning(f"goes on from {where} after a crash")
+        return left.reset
 
     def keep(
         self,
         begun: ResetScene.Request,
         scene: Scene,
         friction: float,
-        session: Session,
-        time: float,
         push: Push | None,
         untold: PushResult | None,
     ) -> None:
@@ -117,8 +123,9 @@ class Resumption:
         reset = ResetScene.Request(seed=begun.seed, world=begun.world, friction=friction)
         reset.disks = codec.encode_disks(scene)
         reset.shapes, reset.roles = begun.shapes, begun.roles
-        ids = session.episode_id, session.scene_id
-        self._moment = LeftEpisode(reset, *ids, time, push, untold, self._listeners)
+        ids = self._session.episode_id, self._session.scene_id
+        time, heard = self._pacer.now, self._listeners
+        self._moment = LeftEpisode(reset, *ids, time, push, untold, heard)
         self._moment.write(self._file)
 
     def all_listen(self) -> bool:

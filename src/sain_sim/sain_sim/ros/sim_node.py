@@ -8,7 +8,6 @@ from rclpy.node import Node
 
 from sain_core import wire
 from sain_core.errors import BusyError, CancelledError, SainError
-from sain_core.ros.diagnostics import ERROR, OK, WARN, Diagnostics
 from sain_core.ros.node_main import NAMESPACE
 from sain_core.ros.parameters import read_parameters
 from sain_core.ros.peers import Ownership
@@ -19,7 +18,7 @@ from sain_core.ros.worker import Worker
 from sain_interfaces.msg import Push, PushResult
 from sain_interfaces.srv import ResetScene
 from sain_sim.ros.publishing import Publishing
-from sain_sim.ros.resumption import LOST_TIME, LeftEpisode, Resumption
+from sain_sim.ros.resumption import Resumption
 from sain_sim.ros.session import Pacer, Session
 from sain_sim.ros.simulator import Pushed, Simulator, SimulatorConfig
 from sain_sim.world.workcell import Sample
@@ -43,12 +42,10 @@ class SimNode(Node):
         self.simulator = self.worker.call(lambda: Simulator(config, self.pacer))
         # Peers have the time to be discovered while the worlds are built.
         self.ownership.refuse(config.peer_wait - (monotonic() - joined))
-        self.publishing = Publishing(self, self.simulator, self.session)
-        self.resumption = Resumption(self, config.state_file)
         self.reception = reception = Reception(self)
-        now, more = self.publishing.now, lambda: reception.figures
-        self.diagnostics = Diagnostics(self, "simulation", now=now, more=more)
-        self._begin(self.resumption.left)
+        self.publishing = Publishing(self, self.simulator, self.session, reception)
+        self.resumption = Resumption(self, config.state_file, self.session, self.pacer)
+        self._begin()
         reception.listen(Push, "push", self._on_push, QUEUE, self._refuse)
         resetting = reception.serve(ResetScene, "reset_scene", self._on_reset)
         introspect(self, resetting, config.service_introspection)
@@ -58,27 +55,22 @@ class SimNode(Node):
             steady_timer(self, looking.timer_period, self._on_look)
         self.ready = f"a {config.world} world{self.simulator.within} with {self.simulator.what}"
 
-    def _begin(self, left: LeftEpisode | None) -> None:
+    def _begin(self) -> None:
         """Start the first episode, or go on where another process was left."""
-        if left is None:
+        if (request := self.resumption.resume()) is None:
             self._reset(ResetScene.Request(seed=self.simulator.config.seed))
-            return
-        self.session.go_on_from(left.episode_id, left.scene_id, left.last_push)
-        self.pacer.go_on_from(left.time + LOST_TIME)
-        self.publishing.take(self._place(left.reset))
-        where = f"scene {left.scene_id} of episode {left.episode_id}"
-        self.get_logger().warning(f"goes on from {where} after a crash")
-        steady_timer(self, LOOK_AGAIN, self._look_for_listeners)
+        else:
+            self.publishing.take(self._place(request))
+            steady_timer(self, LOOK_AGAIN, self._look_for_listeners)
 
     def _look_for_listeners(self) -> None:
         """Publish all again, once they listen again, that somebody may not have received."""
-        left = self.resumption.left
-        if left is None or not self.resumption.waits or not self.resumption.all_listen():
+        if not self.resumption.waits or not self.resumption.all_listen():
             return
-        if left.untold is not None:
-            self.publishing.result(left.untold)
+        if (untold := self.resumption.untold) is not None:
+            self.publishing.result(untold)
         self._announce(self.publishing.sample)
-        if (lost := left.push) is not None:
+        if (lost := self.resumption.lost) is not None:
             text = f"push {lost.push_id} ended when the simulator crashed; it moved nothing"
             self._refuse(lost, CancelledError(text))
 
@@ -120,9 +112,8 @@ class SimNode(Node):
 
     def _keep(self, push: Push | None = None, untold: PushResult | None = None) -> None:
         """Keep what it takes to go on from here; with the push that is begun, or its result."""
-        friction, time = self.simulator.parameters.friction, self.pacer.now
-        scene = self.publishing.sample.scene
-        self.resumption.keep(self.begun, scene, friction, self.session, time, push, untold)
+        scene, friction = self.publishing.sample.scene, self.simulator.parameters.friction
+        self.resumption.keep(self.begun, scene, friction, push, untold)
 
     def _on_push(self, message: Push) -> None:
         push = wire.decode_push(message)
@@ -186,16 +177,7 @@ class SimNode(Node):
             self.publishing.state()
 
     def _report(self) -> None:
-        ids = {"episode": self.session.episode_id, "scene": self.session.scene_id}
-        config = self.simulator.config
-        figures = {"engine": config.engine, "bottom": config.bottom, **ids, **self.counts}
-        if rival := self.ownership.rival():
-            self.diagnostics.set(ERROR, rival, **figures)
-        elif not self.session.busy and not self.publishing.settled.settled:
-            message = "the disks do not come to rest; reset the scene"
-            self.diagnostics.set(WARN, message, **figures)
-        else:
-            self.diagnostics.set(OK, "simulating", **figures)
+        self.publishing.report(self.ownership.rival(), self.counts)
 
     def destroy_node(self) -> None:
         """Stop a push that is under way, and close the worlds."""
