@@ -166,21 +166,21 @@ def typed_settings(kind: type["Config"], settings: Mapping[str, Any]) -> dict[st
     Raises:
         TypeError: naming the one whose value is not of the right type.
     """
-    right, found = get_type_hints(kind), dict(settings)
+    right, typed = get_type_hints(kind), dict(settings)
     for name, value in settings.items():
         hint = right.get(name, object)
         if get_origin(hint) is tuple and isinstance(value, list):
-            found[name] = _elements(name, value, get_args(hint)[0])
+            typed[name] = _elements(name, value, get_args(hint)[0])
         elif isinstance(value, dict) and isinstance(hint, type) and issubclass(hint, Config):
-            found[name] = hint(**typed_settings(hint, value))
+            typed[name] = hint(**typed_settings(hint, value))
         else:
             allowed = _allowed_types(hint)
             if not isinstance(value, allowed) or (isinstance(value, bool) and bool not in allowed):
                 raise TypeError(f"{name} is {value!r}; it must be of type {allowed[-1].__name__}")
-            found[name] = (
+            typed[name] = (
                 float(settings[name]) if hint is float else value
             )  # NumPy takes no large integers
-    return found
+    return typed
 
 
 def _allowed_types(hint: Any) -> tuple[type, ...]:

@@ -90,12 +90,12 @@ def unknown_names(text: str) -> tuple[str, ...]:
 
 
 def observation_settings(config: ObservationConfig) -> dict[str, Any]:
-    """Return what a planner has to be told of a camera, by the names of `ObservationConfig`."""
+    """Return what a planner is given of a camera, by the names of `ObservationConfig`."""
     return {item.name: getattr(config, item.name) for item in fields(ObservationConfig)}
 
 
 def changed_settings(config: ObservationConfig) -> dict[str, Any]:
     """Return those of `observation_settings` that are not as in exact observations."""
     exact = observation_settings(ObservationConfig())
-    told = observation_settings(config)
-    return {name: value for name, value in told.items() if value != exact[name]}
+    own = observation_settings(config)
+    return {name: value for name, value in own.items() if value != exact[name]}

@@ -75,9 +75,9 @@ def decoding_seconds(size: int) -> float:
     return DECODING_SECONDS + DECODING_SECONDS_A_MIB * size / MIB
 
 
-def limit(what: str, found: int, allowed: int) -> None:
+def limit(what: str, count: int, allowed: int) -> None:
     """Raise `UntrustedFileError` where a file has more of something than is allowed."""
-    if found > allowed:
+    if count > allowed:
         raise UntrustedFileError(f"it has more than {allowed:,} {what}")
 
 

@@ -330,8 +330,8 @@ def _group_of(kind: str, options: type, prefix: str = "") -> str | None:
         return prefix
     hints = get_type_hints(options).items()
     nested = {name: hint for name, hint in hints if isinstance(hint, type) and is_dataclass(hint)}
-    found = (_group_of(kind, hint, f"{prefix}{name}.") for name, hint in nested.items())
-    return next((group for group in found if group is not None), None)
+    groups = (_group_of(kind, hint, f"{prefix}{name}.") for name, hint in nested.items())
+    return next((group for group in groups if group is not None), None)
 
 
 def load(command: str, path: str) -> Any:

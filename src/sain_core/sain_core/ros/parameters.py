@@ -66,14 +66,14 @@ def read_parameters(node: Node, config_class: type[C], default: C | None = None)
         ConfigError: an unknown name, a wrong type, or a value that is not allowed.
     """
     settings = config_class() if default is None else default
-    known = [one.name for one in settings_of(settings)]
+    names = [one.name for one in settings_of(settings)]
     overrides = node._parameter_overrides
     for name in overrides:
-        if name not in known and name.split(".")[0] not in ROS_OWN:
-            by_last = [other for other in known if other.split(".")[-1] == name.split(".")[-1]]
-            near = by_last or get_close_matches(name, known, n=3) or sorted(known)
+        if name not in names and name.split(".")[0] not in ROS_OWN:
+            by_last = [other for other in names if other.split(".")[-1] == name.split(".")[-1]]
+            near = by_last or get_close_matches(name, names, n=3) or sorted(names)
             raise ConfigError(f"parameter {name!r} is unknown; near it: {', '.join(near[:5])}")
-    given = {name: override.value for name, override in overrides.items() if name in known}
+    given = {name: override.value for name, override in overrides.items() if name in names}
     values = _typed(settings, given, check_all=True)
     for name, item, kind, _, live in settings_of(settings):
         value = list(values[name]) if isinstance(values[name], tuple) else values[name]

@@ -64,9 +64,9 @@ def publishers(node: Node, topic: str, wait_s: float) -> list[str]:
     """Return the full names of the nodes that publish a topic; wait so long for unknown ones."""
     end = time.monotonic() + wait_s
     while True:
-        found = node.get_publishers_info_by_topic(node.resolve_topic_name(topic))
-        if all(map(is_named, found)) or time.monotonic() >= end:
-            return [full_name(one) for one in found]
+        endpoints = node.get_publishers_info_by_topic(node.resolve_topic_name(topic))
+        if all(map(is_named, endpoints)) or time.monotonic() >= end:
+            return [full_name(one) for one in endpoints]
         time.sleep(POLL_S)
 
 
@@ -79,8 +79,8 @@ def full_name(publisher: TopicEndpointInfo) -> str:
 
 def listeners(node: Node, topic: str) -> set[str]:
     """Return the full names of the nodes that subscribe to a topic; it costs some ms."""
-    found = node.get_subscriptions_info_by_topic(node.resolve_topic_name(topic))
-    return {full_name(one) for one in found if is_named(one)}
+    endpoints = node.get_subscriptions_info_by_topic(node.resolve_topic_name(topic))
+    return {full_name(one) for one in endpoints if is_named(one)}
 
 
 class Return:
@@ -97,8 +97,8 @@ class Return:
     def complete(self) -> bool:
         """Tell whether all are back, or have had their time."""
         if self._missing:
-            found = listeners(self._node, self._topic)
-            self._missing -= found | ({ANYONE} if found else set())
+            others = listeners(self._node, self._topic)
+            self._missing -= others | ({ANYONE} if others else set())
             if self._missing and time.monotonic() > self._enough:
                 names = ", ".join(sorted(self._missing))
                 self._node.get_logger().warning(f"goes on without {names}, who listened before")
@@ -120,32 +120,34 @@ class LatchedTopic:
         self._publisher = node.create_publisher(kind, topic, LATCHED)
         self._last: Any = None
         self._count = 0
-        self._told: set[bytes] = set()
+        self._reached: set[bytes] = set()
         self._new: set[bytes] = set()
         steady_timer(node, LATE, self._look)
 
     def publish(self, message: Any) -> None:
         """Publish a message, which whoever joins later hears, too."""
         self._last = message
-        self._told = self._volatile()
+        self._reached = self._volatile()
         self._publisher.publish(message)
 
     def _look(self) -> None:
         """Look for new subscribers; who was new the last time has found this publisher by now."""
         if self._new:
-            self._told |= self._new
+            self._reached |= self._new
             self._new = set()
             self._publisher.publish(self._last)
         count = self._publisher.get_subscription_count()
         if count != self._count and self._last is not None:
             self._count = count
-            self._new = self._volatile() - self._told
+            self._new = self._volatile() - self._reached
 
     def _volatile(self) -> set[bytes]:
         """Return who hears only what is published from now on; to find that costs some ms."""
-        found = self._node.get_subscriptions_info_by_topic(self._publisher.topic_name)
+        endpoints = self._node.get_subscriptions_info_by_topic(self._publisher.topic_name)
         volatile = DurabilityPolicy.VOLATILE
-        return {bytes(one.endpoint_gid) for one in found if one.qos_profile.durability == volatile}
+        return {
+            bytes(one.endpoint_gid) for one in endpoints if one.qos_profile.durability == volatile
+        }
 
 
 PARTICIPANT: Final = 12  # bytes of an endpoint's id that its process has in common
@@ -189,20 +191,20 @@ class Ownership:
         """
         end = time.monotonic() + wait_s
         while True:
-            found = list(self._strangers())
-            for name, one in found:
+            others = list(self._strangers())
+            for name, one in others:
                 if is_named(one) or time.monotonic() >= end + NAME_WAIT_S:
                     self.release()
                     raise BusyError(f"{full_name(one)} publishes {name} already; {advice(name)}")
-            if time.monotonic() >= end and not found:
+            if time.monotonic() >= end and not others:
                 return
             time.sleep(POLL_S)
 
     def rival(self) -> str:
         """Return who else publishes an owned topic, and what to do; empty: nobody. Logs it, too."""
         named = ((name, full_name(one)) for name, one in self._strangers() if is_named(one))
-        found = [f"{one} publishes {name}, too; {advice(name)}" for name, one in named]
-        text = "; ".join(found[:1])
+        others = [f"{one} publishes {name}, too; {advice(name)}" for name, one in named]
+        text = "; ".join(others[:1])
         if text and text != self._reported:
             self._node.get_logger().error(text)
         self._reported = text
@@ -253,14 +255,14 @@ def _is_locked(descriptor: int) -> bool:
 def _participant(node: Node) -> bytes:
     """Return what the endpoints of a node's process have in common: those of a new publisher."""
 
-    def known() -> set[bytes]:
-        found = node.get_publishers_info_by_topic(EVENTS)
-        return {bytes(one.endpoint_gid)[: PARTICIPANT + 4] for one in found}
+    def ids() -> set[bytes]:
+        endpoints = node.get_publishers_info_by_topic(EVENTS)
+        return {bytes(one.endpoint_gid)[: PARTICIPANT + 4] for one in endpoints}
 
     while True:
-        before = known()
+        before = ids()
         publisher = node.create_publisher(ParameterEvent, EVENTS, 1)
-        made = known() - before
+        made = ids() - before
         node.destroy_publisher(publisher)
         if len(made) == 1:  # else somebody was discovered in between
             return made.pop()[:PARTICIPANT]

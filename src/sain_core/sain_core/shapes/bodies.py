@@ -84,8 +84,8 @@ class Bodies:
         for body, role in enumerate(roles):
             if role not in list(Role):
                 raise ConfigError(f"role of body {body} is {role!r}; allowed: {allowed}")
-        known = tuple(get_shape(name, body) for body, name in enumerate(shapes))
-        return cls(known, tuple(map(Role, roles)))
+        built = tuple(get_shape(name, body) for body, name in enumerate(shapes))
+        return cls(built, tuple(map(Role, roles)))
 
     def fitted(self, count: int) -> "Bodies":
         """Return these bodies for a scene of so many: the paper's disks fit any number."""
@@ -117,8 +117,8 @@ class Bodies:
         A cube stands in for the disk of its radius, as in the paper. What knows only disks predicts
         such scenes as it always did.
         """
-        known = all(shape.is_round or shape.name == CUBE for shape in self.shapes)
-        return known and self.has_paper_roles
+        alike = all(shape.is_round or shape.name == CUBE for shape in self.shapes)
+        return alike and self.has_paper_roles
 
     @cached_property
     def pushable(self) -> tuple[int, ...]:

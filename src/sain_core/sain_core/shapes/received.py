@@ -64,17 +64,17 @@ def decode_request_bodies(request: Any) -> Bodies:
     return Bodies.named(shapes or [DISK] * request.disks, roles)
 
 
-def check_unchanged(known: Bodies, now: Bodies) -> None:
+def check_unchanged(first: Bodies, now: Bodies) -> None:
     """Raise `InvalidInputError` where bodies are no longer what they were in their episode."""
-    if len(now) != len(known):
+    if len(now) != len(first):
         raise InvalidInputError(
-            f"the episode began with {len(known)} bodies and has {len(now)} now; it cannot:"
+            f"the episode began with {len(first)} bodies and has {len(now)} now; it cannot:"
             " reset the scene"
         )
     for what, before, after in (
-        ("shape", [s.name for s in known.shapes], [s.name for s in now.shapes]),
-        ("role", known.roles, now.roles),
-        ("outline", known.shapes, now.shapes),
+        ("shape", [s.name for s in first.shapes], [s.name for s in now.shapes]),
+        ("role", first.roles, now.roles),
+        ("outline", first.shapes, now.shapes),
     ):
         for body, (old, new) in enumerate(zip(before, after, strict=True)):
             if old != new:
@@ -98,17 +98,17 @@ def _shape(number: int, body: Any) -> Shape:
         )
     outline = _parts(number, body, radius)
     try:
-        known: Shape | None = get_shape(body.name)
+        installed: Shape | None = get_shape(body.name)
     except ConfigError:
-        known = None
-    if known is None:
+        installed = None
+    if installed is None:
         return _made(number, body.name, outline)
-    if not _same(known, outline):
+    if not _same(installed, outline):
         raise InvalidInputError(
             f"body {number} is a {body.name!r} with another outline than that shape has here;"
             " install the same version of the shape, or give it another name"
         )
-    return known
+    return installed
 
 
 def _parts(number: int, body: Any, radius: float) -> list[Ring] | None:
