@@ -82,13 +82,13 @@ def check_sizes(message: Any) -> None:
         InvalidInputError: a text that is too long, or an array with too many elements.
         TooMuchWorkError: a dimension of a request that is too large.
     """
-    for name, kind, element in _sized_fields(type(message)):
+    for name, kind, element in _fields_of(message):
         _check_field(name, getattr(message, name), kind, element)
 
 
 def emptied(message: Any) -> Any:
     """Return a message with every text and array emptied that is too large, in place."""
-    for name, kind, _ in _sized_fields(type(message)):
+    for name, kind, _ in _fields_of(message):
         if kind == "message":
             emptied(getattr(message, name))
         elif kind != "value":
@@ -107,11 +107,16 @@ def shortened(text: str) -> str:
     return text[: LONGEST_ERROR - len(end)] + end
 
 
+def _fields_of(message: Any) -> Sequence[tuple[str, str, str]]:
+    kind: Hashable = type(message)
+    return _sized_fields(kind)
+
+
 @cache
-def _sized_fields(message: Hashable) -> Sequence[tuple[str, str, str]]:
+def _sized_fields(message: Any) -> Sequence[tuple[str, str, str]]:
     """Return name, kind and kind of the elements of a class's fields that have a size."""
     fields = []
-    for name, kind in message.get_fields_and_field_types().items():  # type: ignore[attr-defined]
+    for name, kind in message.get_fields_and_field_types().items():
         if match := SEQUENCE.fullmatch(kind):
             fields.append((name, "array", _kind(match[1])))
         elif name in VALUES:

@@ -1,6 +1,5 @@
 """Workers of a Ray cluster. Ray is an optional extra: nothing else imports it."""
 
-import functools
 import importlib
 import logging
 import os
@@ -29,6 +28,7 @@ AUTO: Final = "auto"
 KNOCK_SECONDS: Final = 10.0
 RETRIES: Final = 2  # of a job whose worker died
 STORE_BYTES: Final = 100_000_000  # for results on their way
+TOKEN: Final = secrets.token_hex(32)  # of clusters on this machine
 INSTALL: Final = 'pip install "sain_core[ray]", or pip install ray'
 
 
@@ -45,14 +45,22 @@ def ray_cluster(address: str, workers: int) -> Iterator[ModuleType]:
     Raises:
         ConfigError: Ray is not installed, nothing answers, or the cluster is too small.
     """
-    _knock(address)
+    if address not in (LOCAL, AUTO):
+        _knock(address)
     with (
         tempfile.TemporaryDirectory(prefix="sain-ray-", ignore_cleanup_errors=True) as folder,
         environment(_environment(address, folder)),
     ):
-        ray = _import_ray()
         try:
-            cpus = _connect(ray, address, _settings(address, workers, folder))
+            import ray
+        except ImportError:
+            raise ConfigError(f"--ray needs Ray, which is not installed: {INSTALL}") from None
+        try:
+            try:
+                ray.init(**_settings(address, workers, folder))
+                cpus = int(ray.cluster_resources().get("CPU", 0))
+            except (ConnectionError, TimeoutError, ValueError, RuntimeError) as error:
+                raise ConfigError(f"no Ray cluster at {address!r}: {error}") from error
             if cpus < workers:
                 raise ConfigError(
                     f"workers is {workers}; each needs a CPU, and the cluster has {cpus}"
@@ -62,19 +70,8 @@ def ray_cluster(address: str, workers: int) -> Iterator[ModuleType]:
             ray.shutdown()
 
 
-def _connect(ray: ModuleType, address: str, settings: dict[str, Any]) -> int:
-    """Connect to a cluster and return how many CPUs it has."""
-    try:
-        ray.init(**settings)
-        return int(ray.cluster_resources().get("CPU", 0))
-    except (ConnectionError, TimeoutError, ValueError, RuntimeError) as error:
-        raise ConfigError(f"no Ray cluster at {address!r}: {error}") from error
-
-
 def _knock(address: str) -> None:
     """Raise `ConfigError` when nothing listens at HOST:PORT; Ray would try for minutes."""
-    if address in (LOCAL, AUTO):
-        return
     host, _, port = address.rpartition(":")
     try:
         socket.create_connection((host, int(port)), timeout=KNOCK_SECONDS).close()
@@ -82,14 +79,6 @@ def _knock(address: str) -> None:
         raise ConfigError(
             f"no Ray cluster at {address!r}: {error}; give HOST:PORT, {AUTO} or {LOCAL}"
         ) from error
-
-
-def _import_ray() -> ModuleType:
-    try:
-        import ray
-    except ImportError:
-        raise ConfigError(f"--ray needs Ray, which is not installed: {INSTALL}") from None
-    return ray
 
 
 def _environment(address: str, folder: str) -> dict[str, str]:
@@ -101,27 +90,21 @@ def _environment(address: str, folder: str) -> dict[str, str]:
     # without a token of ours Ray would write one to ~/.ray.
     alone = {"RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER": "0", "RAY_AUTH_MODE": "token"}
     limits = dict.fromkeys(THREAD_LIMITS, "1")
-    return {**silent, **alone, **limits, "RAY_AUTH_TOKEN": _token(), "TMPDIR": folder}
-
-
-@functools.cache
-def _token() -> str:
-    return secrets.token_hex(32)
+    return {**silent, **alone, **limits, "RAY_AUTH_TOKEN": TOKEN, "TMPDIR": folder}
 
 
 def _settings(address: str, workers: int, folder: str) -> dict[str, Any]:
-    quiet = {"log_to_driver": False, "logging_level": logging.ERROR}
+    quiet = {"address": address, "log_to_driver": False, "logging_level": logging.ERROR}
     if address != LOCAL:
-        return {"address": address, **quiet}
+        return quiet
     return {
-        "address": LOCAL,
+        **quiet,
         "num_cpus": workers,
         "include_dashboard": False,
         "object_store_memory": STORE_BYTES,
         "_plasma_directory": folder,
         "_temp_dir": folder,
         "_node_ip_address": "127.0.0.1",
-        **quiet,
     }
 
 
