@@ -20,7 +20,7 @@ def camera(seed=0, parameters=PARAMETERS, **config):
 
 def frames(seen, count, start=0.0):
     for index in range(count):
-        seen.take(SCENE, start + index * seen.period)
+        seen.observe(SCENE, start + index * seen.period)
     return seen.arrived(np.inf)
 
 
@@ -56,7 +56,7 @@ def test_the_same_seed_and_frames_have_the_same_errors_however_many_were_seen_be
 
 def test_a_late_frame_says_when_it_was_observed():
     seen = camera(delay=0.1)
-    seen.take(SCENE, 1.0)
+    seen.observe(SCENE, 1.0)
     assert seen.arrived(1.09) == []
     assert [frame.time for frame in seen.arrived(1.1)] == [1.0]
     assert seen.arrived(2.0) == []

@@ -39,7 +39,7 @@ class Laboratory:
             seen = self.poses.copy()
             seen[:, :2] += self.noise[0] * self.random.standard_normal((len(seen), 2))
             seen[:, 2] += self.noise[1] * self.random.standard_normal(len(seen))
-            self.tracker.see(seen, self.time, self.time)
+            self.tracker.observe(seen, self.time, self.time)
 
     def move(self, body: int, way: tuple[float, float], frames: int) -> None:
         for _ in range(frames):
@@ -223,9 +223,9 @@ def test_a_turn_that_is_none_of_its_symmetry_is_a_jump() -> None:
 def test_old_poses_are_not_used() -> None:
     lab = Laboratory()
     assert lab.tracker.problem == "no poses have come"
-    assert not lab.tracker.see(START, 90.0, 102.3)
+    assert not lab.tracker.observe(START, 90.0, 102.3)
     assert lab.tracker.problem == "the poses are 12.3 s old; at most 0.5 s is allowed"
-    assert not lab.tracker.see(START, 105.0, 102.0)
+    assert not lab.tracker.observe(START, 105.0, 102.0)
     assert lab.tracker.problem.startswith("the poses are stamped 3.0 s in the future; is the")
     lab.look(10)
     assert lab.tracker.settled and not lab.tracker.problem
@@ -234,9 +234,9 @@ def test_old_poses_are_not_used() -> None:
 def test_poses_that_stop_coming_are_told() -> None:
     lab = Laboratory()
     lab.look(10)
-    lab.tracker.look(lab.time + 0.3)
+    lab.tracker.note_time(lab.time + 0.3)
     assert lab.tracker.settled
-    lab.tracker.look(lab.time + 0.9)
+    lab.tracker.note_time(lab.time + 0.9)
     assert lab.tracker.problem == "the poses are 0.9 s old; at most 0.5 s is allowed"
     assert not lab.tracker.settled
     lab.time += 5.0
@@ -249,7 +249,7 @@ def test_poses_that_stop_coming_are_told() -> None:
 def test_poses_out_of_order_are_ignored() -> None:
     lab = Laboratory()
     lab.look(10)
-    assert not lab.tracker.see(START + 0.1, lab.time - 0.05, lab.time)
+    assert not lab.tracker.observe(START + 0.1, lab.time - 0.05, lab.time)
     assert lab.tracker.settled
 
 
@@ -262,4 +262,4 @@ def test_poses_out_of_order_are_ignored() -> None:
 )
 def test_what_cannot_be_is_refused(poses: np.ndarray, message: str) -> None:
     with pytest.raises(InvalidInputError, match=message):
-        Laboratory().tracker.see(poses, 100.0, 100.0)
+        Laboratory().tracker.observe(poses, 100.0, 100.0)

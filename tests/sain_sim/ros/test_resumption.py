@@ -13,7 +13,7 @@ from sain_sim.ros.resumption import LeftEpisode
 from sain_sim.ros.sim_node import SimNode
 
 PUSH = (0.0, 0.0, 0.08)
-TIMELESS = '{"episode_id": 1, "scene_id": 1, "push": "", "untold": "", "time": 1e300}'
+TIMELESS = '{"episode_id": 1, "scene_id": 1, "push": "", "unsent": "", "time": 1e300}'
 
 
 def latest(graph):
@@ -106,7 +106,7 @@ def test_a_result_is_told_though_its_simulator_died_before_it_could(graph, left,
     assert (result.error_code, result.after.scene_id) == (ErrorCode.OK, scene.scene_id + 1)
     graph.wait(lambda: graph.find("scene", settled=True), "the scene after")
     assert latest(graph).scene_id == scene.scene_id + 1
-    assert not json.loads(left.read_text())["untold"], "it is told once"
+    assert not json.loads(left.read_text())["unsent"], "it is told once"
     graph.push(latest(graph), 9, PUSH)
     graph.wait(lambda: len(graph.find("push_result", push_id=9)) == 2, "another answer")
     assert graph.find("push_result", push_id=9)[1].error_code == ErrorCode.DUPLICATE_PUSH

@@ -47,7 +47,7 @@ class CameraSight(Sight):
             return
         for _ in range(MOST_FRAMES):
             self._looked += camera.period
-            camera.take(scene, self.time)
+            camera.observe(scene, self.time)
             for frame in camera.arrived(self.time):
                 yield frame.scene, frame.time
 
@@ -64,7 +64,7 @@ class CameraSight(Sight):
 
     def _watch(self, sample: Sample) -> None:
         if self._camera is not None:
-            self._camera.take(sample.scene, sample.time + self._looked, moving=True)
+            self._camera.observe(sample.scene, sample.time + self._looked, moving=True)
 
 
 @dataclass(frozen=True)

@@ -35,7 +35,7 @@ class WorldCameraConfig(ObservationConfig):
 
 
 @dataclass(frozen=True)
-class SeenScene:
+class CameraFrame:
     """A scene (N, 8) as it was seen, and the time [s] of the observation, not of its arrival."""
 
     scene: Scene
@@ -48,8 +48,8 @@ class Camera:
     def __init__(self, config: WorldCameraConfig) -> None:
         """Begin without an episode."""
         self.config = config
-        self._under_way: deque[SeenScene] = deque()
-        self._latest: SeenScene | None = None
+        self._under_way: deque[CameraFrame] = deque()
+        self._latest: CameraFrame | None = None
 
     @property
     def period(self) -> float:
@@ -69,7 +69,7 @@ class Camera:
         """Take note that a push was executed: the next frames at rest show another scene."""
         self._scene, self._frame = self._scene + 1, 0
 
-    def take(self, scene: Scene, time: float, moving: bool = False) -> None:
+    def observe(self, scene: Scene, time: float, moving: bool = False) -> None:
         """Observe a scene (N, 8) at a time [s]; it arrives later."""
         self._frame += 1
         path = ("camera", "moving" if moving else "rest", self._scene, self._frame)
@@ -77,12 +77,12 @@ class Camera:
         seen = self.measured(scene)
         seen[:, POSE] += noise + self._bias
         seen[:, THETA] = wrap_angle(seen[:, THETA])
-        frame = SeenScene(seen, time)
+        frame = CameraFrame(seen, time)
         self._set_speeds(frame)
         self._latest = frame
         self._under_way.append(frame)
 
-    def arrived(self, now: float) -> list[SeenScene]:
+    def arrived(self, now: float) -> list[CameraFrame]:
         """Return the frames that have arrived by now [s], the oldest first; each only once."""
         frames = []
         while self._under_way and self._under_way[0].time + self.config.delay <= now + 1e-9:
@@ -103,7 +103,7 @@ class Camera:
                     seen[body, RADIUS] = NOMINAL_RADII[min(body, 1)]
         return seen
 
-    def _set_speeds(self, frame: SeenScene) -> None:
+    def _set_speeds(self, frame: CameraFrame) -> None:
         """Set the velocities of a frame: differences to the one before it, or none."""
         last, frame.scene[:, VELOCITY] = self._latest, 0.0
         if last is not None and frame.time > last.time:

@@ -88,7 +88,7 @@ class PoseWindow:
         self.slack[2] = config.rest_turn + SCATTER * turn
 
     def __bool__(self) -> bool:
-        """Tell whether there are poses."""
+        """Return whether there are poses."""
         return bool(self._known)
 
     @property
@@ -147,7 +147,7 @@ class PoseWindow:
         return near
 
     def at_rest(self) -> bool:
-        """Tell whether nothing moved for the time that it takes to be at rest."""
+        """Return whether nothing moved for the time that it takes to be at rest."""
         if not self._known or self.stamp - self._since < self._config.rest_time - ROUNDING:
             return False
         poses = np.stack([poses for _, poses in self._known])
@@ -166,7 +166,7 @@ class PoseWindow:
         return np.zeros_like(self.latest)
 
     def differs(self, one: Poses, other: Poses) -> bool:
-        """Tell whether poses (N, 3) at rest are others than before."""
+        """Return whether poses (N, 3) at rest are others than before."""
         off = self.continued(other, one) - one
         return bool((np.abs(off) > 2.0 * self.slack).any())
 
@@ -263,7 +263,7 @@ class SceneTracker:
                 scene[0, VX] = CREEP
         return scene
 
-    def see(self, poses: Poses, stamp: float, now: float) -> bool:
+    def observe(self, poses: Poses, stamp: float, now: float) -> bool:
         """Take poses (N, 3) of a time; return whether they are used: neither old nor out of order.
 
         Raises:
@@ -291,7 +291,7 @@ class SceneTracker:
         return True
 
     def check_age(self, stamp: float, now: float) -> bool:
-        """Tell whether poses of a time are new enough; `problem` says why not."""
+        """Return whether poses of a time are new enough; `problem` says why not."""
         age, most = now - stamp, self._config.max_age
         self._age = ""
         if age > most:
@@ -302,7 +302,7 @@ class SceneTracker:
             self._window.clear()
         return not self._age
 
-    def look(self, now: float) -> None:
+    def note_time(self, now: float) -> None:
         """Take note of the time: poses that stop coming are old."""
         if self._window:
             self.check_age(self._window.stamp, now)

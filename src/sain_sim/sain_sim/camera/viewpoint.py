@@ -51,7 +51,7 @@ def rank_eyes(
 
 
 def visible(eye: Eye, capsules: Capsules, radii: Float[ndarray, "C"], places: Places) -> np.ndarray:
-    """Tell which places (F, P) no capsule of their frame hides from the eye."""
+    """Return which places (F, P) no capsule of their frame hides from the eye."""
     first, second = capsules[:, None, :, 0], capsules[:, None, :, 1]  # (F, 1, C, 3)
     apart = segment_distances(eye, places[:, :, None], first, second)  # (F, P, C)
     return np.asarray((apart > radii).all(axis=-1))

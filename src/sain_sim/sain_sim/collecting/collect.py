@@ -130,12 +130,12 @@ def _claim(folder: Path, config: CollectConfig) -> None:
     """Make the folder ours: new, or one of the same settings."""
     path = folder / IDENTITY_FILE
     if path.exists():
-        found = _read_identity(path)
+        former = _read_identity(path)
         wanted = _identity(config)
-        for name in {**wanted, **found}:
-            if found.get(name) != wanted.get(name):
+        for name in {**wanted, **former}:
+            if former.get(name) != wanted.get(name):
                 raise DatasetError(
-                    f"{folder} was collected with {name} = {found.get(name)!r},"
+                    f"{folder} was collected with {name} = {former.get(name)!r},"
                     f" not {wanted.get(name)!r};"
                     " use the same settings to go on, or another folder"
                 )
@@ -160,13 +160,13 @@ def _read_identity(path: Path) -> dict[str, Any]:
 
 
 def _summary(config: CollectConfig, done: Collected) -> dict[str, Any]:
-    found = load_by_count(config.out)
-    fields = {str(count): describe_fields(data) for count, data in found.items()}
-    rows = {str(count): len(data[Column.EPISODE]) for count, data in found.items()}
+    former = load_by_count(config.out)
+    fields = {str(count): describe_fields(data) for count, data in former.items()}
+    rows = {str(count): len(data[Column.EPISODE]) for count, data in former.items()}
     return {
         "episodes": config.episodes,
         "transitions": sum(rows.values()),
-        "moved": sum(int(data[Column.MOVED].sum()) for data in found.values()),
+        "moved": sum(int(data[Column.MOVED].sum()) for data in former.values()),
         "tally": {"drawn": done.counts.drawn, "valid": done.counts.valid, **asdict(done.counts)},
         "shard_size": SHARD_SIZE,
         **({"bodies": rows} if len(rows) > 1 else {}),

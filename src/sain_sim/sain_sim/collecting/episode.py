@@ -278,7 +278,7 @@ class EpisodeRunner:
 
 
 def _count(outcome: Outcome, counts: PushCounts, any_body: bool) -> bool:
-    """Count a push that was carried out; tell whether it moved the target, or any, by 2 mm."""
+    """Count a push that was carried out; return whether it moved the target, or any, by 2 mm."""
     way = outcome.after[:, POSITION] - outcome.before[:, POSITION]
     ways = np.linalg.norm(way, axis=1)
     travel = float(ways.max() if any_body else ways[TARGET])

@@ -195,22 +195,22 @@ def load_by_count(folder: Path) -> dict[int, Columns]:
     paths = sorted(folder.glob(SHARD_PATTERN))
     if not paths:
         raise DatasetError(f"{folder} holds no shards; ros2 run sain_sim collect --out makes some")
-    found: dict[int, list[Columns]] = {}
+    by_count: dict[int, list[Columns]] = {}
     for shard in map(_load, paths):
-        found.setdefault(bodies_in(shard), []).append(shard)
+        by_count.setdefault(bodies_in(shard), []).append(shard)
     return {
         count: {name: np.concatenate([shard[name] for shard in shards]) for name in shards[0]}
-        for count, shards in sorted(found.items())
+        for count, shards in sorted(by_count.items())
     }
 
 
 def load_shards(folder: Path) -> Columns:
     """Return all transitions of a folder with one number of bodies, as `load_by_count`."""
-    found = load_by_count(folder)
-    if len(found) > 1:
-        numbers = ", ".join(map(str, found))
+    by_count = load_by_count(folder)
+    if len(by_count) > 1:
+        numbers = ", ".join(map(str, by_count))
         raise DatasetError(f"{folder} has scenes of {numbers} bodies; read them one by one")
-    return next(iter(found.values()))
+    return next(iter(by_count.values()))
 
 
 def _load(path: Path) -> Columns:

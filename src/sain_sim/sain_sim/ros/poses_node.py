@@ -109,7 +109,7 @@ class PosesNode(Node):
             wire.decode_pose(pose, f"the pose of body {body}")
             for body, pose in enumerate(message.poses)
         ]
-        self._see(np.array(rows).reshape(-1, 3), codec.decode_time(message.header.stamp))
+        self._observe(np.array(rows).reshape(-1, 3), codec.decode_time(message.header.stamp))
 
     def _on_tf(self, message: TFMessage, static: bool = False) -> None:
         for one in message.transforms:
@@ -127,10 +127,10 @@ class PosesNode(Node):
             raise InvalidInputError(
                 f"{self.bodies.called(body)}, frame {frame!r}, was last seen {age:.1f} s ago"
             )
-        self._see(np.stack(poses), float(min(stamps)))
+        self._observe(np.stack(poses), float(min(stamps)))
 
-    def _see(self, poses: Poses, stamp: float) -> None:
-        if self.tracker.see(poses, stamp, self.now):
+    def _observe(self, poses: Poses, stamp: float) -> None:
+        if self.tracker.observe(poses, stamp, self.now):
             self.trouble = ""
             self._publish()
         self._report()
@@ -164,7 +164,7 @@ class PosesNode(Node):
         self.markers.show(table_markers(tracker.scene(), self.bodies.bodies, TABLE, stamp))
 
     def _is_due(self, ids: tuple[int, int], settled: bool) -> bool:
-        """Tell whether to publish a scene: at most at the rate, and each change at once."""
+        """Return whether to publish a scene: at most at the rate, and each change at once."""
         last = self.last
         if last is None or (last.episode_id, last.scene_id, last.settled) != (*ids, settled):
             return True
@@ -178,7 +178,7 @@ class PosesNode(Node):
             self.scene_publisher.publish(self.last)
 
     def _on_look(self) -> None:
-        self.tracker.look(self.now)
+        self.tracker.note_time(self.now)
         if self.tracker.problem or self.tracker.busy_with:
             self._unsettle()
         self._report()

@@ -63,8 +63,8 @@ class Publishing:
 
     def settle(self, sample: Sample) -> None:
         """Publish a new settled world."""
-        if self._simulator.looking is not None:
-            self._simulator.looking.renew()
+        if self._simulator.camera_timer is not None:
+            self._simulator.camera_timer.renew()
         self.take(sample)
         self.state()
 
@@ -75,14 +75,14 @@ class Publishing:
     def moving(self, sample: Sample) -> None:
         """Publish a world that moves, and what its camera sees."""
         self._state(sample, self._scene_message(sample, settled=False))
-        if (looking := self._simulator.looking) is not None:
-            looking.watch(sample)
+        if (timer := self._simulator.camera_timer) is not None:
+            timer.observe_moving(sample)
             self._frames(settled=False)
 
-    def look(self) -> None:
+    def frame(self) -> None:
         """Publish what the camera sees of the settled world, if it is time for a frame."""
-        looking = self._simulator.looking
-        if looking is not None and looking.look(self.sample):
+        timer = self._simulator.camera_timer
+        if timer is not None and timer.observe(self.sample):
             self._frames(settled=True)
 
     def _scene_message(self, sample: Sample, settled: bool) -> SceneMessage:

@@ -28,7 +28,7 @@ class LeftEpisode:
         scene_id: as in `Session`.
         time: simulated [s].
         push: the one that was under way; None: there was none.
-        untold: the result that led to the scene, until it is published; None: it was.
+        unsent: the result that led to the scene, until it is published; None: it was.
         listeners: the nodes that hear the simulator.
     """
 
@@ -37,7 +37,7 @@ class LeftEpisode:
     scene_id: int
     time: float
     push: Push | None = None
-    untold: PushResult | None = None
+    unsent: PushResult | None = None
     listeners: tuple[str, ...] = ()
 
     def write(self, file: StateFile) -> None:
@@ -48,7 +48,7 @@ class LeftEpisode:
             scene_id=self.scene_id,
             time=self.time,
             push="" if self.push is None else text_of(self.push),
-            untold="" if self.untold is None else text_of(self.untold),
+            unsent="" if self.unsent is None else text_of(self.unsent),
             listeners=self.listeners,
         )
 
@@ -64,13 +64,13 @@ class LeftEpisode:
         with file.decoding():
             ids = id_in(state, "episode_id"), id_in(state, "scene_id")
             push = message_of(Push, state["push"]) if state["push"] else None
-            untold = message_of(PushResult, state["untold"]) if state["untold"] else None
+            unsent = message_of(PushResult, state["unsent"]) if state["unsent"] else None
             reset = message_of(ResetScene.Request, state["reset"])
             time = float(state["time"])
             if not 0.0 <= time < LATEST:
                 raise ValueError(f"time is {time} s; allowed: 0 to {LATEST:.0f} s")
             listeners = tuple(str(name) for name in state.get("listeners", ()))
-            return cls(reset, *ids, time, push, untold, listeners)
+            return cls(reset, *ids, time, push, unsent, listeners)
 
 
 class Resumption:
@@ -91,7 +91,7 @@ class Resumption:
         self._left = left = LeftEpisode.read(self._file)
         self.waits = left is not None
         self.lost = None if left is None else left.push  # under way when the process crashed
-        self.untold = None if left is None else left.untold  # a result that was not published
+        self.unsent = None if left is None else left.unsent  # a result that was not published
         self._listeners = () if left is None else left.listeners
         self._moment: LeftEpisode | None = None  # the latest that was kept
         self._back = Return(node, HEARD, self._listeners)
@@ -101,7 +101,7 @@ class Resumption:
         left = self._left
         if left is None:
             return None
-        last = left.push or left.untold
+        last = left.push or left.unsent
         push_id = 0 if last is None else last.push_id
         self._session.go_on_from(left.episode_id, left.scene_id, push_id)
         self._pacer.go_on_from(left.time + LOST_TIME)
@@ -115,7 +115,7 @@ class Resumption:
         scene: Scene,
         friction: float,
         push: Push | None,
-        untold: PushResult | None,
+        unsent: PushResult | None,
     ) -> None:
         """Replace the state: an episode that began with a request, and is in a scene (N, 8)."""
         if not self._file:
@@ -125,11 +125,11 @@ class Resumption:
         reset.shapes, reset.roles = begun.shapes, begun.roles
         ids = self._session.episode_id, self._session.scene_id
         time, heard = self._pacer.now, self._listeners
-        self._moment = LeftEpisode(reset, *ids, time, push, untold, heard)
+        self._moment = LeftEpisode(reset, *ids, time, push, unsent, heard)
         self._moment.write(self._file)
 
     def all_listen(self) -> bool:
-        """Tell whether all who listened before a crash listen again, or have had their time."""
+        """Return whether all who listened before a crash listen again, or have had their time."""
         return self._back.complete()
 
     def look_around(self) -> None:

@@ -156,7 +156,7 @@ NEW: Final = 5.0  # [s], simulated, for which a scene at rest is new: 150 frames
 HASTE: Final = 5.0  # times as fast as the wall clock, where the world runs as fast as possible
 
 
-class Looking:
+class CameraTimer:
     """A camera over bodies that rest or move. Simulated time goes on from frame to frame."""
 
     def __init__(self, camera: Camera, pacer: Pacer, factor: float, idle_rate: float) -> None:
@@ -170,8 +170,8 @@ class Looking:
         """Look at a new scene from now on."""
         self._looks = 0
 
-    def look(self, sample: Sample) -> bool:
-        """Take a frame of bodies at rest, if it is time for one; tell if it was."""
+    def observe(self, sample: Sample) -> bool:
+        """Take a frame of bodies at rest, if it is time for one; return whether it was."""
         self._looks += 1
         if self._looks * self._camera.period > NEW and self._looks % self._seldom:
             return False
@@ -179,9 +179,9 @@ class Looking:
             self._pacer.idle()
         else:
             self._pacer.skip(self._camera.period)
-        self._camera.take(sample.scene, self._pacer.now)
+        self._camera.observe(sample.scene, self._pacer.now)
         return True
 
-    def watch(self, sample: Sample) -> None:
+    def observe_moving(self, sample: Sample) -> None:
         """Take a frame of bodies that move."""
-        self._camera.take(sample.scene, self._pacer.now, moving=True)
+        self._camera.observe(sample.scene, self._pacer.now, moving=True)

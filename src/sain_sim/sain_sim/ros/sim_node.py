@@ -51,8 +51,8 @@ class SimNode(Node):
         introspect(self, resetting, config.service_introspection)
         steady_timer(self, 1 / config.idle_rate, self._on_idle)
         steady_timer(self, LOOK_FOR_RIVALS, self._report)
-        if (looking := self.simulator.looking) is not None:
-            steady_timer(self, looking.timer_period, self._on_look)
+        if (timer := self.simulator.camera_timer) is not None:
+            steady_timer(self, timer.timer_period, self._on_frame)
         self.ready = f"a {config.world} world{self.simulator.within} with {self.simulator.what}"
 
     def _begin(self) -> None:
@@ -67,8 +67,8 @@ class SimNode(Node):
         """Publish all again, once they listen again, that somebody may not have received."""
         if not self.resumption.waits or not self.resumption.all_listen():
             return
-        if (untold := self.resumption.untold) is not None:
-            self.publishing.result(untold)
+        if (unsent := self.resumption.unsent) is not None:
+            self.publishing.result(unsent)
         self._announce(self.publishing.sample)
         if (lost := self.resumption.lost) is not None:
             text = f"push {lost.push_id} ended when the simulator crashed; it moved nothing"
@@ -110,10 +110,10 @@ class SimNode(Node):
         self._keep()
         self.publishing.settle(sample)
 
-    def _keep(self, push: Push | None = None, untold: PushResult | None = None) -> None:
+    def _keep(self, push: Push | None = None, unsent: PushResult | None = None) -> None:
         """Keep what it takes to go on from here; with the push that is begun, or its result."""
         scene, friction = self.publishing.sample.scene, self.simulator.parameters.friction
-        self.resumption.keep(self.begun, scene, friction, push, untold)
+        self.resumption.keep(self.begun, scene, friction, push, unsent)
 
     def _on_push(self, message: Push) -> None:
         push = wire.decode_push(message)
@@ -142,7 +142,7 @@ class SimNode(Node):
             self._refuse(message, error)
         elif error is not None:  # where nothing should fail: bodies may have moved
             self.reception.log_defect(error)
-            self.publishing.settle(self.worker.call(self.simulator.look))
+            self.publishing.settle(self.worker.call(self.simulator.observe))
             self._refuse(message, error)
         else:
             pushed = done.result()
@@ -162,10 +162,10 @@ class SimNode(Node):
         )
         self.publishing.refusal(message, error)
 
-    def _on_look(self) -> None:
+    def _on_frame(self) -> None:
         """Take and publish a frame of bodies at rest."""
         if not self.session.busy:
-            self.publishing.look()
+            self.publishing.frame()
 
     def _on_idle(self) -> None:
         if self.resumption.waits:

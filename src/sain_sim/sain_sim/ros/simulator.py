@@ -14,7 +14,7 @@ from sain_core.types import PushArray, Scene
 from sain_core.world import Outcome
 from sain_sim.camera.camera import Camera, WorldCameraConfig
 from sain_sim.camera.render import Window
-from sain_sim.ros.session import Looking, Pacer
+from sain_sim.ros.session import CameraTimer, Pacer
 from sain_sim.world.engines import BULLET
 from sain_sim.world.own import open_world
 from sain_sim.world.parameters import WorldParameters, nominal_parameters
@@ -92,9 +92,11 @@ class Simulator:
         self.window = Window() if config.gui else None
         self.shadow = BulletPrior("nominal", config.bullet) if config.shadow else None
         self.camera = None if config.camera.is_exact else Camera(config.camera)
-        self.looking: Looking | None = None
+        self.camera_timer: CameraTimer | None = None
         if self.camera is not None:
-            self.looking = Looking(self.camera, pacer, config.real_time_factor, config.idle_rate)
+            self.camera_timer = CameraTimer(
+                self.camera, pacer, config.real_time_factor, config.idle_rate
+            )
         rate = config.state_rate if self.camera is None else config.camera.frame_rate
         self._every = config.bullet.steps_of(1.0 / rate)
 
@@ -134,7 +136,7 @@ class Simulator:
             self.camera.begin(seed, parameters)
         if self.shadow is not None:
             self.shadow.truth = parameters  # for the shapes, which the nominal world shares
-        return self.look()
+        return self.observe()
 
     @property
     def radii(self) -> tuple[float, ...]:
@@ -164,7 +166,7 @@ class Simulator:
         outcome = self.world.push(push, on_step=show, every=self._every, seen=seen)
         if self.camera is not None:
             self.camera.count_push()
-        return Pushed(outcome, self.look(), perf_counter() - begun, predict())
+        return Pushed(outcome, self.observe(), perf_counter() - begun, predict())
 
     def _predict(self, scene: Scene, push: PushArray) -> Scene | SainError | None:
         if self.shadow is None:
@@ -182,7 +184,7 @@ class Simulator:
         if self.shadow is not None:
             self.shadow.close()
 
-    def look(self) -> Sample:
+    def observe(self) -> Sample:
         """Return the worlds as they are now."""
         sample = self.world.sample()
         self.pacer.follow(sample.time)

@@ -72,7 +72,7 @@ class OwnWorld(CheckedWorld):
         return Sample(self._time, self._joints, rest, tip, tip, self.observe(), phase)
 
     def still(self) -> bool:
-        """Tell whether every body is settled: it always is."""
+        """Return whether every body is settled: it always is."""
         return True
 
     def _execute(

@@ -174,7 +174,7 @@ def draw_roughness(lab: int, effects: tuple[str, ...], count: int) -> Roughness:
 
 
 def _stands(feet: Feet, mass_offset: Pair) -> bool:
-    """Tell whether the centre of mass is between the feet, which go around anticlockwise."""
+    """Return whether the centre of mass is between the feet, which go around anticlockwise."""
     px, py = mass_offset
     places = [(share * cos(turn), share * sin(turn)) for share, turn in feet]
     ends = zip(places, (*places[1:], places[0]), strict=True)

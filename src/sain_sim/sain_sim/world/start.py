@@ -154,7 +154,7 @@ def _least_gap(scene: Scene, corners: Scalars) -> float:
 
 
 def wholly_on(scene: Scene, table: Table) -> bool:
-    """Tell whether no disk of a scene (N, 8) sticks out over the edge, where it could tip."""
+    """Return whether no disk of a scene (N, 8) sticks out over the edge, where it could tip."""
     radii = scene[:, RADIUS, None]
     return bool(
         np.all(table.contains(scene[:, POSITION] - radii))

@@ -174,11 +174,11 @@ class Workcell(ABC):
         return self.scene(self.origin.states if self.unmoved else self.states())
 
     def fallen(self) -> Mask:
-        """Tell which bodies (N,) have left the table."""
+        """Return which bodies (N,) have left the table."""
         return self.heights(self.states()) < FALLEN_HEIGHT
 
     def still(self) -> bool:
-        """Tell whether every body on the table is settled; fallen bodies do not count."""
+        """Return whether every body on the table is settled; fallen bodies do not count."""
         states = self.states()
         vx, vy, spin = self.scene(states)[:, VELOCITY].T
         slow = (np.hypot(vx, vy) < SETTLED_SPEED) & (np.abs(spin) < SETTLED_SPIN)

@@ -85,7 +85,7 @@ class CheckedWorld(Closeable):
 
     @abstractmethod
     def still(self) -> bool:
-        """Tell whether every body on the table is settled; fallen bodies do not count."""
+        """Return whether every body on the table is settled; fallen bodies do not count."""
 
     def push(
         self,
@@ -223,7 +223,7 @@ class World(CheckedWorld):
         return self._cell.sample("rest")
 
     def still(self) -> bool:
-        """Tell whether every body on the table is settled; fallen bodies do not count."""
+        """Return whether every body on the table is settled; fallen bodies do not count."""
         return self._cell.still()
 
     def _execute(

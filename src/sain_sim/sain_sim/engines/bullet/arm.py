@@ -75,7 +75,7 @@ class ToolSpring:
         )
 
     def _light(self, force: float, shift: float) -> bool:
-        """Tell whether the joints bear a force [N] on a stick shifted by so much [m] in any pose.
+        """Return whether the joints bear a force [N] on a stick shifted by so much [m] in any pose.
 
         The weakest joints are the wrist's. Those before it are less than four times as far away,
         and seven times as strong.

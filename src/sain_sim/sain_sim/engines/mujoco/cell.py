@@ -185,7 +185,7 @@ class MujocoCell(Workcell):
     def _check_finite(self) -> None:
         """Raise `DivergedError` for a problem that MuJoCo counted, or for NaN or Inf."""
         data = self._data
-        found = [name for name, kind in WARNINGS.items() if data.warning[kind].number]
-        if found or not np.isfinite(data.qacc).all():
-            words = ", ".join(found) or "numbers that are not finite"
+        problems = [name for name, kind in WARNINGS.items() if data.warning[kind].number]
+        if problems or not np.isfinite(data.qacc).all():
+            words = ", ".join(problems) or "numbers that are not finite"
             raise DivergedError(f"MuJoCo found no solution of the push: {words}")
