@@ -7,9 +7,8 @@ The one place where an exception of a callback becomes a code and a message. Wha
 import inspect
 import re
 import traceback
-from collections.abc import Awaitable, Callable, Hashable, Sequence
+from collections.abc import Awaitable, Callable
 from concurrent.futures import Future
-from functools import cache
 from typing import Any, Final, TypeVar
 
 from rclpy.callback_groups import CallbackGroup
@@ -107,22 +106,20 @@ def shortened(text: str) -> str:
     return text[: LONGEST_ERROR - len(end)] + end
 
 
-def _fields_of(message: Any) -> Sequence[tuple[str, str, str]]:
-    kind: Hashable = type(message)
-    return _sized_fields(kind)
+_fields: dict[type, list[tuple[str, str, str]]] = {}  # by class of message
 
 
-@cache
-def _sized_fields(message: Any) -> Sequence[tuple[str, str, str]]:
-    """Return name, kind and kind of the elements of a class's fields that have a size."""
-    fields = []
-    for name, kind in message.get_fields_and_field_types().items():
-        if match := SEQUENCE.fullmatch(kind):
-            fields.append((name, "array", _kind(match[1])))
-        elif name in VALUES:
-            fields.append((name, "value", ""))
-        elif _kind(kind) != "number":
-            fields.append((name, _kind(kind), ""))
+def _fields_of(message: Any) -> list[tuple[str, str, str]]:
+    """Return name, kind and kind of the elements of the fields that have a size."""
+    if (fields := _fields.get(type(message))) is None:
+        fields = _fields[type(message)] = []
+        for name, kind in message.get_fields_and_field_types().items():
+            if match := SEQUENCE.fullmatch(kind):
+                fields.append((name, "array", _kind(match[1])))
+            elif name in VALUES:
+                fields.append((name, "value", ""))
+            elif _kind(kind) != "number":
+                fields.append((name, _kind(kind), ""))
     return fields
 
 
