@@ -1,11 +1,20 @@
 """A shape that no package of the project has: what a user adds, in one place."""
 
 from collections.abc import Iterator
+from math import cos, pi, sin
 
 import pytest
 
 from sain_core.shapes import library
-from sain_core.shapes.solids import Polygon, regular_corners
+from sain_core.shapes.solids import Polygon
+
+
+def regular_corners(sides: int) -> tuple[tuple[float, float], ...]:
+    """Return a regular polygon around the unit circle, with one side towards -x."""
+    bearings = [pi + (2 * side - 1) * pi / sides for side in range(sides)]
+    away = 1.0 / cos(pi / sides)
+    return tuple((away * cos(bearing), away * sin(bearing)) for bearing in bearings)
+
 
 HEXAGON = Polygon("six_sided", corners=regular_corners(6))
 

@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sain_core.feasibility import Feasibility, Reach, reachable, tool_gap
+from sain_core.feasibility import Feasibility, Reach, reachable
 from sain_core.push import PushLimits, make_push, mirror_pushes, tool_end, tool_start
 from sain_core.scene import POSITION, RADIUS, make_scene, mirror_scenes
 from sain_core.types import Scene
@@ -27,7 +27,9 @@ def dense_gap(scene: Scene, push: np.ndarray) -> float:
 @given(seeds)
 def test_the_gap_is_the_smallest_on_the_way(seed: int) -> None:
     scene, push = pair(), LIMITS.sample(np.random.default_rng(seed), 1)[0]
-    assert tool_gap(scene, push, LIMITS) == pytest.approx(dense_gap(scene, push), abs=1e-6)
+    assert Feasibility(limits=LIMITS).assess(scene, push)[1] == pytest.approx(
+        dense_gap(scene, push), abs=1e-6
+    )
 
 
 def test_from_behind_is_free_and_from_the_target_s_side_is_blocked() -> None:

@@ -65,18 +65,6 @@ def reachable(
     return reach.covers(start, unit(heading), pushes[..., LENGTH])
 
 
-def tool_gap(
-    scenes: Scenes, pushes: Pushes, limits: PushLimits, bodies: Bodies = PAPER_DISKS
-) -> Scalars:
-    """Return the smallest gap [m] between the tool on its way and any body but the pushed one.
-
-    The other bodies are taken where they stand before the push. Negative: they would touch.
-    Infinite: there is no other body.
-    """
-    start, heading = strokes(scenes, pushes, limits, bodies)
-    return gap_on_way(start, unit(heading), scenes, pushes, limits, bodies)
-
-
 def gap_on_way(
     start: Points,
     way: Points,
@@ -85,7 +73,11 @@ def gap_on_way(
     limits: PushLimits,
     bodies: Bodies,
 ) -> Scalars:
-    """Return the gap of a tool that starts at (..., 2) and travels in the direction (..., 2)."""
+    """Return the smallest gap [m] between the tool on its way and any body but the pushed one.
+
+    It starts at (..., 2) and travels in the direction (..., 2). The other bodies are taken where
+    they stand before the push. Negative: they would touch. Infinite: there is no other body.
+    """
     if bodies.all_round:
         offset = scenes[..., POSITION] - start[..., None, :]  # (..., N, 2)
         along = np.clip((offset * way[..., None, :]).sum(-1), 0.0, pushes[..., LENGTH, None])
@@ -205,7 +197,7 @@ class Feasibility(Config):
     def assess(
         self, scenes: Scenes, pushes: Pushes, bodies: Bodies = PAPER_DISKS
     ) -> tuple[Mask, Scalars]:
-        """Return which pushes are possible, see `mask`, and the gaps [m] of `tool_gap`."""
+        """Return which pushes are possible, see `mask`, and the gaps of `gap_on_way`."""
         limits = self.limits
         start, heading = strokes(scenes, pushes, limits, bodies)
         way = unit(heading)

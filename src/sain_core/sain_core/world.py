@@ -56,11 +56,6 @@ class Outcome:
     settled: bool = True
     fallen: Mask | None = None
 
-    @property
-    def off_table(self) -> bool:
-        """Whether any body fell off the table."""
-        return self.fallen is not None and bool(self.fallen.any())
-
 
 @dataclass(frozen=True, eq=False)
 class PushRecord:

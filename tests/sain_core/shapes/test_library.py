@@ -8,8 +8,8 @@ from sain_core import plugins
 from sain_core.errors import ConfigError, InvalidInputError
 from sain_core.shapes import library
 from sain_core.shapes.library import GROUP, check_shapes, get_shape, register
-from sain_core.shapes.solids import Polygon, regular_corners
-from tests.hexagon import HEXAGON
+from sain_core.shapes.solids import Polygon
+from tests.hexagon import HEXAGON, regular_corners
 
 
 @pytest.fixture

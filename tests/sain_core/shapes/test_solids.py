@@ -3,7 +3,8 @@ from math import nan, pi
 import pytest
 
 from sain_core.errors import ConfigError
-from sain_core.shapes.solids import Compound, Polygon, regular_corners
+from sain_core.shapes.solids import Compound, Polygon
+from tests.hexagon import regular_corners
 
 SQUARE = ((1.0, 1.0), (-1.0, 1.0), (-1.0, -1.0), (1.0, -1.0))
 

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from sain_core.errors import ConfigError, InvalidInputError
-from sain_core.feasibility import tool_gap
+from sain_core.feasibility import Feasibility
 from sain_core.model import Model
 from sain_core.push import (
     LENGTH,
@@ -170,7 +170,7 @@ def test_a_straight_push_ends_where_mechanics_says() -> None:
 
 def test_the_step_is_fine_enough() -> None:
     scenes, pushes = draw(2)
-    possible = tool_gap(scenes, pushes, LIMITS) > 0.002
+    possible = Feasibility(limits=LIMITS).assess(scenes, pushes)[1] > 0.002
     fine = PlanarConfig(longest_step=1 / 1000)
     after, exact = (PlanarPrior(c).step(scenes, pushes) for c in (PlanarConfig(), fine))
     off = np.linalg.norm((after - exact)[possible][..., POSITION], axis=-1)
@@ -181,7 +181,7 @@ def test_the_step_is_fine_enough() -> None:
 def test_pushed_disks_move_along_with_the_push_and_gain_no_energy(prior: PlanarPrior) -> None:
     """Nothing gets farther than the tool's way and a slide from its speed, bounce included."""
     scenes, pushes = draw(3)
-    possible = tool_gap(scenes, pushes, LIMITS) > 0.002
+    possible = Feasibility(limits=LIMITS).assess(scenes, pushes)[1] > 0.002
     way = unit(push_direction(pushes))
     moved = (prior.step(scenes, pushes) - scenes)[..., POSITION]
     along = (moved[:, MID] * way).sum(-1)
@@ -210,7 +210,7 @@ def test_the_heavier_and_the_rougher_move_less() -> None:
 
 def test_disks_never_end_up_inside_each_other(prior: PlanarPrior) -> None:
     scenes, pushes = draw(5)
-    possible = tool_gap(scenes, pushes, LIMITS) > 0.002
+    possible = Feasibility(limits=LIMITS).assess(scenes, pushes)[1] > 0.002
     assert surface_gaps(prior.step(scenes, pushes)[possible]).min() > -5e-4
 
 

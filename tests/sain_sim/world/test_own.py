@@ -78,7 +78,7 @@ def test_it_gets_scene_bodies_and_friction(world):
 def test_a_push_takes_the_time_of_the_tool_which_is_shown(world):
     samples = []
     outcome = world.push(PUSH, samples.append, every=4)
-    assert outcome.settled and not outcome.off_table
+    assert outcome.settled and not outcome.fallen.any()
     assert outcome.after[TARGET, X] == pytest.approx(SCENE[TARGET, X] + 0.05)
     assert 0.25 < outcome.duration == world.time < 0.5  # 5 cm at 0.2 m/s, and its ramps
     assert samples[-1].tool[0] > samples[0].tool[0] + 0.04

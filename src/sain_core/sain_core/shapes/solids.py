@@ -226,13 +226,6 @@ def centroid(outline: Points) -> ndarray:
     return np.asarray(((here + after) * share[:, None]).sum(axis=0) / (3 * share.sum()))
 
 
-def regular_corners(sides: int) -> tuple[Pair, ...]:
-    """Return a regular polygon around the unit circle, with one side towards -x."""
-    bearings = [pi + (2 * side - 1) * pi / sides for side in range(sides)]
-    away = 1.0 / cos(pi / sides)
-    return tuple((away * cos(bearing), away * sin(bearing)) for bearing in bearings)
-
-
 def _check_centre(outline: Points, name: str) -> None:
     x, y = centroid(outline)
     if max(abs(x), abs(y)) > TOLERANCE:
