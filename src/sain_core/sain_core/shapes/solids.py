@@ -244,14 +244,9 @@ def _cross(first: Points, second: Points) -> ndarray:
 
 
 class Cube(Polygon):
-    """An upright square block; `DISK_HEIGHT` high like every body."""
+    """An upright square block."""
 
     solid: ClassVar = Solid.BOX
-
-    def inertia(self, mass: float, radius: float) -> Vector:
-        """Return the principal moments [kg m^2] of a uniform block."""
-        across = mass * ((2 * radius) ** 2 + DISK_HEIGHT**2) / 12
-        return across, across, mass * (2 * radius) ** 2 / 6
 
 
 CUBE: Final = Cube("cube", corners=((1.0, 1.0), (-1.0, 1.0), (-1.0, -1.0), (1.0, -1.0)))

@@ -8,8 +8,9 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
+from sain_core.shapes.outline import is_inside
 from sain_core.shapes.shape import Shape
-from sain_core.types import Points
+from sain_core.types import Mask, Points
 
 INSET: Final = 0.06  # [radii], from the outline to the middle of a foot, where there is room
 PLACES: Final = 48  # along the inset outline, of which three are chosen
@@ -118,14 +119,9 @@ def _area(shape: Shape) -> float:
     return float(0.5 * (here[:, 0] * after[:, 1] - here[:, 1] * after[:, 0]).sum())
 
 
-def _within(shape: Shape, points: Points) -> ndarray:
-    """Tell which points (P, 2) lie within the outline, by the crossings of a ray."""
+def _within(shape: Shape, points: Points) -> Mask:
+    """Tell which points (P, 2) [radii] lie within the outline."""
     if shape.is_round:
         return np.asarray(np.hypot(*points.T) < shape.circumradius)
-    here = shape.outline(1.0)
-    after = np.roll(here, -1, axis=0)
-    x, y = points[:, :1], points[:, 1:]
-    spans = (here[:, 1] > y) != (after[:, 1] > y)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        at = here[:, 0] + (y - here[:, 1]) / (after[:, 1] - here[:, 1]) * (after - here)[:, 0]
-    return np.asarray((spans & (x < at)).sum(axis=1) % 2 == 1)
+    corners = shape.outline(1.0)
+    return is_inside(points, np.broadcast_to(corners, (len(points), *corners.shape)))
