@@ -22,7 +22,7 @@ from sain_core.types import Scene
 from sain_sim.world.engines import ENGINES
 from sain_sim.world.parameters import nominal_parameters
 from sain_sim.world.stroke import Stroke
-from sain_sim.world.workcell import Sample
+from sain_sim.world.workcell import Sample, Watch
 from sain_sim.world.world import World
 
 FURTHER = 0.05  # [m]
@@ -66,7 +66,7 @@ def push_all(engine: str, drawn: list[Case]) -> Pushed:
         cost = 1e3 * (time.process_time() - begun) / len(drawn)
         for parameters, start, push in drawn[: len(drawn) // 4]:
             world.load(start, parameters)
-            world.carry_out(world.check(push), note, guarded=False)
+            world.carry_out(world.check(push), Watch(note, 1), guarded=False)
     return Pushed(np.array(ends), cost, np.array(off))
 
 

@@ -17,7 +17,7 @@ from sain_live.page.goals import HANDLE
 from sain_live.page.live_page import LivePage
 from sain_live.page.serving import CAMERA, FIELD_OF_VIEW, LOOK_AT
 from sain_live.state import LiveArm, LiveCurves, LiveScene, LiveState
-from sain_sim.arm.frames import describe_arm
+from sain_sim.arm.panda import describe_arm
 from tests.sain_bags.browser import WEBGL, Browser, opened_browser
 from tests.sain_live.straw import AIM, BODIES, SCENE, Written, made_up, served
 

@@ -14,7 +14,7 @@ from sain_live.page.live_page import LivePage
 from sain_live.page.serving import refusal
 from sain_live.settings import PageConfig
 from sain_live.state import Kind, LiveArm, LivePlan, LiveResult, LiveScene
-from sain_sim.arm.frames import describe_arm
+from sain_sim.arm.panda import describe_arm
 from tests.sain_live.straw import AIM, BODIES, SCENE, Written, made_up, served
 
 GOAL = "/goals/0"

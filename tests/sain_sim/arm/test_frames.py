@@ -8,9 +8,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from sain_sim.arm.client import Client
-from sain_sim.arm.frames import BASE_FRAME, TOOL_FRAME, describe_arm, links_of
 from sain_sim.arm.kinematics import LOWER_LIMITS, UPPER_LIMITS, Kinematics
-from sain_sim.arm.panda import JOINT_NAMES
+from sain_sim.arm.panda import BASE_FRAME, JOINT_NAMES, TOOL_FRAME, describe_arm, links_of
 
 RADIUS, LENGTH = 0.012, 0.22
 

@@ -15,7 +15,7 @@ from sain_sim.world.engines import MUJOCO
 from sain_sim.world.parameters import nominal_parameters
 from sain_sim.world.stroke import Stroke
 from sain_sim.world.truth import TruthConfig
-from sain_sim.world.workcell import GRAVITY
+from sain_sim.world.workcell import GRAVITY, Watch
 from sain_sim.world.world import World
 
 pytest.importorskip("mujoco", reason="MuJoCo is not installed")
@@ -71,7 +71,7 @@ def contact_frictions(world, stroke):
         ):
             found.setdefault(int(kinds[pair].sum()), set()).add(friction[0])
 
-    world.carry_out(stroke, on_step=look)
+    world.carry_out(stroke, Watch(look, 1))
     return found
 
 
@@ -110,7 +110,7 @@ def test_bodies_that_press_on_each_other_stay_upright(shapes):
             tilts.append(poses[:, 4:6].copy())
 
         stroke = Stroke(np.array([0.33, 0.01]), np.array([0.56, 0.01]), 0.0)
-        after = world.carry_out(stroke, on_step=look, guarded=False).after
+        after = world.carry_out(stroke, Watch(look, 1), guarded=False).after
     assert np.abs(np.array(heights) - DISK_HEIGHT / 2).max() < 0.5 * LIMIT
     assert np.abs(np.array(tilts)).max() < 0.005
     assert (after - start)[TARGET, X] > 0.005
@@ -129,7 +129,7 @@ def test_the_tool_touches_a_body_where_its_outline_is(shape):
             tool = world._cell._is_tool[contact.geom].any(axis=1)
             away.extend(ring.distance(Point(place[:2])) for place in contact.pos[tool])
 
-        world.carry_out(Stroke(np.array([0.31, 0.01]), np.array([0.48, 0.01]), 0.0), look)
+        world.carry_out(Stroke(np.array([0.31, 0.01]), np.array([0.48, 0.01]), 0.0), Watch(look, 1))
     assert len(away) > 20
     assert max(away) < 0.5 * LIMIT  # contacts are of the step before: 0.3 mm at 0.2 m/s
 

@@ -162,7 +162,7 @@ def test_a_tilted_table_pulls_downhill_and_holds_what_rests():
         world.reset(scene)
         after = world.push(make_push(0.0, 0.3, 0.08)).after
         for _ in range(5 * 240):
-            world._cell._step("rest", (), pushed=None)
+            world._cell._step("rest", None, pushed=None)
         crept = np.linalg.norm(world.observe()[:, POSITION] - after[:, POSITION], axis=-1)
         assert is_settled(world.observe()) and crept.max() < 2e-4
     pull = np.array(Roughness(tilt=(0.01, -0.02)).gravity(GRAVITY))

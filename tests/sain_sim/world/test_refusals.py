@@ -15,7 +15,7 @@ from sain_core.push import make_push
 from sain_core.scene import MASS, MID, RADIUS, X
 from sain_sim.world.parameters import nominal_parameters
 from sain_sim.world.stroke import Stroke
-from sain_sim.world.workcell import WorldConfig
+from sain_sim.world.workcell import Watch, WorldConfig
 from sain_sim.world.world import World
 
 REFUSED = [
@@ -67,9 +67,9 @@ def test_a_tool_that_meets_another_disk_goes_back_and_leaves_no_trace(config, be
             each.push(bench.straight)
         before, joints, time = world.observe(), world.sample().joint_positions, world.time
         seen = []
-        for observer in (None, seen.append):
+        for watch in (None, Watch(seen.append, 1)):
             with pytest.raises(BlockedError) as caught:
-                world.carry_out(into_target, on_step=observer)
+                world.carry_out(into_target, watch)
             assert "the tool would come to touch body 1; this push may touch only" in str(
                 caught.value
             )

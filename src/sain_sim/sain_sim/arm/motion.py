@@ -14,6 +14,11 @@ from sain_sim.arm.kinematics import Joints, Kinematics, Tips
 
 Progress = Float[ndarray, "T"]  # [m], from 0 to the length
 
+JOINT_COUNT: Final = 7
+STOCK_TORQUE: Final = np.array([87.0, 87.0, 87.0, 87.0, 12.0, 12.0, 12.0])  # [N m], Franka
+REST: Final = np.zeros(JOINT_COUNT)
+AT_REST: Final = [0.0] * JOINT_COUNT
+
 
 @dataclass(frozen=True)
 class MotionConfig(Config):
@@ -85,12 +90,6 @@ def trapezoid(length: float, speed: float, acceleration: float, time_step: float
     cruising = top * (times - 0.5 * ramp)
     braking = length - 0.5 * acceleration * left**2
     return np.where(times < ramp, speeding, np.where(left < ramp, braking, cruising))
-
-
-JOINT_COUNT: Final = 7
-STOCK_TORQUE: Final = np.array([87.0, 87.0, 87.0, 87.0, 12.0, 12.0, 12.0])  # [N m], Franka
-REST: Final = np.zeros(JOINT_COUNT)
-AT_REST: Final = [0.0] * JOINT_COUNT
 
 
 class ControlledArm(ABC):

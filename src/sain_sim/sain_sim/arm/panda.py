@@ -3,14 +3,15 @@
 Hand, closed fingers and stick become part of the last link, so the arm has seven links and
 seven joints and nothing else. Only the stick's round end collides: nothing else of the arm comes
 lower than 0.1 m over the table, and disks are 0.04 m high. A ball, because Bullet finds the normal
-between a ball and a disk's rim to 1e-5 rad, and between two cylinders to 1e-2 only.
+between a ball and a disk's rim to 1e-5 rad, and between two cylinders to 1e-2 only. For viewers the
+stick is rigid, also where a spring holds it in the simulation: each joint has a state.
 """
 
 import xml.etree.ElementTree as ElementTree
 from dataclasses import dataclass
-from math import pi
+from math import cos, pi, sin
 from pathlib import Path
-from typing import Final
+from typing import Final, NamedTuple
 
 import pybullet_data
 
@@ -38,6 +39,14 @@ SLIDE_RANGE: Final = 0.16  # [m], either way: more than a push is long
 # Without a visual, Bullet makes a mesh of what collides, which takes time.
 UNSEEN: Final = '<visual><geometry><box size="0.002 0.002 0.002"/></geometry></visual>'
 FINGER_DROP: Final = 0.0584  # [m], from hand to finger, stock URDF
+
+
+JOINT_NAMES: Final = tuple(f"panda_joint{index}" for index in range(1, JOINT_COUNT + 1))
+BASE_FRAME: Final = "panda_link0"
+TOOL_FRAME: Final = "panda_tool"  # at the stick's tip
+STOCK_INERTIA: Final = 1.0
+Vector = tuple[float, float, float]
+Quaternion = tuple[float, float, float, float]  # x, y, z, w
 
 
 def panda_with_stick(
@@ -154,9 +163,6 @@ def _mesh(name: str, position: tuple[float, float, float], yaw: float) -> str:
       </visual>"""
 
 
-JOINT_NAMES: Final = tuple(f"panda_joint{index}" for index in range(1, JOINT_COUNT + 1))
-
-
 @dataclass(frozen=True)
 class ArmConfig(Config):
     """How the arm is built and controlled.
@@ -221,3 +227,75 @@ class PandaModel:
             str(self._path), [0.0, 0.0, base_height], useFixedBase=True, flags=flags
         )
         return body
+
+
+class Link(NamedTuple):
+    """Where a link is in its parent, at the joint's zero. Joints turn about their own z."""
+
+    parent: str
+    child: str
+    origin: Vector  # [m]
+    turn: Quaternion
+    moves: bool
+
+    def turned(self, angle: float) -> Quaternion:
+        """Return the link's orientation in its parent at a joint angle [rad]."""
+        x, y, z, w = self.turn
+        s, c = sin(angle / 2.0), cos(angle / 2.0)
+        return c * x + s * y, c * y - s * x, c * z + s * w, c * w - s * z
+
+
+def describe_arm(tool_radius: float, tool_length: float) -> str:
+    """Return the URDF of a Panda with a stick of this radius and length [m], for viewers.
+
+    Meshes are ``file://``, and the stick's tip is a link of its own.
+    """
+    text = panda_with_stick(tool_radius, tool_length, STOCK_INERTIA, visuals=True)
+    robot = ElementTree.fromstring(text)
+    for mesh in robot.iter("mesh"):
+        mesh.set("filename", f"file://{mesh.get('filename')}")
+    tip = FLANGE_DROP + tool_length
+    robot.extend(
+        ElementTree.fromstring(f"""<parts>
+          <link name="{TOOL_FRAME}"/>
+          <joint name="{TOOL_FRAME}_joint" type="fixed">
+            <parent link="{LAST_LINK}"/><child link="{TOOL_FRAME}"/><origin xyz="0 0 {tip}"/>
+          </joint>
+        </parts>""")
+    )
+    return ElementTree.tostring(robot, encoding="unicode")
+
+
+def links_of(description: str) -> list[Link]:
+    """Return the links of a description behind its joints, in the order of the joints."""
+    return [_link(joint) for joint in ElementTree.fromstring(description).findall("joint")]
+
+
+def _link(joint: ElementTree.Element) -> Link:
+    names = {part.tag: part.get("link", "") for part in joint}
+    origin = joint.find("origin")
+    place, angles = "0 0 0", "0 0 0"
+    if origin is not None:
+        place, angles = origin.get("xyz", place), origin.get("rpy", angles)
+    moves = joint.get("type") == "revolute"
+    axis = joint.find("axis")
+    assert not moves or (axis is not None and axis.get("xyz") == "0 0 1")
+    return Link(names["parent"], names["child"], _vector(place), _turn(*_vector(angles)), moves)
+
+
+def _vector(text: str) -> Vector:
+    x, y, z = map(float, text.split())
+    return x, y, z
+
+
+def _turn(roll: float, pitch: float, yaw: float) -> Quaternion:
+    """Return the quaternion of fixed-axis roll, pitch and yaw [rad], as in URDF."""
+    (sr, sp, sy), (cr, cp, cy) = (
+        [part(angle / 2.0) for angle in (roll, pitch, yaw)] for part in (sin, cos)
+    )
+    return (
+        sr * cp * cy - cr * sp * sy,
+        cr * sp * cy + sr * cp * sy,
+        cr * cp * sy - sr * sp * cy,
+        cr * cp * cy + sr * sp * sy,
+    )

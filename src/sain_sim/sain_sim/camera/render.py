@@ -46,6 +46,8 @@ CAPSULE_RADII: Final = np.array(
 )
 TOP_SHARE: Final = 0.8  # of the target's radius: a circle on its top that should be seen
 
+_UNMADE: Final = -1
+
 
 @dataclass(frozen=True)
 class CameraConfig(Config):
@@ -213,9 +215,6 @@ class Renderer(Closeable):
     def close(self) -> None:
         """Close the renderer's client."""
         self._client.close()
-
-
-_UNMADE: Final = -1
 
 
 def _sky(height: int) -> ndarray:

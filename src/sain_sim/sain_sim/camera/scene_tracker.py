@@ -17,6 +17,16 @@ from sain_core.scene import SETTLED_SPEED, VELOCITY, VX, is_settled, wrap_angle
 from sain_core.types import Scene
 from sain_sim.camera.body_file import BodyFile, Poses
 
+SCATTER = 5.0  # standard deviations that a pose may be off
+AT_ONCE = 0.005  # [m], that two poses may differ at any time
+TURN_AT_ONCE = 0.05  # [rad]
+ROUNDING = 1e-5  # [s], of stamps
+SHORTEST = 0.05  # [s], over which a velocity is a difference
+REMEMBERED = 1000  # answered pushes: answers may come before the pushes
+CREEP = 2.0 * SETTLED_SPEED  # [m/s], where rest is not known yet
+RESTLESS = 5.0  # [s] of motion without a push
+FUTURE = "is the camera's clock set, and is use_sim_time the same for all nodes?"
+
 
 @dataclass(frozen=True)
 class TrackingConfig(Config):
@@ -66,13 +76,6 @@ class PosesConfig(TrackingConfig):
         1.0, "time to look for another publisher of scenes", unit="s", minimum=0.0, maximum=60.0
     )
     state_file: str = option("", "file that keeps the ids, which never count again; empty: none")
-
-
-SCATTER = 5.0  # standard deviations that a pose may be off
-AT_ONCE = 0.005  # [m], that two poses may differ at any time
-TURN_AT_ONCE = 0.05  # [rad]
-ROUNDING = 1e-5  # [s], of stamps
-SHORTEST = 0.05  # [s], over which a velocity is a difference
 
 
 class PoseWindow:
@@ -195,12 +198,6 @@ def wrapped(poses: Poses) -> Poses:
     result = poses.copy()
     result[:, 2] = wrap_angle(poses[:, 2])
     return result
-
-
-REMEMBERED = 1000  # answered pushes: answers may come before the pushes
-CREEP = 2.0 * SETTLED_SPEED  # [m/s], where rest is not known yet
-RESTLESS = 5.0  # [s] of motion without a push
-FUTURE = "is the camera's clock set, and is use_sim_time the same for all nodes?"
 
 
 class SceneTracker:

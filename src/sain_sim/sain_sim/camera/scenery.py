@@ -26,6 +26,10 @@ CORNERS: Final = 72  # of a ring
 
 Mesh = dict[str, Any]  # the keyword arguments of ``createVisualShape`` that describe a mesh
 
+SOFTNESS: Final = 0.022  # [m], width of a shadow's edge
+DARKNESS: Final = 0.34  # share of the light that a full shadow takes
+Rays = Float[ndarray, "height width 2"]
+
 
 def build_table(client: Client, table: Table) -> int:
     """Build and return a light table top on a darker block down to the height of the base."""
@@ -123,12 +127,6 @@ def flat_faces(triangles: Triangles) -> Mesh:
         "normals": np.repeat(normals, 3, axis=0).tolist(),
         "indices": list(range(3 * len(triangles))),
     }
-
-
-SOFTNESS: Final = 0.022  # [m], width of a shadow's edge
-DARKNESS: Final = 0.34  # share of the light that a full shadow takes
-
-Rays = Float[ndarray, "height width 2"]
 
 
 class Caster(NamedTuple):

@@ -36,6 +36,11 @@ AIMED: Final = 0.6  # share of pushes aimed through the target
 AIM_SPREAD: Final = 0.35  # [rad], standard deviation of the aim
 SHORTEST: Final = 0.02  # [m], shortest travel
 
+MISSED: Final = 1e-5  # [m]; an untouched target creeps by up to 3e-6 m in Bullet
+log = logging.getLogger(__name__)
+CIRCLE: Final = "circle"
+GRID: Final = "grid"
+
 
 def draw_circle_push(random: np.random.Generator, scene: Scene, bodies: Bodies) -> PushArray:
     """Draw a push (5,) from any side of disk 0; a share of them roughly through the target."""
@@ -65,13 +70,6 @@ def draw_grid_push(random: np.random.Generator, scene: Scene, bodies: Bodies) ->
     """Draw one of the paper's 105 pushes, each as likely (section III-B a)."""
     pushes = PaperGrid().pushes()
     return np.asarray(pushes[random.integers(len(pushes))])
-
-
-MISSED: Final = 1e-5  # [m]; an untouched target creeps by up to 3e-6 m in Bullet
-log = logging.getLogger(__name__)
-
-CIRCLE: Final = "circle"
-GRID: Final = "grid"
 
 
 @dataclass(frozen=True)

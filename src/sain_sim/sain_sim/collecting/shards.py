@@ -17,6 +17,8 @@ from sain_core.untrusted import parse_json, read_regular
 
 JOURNAL_FILE: Final = "episodes.jsonl"
 
+Place = tuple[int, int]  # of a row: its episode and its step
+
 
 @dataclass
 class PushCounts:
@@ -96,9 +98,6 @@ def _lines(path: Path) -> Iterable[dict[str, Any]]:
 
 def _counts(line: dict[str, Any]) -> PushCounts:
     return PushCounts(**{item.name: int(line.get(item.name, 0)) for item in fields(PushCounts)})
-
-
-Place = tuple[int, int]  # of a row: its episode and its step
 
 
 def write_shard(folder: Path, index: int, rows: Sequence[Row]) -> None:

@@ -17,6 +17,9 @@ from sain_sim.world.workcell import Sample
 
 REMEMBERED_PUSHES: Final = 100_000  # an older push names a stale scene in any case
 
+NEW: Final = 5.0  # [s], simulated, for which a scene at rest is new: 150 frames at 30 Hz
+HASTE: Final = 5.0  # times as fast as the wall clock, where the world runs as fast as possible
+
 
 class Session:
     """The ids of episodes and scenes, and the push under way. Not for use by two threads.
@@ -150,10 +153,6 @@ class Pacer:
             self._sleep(max(0.0, due - self._wall()))
             self._anchor = max(due, self._wall() - 0.1)  # a longer delay is not caught up
         self._now = now
-
-
-NEW: Final = 5.0  # [s], simulated, for which a scene at rest is new: 150 frames at 30 Hz
-HASTE: Final = 5.0  # times as fast as the wall clock, where the world runs as fast as possible
 
 
 class CameraTimer:

@@ -13,7 +13,7 @@ from sain_core.ros import codec
 from sain_core.ros.node_main import NAMESPACE
 from sain_core.ros.qos import LATCHED, TRANSFORMS
 from sain_core.scene import DISK_HEIGHT, THETA, X, Y
-from sain_sim.arm.frames import BASE_FRAME, Link, describe_arm, links_of
+from sain_sim.arm.panda import BASE_FRAME, Link, describe_arm, links_of
 from sain_sim.world.workcell import Sample, WorldConfig
 
 BODY_FRAME: Final = "body_{}"

@@ -1,7 +1,6 @@
 """Worlds that installed packages offer, behind the checks of our own."""
 
 from collections.abc import Callable
-from dataclasses import replace
 from typing import Final, TypeVar
 
 import numpy as np
@@ -20,7 +19,7 @@ from sain_sim.world.engines import (
 )
 from sain_sim.world.parameters import WorldParameters, on_a_grid
 from sain_sim.world.stroke import Stroke
-from sain_sim.world.workcell import HOME, Observer, Sample, WorldConfig
+from sain_sim.world.workcell import HOME, Sample, Watch, WorldConfig
 from sain_sim.world.world import CheckedWorld, World
 
 T = TypeVar("T")
@@ -76,12 +75,7 @@ class OwnWorld(CheckedWorld):
         return True
 
     def _execute(
-        self,
-        stroke: Stroke,
-        push: PushArray,
-        on_step: Observer | None,
-        every: int,
-        seen: Scene | None,
+        self, stroke: Stroke, push: PushArray, watch: Watch | None, seen: Scene | None
     ) -> Outcome:
         """Let the stranger's world push.
 
@@ -105,8 +99,8 @@ class OwnWorld(CheckedWorld):
         begun = self._time
         for step, place in enumerate(joints, start=1):
             self._joints, self._time = place, begun + step * motion.time_step
-            if on_step is not None and step % every == 0:
-                on_step(replace(self.sample("push")))
+            if watch is not None and step % watch.every == 0:
+                watch.observer(self.sample("push"))
         self._scene = after
         fallen = ~self.config.feasibility.table.contains(after[:, :2])
         return Outcome(before, self.observe(), self._time - begun, True, fallen)

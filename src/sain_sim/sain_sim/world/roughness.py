@@ -35,6 +35,11 @@ TOOL_STIFFNESS: Final = (2000.0, 3000.0)  # [N/m], the upper end of Franka's Car
 STIFF_TOOL: Final = 20_000.0  # [N/m], where only torques are limited: 1 mm at 20 N
 RIM_FRICTION: Final = (0.2, 0.4)  # the prior assumes 0.12
 
+RIMS: Final = "rims"
+MOVED_FEET: Final = "feet"
+SHARES: Final = (1.0, 0.7, 0.5, 0.35, 0.2, 0.1, 0.0)  # of the errors, the first that fits
+LEAST_LOAD: Final = 0.1  # of the weight, on each foot; a third on each is even
+
 
 @dataclass(frozen=True)
 class Roughness(Config):
@@ -118,9 +123,6 @@ class Roughness(Config):
 
 SMOOTH: Final = Roughness()
 
-RIMS: Final = "rims"
-MOVED_FEET: Final = "feet"
-
 
 def _mass_offsets(random: np.random.Generator, count: int) -> tuple[Pair, ...]:
     drawn = [(random.uniform(*MASS_OFFSET), random.uniform(-pi, pi)) for _ in range(count)]
@@ -179,10 +181,6 @@ def _stands(feet: Feet, mass_offset: Pair) -> bool:
     places = [(share * cos(turn), share * sin(turn)) for share, turn in feet]
     ends = zip(places, (*places[1:], places[0]), strict=True)
     return all((bx - ax) * (py - ay) > (by - ay) * (px - ax) for (ax, ay), (bx, by) in ends)
-
-
-SHARES: Final = (1.0, 0.7, 0.5, 0.35, 0.2, 0.1, 0.0)  # of the errors, the first that fits
-LEAST_LOAD: Final = 0.1  # of the weight, on each foot; a third on each is even
 
 
 def fit_shapes(roughness: Roughness, shapes: tuple[Shape, ...]) -> Roughness:

@@ -111,16 +111,12 @@ class CheckedWorld(Closeable):
         if stroke.length == 0.0:
             scene = self.observe()
             return Outcome(scene, scene.copy(), 0.0, True, np.zeros(len(scene), dtype=bool))
-        return self._execute(stroke, push, on_step, every, seen)
+        watch = None if on_step is None else Watch(on_step, every)
+        return self._execute(stroke, push, watch, seen)
 
     @abstractmethod
     def _execute(
-        self,
-        stroke: Stroke,
-        push: PushArray,
-        on_step: Observer | None,
-        every: int,
-        seen: Scene | None,
+        self, stroke: Stroke, push: PushArray, watch: Watch | None, seen: Scene | None
     ) -> Outcome:
         """Execute a push that was checked, as this stroke."""
 
@@ -227,38 +223,23 @@ class World(CheckedWorld):
         return self._cell.still()
 
     def _execute(
-        self,
-        stroke: Stroke,
-        push: PushArray,
-        on_step: Observer | None,
-        every: int,
-        seen: Scene | None,
+        self, stroke: Stroke, push: PushArray, watch: Watch | None, seen: Scene | None
     ) -> Outcome:
-        return self.carry_out(stroke, on_step, every)
+        return self.carry_out(stroke, watch)
 
     def carry_out(
-        self,
-        stroke: Stroke,
-        on_step: Observer | None = None,
-        every: int = 1,
-        guarded: bool = True,
+        self, stroke: Stroke, watch: Watch | None = None, guarded: bool = True
     ) -> Outcome:
         """Move the tool along a stroke, without the checks of `push`.
 
-        With an observer, a guarded stroke is executed once before, without calls.
-
-        Args:
-            stroke: the tool's way in the world.
-            on_step: as in `push`.
-            every: as in `push`.
-            guarded: refuse when the tool would touch another body than the stroke's.
+        If it is guarded, it is refused when the tool would touch another body than the stroke's.
+        With a watch it is then executed once before, unseen.
 
         Raises:
             UnreachableError: a pose on the way.
             BlockedError: only if it is guarded.
         """
         route = self._route(stroke)
-        watch = None if on_step is None else Watch(on_step, every)
         pushed = stroke.body if guarded else None
         before, origin = self.observe(), self._cell.now
         if guarded and watch is not None:  # look ahead
