@@ -15,8 +15,8 @@ from sain_bringup.children import ProcessDiedError
 from sain_bringup.graph import executable
 from sain_bringup.graph_options import GraphOptions
 from sain_bringup.processes import RestartConfig
-from sain_core.cli.command_line import SHARED
 from sain_core.errors import SainError
+from sain_core.ros.network import SHARED
 
 SOURCE: Final = Path(__file__).with_suffix(".c")
 DATAGRAMS: Final = {

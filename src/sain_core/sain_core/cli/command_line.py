@@ -8,9 +8,7 @@ once, and Ctrl-C during the imports ends the process without a traceback.
 import io
 import os
 import select
-import shutil
 import signal
-import socket
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, redirect_stderr
@@ -22,8 +20,8 @@ from types import FrameType
 from typing import Annotated, Any, Final, Literal, get_type_hints
 
 from sain_core.config import describe_values
-from sain_core.errors import INTERRUPTED, ConfigError, OutputError, SainError
-from sain_core.ros.network import CLOSED, RANGE
+from sain_core.errors import INTERRUPTED, ConfigError, SainError
+from sain_core.ros.network import check_host
 
 
 def executable(package: str, name: str) -> Path:
@@ -41,62 +39,6 @@ def executable(package: str, name: str) -> Path:
         f"{package} {name} is not installed under AMENT_PREFIX_PATH; run inside ./env, or source"
         " the workspace's install/setup.bash"
     )
-
-
-SHARED: Final = Path("/dev/shm")
-LEAST: Final = 16 << 10  # bytes: two pages, and some for others that start now
-LOOPBACK: Final = "127.0.0.1"
-
-
-class NoNetworkError(SainError):
-    """Nodes cannot reach each other."""
-
-
-def check_host() -> None:
-    """Check that a process that uses ROS can start, and reach others.
-
-    Raises:
-        OutputError: shared memory is full.
-        NoNetworkError: the loopback interface is down.
-    """
-    check_shared_memory()
-    check_loopback()
-
-
-def check_shared_memory(folder: Path = SHARED) -> None:
-    """Check that there is room: without any, ROS dies with SIGBUS and says nothing.
-
-    Our own messages do not go through shared memory. But ROS is built with LTTng, which maps a page
-    of a small file there as soon as a process loads it.
-
-    Raises:
-        OutputError: shared memory is full, and what helps.
-    """
-    if not folder.is_dir() or shutil.disk_usage(folder).free >= LEAST:
-        return
-    raise OutputError(
-        f"{folder} is full, and ROS cannot start without a page there; remove what killed"
-        f" processes have left, such as {folder}/fastrtps_*, or enlarge it"
-    )
-
-
-def check_loopback(address: str = LOOPBACK) -> None:
-    """Check that nodes can send to each other on this computer, unless the network is opened.
-
-    Raises:
-        NoNetworkError: they cannot, and what helps.
-    """
-    if os.environ.get(RANGE, "") not in CLOSED:
-        return
-    try:
-        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as own:
-            own.bind((address, 0))
-            own.sendto(b"", own.getsockname())
-    except OSError as error:
-        raise NoNetworkError(
-            f"nodes talk over {address}, which cannot be used here: {error.strerror}; run"
-            " `sudo ip link set lo up`, or start the container with a network"
-        ) from error
 
 
 @contextmanager

@@ -11,7 +11,6 @@ from typing import Final
 
 from sain_core.cli.command_line import (
     WRONG_USAGE,
-    check_host,
     end_with_the_reader,
     load,
     silent_interrupts,
@@ -19,6 +18,7 @@ from sain_core.cli.command_line import (
 )
 from sain_core.config import Config, describe_values, settings_of, show_value
 from sain_core.errors import INTERRUPTED, SainError
+from sain_core.ros.network import check_host
 
 WIDEST: Final = 100  # columns of the help
 
