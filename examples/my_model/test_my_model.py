@@ -4,6 +4,7 @@ import numpy as np
 from my_model import load
 
 from sain_core.conformance import check_dynamics
+from sain_core.push import make_push
 from sain_core.scene import MID, POSITION, make_scene
 
 
@@ -16,5 +17,5 @@ def test_the_tool_carries_the_mid_disk() -> None:
     """It goes as far as the tool does after it touches."""
     places, masses, radii = np.array([(0.4, 0.0), (0.7, 0.0)]), np.full(2, 8.0), np.full(2, 0.06)
     scene = make_scene(places, masses, radii)
-    (predicted,) = load("my_model").step(scene[None], np.array([[0.0, 0.0, 0.105]]))
+    (predicted,) = load("my_model").step(scene[None], make_push(0.0, 0.0, 0.105)[None])
     np.testing.assert_allclose(predicted[MID, POSITION], (0.5, 0.0))
