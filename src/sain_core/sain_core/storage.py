@@ -114,25 +114,14 @@ def write_arrays(path: Path, arrays: Mapping[str, ndarray], deflate_numbers: boo
     Raises:
         OutputError: the folder cannot be written, or the disk is full.
     """
-
-    def write(file: IO[bytes]) -> None:
-        if deflate_numbers:
-            np.savez_compressed(file, allow_pickle=False, **arrays)
-        else:
-            _write_npz(file, arrays)
-
-    write_file(path, write)
-
-
-def _write_npz(file: IO[bytes], arrays: Mapping[str, ndarray]) -> None:
     whole = BytesIO()  # a zip archive goes back and forth, which is slow in a file
     with zipfile.ZipFile(whole, "w", compresslevel=1) as archive:
         for name, array in arrays.items():
-            text = array.dtype.kind == "U"
-            archive.compression = zipfile.ZIP_DEFLATED if text else zipfile.ZIP_STORED
+            deflate = deflate_numbers or array.dtype.kind == "U"
+            archive.compression = zipfile.ZIP_DEFLATED if deflate else zipfile.ZIP_STORED
             with archive.open(f"{name}.npy", "w", force_zip64=True) as member:
-                np.lib.format.write_array(member, array, allow_pickle=False)
-    file.write(whole.getbuffer())
+                np.lib.format.write_array(member, np.asanyarray(array), allow_pickle=False)
+    write_file(path, lambda file: file.write(whole.getbuffer()))
 
 
 def append_json(path: Path, content: Any) -> None:
