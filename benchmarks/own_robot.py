@@ -60,8 +60,8 @@ class Options:
     """of the first scene"""
     model: str = "planar"
     """what the planner plans with"""
-    speed: float = 0.3
-    """of the robot's tool [m/s]"""
+    pace: float = 1.5
+    """how many times as fast as asked the tool moves"""
 
 
 class Person(Node):
@@ -151,7 +151,7 @@ def graph(options: Options) -> Iterator[None]:
     """Run the graph with the robot as its users do."""
     paths = [str(EXAMPLE), os.environ.get("PYTHONPATH", "")]
     variables = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, paths))}
-    robot = [sys.executable, "-c", RUN, str(options.speed)]
+    robot = [sys.executable, "-c", RUN, str(options.pace)]
     command = [str(executable("sain_bringup", "graph")), "--robot", shlex.join(robot)]
     command += ["--bodies", str(BODIES), "--noise", NOISE, "--model", options.model, "--no-record"]
     with subprocess.Popen(command, env=variables, stdout=subprocess.DEVNULL) as process:
@@ -163,7 +163,7 @@ def graph(options: Options) -> Iterator[None]:
 
 RUN: Final = """
 import sys
-sys.argv[1:] = [*sys.argv[2:], "-p", f"speed:={sys.argv[1]}"]
+sys.argv[1:] = [*sys.argv[2:], "-p", f"pace:={sys.argv[1]}"]
 from my_robot.robot_node import main
 main()
 """

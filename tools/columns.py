@@ -8,7 +8,6 @@ from __future__ import annotations
 from pathlib import Path
 
 from sain_core.dataset import ROUGH, Column
-from sain_core.shapes.bodies import MARKS
 
 PAGE = Path(__file__).parents[1] / "docs/reference/formats.md"
 BEGIN, END = "<!-- columns: made by tools/columns.py -->\n", "<!-- end of columns -->\n"
@@ -37,10 +36,8 @@ def row(column: Column) -> str:
 
 def families() -> str:
     """Return the lines of the columns whose names depend on the world."""
-    which = "older data sets, in place of `shapes`: which bodies have this shape, as in `cubes`"
-    marks = f"| `SHAPE{MARKS}` | N | bool | | no | no | {which} |\n"
     about = "numbers of a rough world, one column for each ([the worlds](../explanation/worlds.md))"
-    return f"{marks}| `{ROUGH}*` | the world's | | | where rough | no | {about} |\n"
+    return f"| `{ROUGH}*` | the world's | | | where rough | no | {about} |\n"
 
 
 if __name__ == "__main__":

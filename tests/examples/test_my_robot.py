@@ -41,7 +41,7 @@ def robot(graph: Any, robot_class: Any) -> Any:
     """A robot with its converter, and a settled scene."""
     graph.listen("true_poses", PoseArray)
     graph.listen("/diagnostics", DiagnosticArray)
-    node = graph.start(robot_class, speed=0.4, noise=NOISE)
+    node = graph.start(robot_class, pace=2.0, noise=NOISE)
     graph.start(PosesNode, bodies=str(BODIES), noise=NOISE, peer_wait=0.0, max_speed=0.6)
     graph.wait(lambda: graph.find("scene", settled=True), "a settled scene")
     return node
@@ -139,7 +139,7 @@ def test_two_foreign_robots_are_named_and_nothing_is_pushed(graph: Any, robot: A
 
 
 def test_a_push_that_takes_long_is_not_sent_again(graph: Any, robot_class: Any) -> None:
-    graph.start(robot_class, speed=0.05, noise=NOISE)
+    graph.start(robot_class, pace=0.25, noise=NOISE)
     graph.start(PosesNode, bodies=str(BODIES), noise=NOISE, peer_wait=0.0)
     graph.start(ModelNode, model="planar")
     graph.start(MppiNode, estimator__noise=NOISE, goal_tracker__answer_timeout=0.3, **SMALL)

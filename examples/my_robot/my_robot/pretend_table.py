@@ -10,7 +10,7 @@ import numpy as np
 
 from sain_core.config import Config, option
 from sain_core.observation import ObservationConfig
-from sain_core.push import LENGTH
+from sain_core.push import LENGTH, SPEED
 from sain_core.scene import POSE, THETA, move_apart
 from sain_core.seeding import generator
 from sain_core.types import PushArray
@@ -30,7 +30,9 @@ class RobotConfig(Config):
     friction: float = option(0.14, "between bodies and table", minimum=0.01, maximum=1.0)
     spread: float = option(0.05, "noise of each way, as a share of it", minimum=0.0, maximum=0.5)
     noise: str = option("0.0005,0.005", "noise of the camera: METRES,RADIANS")
-    speed: float = option(0.1, "of the tool", unit="m/s", minimum=0.01, maximum=5.0)
+    pace: float = option(
+        1.0, "how many times as fast as asked the tool moves", minimum=0.05, maximum=50.0
+    )
 
 
 class PretendTable:
@@ -58,7 +60,7 @@ class PretendTable:
         way = after[:, POSE] - self.scene[:, POSE]
         way *= 1.0 + self.config.spread * self._random.standard_normal((len(way), 1))
         self._start, self._way, self._began = self.scene, way, now
-        self._duration = max(float(push[LENGTH]) / self.config.speed, 0.1)
+        self._duration = max(float(push[LENGTH] / (self.config.pace * push[SPEED])), 0.1)
         return now + self._duration + SETTLING
 
     def look(self, now: float) -> np.ndarray:

@@ -37,6 +37,7 @@ function pushFacts(push, number, episode) {
   const facts = [
     ["Body", named(episode) ? bodyName(episode, push.body) : null],
     ["Tool at", degrees(push.location)], ["Direction", degrees(push.angle)], ["Travel", millimetres(push.length)],
+    ["Speed", push.speed === null ? null : `${(100 * push.speed).toFixed(1)} cm/s`],
     [`${aimed} moved`, millimetres(push.moved)],
     [`${aimed} to goal`, episode.poses.length ? `${millimetres(push.distance[0])} → ${millimetres(push.distance[1])}` : null],
     [`Error of ${push.physicsModel || "physics"}`, push.physicsError === null ? null : fineMillimetres(push.physicsError)],
