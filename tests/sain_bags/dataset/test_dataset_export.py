@@ -33,8 +33,8 @@ def test_the_split_is_the_one_that_train_draws(
     record: Callable[..., Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     bags = [drive(record), drive(record, "more", seed=1)]
-    split = split_by_episode(load_dataset(to("npz", bags, tmp_path / "npz")).alike, 0, 0.1, 0.15)
-    wanted = {part: sorted(set(getattr(split, part).episode.tolist())) for part in PARTS}
+    split = split_by_episode(load_dataset(to("npz", bags, tmp_path / "npz")), 0, 0.1, 0.15)
+    wanted = {part: sorted(set(getattr(split, part).alike.episode.tolist())) for part in PARTS}
     told = card_of(tmp_path / "npz")["split"]
     assert told["episodes"] == {part: wanted[part] for part in ("validation", "test")}
     assert told["transitions"] == {part: len(getattr(split, part)) for part in PARTS}
