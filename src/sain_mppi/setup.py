@@ -16,9 +16,5 @@ setup(
     ],
     install_requires=["jaxtyping", "numpy"],
     zip_safe=False,
-    entry_points={
-        "console_scripts": [
-            "mppi_node = sain_mppi.commands:mppi_node",
-        ],
-    },
+    entry_points={"console_scripts": ["mppi_node = sain_mppi.commands:mppi_node"]},
 )

@@ -89,10 +89,7 @@ class Agent:
     """
 
     def __init__(
-        self,
-        decider: Decider,
-        config: AgentConfig,
-        clock: Callable[[], float] = time.monotonic,
+        self, decider: Decider, config: AgentConfig, clock: Callable[[], float] = time.monotonic
     ) -> None:
         """Let this decider choose the pushes. Begin without a goal and without a scene."""
         self.decider = decider

@@ -38,12 +38,7 @@ class RadiusFilter:
         return np.sqrt(np.maximum(np.diag(self._covariance), 0.0))
 
     def update(
-        self,
-        before: Scene,
-        push: PushArray,
-        predicted: Scene,
-        after: Scene,
-        noise: Scalars,
+        self, before: Scene, push: PushArray, predicted: Scene, after: Scene, noise: Scalars
     ) -> None:
         """Update by a push.
 

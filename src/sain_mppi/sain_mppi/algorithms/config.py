@@ -108,10 +108,7 @@ class ProgressConfig(Config):
     """When plans are made wider, and when there is no point in going on."""
 
     surprise: float = option(
-        0.01,
-        "tolerated position error of a prediction",
-        unit="m",
-        minimum=0.0,
+        0.01, "tolerated position error of a prediction", unit="m", minimum=0.0
     )
     surprise_share: float = option(
         0.3, "tolerated error as a share of the predicted path, if larger", minimum=0.0
@@ -168,11 +165,7 @@ class PlannerConfig(Config):
         0.3, "share of random sequences that rest after a random push", minimum=0.0, maximum=1.0
     )
     deadline: float = option(
-        0.0,
-        "time limit of a plan; 0: none",
-        unit="s",
-        minimum=0.0,
-        maximum=3600.0,
+        0.0, "time limit of a plan; 0: none", unit="s", minimum=0.0, maximum=3600.0
     )
     ahead: bool = option(
         True, "plan the next push during a push, from the scene that is predicted after it"

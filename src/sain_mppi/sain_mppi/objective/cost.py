@@ -59,12 +59,7 @@ class Rollout:
     relays: tuple[Relay, ...]
 
     @classmethod
-    def of(
-        cls,
-        objective: "Objective",
-        pushes: PushSequences,
-        predicted: PredictedScenes,
-    ) -> Self:
+    def of(cls, objective: "Objective", pushes: PushSequences, predicted: PredictedScenes) -> Self:
         """Return sequences from the scene of an objective, with their prediction."""
         problem, weights = objective.problem, objective.weights
         before, moving = scenes_before(problem.scene, predicted), pushes[..., LENGTH] > 0.0
@@ -109,11 +104,7 @@ class Objective:
         """Whether the tool may push a body that is not round: such a body turns."""
         return any(not self.bodies.shapes[body].is_round for body in self.bodies.pushable)
 
-    def terms(
-        self,
-        sequences: PushSequences,
-        predicted: PredictedScenes,
-    ) -> dict[str, Scalars]:
+    def terms(self, sequences: PushSequences, predicted: PredictedScenes) -> dict[str, Scalars]:
         """Return the cost terms (K,), weighted, of sequences (K, H, 5) from the problem's scene.
 
         They are not finite where the prediction is not.

@@ -74,10 +74,7 @@ class CostWeights(Config):
         minimum=0.0,
     )
     running_distance: float = option(
-        5.0,
-        "weight of the distances after all pushes but the last",
-        unit="1/m",
-        minimum=0.0,
+        5.0, "weight of the distances after all pushes but the last", unit="1/m", minimum=0.0
     )
     around: float = option(
         100.0,
@@ -86,10 +83,7 @@ class CostWeights(Config):
         minimum=0.0,
     )
     overhang: float = option(
-        100.0,
-        "weight of what sticks out over the table's edge",
-        unit="1/m",
-        minimum=0.0,
+        100.0, "weight of what sticks out over the table's edge", unit="1/m", minimum=0.0
     )
     stranded: float = option(
         20.0,

@@ -91,11 +91,7 @@ def candidates(
 
 
 def _straight_at(
-    objective: Objective,
-    shares: Scalars,
-    generator: np.random.Generator,
-    count: int,
-    horizon: int,
+    objective: Objective, shares: Scalars, generator: np.random.Generator, count: int, horizon: int
 ) -> PushSequences:
     """Return pushes against bodies towards their poses, from sides that face away from them.
 

@@ -50,11 +50,7 @@ class Goals:
     """Listens for goals. Poses and actions become messages on ``goal``, so recordings have them."""
 
     def __init__(
-        self,
-        node: Node,
-        reception: Reception,
-        handlers: GoalHandlers,
-        bodies: Callable[[], Bodies],
+        self, node: Node, reception: Reception, handlers: GoalHandlers, bodies: Callable[[], Bodies]
     ) -> None:
         """Listen from now on. `bodies` returns those of the latest scene."""
         self._node = node

@@ -21,11 +21,7 @@ class Watch:
     """Looks about with timers, and reports what it sees as diagnostics."""
 
     def __init__(
-        self,
-        node: Node,
-        diagnostics: Diagnostics,
-        remote: RemoteRollout | None,
-        notes: Notes,
+        self, node: Node, diagnostics: Diagnostics, remote: RemoteRollout | None, notes: Notes
     ) -> None:
         """Take hold of what only one planner may publish."""
         self._node, self._diagnostics = node, diagnostics
