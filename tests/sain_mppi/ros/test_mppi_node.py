@@ -52,7 +52,7 @@ def test_a_plan_says_what_it_costs_what_else_was_tried_and_where_its_time_went(
     assert list(made.other_costs) == sorted(made.other_costs)
     np.testing.assert_allclose(places[0], wire.decode_plan(made)[1][..., POSITION], atol=1e-6)
     assert made.rollout_time + made.cost_time < made.search_time < made.planning_time
-    assert (made.warning, len(made.last_errors)) == ("", 0)
+    assert (made.concern, len(made.last_errors)) == ("", 0)
 
 
 def test_a_plan_says_how_the_last_push_came_out_and_looks_further_after_a_surprise(
@@ -68,7 +68,7 @@ def test_a_plan_says_how_the_last_push_came_out_and_looks_further_after_a_surpri
     made = plan(graph, push_id=nth_push(graph, 2).push_id)
     np.testing.assert_allclose(made.last_errors, [0.0, 0.05], atol=1e-9)
     assert made.last_expected[1] < 0.05
-    assert made.warning.startswith("target 50 mm from where it should be")
+    assert made.concern.startswith("target 50 mm from where it should be")
     assert made.rollouts == 2 * 96
 
 
@@ -80,7 +80,7 @@ def test_another_episode_begins_without_a_past(graph, straw, planner):
     elsewhere[:, POSITION] += [0.05, -0.1]
     straw.show(episode_id=2, scene_id=2, disks=elsewhere)
     made = plan(graph, push_id=nth_push(graph, 2).push_id)
-    assert (made.warning, len(made.last_errors)) == ("", 0)
+    assert (made.concern, len(made.last_errors)) == ("", 0)
 
 
 def test_disks_may_come_and_go_between_scenes(graph, straw, planner):
