@@ -40,7 +40,7 @@ from sain_model.evaluation.predictors import SAIN, SAIN_HISTORY, predict_with_hi
 from sain_model.network.features import count_features
 from sain_model.network.interaction_network import InteractionNetwork, ensemble
 from sain_model.network.settings import BOOTSTRAP, ORDER
-from sain_model.training.fit import Physics, fit
+from sain_model.training.fit import fit, trained_kind
 from sain_model.training.settings import TrainingConfig
 
 PATIENCES = (3, 5, 10, 20)
@@ -151,10 +151,9 @@ def trained(
     config: TrainingConfig, split: Split, folder: Path
 ) -> tuple[SainDynamics, list[float], float]:
     """Return the model, its validation losses, and the processor time of its training [s]."""
-    physics = Physics.of(config, split.train)
+    kind = trained_kind(config)
     begun = time.process_time()
-    sain, (history,) = fit(split, physics, config, folder)
-    assert isinstance(sain, SainDynamics)
+    sain, (history,) = fit(split, kind, config, folder)
     return sain, history.validation, time.process_time() - begun
 
 

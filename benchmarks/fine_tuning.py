@@ -29,11 +29,13 @@ from sain_model.data.dataset import Part, Split, load_dataset, split_by_episode
 from sain_model.dynamics.sain import SainDynamics
 from sain_model.dynamics.settings import SHIPPED
 from sain_model.evaluation.errors import position_errors
-from sain_model.evaluation.predictors import Informed, predict_with_history
+from sain_model.evaluation.predictors import (
+    predict_with_history,
+    step_with_history,
+)
 from sain_model.evaluation.tables import markdown_table
-from sain_model.physics.planar import PlanarPrior
 from sain_model.training.fine_tuning import Parent
-from sain_model.training.fit import Physics, fit
+from sain_model.training.fit import fit
 
 BULLET, PRIOR, AS_SHIPPED = "Bullet, nominal: f_p", "its prior", "SAIN as shipped"
 TUNED, SCRATCH = "fine-tuned", "from new weights"
@@ -128,22 +130,15 @@ def train(
     else:
         config = replace(config, learning_rate=rate)
     start = None if rate is None else parent.sain
-    sain = parent.sain
+    kind = parent.sain.belief.trained
     with tempfile.TemporaryDirectory() as folder:
-        physics = Physics(sain.prior, sain.filter)
-        model, _ = fit(split, physics, config, Path(folder), start=start)
-    assert isinstance(model, SainDynamics)
+        model, _ = fit(split, kind, config, Path(folder), start=start)
     return model
 
 
 def target_errors(sain: SainDynamics, data: Part, corrected: bool = True) -> Scalars:
     """Return how far off the target is (M,) [mm]: of the model, or of its prior alone."""
-    if corrected:
-        predicted = predict_with_history(sain, data).mean
-    else:
-        assert sain.filter is not None and isinstance(sain.prior, PlanarPrior)
-        informed = Informed.make(sain.prior, data, sain.filter)
-        predicted = informed.step(data.state, data.action, np.arange(len(data)))
+    predicted = step_with_history(sain if corrected else sain.physics_alone(), data)
     return position_errors(predicted, data.next_state, TARGET)
 
 

@@ -36,7 +36,7 @@ import numpy as np
 import torch
 
 from sain_core.bootstrap import bootstrap_ratio
-from sain_core.model import Model
+from sain_core.model import IdentityPrior
 from sain_core.scene import TARGET
 from sain_core.seeding import generator
 from sain_core.types import Scalars, Scenes
@@ -44,17 +44,16 @@ from sain_model.data.dataset import Part, Split, load_dataset, split_by_episode
 from sain_model.data.recordings import first_pushes, load_recording
 from sain_model.dynamics.identify import identify
 from sain_model.dynamics.load import load_shipped
-from sain_model.dynamics.priors import load_prior
 from sain_model.dynamics.sain import SainDynamics
-from sain_model.dynamics.settings import IDENTITY, PLANAR, PLANAR_AXES
+from sain_model.dynamics.settings import IDENTITY, PLANAR
 from sain_model.evaluation.errors import position_errors
-from sain_model.evaluation.predictors import Informed, predict_with_history
+from sain_model.evaluation.predictors import predict_with_history, step_with_history
 from sain_model.evaluation.tables import markdown_table
+from sain_model.inference.kinds import Kind, friction_kind, only
 from sain_model.network.settings import NetworkConfig
-from sain_model.physics.friction import FrictionFilter
 from sain_model.physics.planar import PlanarPrior
-from sain_model.physics.planar_config import TEXTBOOK
-from sain_model.training.fit import Physics, fit
+from sain_model.physics.planar_config import AXES, TEXTBOOK
+from sain_model.training.fit import fit
 from sain_model.training.settings import NOTHING, LossConfig, TrainingConfig
 
 STEPS: Final = 5000  # of the optimizer, whatever the number of pushes
@@ -124,12 +123,10 @@ def show(rows: list[list[str]]) -> None:
 def _unlearned(judge: Judge) -> list[list[str]]:
     """Return the rows of what has seen nothing of this reality but earlier pushes."""
     test, plain = judge.test, PlanarPrior()
-    axes = load_prior(PLANAR_AXES)
-    assert isinstance(axes, PlanarPrior)
     return [
         judge.row("planar, no history", _off(plain.step(test.state, test.action), test)),
         judge.row("planar", judge.planar),
-        judge.row("planar_axes", _physics(axes, test)),
+        judge.row("planar_axes", _physics(PlanarPrior(AXES), test)),
         judge.row("textbook", judge.textbook),
         judge.model("SAIN as shipped", load_shipped()),
     ]
@@ -147,36 +144,34 @@ def _learned(judge: Judge, folder: Path, size: int, alone: bool) -> list[list[st
     split = split_by_episode(
         data.select(np.isin(data.episode, first)), CONFIG.seed, CONFIG.validation, CONFIG.test
     )
-    structure = identify(load_shipped(), {str(folder): parts}).likeliest
-    prior = PlanarPrior(structure.config)
-    friction = prior.filter(structure.friction)
-    sain = _train(split, prior, friction)
+    found = identify(load_shipped(), {str(folder): parts}).likeliest
+    kind = friction_kind(found.prior, deviation=float(found.deviations[0]))
+    sain = _train(split, kind)
     test = judge.test
     truth = _off(sain.step(test.state, test.action, {"friction": test.friction}), test)
     rows = [
-        judge.row(f"identified, {structure.name}", _physics(prior, test, friction), pushes),
+        judge.row(f"identified, {found.name}", _with_history(kind, test), pushes),
         judge.model("SAIN, learned there", sain, pushes),
         judge.row("the same, true friction", truth, pushes),
     ]
     if alone:
-        network = _train(split, load_prior(IDENTITY), None)
+        network = _train(split, friction_kind(IdentityPrior()))
         rows.append(judge.model("learned only", network, pushes))
     return rows
 
 
-def _train(split: Split, prior: Model, friction: FrictionFilter | None) -> SainDynamics:
-    """Return a network on a prior, with its regions."""
+def _train(split: Split, kind: Kind) -> SainDynamics:
+    """Return a network on one kind of physics, with its regions."""
     per_epoch = max(2 * len(split.train) // CONFIG.batch, 1)
-    named = PLANAR if friction else IDENTITY
+    named = PLANAR if kind.names else IDENTITY
     config = replace(
         CONFIG,
         prior=named,
         epochs=max(STEPS // per_epoch, 1),
-        history=CONFIG.history if friction else NOTHING,
+        history=CONFIG.history if kind.names else NOTHING,
     )
     with tempfile.TemporaryDirectory() as out:
-        model, _ = fit(split, Physics(prior, friction), config, Path(out))
-    assert isinstance(model, SainDynamics)
+        model, _ = fit(split, kind, config, Path(out))
     return model
 
 
@@ -184,10 +179,13 @@ def _textbook() -> PlanarPrior:
     return PlanarPrior(replace(TEXTBOOK, friction=PlanarPrior().config.friction))
 
 
-def _physics(prior: PlanarPrior, test: Part, friction: FrictionFilter | None = None) -> Scalars:
-    """Return errors of physics with the friction that earlier pushes tell of."""
-    informed = Informed.make(prior, test, friction)
-    return _off(informed.step(test.state, test.action, np.arange(len(test))), test)
+def _physics(prior: PlanarPrior, test: Part) -> Scalars:
+    return _with_history(friction_kind(prior), test)
+
+
+def _with_history(kind: Kind, test: Part) -> Scalars:
+    """Return errors of physics with the friction that earlier pushes show."""
+    return _off(step_with_history(SainDynamics(only(kind)), test), test)
 
 
 def _off(predicted: Scenes, test: Part) -> Scalars:

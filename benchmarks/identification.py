@@ -25,7 +25,7 @@ def identify(prior: PlanarPrior, data: Part) -> Corrections:
     """
     told = np.zeros((data.state.shape[1], CORRECTIONS))
     truth = moves(data.state, data.action, data.next_state)
-    pushes = ToldPushes(prior, data.state, data.action, data.action)
+    pushes = ToldPushes(prior, data.state, data.action, data.action, {})
     for _ in range(STEPS):
         everywhere = np.tile(told, (len(data), 1, 1))
         ends = pushes.moves(everywhere)

@@ -24,7 +24,9 @@ from benchmarks.report import Figure, report
 from benchmarks.timing import fastest
 from sain_core.model import Model, load_dynamics
 from sain_core.types import Pushes, Scenes
+from sain_model.dynamics.residual import ResidualNetwork
 from sain_model.dynamics.sain import SainDynamics
+from sain_model.network.interaction_network import InteractionNetwork
 from sain_model.network.torch_network import TorchNetwork
 from sain_model.serving.server import ModelServer
 from sain_model.serving.settings import ServingConfig
@@ -49,11 +51,17 @@ class Options:
     """write the figures to this JSON file"""
 
 
+def module_of(sain: SainDynamics) -> InteractionNetwork:
+    """Return the weights of a model."""
+    assert isinstance(sain.network, ResidualNetwork)
+    return sain.network.module
+
+
 class Reference(Model):
     """SAIN step by step, its network run by PyTorch."""
 
     def __init__(self, sain: SainDynamics) -> None:
-        self.prior, self.network = sain.prior, TorchNetwork(sain.network, "cpu")
+        self.prior, self.network = sain.physics, TorchNetwork(module_of(sain), "cpu")
 
     def step(self, scenes: Scenes, pushes: Pushes) -> Scenes:
         return self.network.correct(scenes, pushes, self.prior.step(scenes, pushes))
@@ -80,7 +88,8 @@ def multiplications(sain: SainDynamics, disks: int) -> float:
         )
 
     pairs = disks * (disks - 1)
-    return pairs * of(sain.network.relation) + disks * of(sain.network.dynamics)
+    module = module_of(sain)
+    return pairs * of(module.relation) + disks * of(module.dynamics)
 
 
 def rollouts(sain: SainDynamics, options: Options) -> list[Figure]:
@@ -92,13 +101,13 @@ def rollouts(sain: SainDynamics, options: Options) -> list[Figure]:
     before = np.concatenate(  # every scene that the rollout corrects a prediction for
         [np.broadcast_to(scene, (SAMPLES, 1, *scene.shape)), predicted[:, :-1]], axis=1
     ).reshape(-1, *scene.shape)
-    physics = sain.prior.step(before, pushes)
+    physics = sain.physics.step(before, pushes)
     reference = Reference(sain)
     far = np.abs(reference.rollout(scene, sequences) - predicted)[..., :2].max()
     times = fastest(
         {
             "rollout": lambda: sain.rollout(scene, sequences),
-            "prior": lambda: sain.prior.rollout(scene, sequences),
+            "prior": lambda: sain.physics.rollout(scene, sequences),
             "network": lambda: sain.correct(before, pushes, physics),
             "reference": lambda: reference.rollout(scene, sequences),
             "peak": peak(threads),

@@ -23,11 +23,11 @@ from sain_core.seeding import generator
 from sain_core.types import Mask, Scalars, Scenes
 from sain_model.data.dataset import Part, load_dataset
 from sain_model.dynamics.intervals import Prediction
-from sain_model.dynamics.learning import learn, predict_rows
 from sain_model.dynamics.sain import SainDynamics
 from sain_model.evaluation.named_models import NOMINAL_MASS
 from sain_model.evaluation.tables import markdown_table
-from sain_model.identification.evidence import Known
+from sain_model.inference.evidence import Known
+from sain_model.inference.kinds import MASS_RATIO
 from sain_model.physics.planar import PlanarPrior
 from sain_model.physics.planar_config import AXES
 
@@ -44,12 +44,14 @@ def main(dataset: Annotated[Path, tyro.conf.Positional], model: str = "sain") ->
     nominal = replace(data, state=_nominal(data.state), next_state=_nominal(data.next_state))
     asked = (dynamics, nominal), (dynamics.with_unknown_masses(), nominal), (dynamics, data)
     known = Known.earlier(data.episode, data.step)
-    learned = [learn(some, seen, known) for some, seen in asked]
+    inferred = [some.infer(seen.observed, known) for some, seen in asked]
     predicted = [
-        predict_rows(some, seen, told) for (some, seen), told in zip(asked, learned, strict=True)
+        some.predict_rows(seen.state, seen.action, rows)
+        for (some, seen), rows in zip(asked, inferred, strict=True)
     ]
-    posterior = learned[1].posterior
-    off = np.abs(np.log(posterior.mass_ratio) - _log_ratio(data))
+    belief, posterior = asked[1][0].belief, inferred[1].posterior
+    off = np.abs(np.log(posterior.values(belief, MASS_RATIO)) - _log_ratio(data))
+    stated = posterior.log_spread(belief, MASS_RATIO)
     errors = [_way(one.mean, data.next_state) for one in predicted]
     moved = _way(data.next_state, data.state) >= MOVED
     telling = np.array([moved[earlier].sum() for earlier in _earlier(data)])
@@ -60,7 +62,7 @@ def main(dataset: Annotated[Path, tyro.conf.Positional], model: str = "sain") ->
         held = [_held(one, way)[chosen].mean() for one, way in zip(predicted, errors, strict=True)]
         rows.append(
             [f"{low} to {high}" if high > low else str(low), str(chosen.sum())]
-            + [_percent(some[chosen].mean()) for some in (off, posterior.mass_log_std)]
+            + [_percent(some[chosen].mean()) for some in (off, stated)]
             + [f"{1e3 * some[chosen].mean():.2f}" for some in errors]
             + [f"{share[0]:.2f} [{share[1]:.2f}, {share[2]:.2f}]"]
             + [" / ".join(f"{100 * part:.0f}" for part in held) + " %"]

@@ -26,11 +26,11 @@ import tyro
 from rich.console import Console
 
 from benchmarks.report import Figure, report
-from sain_core.model import Model
 from sain_core.storage import write_whole
 from sain_model.data.dataset import Split, limit_training, load_dataset, split_by_episode
 from sain_model.data.examples import Examples, make_examples
-from sain_model.dynamics.priors import load_prior
+from sain_model.dynamics.priors import make_prior
+from sain_model.inference.kinds import Kind, friction_kind
 from sain_model.network.interaction_network import new_network
 from sain_model.network.settings import PUSH_FRAME, NetworkConfig
 from sain_model.training.loss import mixed_loss
@@ -112,7 +112,7 @@ def main() -> None:
         load_dataset(command.dataset), command.seed, PAPER.validation, PAPER.test
     )
     split = limit_training(split, command.transitions)
-    prior = load_prior(PAPER.prior)
+    kind = friction_kind(make_prior(PAPER.prior), infers=False)
     network = NetworkConfig(features=command.features)
     ours = TrainingConfig(
         epochs=command.ours_epochs,
@@ -123,10 +123,10 @@ def main() -> None:
     )
     paper = replace(PAPER, validate_every=1, network=network)  # looking changes no weight
     courses = {
-        "paper": follow(command, "paper", paper, split, prior, command.epochs),
-        "ours": follow(command, "ours", ours, split, prior, ours.epochs),
+        "paper": follow(command, "paper", paper, split, kind, command.epochs),
+        "ours": follow(command, "ours", ours, split, kind, ours.epochs),
     }
-    examples = make_examples(split.validation.alike, prior, None, network)
+    examples = make_examples(split.validation.alike, kind.prior, None, network)
     nothing = mixed_loss(
         torch.zeros_like(examples.residual), examples, torch.arange(len(examples)), PAPER.loss
     )
@@ -134,15 +134,15 @@ def main() -> None:
 
 
 def follow(
-    command: Command, name: str, config: TrainingConfig, split: Split, prior: Model, epochs: int
+    command: Command, name: str, config: TrainingConfig, split: Split, kind: Kind, epochs: int
 ) -> Course:
     """Train with these settings to so many epochs and return what came of it."""
     folder = command.out / name
     seeded = replace(config, seed=command.seed)
     network = new_network(seeded.network, seeded.seed)
-    pushes = SinglePushes(split, prior, None, seeded)
+    pushes = SinglePushes(split, kind, seeded)
     trainer = Trainer(network, pushes, seeded, folder / "training.pt")
-    examples = make_examples(split.validation.alike, prior, None, config.network)
+    examples = make_examples(split.validation.alike, kind.prior, None, config.network)
     course = Course(folder / "course.json", trainer, examples, epochs)
     if len(course.losses) < trainer.epoch:
         raise SystemExit(f"{folder} was cut between state and course; remove it to start anew")

@@ -114,7 +114,7 @@ def correction_time(options: Options) -> float:
     """Return the time of one batch of corrections by the shipped network on one core [s]."""
     scenes, pushes = draw(SAMPLES, options.seed)
     sain = load_shipped()
-    physics_next = sain.prior.step(scenes, pushes)
+    physics_next = sain.physics.step(scenes, pushes)
     with on_threads(1):
         works = {"correct": lambda: sain.correct(scenes, pushes, physics_next)}
         return fastest(works, 3 * options.repeats)["correct"].wall

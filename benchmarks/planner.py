@@ -42,7 +42,7 @@ from sain_core.types import Pushes, Scene
 from sain_eval.scenes.scenario_scene import ScenarioScene
 from sain_eval.scenes.scenarios import SCENARIOS
 from sain_model.dynamics.sain import SainDynamics
-from sain_model.dynamics.settings import IDENTITY
+from sain_model.inference.kinds import friction_belief
 from sain_mppi.algorithms.config import MPPI, NoiseConfig, PlannerConfig
 from sain_mppi.algorithms.result import PlanResult
 from sain_mppi.objective.problem import Problem
@@ -129,7 +129,7 @@ class Peer:
 
 def beside_peer(sain: SainDynamics, options: Options) -> list[Figure]:
     """Compare with pytorch_mppi, one thread each: on the model, and on its network alone."""
-    alone = replace(sain, prior=IdentityPrior(), prior_name=IDENTITY)
+    alone = replace(sain, belief=friction_belief(IdentityPrior()))
     return compare(sain, "SAIN", options) + compare(alone, "its network alone", options)
 
 

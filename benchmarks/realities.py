@@ -39,12 +39,13 @@ from sain_model.dynamics.sain import SainDynamics
 from sain_model.evaluation.predictors import (
     MEASURED,
     PLANAR_HISTORY,
-    Informed,
     earlier_pushes,
     predict_all,
-    predict_with_history,
+    step_with_history,
 )
-from sain_model.identification.laboratory import RecordedPushes, count_episodes
+from sain_model.inference.evidence import ObservedPushes
+from sain_model.inference.kinds import Belief, friction_belief, friction_kind
+from sain_model.inference.laboratory import count_episodes
 from sain_model.physics.planar import PlanarPrior
 
 FEW = 4  # earlier pushes from which on "after 4" counts
@@ -55,6 +56,7 @@ HEAD = """\
 | data | pushes | planar | friction | shipped | to planar | to friction alone | to true, 4+ |
 | --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: |"""
 Rows = dict[str, np.ndarray]
+PHYSICS = SainDynamics(friction_belief(PlanarPrior()))
 
 
 def main() -> None:
@@ -75,7 +77,7 @@ def main() -> None:
     sys.stdout.flush()
 
 
-def datasets(parts: list[RecordedPushes], truths: dict[bytes, float]) -> list[Part]:
+def datasets(parts: list[ObservedPushes], truths: dict[bytes, float]) -> list[Part]:
     """Return recorded pushes as data sets, with their true friction where it is known."""
     found = []
     for part in parts:
@@ -118,13 +120,12 @@ def rows_of(folder: Path, model: SainDynamics) -> Rows:
     before = without_belief(model)
     for data in datasets(load_recording(folder), true_frictions(folder)):
         plain = PlanarPrior(bodies=data.bodies)
-        informed = Informed.make(plain, data)
         known = np.where(np.isfinite(data.friction), data.friction, 0.12)
         predicted = {
-            PLANAR: informed.step(data.state, data.action, np.arange(len(data))),
+            PLANAR: step_with_history(PHYSICS, data),
             TRUE: plain.step(data.state, data.action, {"friction": known}),
-            FRICTION: predict_with_history(before, data).mean,
-            SHIPPED: predict_with_history(model, data).mean,
+            FRICTION: step_with_history(before, data),
+            SHIPPED: step_with_history(model, data),
         }
         body = body_of(folder, data)
         rows = {name: errors(data, after, body) for name, after in predicted.items()}
@@ -134,7 +135,7 @@ def rows_of(folder: Path, model: SainDynamics) -> Rows:
 
 def without_belief(model: SainDynamics) -> SainDynamics:
     """Return a model that infers friction alone, as before decision 35."""
-    return replace(model, belief=None)
+    return replace(model, belief=Belief((friction_kind(model.belief.trained.prior),)))
 
 
 def body_of(folder: Path, data: Part) -> np.ndarray:
@@ -179,14 +180,14 @@ def learn(folder: Path, model: SainDynamics, sizes: list[int]) -> None:
     for name in (MEASURED, PLANAR_HISTORY):
         print(name, mean_error(folder, [(one.part, one.by_name[name][:, 0]) for one in every]))
     for name, one in (("friction alone", without_belief(model)), ("shipped", model)):
-        print(name, mean_error(folder, [(d, predict_with_history(one, d).mean) for d in tests]))
+        print(name, mean_error(folder, [(d, step_with_history(one, d)) for d in tests]))
     for size in sizes:
         some = first_pushes(parts, size)
         start = time.perf_counter()
         belief = identify(model, {str(folder): some})
         taken = time.perf_counter() - start
-        one = model.with_prior_belief(belief)
-        error = mean_error(folder, [(d, predict_with_history(one, d).mean) for d in tests])
+        one = model.believing(belief)
+        error = mean_error(folder, [(d, step_with_history(one, d)) for d in tests])
         count = sum(map(len, some))
         print(f"{count} pushes, {taken:.1f} s, {belief.likeliest.name}: {error}", flush=True)
 

@@ -91,7 +91,7 @@ def particles(path: Path, windows: Windows, command: Command) -> ndarray:
     """Return the mean (W, T, N, 8) of rollouts with a model's own errors."""
     sain = load_checkpoint(path)
     assert isinstance(sain, SainDynamics)
-    training = parse_card(path, sain.card).training
+    training = parse_card(path, sain.origin.card).training
     shares = training["validation"], training["test"]
     data = load_dataset(command.trained_on)
     validation = split_by_episode(data, training["seed"], *shares).validation.alike

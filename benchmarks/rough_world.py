@@ -33,16 +33,17 @@ from sain_model.data.dataset import (
     load_dataset,
     split_by_episode,
 )
-from sain_model.dynamics.priors import load_planar, load_prior
+from sain_model.dynamics.priors import load_planar, make_prior
 from sain_model.dynamics.settings import IDENTITY, PLANAR, PLANAR_AXES
 from sain_model.evaluation.errors import position_errors
 from sain_model.evaluation.predictors import FLOOR, LEARNED, NO_MOTION, SAIN
 from sain_model.evaluation.tables import markdown_table
+from sain_model.inference.kinds import friction_kind
 from sain_model.network.corrections import corrected_values
 from sain_model.network.settings import PUSH_FRAME, WORLD_FRAME, NetworkConfig
 from sain_model.physics.planar import PlanarConfig, PlanarPrior
 from sain_model.physics.planar_config import AXES
-from sain_model.training.fit import Physics, fit
+from sain_model.training.fit import fit
 from sain_model.training.settings import OF_PARAMETERS, TrainingConfig
 from sain_sim.world.shadow import MEASURED, BulletPrior
 
@@ -119,18 +120,22 @@ def physics_errors(split: Split) -> dict[str, np.ndarray]:
     }
     for name, config in ((PLANAR, PlanarConfig()), (PLANAR_AXES, AXES)):
         prior = PlanarPrior(config)
-        fitted = min(FRICTIONS, key=lambda value: target_errors(train, prior.at(value)).mean())
+        fitted = min(FRICTIONS, key=lambda value: target_errors(train, _at(prior, value)).mean())
         for friction, note in ((0.12, ""), (0.14, ""), (float(fitted), "fitted ")):
             label = f"{name}, measured, {note}{friction:.2f}"
-            errors[label] = target_errors(test, prior.at(friction))
+            errors[label] = target_errors(test, _at(prior, friction))
     errors[FLOOR] = target_distances(test.floor_next, test)
     return errors
+
+
+def _at(prior: PlanarPrior, friction: float) -> PlanarPrior:
+    return replace(prior, config=replace(prior.config, friction=friction))
 
 
 def network_errors(split: Split, prior_name: str, frame: str, command: Command) -> np.ndarray:
     """Train networks on a prior and return their errors (M,) [mm] on what is held out."""
     settings = None if prior_name == IDENTITY else {"friction": command.prior_friction}
-    prior = load_prior(prior_name, settings)
+    kind = friction_kind(make_prior(prior_name, settings), infers=False)
     rows = len(split.train) * (2 if frame == PUSH_FRAME else 1)  # mirrored copies
     predicted, test = [], split.test.alike
     for member in range(command.members):
@@ -142,7 +147,7 @@ def network_errors(split: Split, prior_name: str, frame: str, command: Command) 
             network=NetworkConfig(features=frame, hidden=command.hidden),
         )
         with tempfile.TemporaryDirectory() as folder:
-            model, _ = fit(split, Physics(prior), config, Path(folder))
+            model, _ = fit(split, kind, config, Path(folder))
         predicted.append(model.step(test.state, test.action))
     return target_distances(np.mean(predicted, axis=0), test)  # of headings no mean is asked
 
@@ -150,6 +155,7 @@ def network_errors(split: Split, prior_name: str, frame: str, command: Command) 
 def inside_errors(split: Split, command: Command) -> np.ndarray:
     """Train networks inside a prior and return their errors (M,) [mm] on what is held out."""
     prior = load_planar(command.prior, {"friction": command.prior_friction})
+    kind = friction_kind(prior, infers=False)
     network = replace(OF_PARAMETERS.network, hidden=command.hidden, members=command.members)
     config = replace(
         OF_PARAMETERS,
@@ -159,7 +165,7 @@ def inside_errors(split: Split, command: Command) -> np.ndarray:
         network=network,
     )
     with tempfile.TemporaryDirectory() as folder:
-        model, _ = fit(split, Physics(prior), config, Path(folder))
+        model, _ = fit(split, kind, config, Path(folder))
     return target_errors(split.test.alike, model)
 
 

@@ -24,6 +24,7 @@ from sain_model.cli.evaluate import unseen
 from sain_model.compute.threads import settle_threads
 from sain_model.data.dataset import load_dataset
 from sain_model.dynamics.checkpoint import parse_card
+from sain_model.dynamics.sain import SainDynamics
 from sain_model.evaluation.errors import evaluate
 from sain_model.evaluation.predictors import SAIN
 from sain_model.evaluation.tables import error_tables
@@ -39,7 +40,8 @@ def main() -> None:
     if not arguments.model:
         return
     model = load_dynamics(arguments.model)
-    card = parse_card(Path(arguments.model), getattr(model, "card", "{}"))
+    assert isinstance(model, SainDynamics)
+    card = parse_card(Path(arguments.model), model.origin.card)
     for folder in folders:
         report[folder.name] = evaluate(unseen(load_dataset(folder), card), {SAIN: model})
         for table in error_tables(report[folder.name]):

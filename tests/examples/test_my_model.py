@@ -60,7 +60,7 @@ def test_a_network_learns_on_top_of_it_and_is_loaded_again(
         "import sys; from sain_core.model import load_dynamics;"
         " from sain_core.conformance import check_dynamics;"
         " sain = load_dynamics(sys.argv[1]);"
-        " print(type(sain.prior).__name__); check_dynamics(sain)"
+        " print(type(sain.physics).__name__); check_dynamics(sain)"
     )
     checkpoint = str(out / "sain.safetensors")
     command = [sys.executable, "-c", lines, checkpoint]

@@ -11,8 +11,8 @@ from sain_core.scene import MASS, POSITION, make_scene, unit
 from sain_core.types import Pushes, Scenes
 from sain_model.data.dataset import Split
 from sain_model.dynamics.checkpoint import ModelCard, card_path, parse_card
+from sain_model.inference.kinds import friction_kind
 from sain_model.network.interaction_network import new_network
-from sain_model.physics.friction import FrictionFilter
 from sain_model.physics.planar import PlanarPrior
 from sain_model.training.objectives import SinglePushes
 from sain_model.training.settings import TrainingConfig
@@ -31,11 +31,10 @@ def make_trainer(
     prior: Model,
     config: TrainingConfig,
     folder: Path,
-    friction: FrictionFilter | None = None,
 ) -> Trainer:
     """Return a trainer of new weights on single pushes."""
     network = new_network(config.network, config.seed)
-    pushes = SinglePushes(split, prior, friction, config)
+    pushes = SinglePushes(split, friction_kind(prior, infers=False), config)
     return Trainer(network, pushes, config, folder / "training.pt")
 
 

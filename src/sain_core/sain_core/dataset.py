@@ -23,7 +23,7 @@ from sain_core.scene import POSITION, STATE_SIZE
 from sain_core.seeding import generator
 from sain_core.shapes.bodies import BETWEEN, Bodies, as_names, bodies_named
 from sain_core.shapes.solids import DISK
-from sain_core.types import Mask, Points, Scenes
+from sain_core.types import Indices, Mask, Points, Scenes
 
 SHARD_SIZE: Final = 1000  # transitions, as in the paper
 SHARD_PATTERN: Final = f"shard-{5 * '[0-9]'}.npz"
@@ -184,8 +184,8 @@ class Transitions:
         values = {field.name: getattr(self, field.name) for field in fields(self)}
         return {name: value for name, value in values.items() if isinstance(value, ndarray)}
 
-    def select(self, rows: Mask | slice) -> Self:
-        """Return the pushes that a mask (M,) or a slice picks."""
+    def select(self, rows: Mask | Indices | slice) -> Self:
+        """Return the pushes of a mask (M,), a slice or numbers, any of them as often as given."""
         return replace(self, **{name: array[rows] for name, array in self.arrays.items()})
 
 

@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from importlib.metadata import EntryPoint
 from math import log
 from pathlib import Path
-from typing import Any, ClassVar, Final, Protocol, Self, runtime_checkable
+from typing import Any, Final, Protocol, Self, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float
@@ -90,12 +90,7 @@ class Model(ABC):
 
     The other methods are those of a model of disks that infers nothing from earlier pushes. They
     are there to be overridden.
-
-    Attributes:
-        takes_belief: whether `with_belief` is overridden.
     """
-
-    takes_belief: ClassVar[bool] = False
 
     @abstractmethod
     def step(self, scenes: Scenes, pushes: Pushes) -> Scenes:
@@ -139,6 +134,11 @@ class Model(ABC):
     def condition(self, history: PushHistory) -> Self:
         """Return the model itself: it infers nothing from earlier pushes."""
         return self
+
+    @property
+    def takes_belief(self) -> bool:
+        """Whether `with_belief` can be called."""
+        return False
 
     def with_belief(self, path: Path) -> Self:
         """Return the model with the belief in a file of ``sain_model identify``.

@@ -15,8 +15,9 @@ from sain_core.types import Mask
 from sain_model.data.dataset import Dataset, Part, Split, split_by_episode
 from sain_model.dynamics.checkpoint import ModelCard, save_checkpoint
 from sain_model.dynamics.priors import prior_settings
-from sain_model.dynamics.sain import SainDynamics
+from sain_model.dynamics.residual import residual_model
 from sain_model.dynamics.settings import PLANAR
+from sain_model.inference.kinds import friction_kind
 from sain_model.network.interaction_network import new_network
 from sain_model.network.settings import PUSH_FRAME, NetworkConfig
 from sain_model.training.objectives import SinglePushes
@@ -58,12 +59,13 @@ def run(options: LearnOptions, console: Console) -> None:
         prior=PLANAR,
         history=NOTHING,
     )
+    kind = friction_kind(fitted.prior, infers=False)
     network = new_network(config.network, config.seed)
-    objective = SinglePushes(far, fitted.prior, None, config)
+    objective = SinglePushes(far, kind, config)
     Trainer(network, objective, config, out / "training.pt").run(
         lambda epoch, past: say(f"epoch {epoch}: {past.train[-1]:.3f} {past.validation[-1]:.3f}")
     )
-    sain = SainDynamics(network, fitted.prior, PLANAR)
+    sain = residual_model(network, kind, PLANAR)
     models: dict[str, Model] = {
         "textbook": textbook().prior,
         "identified": fitted.prior,
@@ -77,7 +79,7 @@ def run(options: LearnOptions, console: Console) -> None:
         PLANAR,
         prior_settings(fitted.prior),
         {},
-        kind=sain.kind,
+        kind=sain.origin.kind,
         data={GYRATION: fitted.gyration, "transitions": counts, "sha256": far.train.sha256},
         training=asdict(config),
         errors=report,

@@ -44,7 +44,7 @@ def load_model(name: str) -> PushtModel:
     """
     shipped = load_checkpoint(CHECKPOINT)
     bodies = trained_bodies(CHECKPOINT)
-    physics = InsideWalls(shipped.prior, bodies)
+    physics = InsideWalls(shipped.physics, bodies)
     if name == PRIOR:
         return PushtModel(physics, physics, bodies)
     if name == ORACLE:

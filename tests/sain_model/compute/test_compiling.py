@@ -7,7 +7,8 @@ from sain_core.shapes.bodies import PAPER_DISKS
 from sain_core.types import PushSequences
 from sain_model.cli.kernels import RUNS
 from sain_model.compute.kernel_store import CHAINS, compile_kernels, kernels_are_ready
-from sain_model.dynamics.sain import SainDynamics
+from sain_model.dynamics.residual import residual_model
+from sain_model.inference.kinds import friction_kind
 from sain_model.network import feature_kernels, sain_kernels
 from sain_model.network.features import network_inputs, push_frames
 from sain_model.network.interaction_network import new_network
@@ -35,7 +36,7 @@ def test_predictions_run_what_was_compiled() -> None:
     pushes.setflags(write=False)
     for features, members in (("push", 1), ("world", 3)):
         network = new_network(NetworkConfig(features=features, members=members), 0)
-        sain = SainDynamics(network, PlanarPrior(), "planar")
+        sain = residual_model(network, friction_kind(PlanarPrior(), infers=False), "planar")
         sain.step(scenes, pushes, {"friction": np.broadcast_to(0.12, 2)})
         sain.rollout(scenes[0], sequences(pushes))
     frames = push_frames(scenes, pushes, PAPER_DISKS)

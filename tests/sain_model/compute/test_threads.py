@@ -19,7 +19,7 @@ torch.set_num_threads(1)
 after = sain.step(scenes, pushes)
 print(torch.get_num_threads())
 torch.set_num_threads(2)
-TorchNetwork(sain.network, "cpu").correct(scenes, pushes, after)
+TorchNetwork(sain.network.module, "cpu").correct(scenes, pushes, after)
 print(torch.get_num_threads())
 """
 

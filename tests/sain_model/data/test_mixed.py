@@ -11,9 +11,9 @@ from sain_core.scene import STATE_SIZE, X, Y
 from sain_model.commands import evaluate, train
 from sain_model.data.dataset import Dataset, Part, Split, load_dataset, split_by_episode
 from sain_model.data.examples import make_examples
+from sain_model.inference.kinds import friction_kind
 from sain_model.network.interaction_network import InteractionNetwork, new_network
 from sain_model.network.settings import NetworkConfig
-from sain_model.physics.friction import FrictionFilter
 from sain_model.physics.planar import PlanarPrior
 from sain_model.training.objectives import SinglePushes
 from sain_model.training.settings import TrainingConfig
@@ -135,7 +135,7 @@ def test_disks_that_do_not_exist_change_nothing_of_those_that_do(folders) -> Non
 def test_examples_of_all_parts_are_learned_from_and_then_their_images(folders) -> None:
     data = load_dataset(*folders)
     split, config = Split(data, data, data), TrainingConfig(network=NetworkConfig(hidden=8))
-    pushes = SinglePushes(split, PlanarPrior(), FrictionFilter(PlanarPrior(), 0.12), config)
+    pushes = SinglePushes(split, friction_kind(PlanarPrior()), config)
     np.testing.assert_array_equal(pushes.episodes, np.tile(data.episode, 2))
     network = new_network(config.network, 0)
     some = torch.arange(len(data))[None]

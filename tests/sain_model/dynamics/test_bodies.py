@@ -18,12 +18,14 @@ from sain_model.dynamics.checkpoint import ModelCard, card_path, save_checkpoint
 from sain_model.dynamics.intervals import IntervalConfig, Intervals
 from sain_model.dynamics.load import load_checkpoint
 from sain_model.dynamics.priors import prior_settings
+from sain_model.dynamics.residual import module_of, residual_model, with_intervals
 from sain_model.dynamics.sain import SainDynamics
 from sain_model.evaluation.predictors import predict_with_history
+from sain_model.inference.kinds import friction_kind
 from sain_model.network.interaction_network import InteractionNetwork
 from sain_model.network.settings import NetworkConfig
-from sain_model.physics.friction import FrictionConfig
 from sain_model.physics.planar import PlanarPrior
+from sain_model.physics.planar_config import PlanarConfig
 
 T_AND_STAR = Bodies.named(["t", "star"], ["pushable", "pushable"])
 
@@ -41,23 +43,18 @@ def network() -> InteractionNetwork:
 def sain() -> SainDynamics:
     regions = Intervals(mid=IntervalConfig(scores=(1e-4,), factors=(2.0,)))
     prior = PlanarPrior()
-    return SainDynamics(
-        network(), prior, "planar", friction=FrictionConfig(), intervals=regions
-    ).with_bodies(T_AND_STAR)
+    return residual_model(network(), friction_kind(prior), "planar", intervals=regions).with_bodies(
+        T_AND_STAR
+    )
 
 
 def pushes_of(count: int) -> tuple[Scenes, Pushes]:
     places = np.array([(0.45, 0.0), (0.58, 0.02)])
     scene = make_scene(places, np.array([8.0, 7.5]), np.array([0.07, 0.06]), np.array([0.3, 1.0]))
     random = np.random.default_rng(1)
-    pushes = np.column_stack(
-        [
-            random.uniform(-3, 3, count),
-            random.uniform(-0.7, 0.7, count),
-            random.uniform(0.02, 0.15, count),
-            random.integers(2, size=count),
-        ]
-    )
+    angles = random.uniform(-3, 3, count), random.uniform(-0.7, 0.7, count)
+    lengths, body = random.uniform(0.02, 0.15, count), random.integers(2, size=count)
+    pushes = np.column_stack([body, *angles, lengths, np.full(count, 0.2)])
     return np.repeat(scene[None], count, axis=0), pushes
 
 
@@ -77,7 +74,7 @@ def test_a_push_of_no_length_moves_nothing(sain: SainDynamics) -> None:
 
 def test_a_rollout_is_its_steps(sain: SainDynamics) -> None:
     scenes, pushes = pushes_of(12)
-    sequences = pushes.reshape(4, 3, 4)
+    sequences = pushes.reshape(4, 3, 5)
     told = sain.rollout(scenes[0], sequences)
     np.testing.assert_array_equal(told, sain.rollout(scenes[0], sequences))
     regions = sain.regions(scenes[0], sequences, told)
@@ -88,10 +85,10 @@ def test_a_rollout_is_its_steps(sain: SainDynamics) -> None:
 
 def test_friction_is_inferred_with_the_bodies(sain: SainDynamics) -> None:
     scenes, pushes = pushes_of(6)
-    truth = PlanarPrior().at(0.19).with_bodies(T_AND_STAR).step(scenes, pushes)
+    truth = PlanarPrior(PlanarConfig(friction=0.19)).with_bodies(T_AND_STAR).step(scenes, pushes)
     told = sain.condition(PushHistory(scenes, pushes, truth))
-    assert isinstance(told.prior, PlanarPrior)
-    assert told.prior.config.friction == pytest.approx(0.19, rel=0.05)
+    assert isinstance(told.physics, PlanarPrior)
+    assert told.physics.config.friction == pytest.approx(0.19, rel=0.05)
     assert told.bodies == T_AND_STAR
 
 
@@ -100,7 +97,9 @@ def test_the_pushed_body_has_the_region_of_a_mid_disk() -> None:
         mid=IntervalConfig(scores=(1e-4,), factors=(1.0,)),
         target=IntervalConfig(scores=(1e-4,), factors=(3.0,)),
     )
-    sain = SainDynamics(network(), PlanarPrior(), "planar", intervals=intervals)
+    sain = residual_model(
+        network(), friction_kind(PlanarPrior(), infers=False), "planar", intervals=intervals
+    )
     scenes, pushes = pushes_of(10)
     told = sain.with_bodies(T_AND_STAR).predict(scenes, pushes)
     assert told.radius is not None
@@ -111,7 +110,7 @@ def test_the_pushed_body_has_the_region_of_a_mid_disk() -> None:
 
 def test_a_checkpoint_is_what_was_saved(tmp_path: Path, sain: SainDynamics) -> None:
     path = tmp_path / "shapes.safetensors"
-    save_checkpoint(path, sain.network, ModelCard("planar", prior_settings(PlanarPrior()), {}))
+    save_checkpoint(path, module_of(sain), ModelCard("planar", prior_settings(PlanarPrior()), {}))
     scenes, pushes = pushes_of(10)
     loaded = load_checkpoint(path).with_bodies(T_AND_STAR)
     np.testing.assert_array_equal(loaded.step(scenes, pushes), sain.step(scenes, pushes))
@@ -119,7 +118,7 @@ def test_a_checkpoint_is_what_was_saved(tmp_path: Path, sain: SainDynamics) -> N
 
 def test_a_card_with_other_features_is_refused(tmp_path: Path, sain: SainDynamics) -> None:
     path = tmp_path / "shapes.safetensors"
-    save_checkpoint(path, sain.network, ModelCard("planar", prior_settings(PlanarPrior()), {}))
+    save_checkpoint(path, module_of(sain), ModelCard("planar", prior_settings(PlanarPrior()), {}))
     text = card_path(path).read_text()
     card_path(path).write_text(text.replace('"body_features": 20', '"body_features": 15'))
     with pytest.raises(CheckpointError, match="body_features is 15; this version reads 20"):
@@ -128,7 +127,7 @@ def test_a_card_with_other_features_is_refused(tmp_path: Path, sain: SainDynamic
 
 def test_disks_are_bodies_too(sain: SainDynamics) -> None:
     """No bodies need be given where all are the paper's disks."""
-    plain = replace(sain, prior=PlanarPrior(), bodies=PAPER_DISKS)
+    plain = sain.with_bodies(PAPER_DISKS)
     scenes, pushes = pushes_of(8)
     told = plain.step(scenes, pushes)
     np.testing.assert_array_equal(told, plain.with_bodies(Bodies.disks(2)).step(scenes, pushes))
@@ -136,11 +135,11 @@ def test_disks_are_bodies_too(sain: SainDynamics) -> None:
 
 def test_earlier_pushes_widen_regions_in_a_world_unlike_home(sain: SainDynamics) -> None:
     """In a graph, from the history, as in an evaluation, from the rows of an episode."""
-    assert sain.intervals is not None
-    adapting = replace(sain.intervals, usual_log=-1.0, usual_log_std=1.0)
-    sain = replace(sain, intervals=adapting)
+    assert sain.network is not None and sain.network.intervals is not None
+    adapting = replace(sain.network.intervals, usual_log=-1.0, usual_log_std=1.0)
+    sain = with_intervals(sain, adapting)
     scenes, pushes = pushes_of(6)
-    after = PlanarPrior().at(0.19).with_bodies(T_AND_STAR).step(scenes, pushes)
+    after = PlanarPrior(PlanarConfig(friction=0.19)).with_bodies(T_AND_STAR).step(scenes, pushes)
     after[..., :2] += 0.02
     state, action, following = scenes[:5], pushes[:5], after[:5]
     told = sain.condition(PushHistory(state, action, following))

@@ -15,8 +15,10 @@ from sain_core.model import load_dynamics
 from sain_core.types import Pushes, Scenes
 from sain_model.dynamics.checkpoint import ModelCard, card_path, save_checkpoint
 from sain_model.dynamics.load import load_checkpoint
-from sain_model.dynamics.priors import load_prior, prior_settings
+from sain_model.dynamics.priors import make_prior, prior_settings
+from sain_model.dynamics.residual import residual_model
 from sain_model.dynamics.sain import SainDynamics
+from sain_model.inference.kinds import friction_kind
 from sain_model.network.interaction_network import InteractionNetwork
 from sain_model.network.settings import NetworkConfig
 from sain_model.physics.planar import PlanarConfig, PlanarPrior
@@ -57,9 +59,9 @@ def test_what_was_saved_is_loaded_with_the_prior_it_had(
 ) -> None:
     sain = load_dynamics(str(checkpoint))
     assert isinstance(sain, SainDynamics)
-    assert isinstance(sain.prior, PlanarPrior)
-    assert sain.prior.config.friction == 0.15
-    card = json.loads(sain.card)
+    assert isinstance(sain.physics, PlanarPrior)
+    assert sain.physics.config.friction == 0.15
+    card = json.loads(sain.origin.card)
     assert card["network"] == {
         "hidden": 8,
         "message": 4,
@@ -69,10 +71,12 @@ def test_what_was_saved_is_loaded_with_the_prior_it_had(
         "output": "residual",
         "places": 0,
     }
-    assert card["weights_sha256"] == sain.model_hash
+    assert card["weights_sha256"] == sain.origin.model_hash
     scenes, pushes = random_pushes(10, 0)
-    network = load_checkpoint(checkpoint).network
-    again = SainDynamics(network, PlanarPrior(PlanarConfig(friction=0.15)), "planar")
+    network = load_checkpoint(checkpoint).network.module
+    again = residual_model(
+        network, friction_kind(PlanarPrior(PlanarConfig(friction=0.15)), infers=False), "planar"
+    )
     np.testing.assert_array_equal(sain.step(scenes, pushes), again.step(scenes, pushes))
     assert sorted(p.name for p in checkpoint.parent.iterdir()) == [
         "model.json",
@@ -88,13 +92,13 @@ def test_missing(checkpoint: Path) -> None:
 
 def test_an_unknown_name() -> None:
     message = r"model 'plannar' is unknown \(did you mean 'planar'\?\); known: .*, planar_axes"
-    for load in (load_dynamics, load_prior):
+    for load in (load_dynamics, make_prior):
         with pytest.raises(ConfigError, match=message):
             load("plannar")
     with pytest.raises(
         CheckpointError, match="the prior 'bullet' has no settings; given: friction"
     ):
-        load_prior("bullet", {"friction": 0.1})
+        make_prior("bullet", {"friction": 0.1})
 
 
 def test_truncated(checkpoint: Path) -> None:
@@ -160,7 +164,7 @@ def test_a_folder_that_cannot_be_written(tmp_path: Path) -> None:
     [
         ("prior_config", {"friction": "0.1"}, "friction is '0.1'; it must be of type float"),
         ("prior_config", {"gravity": True}, "gravity is True; it must be of type float"),
-        ("friction", {"points": 6.5}, "points is 6.5; it must be of type int"),
+        ("friction", {"width": "wide"}, "friction: could not convert string"),
     ],
 )
 def test_settings_of_the_wrong_type(

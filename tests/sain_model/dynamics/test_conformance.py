@@ -7,12 +7,12 @@ import torch
 
 from sain_core.conformance import check_dynamics
 from sain_core.model import IdentityPrior, Model, load_dynamics
-from sain_model.dynamics.parameter_correction import ParameterCorrection
-from sain_model.dynamics.sain import SainDynamics
+from sain_model.dynamics.parameter_correction import correcting_model
+from sain_model.dynamics.residual import residual_model
 from sain_model.dynamics.settings import IDENTITY
+from sain_model.inference.kinds import friction_kind
 from sain_model.network.interaction_network import new_network
 from sain_model.network.settings import NetworkConfig
-from sain_model.physics.friction import FrictionConfig
 from sain_model.physics.planar import PlanarPrior
 
 
@@ -26,18 +26,20 @@ def network(**settings: object) -> torch.nn.Module:
     return made
 
 
-def corrected() -> ParameterCorrection:
+def corrected() -> Model:
     inside = network(members=2, features="world", output="parameters", places=5)
-    return ParameterCorrection(inside, PlanarPrior(), "planar")
+    return correcting_model(inside, friction_kind(PlanarPrior(), infers=False), "planar")
 
 
 MODELS: dict[str, Model] = {
-    "learned": SainDynamics(network(), IdentityPrior(), IDENTITY),
-    "residual": SainDynamics(network(), PlanarPrior(), "planar", friction=FrictionConfig()),
-    "ensemble in the world": SainDynamics(
-        network(members=3, features="world"), PlanarPrior(), "planar"
+    "learned": residual_model(network(), friction_kind(IdentityPrior(), infers=False), IDENTITY),
+    "residual": residual_model(network(), friction_kind(PlanarPrior()), "planar"),
+    "ensemble in the world": residual_model(
+        network(members=3, features="world"), friction_kind(PlanarPrior(), infers=False), "planar"
     ),
-    "recurrent": SainDynamics(network(), PlanarPrior(), "planar", recurrent=True),
+    "recurrent": residual_model(
+        network(), friction_kind(PlanarPrior(), infers=False), "planar", recurrent=True
+    ),
     "parameter correction": corrected(),
 }
 

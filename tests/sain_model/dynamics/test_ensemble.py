@@ -17,12 +17,13 @@ from sain_core.types import Pushes, Scenes
 from sain_model.data.dataset import Split, load_dataset, split_by_episode
 from sain_model.dynamics.checkpoint import ModelCard, card_path, save_checkpoint
 from sain_model.dynamics.priors import prior_settings
+from sain_model.dynamics.residual import residual_model
 from sain_model.dynamics.sain import SainDynamics
+from sain_model.inference.kinds import FRICTION, friction_kind
 from sain_model.network.feature_kernels import BODY_FEATURES
 from sain_model.network.interaction_network import InteractionNetwork, ensemble, new_network
 from sain_model.network.relation_kernels import RELATION_FEATURES
 from sain_model.network.settings import BOOTSTRAP, NetworkConfig
-from sain_model.physics.friction import FrictionConfig
 from sain_model.physics.planar import PlanarPrior
 from sain_model.training.settings import TrainingConfig
 from sain_model.training.trainer import Batches
@@ -120,9 +121,11 @@ def test_a_checkpoint_keeps_every_member(tmp_path: Path, random_pushes: Draw) ->
     path, prior = tmp_path / "three.safetensors", PlanarPrior()
     save_checkpoint(path, network, ModelCard("planar", prior_settings(prior), {}))
     loaded = load_dynamics(str(path))
-    assert isinstance(loaded, SainDynamics) and loaded.network.config.members == 3
+    assert isinstance(loaded, SainDynamics) and loaded.network.members == 3
     scenes, pushes = random_pushes(20, 0)
-    before = SainDynamics(network, prior, "planar").predict(scenes, pushes)
+    before = residual_model(network, friction_kind(prior, infers=False), "planar").predict(
+        scenes, pushes
+    )
     after = loaded.predict(scenes, pushes)
     np.testing.assert_array_equal(after.mean, before.mean)
     np.testing.assert_array_equal(after.members, before.members)
@@ -139,17 +142,24 @@ def test_the_mean_is_what_step_predicts_and_the_spread_that_of_the_members(
 ) -> None:
     lone = [wild(seed) for seed in range(3)]
     prior = PlanarPrior()
-    sain = SainDynamics(ensemble(lone), prior, "planar")
+    sain = residual_model(ensemble(lone), friction_kind(prior, infers=False), "planar")
     scenes, pushes = random_pushes(40, 0)
     pushes[:5, LENGTH] = 0.0
     prediction = sain.predict(scenes, pushes)
     np.testing.assert_array_equal(prediction.mean, sain.step(scenes, pushes))
-    places = np.stack([SainDynamics(n, prior, "planar").step(scenes, pushes) for n in lone])
+    places = np.stack(
+        [
+            residual_model(n, friction_kind(prior, infers=False), "planar").step(scenes, pushes)
+            for n in lone
+        ]
+    )
     spread = np.sqrt(places[..., :2].var(axis=0, ddof=1).sum(axis=-1))
     np.testing.assert_allclose(prediction.members, spread, atol=1e-6)
     assert spread.max() > 1e-3 and (prediction.members[:5] == 0.0).all()
     assert prediction.radius is None
-    alone = SainDynamics(lone[0], prior, "planar").predict(scenes, pushes)
+    alone = residual_model(lone[0], friction_kind(prior, infers=False), "planar").predict(
+        scenes, pushes
+    )
     assert (alone.spread == 0.0).all()
 
 
@@ -157,32 +167,27 @@ def test_what_is_not_known_of_the_friction_is_told_and_earlier_pushes_make_it_le
     random_pushes: Draw,
 ) -> None:
     prior = PlanarPrior()
-    sain = SainDynamics(wild(0), prior, "planar", friction=FrictionConfig())
+    sain = residual_model(wild(0), friction_kind(prior), "planar")
     scenes, pushes = random_pushes(40, 1)
     first = sain.predict(scenes, pushes)
-    assert sain.friction_log_std == pytest.approx(
-        0.5, rel=0.05
-    )  # the width of the belief at the start
+    assert sain.spread(FRICTION) == pytest.approx(0.5, rel=0.05)  # of the belief at the start
     seen = prior.step(scenes[:3], pushes[:3])
     known = sain.condition(PushHistory(scenes[:3], pushes[:3], seen))
-    assert known.friction_log_std < 0.5 * sain.friction_log_std
+    assert known.spread(FRICTION) < 0.5 * sain.spread(FRICTION)
     assert known.predict(scenes, pushes).friction.mean() < 0.5 * first.friction.mean()
-    told = np.full(len(pushes), 0.12)
-    assert (sain.predict(scenes, pushes, told).friction == 0.0).all()
     ends = [
-        sain.step(scenes, pushes, {"friction": told * np.exp(way * 0.2)})[..., :2]
-        for way in (-1, 1)
+        sain.step(scenes, pushes, {FRICTION: np.full(len(pushes), 0.12 * np.exp(way))})[..., :2]
+        for way in (-sain.spread(FRICTION), sain.spread(FRICTION))
     ]
     expected = np.linalg.norm(ends[1] - ends[0], axis=-1) / 2
-    unsure = sain.predict(scenes, pushes, told, np.full(len(pushes), 0.2))
-    np.testing.assert_allclose(unsure.friction, expected, atol=1e-12)
+    np.testing.assert_allclose(first.friction, expected, atol=1e-12)
 
 
 def test_members_disagree_where_they_have_not_been(split: Split, tmp_path: Path) -> None:
     config = TrainingConfig(epochs=60, batch=16, network=THREE)
     trainer = make_trainer(split, PlanarPrior(), config, tmp_path)
     trainer.run()
-    sain = SainDynamics(trainer.network, PlanarPrior(), "planar")
+    sain = residual_model(trainer.network, friction_kind(PlanarPrior(), infers=False), "planar")
     scenes, pushes = split.test.alike.state, split.test.alike.action
     heavy = scenes.copy()
     heavy[..., MASS] += 5.0  # 12 to 14 kg; trained on 7 to 9

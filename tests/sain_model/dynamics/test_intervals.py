@@ -13,8 +13,10 @@ from sain_model import commands
 from sain_model.data.dataset import Dataset, load_dataset
 from sain_model.dynamics.checkpoint import card_path
 from sain_model.dynamics.intervals import IntervalConfig, Intervals
+from sain_model.dynamics.residual import residual_model
 from sain_model.dynamics.sain import SainDynamics
 from sain_model.evaluation.errors import evaluate
+from sain_model.inference.kinds import friction_kind
 from sain_model.network.interaction_network import InteractionNetwork
 from sain_model.physics.planar import PlanarPrior
 from sain_model.training.interval_fit import fit_disk
@@ -75,8 +77,8 @@ def test_training_fits_them_the_card_keeps_them_and_the_report_measures_them(
     path = tmp_path / "sain.safetensors"
     card = json.loads(card_path(path).read_text())
     sain = load_dynamics(str(path))
-    assert isinstance(sain, SainDynamics) and sain.intervals is not None
-    assert json.loads(json.dumps(asdict(sain.intervals))) == card["intervals"]
+    assert isinstance(sain, SainDynamics) and sain.network.intervals is not None
+    assert json.loads(json.dumps(asdict(sain.network.intervals))) == card["intervals"]
     report = tmp_path / "errors.json"
     checkpoint = ["--checkpoint", str(path), "--out", str(report)]
     assert commands.evaluate([str(dataset), *checkpoint]) == 0
@@ -96,7 +98,12 @@ def test_coverage_is_counted(dataset: Path, tmp_path: Path) -> None:
     data = load_dataset(dataset).alike
     wide, none = IntervalConfig(factors=(1e6,)), IntervalConfig(noise=1e-9, factors=(1e-3,))
     intervals = Intervals(mid=wide, target=none)
-    sain = SainDynamics(InteractionNetwork(), PlanarPrior(), "planar", intervals=intervals)
+    sain = residual_model(
+        InteractionNetwork(),
+        friction_kind(PlanarPrior(), infers=False),
+        "planar",
+        intervals=intervals,
+    )
     found = evaluate(Dataset((data,)), {"sain": sain})
     errors = found["after"]["1"]["errors"]
     assert errors["pushed"]["sain"]["coverage"][0] == 1.0

@@ -18,20 +18,21 @@ from sain_core.types import Pushes, Scenes
 from sain_model import commands
 from sain_model.data.dataset import Dataset, Part, Split
 from sain_model.dynamics.checkpoint import ModelCard, card_path, save_checkpoint
-from sain_model.dynamics.parameter_correction import ParameterCorrection
+from sain_model.dynamics.parameter_correction import correcting_model
 from sain_model.dynamics.physics_gradient import ToldPushes, conditioned_moves
 from sain_model.dynamics.priors import load_planar
+from sain_model.dynamics.sain import SainDynamics
 from sain_model.dynamics.settings import PLANAR_AXES
 from sain_model.evaluation.errors import evaluate
+from sain_model.inference.kinds import FRICTION, friction_kind
 from sain_model.network import corrections as told
 from sain_model.network.features import push_frames
 from sain_model.network.interaction_network import InteractionNetwork, ensemble, new_network
-from sain_model.physics.friction import FrictionConfig
 from sain_model.physics.planar import PlanarConfig, PlanarPrior
 from sain_model.physics.planar_config import AXES
 from sain_model.serving.server import load_server
 from sain_model.serving.settings import ServingConfig
-from sain_model.training.fit import Physics, fit
+from sain_model.training.fit import fit
 from sain_model.training.settings import OF_PARAMETERS
 from tests.sain_model.conftest import make_trainer, read_card
 
@@ -64,7 +65,7 @@ def draw(bodies: Bodies, count: int, seed: int) -> tuple[Scenes, Pushes]:
 def pushes_of(bodies: Bodies, count: int, seed: int) -> ToldPushes:
     scenes, pushes = draw(bodies, count, seed)
     frames = push_frames(scenes, pushes, bodies)
-    return ToldPushes(PlanarPrior().with_bodies(bodies), scenes, pushes, frames)
+    return ToldPushes(PlanarPrior().with_bodies(bodies), scenes, pushes, frames, {})
 
 
 def laboratory(bodies: Bodies, count: int, first: int) -> Part:
@@ -125,10 +126,10 @@ def wild(seed: int) -> InteractionNetwork:
 def test_it_starts_out_as_the_prior_and_a_push_of_no_length_moves_nothing() -> None:
     scenes, pushes = draw(PAIR, 20, 2)
     network = new_network(replace(SMALL, members=2), 0)
-    sain = ParameterCorrection(network, PlanarPrior()).with_bodies(PAIR)
+    sain = correcting_model(network, friction_kind(PlanarPrior(), infers=False)).with_bodies(PAIR)
     physics = PlanarPrior().with_bodies(PAIR).step(scenes, pushes)
     np.testing.assert_allclose(sain.step(scenes, pushes), physics, atol=1e-12)
-    sain = replace(sain, network=wild(0))
+    sain = correcting_model(wild(0), sain.belief.trained).with_bodies(PAIR)
     assert np.abs(sain.step(scenes, pushes) - physics).max() > 1e-3
     pushes[:, LENGTH] = 0.0
     np.testing.assert_array_equal(sain.step(scenes, pushes), scenes)
@@ -139,9 +140,12 @@ def test_members_are_averaged() -> None:
     alone = [wild(seed) for seed in range(2)]
     prior = PlanarPrior().with_bodies(PAIR)
     ends = [
-        ParameterCorrection(network, prior, bodies=PAIR).step(scenes, pushes) for network in alone
+        correcting_model(network, friction_kind(prior, infers=False)).step(scenes, pushes)
+        for network in alone
     ]
-    both = ParameterCorrection(ensemble(alone), prior, bodies=PAIR).step(scenes, pushes)
+    both = correcting_model(ensemble(alone), friction_kind(prior, infers=False)).step(
+        scenes, pushes
+    )
     assert np.abs(ends[0] - ends[1])[..., POSITION].max() > 1e-3
     middle = (ends[0] + ends[1])[..., POSITION] / 2
     np.testing.assert_allclose(both[..., POSITION], middle, atol=1e-7)
@@ -149,7 +153,7 @@ def test_members_are_averaged() -> None:
 
 def test_it_finds_out_what_a_laboratory_is_like(split: Split, tmp_path: Path) -> None:
     config = replace(SHORT, epoch_steps=25, learning_rate=1e-2)
-    sain, _ = fit(split, Physics(PlanarPrior()), config, tmp_path)
+    sain, _ = fit(split, friction_kind(PlanarPrior(), infers=False), config, tmp_path)
     found = evaluate(split.test, {"sain": sain})["after"]["1"]["ratios"]
     for group in ("pushed, alone", "pushed, one of several"):
         assert found[group]["sain"]["its prior"]["mm"][0] < 0.6
@@ -179,13 +183,13 @@ def test_a_killed_training_goes_on_to_the_same_weights(split: Split, tmp_path: P
 
 def test_friction_is_inferred_where_it_learned_to() -> None:
     scenes, pushes = draw(PAIR, 6, 3)
-    truth = PlanarPrior().at(0.19).with_bodies(PAIR).step(scenes, pushes)
+    truth = PlanarPrior(PlanarConfig(friction=0.19)).with_bodies(PAIR).step(scenes, pushes)
     history = PushHistory(scenes, pushes, truth)
-    sain = ParameterCorrection(new_network(SMALL, 0), PlanarPrior()).with_bodies(PAIR)
-    assert sain.condition(history).prior.config.friction == 0.12
-    learned = replace(sain, friction=FrictionConfig(outline_noise=3e-4)).condition(history)
-    assert learned.prior.config.friction == pytest.approx(0.19, rel=0.05)
-    assert learned.bodies == PAIR
+    for infers, friction in ((False, 0.12), (True, 0.19)):
+        sain = correcting_model(new_network(SMALL, 0), friction_kind(PlanarPrior(), infers))
+        conditioned = sain.with_bodies(PAIR).condition(history)
+        assert conditioned.value(FRICTION) == pytest.approx(friction, rel=0.05)
+        assert conditioned.bodies == PAIR
 
 
 def test_the_command_writes_a_checkpoint_that_serves_any_bodies(
@@ -204,8 +208,8 @@ def test_the_command_writes_a_checkpoint_that_serves_any_bodies(
         == card.data["transitions"]["test"]
     )
     sain = load_dynamics(str(path))
-    assert isinstance(sain, ParameterCorrection)
-    assert sain.filter is not None
+    assert isinstance(sain, SainDynamics)
+    assert sain.belief.trained.names == (FRICTION,)
     server, (scenes, pushes) = load_server(ServingConfig(model=str(path))), draw(PAIR, 4, 5)
     rollout = server.rollout(scenes[0], pushes.reshape(2, 2, -1), bodies=PAIR)
     shaped = sain.with_bodies(PAIR)
@@ -252,10 +256,10 @@ def test_what_a_card_leaves_out_is_the_default_of_its_own_prior(
     checkpoint: Path, tmp_path: Path
 ) -> None:
     whole = load_dynamics(str(checkpoint))
-    assert isinstance(whole, ParameterCorrection)
-    assert whole.prior.config == replace(AXES, friction=0.14)
+    assert isinstance(whole, SainDynamics)
+    assert whole.belief.trained.config == replace(AXES, friction=0.14)
     path = with_card(checkpoint, tmp_path, prior_config={"friction": 0.14})
-    assert load_dynamics(path).prior.config == whole.prior.config
+    assert load_dynamics(path).belief.trained.config == whole.belief.trained.config
 
 
 @pytest.mark.parametrize(

@@ -21,7 +21,9 @@ from sain_core.scene import (
 )
 from sain_core.types import Pushes, Scenes
 from sain_model.compute.batch_checks import check_physics_next
+from sain_model.dynamics.residual import residual_model
 from sain_model.dynamics.sain import SainDynamics
+from sain_model.inference.kinds import friction_kind
 from sain_model.network.features import apply_residual, true_residual
 from sain_model.network.interaction_network import InteractionNetwork
 from sain_model.network.settings import NetworkConfig
@@ -42,13 +44,13 @@ def wild_network() -> InteractionNetwork:
 
 @pytest.fixture
 def sain() -> SainDynamics:
-    return SainDynamics(wild_network(), PlanarPrior(), "planar")
+    return residual_model(wild_network(), friction_kind(PlanarPrior(), infers=False), "planar")
 
 
 def test_a_new_network_leaves_the_prior_as_it_is(random_pushes: Draw) -> None:
     scenes, pushes = random_pushes(20, 0)
     prior = PlanarPrior()
-    sain = SainDynamics(InteractionNetwork(), prior, "planar")
+    sain = residual_model(InteractionNetwork(), friction_kind(prior, infers=False), "planar")
     assert isinstance(sain, Model)
     np.testing.assert_allclose(sain.step(scenes, pushes), prior.step(scenes, pushes), atol=1e-12)
 
@@ -58,7 +60,7 @@ def test_turning_and_moving_scene_and_push_turns_and_moves_the_prediction(
 ) -> None:
     scenes, pushes = random_pushes(50, 0)
     expected = sain.step(scenes, pushes)
-    assert np.abs(expected - sain.prior.step(scenes, pushes)).max() > 1e-3
+    assert np.abs(expected - sain.physics.step(scenes, pushes)).max() > 1e-3
     turned = sain.step(rotate_scenes(scenes, 2.0), rotate_pushes(pushes, 2.0))
     away = rotate_scenes(expected, 2.0)
     np.testing.assert_allclose(turned[..., POSITION], away[..., POSITION], atol=2e-5)
@@ -122,8 +124,12 @@ def test_the_true_residual_makes_the_prediction_true(random_pushes: Draw) -> Non
 
 def test_kinds_are_told_by_the_prior() -> None:
     network = InteractionNetwork()
-    assert SainDynamics(network, PlanarPrior(), "planar").kind == "residual"
-    assert SainDynamics(network, IdentityPrior(), "identity").kind == "learned"
+    for prior, name, kind in (
+        (PlanarPrior(), "planar", "residual"),
+        (IdentityPrior(), "identity", "learned"),
+    ):
+        model = residual_model(network, friction_kind(prior, infers=False), name)
+        assert model.origin.kind == kind
 
 
 def test_a_prediction_of_other_scenes_cannot_be_corrected(random_pushes: Draw) -> None:
@@ -136,7 +142,7 @@ def test_the_shipped_checkpoint_corrects_but_little(random_pushes: Draw) -> None
     scenes, pushes = random_pushes(200, 9)
     sain = load_dynamics("sain")
     assert isinstance(sain, SainDynamics)
-    change = sain.step(scenes, pushes) - sain.prior.step(scenes, pushes)
+    change = sain.step(scenes, pushes) - sain.physics.step(scenes, pushes)
     distance = np.linalg.norm(change[..., POSITION], axis=-1)
     # Its prior errs by a fraction of a millimetre once it knows the friction.
     assert 1e-5 < distance.mean() < 1e-3

@@ -13,6 +13,7 @@ from sain_core.shapes.bodies import PAPER_DISKS, Bodies
 from sain_core.types import Pushes, Scene
 from sain_model.dynamics.load import shipped_checkpoint
 from sain_model.dynamics.sain import SainDynamics
+from sain_model.inference.kinds import FRICTION
 from sain_model.physics.planar import PlanarPrior
 from sain_model.serving.server import load_server
 from sain_model.serving.settings import ServingConfig
@@ -60,7 +61,7 @@ def test_any_bodies_are_corrected_but_little(sain: SainDynamics, name: str) -> N
     assert told.bodies == bodies
     scene, pushed = scene_of(len(bodies)), pushes(40)
     scenes = np.repeat(scene[None], len(pushed), axis=0)
-    physics = told.prior.step(scenes, pushed)
+    physics = told.physics.step(scenes, pushed)
     residual = np.linalg.norm((told.step(scenes, pushed) - physics)[..., :2], axis=-1)
     assert 1e-6 < residual.max() < 0.02
     assert not residual[:, list(bodies.fixed)].any()
@@ -81,14 +82,12 @@ def test_a_disk_alone_can_be_predicted(sain: SainDynamics) -> None:
 
 def test_friction_is_inferred_for_a_shape(sain: SainDynamics) -> None:
     told = sain.with_bodies(OTHERS["a T alone"])
-    assert isinstance(told.prior, PlanarPrior)
     pushed = pushes(6)
     scenes = np.repeat(scene_of(1)[None], len(pushed), axis=0)
-    after = told.prior.at(0.18).step(scenes, pushed)
+    after = told.physics.step(scenes, pushed, {FRICTION: np.full(len(pushed), 0.18)})
     informed = told.condition(PushHistory(scenes, pushed, after))
-    assert isinstance(informed.prior, PlanarPrior)
-    assert informed.prior.config.friction == pytest.approx(0.18, rel=0.1)
-    assert informed.friction_log_std < told.friction_log_std
+    assert informed.value(FRICTION) == pytest.approx(0.18, rel=0.1)
+    assert informed.spread(FRICTION) < told.spread(FRICTION)
 
 
 def test_the_card_belongs_to_the_weights() -> None:

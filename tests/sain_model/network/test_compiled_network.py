@@ -15,12 +15,15 @@ from sain_core.push import LENGTH, LOCATION, PushLimits
 from sain_core.scene import POSITION, THETA, make_scene, wrap_angle
 from sain_core.types import Pushes, Scenes
 from sain_model.compute.thread_pool import run_blocks
+from sain_model.dynamics.residual import residual_model
 from sain_model.dynamics.sain import SainDynamics
+from sain_model.inference.kinds import friction_kind
 from sain_model.network.compiled_network import CompiledNetwork
 from sain_model.network.interaction_network import InteractionNetwork
 from sain_model.network.settings import NetworkConfig
 from sain_model.network.torch_network import TorchNetwork
 from sain_model.physics.planar import PlanarPrior
+from sain_model.physics.planar_config import PlanarConfig
 
 Draw = Callable[[int, int], tuple[Scenes, Pushes]]
 PLACES = np.array([(0.45, 0.0), (0.591, 0.0), (0.5, 0.14), (0.5, -0.15), (0.72, 0.1)])
@@ -79,7 +82,7 @@ def test_the_kernels_and_pytorch_agree(disks: int, size: dict[str, object]) -> N
 
 def test_a_batch_is_a_loop_to_the_bit() -> None:
     scenes, pushes = batch(3, 300)
-    sain = SainDynamics(network(), PlanarPrior(), "planar")
+    sain = residual_model(network(), friction_kind(PlanarPrior(), infers=False), "planar")
     together = sain.step(scenes, pushes)
     for index in (0, 1, 127, 128, 299):
         alone = sain.step(scenes[index : index + 1], pushes[index : index + 1])
@@ -88,7 +91,9 @@ def test_a_batch_is_a_loop_to_the_bit() -> None:
 
 @pytest.mark.parametrize("disks", [2, 4])
 def test_a_rollout_is_step_after_step_to_the_bit_on_any_number_of_threads(disks: int) -> None:
-    sain = SainDynamics(network(1), PlanarPrior().at(0.15), "planar")
+    sain = residual_model(
+        network(1), friction_kind(PlanarPrior(PlanarConfig(friction=0.15)), infers=False), "planar"
+    )
     scenes, pushes = batch(disks, 4 * 300, seed=2)
     sequences = pushes.reshape(300, 4, 5)
     assert isinstance(sain, RolloutModel)
@@ -104,14 +109,14 @@ def test_a_rollout_is_step_after_step_to_the_bit_on_any_number_of_threads(disks:
 
 def test_a_rollout_on_another_prior_goes_step_by_step(random_pushes: Draw) -> None:
     scenes, pushes = random_pushes(20, 0)
-    sain = SainDynamics(network(), IdentityPrior(), "identity")
+    sain = residual_model(network(), friction_kind(IdentityPrior(), infers=False), "identity")
     stepwise = sain.rollout(scenes[0], pushes.reshape(5, 4, 5))
     np.testing.assert_array_equal(sain.rollout(scenes[0], pushes.reshape(5, 4, 5)), stepwise)
 
 
 def test_a_rollout_that_cannot_be_is_refused(random_pushes: Draw) -> None:
     scenes, pushes = random_pushes(4, 0)
-    sain = SainDynamics(network(), PlanarPrior(), "planar")
+    sain = residual_model(network(), friction_kind(PlanarPrior(), infers=False), "planar")
     pushes[1, LOCATION] = np.nan
     with pytest.raises(InvalidInputError, match=r"pushes\[\d, 1\] is nan"):
         sain.rollout(scenes[0], pushes.reshape(2, 2, 5))
@@ -179,6 +184,6 @@ def test_the_shipped_checkpoint_answers_as_pytorch_does(random_pushes: Draw) -> 
     scenes, pushes = random_pushes(300, 5)
     sain = load_dynamics("sain")
     assert isinstance(sain, SainDynamics)
-    physics = sain.prior.step(scenes, pushes)
-    expected = TorchNetwork(sain.network, "cpu").correct(scenes, pushes, physics)
+    physics = sain.physics.step(scenes, pushes)
+    expected = TorchNetwork(sain.network.module, "cpu").correct(scenes, pushes, physics)
     np.testing.assert_allclose(sain.step(scenes, pushes), expected, rtol=0, atol=1e-7)

@@ -15,8 +15,9 @@ from sain_core.types import Pushes, Scenes
 from sain_model import commands
 from sain_model.data.dataset import Dataset, limit_training, load_dataset, split_by_episode
 from sain_model.dynamics.load import load_checkpoint
-from sain_model.dynamics.sain import SainDynamics
+from sain_model.dynamics.residual import residual_model
 from sain_model.evaluation.errors import position_errors
+from sain_model.inference.kinds import friction_kind
 from sain_model.network.feature_kernels import BODY_FEATURES
 from sain_model.network.features import Features, network_inputs, push_frames
 from sain_model.network.inputs import PLACE_FEATURES
@@ -66,7 +67,7 @@ def test_what_pulls_along_the_world_is_learned_in_its_frame_alone(dataset, tmp_p
         )
         trainer = make_trainer(split, prior, config, tmp_path / frame)
         trainer.run()
-        sain = SainDynamics(trainer.network, prior, "planar")
+        sain = residual_model(trainer.network, friction_kind(prior, infers=False), "planar")
         predicted = sain.step(test.state, test.action)
         left[frame] = position_errors(predicted, test.next_state, TARGET).mean()
     assert left[WORLD_FRAME] < 2.0 and left[WORLD_FRAME] < 0.5 * left[PUSH_FRAME]
@@ -78,7 +79,7 @@ def test_a_checkpoint_knows_what_its_network_sees(dataset, tmp_path, random_push
     assert commands.train(arguments) == 0
     path = tmp_path / "sain.safetensors"
     network, card = load_checkpoint(path).network, read_card(path)
-    assert network.config.features == "world" and card.data["transitions"]["train"] == 40
+    assert network.module.config.features == "world" and card.data["transitions"]["train"] == 40
     scenes, pushes = random_pushes(5, 1)
     assert np.isfinite(load_dynamics(str(path)).step(scenes, pushes)[..., POSITION]).all()
     text = (tmp_path / "sain.json").read_text()

@@ -26,7 +26,9 @@ from sain_core.shapes.library import get_shape
 from sain_core.shapes.shape import Shape
 from sain_core.shapes.solids import Compound, Polygon
 from sain_core.types import Points, Pushes, Scenes
+from sain_model.dynamics.sain import SainDynamics
 from sain_model.evaluation.named_models import step_as_nominal
+from sain_model.inference.kinds import friction_belief
 from sain_model.physics.body_table import body_table
 from sain_model.physics.planar import PlanarConfig, PlanarPrior
 from sain_model.physics.planar_config import AXES
@@ -316,10 +318,10 @@ def test_the_tool_touches_what_is_in_its_way_and_says_so() -> None:
 def test_friction_is_inferred_from_pushes_of_any_body() -> None:
     prior = prior_of("t")
     scenes, pushes = draw(prior.bodies, batch=6)
-    truth = prior.at(0.17).step(scenes, pushes)
-    history = PushHistory(scenes, pushes, truth)
-    assert prior.filter().infer(history).mean == pytest.approx(0.17, rel=0.03)
-    assert prior.condition(history).bodies == prior.bodies
+    truth = prior.step(scenes, pushes, {"friction": np.full(6, 0.17)})
+    model = SainDynamics(friction_belief(prior), bodies=prior.bodies)
+    conditioned = model.condition(PushHistory(scenes, pushes, truth))
+    assert conditioned.value("friction") == pytest.approx(0.17, rel=0.03)
 
 
 def test_the_nominal_belief_is_about_masses_only() -> None:

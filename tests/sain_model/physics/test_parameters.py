@@ -38,12 +38,19 @@ def draw(count: int, seed: int = 0) -> tuple[Scenes, Pushes]:
     return np.repeat(scene[None], count, axis=0), pushes
 
 
+WIDE = (
+    "friction_scale", "torsion", "pressure", "centre_x", "centre_y", "slope_x", "slope_y",
+    "length_offset", "angle_offset", "location_offset",
+)  # fmt: skip
+
+
 def draw_values(count: int, bodies: int, seed: int = 0) -> dict[str, np.ndarray]:
     """Return values of all parameters, near to those that a laboratory might have."""
     random, values = np.random.default_rng(seed), {}
     for one in PARAMETERS:
         shape = (count, bodies) if one.scope == "body" else (count,)
-        usual, spread = getattr(PlanarConfig(), one.name), one.spread or 0.2
+        usual = getattr(PlanarConfig(), one.name)
+        spread = 0.2 if one.name in WIDE else one.spread
         away = random.normal(0.0, spread, shape)
         if one.name.endswith("_offset") or one.name.startswith("slope"):
             away *= 0.1

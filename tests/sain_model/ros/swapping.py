@@ -42,7 +42,7 @@ def request() -> Rollout.Request:
 def answers_of(*paths: str) -> dict[str, bytes]:
     """Return what each checkpoint answers, by its hash."""
     models = [load_dynamics(path) for path in paths]
-    return {model.model_hash: model.rollout(SCENE, SEQUENCES).tobytes() for model in models}
+    return {model.origin.model_hash: model.rollout(SCENE, SEQUENCES).tobytes() for model in models}
 
 
 def set_model(graph: Any, name: str) -> Any:

@@ -110,7 +110,7 @@ def test_earlier_pushes_tell_the_service_the_friction(graph, model):
     response = graph.call(Rollout, "rollout", request)
     assert (response.error_code, response.error_message) == (ErrorCode.OK, "")
     assert response.friction == pytest.approx(0.18, rel=0.05)
-    told = PlanarPrior().condition(past).rollout(SCENE, sequences)
+    told = load_dynamics("planar").condition(past).rollout(SCENE, sequences)
     np.testing.assert_array_equal(wire.decode_rollout(response, (4, 2, 2)), told)
     without = graph.call(Rollout, "rollout", rollout_request(sequences))
     assert without.friction == 0.12

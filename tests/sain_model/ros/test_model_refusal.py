@@ -87,7 +87,7 @@ def test_a_bad_checkpoint_is_refused_and_the_old_one_goes_on(graph, first, tmp_p
     loaded = graph.call(LoadModel, "load_model", LoadModel.Request(model=str(bad)))
     assert loaded.error_code == ErrorCode.CHECKPOINT
     assert reason in loaded.error_message
-    assert (loaded.model, loaded.model_hash) == (first, load_dynamics(first).model_hash)
+    assert (loaded.model, loaded.model_hash) == (first, load_dynamics(first).origin.model_hash)
     result = set_model(graph, str(bad))
     assert not result.successful
     assert reason in result.reason

@@ -71,7 +71,7 @@ def test_a_stream_of_requests_goes_on_through_swaps(graph, first, second):
         stream.run(5)
         loaded = graph.call(LoadModel, "load_model", LoadModel.Request(model=path))
         assert (loaded.error_code, loaded.error_message) == (ErrorCode.OK, "")
-        assert (loaded.model, loaded.model_hash) == (path, load_dynamics(path).model_hash)
+        assert (loaded.model, loaded.model_hash) == (path, load_dynamics(path).origin.model_hash)
         assert node.get_parameter("model").value == path
     stream.run(5)
     assert set_model(graph, first).successful
@@ -83,7 +83,10 @@ def test_a_stream_of_requests_goes_on_through_swaps(graph, first, second):
         assert predicted.tobytes() == expected[answer.model_hash]
     assert {answer.model_hash for answer in stream.answered} == set(expected)
     described = graph.call(DescribeModel, "describe_model", DescribeModel.Request())
-    assert (described.model, described.model_hash) == (first, load_dynamics(first).model_hash)
+    assert (described.model, described.model_hash) == (
+        first,
+        load_dynamics(first).origin.model_hash,
+    )
     assert json.loads(described.card)["weights_sha256"] == described.model_hash
 
 

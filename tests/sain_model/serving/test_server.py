@@ -1,3 +1,4 @@
+from dataclasses import replace
 from time import sleep
 
 import numpy as np
@@ -11,16 +12,17 @@ from sain_core.errors import (
     TooMuchWorkError,
 )
 from sain_core.history import PushHistory
-from sain_core.model import IdentityPrior, Model
-from sain_core.push import LENGTH, PushLimits
+from sain_core.model import IdentityPrior, Model, load_dynamics
+from sain_core.push import ANGLE, LENGTH, PushLimits
 from sain_core.scene import make_scene, wrap_angle
 from sain_core.shapes.bodies import Bodies
 from sain_core.types import Pushes, Scenes
 from sain_model.compute.devices import choose_device
-from sain_model.dynamics.identify import believing_model
-from sain_model.dynamics.sain import SainDynamics
+from sain_model.dynamics.identify import with_all_parameters
+from sain_model.dynamics.residual import residual_model
+from sain_model.dynamics.sain import Origin, SainDynamics
+from sain_model.inference.kinds import MASS_RATIO, friction_kind
 from sain_model.network.interaction_network import InteractionNetwork
-from sain_model.physics.friction import FrictionConfig
 from sain_model.physics.planar import PlanarPrior
 from sain_model.physics.planar_config import AXES
 from sain_model.serving import server as server_module
@@ -42,7 +44,9 @@ class Broken(Model):
 
 @pytest.fixture
 def sain() -> SainDynamics:
-    return SainDynamics(InteractionNetwork(), PlanarPrior(), "planar", "abc", "{}")
+    kind = friction_kind(PlanarPrior(), infers=False)
+    model = residual_model(InteractionNetwork(), kind, "planar")
+    return replace(model, origin=Origin("residual", "planar", "abc", "{}"))
 
 
 def test_next_state_is_physics_plus_residual(sain: SainDynamics) -> None:
@@ -97,7 +101,7 @@ def past(friction: float, pushes: int = 4) -> PushHistory:
 
 
 def test_a_model_serves_what_the_past_tells() -> None:
-    sain = SainDynamics(InteractionNetwork(), PlanarPrior(), "planar", friction=FrictionConfig())
+    sain = residual_model(InteractionNetwork(), friction_kind(PlanarPrior()), "planar")
     server = ModelServer(sain, ServingConfig(model="mine"))
     for truth in (0.2, 0.08, 0.08):
         history = past(truth)
@@ -126,7 +130,7 @@ def test_what_is_too_much_is_refused_before_anything_is_computed() -> None:
         server.predict(crowd, PUSHES[:1])
     with pytest.raises(TooMuchWorkError):
         server.rollout(crowd[0], PUSHES[:1, None])
-    planar = ModelServer(PlanarPrior(), ServingConfig(max_work=8))
+    planar = ModelServer(load_dynamics("planar"), ServingConfig(max_work=8))
     with pytest.raises(TooMuchWorkError, match="61 predictions of 2 disks are 122 of work"):
         planar.friction(past(0.2, pushes=1))
 
@@ -139,7 +143,7 @@ def test_a_push_that_no_arm_could_make_is_refused() -> None:
         server.predict(SCENES, pushes)
     with pytest.raises(OutOfRangeError, match=r"length of push \(1, 1\)"):
         server.rollout(SCENE, pushes.reshape(3, 2, 5))
-    pushes[3] = 0.0, -3.0, 0.1
+    pushes[3, ANGLE : LENGTH + 1] = -3.0, 0.1
     with pytest.raises(OutOfRangeError, match=r"angle of push \(3,\) is -3.0; allowed: -1.57"):
         server.predict(SCENES, pushes)
 
@@ -174,7 +178,7 @@ def test_the_device_is_what_is_wanted_and_there(
     assert choose_device(wanted) == device
     server = ModelServer(sain, ServingConfig(device=wanted))
     assert server.description.device == device
-    assert sain.device == "cpu"  # moving makes another one
+    assert sain.network is not None and sain.network.device == "cpu"  # moving makes another one
 
 
 def test_a_device_that_is_not_there_is_refused(
@@ -230,16 +234,14 @@ def test_a_model_that_is_of_no_use_to_a_planner_replaces_no_other(
 def test_a_served_model_infers_masses_that_are_not_measured(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    sain = SainDynamics(
-        InteractionNetwork(), PlanarPrior(AXES), "planar_axes", friction=FrictionConfig()
-    )
-    model = believing_model(sain)
+    sain = residual_model(InteractionNetwork(), friction_kind(PlanarPrior(AXES)), "planar_axes")
+    model = with_all_parameters(sain)
     monkeypatch.setattr(server_module, "load_dynamics", lambda name: model)
     weighed, measured = (
         load_server(ServingConfig(unknown=unknown)).knowing(past(0.12)) for unknown in ("mass", "")
     )
     assert isinstance(weighed, SainDynamics) and isinstance(measured, SainDynamics)
-    assert weighed.mass_log_std > 0.0 == measured.mass_log_std
+    assert weighed.spread(MASS_RATIO) > 0.0 == measured.spread(MASS_RATIO)
     with pytest.raises(TooMuchWorkError, match="1037 predictions of 2 disks"):
         load_server(ServingConfig(unknown="mass", max_work=1000)).knowing(past(0.12, pushes=1))
     with pytest.raises(ConfigError, match="unknown is 'weight'; allowed: mass, radius"):

@@ -66,12 +66,12 @@ def error(message: str) -> Callable[[pytest.CaptureFixture[str]], bool]:
 def test_it_is_the_parent_with_other_weights_and_regions(parent: Path, child: Path) -> None:
     before, after = load_checkpoint(parent), load_checkpoint(child)
     assert isinstance(after, SainDynamics)
-    assert after.network.config == before.network.config
-    assert after.prior_name == before.prior_name
-    assert after.prior.config == before.prior.config  # type: ignore[attr-defined]
-    assert after.friction == before.friction
-    assert after.model_hash != before.model_hash
-    assert after.intervals is not None and after.intervals != before.intervals
+    assert after.network.module.config == before.network.module.config
+    assert after.origin.prior_name == before.origin.prior_name
+    assert after.physics.config == before.physics.config  # type: ignore[attr-defined]
+    assert after.belief.trained.names == before.belief.trained.names
+    assert after.origin.model_hash != before.origin.model_hash
+    assert after.network.intervals not in (None, before.network.intervals)
     settings = read_card(child).training
     assert settings["history"] == "episode" and settings["validation"] == 0.2
 

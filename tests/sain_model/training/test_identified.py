@@ -8,18 +8,15 @@ import pytest
 
 from sain_model import commands
 from sain_model.dynamics.load import load_checkpoint
-from sain_model.identification.belief_file import write_belief
-from sain_model.identification.beliefs import Belief
-from sain_model.identification.parameters import COUNT
-from sain_model.identification.structures import Structure
-from sain_model.physics.friction import FrictionConfig
+from sain_model.inference.belief_file import write_belief
+from sain_model.inference.kinds import FRICTION, Belief, Kind
 from sain_model.physics.planar import PlanarPrior
 from sain_model.physics.planar_config import AXES, TEXTBOOK
 from tests.sain_model.conftest import read_card
 
 SMALL = ("--hidden", "8", "--message", "4", "--epochs", "2")
 LAB = replace(TEXTBOOK, friction=0.15, tool_friction=0.2)
-NARROW = FrictionConfig(width=0.2)
+NARROW = 0.4  # standard deviation of z
 
 
 def run(*arguments: object) -> int:
@@ -28,9 +25,9 @@ def run(*arguments: object) -> int:
 
 def believe(path: Path, log_odds: float = 0.0) -> Path:
     """Write a belief in a laboratory; negative odds: in a solver's axes."""
-    spread = 0.01 * np.eye(COUNT)
-    lab = Structure("textbook", LAB, spread, NARROW, log_odds)
-    axes = Structure("solver axes", AXES, spread, FrictionConfig(), corrected=True)
+    names, spread = (FRICTION, "tool_friction"), np.diag([NARROW**2, 0.01])
+    lab = Kind("textbook", PlanarPrior(LAB), names, spread, log_odds)
+    axes = Kind("solver axes", PlanarPrior(AXES), names, np.eye(2), corrected=True)
     return write_belief(path, Belief((axes, lab)))
 
 
@@ -44,17 +41,18 @@ def test_the_likeliest_physics_is_the_prior(
     assert run(dataset, "--belief", belief, "--out", tmp_path / "out", *SMALL) == 0
     path = tmp_path / "out" / "sain.safetensors"
     model, card = load_checkpoint(path), read_card(path)
-    assert isinstance(model.prior, PlanarPrior)
-    assert (model.prior.config, model.prior_name) == (config, name)
+    assert model.belief.trained.config == config
+    assert (model.belief.trained.names, model.origin.prior_name) == ((FRICTION,), name)
     assert card.training["prior"] == name
-    assert model.friction == (NARROW if odds > 0 else FrictionConfig())
-    assert model.intervals is not None
+    deviation = NARROW if odds > 0 else 1.0
+    assert model.belief.trained.deviations[0] == pytest.approx(deviation)
+    assert model.network.intervals is not None
 
 
 def test_without_history_friction_is_not_inferred(dataset: Path, tmp_path: Path) -> None:
     belief, out = believe(tmp_path / "belief.json", 1.0), tmp_path / "out"
     assert run(dataset, "--belief", belief, "--history", "none", "--out", out, *SMALL) == 0
-    assert load_checkpoint(out / "sain.safetensors").friction is None
+    assert load_checkpoint(out / "sain.safetensors").belief.trained.names == ()
 
 
 @pytest.mark.parametrize(
@@ -82,4 +80,4 @@ def test_a_file_that_is_no_belief_is_refused(
 ) -> None:
     missing = tmp_path / "missing.json"
     assert run(dataset, "--belief", missing, "--out", tmp_path / "out") == 1
-    assert "sain_model identify makes one" in " ".join(capsys.readouterr().err.split())
+    assert "make it with: ros2 run sain_model identify" in " ".join(capsys.readouterr().err.split())

@@ -10,8 +10,9 @@ from sain_core.errors import CheckpointError
 from sain_core.scene import POSE, POSITION, TARGET, wrap_angle
 from sain_model.data.dataset import Dataset, Part, Split, split_by_episode
 from sain_model.data.windows import make_windows
-from sain_model.dynamics.sain import SainDynamics
+from sain_model.dynamics.residual import residual_model
 from sain_model.evaluation.predictors import plain, roll_out
+from sain_model.inference.kinds import friction_kind
 from sain_model.network.interaction_network import InteractionNetwork
 from sain_model.network.settings import NetworkConfig
 from sain_model.physics.planar import PlanarPrior
@@ -48,10 +49,12 @@ def some_network(seed: int = 1, features: str = "push") -> InteractionNetwork:
 
 def test_a_rollout_of_one_push_is_a_step(data: Part) -> None:
     windows = make_windows(data, 1)
-    sain = SainDynamics(some_network(), PlanarPrior(), "planar", recurrent=True)
+    sain = residual_model(
+        some_network(), friction_kind(PlanarPrior(), infers=False), "planar", recurrent=True
+    )
     stepped = sain.step(data.state, data.action)
     with torch.inference_mode():
-        learned = roll(sain.network, windows, sain.prior)[:, 0].numpy()
+        learned = roll(sain.network.module, windows, sain.physics)[:, 0].numpy()
     learned[..., 2] = wrap_angle(learned[..., 2])
     # one is PyTorch's forward pass, the other the kernels', both in single precision
     np.testing.assert_allclose(learned, stepped[..., POSE], atol=1e-6)
@@ -61,15 +64,17 @@ def test_a_rollout_of_one_push_is_a_step(data: Part) -> None:
 
 def test_training_rolls_out_what_is_deployed(data: Part) -> None:
     windows = make_windows(data, 4, whole=True)
-    sain = SainDynamics(some_network(), PlanarPrior(), "planar", recurrent=True)
+    sain = residual_model(
+        some_network(), friction_kind(PlanarPrior(), infers=False), "planar", recurrent=True
+    )
 
     def at_friction(scenes: np.ndarray, pushes: np.ndarray, rows: np.ndarray) -> np.ndarray:
         return sain.step(scenes, pushes, {"friction": np.full(len(rows), 0.15)})
 
     deployed = roll_out(at_friction, windows)
-    told = np.full(windows.rows.shape, 0.15)
+    told = {"friction": np.full(windows.rows.shape, 0.15)}
     with torch.inference_mode():
-        learned = roll(sain.network, windows, sain.prior, told).numpy()
+        learned = roll(sain.network.module, windows, sain.physics, told).numpy()
     off = learned[..., :2] - deployed[..., POSITION]
     # Contacts amplify the rounding of headings that are wrapped in one and not in the other.
     assert np.quantile(np.abs(off), 0.99) < 1e-5
@@ -111,7 +116,7 @@ def train(split: Split, folder: Path, config: RolloutConfig) -> Trainer:
     training = TrainingConfig(epochs=2, batch=32, network=SMALL, seed=3)
     single = make_trainer(split, PlanarPrior(), training, folder)
     single.run()
-    rollouts = Rollouts(split, PlanarPrior(), None, training, config)
+    rollouts = Rollouts(split, friction_kind(PlanarPrior(), infers=False), training, config)
     return Trainer(single.network, rollouts, config.after(training), folder / "rollouts.pt")
 
 

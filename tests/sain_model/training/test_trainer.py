@@ -1,5 +1,4 @@
 import json
-from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
@@ -15,8 +14,10 @@ from sain_core.seeding import generator
 from sain_model import commands
 from sain_model.data.dataset import Split, load_dataset, split_by_episode
 from sain_model.data.examples import Examples
+from sain_model.dynamics.residual import residual_model
 from sain_model.dynamics.sain import SainDynamics
 from sain_model.evaluation.errors import TARGET_MOVED, TARGETS, evaluate, position_errors
+from sain_model.inference.kinds import friction_kind
 from sain_model.network.settings import NetworkConfig
 from sain_model.physics.planar import PlanarPrior
 from sain_model.training.loss import mixed_loss
@@ -39,7 +40,7 @@ def test_training_learns_a_residual(tmp_path: Path) -> None:
     prior = PlanarPrior()
     trainer = make_trainer(split, prior, config, tmp_path)
     trainer.run()
-    sain = SainDynamics(trainer.network, prior, "planar")
+    sain = residual_model(trainer.network, friction_kind(prior, infers=False), "planar")
     test = split.test.alike
     before, after = (
         position_errors(model.step(test.state, test.action), test.next_state, TARGET)
@@ -113,8 +114,8 @@ def test_the_command_lines_end_in_a_checkpoint_and_a_report(dataset: Path, tmp_p
     errors = card["errors"]["after"]["1"]["errors"][TARGETS]
     assert errors["SAIN"]["number"] == card["data"]["transitions"]["test"]
     sain = load_dynamics(str(out / "sain.safetensors"))
-    assert isinstance(sain, SainDynamics) and sain.kind == "residual"
-    assert sain.friction is not None and asdict(sain.friction) == card["friction"]
+    assert isinstance(sain, SainDynamics) and sain.origin.kind == "residual"
+    assert card["friction"] == {"width": 0.5}
 
     learned = tmp_path / "learned"
     assert (

@@ -21,6 +21,7 @@ from sain_model.data.dataset import Dataset, load_dataset
 from sain_model.data.windows import make_windows
 from sain_model.dynamics.checkpoint import ModelCard, parse_card
 from sain_model.dynamics.load import load_checkpoint, load_shipped, shipped_checkpoint
+from sain_model.dynamics.sain import Origin, SainDynamics
 from sain_model.evaluation.errors import TARGET_MOVED, Figures, report
 from sain_model.evaluation.named_models import followed, open_models, refusals
 from sain_model.evaluation.predictors import NAMES, Predictions, predict_all
@@ -81,13 +82,17 @@ def _models(command: EvaluateModelOptions) -> Iterator[tuple[dict[str, Model], d
         yield models, physics
 
 
+def _origin(model: Model) -> Origin:
+    return model.origin if isinstance(model, SainDynamics) else Origin()
+
+
 def _kind(model: Model, name: str) -> str:
-    return NAMES.get(getattr(model, "kind", ""), name)
+    return NAMES.get(_origin(model).kind, name)
 
 
 def _card(model: Model) -> str:
     """Return the JSON card of a model that comes from a checkpoint; empty for physics."""
-    return str(getattr(model, "card", ""))
+    return _origin(model).card
 
 
 def _cards(models: dict[str, Model]) -> dict[str, str]:
@@ -95,7 +100,7 @@ def _cards(models: dict[str, Model]) -> dict[str, str]:
 
 
 def _hash(model: Model) -> str:
-    return str(getattr(model, "model_hash", ""))
+    return _origin(model).model_hash
 
 
 def _write(

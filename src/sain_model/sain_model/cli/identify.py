@@ -1,6 +1,7 @@
 """``ros2 run sain_model identify``: what recordings of a laboratory tell of its physics."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 from rich.console import Console
 
@@ -11,12 +12,13 @@ from sain_core.observation import MASSES, unknown_names
 from sain_core.provenance import ros2_command
 from sain_model.cli.options import IdentifyOptions
 from sain_model.data.recordings import first_pushes, load_recording
-from sain_model.dynamics.identify import Recording, believing_model, identify
+from sain_model.dynamics.identify import identify, with_all_parameters
 from sain_model.dynamics.sain import SainDynamics
 from sain_model.evaluation.tables import make_table
-from sain_model.identification.belief_file import write_belief
-from sain_model.identification.beliefs import Belief
-from sain_model.identification.laboratory import count_episodes, shifted
+from sain_model.inference.belief_file import write_belief
+from sain_model.inference.evidence import ObservedPushes
+from sain_model.inference.kinds import Belief
+from sain_model.inference.laboratory import count_episodes, shifted
 
 
 def run(options: IdentifyOptions, console: Console) -> None:
@@ -30,7 +32,7 @@ def run(options: IdentifyOptions, console: Console) -> None:
     model = load_dynamics(options.model)
     if not isinstance(model, SainDynamics):
         raise ConfigError(f"--model is {options.model!r}; it must be sain or a checkpoint")
-    model = believing_model(model)
+    model = with_all_parameters(model)
     if MASSES in unknown_names(options.unknown):
         model = model.with_unknown_masses()
     belief = identify(model, load_recordings(options))
@@ -40,17 +42,17 @@ def run(options: IdentifyOptions, console: Console) -> None:
     }
     for table in belief_tables(belief):
         console.print(table, soft_wrap=True)
-    path = write_belief(options.out, Belief(**(vars(belief) | {"card": card})))
+    path = write_belief(options.out, replace(belief, card=card))
     console.print(f"{card['pushes']} pushes of {card['episodes']} episodes; written to {path}")
 
 
-def load_recordings(options: IdentifyOptions) -> dict[str, Recording]:
+def load_recordings(options: IdentifyOptions) -> dict[str, Sequence[ObservedPushes]]:
     """Return recordings by name, their episodes counted as one sequence.
 
     Raises:
         DatasetError: one is damaged or given twice.
     """
-    found: dict[str, Recording] = {}
+    found: dict[str, Sequence[ObservedPushes]] = {}
     episodes = 0
     for path in options.datasets:
         if str(path) in found:
@@ -71,22 +73,21 @@ def load_recordings(options: IdentifyOptions) -> dict[str, Recording]:
 def belief_tables(belief: Belief) -> Iterator[FittingTable]:
     """Yield a belief as tables: kinds of physics, and the parameters of the most likely one."""
     rows = (
-        (s.name, f"{belief.card['evidence'][s.name]:.0f}", f"{s.log_odds:.1f}")
-        for s in belief.structures
+        (kind.name, f"{belief.card['evidence'][kind.name]:.0f}", f"{kind.log_odds:.1f}")
+        for kind in belief.kinds
     )
     yield make_table("Kinds of physics", ("physics", "log evidence", "log odds"), rows)
-    likeliest = belief.likeliest
-    deviations = likeliest.covariance.diagonal() ** 0.5
+    kind = belief.likeliest
     parameters = (
         (
-            parameter.meaning,
-            f"{getattr(likeliest.config, parameter.name):.4g}",
+            parameter.name,
+            f"{getattr(kind.config, parameter.name):.4g}",
             _spread(parameter.spread * deviation, parameter.logarithm),
         )
-        for parameter, deviation in zip(likeliest.parameters, deviations, strict=True)
+        for parameter, deviation in zip(kind.parameters, kind.deviations, strict=True)
     )
-    yield make_table(f"Parameters, {likeliest.name}", ("parameter", "mean", "spread"), parameters)
+    yield make_table(f"Parameters, {kind.name}", ("parameter", "mean", "spread"), parameters)
 
 
-def _spread(spread: float, factor: bool) -> str:
-    return f"{100 * spread:.1f} %" if factor else f"{spread:.2g}"
+def _spread(spread: float, logarithm: bool) -> str:
+    return f"{100 * spread:.1f} %" if logarithm else f"{spread:.2g}"

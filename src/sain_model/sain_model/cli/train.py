@@ -13,13 +13,13 @@ from sain_core.drawing.figures import write_png
 from sain_core.errors import ConfigError
 from sain_model.data.dataset import load_dataset, split_by_episode
 from sain_model.dynamics.checkpoint import SUFFIX, save_checkpoint
-from sain_model.dynamics.sain import SainDynamics
+from sain_model.dynamics.residual import module_of
 from sain_model.dynamics.settings import STEPS
 from sain_model.evaluation.errors import evaluate
 from sain_model.evaluation.predictors import NAMES
 from sain_model.evaluation.tables import error_tables
 from sain_model.training.fine_tuning import Parent, gain_line
-from sain_model.training.fit import PUSHES, Physics, fit, identified_physics
+from sain_model.training.fit import PUSHES, fit, identified_kind, trained_kind
 from sain_model.training.plots import draw_losses
 from sain_model.training.progress import epoch_bar, event_log
 from sain_model.training.settings import TrainOptions
@@ -37,12 +37,12 @@ def run(command: TrainOptions, console: Console) -> None:
     """
     torch.set_num_threads(1)
     parent = Parent.load(command.parent) if command.parent else None
-    physics = None
+    kind = None
     if parent:
         parent.check_options(command)
-        physics = Physics(parent.sain.prior, parent.sain.filter)
+        kind = parent.sain.belief.trained
     if command.belief:
-        config, physics = identified_physics(Path(command.belief), command.training)
+        config, kind = identified_kind(Path(command.belief), command.training)
         command = replace(command, training=config)
     config = command.training
     if command.rollout.wanted and config.network.corrects_parameters:
@@ -54,7 +54,7 @@ def run(command: TrainOptions, console: Console) -> None:
     save_settings(command, data)
     model, histories = fit(
         split,
-        physics or Physics.of(config, split.train),
+        kind or trained_kind(config),
         config,
         command.out,
         command.rollout,
@@ -63,19 +63,18 @@ def run(command: TrainOptions, console: Console) -> None:
     )
     for history, name in zip(histories, LOSSES, strict=False):
         write_png(draw_losses(history), command.out / name)
-    errors = evaluate(split.held_out, {NAMES[model.kind]: model}, STEPS)
+    errors = evaluate(split.held_out, {NAMES[model.origin.kind]: model}, STEPS)
     errors["held_out"] = "test" if len(split.test) else "validation"
     for table in error_tables(errors):
         console.print(table, soft_wrap=True)
     if parent:
-        assert isinstance(model, SainDynamics)
         errors["fine_tuning"] = parent.gain(model, split.held_out)
         console.print(gain_line(errors["fine_tuning"], parent.name, errors["held_out"]))
     card = make_card(
         command, data, split, model, histories, errors, parent.card if parent else None
     )
     path = command.out / f"{command.name}{SUFFIX}"
-    save_checkpoint(path, model.network, card)
+    save_checkpoint(path, module_of(model), card)
     history = histories[0]
     if history.best < 0:
         console.print(f"no epoch did better on the validation episodes than {command.parent}:")

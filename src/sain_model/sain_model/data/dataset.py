@@ -22,6 +22,7 @@ from sain_core.scene import mirror_scenes
 from sain_core.shapes.bodies import PAPER_DISKS, Bodies, bodies_named
 from sain_core.types import Mask, Scalars, Scenes
 from sain_model.data.shard import NO_STEP, read_shard
+from sain_model.inference.evidence import ObservedPushes
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,6 +44,11 @@ class Part(Transitions):
     friction: Scalars
     floor_next: Scenes
     bodies: Bodies = PAPER_DISKS
+
+    @property
+    def observed(self) -> ObservedPushes:
+        """The pushes for inference (`sain_model.inference`)."""
+        return ObservedPushes(self.state, self.action, self.next_state, self.episode, self.bodies)
 
     def mirrored(self) -> Self:
         """Return what would have happened in a mirror: the same physics."""

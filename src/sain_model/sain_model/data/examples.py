@@ -11,8 +11,10 @@ from torch.nn import functional
 
 from sain_core.model import Model
 from sain_core.scene import VELOCITY
-from sain_core.types import Scalars
 from sain_model.data.dataset import Part
+from sain_model.inference.evidence import Known
+from sain_model.inference.grid import grid_values
+from sain_model.inference.kinds import Kind
 from sain_model.network.feature_kernels import MIRRORED_BODY
 from sain_model.network.features import (
     network_inputs,
@@ -23,7 +25,7 @@ from sain_model.network.features import (
 from sain_model.network.inputs import GAP_AFTER, GAP_BEFORE
 from sain_model.network.relation_kernels import MIRRORED_RELATION
 from sain_model.network.settings import NetworkConfig
-from sain_model.physics.parameters import known_friction
+from sain_model.physics.parameters import Values
 from sain_model.physics.planar import step_knowing
 
 MIRRORED_MOTION: Final = (1, 2)  # across the push, and the turn
@@ -89,19 +91,31 @@ class Examples:
 def make_examples(
     data: Part,
     prior: Model,
-    friction: Scalars | None = None,
+    values: Values | None = None,
     network: NetworkConfig = NetworkConfig(),
 ) -> Examples:
     """Return inputs and outputs for these transitions on a prior.
 
-    `friction` (M,) is what the planar prior uses; None: the nominal one. `network` says which
-    features there are.
+    `values` (M,) are those of the prior's parameters that differ from its settings. `network` says
+    which features there are.
     """
     prior_here = prior.with_bodies(data.bodies)
-    physics_next = step_knowing(prior_here, data.state, data.action, known_friction(friction))
+    physics_next = step_knowing(prior_here, data.state, data.action, values)
     frames = push_frames(data.state, data.action, data.bodies)
     features = network_inputs(network, data.state, frames, physics_next, data.bodies)
     velocity = data.next_state[..., VELOCITY] - physics_next[..., VELOCITY]
     targets = (true_residual(data.next_state, frames, physics_next), velocity)
     told = (torch.from_numpy(array.astype(np.float32)) for array in targets)
     return Examples(*features.tensors(), *told)
+
+
+def inferred_values(data: Part, kind: Kind, random: np.random.Generator | None = None) -> Values:
+    """Return values (M,) of a kind's parameters that other pushes of an episode show, by name.
+
+    From all of them; with `random` from so many of the latest earlier ones as it draws.
+    """
+    known = Known.others(data.episode)
+    if random is not None:
+        earlier = Known.earlier(data.episode, data.step).counts
+        known = Known.earlier(data.episode, data.step, random.integers(earlier + 1))
+    return grid_values(kind, data.observed, known)[0]

@@ -9,10 +9,11 @@ from sain_core.dataset import Column, Columns, row_bodies
 from sain_core.shapes.bodies import Bodies
 from sain_model.data.dataset import shard_paths
 from sain_model.data.shard import read_shard
-from sain_model.identification.laboratory import RecordedPushes, count_episodes
+from sain_model.inference.evidence import ObservedPushes
+from sain_model.inference.laboratory import count_episodes
 
 
-def load_recording(path: Path) -> list[RecordedPushes]:
+def load_recording(path: Path) -> list[ObservedPushes]:
     """Return the pushes of a shard, or of all shards of a folder, by the bodies of the scenes.
 
     Episodes are counted from 0.
@@ -34,7 +35,7 @@ def load_recording(path: Path) -> list[RecordedPushes]:
     return [_joined(parts, kind, episodes) for kind, parts in found.items()]
 
 
-def first_pushes(parts: Sequence[RecordedPushes], most: int) -> list[RecordedPushes]:
+def first_pushes(parts: Sequence[ObservedPushes], most: int) -> list[ObservedPushes]:
     """Return the pushes of the first whole episodes, as many as hold at most so many pushes."""
     counts = sum(np.bincount(part.episode, minlength=count_episodes(parts)) for part in parts)
     keep = int(np.searchsorted(np.cumsum(counts), most, side="right"))
@@ -46,9 +47,9 @@ def _rows(columns: Columns) -> int:
     return len(columns[Column.ACTION])
 
 
-def _joined(parts: list[Columns], bodies: Bodies, episodes: np.ndarray) -> RecordedPushes:
+def _joined(parts: list[Columns], bodies: Bodies, episodes: np.ndarray) -> ObservedPushes:
     state, action, next_state, episode = (
         np.concatenate([part[name] for part in parts])
         for name in (Column.STATE, Column.ACTION, Column.NEXT_STATE, Column.EPISODE)
     )
-    return RecordedPushes(state, action, next_state, np.searchsorted(episodes, episode), bodies)
+    return ObservedPushes(state, action, next_state, np.searchsorted(episodes, episode), bodies)

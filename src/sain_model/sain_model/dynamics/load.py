@@ -1,24 +1,26 @@
 """The checkpoints that this package offers to the registry of models; for priors see `priors`."""
 
+from dataclasses import replace
 from importlib import resources
 from pathlib import Path
-from typing import Any
 
 from sain_core.config import typed_settings
 from sain_core.model import Model
-from sain_model.dynamics.checkpoint import SUFFIX, card_path, fill, read_checkpoint
-from sain_model.dynamics.identify import believing_model
+from sain_model.dynamics.checkpoint import SUFFIX, ModelCard, card_path, fill, read_checkpoint
+from sain_model.dynamics.identify import with_all_parameters
 from sain_model.dynamics.intervals import Intervals
-from sain_model.dynamics.parameter_correction import ParameterCorrection
-from sain_model.dynamics.priors import C, Settings, load_planar, load_prior, naming
+from sain_model.dynamics.parameter_correction import correcting_model
+from sain_model.dynamics.priors import C, Settings, load_planar, make_prior, naming
+from sain_model.dynamics.residual import residual_model
 from sain_model.dynamics.sain import RECURRENT, SainDynamics
 from sain_model.dynamics.settings import SHIPPED
+from sain_model.inference.kinds import FRICTION, Kind, friction_kind
 from sain_model.network.interaction_network import InteractionNetwork
 from sain_model.network.settings import NetworkConfig
-from sain_model.physics.friction import FrictionConfig
+from sain_model.physics.parameters import BY_NAME
 
 
-def load_builtin(name: str) -> Model:
+def load_builtin(name: str) -> SainDynamics:
     """Return the model ``sain``, which comes with this package, or the checkpoint at a path.
 
     Raises:
@@ -29,12 +31,10 @@ def load_builtin(name: str) -> Model:
 
 def load_shipped() -> SainDynamics:
     """Return the model that comes with this package."""
-    shipped = load_checkpoint(shipped_checkpoint())
-    assert isinstance(shipped, SainDynamics)
-    return believing_model(shipped)
+    return with_all_parameters(load_checkpoint(shipped_checkpoint()))
 
 
-def load_checkpoint(path: Path) -> SainDynamics | ParameterCorrection:
+def load_checkpoint(path: Path) -> SainDynamics:
     """Return the checkpoint at this path on the prior that it was trained on.
 
     Raises:
@@ -43,27 +43,28 @@ def load_checkpoint(path: Path) -> SainDynamics | ParameterCorrection:
     content, card, text = read_checkpoint(path)
     with naming(str(card_path(path))):
         network = InteractionNetwork(card_part("network", NetworkConfig, card.network))
-        friction = intervals = None
-        if card.friction is not None:
-            friction = card_part("friction", FrictionConfig, card.friction)
+        intervals = None
         if card.intervals is not None:
             intervals = card_part("intervals", Intervals, card.intervals)
-        about: dict[str, Any] = {
-            "prior_name": card.prior,
-            "model_hash": card.weights_sha256,
-            "card": text,
-            "friction": friction,
-        }
-        model: SainDynamics | ParameterCorrection
         if network.config.corrects_parameters:
-            planar = load_planar(card.prior, card.prior_config)
-            model = ParameterCorrection(network, planar, **about)
+            kind = _kind(load_planar(card.prior, card.prior_config), card)
+            model = correcting_model(network, kind, card.prior)
         else:
-            prior = load_prior(card.prior, card.prior_config)
+            kind = _kind(make_prior(card.prior, card.prior_config), card)
             recurrent = card.kind == RECURRENT
-            model = SainDynamics(network, prior, **about, intervals=intervals, recurrent=recurrent)
+            model = residual_model(network, kind, card.prior, intervals, recurrent)
     fill(path, content, network)
-    return model
+    origin = replace(model.origin, model_hash=card.weights_sha256, card=text)
+    return replace(model, origin=origin)
+
+
+def _kind(prior: Model, card: ModelCard) -> Kind:
+    """Return the physics of a card; without a part "friction", pushes show nothing of it."""
+    with naming("friction"):
+        if card.friction is None:
+            return friction_kind(prior, infers=False)
+        spread = float(card.friction["width"])
+        return friction_kind(prior, deviation=spread / BY_NAME[FRICTION].spread)
 
 
 def card_part(name: str, kind: type[C], settings: Settings) -> C:

@@ -13,10 +13,11 @@ from numpy import ndarray
 from torch import Tensor
 
 from sain_core.push import pushed_bodies
-from sain_core.types import Indices, Pushes, Scalars, Scenes
+from sain_core.types import Indices, Pushes, Scenes
 from sain_model.network.corrections import CORRECTIONS, OF_DISKS, Corrections, corrected_values
 from sain_model.network.features import Strokes, true_residual
 from sain_model.network.inputs import TURN_SCALE
+from sain_model.physics.parameters import Values
 from sain_model.physics.planar import PlanarPrior
 
 VARIATION: Final = 0.1  # of a correction, in its unit
@@ -31,20 +32,19 @@ class ToldPushes(NamedTuple):
         scenes: before the pushes.
         pushes: one a scene.
         frames: of the pushes, as `network.features.push_frames` makes them.
-        friction: with the table (B,); None: the prior's own.
+        values: of the prior's parameters that differ from its settings, (B,) by name.
     """
 
     prior: PlanarPrior
     scenes: Scenes
     pushes: Pushes
     frames: Strokes
-    friction: Scalars | None = None
+    values: Values
 
     def moves(self, corrections: Corrections) -> Float[ndarray, "B N 3"]:
         """Return the moves that the prior predicts when told corrections (B, N, C)."""
-        values = corrected_values(corrections, self.pushes, self.prior.config)
-        if self.friction is not None:
-            values["friction"] = self.friction
+        corrected = corrected_values(corrections, self.pushes, self.prior.config)
+        values = {**self.values, **corrected}
         return moves(self.scenes, self.frames, self.prior.step(self.scenes, self.pushes, values))
 
     def repeated(self, times: int) -> Self:
@@ -54,9 +54,9 @@ class ToldPushes(NamedTuple):
 
     def select(self, rows: Indices) -> Self:
         """Return the pushes in these rows."""
-        friction = None if self.friction is None else self.friction[rows]
+        values = {name: value[rows] for name, value in self.values.items()}
         arrays = self.scenes[rows], self.pushes[rows], self.frames[rows]
-        return type(self)(self.prior, *arrays, friction)
+        return type(self)(self.prior, *arrays, values)
 
 
 def moves(scenes: Scenes, frames: Strokes, after: Scenes) -> Float[ndarray, "B N 3"]:

@@ -8,11 +8,13 @@ from typing import Any, TypeVar
 from sain_core.config import Config, typed_settings
 from sain_core.errors import CheckpointError
 from sain_core.model import IdentityPrior, Model, load_dynamics
+from sain_model.dynamics.sain import PHYSICS, Origin, SainDynamics
 from sain_model.dynamics.settings import (
     IDENTITY,
     PLANAR,
     PLANAR_PRIORS,
 )
+from sain_model.inference.kinds import friction_belief
 from sain_model.physics.planar import PlanarConfig, PlanarPrior
 from sain_model.physics.planar_config import AXES
 
@@ -20,8 +22,16 @@ C = TypeVar("C", bound=Config)
 Settings = dict[str, Any]
 
 
-def load_prior(name: str, settings: Settings | None = None) -> Model:
-    """Return a prior by its name, from any installed package.
+def load_prior(name: str) -> Model:
+    """Return a prior as a model by itself: the planar ones infer friction from earlier pushes."""
+    prior = make_prior(name)
+    if not isinstance(prior, PlanarPrior):
+        return prior
+    return SainDynamics(friction_belief(prior), origin=Origin(PHYSICS, name))
+
+
+def make_prior(name: str, settings: Settings | None = None) -> Model:
+    """Return the bare prior of a name, from any installed package.
 
     Args:
         name: of the prior, as in `sain_core.model.load_dynamics`.
@@ -57,7 +67,7 @@ def load_planar(name: str, settings: Settings | None = None) -> PlanarPrior:
 
 
 def prior_settings(prior: Model) -> Settings:
-    """Return the settings that make a prior again: the second argument of `load_prior`."""
+    """Return the settings that make a prior again: the second argument of `make_prior`."""
     return asdict(prior.config) if isinstance(prior, PlanarPrior) else {}
 
 

@@ -1,49 +1,134 @@
-"""SAIN as a `Model`: a prior and the network that corrects it."""
+"""SAIN in three parts: physics with its parameters, what is believed of them, and a network.
 
+The physics are the priors of a belief's kinds (`sain_model.inference.kinds`). The belief says,
+given an episode's earlier pushes, which kind and which parameters are the most likely. The network
+(`sain_model.dynamics.residual`) adds what the physics leaves, where no earlier pushes contradict.
+"""
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
-from typing import ClassVar, Final, Self
+from typing import TYPE_CHECKING, Final, Self
 
 import numpy as np
-import torch
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from numpy import ndarray
 
-from sain_core.errors import ConfigError, InvalidInputError
+from sain_core.errors import ConfigError
 from sain_core.history import PushHistory
 from sain_core.model import Model, Radii, scenes_before
-from sain_core.push import LENGTH, pushed_bodies
+from sain_core.push import PUSH_SIZE
+from sain_core.scene import POSITION
 from sain_core.shapes.bodies import PAPER_DISKS, Bodies
-from sain_core.types import PredictedScenes, Pushes, PushSequences, Scalars, Scene, Scenes
+from sain_core.types import PredictedScenes, Pushes, PushSequences, Scene, Scenes
 from sain_model.compute.batch_checks import check_physics_next
 from sain_model.compute.devices import CPU
-from sain_model.compute.threads import settle_threads
 from sain_model.dynamics.intervals import Intervals, Prediction, pushed_errors
-from sain_model.dynamics.learning import (
-    Learned,
-    after_noisy_pushes,
-    after_pushes,
-    before_pushes,
-    predict_past,
+from sain_model.inference.belief_file import read_belief
+from sain_model.inference.evidence import (
+    FACTORS,
+    Known,
+    ObservedPushes,
+    errors_of,
+    log_density,
+    over_factors,
 )
-from sain_model.dynamics.settings import IDENTITY
-from sain_model.dynamics.spreads import physics_spread
-from sain_model.identification.belief_file import read_belief
-from sain_model.identification.beliefs import Belief
-from sain_model.identification.masses import MassFilter
-from sain_model.network.compiled_network import CompiledNetwork
-from sain_model.network.features import elongations, network_inputs, push_frames
-from sain_model.network.interaction_network import InteractionNetwork
-from sain_model.network.torch_network import TorchNetwork
-from sain_model.physics.friction import FrictionConfig, FrictionFilter
-from sain_model.physics.parameters import Values, known_friction
-from sain_model.physics.planar import PlanarPrior, step_knowing
+from sain_model.inference.kinds import MASS_RATIO, Belief, friction_belief
+from sain_model.inference.posterior import Posterior, infer, step_rows
+from sain_model.physics.parameters import Values
+from sain_model.physics.planar import step_knowing
 from sain_model.physics.planar_config import with_mass_ratio
 
+if TYPE_CHECKING:  # a node that serves physics alone does not load PyTorch
+    from sain_model.network.interaction_network import InteractionNetwork
+
+PHYSICS: Final = "physics"  # Fig. 1a: no network
 LEARNED: Final = "learned"  # Fig. 1b: the network alone, on the identity prior
 RESIDUAL: Final = "residual"  # Fig. 1c, equation 2
 RECURRENT: Final = "recurrent"  # Fig. 1d, equations 3 and 4: trained on its own rollouts
+PARAMETER_CORRECTION: Final = "parameter_correction"  # a network that corrects parameters, too
+
+Again = Callable[[Values], Scenes]  # what physics predicts of the same pushes with other values
+
+
+@dataclass(frozen=True)
+class Origin:
+    """Where a model comes from.
+
+    Attributes:
+        kind: `PHYSICS`, `LEARNED`, `RESIDUAL`, `RECURRENT` or `PARAMETER_CORRECTION`.
+        prior_name: of the physics that was corrected, for `sain_core.plugins.load_dynamics`.
+        model_hash: SHA-256 of the weights; empty when they come from no checkpoint.
+        card: the checkpoint's JSON card; empty likewise.
+    """
+
+    kind: str = PHYSICS
+    prior_name: str = ""
+    model_hash: str = ""
+    card: str = ""
+
+
+class Network(ABC):
+    """What a model adds to what the physics leaves, and regions about its predictions.
+
+    Attributes:
+        module: the trained weights.
+        intervals: the regions; None: they were not fitted.
+        device: what it runs on, ``cpu`` or ``cuda``. The physics stays on the CPU.
+    """
+
+    module: "InteractionNetwork"
+    intervals: Intervals | None = None
+    device: str = CPU
+
+    @property
+    def members(self) -> int:
+        """The number of networks in the ensemble, whose mean counts."""
+        return self.module.config.members
+
+    @abstractmethod
+    def correct(
+        self, scenes: Scenes, pushes: Pushes, physics_next: Scenes, bodies: Bodies, again: Again
+    ) -> Scenes:
+        """Return what physics predicts, `physics_next` (B, N, 8), corrected.
+
+        A push of zero length moves nothing, nor does a body with the role "fixed". Velocities,
+        masses and radii are passed on as they are. `again` predicts with other parameters.
+
+        Raises:
+            InvalidInputError: arrays that do not fit together.
+        """
+
+    def spread(
+        self, scenes: Scenes, pushes: Pushes, physics_next: Scenes, bodies: Bodies
+    ) -> Float[ndarray, "B N"]:
+        """Return the standard deviation of the members' places [m]; 0 where none is known."""
+        return np.zeros(scenes.shape[:2])
+
+    def with_regions(
+        self, prediction: Prediction, scenes: Scenes, pushes: Pushes, bodies: Bodies
+    ) -> Prediction:
+        """Return a prediction with the regions of bodies; without, where none were fitted."""
+        return prediction
+
+    def on(self, device: str) -> Self:
+        """Return the network on a device."""
+        return self
+
+
+@dataclass(frozen=True, eq=False)
+class Inferred:
+    """What each of R rows of pushes says about the physics, and whether the network corrects it."""
+
+    posterior: Posterior
+    corrected: Bool[ndarray, "R"]
+
+    def repeated(self, count: int) -> "Inferred":
+        """Return the only row so many times."""
+        rows = np.zeros(count, np.int64)
+        return Inferred(self.posterior.of_rows(rows), self.corrected[rows])
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,109 +136,171 @@ class SainDynamics(Model):
     """s' = f_p(s, a) + f_theta(f_p(s, a), s, a), the paper's equation 2.
 
     Attributes:
-        prior: f_p.
-        prior_name: its name for `sain_core.model.load_dynamics`.
-        model_hash: SHA-256 of the weights; empty when they come from no checkpoint.
-        card: the checkpoint's JSON card; empty likewise.
-        friction: how it infers friction from an episode's earlier pushes; None: it was not
-            trained to.
-        intervals: the regions of its predictions; None: they were not fitted.
-        conditioned_log_std: standard deviation of the logarithm of the friction that its prior is
-            conditioned on; None: it is not conditioned.
-        recurrent: whether it was trained on rollouts of its own predictions.
-        device: what the network runs on, ``cpu`` or ``cuda``. The prior stays on the CPU.
+        belief: kinds of physics, and what is believed of their parameters before an episode.
+        network: what it adds; None: nothing.
+        origin: where it comes from.
         bodies: that are pushed.
-        learned: what `condition` was given; None: nothing.
-        belief: kinds of physics and parameters that pushes choose from; None: friction alone.
-        corrects: whether the network's correction counts.
-        mass_log_std: standard deviation of the logarithm of the ratio of masses that its prior is
-            conditioned on; 0: masses are measured.
+        history: the earlier pushes of the episode that it is conditioned on.
     """
 
-    network: InteractionNetwork
-    prior: Model
-    prior_name: str
-    model_hash: str = ""
-    card: str = ""
-    friction: FrictionConfig | None = None
-    intervals: Intervals | None = None
-    conditioned_log_std: float | None = None
-    recurrent: bool = False
-    device: str = CPU
+    belief: Belief
+    network: Network | None = None
+    origin: Origin = Origin()
     bodies: Bodies = PAPER_DISKS
-    learned: Learned | None = None
-    belief: Belief | None = None
-    corrects: bool = True
-    mass_log_std: float = 0.0
-    takes_belief: ClassVar[bool] = True
+    history: PushHistory | None = None
 
-    def __post_init__(self) -> None:
-        """Stop whatever a network does in training alone."""
-        self.network.eval()
+    @property
+    def _name(self) -> str:
+        return f"model {self.origin.prior_name!r}"
+
+    @property
+    def takes_belief(self) -> bool:
+        """Whether `with_belief` applies."""
+        return self.network is not None and bool(self.belief.likeliest.names)
 
     @cached_property
-    def _forward(self) -> CompiledNetwork | TorchNetwork:
-        """The network as it runs here; its weights are read at the first prediction."""
-        if self.device == CPU:
-            return CompiledNetwork(self.network)
-        return TorchNetwork(self.network, self.device)
+    def now(self) -> Inferred:
+        """What is believed now, one row."""
+        history = self.history
+        if history is None or len(history) == 0:
+            nothing = np.empty((0, len(self.bodies), 8)), np.empty((0, PUSH_SIZE))
+            pushes = ObservedPushes(nothing[0], nothing[1], nothing[0], np.empty(0, np.int64))
+        else:
+            pushes = self.observed(history)
+        return self.infer(pushes, Known.everything(len(pushes)))
 
-    def on(self, device: str) -> Self:
-        """Return this model with its network on a device, ``cpu`` or ``cuda``."""
-        return replace(self, device=device)
-
-    @property
-    def kind(self) -> str:
-        """`LEARNED` when the prior is the identity, else `RESIDUAL` or `RECURRENT`."""
-        if self.prior_name == IDENTITY:
-            return LEARNED
-        return RECURRENT if self.recurrent else RESIDUAL
-
-    @property
-    def friction_log_std(self) -> float:
-        """Standard deviation of the logarithm of the friction; at first, how wide it is drawn."""
-        if self.conditioned_log_std is not None:
-            return self.conditioned_log_std
-        usual = self.filter
-        return usual.start().spread if usual else 0.0
+    @cached_property
+    def physics(self) -> Model:
+        """f_p: the physics with the parameters that are the most likely now."""
+        posterior = self.now.posterior
+        kind = self.belief.kinds[posterior.kind[0]]
+        return kind.at(posterior.places[0, : len(kind.names)]).with_bodies(self.bodies)
 
     @property
-    def filter(self) -> FrictionFilter | None:
-        """What infers the friction that the prior is told; None: this model learns nothing."""
-        if self.friction is None or not isinstance(self.prior, PlanarPrior):
-            return None
-        return self.prior.filter(self.friction)
+    def corrects(self) -> bool:
+        """Whether the network's correction counts now."""
+        return bool(self.now.corrected[0])
 
     @property
     def trials(self) -> int:
-        """How many predictions it makes of each earlier push that it is told, at least 1."""
-        friction = self.filter
-        if friction is None:
-            return 1
-        return MassFilter(friction, self.belief.mass_log_std if self.belief else 0.0).size
+        """How many predictions it makes of each earlier push that is new to it, at least 1."""
+        return max(len(kind.grid) for kind in self.belief.kinds)
+
+    def value(self, name: str) -> float:
+        """Return the value of a parameter that is the most likely now."""
+        return float(self.now.posterior.values(self.belief, name)[0])
+
+    def spread(self, name: str) -> float:
+        """Return the standard deviation of a parameter now: of its logarithm, if it is a factor."""
+        return float(self.now.posterior.log_spread(self.belief, name)[0])
 
     def condition(self, history: PushHistory) -> Self:
-        """Return this model on the physics that an episode's earlier pushes tell of.
+        """Return this model conditioned on an episode's earlier pushes.
 
-        With a belief, that is the kind of physics, its parameters, and whether the network's
-        correction counts; else the friction with the table. It is the model itself without
-        pushes, and where it was not trained to learn from them. From noisy observations it is
-        friction alone, with the ratio of masses where these are not measured: the errors of more
-        parameters would be those of the observation.
+        They show the kind of physics and those of its parameters that the belief names, and
+        whether the network's correction holds.
         """
-        friction = self.filter
-        if friction is None or len(history) == 0:
+        if len(history) == 0 or not self.belief.likeliest.names:
             return self
-        if self.belief is not None and history.noise is None:
-            return self._with_same_weights(replace(self, **after_pushes(self, history)))
-        if self.belief is not None and self.belief.mass_log_std > 0.0:
-            return self._with_same_weights(replace(self, **after_noisy_pushes(self, history)))
-        likelihood = friction.likelihoods(history)
-        belief = friction.believe(likelihood)
-        told = replace(
-            self.at(belief.mean, belief.spread), learned=Learned(self, history, likelihood)
-        )
-        return self._with_same_weights(told)
+        conditioned = replace(self, history=history)
+        conditioned.physics  # noqa: B018 - inferred here, and not at the first prediction
+        return conditioned
+
+    def with_bodies(self, bodies: Bodies) -> Self:
+        """Return the model of scenes of these bodies.
+
+        Raises:
+            ConfigError: its physics cannot predict them.
+        """
+        if bodies == self.bodies:
+            return self
+        for kind in self.belief.kinds:
+            kind.prior.with_bodies(bodies)
+        return replace(self, bodies=bodies)
+
+    def on(self, device: str) -> Self:
+        """Return this model with its network on a device, ``cpu`` or ``cuda``."""
+        return replace(self, network=self.network and self.network.on(device))
+
+    def physics_alone(self) -> Self:
+        """Return its physics without network and history; friction alone is inferred, if any is.
+
+        This is what it is compared with.
+        """
+        kind = self.belief.trained
+        belief = friction_belief(kind.prior, infers=bool(kind.names))
+        return replace(self, belief=belief, network=None, origin=Origin(), history=None)
+
+    def with_unknown_masses(self) -> Self:
+        """Return this model where masses are not measured: earlier pushes show their ratio."""
+        return replace(self, belief=self.belief.with_unknown_masses())
+
+    def with_belief(self, path: Path) -> Self:
+        """Return this model with the belief in a file of ``sain_model identify``.
+
+        Raises:
+            CheckpointError: no such file, or not a belief.
+            ConfigError: it infers nothing from pushes, or the belief is for another prior.
+        """
+        if not self.takes_belief:
+            return super().with_belief(path)
+        return self.believing(read_belief(path.expanduser()))
+
+    def believing(self, belief: Belief) -> Self:
+        """Return this model with another belief.
+
+        Raises:
+            ConfigError: it is for a network on another prior.
+        """
+        if belief.trained.has_axes != self.belief.trained.has_axes:
+            raise ConfigError(
+                f"the belief is for a network on another prior than {self.origin.prior_name!r};"
+                " identify with this model"
+            )
+        return replace(self, belief=belief)
+
+    def step(self, scenes: Scenes, pushes: Pushes, values: Values | None = None) -> Scenes:
+        """Predict the settled scenes (B, N, 8) after pushes (B, A) from scenes (B, N, 8).
+
+        `values` (B,) are of parameters that are given, by name; all others are the most likely.
+        """
+        physics_next = step_knowing(self.physics, scenes, pushes, values)
+        return self.correct(scenes, pushes, physics_next, values)
+
+    def correct(
+        self, scenes: Scenes, pushes: Pushes, physics_next: Scenes, values: Values | None = None
+    ) -> Scenes:
+        """Return a prediction `physics_next` (B, N, 8) of physics, corrected where that counts."""
+        if self.network is None or not self.corrects:
+            check_physics_next(scenes, physics_next)
+            return physics_next.copy()
+        weighed = with_mass_ratio(scenes, self.value(MASS_RATIO))
+
+        def again(others: Values) -> Scenes:
+            return step_knowing(self.physics, scenes, pushes, {**(values or {}), **others})
+
+        return self.network.correct(weighed, pushes, physics_next, self.bodies, again)
+
+    def regions(
+        self, scene: Scene, pushes: PushSequences, predicted: PredictedScenes
+    ) -> Radii | None:
+        """Return the radii (K, H, N) [m] of the regions that should hold each body.
+
+        None without fitted regions: see `sain_core.model.RolloutModel`.
+        """
+        if self.network is None or self.network.intervals is None:
+            return None
+        before = scenes_before(scene, predicted).reshape(-1, *scene.shape)
+        radius = self.predict(before, pushes.reshape(-1, pushes.shape[-1])).radius
+        assert radius is not None
+        return radius.reshape(predicted.shape[:3])
+
+    def predict(self, scenes: Scenes, pushes: Pushes) -> Prediction:
+        """Predict as `step` does, and say how certain that is: two to six times the work."""
+        prediction = self.predict_rows(scenes, pushes, self.now.repeated(len(pushes)))
+        if prediction.radius is None or self.widening == 1.0:
+            return prediction
+        return replace(prediction, radius=self.widening * prediction.radius)
 
     @cached_property
     def widening(self) -> float:
@@ -161,184 +308,88 @@ class SainDynamics(Model):
 
         Each is predicted from those before it. No plan waits for this: only regions need it.
         """
-        told, intervals = self.learned, self.intervals
-        if told is None or intervals is None or not intervals.adapts:
+        past, intervals = self.history, self.network and self.network.intervals
+        if past is None or not intervals or not intervals.adapts:
             return 1.0
-        total = intervals.excess(*pushed_errors(predict_past(told), told.history)).sum()
-        return float(intervals.widening(np.array([total]), np.array([len(told.history)]))[0])
+        order = np.zeros(len(past), np.int64), np.arange(len(past))
+        rows = self.infer(self.observed(past), Known.earlier(*order))
+        predicted = self.predict_rows(past.state, past.action, rows)
+        total = intervals.excess(*pushed_errors(predicted, past)).sum()
+        return float(intervals.widening(np.array([total]), np.array([len(past)]))[0])
 
-    def at(self, friction: float, friction_log_std: float = 0.0) -> Self:
-        """Return this model conditioned on a friction and the standard deviation of its log.
+    def observed(self, history: PushHistory) -> ObservedPushes:
+        """Return the pushes of one episode for inference."""
+        arrays = history.state, history.action, history.next_state
+        return ObservedPushes(*arrays, np.zeros(len(history), np.int64), self.bodies, history.noise)
 
-        Raises:
-            InvalidInputError: the prior knows no friction.
-        """
-        if not isinstance(self.prior, PlanarPrior):
-            raise InvalidInputError(f"the prior {self.prior_name!r} knows no friction")
-        return self._with_same_weights(
-            replace(self, prior=self.prior.at(friction), conditioned_log_std=friction_log_std)
-        )
+    def infer(self, pushes: ObservedPushes, known: Known) -> Inferred:
+        """Return what rows say, each of the pushes that it is conditioned on."""
+        posterior = infer(self.belief, pushes, known)
+        trained = np.array([kind.corrected for kind in self.belief.kinds])
+        corrected = trained[posterior.kind] & ~posterior.inferred & (self.network is not None)
+        if self.belief.network_log_odds == np.inf:
+            return Inferred(posterior, corrected)
+        rows = np.flatnonzero(corrected)
+        odds = self._correction_odds(pushes, known.of_rows(rows), posterior.of_rows(rows))
+        corrected[rows] = self.belief.network_log_odds + odds > 0.0
+        return Inferred(posterior, corrected)
 
-    def with_prior_belief(self, belief: Belief) -> Self:
-        """Return this model with what is believed before an episode's first push.
+    def predict_rows(self, scenes: Scenes, pushes: Pushes, rows: Inferred) -> Prediction:
+        """Predict push i with what row i says, and say how certain that is; not widened."""
+        physics_next, mean = self.step_rows(scenes, pushes, rows)
+        spread = np.zeros(scenes.shape[:2])
+        for name in sorted({name for kind in self.belief.kinds for name in kind.on_grid}):
+            ends = [
+                self.step_rows(
+                    scenes,
+                    pushes,
+                    replace(rows, posterior=rows.posterior.moved(self.belief, name, way)),
+                )[1]
+                for way in (-1.0, 1.0)
+            ]
+            half = np.linalg.norm((ends[1] - ends[0])[..., POSITION], axis=-1) / 2
+            spread = np.hypot(spread, half)
+        if self.network is None:
+            return Prediction(mean, np.zeros_like(spread), spread)
+        weighed = self._weighed(scenes, rows.posterior)
+        members = self.network.spread(weighed, pushes, physics_next, self.bodies)
+        prediction = Prediction(mean, members, spread)
+        return self.network.with_regions(prediction, scenes, pushes, self.bodies)
 
-        Raises:
-            ConfigError: it infers nothing from pushes, or the belief is for another prior.
-        """
-        if self.filter is None:
-            raise ConfigError(
-                f"the model on {self.prior_name!r} infers nothing from pushes, and takes no belief"
+    def step_rows(self, scenes: Scenes, pushes: Pushes, rows: Inferred) -> tuple[Scenes, Scenes]:
+        """Return what physics predicts for each row, and that with the correction that counts."""
+        physics_next = step_rows(self.belief, self.bodies, scenes, pushes, rows.posterior)
+        after, chosen = physics_next.copy(), rows.corrected
+        if self.network is not None and chosen.any():
+            weighed = self._weighed(scenes, rows.posterior)[chosen]
+            posterior = rows.posterior.of_rows(np.flatnonzero(chosen))
+            world = self.belief, self.bodies, scenes[chosen], pushes[chosen], posterior
+            after[chosen] = self.network.correct(
+                weighed,
+                pushes[chosen],
+                physics_next[chosen],
+                self.bodies,
+                partial(step_rows, *world),
             )
-        return self._with_same_weights(replace(self, **before_pushes(self, belief)))
+        return physics_next, after
 
-    def with_unknown_masses(self) -> Self:
-        """Return this model where masses are not measured: earlier pushes tell their ratio.
-
-        It is the model itself without a belief: then it infers friction alone.
-        """
-        if self.belief is None:
-            return self
-        return self.with_prior_belief(self.belief.with_unknown_masses())
-
-    def with_belief(self, path: Path) -> Self:
-        """Return this model with the belief in a file of ``sain_model identify``.
-
-        Raises:
-            CheckpointError: no such file, or not a belief.
-            ConfigError: see `with_prior_belief`.
-        """
-        return self.with_prior_belief(read_belief(path.expanduser()))
-
-    def with_bodies(self, bodies: Bodies) -> Self:
-        """Return the model of scenes of these bodies.
-
-        Raises:
-            ConfigError: its prior cannot predict them.
-        """
-        if bodies == self.bodies:
-            return self
-        prior = self.prior.with_bodies(bodies)
-        return self._with_same_weights(replace(self, prior=prior, bodies=bodies))
-
-    def _with_same_weights(self, other: Self) -> Self:
-        """Return another model with the network of this one, which is not packed again."""
-        vars(other)["_forward"] = self._forward
-        return other
-
-    def step(self, scenes: Scenes, pushes: Pushes, values: Values | None = None) -> Scenes:
-        """Predict the settled scenes (B, N, 8) after pushes (B, 5) from scenes (B, N, 8).
-
-        Args:
-            scenes: settled scenes.
-            pushes: one a scene.
-            values: of parameters of the prior, where it has any (`physics.parameters`).
-        """
-        return self.correct(scenes, pushes, step_knowing(self.prior, scenes, pushes, values))
-
-    def predict(
-        self,
-        scenes: Scenes,
-        pushes: Pushes,
-        friction: Scalars | None = None,
-        friction_log_std: Scalars | None = None,
-        mass_log_std: Scalars | None = None,
-    ) -> Prediction:
-        """Predict as `step` does, and say how sure that is; it costs two to six times as much.
-
-        Args:
-            scenes: settled scenes.
-            pushes: one a scene.
-            friction: with the table (B,); None: what this model believes.
-            friction_log_std: standard deviation of its logarithm (B,); None: what this model
-                believes, or 0 where the friction is given.
-            mass_log_std: likewise of the ratio of masses (B,); None: what this model believes.
-        """
-        if friction_log_std is None:
-            usual = self.friction_log_std if friction is None else 0.0
-            friction_log_std = np.full(len(pushes), usual)
-        if mass_log_std is None:
-            mass_log_std = np.full(len(pushes), self.mass_log_std)
-        values = known_friction(friction)
-        physics_next = step_knowing(self.prior, scenes, pushes, values)
-        prediction = Prediction(
-            self.correct(scenes, pushes, physics_next),
-            self.members_spread(scenes, pushes, physics_next),
-            physics_spread(
-                self.step, self.prior, scenes, pushes, friction, friction_log_std, mass_log_std
-            ),
+    def _correction_odds(
+        self, pushes: ObservedPushes, known: Known, posterior: Posterior
+    ) -> Float[ndarray, "R"]:
+        """Return by how much the network explains the pushes of each row better, as a logarithm."""
+        if not known.counts.any() or self.network is None:
+            return np.zeros(known.rows)
+        pairs, each = pushes.select(known.push), posterior.of_rows(known.row)
+        everywhere = Inferred(each, np.ones(len(pairs), dtype=bool))
+        with_and_without = self.step_rows(pairs.state, pairs.action, everywhere)
+        plain, better = (
+            over_factors(
+                known.gather(log_density(errors_of(some, pairs.next_state), pairs.scales(FACTORS)))
+            )
+            for some in with_and_without
         )
-        told = self.with_regions(prediction, scenes, pushes)
-        if told.radius is None or self.widening == 1.0:
-            return told
-        return replace(told, radius=self.widening * told.radius)
+        return np.asarray(better - plain)
 
-    def with_regions(self, prediction: Prediction, scenes: Scenes, pushes: Pushes) -> Prediction:
-        """Return a prediction with the regions of bodies, not widened; without where none are."""
-        if self.intervals is None:
-            return prediction
-        long = elongations(self.bodies.fitted(scenes.shape[1]))
-        radii = self.intervals.radii(prediction, scenes, pushed_bodies(pushes), long)
-        return replace(prediction, radius=radii)
-
-    def correct(self, scenes: Scenes, pushes: Pushes, physics_next: Scenes) -> Scenes:
-        """Return the prediction `physics_next` (B, N, 8) of a prior, corrected if that counts.
-
-        Raises:
-            InvalidInputError: arrays that do not fit together.
-        """
-        if self.corrects:
-            return self.network_correct(scenes, pushes, physics_next)
-        check_physics_next(scenes, physics_next)
-        return physics_next.copy()
-
-    def network_correct(self, scenes: Scenes, pushes: Pushes, physics_next: Scenes) -> Scenes:
-        """Return the prediction `physics_next` (B, N, 8) of a prior, corrected by the network.
-
-        A push of zero length stays what the prior makes of it: nothing. So do bodies with the role
-        "fixed". Velocities, masses and radii are passed on as the prior left them.
-
-        Raises:
-            InvalidInputError: arrays that do not fit together.
-        """
-        check_physics_next(scenes, physics_next)
-        weighed = self._weighed(scenes)
-        corrected = self._forward.correct(weighed, pushes, physics_next, self.bodies)
-        if self.bodies.fixed:
-            fixed = list(self.bodies.fixed)
-            corrected[:, fixed] = physics_next[:, fixed]
-        return corrected
-
-    def _weighed(self, scenes: Scenes) -> Scenes:
-        """Return scenes with masses as the prior takes them to be."""
-        ratio = self.prior.config.mass_ratio if isinstance(self.prior, PlanarPrior) else 1.0
-        return with_mass_ratio(scenes, ratio)
-
-    def regions(
-        self, scene: Scene, pushes: PushSequences, predicted: PredictedScenes
-    ) -> Radii | None:
-        """Return the radii (K, H, N) [m] of the regions that should hold each disk.
-
-        None without calibrated regions: see `sain_core.model.RolloutModel`.
-        """
-        if self.intervals is None:
-            return None
-        before = scenes_before(scene, predicted).reshape(-1, *scene.shape)
-        radius = self.predict(before, pushes.reshape(-1, pushes.shape[-1])).radius
-        assert radius is not None
-        return radius.reshape(predicted.shape[:3])
-
-    def members_spread(
-        self, scenes: Scenes, pushes: Pushes, physics_next: Scenes
-    ) -> Float[ndarray, "B N"]:
-        """Return the standard deviation of the members' places [m]; 0 for a lone network."""
-        if self.network.config.members == 1:
-            return np.zeros(scenes.shape[:2])
-        settle_threads()
-        config = self.network.config
-        frames = push_frames(scenes, pushes, self.bodies)
-        weighed = self._weighed(scenes)
-        features = network_inputs(config, weighed, frames, physics_next, self.bodies)
-        with torch.inference_mode():
-            each = self.network.to(self.device).each(*features.tensors(self.device))[..., :2]
-        variance = each.double().var(dim=0).sum(dim=-1)  # (B, N), in any frame
-        return np.where(pushes[:, LENGTH, None] == 0.0, 0.0, variance.sqrt().cpu().numpy())
+    def _weighed(self, scenes: Scenes, posterior: Posterior) -> Scenes:
+        """Return scenes (R, N, 8) with masses as the physics takes them to be."""
+        return with_mass_ratio(scenes, posterior.values(self.belief, MASS_RATIO))

@@ -8,7 +8,7 @@ it was (docs/explanation/rollouts.md).
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from typing import Final, TypeGuard
+from typing import Final
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -18,16 +18,19 @@ from sain_core.model import IdentityPrior, Model
 from sain_core.push import LENGTH
 from sain_core.types import Indices, Pushes, Scalars, Scenes
 from sain_model.data.dataset import Dataset, Part
-from sain_model.data.shaped_physics import filter_for
 from sain_model.data.windows import Windows, make_windows
 from sain_model.dynamics.intervals import Prediction, pushed_errors
-from sain_model.dynamics.learning import LearnedRows, learn, predict_rows
-from sain_model.dynamics.parameter_correction import PARAMETER_CORRECTION, ParameterCorrection
 from sain_model.dynamics.sain import LEARNED as LEARNED_KIND
-from sain_model.dynamics.sain import RECURRENT, RESIDUAL, SainDynamics
+from sain_model.dynamics.sain import (
+    PARAMETER_CORRECTION,
+    RECURRENT,
+    RESIDUAL,
+    Inferred,
+    SainDynamics,
+)
 from sain_model.evaluation.named_models import step_as_nominal
-from sain_model.identification.evidence import Known
-from sain_model.physics.friction import FrictionFilter
+from sain_model.inference.evidence import Known
+from sain_model.inference.kinds import FRICTION, friction_belief
 from sain_model.physics.planar import PlanarPrior
 
 NO_MOTION: Final = "no motion"
@@ -53,7 +56,6 @@ NAMES: Final = {  # of a model's kind, the paper's Fig. 1
 }
 
 Rollouts = Float[ndarray, "W T N 8"]
-Inferring = SainDynamics | ParameterCorrection | PlanarPrior
 Predictor = Callable[[Scenes, Pushes, Indices], Scenes]
 """Predicts pushes from scenes with what is known at these rows of a part."""
 
@@ -105,27 +107,31 @@ def _predict_part(
         NOMINAL: lambda scenes, pushes, _: step_as_nominal(planar, scenes, pushes),
         MEASURED: plain(planar),
         PLANAR_TRUE: _with_friction(planar, part.friction),
-        PLANAR_HISTORY: Informed.make(planar, part).step,
+        PLANAR_HISTORY: Informed.make(
+            SainDynamics(friction_belief(planar), bodies=part.bodies), part
+        ).step,
     }
     predictors |= {name: plain(model.with_bodies(part.bodies)) for name, model in others.items()}
-    regions = {}
+    regions: dict[str, Prediction] = {}
+    first = next(iter(models.values()), None)
     for name, given in models.items():
         model = given.with_bodies(part.bodies)
         predictors[name] = plain(model)
+        if not isinstance(model, SainDynamics):
+            continue
         if not infers(model):
-            if hasattr(model, "prior"):
-                predictors.setdefault(PRIOR, plain(model.prior))
-            if isinstance(model, SainDynamics) and model.intervals is not None:
-                regions[name] = model.predict(part.state, part.action)
+            if given is first:
+                predictors[PRIOR] = plain(model.physics)
+            prediction = model.predict(part.state, part.action)
+            regions |= {name: prediction} if prediction.radius is not None else {}
             continue
         informed = Informed.make(model, part)
         predictors[name + HISTORY] = informed.step
         predictors[name + TRUE] = _with_friction(model, part.friction)
         if PRIOR_HISTORY not in predictors:
-            assert isinstance(model.prior, PlanarPrior)
-            predictors[PRIOR_HISTORY] = Informed.make(model.prior, part, model.filter).step
-        if informed.prediction is not None and informed.prediction.radius is not None:
-            regions[name + HISTORY] = informed.prediction
+            predictors[PRIOR_HISTORY] = Informed.make(model.physics_alone(), part).step
+        prediction = informed.predict()
+        regions |= {name + HISTORY: prediction} if prediction.radius is not None else {}
     by_name = {name: roll_out(one, windows) for name, one in predictors.items()}
     for name, scenes in ((BULLET, part.physics_next), (FLOOR, part.floor_next)):
         # recorded for single pushes
@@ -155,16 +161,14 @@ def plain(model: Model) -> Predictor:
     return lambda scenes, pushes, _: model.step(scenes, pushes)
 
 
-def _with_friction(
-    model: SainDynamics | PlanarPrior | ParameterCorrection, friction: Scalars
-) -> Predictor:
+def _with_friction(model: SainDynamics | PlanarPrior, friction: Scalars) -> Predictor:
     """Return a model that is given a friction (M,); NaN where that is not known."""
 
     def step(scenes: Scenes, pushes: Pushes, rows: Indices) -> Scenes:
         given = friction[rows]
         known, after = np.isfinite(given), np.full_like(scenes, np.nan)
         if known.any():
-            after[known] = model.step(scenes[known], pushes[known], {"friction": given[known]})
+            after[known] = model.step(scenes[known], pushes[known], {FRICTION: given[known]})
         return after
 
     return step
@@ -173,9 +177,9 @@ def _with_friction(
 # --- history --------------------------------------------------------------------------------------
 
 
-def infers(model: Model) -> TypeGuard[SainDynamics | ParameterCorrection]:
+def infers(model: SainDynamics) -> bool:
     """Return whether a model infers anything from earlier pushes."""
-    return getattr(model, "filter", None) is not None
+    return bool(model.belief.likeliest.names)
 
 
 @dataclass(frozen=True, eq=False)
@@ -183,64 +187,61 @@ class Informed:
     """A model that makes use of the earlier pushes of each push's own episode, as in deployment.
 
     Attributes:
-        step: predicts pushes as the model does before the pushes of these rows.
-        prediction: of the data itself, with what is open about it; None: the model gives no more
-            than scenes.
+        model: of the bodies of the part.
+        part: the data.
+        rows: what the earlier pushes of each push say.
     """
 
-    step: Predictor
-    prediction: Prediction | None = None
+    model: SainDynamics
+    part: Part
+    rows: Inferred
 
     @classmethod
-    def make(
-        cls,
-        model: Inferring,
-        part: Part,
-        friction: FrictionFilter | None = None,
-    ) -> "Informed":
-        """Infer for each row what its earlier pushes show."""
-        if isinstance(model, SainDynamics) and model.belief is not None:
-            rows = learn(model, part, Known.earlier(part.episode, part.step))
-            prediction = predict_rows(model, part, rows)
+    def make(cls, model: SainDynamics, part: Part) -> "Informed":
+        """Infer for each row what its earlier pushes say."""
+        known = Known.earlier(part.episode, part.step)
+        return cls(model, part, model.infer(part.observed, known))
 
-            def step(scenes: Scenes, pushes: Pushes, chosen: Indices) -> Scenes:
-                some = LearnedRows(rows.posterior.of_rows(chosen), rows.corrected[chosen])
-                asked = replace(part.select(chosen), state=scenes, action=pushes)
-                return predict_rows(model, asked, some).mean
+    def step(self, scenes: Scenes, pushes: Pushes, chosen: Indices) -> Scenes:
+        """Predict pushes as the model does before the pushes of these rows."""
+        some = Inferred(self.rows.posterior.of_rows(chosen), self.rows.corrected[chosen])
+        return self.model.step_rows(scenes, pushes, some)[1]
 
-            return cls(step, _widened(model, part, prediction))
-        chosen = friction or (model.filter() if isinstance(model, PlanarPrior) else model.filter)
-        assert chosen is not None
-        shaped = filter_for(chosen, part.bodies)
-        likelihood = shaped.log_likelihood(part.state, part.action, part.next_state)
-        known = shaped.earlier(likelihood, part.episode, part.step)
-        given = _with_friction(model, known.mean)
-        if not isinstance(model, SainDynamics):
-            return cls(given)
-        prediction = model.predict(part.state, part.action, known.mean, known.spread)
-        return cls(given, _widened(model, part, prediction))
+    def predict(self) -> Prediction:
+        """Return predictions of the data itself, and how certain they are."""
+        part = self.part
+        prediction = self.model.predict_rows(part.state, part.action, self.rows)
+        return _widened(self.model, part, prediction)
+
+
+def step_with_history(model: SainDynamics, part: Part) -> Scenes:
+    """Return predictions (M, N, 8) as in deployment: with what the episode's earlier pushes say."""
+    shaped = model.with_bodies(part.bodies)
+    if not infers(shaped):
+        return shaped.step(part.state, part.action)
+    return Informed.make(shaped, part).step(part.state, part.action, np.arange(len(part)))
 
 
 def predict_with_history(model: SainDynamics, part: Part) -> Prediction:
-    """Return predictions as in deployment: with what the episode's earlier pushes show."""
+    """Return predictions as `step_with_history`, and how certain they are."""
     shaped = model.with_bodies(part.bodies)
     if not infers(shaped):
         return shaped.predict(part.state, part.action)
-    prediction = Informed.make(shaped, part).prediction
-    assert prediction is not None
-    return prediction
+    return Informed.make(shaped, part).predict()
 
 
 def _widened(sain: SainDynamics, part: Part, prediction: Prediction) -> Prediction:
     """Return a prediction, regions wider where earlier errors were larger than in training."""
-    if sain.intervals is None or not sain.intervals.adapts or prediction.radius is None:
+    intervals = sain.network and sain.network.intervals
+    if not intervals or not intervals.adapts:
         return prediction
-    excess = sain.intervals.excess(*pushed_errors(prediction, part))
+    assert prediction.radius is not None
+    excess = intervals.excess(*pushed_errors(prediction, part))
     order = np.lexsort((part.step, part.episode))
     count = earlier_pushes(part)
     sums = np.concatenate([[0.0], np.cumsum(excess[order])])
     place = np.argsort(order)
-    widening = sain.intervals.widening(sums[place] - sums[place - count], count)
+    widening = intervals.widening(sums[place] - sums[place - count], count)
     return replace(prediction, radius=prediction.radius * widening[:, None])
 
 

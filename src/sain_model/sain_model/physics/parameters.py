@@ -24,8 +24,9 @@ class Parameter(NamedTuple):
         name: the field of `PlanarConfig`, of the solver's rows, and of `Values`.
         meaning: in plain words.
         unit: of its value; empty for a share or a factor.
-        scope: what it belongs to. A value for each body may be given for those of scope "body".
-        spread: standard deviation before any push; 0: it is not inferred.
+        scope: what it belongs to. A value for each body may be given for those of scope "body";
+            each episode has its own of scope "episode".
+        spread: standard deviation before any push.
         logarithm: whether the spread is that of the logarithm.
         least: smallest value.
         most: largest value.
@@ -45,7 +46,7 @@ PARAMETERS: Final = (
     Parameter("friction", "friction with the table", "", "episode", 0.5, True, 0.005, 10.0),
     Parameter(
         "friction_scale", "friction with the table at work, share of the coefficient",
-        "", "body", 0.0, True, 0.2, 5.0,
+        "", "body", 0.1, True, 0.2, 5.0,
     ),
     Parameter("tool_friction", "friction with the tool", "", "body", 0.5, True, 0.0, 5.0),
     Parameter(
@@ -58,15 +59,15 @@ PARAMETERS: Final = (
     ),
     Parameter(
         "disk_restitution", "bounce between bodies, share of the speed",
-        "", "episode", 0.15, False, 0.0, 0.9,
+        "", "table", 0.15, False, 0.0, 0.9,
     ),
     Parameter(
         "foot_radius", "where a disk's three feet stand, share of its radius",
-        "", "episode", 0.1, True, 0.2, 1.0,
+        "", "table", 0.1, True, 0.2, 1.0,
     ),
     Parameter(
         "torsion", "torsion length, share of the one that the supports give",
-        "", "body", 0.0, True, 0.2, 5.0,
+        "", "body", 0.2, True, 0.2, 5.0,
     ),
     Parameter(
         "inertia", "moment of inertia, share of mass x radius^2 for a disk; likewise for others",
@@ -78,11 +79,11 @@ PARAMETERS: Final = (
     ),
     Parameter(
         "disk_height", "height at which bodies press on each other",
-        "m", "episode", 0.008, False, 0.0, 0.06,
+        "m", "table", 0.008, False, 0.0, 0.06,
     ),
     Parameter(
         "middle_height", "height of a body's centre of mass",
-        "m", "episode", 0.004, False, 0.0, 0.05,
+        "m", "table", 0.004, False, 0.0, 0.05,
     ),
     Parameter(
         "speed_factor", "speed of the tool, share of the push's", "", "tool", 0.05, True, 0.1, 10.0
@@ -106,25 +107,25 @@ PARAMETERS: Final = (
     Parameter(
         "pressure",
         "of a flat bottom: exponent of the distance from its middle; 0: the same everywhere",
-        "", "body", 0.0, False, -1.0, 8.0,
+        "", "body", 0.5, False, -1.0, 8.0,
     ),
     Parameter(
         "centre_x", "centre of mass from the centroid, in the body's frame and radii",
-        "", "body", 0.0, False, -0.6, 0.6,
+        "", "body", 0.05, False, -0.6, 0.6,
     ),
-    Parameter("centre_y", "likewise to the body's left", "", "body", 0.0, False, -0.6, 0.6),
+    Parameter("centre_y", "likewise to the body's left", "", "body", 0.05, False, -0.6, 0.6),
     Parameter(
         "slope_x", "acceleration along the world's x, as on a slope",
-        "m/s^2", "body", 0.0, False, -0.5, 0.5,
+        "m/s^2", "body", 0.1, False, -0.5, 0.5,
     ),
-    Parameter("slope_y", "likewise along the world's y", "m/s^2", "body", 0.0, False, -0.5, 0.5),
+    Parameter("slope_y", "likewise along the world's y", "m/s^2", "body", 0.1, False, -0.5, 0.5),
     Parameter(
-        "length_offset", "how much further the tool goes", "m", "tool", 0.0, False, -0.05, 0.05
+        "length_offset", "how much further the tool goes", "m", "tool", 0.002, False, -0.05, 0.05
     ),
-    Parameter("angle_offset", "how far to the left it goes", "rad", "tool", 0.0, False, -0.5, 0.5),
+    Parameter("angle_offset", "how far to the left it goes", "rad", "tool", 0.02, False, -0.5, 0.5),
     Parameter(
         "location_offset", "how far around the body it starts, its heading kept",
-        "rad", "tool", 0.0, False, -0.5, 0.5,
+        "rad", "tool", 0.02, False, -0.5, 0.5,
     ),
 )  # fmt: skip
 BY_NAME: Final = {parameter.name: parameter for parameter in PARAMETERS}
@@ -140,11 +141,6 @@ def parameter(name: str, default: float) -> Any:
     """Declare the setting of a parameter."""
     one = BY_NAME[name]
     return option(default, one.meaning, unit=one.unit, minimum=one.least, maximum=one.most)
-
-
-def known_friction(friction: ndarray | None) -> Values | None:
-    """Return the values of frictions with the table (B,), where they are known."""
-    return None if friction is None else {"friction": friction}
 
 
 def rows_of(config: object, values: Values, batch: int, bodies: int) -> tuple[ndarray, ndarray]:

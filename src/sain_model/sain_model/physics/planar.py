@@ -5,10 +5,8 @@ mass and radius that the scene states and, unless told better, the nominal frict
 """
 
 from dataclasses import dataclass, replace
-from functools import lru_cache
 from typing import Self
 
-from sain_core.history import PushHistory
 from sain_core.model import IdentityPrior, Model, answering, check_step
 from sain_core.push import LENGTH, PushLimits, pushed_bodies
 from sain_core.scene import MASS
@@ -17,7 +15,6 @@ from sain_core.types import Pushes, Scenes
 from sain_model.compute.batch_checks import check_batch
 from sain_model.compute.kernel_progress import compile_visibly
 from sain_model.physics.body_table import Touched, body_table, push_bodies, tool_ways
-from sain_model.physics.friction import FrictionConfig, FrictionFilter
 from sain_model.physics.parameters import Values, check_values, rows_of
 from sain_model.physics.planar_config import PlanarConfig
 
@@ -33,21 +30,9 @@ class PlanarPrior(Model):
         """See that the kernels are compiled: no plan is to wait for them."""
         compile_visibly()
 
-    def at(self, friction: float) -> Self:
-        """Return this prior with another friction between disks and table."""
-        return replace(self, config=replace(self.config, friction=friction))
-
     def with_bodies(self, bodies: Bodies) -> Self:
         """Return this prior for scenes of these bodies."""
         return self if bodies == self.bodies else replace(self, bodies=bodies)
-
-    def condition(self, history: PushHistory) -> Self:
-        """Return this prior with the friction that an episode's earlier pushes tell of."""
-        return self.at(self.filter().infer(history).mean)
-
-    def filter(self, config: FrictionConfig = FrictionConfig()) -> FrictionFilter:
-        """Return what infers friction with this prior, about the one that it assumes."""
-        return _filter(self, config)
 
     def step(self, scenes: Scenes, pushes: Pushes, values: Values | None = None) -> Scenes:
         """Predict the settled scenes (B, N, 8) after pushes (B, 5) from scenes (B, N, 8).
@@ -91,11 +76,6 @@ class PlanarPrior(Model):
         after[idle] = scenes[idle]
         after[..., MASS:] = scenes[..., MASS:]
         return after, touched
-
-
-@lru_cache(maxsize=16)  # a filter remembers pushes, also those of the episode before
-def _filter(prior: PlanarPrior, config: FrictionConfig) -> FrictionFilter:
-    return FrictionFilter(prior, prior.config.friction, config)
 
 
 def step_knowing(prior: Model, scenes: Scenes, pushes: Pushes, values: Values | None) -> Scenes:

@@ -23,8 +23,9 @@ from sain_core.scene import THETA, make_scene, wrap_angle
 from sain_core.shapes.bodies import PAPER_DISKS, Bodies
 from sain_core.types import PredictedScenes, Pushes, PushSequences, Scene, Scenes
 from sain_model.compute.devices import AUTO, CPU, choose_device
+from sain_model.dynamics.sain import PHYSICS, SainDynamics
+from sain_model.inference.kinds import FRICTION
 from sain_model.physics.planar import PlanarPrior
-from sain_model.serving.model_kinds import is_learned, is_residual
 from sain_model.serving.request_checks import check_asked_pushes, check_asked_scenes
 from sain_model.serving.settings import ServingConfig
 
@@ -36,7 +37,6 @@ WARM_UP_PUSHES: Final = make_push([[0.0], [0.5]], [[0.0], [0.1]], [[0.1], [0.05]
 TRIAL_PUSHES: Final = np.tile(WARM_UP_PUSHES, (16, 1, 1))  # (32, 1, 5)
 TRIALS: Final = 3  # the fastest counts: other programs may take the processor
 SLOWEST: Final = 0.002  # [s] for a prediction: planners wait 2 s for thousands
-PHYSICS: Final = "physics"
 
 
 @dataclass(frozen=True)
@@ -64,7 +64,7 @@ class ModelServer:
         Raises:
             ConfigError: a GPU is wanted and there is none.
         """
-        if is_residual(dynamics):
+        if isinstance(dynamics, SainDynamics) and dynamics.network is not None:
             dynamics = dynamics.on(choose_device(config.device))
         elif config.device != AUTO:  # physics runs on the CPU, but what is asked for must be there
             choose_device(config.device)
@@ -137,8 +137,9 @@ class ModelServer:
     def friction(self, history: PushHistory | None, bodies: Bodies = PAPER_DISKS) -> float:
         """Return the friction of a prediction; 0: the model has none."""
         dynamics = self.knowing(history, bodies)
-        prior = dynamics.prior if is_learned(dynamics) else dynamics
-        return prior.config.friction if isinstance(prior, PlanarPrior) else 0.0
+        if not isinstance(dynamics, SainDynamics) or not isinstance(dynamics.physics, PlanarPrior):
+            return 0.0
+        return dynamics.value(FRICTION)
 
     def rollout(
         self,
@@ -209,25 +210,17 @@ class ModelServer:
         check_asked_pushes(pushes, bodies)
         dynamics = self.knowing(history, bodies)
         if physics_next is None:
-            prior = dynamics.prior if is_learned(dynamics) else dynamics
+            prior = dynamics.physics if isinstance(dynamics, SainDynamics) else dynamics
             physics_next = check_step(prior.step(scenes, pushes), scenes, self._name)
-        if is_residual(dynamics):
+        next_state = physics_next  # physics alone corrects nothing
+        if isinstance(dynamics, SainDynamics):
             next_state = dynamics.correct(scenes, pushes, physics_next)
-        elif is_learned(dynamics):  # on its own prior, whatever was given
-            next_state = dynamics.step(scenes, pushes)
-        else:
-            next_state = physics_next  # physics alone corrects nothing
         check_step(next_state, scenes, self._name)
         return _residual(next_state, physics_next), next_state
 
     def _frictions(self) -> int:
-        """Return how many predictions a past push costs: one for each pair that is looked at."""
-        if isinstance(self._usual, PlanarPrior):
-            return len(self._usual.filter().grid)
-        if is_residual(self._usual):
-            return self._usual.trials
-        friction = self._usual.filter if is_learned(self._usual) else None
-        return 1 if friction is None else len(friction.grid)
+        """Return how many predictions a past push costs: one for each place of a grid."""
+        return self._usual.trials if isinstance(self._usual, SainDynamics) else 1
 
     def check_work(self, predictions: int, disks: int) -> None:
         """Raise `TooMuchWorkError` where a request is larger than the settings allow."""
@@ -267,13 +260,8 @@ def _residual(next_state: Scenes, physics_next: Scenes) -> Scenes:
 
 def describe_model(name: str, dynamics: Model) -> Description:
     """Return what a dynamics of this name is."""
-    if is_learned(dynamics):
-        return Description(
-            name,
-            dynamics.kind,
-            dynamics.prior_name,
-            dynamics.model_hash,
-            dynamics.card,
-            dynamics.device,
-        )
-    return Description(name, PHYSICS, name)
+    if not isinstance(dynamics, SainDynamics) or dynamics.network is None:
+        return Description(name, PHYSICS, name)
+    origin = dynamics.origin
+    about = origin.kind, origin.prior_name, origin.model_hash, origin.card
+    return Description(name, *about, dynamics.network.device)

@@ -21,10 +21,11 @@ from sain_core.types import Scalars
 from sain_model.data.dataset import Dataset, Part
 from sain_model.dynamics.checkpoint import SUFFIX, ModelCard, parse_card
 from sain_model.dynamics.load import card_part, load_checkpoint, shipped_checkpoint
-from sain_model.dynamics.sain import RECURRENT, SainDynamics
+from sain_model.dynamics.residual import module_of
+from sain_model.dynamics.sain import PARAMETER_CORRECTION, RECURRENT, SainDynamics
 from sain_model.dynamics.settings import SHIPPED
 from sain_model.evaluation.errors import position_errors
-from sain_model.evaluation.predictors import predict_with_history
+from sain_model.evaluation.predictors import step_with_history
 from sain_model.training.settings import (
     DEFAULT,
     EPISODE,
@@ -61,14 +62,14 @@ class Parent:
             )
         path = shipped_checkpoint() if name == SHIPPED else Path(name)
         sain = load_checkpoint(path)
-        if not isinstance(sain, SainDynamics):
+        if sain.origin.kind == PARAMETER_CORRECTION:
             raise CheckpointError(f"{path} corrects parameters; only residuals can be fine-tuned")
-        if sain.kind == RECURRENT:
+        if sain.origin.kind == RECURRENT:
             raise CheckpointError(
                 f"{path} was trained on rollouts (--steps-ahead); fine-tuning learns from single"
                 " pushes, and would undo that"
             )
-        return cls(name, sain, parse_card(path, sain.card))
+        return cls(name, sain, parse_card(path, sain.origin.card))
 
     @property
     def settings(self) -> TrainingConfig:
@@ -82,7 +83,7 @@ class Parent:
             name: self.card.training.get(name, getattr(DEFAULTS, name))
             for name in ("weight_decay", "mirror", "diversity")
         }
-        told = self.card.training.get("history", EPISODE) if self.sain.friction else NOTHING
+        infers = self.sain.belief.trained.names
         return card_part(
             "training",
             TrainingConfig,
@@ -91,8 +92,8 @@ class Parent:
                 **learned,
                 "prior": self.card.prior,
                 "prior_friction": self.card.prior_config.get("friction", DEFAULTS.prior_friction),
-                "history": told,
-                "network": self.sain.network.config,
+                "history": self.card.training.get("history", EPISODE) if infers else NOTHING,
+                "network": module_of(self.sain).config,
                 "loss": loss,
             },
         )
@@ -160,7 +161,7 @@ class Parent:
 
 def _errors(sain: SainDynamics, part: Part) -> Scalars:
     """Return how far off the target, or the pushed body, is predicted (M,) [mm]."""
-    after = predict_with_history(sain, part).mean
+    after = step_with_history(sain, part)
     if part.bodies.are_paper_disks and part.disks > TARGET:
         return position_errors(after, part.next_state, TARGET)
     off = np.linalg.norm((after - part.next_state)[..., POSITION], axis=-1)

@@ -6,22 +6,21 @@ another one a residual, and rollouts make it recurrent.
 
 from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
 from sain_core.errors import ConfigError
-from sain_core.model import Model, check_model_name
-from sain_model.data.dataset import Dataset, Split
-from sain_model.data.friction_noise import make_filter
-from sain_model.dynamics.parameter_correction import ParameterCorrection
-from sain_model.dynamics.priors import load_prior
+from sain_core.model import check_model_name
+from sain_model.data.dataset import Split
+from sain_model.dynamics.parameter_correction import correcting_model
+from sain_model.dynamics.priors import make_prior
+from sain_model.dynamics.residual import module_of, residual_model, with_intervals
 from sain_model.dynamics.sain import SainDynamics
 from sain_model.dynamics.settings import PLANAR, PLANAR_AXES, PLANAR_PRIORS
-from sain_model.identification.belief_file import read_belief
+from sain_model.inference.belief_file import read_belief
+from sain_model.inference.kinds import FRICTION, Kind, friction_kind
 from sain_model.network.interaction_network import InteractionNetwork, new_network
-from sain_model.physics.friction import FrictionFilter
-from sain_model.physics.planar import PlanarPrior
 from sain_model.training.interval_fit import fit_intervals
 from sain_model.training.objectives import Rollouts, SinglePushes
 from sain_model.training.settings import NOTHING, RolloutConfig, TrainingConfig
@@ -34,32 +33,24 @@ PUSHES: Final = "training"  # names of files: of the state
 ROLLOUTS: Final = "rollouts"
 
 
-@dataclass(frozen=True, eq=False)
-class Physics:
-    """What is corrected, and what infers the friction that it is given; None: nothing does."""
+def trained_kind(config: TrainingConfig) -> Kind:
+    """Return the physics that settings ask for, and what pushes show of it.
 
-    prior: Model
-    friction: FrictionFilter | None = None
-
-    @classmethod
-    def of(cls, config: TrainingConfig, train: Dataset) -> "Physics":
-        """Return what settings ask for; the noise of the inference is fitted to the training part.
-
-        Raises:
-            ConfigError: no such prior, or the parameters of this one cannot be corrected.
-        """
-        check_model_name(config.prior)
-        planar = config.prior in PLANAR_PRIORS
-        if config.network.corrects_parameters and not planar:
-            raise ConfigError(
-                f"--output {config.network.output} corrects {' or '.join(PLANAR_PRIORS)}, not"
-                f" {config.prior!r}; give one of them as --prior"
-            )
-        prior = load_prior(config.prior, {"friction": config.prior_friction} if planar else None)
-        return cls(prior, None if config.history == NOTHING else make_filter(prior, train))
+    Raises:
+        ConfigError: no such prior, or the parameters of this one cannot be corrected.
+    """
+    check_model_name(config.prior)
+    planar = config.prior in PLANAR_PRIORS
+    if config.network.corrects_parameters and not planar:
+        raise ConfigError(
+            f"--output {config.network.output} corrects {' or '.join(PLANAR_PRIORS)}, not"
+            f" {config.prior!r}; give one of them as --prior"
+        )
+    prior = make_prior(config.prior, {"friction": config.prior_friction} if planar else None)
+    return friction_kind(prior, config.history != NOTHING)
 
 
-def identified_physics(path: Path, config: TrainingConfig) -> tuple[TrainingConfig, Physics]:
+def identified_kind(path: Path, config: TrainingConfig) -> tuple[TrainingConfig, Kind]:
     """Return the most likely physics of a belief, and settings that name it.
 
     A checkpoint on it infers friction alone, as in its training: the recordings show the rest.
@@ -68,31 +59,31 @@ def identified_physics(path: Path, config: TrainingConfig) -> tuple[TrainingConf
         CheckpointError: no such file, or not a belief.
         ConfigError: the settings ask for another prior.
     """
-    structure = read_belief(path).likeliest
-    name = PLANAR_AXES if structure.config.has_axes else PLANAR
+    kind = read_belief(path).likeliest
+    name = PLANAR_AXES if kind.has_axes else PLANAR
     if config.prior not in (PLANAR, name):
         raise ConfigError(
             f"--prior is {config.prior!r}; the physics of {path} is a {name!r}: leave --prior out"
         )
-    prior = PlanarPrior(structure.config)
-    friction = None if config.history == NOTHING else prior.filter(structure.friction)
-    return replace(config, prior=name), Physics(prior, friction)
+    deviation = float(kind.deviations[kind.names.index(FRICTION)])
+    alone = friction_kind(kind.prior, config.history != NOTHING, deviation)
+    return replace(config, prior=name), alone
 
 
 def fit(
     split: Split,
-    physics: Physics,
+    kind: Kind,
     config: TrainingConfig,
     folder: Path,
     rollout: RolloutConfig = RolloutConfig(),
     start: SainDynamics | None = None,
     show: Show = lambda name, epochs, done: nullcontext(lambda epoch, history: None),
-) -> tuple[SainDynamics | ParameterCorrection, list[LossHistory]]:
+) -> tuple[SainDynamics, list[LossHistory]]:
     """Train on single pushes, then on rollouts if wanted, and fit the regions of predictions.
 
     Args:
         split: what to learn from, and what to choose the best epoch and fit regions by.
-        physics: what is corrected.
+        kind: the physics that is corrected, and what pushes show of it.
         config: settings.
         folder: of the state; a training that is there is resumed.
         rollout: how training goes on with rollouts.
@@ -103,13 +94,13 @@ def fit(
         CheckpointError: the state in the folder is damaged or of other settings or data.
     """
     network = new_network(config.network, config.seed)
-    pushes = SinglePushes(split, physics.prior, physics.friction, config)
+    pushes = SinglePushes(split, kind, config)
     if start is not None:
-        pushes.identity += f" from {start.model_hash}"
-        network.load_state_dict(start.network.state_dict())
+        pushes.identity += f" from {start.origin.model_hash}"
+        network.load_state_dict(module_of(start).state_dict())
     stages: list[tuple[str, Objective, TrainingConfig]] = [(PUSHES, pushes, config)]
     if rollout.wanted:
-        rollouts = Rollouts(split, physics.prior, physics.friction, config, rollout)
+        rollouts = Rollouts(split, kind, config, rollout)
         stages.append((ROLLOUTS, rollouts, rollout.after(config)))
     histories = []
     for name, objective, settings in stages:
@@ -118,22 +109,18 @@ def fit(
         with show(name, settings.epochs, trainer.epoch) as progress:
             trainer.run(progress)
         histories.append(trainer.history)
-    return _model(network, physics, config, rollout, split), histories
+    return _model(network, kind, config, rollout, split), histories
 
 
 def _model(
     network: InteractionNetwork,
-    physics: Physics,
+    kind: Kind,
     config: TrainingConfig,
     rollout: RolloutConfig,
     split: Split,
-) -> SainDynamics | ParameterCorrection:
+) -> SainDynamics:
     """Return the trained model, with regions fitted to the validation part."""
-    infers = physics.friction.config if physics.friction else None
     if config.network.corrects_parameters:
-        assert isinstance(physics.prior, PlanarPrior)
-        return ParameterCorrection(network, physics.prior, config.prior, friction=infers)
-    sain = SainDynamics(
-        network, physics.prior, config.prior, friction=infers, recurrent=rollout.wanted
-    )
-    return replace(sain, intervals=fit_intervals(sain, *split.validation.parts))
+        return correcting_model(network, kind, config.prior)
+    sain = residual_model(network, kind, config.prior, recurrent=rollout.wanted)
+    return with_intervals(sain, fit_intervals(sain, *split.validation.parts))

@@ -14,6 +14,7 @@ from sain_core.scene import POSITION
 from sain_core.types import Scalars
 from sain_model.data.dataset import Part
 from sain_model.dynamics.intervals import LEVEL, IntervalConfig, Intervals, pushed_errors
+from sain_model.dynamics.residual import with_intervals
 from sain_model.dynamics.sain import SainDynamics
 from sain_model.evaluation.predictors import predict_with_history
 from sain_model.network.features import elongations
@@ -40,16 +41,18 @@ def fit_intervals(sain: SainDynamics, *data: Part, level: float = LEVEL) -> Inte
         )
         configs.append(fit_disk(parts, off, level, long))
     intervals = Intervals(level, mid=configs[0], target=configs[1])
-    return _with_usual_errors(replace(sain, intervals=intervals), data)
+    return _with_default_errors(sain, intervals, data)
 
 
-def _with_usual_errors(sain: SainDynamics, data: Sequence[Part]) -> Intervals:
-    """Return its intervals with the usual logarithms of error over radius of pushed bodies."""
-    assert sain.intervals is not None
-    told = [pushed_errors(predict_with_history(sain, part), part) for part in data]
-    logs = np.concatenate([sain.intervals.excess(*pair) for pair in told])
+def _with_default_errors(
+    sain: SainDynamics, intervals: Intervals, data: Sequence[Part]
+) -> Intervals:
+    """Return intervals with the usual logarithms of error over radius of pushed bodies."""
+    with_regions = with_intervals(sain, intervals)
+    pairs = [pushed_errors(predict_with_history(with_regions, part), part) for part in data]
+    logs = np.concatenate([intervals.excess(*pair) for pair in pairs])
     usual, spread = float(logs.mean()), float(logs.std())
-    return replace(sain.intervals, usual_log=usual, usual_log_std=spread)
+    return replace(intervals, usual_log=usual, usual_log_std=spread)
 
 
 def _scored(

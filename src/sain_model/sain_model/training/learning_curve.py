@@ -21,7 +21,7 @@ from sain_model.evaluation.predictors import (
     SAIN,
     SAIN_HISTORY,
 )
-from sain_model.training.fit import Physics, fit
+from sain_model.training.fit import fit, trained_kind
 from sain_model.training.settings import TrainingConfig
 
 PHYSICS: Final = (BULLET, MEASURED, PLANAR_HISTORY, FLOOR)
@@ -96,7 +96,9 @@ def _errors(split: Split, config: TrainingConfig, folder: Path) -> dict[str, dic
             return dict(done["errors"])
         except (OSError, LookupError, TypeError, ValueError) as error:
             raise CheckpointError(f"{path} is damaged ({error}); use another folder") from error
-    model, _ = fit(split, Physics.of(config, split.train), config, folder)
-    errors = evaluate(split.test, {NAMES[model.kind]: model})["after"]["1"]["errors"][TARGETS]
+    model, _ = fit(split, trained_kind(config), config, folder)
+    errors = evaluate(split.test, {NAMES[model.origin.kind]: model})["after"]["1"]["errors"][
+        TARGETS
+    ]
     write_json(path, {"identity": identity, "errors": errors})
     return dict(errors)

@@ -14,17 +14,15 @@ from torch import Tensor
 from torch.nn import functional
 
 from sain_core.model import Model
-from sain_core.types import Scalars
 from sain_model.compute.threads import one_numba_thread
 from sain_model.data.dataset import Dataset, Part, Split
-from sain_model.data.examples import Examples, make_examples
-from sain_model.data.shaped_physics import others_friction
+from sain_model.data.examples import Examples, inferred_values, make_examples
 from sain_model.data.windows import Windows, make_windows
 from sain_model.dynamics.physics_gradient import ToldPushes, conditioned_moves, moves
+from sain_model.inference.kinds import Kind
 from sain_model.network.features import push_frames
 from sain_model.network.interaction_network import CHUNK, InteractionNetwork
-from sain_model.physics.friction import FrictionFilter
-from sain_model.physics.parameters import known_friction
+from sain_model.physics.parameters import Values
 from sain_model.physics.planar import PlanarPrior
 from sain_model.training.loss import mixed_loss, rollout_loss
 from sain_model.training.rollouts import roll
@@ -32,9 +30,8 @@ from sain_model.training.settings import RolloutConfig, TrainingConfig
 from sain_model.training.trainer import Objective
 
 
-def _identity(split: Split, prior: Model, friction: FrictionFilter | None) -> str:
-    about = f"{friction.config} {friction.nominal}" if friction else ""
-    return f"{getattr(prior, 'config', '')} {split.train.sha256} {len(split.train)} {about}"
+def _identity(split: Split, kind: Kind) -> str:
+    return f"{split.train.sha256} {len(split.train)} {kind.identity}"
 
 
 @dataclass(frozen=True)
@@ -49,21 +46,20 @@ class _Pushes:
     def make(
         cls,
         data: Dataset,
-        prior: Model,
-        friction: FrictionFilter | None,
+        kind: Kind,
         config: TrainingConfig,
         mirror: bool = False,
     ) -> Self:
         network, most = config.network, max(part.disks for part in data.parts)
-        frictions = [others_friction(part, friction) for part in data.parts]
-        known = list(zip(data.parts, frictions, strict=True))
-        examples = [make_examples(part, prior, some, network).padded(most) for part, some in known]
+        known = [(part, inferred_values(part, kind)) for part in data.parts]
+        examples = [
+            make_examples(part, kind.prior, some, network).padded(most) for part, some in known
+        ]
         images = [some.mirrored() for some in examples] if mirror else []
         joined = examples[0].and_then(*examples[1:], *images)
         if not network.corrects_parameters:
             return cls(joined)
-        assert isinstance(prior, PlanarPrior)
-        parts = tuple(_on_prior(*one, prior) for one in known)
+        parts = tuple(_on_prior(*one, kind.prior) for one in known)
         plain = torch.cat([_padded(_plain_moves(part), most) for part in parts])
         return cls(joined, parts, plain)
 
@@ -93,17 +89,17 @@ class _Pushes:
         return torch.cat(found)[torch.from_numpy(np.argsort(np.concatenate(places)))]
 
 
-def _on_prior(part: Part, friction: Scalars | None, prior: PlanarPrior) -> ToldPushes:
+def _on_prior(part: Part, values: Values, prior: Model) -> ToldPushes:
     """Return pushes on the prior of their bodies."""
     shaped = prior.with_bodies(part.bodies)
     assert isinstance(shaped, PlanarPrior)
     frames = push_frames(part.state, part.action, part.bodies)
-    return ToldPushes(shaped, part.state, part.action, frames, friction)
+    return ToldPushes(shaped, part.state, part.action, frames, values)
 
 
 def _plain_moves(part: ToldPushes) -> Float[Tensor, "M N 3"]:
     """Return the moves that the uncorrected prior predicts."""
-    after = part.prior.step(part.scenes, part.pushes, known_friction(part.friction))
+    after = part.prior.step(part.scenes, part.pushes, part.values)
     return torch.from_numpy(moves(part.scenes, part.frames, after).astype(np.float32))
 
 
@@ -118,15 +114,14 @@ class SinglePushes(Objective):
     def __init__(
         self,
         split: Split,
-        prior: Model,
-        friction: FrictionFilter | None,
+        kind: Kind,
         config: TrainingConfig,
     ) -> None:
-        """Prepare the data; `friction` infers that of the prior, None: it is the nominal one."""
-        self.identity, self.members = _identity(split, prior, friction), config.network.members
+        """Prepare the data; `kind` is the physics that is corrected."""
+        self.identity, self.members = _identity(split, kind), config.network.members
         self._loss = config.loss
-        self._train = _Pushes.make(split.train, prior, friction, config, config.mirrors)
-        self._validation = _Pushes.make(split.validation, prior, friction, config)
+        self._train = _Pushes.make(split.train, kind, config, config.mirrors)
+        self._validation = _Pushes.make(split.validation, kind, config)
         copies = len(self._train.examples) // len(split.train)  # with mirror images two
         self.episodes = np.tile(split.train.episode, copies)
 
@@ -149,8 +144,7 @@ class Rollouts(Objective):
     def __init__(
         self,
         split: Split,
-        prior: Model,
-        friction: FrictionFilter | None,
+        kind: Kind,
         config: TrainingConfig,
         rollout: RolloutConfig,
     ) -> None:
@@ -159,32 +153,32 @@ class Rollouts(Objective):
         Raises:
             DatasetError: scenes with different bodies.
         """
-        self.identity = f"{_identity(split, prior, friction)} {rollout}"
+        self.identity = f"{_identity(split, kind)} {rollout}"
         train, validation = split.train.alike, split.validation.alike
         self._bodies, self._loss = train.bodies, config.loss
-        self._prior = prior.with_bodies(train.bodies)
+        self._prior = kind.prior.with_bodies(train.bodies)
         self._train = make_windows(train, rollout.steps_ahead)
         if config.mirrors and train.bodies.all_round:
             image = make_windows(train.mirrored(), rollout.steps_ahead)
             self._train = self._train.and_then(image)
         self._validation = make_windows(validation, rollout.steps_ahead)
-        self._frictions = [others_friction(part, friction) for part in (train, validation)]
+        self._values = [inferred_values(part, kind) for part in (train, validation)]
         self.episodes = self._train.episodes
 
     def losses(self, network: InteractionNetwork, rows: Int[Tensor, "M b"]) -> Tensor:
         """Return the loss of the members' mean."""
         windows = self._train.select(rows[0].numpy())
-        return self._rollout_loss(network, windows, self._frictions[0])
+        return self._rollout_loss(network, windows, self._values[0])
 
     def validate(self, network: InteractionNetwork) -> float:
         """Return the loss of the members' mean."""
-        return self._rollout_loss(network, self._validation, self._frictions[1]).item()
+        return self._rollout_loss(network, self._validation, self._values[1]).item()
 
     def _rollout_loss(
-        self, network: InteractionNetwork, windows: Windows, friction: Scalars | None
+        self, network: InteractionNetwork, windows: Windows, values: Values
     ) -> Tensor:
-        # Behind a window's end nothing is pushed: any friction will do.
-        given = None if friction is None else friction[windows.rows]
+        # Behind a window's end nothing is pushed: any values will do.
+        given = {name: value[windows.rows] for name, value in values.items()}
         with one_numba_thread():
             poses = roll(network, windows, self._prior, given, self._bodies)
         return rollout_loss(poses, windows, self._loss)

@@ -19,13 +19,13 @@ from sain_core.model import Model
 from sain_core.push import LENGTH, LOCATION
 from sain_core.scene import POSE, THETA, unit, wrap_angle
 from sain_core.shapes.bodies import PAPER_DISKS, Bodies
-from sain_core.types import Pushes, Scalars, Scenes
+from sain_core.types import Pushes, Scenes
 from sain_model.compute.threads import settle_threads
 from sain_model.data.windows import Windows
 from sain_model.network.features import network_inputs, push_frames
 from sain_model.network.interaction_network import InteractionNetwork
 from sain_model.network.settings import NetworkConfig
-from sain_model.physics.parameters import known_friction
+from sain_model.physics.parameters import Values
 from sain_model.physics.planar import step_knowing
 
 STEPS: Final = (2e-4, 2e-4, 2e-3)  # [m, m, rad], of the finite differences: well above rounding
@@ -37,19 +37,20 @@ def roll(
     network: InteractionNetwork,
     windows: Windows,
     prior: Model,
-    friction: Float[ndarray, "W T"] | None = None,
+    values: Values | None = None,
     bodies: Bodies = PAPER_DISKS,
 ) -> Float[Tensor, "W T N 3"]:
     """Return the poses that a network predicts over windows, fed with its own predictions.
 
-    `friction` is that of each push, for the planar prior; None: the nominal one. `prior` predicts
-    these bodies.
+    `values` (W, T) by name are those of the prior's parameters that differ from its settings.
+    `prior` predicts these bodies.
     """
     pose = torch.from_numpy(windows.scenes[..., POSE])
     poses = []
     for step in range(windows.steps):
         pushes = windows.pushes[:, step]
-        physics = _physics(prior, None if friction is None else friction[:, step])
+        now = {name: value[:, step] for name, value in (values or {}).items()}
+        physics = _physics(prior, now)
         seen = see(pose, windows.scenes, pushes, physics, network.config, bodies)
         settle_threads()
         residual = network(seen.bodies, seen.relations).double()
@@ -60,10 +61,10 @@ def roll(
     return torch.stack(poses, dim=1)
 
 
-def _physics(prior: Model, friction: Scalars | None) -> Physics:
+def _physics(prior: Model, values: Values) -> Physics:
     def predict(scenes: Scenes, pushes: Pushes, rows: ndarray) -> Scenes:
-        known = None if friction is None else friction[rows]
-        return step_knowing(prior, scenes, pushes, known_friction(known))
+        here = {name: value[rows] for name, value in values.items()}
+        return step_knowing(prior, scenes, pushes, here)
 
     return predict
 

@@ -12,9 +12,9 @@ from sain_core.provenance import processor, ros2_command, system, versions
 from sain_core.storage import write_whole
 from sain_model.data.dataset import Dataset, Split
 from sain_model.dynamics.checkpoint import ModelCard
-from sain_model.dynamics.parameter_correction import ParameterCorrection
 from sain_model.dynamics.priors import prior_settings
 from sain_model.dynamics.sain import SainDynamics
+from sain_model.inference.kinds import FRICTION, Kind
 from sain_model.training.settings import TrainOptions
 from sain_model.training.trainer import LossHistory
 
@@ -25,7 +25,7 @@ def make_card(
     command: TrainOptions,
     data: Dataset,
     split: Split,
-    model: SainDynamics | ParameterCorrection,
+    model: SainDynamics,
     histories: Sequence[LossHistory],
     errors: dict[str, Any],
     parent: ModelCard | None = None,
@@ -35,14 +35,14 @@ def make_card(
     training = {**asdict(config), **_losses(histories[0])}
     if len(histories) > 1:
         training["rollouts"] = {**asdict(command.rollout), **_losses(histories[1])}
-    intervals = getattr(model, "intervals", None)
+    kind, intervals = model.belief.trained, model.network and model.network.intervals
     return ModelCard(
         prior=config.prior,
-        prior_config=prior_settings(model.prior),
+        prior_config=prior_settings(kind.prior),
         network=asdict(config.network),
-        friction=asdict(model.friction) if model.friction else None,
+        friction=_friction_part(kind),
         intervals=asdict(intervals) if intervals else None,
-        kind=model.kind,
+        kind=model.origin.kind,
         data=_data_part(command.dataset, data, split),
         training=training,
         errors=errors,
@@ -50,6 +50,14 @@ def make_card(
         command=ros2_command("sain_model", "train"),
         parent={**asdict(parent), "errors": {}} if parent else None,
     )
+
+
+def _friction_part(kind: Kind) -> dict[str, float] | None:
+    """Return what a card says of the friction that pushes show; None: they show none."""
+    if not kind.names:
+        return None
+    column = kind.names.index(FRICTION)
+    return {"width": kind.parameters[column].spread * float(kind.deviations[column])}
 
 
 def _data_part(paths: Sequence[Path], data: Dataset, split: Split) -> dict[str, Any]:

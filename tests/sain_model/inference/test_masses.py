@@ -1,6 +1,5 @@
 """Earlier pushes tell the ratio of masses where these are not measured."""
 
-import json
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -11,19 +10,21 @@ import torch
 
 from sain_core.history import PushHistory
 from sain_core.scene import MASS, POSITION
-from sain_core.shapes.bodies import PAPER_DISKS
 from sain_core.types import Pushes, Scenes
-from sain_model.dynamics.identify import believing_model, identify
+from sain_model.dynamics.identify import identify
+from sain_model.dynamics.residual import residual_model
 from sain_model.dynamics.sain import SainDynamics
-from sain_model.identification.belief_file import read_belief, write_belief
-from sain_model.identification.beliefs import Belief, usual_belief
-from sain_model.identification.evidence import Known
-from sain_model.identification.laboratory import RecordedPushes
-from sain_model.identification.masses import MassFilter
-from sain_model.identification.parameters import COUNT
-from sain_model.identification.posterior import infer
+from sain_model.inference.belief_file import read_belief, write_belief
+from sain_model.inference.evidence import Known, ObservedPushes
+from sain_model.inference.kinds import (
+    FRICTION,
+    MASS_RATIO,
+    Belief,
+    default_belief,
+    friction_kind,
+)
+from sain_model.inference.posterior import infer
 from sain_model.network.interaction_network import InteractionNetwork
-from sain_model.physics.friction import FrictionConfig
 from sain_model.physics.planar import PlanarPrior
 from sain_model.physics.planar_config import AXES, PlanarConfig, with_mass_ratio
 
@@ -53,16 +54,14 @@ def telling(
 
 @pytest.fixture
 def belief() -> Belief:
-    return usual_belief(AXES, FrictionConfig()).with_unknown_masses()
+    return default_belief(PlanarPrior(AXES)).with_unknown_masses()
 
 
 @pytest.fixture
 def sain() -> SainDynamics:
     torch.manual_seed(0)
-    prior, friction = PlanarPrior(AXES), FrictionConfig()
-    return believing_model(
-        SainDynamics(InteractionNetwork(), prior, "planar_axes", friction=friction)
-    )
+    model = residual_model(InteractionNetwork(), friction_kind(PlanarPrior(AXES)), "planar_axes")
+    return model.believing(default_belief(PlanarPrior(AXES)))
 
 
 @pytest.mark.parametrize("friction", [0.08, 0.12, 0.2])
@@ -70,11 +69,14 @@ def test_four_pushes_tell_the_ratio_of_masses(
     belief: Belief, random_pushes: Draw, friction: float
 ) -> None:
     history = telling(random_pushes, replace(AXES, friction=friction))
-    posterior = infer(belief, PAPER_DISKS, history, Known.everything(len(history)))
-    assert 0.0 < posterior.mass_log_std[0] < 0.1
-    off = abs(np.log(posterior.mass_ratio[0] / RATIO))
-    assert off < 2.0 * posterior.mass_log_std[0]
-    assert posterior.friction[0] == pytest.approx(friction, rel=0.05)
+    arrays = history.state, history.action, history.next_state
+    pushes = ObservedPushes(*arrays, np.zeros(len(history), np.int64))
+    posterior = infer(belief, pushes, Known.everything(len(history)))
+    spread = posterior.log_spread(belief, MASS_RATIO)[0]
+    assert 0.0 < spread < 0.1
+    off = abs(np.log(posterior.values(belief, MASS_RATIO)[0] / RATIO))
+    assert off < 2.0 * spread
+    assert posterior.values(belief, FRICTION)[0] == pytest.approx(friction, rel=0.05)
 
 
 @pytest.mark.parametrize("noise", [None, 0.001])
@@ -84,11 +86,10 @@ def test_predictions_rest_on_the_ratio(
     history = telling(random_pushes, noise=noise)
     usual, unknown = sain.condition(history), sain.with_unknown_masses()
     told = unknown.condition(history)
-    assert isinstance(told.prior, PlanarPrior)
-    assert unknown.mass_log_std == 0.3
-    assert 0.0 < told.mass_log_std < 0.15
-    off = abs(np.log(told.prior.config.mass_ratio / RATIO))
-    assert off < 2.0 * told.mass_log_std
+    assert unknown.spread(MASS_RATIO) == pytest.approx(0.3, rel=0.05)
+    assert 0.0 < told.spread(MASS_RATIO) < 0.15
+    off = abs(np.log(told.value(MASS_RATIO) / RATIO))
+    assert off < 2.0 * told.spread(MASS_RATIO)
 
     later = telling(random_pushes, count=12).select(slice(4, None))
     errors = [
@@ -120,30 +121,22 @@ def test_regions_are_wider_before_the_ratio_is_told(
     assert spreads[2] < spreads[0] < spreads[1]
 
 
-def test_where_masses_are_measured_friction_is_told_as_without_masses_to_the_bit(
-    random_pushes: Draw,
+def test_where_masses_are_measured_their_ratio_is_that_of_the_prior(
+    sain: SainDynamics, random_pushes: Draw
 ) -> None:
-    history = telling(random_pushes)
-    friction = PlanarPrior(AXES).filter()
-    masses, count = MassFilter(friction), np.array([len(history)])
-    likelihood = friction.likelihoods(history)
-    np.testing.assert_array_equal(masses.likelihoods(history), likelihood)
-    sums = likelihood.sum(axis=0, keepdims=True)
-    alone, told = friction.told(sums, count), masses.told(sums, count)
-    assert told.friction == alone.mean
-    assert told.friction_log_std == alone.spread
-    assert (told.mass_ratio, told.mass_log_std) == (1.0, 0.0)
+    conditioned = sain.condition(telling(random_pushes))
+    assert (conditioned.value(MASS_RATIO), conditioned.spread(MASS_RATIO)) == (1.0, 0.0)
 
 
-def test_a_model_that_masses_were_told_to_is_that_of_measured_masses(
+def test_a_model_of_a_ratio_of_masses_is_that_of_measured_masses(
     sain: SainDynamics, random_pushes: Draw
 ) -> None:
     prior = PlanarPrior(replace(AXES, mass_ratio=RATIO))
-    model = replace(sain, prior=prior)
+    model = sain.believing(default_belief(prior))
     scenes, pushes = random_pushes(6, 5)
     weighed = with_mass_ratio(scenes, RATIO)
-    told, measured = model.step(scenes, pushes), sain.step(weighed, pushes)
-    np.testing.assert_array_equal(told[..., :MASS], measured[..., :MASS])
+    inferred, measured = model.step(scenes, pushes), sain.step(weighed, pushes)
+    np.testing.assert_allclose(inferred[..., :MASS], measured[..., :MASS], atol=1e-12)
 
 
 def test_a_ratio_changes_no_product_of_two_masses(random_pushes: Draw) -> None:
@@ -157,19 +150,12 @@ def test_a_ratio_changes_no_product_of_two_masses(random_pushes: Draw) -> None:
 
 @pytest.mark.parametrize("unknown", [False, True])
 def test_a_belief_is_read_as_it_was_written(belief: Belief, tmp_path: Path, unknown: bool) -> None:
-    belief = belief if unknown else usual_belief(AXES, FrictionConfig())
+    belief = belief if unknown else default_belief(PlanarPrior(AXES))
     read = read_belief(write_belief(tmp_path / "belief.json", belief))
-    assert read.mass_log_std == belief.mass_log_std == (0.3 if unknown else 0.0)
-    assert [len(structure.parameters) for structure in read.structures] == [COUNT + unknown] * 2
-
-
-def test_a_belief_written_before_there_was_a_ratio_is_read(tmp_path: Path) -> None:
-    path = write_belief(tmp_path / "belief.json", usual_belief(AXES, FrictionConfig()))
-    content = json.loads(path.read_text())
-    for structure in content["structures"]:
-        del structure["config"]["mass_ratio"]
-    path.write_text(json.dumps(content))
-    assert read_belief(path).likeliest.config == AXES
+    for kind, other in zip(read.kinds, belief.kinds, strict=True):
+        assert (kind.name, kind.names, kind.prior) == (other.name, other.names, other.prior)
+        np.testing.assert_array_equal(kind.covariance, other.covariance)
+    assert (MASS_RATIO in read.likeliest.names) == unknown
 
 
 def test_recordings_of_the_same_bodies_tell_their_ratio(
@@ -177,10 +163,10 @@ def test_recordings_of_the_same_bodies_tell_their_ratio(
 ) -> None:
     history = telling(random_pushes, count=40)
     episodes = np.repeat(np.arange(8), 5)
-    part = RecordedPushes(history.state, history.action, history.next_state, episodes)
+    part = ObservedPushes(history.state, history.action, history.next_state, episodes)
     belief = identify(sain.with_unknown_masses(), {"lab": [part]})
     assert belief.likeliest.config.mass_ratio == pytest.approx(RATIO, rel=0.05)
-    assert belief.mass_log_std < 0.1
+    assert sain.believing(belief).spread(MASS_RATIO) < 0.1
     scenes, pushes = history.state, history.action
-    off = sain.with_prior_belief(belief).step(scenes, pushes) - history.next_state
+    off = sain.believing(belief).step(scenes, pushes) - history.next_state
     assert np.linalg.norm(off[:, 1, POSITION], axis=-1).mean() < 0.001

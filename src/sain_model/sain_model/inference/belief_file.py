@@ -1,0 +1,89 @@
+"""Beliefs as JSON cards."""
+
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from sain_core.config import typed_settings
+from sain_core.errors import CheckpointError
+from sain_core.storage import write_json
+from sain_core.untrusted import read_json
+from sain_model.inference.kinds import Belief, Kind
+from sain_model.physics.parameters import BY_NAME
+from sain_model.physics.planar import PlanarPrior
+from sain_model.physics.planar_config import PlanarConfig
+
+FORMAT: Final = "sain-belief-3"  # before: with a fixed set of parameters
+COMMAND: Final = "ros2 run sain_model identify"
+
+
+def write_belief(path: Path, belief: Belief) -> Path:
+    """Write a belief; raises `OutputError`."""
+    content = {
+        "format": FORMAT,
+        **belief.card,
+        "network_log_odds": belief.network_log_odds,
+        "kinds": [_written(kind) for kind in belief.kinds],
+    }
+    return write_json(path, content)
+
+
+def read_belief(path: Path) -> Belief:
+    """Read a belief.
+
+    Raises:
+        CheckpointError: no such file, not a belief, or one of an earlier version.
+    """
+    try:
+        content = read_json(path)
+        if (found := content.pop("format")) != FORMAT:
+            raise ValueError(f"its format is {found!r}; this version reads {FORMAT!r}")
+        kinds = tuple(_read(part) for part in content.pop("kinds"))
+        odds = float(content.pop("network_log_odds"))
+        if not any(kind.corrected for kind in kinds):
+            raise ValueError("no kind of physics is that of the network")
+    except FileNotFoundError:
+        raise CheckpointError(f"belief {path} does not exist; make it with: {COMMAND}") from None
+    except (OSError, ValueError, LookupError, TypeError, AttributeError, OverflowError) as error:
+        raise CheckpointError(
+            f"belief {path} cannot be read: {error}; make it again with: {COMMAND}"
+        ) from error
+    return Belief(kinds, odds, card=content)
+
+
+def _written(kind: Kind) -> dict[str, Any]:
+    parameters = [
+        {
+            "name": parameter.name,
+            "meaning": parameter.meaning,
+            "mean": getattr(kind.config, parameter.name),
+            "spread": float(parameter.spread * deviation),
+            "spread_is": "of the logarithm" if parameter.logarithm else "of the value",
+        }
+        for parameter, deviation in zip(kind.parameters, kind.deviations, strict=True)
+    ]
+    return {
+        "name": kind.name,
+        "log_odds": kind.log_odds,
+        "corrected": kind.corrected,
+        "parameters": parameters,
+        "config": asdict(kind.config),
+        "covariance": kind.covariance.tolist(),
+    }
+
+
+def _read(part: dict[str, Any]) -> Kind:
+    names = tuple(str(parameter["name"]) for parameter in part["parameters"])
+    if unknown := [name for name in names if name not in BY_NAME]:
+        raise ValueError(f"there is no parameter {unknown[0]!r}")
+    covariance = np.array(part["covariance"], dtype=np.float64)
+    right = len(names), len(names)
+    if covariance.shape != right or not np.isfinite(covariance).all():
+        raise ValueError(f"a covariance has shape {covariance.shape}; allowed: {right}, finite")
+    if np.linalg.eigvalsh(covariance)[0] <= 0.0:
+        raise ValueError("a covariance is not positive")
+    config = PlanarConfig(**typed_settings(PlanarConfig, part["config"]))
+    odds, corrected = float(part["log_odds"]), bool(part["corrected"])
+    return Kind(str(part["name"]), PlanarPrior(config), names, covariance, odds, corrected)

@@ -1,0 +1,237 @@
+"""Kinds of physics, each with its parameters: how certain they are, before any push.
+
+A vector z has one number for each parameter of a kind. 0 is what the kind's prior has, and 1 is one
+spread of the parameter away: in the logarithm or in the value, as `sain_model.physics.parameters`
+states it.
+"""
+
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Any, Final, Self
+
+import numpy as np
+from jaxtyping import Bool, Float
+from numpy import ndarray
+
+from sain_core.model import Model
+from sain_core.shapes.bodies import Bodies
+from sain_core.types import Pushes, Scalars, Scenes
+from sain_model.physics.parameters import BY_NAME, Parameter, Values
+from sain_model.physics.planar import PlanarPrior, step_knowing
+from sain_model.physics.planar_config import TEXTBOOK, PlanarConfig
+
+FRICTION: Final = "friction"
+MASS_RATIO: Final = "mass_ratio"
+LABORATORY: Final = (  # what pushes show of the physics of a table, a tool and bodies
+    FRICTION,
+    "tool_friction",
+    "disk_friction",
+    "tool_restitution",
+    "disk_restitution",
+    "foot_radius",
+    "inertia",
+    "tool_height",
+    "disk_height",
+    "middle_height",
+    "speed_factor",
+)
+ACROSS: Final = "yield_across"
+ALONG_AXES: Final = "axes_yield"
+POINTS: Final = {FRICTION: 61, MASS_RATIO: 17}  # of a grid, for parameters that have one
+REACH: Final = 2.8  # [standard deviations], of a grid
+
+SOLVER_AXES: Final = "solver axes"
+FITTED: Final = "fitted"
+NO_AXES: Final = "textbook"
+TRAINED: Final = 3.0  # logarithm of the odds that the physics is of the kind that is trained on
+KEEP: Final = 0.5  # logarithm of the odds that a network's correction holds, beforehand
+
+Places = Float[ndarray, "R D"]  # a vector z for each of R rows
+
+
+@dataclass(frozen=True, eq=False)
+class Kind:
+    """A kind of physics, and what is believed of its parameters.
+
+    Attributes:
+        name: for people.
+        prior: with the most likely parameters.
+        names: of the D parameters that pushes show; none: the prior stays as it is.
+        covariance: of the vector z, (D, D).
+        log_odds: logarithm of how likely this kind is, up to a constant.
+        corrected: whether the network was trained on this kind.
+    """
+
+    name: str
+    prior: Model
+    names: tuple[str, ...] = (FRICTION,)
+    covariance: Float[ndarray, "D D"] = field(default_factory=lambda: np.eye(1))
+    log_odds: float = 0.0
+    corrected: bool = False
+
+    @property
+    def identity(self) -> str:
+        """A text that changes with what is believed, for the state of a training."""
+        settings = self.prior.config if isinstance(self.prior, PlanarPrior) else ""
+        return f"{settings} {self.names} {self.covariance.tolist()}"
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """The D parameters that pushes show."""
+        return tuple(BY_NAME[name] for name in self.names)
+
+    @property
+    def config(self) -> PlanarConfig:
+        """The settings of the prior, which is a planar one where there are parameters."""
+        assert isinstance(self.prior, PlanarPrior)
+        return self.prior.config
+
+    @property
+    def has_axes(self) -> bool:
+        """Whether friction is solved along the world's axes, be their weight 0."""
+        return ALONG_AXES in self.names or self.config.has_axes
+
+    @cached_property
+    def deviations(self) -> Float[ndarray, "D"]:
+        """Standard deviations of z."""
+        return np.sqrt(np.diag(self.covariance))
+
+    @cached_property
+    def of_episode(self) -> Bool[ndarray, "D"]:
+        """Which parameters each episode has a value of its own of."""
+        return np.array([parameter.scope == "episode" for parameter in self.parameters], bool)
+
+    @cached_property
+    def precision(self) -> Float[ndarray, "D D"]:
+        """The inverse of the covariance; episodes are independent of what they share."""
+        own = self.of_episode
+        return np.linalg.inv(np.where(own[:, None] == own, self.covariance, 0.0))
+
+    @property
+    def on_grid(self) -> list[str]:
+        """The parameters that a grid covers; their spreads make the regions of predictions."""
+        return [name for name in self.names if name in POINTS]
+
+    @cached_property
+    def grid(self) -> Places:
+        """The G places of the grid; parameters without one stay at 0."""
+        axes = [
+            np.linspace(-REACH, REACH, POINTS[name]) * deviation if name in POINTS else np.zeros(1)
+            for name, deviation in zip(self.names, self.deviations, strict=True)
+        ]
+        mesh = np.meshgrid(*axes, indexing="ij")
+        return np.stack([axis.ravel() for axis in mesh], axis=-1) if axes else np.zeros((1, 0))
+
+    @cached_property
+    def grid_log_prior(self) -> Float[ndarray, "G"]:
+        """The logarithm of the probability of each place of the grid before any push."""
+        log_prior = -0.5 * ((self.grid / self.deviations) ** 2).sum(axis=1)
+        return np.asarray(log_prior - np.log(np.exp(log_prior).sum()))
+
+    def values(self, places: Places) -> dict[str, Scalars]:
+        """Return the values of all parameters at vectors z (R, D), (R,) by name."""
+        return {
+            parameter.name: _value(parameter, getattr(self.config, parameter.name), z)
+            for parameter, z in zip(self.parameters, places.T, strict=True)
+        }
+
+    def value(self, name: str, places: Places) -> Scalars | float:
+        """Return one value at vectors z; the default of a parameter that the prior has not."""
+        if name in self.names:
+            return self.values(places)[name]
+        config = self.prior.config if isinstance(self.prior, PlanarPrior) else PlanarConfig()
+        return float(getattr(config, name))
+
+    def at(self, place: Float[ndarray, "D"]) -> Model:
+        """Return the prior at one vector z."""
+        if not self.names:
+            return self.prior
+        assert isinstance(self.prior, PlanarPrior)
+        values: dict[str, Any] = {
+            name: float(value[0]) for name, value in self.values(place[None]).items()
+        }
+        return replace(self.prior, config=replace(self.config, **values))
+
+    def step(self, bodies: Bodies, scenes: Scenes, pushes: Pushes, values: Values | None) -> Scenes:
+        """Predict pushes, each with values of its own of some parameters."""
+        return step_knowing(self.prior.with_bodies(bodies), scenes, pushes, values)
+
+    def inferring(self, name: str) -> Self:
+        """Return this kind where pushes also show the parameter of this name."""
+        if name in self.names or not self.names:
+            return self
+        count = len(self.names)
+        covariance = np.eye(count + 1)
+        covariance[:count, :count] = self.covariance
+        return replace(self, names=(*self.names, name), covariance=covariance)
+
+
+@dataclass(frozen=True, eq=False)
+class Belief:
+    """What is believed of the physics before an episode's first push.
+
+    Attributes:
+        kinds: of physics; that with the network is the first.
+        network_log_odds: logarithm of the odds that the network's correction holds.
+        card: where this comes from; empty: no laboratory was recorded.
+    """
+
+    kinds: tuple[Kind, ...]
+    network_log_odds: float = KEEP
+    card: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def likeliest(self) -> Kind:
+        """The most likely kind, the first of equals."""
+        return max(self.kinds, key=lambda kind: kind.log_odds)
+
+    @property
+    def trained(self) -> Kind:
+        """The kind that the network was trained on."""
+        return next(kind for kind in self.kinds if kind.corrected)
+
+    def with_unknown_masses(self) -> Self:
+        """Return this belief where masses are not measured: pushes show their ratio."""
+        return replace(self, kinds=tuple(kind.inferring(MASS_RATIO) for kind in self.kinds))
+
+
+def friction_kind(prior: Model, infers: bool = True, deviation: float = 1.0) -> Kind:
+    """Return a kind of physics of which pushes show the friction at most.
+
+    Args:
+        prior: of any package; pushes show nothing of those that are not planar.
+        infers: whether they show the friction.
+        deviation: of its z before any push.
+    """
+    if not infers or not isinstance(prior, PlanarPrior):
+        return Kind("given", prior, (), np.zeros((0, 0)), corrected=True)
+    return Kind("planar", prior, covariance=np.full((1, 1), deviation**2), corrected=True)
+
+
+def friction_belief(prior: Model, infers: bool = True) -> Belief:
+    """Return the belief of one kind of physics, of which pushes show the friction at most."""
+    return only(friction_kind(prior, infers))
+
+
+def only(kind: Kind) -> Belief:
+    """Return the belief of one kind of physics, on which a network's correction always holds."""
+    return Belief((kind,), network_log_odds=np.inf)
+
+
+def default_belief(prior: PlanarPrior) -> Belief:
+    """Return what is believed without recordings: a network's own prior, or the textbook's.
+
+    The textbook's is fitted to nothing. Pushes show all parameters of both.
+    """
+    axes = prior.config.has_axes
+    names = (*LABORATORY, ALONG_AXES if axes else ACROSS)
+    wide, textbook = np.eye(len(names)), replace(TEXTBOOK, friction=prior.config.friction)
+    first = Kind(SOLVER_AXES if axes else FITTED, prior, names, wide, TRAINED, corrected=True)
+    other = PlanarPrior(textbook, prior.bodies)
+    return Belief((first, Kind(NO_AXES, other, (*LABORATORY, ACROSS), wide)))
+
+
+def _value(parameter: Parameter, base: float, z: Float[ndarray, "R"]) -> Scalars:
+    away = parameter.spread * z
+    value = base * np.exp(away) if parameter.logarithm else base + away
+    return np.clip(value, parameter.least, parameter.most)

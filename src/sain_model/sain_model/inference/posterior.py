@@ -1,0 +1,144 @@
+"""What pushes of an episode say about the physics: its kind and its parameters.
+
+Of each kind of physics, the parameters that have a grid are inferred on it, the others stay as
+believed. About the kind with the greatest evidence, all parameters are inferred together, by
+Gauss-Newton. What has the greatest evidence predicts.
+"""
+
+from dataclasses import dataclass
+from typing import Final, Self
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+from numpy import ndarray
+
+from sain_core.shapes.bodies import Bodies
+from sain_core.types import Pushes, Scalars, Scenes
+from sain_model.inference.evidence import Known, ObservedPushes
+from sain_model.inference.gauss_newton import fit
+from sain_model.inference.grid import LATEST, marginals
+from sain_model.inference.kinds import Belief, Kind, Places
+from sain_model.physics.parameters import Values
+
+STEPS: Final = 3
+
+
+@dataclass(frozen=True, eq=False)
+class Posterior:
+    """What each of R rows says about the kinds of a belief.
+
+    Attributes:
+        kind: number of the most likely one.
+        inferred: whether all parameters are inferred; else those of the grid alone.
+        places: vectors z of that kind; 0 beyond its own parameters.
+        spreads: standard deviations of z.
+        log_evidence: of each kind by its grid, and of all parameters of the best one.
+        pushes: how many pushes each row is conditioned on.
+    """
+
+    kind: Int[ndarray, "R"]
+    inferred: Bool[ndarray, "R"]
+    places: Places
+    spreads: Places
+    log_evidence: Float[ndarray, "R H"]
+    pushes: Int[ndarray, "R"]
+
+    @classmethod
+    def at(cls, belief: Belief, kind: int, places: Places) -> Self:
+        """Return rows with one kind of physics at vectors z (R, D)."""
+        count, nothing = len(places), np.zeros(len(places), np.int64)
+        evidence = np.zeros((count, len(belief.kinds) + 1))
+        return cls(nothing + kind, nothing > 0, places, np.zeros_like(places), evidence, nothing)
+
+    def of_rows(self, rows: Int[ndarray, "C"] | slice) -> Self:
+        """Return some rows, any of them as often as its number is given."""
+        return type(self)(**{name: values[rows] for name, values in vars(self).items()})
+
+    def moved(self, belief: Belief, name: str, deviations: float) -> Self:
+        """Return the rows with a parameter so many of its standard deviations away."""
+        places = self.places.copy()
+        for number, kind in enumerate(belief.kinds):
+            if name in kind.names:
+                rows, column = self.kind == number, kind.names.index(name)
+                places[rows, column] += deviations * self.spreads[rows, column]
+        return type(self)(**(vars(self) | {"places": places}))
+
+    def values(self, belief: Belief, name: str) -> Scalars:
+        """Return the value of a parameter (R,)."""
+        found = np.empty(len(self.kind))
+        for rows, kind in _of_kinds(belief, self.kind):
+            found[rows] = kind.value(name, self.places[rows])
+        return found
+
+    def log_spread(self, belief: Belief, name: str) -> Scalars:
+        """Return the spread (R,) of a parameter: of its logarithm, if it is a factor."""
+        found = np.zeros(len(self.kind))
+        for rows, kind in _of_kinds(belief, self.kind):
+            if name in kind.names:
+                column = kind.names.index(name)
+                found[rows] = kind.parameters[column].spread * self.spreads[rows, column]
+        return found
+
+
+def infer(belief: Belief, pushes: ObservedPushes, known: Known) -> Posterior:
+    """Return what each row says.
+
+    Args:
+        belief: what is believed before any push.
+        pushes: M of them.
+        known: which of them each row is conditioned on.
+    """
+    width, rows = max(len(kind.names) for kind in belief.kinds), np.arange(known.rows)
+    alone = [marginals(kind, known.total(LATEST.of(kind, pushes))) for kind in belief.kinds]
+    log_evidence = np.stack(
+        [one.log_evidence + kind.log_odds for one, kind in zip(alone, belief.kinds, strict=True)],
+        axis=1,
+    )
+    best = log_evidence.argmax(axis=1)
+    places, spreads = (
+        np.stack([_wide(part, width) for part in parts], axis=1)[rows, best]
+        for parts in ([one.places for one in alone], [one.spreads for one in alone])
+    )
+    together, inferred = np.full(known.rows, -np.inf), np.zeros(known.rows, dtype=bool)
+    for chosen, kind in _of_kinds(belief, best):
+        some = chosen[known.counts[chosen] > 0]
+        if not len(some) or len(kind.on_grid) == len(kind.names):
+            continue
+        part, count = known.of_rows(some), len(kind.names)
+        observed = pushes.select(part.push).in_episodes(part.row)
+        found = fit(kind, [observed], places[some, :count], np.arange(len(some)), STEPS)
+        together[some] = found.log_evidence + kind.log_odds
+        better = together[some] > log_evidence[some, best[some]]
+        inferred[some] = better
+        places[some[better], :count] = found.places[better]
+        deviations = np.sqrt(np.diagonal(found.covariance, axis1=1, axis2=2))
+        spreads[some[better], :count] = deviations[better]
+    log_evidence = np.column_stack([log_evidence, together])
+    return Posterior(best, inferred, places, spreads, log_evidence, known.counts)
+
+
+def step_rows(
+    belief: Belief,
+    bodies: Bodies,
+    scenes: Scenes,
+    pushes: Pushes,
+    posterior: Posterior,
+    given: Values | None = None,
+) -> Scenes:
+    """Predict push i (M, N, 8) with the physics of row i; with other values where given."""
+    predicted = np.empty_like(scenes)
+    for rows, kind in _of_kinds(belief, posterior.kind):
+        values = kind.values(posterior.places[rows])
+        values |= {name: value[rows] for name, value in (given or {}).items()}
+        predicted[rows] = kind.step(bodies, scenes[rows], pushes[rows], values)
+    return predicted
+
+
+def _of_kinds(belief: Belief, numbers: Int[ndarray, "R"]) -> list[tuple[Int[ndarray, "C"], Kind]]:
+    """Return the rows of each kind that has any."""
+    found = [(np.flatnonzero(numbers == number), kind) for number, kind in enumerate(belief.kinds)]
+    return [(rows, kind) for rows, kind in found if len(rows)]
+
+
+def _wide(places: Places, width: int) -> Places:
+    return np.pad(places, ((0, 0), (0, width - places.shape[1])))

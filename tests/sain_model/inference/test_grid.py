@@ -1,0 +1,203 @@
+"""What pushes say about friction on a grid: those of their own episode, and nothing to come."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from sain_core.history import PushHistory
+from sain_core.push import LENGTH, mirror_pushes
+from sain_core.scene import POSITION, mirror_scenes
+from sain_core.types import Pushes, Scenes
+from sain_model.dynamics.sain import SainDynamics
+from sain_model.inference import grid
+from sain_model.inference.evidence import Known, ObservedPushes
+from sain_model.inference.grid import grid_values, marginals
+from sain_model.inference.kinds import FRICTION, Kind, friction_belief
+from sain_model.physics.planar import PlanarPrior
+
+Draw = Callable[[int, int], tuple[Scenes, Pushes]]
+PRIOR = PlanarPrior()
+NOMINAL = PRIOR.config.friction
+KIND = Kind("planar", PRIOR)
+EPISODES, PUSHES = 12, 5
+FRICTIONS = np.repeat(np.geomspace(0.05, 0.3, EPISODES), PUSHES)
+EPISODE = np.repeat(np.arange(EPISODES), PUSHES)
+STEP = np.tile(np.arange(PUSHES), EPISODES)
+
+
+@pytest.fixture
+def planar() -> SainDynamics:
+    return SainDynamics(friction_belief(PRIOR))
+
+
+def history(draw: Draw, truth: float, pushes: int = PUSHES, noise: float = 0.0) -> PushHistory:
+    scenes, actions = draw(pushes, 5)
+    after = PRIOR.step(scenes, actions, {FRICTION: np.full(pushes, truth)})
+    after[..., POSITION] += np.random.default_rng(1).normal(0, noise, after[..., POSITION].shape)
+    return PushHistory(scenes, actions, after)
+
+
+def world(draw: Draw) -> ObservedPushes:
+    scenes, pushes = draw(EPISODES * PUSHES, 6)
+    after = PRIOR.step(scenes, pushes, {FRICTION: FRICTIONS})
+    return ObservedPushes(scenes, pushes, after, EPISODE)
+
+
+def friction(curves: grid.Curves, known: Known) -> np.ndarray:
+    return KIND.values(marginals(KIND, known.total(curves)).places)[FRICTION]
+
+
+@pytest.mark.parametrize("truth", [0.035, 0.08, 0.12, 0.2, 0.38])
+def test_a_few_pushes_show_the_friction_also_outside_the_default_range(
+    planar: SainDynamics, random_pushes: Draw, truth: float
+) -> None:
+    conditioned = planar.condition(history(random_pushes, truth, noise=2e-4))
+    assert conditioned.value(FRICTION) == pytest.approx(truth, rel=0.06)
+    assert conditioned.spread(FRICTION) < 0.1
+
+
+def test_noise_of_the_observation_makes_the_friction_less_certain(
+    planar: SainDynamics, random_pushes: Draw
+) -> None:
+    past = history(random_pushes, 0.2, noise=2e-3)
+    exact, noisy, none = (
+        planar.condition(one)
+        for one in (
+            past,
+            replace(past, noise=np.full((PUSHES, past.disks), 4e-3)),
+            replace(past, noise=np.zeros((PUSHES, past.disks))),
+        )
+    )
+    assert noisy.value(FRICTION) == pytest.approx(0.2, rel=0.1)
+    assert noisy.spread(FRICTION) > exact.spread(FRICTION)
+    assert none.value(FRICTION) == exact.value(FRICTION)
+
+
+def test_without_pushes_the_friction_is_the_nominal_one(planar: SainDynamics) -> None:
+    assert planar.condition(PushHistory.empty()) is planar
+    assert planar.value(FRICTION) == pytest.approx(NOMINAL, rel=1e-12)
+    assert planar.spread(FRICTION) == pytest.approx(0.5, rel=0.05)
+
+
+def test_pushes_that_moved_nothing_say_nothing(planar: SainDynamics, random_pushes: Draw) -> None:
+    idle = history(random_pushes, 0.2)
+    pushes = idle.action.copy()
+    pushes[:, LENGTH] = 0.0
+    conditioned = planar.condition(PushHistory(idle.state, pushes, idle.state))
+    assert conditioned.value(FRICTION) == pytest.approx(NOMINAL)
+    assert conditioned.spread(FRICTION) == pytest.approx(planar.spread(FRICTION))
+
+
+def test_the_order_of_pushes_and_a_mirror_change_nothing(
+    planar: SainDynamics, random_pushes: Draw
+) -> None:
+    past = history(random_pushes, 0.17, noise=5e-4)
+    truth = planar.condition(past).value(FRICTION)
+    turned = past.select(slice(None, None, -1))
+    assert planar.condition(turned).value(FRICTION) == pytest.approx(truth, rel=1e-9)
+    mirrored = PushHistory(
+        mirror_scenes(past.state), mirror_pushes(past.action), mirror_scenes(past.next_state)
+    )
+    assert planar.condition(mirrored).value(FRICTION) == pytest.approx(truth, rel=1e-3)
+
+
+def test_one_push_that_no_friction_explains_does_not_decide(
+    planar: SainDynamics, random_pushes: Draw
+) -> None:
+    past = history(random_pushes, 0.17, pushes=8)
+    wrong = past.next_state.copy()
+    wrong[3, :, POSITION] += 0.05
+    found = planar.condition(PushHistory(past.state, past.action, wrong)).value(FRICTION)
+    assert found == pytest.approx(0.17, rel=0.05)
+
+
+def test_each_push_has_the_earlier_pushes_of_its_own_episode_alone(random_pushes: Draw) -> None:
+    pushes, known = world(random_pushes), Known.earlier(EPISODE, STEP)
+    np.testing.assert_array_equal(known.counts, STEP)
+    values, spreads = grid_values(KIND, pushes, known)
+    np.testing.assert_allclose(values[FRICTION][STEP == 0], NOMINAL)
+    for row in (1, 7, 24, 59):
+        some = pushes.select((EPISODE[row] == EPISODE) & (STEP[row] > STEP))
+        alone = grid_values(KIND, some, Known.everything(len(some)))
+        assert values[FRICTION][row] == pytest.approx(alone[0][FRICTION][0], rel=1e-6)
+        assert spreads[FRICTION][row] == pytest.approx(alone[1][FRICTION][0], rel=1e-4)
+
+
+def test_nothing_leaks_from_the_present_the_future_or_another_episode(
+    random_pushes: Draw,
+) -> None:
+    curves, known = grid.curves_of(KIND, world(random_pushes)), Known.earlier(EPISODE, STEP)
+    truth, row, changed = friction(curves, known), 3 * PUSHES + 2, curves.copy()
+    unseen = (EPISODE[row] != EPISODE) | (STEP[row] <= STEP)
+    changed[unseen] = np.random.default_rng(0).normal(0, 30, changed[unseen].shape)
+    found = friction(changed, known)
+    assert found[row] == pytest.approx(truth[row], rel=1e-9)
+    assert found[row + 1] != pytest.approx(truth[row + 1], rel=1e-3)
+
+
+def test_rows_are_numbered_as_the_pushes_are() -> None:
+    episodes, steps = np.array([7, 3, 7, 3, 7]), np.array([2, 1, 0, 0, 1])
+    pairs = {
+        "earlier": ({(0, 2), (0, 4), (4, 2), (1, 3)}, Known.earlier(episodes, steps)),
+        "latest": ({(0, 4), (4, 2), (1, 3)}, Known.earlier(episodes, steps, np.ones(5, int))),
+        "others": (
+            {(0, 2), (0, 4), (2, 0), (2, 4), (4, 0), (4, 2), (1, 3), (3, 1)},
+            Known.others(episodes),
+        ),
+    }
+    values = np.array([1.0, 10.0, 100.0, 1000.0, 10000.0])
+    for expected, known in pairs.values():
+        assert set(zip(known.row.tolist(), known.push.tolist(), strict=True)) == expected
+        sums = [sum(values[push] for row, push in expected if row == one) for one in range(5)]
+        np.testing.assert_array_equal(known.total(values), sums)
+        np.testing.assert_array_equal(known.gather(values[known.push]), sums)
+        some = known.of_rows(np.array([4, 0]))
+        np.testing.assert_array_equal(some.total(values), [sums[4], sums[0]])
+
+
+def test_hindsight_leaves_the_push_itself_out(random_pushes: Draw) -> None:
+    curves, known = grid.curves_of(KIND, world(random_pushes)), Known.others(EPISODE)
+    truth, changed = friction(curves, known), curves.copy()
+    changed[8] += np.linspace(0.0, 200.0, curves.shape[1])[:, None]
+    found = friction(changed, known)
+    assert found[8] == pytest.approx(truth[8], rel=1e-9)
+    assert found[7] > 1.01 * truth[7]
+    assert found[3] == truth[3]
+
+
+def test_the_planar_model_predicts_better_after_pushes(
+    planar: SainDynamics, random_pushes: Draw
+) -> None:
+    scenes, pushes = random_pushes(30, 8)
+    truth = PRIOR.step(scenes, pushes, {FRICTION: np.full(30, 0.2)})
+    before, after = (
+        np.linalg.norm((model.step(scenes, pushes) - truth)[..., POSITION], axis=-1).mean()
+        for model in (planar, planar.condition(history(random_pushes, 0.2)))
+    )
+    assert after < 0.1 * before
+
+
+def test_a_model_that_infers_nothing_is_itself(random_pushes: Draw) -> None:
+    model = SainDynamics(friction_belief(PRIOR, infers=False))
+    assert model.condition(history(random_pushes, 0.2)) is model
+
+
+def test_a_past_push_is_simulated_once(
+    planar: SainDynamics, random_pushes: Draw, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[int] = []
+    compute = grid.curves_of
+
+    def count(kind: Kind, pushes: ObservedPushes) -> grid.Curves:
+        asked.append(len(pushes))
+        return compute(kind, pushes)
+
+    monkeypatch.setattr(grid, "curves_of", count)
+    past = history(random_pushes, 0.2)
+    for pushes in range(1, PUSHES + 1):
+        conditioned = planar.condition(past.select(slice(pushes)))
+    assert asked == [1] * PUSHES
+    again = SainDynamics(friction_belief(PRIOR)).condition(past)
+    assert again.value(FRICTION) == conditioned.value(FRICTION)
