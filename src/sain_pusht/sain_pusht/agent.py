@@ -84,6 +84,8 @@ PLANNER: Final = PlannerConfig(
     samples=256,
     horizon=2,
     ahead=False,  # time stands still while the agent plans
+    speeds=(PUSHING,),
+    correction_speed=PUSHING,
     progress=ProgressConfig(give_up_after=0),
     weights=CostWeights(effort=5.0),  # travel costs steps
 )
