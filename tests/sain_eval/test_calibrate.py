@@ -51,7 +51,7 @@ def dataset(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_parameters_are_fitted_and_judged_on_other_episodes(dataset: Path, tmp_path: Path) -> None:
     out = tmp_path / "report"
-    options = ["--evaluations", "250", "--fit-share", "0.5"]
+    options = ["--steps", "20", "--fit-share", "0.5"]
     assert commands.calibrate([str(dataset), "--out", str(out), *options]) == 0
     report = json.loads((out / "calibration.json").read_text())
     assert set(report["fitted"]) == set(FREE)
@@ -77,7 +77,7 @@ def test_without_the_true_friction_nothing_can_be_fitted(dataset: Path) -> None:
     data = load_dataset(dataset).alike
     data.friction[0] = np.nan
     with pytest.raises(DatasetError, match="no true friction"):
-        calibrate(data, 0.25, 600)
+        calibrate(data, 0.25, 30)
 
 
 def test_a_missing_data_set_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

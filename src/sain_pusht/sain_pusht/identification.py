@@ -9,11 +9,11 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
-from scipy.optimize import minimize
 
 from sain_core.scene import POSITION, THETA, wrap_angle
-from sain_core.types import Scalars
 from sain_model.data.dataset import Part
+from sain_model.inference.gauss_newton import fit
+from sain_model.inference.kinds import Kind
 from sain_model.physics.body_kernels import DISK_FEET, DISK_INERTIA
 from sain_model.physics.body_table import SHARE, body_table
 from sain_model.physics.planar import PlanarConfig, PlanarPrior
@@ -30,9 +30,8 @@ STICKY: Final = PlanarConfig(
     speed_factor=0.5,  # fitted when pushes had no speed of their own
     longest_step=1 / 120,
 )
-SOFT: Final = 0.5  # [mm], errors far below this hardly count
-LARGE: Final = 10.0  # [mm], errors beyond this count no more: a wall may have been in the way
-SCALE: Final = np.array([0.1, 0.05, 0.05, 0.05])  # of gyration, centre x and y, friction
+WIDE: Final = 10.0  # standard deviation of z beforehand: the pushes decide
+STEPS: Final = 30  # of the fit, at most
 
 
 @dataclass(frozen=True)
@@ -73,26 +72,18 @@ def textbook() -> Identified:
 
 
 def identify(data: Part) -> Identified:
-    """Return the parameters with which the prior predicts pushes best (Nelder and Mead)."""
+    """Return the parameters that explain pushes best."""
     first = textbook()
-    start = np.array([first.gyration, *first.centre, first.tool_friction])
-
-    def known(scaled: Scalars) -> Identified:
-        gyration, x, y, friction = (start + SCALE * scaled).round(6).tolist()
-        return Identified(max(gyration, 0.05), (x, y), max(friction, 0.0))
-
-    def cost(scaled: Scalars) -> float:
-        off = np.minimum(errors(known(scaled).prior, data).sum(axis=1), LARGE)
-        return float(np.sqrt(SOFT**2 + off**2).mean())
-
-    simplex = np.vstack([np.zeros(4), np.diag([1.0, 1.0, -1.0, -1.0])])
-    found = minimize(
-        cost,
-        np.zeros(4),
-        method="Nelder-Mead",
-        options={"initial_simplex": simplex, "xatol": 0.01, "fatol": 1e-4, "maxfev": 300},
+    prior, names = first.prior, ("foot_radius", "centre_x", "centre_y", "tool_friction")
+    kind = Kind("sticky", prior, names, WIDE**2 * np.eye(len(names)))
+    pushes = data.observed.in_episodes(np.zeros(len(data), np.int64))
+    found = fit(kind, [pushes], np.zeros((1, len(names))), np.zeros(1, np.int64), STEPS)
+    values = {name: float(value[0].round(6)) for name, value in kind.values(found.places).items()}
+    return Identified(
+        first.gyration * values["foot_radius"] / prior.config.foot_radius,
+        (values["centre_x"], values["centre_y"]),
+        values["tool_friction"],
     )
-    return known(found.x)
 
 
 def errors(prior: PlanarPrior, data: Part) -> np.ndarray:

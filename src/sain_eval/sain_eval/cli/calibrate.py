@@ -28,13 +28,13 @@ def run(command: CalibrateOptions, console: Console) -> None:
     out = make_folder(command.out)
     data = _data(command, console)
     with _bar(console) as bar:
-        task = bar.add_task("fit", total=command.evaluations, cost=float("nan"))
+        task = bar.add_task("fit", total=command.steps, score=float("nan"))
 
-        def advance(evaluations: int, cost: float) -> None:
-            bar.update(task, completed=evaluations, cost=cost)
+        def advance(steps: int, score: float) -> None:
+            bar.update(task, completed=steps, score=score)
 
         calibration = calibrate(
-            data.alike, command.fit_share, command.evaluations, command.seed, command.axes, advance
+            data.alike, command.fit_share, command.steps, command.seed, command.axes, advance
         )
     command_text = ros2_command("sain_eval", "calibrate")
     text = markdown(calibration, data, command_text)
@@ -76,12 +76,12 @@ def _data(command: CalibrateOptions, console: Console) -> Dataset:
         folder, command.episodes, command.collection_seed, episode, workers=command.workers
     )
     with _bar(console) as bar:
-        task = bar.add_task("collect", total=command.episodes, cost=float("nan"))
+        task = bar.add_task("collect", total=command.episodes, score=float("nan"))
         collect(config, lambda episodes, transitions: bar.update(task, completed=episodes))
     return load_dataset(folder)
 
 
 def _bar(console: Console) -> Progress:
-    cost = "lowest cost {task.fields[cost]:.3f}, left"
-    columns = (BarColumn(), MofNCompleteColumn(), cost, TimeRemainingColumn())
+    score = "log density {task.fields[score]:.0f}, left"
+    columns = (BarColumn(), MofNCompleteColumn(), score, TimeRemainingColumn())
     return Progress("{task.description}", *columns, console=console)

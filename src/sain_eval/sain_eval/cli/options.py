@@ -217,7 +217,7 @@ class CalibrateOptions(Config):
         minimum=0.05,
         maximum=0.9,
     )
-    evaluations: int = option(600, "largest number of evaluations of the prior", minimum=1)
+    steps: int = option(30, "largest number of steps of the fit", minimum=1)
     seed: int = option(0, "seed of the choice of episodes", minimum=0)
     axes: bool = option(False, "fit the prior whose friction depends on the world's axes")
 

@@ -18,6 +18,7 @@ from sain_core.dataset import Transitions
 from sain_core.scene import POSITION, RADIUS, THETA, wrap_angle
 from sain_core.shapes.bodies import PAPER_DISKS, Bodies
 from sain_core.types import Indices, Mask
+from sain_model.physics.parameters import Values
 
 NOISE: Final = 0.0005  # [m], scale of the error of a disk that hardly moved, times a factor
 SHAPE_NOISE: Final = 0.001  # [m], likewise of bodies with corners
@@ -43,7 +44,7 @@ class ObservedPushes(Transitions):
     episode: Int[ndarray, "M"]
     bodies: Bodies = PAPER_DISKS
     noise: Float[ndarray, "M N"] | None = None
-    given: dict[str, Float[ndarray, "M"]] | None = None
+    given: Values | None = None
 
     def select(self, rows: Mask | Indices | slice) -> Self:
         """Return some pushes, any of them as often as its number is given."""

@@ -178,20 +178,25 @@ def normal_equations(
 def slopes_of(
     kind: Kind, pushes: ObservedPushes, places: Places
 ) -> tuple[Float[ndarray, "P N 3"], Float[ndarray, "P N 3 D"]]:
-    """Return errors, and how they change with each parameter, from one batch of predictions."""
+    """Return errors, and how they change with each parameter, from one batch of predictions.
+
+    Where a parameter is at its largest value, the difference is to a smaller one.
+    """
     count = places.shape[1]
-    moved = np.concatenate([np.zeros((1, count)), DIFFERENCE * np.eye(count)])
-    many = np.repeat(places, count + 1, axis=0) + np.tile(moved, (len(places), 1))
+    step = np.where(kind.at_most(places + DIFFERENCE), -DIFFERENCE, DIFFERENCE)  # (P, D)
+    many = np.repeat(places[:, None], count + 1, axis=1)
+    many[:, 1:] += step[:, None] * np.eye(count)
+    many = many.reshape(-1, count)
     again = pushes.select(np.repeat(np.arange(len(places)), count + 1))
     errors = errors_at(kind, again, many)
     errors = errors.reshape(len(places), count + 1, *errors.shape[1:])
-    slopes = (errors[:, 1:] - errors[:, :1]) / DIFFERENCE
+    slopes = (errors[:, 1:] - errors[:, :1]) / step[..., None, None]
     return errors[:, 0], np.moveaxis(slopes, 1, -1)
 
 
 def errors_at(kind: Kind, pushes: ObservedPushes, places: Places) -> Float[ndarray, "P N 3"]:
     """Return errors [m] of predictions, each with parameters z of its own (P, D)."""
-    values = kind.values(places) | (pushes.given or {})
+    values = kind.values(places) | dict(pushes.given or {})
     after = kind.step(pushes.bodies, pushes.state, pushes.action, values)
     return errors_of(after, pushes.next_state)
 

@@ -63,7 +63,7 @@ def curves_of(kind: Kind, pushes: ObservedPushes) -> Curves:
         part = pushes.select(slice(first, first + size))
         many = part.select(np.repeat(np.arange(len(part)), count))
         values = {name: np.tile(some, len(part)) for name, some in grid.items()}
-        after = kind.step(bodies, many.state, many.action, values | (many.given or {}))
+        after = kind.step(bodies, many.state, many.action, values | dict(many.given or {}))
         after = after.reshape(len(part), count, *after.shape[1:])
         scales = part.scales(FACTORS)[:, None]
         parts.append(log_density(errors_of(after, part.next_state[:, None]), scales))

@@ -135,6 +135,12 @@ class Kind:
             for parameter, z in zip(self.parameters, places.T, strict=True)
         }
 
+    def at_most(self, places: Places) -> Bool[ndarray, "R D"]:
+        """Return which parameters have their largest value at vectors z (R, D)."""
+        values = self.values(places)
+        full = [values[one.name] >= one.most for one in self.parameters]
+        return np.stack(full, axis=1) if full else np.zeros(places.shape, bool)
+
     def value(self, name: str, places: Places) -> Scalars | float:
         """Return one value at vectors z; the default of a parameter that the prior has not."""
         if name in self.names:
