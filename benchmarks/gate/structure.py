@@ -23,8 +23,8 @@ FORMS: Final = (
     "PushAnswer", "PushStory", "LastPush",
 )  # fmt: skip
 FITTERS: Final = (
-    "FrictionFilter", "MassFilter", "LaboratoryFit", "EpisodeFits", "Calibration", "Identified",
-    "Fit",
+    "FrictionFilter", "MassFilter", "Posterior", "fit_laboratory", "Calibration",
+    "Identified",
 )  # fmt: skip
 SOLVERS: Final = ("planar_kernels", "push_kernels")  # what steps a push; the first is gone
 
