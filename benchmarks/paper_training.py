@@ -33,8 +33,7 @@ from sain_model.dynamics.priors import make_prior
 from sain_model.inference.kinds import Kind, friction_kind
 from sain_model.network.interaction_network import new_network
 from sain_model.network.settings import PUSH_FRAME, NetworkConfig
-from sain_model.training.loss import mixed_loss
-from sain_model.training.objectives import SinglePushes
+from sain_model.training.objectives import SinglePushes, mixed_loss
 from sain_model.training.settings import NOTHING, PAPER, TrainingConfig
 from sain_model.training.trainer import LossHistory, Trainer
 

@@ -17,7 +17,7 @@ from sain_bringup.interrupts import Interrupts, Stopped
 from sain_bringup.options import RECORDINGS
 from sain_bringup.processes import UNHURRIED, Supervisor
 from sain_core import notify
-from sain_model.compute.kernel_progress import compile_visibly
+from sain_model.compute.kernel_store import compile_visibly
 
 UNWATCHED: Final = {notify.SOCKET: "", notify.TIMEOUT: ""}  # a driver may wait for its arm
 POLL: Final = 0.02  # [s] between looks at the processes

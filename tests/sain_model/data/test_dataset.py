@@ -12,10 +12,10 @@ from sain_model.data.dataset import load_dataset, split_by_episode
 def test_all_shards_are_read_in_order(dataset: Path) -> None:
     data = load_dataset(dataset)
     assert len(data) == 120
-    assert data.state.shape == (120, 2, 8)
+    assert data.alike.state.shape == (120, 2, 8)
     assert (np.diff(data.episode) >= 0).all()
     one = load_dataset(dataset / "shard-0.npz")
-    np.testing.assert_array_equal(one.action, data.action[:60])
+    np.testing.assert_array_equal(one.alike.action, data.alike.action[:60])
     assert one.sha256 != data.sha256 == load_dataset(dataset).sha256
 
 
@@ -39,7 +39,7 @@ def test_too_few_episodes_cannot_be_split(dataset: Path) -> None:
 
 
 def test_the_mirror_of_a_mirror_is_the_data(dataset: Path) -> None:
-    data = load_dataset(dataset)
+    data = load_dataset(dataset).alike
     twice = data.mirrored().mirrored()
     np.testing.assert_allclose(twice.state, data.state, atol=1e-12)
     np.testing.assert_allclose(twice.action, data.action, atol=1e-12)
@@ -118,8 +118,8 @@ def test_shards_with_other_numbers_of_disks_do_not_mix(dataset: Path, tmp_path: 
     for key in ("state", "next_state", "physics_next", "floor_next"):
         arrays[key] = np.hstack([arrays[key], arrays[key][:, 8:]])
     np.savez(tmp_path / "b.npz", **arrays)
-    with pytest.raises(DatasetError, match=r"mixes bodies: .*; use one folder for each"):
-        load_dataset(tmp_path)
+    with pytest.raises(DatasetError, match="scenes with the same bodies are needed"):
+        _ = load_dataset(tmp_path).alike
 
 
 def test_the_order_of_an_episode_is_that_of_its_steps(dataset: Path, tmp_path: Path) -> None:

@@ -26,8 +26,8 @@ from sain_model.network.interaction_network import InteractionNetwork
 from sain_model.physics.planar import PlanarPrior
 from sain_model.physics.planar_config import AXES
 from sain_model.serving import server as server_module
-from sain_model.serving.latency import RECENT, ServiceRecord
 from sain_model.serving.server import ModelServer, load_server
+from sain_model.serving.service import RECENT, ServiceRecord
 from sain_model.serving.settings import ServingConfig
 
 SCENE = make_scene(

@@ -16,8 +16,7 @@ from sain_model.inference.kinds import friction_kind
 from sain_model.network.interaction_network import InteractionNetwork
 from sain_model.network.settings import NetworkConfig
 from sain_model.physics.planar import PlanarPrior
-from sain_model.training.loss import rollout_loss
-from sain_model.training.objectives import Rollouts
+from sain_model.training.objectives import Rollouts, rollout_loss
 from sain_model.training.rollouts import roll
 from sain_model.training.settings import LossConfig, RolloutConfig, TrainingConfig
 from sain_model.training.trainer import Trainer

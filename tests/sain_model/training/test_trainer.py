@@ -20,7 +20,7 @@ from sain_model.evaluation.errors import TARGET_MOVED, TARGETS, evaluate, positi
 from sain_model.inference.kinds import friction_kind
 from sain_model.network.settings import NetworkConfig
 from sain_model.physics.planar import PlanarPrior
-from sain_model.training.loss import mixed_loss
+from sain_model.training.objectives import mixed_loss
 from sain_model.training.settings import LossConfig, TrainingConfig
 from tests.sain_model.conftest import make_trainer, write_dataset
 

@@ -34,8 +34,12 @@ from sain_core.errors import SainError
 from sain_core.provenance import provenance
 from sain_core.ros.node_main import ros_context
 from sain_eval.scenes.scenarios import draw_scene
-from sain_model.compute.kernel_progress import describe_compilation, describe_progress
-from sain_model.compute.kernel_store import compile_kernels, kernels_are_ready
+from sain_model.compute.kernel_store import (
+    compile_kernels,
+    describe_compilation,
+    describe_progress,
+    kernels_are_ready,
+)
 
 BAG: Final = "bag"  # folder of the recording
 

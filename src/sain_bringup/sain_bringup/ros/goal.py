@@ -19,7 +19,7 @@ from sain_core.ros.node_main import NAMESPACE, ros_context, spin_until
 from sain_core.ros.qos import RELIABLE
 from sain_interfaces.action import Reach
 from sain_interfaces.msg import Goal, GoalPose, Plan
-from sain_model.compute.kernel_progress import describe_compilation
+from sain_model.compute.kernel_store import describe_compilation
 
 NOT_REACHED: Final = 1
 PATIENCE: Final = 1.0  # [s] before a line says what is waited for

@@ -32,7 +32,7 @@ from sain_eval.loop.tables import (
     shape_table,
     table_cells,
 )
-from sain_model.compute.kernel_progress import compile_visibly
+from sain_model.compute.kernel_store import compile_visibly
 
 TABLE_FILE: Final = "table.md"
 SHAPE_TABLE_FILE: Final = "table_per_shape.md"

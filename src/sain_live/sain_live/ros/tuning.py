@@ -14,7 +14,7 @@ from sain_core.ros.steady import steady_timer
 from sain_interfaces.srv import DescribeModel, LoadModel
 from sain_live.orders import planner_settings
 from sain_live.state import Kind, LiveState
-from sain_model.compute.kernel_progress import describe_compilation
+from sain_model.compute.kernel_store import describe_compilation
 
 PLANNER: Final = "mppi_node"
 LOOK_AROUND: Final = 0.5  # [s]

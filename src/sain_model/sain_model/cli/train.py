@@ -11,7 +11,7 @@ from rich.console import Console
 
 from sain_core.drawing.figures import write_png
 from sain_core.errors import ConfigError
-from sain_model.data.dataset import load_dataset, split_by_episode
+from sain_model.data.dataset import Dataset, load_dataset, split_by_episode
 from sain_model.dynamics.checkpoint import SUFFIX, save_checkpoint
 from sain_model.dynamics.residual import module_of
 from sain_model.dynamics.settings import STEPS
@@ -51,7 +51,6 @@ def run(command: TrainOptions, console: Console) -> None:
     split = split_by_episode(data, config.seed, config.validation, config.test, config.transitions)
     if parent:
         parent.check_data(data)
-    save_settings(command, data)
     model, histories = fit(
         split,
         kind or trained_kind(config),
@@ -59,7 +58,7 @@ def run(command: TrainOptions, console: Console) -> None:
         command.out,
         command.rollout,
         parent.sain if parent else None,
-        partial(_show, command, console),
+        partial(_show, command, data, console),
     )
     for history, name in zip(histories, LOSSES, strict=False):
         write_png(draw_losses(history), command.out / name)
@@ -85,9 +84,13 @@ def run(command: TrainOptions, console: Console) -> None:
 
 @contextmanager
 def _show(
-    command: TrainOptions, console: Console, name: str, epochs: int, done: int
+    command: TrainOptions, data: Dataset, console: Console, name: str, epochs: int, done: int
 ) -> Iterator[Progress]:
-    """Show a training in the terminal, and to TensorBoard where it is asked for."""
+    """Show a training in the terminal, and to TensorBoard where it is asked for.
+
+    Its settings are written now, as a state of another training was not refused.
+    """
+    save_settings(command, data)
     with ExitStack() as stack:
         followers = [stack.enter_context(epoch_bar(console, epochs, done))]
         if command.tensorboard and name == PUSHES:

@@ -21,12 +21,16 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from importlib.metadata import version
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import sain_core
+from sain_core.cli.terminal import WaitingLine
 from sain_core.errors import ModelUnavailableError
 from sain_core.notify import alive
 from sain_core.scratch import cache_folder
+
+if TYPE_CHECKING:
+    from rich.console import Console
 
 Report = Callable[[int, int], None]  # of compiled kernels, and of all that were missing
 
@@ -257,3 +261,35 @@ def _wait(tell: Callable[[], None]) -> None:
     tell()
     alive()
     time.sleep(POLL_PERIOD)
+
+
+# --- what is said meanwhile -----------------------------------------------------------------------
+
+
+def describe_progress(finished: int, total: int) -> str:
+    """Return in words how many kernels have been compiled."""
+    return f"compiling {finished} of {total} kernels"
+
+
+def describe_compilation() -> str:
+    """Return in words what some process on this computer compiles; empty: none does."""
+    progress = compilation_progress()
+    return "" if progress is None else describe_progress(*progress)
+
+
+def compile_visibly(console: "Console | None" = None) -> None:
+    """Return when all kernels are compiled, at once where they are; show how far that is.
+
+    By default on standard error.
+
+    Raises:
+        ModelUnavailableError: they cannot be compiled.
+    """
+    if kernels_are_ready():
+        return
+    if console is None:
+        from rich.console import Console
+
+        console = Console(stderr=True)
+    with WaitingLine(console, 0.0) as line:
+        compile_kernels(lambda finished, total: line.say(describe_progress(finished, total)))

@@ -8,7 +8,7 @@ from torch import Tensor, nn
 from sain_core.shapes.bodies import PAPER_DISKS, Bodies
 from sain_core.types import Pushes, Scenes
 from sain_model.compute.compiling import plain
-from sain_model.compute.kernel_progress import compile_visibly
+from sain_model.compute.kernel_store import compile_visibly
 from sain_model.compute.thread_pool import run_blocks
 from sain_model.network.features import count_features, outline_table, push_frames
 from sain_model.network.inputs import LANES

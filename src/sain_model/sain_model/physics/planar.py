@@ -13,7 +13,7 @@ from sain_core.scene import MASS
 from sain_core.shapes.bodies import PAPER_DISKS, Bodies
 from sain_core.types import Pushes, Scenes
 from sain_model.compute.batch_checks import check_batch
-from sain_model.compute.kernel_progress import compile_visibly
+from sain_model.compute.kernel_store import compile_visibly
 from sain_model.physics.body_table import Touched, body_table, push_bodies, tool_ways
 from sain_model.physics.parameters import Values, check_values, rows_of
 from sain_model.physics.planar_config import PlanarConfig

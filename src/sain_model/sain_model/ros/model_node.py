@@ -1,7 +1,6 @@
 """The model as a service: single pushes in a batch, or whole sequences in one call."""
 
 from collections.abc import Callable
-from dataclasses import asdict
 from time import monotonic, perf_counter
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -22,13 +21,10 @@ from sain_core.ros.reception import LONGEST_PATH, Reception, introspect, shorten
 from sain_core.ros.state_file import StateFile
 from sain_core.ros.steady import steady_timer
 from sain_core.ros.worker import Worker
-from sain_core.shapes.bodies import PAPER_DISKS
 from sain_core.shapes.received import decode_bodies, decode_request_bodies
 from sain_interfaces.msg import Bodies
 from sain_interfaces.srv import DescribeModel, LoadModel, PredictResidual, Rollout
-from sain_model.compute.kernel_progress import describe_progress
-from sain_model.compute.kernel_store import compile_kernels
-from sain_model.serving.latency import ServiceRecord
+from sain_model.serving.service import SERVING, ModelService
 from sain_model.serving.settings import ServingConfig
 
 if TYPE_CHECKING:
@@ -56,12 +52,10 @@ class ModelNode(Node):
         self.reception = Reception(self)
         self.diagnostics = Diagnostics(self, TASK, more=lambda: self.reception.figures)
         self.worker, self.loader = Worker(self, "serving"), Worker(self, "loading")
-        self.server = self._load(config)
-        self.prepared: ModelServer | None = None
-        self.record = ServiceRecord()
-        self.bodies = PAPER_DISKS  # of the episode
+        self.service, self._said = ModelService(config), -SAY_PERIOD
+        self._say()
+        self.worker.wait(self.service.start, self._say).result()  # no timer runs yet
         self.reception.listen(Bodies, "shapes", self._on_bodies, LATCHED)
-        self.status, self.message = OK, "serving"
         steady_timer(self, REPORT_PERIOD, self._report)
         self._offer(config.service_introspection)
         self.state_file = StateFile(self, config.state_file)
@@ -70,33 +64,13 @@ class ModelNode(Node):
             self.set_parameters([Parameter("model", value=str(served))])
         self.get_logger().info(f"ready: serves {config.model}")
 
-    def _load(self, config: ServingConfig) -> "ModelServer":
-        """Load the first model, and say so to those who wait for it: no timer runs yet."""
-        said, doing = 0.0, f"loading {config.model}"
-
-        def work() -> "ModelServer":
-            nonlocal doing
-            compile_kernels(report)
-            doing = f"loading {config.model}"
-            # PyTorch takes a second to load: a mistake in the parameters is reported before.
-            from sain_model.serving.server import load_server
-
-            return load_server(config)
-
-        def report(finished: int, total: int) -> None:
-            nonlocal doing
-            doing = describe_progress(finished, total)
-
-        def say() -> None:
-            nonlocal said
-            self.diagnostics.set(WARN, doing)
-            self.diagnostics.publish()
-            if monotonic() - said >= SAY_PERIOD:
-                said = monotonic()
-                self.get_logger().info(doing)
-
-        say()
-        return self.worker.wait(work, say).result()
+    def _say(self) -> None:
+        """Say what is done before the node serves to those who wait for it."""
+        self.diagnostics.set(WARN, self.service.doing)
+        self.diagnostics.publish()
+        if monotonic() - self._said >= SAY_PERIOD:
+            self._said = monotonic()
+            self.get_logger().info(self.service.doing)
 
     def _offer(self, introspection: str) -> None:
         group = ReentrantCallbackGroup()
@@ -111,7 +85,7 @@ class ModelNode(Node):
         self.add_post_set_parameters_callback(self._after_set_parameters)
 
     def _on_bodies(self, message: Bodies) -> None:
-        self.bodies = decode_bodies(message)
+        self.service.bodies = decode_bodies(message)
 
     async def _on_rollout(
         self, request: Rollout.Request, response: Rollout.Response
@@ -146,10 +120,7 @@ class ModelNode(Node):
     def _on_describe(
         self, request: DescribeModel.Request, response: DescribeModel.Response
     ) -> DescribeModel.Response:
-        server = self.server
-        for name, value in asdict(server.description).items():
-            setattr(response, name, value)
-        response.max_work, response.max_disks = server.config.max_work, server.config.max_disks
+        self.service.describe(response)
         return response
 
     async def _on_load(
@@ -158,86 +129,62 @@ class ModelNode(Node):
         try:
             if self.loader.pending >= MOST_LOADS:
                 raise BusyError(f"{MOST_LOADS} models wait to be loaded already; ask again later")
-            done = await self.loader.run(lambda: self.server.with_model(request.model, self.bodies))
-            self.prepared = done.result()
+            done = await self.loader.run(lambda: self.service.prepare(request.model))
+            self.service.prepared = done.result()
             self.set_parameters([Parameter("model", value=request.model)])
         except Exception as error:
             self._warn_of(error)
             raise
         finally:
-            described = self.server.description
+            described = self.service.description
             response.model, response.model_hash = described.model, described.model_hash
         return response
 
     def _on_set_parameters(self, parameters: list[Parameter]) -> SetParametersResult:
         """Load a model that the parameter names, unless `load_model` has done so already."""
         names = [str(one.value) for one in parameters if one.name == "model"]
-        if not names or self.prepared is not None:
+        if not names or self.service.prepared is not None:
             return SetParametersResult(successful=True)
         if len(names[-1]) > LONGEST_PATH:
             reason = f"the model has {len(names[-1])} characters; at most {LONGEST_PATH} may be"
             return SetParametersResult(successful=False, reason=reason)
-        done = self.loader.wait(lambda: self.server.with_model(names[-1], self.bodies))
+        done = self.loader.wait(lambda: self.service.prepare(names[-1]))
         error = done.exception()
         if error is not None:
             self._warn_of(error)
             return SetParametersResult(successful=False, reason=self.reception.explain(error)[1])
-        self.prepared = done.result()
+        self.service.prepared = done.result()
         return SetParametersResult(successful=True)
 
     def _after_set_parameters(self, parameters: list[Parameter]) -> None:
-        if self.prepared is not None:
-            self.server, self.prepared = self.prepared, None
-            described = self.server.description
-            self.state_file.write(model=self.server.config.model)
+        if self.service.swap():
+            described = self.service.description
+            self.state_file.write(model=described.model)
             self.get_logger().info(f"serves {described.model} now, {described.model_hash[:16]}")
             self._report()
 
     def _warn_of(self, error: BaseException) -> None:
-        going_on = f"goes on serving {self.server.config.model}"
+        going_on = f"goes on serving {self.service.description.model}"
         self.get_logger().warning(f"{going_on}: {shortened(error_reply(error)[1])}")
 
     async def _answer(self, work: "Callable[[ModelServer], None]", response: Response) -> Response:
         """Do the work on the thread for it, and fill in what every answer has."""
-        taken, error = perf_counter(), self._overload()
-        self.record.take()
-        if error is None:
-            done = await self.worker.run(lambda: self._compute(work, response))
-            error = done.exception()
-        self.record.answer(perf_counter() - taken, well=error is None)
-        self.status, self.message = OK, "serving"
-        if error is not None:  # else the timer reports: nobody is to wait for it
-            self.status, self.message = WARN, f"refused: {shortened(error_reply(error)[1])}"
-            self._report()
-            raise error
+        taken = perf_counter()
+        try:
+            self.service.take()
+            done = await self.worker.run(lambda: self.service.compute(work, response))
+            done.result()
+        except Exception as error:
+            self.service.answered(taken, shortened(error_reply(error)[1]))
+            self._report()  # else the timer does: nobody is to wait for it
+            raise
+        self.service.answered(taken)
         return response
 
-    def _overload(self) -> BaseException | None:
-        waiting, most = self.record.queue, self.server.config.max_queue
-        if waiting < most:
-            return None
-        return BusyError(f"{waiting} requests are waiting already; at most {most} may")
-
-    def _compute(self, work: "Callable[[ModelServer], None]", response: Response) -> None:
-        """Answer with the model that is served now, whatever is served when it is done."""
-        begun, server = perf_counter(), self.server
-        response.model = server.description.model
-        response.model_hash = server.description.model_hash
-        try:
-            work(server)
-        finally:
-            response.compute_time = perf_counter() - begun
-
     def _report(self) -> None:
-        described = self.server.description
-        self.diagnostics.set(
-            self.status,
-            self.message,
-            model=described.model,
-            model_hash=described.model_hash[:16],
-            device=described.device,
-            **self.record.summary(),
-        )
+        refusal = self.service.refusal
+        level, message = (WARN, f"refused: {refusal}") if refusal else (OK, SERVING)
+        self.diagnostics.set(level, message, **self.service.figures())
 
     def destroy_node(self) -> None:
         """Finish what was begun."""

@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from sain_core.errors import ConfigError, TooMuchWorkError
+from sain_core.errors import ConfigError, OutOfRangeError, TooMuchWorkError
 from sain_core.history import PushHistory
 from sain_core.model import (
     Model,
@@ -18,15 +18,14 @@ from sain_core.model import (
     check_step,
     load_dynamics,
 )
-from sain_core.push import make_push
-from sain_core.scene import THETA, make_scene, wrap_angle
-from sain_core.shapes.bodies import PAPER_DISKS, Bodies
+from sain_core.push import check_predictable, make_push, pushed_bodies
+from sain_core.scene import OVERLAP_TOLERANCE, THETA, make_scene, wrap_angle
+from sain_core.shapes.bodies import PAPER_DISKS, Bodies, check_scenes
 from sain_core.types import PredictedScenes, Pushes, PushSequences, Scene, Scenes
 from sain_model.compute.devices import AUTO, CPU, choose_device
 from sain_model.dynamics.sain import PHYSICS, SainDynamics
 from sain_model.inference.kinds import FRICTION
 from sain_model.physics.planar import PlanarPrior
-from sain_model.serving.request_checks import check_asked_pushes, check_asked_scenes
 from sain_model.serving.settings import ServingConfig
 
 WARM_UP_SCENE: Final = make_scene(
@@ -37,6 +36,7 @@ WARM_UP_PUSHES: Final = make_push([[0.0], [0.5]], [[0.0], [0.1]], [[0.1], [0.05]
 TRIAL_PUSHES: Final = np.tile(WARM_UP_PUSHES, (16, 1, 1))  # (32, 1, 5)
 TRIALS: Final = 3  # the fastest counts: other programs may take the processor
 SLOWEST: Final = 0.002  # [s] for a prediction: planners wait 2 s for thousands
+SEEN_OVERLAP: Final = 0.02  # [m], of bodies with corners: cameras are not exact
 
 
 @dataclass(frozen=True)
@@ -265,3 +265,21 @@ def describe_model(name: str, dynamics: Model) -> Description:
     origin = dynamics.origin
     about = origin.kind, origin.prior_name, origin.model_hash, origin.card
     return Description(name, *about, dynamics.network.device)
+
+
+def check_asked_scenes(scenes: Scenes, bodies: Bodies) -> None:
+    """Raise `InvalidInputError` unless all scenes (B, N, 8) can be of these bodies."""
+    check_scenes(scenes, bodies, OVERLAP_TOLERANCE if bodies.all_round else SEEN_OVERLAP)
+
+
+def check_asked_pushes(pushes: Pushes, bodies: Bodies) -> None:
+    """Raise `OutOfRangeError` unless all pushes can be asked about, against pushable bodies."""
+    check_predictable(pushes)
+    pushed = np.unique(pushed_bodies(pushes))
+    wrong = [int(body) for body in pushed if body not in bodies.pushable]
+    if wrong:
+        role = bodies.roles[wrong[0]] if wrong[0] < len(bodies) else "not there"
+        raise OutOfRangeError(
+            f"a push is against body {wrong[0]}, which is {role};"
+            f" pushable are: {', '.join(map(str, bodies.pushable))}"
+        )

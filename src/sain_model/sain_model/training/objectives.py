@@ -4,6 +4,7 @@ Single pushes teach a residual of the prior. Where the network corrects paramete
 gradients come from simulated variations (`dynamics.physics_gradient`).
 """
 
+import functools
 from dataclasses import dataclass
 from typing import Self
 
@@ -14,6 +15,7 @@ from torch import Tensor
 from torch.nn import functional
 
 from sain_core.model import Model
+from sain_core.scene import POSE
 from sain_model.compute.threads import one_numba_thread
 from sain_model.data.dataset import Dataset, Part, Split
 from sain_model.data.examples import Examples, inferred_values, make_examples
@@ -24,9 +26,8 @@ from sain_model.network.features import push_frames
 from sain_model.network.interaction_network import CHUNK, InteractionNetwork
 from sain_model.physics.parameters import Values
 from sain_model.physics.planar import PlanarPrior
-from sain_model.training.loss import mixed_loss, rollout_loss
 from sain_model.training.rollouts import roll
-from sain_model.training.settings import RolloutConfig, TrainingConfig
+from sain_model.training.settings import LossConfig, RolloutConfig, TrainingConfig
 from sain_model.training.trainer import Objective
 
 
@@ -182,3 +183,44 @@ class Rollouts(Objective):
         with one_numba_thread():
             poses = roll(network, windows, self._prior, given, self._bodies)
         return rollout_loss(poses, windows, self._loss)
+
+
+# --- the loss of Algorithm 1, line 17, and its sum over rollouts, equation 5 ----------------------
+
+
+def mixed_loss(
+    predicted: Float[Tensor, "*M B N 3"], examples: Examples, rows: Tensor, config: LossConfig
+) -> Float[Tensor, "*M"]:
+    """Return Algorithm 1's loss of batches: position, velocity, sine and cosine of the heading.
+
+    It is a function of what is left of the residual alone: distances do not depend on the frame,
+    and |sin a - sin b|^2 + |cos a - cos b|^2 = 2 - 2 cos(a - b).
+    """
+    missing = examples.residual[rows] - predicted
+    position, heading = _pose_squares(missing, config)
+    velocity = (examples.velocity[rows] / config.velocity_scale).square().sum(-1)
+    squares = [position, velocity, heading]
+    return _total(squares, config).mean(dim=(-2, -1))
+
+
+def rollout_loss(poses: Float[Tensor, "W T N 3"], windows: Windows, config: LossConfig) -> Tensor:
+    """Return Algorithm 1's loss, a mean over all pushes of the windows: equation 5's sum.
+
+    Velocities are left out: scenes are settled, and no network changes them.
+    """
+    missing = torch.from_numpy(windows.next_scenes[..., POSE]) - poses
+    known = torch.from_numpy(windows.known)
+    return _total(_pose_squares(missing, config), config).mean(dim=-1)[known].mean()
+
+
+def _pose_squares(missing: Float[Tensor, "*B 3"], config: LossConfig) -> list[Tensor]:
+    return [
+        (missing[..., :2] / config.position_scale).square().sum(-1),
+        (2.0 - 2.0 * torch.cos(missing[..., 2])) / config.heading_scale**2,
+    ]
+
+
+def _total(squares: list[Tensor], config: LossConfig) -> Tensor:
+    if config.robust:
+        squares = [2.0 * (torch.sqrt(1.0 + square) - 1.0) for square in squares]
+    return functools.reduce(torch.add, squares)

@@ -1,0 +1,165 @@
+"""The model that is served, the one that replaces it, and how requests fare."""
+
+from collections import deque
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, field
+from time import perf_counter
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+
+from sain_core.errors import BusyError
+from sain_core.shapes.bodies import PAPER_DISKS, Bodies
+from sain_model.compute.kernel_store import compile_kernels, describe_progress
+from sain_model.serving.settings import ServingConfig
+
+if TYPE_CHECKING:
+    from sain_model.serving.server import Description, ModelServer
+
+RECENT: Final = 256  # requests that the percentiles are of
+SERVING: Final = "serving"
+
+
+@dataclass
+class ServiceRecord:
+    """Counts requests from when they are taken to when they are answered. Of one thread."""
+
+    requests: int = 0  # answered so far
+    failures: int = 0  # of them, with an error
+    queue: int = 0  # taken and not yet answered
+    longest_queue: int = 0
+    longest: float = 0.0  # [s]
+    # of the latest requests [s], waiting included
+    latencies: deque[float] = field(default_factory=lambda: deque(maxlen=RECENT))
+
+    def take(self) -> None:
+        """Note that a request was taken."""
+        self.queue += 1
+        self.longest_queue = max(self.longest_queue, self.queue)
+
+    def answer(self, latency: float, well: bool) -> None:
+        """Note that one was answered, so long after it was taken [s]."""
+        self.queue -= 1
+        self.requests += 1
+        self.failures += not well
+        self.longest = max(self.longest, latency)
+        self.latencies.append(latency)
+
+    def percentile(self, share: float) -> float:
+        """Return the latency [s] that a share of the latest requests stayed within; 0: none yet."""
+        if not self.latencies:
+            return 0.0
+        return float(np.quantile(self.latencies, share, method="inverted_cdf"))
+
+    def summary(self) -> dict[str, object]:
+        """Return the figures for a report."""
+        return {
+            "requests": self.requests,
+            "failures": self.failures,
+            "queue": self.queue,
+            "longest_queue": self.longest_queue,
+            "last_ms": f"{1e3 * (self.latencies[-1] if self.latencies else 0.0):.1f}",
+            "p50_ms": f"{1e3 * self.percentile(0.5):.1f}",
+            "p95_ms": f"{1e3 * self.percentile(0.95):.1f}",
+            "longest_ms": f"{1e3 * self.longest:.1f}",
+        }
+
+
+class ModelService:
+    """One model at a time, which another one replaces in one assignment.
+
+    `start` and `prepare` run on threads that may wait, `compute` on the one for predictions; all
+    else belongs to the node's.
+    """
+
+    server: "ModelServer"
+
+    def __init__(self, config: ServingConfig) -> None:
+        """Serve nothing yet."""
+        self.config = config
+        self.record = ServiceRecord()
+        self.bodies: Bodies = PAPER_DISKS  # of the episode
+        self.doing = f"loading {config.model}"  # what is done; `SERVING`: requests are answered
+        self.refusal = ""  # of the latest request; empty: it was answered
+        self.prepared: ModelServer | None = None  # waits for `swap`
+
+    def start(self) -> None:
+        """Compile kernels, and load the first model.
+
+        Raises:
+            CheckpointError, ConfigError, ModelUnavailableError: see `server.load_server`.
+        """
+        loading = self.doing
+
+        def report(finished: int, total: int) -> None:
+            self.doing = describe_progress(finished, total)
+
+        compile_kernels(report)
+        self.doing = loading
+        # PyTorch takes a second to load: a mistake in the parameters is reported before.
+        from sain_model.serving.server import load_server
+
+        self.server = load_server(self.config)
+        self.doing = SERVING
+
+    # --- replacing the model ----------------------------------------------------------------------
+
+    def prepare(self, name: str) -> "ModelServer":
+        """Return a server of the model of this name, loaded and tried; see `ModelServer`."""
+        return self.server.with_model(name, self.bodies)
+
+    def swap(self) -> bool:
+        """Go on with what was prepared; return whether there is any."""
+        if self.prepared is None:
+            return False
+        self.server, self.prepared = self.prepared, None
+        return True
+
+    @property
+    def description(self) -> "Description":
+        """What is served now."""
+        return self.server.description
+
+    # --- requests ---------------------------------------------------------------------------------
+
+    def take(self) -> None:
+        """Note that a request was taken.
+
+        Raises:
+            BusyError: too many are waiting.
+        """
+        waiting, most = self.record.queue, self.config.max_queue
+        self.record.take()
+        if waiting >= most:
+            raise BusyError(f"{waiting} requests are waiting already; at most {most} may")
+
+    def answered(self, taken: float, refusal: str = "") -> None:
+        """Note that a request that was taken then was answered, or why it was refused."""
+        self.record.answer(perf_counter() - taken, well=not refusal)
+        self.refusal = refusal
+
+    def compute(self, work: Callable[["ModelServer"], None], response: Any) -> None:
+        """Answer with the model that is served now, whatever is served when it is done."""
+        begun, server = perf_counter(), self.server
+        response.model = server.description.model
+        response.model_hash = server.description.model_hash
+        try:
+            work(server)
+        finally:
+            response.compute_time = perf_counter() - begun
+
+    def describe(self, response: Any) -> None:
+        """Fill in what the model says of itself, and what is accepted."""
+        for name, value in asdict(self.description).items():
+            setattr(response, name, value)
+        response.max_work, response.max_disks = self.config.max_work, self.config.max_disks
+
+    def figures(self) -> dict[str, object]:
+        """Return the figures for a report."""
+        described = self.description
+        return {
+            "model": described.model,
+            "model_hash": described.model_hash[:16],
+            "device": described.device,
+            **self.record.summary(),
+        }
