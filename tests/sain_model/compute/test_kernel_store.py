@@ -44,7 +44,7 @@ def test_an_edit_changes_a_module_and_those_that_use_it(copies: tuple[Path, Path
     network = changed(copies, copies[0] / "network" / "network_kernels.py")
     assert network == {"network_kernels", "sain_kernels"}
     physics = changed(copies, copies[0] / "physics" / "body_kernels.py")
-    assert {"touching_kernels", "impulse_kernels", "push_kernels"} < physics
+    assert {"contact_kernels", "impulse_kernels", "push_kernels"} < physics
     assert not physics & {"network_kernels", "patch_kernels", "feature_kernels"}
 
 

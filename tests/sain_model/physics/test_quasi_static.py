@@ -15,6 +15,7 @@ from sain_core.scene import THETA, make_scene, rotate_scenes, unit
 from sain_core.shapes.bodies import Bodies, Role
 from sain_core.shapes.library import get_shape
 from sain_core.shapes.supports import flat_bottom
+from sain_core.types import Scalars
 from sain_model.physics.planar import PlanarPrior
 from sain_model.physics.planar_config import AXES, TEXTBOOK, PlanarConfig
 
@@ -94,20 +95,75 @@ def test_any_speed_inertia_and_friction_leave_bodies_near(
         assert (moved < LENGTH + 2.0 * speed**2 / (2.0 * friction * config.gravity) + 5e-3).all()
 
 
-@pytest.mark.parametrize("pressure", [0.0, 2.0])
-def test_a_flat_bottom_turns_as_its_torsion_says(pressure: float) -> None:
-    config = replace(SLOW, bottom="flat", pressure=pressure)
-    points, shares = flat_bottom(get_shape("disk"), pressure)
-    torsion = RADIUS * float(shares @ np.hypot(*points.T))
+@pytest.mark.parametrize("values", [{"pressure": 0.0}, {"pressure": 2.0}, {"torsion": 0.6}])
+def test_a_flat_bottom_turns_as_its_torsion_says(values: dict[str, float]) -> None:
+    points, shares = flat_bottom(get_shape("disk"), values.get("pressure", 0.0))
+    torsion = values.get("torsion", 1.0) * RADIUS * float(shares @ np.hypot(*points.T))
     places = np.array([(0.5, 0.0), (0.9, 0.0)])
     scene = make_scene(places, np.full(2, 8.0), np.full(2, RADIUS))[None]
     location, angle = PUSHES[1]
-    moved = (
-        PlanarPrior(config).step(scene, make_push([location], angle, LENGTH, speed=0.01)) - scene
-    )
+    push = make_push([location], angle, LENGTH, speed=0.01)
+    each = {name: np.array([[value, 1.0]]) for name, value in values.items()}
+    moved = PlanarPrior(replace(SLOW, bottom="flat")).step(scene, push, each) - scene
     expected = reference(location, angle, torsion)
     assert moved[0, 0, THETA] == pytest.approx(expected[2], abs=np.radians(1.5))
     assert np.hypot(*(moved[0, 0, :2] - expected[:2])) < 2e-3
+
+
+@pytest.mark.parametrize("name", ["disk", "square"])
+def test_a_soft_contact_stays_pressed_in_by_what_friction_takes(name: str) -> None:
+    """The table holds the body with mu m g when the tool has stopped: it is behind by s mu m g."""
+    softness, mass = np.array([0.0, 1e-6, 1e-5, 1e-4, 3e-4]), 3.0
+    scene = make_scene(np.array([(0.5, 0.0)]), np.array([mass]), np.array([RADIUS]))[None]
+    scenes, pushes = np.repeat(scene, 5, axis=0), make_push(0.0, 0.0, np.full(5, 0.05), speed=0.01)
+    prior = PlanarPrior(SLOW, Bodies.named([name]))
+    values = {"tool_compliance": softness, "speed_factor": np.full(5, 0.1)}
+    moved = (prior.step(scenes, pushes, values) - scenes)[:, 0, 0]
+    pressed = softness * SLOW.friction * mass * SLOW.gravity
+    np.testing.assert_allclose(moved[0] - moved, pressed, atol=2e-5)
+
+
+@pytest.mark.parametrize(
+    ("names", "name"),
+    [
+        (("disk",), "tool_compliance"),
+        (("t",), "tool_compliance"),
+        (("star",), "tool_compliance"),
+        (("disk", "disk"), "body_compliance"),
+        (("square", "ellipse"), "body_compliance"),
+    ],
+)
+def test_as_compliance_goes_to_zero_contacts_become_rigid(
+    names: tuple[str, ...], name: str
+) -> None:
+    random, count = np.random.default_rng(1), len(names)
+    places = np.array([(0.5, 0.0), (0.68, 0.03)])[:count]
+    scene = make_scene(places, np.array([8.0, 3.0])[:count], np.array([0.07, 0.06])[:count])
+    scenes = np.repeat(scene[None], 40, axis=0)
+    ways = random.uniform((-0.3, -0.4), (0.3, 0.4), (40, 2))
+    pushes = make_push(*ways.T, LENGTH, speed=random.uniform(0.01, 0.3, 40))
+    fine = replace(TEXTBOOK, longest_step=0.002)
+    prior = PlanarPrior(fine, Bodies.named(list(names), [Role.PUSHABLE] * count))
+    rigid = prior.step(scenes, pushes)
+    np.testing.assert_array_equal(prior.step(scenes, pushes, {name: np.zeros(40)}), rigid)
+
+    def off(softness: float) -> Scalars:
+        after = prior.step(scenes, pushes, {name: np.full(40, softness)})
+        return np.linalg.norm((after - rigid)[..., :2], axis=-1).max(axis=1)
+
+    soft = off(1e-4)
+    counts = soft > 1e-6  # in these pushes such a contact is made at all
+    assert counts.sum() > 10
+    assert np.median(off(1e-8)[counts]) < min(1e-4, 0.2 * np.median(soft[counts]))
+
+
+def test_a_push_along_the_line_through_the_centre_of_mass_does_not_turn() -> None:
+    scene = make_scene(np.array([(0.5, 0.0)]), np.array([8.0]), np.array([RADIUS]))[None]
+    scenes, pushes = np.repeat(scene, 2, axis=0), make_push([0.0, np.pi / 2], 0.0, LENGTH)
+    off = {"centre_x": np.full(2, 0.2)}
+    along, across = PlanarPrior(SLOW, Bodies.named(["disk"])).step(scenes, pushes, off)[:, 0, THETA]
+    assert along == pytest.approx(0.0, abs=1e-6)
+    assert abs(across) > 0.1
 
 
 @pytest.mark.parametrize("names", [("t", "bar"), ("star", "square")])

@@ -7,61 +7,22 @@ projected Gauss-Seidel sweeps over the contacts, which begin with the impulses o
 import numpy as np
 
 from sain_model.compute.compiling import compiled, compiled_apart
-from sain_model.physics.body_kernels import (
-    ACROSS,
-    ALONG,
-    ARM_POINT,
-    ARM_SIDE,
-    BIAS,
-    BODY_GRIP,
-    CORNER_AT_X,
-    CORNER_AT_Y,
-    END_ARM_POINT,
-    END_ARM_SIDE,
-    END_REACH_POINT,
-    END_REACH_SIDE,
-    END_X,
-    END_Y,
-    FACE_X,
-    FACE_Y,
-    GAP,
-    KIND,
-    LEFT,
-    LIGHTNESS,
-    NORMAL_MASS,
-    NORMAL_X,
-    NORMAL_Y,
-    PAST,
-    POINT_BODY,
-    POINT_X,
-    POINT_Y,
-    REACH_POINT,
-    REACH_SIDE,
-    RIM_MASS,
-    ROUND,
-    SIDE_BODY,
-    SPIN,
-    TOOL,
-    TOOL_GRIP,
-    TURN,
-    VX,
-    VY,
-    X,
-    Y,
-)
-from sain_model.physics.overlap_kernels import ON_CORNER, ON_SIDE
+from sain_model.physics.body_kernels import TOOL, forget_change
+from sain_model.physics.contact_kernels import ON_CORNER, ON_SIDE
 from sain_model.physics.support_kernels import hold_back, hold_supports
 
 SWEEPS = 30  # most sweeps over the contacts in one step
 CONVERGED = 5e-4  # [speeds of the tool], change of relative velocities in the last sweep
 PUSH_OUT = 0.3  # share of an overlap that one step undoes, without giving speed
 TOUCHING = 1e-5  # [m], a gap as small as this is none
+COLLISION = 0.01  # [m/s], touching bodies that approach faster than this collide
 LEAVE = 1e-3  # [s]
+SOFT_SHARE = 0.3  # longest step when a soft contact is hit, share of its time constant
 SHARPEST = 0.001  # [m], the normal of sharper corners is not followed as they pass each other
 
 
 @compiled
-def foresee(work, horizon):
+def foresee(work, horizon, physics):
     """Look at how the listed features move.
 
     Returns:
@@ -69,39 +30,43 @@ def foresee(work, horizon):
         approach of two that touch already [m/s], and the fastest turning of a normal between two
         that press on each other [rad/s].
     """
-    bodies, contacts, features = work.bodies, work.contacts, work.features
+    bodies, contacts = work.bodies, work.contacts
     impact, approach, turning, leave = horizon, 0.0, 0.0, horizon
     for index in range(work.counts[0]):
-        point, side = features[index, POINT_BODY], features[index, SIDE_BODY]
-        nx, ny, gap = contacts[index, FACE_X], contacts[index, FACE_Y], contacts[index, GAP]
-        rounding = bodies[point, ROUND]
-        x, y = contacts[index, POINT_X] - rounding * nx, contacts[index, POINT_Y] - rounding * ny
-        from_x = bodies[point, X] + x - bodies[side, X]
-        from_y = bodies[point, Y] + y - bodies[side, Y]
-        vx = bodies[point, VX] - bodies[point, SPIN] * y
-        vy = bodies[point, VY] + bodies[point, SPIN] * x
-        vx -= bodies[side, VX] - bodies[side, SPIN] * from_y
-        vy -= bodies[side, VY] + bodies[side, SPIN] * from_x
+        point, side = contacts[index].point_body, contacts[index].side_body
+        nx, ny, gap = contacts[index].face_x, contacts[index].face_y, contacts[index].gap
+        rounding = bodies[point].round
+        x, y = contacts[index].point_x - rounding * nx, contacts[index].point_y - rounding * ny
+        from_x = bodies[point].x + x - bodies[side].x
+        from_y = bodies[point].y + y - bodies[side].y
+        vx = bodies[point].vx - bodies[point].spin * y
+        vy = bodies[point].vy + bodies[point].spin * x
+        vx -= bodies[side].vx - bodies[side].spin * from_y
+        vy -= bodies[side].vy + bodies[side].spin * from_x
         closing = -(vx * nx + vy * ny)
         if gap < TOUCHING:
-            approach = max(approach, closing)
-            if contacts[index, ALONG] > 0.0:
-                turning = max(turning, abs(bodies[side, SPIN]))
-                if features[index, KIND] == ON_SIDE:
-                    _dx, _dy = contacts[index, POINT_X], contacts[index, POINT_Y]
-                    cx = vx - rounding * (bodies[point, SPIN] - bodies[side, SPIN]) * ny
-                    cy = vy + rounding * (bodies[point, SPIN] - bodies[side, SPIN]) * nx
+            softness = _softness(point, physics)
+            if softness == 0.0:
+                approach = max(approach, closing)
+            elif closing > COLLISION:  # it does not collide, but gives
+                mass = 1.0 / (bodies[point].lightness + bodies[side].lightness)
+                leave = min(leave, SOFT_SHARE * np.sqrt(softness * mass))
+            if contacts[index].along > 0.0:
+                turning = max(turning, abs(bodies[side].spin))
+                if contacts[index].kind == ON_SIDE:
+                    cx = vx - rounding * (bodies[point].spin - bodies[side].spin) * ny
+                    cy = vy + rounding * (bodies[point].spin - bodies[side].spin) * nx
                     along = cy * nx - cx * ny
-                    room = contacts[index, LEFT] if along > 0.0 else contacts[index, PAST]
+                    room = contacts[index].left if along > 0.0 else contacts[index].past
                     if abs(along) * leave > room >= 0.0:
-                        leave = room / abs(along)
-                if features[index, KIND] == ON_CORNER:
+                        leave = max(room / abs(along), LEAVE)
+                if contacts[index].kind == ON_CORNER:
                     rolling = abs(vy * nx - vx * ny)
-                    round_both = gap + rounding + bodies[side, ROUND]
+                    round_both = gap + rounding + bodies[side].round
                     turning = max(turning, rolling / max(round_both, SHARPEST))
         elif closing * impact > gap:
             impact = gap / closing
-    return min(impact, max(leave, LEAVE)), approach, turning
+    return min(impact, leave), approach, turning
 
 
 @compiled
@@ -111,28 +76,74 @@ def prepare_impulses(work, step, physics):
     The impulse of a step acts where the contact is in its middle, and what it has to achieve
     counts where the contact is at its end: that makes the step second order.
     """
-    bodies, contacts, features = work.bodies, work.contacts, work.features
+    bodies, contacts = work.bodies, work.contacts
     for index in range(work.counts[0]):
-        point, side = features[index, POINT_BODY], features[index, SIDE_BODY]
-        on_corner = features[index, KIND] == ON_CORNER
+        point, side = contacts[index].point_body, contacts[index].side_body
+        on_corner = contacts[index].kind == ON_CORNER
         nx, ny, a, b, c, d = _place(work, index, point, side, on_corner, 0.5 * step)
-        contacts[index, NORMAL_X], contacts[index, NORMAL_Y] = nx, ny
-        contacts[index, ARM_POINT], contacts[index, REACH_POINT] = a, b
-        contacts[index, ARM_SIDE], contacts[index, REACH_SIDE] = c, d
-        lightness = bodies[point, LIGHTNESS] + bodies[side, LIGHTNESS]
-        contacts[index, NORMAL_MASS] = 1.0 / (
-            lightness + a * a * bodies[point, TURN] + c * c * bodies[side, TURN]
+        contacts[index].normal_x, contacts[index].normal_y = nx, ny
+        contacts[index].arm_point, contacts[index].reach_point = a, b
+        contacts[index].arm_side, contacts[index].reach_side = c, d
+        lightness = bodies[point].lightness + bodies[side].lightness
+        contacts[index].normal_mass = 1.0 / (
+            lightness + a * a * bodies[point].turn + c * c * bodies[side].turn
         )
-        contacts[index, RIM_MASS] = 1.0 / (
-            lightness + b * b * bodies[point, TURN] + d * d * bodies[side, TURN]
+        contacts[index].rim_mass = 1.0 / (
+            lightness + b * b * bodies[point].turn + d * d * bodies[side].turn
         )
         nx, ny, a, b, c, d = _place(work, index, point, side, on_corner, step)
-        contacts[index, END_X], contacts[index, END_Y] = nx, ny
-        contacts[index, END_ARM_POINT], contacts[index, END_REACH_POINT] = a, b
-        contacts[index, END_ARM_SIDE], contacts[index, END_REACH_SIDE] = c, d
+        contacts[index].end_x, contacts[index].end_y = nx, ny
+        contacts[index].end_arm_point, contacts[index].end_reach_point = a, b
+        contacts[index].end_arm_side, contacts[index].end_reach_side = c, d
         leaving = _leaving(work, index, point, side)
         share = physics.tool_restitution if point == TOOL else physics.disk_restitution
-        contacts[index, BIAS] = _bias(contacts[index, GAP], leaving, step, share)
+        contacts[index].bias = _bias(contacts[index].gap, leaving, step, share)
+        contacts[index].give, contacts[index].relaxes = 0.0, 1.0
+        softness = _softness(point, physics)
+        if softness > 0.0:
+            _soften(contacts, index, softness, step)
+
+
+@compiled
+def _softness(point, physics):
+    """Return the compliance [m/N] of a contact whose point is of this body."""
+    return physics.tool_compliance if point == TOOL else physics.body_compliance
+
+
+@compiled
+def _soften(contacts, index, softness, step):
+    """Let a contact give: a spring and a damper, critical for the masses that it lies between.
+
+    At the end of a step h it is pressed in by d = (s f + a d_0) / (1 + a), where f is the force,
+    s the softness, d_0 what it was pressed in by, and a = 2 sqrt(s m) / h. This is implicit, so it
+    is stable for any step. As s goes to 0, so do d and all terms that it adds.
+    """
+    if step == 0.0:  # it takes no part in collisions of others
+        contacts[index].bias = np.inf
+        return
+    damping = 2.0 * np.sqrt(softness * contacts[index].normal_mass) / step
+    relaxes, pressed = 1.0 / (1.0 + damping), contacts[index].pressed
+    gap = contacts[index].gap + pressed
+    contacts[index].bias = (max(gap, 0.0) - relaxes * pressed) / step
+    contacts[index].give = softness * relaxes / (step * step)
+    contacts[index].relaxes = relaxes
+    contacts[index].normal_mass = 1.0 / (1.0 / contacts[index].normal_mass + contacts[index].give)
+
+
+@compiled
+def press_in(work, step):
+    """Note how far contacts are pressed in [m] after a step [s].
+
+    While they are pressed in fast, the next step is not foreseen from this one.
+    """
+    bodies, contacts = work.bodies, work.contacts
+    for index in range(work.counts[0]):
+        by_force = step * contacts[index].give * contacts[index].along
+        rest = (1.0 - contacts[index].relaxes) * contacts[index].pressed
+        if abs(by_force + rest - contacts[index].pressed) > COLLISION * step:
+            forget_change(bodies, contacts[index].point_body)
+            forget_change(bodies, contacts[index].side_body)
+        contacts[index].pressed = by_force + rest
 
 
 @compiled
@@ -143,17 +154,17 @@ def _place(work, index, point, side, on_corner, time):
         Its normal, and of both bodies the arms of a force along it and of one across it [m].
     """
     bodies, contacts = work.bodies, work.contacts
-    px, py = _turned(contacts[index, POINT_X], contacts[index, POINT_Y], time * bodies[point, SPIN])
-    x = bodies[point, X] - bodies[side, X] + time * (bodies[point, VX] - bodies[side, VX])
-    y = bodies[point, Y] - bodies[side, Y] + time * (bodies[point, VY] - bodies[side, VY])
-    angle = time * bodies[side, SPIN]
-    nx, ny = _turned(contacts[index, FACE_X], contacts[index, FACE_Y], angle)
-    cx, cy = _turned(contacts[index, CORNER_AT_X], contacts[index, CORNER_AT_Y], angle)
+    px, py = _turned(contacts[index].point_x, contacts[index].point_y, time * bodies[point].spin)
+    x = bodies[point].x - bodies[side].x + time * (bodies[point].vx - bodies[side].vx)
+    y = bodies[point].y - bodies[side].y + time * (bodies[point].vy - bodies[side].vy)
+    angle = time * bodies[side].spin
+    nx, ny = _turned(contacts[index].face_x, contacts[index].face_y, angle)
+    cx, cy = _turned(contacts[index].corner_at_x, contacts[index].corner_at_y, angle)
     dx, dy = x + px - cx, y + py - cy
     distance = np.sqrt(dx * dx + dy * dy)
     if on_corner and distance > SHARPEST:
         nx, ny = dx / distance, dy / distance
-    px, py = px - bodies[point, ROUND] * nx, py - bodies[point, ROUND] * ny
+    px, py = px - bodies[point].round * nx, py - bodies[point].round * ny
     x, y = x + px, y + py
     return nx, ny, px * ny - py * nx, px * nx + py * ny, x * ny - y * nx, x * nx + y * ny
 
@@ -177,22 +188,22 @@ def _bias(gap, leaving, step, restitution):
 def _leaving(work, index, point, side):
     """Return how fast the bodies of a contact part [m/s]."""
     bodies, contacts = work.bodies, work.contacts
-    vx = bodies[point, VX] - bodies[side, VX]
-    vy = bodies[point, VY] - bodies[side, VY]
-    turning = bodies[point, SPIN] * contacts[index, END_ARM_POINT]
-    turning -= bodies[side, SPIN] * contacts[index, END_ARM_SIDE]
-    return vx * contacts[index, END_X] + vy * contacts[index, END_Y] + turning
+    vx = bodies[point].vx - bodies[side].vx
+    vy = bodies[point].vy - bodies[side].vy
+    turning = bodies[point].spin * contacts[index].end_arm_point
+    turning -= bodies[side].spin * contacts[index].end_arm_side
+    return vx * contacts[index].end_x + vy * contacts[index].end_y + turning
 
 
 @compiled
 def _sliding(work, index, point, side):
     """Return how fast the bodies of a contact slide past each other [m/s]."""
     bodies, contacts = work.bodies, work.contacts
-    vx = bodies[point, VX] - bodies[side, VX]
-    vy = bodies[point, VY] - bodies[side, VY]
-    turning = bodies[point, SPIN] * contacts[index, END_REACH_POINT]
-    turning -= bodies[side, SPIN] * contacts[index, END_REACH_SIDE]
-    return vy * contacts[index, END_X] - vx * contacts[index, END_Y] + turning
+    vx = bodies[point].vx - bodies[side].vx
+    vy = bodies[point].vy - bodies[side].vy
+    turning = bodies[point].spin * contacts[index].end_reach_point
+    turning -= bodies[side].spin * contacts[index].end_reach_side
+    return vy * contacts[index].end_x - vx * contacts[index].end_y + turning
 
 
 @compiled_apart
@@ -203,16 +214,16 @@ def solve_impulses(work, tool_speed):
     """
     contacts = work.contacts
     for index in range(work.counts[0]):
-        if contacts[index, ALONG] > 0.0:
-            _apply_to_both(work, index, contacts[index, ALONG], contacts[index, ACROSS])
+        if contacts[index].along > 0.0:
+            _apply_to_both(work, index, contacts[index].along, contacts[index].across)
     for _ in range(SWEEPS):
         change = 0.0
         for index in range(work.counts[0]):
             change = max(change, _solve_contact(work, index))
         for row in range(1, work.bodies.shape[0]):
-            if work.grip[row] > 0.0:
+            if work.bodies[row].grip > 0.0:
                 change = max(change, hold_back(work, row))
-            if work.stuck[row]:
+            if work.bodies[row].stuck:
                 change = max(change, hold_supports(work, row))
         if change < CONVERGED * tool_speed:
             break
@@ -222,66 +233,71 @@ def solve_impulses(work, tool_speed):
 @compiled
 def _note_touched(work):
     """Note which bodies the tool presses on."""
-    contacts, features = work.contacts, work.features
+    contacts = work.contacts
     for index in range(work.counts[0]):
-        if contacts[index, ALONG] > 0.0 and features[index, POINT_BODY] == TOOL:
-            work.touched[features[index, SIDE_BODY]] = True
+        if contacts[index].along > 0.0 and contacts[index].point_body == TOOL:
+            work.bodies[contacts[index].side_body].touched = True
 
 
 @compiled
 def _solve_contact(work, index):
     """Correct the impulse of one contact; return the change of velocity it made [m/s]."""
     bodies, contacts = work.bodies, work.contacts
-    point, side = work.features[index, POINT_BODY], work.features[index, SIDE_BODY]
-    excess = _leaving(work, index, point, side) + contacts[index, BIAS]
-    normal = max(contacts[index, ALONG] - contacts[index, NORMAL_MASS] * excess, 0.0)
+    point, side = work.contacts[index].point_body, work.contacts[index].side_body
+    excess = _leaving(work, index, point, side) + contacts[index].bias
+    excess += contacts[index].give * contacts[index].along
+    normal = max(contacts[index].along - contacts[index].normal_mass * excess, 0.0)
     if point == TOOL:
-        limit = normal * bodies[side, TOOL_GRIP]
+        limit = normal * bodies[side].tool_grip
     else:
-        limit = normal * bodies[max(point, side), BODY_GRIP]
-    rim = contacts[index, ACROSS] - contacts[index, RIM_MASS] * _sliding(work, index, point, side)
+        limit = normal * bodies[max(point, side)].body_grip
+    rim = contacts[index].across - contacts[index].rim_mass * _sliding(work, index, point, side)
     rim = min(max(rim, -limit), limit)
-    along, across = normal - contacts[index, ALONG], rim - contacts[index, ACROSS]
+    along, across = normal - contacts[index].along, rim - contacts[index].across
     if along == 0.0 and across == 0.0:
         return 0.0
-    contacts[index, ALONG], contacts[index, ACROSS] = normal, rim
+    contacts[index].along, contacts[index].across = normal, rim
     _apply_to_both(work, index, along, across)
-    return max(abs(along), abs(across)) / contacts[index, NORMAL_MASS]
+    return max(abs(along), abs(across)) / contacts[index].normal_mass
 
 
 @compiled
 def _apply_to_both(work, index, along, across):
     """Give both bodies of a contact an impulse along its normal and across it [N s]."""
     bodies, contacts = work.bodies, work.contacts
-    point, side = work.features[index, POINT_BODY], work.features[index, SIDE_BODY]
-    nx, ny = contacts[index, NORMAL_X], contacts[index, NORMAL_Y]
+    point, side = work.contacts[index].point_body, work.contacts[index].side_body
+    nx, ny = contacts[index].normal_x, contacts[index].normal_y
     px, py = along * nx - across * ny, along * ny + across * nx
-    bodies[point, VX] += px * bodies[point, LIGHTNESS]
-    bodies[point, VY] += py * bodies[point, LIGHTNESS]
-    turn = along * contacts[index, ARM_POINT] + across * contacts[index, REACH_POINT]
-    bodies[point, SPIN] += turn * bodies[point, TURN]
-    bodies[side, VX] -= px * bodies[side, LIGHTNESS]
-    bodies[side, VY] -= py * bodies[side, LIGHTNESS]
-    turn = along * contacts[index, ARM_SIDE] + across * contacts[index, REACH_SIDE]
-    bodies[side, SPIN] -= turn * bodies[side, TURN]
+    bodies[point].vx += px * bodies[point].lightness
+    bodies[point].vy += py * bodies[point].lightness
+    turn = along * contacts[index].arm_point + across * contacts[index].reach_point
+    bodies[point].spin += turn * bodies[point].turn
+    bodies[side].vx -= px * bodies[side].lightness
+    bodies[side].vy -= py * bodies[side].lightness
+    turn = along * contacts[index].arm_side + across * contacts[index].reach_side
+    bodies[side].spin -= turn * bodies[side].turn
 
 
 @compiled
 def part_overlaps(work):
-    """Move overlapping bodies apart by a share of their overlap, without giving them speed."""
-    bodies, contacts, features = work.bodies, work.contacts, work.features
+    """Move overlapping bodies apart by a share of their overlap, without giving them speed.
+
+    Where a contact gives, it is no overlap.
+    """
+    bodies, contacts = work.bodies, work.contacts
     for index in range(work.counts[0]):
-        if contacts[index, GAP] < -TOUCHING:
-            point, side = features[index, POINT_BODY], features[index, SIDE_BODY]
+        gap = contacts[index].gap + contacts[index].pressed
+        if gap < -TOUCHING:
+            point, side = contacts[index].point_body, contacts[index].side_body
             same = 0  # contacts of this pair: each undoes its part
             for other in range(work.counts[0]):
-                first, second = features[other, POINT_BODY], features[other, SIDE_BODY]
+                first, second = contacts[other].point_body, contacts[other].side_body
                 pair = (first == point and second == side) or (first == side and second == point)
-                same += pair and contacts[other, GAP] < -TOUCHING
-            lightness = bodies[point, LIGHTNESS] + bodies[side, LIGHTNESS]
-            shift = -PUSH_OUT * (contacts[index, GAP] + TOUCHING) / (lightness * same)
-            shift_x, shift_y = shift * contacts[index, NORMAL_X], shift * contacts[index, NORMAL_Y]
-            bodies[point, X] += shift_x * bodies[point, LIGHTNESS]
-            bodies[point, Y] += shift_y * bodies[point, LIGHTNESS]
-            bodies[side, X] -= shift_x * bodies[side, LIGHTNESS]
-            bodies[side, Y] -= shift_y * bodies[side, LIGHTNESS]
+                same += pair and contacts[other].gap + contacts[other].pressed < -TOUCHING
+            lightness = bodies[point].lightness + bodies[side].lightness
+            shift = -PUSH_OUT * (gap + TOUCHING) / (lightness * same)
+            shift_x, shift_y = shift * contacts[index].normal_x, shift * contacts[index].normal_y
+            bodies[point].x += shift_x * bodies[point].lightness
+            bodies[point].y += shift_y * bodies[point].lightness
+            bodies[side].x -= shift_x * bodies[side].lightness
+            bodies[side].y -= shift_y * bodies[side].lightness

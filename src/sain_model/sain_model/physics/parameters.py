@@ -62,6 +62,14 @@ PARAMETERS: Final = (
         "", "table", 0.15, False, 0.0, 0.9,
     ),
     Parameter(
+        "tool_compliance", "how far the contact of the tool gives, 0: not at all",
+        "m/N", "tool", 5e-5, False, 0.0, 5e-4,
+    ),
+    Parameter(
+        "body_compliance", "how far contacts of bodies give, 0: not at all",
+        "m/N", "episode", 5e-5, False, 0.0, 5e-4,
+    ),
+    Parameter(
         "foot_radius", "where a disk's three feet stand, share of its radius",
         "", "table", 0.1, True, 0.2, 1.0,
     ),

@@ -35,6 +35,8 @@ class PlanarConfig(Config):
     disk_friction: float = parameter("disk_friction", 0.1254)
     tool_restitution: float = parameter("tool_restitution", 0.0036)
     disk_restitution: float = parameter("disk_restitution", 0.003)
+    tool_compliance: float = parameter("tool_compliance", 0.0)
+    body_compliance: float = parameter("body_compliance", 0.0)
     middle_height: float = parameter("middle_height", 0.0181)
     tool_height: float = parameter("tool_height", 0.0283)
     disk_height: float = parameter("disk_height", 0.0264)

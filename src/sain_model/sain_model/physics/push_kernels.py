@@ -4,26 +4,13 @@ Time goes from the tool's first touch until everything lies still again, in step
 what happens allows: to the next collision, to a kink in the tool's speed, to where a body stops.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 
 from sain_model.compute.compiling import callable_kernel, compiled, compiled_apart
 from sain_model.physics.body_kernels import (
-    COS,
-    LIGHTNESS,
-    REACH,
-    SIN,
-    SLOPE_X,
-    SLOPE_Y,
-    SLOWING,
-    SPIN,
     TOOL,
-    TURN,
-    TURNED,
-    TWIST,
-    VX,
-    VY,
-    X,
-    Y,
     forget_steps,
     keep_impulses,
     load_bodies,
@@ -32,32 +19,84 @@ from sain_model.physics.body_kernels import (
     recall_impulses,
     unload_bodies,
 )
+from sain_model.physics.contact_kernels import find_touching, first_touch_of
 from sain_model.physics.impulse_kernels import (
+    COLLISION,
     foresee,
     part_overlaps,
     prepare_impulses,
+    press_in,
     solve_impulses,
 )
 from sain_model.physics.support_kernels import brake, note_lean
-from sain_model.physics.tool_kernels import (
-    first_touch_of,
-    make_profile,
-    time_of,
-    tool_speed,
-    travelled,
-    until_kink,
-)
-from sain_model.physics.touching_kernels import find_touching
 
 CHUNK = 64  # pushes that one thread takes at a time: a third of a millisecond
 STILL = 1e-7  # [m/s], slower than this is at rest
-COLLISION = 0.01  # [m/s], touching bodies that approach faster than this collide
 SHORTEST_STEP = 2e-4  # [s]
 # Limits of steps, over the longest step [s].
 STOP_SHARE = 17.5  # [1/s], of a spinning body, share of the time that it takes to stop
 STOP_STEP = 5 / 12  # a body about to stop needs no shorter steps
 BEND = 2.5  # [rad/s], by which the normal of a pressing contact may turn
-MOST_STEPS = 5000  # far beyond any push; keeps a wrong parameter from running for ever
+MOST_STEPS = 5000  # after a push, and some for each of its longest steps: far beyond any push, but
+STEPS_OF_PUSH = 20  # what runs away down a slope is left at last
+
+
+class Profile(NamedTuple):
+    """From rest to rest: speeding up for `ramp`, cruising, and braking for `ramp` until `end`."""
+
+    length: float  # [m]
+    acceleration: float  # [m/s^2]
+    ramp: float  # [s]
+    end: float  # [s]
+
+
+@compiled
+def make_profile(length, speed, acceleration):
+    """Return the fastest profile over a length > 0 [m] within a speed and an acceleration."""
+    ramp = min(speed / acceleration, np.sqrt(length / acceleration))
+    return Profile(length, acceleration, ramp, ramp + length / (acceleration * ramp))
+
+
+@compiled
+def travelled(profile, time):
+    """Return how far [m] the tool has come."""
+    if time >= profile.end:
+        return profile.length
+    if time < profile.ramp:
+        return 0.5 * profile.acceleration * time * time
+    if time < profile.end - profile.ramp:
+        return profile.acceleration * profile.ramp * (time - 0.5 * profile.ramp)
+    return profile.length - 0.5 * profile.acceleration * (profile.end - time) ** 2
+
+
+@compiled
+def tool_speed(profile, time):
+    """Return how fast [m/s] the tool moves."""
+    return profile.acceleration * max(min(time, profile.ramp, profile.end - time), 0.0)
+
+
+@compiled
+def time_of(profile, distance):
+    """Return when [s] the tool has come this far [m]: the inverse of `travelled`."""
+    ramp_length = 0.5 * profile.acceleration * profile.ramp**2
+    if distance < ramp_length:
+        return np.sqrt(2.0 * distance / profile.acceleration)
+    if distance <= profile.length - ramp_length:
+        return distance / (profile.acceleration * profile.ramp) + 0.5 * profile.ramp
+    left = max(profile.length - distance, 0.0)
+    return profile.end - np.sqrt(2.0 * left / profile.acceleration)
+
+
+@compiled
+def until_kink(profile, time):
+    """Return how long [s] the tool's acceleration stays as it is; infinite when it is over."""
+    if time < profile.ramp - 1e-9:
+        return profile.ramp - time
+    if time < profile.end - profile.ramp - 1e-9:
+        return profile.end - profile.ramp - time
+    if time < profile.end - 1e-9:
+        return profile.end - time
+    return np.inf
 
 
 @compiled
@@ -75,10 +114,10 @@ def calm_time(bodies, tool_speed, physics):
     """
     step = physics.longest_step
     for row in range(1, bodies.shape[0]):
-        slowing = bodies[row, SLOWING]
+        slowing = bodies[row].slowing
         stop = outer_speed(bodies, row) / (slowing * spin_share(bodies, row))
         if stop > 0.0 and tool_speed > slowing * physics.longest_step:
-            if bodies[row, SPIN] != 0.0:
+            if bodies[row].spin != 0.0:
                 stop = physics.longest_step * max(STOP_SHARE * stop, STOP_STEP)
             step = min(step, stop)
     return step
@@ -91,27 +130,27 @@ def spin_share(bodies, row):
     At its rim, it takes this much more from the turning of a body than from its sliding, but for a
     factor of 2 that steps leave room for.
     """
-    if bodies[row, LIGHTNESS] == 0.0:
+    if bodies[row].lightness == 0.0:
         return 1.0
-    at_rim = bodies[row, TWIST] * bodies[row, REACH] * bodies[row, TURN] / bodies[row, LIGHTNESS]
+    at_rim = bodies[row].twist * bodies[row].reach * bodies[row].turn / bodies[row].lightness
     return max(0.5 * at_rim, 1.0)
 
 
 @compiled
-def carry(bodies, row, step, before):
+def carry(bodies, row, step):
     """Move a body on by one step [s] with the mean of its velocities before and after."""
     if outer_speed(bodies, row) < STILL:
-        bodies[row, VX] = bodies[row, VY] = bodies[row, SPIN] = 0.0
-    bodies[row, X] += step * 0.5 * (bodies[row, VX] + before[row, 0])
-    bodies[row, Y] += step * 0.5 * (bodies[row, VY] + before[row, 1])
-    angle = step * 0.5 * (bodies[row, SPIN] + before[row, 2])
+        bodies[row].vx = bodies[row].vy = bodies[row].spin = 0.0
+    bodies[row].x += step * 0.5 * (bodies[row].vx + bodies[row].before_vx)
+    bodies[row].y += step * 0.5 * (bodies[row].vy + bodies[row].before_vy)
+    angle = step * 0.5 * (bodies[row].spin + bodies[row].before_spin)
     if angle != 0.0:
-        cos, sin = bodies[row, COS], bodies[row, SIN]
+        cos, sin = bodies[row].cos, bodies[row].sin
         keep = 1.0 - 0.5 * angle * angle
         cos, sin = keep * cos - angle * sin, keep * sin + angle * cos
         scale = 1.5 - 0.5 * (cos * cos + sin * sin)  # Newton's step towards a length of 1
-        bodies[row, TURNED] += angle
-        bodies[row, COS], bodies[row, SIN] = scale * cos, scale * sin
+        bodies[row].turned += angle
+        bodies[row].cos, bodies[row].sin = scale * cos, scale * sin
 
 
 @compiled
@@ -124,32 +163,33 @@ def advance(work, tool_speed, physics, step):
         physics: for the heights at which forces act.
         step: duration [s].
     """
-    bodies, before, change = work.bodies, work.before, work.change
+    bodies = work.bodies
     for row in range(1, bodies.shape[0]):
-        before[row, 0], before[row, 1] = bodies[row, VX], bodies[row, VY]
-        before[row, 2] = bodies[row, SPIN]
-        work.grip[row] = 0.0
-        work.stuck[row] = False
-        if bodies[row, LIGHTNESS] == 0.0:
+        bodies[row].before_vx, bodies[row].before_vy = bodies[row].vx, bodies[row].vy
+        bodies[row].before_spin = bodies[row].spin
+        work.bodies[row].grip = 0.0
+        work.bodies[row].stuck = False
+        if bodies[row].lightness == 0.0:
             continue
-        bodies[row, VX] += step * bodies[row, SLOPE_X]
-        bodies[row, VY] += step * bodies[row, SLOPE_Y]
-        less = bodies[row, SLOWING] * step
+        bodies[row].vx += step * bodies[row].slope_x
+        bodies[row].vy += step * bodies[row].slope_y
+        less = bodies[row].slowing * step
         if outer_speed(bodies, row) > 2.0 * less * spin_share(bodies, row):
             brake(work, row, less, physics, step)
         else:
-            work.grip[row] = less
-            work.held[row, 0] = work.held[row, 1] = work.held[row, 2] = 0.0
+            work.bodies[row].grip = less
+            bodies[row].held_x = bodies[row].held_y = bodies[row].held_spin = 0.0
     solve_impulses(work, tool_speed)
     note_lean(work, physics, step)
     part_overlaps(work)
     fastest = 0.0
     for row in range(1, bodies.shape[0]):
-        carry(bodies, row, step, before)
-        change[row, 0] = (bodies[row, VX] - before[row, 0]) / step
-        change[row, 1] = (bodies[row, VY] - before[row, 1]) / step
-        change[row, 2] = (bodies[row, SPIN] - before[row, 2]) / step
+        carry(bodies, row, step)
+        bodies[row].change_x = (bodies[row].vx - bodies[row].before_vx) / step
+        bodies[row].change_y = (bodies[row].vy - bodies[row].before_vy) / step
+        bodies[row].change_spin = (bodies[row].spin - bodies[row].before_spin) / step
         fastest = max(fastest, outer_speed(bodies, row))
+    press_in(work, step)
     return fastest
 
 
@@ -167,7 +207,7 @@ def plan_step(work, tool_speed, physics, rest):
     step = min(rest, calm_time(work.bodies, tool_speed, physics))
     find_touching(work, step)
     recall_impulses(work)
-    impact, approach, turning = foresee(work, step)
+    impact, approach, turning = foresee(work, step, physics)
     if approach > COLLISION:
         forget_steps(work)
         prepare_impulses(work, 0.0, physics)
@@ -176,7 +216,7 @@ def plan_step(work, tool_speed, physics, rest):
         keep_impulses(work)
         find_touching(work, step)
         recall_impulses(work)
-        impact, approach, turning = foresee(work, step)
+        impact, approach, turning = foresee(work, step, physics)
     step = min(step, max(impact, SHORTEST_STEP))
     bend = BEND * physics.longest_step
     if turning * step > bend:
@@ -206,15 +246,15 @@ def push_bodies(states, order, push, table, physics, own, work, touched):
         return
     profile = make_profile(length, fastest_tool, physics.acceleration)
     time = time_of(profile, distance)
-    for _ in range(MOST_STEPS):
+    for _ in range(MOST_STEPS + int(STEPS_OF_PUSH * profile.end / physics.longest_step)):
         speed = tool_speed(profile, time)
-        bodies[TOOL, X], bodies[TOOL, Y] = push[0] + distance * way_x, push[1] + distance * way_y
-        bodies[TOOL, VX], bodies[TOOL, VY] = speed * way_x, speed * way_y
+        bodies[TOOL].x, bodies[TOOL].y = push[0] + distance * way_x, push[1] + distance * way_y
+        bodies[TOOL].vx, bodies[TOOL].vy = speed * way_x, speed * way_y
         step = plan_step(work, fastest_tool, physics, until_kink(profile, time))
         prepare_impulses(work, step, physics)
         time += step
         distance, speed = travelled(profile, time), tool_speed(profile, time)
-        bodies[TOOL, VX], bodies[TOOL, VY] = speed * way_x, speed * way_y
+        bodies[TOOL].vx, bodies[TOOL].vy = speed * way_x, speed * way_y
         fastest = advance(work, fastest_tool, physics, step)
         if fastest == 0.0 and time >= profile.end - 1e-9:
             break

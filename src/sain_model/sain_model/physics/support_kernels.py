@@ -3,37 +3,7 @@
 import numpy as np
 
 from sain_model.compute.compiling import compiled, compiled_apart
-from sain_model.physics.body_kernels import (
-    ACROSS,
-    ALONG,
-    ARM_X,
-    ARM_Y,
-    COS,
-    FOOT_X,
-    FOOT_Y,
-    HELD_X,
-    HELD_Y,
-    LEAN_X,
-    LEAN_Y,
-    LIGHTNESS,
-    LIMIT,
-    NORMAL_X,
-    NORMAL_Y,
-    POINT_BODY,
-    PULL_X,
-    PULL_Y,
-    REACH,
-    SHARE,
-    SIDE_BODY,
-    SIN,
-    SPIN,
-    TOOL,
-    TURN,
-    TWIST,
-    VX,
-    VY,
-    YIELD,
-)
+from sain_model.physics.body_kernels import TOOL
 
 NEWTON_STEPS = 20  # most of them; three or four are usual
 ON_SURFACE = 1e-9  # share by which friction may exceed the limit
@@ -54,49 +24,51 @@ def brake(work, row, slowing, physics, step):
         physics: for the heights at which forces act.
         step: duration [s].
     """
-    bodies, change, tilt = work.bodies, work.change, work.tilt
-    vx = bodies[row, VX] + 0.5 * step * change[row, 0]
-    vy = bodies[row, VY] + 0.5 * step * change[row, 1]
-    spin = bodies[row, SPIN] + 0.5 * step * change[row, 2]
+    bodies = work.bodies
+    vx = bodies[row].vx + 0.5 * step * bodies[row].change_x
+    vy = bodies[row].vy + 0.5 * step * bodies[row].change_y
+    spin = bodies[row].spin + 0.5 * step * bodies[row].change_spin
     # What slides straight on evenly loaded supports goes on straight, to the last bit.
-    straight = spin == 0.0 and tilt[row, 0] == 0.0 and tilt[row, 1] == 0.0
+    straight = spin == 0.0 and bodies[row].tilt_x == 0.0 and bodies[row].tilt_y == 0.0
     turns = 0.0 if straight else 1.0
     x, y = _pull_back(work, row, vx, vy, spin, slowing, turns, physics)
     # Braking acts below the centre of mass, a push mostly above: both load what is in front.
     arm = physics.middle_height / (physics.gravity * step)
-    _slow_down(work, row, arm * x + tilt[row, 0], arm * y + tilt[row, 1], slowing, turns)
+    _slow_down(
+        work, row, arm * x + bodies[row].tilt_x, arm * y + bodies[row].tilt_y, slowing, turns
+    )
 
 
 @compiled
 def _pull_back(work, row, vx, vy, spin, slowing, turns, physics):
     """Write what friction takes from each support under a whole load; return its mean [m/s]."""
     supports, bodies = work.supports, work.bodies
-    cos, sin = bodies[row, COS], bodies[row, SIN]
+    cos, sin = bodies[row].cos, bodies[row].sin
     mean_x, mean_y = 0.0, 0.0
     axes_yield = turns * physics.axes_yield
     across_yield = turns * (1.0 / physics.yield_across - 1.0)
     for foot in range(work.first_support[row], work.first_support[row + 1]):
-        arm_x = cos * supports[foot, FOOT_X] - sin * supports[foot, FOOT_Y]
-        arm_y = sin * supports[foot, FOOT_X] + cos * supports[foot, FOOT_Y]
-        supports[foot, ARM_X], supports[foot, ARM_Y] = arm_x, arm_y
+        arm_x = cos * supports[foot].x - sin * supports[foot].y
+        arm_y = sin * supports[foot].x + cos * supports[foot].y
+        supports[foot].arm_x, supports[foot].arm_y = arm_x, arm_y
         x, y = vx - spin * arm_y, vy + spin * arm_x
-        supports[foot, LIMIT] = x * x + y * y < (SLOW * slowing) ** 2
+        supports[foot].limit = x * x + y * y < (SLOW * slowing) ** 2
         squared = arm_x * arm_x + arm_y * arm_y
         if squared > 0.0:
             # A solver gives way to where a support is lighter to move: across its arm.
             if axes_yield > 0.0:
-                light = axes_yield * supports[foot, YIELD] / squared
+                light = axes_yield * supports[foot].yield_ / squared
                 x /= 1.0 + light * arm_y * arm_y
                 y /= 1.0 + light * arm_x * arm_x
             if across_yield > 0.0:
-                light = across_yield * supports[foot, YIELD]
+                light = across_yield * supports[foot].yield_
                 less = light / (1.0 + light) * (arm_x * y - arm_y * x) / squared
                 x, y = x + less * arm_y, y - less * arm_x
         # Friction never turns a support back: below `slowing` it falls linearly.
         share = slowing / max(np.sqrt(x * x + y * y), slowing)
-        supports[foot, PULL_X], supports[foot, PULL_Y] = share * x, share * y
-        mean_x += supports[foot, SHARE] * share * x
-        mean_y += supports[foot, SHARE] * share * y
+        supports[foot].pull_x, supports[foot].pull_y = share * x, share * y
+        mean_x += supports[foot].share * share * x
+        mean_y += supports[foot].share * share * y
     return mean_x, mean_y
 
 
@@ -105,55 +77,55 @@ def _slow_down(work, row, shift_x, shift_y, slowing, turns):
     """Take from a body what its supports have found, loaded as its weight acts at a shift [m]."""
     supports, bodies = work.supports, work.bodies
     first, last = work.first_support[row], work.first_support[row + 1]
-    cos, sin = bodies[row, COS], bodies[row, SIN]
+    cos, sin = bodies[row].cos, bodies[row].sin
     fore, left = cos * shift_x + sin * shift_y, cos * shift_y - sin * shift_x
     lean = 1.0  # share of the shift at which the first support lifts off
     for foot in range(first, last):
-        grows = supports[foot, LEAN_X] * fore + supports[foot, LEAN_Y] * left
-        if supports[foot, SHARE] + lean * grows < 0.0:
-            lean = -supports[foot, SHARE] / grows
+        grows = supports[foot].lean_x * fore + supports[foot].lean_y * left
+        if supports[foot].share + lean * grows < 0.0:
+            lean = -supports[foot].share / grows
     total_x, total_y, across = 0.0, 0.0, 0.0
     for foot in range(first, last):
-        grows = supports[foot, LEAN_X] * fore + supports[foot, LEAN_Y] * left
-        load = supports[foot, SHARE] + lean * grows
-        if supports[foot, LIMIT] == 0.0:
-            x, y = load * supports[foot, PULL_X], load * supports[foot, PULL_Y]
+        grows = supports[foot].lean_x * fore + supports[foot].lean_y * left
+        load = supports[foot].share + lean * grows
+        if supports[foot].limit == 0.0:
+            x, y = load * supports[foot].pull_x, load * supports[foot].pull_y
             total_x += x
             total_y += y
-            across += supports[foot, ARM_X] * y - supports[foot, ARM_Y] * x
+            across += supports[foot].arm_x * y - supports[foot].arm_y * x
         else:
-            work.stuck[row] = True
-            supports[foot, LIMIT] = load * slowing
-            supports[foot, HELD_X] = supports[foot, HELD_Y] = 0.0
-    bodies[row, VX] -= total_x
-    bodies[row, VY] -= total_y
-    bodies[row, SPIN] -= turns * across * bodies[row, TURN] / bodies[row, LIGHTNESS]
+            work.bodies[row].stuck = True
+            supports[foot].limit = load * slowing
+            supports[foot].held_x = supports[foot].held_y = 0.0
+    bodies[row].vx -= total_x
+    bodies[row].vy -= total_y
+    bodies[row].spin -= turns * across * bodies[row].turn / bodies[row].lightness
 
 
 @compiled
 def hold_supports(work, row):
     """Let the table hold slow supports of a body back, each by Coulomb's law."""
     supports, bodies = work.supports, work.bodies
-    turn = bodies[row, TURN] / bodies[row, LIGHTNESS]
+    turn = bodies[row].turn / bodies[row].lightness
     change = 0.0
     for foot in range(work.first_support[row], work.first_support[row + 1]):
-        limit = supports[foot, LIMIT]
+        limit = supports[foot].limit
         if limit > 0.0:
-            arm_x, arm_y = supports[foot, ARM_X], supports[foot, ARM_Y]
-            x = bodies[row, VX] - bodies[row, SPIN] * arm_y
-            y = bodies[row, VY] + bodies[row, SPIN] * arm_x
+            arm_x, arm_y = supports[foot].arm_x, supports[foot].arm_y
+            x = bodies[row].vx - bodies[row].spin * arm_y
+            y = bodies[row].vy + bodies[row].spin * arm_x
             # Across its arm a support is lighter to move than along it.
             less = turn * (arm_x * y - arm_y * x) / (1.0 + turn * (arm_x**2 + arm_y**2))
             x, y = x + less * arm_y, y - less * arm_x
-            x, y = supports[foot, HELD_X] - x, supports[foot, HELD_Y] - y
+            x, y = supports[foot].held_x - x, supports[foot].held_y - y
             size = np.sqrt(x * x + y * y)
             if size > limit:
                 x, y = x * limit / size, y * limit / size
-            dx, dy = x - supports[foot, HELD_X], y - supports[foot, HELD_Y]
-            supports[foot, HELD_X], supports[foot, HELD_Y] = x, y
-            bodies[row, VX] += dx
-            bodies[row, VY] += dy
-            bodies[row, SPIN] += turn * (arm_x * dy - arm_y * dx)
+            dx, dy = x - supports[foot].held_x, y - supports[foot].held_y
+            supports[foot].held_x, supports[foot].held_y = x, y
+            bodies[row].vx += dx
+            bodies[row].vy += dy
+            bodies[row].spin += turn * (arm_x * dy - arm_y * dx)
             change = max(change, abs(dx), abs(dy))
     return change
 
@@ -201,39 +173,44 @@ def hold_back(work, row):
     Returns:
         The change of velocity that this made [m/s].
     """
-    bodies, held, grip = work.bodies, work.held, work.grip[row]
-    twist = bodies[row, TWIST]
-    turn_grip = twist * bodies[row, TURN] / bodies[row, LIGHTNESS]
-    x = held[row, 0] - bodies[row, VX]
-    y = held[row, 1] - bodies[row, VY]
-    spin = held[row, 2] - bodies[row, SPIN]
+    bodies = work.bodies
+    grip = bodies[row].grip
+    twist = bodies[row].twist
+    turn_grip = twist * bodies[row].turn / bodies[row].lightness
+    x = bodies[row].held_x - bodies[row].vx
+    y = bodies[row].held_y - bodies[row].vy
+    spin = bodies[row].held_spin - bodies[row].spin
     slide, turn = np.sqrt(x * x + y * y), abs(spin) / turn_grip
     if slide * slide + turn * turn > grip * grip:
         ratio = 1.0 / (twist * turn_grip)
         more = slide_on(slide, turn, grip, ratio)
         x, y, spin = x / (1.0 + more), y / (1.0 + more), spin / (1.0 + ratio * more)
-    change_x, change_y, change_spin = x - held[row, 0], y - held[row, 1], spin - held[row, 2]
-    bodies[row, VX] += change_x
-    bodies[row, VY] += change_y
-    bodies[row, SPIN] += change_spin
-    held[row, 0], held[row, 1], held[row, 2] = x, y, spin
-    return max(abs(change_x), abs(change_y), abs(change_spin) * bodies[row, REACH])
+    change_x, change_y, change_spin = (
+        x - bodies[row].held_x,
+        y - bodies[row].held_y,
+        spin - bodies[row].held_spin,
+    )
+    bodies[row].vx += change_x
+    bodies[row].vy += change_y
+    bodies[row].spin += change_spin
+    bodies[row].held_x, bodies[row].held_y, bodies[row].held_spin = x, y, spin
+    return max(abs(change_x), abs(change_y), abs(change_spin) * bodies[row].reach)
 
 
 @compiled
 def note_lean(work, physics, step):
     """Note how the contacts of this step shift the load of each body on its supports."""
-    bodies, contacts, tilt = work.bodies, work.contacts, work.tilt
+    bodies, contacts = work.bodies, work.contacts
     for row in range(bodies.shape[0]):
-        tilt[row, 0] = tilt[row, 1] = 0.0
+        bodies[row].tilt_x = bodies[row].tilt_y = 0.0
     for index in range(work.counts[0]):
-        point, side = work.features[index, POINT_BODY], work.features[index, SIDE_BODY]
+        point, side = work.contacts[index].point_body, work.contacts[index].side_body
         height = physics.tool_height if point == TOOL else physics.disk_height
         arm = (height - physics.middle_height) / (physics.gravity * step)
-        along, across = arm * contacts[index, ALONG], arm * contacts[index, ACROSS]
-        nx, ny = contacts[index, NORMAL_X], contacts[index, NORMAL_Y]
+        along, across = arm * contacts[index].along, arm * contacts[index].across
+        nx, ny = contacts[index].normal_x, contacts[index].normal_y
         px, py = along * nx - across * ny, along * ny + across * nx
-        tilt[point, 0] += px * bodies[point, LIGHTNESS]
-        tilt[point, 1] += py * bodies[point, LIGHTNESS]
-        tilt[side, 0] -= px * bodies[side, LIGHTNESS]
-        tilt[side, 1] -= py * bodies[side, LIGHTNESS]
+        bodies[point].tilt_x += px * bodies[point].lightness
+        bodies[point].tilt_y += py * bodies[point].lightness
+        bodies[side].tilt_x -= px * bodies[side].lightness
+        bodies[side].tilt_y -= py * bodies[side].lightness

@@ -1,0 +1,340 @@
+"""Where two outlines are near each other, compiled: corners against sides, corners against corners.
+
+In the plane the closest features of two outlines are a corner of one and a side or a corner of
+the other (Ericson, "Real-Time Collision Detection", chapter 5). Corners may be rounded: the tool
+and a disk are one corner with a large radius. The outline of a whole body is looked at, not its
+convex parts. So the seams between parts catch nothing, and how an outline is cut does not matter.
+"""
+
+import numpy as np
+
+from sain_model.compute.compiling import compiled, compiled_apart
+from sain_model.physics.body_kernels import MOST_CONTACTS, TOOL
+
+NEAR = 0.005  # [m], features further apart are looked at again in the next step
+NOTHING = -1  # in place of a kind of feature
+FACING = 0.1  # sine of the angle by which a corner's sides may dip into a side that it entered
+CROSSED = 0.005  # [m], corners as near as this may have crossed since they were looked at
+ON_SIDE, ON_CORNER = 0, 1  # kinds of features
+
+
+@compiled_apart
+def find_touching(work, horizon):
+    """List the features of all bodies that are near each other, or will be soon.
+
+    Args:
+        work: scratch memory; its list of contacts is made anew, without impulses.
+        horizon: no longer step than this will follow [s].
+    """
+    bodies, count = work.bodies, work.counts
+    count[0] = 0
+    for second in range(1, bodies.shape[0]):
+        for first in range(second):
+            dx, dy = bodies[second].x - bodies[first].x, bodies[second].y - bodies[first].y
+            vx, vy = bodies[second].vx - bodies[first].vx, bodies[second].vy - bodies[first].vy
+            speed = abs(vx) + abs(vy)
+            speed += abs(bodies[first].spin) * bodies[first].reach
+            speed += abs(bodies[second].spin) * bodies[second].reach
+            near = NEAR + horizon * speed
+            reach = bodies[first].reach + bodies[second].reach + near
+            moves = bodies[first].lightness + bodies[second].lightness > 0.0
+            if moves and dx * dx + dy * dy < reach * reach:
+                if bodies[first].round > 0.0 and bodies[second].round > 0.0:
+                    _list_circles(work, first, second, dx, dy)
+                    continue
+                limit = count[0] + MOST_CONTACTS
+                _corners_against(work, first, second, near, True, limit)
+                if first != TOOL:
+                    _corners_against(work, second, first, near, False, limit)
+    _place_features(work)
+
+
+@compiled
+def _list_circles(work, first, second, dx, dy):
+    """List the contact of two round bodies, (dx, dy) apart: the one corner of each."""
+    contacts, number = work.contacts, work.counts[0]
+    point, side = work.first_corner[first], work.first_corner[second]
+    contacts[number].gap = np.sqrt(dx * dx + dy * dy)
+    contacts[number].past, contacts[number].left = 0.0, 0.0
+    contacts[number].point_body, contacts[number].side_body = first, second
+    contacts[number].kind = ON_CORNER
+    contacts[number].key = (point * work.corners.shape[0] + side) * 2 + ON_CORNER
+    work.counts[0] = number + 1
+
+
+@compiled
+def _corners_against(work, point_body, side_body, near, meet, limit):
+    """List where corners of one body are near the outline of another.
+
+    Args:
+        work: scratch memory.
+        point_body: row of the one.
+        side_body: row of the other.
+        near: largest gap to list [m].
+        meet: whether to look at corners against corners as well.
+        limit: how many contacts there may be after it.
+    """
+    bodies, corners, _count = work.bodies, work.corners, work.counts
+    cos_side, sin_side = bodies[side_body].cos, bodies[side_body].sin
+    dx = bodies[point_body].x - bodies[side_body].x
+    dy = bodies[point_body].y - bodies[side_body].y
+    away_x, away_y = cos_side * dx + sin_side * dy, cos_side * dy - sin_side * dx
+    cos = bodies[point_body].cos * cos_side + bodies[point_body].sin * sin_side
+    sin = bodies[point_body].sin * cos_side - bodies[point_body].cos * sin_side
+    near += bodies[point_body].round + bodies[side_body].round  # of the points
+    reach = bodies[side_body].reach - bodies[side_body].round + near
+    for point in range(work.first_corner[point_body], work.first_corner[point_body + 1]):
+        x = away_x + cos * corners[point].x - sin * corners[point].y
+        y = away_y + sin * corners[point].x + cos * corners[point].y
+        if x * x + y * y < reach * reach and corners[point].convex:
+            nearest, inside, corner, hole = _nearest(work, side_body, x, y)
+            if inside:
+                list_way_out(work, point_body, side_body, point, x, y, cos, sin, hole, limit)
+            elif nearest < near:
+                _list_in_front(
+                    work, point_body, side_body, point, x, y, cos, sin, near, meet, limit
+                )
+                if meet and corner >= 0:
+                    list_crossing(work, point_body, side_body, point, corner, x, y, cos, sin, limit)
+
+
+@compiled
+def _nearest(work, side_body, x, y):
+    """Look at an outline from a point (x, y), in that outline's frame.
+
+    Returns:
+        The distance to the nearest feature [m]. Whether the point is inside: that feature is a
+        side that the point is behind, or a concave corner. A convex corner as near as `CROSSED`,
+        and the concave corner if it is the nearest feature; -1 if there is none.
+    """
+    corners = work.corners
+    nearest, inside, corner, hole = np.inf, False, -1, -1
+    for side in range(work.first_corner[side_body], work.first_corner[side_body + 1]):
+        along, off = seen_from(corners, side, x, y)
+        squared = along * along + off * off
+        if squared < CROSSED * CROSSED and corners[side].convex:
+            corner = side
+        if along < 0.0 or corners[side].length == 0.0:
+            if squared < nearest:
+                nearest, inside = squared, not corners[side].convex
+                hole = side if inside else -1
+        elif along <= corners[side].length and off * off < nearest:
+            nearest, inside, hole = off * off, off < 0.0, -1
+    return np.sqrt(nearest), inside, corner, hole
+
+
+@compiled
+def _list_in_front(work, point_body, side_body, point, x, y, cos, sin, near, meet, limit):
+    """List the features of an outline that a point (x, y) outside of it is in front of."""
+    corners, contacts, count = work.corners, work.contacts, work.counts
+    first, last = work.first_corner[side_body], work.first_corner[side_body + 1]
+    own_first, own_last = work.first_corner[point_body], work.first_corner[point_body + 1]
+    along, _ = seen_from(corners, last - 1, x, y)
+    past = along >= corners[last - 1].length  # the end of the side before
+    for side in range(first, last):
+        along, off = seen_from(corners, side, x, y)
+        length = corners[side].length
+        kind = ON_SIDE if 0.0 <= along <= length and off >= 0.0 and length > 0.0 else NOTHING
+        ends = length == 0.0 or (past and along < 0.0)
+        if meet and ends and corners[side].convex:
+            dx, dy = x - corners[side].x, y - corners[side].y
+            here_x, here_y = -(cos * dx + sin * dy), sin * dx - cos * dy
+            if _is_beyond(corners, point, own_first, own_last, here_x, here_y):
+                kind, off = ON_CORNER, np.sqrt(dx * dx + dy * dy)
+        if kind != NOTHING and off < near and count[0] < limit:
+            number = count[0]
+            contacts[number].gap = off
+            contacts[number].past, contacts[number].left = along, length - along
+            contacts[number].point_body, contacts[number].side_body = point_body, side_body
+            contacts[number].kind = kind
+            contacts[number].key = (point * corners.shape[0] + side) * 2 + kind
+            count[0] = number + 1
+        past = along > length
+
+
+@compiled
+def _is_beyond(corners, point, first, last, x, y):
+    """Tell whether (x, y), seen from a corner, is nearer to it than to either of its sides."""
+    before = point - 1 if point > first else last - 1
+    after = x * corners[point].side_x + y * corners[point].side_y
+    ahead = x * corners[before].side_x + y * corners[before].side_y
+    return corners[point].length == 0.0 or after <= 0.0 <= ahead
+
+
+@compiled
+def _place_features(work):
+    """Place the listed features in the world: corner, what it is near, and the normal between."""
+    bodies, corners, contacts = work.bodies, work.corners, work.contacts
+    total = corners.shape[0]
+    for index in range(work.counts[0]):
+        point_body, side_body = contacts[index].point_body, contacts[index].side_body
+        first, second = min(point_body, side_body), max(point_body, side_body)
+        contacts[index].pair = first * bodies.shape[0] + second
+        pair = contacts[index].key // 2
+        point, side = pair // total, pair % total
+        x, y = corners[point].x, corners[point].y
+        cos, sin = bodies[point_body].cos, bodies[point_body].sin
+        point_x, point_y = cos * x - sin * y, sin * x + cos * y
+        contacts[index].point_x, contacts[index].point_y = point_x, point_y
+        x, y = corners[side].x, corners[side].y
+        cos, sin = bodies[side_body].cos, bodies[side_body].sin
+        corner_x, corner_y = cos * x - sin * y, sin * x + cos * y
+        contacts[index].corner_at_x, contacts[index].corner_at_y = corner_x, corner_y
+        x, y = corners[side].side_y, -corners[side].side_x
+        nx, ny = cos * x - sin * y, sin * x + cos * y
+        distance = contacts[index].gap
+        if contacts[index].kind == ON_CORNER and distance > 0.0:
+            nx = (bodies[point_body].x + point_x - bodies[side_body].x - corner_x) / distance
+            ny = (bodies[point_body].y + point_y - bodies[side_body].y - corner_y) / distance
+        contacts[index].face_x, contacts[index].face_y = nx, ny
+        contacts[index].gap = distance - bodies[point_body].round - bodies[side_body].round
+
+
+# --- overlaps: corners that have crossed, and sides that corners went through -------------------
+
+
+@compiled
+def list_crossing(work, point_body, side_body, point, corner, x, y, cos, sin, limit):
+    """List two corners that have crossed, so that neither is inside the other's outline.
+
+    Separating axes of two wedges are the normals of their sides, but those into which the other
+    wedge dips. When none of them parts the wedges, the one with the least overlap does.
+    """
+    corners, contacts, count = work.corners, work.contacts, work.counts
+    back = _side_before(work, side_body, corner)
+    own_back = _side_before(work, point_body, point)
+    dx, dy = x - corners[corner].x, y - corners[corner].y
+    widest, best, swapped = -np.inf, -1, False
+    for axis in range(4):
+        own = axis > 1
+        first, second = (own_back, point) if own else (back, corner)
+        side = first if axis % 2 == 0 else second
+        nx, ny = corners[side].side_y, -corners[side].side_x
+        if own:  # into the frame of the other outline
+            nx, ny = cos * nx - sin * ny, sin * nx + cos * ny
+            apart = -(nx * dx + ny * dy)
+            ax, ay = corners[corner].side_x, corners[corner].side_y
+            bx, by = -corners[back].side_x, -corners[back].side_y
+        else:
+            apart = nx * dx + ny * dy
+            ax = cos * corners[point].side_x - sin * corners[point].side_y
+            ay = sin * corners[point].side_x + cos * corners[point].side_y
+            bx = -(cos * corners[own_back].side_x - sin * corners[own_back].side_y)
+            by = -(sin * corners[own_back].side_x + cos * corners[own_back].side_y)
+        if min(nx * ax + ny * ay, nx * bx + ny * by) >= 0.0 and apart > widest:
+            widest, best, swapped = apart, side, own
+    number = count[0]
+    if best >= 0 and widest < 0.0:
+        contacts[number].gap = widest
+        contacts[number].past, contacts[number].left = 0.0, np.inf
+        contacts[number].point_body = side_body if swapped else point_body
+        contacts[number].side_body = point_body if swapped else side_body
+        contacts[number].kind = ON_SIDE
+        which = corner if swapped else point
+        contacts[number].key = (which * corners.shape[0] + best) * 2 + ON_SIDE
+        count[0] = min(number + 1, limit)
+
+
+@compiled
+def list_way_out(work, point_body, side_body, point, x, y, cos, sin, hole, limit):
+    """List the side through which a point inside an outline leaves it soonest.
+
+    A corner will not have entered through a side that one of its own sides dips into. A point
+    behind a concave corner (`hole`) is behind both sides that meet there, and has to leave both.
+    """
+    corners = work.corners
+    own_back = _side_before(work, point_body, point)
+    first, last = work.first_corner[side_body], work.first_corner[side_body + 1]
+    best, second, highest = hole, -1, -np.inf
+    if hole >= 0:
+        second = _side_before(work, side_body, hole)
+        first = last
+    for side in range(first, last):
+        along, off = seen_from(corners, side, x, y)
+        if 0.0 <= along <= corners[side].length and off <= 0.0:
+            nx, ny = corners[side].side_y, -corners[side].side_x
+            nx, ny = cos * nx + sin * ny, cos * ny - sin * nx  # in the frame of the point's body
+            dips = -(nx * corners[point].side_x + ny * corners[point].side_y)
+            dips = max(dips, nx * corners[own_back].side_x + ny * corners[own_back].side_y)
+            score = off if dips < FACING else off - CROSSED
+            if score > highest:
+                best, highest = side, score
+    _list_inside(work, point_body, side_body, point, best, x, y, limit)
+    _list_inside(work, point_body, side_body, point, second, x, y, limit)
+
+
+@compiled
+def _list_inside(work, point_body, side_body, point, side, x, y, limit):
+    """List a side that a point is behind; none where its number is negative."""
+    corners, contacts, count = work.corners, work.contacts, work.counts
+    number = count[0]
+    along, off = seen_from(corners, max(side, 0), x, y)
+    contacts[number].gap = off
+    contacts[number].past, contacts[number].left = along, corners[max(side, 0)].length - along
+    contacts[number].point_body, contacts[number].side_body = point_body, side_body
+    contacts[number].kind = ON_SIDE
+    contacts[number].key = (point * corners.shape[0] + side) * 2 + ON_SIDE
+    count[0] = min(number + (1 if side >= 0 else 0), limit)
+
+
+@compiled
+def _side_before(work, body, corner):
+    """Return the number of the side that ends at a corner."""
+    first, last = work.first_corner[body], work.first_corner[body + 1]
+    return corner - 1 if corner > first else last - 1
+
+
+@compiled
+def seen_from(corners, side, x, y):
+    """Return how far along a side [m] a point lies, and how far in front of it."""
+    dx, dy = x - corners[side].x, y - corners[side].y
+    along = dx * corners[side].side_x + dy * corners[side].side_y
+    return along, dx * corners[side].side_y - dy * corners[side].side_x
+
+
+# --- where the tool first touches a body ----------------------------------------------------------
+
+
+@compiled
+def first_touch_of(work, way_x, way_y):
+    """Return how far [m] the tool travels until it touches any body; infinite if never."""
+    bodies = work.bodies
+    nearest = np.inf
+    for row in range(1, bodies.shape[0]):
+        dx, dy = bodies[TOOL].x - bodies[row].x, bodies[TOOL].y - bodies[row].y
+        reach = bodies[row].reach + bodies[TOOL].round
+        across = dx * way_y - dy * way_x
+        if abs(across) < reach and dx * way_x + dy * way_y < reach:
+            nearest = min(nearest, _distance_to(work, row, dx, dy, way_x, way_y))
+    return nearest
+
+
+@compiled
+def _distance_to(work, row, dx, dy, way_x, way_y):
+    """Return how far [m] the tool, at (dx, dy) from a body's centre, travels until they touch.
+
+    The tool's axis meets the outline grown by both radii: each side moved outward, and a circle
+    about each convex corner.
+    """
+    bodies, corners = work.bodies, work.corners
+    cos, sin = bodies[row].cos, bodies[row].sin
+    x, y = cos * dx + sin * dy, cos * dy - sin * dx
+    ux, uy = cos * way_x + sin * way_y, cos * way_y - sin * way_x
+    rounding = bodies[row].round + bodies[TOOL].round
+    nearest = np.inf
+    for side in range(work.first_corner[row], work.first_corner[row + 1]):
+        from_x, from_y = x - corners[side].x, y - corners[side].y
+        closing = uy * corners[side].side_x - ux * corners[side].side_y
+        off = from_x * corners[side].side_y - from_y * corners[side].side_x
+        if closing > 0.0 and off >= 0.0:
+            distance = max((off - rounding) / closing, 0.0)
+            along = (from_x + distance * ux) * corners[side].side_x
+            along += (from_y + distance * uy) * corners[side].side_y
+            if 0.0 <= along <= corners[side].length:
+                nearest = min(nearest, distance)
+        if corners[side].convex:
+            ahead = -(from_x * ux + from_y * uy)
+            squared = rounding * rounding - (from_x * from_x + from_y * from_y - ahead * ahead)
+            if squared > 0.0 and ahead > 0.0:
+                nearest = min(nearest, max(ahead - np.sqrt(squared), 0.0))
+    return nearest
