@@ -5,6 +5,7 @@ from collections import defaultdict
 from collections.abc import Callable
 from typing import Any, TypeVar
 
+import numpy as np
 import rclpy
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
@@ -13,7 +14,7 @@ from rclpy.parameter import Parameter
 from visualization_msgs.msg import MarkerArray
 
 from sain_core.errors import ErrorCode
-from sain_core.push import make_push
+from sain_core.push import PUSH_SIZE, make_push
 from sain_core.ros import codec
 from sain_core.ros.qos import LATCHED, RELIABLE
 from sain_interfaces.msg import (
@@ -93,11 +94,11 @@ class Graph:
         return response.scene
 
     def push(self, scene: SceneMessage, push_id: int, push: Any, **ids: int) -> None:
-        """Send a push from a scene: location, angle and length of a push against body 0."""
+        """Send a push from a scene: five numbers, or location, angle and length against body 0."""
         self.wait(lambda: self.pushing.get_subscription_count() > 0, "who takes a push")
         names = {"episode_id": scene.episode_id, "scene_id": scene.scene_id} | ids
         stamp = self.bystander.get_clock().now().to_msg()
-        array = make_push(*push)
+        array = np.asarray(push) if len(push) == PUSH_SIZE else make_push(*push)
         self.pushing.publish(
             codec.encode_push(array, stamp=stamp, push_id=push_id, source="test", **names)
         )

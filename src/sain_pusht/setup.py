@@ -22,7 +22,6 @@ setup(
         "numpy",
         "pillow",
         "rich",
-        "scipy",
         "shapely",
         "tyro",
     ],

@@ -98,7 +98,7 @@ def test_goals_in_a_row_are_counted_and_the_last_is_drawn(tmp_path: Path) -> Non
 def test_the_record_for_drawing_has_the_executed_pushes() -> None:
     record = played(0.45, 0.52, refused=2, name="paper_cube").record()
     assert len(record.pushes) == 1
-    assert record.shapes[1] == "cube"
+    assert record.bodies.shapes[1].name == "cube"
     assert record.title == "paper_cube 4"
 
 

@@ -7,7 +7,7 @@ import pytest
 from sain_core.errors import InvalidInputError
 from sain_live.player import RecordingPlayer
 from sain_live.recording import Chapter, Recording, Snapshot
-from sain_live.state import Kind, LiveState, LogLine
+from sain_live.state import Level, LiveState, LogLine
 
 
 def chapter(title, *times, rests):
@@ -21,7 +21,7 @@ RECORDING = Recording(
         chapter("one", 0.0, 1.0, 2.0, 3.0, rests=(0.0, 1.0, 3.0)),
         chapter("two", 0.0, 0.5, rests=(0.0, 0.5)),
     ),
-    tuple(LogLine(float(n), Kind.NOTE, f"line {n}") for n in range(3)),
+    tuple(LogLine(float(n), Level.NOTE, f"line {n}") for n in range(3)),
 )
 
 

@@ -9,7 +9,7 @@ from rich.console import Console
 from sain_eval.loop.results_page import read_results, results_page
 from sain_pusht import commands, evaluation
 from sain_pusht.evaluation import PushtRecord, run, write_pusht_results
-from sain_pusht.options import EvaluateOptions
+from sain_pusht.options import PushtOptions
 
 
 def records(model: str) -> list[PushtRecord]:
@@ -50,7 +50,7 @@ def test_the_command_goes_on_and_prints_steps_and_failures(
     monkeypatch.setattr(evaluation, "_load", lambda model: None)
     for episodes in (1, 3):
         text = StringIO()
-        options = EvaluateOptions(out=tmp_path, episodes=episodes, film=False)
+        options = PushtOptions(out=tmp_path, episodes=episodes, film=False)
         run(options, Console(file=text, width=200))
     assert played == [0, 1, 2]
     shown = text.getvalue()

@@ -20,7 +20,7 @@ from sain_bringup.graph import executable
 from sain_core.ros.qos import RELIABLE
 from sain_core.scene import POSITION, TARGET, make_scene
 from sain_core.types import Scene
-from sain_core.wire import decode_plan
+from sain_core.wire import decode_plan, decode_push
 from sain_interfaces.msg import Plan, Push
 from tests.sain_bags.conftest import SECOND, Messages, Recording
 
@@ -155,7 +155,7 @@ def test_planner_and_model_work_from_a_recording(audience: Audience, bag: Path) 
         sent = pushes[plan.push_id]
         assert (sent.episode_id, sent.scene_id) == (1, number)
         planned, predicted = decode_plan(plan)
-        assert planned[0] == pytest.approx([sent.location, sent.angle, sent.length])
+        assert planned[0] == pytest.approx(decode_push(sent))
         before = np.hypot(*(scene_at(TARGETS[number - 1])[TARGET, POSITION] - GOAL))
         assert plan.goal_distance == pytest.approx(float(before))
         assert np.hypot(*(predicted[-1, TARGET, POSITION] - GOAL)) < before

@@ -8,6 +8,7 @@ from sain_core import wire
 from sain_core.errors import ErrorCode
 from sain_core.goal import BodyPose
 from sain_core.goal import Goal as CoreGoal
+from sain_core.push import make_push
 from sain_core.ros import codec
 from sain_core.scene import make_scene
 from sain_core.shapes.bodies import Bodies
@@ -99,7 +100,7 @@ def test_shapes_are_said_once_an_episode_and_drawn_as_they_are(graph, running):
 
 def test_a_push_against_any_pushable_body_is_carried_out_and_predicted(graph, running):
     scene = begin(graph)
-    graph.push(scene, 5, (0.3, 0.1, 0.04, 2.0))
+    graph.push(scene, 5, make_push(0.3, 0.1, 0.04, body=2))
     result = graph.result(5)
     assert (result.error_code, result.error_message) == (ErrorCode.OK, "")
     assert result.push.body == 2
@@ -128,7 +129,7 @@ def test_a_push_against_any_pushable_body_is_carried_out_and_predicted(graph, ru
 def test_a_push_against_a_fixed_or_missing_body_is_refused(graph, body, text):
     graph.start(SimNode, peer_wait=0.0)
     scene = begin(graph)
-    graph.push(scene, 6, (0.3, 0.1, 0.04, body))
+    graph.push(scene, 6, make_push(0.3, 0.1, 0.04, body=body))
     result = graph.result(6)
     assert ErrorCode(result.error_code) is ErrorCode.OUT_OF_RANGE
     assert text in result.error_message

@@ -39,8 +39,8 @@ def walked(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
 
 def test_the_recording_became_rows_and_the_rows_a_model(walked: tuple[Path, str]) -> None:
     folder, _ = walked
-    data = load_dataset(folder / "data").alike
-    assert len(np.unique(data.episode)) == EPISODES
+    data = load_dataset(folder / "data")
+    assert len(np.unique(data.alike.episode)) == EPISODES
     card = read_card(folder / "model" / "sain.safetensors")
     assert card.data["sha256"] == data.sha256
     assert card.training["epochs_done"] == EPOCHS

@@ -131,7 +131,7 @@ class Scenery:
         return renderer
 
 
-class Part(NamedTuple):
+class FilmPart(NamedTuple):
     """Moments of a film, seen from one place.
 
     Attributes:
@@ -150,7 +150,7 @@ class FilmWorker:
         """Build what is to be seen."""
         self._scenery, self._renderer = scenery, scenery.renderer()
 
-    def run(self, part: Part) -> list[Image.Image] | None:
+    def run(self, part: FilmPart) -> list[Image.Image] | None:
         """Return the pictures of a part; None where one hides the target or the goal."""
         scenery, renderer = self._scenery, self._renderer
         renderer.look_from(part.eye)
@@ -184,12 +184,12 @@ class Film:
         self._parts = [moments[first:last] for first, last in pairwise(ends)]
         nothing = Software((), ())  # that the pictures must agree with
         work = Work(partial(FilmWorker, scenery), nothing, lambda part: "the film", resumes=False)
-        self._pool: Processes[Part, list[Image.Image] | None] = Processes(work, size)
+        self._pool: Processes[FilmPart, list[Image.Image] | None] = Processes(work, size)
         self._begin()
 
     def _begin(self) -> None:
         eye, whatever = self._views.pop(0)
-        parts = [Part(moments, eye, whatever) for moments in self._parts]
+        parts = [FilmPart(moments, eye, whatever) for moments in self._parts]
         self._futures = [self._pool.submit(part) for part in parts]
 
     def frames(self) -> list[Image.Image]:

@@ -36,6 +36,8 @@ def bootstrap_ratio(
 ) -> Interval:
     """Return the ratio of two means of M values with its 95 % interval; NaN for no values.
 
+    Bounds are infinite or NaN where values `below` that may be drawn are all 0.
+
     Values of one group, as of one episode, are drawn together; None: each one alone.
     """
     if not len(above):
@@ -45,6 +47,7 @@ def bootstrap_ratio(
         place = np.unique(groups, return_inverse=True)[1]
         first, second = (np.bincount(place, values).astype(float) for values in (first, second))
     drawn = random.integers(len(first), size=(RESAMPLES, len(first)))
-    ratios = first[drawn].sum(axis=1) / second[drawn].sum(axis=1)
-    low, high = np.quantile(ratios, [0.025, 0.975])
-    return Interval(float(first.sum() / second.sum()), float(low), float(high))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratios = first[drawn].sum(axis=1) / second[drawn].sum(axis=1)
+        low, high = np.quantile(ratios, [0.025, 0.975])
+        return Interval(float(first.sum() / second.sum()), float(low), float(high))

@@ -126,7 +126,7 @@ def check_field(field_name: str, item: "dataclasses.Field[Any]", value: Any) -> 
             raise ConfigError(f"{name} is {number}{unit}; it must be at most {high}{unit}")
 
 
-class Setting(NamedTuple):
+class FieldSetting(NamedTuple):
     """One field of settings or of settings nested in them."""
 
     name: str  # with those of the groups that it is in: ``planner.samples``
@@ -136,7 +136,7 @@ class Setting(NamedTuple):
     live: bool  # whether it, or a group that it is in, is declared so
 
 
-def settings_of(settings: Config, prefix: str = "", live: bool = False) -> Iterator[Setting]:
+def settings_of(settings: Config, prefix: str = "", live: bool = False) -> Iterator[FieldSetting]:
     """Yield every setting; nested ones by the names of their groups, too."""
     kinds = get_type_hints(type(settings))
     for item in dataclasses.fields(settings):
@@ -145,7 +145,7 @@ def settings_of(settings: Config, prefix: str = "", live: bool = False) -> Itera
         if isinstance(value, Config):
             yield from settings_of(value, f"{name}.", may_change)
         else:
-            yield Setting(name, item, kinds[item.name], value, may_change)
+            yield FieldSetting(name, item, kinds[item.name], value, may_change)
 
 
 def with_settings(settings: C, values: Mapping[str, Any], prefix: str = "") -> C:

@@ -112,7 +112,7 @@ class PushLimits(Config):
             allowed, known = ", ".join(map(str, bodies.pushable)), range(len(bodies))
             what = f"is {bodies.roles[int(body)]}" if body in known else "does not exist"
             raise OutOfRangeError(
-                f"the push is against body {body:g}, which {what}; pushable are: {allowed}"
+                f"the push is against body {body:.15g}, which {what}; pushable are: {allowed}"
             )
         return push
 

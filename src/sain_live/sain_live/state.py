@@ -24,7 +24,7 @@ LONGEST_LINE: Final = 400  # characters of one
 MOST_POINTS: Final = 400  # of a chart
 
 
-class Kind(StrEnum):
+class Level(StrEnum):
     """What a line of the log is about."""
 
     NOTE = "note"
@@ -93,7 +93,7 @@ class LogLine:
     """Something to read: when, in simulated seconds, what about, and the text."""
 
     time: float
-    kind: Kind
+    kind: Level
     text: str
 
 
@@ -162,7 +162,7 @@ class LiveState:
             return None
         return aim.judge(scene, scene, bodies)
 
-    def tell(self, kind: Kind, text: str) -> None:
+    def tell(self, kind: Level, text: str) -> None:
         """Add a line to the log; the same one again is not repeated."""
         text = " ".join(text.split())
         text = text if len(text) <= LONGEST_LINE else text[: LONGEST_LINE - 1] + "…"

@@ -6,7 +6,7 @@ from sain_core.cli.command_line import Command
 
 evaluate: Final = Command(
     "sain_pusht evaluate",
-    "options:EvaluateOptions",
+    "options:PushtOptions",
     "evaluation:run",
     resumes="episode",
     prefixes=True,

@@ -35,7 +35,7 @@ from sain_eval.scenes.scenario_scene import ScenarioScene
 from sain_mppi.algorithms.config import PlannerConfig
 from sain_pusht.agent import PLANNER, pusht_agent
 from sain_pusht.model import PushtModel, load_model
-from sain_pusht.options import EvaluateOptions
+from sain_pusht.options import PushtOptions
 from sain_pusht.world import MOST_STEPS, NEAR, TURNED, PushtWorld, make_env, play_pusht
 
 PACKAGES: Final = ("gym-pusht", "pymunk", "gymnasium", "numpy", "numba", "torch")
@@ -66,7 +66,7 @@ class PushtJob:
     picture: Path | None = None
 
 
-def run(options: EvaluateOptions, console: Console) -> None:
+def run(options: PushtOptions, console: Console) -> None:
     """Play what is left, write the results, and print them as tables."""
     with silent_interrupts():  # what is missing should not wait for the first episode
         make_env(MOST_STEPS)

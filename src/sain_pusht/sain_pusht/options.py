@@ -13,7 +13,7 @@ from sain_pusht.agent import PLANNER
 
 
 @dataclass(frozen=True)
-class EvaluateOptions(WorkerOptions):
+class PushtOptions(WorkerOptions):
     """Play Push-T in gym-pusht: its physics, seeds, steps and measure of success.
 
     The agent is the one that sain_eval's evaluate and mppi_node run. An episode ends when gym-pusht

@@ -13,7 +13,7 @@ from sain_core.shapes.bodies import PAPER_DISKS
 from sain_live.page.live_page import LivePage
 from sain_live.page.serving import refusal
 from sain_live.settings import PageConfig
-from sain_live.state import Kind, LiveArm, LivePlan, LiveResult, LiveScene
+from sain_live.state import Level, LiveArm, LivePlan, LiveResult, LiveScene
 from sain_sim.arm.panda import describe_arm
 from tests.sain_live.straw import AIM, BODIES, SCENE, Written, made_up, served
 
@@ -188,7 +188,7 @@ def test_what_the_graph_waits_for_is_said(shown):
 
 def test_texts_from_elsewhere_are_escaped(shown):
     known, _, _, viewer = shown
-    known.tell(Kind.FAULT, "<script>alert(1)</script>")
+    known.tell(Level.FAULT, "<script>alert(1)</script>")
     viewer.wait(lambda: "alert" in viewer.texts, "the line")
     assert "<script>" not in viewer.texts
 

@@ -4,7 +4,7 @@ import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 
 from sain_live.ros.health import Health
-from sain_live.state import Kind, LiveState
+from sain_live.state import Level, LiveState
 
 OK, WARN = DiagnosticStatus.OK, DiagnosticStatus.WARN
 
@@ -35,7 +35,7 @@ def test_while_the_graph_starts_trouble_is_told_once_and_is_no_fault(known, say)
     known.update(starting="waits for the model")
     for message in ("compiling 1 of 40 kernels", "compiling 2 of 40 kernels", "no model"):
         say(WARN, message)
-    assert lines(known) == [(Kind.NOTE, "planner: compiling 1 of 40 kernels")]
+    assert lines(known) == [(Level.NOTE, "planner: compiling 1 of 40 kernels")]
 
 
 def test_later_trouble_is_a_fault_until_the_node_is_well(known, say):
@@ -44,11 +44,11 @@ def test_later_trouble_is_a_fault_until_the_node_is_well(known, say):
         say(WARN, "the model failed")
     say(OK, "pushing")
     assert lines(known) == [
-        (Kind.FAULT, "planner: the model failed"),
-        (Kind.NOTE, "planner: pushing"),
+        (Level.FAULT, "planner: the model failed"),
+        (Level.NOTE, "planner: pushing"),
     ]
 
 
 def test_what_a_page_that_comes_later_finds_is_a_note(known, say):
     say(WARN, "no push to make")
-    assert lines(known) == [(Kind.NOTE, "planner: no push to make")]
+    assert lines(known) == [(Level.NOTE, "planner: no push to make")]

@@ -12,7 +12,7 @@ from sain_interfaces.srv import DescribeModel
 from sain_live.orders import Reset
 from sain_live.ros import tuning
 from sain_live.ros.page_node import PageNode
-from sain_live.state import Kind, Phase
+from sain_live.state import Level, Phase
 from sain_model.ros.model_node import ModelNode
 from sain_mppi.ros.mppi_node import MppiNode
 from sain_sim.ros.sim_node import SimNode
@@ -46,7 +46,7 @@ def told(page):
 
 
 def faults(page):
-    return [line.text for line in page.known.log if line.kind is Kind.FAULT]
+    return [line.text for line in page.known.log if line.kind is Level.FAULT]
 
 
 def planner_states(graph):
@@ -163,7 +163,7 @@ def test_a_model_that_no_planner_can_wait_for_is_refused_and_the_old_one_stays(g
 def test_a_model_that_cannot_predict_the_bodies_is_refused_and_the_old_one_stays(graph, whole):
     whole.asking.reset(Reset("push_t", 1))
     model = next(node for node in graph.nodes if isinstance(node, ModelNode))
-    graph.wait(lambda: model.bodies and model.bodies.shapes[0].name == "t", "the T")
+    graph.wait(lambda: model.service.bodies.shapes[0].name == "t", "the T")
     whole.asking.load("bullet")
     graph.wait(lambda: "can only predict disks; the bodies are t" in told(whole), "the words")
     assert whole.known.model == "planar"
@@ -240,7 +240,7 @@ def test_a_plan_that_is_told_after_the_end_does_not_undo_it(graph, alone):
     publish["scene"].publish(scene)
     graph.wait(lambda: alone.known.scene, "the scene")
     ids = {"goal_id": 1, "episode_id": 4}
-    size = {"horizon": 1, "disks": len(SCENE), "pushes": [0.0] * 3}
+    size = {"horizon": 1, "disks": len(SCENE), "pushes": [0.0] * 5}
     push = Plan(**ids, **size, push_id=7, scene_id=1, status=Plan.PUSH, error_code=1)
     push.predicted = SCENE.ravel().tolist()
     result = type_of("push_result")(push_id=7, episode_id=4, error_code=1)

@@ -53,8 +53,8 @@ def draw(count: int, batch: int, seed: int = 0) -> tuple[Scenes, Pushes, Scenes]
             for _ in range(batch)
         ]
     )
-    body = random.integers(count, size=(batch, 1))
-    pushes = np.concatenate([PushLimits().sample(random, batch), body], axis=1)
+    pushes = PushLimits().sample(random, batch)
+    pushes[:, BODY] = random.integers(count, size=batch)
     after = scenes.copy()
     after[..., :3] += random.uniform(-0.02, 0.02, (batch, count, 3))
     return scenes, pushes, after

@@ -10,7 +10,7 @@ from sain_core.history import PushHistory
 from sain_core.model import load_dynamics
 from sain_core.push import PushLimits
 from sain_core.ros import codec
-from sain_core.scene import make_scene
+from sain_core.scene import MASS, POSE, make_scene
 from sain_interfaces.srv import DescribeModel, PredictResidual, Rollout
 from sain_model.physics.planar import PlanarPrior
 from sain_model.ros.model_node import ModelNode
@@ -72,13 +72,21 @@ def test_physics_cannot_tell_how_sure_it_is(graph, model):
     [
         ({"samples": 0}, ErrorCode.INVALID, "samples is 0; it must be at least 1"),
         ({"disks": 0}, ErrorCode.INVALID, "disks is 0; it must be at least 1"),
-        ({"samples": 5}, ErrorCode.INVALID, "pushes has 12 numbers; 30 were expected"),
+        ({"samples": 5}, ErrorCode.INVALID, "pushes has 20 numbers; 50 were expected"),
         ({"scene": [0.0] * 7}, ErrorCode.INVALID, "scene has 7 numbers; 16 were expected"),
         ({"scene": [np.nan] * 16}, ErrorCode.INVALID, "scene at (0, 0) is nan; must be finite"),
         ({"scene": [0.0] * 16}, ErrorCode.INVALID, "mass of disk 0 is 0.0; it must be positive"),
-        ({"pushes": [np.inf] * 12}, ErrorCode.INVALID, "pushes at (0, 0, 0) is inf"),
-        ({"pushes": [0.0, 0.0, 9.0] * 4}, ErrorCode.OUT_OF_RANGE, "length of push (0, 0) is 9.0"),
-        ({"pushes": [0.0, 2.0, 0.1] * 4}, ErrorCode.OUT_OF_RANGE, "angle of push (0, 0) is 2.0"),
+        ({"pushes": [np.inf] * 20}, ErrorCode.INVALID, "pushes at (0, 0, 0) is inf"),
+        (
+            {"pushes": [0, 0, 0.0, 9.0, 0.2] * 4},
+            ErrorCode.OUT_OF_RANGE,
+            "length of push (0, 0) is 9.0",
+        ),
+        (
+            {"pushes": [0, 0, 2.0, 0.1, 0.2] * 4},
+            ErrorCode.OUT_OF_RANGE,
+            "angle of push (0, 0) is 2.0",
+        ),
         (
             {"disks": 33, "scene": [0.5] * 264},
             ErrorCode.TOO_MUCH_WORK,
@@ -150,21 +158,27 @@ def test_physics_alone_has_no_residual(graph, model):
 
 
 def test_physics_that_is_given_is_what_gets_corrected(graph, model):
-    scenes, given = np.stack([SCENE] * 2), np.full((2, 2, 8), 0.25)
+    scenes = np.stack([SCENE] * 2)
+    given = scenes.copy()
+    given[..., POSE] = 0.25
     response = predict(graph, scenes, pushes(2), given)
     assert response.next_state.tolist() == given.ravel().tolist()
+    given[..., MASS] = 3.0
+    response = predict(graph, scenes, pushes(2), given)
+    assert ErrorCode(response.error_code) is ErrorCode.INVALID
+    assert "physics_next states other masses or radii" in response.error_message
 
 
 def test_a_prediction_request_that_is_short_of_numbers_is_refused(graph, model):
     response = predict(graph, np.stack([SCENE] * 2), pushes(1))
     assert ErrorCode(response.error_code) is ErrorCode.INVALID
-    assert "pushes has 3 numbers; 6 were expected, for shape (2, 3)" in response.error_message
+    assert "pushes has 5 numbers; 10 were expected, for shape (2, 5)" in response.error_message
 
 
 @pytest.mark.parametrize("field", ["scenes", "pushes", "physics_next"])
 def test_a_prediction_request_with_nan_is_refused(graph, model, field):
     arrays = {"scenes": np.stack([SCENE] * 2), "pushes": pushes(2), "physics_next": None}
-    arrays[field] = np.full((2, 3) if field == "pushes" else (2, 2, 8), np.nan)
+    arrays[field] = np.full((2, 5) if field == "pushes" else (2, 2, 8), np.nan)
     response = predict(graph, arrays["scenes"], arrays["pushes"], arrays["physics_next"])
     assert ErrorCode(response.error_code) is ErrorCode.INVALID
     assert f"{field} at" in response.error_message

@@ -12,7 +12,7 @@ from sain_core.shapes.supports import FLAT, _within
 from sain_sim.world.parameters import WorldParameters, nominal_parameters
 from sain_sim.world.roughness import Roughness
 from sain_sim.world.truth import TruthConfig
-from sain_sim.world.workcell import GRAVITY, Origin
+from sain_sim.world.workcell import GRAVITY, CellState
 from sain_sim.world.world import World
 
 FRICTION, RADIUS, HEADING = 0.2, 0.08, 0.3
@@ -31,7 +31,7 @@ def thrown(world: World, velocity: np.ndarray, spin: float) -> np.ndarray:
         moving = [states[0]._replace(velocity=(*velocity, 0.0), spin=(0.0, 0.0, spin))]
     else:
         moving = states._replace(speeds=np.array([[*velocity, 0.0, 0.0, 0.0, spin]]))
-    world._build(Origin(moving, home))
+    world._build(CellState(moving, home))
     assert world.settle()
     return world.observe()[0]
 

@@ -11,7 +11,7 @@ import viser
 from sain_core.errors import ConfigError
 from sain_live.page.geometry import Quaternion, Vector, about, of_angles, turned
 from sain_live.page.meshes import read_mesh
-from sain_live.state import Kind, LiveArm, LiveState
+from sain_live.state import Level, LiveArm, LiveState
 
 PLAIN: Final = (210, 212, 215)
 MOVES: Final = ("revolute", "continuous", "prismatic")
@@ -57,7 +57,7 @@ class ArmView:
             try:
                 self._make(known.arm)
             except (ConfigError, ElementTree.ParseError, ValueError) as error:
-                known.tell(Kind.FAULT, f"the arm is not drawn: {error}")
+                known.tell(Level.FAULT, f"the arm is not drawn: {error}")
             self._joints = {}
         if known.joints is self._joints:
             return

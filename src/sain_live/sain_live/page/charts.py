@@ -9,7 +9,7 @@ import viser
 from viser import uplot
 
 from sain_core.drawing.palette import PALETTE
-from sain_live.state import Kind, LiveCurves, LiveState, LogLine
+from sain_live.state import Level, LiveCurves, LiveState, LogLine
 
 FONT: Final = "11px sans-serif"
 WHOLE: Final = (1, 2, 5, 10, 20, 50, 100, 200)  # between two ticks: pushes are counted
@@ -19,7 +19,11 @@ WIDTH: Final = 330  # pixels of the panel
 NUMBERS: Final = 58  # pixels, for the numbers beside a chart: 200,000 fits
 HEADROOM: Final = 1.08  # top of a chart over its largest value
 TICKS: Final = 16  # pixels, least distance of two of them: their numbers do not touch
-COLOURS: Final = {Kind.NOTE: PALETTE.soft, Kind.REFUSAL: PALETTE.alarm, Kind.FAULT: PALETTE.alarm}
+COLOURS: Final = {
+    Level.NOTE: PALETTE.soft,
+    Level.REFUSAL: PALETTE.alarm,
+    Level.FAULT: PALETTE.alarm,
+}
 LEGEND: Final = (
     (PALETTE.predicted, "what the model predicts"),
     (PALETTE.physics, "what physics without learning predicts"),
@@ -107,7 +111,7 @@ def log_text(lines: list[LogLine]) -> str:
     rows = "".join(
         f'<div style="margin:2px 0;color:{COLOURS[line.kind]}">'
         f'<span style="opacity:.6">{line.time:.1f} s</span> '
-        f"{'' if line.kind is Kind.NOTE else f'<b>{line.kind}</b> '}{escape(line.text)}</div>"
+        f"{'' if line.kind is Level.NOTE else f'<b>{line.kind}</b> '}{escape(line.text)}</div>"
         for line in reversed(lines)
     )
     return f'<div style="padding:6px 14px;font-size:12px;line-height:1.35">{rows or "-"}</div>'

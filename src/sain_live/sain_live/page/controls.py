@@ -14,7 +14,7 @@ from sain_core.shapes.library import shape_names
 from sain_eval.scenes.scenarios import scenario_names
 from sain_live.orders import AS_DRAWN, Orders, Reset
 from sain_live.settings import PageConfig
-from sain_live.state import Kind, LiveState, Phase
+from sain_live.state import Level, LiveState, Phase
 from sain_sim.world.truth import TRUTHS
 
 START, ONCE, PAUSE = "Start", "One push", "Pause"
@@ -143,7 +143,7 @@ class ControlsView:
             try:
                 work()
             except SainError as error:
-                self._known.tell(Kind.REFUSAL, str(error))
+                self._known.tell(Level.REFUSAL, str(error))
 
         return call
 

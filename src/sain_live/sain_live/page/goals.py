@@ -14,7 +14,7 @@ from sain_core.types import Scene
 from sain_live.aims import check_aim
 from sain_live.orders import Orders
 from sain_live.page.geometry import circle, heading_of, line, mesh, rgb, ring, upright
-from sain_live.state import Kind, LiveState
+from sain_live.state import Level, LiveState
 
 HANDLE: Final = 0.11  # [m], length of the arrows
 LOW: Final = 0.0025  # [m], height over the table
@@ -138,7 +138,7 @@ class GoalsView:
         self._orders.aim(moved)
 
     def _snap_back(self, body: int, why: str) -> None:
-        self._known.tell(Kind.REFUSAL, f"goal of body {body}: {why}")
+        self._known.tell(Level.REFUSAL, f"goal of body {body}: {why}")
         aim = self._known.aim
         for pose in () if aim is None else aim.poses:
             if pose.body == body and body in self._handles:

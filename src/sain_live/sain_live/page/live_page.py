@@ -20,7 +20,7 @@ from sain_live.page.serving import open_server
 from sain_live.page.stage import draw_stage
 from sain_live.player import RecordingPlayer
 from sain_live.settings import PageConfig
-from sain_live.state import Kind, LiveState
+from sain_live.state import Level, LiveState
 
 WAIT: Final = 0.5  # [s] between looks where nothing changes
 BEHIND: Final = 0.1  # [s] that the pace may catch up
@@ -106,7 +106,7 @@ class LivePage:
                 except Exception as error:
                     logger.exception("the page could not be drawn")
                     text = f"{type(view).__name__} cannot draw: {type(error).__name__}: {error}"
-                    self._known.tell(Kind.FAULT, text)
+                    self._known.tell(Level.FAULT, text)
         self.updates += 1
 
     def _run(self) -> None:

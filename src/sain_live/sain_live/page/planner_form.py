@@ -7,7 +7,7 @@ import viser
 
 from sain_core.config import describe_values, show_value
 from sain_live.orders import Field, Orders, planner_settings
-from sain_live.state import Kind, LiveState
+from sain_live.state import Level, LiveState
 
 STEPS: Final = 100  # of a slider
 WIDEST: Final = {float: 10.0, int: 200.0}  # range of a slider; beyond, a number is typed
@@ -57,7 +57,7 @@ class PlannerForm:
                     value = read_numbers(value)
                 except ValueError:
                     self._known.tell(
-                        Kind.REFUSAL, f"{name} is {value!r}; it must be numbers, as [1, 2]"
+                        Level.REFUSAL, f"{name} is {value!r}; it must be numbers, as [1, 2]"
                     )
                     self._known.update(planner=dict(self._known.planner))
                     self._shown = {}

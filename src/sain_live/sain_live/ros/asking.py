@@ -18,7 +18,7 @@ from sain_interfaces.msg import Plan
 from sain_interfaces.srv import ResetScene
 from sain_live.orders import Reset
 from sain_live.ros.tuning import Tuning
-from sain_live.state import Kind, LiveState, Phase
+from sain_live.state import Level, LiveState, Phase
 
 AGAIN: Final = 0.1  # [s] between attempts to reset while a push is under way
 PATIENCE: Final = 60.0  # [s] for that push
@@ -87,13 +87,13 @@ class Asking:
             self._orders.get()()
 
     def _refuse(self, text: str) -> None:
-        self._known.tell(Kind.REFUSAL, text)
+        self._known.tell(Level.REFUSAL, text)
 
     def _take_aim(self) -> None:
         if self._known.followed:
             self._follow(0)
         else:
-            self._known.tell(Kind.NOTE, "the goal is placed; Start follows it")
+            self._known.tell(Level.NOTE, "the goal is placed; Start follows it")
 
     def _follow(self, most: int) -> None:
         known = self._known
@@ -130,7 +130,7 @@ class Asking:
         if result.status == Plan.REACHED:
             count = f"{result.pushes} push{'' if result.pushes == 1 else 'es'}"
             text = f"reached with {count}, {1e3 * result.goal_distance:.0f} mm from the goal"
-            self._known.tell(Kind.NOTE, text)
+            self._known.tell(Level.NOTE, text)
 
     def _pause(self) -> None:
         self._goal += 1
@@ -139,7 +139,7 @@ class Asking:
             self._handle.cancel_goal_async()
             self._handle = None
         elif self._known.phase in (Phase.PLANNING, Phase.PUSHING):
-            self._known.tell(Kind.NOTE, "the goal is another sender's; it ends by its own")
+            self._known.tell(Level.NOTE, "the goal is another sender's; it ends by its own")
 
     def _begin_reset(self, case: ScenarioScene, world: str) -> None:
         if not self._reset_scene.service_is_ready():
@@ -168,7 +168,7 @@ class Asking:
                 self._refuse(f"reset: {reply.error_message}")
             else:
                 known.update(aim=case.goal, phase=Phase.PAUSED, why="", pushes=0)
-                known.tell(Kind.NOTE, f"{case.scenario}, seed {case.seed}")
+                known.tell(Level.NOTE, f"{case.scenario}, seed {case.seed}")
 
         self._retry = None
         self._reset_scene.call_async(request).add_done_callback(on_reply)

@@ -5,7 +5,7 @@ from typing import Any, Final
 from diagnostic_msgs.msg import DiagnosticArray
 
 from sain_core.ros.diagnostics import OK, node_of
-from sain_live.state import Kind, LiveState
+from sain_live.state import Level, LiveState
 
 PLAIN: Final = {
     "mppi_node": "planner",
@@ -36,10 +36,10 @@ class Health:
             if level != OK:
                 first, starting = status.name not in self._levels, self._known.starting
                 if first or not starting:  # else the page says all the time what it waits for
-                    kind = Kind.NOTE if first or starting else Kind.FAULT
+                    kind = Level.NOTE if first or starting else Level.FAULT
                     self._known.tell(kind, f"{plain_name(node_of(status))}: {status.message}")
             elif before[0] != OK:
-                self._known.tell(Kind.NOTE, f"{plain_name(node_of(status))}: {status.message}")
+                self._known.tell(Level.NOTE, f"{plain_name(node_of(status))}: {status.message}")
             self._levels[status.name] = level, status.message
 
 

@@ -27,7 +27,7 @@ from sain_interfaces.msg import (
 from sain_live.aims import first_aim
 from sain_live.ros.health import Health
 from sain_live.ros.pushes import Stories
-from sain_live.state import Kind, LiveArm, LivePlan, LiveScene, LiveState, Phase
+from sain_live.state import Level, LiveArm, LivePlan, LiveScene, LiveState, Phase
 
 MOST_SHAPES: Final = 16  # episodes whose shapes are kept until their scenes come
 Take = Callable[[Any], None]
@@ -142,7 +142,7 @@ class Hearing:
     def _on_description(self, message: String) -> None:
         known = self._known
         if len(message.data) > LONGEST_DESCRIPTION:
-            known.tell(Kind.FAULT, f"the arm is not drawn: {len(message.data)} characters of URDF")
+            known.tell(Level.FAULT, f"the arm is not drawn: {len(message.data)} characters of URDF")
         elif known.arm is None or known.arm.description != message.data:
             known.update(arm=LiveArm(message.data, *self._root))
 
@@ -187,7 +187,7 @@ class Hearing:
         why = f"{known.pushes} pushes" if phase is Phase.REACHED else error
         known.update(phase=phase, why=why, plan=None)
         if error:
-            known.tell(Kind.REFUSAL, f"planner: {error}")
+            known.tell(Level.REFUSAL, f"planner: {error}")
 
     def _on_push(self, message: Plan) -> None:
         known = self._known
@@ -224,7 +224,7 @@ class Hearing:
     def _on_result(self, message: PushResult) -> None:
         known = self._known
         if message.error_code != ErrorCode.OK:
-            known.tell(Kind.REFUSAL, f"push refused: {message.error_message}")
+            known.tell(Level.REFUSAL, f"push refused: {message.error_message}")
             known.update(pushes=max(known.pushes - 1, 0))
             return
         story = self._stories.of(message.push_id)

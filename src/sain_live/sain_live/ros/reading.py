@@ -13,7 +13,7 @@ from sain_bags.report.titles import EpisodePart, episode_titles
 from sain_core.errors import DatasetError, ErrorCode
 from sain_live.recording import Chapter, Recording, Snapshot
 from sain_live.ros.hearing import Hearing, Take
-from sain_live.state import Kind, LiveState, LogLine
+from sain_live.state import Level, LiveState, LogLine
 
 SHOWN: Final = (
     "bodies", "scene", "aim", "joints", "curves", "phase", "why", "pushes", "model", "engine",
@@ -133,7 +133,7 @@ class _Reader:
             try:
                 self._take(topic, take, received)
             except Exception as error:  # noqa: BLE001 - as in a graph, one message ends nothing
-                self.known.tell(Kind.FAULT, f"a message on {received.topic} is ignored: {error}")
+                self.known.tell(Level.FAULT, f"a message on {received.topic} is ignored: {error}")
         return self._drafts
 
     def goals(self, draft: _Draft) -> int:

@@ -13,7 +13,7 @@ from sain_core.ros.qos import RELIABLE
 from sain_core.ros.steady import steady_timer
 from sain_interfaces.srv import DescribeModel, LoadModel
 from sain_live.orders import planner_settings
-from sain_live.state import Kind, LiveState
+from sain_live.state import Level, LiveState
 from sain_model.compute.kernel_store import describe_compilation
 
 PLANNER: Final = "mppi_node"
@@ -50,7 +50,7 @@ class Tuning:
         if not self._set.service_is_ready():
             self._wanted.clear()
             self._known.update(planner=dict(self._known.planner))
-            self._known.tell(Kind.REFUSAL, "no planner is there to take a setting")
+            self._known.tell(Level.REFUSAL, "no planner is there to take a setting")
             return
         wanted, self._wanted, self._setting = self._wanted, {}, True
         request = SetParameters.Request()
@@ -65,7 +65,7 @@ class Tuning:
             if result.successful:
                 planner[name] = value
             else:
-                self._known.tell(Kind.REFUSAL, f"{name} = {value!r}: {result.reason}")
+                self._known.tell(Level.REFUSAL, f"{name} = {value!r}: {result.reason}")
         self._known.update(planner=planner)  # also where refused: the control goes back
         if self._wanted:
             self._send_settings()
@@ -73,19 +73,19 @@ class Tuning:
     def load(self, model: str) -> None:
         """Serve another model."""
         if not self._load_model.service_is_ready():
-            self._known.tell(Kind.REFUSAL, "no model's node is there to load another model")
+            self._known.tell(Level.REFUSAL, "no model's node is there to load another model")
             return
         self._known.update(loading=model)
-        self._known.tell(Kind.NOTE, f"loads {model}")
+        self._known.tell(Level.NOTE, f"loads {model}")
 
         def on_reply(done: Any) -> None:
             reply = done.result()
             self._known.update(model=reply.model, loading="")
             if reply.error_code == ErrorCode.OK:
-                self._known.tell(Kind.NOTE, f"the model is {reply.model}")
+                self._known.tell(Level.NOTE, f"the model is {reply.model}")
             else:
                 stays = f"{reply.model} stays"
-                self._known.tell(Kind.REFUSAL, f"load {model}: {reply.error_message}; {stays}")
+                self._known.tell(Level.REFUSAL, f"load {model}: {reply.error_message}; {stays}")
 
         self._load_model.call_async(LoadModel.Request(model=model)).add_done_callback(on_reply)
 
@@ -97,7 +97,7 @@ class Tuning:
             if there != self._there[name]:
                 self._there[name] = there
                 self._came.add(name)
-                kind = Kind.NOTE if there else Kind.FAULT
+                kind = Level.NOTE if there else Level.FAULT
                 self._known.tell(kind, f"{name} is {'ready' if there else 'gone'}")
         self._look_what_starts()
         if not self._get.service_is_ready():

@@ -25,7 +25,7 @@ MOST_CONTACTS = 24  # of a pair, a guard; two polygons that lie side by side hav
 
 
 def _record(numbers: str, integers: str = "", flags: str = "") -> np.dtype:
-    fields = [(name, np.float64) for name in numbers.split()]
+    fields: list[tuple[str, type]] = [(name, np.float64) for name in numbers.split()]
     fields += [(name, np.int64) for name in integers.split()]
     return np.dtype(fields + [(name, np.bool_) for name in flags.split()], align=True)
 

@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from sain_core.errors import ConfigError, OutOfRangeError, TooMuchWorkError
+from sain_core.errors import ConfigError, InvalidInputError, OutOfRangeError, TooMuchWorkError
 from sain_core.history import PushHistory
 from sain_core.model import (
     Model,
@@ -19,7 +19,7 @@ from sain_core.model import (
     load_dynamics,
 )
 from sain_core.push import check_predictable, make_push, pushed_bodies
-from sain_core.scene import OVERLAP_TOLERANCE, THETA, make_scene, wrap_angle
+from sain_core.scene import MASS, OVERLAP_TOLERANCE, THETA, make_scene, wrap_angle
 from sain_core.shapes.bodies import PAPER_DISKS, Bodies, check_scenes
 from sain_core.types import PredictedScenes, Pushes, PushSequences, Scene, Scenes
 from sain_model.compute.devices import AUTO, CPU, choose_device
@@ -212,6 +212,10 @@ class ModelServer:
         if physics_next is None:
             prior = dynamics.physics if isinstance(dynamics, SainDynamics) else dynamics
             physics_next = check_step(prior.step(scenes, pushes), scenes, self._name)
+        elif not np.array_equal(physics_next[..., MASS:], scenes[..., MASS:]):
+            raise InvalidInputError(
+                "physics_next states other masses or radii than the scenes; a push changes neither"
+            )
         next_state = physics_next  # physics alone corrects nothing
         if isinstance(dynamics, SainDynamics):
             next_state = dynamics.correct(scenes, pushes, physics_next)

@@ -24,7 +24,7 @@ from sain_model.network.interaction_network import InteractionNetwork, new_netwo
 from sain_model.training.interval_fit import fit_intervals
 from sain_model.training.objectives import Rollouts, SinglePushes
 from sain_model.training.settings import NOTHING, RolloutConfig, TrainingConfig
-from sain_model.training.trainer import LossHistory, Objective, Progress, Trainer
+from sain_model.training.trainer import LearningObjective, LossHistory, Progress, Trainer
 
 Show = Callable[[str, int, int], AbstractContextManager[Progress]]
 """Shows a part of a training, by its name, of so many epochs of which so many are done."""
@@ -98,7 +98,7 @@ def fit(
     if start is not None:
         pushes.identity += f" from {start.origin.model_hash}"
         network.load_state_dict(module_of(start).state_dict())
-    stages: list[tuple[str, Objective, TrainingConfig]] = [(PUSHES, pushes, config)]
+    stages: list[tuple[str, LearningObjective, TrainingConfig]] = [(PUSHES, pushes, config)]
     if rollout.wanted:
         rollouts = Rollouts(split, kind, config, rollout)
         stages.append((ROLLOUTS, rollouts, rollout.after(config)))

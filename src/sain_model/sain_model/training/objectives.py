@@ -28,7 +28,7 @@ from sain_model.physics.parameters import Values
 from sain_model.physics.planar import PlanarPrior
 from sain_model.training.rollouts import roll
 from sain_model.training.settings import LossConfig, RolloutConfig, TrainingConfig
-from sain_model.training.trainer import Objective
+from sain_model.training.trainer import LearningObjective
 
 
 def _identity(split: Split, kind: Kind) -> str:
@@ -109,7 +109,7 @@ def _padded(motion: Tensor, bodies: int) -> Tensor:
     return functional.pad(motion, (0, 0, 0, bodies - motion.shape[1]))
 
 
-class SinglePushes(Objective):
+class SinglePushes(LearningObjective):
     """Algorithm 1's loss of single pushes, each member on rows of its own."""
 
     def __init__(
@@ -139,7 +139,7 @@ class SinglePushes(Objective):
         return mixed_loss(said, data.examples, rows, self._loss).item()
 
 
-class Rollouts(Objective):
+class Rollouts(LearningObjective):
     """Algorithm 1's loss of rollouts of the network's own predictions."""
 
     def __init__(

@@ -1,7 +1,7 @@
 """One trainer for everything that a network learns: steps, validation, the best weights, resuming.
 
-What is learned is an `Objective`. After each epoch a file holds all that a training needs to go on
-after a stop, to the same bytes.
+What is learned is a `LearningObjective`. After each epoch a file holds all that a training needs
+to go on after a stop, to the same bytes.
 """
 
 import io
@@ -30,7 +30,7 @@ from sain_model.training.settings import TrainingConfig
 Progress = Callable[[int, "LossHistory"], None]  # called with the epochs done, and their losses
 
 
-class Objective(ABC):
+class LearningObjective(ABC):
     """What a network is to learn.
 
     Attributes:
@@ -140,7 +140,7 @@ class Trainer:
     def __init__(
         self,
         network: InteractionNetwork,
-        objective: Objective,
+        objective: LearningObjective,
         config: TrainingConfig,
         path: Path,
         keeps_start: bool = False,

@@ -24,7 +24,7 @@ def icem(search: Search, start: PushSequences, generator: np.random.Generator) -
     """
     config, fit = search.config, None
     if len(start):
-        fit = Fit(start[0], np.tile(config.noise.deviations(0), (config.horizon, 1)), start)
+        fit = EliteSpread(start[0], np.tile(config.noise.deviations(0), (config.horizon, 1)), start)
     for round_number in range(config.rounds):
         if round_number and search.over:
             break
@@ -38,7 +38,7 @@ def icem(search: Search, start: PushSequences, generator: np.random.Generator) -
 
 
 @dataclass(frozen=True)
-class Fit:
+class EliteSpread:
     """What the next population is drawn from."""
 
     mean: Sequence
@@ -47,7 +47,7 @@ class Fit:
 
 
 def _population(
-    search: Search, fit: Fit | None, last: bool, generator: np.random.Generator, count: int
+    search: Search, fit: EliteSpread | None, last: bool, generator: np.random.Generator, count: int
 ) -> PushSequences:
     """Draw sequences with noise that is correlated over H; the last have the mean among them."""
     if fit is None:
@@ -63,7 +63,9 @@ def _population(
     return np.concatenate([*known, drawn])
 
 
-def _refit(fit: Fit | None, sequences: PushSequences, costs: Scalars, settings: IcemConfig) -> Fit:
+def _refit(
+    fit: EliteSpread | None, sequences: PushSequences, costs: Scalars, settings: IcemConfig
+) -> EliteSpread:
     """Return mean and deviation of the elites, with some of the last ones kept."""
     order = np.argsort(costs, kind="stable")[: settings.elites]
     elites = sequences[order[np.isfinite(costs[order])]]
@@ -73,7 +75,7 @@ def _refit(fit: Fit | None, sequences: PushSequences, costs: Scalars, settings: 
     apart[..., LOCATION] = wrap_angle(apart[..., LOCATION])
     deviation = np.sqrt(np.square(apart[..., PATH]).mean(axis=0))
     if fit is None:
-        return Fit(mean, deviation, kept)
+        return EliteSpread(mean, deviation, kept)
     share = np.array([settings.momentum, 1.0 - settings.momentum])
     mean = weighted_mean(np.stack([fit.mean, mean]), share)
-    return Fit(mean, np.tensordot(share, [fit.deviation, deviation], axes=1), kept)
+    return EliteSpread(mean, np.tensordot(share, [fit.deviation, deviation], axes=1), kept)

@@ -19,14 +19,14 @@ from sain_mppi.agent.events import (
     Stop,
 )
 from sain_mppi.ros.plans import Plans
-from sain_mppi.ros.watch import Watch
+from sain_mppi.ros.watch import PeerWatch
 
 
 class Driver:
     """Hands events to an agent and does what it wants, on the executor's thread."""
 
     def __init__(
-        self, node: Node, agent: Agent, plans: Plans, reception: Reception, watch: Watch
+        self, node: Node, agent: Agent, plans: Plans, reception: Reception, watch: PeerWatch
     ) -> None:
         """Publish decisions by `plans`. Actions wait until the watch is `ready`."""
         self._agent, self._plans, self._reception, self._watch = agent, plans, reception, watch

@@ -32,7 +32,7 @@ from sain_mppi.ros.goals import GoalHandlers, Goals, task_of
 from sain_mppi.ros.plans import Plans
 from sain_mppi.ros.remote import RemoteRollout
 from sain_mppi.ros.resumption import Notes, event_of
-from sain_mppi.ros.watch import Watch
+from sain_mppi.ros.watch import PeerWatch
 
 FEW: Final = 4  # scenes, as come while shapes are on their way
 
@@ -49,7 +49,7 @@ class MppiNode(Node):
         patience, self.remote = Patience(), None
         if config.dynamics == SERVICE:
             self.remote = RemoteRollout(self, config.model_timeout, patience)
-        self.watch = Watch(self, self.diagnostics, self.remote, self.notes)
+        self.watch = PeerWatch(self, self.diagnostics, self.remote, self.notes)
         model = self.remote or as_observed(load_dynamics(config.model), config.estimator.unknown)
         self.agent = planning_agent(model, load_dynamics(config.prior), config, patience)
         LiveParameters(self, config, self._on_settings)

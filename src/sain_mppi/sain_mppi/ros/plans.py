@@ -22,7 +22,7 @@ from sain_mppi.algorithms.result import PlanResult
 from sain_mppi.ros.goals import Goals
 from sain_mppi.ros.markers import PlanMarkers
 from sain_mppi.ros.resumption import Notes
-from sain_mppi.ros.watch import Watch
+from sain_mppi.ros.watch import PeerWatch
 
 STATUS: Final = {
     StopReason.REACHED: Plan.REACHED,
@@ -44,7 +44,7 @@ class Plans:
         node: Node,
         goals: Goals,
         notes: Notes,
-        watch: Watch,
+        watch: PeerWatch,
         model_of: Callable[[PushDecision], str],
     ) -> None:
         """Publish nothing yet; `model_of` names the model that planned a push."""

@@ -17,7 +17,7 @@ LOOK_FOR_RIVALS: Final = 0.5  # [s] between looks for other planners
 NO_MODEL: Final = "no model is ready yet: plans use physics without learning"
 
 
-class Watch:
+class PeerWatch:
     """Looks about with timers, and reports what it sees as diagnostics."""
 
     def __init__(

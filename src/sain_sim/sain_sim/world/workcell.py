@@ -98,7 +98,7 @@ class Watch(NamedTuple):
     every: int
 
 
-class Origin(NamedTuple):
+class CellState(NamedTuple):
     """The state that a workcell is built from.
 
     Attributes:
@@ -121,7 +121,7 @@ class Workcell(ABC):
 
     arm: ControlledArm
 
-    def __init__(self, config: WorldConfig, origin: Origin, steps: int) -> None:
+    def __init__(self, config: WorldConfig, origin: CellState, steps: int) -> None:
         """Begin at an origin after so many control steps."""
         self.origin = origin
         self.steps = self._first_step = steps
@@ -157,9 +157,9 @@ class Workcell(ABC):
         return self.steps == self._first_step
 
     @property
-    def now(self) -> Origin:
+    def now(self) -> CellState:
         """The present state, to build another workcell from."""
-        return self.origin if self.unmoved else Origin(self.states(), self.arm.joint_states()[0])
+        return self.origin if self.unmoved else CellState(self.states(), self.arm.joint_states()[0])
 
     @property
     def time(self) -> float:
@@ -279,5 +279,5 @@ class Simulation(Closeable):
         """
 
     @abstractmethod
-    def build(self, parameters: WorldParameters, origin: Origin, steps: int) -> Workcell:
+    def build(self, parameters: WorldParameters, origin: CellState, steps: int) -> Workcell:
         """Build a workcell with these bodies, after so many earlier control steps."""

@@ -19,8 +19,8 @@ from sain_sim.world.engines import DEFAULT_ENGINE, check_engine, simulation_clas
 from sain_sim.world.parameters import NOMINAL_FRICTION, WorldParameters, on_a_grid
 from sain_sim.world.stroke import Stroke, checked_stroke
 from sain_sim.world.workcell import (
+    CellState,
     Observer,
-    Origin,
     Route,
     Sample,
     Simulation,
@@ -198,11 +198,11 @@ class World(CheckedWorld):
         """Put the disks in a scene (N, 8) without checks; engines push overlapping disks apart."""
         wanted = parameters or self.parameters
         check_engine(self.engine, wanted.roughness.effects)
-        origin = Origin(self._simulation.resting(scene, wanted), self._simulation.home)
+        origin = CellState(self._simulation.resting(scene, wanted), self._simulation.home)
         self.parameters = wanted
         self._build(origin)
 
-    def _build(self, origin: Origin) -> None:
+    def _build(self, origin: CellState) -> None:
         self._cell = self._simulation.build(self.parameters, origin, self._steps)
 
     @property
@@ -252,7 +252,7 @@ class World(CheckedWorld):
         return Outcome(before, self.observe(), duration, cell.still(), cell.fallen())
 
     def _attempt(
-        self, origin: Origin, route: Route, watch: Watch | None, pushed: int | None
+        self, origin: CellState, route: Route, watch: Watch | None, pushed: int | None
     ) -> None:
         """Execute a route in a new workcell; when that fails, restore the origin."""
         if self._cell.origin is not origin:

@@ -12,7 +12,7 @@ from sain_sim.arm.panda import ArmConfig, PandaModel
 from sain_sim.engines.bullet.arm import Arm
 from sain_sim.engines.bullet.bodies import Body, BodyState, resting, unseen_shape
 from sain_sim.world.parameters import FLOOR_SIZE, THINNEST_TABLE, WorldParameters, table_box
-from sain_sim.world.workcell import GRAVITY, SAG, Origin, Simulation, Workcell, WorldConfig
+from sain_sim.world.workcell import GRAVITY, SAG, CellState, Simulation, Workcell, WorldConfig
 
 CONTACT_BREAKING: Final = 0.001  # [m]; Bullet's 0.02 keeps contacts of rims that slid apart
 TABLE_BITS: Final = 0xFF00  # of the collision groups of tables that are one body's alone
@@ -33,7 +33,7 @@ class BulletSimulation(Simulation):
         rows = zip(scene, parameters.mass_offsets, strict=True)
         return [resting(self.client, state, offset) for state, offset in rows]
 
-    def build(self, parameters: WorldParameters, origin: Origin, steps: int) -> "BulletCell":
+    def build(self, parameters: WorldParameters, origin: CellState, steps: int) -> "BulletCell":
         """Build a workcell with these bodies, after so many earlier control steps."""
         arm = parameters.roughness.arm(self.config.arm)
         if arm not in self._models:  # each description is written once
@@ -64,7 +64,7 @@ class BulletCell(Workcell):
         model: PandaModel,
         config: WorldConfig,
         parameters: WorldParameters,
-        origin: Origin,
+        origin: CellState,
         steps: int,
     ) -> None:
         """Empty the client and build everything in it, the bodies in the origin's states."""

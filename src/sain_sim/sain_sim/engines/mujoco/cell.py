@@ -21,7 +21,7 @@ from sain_sim.engines.mujoco.description import (
     physics_steps,
 )
 from sain_sim.world.parameters import WorldParameters
-from sain_sim.world.workcell import Origin, Simulation, Workcell, WorldConfig
+from sain_sim.world.workcell import CellState, Simulation, Workcell, WorldConfig
 
 WARNINGS: Final = {
     name: int(kind)
@@ -88,7 +88,7 @@ class MujocoSimulation(Simulation):
         poses[:, 3], poses[:, 6] = np.cos(scene[:, THETA] / 2), np.sin(scene[:, THETA] / 2)
         return MujocoStates(poses, np.zeros((len(scene), 6)))
 
-    def build(self, parameters: WorldParameters, origin: Origin, steps: int) -> "MujocoCell":
+    def build(self, parameters: WorldParameters, origin: CellState, steps: int) -> "MujocoCell":
         """Build a workcell with these bodies, after so many earlier control steps."""
         if self._built is None or self._built[0] != parameters:
             model = describe_world(self.config, parameters, self.home)
@@ -112,7 +112,7 @@ class MujocoCell(Workcell):
         data: Any,
         config: WorldConfig,
         parameters: WorldParameters,
-        origin: Origin,
+        origin: CellState,
         steps: int,
     ) -> None:
         """Set everything to the origin, at rest and without forces."""
