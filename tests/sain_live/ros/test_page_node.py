@@ -6,6 +6,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 
 from benchmarks.live_viewer import Viewer
 from sain_core.errors import BusyError, ErrorCode
+from sain_core.model import Model
 from sain_core.ros import codec
 from sain_interfaces.msg import Plan
 from sain_interfaces.srv import DescribeModel
@@ -14,6 +15,7 @@ from sain_live.ros import tuning
 from sain_live.ros.page_node import PageNode
 from sain_live.state import Level, Phase
 from sain_model.ros.model_node import ModelNode
+from sain_model.serving import server
 from sain_mppi.ros.mppi_node import MppiNode
 from sain_sim.ros.sim_node import SimNode
 from tests.sain_live.straw import SCENE, free_port
@@ -160,12 +162,21 @@ def test_a_model_that_no_planner_can_wait_for_is_refused_and_the_old_one_stays(g
     assert described.model == "planar"
 
 
-def test_a_model_that_cannot_predict_the_bodies_is_refused_and_the_old_one_stays(graph, whole):
+class DisksAlone(Model):
+    def step(self, scenes, pushes):
+        return scenes.copy()
+
+
+def test_a_model_that_cannot_predict_the_bodies_is_refused_and_the_old_one_stays(
+    graph, whole, monkeypatch
+):
+    monkeypatch.setattr(server, "load_dynamics", lambda name: DisksAlone())
     whole.asking.reset(Reset("push_t", 1))
     model = next(node for node in graph.nodes if isinstance(node, ModelNode))
     graph.wait(lambda: model.service.bodies.shapes[0].name == "t", "the T")
-    whole.asking.load("bullet")
-    graph.wait(lambda: "can only predict disks; the bodies are t" in told(whole), "the words")
+    whole.asking.load("identity")
+    words = "can only predict disks with the paper's roles; the bodies are t"
+    graph.wait(lambda: words in told(whole), "the words")
     assert whole.known.model == "planar"
 
 
