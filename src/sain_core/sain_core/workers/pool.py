@@ -14,7 +14,7 @@ from importlib.util import find_spec
 from multiprocessing.util import Finalize
 from pathlib import Path
 from threading import Thread
-from time import sleep
+from time import monotonic, sleep
 from typing import Any, Final, Generic, Protocol, TypeVar
 
 from sain_core.errors import SainError
@@ -180,12 +180,12 @@ class Processes(Generic[Job, Done]):
         try:
             result = future.result()
         except BrokenProcessPool as error:
-            for process in self._processes:
-                process.join()
-            codes = [process.exitcode for process in self._processes if process.exitcode]
+            # The executor ends the others with SIGTERM; they exit with 0, or of the signal.
+            ended = {*map(_exit_code, self._processes)} - {0, None}
+            code = next(iter(ended - {-signal.SIGTERM} or ended), 0)
             names = map(self._work.name, list(self._running.values())[: self._size])
             raise WorkerDiedError(
-                f"{' or '.join(names)} ended a worker with exit code {(codes or [0])[0]}"
+                f"{' or '.join(names)} ended a worker with exit code {code}"
             ) from error
         finally:
             if future.done() and not isinstance(future.exception(), BrokenProcessPool):
@@ -215,6 +215,16 @@ class Processes(Generic[Job, Done]):
                 process.join(CLOSING)
                 process.kill()
         self._executor.shutdown(cancel_futures=True)
+
+
+def _exit_code(process: Any) -> int | None:
+    """Wait for a process to end; return its exit code."""
+    process.join()
+    end = monotonic() + CLOSING
+    while process.exitcode is None and monotonic() < end:
+        sleep(0.001)  # a thread of the executor has collected it, and is about to store it
+    code: int | None = process.exitcode
+    return code
 
 
 _runner: Runner[Any, Any]  # of this process, which is a worker

@@ -27,6 +27,7 @@ class PlayingView:
         self._viser = server.get_event_loop()
         self._status, self._moved = "", 0.0
         self._chapter: Chapter | None = None
+        self._places = [0.0, 0.0]  # where the sliders stand, of time and push, as far as is read
         self._text = gui.add_html("")
         titles = tuple(chapter.title for chapter in player.recording.chapters)
         self._title: Any = gui.add_dropdown("episode", titles)
@@ -40,16 +41,24 @@ class PlayingView:
             "speed", tuple(names), initial_value=f"{player.speed:g}", hint="1: as it was simulated"
         )
         self._title.on_update(self._asked(player.open))
-        self._time.on_update(self._asked(lambda value: player.seek(float(value))))
-        self._push.on_update(self._asked(lambda value: player.seek_push(int(value))))
+        self._time.on_update(self._slid(0, lambda value: player.seek(float(value))))
+        self._push.on_update(self._slid(1, lambda value: player.seek_push(int(value))))
         self._speed.on_update(self._asked(lambda value: player.set_speed(names[value])))
         self._buttons.on_click(self._asked(lambda value: player.step(value == NEXT)))
         self._play.on_click(lambda _: player.play(not player.playing))
 
+    def _slid(self, number: int, act: Any) -> Any:
+        # Sliders are read and moved in one thread, viser's. One that is not where it was left has
+        # a viewer's move that is not read yet: `_move_sliders` does not undo it.
+        async def take(event: viser.GuiEvent[Any]) -> None:
+            if event.client is not None:
+                self._places[number] = event.target.value
+                act(event.target.value)
+
+        return take
+
     @staticmethod
     def _asked(act: Any) -> Any:
-        # Sliders are read and moved in one thread, viser's: a move of a viewer is never undone
-        # before it is read.
         async def take(event: viser.GuiEvent[Any]) -> None:
             if event.client is not None:  # else it was set here
                 act(event.target.value)
@@ -75,13 +84,14 @@ class PlayingView:
 
     def _move_sliders(self) -> None:
         moment = round(self._player.time, 2), self._player.push
-        for slider, value in zip((self._time, self._push), moment, strict=True):
-            if slider.value != value:
-                slider.value = value
+        for number, slider in enumerate((self._time, self._push)):
+            if slider.value == self._places[number] != moment[number]:
+                self._places[number] = slider.value = moment[number]
 
     def _open(self, chapter: Chapter) -> None:
         self._chapter, self._title.value = chapter, chapter.title
         self._time.value, self._push.value = 0.0, 0
+        self._places = [0.0, 0.0]
         self._time.max = max(round(chapter.duration, 2), STEP)
         self._push.max, self._push.visible = max(chapter.pushes, 1), chapter.pushes > 0
 
