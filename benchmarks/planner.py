@@ -96,7 +96,7 @@ class Peer:
 
     def __init__(self, sain: SainDynamics, case: ScenarioScene, config: PlannerConfig) -> None:
         self.model, self.shape = Reference(sain), case.disks.shape
-        self.goal = torch.from_numpy(case.goal)
+        self.goal = torch.from_numpy(case.goal.places[0])
         self.weights = torch.tensor(config.weights.position)
         noise = torch.from_numpy(config.noise.deviations(0))
         self.control = pytorch_mppi.MPPI(
