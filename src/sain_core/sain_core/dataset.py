@@ -18,7 +18,7 @@ from jaxtyping import Int
 from numpy import ndarray
 
 from sain_core.errors import DatasetError
-from sain_core.push import PUSH_SIZE
+from sain_core.push import PUSH_SIZE, STROKE_SIZE
 from sain_core.scene import POSITION, STATE_SIZE
 from sain_core.seeding import generator
 from sain_core.shapes.bodies import BETWEEN, Bodies, as_names, bodies_named
@@ -34,6 +34,7 @@ SEED: Final = 0  # default of the split
 SHARES: Final = {VALIDATION: 0.1, TEST: 0.15}  # of the episodes, by default
 
 FLAT: Final = "8 N"  # a scene (N, 8), row by row
+WIDTHS: Final = f"{PUSH_SIZE} or {STROKE_SIZE}"  # numbers of a push, the same in all rows
 DISKS: Final = "N"
 ROUGH: Final = "rough_"  # prefix of the columns of a rough world; their shapes are the world's
 
@@ -91,8 +92,9 @@ class Column(StrEnum):
     # fmt: off
     STATE = ("state", (FLAT,), "float64", "m, rad, m/s, rad/s, kg",
              "scene before the push: x, y, theta, vx, vy, omega, mass, radius of each disk")
-    ACTION = ("action", (PUSH_SIZE,), "float64", "rad, m, m/s",
-              "the push: body, location, angle, length, speed")
+    ACTION = ("action", (WIDTHS,), "float64", "rad, m, m/s",
+              "the push: body, location, angle, length, speed; of a stroke, location + angle is its"
+              " heading, and the tool's start x, y and radius follow")
     PHYSICS_NEXT = ("physics_next", (FLAT,), "float64", "as `state`",
                     "scene after the push as physics predicts it, f_p(s, a)")
     NEXT_STATE = "next_state", (FLAT,), "float64", "as `state`", "scene after the push"
@@ -139,9 +141,10 @@ class Column(StrEnum):
     BAG_SHA256 = "bag_sha256", (), "str", "", "SHA-256 of the recording's files", NEVER, ALWAYS
     # fmt: on
 
-    def row_shape(self, disks: int) -> tuple[int, ...]:
-        """Return the shape of one row in a scene of so many disks."""
+    def row_shape(self, disks: int, action: int = PUSH_SIZE) -> tuple[int, ...]:
+        """Return the shape of a row with so many disks and pushes of so many numbers."""
         sizes = {FLAT: disks * STATE_SIZE, DISKS: disks, "3 N": 3 * disks, "2 N": 2 * disks}
+        sizes[WIDTHS] = action
         return tuple(sizes[size] if isinstance(size, str) else size for size in self.shape)
 
 
@@ -161,7 +164,7 @@ class Transitions:
 
     Attributes:
         state: (M, N, 8), settled, before each push.
-        action: (M, 5), as executed.
+        action: (M, 5), or strokes (M, 8), as executed.
         next_state: (M, N, 8), settled, after each push.
     """
 

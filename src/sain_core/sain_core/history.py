@@ -13,7 +13,7 @@ from numpy import ndarray
 
 from sain_core.dataset import Column, Transitions
 from sain_core.errors import InvalidInputError
-from sain_core.push import PUSH_SIZE
+from sain_core.push import PUSH_SIZE, STROKE_SIZE, is_stroke
 from sain_core.scene import MASS, RADIUS, STATE_SIZE
 from sain_core.types import PushArray, Scene
 
@@ -41,7 +41,7 @@ class PushHistory(Transitions):
         if len(shape) != 3 or shape[1] < 1 or shape[2] != STATE_SIZE:
             raise InvalidInputError(f"past state has shape (P, N, 8) with N >= 1, not {shape}")
         parts: list[tuple[str, tuple[int, ...]]] = [
-            (Column.ACTION, (shape[0], PUSH_SIZE)),
+            (Column.ACTION, (shape[0], STROKE_SIZE if is_stroke(self.action) else PUSH_SIZE)),
             (Column.NEXT_STATE, shape),
         ]
         if self.noise is not None:
@@ -80,7 +80,9 @@ class PushHistory(Transitions):
         next_scene: Scene,
         noise: Float[ndarray, "N"] | None = None,
     ) -> Self:
-        """Return the history after one more push (5,), from a scene (N, 8) to the next one.
+        """Return the history after one more push, from a scene (N, 8) to the next one.
+
+        A history is of pushes (5,) or of strokes (8,).
 
         Masses and radii are those of the scene before. `noise` (N,) [m]: see `PushHistory`.
 

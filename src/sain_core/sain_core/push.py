@@ -1,6 +1,6 @@
 """A push: one straight stroke of the tool against one body.
 
-A push has five numbers everywhere: in arrays, messages, rows and files.
+A push has five numbers: in arrays, messages, rows and files.
 
 ``body`` is the place in the scene of the body that is pushed; 0 is the paper's mid disk. The next
 three are the paper's a in R^3. ``location`` lambda in (-pi, pi]: of a disk, world heading from the
@@ -11,15 +11,23 @@ L = 0 moves nothing. ``speed`` in [0.01, 0.5] m/s: the tool's on its travel.
 
 Against any other body, ``location`` names the contact point on its outline
 (`sain_core.shapes.outline`), and ``angle`` is relative to the outline's inward normal there.
+
+A stroke is a push that states itself where the tool goes: eight numbers, for pushes as a robot made
+them. Of any body, ``location + angle`` is the world heading of travel; `make_stroke` sets angle 0.
+Then ``start_x`` and ``start_y`` [m], where the tool's axis begins, and ``tip_radius`` [m]. Steep
+pushes, pushes at corners and pushes that miss are ordinary strokes. Models and data sets take both
+widths; planners, the graph and the simulators take five numbers.
 """
 
 from dataclasses import dataclass, fields
+from functools import cache
 from itertools import count
 from math import pi
 from secrets import randbits
 from typing import Final
 
 import numpy as np
+from numpy import ndarray
 from numpy.typing import ArrayLike
 
 from sain_core.config import Config, option
@@ -28,12 +36,25 @@ from sain_core.scene import POSITION, RADIUS, THETA, unit, wrap_angle
 from sain_core.shapes.bodies import PAPER_DISKS, Bodies
 from sain_core.shapes.outline import outline_of
 from sain_core.shapes.shape import Shape
-from sain_core.types import Angles, Indices, Points, PushArray, Pushes, Scalars, Scenes, States
+from sain_core.types import (
+    Angles,
+    Indices,
+    Points,
+    PushArray,
+    Pushes,
+    Scalars,
+    Scenes,
+    States,
+)
 
 BODY, LOCATION, ANGLE, LENGTH, SPEED = range(5)
 PUSH_SIZE: Final = 5
 PUSH_NAMES: Final = ("body", "location", "angle", "length", "speed")
 PUSH_UNITS: Final = ("", "rad", "rad", "m", "m/s")
+START_X, START_Y, TIP_RADIUS = range(PUSH_SIZE, PUSH_SIZE + 3)
+STROKE_SIZE: Final = 8
+STROKE_NAMES: Final = (*PUSH_NAMES, "start_x", "start_y", "tip_radius")
+START: Final = slice(START_X, START_Y + 1)
 PATH: Final = slice(LOCATION, LENGTH + 1)  # where the tool goes: location, angle, length
 DEFAULT_SPEED: Final = 0.2  # [m/s], what every push had before pushes had a speed
 
@@ -140,37 +161,81 @@ def make_push(
     return np.stack(numbers, axis=-1).astype(np.float64)
 
 
-def idle_pushes(*shape: int) -> Pushes:
-    """Return pushes (*shape, 5) that move nothing: of body 0, with length 0."""
-    pushes = np.zeros((*shape, PUSH_SIZE))
+def make_stroke(
+    start: Points,
+    heading: ArrayLike,
+    length: ArrayLike,
+    *,
+    body: ArrayLike = 0,
+    speed: ArrayLike = DEFAULT_SPEED,
+    tip_radius: ArrayLike = TOOL_RADIUS,
+) -> Pushes:
+    """Return strokes (..., 8) from starts (..., 2) [m] in world headings (...,) [rad]."""
+    numbers = body, heading, 0.0, length, speed, start[..., 0], start[..., 1], tip_radius
+    return np.stack(np.broadcast_arrays(*numbers), axis=-1).astype(np.float64)
+
+
+def is_stroke(pushes: ndarray) -> bool:
+    """Return whether pushes state where the tool goes, in eight numbers.
+
+    Raises:
+        InvalidInputError: a push has neither five numbers nor eight.
+    """
+    width = pushes.shape[-1] if pushes.ndim else 0
+    if width not in (PUSH_SIZE, STROKE_SIZE):
+        raise InvalidInputError(
+            f"a push has {PUSH_SIZE} numbers ({', '.join(PUSH_NAMES)}), a stroke {STROKE_SIZE}"
+            f" ({', '.join(STROKE_NAMES[PUSH_SIZE:])} as well); not shape {pushes.shape}"
+        )
+    return width == STROKE_SIZE
+
+
+def idle_pushes(*shape: int, size: int = PUSH_SIZE) -> Pushes:
+    """Return pushes (*shape, size) that move nothing: of body 0, with length 0."""
+    pushes = np.zeros((*shape, size))
     pushes[..., SPEED] = DEFAULT_SPEED
+    pushes[..., TIP_RADIUS:] = TOOL_RADIUS
     return pushes
 
 
 def check_predictable(pushes: Pushes) -> Pushes:
-    """Return pushes (..., 5) that a model may be asked about: any that `PushLimits` could allow.
+    """Return pushes that a model may be asked about: what `PushLimits` could allow, or any stroke.
 
     Raises:
+        InvalidInputError: neither pushes (..., 5) nor strokes (..., 8), NaN or Inf.
         OutOfRangeError: naming the first that is longer, slants more, or is slower or faster than
-            any arm's limits may.
+            any arm's limits may, or has a tool that is thinner or wider.
     """
-    bounds = {item.name: item.metadata["maximum"] for item in fields(PushLimits)}
-    slowest = next(
-        item.metadata["minimum"] for item in fields(PushLimits) if item.name == "min_speed"
-    )
-    for column, low, high in (
-        (ANGLE, -bounds["max_angle"], bounds["max_angle"]),
-        (LENGTH, 0.0, bounds["max_length"]),
-        (SPEED, slowest, bounds["max_speed"]),
-    ):
-        wrong = (pushes[..., column] < low) | (pushes[..., column] > high)
-        if wrong.any():
-            where = tuple(int(index) for index in np.argwhere(wrong)[0])
-            raise OutOfRangeError(
-                f"{PUSH_NAMES[column]} of push {where} is {pushes[where][column]};"
-                f" allowed: {low:.4g} to {high:.4g}"
-            )
+    stroke, finite = is_stroke(pushes), np.isfinite(pushes)
+    if not finite.all():
+        raise InvalidInputError(f"{_first(pushes, ~finite)}; it must be finite")
+    for column, least, most in _ranges(stroke):
+        beyond = (pushes[..., column] < least) | (pushes[..., column] > most)
+        if beyond.any():
+            wrong = np.zeros(pushes.shape, dtype=bool)
+            wrong[..., column] = beyond
+            raise OutOfRangeError(f"{_first(pushes, wrong)}; allowed: {least:.4g} to {most:.4g}")
     return pushes
+
+
+@cache
+def _ranges(stroke: bool) -> tuple[tuple[int, float, float], ...]:
+    """Return columns with the smallest and the largest value that any arm's limits may allow."""
+    limits = {item.name: item.metadata for item in fields(PushLimits)}
+    slowest, angle = limits["min_speed"]["minimum"], limits["max_angle"]["maximum"]
+    tool = limits["tool_radius"]
+    return (
+        (TIP_RADIUS, tool["minimum"], tool["maximum"]) if stroke else (ANGLE, -angle, angle),
+        (LENGTH, 0.0, limits["max_length"]["maximum"]),
+        (SPEED, slowest, limits["max_speed"]["maximum"]),
+    )
+
+
+def _first(pushes: Pushes, wrong: ndarray) -> str:
+    """Return the first wrong number of pushes in words."""
+    *push, column = (int(index) for index in np.argwhere(wrong)[0])
+    name = STROKE_NAMES[column]
+    return f"{name} of push {tuple(push)} is {pushes[(*push, column)]}"
 
 
 def pushed_bodies(pushes: Pushes) -> Indices:
@@ -179,7 +244,10 @@ def pushed_bodies(pushes: Pushes) -> Indices:
 
 
 def push_direction(pushes: Pushes) -> Angles:
-    """Return the world heading [rad] in which the tool travels against a disk, lambda + psi."""
+    """Return the world heading [rad] in which the tool travels against a disk, lambda + psi.
+
+    Of a stroke, that against any body.
+    """
     return wrap_angle(pushes[..., LOCATION] + pushes[..., ANGLE])
 
 
@@ -203,18 +271,22 @@ def strokes(
 ) -> tuple[Points, Angles]:
     """Return where the tool's axis stands before it travels, and the world heading of its travel.
 
-    It stands at the contact point, moved out along the normal by the tool's radius and the
-    clearance.
+    A stroke states both. In any other push it stands at the contact point, moved out along the
+    normal by the tool's radius and the clearance.
 
     Args:
         scenes: (..., N, 8).
-        pushes: (..., 5).
+        pushes: (..., 5), or strokes (..., 8).
         limits: for the tool's radius and the clearance.
         bodies: of the scenes.
 
     Returns:
         Places (..., 2) [m] and headings (...,) [rad].
     """
+    if is_stroke(pushes):
+        lead = np.broadcast_shapes(scenes.shape[:-2], pushes.shape[:-1])
+        start = np.broadcast_to(pushes[..., START], (*lead, 2)).copy()
+        return start, np.broadcast_to(push_direction(pushes), lead)
     state = _pushed_states(scenes, pushes)
     location, radius = pushes[..., LOCATION], state[..., RADIUS]
     # On a disk; the order of the sum keeps last bits as they always were.
@@ -237,6 +309,28 @@ def strokes(
     return start, heading
 
 
+def tip_radii(pushes: Pushes, limits: PushLimits) -> Scalars:
+    """Return the radius of the tool (...,) [m]: what a stroke states, else that of the limits."""
+    if is_stroke(pushes):
+        return np.asarray(pushes[..., TIP_RADIUS])
+    return np.full(pushes.shape[:-1], limits.tool_radius)
+
+
+def as_strokes(
+    scenes: Scenes, pushes: Pushes, limits: PushLimits, bodies: Bodies = PAPER_DISKS
+) -> Pushes:
+    """Return pushes (..., 5) as the strokes (..., 8) that move the tool in the same way."""
+    start, heading = strokes(scenes, pushes, limits, bodies)
+    return make_stroke(
+        start,
+        heading,
+        pushes[..., LENGTH],
+        body=pushes[..., BODY],
+        speed=pushes[..., SPEED],
+        tip_radius=tip_radii(pushes, limits),
+    )
+
+
 def _pushed_states(scenes: Scenes, pushes: Pushes) -> States:
     """Return the states (..., 8) of the bodies that pushes are against."""
     lead = np.broadcast_shapes(scenes.shape[:-2], pushes.shape[:-1])
@@ -255,17 +349,23 @@ def _contact(states: States, locations: Angles, shape: Shape) -> tuple[Points, A
 
 
 def rotate_pushes(pushes: Pushes, angle: float) -> Pushes:
-    """Turn pushes on disks by an angle [rad], as `rotate_scenes` turns the scene."""
+    """Turn pushes on disks, or strokes, by an angle [rad], as `rotate_scenes` turns the scene."""
     turned = pushes.copy()
     turned[..., LOCATION] = wrap_angle(pushes[..., LOCATION] + angle)
+    if is_stroke(pushes):
+        x, y = pushes[..., START_X], pushes[..., START_Y]
+        turned[..., START_X] = np.cos(angle) * x - np.sin(angle) * y
+        turned[..., START_Y] = np.sin(angle) * x + np.cos(angle) * y
     return turned
 
 
 def mirror_pushes(pushes: Pushes) -> Pushes:
-    """Reflect pushes on disks in the x axis, as `mirror_scenes` reflects the scene."""
+    """Reflect pushes on disks, or strokes, in the x axis, as `mirror_scenes` does scenes."""
     mirrored = pushes.copy()
     mirrored[..., LOCATION] = wrap_angle(-pushes[..., LOCATION])
     mirrored[..., ANGLE] = -pushes[..., ANGLE]
+    if is_stroke(pushes):
+        mirrored[..., START_Y] = -pushes[..., START_Y]
     return mirrored
 
 

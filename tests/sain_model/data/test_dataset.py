@@ -4,9 +4,13 @@ import numpy as np
 import pytest
 
 from sain_core.errors import DatasetError
+from sain_core.history import PushHistory
+from sain_core.push import SPEED, START_X, TIP_RADIUS, PushLimits, as_strokes
 from sain_core.scene import Y
 from sain_core.shapes.bodies import Bodies
 from sain_model.data.dataset import load_dataset, split_by_episode
+from sain_model.data.recordings import load_recording
+from sain_model.data.windows import make_windows
 
 
 def test_all_shards_are_read_in_order(dataset: Path) -> None:
@@ -50,7 +54,11 @@ def test_the_mirror_of_a_mirror_is_the_data(dataset: Path) -> None:
     ("key", "change", "message"),
     [
         ("state", None, "lacks state"),
-        ("action", lambda a: a[:, :2], r"action has shape \(60, 2\); it should be \(60, 5\)"),
+        (
+            "action",
+            lambda a: a[:, :2],
+            r"action cannot be: a push has 5 numbers .* not shape \(60, 2\)",
+        ),
         ("next_state", lambda a: a[:-1], r"next_state has shape \(59, 16\)"),
         (
             "state",
@@ -142,3 +150,50 @@ def test_rows_name_their_bodies(dataset: Path, tmp_path: Path) -> None:
     assert load_dataset(rows).alike.bodies == Bodies.named(["t", "disk"], ["pushable", "movable"])
     np.savez(rows, **arrays, shapes=shapes, roles=np.array(["pushable,pushable"] * 60))
     assert load_dataset(rows).alike.bodies == Bodies.named(["t", "disk"], ["pushable", "pushable"])
+
+
+def as_stroke_rows(dataset: Path, shard: str) -> dict[str, np.ndarray]:
+    """Return the arrays of a shard with its pushes as strokes, of other episodes."""
+    with np.load(dataset / shard) as arrays:
+        rows = dict(arrays)
+    scenes = rows["state"].reshape(len(rows["state"]), 2, 8)
+    rows["action"] = as_strokes(scenes, rows["action"], PushLimits())
+    rows["episode"] = rows["episode"] + 100
+    return rows
+
+
+def test_strokes_are_a_part_of_their_own(dataset: Path, tmp_path: Path) -> None:
+    rows = as_stroke_rows(dataset, "shard-0.npz")
+    np.savez(tmp_path / "shard-0.npz", **rows)
+    data = load_dataset(tmp_path).alike
+    assert data.action.shape == (60, 8)
+    np.testing.assert_allclose(data.mirrored().mirrored().action, data.action, atol=1e-12)
+    windows = make_windows(data, 3)
+    np.testing.assert_array_equal(windows.pushes[:, 0], data.action)
+    assert windows.pushes.shape == (60, 3, 8) and (windows.pushes[~windows.known, 3] == 0.0).all()
+    assert load_recording(tmp_path)[0].action.shape == (60, 8)
+    both = load_dataset(dataset, tmp_path)
+    assert [part.action.shape for part in both.parts] == [(120, 5), (60, 8)]
+    assert len(split_by_episode(both, 0, 0.1, 0.1).train) > 100
+    with pytest.raises(DatasetError, match=r"disk, disk as pushes and as strokes; give one folder"):
+        both.alike  # noqa: B018
+    history = PushHistory(data.state[:2], data.action[:2], data.next_state[:2])
+    assert len(history.then(data.state[2], data.action[2], data.next_state[2])) == 3
+
+
+@pytest.mark.parametrize(
+    ("column", "value", "message"),
+    [
+        (SPEED, 5.0, r"speed of push \(3,\) is 5.0; allowed: 0.001 to 2"),
+        (TIP_RADIUS, -0.1, r"tip_radius of push \(3,\) is -0.1; allowed: 0.001 to 0.05"),
+        (START_X, np.inf, "row 3 of action holds NaN or Inf"),
+    ],
+)
+def test_a_stroke_that_cannot_be_is_refused(
+    dataset: Path, tmp_path: Path, column: int, value: float, message: str
+) -> None:
+    rows = as_stroke_rows(dataset, "shard-0.npz")
+    rows["action"][3, column] = value
+    np.savez(tmp_path / "shard-0.npz", **rows)
+    with pytest.raises(DatasetError, match=message):
+        load_dataset(tmp_path)

@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 
 from sain_core.errors import ModelUnavailableError
-from sain_core.push import make_push
+from sain_core.push import PushLimits, as_strokes, make_push
 from sain_core.scene import MASS, RADIUS, X
 from sain_core.shapes.bodies import Bodies
 from sain_model.compute.kernel_store import compile_kernels, kernel_folder
@@ -23,6 +23,7 @@ SCENES: Final = np.zeros((1, 2, 8))
 SCENES[..., MASS], SCENES[..., RADIUS] = 8.0, 0.06
 SCENES[:, 1, X] = 0.2
 PUSHES: Final = make_push(0.05, 0.05, 0.05)[None]
+STROKES: Final = as_strokes(SCENES, PUSHES, PushLimits())
 REPORT_PERIOD: Final = 1.0  # [s]
 
 
@@ -30,7 +31,7 @@ def run_pushes() -> None:
     """Run what pushes bodies."""
     from sain_model.physics.planar import PlanarPrior
 
-    PlanarPrior().step(SCENES, PUSHES)
+    PlanarPrior().step(SCENES, STROKES)
 
 
 def run_network() -> None:

@@ -3,7 +3,7 @@
 import numpy as np
 
 from sain_core.errors import InvalidInputError
-from sain_core.push import BODY, PUSH_SIZE
+from sain_core.push import BODY, PUSH_SIZE, STROKE_SIZE, check_predictable
 from sain_core.scene import MASS, RADIUS, STATE_NAMES, STATE_SIZE
 from sain_core.shapes.bodies import PAPER_DISKS, Bodies
 
@@ -13,23 +13,24 @@ def check_batch(
     pushes: np.ndarray,
     bodies: Bodies = PAPER_DISKS,
 ) -> None:
-    """Check that scenes (B, N, 8) and pushes (B, 5) fit and can exist.
+    """Check that scenes (B, N, 8) and pushes (B, 5) or strokes (B, 8) fit and can exist.
 
     Raises:
         InvalidInputError: naming what does not.
+        OutOfRangeError: a push that no model may be asked about, see `check_predictable`.
     """
     most = len(bodies)
     least = 1 if bodies.are_paper_disks else most
     allowed = f"N = {most}" if least == most else f"N = {least} to {most}"
     if scenes.ndim != 3 or scenes.shape[2] != STATE_SIZE or not least <= scenes.shape[1] <= most:
         raise InvalidInputError(f"scenes have shape (B, N, 8) with {allowed}, not {scenes.shape}")
-    if pushes.shape != (len(scenes), PUSH_SIZE):
+    if pushes.ndim != 2 or len(pushes) != len(scenes):
         raise InvalidInputError(
-            f"pushes have shape ({len(scenes)}, {PUSH_SIZE}), one for each scene, not"
-            f" {pushes.shape}"
+            f"pushes have shape ({len(scenes)}, {PUSH_SIZE}), one for each scene, or"
+            f" ({len(scenes)}, {STROKE_SIZE}), not {pushes.shape}"
         )
     check_finite("scenes", scenes)
-    check_finite("pushes", pushes)
+    check_predictable(pushes)
     _check_pushed(pushes[:, BODY], scenes.shape[1])
     for column in (MASS, RADIUS):
         if (scenes[..., column] <= 0.0).any():

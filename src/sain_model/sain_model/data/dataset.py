@@ -1,8 +1,9 @@
 """Transitions (s, a, f_p(s, a), s') of scenes with any bodies, and their split by episode.
 
-Scenes of N = 2 and N = 5 fit into no common array: a data set has one `Part` for all scenes of the
-same bodies. Episodes of different folders never have the same label, and a push that is in two of
-the folders is refused: it could end up on both sides of a split.
+Scenes of N = 2 and N = 5 fit into no common array, nor do pushes and strokes: a data set has one
+`Part` for all of the same bodies and width. Episodes of different folders never have the same
+label, and a push that is in two of the folders is refused: it could end up on both sides of a
+split.
 """
 
 import hashlib
@@ -23,6 +24,8 @@ from sain_core.shapes.bodies import PAPER_DISKS, Bodies, bodies_named
 from sain_core.types import Mask, Scalars, Scenes
 from sain_model.data.shard import NO_STEP, read_shard
 from sain_model.inference.evidence import ObservedPushes
+
+Order = tuple[int, str, tuple[str, ...], int]
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,7 +65,7 @@ class Dataset:
     """M pushes of scenes with any bodies.
 
     Attributes:
-        parts: those of the same bodies each; disks first, in order of their number.
+        parts: those of the same bodies and width of pushes each; disks first, by their number.
         sha256: of all parts.
         sources: SHA-256 of each folder and number of bodies that it was put together from; empty:
             it is one.
@@ -91,7 +94,11 @@ class Dataset:
         if len(self.parts) == 1:
             return self.parts[0]
         names = "; ".join(", ".join(s.name for s in part.bodies.shapes) for part in self.parts)
-        raise DatasetError(f"scenes with the same bodies are needed, not: {names}; give one folder")
+        widths = len({part.action.shape[1] for part in self.parts})
+        strokes = " as pushes and as strokes" if widths > 1 else ""
+        raise DatasetError(
+            f"scenes with the same bodies are needed, not: {names}{strokes}; give one folder"
+        )
 
     def select(self, rows: Mask) -> Self:
         """Return the pushes that a mask (M,) over all parts picks."""
@@ -135,7 +142,7 @@ def load_dataset(*paths: Path) -> Dataset:
     sources = [(path, *read) for path in paths for read in _read_folder(path)]
     _check_apart([(path, part) for path, part, _ in sources])
     hashes = tuple(dict.fromkeys(sha256 for *_, sha256 in sources))
-    parts: dict[tuple[int, str, tuple[str, ...]], list[Part]] = {}
+    parts: dict[Order, list[Part]] = {}
     for part in _labelled([part for _, part, _ in sources]):
         parts.setdefault(_order(part), []).append(part)
     joined = tuple(_joined(parts[key]) for key in sorted(parts))
@@ -204,8 +211,10 @@ def shard_paths(path: Path) -> list[Path]:
 def _read_folder(path: Path) -> Iterable[tuple[Part, str]]:
     """Yield what a folder holds by the bodies, and the SHA-256 of scenes of as many."""
     shards = [read_shard(shard) for shard in shard_paths(path)]
-    for count in sorted({shard[Column.STATE].shape[1] for shard in shards}):
-        alike = [shard for shard in shards if shard[Column.STATE].shape[1] == count]
+    sizes = [(s[Column.STATE].shape[1], s[Column.ACTION].shape[1]) for s in shards]
+    for size in sorted(set(sizes)):
+        count, _ = size
+        alike = [shard for shard, own in zip(shards, sizes, strict=True) if own == size]
         columns = {name: np.concatenate([shard[name] for shard in alike]) for name in alike[0]}
         digest = hashlib.sha256()
         for column in NEEDED:
@@ -235,12 +244,13 @@ def _steps(path: Path, columns: Columns) -> Int[ndarray, "M"]:
     return steps
 
 
-def _order(part: Part) -> tuple[int, str, tuple[str, ...]]:
+def _order(part: Part) -> Order:
     """Return what parts are put together and sorted by: disks by their number."""
+    width = part.action.shape[1]
     if part.bodies.are_paper_disks:
-        return part.disks, "", ()
+        return part.disks, "", (), width
     first, *others = (shape.name for shape in part.bodies.shapes)
-    return 0, f"{first}|{'|'.join(others)}", part.bodies.roles
+    return 0, f"{first}|{'|'.join(others)}", part.bodies.roles, width
 
 
 def _labelled(parts: list[Part]) -> list[Part]:

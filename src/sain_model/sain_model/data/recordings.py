@@ -16,23 +16,25 @@ from sain_model.inference.laboratory import count_episodes
 def load_recording(path: Path) -> list[ObservedPushes]:
     """Return the pushes of a shard, or of all shards of a folder, by the bodies of the scenes.
 
+    Pushes and strokes are apart.
+
     Episodes are counted from 0.
 
     Raises:
         DatasetError: see `read_shard`; or the path holds no shards.
     """
-    found: dict[Bodies, list[Columns]] = {}
+    found: dict[tuple[Bodies, int], list[Columns]] = {}
     for shard in shard_paths(path):
         columns = read_shard(shard)
         bodies = row_bodies(columns)
         for kind in dict.fromkeys(bodies):
             chosen = np.array([one == kind for one in bodies])
             part = {name: values[chosen] for name, values in columns.items()}
-            found.setdefault(kind, []).append(part)
+            found.setdefault((kind, part[Column.ACTION].shape[1]), []).append(part)
     episodes = np.unique(
         np.concatenate([part[Column.EPISODE] for parts in found.values() for part in parts])
     )
-    return [_joined(parts, kind, episodes) for kind, parts in found.items()]
+    return [_joined(parts, kind, episodes) for (kind, _), parts in found.items()]
 
 
 def first_pushes(parts: Sequence[ObservedPushes], most: int) -> list[ObservedPushes]:

@@ -7,9 +7,9 @@ import numpy as np
 from numpy import ndarray
 
 from sain_core.dataset import FLAT, NEEDED, SHAPED, Column, Columns, as_scenes, row_bodies
-from sain_core.errors import DatasetError
+from sain_core.errors import DatasetError, InvalidInputError, OutOfRangeError
 from sain_core.old_files import converted_rows
-from sain_core.push import BODY
+from sain_core.push import BODY, PUSH_SIZE, STROKE_SIZE, check_predictable, is_stroke
 from sain_core.scene import MASS, RADIUS, STATE_SIZE
 from sain_core.shapes.bodies import Bodies, as_names
 from sain_core.storage import read_arrays
@@ -33,7 +33,8 @@ def read_shard(path: Path) -> Columns:
 
     Raises:
         DatasetError: a damaged shard, a missing column, no rows, arrays that do not fit together,
-            NaN or Inf, a number that cannot be, or pushes against bodies that are not pushable.
+            NaN or Inf, a number that cannot be, pushes that no model may be asked about, or against
+            bodies that are not pushable.
     """
     arrays = _converted(path, read_arrays(path))
     missing = [column for column in NEEDED if column not in arrays]
@@ -43,13 +44,14 @@ def read_shard(path: Path) -> Columns:
         raise DatasetError(f"{path} holds no transitions")
     count = len(arrays[Column.ACTION])
     _check_types(path, arrays, count)
-    disks = _disks(path, arrays[Column.STATE], count)
+    disks, width = _disks(path, arrays[Column.STATE], count), _width(path, arrays[Column.ACTION])
     columns: Columns = {}
     for column in LOADED:
-        shape = (count, *column.row_shape(disks))
+        shape = (count, *column.row_shape(disks, width))
         values = arrays.get(column, np.full(shape, UNKNOWN.get(column)))
         columns[column] = _checked(path, column, values, shape)
     _check_positive(path, arrays, columns)
+    _check_pushes(path, columns[Column.ACTION])
     return columns | _shaped(path, arrays, columns[Column.ACTION])
 
 
@@ -116,6 +118,21 @@ def _disks(path: Path, states: ndarray, count: int) -> int:
     if not disks:
         raise DatasetError(f"{path}: state has no bodies; it needs one or more")
     return disks
+
+
+def _width(path: Path, action: ndarray) -> int:
+    """Return how many numbers a push has."""
+    try:
+        return STROKE_SIZE if is_stroke(action) else PUSH_SIZE
+    except InvalidInputError as error:
+        raise DatasetError(f"{path}: action cannot be: {error}") from error
+
+
+def _check_pushes(path: Path, pushes: ndarray) -> None:
+    try:
+        check_predictable(pushes)
+    except OutOfRangeError as error:
+        raise DatasetError(f"{path}: {error}") from error
 
 
 def _row_bodies(path: Path, arrays: Columns) -> list[Bodies]:

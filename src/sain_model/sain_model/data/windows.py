@@ -32,7 +32,7 @@ class Windows:
 
     rows: Int[ndarray, "W T"]
     scenes: Float[ndarray, "W N 8"]
-    pushes: Float[ndarray, "W T 5"]
+    pushes: Float[ndarray, "W T A"]  # five numbers, or a stroke's eight
     next_scenes: Float[ndarray, "W T N 8"]
     episodes: Int[ndarray, "W"]
 
@@ -83,7 +83,8 @@ def make_windows(data: Part, steps: int, whole: bool = False) -> Windows:
         raise DatasetError(f"no episode has {steps} successive pushes; fewer, or longer episodes")
     last = np.maximum.accumulate(np.where(rows >= 0, np.arange(steps), 0), axis=1)
     filled = np.take_along_axis(rows, last, axis=1)
-    pushes = np.where((rows >= 0)[..., None], data.action[filled], idle_pushes())
+    idle = idle_pushes(size=data.action.shape[1])
+    pushes = np.where((rows >= 0)[..., None], data.action[filled], idle)
     first = rows[:, 0]
     return Windows(rows, data.state[first], pushes, data.next_state[filled], data.episode[first])
 

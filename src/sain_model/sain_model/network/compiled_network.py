@@ -52,7 +52,7 @@ class CompiledNetwork:
         physics_next: Scenes,
         bodies: Bodies = PAPER_DISKS,
     ) -> Scenes:
-        """Return predictions (B, N, 8) of a prior for pushes (B, 3 or 4) from scenes, corrected."""
+        """Return predictions (B, N, 8) of a prior for pushes (B, 5 or 8) from scenes, corrected."""
         corrected = np.array(physics_next, dtype=np.float64, order="C")
         rows = plain(scenes), plain(push_frames(scenes, pushes, bodies))
         table = outline_table(bodies.fitted(scenes.shape[1]))

@@ -2,6 +2,7 @@
 
 The scene is seen in the frame of the push: the origin is the pushed body's centre before the push,
 the x axis points along the inward normal where the tool begins. A disk's `location` is that normal.
+Of a stroke it is the normal where the tool first touches the body.
 
 Of a shape the network sees what acts: where bodies are near each other before the push and after it
 as the prior predicts it (`patch_kernels`), with normal, levers, extent and curvature, and how the
@@ -12,7 +13,7 @@ The tool is one more sender: row i of the relations to body i, where a body woul
 
 import numpy as np
 
-from sain_core.push import ANGLE, BODY, LENGTH, LOCATION, PUSH_SIZE
+from sain_core.push import ANGLE, BODY, LENGTH, LOCATION, START_X, START_Y, TIP_RADIUS
 from sain_core.scene import MASS, RADIUS, THETA, X, Y
 from sain_model.compute.compiling import (
     callable_kernel,
@@ -61,10 +62,8 @@ FEATURE_VERSION = 1  # raise it with every change of meaning, order or scale bel
 BODY_FEATURES = 20  # and the `PLACE_FEATURES` of a network that sees the world
 TURN = 2.0 * np.pi
 
-# Columns of a push as the kernels take it, after its five numbers, of which `LOCATION` is here the
-# normal's heading in the world: where the tool's axis begins [m].
-START_X, START_Y = PUSH_SIZE, PUSH_SIZE + 1
-STROKE_SIZE = PUSH_SIZE + 2
+# The kernels take pushes as strokes of which `LOCATION` is the normal's heading in the world, and
+# `ANGLE` the way's to the left of it.
 
 MIRRORED_BODY = (4, 6, 8, 10, 13, 14, 18)  # columns that change their sign in a mirror
 
@@ -96,7 +95,7 @@ def write_lane(before, stroke, after, table, lane, places, work):
 
     Args:
         before: scene (N, 8) before the push.
-        stroke: (7,), see `START_X`.
+        stroke: (8,), in its own frame, as `push_frames` makes it.
         after: scene (N, 8) that the prior predicts.
         table: of the outlines.
         lane: which.
@@ -110,7 +109,7 @@ def write_lane(before, stroke, after, table, lane, places, work):
         scene = after if when == 1 else before
         for body in range(count):
             _write_pose(scene[body], origin_x, origin_y, stroke[LOCATION], poses[when, body])
-        _write_tool(stroke, origin_x, origin_y, when * stroke[LENGTH], table, poses[when, count])
+        _write_tool(stroke, origin_x, origin_y, when * stroke[LENGTH], poses[when, count])
         place_corners(table, poses[when], placed[when])
     for body in range(count):
         _write_body(before[body], stroke, after[body], table, body, poses, lane, work.bodies[body])
@@ -164,12 +163,12 @@ def _write_pose(state, origin_x, origin_y, normal, pose):
 
 
 @compiled
-def _write_tool(stroke, origin_x, origin_y, way, table, pose):
+def _write_tool(stroke, origin_x, origin_y, way, pose):
     cos, sin = np.cos(stroke[LOCATION]), np.sin(stroke[LOCATION])
     x, y = stroke[START_X] - origin_x, stroke[START_Y] - origin_y
     pose[POSE_X] = cos * x + sin * y + way * np.cos(stroke[ANGLE])
     pose[POSE_Y] = cos * y - sin * x + way * np.sin(stroke[ANGLE])
-    pose[POSE_COS], pose[POSE_SIN], pose[POSE_RADIUS] = 1.0, 0.0, table.tool_radius
+    pose[POSE_COS], pose[POSE_SIN], pose[POSE_RADIUS] = 1.0, 0.0, stroke[TIP_RADIUS]
 
 
 @compiled
@@ -222,7 +221,7 @@ def write_block(first, scenes, strokes, physics_next, table, places, bodies, rel
     Args:
         first: number of the first one.
         scenes: (B, N, 8), before the pushes.
-        strokes: (B, 7).
+        strokes: (B, 8).
         physics_next: (B, N, 8), what a prior predicts.
         table: of the outlines.
         places: whether the network sees places and headings.

@@ -12,7 +12,18 @@ from jaxtyping import Float
 from numpy import ndarray
 from torch import Tensor
 
-from sain_core.push import ANGLE, LOCATION, PUSH_SIZE, PushLimits, strokes
+from sain_core.push import (
+    ANGLE,
+    LOCATION,
+    PUSH_SIZE,
+    START,
+    STROKE_SIZE,
+    TIP_RADIUS,
+    PushLimits,
+    is_stroke,
+    strokes,
+    tip_radii,
+)
 from sain_core.scene import POSITION, THETA, wrap_angle
 from sain_core.shapes.bodies import Bodies
 from sain_core.types import Angles, Pushes, Scenes
@@ -21,8 +32,6 @@ from sain_model.compute.devices import CPU
 from sain_model.compute.thread_pool import run_blocks
 from sain_model.network.feature_kernels import (
     BODY_FEATURES,
-    START_X,
-    STROKE_SIZE,
     write_block,
 )
 from sain_model.network.inputs import LANES, PLACE_FEATURES
@@ -30,6 +39,7 @@ from sain_model.network.patch_kernels import OutlineTable
 from sain_model.network.relation_kernels import RELATION_FEATURES
 from sain_model.network.settings import WORLD_FRAME, NetworkConfig
 from sain_model.physics.body_table import body_table
+from sain_model.physics.first_touch import first_touch
 
 Strokes = Float[ndarray, "B S"]
 Residual = Float[ndarray, "B N 3"]  # dx, dy [m] along the push frame's axes, dtheta [rad]
@@ -76,7 +86,6 @@ def outline_table(bodies: Bodies) -> OutlineTable:
         np.append(table.reach, 1.0),
         np.append(table.inertia / table.reach**2, 0.0),
         np.array(loads),
-        LIMITS.tool_radius,
     )
 
 
@@ -101,13 +110,19 @@ def elongations(bodies: Bodies) -> Float[ndarray, "N"]:
 def push_frames(scenes: Scenes, pushes: Pushes, bodies: Bodies) -> Strokes:
     """Return pushes as features and residuals take them: `LOCATION` is the frame's heading.
 
-    See `network.feature_kernels`.
+    That of a push is the normal where it is located; that of a stroke the normal where its tool
+    will first touch the pushed body, or the way of one that misses. See `network.feature_kernels`.
     """
     known = bodies.fitted(scenes.shape[1])
     start, heading = strokes(scenes, pushes, LIMITS, known)
     rows = np.zeros((len(pushes), STROKE_SIZE))
-    rows[:, :PUSH_SIZE], rows[:, START_X : START_X + 2] = pushes, start
-    rows[:, LOCATION] = wrap_angle(heading - pushes[:, ANGLE])
+    rows[:, :PUSH_SIZE], rows[:, START] = pushes[:, :PUSH_SIZE], start
+    rows[:, TIP_RADIUS] = tip_radii(pushes, LIMITS)
+    if is_stroke(pushes):
+        rows[:, LOCATION] = first_touch(scenes, pushes, known).normal
+        rows[:, ANGLE] = wrap_angle(heading - rows[:, LOCATION])
+    else:
+        rows[:, LOCATION] = wrap_angle(heading - pushes[:, ANGLE])
     return rows
 
 

@@ -35,7 +35,6 @@ class OutlineTable(NamedTuple):
     reach: np.ndarray  # (N + 1,), circumscribed radius
     inertia: np.ndarray  # (N + 1,), upright moment, share of mass x radius^2
     supports: np.ndarray  # (N, 6): second moment of the loads, their 2nd and 3rd order in the plane
-    tool_radius: float  # [m]
 
 
 @compiled

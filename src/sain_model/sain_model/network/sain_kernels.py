@@ -32,7 +32,7 @@ def correct_block(first, scenes, strokes, physics_next, table, places, weights):
     Args:
         first: number of the first one.
         scenes: (B, N, 8), before the pushes.
-        strokes: (B, 7), see `network.feature_kernels`.
+        strokes: (B, 8), see `network.feature_kernels`.
         physics_next: (B, N, 8), what a prior predicts; becomes the prediction.
         table: of the outlines.
         places: whether the network sees places and headings.

@@ -26,7 +26,7 @@ class TorchNetwork:
         physics_next: Scenes,
         bodies: Bodies = PAPER_DISKS,
     ) -> Scenes:
-        """Return predictions (B, N, 8) of a prior for pushes (B, 3 or 4) from scenes, corrected."""
+        """Return predictions (B, N, 8) of a prior for pushes (B, 5 or 8) from scenes, corrected."""
         config = self._network.config
         frames = push_frames(scenes, pushes, bodies)
         features = network_inputs(config, scenes, frames, physics_next, bodies)

@@ -84,8 +84,8 @@ def tool_ways(
 ) -> Ways:
     """Return the ways of the tool, with the offsets of `physics` (B,), the numbers of the pushes.
 
-    An offset of the location keeps the heading. A push of no length stays one, and none becomes
-    shorter than that.
+    An offset of the location keeps the heading, and a stroke's start, which it states. A push of no
+    length stays one, and none becomes shorter than that.
     """
     length = np.maximum(pushes[:, LENGTH] + physics["length_offset"], 0.0)
     length[pushes[:, LENGTH] == 0.0] = 0.0

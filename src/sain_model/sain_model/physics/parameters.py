@@ -138,7 +138,8 @@ PARAMETERS: Final = (
 )  # fmt: skip
 BY_NAME: Final = {parameter.name: parameter for parameter in PARAMETERS}
 
-SETTINGS: Final = ("gravity", "tool_radius", "acceleration", "longest_step")  # the same in all rows
+# The same in all rows, but for the radius of the tool: a stroke has its own.
+SETTINGS: Final = ("gravity", "tool_radius", "acceleration", "longest_step")
 OF_BODIES: Final = tuple(one.name for one in PARAMETERS if one.scope == "body")
 OF_PUSHES: Final = tuple(one.name for one in PARAMETERS if one.scope != "body") + SETTINGS
 PUSH_ROW: Final = np.dtype([(name, np.float64) for name in OF_PUSHES])

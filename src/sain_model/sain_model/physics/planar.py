@@ -8,13 +8,14 @@ from dataclasses import dataclass, replace
 from typing import Self
 
 from sain_core.model import IdentityPrior, Model, answering, check_step
-from sain_core.push import LENGTH, PushLimits, pushed_bodies
+from sain_core.push import LENGTH, PushLimits, is_stroke, pushed_bodies, tip_radii
 from sain_core.scene import MASS
 from sain_core.shapes.bodies import PAPER_DISKS, Bodies
 from sain_core.types import Pushes, Scenes
 from sain_model.compute.batch_checks import check_batch
 from sain_model.compute.kernel_store import compile_visibly
 from sain_model.physics.body_table import Touched, body_table, push_bodies, tool_ways
+from sain_model.physics.first_touch import check_starts
 from sain_model.physics.parameters import Values, check_values, rows_of
 from sain_model.physics.planar_config import PlanarConfig
 
@@ -35,16 +36,19 @@ class PlanarPrior(Model):
         return self if bodies == self.bodies else replace(self, bodies=bodies)
 
     def step(self, scenes: Scenes, pushes: Pushes, values: Values | None = None) -> Scenes:
-        """Predict the settled scenes (B, N, 8) after pushes (B, 5) from scenes (B, N, 8).
+        """Predict the settled scenes (B, N, 8) after pushes from scenes (B, N, 8).
 
         Args:
             scenes: settled scenes; velocities are taken as zero.
-            pushes: one push a scene. Length 0 leaves the scene unchanged, bit for bit.
+            pushes: one push (B, 5) or stroke (B, 8) a scene. Length 0 leaves the scene unchanged,
+                bit for bit.
             values: parameters by name (`sain_model.physics.parameters`), (B,); those of bodies
                 (B,) or (B, N). The settings have the others.
 
         Raises:
-            InvalidInputError: wrong shapes, NaN or Inf; a value that is not allowed.
+            InvalidInputError: wrong shapes, NaN or Inf; a value that is not allowed; a stroke that
+                begins inside a body.
+            OutOfRangeError: a push that no model may be asked about.
         """
         return self.step_with_contacts(scenes, pushes, values)[0]
 
@@ -68,7 +72,10 @@ class PlanarPrior(Model):
         check_values(values, batch, count)
         config, bodies = self.config, self.bodies.fitted(count)
         physics, own = rows_of(config, values, batch, count)
+        if is_stroke(pushes):
+            check_starts(scenes, pushes, bodies)
         limits = PushLimits(tool_radius=config.tool_radius, clearance=config.clearance)
+        physics["tool_radius"] = tip_radii(pushes, limits)
         ways = tool_ways(scenes, pushes, limits, bodies, physics)
         table, pushed = body_table(bodies, config.bottom), pushed_bodies(pushes)
         after, touched = push_bodies(believed, ways, pushed, table, physics, own)

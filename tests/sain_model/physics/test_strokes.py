@@ -1,0 +1,275 @@
+"""Strokes: pushes that state themselves where the tool goes."""
+
+from math import pi
+
+import numpy as np
+import pytest
+
+from sain_core.errors import InvalidInputError, OutOfRangeError
+from sain_core.feasibility import start_gap
+from sain_core.push import (
+    ANGLE,
+    BODY,
+    LENGTH,
+    LOCATION,
+    SPEED,
+    START,
+    TIP_RADIUS,
+    PushLimits,
+    as_strokes,
+    make_stroke,
+    mirror_pushes,
+    rotate_pushes,
+)
+from sain_core.scene import (
+    POSE,
+    POSITION,
+    THETA,
+    make_scene,
+    mirror_scenes,
+    rotate_scenes,
+    unit,
+    wrap_angle,
+)
+from sain_core.shapes.bodies import Bodies
+from sain_core.shapes.library import get_shape
+from sain_core.shapes.outline import outline_of
+from sain_core.shapes.solids import Compound
+from sain_core.types import Pushes, Scenes
+from sain_model.network.feature_kernels import MIRRORED_BODY
+from sain_model.network.features import Features, network_inputs, push_frames
+from sain_model.network.relation_kernels import MIRRORED_RELATION, SENDER
+from sain_model.network.settings import NetworkConfig
+from sain_model.physics.first_touch import first_touch
+from sain_model.physics.planar import PlanarPrior
+from sain_model.physics.planar_config import PlanarConfig
+
+LIMITS = PushLimits()
+FEET = [5, 6, 16, 17, 18]  # features of where the supports are
+TIP = 0.00475
+
+
+def bodies_of(*names: str) -> Bodies:
+    return Bodies(tuple(map(get_shape, names)))
+
+
+def draw(count: int, batch: int, seed: int = 0) -> tuple[Scenes, Pushes]:
+    """Draw scenes of bodies that stand apart, and pushes of body 0."""
+    random = np.random.default_rng(seed)
+    places = np.array([(0.45, 0.0), (0.62, 0.03)])[:count]
+    heading = random.uniform(-3, 3, (batch, count))
+    scenes = np.stack(
+        [make_scene(places, np.full(count, 2.0), np.full(count, 0.06), some) for some in heading]
+    )
+    return scenes, LIMITS.sample(random, batch)
+
+
+def draw_strokes(scenes: Scenes, seed: int = 0) -> Pushes:
+    """Draw strokes from a ring about body 0, steep ones and misses among them."""
+    random = np.random.default_rng(seed)
+    batch = len(scenes)
+    bearing = random.uniform(-pi, pi, batch)
+    start = scenes[:, 0, POSITION] + 0.085 * unit(bearing)
+    heading = bearing + pi + random.uniform(-1.2, 1.2, batch)
+    return make_stroke(start, heading, 0.06, speed=0.02, tip_radius=TIP)
+
+
+def features_of(scenes: Scenes, pushes: Pushes, after: Scenes, bodies: Bodies) -> Features:
+    frames = push_frames(scenes, pushes, bodies)
+    return network_inputs(NetworkConfig(), scenes, frames, after, bodies)
+
+
+def assert_same(first: Features, second: Features, tolerance: float) -> None:
+    np.testing.assert_allclose(first.bodies, second.bodies, atol=tolerance)
+    np.testing.assert_allclose(first.relations, second.relations, atol=tolerance)
+
+
+@pytest.mark.parametrize("names", [("disk", "disk"), ("t", "disk"), ("star",)])
+def test_a_push_is_predicted_as_the_stroke_that_it_is(names: tuple[str, ...]) -> None:
+    bodies = bodies_of(*names)
+    scenes, pushes = draw(len(names), 60)
+    free = start_gap(scenes, pushes, LIMITS, bodies) > 0.0  # not in an inner corner
+    scenes, pushes = scenes[free], pushes[free]
+    strokes = as_strokes(scenes, pushes, LIMITS, bodies)
+    prior = PlanarPrior().with_bodies(bodies)
+    expected = prior.step(scenes, pushes)
+    np.testing.assert_allclose(prior.step(scenes, strokes), expected, atol=1e-9)
+    assert np.abs(expected - scenes)[..., POSITION].max() > 0.02
+
+
+def test_a_push_has_the_features_of_the_stroke_that_it_is() -> None:
+    """Where its tool first touches at the normal of its location: the frames are the same."""
+    scenes, pushes = draw(1, 60)
+    square, disk = bodies_of("cube"), Bodies.disks(1)
+    corner = np.abs(wrap_angle(4 * pushes[:, LOCATION])) > 2.2  # near one of the cube's four
+    pushes[corner, LOCATION] = 0.1
+    pushes[:, LENGTH] = np.maximum(pushes[:, LENGTH], 0.02)  # no miss
+    straight = pushes.copy()
+    straight[:, ANGLE] = 0.0
+    for bodies, some in ((square, pushes), (disk, straight)):
+        strokes = as_strokes(scenes, some, LIMITS, bodies)
+        after = PlanarPrior().with_bodies(bodies).step(scenes, some)
+        usual = features_of(scenes, some, after, bodies)
+        assert_same(features_of(scenes, strokes, after, bodies), usual, 1e-6)
+
+
+@pytest.mark.parametrize("names", [("disk", "disk"), ("t", "disk"), ("ellipse",)])
+def test_a_turned_stroke_ends_turned_and_looks_the_same(names: tuple[str, ...]) -> None:
+    bodies = bodies_of(*names)
+    scenes, _ = draw(len(names), 60)
+    strokes = draw_strokes(scenes)
+    prior = PlanarPrior().with_bodies(bodies)
+    after = prior.step(scenes, strokes)
+    turned_scenes, turned = rotate_scenes(scenes, 0.7), rotate_pushes(strokes, 0.7)
+    away = prior.step(turned_scenes, turned) - rotate_scenes(after, 0.7)
+    away[..., THETA] = wrap_angle(away[..., THETA])
+    assert np.abs(away).max() < 1e-4
+    assert_same(
+        features_of(turned_scenes, turned, rotate_scenes(after, 0.7), bodies),
+        features_of(scenes, strokes, after, bodies),
+        2e-4,
+    )
+
+
+def test_a_mirrored_stroke_changes_signs_alone() -> None:
+    shape = get_shape("right_triangle")
+    assert isinstance(shape, Compound)
+    image = Compound.of(
+        "triangle in a mirror",
+        *(tuple((x, -y) for x, y in reversed(part)) for part in shape.polygons),
+    )
+    scenes, _ = draw(1, 60)
+    strokes = draw_strokes(scenes)
+    after = scenes.copy()
+    after[..., POSE] += np.random.default_rng(1).uniform(-0.02, 0.02, (60, 1, 3))
+    usual = features_of(scenes, strokes, after, bodies_of("right_triangle"))
+    told = features_of(
+        mirror_scenes(scenes), mirror_pushes(strokes), mirror_scenes(after), Bodies((image,))
+    )
+    usual.bodies[..., list(MIRRORED_BODY)] *= -1
+    usual.relations[..., list(MIRRORED_RELATION)] *= -1
+    for some in (told, usual):  # a mirrored outline gets other feet, which are left out
+        some.bodies[..., FEET] = 0.0
+        some.relations[..., [SENDER + column for column in FEET]] = 0.0
+    assert_same(told, usual, 2e-4)
+    prior = PlanarPrior().with_bodies(Bodies.disks(1))
+    mirrored = prior.step(mirror_scenes(scenes), mirror_pushes(strokes))
+    np.testing.assert_allclose(mirrored, mirror_scenes(prior.step(scenes, strokes)), atol=1e-5)
+
+
+def test_the_frame_is_where_the_tool_first_touches() -> None:
+    """A cube of 0.12 m, its sides along the axes: against a side, a corner, and past it."""
+    scene = make_scene(np.array([(0.5, 0.0)]), np.ones(1), np.array([0.06]), np.zeros(1))
+    scenes = np.broadcast_to(scene, (4, 1, 8))
+    start = np.array([(0.42, 0.02), (0.42, 0.06 + TIP / 2), (0.42, 0.07), (0.42, 0.0)])
+    strokes = make_stroke(start, [0.3, 0.0, 0.0, 0.0], [0.05, 0.05, 0.05, 0.01], tip_radius=TIP)
+    touch = first_touch(scenes, strokes, bodies_of("cube"))
+    up = -np.arcsin(0.5)  # the axis is half a radius above the corner
+    np.testing.assert_allclose(touch.normal, [0.0, up, 0.0, 0.0], atol=1e-12)
+    reach = [(0.02 - TIP) / np.cos(0.3), 0.02 - TIP * np.cos(up), np.inf, np.inf]
+    np.testing.assert_allclose(touch.distance, reach)
+    np.testing.assert_allclose(touch.gap[[0, 3]], 0.02 - TIP)
+    frames = push_frames(scenes, strokes, bodies_of("cube"))
+    np.testing.assert_allclose(frames[:, ANGLE], [0.3, -up, 0.0, 0.0], atol=1e-12)
+
+
+def test_a_miss_moves_nothing_and_looks_along_its_way() -> None:
+    scenes, _ = draw(1, 20)
+    strokes = draw_strokes(scenes)
+    strokes[:, LOCATION] = wrap_angle(strokes[:, LOCATION] + pi / 2 + 0.5)
+    bodies = bodies_of("ellipse")
+    after = PlanarPrior().with_bodies(bodies).step(scenes, strokes)
+    missed = np.isinf(first_touch(scenes, strokes, bodies).distance)
+    assert missed.sum() > 10
+    np.testing.assert_array_equal(after[missed], scenes[missed])
+    frames = push_frames(scenes, strokes, bodies)[missed]
+    np.testing.assert_allclose(frames[:, ANGLE], 0.0, atol=1e-12)
+
+
+def test_each_stroke_has_its_own_tool() -> None:
+    bodies = bodies_of("right_triangle")
+    scenes, pushes = draw(1, 30)
+    radii = (0.004, 0.012, 0.03)
+    expected = [
+        PlanarPrior(PlanarConfig(tool_radius=radius), bodies).step(scenes, pushes)
+        for radius in radii
+    ]
+    strokes = [
+        as_strokes(scenes, pushes, PushLimits(tool_radius=radius), bodies) for radius in radii
+    ]
+    assert strokes[0][0, TIP_RADIUS] == 0.004
+    order = np.random.default_rng(0).permutation(90)
+    told = (
+        PlanarPrior()
+        .with_bodies(bodies)
+        .step(np.tile(scenes, (3, 1, 1))[order], np.concatenate(strokes)[order])
+    )
+    np.testing.assert_allclose(told, np.concatenate(expected)[order], atol=1e-9)
+
+
+def test_gaps_are_those_to_the_outline() -> None:
+    """Along the normal of any place of an outline, and a bit inside of it."""
+    shape = get_shape("star")
+    place, inward = outline_of(shape).at(np.linspace(-3.0, 3.0, 50))
+    scene = make_scene(np.zeros((1, 2)), np.ones(1), np.array([0.06]), np.zeros(1))
+    scenes = np.broadcast_to(scene, (50, 1, 8))
+    for gap in (0.002, 0.0, -0.0004):
+        start = 0.06 * place - (gap + 0.001) * unit(inward)
+        strokes = make_stroke(start, 0.0, 0.01, tip_radius=0.001)
+        found = first_touch(scenes, strokes, Bodies((shape,))).gap
+        assert (found < gap + 1e-12).all()  # less near an inner corner
+        assert np.isclose(found, gap, atol=1e-9).mean() > 0.8
+
+
+@pytest.mark.parametrize("name", ["disk", "l"])
+def test_a_tool_that_begins_inside_a_body_is_refused(name: str) -> None:
+    bodies = bodies_of(name, "disk")
+    scenes, _ = draw(2, 3)
+    strokes = draw_strokes(scenes)
+    strokes[1, START] = scenes[1, 1, POSITION] - (0.06, 0.0)
+    with pytest.raises(
+        InvalidInputError, match=r"stroke 1 begins with the tool 4\.75 mm inside body 1; it must"
+    ):
+        PlanarPrior().with_bodies(bodies).step(scenes, strokes)
+    strokes[1, LENGTH] = 0.0
+    PlanarPrior().with_bodies(bodies).step(scenes, strokes)  # it does not move
+
+
+def test_a_tool_that_is_measured_inside_pushes_the_body_out() -> None:
+    scene = make_scene(np.array([(0.5, 0.0)]), np.ones(1), np.array([0.06]), np.zeros(1))[None]
+    stroke = make_stroke(
+        np.array([[0.44 - TIP + 8e-4, 0.0]]), 0.0, 0.05, speed=0.02, tip_radius=TIP
+    )
+    for name in ("disk", "cube"):
+        after = PlanarPrior().with_bodies(bodies_of(name)).step(scene, stroke)
+        assert 0.0505 < after[0, 0, 0] - 0.5 < 0.055
+        frame = push_frames(scene, stroke, bodies_of(name))
+        np.testing.assert_allclose(frame[0, [LOCATION, ANGLE]], 0.0, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("column", "value", "message"),
+    [
+        (SPEED, 0.0009, r"speed of push \(2,\) is 0.0009; allowed: 0.001 to 2"),
+        (SPEED, 2.1, "speed of push"),
+        (LENGTH, 0.51, r"length of push \(2,\) is 0.51; allowed: 0 to 0.5"),
+        (TIP_RADIUS, 0.0, r"tip_radius of push \(2,\) is 0.0; allowed: 0.001 to 0.05"),
+        (LENGTH, np.nan, r"length of push \(2,\) is nan; it must be finite"),
+        (TIP_RADIUS, np.inf, r"tip_radius of push \(2,\) is inf"),
+        (BODY, 1.0, "push 2 is against body 1"),
+    ],
+)
+def test_a_stroke_that_cannot_be_is_refused(column: int, value: float, message: str) -> None:
+    scenes, _ = draw(1, 4)
+    strokes = draw_strokes(scenes)
+    strokes[2, column] = value
+    with pytest.raises((InvalidInputError, OutOfRangeError), match=message):
+        PlanarPrior().with_bodies(bodies_of("t")).step(scenes, strokes)
+
+
+def test_the_speed_of_a_push_is_never_another() -> None:
+    scenes, pushes = draw(1, 3)
+    for speed in (0.0009, 2.1):
+        pushes[0, SPEED] = speed
+        with pytest.raises(OutOfRangeError, match=r"speed of push \(0,\) is"):
+            PlanarPrior().step(scenes, pushes)
