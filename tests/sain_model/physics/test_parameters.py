@@ -126,6 +126,11 @@ def test_a_turned_scene_on_a_turned_slope_ends_turned(
     cos, sin = np.cos(angle), np.sin(angle)
     x, y = values["slope_x"], values["slope_y"]
     turned = values | {"slope_x": cos * x - sin * y, "slope_y": sin * x + cos * y}
+    x, y = values["tip_x"], values["tip_y"]
+    turned |= {"tip_x": cos * x - sin * y, "tip_y": sin * x + cos * y}
+    cos, sin = np.cos(2.0 * angle), np.sin(2.0 * angle)
+    x, y = values["table_grain_x"], values["table_grain_y"]
+    turned |= {"table_grain_x": cos * x - sin * y, "table_grain_y": sin * x + cos * y}
     other = pushes.copy()  # a place on an outline turns with the body, one on a disk does not
     round_ones = np.array([name == "disk" for name in names])[pushes[:, BODY].astype(int)]
     other[round_ones, LOCATION] = wrap_angle(other[round_ones, LOCATION] + angle)
@@ -138,7 +143,8 @@ def test_a_turned_scene_on_a_turned_slope_ends_turned(
 def test_a_mirrored_scene_ends_mirrored(names: tuple[str, ...], config: PlanarConfig) -> None:
     scenes, pushes = draw(30, 5)
     values, prior = draw_values(30, 2, 5), PlanarPrior(config, kinds(*names))
-    odd = "slope_y", "centre_y", "angle_offset", "location_offset"
+    odd = ("slope_y", "centre_y", "angle_offset", "location_offset", "tip_y")
+    odd += ("grain_y", "table_grain_y")
     mirrored = values | {name: -values[name] for name in odd}
     other = pushes.copy()
     other[:, BODY] = pushes[:, BODY] = 0.0  # a disk

@@ -94,6 +94,7 @@ def tool_ways(
         around = pushes.copy()
         around[:, LOCATION] += physics["location_offset"]
         start, _ = strokes(scenes, around, limits, bodies)
+    start = start + np.column_stack([physics["tip_x"], physics["tip_y"]])
     heading = heading + physics["angle_offset"]
     return np.column_stack([start, heading, length, pushes[:, SPEED] * physics["speed_factor"]])
 

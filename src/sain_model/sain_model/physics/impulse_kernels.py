@@ -17,6 +17,7 @@ PUSH_OUT = 0.3  # share of an overlap that one step undoes, without giving speed
 TOUCHING = 1e-5  # [m], a gap as small as this is none
 COLLISION = 0.01  # [m/s], touching bodies that approach faster than this collide
 LEAVE = 1e-3  # [s]
+LEAST_ANSWER = 0.05  # share of a contact's answer to an impulse that friction leaves of it
 SOFT_SHARE = 0.3  # longest step when a soft contact is hit, share of its time constant
 SHARPEST = 0.001  # [m], the normal of sharper corners is not followed as they pass each other
 
@@ -76,7 +77,7 @@ def prepare_impulses(work, step, physics):
     The impulse of a step acts where the contact is in its middle, and what it has to achieve
     counts where the contact is at its end: that makes the step second order.
     """
-    bodies, contacts = work.bodies, work.contacts
+    contacts = work.contacts
     for index in range(work.counts[0]):
         point, side = contacts[index].point_body, contacts[index].side_body
         on_corner = contacts[index].kind == ON_CORNER
@@ -84,17 +85,11 @@ def prepare_impulses(work, step, physics):
         contacts[index].normal_x, contacts[index].normal_y = nx, ny
         contacts[index].arm_point, contacts[index].reach_point = a, b
         contacts[index].arm_side, contacts[index].reach_side = c, d
-        lightness = bodies[point].lightness + bodies[side].lightness
-        contacts[index].normal_mass = 1.0 / (
-            lightness + a * a * bodies[point].turn + c * c * bodies[side].turn
-        )
-        contacts[index].rim_mass = 1.0 / (
-            lightness + b * b * bodies[point].turn + d * d * bodies[side].turn
-        )
         nx, ny, a, b, c, d = _place(work, index, point, side, on_corner, step)
         contacts[index].end_x, contacts[index].end_y = nx, ny
         contacts[index].end_arm_point, contacts[index].end_reach_point = a, b
         contacts[index].end_arm_side, contacts[index].end_reach_side = c, d
+        _prepare_responses(work, index, point, side)
         leaving = _leaving(work, index, point, side)
         share = physics.tool_restitution if point == TOOL else physics.disk_restitution
         contacts[index].bias = _bias(contacts[index].gap, leaving, step, share)
@@ -102,6 +97,42 @@ def prepare_impulses(work, step, physics):
         softness = _softness(point, physics)
         if softness > 0.0:
             _soften(contacts, index, softness, step)
+
+
+@compiled
+def _prepare_responses(work, index, point, side):
+    """Note how a contact's velocities at the end of a step answer to its impulses in the middle."""
+    contacts = work.contacts
+    nx, ny = contacts[index].normal_x, contacts[index].normal_y
+    end_x, end_y = contacts[index].end_x, contacts[index].end_y
+    along_along, along_across, across_along, across_across = 0.0, 0.0, 0.0, 0.0
+    for body in range(2):
+        row = side if body == 1 else point
+        if work.bodies[row].lightness > 0.0:
+            if body == 1:
+                arm, reach = contacts[index].arm_side, contacts[index].reach_side
+                end_arm, end_reach = contacts[index].end_arm_side, contacts[index].end_reach_side
+            else:
+                arm, reach = contacts[index].arm_point, contacts[index].reach_point
+                end_arm, end_reach = contacts[index].end_arm_point, contacts[index].end_reach_point
+            vx, vy, spin = _moved(work.bodies, row, nx, ny, arm)
+            along_along += vx * end_x + vy * end_y + spin * end_arm
+            across_along += vy * end_x - vx * end_y + spin * end_reach
+            vx, vy, spin = _moved(work.bodies, row, -ny, nx, reach)
+            along_across += vx * end_x + vy * end_y + spin * end_arm
+            across_across += vy * end_x - vx * end_y + spin * end_reach
+    contacts[index].along_along, contacts[index].along_across = along_along, along_across
+    contacts[index].across_along, contacts[index].across_across = across_along, across_across
+
+
+@compiled
+def _moved(bodies, row, x, y, turn):
+    """Return the velocity that an impulse (x, y) [N s] with a moment gives a body."""
+    return (
+        bodies[row].move_xx * x + bodies[row].move_xy * y + bodies[row].move_xs * turn,
+        bodies[row].move_xy * x + bodies[row].move_yy * y + bodies[row].move_ys * turn,
+        bodies[row].move_xs * x + bodies[row].move_ys * y + bodies[row].move_ss * turn,
+    )
 
 
 @compiled
@@ -121,13 +152,13 @@ def _soften(contacts, index, softness, step):
     if step == 0.0:  # it takes no part in collisions of others
         contacts[index].bias = np.inf
         return
-    damping = 2.0 * np.sqrt(softness * contacts[index].normal_mass) / step
+    damping = 2.0 * np.sqrt(softness / contacts[index].along_along) / step
     relaxes, pressed = 1.0 / (1.0 + damping), contacts[index].pressed
     gap = contacts[index].gap + pressed
     contacts[index].bias = (max(gap, 0.0) - relaxes * pressed) / step
     contacts[index].give = softness * relaxes / (step * step)
     contacts[index].relaxes = relaxes
-    contacts[index].normal_mass = 1.0 / (1.0 / contacts[index].normal_mass + contacts[index].give)
+    contacts[index].along_along += contacts[index].give
 
 
 @compiled
@@ -241,24 +272,40 @@ def _note_touched(work):
 
 @compiled
 def _solve_contact(work, index):
-    """Correct the impulse of one contact; return the change of velocity it made [m/s]."""
+    """Solve one contact as if it were alone; return the change of velocity that this made [m/s].
+
+    It sticks if Coulomb's law allows that. If not, it slips against the friction.
+    """
     bodies, contacts = work.bodies, work.contacts
     point, side = work.contacts[index].point_body, work.contacts[index].side_body
+    along_along, along_across = contacts[index].along_along, contacts[index].along_across
+    across_along, across_across = contacts[index].across_along, contacts[index].across_across
+    before, rim_before = contacts[index].along, contacts[index].across
     excess = _leaving(work, index, point, side) + contacts[index].bias
-    excess += contacts[index].give * contacts[index].along
-    normal = max(contacts[index].along - contacts[index].normal_mass * excess, 0.0)
-    if point == TOOL:
-        limit = normal * bodies[side].tool_grip
-    else:
-        limit = normal * bodies[max(point, side)].body_grip
-    rim = contacts[index].across - contacts[index].rim_mass * _sliding(work, index, point, side)
-    rim = min(max(rim, -limit), limit)
-    along, across = normal - contacts[index].along, rim - contacts[index].across
+    excess += contacts[index].give * before - along_along * before - along_across * rim_before
+    sliding = _sliding(work, index, point, side)
+    sliding -= across_along * before + across_across * rim_before
+    along, across = 0.0, 0.0
+    if excess < 0.0:
+        if point == TOOL:
+            grip = bodies[side].tool_grip
+        else:
+            grip = bodies[max(point, side)].body_grip
+        scale = 1.0 / (along_along * across_across - along_across * across_along)
+        along = scale * (along_across * sliding - across_across * excess)
+        across = scale * (across_along * excess - along_along * sliding)
+        if abs(across) > grip * along:
+            slips = sliding - across_along * excess / along_along  # without any friction
+            grip = -grip if slips > 0.0 else grip
+            answer = along_along + grip * along_across
+            along = -excess / (answer if answer > LEAST_ANSWER * along_along else along_along)
+            across = grip * along
+    contacts[index].along, contacts[index].across = along, across
+    along, across = along - before, across - rim_before
     if along == 0.0 and across == 0.0:
         return 0.0
-    contacts[index].along, contacts[index].across = normal, rim
     _apply_to_both(work, index, along, across)
-    return max(abs(along), abs(across)) / contacts[index].normal_mass
+    return max(abs(along) * along_along, abs(across) * across_across)
 
 
 @compiled
@@ -268,14 +315,19 @@ def _apply_to_both(work, index, along, across):
     point, side = work.contacts[index].point_body, work.contacts[index].side_body
     nx, ny = contacts[index].normal_x, contacts[index].normal_y
     px, py = along * nx - across * ny, along * ny + across * nx
-    bodies[point].vx += px * bodies[point].lightness
-    bodies[point].vy += py * bodies[point].lightness
     turn = along * contacts[index].arm_point + across * contacts[index].reach_point
-    bodies[point].spin += turn * bodies[point].turn
-    bodies[side].vx -= px * bodies[side].lightness
-    bodies[side].vy -= py * bodies[side].lightness
+    _give(bodies, point, px, py, turn)
     turn = along * contacts[index].arm_side + across * contacts[index].reach_side
-    bodies[side].spin -= turn * bodies[side].turn
+    _give(bodies, side, -px, -py, -turn)
+
+
+@compiled
+def _give(bodies, row, x, y, turn):
+    """Give a body an impulse (x, y) [N s] with a moment [N m s]."""
+    vx, vy, spin = _moved(bodies, row, x, y, turn)
+    bodies[row].vx += vx
+    bodies[row].vy += vy
+    bodies[row].spin += spin
 
 
 @compiled

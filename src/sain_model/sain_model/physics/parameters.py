@@ -123,10 +123,29 @@ PARAMETERS: Final = (
     ),
     Parameter("centre_y", "likewise to the body's left", "", "body", 0.05, False, -0.6, 0.6),
     Parameter(
+        "grain_x",
+        "half of the share by which friction is larger along a body's own x axis than along its y",
+        "", "body", 0.05, False, -0.3, 0.3,
+    ),
+    Parameter("grain_y", "likewise along its two diagonals", "", "body", 0.05, False, -0.3, 0.3),
+    Parameter(
+        "table_grain_x",
+        "half of the share by which friction is larger along the world's x axis than along its y",
+        "", "table", 0.05, False, -0.3, 0.3,
+    ),
+    Parameter(
+        "table_grain_y", "likewise along its two diagonals", "", "table", 0.05, False, -0.3, 0.3
+    ),
+    Parameter(
         "slope_x", "acceleration along the world's x, as on a slope",
         "m/s^2", "body", 0.1, False, -0.5, 0.5,
     ),
     Parameter("slope_y", "likewise along the world's y", "m/s^2", "body", 0.1, False, -0.5, 0.5),
+    Parameter(
+        "tip_x", "where the tool is from where it is said to be, along the world's x",
+        "m", "tool", 0.001, False, -0.02, 0.02,
+    ),
+    Parameter("tip_y", "likewise along the world's y", "m", "tool", 0.001, False, -0.02, 0.02),
     Parameter(
         "length_offset", "how much further the tool goes", "m", "tool", 0.002, False, -0.05, 0.05
     ),

@@ -28,7 +28,7 @@ from sain_model.physics.impulse_kernels import (
     press_in,
     solve_impulses,
 )
-from sain_model.physics.support_kernels import brake, note_lean
+from sain_model.physics.support_kernels import brake, note_lean, resist
 
 CHUNK = 64  # pushes that one thread takes at a time: a third of a millisecond
 STILL = 1e-7  # [m/s], slower than this is at rest
@@ -37,6 +37,11 @@ SHORTEST_STEP = 2e-4  # [s]
 STOP_SHARE = 17.5  # [1/s], of a spinning body, share of the time that it takes to stop
 STOP_STEP = 5 / 12  # a body about to stop needs no shorter steps
 BEND = 2.5  # [rad/s], by which the normal of a pressing contact may turn
+CREEP = 5e-4  # [m], bodies that stop within this way after a push have no inertia
+CREEP_STEP = 1e-3  # [m], way of the tool
+SHORTEST_CREEP = 0.02  # share of the longest one
+CREEP_BEND = 0.05  # [rad], by which the normal of a pressing contact may turn in a step
+LONGEST_STEP = 0.02  # [s], for which they are given
 MOST_STEPS = 5000  # after a push, and some for each of its longest steps: far beyond any push, but
 STEPS_OF_PUSH = 20  # what runs away down a slope is left at last
 
@@ -224,6 +229,72 @@ def plan_step(work, tool_speed, physics, rest):
     return step
 
 
+@compiled
+def creeps(bodies, speed, physics):
+    """Return whether friction stops all bodies at once that have the tool's speed [m/s].
+
+    Where contacts give, forces change in time.
+    """
+    if physics.tool_compliance > 0.0 or physics.body_compliance > 0.0:
+        return False
+    for row in range(1, bodies.shape[0]):
+        if bodies[row].lightness > 0.0:
+            if bodies[row].slope_x != 0.0 or bodies[row].slope_y != 0.0:
+                return False
+            if speed * speed > 2.0 * CREEP * bodies[row].slowing:
+                return False
+    return True
+
+
+@compiled_apart
+def creep(push, distance, physics, work):
+    """Carry out a push that is so slow that forces balance at all times.
+
+    There is no time in it but that in which the tool moves: steps are ways of the tool.
+
+    Args:
+        push: see `push_bodies_block`.
+        distance: that the tool travels until it touches a body [m].
+        physics: numbers of the push, a `PUSH_ROW`.
+        work: scratch memory, with the bodies.
+    """
+    bodies = work.bodies
+    way_x, way_y, length, speed = np.cos(push[2]), np.sin(push[2]), push[3], push[4]
+    longest = CREEP_STEP / LONGEST_STEP * physics.longest_step / speed
+    for row in range(bodies.shape[0]):
+        bodies[row].creep_x, bodies[row].creep_y = speed * way_x, speed * way_y
+        bodies[row].creep_spin = 0.0
+    bodies[TOOL].vx, bodies[TOOL].vy = speed * way_x, speed * way_y
+    while distance < length:
+        bodies[TOOL].x, bodies[TOOL].y = push[0] + distance * way_x, push[1] + distance * way_y
+        rest = (length - distance) / speed
+        keep_impulses(work)
+        find_touching(work, min(longest, rest))
+        recall_impulses(work)
+        impact, _, turning = foresee(work, min(longest, rest), physics)
+        step = min(max(impact, SHORTEST_CREEP * longest), rest)
+        if turning * step > CREEP_BEND:
+            step = min(max(CREEP_BEND / turning, SHORTEST_CREEP * longest), rest)
+        for row in range(1, bodies.shape[0]):
+            if bodies[row].lightness > 0.0:
+                resist(work, row, physics, speed, step)
+        prepare_impulses(work, step, physics)
+        for row in range(1, bodies.shape[0]):
+            bodies[row].vx = bodies[row].vy = bodies[row].spin = 0.0
+        solve_impulses(work, speed)
+        note_lean(work, physics, step)
+        part_overlaps(work)
+        for row in range(1, bodies.shape[0]):
+            if outer_speed(bodies, row) > STILL:
+                bodies[row].creep_x, bodies[row].creep_y = bodies[row].vx, bodies[row].vy
+                bodies[row].creep_spin = bodies[row].spin
+            bodies[row].before_vx, bodies[row].before_vy = bodies[row].vx, bodies[row].vy
+            bodies[row].before_spin = bodies[row].spin
+            carry(bodies, row, step)
+        press_in(work, step)
+        distance += step * speed if step < rest else length
+
+
 @compiled_apart
 def push_bodies(states, order, push, table, physics, own, work, touched):
     """Carry out one push in place.
@@ -243,6 +314,10 @@ def push_bodies(states, order, push, table, physics, own, work, touched):
     way_x, way_y, length, fastest_tool = np.cos(push[2]), np.sin(push[2]), push[3], push[4]
     distance = first_touch_of(work, way_x, way_y)
     if distance >= length:
+        return
+    if creeps(bodies, fastest_tool, physics):
+        creep(push, distance, physics, work)
+        unload_bodies(states, order, work, touched)
         return
     profile = make_profile(length, fastest_tool, physics.acceleration)
     time = time_of(profile, distance)

@@ -7,6 +7,8 @@ from sain_model.physics.body_kernels import TOOL
 
 NEWTON_STEPS = 20  # most of them; three or four are usual
 ON_SURFACE = 1e-9  # share by which friction may exceed the limit
+LEAST_CREEP = 0.05  # [speeds of the tool], slower bodies resist as if they crept as fast
+LEAST_SLIDE = 0.01  # share of a body's velocity, supports that slide slower resist no more
 SLOW = 1.0  # a support is slow that friction could stop in this many steps under a whole load
 
 
@@ -45,6 +47,7 @@ def _pull_back(work, row, vx, vy, spin, slowing, turns, physics):
     supports, bodies = work.supports, work.bodies
     cos, sin = bodies[row].cos, bodies[row].sin
     mean_x, mean_y = 0.0, 0.0
+    grain_x, grain_y = grain_of(bodies, row, physics)
     axes_yield = turns * physics.axes_yield
     across_yield = turns * (1.0 / physics.yield_across - 1.0)
     for foot in range(work.first_support[row], work.first_support[row + 1]):
@@ -66,10 +69,21 @@ def _pull_back(work, row, vx, vy, spin, slowing, turns, physics):
                 x, y = x + less * arm_y, y - less * arm_x
         # Friction never turns a support back: below `slowing` it falls linearly.
         share = slowing / max(np.sqrt(x * x + y * y), slowing)
+        x, y = (1.0 + grain_x) * x + grain_y * y, grain_y * x + (1.0 - grain_x) * y
         supports[foot].pull_x, supports[foot].pull_y = share * x, share * y
         mean_x += supports[foot].share * share * x
         mean_y += supports[foot].share * share * y
     return mean_x, mean_y
+
+
+@compiled
+def grain_of(bodies, row, physics):
+    """Return how friction has directions in the world: along x and y, and along the diagonals."""
+    cos, sin = bodies[row].cos, bodies[row].sin
+    cos, sin = cos * cos - sin * sin, 2.0 * cos * sin
+    x = cos * bodies[row].grain_x - sin * bodies[row].grain_y
+    y = sin * bodies[row].grain_x + cos * bodies[row].grain_y
+    return x + physics.table_grain_x, y + physics.table_grain_y
 
 
 @compiled
@@ -79,11 +93,7 @@ def _slow_down(work, row, shift_x, shift_y, slowing, turns):
     first, last = work.first_support[row], work.first_support[row + 1]
     cos, sin = bodies[row].cos, bodies[row].sin
     fore, left = cos * shift_x + sin * shift_y, cos * shift_y - sin * shift_x
-    lean = 1.0  # share of the shift at which the first support lifts off
-    for foot in range(first, last):
-        grows = supports[foot].lean_x * fore + supports[foot].lean_y * left
-        if supports[foot].share + lean * grows < 0.0:
-            lean = -supports[foot].share / grows
+    lean = _lean(supports, first, last, fore, left)
     total_x, total_y, across = 0.0, 0.0, 0.0
     for foot in range(first, last):
         grows = supports[foot].lean_x * fore + supports[foot].lean_y * left
@@ -100,6 +110,75 @@ def _slow_down(work, row, shift_x, shift_y, slowing, turns):
     bodies[row].vx -= total_x
     bodies[row].vy -= total_y
     bodies[row].spin -= turns * across * bodies[row].turn / bodies[row].lightness
+
+
+@compiled
+def _lean(supports, first, last, fore, left):
+    """Return the share of a shift of the load [m] at which the first support lifts off, or 1."""
+    lean = 1.0
+    for foot in range(first, last):
+        grows = supports[foot].lean_x * fore + supports[foot].lean_y * left
+        if supports[foot].share + lean * grows < 0.0:
+            lean = -supports[foot].share / grows
+    return lean
+
+
+@compiled_apart
+def resist(work, row, physics, tool_speed, step):
+    """Let a body that creeps answer to impulses as the friction of its supports allows.
+
+    Without inertia what pushes a body is as large as the friction against it: w_i v_i / |v_i| at
+    a support with the load w_i. With |v_i| from the step before, that is linear in the velocity. So
+    the solver of impulses finds it, with a matrix in place of mass and moment of inertia. From
+    step to step it converges to Coulomb's law at each support: a body's motion is the normal of
+    the limit surface that these have together (Goyal, Ruina and Papadopoulos, "Planar sliding
+    with dry friction", Wear 143, 1991), whatever the size of the velocity.
+
+    Args:
+        work: scratch memory.
+        row: of the body.
+        physics: for the table's grain.
+        tool_speed: [m/s].
+        step: duration [s].
+    """
+    bodies, supports = work.bodies, work.supports
+    first, last = work.first_support[row], work.first_support[row + 1]
+    cos, sin = bodies[row].cos, bodies[row].sin
+    fore = cos * bodies[row].tilt_x + sin * bodies[row].tilt_y
+    left = cos * bodies[row].tilt_y - sin * bodies[row].tilt_x
+    lean = _lean(supports, first, last, fore, left)
+    vx, vy, spin = bodies[row].creep_x, bodies[row].creep_y, bodies[row].creep_spin
+    size = np.sqrt(vx * vx + vy * vy + (spin * bodies[row].twist) ** 2)
+    scale = max(LEAST_CREEP * tool_speed / size, 1.0)
+    least = LEAST_SLIDE * scale * size
+    xx, xy, yy, xs, ys, ss = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    grain_x, grain_y = grain_of(bodies, row, physics)
+    for foot in range(first, last):
+        arm_x = cos * supports[foot].x - sin * supports[foot].y
+        arm_y = sin * supports[foot].x + cos * supports[foot].y
+        x, y = scale * (vx - spin * arm_y), scale * (vy + spin * arm_x)
+        load = supports[foot].share
+        load += lean * (supports[foot].lean_x * fore + supports[foot].lean_y * left)
+        drag = load / max(np.sqrt(x * x + y * y), least)
+        drag_xx, drag_xy, drag_yy = drag * (1.0 + grain_x), drag * grain_y, drag * (1.0 - grain_x)
+        drag_xs = drag_xy * arm_x - drag_xx * arm_y
+        drag_ys = drag_yy * arm_x - drag_xy * arm_y
+        xx, xy, yy = xx + drag_xx, xy + drag_xy, yy + drag_yy
+        xs, ys = xs + drag_xs, ys + drag_ys
+        ss += drag_ys * arm_x - drag_xs * arm_y
+    _invert(bodies, row, xx, xy, yy, xs, ys, ss, bodies[row].lightness / bodies[row].slowing / step)
+
+
+@compiled
+def _invert(bodies, row, xx, xy, yy, xs, ys, ss, scale):
+    """Let a body answer to impulses with the inverse of a symmetric matrix, scaled."""
+    first, second, third = yy * ss - ys * ys, xs * ys - xy * ss, xy * ys - xs * yy
+    scale /= xx * first + xy * second + xs * third
+    bodies[row].move_xx, bodies[row].move_xy = scale * first, scale * second
+    bodies[row].move_xs = scale * third
+    bodies[row].move_yy = scale * (xx * ss - xs * xs)
+    bodies[row].move_ys = scale * (xs * xy - xx * ys)
+    bodies[row].move_ss = scale * (xx * yy - xy * xy)
 
 
 @compiled
