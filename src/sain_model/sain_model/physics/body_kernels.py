@@ -35,7 +35,7 @@ BODY: Final = _record(
     "x y vx vy spin cos sin turned"
     # 1 / mass and 1 / moment of inertia, both 0 for what nothing moves.
     " lightness turn"
-    # The velocity that an impulse gives: a symmetric matrix of x, y and spin.
+    # The velocity that an impulse gives a body that creeps: a symmetric matrix of x, y and spin.
     " move_xx move_xy move_yy move_xs move_ys move_ss"
     # The radius that corners are rounded with, that of the circumscribed circle, and the arm on
     # which friction resists a turn on the spot [m].
@@ -54,7 +54,7 @@ BODY: Final = _record(
     " tilt_x tilt_y"
     # The last velocity of a body that creeps [m/s, rad/s], and how its friction has directions.
     " creep_x creep_y creep_spin grain_x grain_y",
-    flags="stuck touched",
+    flags="stuck touched creeps",
 )
 # A corner in its body's frame [m], with the side to the next one: its direction and length.
 CORNER: Final = _record("x y side_x side_y length", flags="convex")
@@ -73,6 +73,8 @@ CONTACT: Final = _record(
     " gap bias give relaxes along across pressed"
     # The velocities along and across that unit impulses along and across give [1/kg].
     " along_along along_across across_along across_across"
+    # Friction, and factors of sticking and of slipping to both sides that follow from these.
+    " grip stick slip_left slip_right"
     # Where the features are, and how far the point is from both ends of a side [m].
     " point_x point_y corner_at_x corner_at_y face_x face_y past left",
     integers="point_body side_body kind key pair",
@@ -154,9 +156,7 @@ def _load_body(bodies, row, state, table, body, physics, own):
     lightness = 0.0 if table.fixed[body] else 1.0 / mass
     inertia = own.inertia / DISK_INERTIA * table.inertia[body] * radius * radius
     bodies[row].lightness, bodies[row].turn = lightness, lightness / inertia
-    bodies[row].move_xx = bodies[row].move_yy = lightness
-    bodies[row].move_xy = bodies[row].move_xs = bodies[row].move_ys = 0.0
-    bodies[row].move_ss = bodies[row].turn
+    bodies[row].creeps = False
     bodies[row].slowing = own.friction_scale * physics.friction * physics.gravity
     bodies[row].slope_x, bodies[row].slope_y = own.slope_x, own.slope_y
     bodies[row].grain_x, bodies[row].grain_y = own.grain_x, own.grain_y

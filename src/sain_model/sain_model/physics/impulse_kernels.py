@@ -97,6 +97,7 @@ def prepare_impulses(work, step, physics):
         softness = _softness(point, physics)
         if softness > 0.0:
             _soften(contacts, index, softness, step)
+        _prepare_laws(work, index, point, side)
 
 
 @compiled
@@ -106,28 +107,59 @@ def _prepare_responses(work, index, point, side):
     nx, ny = contacts[index].normal_x, contacts[index].normal_y
     end_x, end_y = contacts[index].end_x, contacts[index].end_y
     along_along, along_across, across_along, across_across = 0.0, 0.0, 0.0, 0.0
-    for body in range(2):
-        row = side if body == 1 else point
-        if work.bodies[row].lightness > 0.0:
-            if body == 1:
-                arm, reach = contacts[index].arm_side, contacts[index].reach_side
-                end_arm, end_reach = contacts[index].end_arm_side, contacts[index].end_reach_side
-            else:
-                arm, reach = contacts[index].arm_point, contacts[index].reach_point
-                end_arm, end_reach = contacts[index].end_arm_point, contacts[index].end_reach_point
+    for each in range(2):
+        row = side if each == 1 else point
+        if work.bodies[row].lightness == 0.0:
+            continue
+        if each == 1:
+            arm, reach = contacts[index].arm_side, contacts[index].reach_side
+            end_arm, end_reach = contacts[index].end_arm_side, contacts[index].end_reach_side
+        else:
+            arm, reach = contacts[index].arm_point, contacts[index].reach_point
+            end_arm, end_reach = contacts[index].end_arm_point, contacts[index].end_reach_point
+        if work.bodies[row].creeps:
             vx, vy, spin = _moved(work.bodies, row, nx, ny, arm)
             along_along += vx * end_x + vy * end_y + spin * end_arm
             across_along += vy * end_x - vx * end_y + spin * end_reach
             vx, vy, spin = _moved(work.bodies, row, -ny, nx, reach)
             along_across += vx * end_x + vy * end_y + spin * end_arm
             across_across += vy * end_x - vx * end_y + spin * end_reach
+            continue
+        lightness, turn = work.bodies[row].lightness, work.bodies[row].turn
+        same, other = lightness * (nx * end_x + ny * end_y), lightness * (nx * end_y - ny * end_x)
+        along_along += same + turn * arm * end_arm
+        along_across += other + turn * reach * end_arm
+        across_along += turn * arm * end_reach - other
+        across_across += same + turn * reach * end_reach
     contacts[index].along_along, contacts[index].along_across = along_along, along_across
     contacts[index].across_along, contacts[index].across_across = across_along, across_across
 
 
 @compiled
+def _prepare_laws(work, index, point, side):
+    """Note by what a contact's impulses follow from its velocities: sticking, and slipping."""
+    bodies, contacts = work.bodies, work.contacts
+    if point == TOOL:
+        grip = bodies[side].tool_grip
+    else:
+        grip = bodies[max(point, side)].body_grip
+    along_along, along_across = contacts[index].along_along, contacts[index].along_across
+    contacts[index].grip = grip
+    least = LEAST_ANSWER * along_along
+    contacts[index].stick = 1.0 / (
+        along_along * contacts[index].across_across
+        - along_across * contacts[index].across_along
+    )
+    contacts[index].slip_left = 1.0 / max(along_along + grip * along_across, least)
+    contacts[index].slip_right = 1.0 / max(along_along - grip * along_across, least)
+
+
+@compiled
 def _moved(bodies, row, x, y, turn):
     """Return the velocity that an impulse (x, y) [N s] with a moment gives a body."""
+    if not bodies[row].creeps:
+        lightness = bodies[row].lightness
+        return lightness * x, lightness * y, bodies[row].turn * turn
     return (
         bodies[row].move_xx * x + bodies[row].move_xy * y + bodies[row].move_xs * turn,
         bodies[row].move_xy * x + bodies[row].move_yy * y + bodies[row].move_ys * turn,
@@ -248,15 +280,15 @@ def solve_impulses(work, tool_speed):
         if contacts[index].along > 0.0:
             _apply_to_both(work, index, contacts[index].along, contacts[index].across)
     for _ in range(SWEEPS):
-        change = 0.0
+        change, alone = 0.0, work.counts[0] == 1
         for index in range(work.counts[0]):
             change = max(change, _solve_contact(work, index))
         for row in range(1, work.bodies.shape[0]):
             if work.bodies[row].grip > 0.0:
-                change = max(change, hold_back(work, row))
+                change, alone = max(change, hold_back(work, row)), False
             if work.bodies[row].stuck:
-                change = max(change, hold_supports(work, row))
-        if change < CONVERGED * tool_speed:
+                change, alone = max(change, hold_supports(work, row)), False
+        if alone or change < CONVERGED * tool_speed:
             break
     _note_touched(work)
 
@@ -287,19 +319,16 @@ def _solve_contact(work, index):
     sliding -= across_along * before + across_across * rim_before
     along, across = 0.0, 0.0
     if excess < 0.0:
-        if point == TOOL:
-            grip = bodies[side].tool_grip
-        else:
-            grip = bodies[max(point, side)].body_grip
-        scale = 1.0 / (along_along * across_across - along_across * across_along)
-        along = scale * (along_across * sliding - across_across * excess)
-        across = scale * (across_along * excess - along_along * sliding)
+        stick, grip = contacts[index].stick, contacts[index].grip
+        along = stick * (along_across * sliding - across_across * excess)
+        across = stick * (across_along * excess - along_along * sliding)
         if abs(across) > grip * along:
-            slips = sliding - across_along * excess / along_along  # without any friction
-            grip = -grip if slips > 0.0 else grip
-            answer = along_along + grip * along_across
-            along = -excess / (answer if answer > LEAST_ANSWER * along_along else along_along)
-            across = grip * along
+            if sliding * along_along > across_along * excess:  # so it would without any friction
+                along = -excess * contacts[index].slip_right
+                across = -grip * along
+            else:
+                along = -excess * contacts[index].slip_left
+                across = grip * along
     contacts[index].along, contacts[index].across = along, across
     along, across = along - before, across - rim_before
     if along == 0.0 and across == 0.0:
@@ -315,8 +344,9 @@ def _apply_to_both(work, index, along, across):
     point, side = work.contacts[index].point_body, work.contacts[index].side_body
     nx, ny = contacts[index].normal_x, contacts[index].normal_y
     px, py = along * nx - across * ny, along * ny + across * nx
-    turn = along * contacts[index].arm_point + across * contacts[index].reach_point
-    _give(bodies, point, px, py, turn)
+    if point != TOOL:
+        turn = along * contacts[index].arm_point + across * contacts[index].reach_point
+        _give(bodies, point, px, py, turn)
     turn = along * contacts[index].arm_side + across * contacts[index].reach_side
     _give(bodies, side, -px, -py, -turn)
 

@@ -173,6 +173,7 @@ def resist(work, row, physics, tool_speed, step):
 def _invert(bodies, row, xx, xy, yy, xs, ys, ss, scale):
     """Let a body answer to impulses with the inverse of a symmetric matrix, scaled."""
     first, second, third = yy * ss - ys * ys, xs * ys - xy * ss, xy * ys - xs * yy
+    bodies[row].creeps = True
     scale /= xx * first + xy * second + xs * third
     bodies[row].move_xx, bodies[row].move_xy = scale * first, scale * second
     bodies[row].move_xs = scale * third
