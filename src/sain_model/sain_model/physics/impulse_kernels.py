@@ -147,8 +147,7 @@ def _prepare_laws(work, index, point, side):
     contacts[index].grip = grip
     least = LEAST_ANSWER * along_along
     contacts[index].stick = 1.0 / (
-        along_along * contacts[index].across_across
-        - along_across * contacts[index].across_along
+        along_along * contacts[index].across_across - along_across * contacts[index].across_along
     )
     contacts[index].slip_left = 1.0 / max(along_along + grip * along_across, least)
     contacts[index].slip_right = 1.0 / max(along_along - grip * along_across, least)
@@ -308,7 +307,7 @@ def _solve_contact(work, index):
 
     It sticks if Coulomb's law allows that. If not, it slips against the friction.
     """
-    bodies, contacts = work.bodies, work.contacts
+    contacts = work.contacts
     point, side = work.contacts[index].point_body, work.contacts[index].side_body
     along_along, along_across = contacts[index].along_along, contacts[index].along_across
     across_along, across_across = contacts[index].across_along, contacts[index].across_across
