@@ -28,7 +28,8 @@ from benchmarks.report import Figure, report
 from sain_sim.arm.client import Client
 from sain_sim.collecting.collect import CollectConfig, collect
 from sain_sim.collecting.episode import EpisodeConfig, EpisodeRunner
-from sain_sim.world.truth import RANDOMISED, ROUGH, TruthConfig
+from sain_sim.world.effects import ROUGH
+from sain_sim.world.truth import RANDOMISED, TruthConfig
 
 RESET, STEP = "resetSimulation", "stepSimulation"
 QUESTIONS = ("get", "calculate", "connect", "disconnect")

@@ -18,8 +18,9 @@ from sain_model.dynamics.load import load_shipped
 from sain_model.evaluation.errors import DEG, MM, PUSHED, TARGETS, evaluate
 from sain_model.evaluation.predictors import PRIOR_HISTORY, SAIN, SAIN_HISTORY
 from sain_pusht.evaluation import WORK, PushtJob, pusht_row
+from sain_sim.world.effects import ROUGH
 from sain_sim.world.engines import MUJOCO
-from sain_sim.world.truth import RANDOMISED_TRUTH, ROUGH, TruthConfig
+from sain_sim.world.truth import RANDOMISED_TRUTH, TruthConfig
 
 SHIPPED, PLANAR = "sain", "planar"
 WITHIN: Final = Tolerance(0.005, 0.03)

@@ -20,13 +20,11 @@ class EngineEntry(NamedTuple):
         simulation: module and name of its `Simulation`.
         module: what has to be installed.
         install: how to get that.
-        lacks: effects of a rough world that it cannot simulate.
     """
 
     simulation: str
     module: str
     install: str
-    lacks: tuple[str, ...] = ()
 
 
 BULLET: Final = "bullet"
@@ -41,7 +39,6 @@ ENGINES: Final = {
         "sain_sim.engines.mujoco.cell:MujocoSimulation",
         "mujoco",
         'pip install "sain_sim[mujoco]", or pip install mujoco',
-        ("direction", "tool", "torque"),
     ),
 }
 # PyBullet has no wheel above Python 3.11, where the set-up leaves it out.
@@ -63,22 +60,11 @@ def needs(engine: str) -> str:
     return f"needs the package {entry.module}, which is not installed: {entry.install}"
 
 
-def check_engine(engine: str, effects: Iterable[str] = ()) -> None:
-    """Raise `ConfigError` when an engine is unknown or not installed, or lacks one of the effects.
-
-    The engine itself is not loaded. A world that a package offers has no effects.
-    """
+def check_engine(engine: str) -> None:
+    """Raise `ConfigError` when an engine is unknown or not installed. It is not loaded."""
     OFFERED.check(engine)
-    entry = ENGINES.get(engine)
-    if entry is not None and not is_installed(engine):
+    if engine in ENGINES and not is_installed(engine):
         raise ConfigError(f"engine {engine} {needs(engine)}")
-    lacks = None if entry is None else entry.lacks
-    if lacking := [effect for effect in effects if lacks is None or effect in lacks]:
-        without = "none" if lacks is None else f"effects without {', '.join(lacks)}"
-        raise ConfigError(
-            f"engine {engine} cannot simulate {', '.join(lacking)}; use engine {BULLET}, or"
-            f" {without}"
-        )
 
 
 def modules_of(engines: Iterable[str]) -> list[str]:

@@ -10,11 +10,11 @@ from sain_core.plugins import package_of
 from sain_core.shapes.bodies import check_bodies
 from sain_core.types import PushArray, Scene
 from sain_core.world import Outcome, Setting, WorldFailedError, check_outcome
+from sain_sim.world.effects import check_roughness
 from sain_sim.world.engines import (
     DEFAULT_ENGINE,
     ENGINES,
     OFFERED,
-    check_engine,
     load_world,
 )
 from sain_sim.world.parameters import WorldParameters, on_a_grid
@@ -50,7 +50,7 @@ class OwnWorld(CheckedWorld):
     def load(self, scene: Scene, parameters: WorldParameters | None = None) -> None:
         """Put the bodies in a scene (N, 8), without checks of the scene."""
         wanted = parameters or self.parameters
-        check_engine(self.engine, wanted.roughness.effects)
+        check_roughness(self.engine, wanted.roughness)
         setting = Setting(scene.copy(), wanted.bodies, wanted.friction)
         self._scene = self._checked("reset", scene, lambda: self._world.reset(setting))
         self.parameters = wanted

@@ -16,8 +16,8 @@ from sain_core.scene import MASS, RADIUS, Table, make_scene
 from sain_core.shapes.bodies import Bodies
 from sain_core.shapes.shape import Pair, Shape, feet_places
 from sain_core.shapes.solids import DISK
-from sain_core.shapes.supports import BOTTOMS, FEET, FLAT, even_supports
-from sain_core.types import Angles, Points, Scene
+from sain_core.shapes.supports import BOTTOMS, FEET, FLAT
+from sain_core.types import Angles, Points, Scalars, Scene
 from sain_sim.world.roughness import SMOOTH, Roughness
 
 NOMINAL_MASS: Final = 8.0  # [kg]
@@ -96,6 +96,8 @@ class WorldParameters(Config):
             raise ConfigError(
                 "what lies flat has no feet to be moved; use bottom feet, or effects without feet"
             )
+        if self.roughness.pressures and not self.lies_flat:
+            raise ConfigError("feet have no pressure to be drawn; use bottom flat")
 
     @property
     def count(self) -> int:
@@ -121,8 +123,12 @@ class WorldParameters(Config):
         """Return the points (F, 2) [m] in a body's frame that carry it, about its middle."""
         shape, radius = self.body_shapes[body], self.radii[body]
         if self.lies_flat:
-            return radius * even_supports(shape)
+            return radius * self.roughness.supports(body, shape)[0]
         return feet_places(self.roughness.feet[body] if self.roughness.feet else shape.feet, radius)
+
+    def loads(self, body: int) -> Scalars:
+        """Return the weights (F,) of a flat body's supports: how stiff they are, in sum 1."""
+        return self.roughness.supports(body, self.body_shapes[body])[1]
 
     @property
     def mass_offsets(self) -> tuple[Pair, ...]:

@@ -1,15 +1,14 @@
-"""The effects of a rough world, which the nominal model lacks. All are off by default.
+"""The values of all effects that the nominal model lacks. All are off by default.
 
-`draw_roughness` draws them for a lab, whose table, disks and tool stay the same in all episodes.
-docs/explanation/worlds.md states the size of each effect, and its reason. Errors are drawn for
-disks. A shape of the library has its own feet, and each of these is off by as much as that foot of
-a disk: in bearing, and in distance as a share.
+`sain_sim.world.effects` draws them for a lab. Errors are drawn for disks. A shape of the library
+has its own feet, and each of these is off by as much as that foot of a disk: in bearing, and in
+distance as a share.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
-from math import asin, cos, pi, radians, sin, sqrt
-from typing import Any, Final
+from hashlib import sha256
+from math import cos, sin, sqrt
+from typing import Final, NamedTuple
 
 import numpy as np
 from shapely import MultiPoint, Polygon
@@ -17,26 +16,18 @@ from shapely import MultiPoint, Polygon
 from sain_core.config import Config, option
 from sain_core.errors import ConfigError
 from sain_core.seeding import generator
-from sain_core.shapes.shape import FOOT_BEARINGS, REGULAR_FEET, Pair, Shape
+from sain_core.shapes.shape import REGULAR_FEET, Pair, Shape
+from sain_core.shapes.supports import even_supports
+from sain_core.types import Points, Scalars
 from sain_sim.arm.panda import ArmConfig
 
 Feet = tuple[Pair, Pair, Pair]
 Wave = tuple[float, float, float]
+Pressure = tuple[float, ...]  # factor on the supports' distance from the middle, then their weights
 
-MASS_OFFSET: Final = (0.08, 0.15)  # [radii], from the centre to the centre of mass
-FOOT_DISTANCE: Final = (0.6, 0.8)  # [radii]; a regular foot stands at 0.7
-FOOT_TURN: Final = radians(15)  # either way from its regular bearing
-WAVES: Final = 3  # of which the patches are made
-WAVE_LENGTH: Final = (0.2, 0.4)  # [m], patches are half as wide
 PATCH_DEPTH: Final = 0.7  # friction is between exp(-0.7) and exp(0.7) of its mean
-GRAIN: Final = (0.6, 0.8)  # friction along y over friction along x
-TILT: Final = (radians(0.5), radians(1.0))
-TOOL_STIFFNESS: Final = (2000.0, 3000.0)  # [N/m], the upper end of Franka's Cartesian impedance
 STIFF_TOOL: Final = 20_000.0  # [N/m], where only torques are limited: 1 mm at 20 N
-RIM_FRICTION: Final = (0.2, 0.4)  # the prior assumes 0.12
-
-RIMS: Final = "rims"
-MOVED_FEET: Final = "feet"
+QUIET: Final = (0.0, 0.0)
 SHARES: Final = (1.0, 0.7, 0.5, 0.35, 0.2, 0.1, 0.0)  # of the errors, the first that fits
 LEAST_LOAD: Final = 0.1  # of the weight, on each foot; a third on each is even
 
@@ -54,6 +45,12 @@ class Roughness(Config):
     patches: tuple[Wave, ...] = option(
         (), "waves of the table's friction: along x and y [rad/m], phase [rad]; none: even"
     )
+    patch_depth: float = option(
+        PATCH_DEPTH,
+        "logarithm of the friction over its mean, where it is largest",
+        minimum=0.0,
+        maximum=5.0,
+    )
     grain: float = option(
         1.0, "friction along the world's y over friction along x", minimum=0.1, maximum=10.0
     )
@@ -65,6 +62,25 @@ class Roughness(Config):
         0.0, "stiffness of the spring that holds the stick; 0: rigid", unit="N/m", minimum=0.0
     )
     stock_joints: bool = option(False, "joints give the tool no more than Franka's torques")
+    pressures: tuple[Pressure, ...] = option(
+        (), "of each flat bottom: factor on its supports' distances, then their weights; none: even"
+    )
+    contact_times: Pair = option(
+        QUIET, "time constants of contacts of the tool, and of two bodies; 0: rigid", unit="s",
+        minimum=0.0, maximum=0.1,
+    )  # fmt: skip
+    tool_offset: Pair = option(
+        QUIET, "the tool's place less the commanded one, in the world", unit="m", minimum=-0.01,
+        maximum=0.01,
+    )  # fmt: skip
+    noise: Pair = option(
+        QUIET,
+        "of each push: deviation of the tool's place [m], along x and y, and of the logarithm of"
+        " the friction below each support",
+        minimum=0.0,
+        maximum=1.0,
+    )
+    repeat: int = option(0, "number of the draw of noise for equal pushes", minimum=0)
 
     def __post_init__(self) -> None:
         """Check the fields, and that no disk tips over."""
@@ -79,7 +95,7 @@ class Roughness(Config):
 
     def check_count(self, count: int) -> None:
         """Check that values for single disks are given for each of N = count disks."""
-        for name in ("mass_offsets", "feet"):
+        for name in ("mass_offsets", "feet", "pressures"):
             given = len(getattr(self, name))
             if given not in (0, count):
                 raise ConfigError(f"Roughness.{name} is about {given} disks, the world has {count}")
@@ -99,18 +115,27 @@ class Roughness(Config):
         height = 0.0
         for along_x, along_y, phase in self.patches:
             height += cos(along_x * x + along_y * y + phase)
-        return float(np.exp(PATCH_DEPTH * height / max(len(self.patches), 1)))
+        return float(np.exp(self.patch_depth * height / max(len(self.patches), 1)))
 
     def gravity(self, strength: float) -> tuple[float, float, float]:
         """Return gravity [m/s^2] in the frame of the tilted table."""
         x, y = sin(self.tilt[0]), sin(self.tilt[1])
         return strength * x, strength * y, -strength * sqrt(1.0 - x * x - y * y)
 
-    @property
-    def effects(self) -> tuple[str, ...]:
-        """The effects that are on; friction of rims is not part of this."""
-        on = self.arrays()
-        return tuple(effect for effect, (field, _) in _DRAW.items() if field in on)
+    def supports(self, disk: int, shape: Shape) -> tuple[Points, Scalars]:
+        """Return the points (F, 2) [radii] that carry a flat bottom, and their weights (F,)."""
+        points = even_supports(shape)
+        if not self.pressures:
+            return points, np.full(len(points), 1.0 / len(points))
+        spread, *weights = self.pressures[disk]
+        return spread * points, np.array(weights) / sum(weights)
+
+    def disturbance(self, before: bytes, supports: int) -> "Disturbance":
+        """Draw the noise of one push with so many supports, by the bytes of what it begins with."""
+        place, slip = self.noise
+        random = generator(0, "noise", self.repeat, sha256(before).hexdigest())
+        x, y = random.normal(0.0, place, 2) + self.tool_offset
+        return Disturbance((float(x), float(y)), np.exp(random.normal(0.0, slip, supports)))
 
     def arrays(self) -> dict[str, np.ndarray]:
         """Return the effects that are on, as arrays for a data set."""
@@ -124,55 +149,16 @@ class Roughness(Config):
 SMOOTH: Final = Roughness()
 
 
-def _mass_offsets(random: np.random.Generator, count: int) -> tuple[Pair, ...]:
-    drawn = [(random.uniform(*MASS_OFFSET), random.uniform(-pi, pi)) for _ in range(count)]
-    return tuple((away * cos(turn), away * sin(turn)) for away, turn in drawn)
+class Disturbance(NamedTuple):
+    """The noise of one push.
 
-
-def _feet(random: np.random.Generator, count: int) -> tuple[tuple[Pair, ...], ...]:
-    def foot(regular: float) -> Pair:
-        turn = random.uniform(-FOOT_TURN, FOOT_TURN)
-        return random.uniform(*FOOT_DISTANCE), regular + turn
-
-    return tuple(tuple(map(foot, FOOT_BEARINGS)) for _ in range(count))
-
-
-def _patches(random: np.random.Generator, count: int) -> tuple[Wave, ...]:
-    number = 2 * pi / random.uniform(*WAVE_LENGTH, WAVES)
-    bearing, phase = random.uniform(-pi, pi, (2, WAVES))
-    waves = np.stack([number * np.cos(bearing), number * np.sin(bearing), phase], axis=-1)
-    return tuple(tuple(wave) for wave in waves.tolist())
-
-
-def _tilt(random: np.random.Generator, count: int) -> Pair:
-    steep, bearing = sin(random.uniform(*TILT)), random.uniform(-pi, pi)
-    return asin(steep * cos(bearing)), asin(steep * sin(bearing))
-
-
-# of each effect the field of `Roughness`, and how its value is drawn for so many disks
-_DRAW: Final[dict[str, tuple[str, Callable[[np.random.Generator, int], Any]]]] = {
-    "mass": ("mass_offsets", _mass_offsets),
-    MOVED_FEET: ("feet", _feet),
-    "patches": ("patches", _patches),
-    "direction": ("grain", lambda random, count: random.uniform(*GRAIN)),
-    "tilt": ("tilt", _tilt),
-    "tool": ("tool_stiffness", lambda random, count: random.uniform(*TOOL_STIFFNESS)),
-    "torque": ("stock_joints", lambda random, count: True),
-}
-EFFECTS: Final = (*_DRAW, RIMS)
-
-
-def draw_roughness(lab: int, effects: tuple[str, ...], count: int) -> Roughness:
-    """Draw the effects of a lab with N = count disks.
-
-    Each has a random stream of its own, so it is the same alone and among others.
+    Attributes:
+        tool: its place less the commanded one [m].
+        supports: factors (F,) on the friction below all supports, body after body.
     """
-    values = {}
-    for effect in effects:
-        if effect in _DRAW:
-            field, draw = _DRAW[effect]
-            values[field] = draw(generator(lab, "lab", effect), count)
-    return Roughness(**values)
+
+    tool: Pair
+    supports: Scalars
 
 
 def _stands(feet: Feet, mass_offset: Pair) -> bool:
@@ -183,12 +169,14 @@ def _stands(feet: Feet, mass_offset: Pair) -> bool:
     return all((bx - ax) * (py - ay) > (by - ay) * (px - ax) for (ax, ay), (bx, by) in ends)
 
 
-def fit_shapes(roughness: Roughness, shapes: tuple[Shape, ...]) -> Roughness:
+def fit_shapes(roughness: Roughness, shapes: tuple[Shape, ...], flat: bool = False) -> Roughness:
     """Return the errors of disks as those of bodies with these shapes.
 
-    Bodies on a disk's regular feet keep theirs. For others both errors are made
-    smaller, by the same share, until all feet are below the body and each carries a part of it.
+    Bodies on a disk's regular feet keep theirs. For others all errors are made smaller, by the same
+    share, until all supports are below the body and each carries a part of it.
     """
+    if flat:
+        return _fit_flat(roughness, shapes)
     regular = (REGULAR_FEET,) * len(shapes)
     made = [
         (feet, roughness.mass_offset(body))
@@ -202,6 +190,37 @@ def fit_shapes(roughness: Roughness, shapes: tuple[Shape, ...]) -> Roughness:
         feet=feet if roughness.feet else (),
         mass_offsets=offsets if roughness.mass_offsets else (),
     )
+
+
+def _fit_flat(roughness: Roughness, shapes: tuple[Shape, ...]) -> Roughness:
+    """Return the errors of disks as those of flat bodies with these shapes."""
+    pressures, offsets = [], []
+    for body, shape in enumerate(shapes):
+        outline = Polygon(shape.outline(1.0)).buffer(1e-9)
+        for share in SHARES:
+            spread, *weights = roughness.pressures[body] if roughness.pressures else (1.0,)
+            pressure = (1.0 + share * (spread - 1.0), *weights)
+            x, y = roughness.mass_offset(body)
+            made = replace(roughness, pressures=(pressure,) if weights else (), mass_offsets=())
+            points, shares = made.supports(0, shape)
+            if outline.covers(MultiPoint(points)) and _bears(
+                points, shares, (share * x, share * y)
+            ):
+                break
+        pressures.append(pressure)
+        offsets.append((share * x, share * y))
+    return replace(
+        roughness,
+        pressures=tuple(pressures) if roughness.pressures else (),
+        mass_offsets=tuple(offsets) if roughness.mass_offsets else (),
+    )
+
+
+def _bears(points: Points, weights: Scalars, mass: Pair) -> bool:
+    """Return whether each of elastic supports (F, 2) carries a part of a body."""
+    places = np.column_stack([np.ones(len(points)), points])
+    sinking = np.linalg.solve(places.T @ (weights[:, None] * places), [1.0, *mass])
+    return bool((places @ sinking).min() > 0.0)
 
 
 def _fit(shape: Shape, of_disk: tuple[Pair, ...], offset: Pair) -> tuple[Feet, Pair]:

@@ -1,4 +1,4 @@
-"""The world that stands for reality: the paper's randomised one, or a rough one."""
+"""The world that stands for reality: the paper's randomised one, or a laboratory."""
 
 from dataclasses import asdict, dataclass, replace
 from typing import Any, Final
@@ -9,9 +9,18 @@ from sain_core.config import Config, option
 from sain_core.errors import ConfigError
 from sain_core.seeding import generator
 from sain_core.shapes.supports import BOTTOMS, FEET, FLAT
+from sain_sim.world.effects import (
+    EFFECTS,
+    LABS,
+    MOVED_FEET,
+    PRESSURE,
+    TABLE_FRICTION,
+    check_effects,
+    draw_effects,
+    effects_of,
+)
 from sain_sim.world.engines import BULLET, DEFAULT_ENGINE, ENGINE_HELP, check_engine
 from sain_sim.world.parameters import (
-    FRICTION_RANGE,
     PAPER,
     RANGES,
     Ranges,
@@ -19,19 +28,11 @@ from sain_sim.world.parameters import (
     nominal_parameters,
     sample_parameters,
 )
-from sain_sim.world.roughness import (
-    EFFECTS,
-    MOVED_FEET,
-    RIM_FRICTION,
-    RIMS,
-    draw_roughness,
-    fit_shapes,
-)
+from sain_sim.world.roughness import fit_shapes
 
 RANDOMISED: Final = "randomised"
-ROUGH: Final = "rough"
 NOMINAL: Final = "nominal"
-TRUTHS: Final = (RANDOMISED, ROUGH, NOMINAL)
+TRUTHS: Final = (RANDOMISED, *LABS, NOMINAL)
 ALL: Final = "all"
 NONE: Final = "none"
 VARIED_FRICTION: Final = "friction"  # not part of "all": friction hides, it is not structure
@@ -42,17 +43,21 @@ KNOWN_EFFECTS: Final = (*EFFECTS, VARIED_FRICTION)
 class TruthConfig(Config):
     """The world that executes the pushes.
 
-    A rough world is one lab: table, make of the disks, arm and friction stay the same in all
-    episodes. Masses and radii are drawn for each.
+    A rough or measured world is one lab: table, make of the disks, arm and friction stay the same
+    in all episodes. Masses and radii are drawn for each.
     """
 
     world: str = option(
-        RANDOMISED, "the paper's world, a rough one, or the nominal one", choices=TRUTHS
+        RANDOMISED,
+        "the paper's world, a laboratory with rough or with measured effects, or the nominal one",
+        choices=TRUTHS,
     )
     effects: str = option(
-        ALL, f"effects of a rough world: all, none, or a list of {', '.join(KNOWN_EFFECTS)}"
+        ALL,
+        "effects of a laboratory: all that its world has, none, or a list of"
+        f" {', '.join(KNOWN_EFFECTS)}",
     )
-    lab: int = option(0, "number of the rough world", minimum=0)
+    lab: int = option(0, "number of the laboratory", minimum=0)
     engine: str = option(DEFAULT_ENGINE, ENGINE_HELP)
     bottom: str = option(
         FEET, "what bodies stand on: three feet, or a flat bottom", choices=BOTTOMS
@@ -65,9 +70,11 @@ class TruthConfig(Config):
             if effect not in KNOWN_EFFECTS:
                 known = ", ".join((ALL, NONE, *KNOWN_EFFECTS))
                 raise ConfigError(f"effect is {effect!r}; allowed: {known}")
-        check_engine(self.engine, self.effect_names if self.world == ROUGH else ())
-        if self.bottom == FLAT and self.world == ROUGH and MOVED_FEET in self.effect_names:
-            effects = ",".join(name for name in self.effect_names if name != MOVED_FEET)
+        check_engine(self.engine)
+        names = self.effect_names if self.world in LABS else ()
+        check_effects(self.engine, [name for name in names if name in EFFECTS])
+        if MOVED_FEET in names and (self.bottom == FLAT or PRESSURE in names):
+            effects = ",".join(name for name in names if name != MOVED_FEET)
             raise ConfigError(f"bodies with a flat bottom have no feet to be moved; use {effects}")
 
     def settings(self) -> dict[str, Any]:
@@ -80,13 +87,15 @@ class TruthConfig(Config):
 
     @property
     def effect_names(self) -> tuple[str, ...]:
-        """The effects that are on in a rough world; "all" may stand among others."""
+        """The effects that are on in a laboratory; "all" may stand among others."""
         words = [word.strip() for word in self.effects.split(",") if word.strip()]
         if words == [NONE]:
             return ()
         if not words:
             raise ConfigError(f"effects is {self.effects!r}; {NONE!r} switches all of them off")
-        names = [name for word in words for name in (EFFECTS if word == ALL else (word,))]
+        names = [
+            name for word in words for name in (effects_of(self.world) if word == ALL else (word,))
+        ]
         return tuple(dict.fromkeys(names))
 
     def draw(
@@ -104,24 +113,24 @@ class TruthConfig(Config):
         return self.roughen(replace(drawn, shapes=shapes) if shapes else drawn)
 
     def roughen(self, parameters: WorldParameters) -> WorldParameters:
-        """Return these bodies in this world; only a rough one changes them.
+        """Return these bodies in this world; only a laboratory changes them.
 
         Each stands on the feet of its shape, off by the errors of the laboratory, or lies flat.
         """
         parameters = replace(parameters, bottom=self.bottom)
-        if self.world != ROUGH:
+        if self.world not in LABS:
             return parameters
         names = self.effect_names
-        drawn = draw_roughness(self.lab, names, parameters.count)
-        roughness = drawn
-        if self.bottom == FEET:
-            roughness = fit_shapes(drawn, parameters.body_shapes)
-        friction, rims = parameters.friction, parameters.rim_friction
+        effects = [name for name in names if name in EFFECTS]
+        drawn = draw_effects(self.world, self.lab, effects, parameters.count)
+        bottom = FLAT if PRESSURE in names else self.bottom
+        drawn["roughness"] = fit_shapes(
+            drawn["roughness"], parameters.body_shapes, flat=bottom == FLAT
+        )
         if VARIED_FRICTION not in names:
-            friction = float(generator(self.lab, "lab", "friction").uniform(*FRICTION_RANGE))
-        if RIMS in names:
-            rims = float(generator(self.lab, "lab", RIMS).uniform(*RIM_FRICTION))
-        return replace(parameters, friction=friction, rim_friction=rims, roughness=roughness)
+            friction = generator(self.lab, "lab", "friction").uniform(*TABLE_FRICTION[self.world])
+            drawn["friction"] = float(friction)
+        return replace(parameters, bottom=bottom, **drawn)
 
 
 RANDOMISED_TRUTH: Final = TruthConfig()

@@ -24,6 +24,7 @@ from sain_sim.arm.kinematics import Joints, Kinematics
 from sain_sim.arm.motion import ControlledArm, MotionConfig
 from sain_sim.arm.panda import ArmConfig
 from sain_sim.world.parameters import FOOT_RADIUS, WorldParameters
+from sain_sim.world.roughness import QUIET
 
 GRAVITY: Final = 9.81  # [m/s^2]
 SAG: Final = 0.0002  # [m], by which a flat bottom sinks into the table under its weight
@@ -121,9 +122,11 @@ class Workcell(ABC):
 
     arm: ControlledArm
 
-    def __init__(self, config: WorldConfig, origin: CellState, steps: int) -> None:
+    def __init__(
+        self, config: WorldConfig, parameters: WorldParameters, origin: CellState, steps: int
+    ) -> None:
         """Begin at an origin after so many control steps."""
-        self.origin = origin
+        self.origin, self._parameters = origin, parameters
         self.steps = self._first_step = steps
         self._config = config
 
@@ -150,6 +153,10 @@ class Workcell(ABC):
     @abstractmethod
     def touched(self, pushed: int) -> int | None:
         """Return the first body but the pushed one that the tool touches, if any."""
+
+    @abstractmethod
+    def disturb(self, before: bytes) -> None:
+        """Draw the noise of a push, by the bytes of what it begins with."""
 
     @property
     def unmoved(self) -> bool:
@@ -208,6 +215,8 @@ class Workcell(ABC):
                 never without one.
             DivergedError: as `advance`, or bodies end where they cannot be.
         """
+        if self._parameters.roughness.noise != QUIET:
+            self.disturb(self.scene(self.origin.states).tobytes() + route.stroke.tobytes())
         if self._config.full_motion:
             self._show(np.concatenate([route.approach, route.lower]), "approach", watch)
         self.arm.place(route.stroke[0])

@@ -15,7 +15,8 @@ from sain_core.shapes.bodies import check_bodies
 from sain_core.types import PushArray, Scene
 from sain_core.world import DivergedError, Outcome
 from sain_sim.arm.client import Closeable
-from sain_sim.world.engines import DEFAULT_ENGINE, check_engine, simulation_class
+from sain_sim.world.effects import check_roughness
+from sain_sim.world.engines import DEFAULT_ENGINE, simulation_class
 from sain_sim.world.parameters import NOMINAL_FRICTION, WorldParameters, on_a_grid
 from sain_sim.world.stroke import Stroke, checked_stroke
 from sain_sim.world.workcell import (
@@ -197,7 +198,7 @@ class World(CheckedWorld):
     def load(self, scene: Scene, parameters: WorldParameters | None = None) -> None:
         """Put the disks in a scene (N, 8) without checks; engines push overlapping disks apart."""
         wanted = parameters or self.parameters
-        check_engine(self.engine, wanted.roughness.effects)
+        check_roughness(self.engine, wanted.roughness)
         origin = CellState(self._simulation.resting(scene, wanted), self._simulation.home)
         self.parameters = wanted
         self._build(origin)

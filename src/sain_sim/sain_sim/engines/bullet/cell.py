@@ -68,8 +68,8 @@ class BulletCell(Workcell):
         steps: int,
     ) -> None:
         """Empty the client and build everything in it, the bodies in the origin's states."""
-        super().__init__(config, origin, steps)
-        self._client, self._parameters = client, parameters
+        super().__init__(config, parameters, origin, steps)
+        self._client = client
         table = config.feasibility.table
         client.resetSimulation()
         client.setGravity(*parameters.roughness.gravity(GRAVITY))
@@ -144,6 +144,9 @@ class BulletCell(Workcell):
         for body in bodies:
             client.changeDynamics(body, -1, lateralFriction=friction, restitution=0.0)
         return list(bodies)
+
+    def disturb(self, before: bytes) -> None:
+        """Do nothing: a world with noise is refused for Bullet, see `sain_sim.world.effects`."""
 
     def states(self) -> list[BodyState]:
         """Return the bodies' states."""

@@ -15,12 +15,14 @@ from sain_sim.arm.kinematics import Joints, Kinematics, Tips
 from sain_sim.arm.motion import JOINT_COUNT, ControlledArm
 from sain_sim.engines.mujoco.description import (
     FEET_FIRST,
+    SHOULDER,
     STICK,
     TOOL,
     describe_world,
     physics_steps,
 )
 from sain_sim.world.parameters import WorldParameters
+from sain_sim.world.roughness import Disturbance
 from sain_sim.world.workcell import CellState, Simulation, Workcell, WorldConfig
 
 WARNINGS: Final = {
@@ -116,8 +118,8 @@ class MujocoCell(Workcell):
         steps: int,
     ) -> None:
         """Set everything to the origin, at rest and without forces."""
-        super().__init__(config, origin, steps)
-        self._model, self._data, self._parameters = model, data, parameters
+        super().__init__(config, parameters, origin, steps)
+        self._model, self._data = model, data
         self._substeps = physics_steps(config.motion.time_step)
         self._free = np.array([i not in parameters.bodies.fixed for i in range(parameters.count)])
         mujoco.mj_resetData(model, data)
@@ -132,7 +134,10 @@ class MujocoCell(Workcell):
         self.arm.place(origin.joints)
         self._body_of = model.geom_bodyid - model.body("body0").id  # (G,); below 0: table and arm
         self._is_tool = model.geom_contype == TOOL
-        self._is_foot = model.geom_priority == FEET_FIRST
+        feet = np.flatnonzero(model.geom_priority == FEET_FIRST)
+        self._feet = [feet[self._body_of[feet] == body] for body in range(parameters.count)]
+        self._slip = np.full(model.ngeom, parameters.friction)
+        self._disturb(Disturbance(parameters.roughness.tool_offset, np.ones(len(feet))))
 
     def states(self) -> MujocoStates:
         """Return the bodies' states."""
@@ -173,14 +178,25 @@ class MujocoCell(Workcell):
         others = bodies[bodies != pushed]
         return int(others.min()) if others.size else None
 
+    def disturb(self, before: bytes) -> None:
+        """Draw the noise of a push, by the bytes of what it begins with."""
+        count = sum(map(len, self._feet))
+        self._disturb(self._parameters.roughness.disturbance(before, count))
+
+    def _disturb(self, disturbance: Disturbance) -> None:
+        """Set where the arm's base is, which its joints do not tell, and the feet's friction."""
+        model, feet = self._model, np.concatenate(self._feet)
+        model.body(SHOULDER).pos[:2] = disturbance.tool
+        self._slip[feet] = self._parameters.friction * disturbance.supports
+        model.geom_friction[feet, 0] = self._slip[feet]
+
     def _set_patches(self) -> None:
         """Set the friction of each body's feet to that of its place, if the table has patches."""
         roughness = self._parameters.roughness
         if roughness.patches:
-            for body, (x, y) in enumerate(self.states().poses[:, :2].tolist()):
-                feet = self._is_foot & (self._body_of == body)
+            for feet, (x, y) in zip(self._feet, self.states().poses[:, :2].tolist(), strict=True):
                 factor = roughness.friction_factor(x, y)
-                self._model.geom_friction[feet, 0] = factor * self._parameters.friction
+                self._model.geom_friction[feet, 0] = factor * self._slip[feet]
 
     def _check_finite(self) -> None:
         """Raise `DivergedError` for a problem that MuJoCo counted, or for NaN or Inf."""

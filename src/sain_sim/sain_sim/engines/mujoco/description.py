@@ -44,6 +44,7 @@ FLOOR_FRICTION: Final = 1.0  # [MuJoCo] default
 BALL, BOX = mujoco.mjtGeom.mjGEOM_SPHERE, mujoco.mjtGeom.mjGEOM_BOX
 CYLINDER, PLANE = mujoco.mjtGeom.mjGEOM_CYLINDER, mujoco.mjtGeom.mjGEOM_PLANE
 STICK: Final = "stick"
+SHOULDER: Final = "panda_link1"  # the lowest link that is a body: MuJoCo makes what rests the world
 TABLE, RIM, TOOL = 1, 2, 4  # bits of what may touch what
 # MuJoCo takes the larger friction of two forms, or that of the one with the higher priority. So
 # each pair has the friction that is drawn: of table and body, of tool and body, of two bodies.
@@ -70,6 +71,7 @@ def describe_world(config: WorldConfig, parameters: WorldParameters, home: Joint
     for geom in spec.geoms:  # of the arm only the stick's end collides
         geom.name = STICK
         _collide(spec, geom, TOOL, 0, parameters.tool_friction, TOOL_THIRD)
+        _yield(geom, parameters.roughness.contact_times[0])
     _add_table(spec, table, parameters.friction)
     for body in range(parameters.count):
         _add_body(spec, body, parameters)
@@ -140,31 +142,38 @@ def _add_body(spec: Any, index: int, parameters: WorldParameters) -> None:
     body.explicitinertial, body.mass = True, mass
     body.ipos = [*offset, 0.0]
     body.inertia = shape.inertia(mass, radius)
-    supports, drop = parameters.supports(index), support_drop(parameters)
-    for x, y in supports:
+    drop = support_drop(parameters)
+    for support, (x, y) in enumerate(parameters.supports(index)):
         foot = body.add_geom(type=BALL, size=[FOOT_RADIUS, 0.0, 0.0], pos=[x, y, drop])
         _collide(spec, foot, 0, TABLE, parameters.friction, FEET_FIRST)
         if parameters.lies_flat:
-            _soften(foot, len(supports))
+            _soften(foot, parameters.loads(index)[support])
     height = DISK_HEIGHT - FOOT_RADIUS  # the feet's lower halves are below the body
     place = [0.0, 0.0, FOOT_RADIUS / 2]
     sides = RIM | TOOL
     if shape.solid is Solid.CYLINDER:
         rim = body.add_geom(type=BALL, size=[radius, 0.0, 0.0])
         _collide(spec, rim, RIM, sides, parameters.rim_friction, RIMS_LAST)
+        _yield(rim, parameters.roughness.contact_times[1])
         core = body.add_geom(type=CYLINDER, size=[radius, height / 2, 0.0], pos=place)
         _collide(spec, core, 0, TABLE, parameters.friction, RIMS_LAST)
         return
     for part in _parts(spec, body, f"shape{index}", shape, radius, height, place):
         _collide(spec, part, RIM, sides | TABLE, parameters.rim_friction, RIMS_LAST)
+        _yield(part, parameters.roughness.contact_times[1])
 
 
-def _soften(foot: Any, count: int) -> None:
-    """Let one of so many supports sink by `SAG` under its share of the weight."""
+def _soften(foot: Any, share: float) -> None:
+    """Let a support sink by `SAG` under its share of the weight."""
     impedance = 1.0 / (1.0 + YIELD)  # [MuJoCo] R = (1 - d) / d / mass
-    stiffness, damping = YIELD * GRAVITY / SAG / count, YIELD * DAMPING / count
+    stiffness, damping = share * YIELD * GRAVITY / SAG, share * YIELD * DAMPING
     foot.solimp[:2] = impedance, impedance
     foot.solref = [-stiffness * impedance, -damping * impedance]  # negative: not a time constant
+
+
+def _yield(geom: Any, time: float) -> None:
+    """Let contacts with other bodies yield with this time constant [s]; 0: as rigid as before."""
+    geom.solref[0] = max(time, geom.solref[0])
 
 
 def _parts(
