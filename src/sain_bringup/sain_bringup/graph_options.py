@@ -18,7 +18,7 @@ from sain_eval.scenes.scenarios import SCENARIOS
 from sain_live.settings import PageConfig
 from sain_sim.camera.body_file import read_bodies
 from sain_sim.world.engines import DEFAULT_ENGINE, ENGINE_HELP, check_engine
-from sain_sim.world.truth import TRUTHS
+from sain_sim.world.truth import TRUTHS, TruthConfig
 
 ELSEWHERE: Final = "elsewhere"  # the robot that is started by somebody else
 
@@ -114,8 +114,9 @@ class LiveOptions(GraphOptions):
     )
 
     def __post_init__(self) -> None:
-        """Check the fields, and those of the page."""
+        """Check the fields, those of the page, and that the engine simulates the world."""
         super().__post_init__()
+        TruthConfig(self.world, engine=self.engine, bottom=self.bottom)
         _ = self.page
 
     @property

@@ -25,8 +25,8 @@ class PushEnvConfig(Config):
         f"what is to be solved: {', '.join(SCENARIOS)}, or one of an installed package",
     )
     engine: str = option(DEFAULT_ENGINE, ENGINE_HELP)
-    world: str = option(RANDOMISED, "the paper's world, or a rough one", choices=TRUTHS)
-    lab: int = option(0, "number of the rough world", minimum=0)
+    world: str = option(RANDOMISED, "the paper's world, or a laboratory", choices=TRUTHS)
+    lab: int = option(0, "number of the laboratory", minimum=0)
     observation: str = option(STATE, "what is observed", choices=(STATE, IMAGE))
     tolerance: float = option(
         0.02, "distance that counts as success", unit="m", minimum=1e-4, maximum=WIDEST

@@ -13,18 +13,17 @@ from sain_core.shapes.shape import REGULAR_FEET
 from sain_core.shapes.supports import FLAT
 from sain_sim.arm.kinematics import LOWER_LIMITS, UPPER_LIMITS
 from sain_sim.engines.bullet.arm import SLIDES
+from sain_sim.world.effects import LABS, ROUGH, TILT, draw_effects, effects_of
 from sain_sim.world.parameters import WorldParameters, nominal_parameters
-from sain_sim.world.roughness import (
-    EFFECTS,
-    PATCH_DEPTH,
-    TILT,
-    Roughness,
-    draw_roughness,
-)
+from sain_sim.world.roughness import PATCH_DEPTH, Roughness
 from sain_sim.world.workcell import GRAVITY, WorldConfig
 from sain_sim.world.world import World
 
 MIDDLE = np.array([0.5, 0.0])
+
+
+def draw_roughness(lab: int, effects: tuple[str, ...], count: int, world=ROUGH) -> Roughness:
+    return draw_effects(world, lab, effects, count)["roughness"]
 
 
 def rough(**values) -> WorldParameters:
@@ -256,7 +255,7 @@ def test_rough_rims_take_the_target_along():
 
 def episode(world, bench, lab):
     parameters, start = bench.drawn(5)
-    parameters = replace(parameters, roughness=draw_roughness(lab, EFFECTS, 2))
+    parameters = replace(parameters, roughness=draw_roughness(lab, effects_of(ROUGH), 2))
     world.reset(start, parameters)
     scenes = []
     for push in bench.pushes(5, start, 5):
@@ -281,7 +280,7 @@ def test_rough_worlds_repeat_fresh_or_used_beside_others(bench):
 
 
 def test_no_length_moves_nothing_on_a_rough_table(bench):
-    parameters = replace(nominal_parameters(), roughness=draw_roughness(1, EFFECTS, 2))
+    parameters = replace(nominal_parameters(), roughness=draw_roughness(1, effects_of(ROUGH), 2))
     with World(parameters) as world:
         world.reset(bench.touching())
         world.push(bench.straight)
@@ -292,7 +291,7 @@ def test_no_length_moves_nothing_on_a_rough_table(bench):
 
 @pytest.mark.parametrize("full_motion", [False, True])
 def test_a_rough_push_is_the_same_watched_or_not(full_motion, bench):
-    parameters = replace(nominal_parameters(), roughness=draw_roughness(1, EFFECTS, 2))
+    parameters = replace(nominal_parameters(), roughness=draw_roughness(1, effects_of(ROUGH), 2))
     ends = []
     for observer in (None, lambda sample: None):
         with World(parameters, WorldConfig(full_motion=full_motion)) as world:
@@ -301,19 +300,25 @@ def test_a_rough_push_is_the_same_watched_or_not(full_motion, bench):
     assert np.array_equal(ends[0], ends[1])
 
 
-def test_an_effect_is_the_same_alone_and_among_others_and_differs_between_labs():
-    together = draw_roughness(4, EFFECTS, 2)
-    for effect in EFFECTS:
-        for name, value in draw_roughness(4, (effect,), 2).arrays().items():
+@pytest.mark.parametrize("world", LABS)
+def test_an_effect_is_the_same_alone_and_among_others_and_differs_between_labs(world):
+    effects = effects_of(world)
+    together = draw_roughness(4, effects, 2, world)
+    for effect in effects:
+        for name, value in draw_roughness(4, (effect,), 2, world).arrays().items():
             assert np.array_equal(together.arrays()[name], value)
-    assert set(together.arrays()) == set(Roughness.__dataclass_fields__)
-    assert draw_roughness(5, EFFECTS, 2) != together
-    assert draw_roughness(4, EFFECTS, 3).mass_offsets[:2] == together.mass_offsets
+    assert draw_roughness(5, effects, 2, world) != together
+    assert draw_roughness(4, effects, 3, world).mass_offsets[:2] == together.mass_offsets
+
+
+def test_every_value_of_a_world_is_drawn_in_one_of_them():
+    drawn = [draw_roughness(4, effects_of(world), 2, world).arrays() for world in LABS]
+    assert {*drawn[0], *drawn[1], "repeat"} == set(Roughness.__dataclass_fields__)
 
 
 def test_every_lab_stands_and_is_as_rough_as_it_says():
     for lab in range(300):
-        drawn = draw_roughness(lab, EFFECTS, 3)
+        drawn = draw_roughness(lab, effects_of(ROUGH), 3)
         assert TILT[0] <= np.hypot(*np.sin(drawn.tilt)) <= TILT[1]
         places = np.random.default_rng(lab).uniform(-1, 1, (20, 2))
         factors = [drawn.friction_factor(*place) for place in places]

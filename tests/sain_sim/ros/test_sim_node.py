@@ -186,7 +186,7 @@ def test_after_a_reset_old_scenes_are_of_an_unknown_episode(graph, simulator):
         (
             {"world": "mars"},
             ErrorCode.INVALID,
-            "world is 'mars'; allowed: randomised, rough, nominal",
+            "world is 'mars'; allowed: randomised, rough, measured, nominal",
         ),
         ({"friction": -1.0}, ErrorCode.OUT_OF_RANGE, "friction is -1.0"),
         ({"friction": float("nan")}, ErrorCode.OUT_OF_RANGE, "friction is nan"),

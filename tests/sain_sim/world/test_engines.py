@@ -7,6 +7,7 @@ import pytest
 from sain_core.errors import ConfigError
 from sain_sim.commands import collect as main
 from sain_sim.world import engines
+from sain_sim.world.effects import MEASURED, ROUGH, check_effects, effects_of
 from sain_sim.world.engines import BULLET, ENGINES, MUJOCO, check_engine, simulation_class
 from sain_sim.world.truth import TruthConfig
 from sain_sim.world.workcell import Simulation
@@ -29,9 +30,20 @@ def test_an_engine_is_found_by_name(engine):
     assert issubclass(simulation_class(engine), Simulation)
 
 
-def test_bullet_is_the_default_and_has_all_effects():
+def test_bullet_is_the_default_and_has_all_effects_of_a_rough_world():
     assert TruthConfig().engine == BULLET == next(iter(ENGINES))
-    assert not ENGINES[BULLET].lacks
+    check_effects(BULLET, effects_of(ROUGH))
+
+
+def test_an_engine_without_an_effect_names_those_that_have_all():
+    check_effects(MUJOCO, effects_of(MEASURED))
+    message = "engine bullet cannot simulate pressure, soft, offset, noise; use engine mujoco, or"
+    with pytest.raises(ConfigError, match=f"{message} effects without pressure, soft, offset"):
+        TruthConfig(MEASURED)
+    with pytest.raises(ConfigError, match="bullet cannot simulate soft; use effects without"):
+        check_effects(BULLET, ("soft", "direction"))
+    with pytest.raises(ConfigError, match=r"mine cannot simulate mass; use .* effects none"):
+        check_effects("mine", ("mass",))
 
 
 def test_an_engine_that_is_not_installed_is_an_error_that_names_the_extra(without_mujoco):

@@ -8,8 +8,9 @@ from shapely import MultiPoint, Polygon
 
 from sain_core.shapes.library import get_shape, shape_names
 from sain_core.shapes.shape import REGULAR_FEET
+from sain_sim.world.effects import ROUGH, draw_effects, effects_of
 from sain_sim.world.parameters import WorldParameters
-from sain_sim.world.roughness import EFFECTS, LEAST_LOAD, Roughness, draw_roughness, fit_shapes
+from sain_sim.world.roughness import LEAST_LOAD, Roughness, fit_shapes
 from sain_sim.world.start import draw_episode
 from sain_sim.world.truth import TruthConfig
 from sain_sim.world.world import World
@@ -44,7 +45,7 @@ def test_each_shape_stands_below_itself_in_every_lab(shape):
 
 def test_disks_and_cubes_keep_what_was_drawn():
     for lab in range(8):
-        drawn = draw_roughness(lab, EFFECTS, 3)
+        drawn = draw_effects(ROUGH, lab, effects_of(ROUGH), 3)["roughness"]
         shapes = tuple(map(get_shape, ("disk", "cube", "disk")))
         assert fit_shapes(drawn, shapes) == drawn
         mixed = fit_shapes(drawn, (shapes[0], get_shape("t"), shapes[1]))
@@ -54,7 +55,7 @@ def test_disks_and_cubes_keep_what_was_drawn():
 
 def test_the_errors_of_a_lab_are_those_of_its_disks():
     """A triangle with a disk's feet but for their size has a disk's errors."""
-    drawn = draw_roughness(0, ("feet",), 1)
+    drawn = draw_effects(ROUGH, 0, ("feet",), 1)["roughness"]
     wide = get_shape("triangle")
     (feet,) = fit_shapes(drawn, (wide,)).feet
     own = sorted(wide.feet, key=lambda foot: foot[1])

@@ -10,12 +10,15 @@ from sain_sim.collecting.collect import CollectConfig, collect
 from sain_sim.collecting.episode import EpisodeConfig
 from sain_sim.collecting.shards import load_shards
 from sain_sim.commands import collect as main
-from sain_sim.world.parameters import FRICTION_RANGE, sample_parameters
-from sain_sim.world.roughness import EFFECTS, RIM_FRICTION, Roughness
+from sain_sim.world.effects import LABS, RIM_FRICTION, TABLE_FRICTION, effects_of
+from sain_sim.world.engines import BULLET, MUJOCO
+from sain_sim.world.parameters import sample_parameters
+from sain_sim.world.roughness import Roughness
 from sain_sim.world.start import draw_episode
 from sain_sim.world.truth import TruthConfig
 
 ROUGH = TruthConfig("rough", lab=2)
+ENGINE = {"rough": BULLET, "measured": MUJOCO}
 
 
 def drawn(truth: TruthConfig, episode: int, count: int = 2):
@@ -30,19 +33,25 @@ def test_a_lab_stays_and_its_disks_differ():
     episodes = [drawn(ROUGH, episode) for episode in range(20)]
     assert len({(p.friction, p.rim_friction, p.roughness) for p in episodes}) == 1
     assert len({(p.masses, p.radii) for p in episodes}) == 20
-    assert FRICTION_RANGE[0] <= episodes[0].friction <= FRICTION_RANGE[1]
+    low, high = TABLE_FRICTION["rough"]
+    assert low <= episodes[0].friction <= high
     assert RIM_FRICTION[0] <= episodes[0].rim_friction <= RIM_FRICTION[1]
     assert drawn(replace(ROUGH, lab=3), 0).roughness != episodes[0].roughness
 
 
 def test_effects_are_switched_one_by_one():
-    smooth = drawn(replace(ROUGH, effects="none"), 0)
-    assert smooth.roughness == Roughness() and smooth.rim_friction == 0.12
-    for effect in EFFECTS:
-        alone = drawn(replace(ROUGH, effects=effect), 0)
-        assert alone.friction == smooth.friction
-        assert len(alone.roughness.arrays()) == (effect != "rims")
-        assert (alone.rim_friction != 0.12) == (effect == "rims")
+    for world in LABS:
+        lab = TruthConfig(world, effects="none", lab=2, engine=ENGINE[world])
+        smooth = drawn(lab, 0)
+        assert smooth.roughness == Roughness()
+        assert smooth.rim_friction == smooth.tool_friction == 0.12
+        for effect in effects_of(world):
+            alone = drawn(replace(lab, effects=effect), 0)
+            assert alone.friction == smooth.friction
+            assert bool(alone.roughness.arrays()) == (effect not in ("rims", "grip"))
+            assert (alone.rim_friction != 0.12) == (effect == "rims")
+            assert (alone.tool_friction != 0.12) == (effect == "grip")
+            assert (alone.bottom == "flat") == (effect == "pressure")
     varied = [drawn(replace(ROUGH, effects="all, friction"), i) for i in range(2)]
     assert varied[0].friction != varied[1].friction
     assert varied[0].roughness == varied[1].roughness == drawn(ROUGH, 0).roughness

@@ -30,6 +30,7 @@ REALITY_NAMES: Final = {
     ("bullet", "randomised"): "Bullet",
     ("bullet", "rough"): "Bullet, rough",
     ("mujoco", "randomised"): "MuJoCo",
+    ("mujoco", "measured"): "MuJoCo, measured",
 }
 SHIPPED: Final = "SAIN as shipped"
 TRAINED_THERE: Final = "SAIN trained there"

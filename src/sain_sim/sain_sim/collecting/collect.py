@@ -1,4 +1,4 @@
-"""``ros2 run sain_sim collect``: a training set from the randomised or the rough world, in shards.
+"""``ros2 run sain_sim collect``: a training set from one of the truth worlds, in shards.
 
 What is written depends on seed and settings alone: episodes are independent and kept in
 order, so neither the number of workers nor a kill and a resume changes a byte.
@@ -53,7 +53,7 @@ CollectionProgress = Callable[[int, int], None]  # episodes done, transitions so
 
 @dataclass(frozen=True)
 class CollectConfig(WorkerOptions):
-    """Collect transitions from the randomised or the rough world into a folder of shards.
+    """Collect transitions from the randomised world or a laboratory into a folder of shards.
 
     The same command continues after a stop, and ends with the same bytes.
     """

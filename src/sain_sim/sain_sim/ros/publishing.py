@@ -191,7 +191,12 @@ class Publishing:
         """Report how the simulator is, beside a rival or alone, and so many pushes of each kind."""
         session, config = self._session, self._simulator.config
         ids = {"episode": session.episode_id, "scene": session.scene_id}
-        figures = {"engine": config.engine, "bottom": config.bottom, **ids, **counts}
+        figures = {
+            "engine": config.engine,
+            "bottom": self._simulator.parameters.bottom,
+            **ids,
+            **counts,
+        }
         if rival:
             self._diagnostics.set(ERROR, rival, **figures)
         elif not session.busy and not self.settled.settled:

@@ -193,10 +193,13 @@ def fit_shapes(roughness: Roughness, shapes: tuple[Shape, ...], flat: bool = Fal
 
 
 def _fit_flat(roughness: Roughness, shapes: tuple[Shape, ...]) -> Roughness:
-    """Return the errors of disks as those of flat bodies with these shapes."""
+    """Return the errors of disks as those of flat bodies with these shapes.
+
+    Even supports may lie in a notch of an outline, so it is its convex hull that holds them.
+    """
     pressures, offsets = [], []
     for body, shape in enumerate(shapes):
-        outline = Polygon(shape.outline(1.0)).buffer(1e-9)
+        outline = Polygon(shape.outline(1.0)).convex_hull.buffer(1e-9)
         for share in SHARES:
             spread, *weights = roughness.pressures[body] if roughness.pressures else (1.0,)
             pressure = (1.0 + share * (spread - 1.0), *weights)

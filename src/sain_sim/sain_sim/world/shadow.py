@@ -119,8 +119,8 @@ class BulletPrior(Model):
 
     def _parameters(self, scene: Scene, plain: bool) -> WorldParameters:
         truth = self.truth
-        if self.kind == TRUE and truth is not None:
-            return truth
+        if self.kind == TRUE and truth is not None:  # with another draw of the noise
+            return replace(truth, roughness=replace(truth.roughness, repeat=1))
         if self.kind == NOMINAL and plain:
             made = nominal_parameters(len(scene))
         else:
