@@ -12,8 +12,9 @@ from sain_core.dataset import ROUGH, Column
 PAGE = Path(__file__).parents[1] / "docs/reference/formats.md"
 BEGIN, END = "<!-- columns: made by tools/columns.py -->\n", "<!-- end of columns -->\n"
 HEAD = (
-    "| column | shape of a row | type | unit | `collect` | `to_dataset` | meaning |\n"
-    "| --- | --- | --- | --- | --- | --- | --- |\n"
+    "| column | shape of a row | type | unit | `collect` | `to_dataset` | `real_import` "
+    "| meaning |\n"
+    "| --- | --- | --- | --- | --- | --- | --- | --- |\n"
 )
 
 
@@ -29,7 +30,7 @@ def row(column: Column) -> str:
     shape = ", ".join(map(str, column.shape)) or "1"
     cells = (
         f"`{column}`", shape, column.dtype, column.unit, column.collected, column.recorded,
-        column.meaning,
+        column.imported, column.meaning,
     )  # fmt: skip
     return f"| {' | '.join(cells)} |\n"
 
@@ -37,7 +38,7 @@ def row(column: Column) -> str:
 def families() -> str:
     """Return the lines of the columns whose names depend on the world."""
     about = "numbers of a rough world, one column for each ([the worlds](../explanation/worlds.md))"
-    return f"| `{ROUGH}*` | the world's | | | where rough | no | {about} |\n"
+    return f"| `{ROUGH}*` | the world's | | | where rough | no | no | {about} |\n"
 
 
 if __name__ == "__main__":

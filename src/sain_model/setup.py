@@ -34,6 +34,7 @@ setup(
             "train = sain_model.commands:train",
             "evaluate = sain_model.commands:evaluate",
             "identify = sain_model.commands:identify",
+            "real_import = sain_model.commands:real_import",
             "learning_curve = sain_model.commands:learning_curve",
         ],
         "sain.dynamics": [

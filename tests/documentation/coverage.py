@@ -45,6 +45,7 @@ PAGES_BY_TEST = {  # pages whose commands are those of one test
     "docs/guides/your_model.md": "tests/examples/test_my_model.py",
     "examples/my_world/README.md": "tests/examples/test_my_world.py",
     "docs/guides/your_world.md": "tests/examples/test_my_world.py",
+    "docs/guides/real_pushes.md": "tests/sain_model/importing/test_guide.py",
     "docs/guides/your_robot.md": "tests/examples/test_my_robot.py",
     **{f"docs/guides/your_{part}.md": PARTS for part in ("shape", "cost", "planner", "scenario")},
 }

@@ -5,7 +5,9 @@ import pytest
 
 from sain_core.dataset import (
     COLLECTED,
+    IMPORTED,
     NEEDED,
+    ORIGINS,
     POSED,
     RECORDED,
     SHAPED,
@@ -33,8 +35,9 @@ def test_shapes_follow_the_number_of_disks() -> None:
 
 
 def test_every_column_is_explained_and_written_by_someone() -> None:
-    assert set(COLLECTED) | set(RECORDED) | set(SHAPED) | set(POSED) == set(Column)
-    assert set(NEEDED) <= set(COLLECTED) & set(RECORDED)
+    assert set(COLLECTED) | set(RECORDED) | set(IMPORTED) | set(POSED) == set(Column)
+    assert set(NEEDED) <= set(COLLECTED) & set(RECORDED) & set(IMPORTED)
+    assert set(IMPORTED) - set(COLLECTED) == {*SHAPED, *ORIGINS}
     for column in Column:
         np.dtype(column.dtype)
         assert column.meaning

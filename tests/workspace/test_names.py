@@ -16,11 +16,11 @@ ROOMS = (
     "sain_model/sain_model/data",
     "sain_bags/sain_bags/dataset",
 )
-# Words that other things have, too: messages, cards, parameters of the world.
+# Words that other things have, too: messages, cards, files of others, parameters of the world.
 COMMON = {
-    "body", "duration", "episode", "friction", "goal", "log_time", "masses", "moved", "outcome",
-    "physics_next", "push_id", "radii", "roles", "seed", "shapes", "source", "state", "step",
-    "tolerance",
+    "body", "duration", "episode", "friction", "goal", "log_time", "masses", "moved", "object", "outcome",
+    "physics_next", "push_id", "radii", "roles", "run", "seed", "shapes", "source", "state", "step",
+    "surface", "tolerance",
     "tool_friction",
 }  # fmt: skip
 KEYS_OF_JSON = {"moved", "episode", "seed", "shapes"}  # of cards, journals and settings

@@ -63,6 +63,7 @@ class Column(StrEnum):
         meaning: one phrase for the documentation.
         collected: whether `sain_sim collect` writes it.
         recorded: whether `sain_bags to_dataset` writes it.
+        imported: whether `sain_model real_import` writes it: by default what both others do.
     """
 
     shape: tuple[int | str, ...]
@@ -71,6 +72,7 @@ class Column(StrEnum):
     meaning: str
     collected: Presence
     recorded: Presence
+    imported: Presence
 
     def __new__(
         cls,
@@ -81,12 +83,15 @@ class Column(StrEnum):
         meaning: str,
         collected: Presence = ALWAYS,
         recorded: Presence = ALWAYS,
+        imported: Presence | None = None,
     ) -> "Column":
         """Make a column that is equal to its name."""
         column = str.__new__(cls, name)
         column._value_ = name
         column.shape, column.dtype, column.unit = shape, dtype, unit
         column.meaning, column.collected, column.recorded = meaning, collected, recorded
+        always = collected is ALWAYS and recorded is ALWAYS
+        column.imported = imported or (ALWAYS if always else NEVER)
         return column
 
     # fmt: off
@@ -106,9 +111,9 @@ class Column(StrEnum):
     MASSES = "masses", (DISKS,), "float64", "kg", "mass of each disk"
     RADII = "radii", (DISKS,), "float64", "m", "radius of each disk"
     SHAPES = ("shapes", (), "str", "", "shapes of the bodies, with commas between; without: disks",
-              SOMETIMES, SOMETIMES)
+              SOMETIMES, SOMETIMES, ALWAYS)
     ROLES = ("roles", (), "str", "", "of each body: `pushable`, `movable` or `fixed`; without:"
-             " body 0 is pushable, all others movable", SOMETIMES, SOMETIMES)
+             " body 0 is pushable, all others movable", SOMETIMES, SOMETIMES, ALWAYS)
     FRICTION = ("friction", (), "float64", "",
                 "friction coefficient of the table; NaN: not known", ALWAYS, SOMETIMES)
     RIM_FRICTION = ("rim_friction", (), "float64", "",
@@ -139,6 +144,9 @@ class Column(StrEnum):
                       "model behind `physics_next`; `computed:`: run by the converter",
                       NEVER, ALWAYS)
     BAG_SHA256 = "bag_sha256", (), "str", "", "SHA-256 of the recording's files", NEVER, ALWAYS
+    SURFACE = "surface", (), "str", "", "what the body stood on", NEVER, NEVER, ALWAYS
+    OBJECT = "object", (), "str", "", "the body, as its user calls it", NEVER, NEVER, ALWAYS
+    RUN = "run", (), "str", "", "the recording of the push", NEVER, NEVER, ALWAYS
     # fmt: on
 
     def row_shape(self, disks: int, action: int = PUSH_SIZE) -> tuple[int, ...]:
@@ -150,11 +158,13 @@ class Column(StrEnum):
 
 COLLECTED: Final = tuple(c for c in Column if c.collected is ALWAYS)
 RECORDED: Final = tuple(c for c in Column if c.recorded is ALWAYS)
+IMPORTED: Final = tuple(c for c in Column if c.imported is ALWAYS)
 NEEDED: Final = (  # for training; the order is that of a data set's SHA-256
     Column.STATE, Column.PHYSICS_NEXT, Column.NEXT_STATE, Column.ACTION, Column.EPISODE,
 )  # fmt: skip
 SHAPED: Final = (Column.SHAPES, Column.ROLES)  # where not all bodies are disks
 POSED: Final = (Column.GOAL_POSES, Column.GOAL_TOLERANCES, Column.GOAL_KEEP)  # of poses
+ORIGINS: Final = (Column.SURFACE, Column.OBJECT, Column.RUN)  # of a real robot's pushes
 FRICTIONS: Final = (Column.FRICTION, Column.RIM_FRICTION, Column.TOOL_FRICTION)
 
 

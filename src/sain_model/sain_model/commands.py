@@ -23,6 +23,9 @@ evaluate: Final = Command(
     "sain_model evaluate", "cli.options:EvaluateModelOptions", "cli.evaluate:run"
 )
 identify: Final = Command("sain_model identify", "cli.options:IdentifyOptions", "cli.identify:run")
+real_import: Final = Command(
+    "sain_model real_import", "cli.options:RealImportOptions", "cli.real_import:run"
+)
 learning_curve: Final = Command(
     "sain_model learning_curve",
     "cli.options:LearningCurveOptions",

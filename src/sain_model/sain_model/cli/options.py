@@ -9,6 +9,7 @@ import tyro
 
 from sain_core.config import Config, option, required
 from sain_model.dynamics.settings import STEPS
+from sain_model.network.inputs import MASS_MIDDLE
 from sain_model.network.settings import PARAMETERS
 from sain_model.training.settings import (
     DEFAULT,
@@ -62,6 +63,38 @@ class IdentifyOptions(Config):
     unknown: str = option(
         "",
         "what recordings state as nominal: mass is identified (the same bodies in all episodes)",
+    )
+
+
+@dataclass(frozen=True)
+class RealImportOptions(Config):
+    """Make a data set of a real robot's pushes: .csv with a header, or .npz and .mat as published.
+
+    docs/guides/real_pushes.md shows the columns. Pushes that nearly repeat each other become one
+    episode, so that no split divides them.
+    """
+
+    paths: Annotated[tuple[Path, ...], tyro.conf.Positional] = required(
+        "files of pushes, or folders of them"
+    )
+    out: Path = required("new folder for the data set")
+    shapes: Path | None = option(
+        None,
+        "JSON or YAML file of the outlines [m]; by default shapes.json or shapes.yaml beside the"
+        " first path",
+    )
+    tip_radius: float | None = option(
+        None, "radius of the tool where rows state none", unit="m", minimum=0.001, maximum=0.05
+    )
+    mass: float = option(
+        MASS_MIDDLE,
+        "nominal mass where rows state none: slow pushes do not depend on it",
+        unit="kg",
+        minimum=0.001,
+        maximum=1000.0,
+    )
+    skip_bad: bool = option(
+        True, "leave out pushes whose tool begins inside the body; else they are an error"
     )
 
 

@@ -39,6 +39,9 @@ class Part(Transitions):
         friction: the true friction with the table; NaN where it is not known.
         floor_next: the same push repeated in a world set to the observed state; NaN likewise.
         bodies: of all scenes.
+        surface: what the body stood on, in a real robot's pushes; empty where it is not stated.
+        object: the pushed body, as its user calls it; likewise.
+        run: the recording; likewise.
     """
 
     physics_next: Scenes
@@ -47,6 +50,9 @@ class Part(Transitions):
     friction: Scalars
     floor_next: Scenes
     bodies: Bodies = PAPER_DISKS
+    surface: ndarray | None = None
+    object: ndarray | None = None
+    run: ndarray | None = None
 
     @property
     def observed(self) -> ObservedPushes:

@@ -6,12 +6,22 @@ from typing import Final
 import numpy as np
 from numpy import ndarray
 
-from sain_core.dataset import FLAT, NEEDED, SHAPED, Column, Columns, as_scenes, row_bodies
+from sain_core.dataset import (
+    FLAT,
+    NEEDED,
+    ORIGINS,
+    SHAPED,
+    Column,
+    Columns,
+    as_scenes,
+    row_bodies,
+)
 from sain_core.errors import DatasetError, InvalidInputError, OutOfRangeError
 from sain_core.old_files import converted_rows
 from sain_core.push import BODY, PUSH_SIZE, STROKE_SIZE, check_predictable, is_stroke
 from sain_core.scene import MASS, RADIUS, STATE_SIZE
 from sain_core.shapes.bodies import Bodies, as_names
+from sain_core.shapes.outlines import register_outlines
 from sain_core.storage import read_arrays
 from sain_core.untrusted import BODIES, LARGEST_NUMBER
 
@@ -30,6 +40,8 @@ KINDS: Final = {  # of NumPy, by the types of the schema
 
 def read_shard(path: Path) -> Columns:
     """Read and check one shard; states come back as (M, N, 8), with shapes and roles of each row.
+
+    Shapes may be those whose outlines stand beside the shard.
 
     Raises:
         DatasetError: a damaged shard, a missing column, no rows, arrays that do not fit together,
@@ -52,6 +64,9 @@ def read_shard(path: Path) -> Columns:
         columns[column] = _checked(path, column, values, shape)
     _check_positive(path, arrays, columns)
     _check_pushes(path, columns[Column.ACTION])
+    for column in ORIGINS:
+        columns[column] = arrays.get(column, np.full(count, ""))
+    register_outlines(path.parent)
     return columns | _shaped(path, arrays, columns[Column.ACTION])
 
 

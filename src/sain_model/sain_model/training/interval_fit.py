@@ -33,13 +33,14 @@ def fit_intervals(sain: SainDynamics, *data: Part, level: float = LEVEL) -> Inte
     episode's earlier pushes.
     """
     pieces = [_scored(sain, part) for part in data]
-    configs = []
+    configs: list[IntervalConfig] = []
     for rows in range(2):  # pushed, others
         parts, off, long = (
             np.concatenate([piece[rows][column] for piece in pieces], axis=-1)
             for column in range(3)
         )
-        configs.append(fit_disk(parts, off, level, long))
+        # Where scenes have one body, there are no others: theirs would be as the pushed one's.
+        configs.append(fit_disk(parts, off, level, long) if len(off) else configs[0])
     intervals = Intervals(level, mid=configs[0], target=configs[1])
     return _with_default_errors(sain, intervals, data)
 

@@ -1,0 +1,284 @@
+"""Bodies by their outlines: what a user states of them, and the file beside a data set of them.
+
+A data set names shapes. Those that only it has stand in its `OUTLINES_FILE`, and whoever reads the
+data set can find them. A name ends with a hash of the outline, so no two outlines have one name.
+"""
+
+import hashlib
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+from math import pi, sin
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from numpy import ndarray
+
+from sain_core.errors import ConfigError, DatasetError, UntrustedFileError
+from sain_core.scene import unit
+from sain_core.shapes.library import get_shape, register
+from sain_core.shapes.received import LEAST_RADIUS, LONGEST_NAME, MOST_RADIUS, Ring
+from sain_core.shapes.shape import Pair, Shape
+from sain_core.shapes.solids import DISK, TOLERANCE, Prism, centroid
+from sain_core.shapes.supports import balanced_feet
+from sain_core.storage import write_json
+from sain_core.types import Points
+from sain_core.untrusted import parse_json, read_json, read_regular_text, read_yaml
+
+OUTLINES_FILE: Final = "outlines.json"
+SHAPES: Final = "shapes"  # key of the outlines by name, in the user's files and in this one
+UNIT: Final = "unit"
+RADII: Final = "circumscribed radius"  # unit of this file
+METRES: Final = "m"  # unit of the user's
+TIP_RADIUS: Final = "tip_radius"  # [m], key in the user's files
+SEMI_AXES: Final = "semi_axes"  # [m], of an ellipse
+MOST_POINTS: Final = 10_000  # of an outline as it is stated
+MOST_SHAPES: Final = 1_000
+FINEST: Final = 5e-5  # [m], within which points of an outline are left out
+ELLIPSE: Final = 64  # corners
+HASH: Final = 6  # digits in a name
+
+
+@dataclass(frozen=True)
+class Traced(Prism):
+    """An upright prism with an outline that was measured.
+
+    Attributes:
+        corners: counter-clockwise, in units of the circumscribed radius; their centroid is (0, 0).
+    """
+
+    corners: tuple[Pair, ...] = ()
+
+    def outline(self, radius: float) -> Points:
+        """Return the corners (M, 2) [m], counter-clockwise."""
+        return radius * np.array(self.corners)
+
+    @cached_property
+    def feet(self) -> tuple[Pair, ...]:
+        """Distance [radii] and bearing [rad] of three points that carry the body well."""
+        x, y = balanced_feet(self.outline(1.0)).T
+        return tuple(zip(np.hypot(x, y).tolist(), np.arctan2(y, x).tolist(), strict=True))
+
+    @cached_property
+    def _convex_parts(self) -> tuple[Ring, ...]:
+        return convex_parts(self.outline(1.0))
+
+    def parts(self, radius: float) -> tuple[Ring, ...]:
+        """Return convex polygons (M, 2) [m] that together are the footprint."""
+        return tuple(radius * part for part in self._convex_parts)
+
+
+@dataclass(frozen=True)
+class BodyOutline:
+    """A body as its user states it.
+
+    Attributes:
+        shape: about its centroid; a disk where both axes of an ellipse are equal.
+        radius: circumscribed about the centroid [m].
+        centre: of the centroid in the user's frame of the body (x, y) [m].
+        clockwise: whether the user's outline ran clockwise, and was turned round.
+    """
+
+    shape: Shape
+    radius: float
+    centre: Pair
+    clockwise: bool = False
+
+
+def convex_parts(outline: Points) -> tuple[Ring, ...]:
+    """Return convex polygons, counter-clockwise, that make up what an outline (M, 2) encloses.
+
+    Triangles are joined across an edge as long as the union stays convex (Hertel and Mehlhorn,
+    1983: at most four times as many as are needed).
+    """
+    from shapely import Polygon, constrained_delaunay_triangles, get_parts
+
+    whole = Polygon(outline)
+    parts = [whole] if _is_convex(whole) else list(get_parts(constrained_delaunay_triangles(whole)))
+    joined = len(parts) > 1
+    while joined:
+        joined = False
+        for second in range(len(parts) - 1, 0, -1):
+            for first in range(second):
+                union = parts[first].union(parts[second])
+                if _is_convex(union):
+                    parts[first], joined = union, True
+                    del parts[second]
+                    break
+    rings = (np.array(part.exterior.coords)[:-1] for part in parts)
+    return tuple(ring if _area(ring) > 0.0 else ring[::-1] for ring in rings)
+
+
+def _is_convex(polygon: Any) -> bool:
+    hull = polygon.convex_hull
+    whole = polygon.geom_type == "Polygon" and not polygon.interiors
+    return bool(whole and hull.area - polygon.area < TOLERANCE * hull.area)
+
+
+def _area(ring: Points) -> float:
+    after = np.roll(ring, -1, axis=0)
+    return float(0.5 * (ring[:, 0] * after[:, 1] - ring[:, 1] * after[:, 0]).sum())
+
+
+# --- what users state -----------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class StatedBodies:
+    """What a user's file states of bodies: their outlines by name, and the radius of the tool."""
+
+    bodies: Mapping[str, BodyOutline]
+    tip_radius: float | None = None
+
+
+def read_stated(path: Path) -> StatedBodies:
+    """Return the bodies of a JSON or YAML file: ``{"shapes": {name: [[x, y], ...]}}`` in metres.
+
+    In place of an outline there may be ``{"semi_axes": [a, b]}``, of an ellipse; beside the shapes
+    ``unit`` (only ``m``) and ``tip_radius`` [m].
+
+    Raises:
+        DatasetError: no such file, damaged, of another form or unit; an outline that crosses
+            itself, has no area, or a size that no body on a table has.
+    """
+    content = _read(path)
+    shapes = content.get(SHAPES) if isinstance(content, dict) else None
+    if not isinstance(shapes, dict) or not 0 < len(shapes) <= MOST_SHAPES:
+        raise DatasetError(
+            f"{path} states no outlines; it needs {SHAPES}: a list of points [x, y] in metres, or"
+            f" {SEMI_AXES}: [a, b], by the names of up to {MOST_SHAPES} bodies"
+        )
+    if content.get(UNIT, METRES) != METRES:
+        raise DatasetError(f"{path} states outlines in {content[UNIT]!r}; give metres ({METRES!r})")
+    radius = content.get(TIP_RADIUS)
+    if radius is not None and not isinstance(radius, int | float):
+        raise DatasetError(f"{path}: {TIP_RADIUS} is {radius!r}; give a number [m]")
+    bodies = {str(name): _stated(f"{path}: {name!r}", str(name), of) for name, of in shapes.items()}
+    return StatedBodies(bodies, radius)
+
+
+def _read(path: Path) -> Any:
+    try:
+        return read_json(path) if path.suffix == ".json" else read_yaml(path)
+    except FileNotFoundError:
+        raise DatasetError(f"{path} does not exist; it should state the outlines") from None
+    except (OSError, UntrustedFileError) as error:
+        raise DatasetError(f"{path} cannot be read: {error}") from error
+
+
+def _stated(what: str, name: str, stated: object) -> BodyOutline:
+    if isinstance(stated, dict):
+        axes = _numbers(what, stated.get(SEMI_AXES))
+        if axes.shape != (2,) or not (axes > 0.0).all():
+            raise DatasetError(f"{what} needs {SEMI_AXES}: two positive numbers [m]")
+        if axes[0] == axes[1]:
+            _check_size(what, float(axes[0]))
+            return BodyOutline(get_shape(DISK), float(axes[0]), (0.0, 0.0))
+        stretch = np.sqrt(2 * pi / (ELLIPSE * sin(2 * pi / ELLIPSE)))  # to the ellipse's area
+        return trace(name, stretch * axes * unit(np.arange(ELLIPSE) * 2 * pi / ELLIPSE), what)
+    return trace(name, _numbers(what, stated), what)
+
+
+def _numbers(what: str, stated: object) -> ndarray:
+    try:
+        numbers = np.array(stated, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise DatasetError(f"{what} is no outline: give points [x, y] in metres") from error
+    if not np.isfinite(numbers).all():
+        raise DatasetError(f"{what} has NaN or Inf; give finite numbers")
+    return numbers
+
+
+def trace(name: str, points: Points, what: str = "the outline") -> BodyOutline:
+    """Return the body with an outline of points (M, 2) [m]; up to `FINEST` is left out.
+
+    Raises:
+        DatasetError: it crosses itself, encloses nothing, or has a size that cannot be meant.
+    """
+    from shapely import Polygon, is_valid_reason
+
+    if points.ndim != 2 or points.shape[1] != 2 or not 3 <= len(points) <= MOST_POINTS:
+        raise DatasetError(
+            f"{what} has points of shape {points.shape}; give 3 to {MOST_POINTS} points [x, y]"
+        )
+    _check_size(what, float(np.hypot(*(points - points.mean(axis=0)).T).max()))
+    ring = Polygon(points)
+    if not ring.is_valid or ring.area < LEAST_RADIUS**2:
+        reason = is_valid_reason(ring) if not ring.is_valid else f"its area is {ring.area:.2g} m^2"
+        raise DatasetError(f"{what} crosses itself or encloses nothing: {reason}")
+    coarse = ring.simplify(FINEST)
+    corners = np.array(coarse.exterior.coords)[:-1]
+    clockwise = not coarse.exterior.is_ccw
+    corners = corners[::-1] if clockwise else corners
+    middle = centroid(corners)
+    radius = float(np.hypot(*(corners - middle).T).max())
+    _check_size(what, radius)
+    scaled = tuple((x, y) for x, y in ((corners - middle) / radius).tolist())
+    return BodyOutline(
+        Traced(hashed_name(name, scaled), scaled),
+        radius,
+        (float(middle[0]), float(middle[1])),
+        clockwise,
+    )
+
+
+def _check_size(what: str, radius: float) -> None:
+    if not LEAST_RADIUS <= radius <= MOST_RADIUS:
+        hint = ": it looks like millimetres" if radius > MOST_RADIUS else ""
+        raise DatasetError(
+            f"{what} has a radius of {radius:.4g} m{hint}; allowed: {LEAST_RADIUS} to"
+            f" {MOST_RADIUS} m"
+        )
+
+
+def hashed_name(name: str, corners: tuple[Pair, ...]) -> str:
+    """Return the name of a shape: the user's, and a hash of its outline."""
+    digest = hashlib.sha256(np.array(corners).tobytes()).hexdigest()[:HASH]
+    plain = "".join(sign if sign.isalnum() or sign in "_." else "_" for sign in name)
+    return f"{plain[: LONGEST_NAME - HASH - 1]}-{digest}"
+
+
+# --- the file beside a data set -------------------------------------------------------------------
+
+
+def write_outlines(folder: Path, shapes: Iterable[Shape]) -> None:
+    """Write the outlines of traced shapes beside a data set; raises `OutputError`."""
+    traced = {shape.name: shape.corners for shape in shapes if isinstance(shape, Traced)}
+    write_json(folder / OUTLINES_FILE, {UNIT: RADII, SHAPES: traced})
+
+
+def register_outlines(folder: Path) -> None:
+    """Let the shapes of a data set be found by their names; nothing where it has no outlines.
+
+    Raises:
+        DatasetError: its file is damaged.
+    """
+    path = folder / OUTLINES_FILE
+    if not path.exists():
+        return
+    try:
+        for shape in _stored(read_regular_text(path)):
+            register(shape)
+    except (OSError, ValueError, TypeError, KeyError, AttributeError, ConfigError) as error:
+        raise DatasetError(f"{path} is damaged: {error}") from error
+
+
+@lru_cache(maxsize=64)
+def _stored(text: str) -> tuple[Traced, ...]:
+    content = parse_json(text)
+    return tuple(_checked(name, corners) for name, corners in content[SHAPES].items())
+
+
+def _checked(name: str, corners: list[list[float]]) -> Traced:
+    """Return a stored shape, if it is what `trace` makes."""
+    from shapely import Polygon
+
+    pairs = tuple((float(x), float(y)) for x, y in corners)
+    outline = np.array(pairs)
+    if len(pairs) > MOST_POINTS or name != hashed_name(name[: -HASH - 1], pairs):
+        raise ValueError(f"the outline of {name!r} is not the one that its name was made from")
+    reach, middle = np.hypot(*outline.T).max(), np.hypot(*centroid(outline))
+    if not Polygon(outline).is_valid or abs(reach - 1.0) > TOLERANCE or middle > TOLERANCE:
+        raise ValueError(f"the outline of {name!r} is not a simple one about its centroid")
+    return Traced(name, pairs)

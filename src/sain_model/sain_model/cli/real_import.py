@@ -1,0 +1,78 @@
+"""``ros2 run sain_model real_import``: a real robot's pushes as a data set."""
+
+import hashlib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rich.console import Console
+
+from sain_core.cli.terminal import WaitingLine
+from sain_core.dataset import Column
+from sain_core.untrusted import read_regular
+from sain_model.cli.options import RealImportOptions
+from sain_model.importing.data_set import EXAMPLES, Imported, import_pushes, write_imported
+from sain_model.importing.sources import Recordings, read_recordings
+
+MILLIMETRES = 1e3
+
+
+def run(options: RealImportOptions, console: Console) -> None:
+    """Import, print what became of the pushes, and write the data set.
+
+    Raises:
+        DatasetError: files that are missing, damaged or of another form; pushes that cannot be.
+        OutputError: the folder cannot be written.
+    """
+    found = read_recordings(options.paths, options.shapes, options.tip_radius)
+    with WaitingLine(Console(stderr=True)) as line:
+
+        def progress(done: int, total: int) -> None:
+            line.say(f"physics of {done:,} of {total:,} pushes")
+
+        made = import_pushes(found, options.mass, options.skip_bad, progress)
+    shards = write_imported(options.out, made, _card(options, found))
+    for text in _report(found, made):
+        console.print(text, soft_wrap=True, markup=False, highlight=False)
+    console.print(f"written to {options.out}: {shards} shards", soft_wrap=True, highlight=False)
+
+
+def _card(options: RealImportOptions, found: Recordings) -> dict[str, Any]:
+    stated = ~np.isnan(found.pushes.mass)
+    return {
+        "kind": "pushes of a real robot",
+        "sources": [{"path": str(path), "sha256": _sha256(path)} for path in found.paths],
+        "notes": found.notes,
+        "mass": "as stated" if stated.all() else f"nominal where not stated: {options.mass} kg",
+    }
+
+
+def _sha256(path: Path) -> str:
+    return hashlib.sha256(read_regular(path)).hexdigest()
+
+
+def _report(found: Recordings, made: Imported) -> Iterator[str]:
+    """Yield lines about what was read, left out and grouped."""
+    yield from found.notes
+    pushes = found.pushes
+    surfaces, counts = np.unique(pushes.surface, return_counts=True)
+    on = ", ".join(
+        f"{name or 'not stated'} {n:,}" for name, n in zip(surfaces, counts, strict=True)
+    )
+    yield f"{len(pushes):,} pushes of {len(set(pushes.object.tolist()))} bodies; surfaces: {on}"
+    if made.inside:
+        rows = ", ".join(made.inside[:EXAMPLES])
+        yield f"{len(made.inside):,} left out: the tool begins inside the body ({rows}, ...)"
+    sizes = np.bincount(made.groups)
+    share = 100 * (sizes[made.groups] > 1).mean()
+    yield (
+        f"{made.misses:,} never touch the body; {len(sizes):,} groups of repeats,"
+        f" {share:.0f} % of pushes have one, at most {sizes.max()} in a group"
+    )
+    state, after, physics = (
+        made.columns[name].reshape(len(made.groups), -1)[:, :2]
+        for name in (Column.STATE, Column.NEXT_STATE, Column.PHYSICS_NEXT)
+    )
+    moved, off = (MILLIMETRES * np.linalg.norm(after - x, axis=1).mean() for x in (state, physics))
+    yield f"bodies moved by {moved:.2f} mm in the mean; nominal physics errs by {off:.2f} mm"

@@ -1,0 +1,175 @@
+"""Pushes as a laboratory recorded them: one body on a surface, poses before and after, the tool."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, replace
+from math import pi
+from typing import Final, Self
+
+import numpy as np
+from jaxtyping import Float, Int
+from numpy import ndarray
+
+from sain_core.errors import DatasetError
+from sain_core.scene import unit, wrap_angle
+from sain_core.types import Indices, Mask
+
+FARTHEST: Final = 10.0  # [m], of a place on a table; farther away it is no metre
+MOST_TURN: Final = 4 * pi  # [rad], of a heading that was counted on; beyond it is no radian
+LONGEST: Final = 0.5  # [m], of the tool's way
+SLOWEST, FASTEST = 0.001, 2.0  # [m/s]
+THINNEST, WIDEST = 0.001, 0.05  # [m], radius of the tool
+LONGEST_TEXT: Final = 64
+FOUND_AT: Final = (
+    "the public pushes of Yu et al. (2016) are in folder mcube_data_proc/motion_model_eval_logs of"
+    " github.com/robinzhoucmu/PlanarManipulationToolBox"
+)
+
+
+@dataclass(frozen=True, eq=False)
+class RealPushes:
+    """M pushes, in the frame of the body that its user states.
+
+    Attributes:
+        surface: name (M,); empty where it is not stated.
+        object: name of the pushed body (M,).
+        run: name of the recording (M,).
+        before: pose of the body x, y [m] and heading [rad], (M, 3).
+        after: likewise.
+        tip_start: where the tool's axis began (M, 2) [m].
+        tip_end: where it ended.
+        speed: of the tool (M,) [m/s].
+        tip_radius: of the tool (M,) [m]; NaN: not stated.
+        mass: of the body (M,) [kg]; NaN: not stated.
+        radius: circumscribed, of a body whose shape is one of the library's (M,) [m]; NaN likewise.
+        file: number of the file that each is from, (M,).
+        row: its number there, as people count it.
+        files: names of the files.
+    """
+
+    surface: ndarray
+    object: ndarray
+    run: ndarray
+    before: Float[ndarray, "M 3"]
+    after: Float[ndarray, "M 3"]
+    tip_start: Float[ndarray, "M 2"]
+    tip_end: Float[ndarray, "M 2"]
+    speed: Float[ndarray, "M"]
+    tip_radius: Float[ndarray, "M"]
+    mass: Float[ndarray, "M"]
+    radius: Float[ndarray, "M"]
+    file: Int[ndarray, "M"]
+    row: Int[ndarray, "M"]
+    files: tuple[str, ...]
+
+    def __len__(self) -> int:
+        """Return the number of pushes M."""
+        return len(self.speed)
+
+    def where(self, index: int) -> str:
+        """Return in words where a push is."""
+        return f"{self.files[int(self.file[index])]} row {self.row[index]}"
+
+    def select(self, rows: Mask | Indices) -> Self:
+        """Return some of the pushes."""
+        arrays = [item.name for item in fields(self) if item.name != "files"]
+        return replace(self, **{name: getattr(self, name)[rows] for name in arrays})
+
+    @property
+    def length(self) -> Float[ndarray, "M"]:
+        """The tool's way [m]."""
+        return np.asarray(np.linalg.norm(self.tip_end - self.tip_start, axis=1))
+
+    @property
+    def heading(self) -> Float[ndarray, "M"]:
+        """The way's heading [rad]."""
+        x, y = (self.tip_end - self.tip_start).T
+        return np.asarray(np.arctan2(y, x))
+
+    def in_body(self, places: Float[ndarray, "M 2"]) -> Float[ndarray, "M 2"]:
+        """Return places seen from the body before the push."""
+        cos, sin = unit(self.before[:, 2]).T
+        x, y = (places - self.before[:, :2]).T
+        return np.column_stack([cos * x + sin * y, cos * y - sin * x])
+
+    def same_as_before(self) -> Mask:
+        """Return which pushes (M,) are stated in an earlier row, too, to the bit."""
+        exact = (self.before, self.after, self.tip_start, self.tip_end, self.speed[:, None])
+        numbers = np.ascontiguousarray(np.hstack(exact))
+        seen: set[tuple[str, str, str, bytes]] = set()
+        same = np.zeros(len(self), dtype=bool)
+        texts = zip(self.surface.tolist(), self.object.tolist(), numbers, strict=True)
+        for index, (surface, body, row) in enumerate(texts):
+            key = (surface, body, "", row.tobytes())
+            same[index] = key in seen
+            seen.add(key)
+        return same
+
+
+def joined(parts: Sequence[RealPushes]) -> RealPushes:
+    """Return the pushes of many files."""
+    files: list[str] = []
+    numbered = []
+    for part in parts:
+        numbered.append(part.file + len(files))
+        files += part.files
+    values = {
+        item.name: np.concatenate([getattr(part, item.name) for part in parts])
+        for item in fields(RealPushes)
+        if item.name not in ("file", "files")
+    }
+    return RealPushes(**values, file=np.concatenate(numbered), files=tuple(files))
+
+
+def check_real(pushes: RealPushes) -> RealPushes:
+    """Return pushes that can be, with headings in (-pi, pi].
+
+    Raises:
+        DatasetError: naming the row and the value of the first that is NaN or Inf, looks like
+            millimetres or degrees, or is out of range.
+    """
+    _check_numbers(pushes)
+    for name in ("before", "after", "tip_start", "tip_end"):
+        places = getattr(pushes, name)[:, :2]
+        _refuse(
+            pushes, np.abs(places).max(axis=1, initial=0.0) > FARTHEST, name, places,
+            f"it looks like millimetres; give metres, up to {FARTHEST:g} m",
+        )  # fmt: skip
+    for name in ("before", "after"):
+        heading = getattr(pushes, name)[:, 2]
+        _refuse(
+            pushes, np.abs(heading) > MOST_TURN, f"heading {name}", heading,
+            "it looks like degrees; give radians, up to two turns",
+        )  # fmt: skip
+    ranges = (
+        ("length of the tool's way", pushes.length, 0.0, LONGEST, "m"),
+        ("speed", pushes.speed, SLOWEST, FASTEST, "m/s"),
+        ("tip_radius", pushes.tip_radius, THINNEST, WIDEST, "m"),
+    )
+    for name, values, least, most, what in ranges:
+        wrong = ~((values >= least) & (values <= most))
+        hint = f"allowed: {least:g} to {most:g} {what}"
+        if (wrong & (values > most)).any():
+            hint += f"; it looks like m{what}"
+        _refuse(pushes, wrong, name, values, hint)
+    for name in ("mass", "radius"):
+        values = getattr(pushes, name)
+        _refuse(pushes, values <= 0.0, name, values, "it must be positive")
+    before, after = (
+        np.column_stack([poses[:, :2], wrap_angle(poses[:, 2])])
+        for poses in (pushes.before, pushes.after)
+    )
+    return replace(pushes, before=before, after=after)
+
+
+def _check_numbers(pushes: RealPushes) -> None:
+    for name in ("before", "after", "tip_start", "tip_end", "speed"):
+        values = getattr(pushes, name)
+        finite = np.isfinite(values).reshape(len(values), -1).all(axis=1)
+        _refuse(pushes, ~finite, name, values, "it must be finite")
+
+
+def _refuse(pushes: RealPushes, wrong: Mask, name: str, values: ndarray, hint: str) -> None:
+    if wrong.any():
+        index = int(np.argmax(wrong))
+        value = np.array2string(np.asarray(values[index]), precision=5)
+        raise DatasetError(f"{pushes.where(index)}: {name} is {value}; {hint}")

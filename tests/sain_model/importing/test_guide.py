@@ -1,0 +1,40 @@
+"""What docs/guides/real_pushes.md shows is run as it stands there; training is short."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+from sain_model import commands
+from sain_model.data.dataset import load_dataset
+from tests.documentation.shell import ROOT, command_blocks, commands_in
+
+PAGE = ROOT / "docs/guides/real_pushes.md"
+SHORT = {"train": ["--epochs", "1", "--epoch-steps", "2"]}
+
+
+def test_the_page_s_commands_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    text, scratch = PAGE.read_text(encoding="utf-8"), tmp_path / "shell"
+    scratch.mkdir()
+    monkeypatch.chdir(tmp_path)
+    for name, block in (
+        ("pushes.csv", r"```\n(object,.*?)```"),
+        ("outlines.yaml", r"```yaml\n(.*?)```"),
+    ):
+        found = re.search(block, text, re.DOTALL)
+        assert found, name
+        Path(name).write_text(found[1])
+    assert len(Path("pushes.csv").read_text().splitlines()) == 10
+    blocks = [block for block in command_blocks(PAGE) if not block.reason]
+    run = [words for block in blocks for words in commands_in(block.code, scratch)]
+    assert [words[4] for words in run] == ["real_import", "identify", "train"]
+    for words in run:
+        command = getattr(commands, words[4])
+        assert command([*words[5:], *SHORT.get(words[4], [])]) == 0, capsys.readouterr()
+    printed = capsys.readouterr().out
+    assert "9 pushes of 1 bodies; surfaces: steel 9" in printed
+    data = load_dataset(Path("data/lab")).alike
+    assert data.action.shape == (9, 8)
+    assert Path("runs/lab/sain.safetensors").exists()
