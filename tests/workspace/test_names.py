@@ -18,7 +18,8 @@ ROOMS = (
 )
 # Words that other things have, too: messages, cards, files of others, parameters of the world.
 COMMON = {
-    "body", "duration", "episode", "friction", "goal", "log_time", "masses", "moved", "object", "outcome",
+    "body", "duration", "episode", "friction", "goal", "log_time", "masses", "moved", "object",
+    "outcome",
     "physics_next", "push_id", "radii", "roles", "run", "seed", "shapes", "source", "state", "step",
     "surface", "tolerance",
     "tool_friction",
