@@ -209,7 +209,7 @@ def check_predictable(pushes: Pushes) -> Pushes:
     stroke, finite = is_stroke(pushes), np.isfinite(pushes)
     if not finite.all():
         raise InvalidInputError(f"{_first(pushes, ~finite)}; it must be finite")
-    for column, least, most in _ranges(stroke):
+    for column, least, most in allowed_ranges(stroke):
         beyond = (pushes[..., column] < least) | (pushes[..., column] > most)
         if beyond.any():
             wrong = np.zeros(pushes.shape, dtype=bool)
@@ -219,7 +219,7 @@ def check_predictable(pushes: Pushes) -> Pushes:
 
 
 @cache
-def _ranges(stroke: bool) -> tuple[tuple[int, float, float], ...]:
+def allowed_ranges(stroke: bool) -> tuple[tuple[int, float, float], ...]:
     """Return columns with the smallest and the largest value that any arm's limits may allow."""
     limits = {item.name: item.metadata for item in fields(PushLimits)}
     slowest, angle = limits["min_speed"]["minimum"], limits["max_angle"]["maximum"]

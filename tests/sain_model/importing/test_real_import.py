@@ -255,6 +255,18 @@ def test_a_csv_that_is_none_is_refused(
         read_recordings((path,), shapes)
 
 
+def test_a_csv_of_a_spreadsheet_is_read(rows: Recorded, tmp_path: Path) -> None:
+    shapes = write_stated(tmp_path)
+    plain = write_csv(tmp_path / "plain.csv", rows)
+    lines = plain.read_text().splitlines()
+    table = [",".join(f'"{field}"' for field in line.split(",")) for line in lines]
+    other = tmp_path / "other.csv"
+    other.write_bytes(("\ufeff" + "\r\n".join([*table, ""])).encode())
+    usual, told = (read_recordings((path,), shapes).pushes for path in (plain, other))
+    np.testing.assert_array_equal(told.before, usual.before)
+    assert told.where(3) == f"{other} row 5" and told.object.tolist() == usual.object.tolist()
+
+
 def test_the_tool_s_radius_may_be_given(rows: Recorded, tmp_path: Path) -> None:
     shapes = write_stated(tmp_path, {**STATED, "tip_radius": 0.006})
     path = write_csv(tmp_path / "mine.csv", rows)

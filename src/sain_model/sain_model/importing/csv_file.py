@@ -24,6 +24,7 @@ NUMBERS: Final = (*(name for names in POSES.values() for name in names), "speed"
 NEEDED: Final = ("object", *NUMBERS)
 TEXTS: Final = ("surface", "object", "run")
 OPTIONAL: Final = ("surface", "run", "tip_radius", "mass", "radius")
+BYTE_ORDER: Final = "\ufeff"  # that some programs begin a file with
 NOT_STATED: Final = ("tip_radius", "mass", "radius")  # may be left empty
 
 
@@ -35,7 +36,8 @@ def read_csv(path: Path) -> RealPushes:
             rows, or a field that is missing or no number.
     """
     try:
-        lines = csv.reader(StringIO(read_regular_text(path), newline=""), strict=True)
+        text = read_regular_text(path).removeprefix(BYTE_ORDER)
+        lines = csv.reader(StringIO(text, newline=""), strict=True)
         header = [name.strip() for name in next(lines, [])]
         _check_header(path, header)
         rows = list(_rows(path, lines, len(header)))

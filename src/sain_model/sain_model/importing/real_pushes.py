@@ -10,14 +10,12 @@ from jaxtyping import Float, Int
 from numpy import ndarray
 
 from sain_core.errors import DatasetError
+from sain_core.push import LENGTH, SPEED, TIP_RADIUS, allowed_ranges
 from sain_core.scene import unit, wrap_angle
 from sain_core.types import Indices, Mask
 
 FARTHEST: Final = 10.0  # [m], of a place on a table; farther away it is no metre
 MOST_TURN: Final = 4 * pi  # [rad], of a heading that was counted on; beyond it is no radian
-LONGEST: Final = 0.5  # [m], of the tool's way
-SLOWEST, FASTEST = 0.001, 2.0  # [m/s]
-THINNEST, WIDEST = 0.001, 0.05  # [m], radius of the tool
 LONGEST_TEXT: Final = 64
 FOUND_AT: Final = (
     "the public pushes of Yu et al. (2016) are in folder mcube_data_proc/motion_model_eval_logs of"
@@ -140,17 +138,16 @@ def check_real(pushes: RealPushes) -> RealPushes:
             pushes, np.abs(heading) > MOST_TURN, f"heading {name}", heading,
             "it looks like degrees; give radians, up to two turns",
         )  # fmt: skip
-    ranges = (
-        ("length of the tool's way", pushes.length, 0.0, LONGEST, "m"),
-        ("speed", pushes.speed, SLOWEST, FASTEST, "m/s"),
-        ("tip_radius", pushes.tip_radius, THINNEST, WIDEST, "m"),
-    )
-    for name, values, least, most, what in ranges:
-        wrong = ~((values >= least) & (values <= most))
-        hint = f"allowed: {least:g} to {most:g} {what}"
-        if (wrong & (values > most)).any():
-            hint += f"; it looks like m{what}"
-        _refuse(pushes, wrong, name, values, hint)
+    numbers = {
+        LENGTH: ("length of the tool's way", pushes.length, "m"),
+        SPEED: ("speed", pushes.speed, "m/s"),
+        TIP_RADIUS: ("tip_radius", pushes.tip_radius, "m"),
+    }
+    for column, least, most in allowed_ranges(stroke=True):
+        name, values, what = numbers[column]
+        allowed = f"allowed: {least:g} to {most:g} {what}"
+        _refuse(pushes, values > most, name, values, f"{allowed}; it looks like m{what}")
+        _refuse(pushes, ~(values >= least), name, values, allowed)
     for name in ("mass", "radius"):
         values = getattr(pushes, name)
         _refuse(pushes, values <= 0.0, name, values, "it must be positive")
