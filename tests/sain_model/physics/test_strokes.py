@@ -7,6 +7,7 @@ import pytest
 
 from sain_core.errors import InvalidInputError, OutOfRangeError
 from sain_core.feasibility import start_gap
+from sain_core.model import IdentityPrior
 from sain_core.push import (
     ANGLE,
     BODY,
@@ -36,6 +37,8 @@ from sain_core.shapes.library import get_shape
 from sain_core.shapes.outline import outline_of
 from sain_core.shapes.solids import Compound
 from sain_core.types import Pushes, Scenes
+from sain_model.data.dataset import Part
+from sain_model.data.examples import make_examples
 from sain_model.network.feature_kernels import MIRRORED_BODY
 from sain_model.network.features import Features, network_inputs, push_frames
 from sain_model.network.relation_kernels import MIRRORED_RELATION, SENDER
@@ -155,6 +158,19 @@ def test_a_mirrored_stroke_changes_signs_alone() -> None:
     prior = PlanarPrior().with_bodies(Bodies.disks(1))
     mirrored = prior.step(mirror_scenes(scenes), mirror_pushes(strokes))
     np.testing.assert_allclose(mirrored, mirror_scenes(prior.step(scenes, strokes)), atol=1e-5)
+
+
+def test_mirror_images_of_examples_are_examples_of_the_mirror() -> None:
+    """What training adds: features, and what the network should say."""
+    scenes, _ = draw(2, 40)
+    strokes = draw_strokes(scenes)
+    after = PlanarPrior().with_bodies(Bodies.disks(2)).step(scenes, strokes)
+    after[..., POSE] += np.random.default_rng(2).uniform(-0.01, 0.01, (40, 2, 3))
+    number = np.arange(40)
+    part = Part(scenes, strokes, after, scenes, number, number, np.ones(40), after)
+    image, usual = (make_examples(some, IdentityPrior()) for some in (part.mirrored(), part))
+    for name, tensor in vars(usual.mirrored()).items():
+        np.testing.assert_allclose(getattr(image, name), tensor, atol=2e-4, err_msg=name)
 
 
 def test_the_frame_is_where_the_tool_first_touches() -> None:

@@ -93,11 +93,11 @@ class RealPushes:
         """Return which pushes (M,) are stated in an earlier row, too, to the bit."""
         exact = (self.before, self.after, self.tip_start, self.tip_end, self.speed[:, None])
         numbers = np.ascontiguousarray(np.hstack(exact))
-        seen: set[tuple[str, str, str, bytes]] = set()
+        seen: set[tuple[str, str, bytes]] = set()
         same = np.zeros(len(self), dtype=bool)
         texts = zip(self.surface.tolist(), self.object.tolist(), numbers, strict=True)
         for index, (surface, body, row) in enumerate(texts):
-            key = (surface, body, "", row.tobytes())
+            key = (surface, body, row.tobytes())
             same[index] = key in seen
             seen.add(key)
         return same
