@@ -2,7 +2,7 @@
 
 .DEFAULT_GOAL := help
 LINTERS := lint-types lint-style lint-imports lint-prose lint-shell lint-docker
-.PHONY: help demo live docs test lint $(LINTERS) format bench table faults clean
+.PHONY: help demo live docs test lint $(LINTERS) format bench table faults real clean
 
 SHELL_SCRIPTS := env .ci/run tools/recipe.sh tools/setup.sh tools/jobs.sh tools/activation.sh tools/browser.sh docker/entrypoint.sh
 
@@ -57,6 +57,9 @@ table: ## docs/reference/results.md and its picture: all scenarios in Bullet, it
 
 faults: ## docs/reference/faults.md: what the graph makes of killed nodes, lost datagrams, full disks and hostile input; takes an hour
 	@./env python -m benchmarks.graph_faults --page docs/reference/faults.md $(ARGS)
+
+real: ## docs/reference/real.md and its pictures: errors on the real pushes at DATA=PATH; takes two hours, and continues after a stop
+	@./env python -m benchmarks.real $(if $(DATA),--data "$(DATA)") $(ARGS)
 
 clean: ## removes the environment and all that was built; bags stay
 	rm -rf .venv ros2_ws/build ros2_ws/install ros2_ws/log

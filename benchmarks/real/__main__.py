@@ -1,0 +1,105 @@
+"""``make real DATA=PATH``: who predicts real pushes how well; writes docs/reference/real.md."""
+
+import json
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+import tyro
+from rich.console import Console
+
+from benchmarks.real import page, pictures
+from benchmarks.real.folds import all_cases
+from benchmarks.real.kept import Kept, all_steps, compute
+from benchmarks.real.measures import Figures, measure
+from benchmarks.real.reading import read_pushes
+from benchmarks.real.table import all_rows
+from sain_core.errors import DatasetError, SainError
+from sain_core.provenance import git_commit, processor
+from sain_core.storage import make_folder, write_json
+from sain_model.importing.real_pushes import FOUND_AT
+
+RESULTS: Final = "results.json"
+
+
+@dataclass(frozen=True)
+class Options:
+    """What to read, and where to write."""
+
+    data: Path | None = None
+    """recordings, as `ros2 run sain_model real_import` reads them"""
+    again: bool = False
+    """make page and pictures again, from the results in the folder of work; computes nothing"""
+    work: Path = Path("results/real")
+    """folder of what is computed; an interrupted run continues with it"""
+    page: Path = Path("docs/reference/real.md")
+    """Markdown page to write"""
+    media: Path = Path("docs/media")
+    """folder of its pictures"""
+    cases: tuple[str, ...] = ()
+    """only those whose names begin like one of these: folds, train, object, surface; none: all"""
+    seed: int = 0
+    """of folds, own pushes, trainings and bootstrap"""
+
+
+def main() -> int:
+    """Compute what is not kept, measure it, and write page and pictures."""
+    options = tyro.cli(Options, description=__doc__)
+    console = Console(stderr=True)
+    try:
+        if not options.again:
+            make_folder(options.work)
+            write_json(options.work / RESULTS, computed(options, console))
+        results = read_results(options.work / RESULTS)
+        for path in pictures.draw_all(results, options.media):
+            console.print(f"wrote {path}", markup=False, highlight=False, soft_wrap=True)
+        page.write(results, options.page, options.media)
+    except SainError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 1
+    console.print(f"wrote {options.page}", markup=False, highlight=False, soft_wrap=True)
+    return 0
+
+
+def computed(options: Options, console: Console) -> Figures:
+    """Return the results of data; what is kept of them is not computed again.
+
+    Raises:
+        DatasetError: no data; the message says where they come from.
+    """
+    if options.data is None:
+        raise DatasetError(f"real pushes are needed: make real DATA=PATH; {FOUND_AT}")
+    pushes = read_pushes(options.data, options.work)
+    kept = Kept(options.work / "predictions")
+    cases, rows = all_cases(pushes, options.seed), all_rows(pushes, options.work, options.seed)
+    if options.cases:
+        cases = [case for case in cases if case.key.startswith(("folds", *options.cases))]
+
+    def say(text: str) -> None:
+        console.print(text, markup=False, highlight=False, soft_wrap=True)
+
+    say(f"{len(pushes):,} pushes; seed {options.seed}")
+    compute(pushes, all_steps(cases, rows), kept, say)
+    say("measuring")
+    results = measure(pushes, cases, rows, kept, options.seed)
+    results["data"]["published"] = bool(pushes.published)
+    results["made"] = {
+        "command": f"make real DATA={options.data.name}",
+        "commit": git_commit(),
+        "processor": processor(),
+        "seed": options.seed,
+    }
+    return results
+
+
+def read_results(path: Path) -> Figures:
+    """Return the results of a run before; raises `DatasetError`: there are none."""
+    if not path.exists():
+        raise DatasetError(f"{path} does not exist; make it: make real DATA=PATH")
+    found: Figures = json.loads(path.read_text())
+    return found
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,133 @@
+"""Predictions that are kept in a folder, so that an interrupted run goes on where it stopped.
+
+What is kept is taken again only for the same data, fold, settings and sources of the model.
+"""
+
+import hashlib
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import cache
+from importlib import resources
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from benchmarks.real.folds import Case, Fold
+from benchmarks.real.pushes import PushTable
+from benchmarks.real.rows import Predicted, Row
+from sain_core.storage import read_arrays, write_arrays
+
+SOURCES: Final = (  # that predictions depend on
+    *(f"sain_model.{room}" for room in ("data", "dynamics", "importing", "inference", "network")),
+    *("sain_model.physics", "sain_model.training", "sain_core.shapes", "benchmarks.real"),
+)
+SHOWING: Final = ("page", "pictures", "measures", "outcomes", "single", "__main__")  # not of them
+PARTS: Final = ("radius", "turn")  # of a prediction, that some rows have
+
+
+@dataclass(frozen=True)
+class Step:
+    """One row of one fold of one case: what is computed at a time."""
+
+    case: Case
+    fold: Fold
+    row: Row
+
+    @property
+    def name(self) -> str:
+        """What it is, for people."""
+        return f"{self.case.title}: {self.row.title}, fold {self.fold.name}"
+
+    def identity(self, pushes: PushTable) -> str:
+        """Return a digest of all that the prediction depends on."""
+        digest = hashlib.sha256(f"{pushes.data.sha256} {self.row.identity} {sources()}".encode())
+        for rows in (self.fold.train, self.fold.own, self.fold.test):
+            digest.update(pushes.row[rows].tobytes())
+        return digest.hexdigest()
+
+
+@dataclass(frozen=True)
+class Kept:
+    """A folder with the predictions of steps."""
+
+    folder: Path
+
+    def path(self, step: Step) -> Path:
+        """Return the file of a step."""
+        return self.folder / step.case.key / step.fold.name / f"{step.row.key}.npz"
+
+    def read(self, step: Step, pushes: PushTable) -> Predicted | None:
+        """Return what is kept; None: nothing, or of other data, settings or sources."""
+        if not self.path(step).exists():
+            return None
+        arrays = read_arrays(self.path(step))
+        if str(arrays["identity"]) != step.identity(pushes):
+            return None
+        return Predicted(arrays["poses"], *(arrays.get(name) for name in PARTS))
+
+    def write(self, step: Step, pushes: PushTable, found: Predicted, seconds: float) -> None:
+        """Keep a prediction."""
+        arrays = {
+            "poses": found.poses,
+            "seconds": np.array(seconds),
+            "identity": np.array(step.identity(pushes)),
+        }
+        arrays |= {name: part for name in PARTS if (part := getattr(found, name)) is not None}
+        write_arrays(self.path(step), arrays)
+
+    def seconds(self, step: Step) -> float:
+        """Return how long a step took that is kept."""
+        return float(read_arrays(self.path(step))["seconds"])
+
+
+@cache
+def sources() -> str:
+    """Return a digest of the sources that predictions are made with."""
+    digest = hashlib.sha256()
+    for package in SOURCES:
+        for path in sorted(Path(str(resources.files(package))).glob("*.py")):
+            if path.stem not in SHOWING:
+                digest.update(path.read_bytes())
+    return digest.hexdigest()
+
+
+def all_steps(cases: Sequence[Case], rows: Sequence[Row]) -> list[Step]:
+    """Return the steps of all cases, case by case."""
+    return [
+        Step(case, fold, row)
+        for case in cases
+        for row in rows_of(case, rows)
+        for fold in case.folds
+    ]
+
+
+def rows_of(case: Case, rows: Sequence[Row]) -> list[Row]:
+    """Return the rows that take part in a case."""
+    return [row for row in rows if case.for_all or not row.learns_anew]
+
+
+def compute(
+    pushes: PushTable, steps: Sequence[Step], kept: Kept, say: Callable[[str], None]
+) -> None:
+    """Compute what is not kept, and say before each step what comes and how long the rest takes."""
+    for step, rest in _with_rest([step for step in steps if kept.read(step, pushes) is None]):
+        say(f"{step.name} ({rest})")
+        begin = time.monotonic()
+        train, own, test = (
+            pushes.select(rows) for rows in (step.fold.train, step.fold.own, step.fold.test)
+        )
+        found = step.row.fit(train, own).predict(test)
+        kept.write(step, pushes, found, time.monotonic() - begin)
+
+
+def _with_rest(steps: Sequence[Step]) -> Iterator[tuple[Step, str]]:
+    """Yield steps with what is left: rows differ in time, so the mean of each row counts."""
+    took: dict[str, list[float]] = {}
+    for place, step in enumerate(steps):
+        known = [np.mean(took[later.row.key]) for later in steps[place:] if later.row.key in took]
+        minutes = f", {sum(known) / 60:.0f} min and more" if known else ""
+        begin = time.monotonic()
+        yield step, f"{len(steps) - place} steps left{minutes}"
+        took.setdefault(step.row.key, []).append(time.monotonic() - begin)

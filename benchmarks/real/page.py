@@ -1,0 +1,278 @@
+"""docs/reference/real.md, from the file of results: no number of it is written by hand."""
+
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any, Final
+
+from benchmarks.real.measures import Figures
+from benchmarks.real.pictures import own_counts
+from benchmarks.real.rows import LEVELS, STATED
+from sain_core.storage import write_whole
+
+SOURCE: Final = (
+    "The public MCube push data set (Yu, Bauza, Fazeli and Rodriguez, *More than a million ways to"
+    " be pushed*, IROS 2016), in the one-push form of Zhou et al.: repository"
+    " `robinzhoucmu/PlanarManipulationToolBox`, folder `mcube_data_proc/motion_model_eval_logs`,"
+    " licence GPL-2. This repository has none of it."
+)
+OWN: Final = "The data are recordings of your own."
+ABOUT: Final = """# Real pushes
+
+For users who own a robot: how well models predict pushes of real objects that a real robot made.
+`make real DATA=PATH` writes this page and its pictures.
+
+<!-- not tested: needs the data, and hours -->
+```
+make real DATA=~/data/mit_push     # about two hours on two cores; an interrupted run continues
+```
+"""
+HOW: Final = """## How it is measured
+
+* **Errors**: mean distance of the predicted from the measured place, and mean absolute error of the
+  heading, over all predicted pushes. Brackets are 95 % intervals by bootstrap over groups of near
+  repeats.
+* **Near repeats** are in one fold: no model learned from a repeat of a push that it predicts.
+* **Own pushes** are pushes of the same object on the same surface. All cases with an object left
+  out predict the same pushes, whatever the number of own pushes. With a surface left out, models
+  have learned from the same pushes on the other surface.
+* **Physics, nominal** has textbook values and no measurement of the object. **Physics, identified**
+  has parameters of each object on its surface, with a prior from the other objects.
+* **Limit surfaces** are predictions that Zhou et al. published with the data. Their models were
+  fitted to measured forces.
+* **Learned only** is the network of SAIN without physics.
+* **Trees** are extremely randomised trees of scikit-learn on the geometry of the contact, and on
+  the prediction of a physics. They are no part of SAIN.
+"""
+
+
+def page(results: Figures, media: str) -> str:
+    """Return the page in Markdown; pictures are at `media`, seen from the page."""
+    parts = [
+        ABOUT,
+        _data(results),
+        *_result(results),
+        *_noise(results),
+        *_pictures(results, media, "objects", "angles"),
+        *_training(results),
+        *_left_out(results, media),
+        *_regions(results, media),
+        *_pictures(results, media, "pushes", "field"),
+        HOW,
+        _provenance(results),
+    ]
+    return "\n".join(part.strip() + "\n" for part in parts if part)
+
+
+def _data(results: Figures) -> str:
+    data = results["data"]
+    speeds = " and ".join(f"{1e3 * speed:g}" for speed in data["speeds"])
+    return (
+        f"{SOURCE if data['published'] else OWN}\n\n"
+        f"{data['pushes']:,} pushes of {len(data['objects'])} objects on"
+        f" {len(data['surfaces'])} surface{'s'[: len(data['surfaces']) > 1]}"
+        f" ({', '.join(data['surfaces'])}) at {speeds} mm/s. {data['missed']:,} of them touch"
+        f" nothing. They are {data['groups']:,} groups of near repeats."
+    )
+
+
+def table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """Return a table: the first column to the left, the others to the right."""
+    lines = [header, ["---", *["---:"] * (len(header) - 1)], *rows]
+    return "".join(f"| {' | '.join(line)} |\n" for line in lines)
+
+
+def with_interval(values: Sequence[float], digits: int) -> str:
+    """Return a mean with its interval."""
+    mean, low, high = (f"{value:.{digits}f}" for value in values)
+    return f"{mean} [{low}, {high}]"
+
+
+def _errors(results: Figures, case: Figures) -> str:
+    rows = [
+        (
+            title,
+            with_interval(case["errors"][key]["mm"], 2),
+            with_interval(case["errors"][key]["degrees"], 1),
+            f"{case['errors'][key]['median_mm']:.2f}",
+            f"{case['errors'][key]['p90_mm']:.2f}",
+        )
+        for key, title in results["rows"].items()
+    ]
+    header = ("model", "position [mm]", "heading [degrees]", "median [mm]", "90 % below [mm]")
+    return table(header, rows)
+
+
+def best(results: Figures, case: Figures) -> str:
+    """Return the key of the row with the smallest error of the position."""
+    return min(results["rows"], key=lambda key: case["errors"][key]["mm"][0])
+
+
+def said(results: Figures, case: Figures, key: str) -> str:
+    """Return the errors of a row as a phrase."""
+    mm, degrees = (case["errors"][key][unit][0] for unit in ("mm", "degrees"))
+    return f"{results['rows'][key]} errs {mm:.2f} mm and {degrees:.1f} degrees"
+
+
+def _result(results: Figures) -> Iterator[str]:
+    case = results["cases"]["folds"]
+    yield f"## {case['title'].capitalize()}"
+    yield (
+        f"Smallest error of {case['pushes']:,} pushes: {said(results, case, best(results, case))}."
+    )
+    yield _errors(results, case)
+
+
+def _noise(results: Figures) -> Iterator[str]:
+    noise = results["noise"]
+    yield "## Noise"
+    if not noise["pairs"]:
+        yield "The data have no near repeats of a push on one surface, so noise is not known."
+        return
+    yield (
+        f"{noise['pairs']:,} pairs of near repeats of one object on one surface show what no model"
+        f" can predict: {with_interval(noise['mm'], 2)} mm and"
+        f" {with_interval(noise['degrees'], 1)} degrees. That is the mean difference of two repeats"
+        " over the square root of 2. The table has the share of noise in the squared errors of the"
+        " same pushes."
+    )
+    rows = [
+        (title, *(f"{100 * share:.0f} %" for share in noise["share"][key]))
+        for key, title in results["rows"].items()
+    ]
+    yield table(("model", "noise in position", "noise in heading"), rows)
+
+
+TEXTS: Final = {
+    "objects": "Errors by object, five folds. Brackets: number of pushes.",
+    "angles": "Errors by the angle between the tool's motion and the normal at the first contact.",
+    "own": "Errors on objects that were left out, by the number of own pushes.",
+    "regions": "How often regions hold what happened, over their level.",
+}
+
+
+def _pictures(results: Figures, media: str, *names: str) -> Iterator[str]:
+    for name in names:
+        yield f"{_text(results, name)}\n\n![{_text(results, name)}]({media}/real_{name}.png)"
+
+
+def _text(results: Figures, name: str) -> str:
+    if name == "pushes":
+        quantiles = ", ".join(f"{100 * one['quantile']:.0f}" for one in results["examples"])
+        return (
+            "Pushes: before (light), after (filled), predicted (lines) and the tool (red). Errors"
+            " of the last model are at these percentiles of its errors on the object:"
+            f" {quantiles}."
+        )
+    if name == "field":
+        field = results["field"]
+        return (
+            f"What predictions leave on `{field['object']}`, {field['pushes']:,} pushes: mean of"
+            " truth less prediction. Right is along the outline, up is into the body."
+        )
+    return TEXTS[name]
+
+
+def _training(results: Figures) -> Iterator[str]:
+    sizes = [key for key in results["cases"] if key.startswith("train_")]
+    if not sizes:
+        return
+    yield "## By number of training pushes"
+    yield "Five folds; position [mm] and heading [degrees]."
+    yield _by_case(results, [*sizes, "folds"], ["all"])
+    yield from _ratio(results, sizes[0])
+
+
+def _ratio(results: Figures, key: str) -> Iterator[str]:
+    errors = results["cases"][key]["errors"]
+    if {"sain", "learned"} <= set(errors):
+        ratio = errors["sain"]["mm"][0] / errors["learned"]["mm"][0]
+        yield f"With {results['cases'][key]['title']}, SAIN / learned only is {ratio:.2f}."
+
+
+def _by_case(results: Figures, keys: Sequence[str], last: Sequence[str] = ()) -> str:
+    """Return a table with a column for each case, named by the number in its key."""
+    names = [key.partition("_")[2] for key in keys[: len(keys) - len(last)]] + list(last)
+    rows = [
+        (title, *(_pair(results["cases"][key]["errors"].get(row)) for key in keys))
+        for row, title in results["rows"].items()
+    ]
+    return table(("model", *(f"{int(n):,}" if n.isdigit() else n for n in names)), rows)
+
+
+def _pair(errors: Figures | None) -> str:
+    if errors is None:
+        return ""
+    return f"{errors['mm'][0]:.2f}, {errors['degrees'][0]:.1f}"
+
+
+def _left_out(results: Figures, media: str) -> Iterator[str]:
+    if counts := own_counts(results):
+        yield "## An object left out"
+        case = results["cases"][f"object_{counts[0]}"]
+        yield (
+            f"Each object is predicted by models of the other objects and of some own pushes:"
+            f" {case['pushes']:,} pushes; position [mm] and heading [degrees] by own pushes."
+        )
+        yield _by_case(results, [f"object_{count}" for count in counts])
+        yield from _pictures(results, media, "own")
+        if "object_20" in results["cases"]:
+            yield "With intervals, 20 own pushes of each body:"
+            yield _errors(results, results["cases"]["object_20"])
+    for key, case in results["cases"].items():
+        if key.startswith("surface_"):
+            yield f"## {case['title'].capitalize()}" if key == "surface_0" else case["title"]
+            yield _errors(results, case)
+
+
+def _regions(results: Figures, media: str) -> Iterator[str]:
+    cases = {key: case for key, case in results["cases"].items() if case["regions"]}
+    if not cases:
+        return
+    yield "## Regions"
+    level = LEVELS.index(STATED)
+    yield (
+        f"Regions of {100 * STATED:.0f} %: how many pushes they hold, in all and for the objects"
+        " with the fewest and the most, and their mean size."
+    )
+    rows = []
+    for case in cases.values():
+        for key, found in case["regions"].items():
+            for unit, name in (("mm", "position, mm"), ("degrees", "heading, degrees")):
+                if unit in found:
+                    rows.append(
+                        (
+                            f"{results['rows'][key]}, {case['title']}",
+                            name,
+                            *_held(found[unit], level),
+                        )
+                    )
+    yield table(("model and case", "of", "held", "fewest", "most", "size"), rows)
+    if {"folds", "object_20", "surface_20"} & set(cases):
+        yield from _pictures(results, media, "regions")
+
+
+def _held(found: Mapping[str, Any], level: int) -> list[str]:
+    of = found["by_object"]
+    few, most = min(of, key=of.get), max(of, key=of.get)
+    return [
+        f"{100 * found['held'][level]:.1f} %",
+        f"{100 * of[few]:.0f} % ({few})",
+        f"{100 * of[most]:.0f} % ({most})",
+        f"{found['size']:.1f}",
+    ]
+
+
+def _provenance(results: Figures) -> str:
+    made = results["made"]
+    minutes = sum(results["seconds"].values()) / 60
+    return (
+        f"`{made['command']}`, commit {made['commit'][:9]}, on {made['processor']}; seed"
+        f" {made['seed']} for folds, own pushes, training and bootstrap; data"
+        f" {results['data']['sha256'][:12]}; {minutes:.0f} minutes of computing."
+    )
+
+
+def write(results: Figures, path: Path, media: Path) -> None:
+    """Write the page; its pictures are in the folder `media`."""
+    write_whole(path, page(results, os.path.relpath(media, path.parent)).encode())

@@ -1,0 +1,204 @@
+"""The pushes of a data set of single bodies as flat arrays: what rows of the tables learn from."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields, replace
+from functools import cached_property
+from typing import Any, Final, Self
+
+import numpy as np
+from jaxtyping import Float, Int
+from numpy import ndarray
+
+from sain_core.errors import DatasetError
+from sain_core.push import LENGTH, SPEED, START, TIP_RADIUS, is_stroke, push_direction
+from sain_core.scene import POSE, RADIUS, THETA, unit, wrap_angle
+from sain_core.shapes.library import get_shape
+from sain_core.types import Angles, Indices, Mask, Points, Scalars
+from sain_model.data.dataset import Dataset, Part
+from sain_model.physics.first_touch import first_touch
+
+Poses = Float[ndarray, "M 3"]  # x, y [m] and heading [rad] in the world
+Names = ndarray  # of texts, (M,)
+
+MISSED: Final = np.pi  # [rad], larger than any angle between a motion and a normal
+
+
+@dataclass(frozen=True, eq=False)
+class PushTable:
+    """M pushes of single bodies, in the order of the parts of a data set.
+
+    Attributes:
+        before: poses before the pushes.
+        after: poses after them.
+        start: where the tool's axis begins (M, 2) [m].
+        heading: of its travel in the world (M,) [rad].
+        length: of its travel (M,) [m].
+        speed: of its travel (M,) [m/s].
+        tip: radius of the tool (M,) [m].
+        distance: of travel until the tool touches the body (M,) [m]; infinite: it misses.
+        normal: heading of the body's inward normal there, in the world (M,) [rad].
+        radius: of the body's circumscribed circle (M,) [m].
+        shape: name of the outline (M,).
+        object: name of the body, as its user calls it (M,).
+        surface: name of the surface (M,).
+        group: number of the group of near repeats (M,).
+        row: place in the data set (M,).
+        data: the data set that the rows are of.
+        published: predictions of others by name, poses; NaN where there is none.
+    """
+
+    before: Poses
+    after: Poses
+    start: Points
+    heading: Angles
+    length: Scalars
+    speed: Scalars
+    tip: Scalars
+    distance: Scalars
+    normal: Angles
+    radius: Scalars
+    shape: Names
+    object: Names
+    surface: Names
+    group: Int[ndarray, "M"]
+    row: Indices
+    data: Dataset = field(repr=False)
+    published: Mapping[str, Poses] = field(default_factory=dict)
+
+    def __len__(self) -> int:
+        """Return the number of pushes M."""
+        return len(self.row)
+
+    def select(self, rows: Mask | Indices) -> Self:
+        """Return the pushes that a mask (M,) or rising numbers pick."""
+        flat: dict[str, Any] = {name: getattr(self, name)[rows] for name in self._flat}
+        published = {name: poses[rows] for name, poses in self.published.items()}
+        return replace(self, **flat, published=published)
+
+    def and_also(self, other: Self) -> Self:
+        """Return these pushes and others of the same data, in its order."""
+        order = np.argsort(np.concatenate([self.row, other.row]), kind="stable")
+        flat: dict[str, Any] = {
+            name: np.concatenate([getattr(self, name), getattr(other, name)])[order]
+            for name in self._flat
+        }
+        published = {
+            name: np.concatenate([poses, other.published[name]])[order]
+            for name, poses in self.published.items()
+        }
+        return replace(self, **flat, published=published)
+
+    @property
+    def _flat(self) -> list[str]:
+        """The names of the arrays."""
+        return [item.name for item in fields(self) if item.name not in ("data", "published")]
+
+    @cached_property
+    def body(self) -> Names:
+        """The name of each body on its surface: what has parameters of its own."""
+        return np.array([f"{a} on {b}" for a, b in zip(self.object, self.surface, strict=True)])
+
+    @cached_property
+    def dataset(self) -> Dataset:
+        """The same pushes as a data set; its order is that of the parts."""
+        chosen = np.zeros(len(self.data), dtype=bool)
+        chosen[self.row] = True
+        return self.data.select(chosen)
+
+    @cached_property
+    def touches(self) -> Mask:
+        """Which pushes touch the body on the tool's travel."""
+        return np.asarray(self.distance <= self.length)
+
+    @cached_property
+    def slant(self) -> Angles:
+        """The angle (M,) [rad] between the motion and the body's normal at the first contact."""
+        away = np.abs(wrap_angle(self.heading - self.normal))
+        return np.where(self.touches, away, MISSED)
+
+    @cached_property
+    def contact(self) -> Points:
+        """Where the tool first touches the body (M, 2) [m]; of a miss the end of its travel."""
+        gone = np.where(self.touches, self.distance, self.length)
+        middle = self.start + gone[:, None] * unit(self.heading)
+        return np.asarray(middle + self.tip[:, None] * unit(self.normal))
+
+    def in_body(self, vectors: Points) -> Points:
+        """Turn vectors (M, 2) of the world into the frames of the bodies before the pushes."""
+        return turned(vectors, -self.before[:, 2])
+
+    @cached_property
+    def moves(self) -> Float[ndarray, "M 3"]:
+        """How bodies moved, in their frames before the pushes: [m, m, rad]."""
+        return self.moves_to(self.after)
+
+    def moves_to(self, poses: Poses) -> Float[ndarray, "M 3"]:
+        """Return the moves (M, 3) that lead to poses (M, 3)."""
+        turn = wrap_angle(poses[:, 2] - self.before[:, 2])
+        return np.column_stack([self.in_body(poses[:, :2] - self.before[:, :2]), turn])
+
+    def placed(self, moves: Float[ndarray, "M 3"]) -> Poses:
+        """Return the poses that moves (M, 3) in the frames of the bodies lead to."""
+        place = self.before[:, :2] + turned(moves[:, :2], self.before[:, 2])
+        return np.column_stack([place, wrap_angle(self.before[:, 2] + moves[:, 2])])
+
+    def outline(self, index: int) -> Points:
+        """Return the outline (C, 2) [m] of a body in its frame."""
+        return get_shape(str(self.shape[index])).outline(float(self.radius[index]))
+
+
+def turned(vectors: Points, angles: Angles) -> Points:
+    """Turn vectors (M, 2) by angles (M,) [rad]."""
+    cos, sin = np.cos(angles), np.sin(angles)
+    x, y = vectors.T
+    return np.column_stack([cos * x - sin * y, sin * x + cos * y])
+
+
+def push_table(data: Dataset) -> PushTable:
+    """Return the pushes of a data set.
+
+    Raises:
+        DatasetError: scenes with more than one body, or pushes that are no strokes.
+    """
+    pieces = [_arrays(part) for part in data.parts]
+    joined: dict[str, Any] = {
+        name: np.concatenate([piece[name] for piece in pieces]) for name in pieces[0]
+    }
+    return PushTable(**joined, row=np.arange(len(data)), data=data)
+
+
+def _arrays(part: Part) -> dict[str, ndarray]:
+    if part.disks != 1 or not is_stroke(part.action):
+        raise DatasetError(
+            f"a scene has {part.disks} bodies and a push {part.action.shape[1]} numbers; real"
+            " pushes have one body and are strokes of eight numbers: read them with"
+            " ros2 run sain_model real_import"
+        )
+    touch = first_touch(part.state, part.action, part.bodies)
+    return {
+        "before": _poses(part.state),
+        "after": _poses(part.next_state),
+        "start": part.action[:, START],
+        "heading": push_direction(part.action),
+        "length": part.action[:, LENGTH],
+        "speed": part.action[:, SPEED],
+        "tip": part.action[:, TIP_RADIUS],
+        "distance": touch.distance,
+        "normal": touch.normal,
+        "radius": part.state[:, 0, RADIUS],
+        "shape": np.full(len(part), part.bodies.shapes[0].name, dtype=object),
+        "object": _stated(part.object, len(part)),
+        "surface": _stated(part.surface, len(part)),
+        "group": part.episode,
+    }
+
+
+def _stated(names: Names | None, count: int) -> Names:
+    """Return names that a data set may leave out."""
+    return np.full(count, "", dtype=object) if names is None else names.astype(object)
+
+
+def _poses(scenes: Float[ndarray, "M 1 8"]) -> Poses:
+    poses = scenes[:, 0, POSE].copy()
+    poses[:, 2] = wrap_angle(scenes[:, 0, THETA])
+    return poses

@@ -1,0 +1,137 @@
+"""The page of real pushes, whole, on pushes of the project's own simulation."""
+
+import json
+import re
+import sys
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from benchmarks.real import __main__ as command
+from benchmarks.real import page
+from benchmarks.real.pushes import PushTable
+from benchmarks.real.rows import LEVELS, NoMotion, Predicted, Predictor, Row, published_rows
+from benchmarks.real.trees import Trees
+
+PICTURES = ("objects", "angles", "own", "field", "pushes", "regions")
+
+
+@dataclass
+class Half:
+    """Predicts half of what happened, with regions; counts how often it is fitted."""
+
+    fitted: int = 0
+    key: str = "sain"
+    title: str = "SAIN"
+    identity: str = "half"
+    learns_anew: bool = False
+
+    def fit(self, train: PushTable, own: PushTable) -> Predictor:
+        self.fitted += 1
+        return self
+
+    def predict(self, pushes: PushTable) -> Predicted:
+        sizes = np.tile(LEVELS, (len(pushes), 1))
+        return Predicted(pushes.placed(0.5 * pushes.moves), 0.04 * sizes, 0.5 * sizes)
+
+
+@pytest.fixture(scope="module")
+def half() -> Half:
+    return Half()
+
+
+@pytest.fixture(scope="module")
+def made(synthetic_pushes: PushTable, half: Half, tmp_path_factory: pytest.TempPathFactory):
+    """The folder that a run of the command has filled."""
+    folder = tmp_path_factory.mktemp("page")
+    told = {"sim_quadratic": synthetic_pushes.after + np.array([0.003, 0.0, 0.02])}
+    pushes = replace(synthetic_pushes, published=told)
+    rows: list[Row] = [NoMotion(), *published_rows(pushes), Trees(trees=3), half]
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(command, "read_pushes", lambda path, work: pushes)
+        patch.setattr(command, "all_rows", lambda pushes, work, seed: rows)
+        patch.setattr(sys, "argv", ["real", *arguments(folder), "--data", str(folder)])
+        assert command.main() == 0
+        fitted = half.fitted
+        assert command.main() == 0
+        assert half.fitted == fitted > 0, "what is kept is not computed again"
+    return folder
+
+
+def arguments(folder: Path) -> list[str]:
+    page, media = folder / "real.md", folder / "media"
+    return ["--work", str(folder / "work"), "--page", str(page), "--media", str(media)]
+
+
+def results_of(folder: Path) -> dict:
+    return json.loads((folder / "work/results.json").read_text())
+
+
+def test_every_table_has_every_row(made):
+    text, results = (made / "real.md").read_text(), results_of(made)
+    tables = re.findall(r"(?:^\|.*\n)+", text, re.MULTILINE)
+    by_model = [table for table in tables if table.startswith("| model |")]
+    assert len(by_model) == 6  # folds, noise, object left out twice, surface left out twice
+    for table in by_model:
+        assert [row.split(" | ")[0][2:] for row in table.splitlines()[2:]] == list(
+            results["rows"].values()
+        )
+    assert "nan" not in text.lower().replace("nominal", "")
+
+
+def test_numbers_of_the_page_are_those_of_the_results(made):
+    results = results_of(made)
+    shown = results["cases"]["folds"]["errors"]["sim_quadratic"]
+    np.testing.assert_allclose(shown["mm"], 3.0, atol=1e-9)
+    np.testing.assert_allclose(shown["degrees"][0], np.degrees(0.02), rtol=1e-9)
+    results["cases"]["folds"]["errors"]["sim_quadratic"]["mm"][0] = 123.45
+    assert "123.45" in page.page(results, "media")
+    assert "123.45" not in (made / "real.md").read_text()
+
+
+def test_pictures_are_those_that_the_page_shows(made):
+    text = (made / "real.md").read_text()
+    shown = re.findall(r"!\[[^]]*\]\(media/(real_\w+)\.png\)", text)
+    assert sorted(shown) == sorted(f"real_{name}" for name in PICTURES)
+    for name in shown:
+        pixels = np.asarray(Image.open(made / "media" / f"{name}.png").convert("L"))
+        assert pixels.shape[1] > 1000
+        assert pixels.std() > 5.0
+
+
+def test_page_and_pictures_are_made_again_from_the_results_alone(made, monkeypatch):
+    before = {path.name: path.read_bytes() for path in (made / "media").glob("*.png")}
+    text = (made / "real.md").read_bytes()
+    for path in [made / "real.md", *(made / "media").glob("*.png")]:
+        path.unlink()
+    monkeypatch.setattr(sys, "argv", ["real", *arguments(made), "--again"])
+    assert command.main() == 0
+    assert (made / "real.md").read_bytes() == text
+    assert {path.name: path.read_bytes() for path in (made / "media").glob("*.png")} == before
+
+
+def test_noise_is_what_the_simulation_added(made):
+    noise = results_of(made)["noise"]
+    assert noise["pairs"] == 198
+    assert 0.2 < noise["mm"][0] < 0.65  # mean distance of a normal of 0.5 mm: 0.63 if all move
+    assert noise["share"]["still"][0] < noise["share"]["sain"][0] < 0.1
+
+
+def test_regions_say_how_much_they_hold(made):
+    found = results_of(made)["cases"]["folds"]["regions"]["sain"]
+    assert found["mm"]["held"] == sorted(found["mm"]["held"])
+    assert found["mm"]["size"] == pytest.approx(36.0)
+    assert set(found["mm"]["by_object"]) == set(results_of(made)["data"]["objects"])
+
+
+def test_without_data_the_command_says_where_they_come_from(tmp_path, monkeypatch, capsys):
+    for given in ([], ["--data", str(tmp_path / "nothing")]):
+        monkeypatch.setattr(sys, "argv", ["real", *arguments(tmp_path), *given])
+        assert command.main() == 1
+        error = capsys.readouterr().err
+        assert "PlanarManipulationToolBox" in error
+        assert "DATA=" in error or "nothing" in error
+    assert not (tmp_path / "real.md").exists()
