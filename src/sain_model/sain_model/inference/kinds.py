@@ -14,7 +14,9 @@ from jaxtyping import Bool, Float
 from numpy import ndarray
 
 from sain_core.model import Model
+from sain_core.push import TOOL_RADIUS
 from sain_core.shapes.bodies import Bodies
+from sain_core.shapes.supports import FLAT
 from sain_core.types import Pushes, Scalars, Scenes
 from sain_model.physics.parameters import BY_NAME, Parameter, Values
 from sain_model.physics.planar import PlanarPrior, step_knowing
@@ -34,6 +36,19 @@ LABORATORY: Final = (  # what pushes show of the physics of a table, a tool and 
     "disk_height",
     "middle_height",
     "speed_factor",
+)
+BODY_ON_SURFACE: Final = (  # what pushes show of a body on a surface, and of where the tool is
+    "tool_friction",
+    "torsion",
+    "pressure",
+    "centre_x",
+    "centre_y",
+    "grain_x",
+    "grain_y",
+    "table_grain_x",
+    "table_grain_y",
+    "tip_x",
+    "tip_y",
 )
 ACROSS: Final = "yield_across"
 ALONG_AXES: Final = "axes_yield"
@@ -60,6 +75,8 @@ class Kind:
         covariance: of the vector z, (D, D).
         log_odds: logarithm of how likely this kind is, up to a constant.
         corrected: whether the network was trained on this kind.
+        of_bodies: whether episodes are those of a body on a surface each, which has a value of its
+            own of every parameter.
     """
 
     name: str
@@ -68,6 +85,7 @@ class Kind:
     covariance: Float[ndarray, "D D"] = field(default_factory=lambda: np.eye(1))
     log_odds: float = 0.0
     corrected: bool = False
+    of_bodies: bool = False
 
     @property
     def identity(self) -> str:
@@ -99,7 +117,8 @@ class Kind:
     @cached_property
     def of_episode(self) -> Bool[ndarray, "D"]:
         """Which parameters each episode has a value of its own of."""
-        return np.array([parameter.scope == "episode" for parameter in self.parameters], bool)
+        own = [self.of_bodies or one.scope == "episode" for one in self.parameters]
+        return np.array(own, bool)
 
     @cached_property
     def precision(self) -> Float[ndarray, "D D"]:
@@ -199,6 +218,17 @@ class Belief:
     def with_unknown_masses(self) -> Self:
         """Return this belief where masses are not measured: pushes show their ratio."""
         return replace(self, kinds=tuple(kind.inferring(MASS_RATIO) for kind in self.kinds))
+
+
+def surface_kind(tool_radius: float = TOOL_RADIUS) -> Kind:
+    """Return the textbook's physics of bodies with flat bottoms, before any push.
+
+    Args:
+        tool_radius: of tools whose radius no stroke states [m].
+    """
+    config = replace(TEXTBOOK, bottom=FLAT, tool_friction=0.2, tool_radius=tool_radius)
+    names = BODY_ON_SURFACE
+    return Kind("flat", PlanarPrior(config), names, np.eye(len(names)), of_bodies=True)
 
 
 def friction_kind(prior: Model, infers: bool = True, deviation: float = 1.0) -> Kind:
