@@ -5,6 +5,7 @@ r"""The shipped model against plain physics in worlds that it was and was not tr
     collect mujoco_disks --engine mujoco --episodes 300 --seed 201
     collect bullet_disks --episodes 200 --seed 202
     collect rough_disks --world rough --episodes 150 --seed 205
+    collect measured_disks --world measured --engine mujoco --episodes 150 --seed 210
     collect mujoco_shapes --engine mujoco --episodes 120 --seed 203 $shapes
     collect bullet_shapes --episodes 100 --seed 204 $shapes
     collect rough_shapes --world rough --episodes 100 --seed 208 $shapes

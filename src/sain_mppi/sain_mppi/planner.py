@@ -42,6 +42,7 @@ class Planner:
         self._scene: Scene | None = None  # that they begin from
         self._goal: Goal | None = None
         self._prepared: PushSequences | None = None  # for the scene that was expected next
+        self._careful = True
 
     def use(self, config: PlannerConfig) -> None:
         """Plan with other settings from now on; what was prepared with the earlier ones is void."""
@@ -56,6 +57,7 @@ class Planner:
         wide: bool = False,
         refused: Sequence[PushArray] = (),
         shortest: float = 0.0,
+        careful: bool = True,
     ) -> PlanResult:
         """Plan from a settled scene towards a goal.
 
@@ -71,6 +73,7 @@ class Planner:
             refused: (5,) each, pushes that were refused from this scene: nothing like them is
                 planned.
             shortest: [m], a first push moves its body by more: less would be lost in noise.
+            careful: correct slowly near the goal.
 
         Raises:
             NoPushError: no push that moves a body is permitted.
@@ -79,6 +82,7 @@ class Planner:
         if deadline is None and self.config.deadline > 0.0:
             deadline = monotonic() + self.config.deadline
         prepared, self._prepared = self._prepared, None
+        self._careful = careful
         config = self.config.widened() if wide else self.config
         if wide or refused or prepared is None or problem.goal != self._goal:
             prepared = None
@@ -109,9 +113,9 @@ class Planner:
         self._prepared = search.elites.sequences
 
     def _search(self, problem: Problem, config: PlannerConfig, *about: Any, **more: Any) -> Search:
-        """Return a search from the scene of a problem, with slow pushes near its goal."""
+        """Return a search from the scene of a problem; with care, pushes are slow near its goal."""
         objective = Objective(problem, config.weights)
-        if objective.distance <= config.correction_within:
+        if self._careful and objective.distance <= config.correction_within:
             config = config.slowed()
         return Search(self.model, config, objective, *about, **more)
 

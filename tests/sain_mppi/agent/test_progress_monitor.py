@@ -8,6 +8,7 @@ import pytest
 from sain_core.errors import NoProgressError
 from sain_core.goal import Goal
 from sain_core.model import IdentityPrior
+from sain_core.push import SPEED
 from sain_core.scene import MID, POSITION, TARGET
 from sain_core.seeding import generator
 from sain_mppi.agent.events import PlanJob, SceneObserved, Task
@@ -105,3 +106,28 @@ def test_a_way_round_the_target_counts_as_progress(scene, decider):
             [np.cos(bearing), np.sin(bearing)]
         )
         assert "brought nothing" not in decide(decider, around, step).warning
+
+
+def test_pushes_near_the_goal_are_slow_only_after_predictions_that_erred(scene, dynamics):
+    near = scene.copy()
+    near[TARGET, POSITION] = [0.66, 0.05]
+    near[MID, POSITION] = [0.50, 0.02]
+    usual = PlannerConfig().speeds[0]
+    for error, speed in ((0.001, usual), (0.02, CONFIG.correction_speed)):
+        decider = decider_over(dynamics)
+        first = decide(decider, near)
+        assert first.plan.push[SPEED] == pytest.approx(usual)  # nothing is known yet
+        then = decide(decider, moved(first.predicted, MID, [error, 0.0]), 1)
+        assert then.plan.push[SPEED] == pytest.approx(speed)
+
+
+def test_care_lasts_as_long_as_the_mean_error_is_large(scene):
+    monitor = ProgressMonitor(ProgressConfig(careful_after=0.005))
+    careful = []
+    for error in (0.001, 0.013, 0.001, 0.001):
+        monitor.expect(scene, moved(scene, TARGET, [0.05, 0.0]))
+        monitor.observe(moved(scene, TARGET, [0.05 + error, 0.0]), 1.0)
+        careful.append(monitor.careful)
+    assert careful == [False, True, True, False]
+    monitor.reset()
+    assert not monitor.careful

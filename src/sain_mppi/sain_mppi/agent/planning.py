@@ -3,6 +3,7 @@
 import logging
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, field, replace
+from statistics import fmean
 from threading import Event
 from time import monotonic
 from typing import Final, Self
@@ -126,6 +127,7 @@ class PlanningDecider(Decider):
             wide=bool(warning),
             refused=job.refused,
             shortest=shortest_way(job),
+            careful=monitor.careful,
         )
         monitor.expect(job.problem.scene, plan.predicted[0])
         errors = monitor.errors, monitor.expected
@@ -275,6 +277,7 @@ class ProgressMonitor:
         self.without = 0
         self.errors: Scalars | None = None
         self.expected: Scalars | None = None
+        self._largest: list[float] = []  # [m], error of each push
 
     def expect(self, scene: Scene, predicted: Scene, regions: Scalars | None = None) -> None:
         """Take note of the scene (N, 8) to which a push from another scene (N, 8) should lead.
@@ -302,6 +305,7 @@ class ProgressMonitor:
         self, before: Scene, predicted: Scene, scene: Scene, noise: Scalars | None
     ) -> None:
         self.errors = np.linalg.norm((scene - predicted)[:, POSITION], axis=1)
+        self._largest.append(float(self.errors.max()))
         way = np.linalg.norm((predicted - before)[:, POSITION], axis=1)
         self.expected = np.maximum(self.config.surprise, self.config.surprise_share * way)
         if self._regions is not None:
@@ -323,6 +327,11 @@ class ProgressMonitor:
         if self.without >= self.config.stalled_after:
             return f"{self.without} pushes brought nothing"
         return ""
+
+    @property
+    def careful(self) -> bool:
+        """Whether predictions were so far off that pushes near the goal should be slow."""
+        return bool(self._largest) and fmean(self._largest) >= self.config.careful_after
 
     @property
     def hopeless(self) -> bool:

@@ -105,13 +105,20 @@ class BeamConfig(Config):
 
 @dataclass(frozen=True)
 class ProgressConfig(Config):
-    """When plans are made wider, and when there is no point in going on."""
+    """When plans are made wider, or pushes slower, and when there is no point in going on."""
 
     surprise: float = option(
         0.01, "tolerated position error of a prediction", unit="m", minimum=0.0
     )
     surprise_share: float = option(
         0.3, "tolerated error as a share of the predicted path, if larger", minimum=0.0
+    )
+    careful_after: float = option(
+        0.005,
+        "mean error of predictions on the way to a goal, of the body that is farthest off, from"
+        " which on pushes near the goal have `correction_speed`",
+        unit="m",
+        minimum=0.0,
     )
     stalled_after: int = option(3, "pushes without progress after which plans are wider", minimum=1)
     give_up_after: int = option(
@@ -177,7 +184,11 @@ class PlannerConfig(Config):
         (DEFAULT_SPEED,), "speeds among which pushes are drawn", unit="m/s", minimum=0.01
     )
     correction_speed: float = option(
-        DEFAULT_SPEED, "speed of pushes that correct, near the goal", unit="m/s", minimum=0.01
+        0.05,
+        "speed of pushes that correct, near the goal, after errors of predictions:"
+        " see `progress.careful_after`",
+        unit="m/s",
+        minimum=0.01,
     )
     correction_within: float = option(
         0.03,
