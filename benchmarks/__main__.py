@@ -45,6 +45,7 @@ ON_DATA = {
     "paired_pushes",
     "paper_training",
     "peers",
+    "real",
     "recovery",
     "rollout_designs",
     "rough_figure",

@@ -2,11 +2,23 @@
 
 from pathlib import Path
 
+from benchmarks.real.network import NetworkRow
+from benchmarks.real.physics import IdentifiedPhysics, NominalPhysics
 from benchmarks.real.pushes import PushTable
 from benchmarks.real.rows import NoMotion, Row, published_rows
 from benchmarks.real.trees import Trees
 
 
 def all_rows(pushes: PushTable, work: Path, seed: int) -> list[Row]:
-    """Return the rows of all tables; what many folds share is kept in a folder of work."""
-    return [NoMotion(), *published_rows(pushes), Trees(seed=seed)]
+    """Return the rows of all tables; priors and trainings are kept in a folder of work."""
+    identified = IdentifiedPhysics(work)
+    return [
+        NoMotion(),
+        NominalPhysics(),
+        identified,
+        *published_rows(pushes),
+        NetworkRow(work),
+        Trees(seed=seed),
+        Trees(identified, seed=seed),
+        NetworkRow(work, identified),
+    ]

@@ -1,3 +1,4 @@
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,8 +10,11 @@ from sain_core.push import SPEED, START_X, TIP_RADIUS, PushLimits, as_strokes
 from sain_core.scene import Y
 from sain_core.shapes.bodies import Bodies
 from sain_model.data.dataset import load_dataset, split_by_episode
+from sain_model.data.examples import inferred_values
 from sain_model.data.recordings import load_recording
 from sain_model.data.windows import make_windows
+from sain_model.inference.kinds import friction_kind
+from sain_model.physics.planar import PlanarPrior
 
 
 def test_all_shards_are_read_in_order(dataset: Path) -> None:
@@ -141,6 +145,17 @@ def test_the_order_of_an_episode_is_that_of_its_steps(dataset: Path, tmp_path: P
     np.savez(tmp_path / "c.npz", **arrays, step=steps // 2)
     with pytest.raises(DatasetError, match="episode 0 has two pushes with step"):
         load_dataset(tmp_path / "c.npz")
+
+
+def test_what_is_believed_of_the_physics_is_given_for_each_push(dataset: Path) -> None:
+    part = load_dataset(dataset).parts[0]
+    friction = np.linspace(0.1, 0.2, len(part))
+    believed = replace(part, given={"friction": friction}).select(np.array([3, 1]))
+    np.testing.assert_array_equal(believed.given["friction"], friction[[3, 1]])
+    np.testing.assert_array_equal(believed.observed.given["friction"], friction[[3, 1]])
+    kind = friction_kind(PlanarPrior())
+    np.testing.assert_array_equal(inferred_values(believed, kind)["friction"], friction[[3, 1]])
+    assert part.select(np.array([3, 1])).given is None
 
 
 def test_rows_name_their_bodies(dataset: Path, tmp_path: Path) -> None:

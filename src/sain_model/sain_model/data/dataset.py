@@ -21,9 +21,10 @@ from sain_core.errors import DatasetError
 from sain_core.push import mirror_pushes
 from sain_core.scene import mirror_scenes
 from sain_core.shapes.bodies import PAPER_DISKS, Bodies, bodies_named
-from sain_core.types import Mask, Scalars, Scenes
+from sain_core.types import Indices, Mask, Scalars, Scenes
 from sain_model.data.shard import NO_STEP, read_shard
 from sain_model.inference.evidence import ObservedPushes
+from sain_model.physics.parameters import Values
 
 Order = tuple[int, str, tuple[str, ...], int]
 
@@ -42,6 +43,8 @@ class Part(Transitions):
         surface: what the body stood on, in a real robot's pushes; empty where it is not stated.
         object: the pushed body, as its user calls it; likewise.
         run: the recording; likewise.
+        given: values of parameters of the physics that are believed for each push, (M,) by name;
+            None: nothing but what episodes show.
     """
 
     physics_next: Scenes
@@ -53,11 +56,20 @@ class Part(Transitions):
     surface: ndarray | None = None
     object: ndarray | None = None
     run: ndarray | None = None
+    given: Values | None = None
 
     @property
     def observed(self) -> ObservedPushes:
         """The pushes for inference (`sain_model.inference`)."""
-        return ObservedPushes(self.state, self.action, self.next_state, self.episode, self.bodies)
+        arrays = self.state, self.action, self.next_state, self.episode
+        return ObservedPushes(*arrays, self.bodies, given=self.given)
+
+    def select(self, rows: Mask | Indices | slice) -> Self:
+        """Return some pushes, any of them as often as its number is given."""
+        some = super().select(rows)
+        if self.given is None:
+            return some
+        return replace(some, given={name: values[rows] for name, values in self.given.items()})
 
     def mirrored(self) -> Self:
         """Return what would have happened in a mirror: the same physics."""

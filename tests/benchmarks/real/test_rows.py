@@ -1,0 +1,97 @@
+"""Rows of the tables that learn physics, a network, or both, on pushes of our own simulation."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from benchmarks.real.folds import five_folds, left_out
+from benchmarks.real.network import SETTINGS, NetworkRow
+from benchmarks.real.outcomes import pose_errors
+from benchmarks.real.physics import IdentifiedPhysics, NominalPhysics, Physics
+from benchmarks.real.pushes import PushTable
+from benchmarks.real.rows import LEVELS, Predicted, Row
+from sain_model.network.settings import NetworkConfig
+from tests.benchmarks.real.synthetic import SURFACES
+
+SMALL = replace(SETTINGS, epochs=2, network=NetworkConfig(hidden=8, message=4, members=2))
+
+
+@pytest.fixture(scope="module")
+def identified(tmp_path_factory: pytest.TempPathFactory) -> IdentifiedPhysics:
+    return IdentifiedPhysics(tmp_path_factory.mktemp("physics"))
+
+
+def fold_of(pushes: PushTable) -> tuple[PushTable, PushTable, PushTable]:
+    fold = five_folds(pushes, 0).folds[0]
+    return pushes.select(fold.train), pushes.select(fold.own), pushes.select(fold.test)
+
+
+def off(found: Predicted, pushes: PushTable) -> float:
+    return float(pose_errors(found.poses, pushes.after)[0].mean())
+
+
+def test_physics_is_identified_for_each_body_on_its_surface(synthetic_pushes, identified):
+    train, own, test = fold_of(synthetic_pushes)
+    physics = identified.fit(train, own)
+    assert isinstance(physics, Physics)
+    friction = physics.values(test)["tool_friction"]
+    for surface, truth in SURFACES.items():
+        assert friction[test.surface == surface].mean() == pytest.approx(truth, rel=0.25)
+    nominal = NominalPhysics().fit(train, own).predict(test)
+    assert off(physics.predict(test), test) < 0.8 * off(nominal, test)
+
+
+def test_a_new_body_is_predicted_with_what_others_and_its_own_pushes_show(
+    synthetic_pushes, identified
+):
+    errors = []
+    for case in left_out(synthetic_pushes, 0, "object", (0, 20)):
+        fold = case.folds[0]
+        parts = (synthetic_pushes.select(rows) for rows in (fold.train, fold.own, fold.test))
+        train, own, test = parts
+        physics = identified.fit(train, own)
+        assert isinstance(physics, Physics)
+        assert (set(test.body) <= set(physics.places)) == (len(own) > 0)
+        errors.append(off(physics.predict(test), test))
+    assert errors[1] < errors[0]
+
+
+def test_the_prior_over_bodies_is_kept(synthetic_pushes, identified):
+    train, own, test = fold_of(synthetic_pushes)
+    first = identified.fit(train, own).predict(test)
+    kept = sorted((identified.folder / identified.key).iterdir())
+    stamps = [path.stat().st_mtime_ns for path in kept]
+    again = IdentifiedPhysics(identified.folder).fit(train, own).predict(test)
+    np.testing.assert_array_equal(again.poses, first.poses)
+    assert [path.stat().st_mtime_ns for path in kept] == stamps
+
+
+@pytest.mark.parametrize("alone", [True, False], ids=["learned only", "SAIN"])
+def test_a_network_is_trained_once_and_has_regions(
+    synthetic_pushes, identified, tmp_path: Path, alone
+):
+    row: Row = NetworkRow(tmp_path, None if alone else identified, SMALL, SMALL)
+    train, own, test = fold_of(synthetic_pushes)
+    found = row.fit(train, own).predict(test)
+    assert found.radius is not None
+    assert found.turn is not None
+    assert found.radius.shape == found.turn.shape == (len(test), len(LEVELS))
+    assert (np.diff(found.radius) >= 0.0).all()
+    assert (np.diff(found.turn) >= 0.0).all()
+    files = list((tmp_path / row.key).iterdir())
+    assert len(files) == 1
+    again = row.fit(train, own).predict(test)
+    np.testing.assert_array_equal(again.poses, found.poses)
+    assert list((tmp_path / row.key).iterdir()) == files
+
+
+def test_sain_of_new_bodies_learns_from_whole_objects_apart(synthetic_pushes, identified, tmp_path):
+    fold = left_out(synthetic_pushes, 0, "object", (5,))[0].folds[0]
+    parts = (synthetic_pushes.select(rows) for rows in (fold.train, fold.own, fold.test))
+    train, own, test = parts
+    row = NetworkRow(tmp_path, identified, SMALL, SMALL)
+    found = row.fit(train, own).predict(test)
+    assert found.poses.shape == (len(test), 3)
+    assert [path.stem[-2:] for path in (tmp_path / "sain").iterdir()] == ["-0"]
