@@ -33,8 +33,8 @@ def sample(pushes: PushTable) -> PushTable:
 
 @pytest.fixture(scope="module")
 def others(pushes: PushTable) -> PushTable:
-    """Fifteen pushes of each body on each surface, of other groups."""
-    return first_of_each(pushes.select(pushes.group % 10 != 0), 15)
+    """Ten pushes of each body on each surface, of other groups."""
+    return first_of_each(pushes.select(pushes.group % 10 != 0), 10)
 
 
 def errors(row: Row, others: PushTable, sample: PushTable) -> list[float]:
