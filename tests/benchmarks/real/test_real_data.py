@@ -65,4 +65,4 @@ def test_the_first_rows_of_the_table(others, sample, tmp_path):
     assert identified[0] < min(nominal[0], fourth)
     assert identified[1] < nominal[1]
     trees = errors(Trees(trees=30), others, sample)
-    assert nominal[0] < trees[0] < 8.0  # so few pushes do not teach them physics
+    assert nominal[0] < trees[0] < 11.0  # so few pushes do not teach them physics
