@@ -70,15 +70,15 @@ def _legend(figure: Figure, axes: Axes, columns: int = 3) -> None:
 
 def by_object(results: Figures) -> Figure:
     """Draw the errors of each row by object."""
-    return _by_group(results, "by_object", "", 0.0)
+    return _by_group(results, "by_object", "")
 
 
 def by_angle(results: Figures) -> Figure:
     """Draw the errors of each row by the angle between motion and normal."""
-    return _by_group(results, "by_angle", "angle between motion and normal [degrees]", 30.0)
+    return _by_group(results, "by_angle", "angle between motion and normal [degrees]")
 
 
-def _by_group(results: Figures, name: str, label: str, turn: float) -> Figure:
+def _by_group(results: Figures, name: str, label: str) -> Figure:
     groups = results[name]
     names = sorted(groups, key=lambda group: (group == "no contact", _number(group), group))
     rows = [key for key in results["rows"] if key != "still"]
@@ -90,7 +90,7 @@ def _by_group(results: Figures, name: str, label: str, turn: float) -> Figure:
             axes.plot(range(len(names)), values, label=results["rows"][key], **_line(key))
         axes.set_ylim(bottom=0.0)
     counted = [f"{group}\n({groups[group]['pushes']:,})" for group in names]
-    axes.set_xticks(range(len(names)), counted, rotation=turn)
+    axes.set_xticks(range(len(names)), counted)
     _legend(figure, axes)
     return figure
 
@@ -164,7 +164,7 @@ def residual_field(results: Figures) -> Figure:
 def six_pushes(results: Figures) -> Figure:
     """Draw single pushes: before, after, and as predicted."""
     figure = new_figure(7.6, 5.6)
-    for axes, push in zip(figure.subplots(2, 3).flat, results["examples"], strict=True):
+    for axes, push in zip(figure.subplots(2, 3).flat, results["examples"], strict=False):
         (start, end, radius), before = push["tool"], np.array(push["before"])
         axes.add_patch(Polygon(before, fill=False, edgecolor=PALETTE.table_edge, linewidth=1.0))
         after = Polygon(np.array(push["after"]), facecolor=PALETTE.reach, edgecolor=PALETTE.ink)

@@ -17,6 +17,7 @@ Figures = dict[str, Any]
 
 COLUMNS: Final = 32  # along the outline
 ANGLES: Final = 9  # between motion and normal
+FAR: Final = 0.01  # [m], that a body moved by in pushes that are drawn
 QUANTILES: Final = (0.1, 0.3, 0.5, 0.7, 0.9, 0.97)  # of the error, of the pushes that are drawn
 
 
@@ -75,15 +76,18 @@ def corner_places(name: str) -> list[float]:
 
 
 def examples(pushes: PushTable, main: Mapping[str, Outcome], judge: str) -> list[Figures]:
-    """Return pushes to draw, each of another object where there are enough.
+    """Return pushes to draw that moved the body, each of another object where there are enough.
 
     They go from small to large errors of the row `judge`: each is a quantile of its object's.
     """
     names = np.unique(pushes.object)
     chosen = names[np.linspace(0, len(names) - 1, len(QUANTILES)).round().astype(int)]
     one, found = main[judge], []
+    moved = np.linalg.norm(pushes.moves[:, :2], axis=1) > FAR
     for name, quantile in zip(chosen, QUANTILES, strict=True):
-        here = np.flatnonzero((pushes.object[one.rows] == name) & pushes.touches[one.rows])
+        here = np.flatnonzero((pushes.object[one.rows] == name) & moved[one.rows])
+        if not len(here):
+            continue
         place = here[np.argsort(one.mm[here])[int(quantile * (len(here) - 1))]]
         found.append(example(pushes, main, int(one.rows[place]), quantile))
     return found

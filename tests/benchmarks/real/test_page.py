@@ -127,6 +127,20 @@ def test_regions_say_how_much_they_hold(made):
     assert set(found["mm"]["by_object"]) == set(results_of(made)["data"]["objects"])
 
 
+def test_recordings_of_one_body_have_a_page_too(synthetic_pushes, half, tmp_path, monkeypatch):
+    chosen = (synthetic_pushes.object == "triangle") & (synthetic_pushes.surface == "steel")
+    monkeypatch.setattr(command, "read_pushes", lambda path, work: synthetic_pushes.select(chosen))
+    monkeypatch.setattr(command, "all_rows", lambda pushes, work, seed: [NoMotion(), half])
+    monkeypatch.setattr(sys, "argv", ["real", *arguments(tmp_path), "--data", "mine.csv"])
+    assert command.main() == 0
+    text = (tmp_path / "real.md").read_text()
+    assert "recordings of your own" in text
+    assert "no near repeats" in text
+    assert "left out" not in text.partition("## How")[0]
+    shown = set(re.findall(r"media/(real_\w+)\.png", text))
+    assert shown == {path.stem for path in (tmp_path / "media").glob("*.png")}
+
+
 def test_without_data_the_command_says_where_they_come_from(tmp_path, monkeypatch, capsys):
     for given in ([], ["--data", str(tmp_path / "nothing")]):
         monkeypatch.setattr(sys, "argv", ["real", *arguments(tmp_path), *given])
