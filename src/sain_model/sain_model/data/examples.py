@@ -15,7 +15,8 @@ from sain_model.data.dataset import Part
 from sain_model.inference.evidence import Known
 from sain_model.inference.grid import grid_values
 from sain_model.inference.kinds import Kind
-from sain_model.network.feature_kernels import MIRRORED_BODY
+from sain_model.network.believed import BELIEVED_FEATURES, MIRRORED_BELIEVED
+from sain_model.network.feature_kernels import BODY_FEATURES, MIRRORED_BODY
 from sain_model.network.features import (
     network_inputs,
     push_frames,
@@ -68,8 +69,11 @@ class Examples:
 
     def mirrored(self) -> Self:
         """Return the mirror images of examples: signs change."""
+        believed: tuple[int, ...] = ()
+        if self.bodies.shape[-1] == BODY_FEATURES + BELIEVED_FEATURES:
+            believed = tuple(BODY_FEATURES + column for column in MIRRORED_BELIEVED)
         flipped = {
-            "bodies": MIRRORED_BODY,
+            "bodies": MIRRORED_BODY + believed,
             "relations": MIRRORED_RELATION,
             "residual": MIRRORED_MOTION,
             "velocity": MIRRORED_MOTION,
@@ -102,7 +106,7 @@ def make_examples(
     prior_here = prior.with_bodies(data.bodies)
     physics_next = step_knowing(prior_here, data.state, data.action, values)
     frames = push_frames(data.state, data.action, data.bodies)
-    features = network_inputs(network, data.state, frames, physics_next, data.bodies)
+    features = network_inputs(network, data.state, frames, physics_next, data.bodies, values)
     velocity = data.next_state[..., VELOCITY] - physics_next[..., VELOCITY]
     targets = (true_residual(data.next_state, frames, physics_next), velocity)
     told = (torch.from_numpy(array.astype(np.float32)) for array in targets)

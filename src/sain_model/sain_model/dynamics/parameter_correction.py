@@ -24,6 +24,7 @@ from sain_model.inference.kinds import Kind, only
 from sain_model.network.corrections import Corrections, corrected_values
 from sain_model.network.features import Strokes, apply_residual, network_inputs, push_frames
 from sain_model.network.interaction_network import InteractionNetwork
+from sain_model.physics.parameters import Values
 from sain_model.physics.planar_config import PlanarConfig
 
 
@@ -44,13 +45,19 @@ class CorrectionNetwork(Network):
         self.module.eval()
 
     def correct(
-        self, scenes: Scenes, pushes: Pushes, physics_next: Scenes, bodies: Bodies, again: Again
+        self,
+        scenes: Scenes,
+        pushes: Pushes,
+        physics_next: Scenes,
+        bodies: Bodies,
+        values: Values,
+        again: Again,
     ) -> Scenes:
         """Predict again with corrected parameters, and add the residual; see `Network`."""
         frames = push_frames(scenes, pushes, bodies)
         plain = moves(scenes, frames, physics_next)
         change = np.zeros_like(plain)
-        for corrections, residual in self.corrections(scenes, frames, physics_next, bodies):
+        for corrections, residual in self.corrections(scenes, frames, physics_next, bodies, values):
             corrected = again(corrected_values(corrections, pushes, self.config))
             change += moves(scenes, frames, corrected) - plain + residual
         predicted = apply_residual(physics_next, frames, change / self.members)
@@ -61,13 +68,19 @@ class CorrectionNetwork(Network):
         return predicted
 
     def corrections(
-        self, scenes: Scenes, frames: Strokes, physics_next: Scenes, bodies: Bodies
+        self,
+        scenes: Scenes,
+        frames: Strokes,
+        physics_next: Scenes,
+        bodies: Bodies,
+        values: Values | None = None,
     ) -> list[tuple[Corrections, Float[ndarray, "B N 3"]]]:
         """Return what each member corrects, and what it adds to the prediction.
 
         `frames` are those of the pushes, `physics_next` is what the uncorrected prior predicts.
         """
-        features = network_inputs(self.module.config, scenes, frames, physics_next, bodies)
+        config = self.module.config
+        features = network_inputs(config, scenes, frames, physics_next, bodies, values)
         settle_threads()
         with torch.inference_mode():
             residual, corrections = self.module.heads(*features.tensors())

@@ -31,6 +31,7 @@ from sain_model.network.compiled_network import CompiledNetwork
 from sain_model.network.features import elongations, network_inputs, push_frames
 from sain_model.network.interaction_network import InteractionNetwork
 from sain_model.network.torch_network import TorchNetwork
+from sain_model.physics.parameters import Values
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,25 +64,37 @@ class ResidualNetwork(Network):
         return self if device == self.device else replace(self, device=device)
 
     def correct(
-        self, scenes: Scenes, pushes: Pushes, physics_next: Scenes, bodies: Bodies, again: Again
+        self,
+        scenes: Scenes,
+        pushes: Pushes,
+        physics_next: Scenes,
+        bodies: Bodies,
+        values: Values,
+        again: Again,
     ) -> Scenes:
         """Add the residual; see `Network`."""
         check_physics_next(scenes, physics_next)
-        corrected = self._forward.correct(scenes, pushes, physics_next, bodies)
+        corrected = self._forward.correct(scenes, pushes, physics_next, bodies, values)
         if bodies.fixed:
             fixed = list(bodies.fixed)
             corrected[:, fixed] = physics_next[:, fixed]
         return corrected
 
     def spread(
-        self, scenes: Scenes, pushes: Pushes, physics_next: Scenes, bodies: Bodies
+        self,
+        scenes: Scenes,
+        pushes: Pushes,
+        physics_next: Scenes,
+        bodies: Bodies,
+        values: Values,
     ) -> Float[ndarray, "B N"]:
         """Return the standard deviation of the members' places [m]; 0 for a lone network."""
         if self.members == 1:
             return np.zeros(scenes.shape[:2])
         settle_threads()
         frames = push_frames(scenes, pushes, bodies)
-        features = network_inputs(self.module.config, scenes, frames, physics_next, bodies)
+        config = self.module.config
+        features = network_inputs(config, scenes, frames, physics_next, bodies, values)
         with torch.inference_mode():
             module = self.module.to(self.device)
             each = module.each(*features.tensors(self.device))[..., :2]

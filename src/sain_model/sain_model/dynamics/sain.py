@@ -36,7 +36,7 @@ from sain_model.inference.evidence import (
     over_factors,
 )
 from sain_model.inference.kinds import MASS_RATIO, Belief, friction_belief
-from sain_model.inference.posterior import Posterior, infer, step_rows
+from sain_model.inference.posterior import Posterior, believed_values, infer, step_rows
 from sain_model.physics.parameters import Values
 from sain_model.physics.planar import step_knowing
 from sain_model.physics.planar_config import with_mass_ratio
@@ -90,19 +90,31 @@ class Network(ABC):
 
     @abstractmethod
     def correct(
-        self, scenes: Scenes, pushes: Pushes, physics_next: Scenes, bodies: Bodies, again: Again
+        self,
+        scenes: Scenes,
+        pushes: Pushes,
+        physics_next: Scenes,
+        bodies: Bodies,
+        values: Values,
+        again: Again,
     ) -> Scenes:
         """Return what physics predicts, `physics_next` (B, N, 8), corrected.
 
         A push of zero length moves nothing, nor does a body with the role "fixed". Velocities,
-        masses and radii are passed on as they are. `again` predicts with other parameters.
+        masses and radii are passed on as they are. `values` are what is believed of the physics,
+        by name. `again` predicts with other parameters.
 
         Raises:
             InvalidInputError: arrays that do not fit together.
         """
 
     def spread(
-        self, scenes: Scenes, pushes: Pushes, physics_next: Scenes, bodies: Bodies
+        self,
+        scenes: Scenes,
+        pushes: Pushes,
+        physics_next: Scenes,
+        bodies: Bodies,
+        values: Values,
     ) -> Float[ndarray, "B N"]:
         """Return the standard deviation of the members' places [m]; 0 where none is known."""
         return np.zeros(scenes.shape[:2])
@@ -279,7 +291,8 @@ class SainDynamics(Model):
         def again(others: Values) -> Scenes:
             return step_knowing(self.physics, scenes, pushes, {**(values or {}), **others})
 
-        return self.network.correct(weighed, pushes, physics_next, self.bodies, again)
+        believed = {**self._seen(self.now.repeated(len(scenes)).posterior), **(values or {})}
+        return self.network.correct(weighed, pushes, physics_next, self.bodies, believed, again)
 
     def regions(
         self, scene: Scene, pushes: PushSequences, predicted: PredictedScenes
@@ -326,7 +339,9 @@ class SainDynamics(Model):
         """Return what rows say, each of the pushes that it is conditioned on."""
         posterior = infer(self.belief, pushes, known)
         trained = np.array([kind.corrected for kind in self.belief.kinds])
-        corrected = trained[posterior.kind] & ~posterior.inferred & (self.network is not None)
+        sees = trained & np.array([kind.of_bodies for kind in self.belief.kinds])
+        corrected = trained[posterior.kind] & (self.network is not None)
+        corrected &= ~posterior.inferred | sees[posterior.kind]
         if self.belief.network_log_odds == np.inf:
             return Inferred(posterior, corrected)
         rows = np.flatnonzero(corrected)
@@ -352,7 +367,8 @@ class SainDynamics(Model):
         if self.network is None:
             return Prediction(mean, np.zeros_like(spread), spread)
         weighed = self._weighed(scenes, rows.posterior)
-        members = self.network.spread(weighed, pushes, physics_next, self.bodies)
+        believed = self._seen(rows.posterior)
+        members = self.network.spread(weighed, pushes, physics_next, self.bodies, believed)
         prediction = Prediction(mean, members, spread)
         return self.network.with_regions(prediction, scenes, pushes, self.bodies)
 
@@ -369,6 +385,7 @@ class SainDynamics(Model):
                 pushes[chosen],
                 physics_next[chosen],
                 self.bodies,
+                self._seen(posterior),
                 partial(step_rows, *world),
             )
         return physics_next, after
@@ -389,6 +406,12 @@ class SainDynamics(Model):
             for some in with_and_without
         )
         return np.asarray(better - plain)
+
+    def _seen(self, posterior: Posterior) -> Values:
+        """Return what the network sees of what rows say of the physics."""
+        if self.network is None or not self.network.module.config.believed:
+            return {}
+        return believed_values(self.belief, posterior)
 
     def _weighed(self, scenes: Scenes, posterior: Posterior) -> Scenes:
         """Return scenes (R, N, 8) with masses as the physics takes them to be."""

@@ -134,6 +134,15 @@ def step_rows(
     return predicted
 
 
+def believed_values(belief: Belief, posterior: Posterior) -> dict[str, Scalars]:
+    """Return the values (R,) of all parameters that pushes show, by name.
+
+    Where a parameter is none of a row's kind, it has the value of that kind's prior.
+    """
+    names = dict.fromkeys(name for kind in belief.kinds for name in kind.names)
+    return {name: posterior.values(belief, name) for name in names}
+
+
 def _of_kinds(belief: Belief, numbers: Int[ndarray, "R"]) -> list[tuple[Int[ndarray, "C"], Kind]]:
     """Return the rows of each kind that has any."""
     found = [(np.flatnonzero(numbers == number), kind) for number, kind in enumerate(belief.kinds)]

@@ -10,12 +10,14 @@ from sain_core.types import Pushes, Scenes
 from sain_model.compute.compiling import plain
 from sain_model.compute.kernel_store import compile_visibly
 from sain_model.compute.thread_pool import run_blocks
+from sain_model.network.believed import network_beliefs
 from sain_model.network.features import count_features, outline_table, push_frames
 from sain_model.network.inputs import LANES
 from sain_model.network.interaction_network import InteractionNetwork
 from sain_model.network.network_kernels import TILE, Weights
 from sain_model.network.sain_kernels import correct_block
 from sain_model.network.settings import WORLD_FRAME
+from sain_model.physics.parameters import Values
 
 
 class CompiledNetwork:
@@ -33,7 +35,7 @@ class CompiledNetwork:
         dynamics, dynamics_widths = pack(network.dynamics)
         unit = network.unit
         assert isinstance(unit, Tensor)
-        self._places: Final = config.features == WORLD_FRAME
+        self._config: Final = config
         self.weights: Final = Weights(
             relation,
             relation_widths,
@@ -51,14 +53,21 @@ class CompiledNetwork:
         pushes: Pushes,
         physics_next: Scenes,
         bodies: Bodies = PAPER_DISKS,
+        values: Values | None = None,
     ) -> Scenes:
-        """Return predictions (B, N, 8) of a prior for pushes (B, 5 or 8) from scenes, corrected."""
+        """Return predictions (B, N, 8) of a prior for pushes (B, 5 or 8) from scenes, corrected.
+
+        `values` are what is believed of the physics, by name.
+        """
         corrected = np.array(physics_next, dtype=np.float64, order="C")
-        rows = plain(scenes), plain(push_frames(scenes, pushes, bodies))
+        frames = push_frames(scenes, pushes, bodies)
+        rows = plain(scenes), plain(frames)
+        believed = plain(network_beliefs(self._config, scenes, frames, values or {}))
+        places = self._config.features == WORLD_FRAME
         table = outline_table(bodies.fitted(scenes.shape[1]))
 
         def work(first: int) -> None:
-            correct_block(first, *rows, corrected, table, self._places, self.weights)
+            correct_block(first, *rows, corrected, believed, table, places, self.weights)
 
         run_blocks(work, len(scenes), LANES)
         return corrected

@@ -30,6 +30,7 @@ from sain_core.types import Angles, Pushes, Scenes
 from sain_model.compute.compiling import plain
 from sain_model.compute.devices import CPU
 from sain_model.compute.thread_pool import run_blocks
+from sain_model.network.believed import BELIEVED_FEATURES, network_beliefs
 from sain_model.network.feature_kernels import (
     BODY_FEATURES,
     write_block,
@@ -40,6 +41,7 @@ from sain_model.network.relation_kernels import RELATION_FEATURES
 from sain_model.network.settings import WORLD_FRAME, NetworkConfig
 from sain_model.physics.body_table import body_table
 from sain_model.physics.first_touch import first_touch
+from sain_model.physics.parameters import Values
 
 Strokes = Float[ndarray, "B S"]
 Residual = Float[ndarray, "B N 3"]  # dx, dy [m] along the push frame's axes, dtheta [rad]
@@ -65,7 +67,8 @@ class Features:
 def count_features(config: NetworkConfig) -> tuple[int, int]:
     """Return how many features each body and each relation has."""
     places = PLACE_FEATURES if config.features == WORLD_FRAME else 0
-    return BODY_FEATURES + places, RELATION_FEATURES
+    believed = BELIEVED_FEATURES if config.believed else 0
+    return BODY_FEATURES + places + believed, RELATION_FEATURES
 
 
 @lru_cache(maxsize=256)
@@ -132,6 +135,7 @@ def network_inputs(
     frames: Strokes,
     physics_next: Scenes,
     bodies: Bodies,
+    values: Values | None = None,
 ) -> Features:
     """Return the inputs of a network.
 
@@ -141,12 +145,14 @@ def network_inputs(
         frames: of the pushes, as `push_frames` makes them.
         physics_next: the prior's prediction.
         bodies: of the scenes.
+        values: what is believed of the physics, by name.
     """
     batch, count, _ = scenes.shape
+    believed = network_beliefs(config, scenes, frames, values or {})
     places = config.features == WORLD_FRAME
     table = outline_table(bodies.fitted(count))
     of_body, of_relation = count_features(config)
-    features = np.zeros((batch, count, of_body), np.float32)
+    features = np.zeros((batch, count, of_body - believed.shape[-1]), np.float32)
     relations = np.zeros((batch, count * count, of_relation), np.float32)
     rows = plain(scenes), plain(frames), plain(physics_next)
 
@@ -154,7 +160,7 @@ def network_inputs(
         write_block(first, *rows, table, places, features, relations)
 
     run_blocks(work, batch, LANES)
-    return Features(features, relations)
+    return Features(np.concatenate([features, believed.astype(np.float32)], axis=-1), relations)
 
 
 def relation_ends(bodies: int) -> tuple[ndarray, ndarray]:

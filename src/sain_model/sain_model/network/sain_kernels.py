@@ -26,7 +26,7 @@ def apply(push, residual, lane, scene):
 
 
 @callable_kernel
-def correct_block(first, scenes, strokes, physics_next, table, places, weights):
+def correct_block(first, scenes, strokes, physics_next, believed, table, places, weights):
     """Correct up to `LANES` predictions, from the one numbered `first` on, in place.
 
     Args:
@@ -34,6 +34,7 @@ def correct_block(first, scenes, strokes, physics_next, table, places, weights):
         scenes: (B, N, 8), before the pushes.
         strokes: (B, 8), see `network.feature_kernels`.
         physics_next: (B, N, 8), what a prior predicts; becomes the prediction.
+        believed: (B, N, P), what the network sees of what is believed of the physics.
         table: of the outlines.
         places: whether the network sees places and headings.
         weights: of the network.
@@ -46,6 +47,10 @@ def correct_block(first, scenes, strokes, physics_next, table, places, weights):
         lane = index - first
         after = physics_next[index]
         write_lane(scenes[index], strokes[index], after, table, lane, places, work)
+        for body in range(believed.shape[1]):
+            for column in range(believed.shape[2]):
+                row = weights.body_features - believed.shape[2] + column
+                work.bodies[body, row, lane] = believed[index, body, column]
     forward(weights, work)
     for index in range(first, last):
         if strokes[index, LENGTH] != 0.0:

@@ -29,6 +29,9 @@ class NetworkConfig(Config):
         "frame of the features: that of the push, or that of the world too",
         choices=FRAMES,
     )
+    believed: bool = option(
+        False, "whether it sees what is believed of the physics of each body and of the table"
+    )
     members: int = option(1, "number of networks in the ensemble", minimum=1, maximum=64)
     output: str = option(
         RESIDUAL,

@@ -9,6 +9,7 @@ from sain_core.types import Pushes, Scenes
 from sain_model.compute.threads import settle_threads
 from sain_model.network.features import apply_residual, network_inputs, push_frames
 from sain_model.network.interaction_network import InteractionNetwork
+from sain_model.physics.parameters import Values
 
 
 class TorchNetwork:
@@ -25,11 +26,15 @@ class TorchNetwork:
         pushes: Pushes,
         physics_next: Scenes,
         bodies: Bodies = PAPER_DISKS,
+        values: Values | None = None,
     ) -> Scenes:
-        """Return predictions (B, N, 8) of a prior for pushes (B, 5 or 8) from scenes, corrected."""
+        """Return predictions (B, N, 8) of a prior for pushes (B, 5 or 8) from scenes, corrected.
+
+        `values` are what is believed of the physics, by name.
+        """
         config = self._network.config
         frames = push_frames(scenes, pushes, bodies)
-        features = network_inputs(config, scenes, frames, physics_next, bodies)
+        features = network_inputs(config, scenes, frames, physics_next, bodies, values)
         settle_threads()
         with torch.inference_mode():
             output = self._network(*features.tensors(self._device))
