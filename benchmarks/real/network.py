@@ -25,22 +25,24 @@ from sain_model.inference.posterior import Posterior
 from sain_model.network.interaction_network import new_network
 from sain_model.network.settings import PUSH_FRAME, WORLD_FRAME, NetworkConfig
 from sain_model.training.objectives import SinglePushes
-from sain_model.training.settings import NOTHING, TrainingConfig
+from sain_model.training.settings import NOTHING, LossConfig, TrainingConfig
 from sain_model.training.trainer import Trainer
 
 NEW_SHARE: Final = 0.2  # of the objects, that stand for new ones
 SETTINGS: Final = TrainingConfig(
     history=NOTHING,
     test=0.0,
-    epochs=60,
-    weight_decay=0.01,
-    network=NetworkConfig(hidden=128, features=WORLD_FRAME, members=4),
+    epochs=80,
+    loss=LossConfig(heading_scale=0.02),
+    network=NetworkConfig(hidden=128, features=WORLD_FRAME, believed=True, members=4),
 )
 OF_NEW: Final = replace(  # where the table is known, and the body is not
     SETTINGS,
-    epochs=40,
-    weight_decay=0.1,
-    network=replace(SETTINGS.network, features=PUSH_FRAME),
+    epochs=20,
+    network=replace(SETTINGS.network, features=PUSH_FRAME, believed=False, members=2),
+)
+ALONE: Final = replace(  # without physics, of which nothing is believed then
+    SETTINGS, epochs=40, network=replace(SETTINGS.network, believed=False, members=2)
 )
 
 

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from benchmarks.real.network import NetworkRow
+from benchmarks.real.network import ALONE, NetworkRow
 from benchmarks.real.physics import IdentifiedPhysics, NominalPhysics
 from benchmarks.real.pushes import PushTable
 from benchmarks.real.rows import NoMotion, Row, published_rows
@@ -17,7 +17,7 @@ def all_rows(pushes: PushTable, work: Path, seed: int) -> list[Row]:
         NominalPhysics(),
         identified,
         *published_rows(pushes),
-        NetworkRow(work),
+        NetworkRow(work, config=ALONE),
         Trees(seed=seed),
         Trees(identified, seed=seed),
         NetworkRow(work, identified),

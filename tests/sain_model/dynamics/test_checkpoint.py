@@ -68,6 +68,7 @@ def test_what_was_saved_is_loaded_with_the_prior_it_had(
         "layers": 2,
         "features": "push",
         "members": 1,
+        "believed": False,
         "output": "residual",
         "places": 0,
     }

@@ -73,27 +73,21 @@ def fit_laboratory(kind: Kind, parts: Parts) -> Fit:
     return fit(kind, parts, start, np.zeros(count, np.int64), STEPS)
 
 
-def over_bodies(kind: Kind, parts: Parts, rounds: int = 2) -> Kind:
-    """Return a kind with what pushes of several bodies tell of one that was not pushed yet.
+def over_bodies(kind: Kind, parts: Parts) -> Kind:
+    """Return a kind with what pushes of several bodies show of one that was not pushed yet.
 
     The mean and the spread over the bodies are those of the values that explain the pushes of
-    each best, given the mean and the spread of the round before (empirical Bayes).
+    each best (empirical Bayes).
 
     Args:
         kind: with what is believed before any push.
         parts: pushes, whose episodes are those of one body on one surface each.
-        rounds: how often.
     """
-    count, broad = count_episodes(parts), kind
-    places = np.zeros((count, len(kind.names)))
-    for _ in range(rounds):
-        found = fit(kind, parts, places, np.arange(count), STEPS)
-        scatter = np.hypot(found.places.std(axis=0, ddof=1), LEAST_SPREAD)
-        prior = kind.at(found.places.mean(axis=0))
-        places = found.places - found.places.mean(axis=0)
-        covariance = np.diag(scatter**2) * (1.0 + 1.0 / count)
-        kind = replace(broad, prior=prior, covariance=covariance)
-    return kind
+    count = count_episodes(parts)
+    places = fit(kind, parts, np.zeros((count, len(kind.names))), np.arange(count), STEPS).places
+    scatter = np.hypot(places.std(axis=0, ddof=1), LEAST_SPREAD)
+    covariance = np.diag(scatter**2) * (1.0 + 1.0 / count)
+    return replace(kind, prior=kind.at(places.mean(axis=0)), covariance=covariance)
 
 
 def identified(fits: Sequence[Fit], network_log_odds: float, recordings: Recordings) -> Belief:

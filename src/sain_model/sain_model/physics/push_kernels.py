@@ -38,6 +38,7 @@ STOP_SHARE = 17.5  # [1/s], of a spinning body, share of the time that it takes 
 STOP_STEP = 5 / 12  # a body about to stop needs no shorter steps
 BEND = 2.5  # [rad/s], by which the normal of a pressing contact may turn
 CREEP = 5e-4  # [m], bodies that stop within this way after a push have no inertia
+FAST = 0.1  # [m/s]
 CREEP_STEP = 1e-3  # [m], way of the tool
 SHORTEST_CREEP = 0.02  # share of the longest one
 CREEP_BEND = 0.05  # [rad], by which the normal of a pressing contact may turn in a step
@@ -233,9 +234,10 @@ def plan_step(work, tool_speed, physics, rest):
 def creeps(bodies, speed, physics):
     """Return whether friction stops all bodies at once that have the tool's speed [m/s].
 
-    Where contacts give, forces change in time.
+    Where contacts give, forces change in time. Fast tools are left to the dynamics: what stops at
+    once from their speed is held by more than Coulomb's friction on any table.
     """
-    if physics.tool_compliance > 0.0 or physics.body_compliance > 0.0:
+    if physics.tool_compliance > 0.0 or physics.body_compliance > 0.0 or speed > FAST:
         return False
     for row in range(1, bodies.shape[0]):
         if bodies[row].lightness > 0.0:
