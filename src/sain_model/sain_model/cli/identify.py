@@ -11,8 +11,10 @@ from sain_core.model import load_dynamics
 from sain_core.observation import MASSES, unknown_names
 from sain_core.provenance import ros2_command
 from sain_model.cli.options import IdentifyOptions
+from sain_model.data.bodies import states_bodies
+from sain_model.data.dataset import load_dataset
 from sain_model.data.recordings import first_pushes, load_recording
-from sain_model.dynamics.identify import identify, with_all_parameters
+from sain_model.dynamics.identify import identify, identify_bodies, with_all_parameters
 from sain_model.dynamics.sain import SainDynamics
 from sain_model.evaluation.tables import make_table
 from sain_model.inference.belief_file import write_belief
@@ -29,6 +31,9 @@ def run(options: IdentifyOptions, console: Console) -> None:
         ConfigError: the model infers nothing from pushes.
         OutputError: the file cannot be written.
     """
+    if states_bodies(load_dataset(options.datasets[0])):
+        _write(options, identify_bodies(load_dataset(*options.datasets)), console)
+        return
     model = load_dynamics(options.model)
     if not isinstance(model, SainDynamics):
         raise ConfigError(f"--model is {options.model!r}; it must be sain or a checkpoint")
@@ -36,6 +41,10 @@ def run(options: IdentifyOptions, console: Console) -> None:
     if MASSES in unknown_names(options.unknown):
         model = model.with_unknown_masses()
     belief = identify(model, load_recordings(options))
+    _write(options, belief, console)
+
+
+def _write(options: IdentifyOptions, belief: Belief, console: Console) -> None:
     card = belief.card | {
         "model": options.model,
         "command": ros2_command("sain_model", "identify"),

@@ -36,6 +36,7 @@ class ModelCard:
         network: size of the network.
         friction: how friction is inferred from an episode's earlier pushes; None: the model was
             trained without them, and knows the nominal friction alone.
+        bodies: the physics of bodies on surfaces, as a belief has it; None: of no such.
         intervals: regions about its predictions, fitted to the validation episodes; None: not.
         kind: as in `dynamics.sain` and `dynamics.parameter_correction`.
         data: what it was trained on: path, SHA-256, transitions, episodes, split.
@@ -52,6 +53,7 @@ class ModelCard:
     prior_config: dict[str, Any]
     network: dict[str, Any]
     friction: dict[str, Any] | None = None
+    bodies: dict[str, Any] | None = None
     intervals: dict[str, Any] | None = None
     kind: str = ""
     data: dict[str, Any] = field(default_factory=dict)

@@ -1,13 +1,17 @@
 """Learns a belief from the recordings of a laboratory, for a model that begins with one."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from sain_core.errors import ConfigError
+from sain_model.data.bodies import infer_bodies, pushes_of_bodies
+from sain_model.data.dataset import Dataset
 from sain_model.dynamics.sain import Inferred, SainDynamics
 from sain_model.inference.evidence import FACTORS, errors_of, log_density
 from sain_model.inference.gauss_newton import Fit, Parts
-from sain_model.inference.kinds import KEEP, Belief, default_belief
-from sain_model.inference.laboratory import Recordings, fit_recordings, identified
+from sain_model.inference.kinds import KEEP, Belief, default_belief, surface_kind
+from sain_model.inference.laboratory import Recordings, fit_recordings, identified, over_bodies
 from sain_model.inference.posterior import Posterior
 from sain_model.physics.planar import PlanarPrior
 
@@ -26,6 +30,24 @@ def identify(model: SainDynamics, recordings: Recordings) -> Belief:
     fits = fit_recordings(model.belief.kinds, recordings)
     number = model.belief.kinds.index(model.belief.trained)
     return identified(fits, _network_odds(model, number, fits[number], pushes), recordings)
+
+
+def identify_bodies(data: Dataset) -> Belief:
+    """Return what pushes of named bodies on surfaces show of a body that was not pushed yet.
+
+    The card has the values of each of them.
+    """
+    broad = surface_kind()
+    names, pushes = pushes_of_bodies(data)
+    kind = replace(over_bodies(broad, pushes), corrected=True)
+    places = infer_bodies(kind, data)
+    values = kind.values(np.array(list(places.values())))
+    bodies = {
+        name: {one: float(value[row]) for one, value in values.items()}
+        for row, name in enumerate(places)
+    }
+    pushed = {"pushes": len(data), "episodes": len(names), "bodies": bodies}
+    return Belief((kind,), card={**pushed, "evidence": {kind.name: 0.0}})
 
 
 def _network_odds(model: SainDynamics, number: int, found: Fit, parts: Parts) -> float:

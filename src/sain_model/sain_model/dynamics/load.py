@@ -14,6 +14,7 @@ from sain_model.dynamics.priors import C, Settings, load_planar, make_prior, nam
 from sain_model.dynamics.residual import residual_model
 from sain_model.dynamics.sain import RECURRENT, SainDynamics
 from sain_model.dynamics.settings import SHIPPED
+from sain_model.inference.belief_file import read_kind
 from sain_model.inference.kinds import FRICTION, Kind, friction_kind
 from sain_model.network.interaction_network import InteractionNetwork
 from sain_model.network.settings import NetworkConfig
@@ -60,6 +61,9 @@ def load_checkpoint(path: Path) -> SainDynamics:
 
 def _kind(prior: Model, card: ModelCard) -> Kind:
     """Return the physics of a card; without a part "friction", pushes show nothing of it."""
+    if card.bodies is not None:
+        with naming("bodies"):
+            return replace(read_kind(card.bodies), corrected=True)
     with naming("friction"):
         if card.friction is None:
             return friction_kind(prior, infers=False)

@@ -35,7 +35,7 @@ from sain_model.inference.evidence import (
     log_density,
     over_factors,
 )
-from sain_model.inference.kinds import MASS_RATIO, Belief, friction_belief
+from sain_model.inference.kinds import MASS_RATIO, Belief, friction_belief, only
 from sain_model.inference.posterior import Posterior, believed_values, infer, step_rows
 from sain_model.physics.parameters import Values
 from sain_model.physics.planar import step_knowing
@@ -237,10 +237,12 @@ class SainDynamics(Model):
     def physics_alone(self) -> Self:
         """Return its physics without network and history; friction alone is inferred, if any is.
 
-        This is what it is compared with.
+        This is what it is compared with. What is inferred of a body on a surface stays.
         """
         kind = self.belief.trained
         belief = friction_belief(kind.prior, infers=bool(kind.names))
+        if kind.of_bodies:
+            belief = only(kind)
         return replace(self, belief=belief, network=None, origin=Origin(), history=None)
 
     def with_unknown_masses(self) -> Self:

@@ -17,6 +17,7 @@ from numpy import ndarray
 from sain_core.model import IdentityPrior, Model
 from sain_core.push import LENGTH
 from sain_core.types import Indices, Pushes, Scalars, Scenes
+from sain_model.data.bodies import body_names
 from sain_model.data.dataset import Dataset, Part
 from sain_model.data.windows import Windows, make_windows
 from sain_model.dynamics.intervals import Prediction, pushed_errors
@@ -198,8 +199,12 @@ class Informed:
 
     @classmethod
     def make(cls, model: SainDynamics, part: Part) -> "Informed":
-        """Infer for each row what its earlier pushes say."""
-        known = Known.earlier(part.episode, part.step)
+        """Infer for each row what its earlier pushes say: those of its episode, or of its body."""
+        if model.belief.likeliest.of_bodies:
+            body = np.unique(body_names(part), return_inverse=True)[1]
+            known = Known.earlier(body, np.arange(len(part)))
+        else:
+            known = Known.earlier(part.episode, part.step)
         return cls(model, part, model.infer(part.observed, known))
 
     def step(self, scenes: Scenes, pushes: Pushes, chosen: Indices) -> Scenes:

@@ -25,7 +25,7 @@ def write_belief(path: Path, belief: Belief) -> Path:
         "format": FORMAT,
         **belief.card,
         "network_log_odds": belief.network_log_odds,
-        "kinds": [_written(kind) for kind in belief.kinds],
+        "kinds": [written_kind(kind) for kind in belief.kinds],
     }
     return write_json(path, content)
 
@@ -40,7 +40,7 @@ def read_belief(path: Path) -> Belief:
         content = read_json(path)
         if (found := content.pop("format")) != FORMAT:
             raise ValueError(f"its format is {found!r}; this version reads {FORMAT!r}")
-        kinds = tuple(_read(part) for part in content.pop("kinds"))
+        kinds = tuple(read_kind(part) for part in content.pop("kinds"))
         odds = float(content.pop("network_log_odds"))
         if not any(kind.corrected for kind in kinds):
             raise ValueError("no kind of physics is that of the network")
@@ -53,7 +53,8 @@ def read_belief(path: Path) -> Belief:
     return Belief(kinds, odds, card=content)
 
 
-def _written(kind: Kind) -> dict[str, Any]:
+def written_kind(kind: Kind) -> dict[str, Any]:
+    """Return a kind of physics as JSON has it."""
     parameters = [
         {
             "name": parameter.name,
@@ -68,13 +69,15 @@ def _written(kind: Kind) -> dict[str, Any]:
         "name": kind.name,
         "log_odds": kind.log_odds,
         "corrected": kind.corrected,
+        "of_bodies": kind.of_bodies,
         "parameters": parameters,
         "config": asdict(kind.config),
         "covariance": kind.covariance.tolist(),
     }
 
 
-def _read(part: dict[str, Any]) -> Kind:
+def read_kind(part: dict[str, Any]) -> Kind:
+    """Return a kind that `written_kind` wrote; raises what damaged values raise."""
     names = tuple(str(parameter["name"]) for parameter in part["parameters"])
     if unknown := [name for name in names if name not in BY_NAME]:
         raise ValueError(f"there is no parameter {unknown[0]!r}")
@@ -86,4 +89,6 @@ def _read(part: dict[str, Any]) -> Kind:
         raise ValueError("a covariance is not positive")
     config = PlanarConfig(**typed_settings(PlanarConfig, part["config"]))
     odds, corrected = float(part["log_odds"]), bool(part["corrected"])
-    return Kind(str(part["name"]), PlanarPrior(config), names, covariance, odds, corrected)
+    of_bodies = bool(part.get("of_bodies", False))
+    prior = PlanarPrior(config)
+    return Kind(str(part["name"]), prior, names, covariance, odds, corrected, of_bodies)

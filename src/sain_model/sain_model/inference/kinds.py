@@ -250,8 +250,11 @@ def friction_belief(prior: Model, infers: bool = True) -> Belief:
 
 
 def only(kind: Kind) -> Belief:
-    """Return the belief of one kind of physics, on which a network's correction always holds."""
-    return Belief((kind,), network_log_odds=np.inf)
+    """Return the belief of one kind of physics, on which a network's correction always holds.
+
+    For a body that it did not learn from, its own pushes decide.
+    """
+    return Belief((kind,), KEEP if kind.of_bodies else np.inf)
 
 
 def default_belief(prior: PlanarPrior) -> Belief:

@@ -20,6 +20,7 @@ from sain_model.inference.kinds import FRICTION, Belief, Kind
 
 STEPS: Final = 12
 MOST_ODDS: Final = 20.0  # logarithm: recordings may not rule out for ever what they do not show
+FEW_BODIES: Final = 4  # fewer do not show how far bodies differ
 LEAST_SPREAD: Final = 0.1  # of z: over episodes, and of what they share
 
 FRICTIONS: Final = (FRICTION, "tool_friction", "disk_friction")  # that have to agree
@@ -77,7 +78,7 @@ def over_bodies(kind: Kind, parts: Parts) -> Kind:
     """Return a kind with what pushes of several bodies show of one that was not pushed yet.
 
     The mean and the spread over the bodies are those of the values that explain the pushes of
-    each best (empirical Bayes).
+    each best (empirical Bayes). Of a few bodies only the mean counts.
 
     Args:
         kind: with what is believed before any push.
@@ -85,9 +86,12 @@ def over_bodies(kind: Kind, parts: Parts) -> Kind:
     """
     count = count_episodes(parts)
     places = fit(kind, parts, np.zeros((count, len(kind.names))), np.arange(count), STEPS).places
+    prior = kind.at(places.mean(axis=0))
+    if count < FEW_BODIES:
+        return replace(kind, prior=prior)
     scatter = np.hypot(places.std(axis=0, ddof=1), LEAST_SPREAD)
     covariance = np.diag(scatter**2) * (1.0 + 1.0 / count)
-    return replace(kind, prior=kind.at(places.mean(axis=0)), covariance=covariance)
+    return replace(kind, prior=prior, covariance=covariance)
 
 
 def identified(fits: Sequence[Fit], network_log_odds: float, recordings: Recordings) -> Belief:

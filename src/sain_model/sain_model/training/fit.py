@@ -12,6 +12,7 @@ from typing import Final
 
 from sain_core.errors import ConfigError
 from sain_core.model import check_model_name
+from sain_model.data.bodies import infer_bodies, with_beliefs
 from sain_model.data.dataset import Split
 from sain_model.dynamics.parameter_correction import correcting_model
 from sain_model.dynamics.priors import make_prior
@@ -60,6 +61,9 @@ def identified_kind(path: Path, config: TrainingConfig) -> tuple[TrainingConfig,
         ConfigError: the settings ask for another prior.
     """
     kind = read_belief(path).likeliest
+    if kind.of_bodies:
+        seen = replace(config.network, believed=True)
+        return replace(config, prior=PLANAR, network=seen), replace(kind, corrected=True)
     name = PLANAR_AXES if kind.has_axes else PLANAR
     if config.prior not in (PLANAR, name):
         raise ConfigError(
@@ -93,6 +97,8 @@ def fit(
     Raises:
         CheckpointError: the state in the folder is damaged or of other settings or data.
     """
+    if kind.of_bodies:
+        split = _with_bodies(split, kind)
     network = new_network(config.network, config.seed)
     pushes = SinglePushes(split, kind, config)
     if start is not None:
@@ -110,6 +116,17 @@ def fit(
             trainer.run(progress)
         histories.append(trainer.history)
     return _model(network, kind, config, rollout, split), histories
+
+
+def _with_bodies(split: Split, kind: Kind) -> Split:
+    """Return a split that states what the pushes to learn from show of each body.
+
+    Raises:
+        DatasetError: pushes whose body is not named.
+    """
+    parts = split.train, split.validation, split.test
+    bodies = infer_bodies(kind, split.train)
+    return Split(*(with_beliefs(part, kind, bodies) for part in parts))
 
 
 def _model(

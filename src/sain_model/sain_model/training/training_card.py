@@ -14,6 +14,7 @@ from sain_model.data.dataset import Dataset, Split
 from sain_model.dynamics.checkpoint import ModelCard
 from sain_model.dynamics.priors import prior_settings
 from sain_model.dynamics.sain import SainDynamics
+from sain_model.inference.belief_file import written_kind
 from sain_model.inference.kinds import FRICTION, Kind
 from sain_model.training.settings import TrainOptions
 from sain_model.training.trainer import LossHistory
@@ -41,6 +42,7 @@ def make_card(
         prior_config=prior_settings(kind.prior),
         network=asdict(config.network),
         friction=_friction_part(kind),
+        bodies=written_kind(kind) if kind.of_bodies else None,
         intervals=asdict(intervals) if intervals else None,
         kind=model.origin.kind,
         data=_data_part(command.dataset, data, split),
@@ -54,7 +56,7 @@ def make_card(
 
 def _friction_part(kind: Kind) -> dict[str, float] | None:
     """Return what a card says of the friction that pushes show; None: they show none."""
-    if not kind.names:
+    if FRICTION not in kind.names:
         return None
     column = kind.names.index(FRICTION)
     return {"width": kind.parameters[column].spread * float(kind.deviations[column])}

@@ -1,0 +1,116 @@
+"""Bodies on surfaces: what a robot's pushes of them show, from a data set to a model."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from sain_core.errors import DatasetError
+from sain_core.history import PushHistory
+from sain_core.push import make_stroke
+from sain_core.scene import POSITION, THETA, make_scene, unit
+from sain_core.shapes.bodies import Bodies
+from sain_model.data.bodies import body_names, infer_bodies, states_bodies, with_beliefs
+from sain_model.data.dataset import Dataset, Part, Split
+from sain_model.dynamics.checkpoint import save_checkpoint
+from sain_model.dynamics.identify import identify_bodies
+from sain_model.dynamics.load import load_checkpoint
+from sain_model.dynamics.residual import module_of
+from sain_model.inference.belief_file import read_belief, write_belief
+from sain_model.inference.kinds import surface_kind
+from sain_model.network.settings import NetworkConfig
+from sain_model.training.fit import fit, identified_kind
+from sain_model.training.settings import TrainingConfig, TrainOptions
+from sain_model.training.training_card import make_card
+
+TRUTH = {  # values of bodies on surfaces, by object and surface
+    ("square", "steel"): {"tool_friction": 0.3, "torsion": 1.0, "centre_x": 0.05},
+    ("square", "wood"): {"tool_friction": 0.12, "torsion": 1.2, "centre_x": 0.05},
+    ("disk", "steel"): {"tool_friction": 0.2, "torsion": 0.8, "centre_x": -0.05},
+}
+
+
+def pushed(name: str, surface: str, count: int, seed: int = 0) -> Part:
+    """Return pushes as the physics with the true values has them."""
+    random, bodies = np.random.default_rng(seed), Bodies.named([name])
+    scene = make_scene(np.array([(0.5, 0.0)]), np.array([8.0]), np.array([0.06]))
+    states = np.repeat(scene[None], count, axis=0)
+    states[:, 0, THETA] = random.uniform(-3.0, 3.0, count)
+    heading = random.uniform(-3.0, 3.0, count)
+    aside = random.uniform(-0.03, 0.03, (count, 1)) * unit(heading + np.pi / 2)
+    start = states[:, 0, POSITION] - 0.08 * unit(heading) + aside
+    strokes = make_stroke(start, heading, 0.05, speed=0.02, tip_radius=0.005)
+    values = {one: np.full(count, value) for one, value in TRUTH[name, surface].items()}
+    after = surface_kind().step(bodies, states, strokes, values)
+    nothing = np.full(count, np.nan)
+    return Part(
+        states, strokes, after, states, np.arange(count) + 1000 * seed, np.arange(count), nothing,
+        np.full_like(states, np.nan), bodies, np.full(count, surface), np.full(count, name),
+        np.full(count, "1"),
+    )  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def data() -> Dataset:
+    parts = [pushed(*pair, 40, seed) for seed, pair in enumerate(TRUTH)]
+    square = {
+        name: np.concatenate([getattr(part, name) for part in parts[:2]])
+        for name in (*parts[0].arrays, "surface", "object", "run")
+    }
+    return Dataset((replace(parts[0], **square), parts[2]), sha256="x")
+
+
+def test_own_pushes_show_what_a_body_is_like(data: Dataset) -> None:
+    assert states_bodies(data)
+    assert set(body_names(data.parts[0])) == {"square on steel", "square on wood"}
+    kind = surface_kind()
+    places = infer_bodies(kind, data)
+    for (name, surface), truth in TRUTH.items():
+        found = kind.values(places[f"{name} on {surface}"][None])
+        for one, value in truth.items():
+            assert found[one][0] == pytest.approx(value, abs=0.15 * abs(value) + 0.01), one
+    believed = with_beliefs(data, kind, places)
+    part = believed.parts[0]
+    off = kind.step(part.bodies, part.state, part.action, part.given) - part.next_state
+    assert np.median(np.abs(off[..., POSITION])) < 1e-4
+
+
+def test_without_names_of_bodies_there_is_nothing_to_tell_apart(data: Dataset) -> None:
+    nameless = replace(data.parts[0], object=None)
+    assert not states_bodies(Dataset((nameless,)))
+    with pytest.raises(DatasetError, match="no column object"):
+        body_names(nameless)
+
+
+def test_a_belief_of_bodies_is_trained_on_saved_and_conditioned(
+    data: Dataset, tmp_path: Path
+) -> None:
+    belief = identify_bodies(data)
+    assert set(belief.card["bodies"]) == {"square on steel", "square on wood", "disk on steel"}
+    again = read_belief(write_belief(tmp_path / "belief.json", belief))
+    assert again.likeliest.identity == belief.likeliest.identity and again.likeliest.of_bodies
+    small = NetworkConfig(hidden=8, message=4, layers=1)
+    options = TrainingConfig(epochs=2, test=0.0, network=small)
+    config, kind = identified_kind(tmp_path / "belief.json", options)
+    assert config.network.believed and kind.of_bodies
+    held = Dataset(tuple(part.select(slice(0, len(part), 4)) for part in data.parts))
+    split = Split(data, held, held.select(np.zeros(len(held), bool)))
+    model, histories = fit(split, kind, config, tmp_path / "run")
+    command = TrainOptions(dataset=(tmp_path,), out=tmp_path, training=config)
+    card = make_card(command, data, split, model, histories, {})
+    save_checkpoint(tmp_path / "sain.safetensors", module_of(model), card)
+    loaded = load_checkpoint(tmp_path / "sain.safetensors").with_bodies(Bodies.named(["square"]))
+    wood = pushed("square", "wood", 30, 7)
+    before = loaded.physics_alone()
+    first, rest = wood.select(slice(0, 10)), wood.select(slice(10, 30))
+    history = PushHistory(first.state, first.action, first.next_state)
+    informed = before.condition(history)
+
+    def off(after: np.ndarray) -> float:
+        return float(np.abs(after - rest.next_state)[..., POSITION].mean())
+
+    assert off(informed.step(rest.state, rest.action)) < 0.5 * off(
+        before.step(rest.state, rest.action)
+    )
+    assert np.isfinite(loaded.condition(history).step(rest.state, rest.action)).all()
