@@ -21,7 +21,7 @@ COMMON = {
     "body", "duration", "episode", "friction", "goal", "log_time", "masses", "moved", "object",
     "outcome",
     "physics_next", "push_id", "radii", "roles", "run", "seed", "shapes", "source", "state", "step",
-    "surface", "tolerance",
+    "rim_friction", "surface", "tolerance",
     "tool_friction",
 }  # fmt: skip
 KEYS_OF_JSON = {"moved", "episode", "seed", "shapes"}  # of cards, journals and settings
