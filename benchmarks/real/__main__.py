@@ -85,12 +85,17 @@ def computed(options: Options, console: Console) -> Figures:
     results = measure(pushes, cases, rows, kept, options.seed)
     results["data"]["published"] = bool(pushes.published)
     results["made"] = {
-        "command": f"make real DATA={options.data.name}",
+        "command": f"make real DATA={options.data.name}{_arguments(options)}",
         "commit": git_commit(),
         "processor": processor(),
         "seed": options.seed,
     }
     return results
+
+
+def _arguments(options: Options) -> str:
+    given = f"--cases {' '.join(options.cases)}" if options.cases else ""
+    return f" ARGS='{given}'" if given else ""
 
 
 def read_results(path: Path) -> Figures:

@@ -10,6 +10,7 @@ from benchmarks.real.pictures import own_counts
 from benchmarks.real.rows import LEVELS, STATED
 from sain_core.storage import write_whole
 
+OURS: Final = ("sain", "identified", "learned")  # rows of the sentence above the first table
 SOURCE: Final = (
     "The public MCube push data set (Yu, Bauza, Fazeli and Rodriguez, *More than a million ways to"
     " be pushed*, IROS 2016), in the one-push form of Zhou et al.: repository"
@@ -109,16 +110,18 @@ def best(results: Figures, case: Figures) -> str:
 
 
 def said(results: Figures, case: Figures, key: str) -> str:
-    """Return the errors of a row as a phrase."""
+    """Return a row and its errors as a phrase."""
     mm, degrees = (case["errors"][key][unit][0] for unit in ("mm", "degrees"))
-    return f"{results['rows'][key]} errs {mm:.2f} mm and {degrees:.1f} degrees"
+    return f"{results['rows'][key]} {mm:.2f} mm and {degrees:.1f} degrees"
 
 
 def _result(results: Figures) -> Iterator[str]:
     case = results["cases"]["folds"]
     yield f"## {case['title'].capitalize()}"
+    ours = [said(results, case, key) for key in OURS if key in case["errors"]]
     yield (
-        f"Smallest error of {case['pushes']:,} pushes: {said(results, case, best(results, case))}."
+        f"Mean errors of {case['pushes']:,} pushes: {'; '.join(ours)}. The smallest one:"
+        f" {said(results, case, best(results, case))}."
     )
     yield _errors(results, case)
 
