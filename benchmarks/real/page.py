@@ -119,10 +119,8 @@ def _result(results: Figures) -> Iterator[str]:
     case = results["cases"]["folds"]
     yield f"## {case['title'].capitalize()}"
     ours = [said(results, case, key) for key in OURS if key in case["errors"]]
-    yield (
-        f"Mean errors of {case['pushes']:,} pushes: {'; '.join(ours)}. The smallest one:"
-        f" {said(results, case, best(results, case))}."
-    )
+    yield f"Mean errors of {case['pushes']:,} pushes:\n\n" + "".join(f"* {one}\n" for one in ours)
+    yield f"The smallest one: {said(results, case, best(results, case))}."
     yield _errors(results, case)
 
 
@@ -270,9 +268,9 @@ def _provenance(results: Figures) -> str:
     made = results["made"]
     minutes = sum(results["seconds"].values()) / 60
     return (
-        f"`{made['command']}`, commit {made['commit'][:9]}, on {made['processor']}; seed"
-        f" {made['seed']} for folds, own pushes, training and bootstrap; data"
-        f" {results['data']['sha256'][:12]}; {minutes:.0f} minutes of computing."
+        f"`{made['command']}`, commit {made['commit'][:9]}, on {made['processor']}."
+        f" {minutes:.0f} minutes of computing. The seed of folds, own pushes, training and bootstrap"
+        f" is {made['seed']}. The data have SHA-256 {results['data']['sha256'][:12]}."
     )
 
 
