@@ -12,10 +12,10 @@ from sain_core.storage import write_whole
 
 OURS: Final = ("sain", "identified", "learned")  # rows of the sentence above the first table
 SOURCE: Final = (
-    "The public MCube push data set (Yu, Bauza, Fazeli and Rodriguez, *More than a million ways to"
-    " be pushed*, IROS 2016), in the one-push form of Zhou et al.: repository"
-    " `robinzhoucmu/PlanarManipulationToolBox`, folder `mcube_data_proc/motion_model_eval_logs`,"
-    " licence GPL-2. This repository has none of it."
+    "The data are the public MCube push data set: Yu, Bauza, Fazeli and Rodriguez, *More than a"
+    " million ways to be pushed*, IROS 2016. Zhou et al. published them in the one-push form:"
+    " repository `robinzhoucmu/PlanarManipulationToolBox`, folder"
+    " `mcube_data_proc/motion_model_eval_logs`, licence GPL-2. This repository has none of it."
 )
 OWN: Final = "The data are recordings of your own."
 ABOUT: Final = """# Real pushes
@@ -269,8 +269,8 @@ def _provenance(results: Figures) -> str:
     minutes = sum(results["seconds"].values()) / 60
     return (
         f"`{made['command']}`, commit {made['commit'][:9]}, on {made['processor']}."
-        f" {minutes:.0f} minutes of computing. The seed of folds, own pushes, training and bootstrap"
-        f" is {made['seed']}. The data have SHA-256 {results['data']['sha256'][:12]}."
+        f" {minutes:.0f} minutes of computing. The seed of folds, own pushes, training and"
+        f" bootstrap is {made['seed']}. The data have SHA-256 {results['data']['sha256'][:12]}."
     )
 
 
