@@ -16,7 +16,8 @@ from benchmarks.real.rows import Predicted, Predictor
 from sain_core.dataset import draw_parts
 from sain_core.model import IdentityPrior
 from sain_core.scene import POSE, POSITION
-from sain_model.data.dataset import Dataset, Split
+from sain_model.data.bodies import believed_places, with_beliefs
+from sain_model.data.dataset import Split
 from sain_model.dynamics.residual import residual_model
 from sain_model.dynamics.sain import Inferred, SainDynamics
 from sain_model.dynamics.settings import IDENTITY, PLANAR
@@ -105,7 +106,12 @@ class NetworkRow:
         learned, held = (
             pushes.select(rows) for rows in draw_parts(labels, config.seed, share, 0.0)[:2]
         )
-        split = Split(*(told(some, physics) for some in (learned, held, held)))
+        split = Split(
+            *(
+                with_beliefs(some.dataset, physics.kind, physics.places)
+                for some in (learned, held, held)
+            )
+        )
         network = new_network(config.network, config.seed)
         objective = SinglePushes(split, physics.kind, config)
         seen = {name: z for name, z in physics.places.items() if name in pushes.body}
@@ -141,18 +147,6 @@ class OfKnownAndNew:
         )
 
 
-def told(pushes: PushTable, physics: Physics) -> Dataset:
-    """Return pushes as a data set that states what is believed of each body."""
-    data, parts, first = pushes.dataset, [], 0
-    values = physics.values(pushes)
-    for part in data.parts:
-        rows = slice(first, first + len(part))
-        given = {name: value[rows] for name, value in values.items()}
-        parts.append(replace(part, given=given))
-        first += len(part)
-    return replace(data, parts=tuple(parts))
-
-
 @dataclass(frozen=True, eq=False)
 class FittedNetwork:
     """A trained model on a physics, with regions at all levels."""
@@ -172,14 +166,12 @@ def predicted_by(
     model: SainDynamics, physics: Physics, pushes: PushTable
 ) -> tuple[Float[ndarray, "M 3"], Scores]:
     """Return poses after pushes with what is believed of each body, and scores for regions."""
-    places, first = physics.places_of(pushes), 0
     poses, scores = [], []
     for part in pushes.dataset.parts:
-        mine = places[first : first + len(part)]
-        rows = Inferred(Posterior.at(model.belief, 0, mine), np.ones(len(part), dtype=bool))
+        places = believed_places(part, physics.kind, physics.places)
+        rows = Inferred(Posterior.at(model.belief, 0, places), np.ones(len(part), dtype=bool))
         found = model.with_bodies(part.bodies).predict_rows(part.state, part.action, rows)
         way = np.linalg.norm((found.mean - part.state)[:, 0, POSITION], axis=1)
         poses.append(found.mean[:, 0, POSE])
         scores.append([found.members[:, 0], found.friction[:, 0], way])
-        first += len(part)
     return np.concatenate(poses), np.concatenate(scores, axis=1)

@@ -14,6 +14,7 @@ from sain_core.push import LENGTH, SPEED, START, TIP_RADIUS, is_stroke, push_dir
 from sain_core.scene import POSE, RADIUS, THETA, unit, wrap_angle
 from sain_core.shapes.library import get_shape
 from sain_core.types import Angles, Indices, Mask, Points, Scalars
+from sain_model.data.bodies import on_surfaces
 from sain_model.data.dataset import Dataset, Part
 from sain_model.physics.first_touch import first_touch
 
@@ -96,7 +97,7 @@ class PushTable:
     @cached_property
     def body(self) -> Names:
         """The name of each body on its surface: what has parameters of its own."""
-        return np.array([f"{a} on {b}" for a, b in zip(self.object, self.surface, strict=True)])
+        return on_surfaces(self.object, self.surface)
 
     @cached_property
     def dataset(self) -> Dataset:

@@ -36,16 +36,7 @@ from sain_core.scene import POSITION, RADIUS, THETA, unit, wrap_angle
 from sain_core.shapes.bodies import PAPER_DISKS, Bodies
 from sain_core.shapes.outline import outline_of
 from sain_core.shapes.shape import Shape
-from sain_core.types import (
-    Angles,
-    Indices,
-    Points,
-    PushArray,
-    Pushes,
-    Scalars,
-    Scenes,
-    States,
-)
+from sain_core.types import Angles, Indices, Points, PushArray, Pushes, Scalars, Scenes, States
 
 BODY, LOCATION, ANGLE, LENGTH, SPEED = range(5)
 PUSH_SIZE: Final = 5

@@ -47,8 +47,8 @@ def half() -> Half:
 def made(synthetic_pushes: PushTable, half: Half, tmp_path_factory: pytest.TempPathFactory):
     """The folder that a run of the command has filled."""
     folder = tmp_path_factory.mktemp("page")
-    told = {"sim_quadratic": synthetic_pushes.after + np.array([0.003, 0.0, 0.02])}
-    pushes = replace(synthetic_pushes, published=told)
+    published = {"sim_quadratic": synthetic_pushes.after + np.array([0.003, 0.0, 0.02])}
+    pushes = replace(synthetic_pushes, published=published)
     rows: list[Row] = [NoMotion(), *published_rows(pushes), Trees(trees=3), half]
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(command, "read_pushes", lambda path, work: pushes)

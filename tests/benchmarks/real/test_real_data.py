@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from benchmarks.real.outcomes import pose_errors
-from benchmarks.real.physics import IdentifiedPhysics, NominalPhysics, first_of_each
+from benchmarks.real.physics import IdentifiedPhysics, NominalPhysics
 from benchmarks.real.pushes import PushTable
 from benchmarks.real.reading import read_pushes
 from benchmarks.real.rows import NoMotion, Row, published_rows
@@ -34,7 +34,10 @@ def sample(pushes: PushTable) -> PushTable:
 @pytest.fixture(scope="module")
 def others(pushes: PushTable) -> PushTable:
     """Ten pushes of each body on each surface, of other groups."""
-    return first_of_each(pushes.select(pushes.group % 10 != 0), 10)
+    rest = pushes.select(pushes.group % 10 != 0)
+    rows = (np.flatnonzero(rest.body == body) for body in np.unique(rest.body))
+    spread = [mine[np.linspace(0, len(mine) - 1, 10).round().astype(int)] for mine in rows]
+    return rest.select(np.sort(np.concatenate(spread)))
 
 
 def errors(row: Row, others: PushTable, sample: PushTable) -> list[float]:

@@ -262,9 +262,9 @@ def test_a_csv_of_a_spreadsheet_is_read(rows: Recorded, tmp_path: Path) -> None:
     table = [",".join(f'"{field}"' for field in line.split(",")) for line in lines]
     other = tmp_path / "other.csv"
     other.write_bytes(("\ufeff" + "\r\n".join([*table, ""])).encode())
-    usual, told = (read_recordings((path,), shapes).pushes for path in (plain, other))
-    np.testing.assert_array_equal(told.before, usual.before)
-    assert told.where(3) == f"{other} row 5" and told.object.tolist() == usual.object.tolist()
+    usual, renamed = (read_recordings((path,), shapes).pushes for path in (plain, other))
+    np.testing.assert_array_equal(renamed.before, usual.before)
+    assert renamed.where(3) == f"{other} row 5" and renamed.object.tolist() == usual.object.tolist()
 
 
 def test_the_tool_s_radius_may_be_given(rows: Recorded, tmp_path: Path) -> None:

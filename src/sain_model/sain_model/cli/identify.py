@@ -12,7 +12,7 @@ from sain_core.observation import MASSES, unknown_names
 from sain_core.provenance import ros2_command
 from sain_model.cli.options import IdentifyOptions
 from sain_model.data.bodies import states_bodies
-from sain_model.data.dataset import load_dataset
+from sain_model.data.dataset import load_dataset, shard_paths
 from sain_model.data.recordings import first_pushes, load_recording
 from sain_model.dynamics.identify import identify, identify_bodies, with_all_parameters
 from sain_model.dynamics.sain import SainDynamics
@@ -31,7 +31,7 @@ def run(options: IdentifyOptions, console: Console) -> None:
         ConfigError: the model infers nothing from pushes.
         OutputError: the file cannot be written.
     """
-    if states_bodies(load_dataset(options.datasets[0])):
+    if states_bodies(load_dataset(shard_paths(options.datasets[0])[0])):
         _write(options, identify_bodies(load_dataset(*options.datasets)), console)
         return
     model = load_dynamics(options.model)
@@ -80,12 +80,13 @@ def load_recordings(options: IdentifyOptions) -> dict[str, Sequence[ObservedPush
 
 
 def belief_tables(belief: Belief) -> Iterator[FittingTable]:
-    """Yield a belief as tables: kinds of physics, and the parameters of the most likely one."""
-    rows = (
-        (kind.name, f"{belief.card['evidence'][kind.name]:.0f}", f"{kind.log_odds:.1f}")
-        for kind in belief.kinds
-    )
-    yield make_table("Kinds of physics", ("physics", "log evidence", "log odds"), rows)
+    """Yield a belief as tables: kinds that were compared, and the parameters of the likeliest."""
+    if evidence := belief.card.get("evidence"):
+        rows = (
+            (kind.name, f"{evidence[kind.name]:.0f}", f"{kind.log_odds:.1f}")
+            for kind in belief.kinds
+        )
+        yield make_table("Kinds of physics", ("physics", "log evidence", "log odds"), rows)
     kind = belief.likeliest
     parameters = (
         (

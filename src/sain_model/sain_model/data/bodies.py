@@ -31,10 +31,17 @@ def body_names(part: Part) -> ndarray:
     Raises:
         DatasetError: the data do not name bodies.
     """
-    if part.object is None:
-        raise DatasetError("the data set does not name the pushed bodies: it has no column object")
+    if part.object is None or (part.object == "").any():
+        raise DatasetError(
+            "the data set does not name the pushed bodies: it has no column object, or empty rows"
+        )
     surface = np.full(len(part), "") if part.surface is None else part.surface
-    pairs = zip(part.object.tolist(), surface.tolist(), strict=True)
+    return on_surfaces(part.object, surface)
+
+
+def on_surfaces(bodies: ndarray, surfaces: ndarray) -> ndarray:
+    """Return names of bodies (M,) with those of their surfaces (M,); empty: it is not stated."""
+    pairs = zip(bodies.tolist(), surfaces.tolist(), strict=True)
     return np.array([f"{body} on {table}" if table else body for body, table in pairs])
 
 
@@ -43,10 +50,11 @@ def pushes_of_bodies(data: Dataset, most: int = ENOUGH) -> tuple[list[str], list
 
     Episodes count the names.
     """
-    names = np.unique(np.concatenate([body_names(part) for part in data.parts]))
+    each = [body_names(part) for part in data.parts]
+    names = np.unique(np.concatenate(each))
     found = []
-    for part in data.parts:
-        body, chosen = np.searchsorted(names, body_names(part)), np.zeros(len(part), bool)
+    for part, own in zip(data.parts, each, strict=True):
+        body, chosen = np.searchsorted(names, own), np.zeros(len(part), bool)
         for one in np.unique(body):
             rows = np.flatnonzero(body == one)
             places = np.linspace(0, len(rows) - 1, min(most, len(rows)))
@@ -57,6 +65,8 @@ def pushes_of_bodies(data: Dataset, most: int = ENOUGH) -> tuple[list[str], list
 
 def infer_bodies(kind: Kind, data: Dataset) -> OfBodies:
     """Return the most likely vectors z of the bodies of a data set."""
+    if not len(data):
+        return {}
     names, pushes = pushes_of_bodies(data)
     start = np.zeros((len(names), len(kind.names)))
     found = fit(kind, pushes, start, np.arange(len(names)), STEPS)
@@ -65,9 +75,14 @@ def infer_bodies(kind: Kind, data: Dataset) -> OfBodies:
 
 def with_beliefs(data: Dataset, kind: Kind, bodies: OfBodies) -> Dataset:
     """Return a data set that states what is believed of each body: for those unknown, the mean."""
-    nothing, parts = np.zeros(len(kind.names)), []
-    for part in data.parts:
-        places = np.array([bodies.get(name, nothing) for name in body_names(part)])
-        values = kind.values(places.reshape(len(part), len(kind.names)))
-        parts.append(replace(part, given=values))
+    parts = (
+        replace(part, given=kind.values(believed_places(part, kind, bodies))) for part in data.parts
+    )
     return replace(data, parts=tuple(parts))
+
+
+def believed_places(part: Part, kind: Kind, bodies: OfBodies) -> Float[ndarray, "M D"]:
+    """Return the vector z of the body of each push: for those unknown, the mean."""
+    nothing = np.zeros(len(kind.names))
+    places = [bodies.get(name, nothing) for name in body_names(part)]
+    return np.array(places).reshape(len(part), len(kind.names))

@@ -15,9 +15,8 @@ from sain_model.data.dataset import Part
 from sain_model.inference.evidence import Known
 from sain_model.inference.grid import grid_values
 from sain_model.inference.kinds import Kind
-from sain_model.network.believed import BELIEVED_FEATURES, MIRRORED_BELIEVED
-from sain_model.network.feature_kernels import BODY_FEATURES, MIRRORED_BODY
 from sain_model.network.features import (
+    mirrored_columns,
     network_inputs,
     push_frames,
     relation_ends,
@@ -67,13 +66,10 @@ class Examples:
             functional.pad(self.velocity, missing),
         )
 
-    def mirrored(self) -> Self:
-        """Return the mirror images of examples: signs change."""
-        believed: tuple[int, ...] = ()
-        if self.bodies.shape[-1] == BODY_FEATURES + BELIEVED_FEATURES:
-            believed = tuple(BODY_FEATURES + column for column in MIRRORED_BELIEVED)
+    def mirrored(self, network: NetworkConfig = NetworkConfig()) -> Self:
+        """Return the mirror images of examples for a network in the push frame: signs change."""
         flipped = {
-            "bodies": MIRRORED_BODY + believed,
+            "bodies": mirrored_columns(network),
             "relations": MIRRORED_RELATION,
             "residual": MIRRORED_MOTION,
             "velocity": MIRRORED_MOTION,

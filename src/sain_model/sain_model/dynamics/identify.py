@@ -37,17 +37,15 @@ def identify_bodies(data: Dataset) -> Belief:
 
     The card has the values of each of them.
     """
-    broad = surface_kind()
-    names, pushes = pushes_of_bodies(data)
-    kind = replace(over_bodies(broad, pushes), corrected=True)
+    kind = replace(over_bodies(surface_kind(), pushes_of_bodies(data)[1]), corrected=True)
     places = infer_bodies(kind, data)
     values = kind.values(np.array(list(places.values())))
     bodies = {
         name: {one: float(value[row]) for one, value in values.items()}
         for row, name in enumerate(places)
     }
-    pushed = {"pushes": len(data), "episodes": len(names), "bodies": bodies}
-    return Belief((kind,), card={**pushed, "evidence": {kind.name: 0.0}})
+    card = {"pushes": len(data), "episodes": len(bodies), "bodies": bodies}
+    return Belief((kind,), card=card)
 
 
 def _network_odds(model: SainDynamics, number: int, found: Fit, parts: Parts) -> float:

@@ -15,16 +15,21 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from sain_core.push import LENGTH
-from sain_core.shapes.bodies import Bodies
-from sain_core.types import Pushes, Scenes
+from sain_core.types import Scenes
 from sain_model.compute.threads import settle_threads
 from sain_model.dynamics.physics_gradient import moves
-from sain_model.dynamics.sain import PARAMETER_CORRECTION, Again, Network, Origin, SainDynamics
+from sain_model.dynamics.sain import (
+    PARAMETER_CORRECTION,
+    Again,
+    Network,
+    Origin,
+    PhysicsPrediction,
+    SainDynamics,
+)
 from sain_model.inference.kinds import Kind, only
 from sain_model.network.corrections import Corrections, corrected_values
 from sain_model.network.features import Strokes, apply_residual, network_inputs, push_frames
 from sain_model.network.interaction_network import InteractionNetwork
-from sain_model.physics.parameters import Values
 from sain_model.physics.planar_config import PlanarConfig
 
 
@@ -44,43 +49,37 @@ class CorrectionNetwork(Network):
         """Stop whatever networks do in training alone."""
         self.module.eval()
 
-    def correct(
-        self,
-        scenes: Scenes,
-        pushes: Pushes,
-        physics_next: Scenes,
-        bodies: Bodies,
-        values: Values,
-        again: Again,
-    ) -> Scenes:
+    def correct(self, physics: PhysicsPrediction, again: Again) -> Scenes:
         """Predict again with corrected parameters, and add the residual; see `Network`."""
-        frames = push_frames(scenes, pushes, bodies)
+        scenes, pushes, physics_next = physics.scenes, physics.pushes, physics.after
+        frames = push_frames(scenes, pushes, physics.bodies)
         plain = moves(scenes, frames, physics_next)
         change = np.zeros_like(plain)
-        for corrections, residual in self.corrections(scenes, frames, physics_next, bodies, values):
+        for corrections, residual in self.corrections(physics, frames):
             corrected = again(corrected_values(corrections, pushes, self.config))
             change += moves(scenes, frames, corrected) - plain + residual
         predicted = apply_residual(physics_next, frames, change / self.members)
         idle = pushes[:, LENGTH] == 0.0
         predicted[idle] = physics_next[idle]
-        fixed = list(bodies.fixed)
+        fixed = list(physics.bodies.fixed)
         predicted[:, fixed] = physics_next[:, fixed]
         return predicted
 
     def corrections(
-        self,
-        scenes: Scenes,
-        frames: Strokes,
-        physics_next: Scenes,
-        bodies: Bodies,
-        values: Values | None = None,
+        self, physics: PhysicsPrediction, frames: Strokes
     ) -> list[tuple[Corrections, Float[ndarray, "B N 3"]]]:
         """Return what each member corrects, and what it adds to the prediction.
 
-        `frames` are those of the pushes, `physics_next` is what the uncorrected prior predicts.
+        `frames` are those of the pushes, `physics` is without corrections.
         """
-        config = self.module.config
-        features = network_inputs(config, scenes, frames, physics_next, bodies, values)
+        features = network_inputs(
+            self.module.config,
+            physics.scenes,
+            frames,
+            physics.after,
+            physics.bodies,
+            physics.values,
+        )
         settle_threads()
         with torch.inference_mode():
             residual, corrections = self.module.heads(*features.tensors())

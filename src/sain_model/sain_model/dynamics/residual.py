@@ -23,6 +23,7 @@ from sain_model.dynamics.sain import (
     Again,
     Network,
     Origin,
+    PhysicsPrediction,
     SainDynamics,
 )
 from sain_model.dynamics.settings import IDENTITY
@@ -31,7 +32,6 @@ from sain_model.network.compiled_network import CompiledNetwork
 from sain_model.network.features import elongations, network_inputs, push_frames
 from sain_model.network.interaction_network import InteractionNetwork
 from sain_model.network.torch_network import TorchNetwork
-from sain_model.physics.parameters import Values
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,38 +63,26 @@ class ResidualNetwork(Network):
         """Return the network on a device, ``cpu`` or ``cuda``."""
         return self if device == self.device else replace(self, device=device)
 
-    def correct(
-        self,
-        scenes: Scenes,
-        pushes: Pushes,
-        physics_next: Scenes,
-        bodies: Bodies,
-        values: Values,
-        again: Again,
-    ) -> Scenes:
+    def correct(self, physics: PhysicsPrediction, again: Again) -> Scenes:
         """Add the residual; see `Network`."""
-        check_physics_next(scenes, physics_next)
-        corrected = self._forward.correct(scenes, pushes, physics_next, bodies, values)
-        if bodies.fixed:
-            fixed = list(bodies.fixed)
-            corrected[:, fixed] = physics_next[:, fixed]
+        check_physics_next(physics.scenes, physics.after)
+        corrected = self._forward.correct(
+            physics.scenes, physics.pushes, physics.after, physics.bodies, physics.values
+        )
+        if fixed := list(physics.bodies.fixed):
+            corrected[:, fixed] = physics.after[:, fixed]
         return corrected
 
-    def spread(
-        self,
-        scenes: Scenes,
-        pushes: Pushes,
-        physics_next: Scenes,
-        bodies: Bodies,
-        values: Values,
-    ) -> Float[ndarray, "B N"]:
+    def spread(self, physics: PhysicsPrediction) -> Float[ndarray, "B N"]:
         """Return the standard deviation of the members' places [m]; 0 for a lone network."""
+        scenes, pushes = physics.scenes, physics.pushes
         if self.members == 1:
             return np.zeros(scenes.shape[:2])
         settle_threads()
-        frames = push_frames(scenes, pushes, bodies)
-        config = self.module.config
-        features = network_inputs(config, scenes, frames, physics_next, bodies, values)
+        config, frames = self.module.config, push_frames(scenes, pushes, physics.bodies)
+        features = network_inputs(
+            config, scenes, frames, physics.after, physics.bodies, physics.values
+        )
         with torch.inference_mode():
             module = self.module.to(self.device)
             each = module.each(*features.tensors(self.device))[..., :2]

@@ -70,6 +70,26 @@ class Origin:
     card: str = ""
 
 
+@dataclass(frozen=True, eq=False)
+class PhysicsPrediction:
+    """What physics predicts for B pushes: what a network corrects.
+
+    Attributes:
+        scenes: before the pushes (B, N, 8), with masses as the physics takes them to be.
+        pushes: (B, A).
+        after: (B, N, 8), what physics predicts.
+        bodies: of the scenes.
+        values: what is believed of the physics, by name; nothing for a network that does not see
+            it.
+    """
+
+    scenes: Scenes
+    pushes: Pushes
+    after: Scenes
+    bodies: Bodies
+    values: Values
+
+
 class Network(ABC):
     """What a model adds to what the physics leaves, and regions about its predictions.
 
@@ -89,35 +109,19 @@ class Network(ABC):
         return self.module.config.members
 
     @abstractmethod
-    def correct(
-        self,
-        scenes: Scenes,
-        pushes: Pushes,
-        physics_next: Scenes,
-        bodies: Bodies,
-        values: Values,
-        again: Again,
-    ) -> Scenes:
-        """Return what physics predicts, `physics_next` (B, N, 8), corrected.
+    def correct(self, physics: PhysicsPrediction, again: Again) -> Scenes:
+        """Return what physics predicts (B, N, 8), corrected.
 
         A push of zero length moves nothing, nor does a body with the role "fixed". Velocities,
-        masses and radii are passed on as they are. `values` are what is believed of the physics,
-        by name. `again` predicts with other parameters.
+        masses and radii are passed on as they are. `again` predicts with other parameters.
 
         Raises:
             InvalidInputError: arrays that do not fit together.
         """
 
-    def spread(
-        self,
-        scenes: Scenes,
-        pushes: Pushes,
-        physics_next: Scenes,
-        bodies: Bodies,
-        values: Values,
-    ) -> Float[ndarray, "B N"]:
+    def spread(self, physics: PhysicsPrediction) -> Float[ndarray, "B N"]:
         """Return the standard deviation of the members' places [m]; 0 where none is known."""
-        return np.zeros(scenes.shape[:2])
+        return np.zeros(physics.scenes.shape[:2])
 
     def with_regions(
         self, prediction: Prediction, scenes: Scenes, pushes: Pushes, bodies: Bodies
@@ -293,8 +297,9 @@ class SainDynamics(Model):
         def again(others: Values) -> Scenes:
             return step_knowing(self.physics, scenes, pushes, {**(values or {}), **others})
 
-        believed = {**self._seen(self.now.repeated(len(scenes)).posterior), **(values or {})}
-        return self.network.correct(weighed, pushes, physics_next, self.bodies, believed, again)
+        believed = {**self._seen(self.now.posterior), **(values or {})}
+        physics = PhysicsPrediction(weighed, pushes, physics_next, self.bodies, believed)
+        return self.network.correct(physics, again)
 
     def regions(
         self, scene: Scene, pushes: PushSequences, predicted: PredictedScenes
@@ -341,9 +346,9 @@ class SainDynamics(Model):
         """Return what rows say, each of the pushes that it is conditioned on."""
         posterior = infer(self.belief, pushes, known)
         trained = np.array([kind.corrected for kind in self.belief.kinds])
-        sees = trained & np.array([kind.of_bodies for kind in self.belief.kinds])
+        of_bodies = np.array([kind.of_bodies for kind in self.belief.kinds])
         corrected = trained[posterior.kind] & (self.network is not None)
-        corrected &= ~posterior.inferred | sees[posterior.kind]
+        corrected &= of_bodies[posterior.kind] | ~posterior.inferred
         if self.belief.network_log_odds == np.inf:
             return Inferred(posterior, corrected)
         rows = np.flatnonzero(corrected)
@@ -370,7 +375,8 @@ class SainDynamics(Model):
             return Prediction(mean, np.zeros_like(spread), spread)
         weighed = self._weighed(scenes, rows.posterior)
         believed = self._seen(rows.posterior)
-        members = self.network.spread(weighed, pushes, physics_next, self.bodies, believed)
+        physics = PhysicsPrediction(weighed, pushes, physics_next, self.bodies, believed)
+        members = self.network.spread(physics)
         prediction = Prediction(mean, members, spread)
         return self.network.with_regions(prediction, scenes, pushes, self.bodies)
 
@@ -382,14 +388,10 @@ class SainDynamics(Model):
             weighed = self._weighed(scenes, rows.posterior)[chosen]
             posterior = rows.posterior.of_rows(np.flatnonzero(chosen))
             world = self.belief, self.bodies, scenes[chosen], pushes[chosen], posterior
-            after[chosen] = self.network.correct(
-                weighed,
-                pushes[chosen],
-                physics_next[chosen],
-                self.bodies,
-                self._seen(posterior),
-                partial(step_rows, *world),
+            physics = PhysicsPrediction(
+                weighed, pushes[chosen], physics_next[chosen], self.bodies, self._seen(posterior)
             )
+            after[chosen] = self.network.correct(physics, partial(step_rows, *world))
         return physics_next, after
 
     def _correction_odds(
@@ -410,7 +412,7 @@ class SainDynamics(Model):
         return np.asarray(better - plain)
 
     def _seen(self, posterior: Posterior) -> Values:
-        """Return what the network sees of what rows say of the physics."""
+        """Return what the network sees of what rows say of the physics; one row is for all."""
         if self.network is None or not self.network.module.config.believed:
             return {}
         return believed_values(self.belief, posterior)

@@ -140,7 +140,12 @@ def believed_values(belief: Belief, posterior: Posterior) -> dict[str, Scalars]:
     Where a parameter is none of a row's kind, it has the value of that kind's prior.
     """
     names = dict.fromkeys(name for kind in belief.kinds for name in kind.names)
-    return {name: posterior.values(belief, name) for name in names}
+    found = {name: np.empty(len(posterior.kind)) for name in names}
+    for rows, kind in _of_kinds(belief, posterior.kind):
+        values = kind.values(posterior.places[rows])
+        for name, value in found.items():
+            value[rows] = values[name] if name in values else getattr(kind.config, name)
+    return found
 
 
 def _of_kinds(belief: Belief, numbers: Int[ndarray, "R"]) -> list[tuple[Int[ndarray, "C"], Kind]]:

@@ -30,9 +30,10 @@ from sain_core.types import Angles, Pushes, Scenes
 from sain_model.compute.compiling import plain
 from sain_model.compute.devices import CPU
 from sain_model.compute.thread_pool import run_blocks
-from sain_model.network.believed import BELIEVED_FEATURES, network_beliefs
+from sain_model.network.believed import BELIEVED_FEATURES, MIRRORED_BELIEVED, network_beliefs
 from sain_model.network.feature_kernels import (
     BODY_FEATURES,
+    MIRRORED_BODY,
     write_block,
 )
 from sain_model.network.inputs import LANES, PLACE_FEATURES
@@ -69,6 +70,13 @@ def count_features(config: NetworkConfig) -> tuple[int, int]:
     places = PLACE_FEATURES if config.features == WORLD_FRAME else 0
     believed = BELIEVED_FEATURES if config.believed else 0
     return BODY_FEATURES + places + believed, RELATION_FEATURES
+
+
+def mirrored_columns(config: NetworkConfig) -> tuple[int, ...]:
+    """Return the features of a body that change their sign in a mirror; none of the world's."""
+    if not config.believed:
+        return MIRRORED_BODY
+    return MIRRORED_BODY + tuple(BODY_FEATURES + column for column in MIRRORED_BELIEVED)
 
 
 @lru_cache(maxsize=256)

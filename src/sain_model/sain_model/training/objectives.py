@@ -56,7 +56,7 @@ class _Pushes:
         examples = [
             make_examples(part, kind.prior, some, network).padded(most) for part, some in known
         ]
-        images = [some.mirrored() for some in examples] if mirror else []
+        images = [some.mirrored(network) for some in examples] if mirror else []
         joined = examples[0].and_then(*examples[1:], *images)
         if not network.corrects_parameters:
             return cls(joined)
