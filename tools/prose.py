@@ -2,9 +2,10 @@
 
 ./env python tools/prose.py [PAGE...]
 
-* A word of the total is two or more letters of a-z outside of fenced code and comments. The total
-  is over README.md and docs/, without docs/decisions/ and without what tools write: pages, and
-  parts between ``<!-- columns: made by tools/... -->`` and ``<!-- end of columns -->``.
+* A word of the total is two or more letters of a-z outside of fenced code and comments. One total
+  is over README.md and docs/, without what tools write: pages, and parts between
+  ``<!-- columns: made by tools/... -->`` and ``<!-- end of columns -->``. The other is over
+  docs/decisions/ and docs/notebook/.
 * A sentence is a part of a paragraph or list item. It ends with ``.``, ``!``, ``?`` or ``:`` before
   a space, with a blank line, or with the next list item. Fenced and indented code, tables,
   headings, images and HTML are no sentences.
@@ -24,7 +25,9 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 MOST_WORDS = 17_000
+MOST_WORDS_OF_RECORDS = 5_000
 LONGEST_SENTENCE = 25
+RECORDS = ("decisions", "notebook")  # folders: why things are as they are, and what was tried
 GENERATED = {"faults.md", "parameters.md", "real.md", "results.md"}  # pages that tools write
 
 BANNED = re.compile(
@@ -142,17 +145,30 @@ def counted_pages(root: Path) -> list[Path]:
 
 
 def guide_pages(root: Path) -> list[Path]:
-    """Return README.md and the pages of docs/, without the decisions."""
-    docs = sorted(path for path in (root / "docs").rglob("*.md") if "decisions" not in path.parts)
-    return [root / "README.md", *docs]
+    """Return README.md and the pages of docs/, without decisions and notebook."""
+    docs = (root / "docs").rglob("*.md")
+    return [root / "README.md", *sorted(path for path in docs if not {*RECORDS} & {*path.parts})]
+
+
+def record_pages(root: Path) -> list[Path]:
+    """Return the decisions and the notebook."""
+    return sorted(path for name in RECORDS for path in (root / "docs" / name).glob("*.md"))
 
 
 def checked_pages(root: Path) -> list[Path]:
     """Return the pages whose sentences are checked."""
     others = [root / name for name in ("CONTRIBUTING.md", "bags/README.md", "docker/README.md")]
-    for folder in ("docs/decisions", "examples"):
-        others += sorted((root / folder).rglob("*.md"))
-    return [*guide_pages(root), *others]
+    return [
+        *guide_pages(root),
+        *record_pages(root),
+        *others,
+        *sorted((root / "examples").rglob("*.md")),
+    ]
+
+
+def total_words(pages: list[Path]) -> int:
+    """Return the number of words of several pages."""
+    return sum(words(page.read_text(encoding="utf-8")) for page in pages)
 
 
 def main(arguments: list[str]) -> int:
@@ -161,10 +177,12 @@ def main(arguments: list[str]) -> int:
     found = [problem for page in named or checked_pages(ROOT) for problem in problems(page)]
     for problem in found:
         print(problem)
-    total = sum(words(page.read_text(encoding="utf-8")) for page in named or counted_pages(ROOT))
-    too_many = not named and total > MOST_WORDS
+    total = total_words(named or counted_pages(ROOT))
+    records = total_words(record_pages(ROOT))
+    too_many = not named and (total > MOST_WORDS or records > MOST_WORDS_OF_RECORDS)
     if too_many:
         print(f"README.md and docs/ have {total:,} words, {MOST_WORDS:,} at most")
+        print(f"decisions and notebook have {records:,}, {MOST_WORDS_OF_RECORDS:,} at most")
     if not found and not too_many:
         print(f"prose: {total:,} words, every sentence at most {LONGEST_SENTENCE}")
     return 1 if found or too_many else 0

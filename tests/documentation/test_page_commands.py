@@ -29,8 +29,6 @@ def test_programs_options_and_values_exist(page: Path, tmp_path: Path) -> None:
 @pytest.mark.parametrize("page", PAGES, ids=page_name)
 def test_a_command_is_run_by_a_test_or_marked(page: Path, tmp_path: Path) -> None:
     """A mark is a line before the block: <!-- not tested: takes hours -->."""
-    if "decisions" in page.parts:
-        return  # the site says of all of them that they are of their time
     name = page_name(page)
     missing = [
         f"line {block.line}: {program(words)}"

@@ -83,10 +83,6 @@ def run(words: list[str], folder: Path) -> int:
     return command(arguments)
 
 
-def is_run_here(page: Path) -> bool:
-    return "decisions" not in page.parts and page_name(page) not in PAGES_BY_TEST
-
-
 @pytest.fixture(scope="module")
 def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A recording from which commands begin."""
@@ -99,7 +95,7 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-@pytest.mark.parametrize("page", [page for page in PAGES if is_run_here(page)], ids=page_name)
+@pytest.mark.parametrize("page", [page for page in PAGES if page_name(page) not in PAGES_BY_TEST], ids=page_name)
 def test_commands_of_a_page_run(
     page: Path, recorded: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],

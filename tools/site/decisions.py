@@ -5,8 +5,8 @@ from pathlib import Path
 
 INTRODUCTION = """# Decisions
 
-For developers who ask why something is as it is: what was chosen, what else was tried, and the
-figures. The commands of a decision are those of its time; they are not tested.
+For developers who ask why something is as it is: what was chosen, why, and what follows from it.
+Numbers that are missing were replaced by later decisions, or stand in the notebook.
 
 | decision | title |
 | ---: | --- |

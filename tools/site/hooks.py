@@ -37,5 +37,4 @@ def on_files(files: Files, config: Any) -> Files:
 def on_page_markdown(markdown: str, page: Any, config: Any, files: Files) -> str:
     """Return a page with the links of the site, and its marks as notes."""
     place = page.file.src_uri
-    reason = "a decision has the command of its time" if place.startswith("decisions/") else ""
-    return with_notes(site_links(markdown, place), reason)
+    return with_notes(site_links(markdown, place))

@@ -61,19 +61,13 @@ def holds_commands(code: str) -> bool:
     return bool(lines) and lines[0].startswith(STARTS)
 
 
-def with_notes(text: str, default: str = "") -> str:
-    """Return a page that shows below each marked block why it is not tested.
-
-    Args:
-        text: the page.
-        default: the reason for commands without a mark; "": a test runs them.
-    """
+def with_notes(text: str) -> str:
+    """Return a page that shows below each marked block why it is not tested."""
 
     def change(match: re.Match[str]) -> str:
-        reason = match["reason"] or (default if holds_commands(match["code"]) else "")
-        if not reason:
+        if not match["reason"]:
             return match[0]
-        block = match[0].partition("-->")[2].lstrip("\n") if match["reason"] else match[0]
-        return f'{block}\n\n<p class="not-tested">Not tested: {reason}.</p>'
+        block = match[0].partition("-->")[2].lstrip("\n")
+        return f'{block}\n\n<p class="not-tested">Not tested: {match["reason"]}.</p>'
 
     return BLOCK.sub(change, text)

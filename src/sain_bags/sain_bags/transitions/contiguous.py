@@ -1,7 +1,7 @@
 """Pushes whose messages are contiguous: nothing about another push lies between them.
 
 Nearly all pushes of a recording are. They are paired as columns, which is several times faster
-than message by message and gives the same rows (docs/decisions/0022-one-pairing.md).
+than message by message and gives the same rows (docs/notebook/speed.md).
 """
 
 from collections.abc import Callable, Mapping, Sequence
