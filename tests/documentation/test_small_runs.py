@@ -95,7 +95,9 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-@pytest.mark.parametrize("page", [page for page in PAGES if page_name(page) not in PAGES_BY_TEST], ids=page_name)
+@pytest.mark.parametrize(
+    "page", [page for page in PAGES if page_name(page) not in PAGES_BY_TEST], ids=page_name
+)
 def test_commands_of_a_page_run(
     page: Path, recorded: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
