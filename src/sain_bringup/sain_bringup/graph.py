@@ -9,7 +9,7 @@ from sain_bringup.graph_options import ELSEWHERE, GraphOptions, LiveOptions
 from sain_bringup.options import NAMESPACE
 from sain_core.cli.command_line import executable, split_ros_arguments
 from sain_core.observation import changed_settings
-from sain_core.shapes.supports import FEET
+from sain_core.shapes.shape import FEET
 from sain_sim.world.engines import DEFAULT_ENGINE
 
 SIMULATOR: Final = "simulator"

@@ -12,7 +12,7 @@ from sain_core.config import Config, option
 from sain_core.errors import ConfigError, UntrustedFileError
 from sain_core.model import check_model_name
 from sain_core.observation import MASSES, ObservationConfig
-from sain_core.shapes.supports import BOTTOMS, FEET
+from sain_core.shapes.shape import BOTTOMS, FEET
 from sain_core.untrusted import read_yaml
 from sain_eval.scenes.scenarios import SCENARIOS
 from sain_live.settings import PageConfig

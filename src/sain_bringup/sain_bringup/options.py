@@ -14,7 +14,7 @@ from sain_core.config import Config, option
 from sain_core.errors import OutputError
 from sain_core.observation import ObservationConfig, changed_settings
 from sain_core.push import DEFAULT_SPEED
-from sain_core.shapes.supports import BOTTOMS, FEET
+from sain_core.shapes.shape import BOTTOMS, FEET
 from sain_core.storage import make_folder
 from sain_eval.scenes.scenarios import OFFERED, SCENARIOS
 from sain_sim.world.engines import BULLET, DEFAULT_ENGINE, ENGINE_HELP

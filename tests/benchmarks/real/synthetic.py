@@ -9,7 +9,6 @@ from sain_core.push import make_stroke
 from sain_core.scene import unit, wrap_angle
 from sain_core.seeding import generator
 from sain_core.shapes.bodies import Bodies
-from sain_core.shapes.supports import FLAT
 from sain_core.storage import write_arrays
 from sain_model.data.dataset import Dataset, load_dataset
 from sain_model.physics.planar import PlanarPrior
@@ -30,8 +29,8 @@ def write_pushes(folder: Path, count: int, seed: int = 0) -> Dataset:
         group += count
         for repeat, surface in enumerate(["rubber", "rubber", "steel"]):
             random = generator(seed, name, surface, repeat)
-            config = PlanarConfig(bottom=FLAT, tool_friction=SURFACES[surface])
-            prior = PlanarPrior(config).with_bodies(Bodies.named([name]))
+            config = PlanarConfig(tool_friction=SURFACES[surface])
+            prior = PlanarPrior(config).with_bodies(Bodies.named([f"{name}:flat"]))
             after = prior.step(scenes, strokes)
             moved = np.abs(after - scenes)[..., :3].sum(axis=-1, keepdims=True) > 1e-6
             after[..., :2] += moved * random.normal(0.0, NOISE, (count, 1, 2))
@@ -43,7 +42,7 @@ def write_pushes(folder: Path, count: int, seed: int = 0) -> Dataset:
                 Column.NEXT_STATE: after.reshape(count, -1),
                 Column.EPISODE: groups,
                 Column.STEP: np.full(count, repeat),
-                Column.SHAPES: np.full(count, name),
+                Column.SHAPES: np.full(count, f"{name}:flat"),
                 Column.SURFACE: np.full(count, surface),
                 Column.OBJECT: np.full(count, name),
                 Column.RUN: np.full(count, f"{place}"),

@@ -55,7 +55,11 @@ def add_bodies(recording: Any, episode: int, names: tuple[str, ...] = ("t", "dis
             if name == "disk":
                 kind = {"type": 3, "dimensions": np.array([0.04, radius])}
             parts.append(make("shape_msgs/msg/SolidPrimitive", **kind))
-        about = {"name": name, "role": role, "radius": radius, "parts": parts}
+        feet = [
+            make("geometry_msgs/msg/Point", x=x, y=y, z=0.0)
+            for x, y in get_shape(name).supports(radius).tolist()
+        ]
+        about = {"name": name, "role": role, "radius": radius, "parts": parts, "supports": feet}
         bodies.append(make("sain_interfaces/msg/Body", **about))
     recording.add("/sain/shapes", "Bodies", episode_id=episode, bodies=bodies)
 

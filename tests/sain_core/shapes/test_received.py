@@ -19,14 +19,17 @@ def prism(corners):
     return Message(type=PRISM, dimensions=[0.04], polygon=Message(points=points))
 
 
-def body(name="t", role="pushable", radius=0.09, parts=None):
+FEET = [Message(x=0.0, y=0.0, z=0.0)] * 3
+
+
+def body(name="t", role="pushable", radius=0.09, parts=None, supports=FEET):
     parts = [prism(part) for part in get_shape(name).parts(radius)] if parts is None else parts
-    return Message(name=name, role=role, radius=radius, parts=parts)
+    return Message(name=name, role=role, radius=radius, parts=parts, supports=supports)
 
 
 def disk(role="movable", radius=0.06):
     part = Message(type=3, dimensions=[0.04, radius], polygon=None)
-    return Message(name="disk", role=role, radius=radius, parts=[part])
+    return Message(name="disk", role=role, radius=radius, parts=[part], supports=FEET)
 
 
 def bodies(*found):
@@ -40,6 +43,19 @@ def test_shapes_of_the_library_are_found_by_name():
     assert decode_bodies(bodies(body(), disk("fixed"))) == Bodies.named(
         ["t", "disk"], ["pushable", "fixed"]
     )
+
+
+@pytest.mark.parametrize("supports", [[], FEET[:1] * 9], ids=["none stated", "nine"])
+def test_what_does_not_stand_on_three_feet_lies_flat(supports):
+    parts = [prism(part) for part in get_shape("t").parts(0.09)]
+    sent = body(supports=supports), body("tee_of_others", parts=parts, supports=supports)
+    found = decode_bodies(bodies(*sent))
+    assert found.lie_flat and [shape.name for shape in found.shapes] == [
+        "t:flat",
+        "tee_of_others:flat",
+    ]
+    sent[0].name = "t:flat"
+    assert decode_bodies(bodies(*sent)) == found
 
 
 def test_a_cube_is_a_box():

@@ -74,9 +74,9 @@ def simulate(folder: Path) -> Recorded:
         strokes = make_stroke(
             start, np.arctan2(way[:, 1], way[:, 0]), np.hypot(*way.T), speed=0.02, tip_radius=TIP
         )
-        bodies = Bodies((body.shape,))
+        bodies = Bodies((body.shape.on("flat"),))
         assert not first_touch(states, strokes, bodies).inside.any()
-        settled = PlanarPrior(PlanarConfig(bottom="flat"), bodies).step(states, strokes)[:, 0]
+        settled = PlanarPrior(PlanarConfig(), bodies).step(states, strokes)[:, 0]
         after = np.column_stack(
             [
                 settled[:, POSITION] - turned(settled[:, THETA], np.array(body.centre)),

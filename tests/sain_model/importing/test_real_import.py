@@ -111,9 +111,11 @@ def test_a_data_set_has_its_outlines_with_it(
 ) -> None:
     write_stated(tmp_path)
     data, _ = convert(tmp_path / "out", write_npz(tmp_path / "all.npz", rows))
-    names = {part.bodies.shapes[0].name for part in data.parts}
+    assert all(part.bodies.lie_flat for part in data.parts)
+    names = {part.bodies.on("feet").shapes[0].name for part in data.parts}
     others = {name: shape for name, shape in library._shapes.items() if name not in names}
     monkeypatch.setattr(library, "_shapes", others)
+    monkeypatch.setattr(library, "_flat", {})
     again = load_dataset(tmp_path / "out")
     assert [part.bodies for part in again.parts] == [part.bodies for part in data.parts]
     assert names <= set(others)
@@ -165,7 +167,7 @@ def test_shapes_of_the_library_need_a_radius(rows: Recorded, tmp_path: Path) -> 
     lines = path.read_text().splitlines()
     path.write_text("\n".join([f"{lines[0]},radius", *(f"{line},0.08" for line in lines[1:])]))
     data, _ = convert(tmp_path / "out", path)
-    assert data.alike.bodies.shapes[0].name == "ellipse"
+    assert data.alike.bodies.shapes[0].name == "ellipse:flat"
     assert (data.alike.state[:, 0, 7] == 0.08).all()
 
 

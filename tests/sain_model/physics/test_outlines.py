@@ -335,8 +335,8 @@ def test_the_nominal_belief_is_about_masses_only() -> None:
 
 
 def test_loads_obey_statics() -> None:
-    for bottom in ("feet", "flat"):
-        supports = body_table(Bodies.named(["l"]), bottom).supports
+    for name in ("l", "l:flat"):
+        supports = body_table(Bodies.named([name])).supports
         assert supports[:, 2].sum() == pytest.approx(1.0)
         np.testing.assert_allclose(supports[:, 2] @ supports[:, :2], 0.0, atol=1e-12)
 

@@ -15,7 +15,7 @@ from sain_model.physics.planar import PlanarPrior
 from sain_model.physics.planar_config import AXES, PlanarConfig
 
 EVERY = ("disk", "disk"), ("t", "star"), ("disk", "half_ring"), ("ellipse", "u")
-FLAT = replace(PlanarConfig(), bottom="flat")
+ON_BOTH = pytest.mark.parametrize("bottom", ["feet", "flat"])
 
 
 def kinds(*names: str) -> Bodies:
@@ -68,24 +68,26 @@ def close(first: Scenes, second: Scenes) -> None:
     assert np.quantile(turned, 0.9) < 5e-5 and turned.max() < 3e-3
 
 
-@pytest.mark.parametrize("config", [PlanarConfig(), AXES, FLAT], ids=["planar", "axes", "flat"])
+@pytest.mark.parametrize(
+    ("config", "bottom"), [(PlanarConfig(), "feet"), (AXES, "feet"), (PlanarConfig(), "flat")]
+)
 @pytest.mark.parametrize("names", EVERY)
 def test_the_values_of_the_settings_change_no_bit(
-    names: tuple[str, ...], config: PlanarConfig
+    names: tuple[str, ...], config: PlanarConfig, bottom: str
 ) -> None:
     scenes, pushes = draw(40)
-    prior = PlanarPrior(config, kinds(*names))
+    prior = PlanarPrior(config, kinds(*names).on(bottom))
     values = {one.name: np.full(40, getattr(config, one.name)) for one in PARAMETERS}
     np.testing.assert_array_equal(prior.step(scenes, pushes, values), prior.step(scenes, pushes))
     each = {name: np.full((40, 2), getattr(config, name)) for name in OF_BODIES}
     np.testing.assert_array_equal(prior.step(scenes, pushes, each), prior.step(scenes, pushes))
 
 
-@pytest.mark.parametrize("config", [PlanarConfig(), FLAT], ids=["feet", "flat"])
+@ON_BOTH
 @pytest.mark.parametrize("names", EVERY)
-def test_a_batch_is_a_loop_to_the_bit(names: tuple[str, ...], config: PlanarConfig) -> None:
+def test_a_batch_is_a_loop_to_the_bit(names: tuple[str, ...], bottom: str) -> None:
     scenes, pushes = draw(30, 1)
-    values, prior = draw_values(30, 2, 1), PlanarPrior(config, kinds(*names))
+    values, prior = draw_values(30, 2, 1), PlanarPrior(PlanarConfig(), kinds(*names).on(bottom))
     together = prior.step(scenes, pushes, values)
     for row in range(30):
         one = slice(row, row + 1)
@@ -115,13 +117,12 @@ def test_a_push_of_no_length_moves_nothing(names: tuple[str, ...]) -> None:
     np.testing.assert_array_equal(after, scenes)
 
 
-@pytest.mark.parametrize("config", [PlanarConfig(), FLAT], ids=["feet", "flat"])
+@ON_BOTH
 @pytest.mark.parametrize("names", EVERY)
-def test_a_turned_scene_on_a_turned_slope_ends_turned(
-    names: tuple[str, ...], config: PlanarConfig
-) -> None:
+def test_a_turned_scene_on_a_turned_slope_ends_turned(names: tuple[str, ...], bottom: str) -> None:
     scenes, pushes = draw(30, 4)
-    values, prior, angle = draw_values(30, 2, 4), PlanarPrior(config, kinds(*names)), 1.3
+    values, angle = draw_values(30, 2, 4), 1.3
+    prior = PlanarPrior(PlanarConfig(), kinds(*names).on(bottom))
     after = prior.step(scenes, pushes, values)
     cos, sin = np.cos(angle), np.sin(angle)
     x, y = values["slope_x"], values["slope_y"]
@@ -137,12 +138,10 @@ def test_a_turned_scene_on_a_turned_slope_ends_turned(
     close(prior.step(rotate_scenes(scenes, angle), other, turned), rotate_scenes(after, angle))
 
 
-@pytest.mark.parametrize(
-    ("names", "config"), [(("disk", "disk"), PlanarConfig()), (("disk", "square"), FLAT)]
-)
-def test_a_mirrored_scene_ends_mirrored(names: tuple[str, ...], config: PlanarConfig) -> None:
+@pytest.mark.parametrize("names", [("disk", "disk"), ("disk:flat", "square:flat")])
+def test_a_mirrored_scene_ends_mirrored(names: tuple[str, ...]) -> None:
     scenes, pushes = draw(30, 5)
-    values, prior = draw_values(30, 2, 5), PlanarPrior(config, kinds(*names))
+    values, prior = draw_values(30, 2, 5), PlanarPrior(PlanarConfig(), kinds(*names))
     odd = ("slope_y", "centre_y", "angle_offset", "location_offset", "tip_y")
     odd += ("grain_y", "table_grain_y")
     mirrored = values | {name: -values[name] for name in odd}
@@ -172,7 +171,7 @@ def test_renumbered_bodies_end_renumbered(names: tuple[str, ...]) -> None:
 def test_every_parameter_counts(name: str) -> None:
     scenes, pushes = draw(30, 7)
     one = BY_NAME[name]
-    prior = PlanarPrior(replace(FLAT, tool_restitution=0.3), kinds("disk", "t"))
+    prior = PlanarPrior(replace(PlanarConfig(), tool_restitution=0.3), kinds("disk:flat", "t:flat"))
     usual = getattr(prior.config, name)
     changed = 1.3 * usual if one.logarithm else usual + 0.3 * (one.most - usual)
     if changed == usual:
@@ -181,7 +180,7 @@ def test_every_parameter_counts(name: str) -> None:
     assert np.abs(after - prior.step(scenes, pushes))[..., : THETA + 1].max() > 1e-5
 
 
-@pytest.mark.parametrize("bottom", ["feet", "flat"])
+@ON_BOTH
 @pytest.mark.parametrize("names", EVERY)
 def test_no_allowed_value_gives_nan(names: tuple[str, ...], bottom: str) -> None:
     scenes, pushes = draw(200, 8)
@@ -191,7 +190,7 @@ def test_no_allowed_value_gives_nan(names: tuple[str, ...], bottom: str) -> None
         usual = getattr(PlanarConfig(), one.name)
         choices = np.array([one.least, one.most, usual])
         values[one.name] = random.choice(choices, shape, p=[0.2, 0.2, 0.6])
-    prior = PlanarPrior(replace(PlanarConfig(), bottom=bottom), kinds(*names))
+    prior = PlanarPrior(PlanarConfig(), kinds(*names).on(bottom))
     assert np.isfinite(prior.step(scenes, pushes, values)).all()
     level = values | {"slope_x": np.zeros(200), "slope_y": np.zeros(200)}
     moved = prior.step(scenes, pushes, level) - scenes

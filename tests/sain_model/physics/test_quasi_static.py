@@ -105,7 +105,7 @@ def reference(location: float, angle: float, feet: Points, loads: Scalars) -> np
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_slow_push_is_quasi_static(kind: str, bottom: str) -> None:
     """Whatever the inertia and the speed."""
-    bodies, config = KINDS[kind], replace(SLOW, bottom=bottom)
+    bodies, config = KINDS[kind].on(bottom), SLOW
     places = np.array([(0.5, 0.0), (0.9, 0.0)])
     scenes = np.repeat(make_scene(places, np.full(2, 8.0), np.full(2, RADIUS))[None], 3, axis=0)
     pushes = make_push(*np.array(PUSHES).T, LENGTH, speed=0.01)
@@ -159,7 +159,7 @@ def test_a_flat_bottom_turns_as_its_torsion_says(values: dict[str, float]) -> No
     location, angle = PUSHES[1]
     push = make_push([location], angle, LENGTH, speed=0.01)
     each = {name: np.array([[value, 1.0]]) for name, value in values.items()}
-    moved = PlanarPrior(replace(SLOW, bottom="flat")).step(scene, push, each) - scene
+    moved = PlanarPrior(SLOW, Bodies.named(["disk:flat"] * 2)).step(scene, push, each) - scene
     feet = values.get("torsion", 1.0) * RADIUS * points
     expected = reference(location, angle, feet, loads)
     assert moved[0, 0, THETA] == pytest.approx(expected[2], abs=np.radians(1.0))
@@ -224,9 +224,8 @@ def test_a_push_along_the_line_through_the_centre_of_mass_does_not_turn() -> Non
 
 @pytest.mark.parametrize("names", [("t", "bar"), ("star", "square")])
 def test_bodies_on_flat_bottoms_turn_with_the_scene(names: tuple[str, ...]) -> None:
-    prior = PlanarPrior(
-        replace(TEXTBOOK, bottom="flat"), Bodies.named(list(names), [Role.PUSHABLE] * 2)
-    )
+    bodies = Bodies.named([f"{name}:flat" for name in names], [Role.PUSHABLE] * 2)
+    prior = PlanarPrior(TEXTBOOK, bodies)
     places = np.array([(0.5, 0.0), (0.64, 0.03)])
     scene = make_scene(places, np.array([8.0, 7.0]), np.array([0.07, 0.06]), np.array([0.3, 1.0]))
     random = np.random.default_rng(3)
@@ -237,5 +236,5 @@ def test_bodies_on_flat_bottoms_turn_with_the_scene(names: tuple[str, ...]) -> N
     turned = prior.step(rotate_scenes(scenes, 0.9), pushes)
     off = turned[..., :2] - rotate_scenes(after, 0.9)[..., :2]
     assert np.quantile(np.abs(off), 0.95) < 1e-4
-    feet = PlanarPrior(TEXTBOOK, prior.bodies).step(scenes, pushes)
+    feet = PlanarPrior(TEXTBOOK, bodies.on("feet")).step(scenes, pushes)
     assert np.abs(after - feet)[..., :2].max() > 1e-3

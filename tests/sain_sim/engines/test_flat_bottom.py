@@ -8,7 +8,8 @@ import pytest
 from sain_core.errors import ConfigError
 from sain_core.scene import DISK_HEIGHT
 from sain_core.shapes.library import get_shape
-from sain_core.shapes.supports import FLAT, _within
+from sain_core.shapes.shape import FLAT
+from sain_core.shapes.supports import _within
 from sain_sim.world.parameters import WorldParameters, nominal_parameters
 from sain_sim.world.roughness import Roughness
 from sain_sim.world.truth import TruthConfig
@@ -19,7 +20,7 @@ FRICTION, RADIUS, HEADING = 0.2, 0.08, 0.3
 
 
 def flat(name: str, mass: float = 8.0) -> WorldParameters:
-    return WorldParameters((mass,), (RADIUS,), (name,), friction=FRICTION, bottom=FLAT)
+    return WorldParameters((mass,), (RADIUS,), (name,), friction=FRICTION).on(FLAT)
 
 
 def thrown(world: World, velocity: np.ndarray, spin: float) -> np.ndarray:
@@ -87,7 +88,7 @@ def test_the_distance_does_not_depend_on_the_mass(engine):
 
 
 def test_flat_bodies_rest_where_they_are_and_repeat_to_the_bit(engine, bench):
-    parameters = replace(nominal_parameters(shapes=("disk", "t")), bottom=FLAT)
+    parameters = nominal_parameters(shapes=("disk", "t")).on(FLAT)
     ends = []
     for _ in range(2):
         with World(parameters, engine=engine) as world:
@@ -104,7 +105,7 @@ def test_flat_bodies_rest_where_they_are_and_repeat_to_the_bit(engine, bench):
 def test_feet_and_bottom_turn_a_body_by_other_angles(engine, bench):
     turns = []
     for bottom in ("feet", "flat"):
-        with World(replace(flat("box_2x1"), bottom=bottom), engine=engine) as world:
+        with World(flat("box_2x1").on(bottom), engine=engine) as world:
             turns.append(thrown(world, np.zeros(2), 6.0)[2] - HEADING)
     assert turns[1] > 1.2 * turns[0]  # feet stand further out than pressure does
 
@@ -115,7 +116,7 @@ def test_a_body_turns_towards_where_its_mass_is(engine, bottom, bench):
     turns = []
     for side in (-1.0, 1.0):
         roughness = Roughness(mass_offsets=((0.0, 0.15 * side),))
-        parameters = replace(flat("disk"), bottom=bottom, roughness=roughness)
+        parameters = replace(flat("disk").on(bottom), roughness=roughness)
         with World(parameters, engine=engine) as world:
             world.reset(parameters.scene(np.array([[0.48, 0.0]])))
             turns.append(world.push(bench.straight).after[0, 2])
@@ -124,7 +125,7 @@ def test_a_body_turns_towards_where_its_mass_is(engine, bottom, bench):
 
 def test_more_bodies_than_collision_groups_keep_their_own_tables(engine):
     count = 20
-    parameters = WorldParameters((8.0,) * count, (0.03,) * count, ("disk",) * count, bottom=FLAT)
+    parameters = WorldParameters((8.0,) * count, (0.03,) * count, ("disk:flat",) * count)
     places = np.array([[0.3 + 0.1 * (i % 5), -0.3 + 0.15 * (i // 5)] for i in range(count)])
     with World(parameters, engine=engine) as world:
         world.reset(parameters.scene(places))

@@ -11,7 +11,7 @@ from sain_core.push import SPEED, make_push
 from sain_core.scene import MID, POSITION, THETA
 from sain_core.seeding import generator
 from sain_core.shapes.library import get_shape, shape_names
-from sain_core.shapes.supports import FLAT
+from sain_core.shapes.shape import FLAT
 from sain_sim.world import effects
 from sain_sim.world.effects import MEASURED, draw_effects, effects_of
 from sain_sim.world.engines import MUJOCO
@@ -30,7 +30,7 @@ LABS = [TruthConfig(MEASURED, lab=lab, engine=MUJOCO) for lab in range(6)]
 
 
 def measured(parameters: WorldParameters = ONE, bottom="feet", **values) -> WorldParameters:
-    return replace(parameters, bottom=bottom, roughness=Roughness(**values))
+    return replace(parameters.on(bottom), roughness=Roughness(**values))
 
 
 def pushed(parameters, push, place=PLACE, watch=None):

@@ -9,8 +9,7 @@ import pytest
 from sain_core.errors import BlockedError, ConfigError
 from sain_core.push import make_push
 from sain_core.scene import MID, POSITION, TARGET, THETA, is_settled, unit
-from sain_core.shapes.shape import REGULAR_FEET
-from sain_core.shapes.supports import FLAT
+from sain_core.shapes.shape import FLAT, REGULAR_FEET
 from sain_sim.arm.kinematics import LOWER_LIMITS, UPPER_LIMITS
 from sain_sim.engines.bullet.arm import SLIDES
 from sain_sim.world.effects import LABS, ROUGH, TILT, draw_effects, effects_of
@@ -333,4 +332,4 @@ def test_what_does_not_fit_the_disks_is_refused():
         replace(nominal_parameters(), roughness=offsets)
     feet = Roughness(feet=(REGULAR_FEET,) * 2)
     with pytest.raises(ConfigError, match="what lies flat has no feet"):
-        replace(nominal_parameters(), bottom=FLAT, roughness=feet)
+        replace(nominal_parameters().on(FLAT), roughness=feet)

@@ -3,8 +3,8 @@ import pytest
 
 from sain_core.errors import InvalidInputError, OutOfRangeError
 from sain_core.scene import MASS, RADIUS, VELOCITY, make_scene, surface_gaps
+from sain_core.shapes.shape import FLAT
 from sain_core.shapes.solids import DISK
-from sain_core.shapes.supports import FLAT
 from sain_sim.world.parameters import nominal_parameters
 from sain_sim.world.start import draw_episode
 from sain_sim.world.truth import TruthConfig
@@ -51,8 +51,8 @@ def test_bodies_stand_on_feet_unless_they_lie_flat() -> None:
     for world in ("nominal", "randomised"):
         truth = TruthConfig(world, bottom=FLAT)
         parameters = draw_episode(0, truth, GIVEN, ("disk", "cube", "disk"))[0]
-        assert parameters.shapes == (DISK, "cube", DISK)
-        assert parameters.lies_flat
+        assert parameters.shapes == ("disk:flat", "cube:flat", "disk:flat")
+        assert parameters.lies_flat and parameters.bottom == FLAT
     assert draw_episode(0, TruthConfig("nominal"), GIVEN)[0].shapes == (DISK,) * 3
 
 

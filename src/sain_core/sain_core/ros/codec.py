@@ -20,6 +20,7 @@ from sain_core.push import BODY, PUSH_NAMES
 from sain_core.scene import DISK_HEIGHT, STATE_NAMES, THETA, X, Y
 from sain_core.shapes.bodies import Bodies
 from sain_core.shapes.shape import Shape, Solid
+from sain_core.shapes.supports import support_points
 from sain_core.types import PushArray, Pushes, Scalars, Scene, Scenes
 from sain_interfaces.msg import Bodies as BodiesMessage
 from sain_interfaces.msg import Body, DiskState, GoalPose, Plan, Push
@@ -97,7 +98,8 @@ def encode_bodies(
             symmetry=shape.symmetry,
             parts=_parts(shape, radius),
             supports=[
-                Point(x=x, y=y, z=-DISK_HEIGHT / 2) for x, y in shape.supports(radius).tolist()
+                Point(x=x, y=y, z=-DISK_HEIGHT / 2)
+                for x, y in support_points(shape, radius).tolist()
             ],
         )
         for shape, role, radius in zip(bodies.shapes, bodies.roles, radii, strict=True)

@@ -4,7 +4,7 @@ The state of a body is its row of the scene (`sain_core.scene`). What is here is
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from functools import cached_property, lru_cache
 from itertools import combinations
@@ -23,7 +23,7 @@ from sain_core.scene import (
     surface_gaps,
 )
 from sain_core.shapes.library import get_shape
-from sain_core.shapes.shape import Shape
+from sain_core.shapes.shape import FEET, Shape
 from sain_core.types import Scene, Scenes
 
 MOST_BODIES: Final = 32
@@ -87,6 +87,10 @@ class Bodies:
         built = tuple(get_shape(name, body) for body, name in enumerate(shapes))
         return cls(built, tuple(map(Role, roles)))
 
+    def on(self, bottom: str) -> Self:
+        """Return the same bodies on feet or on flat bottoms."""
+        return replace(self, shapes=tuple(shape.on(bottom) for shape in self.shapes))
+
     def fitted(self, count: int) -> "Bodies":
         """Return these bodies for a scene of so many: the paper's disks fit any number."""
         return Bodies.disks(count) if self.are_paper_disks and len(self) != count else self
@@ -101,14 +105,20 @@ class Bodies:
         return all(shape.is_round for shape in self.shapes)
 
     @cached_property
+    def lie_flat(self) -> bool:
+        """Whether all bodies lie on flat bottoms."""
+        return all(shape.lies_flat for shape in self.shapes)
+
+    @cached_property
     def has_paper_roles(self) -> bool:
         """Whether only body 0 is pushable and all others are movable."""
         return self.roles == _paper_roles(len(self))
 
     @cached_property
     def are_paper_disks(self) -> bool:
-        """Whether these are disks with the paper's roles, which nobody needs to state."""
-        return self.all_round and self.has_paper_roles
+        """Whether these are disks on feet with the paper's roles, which nobody needs to state."""
+        flat = any(shape.lies_flat for shape in self.shapes)
+        return self.all_round and self.has_paper_roles and not flat
 
     @cached_property
     def stand_in_for_disks(self) -> bool:
@@ -117,7 +127,7 @@ class Bodies:
         A cube stands in for the disk of its radius, as in the paper. What knows only disks predicts
         such scenes as it always did.
         """
-        alike = all(shape.is_round or shape.name == CUBE for shape in self.shapes)
+        alike = all(shape.is_round or shape.on(FEET).name == CUBE for shape in self.shapes)
         return alike and self.has_paper_roles
 
     @cached_property

@@ -16,7 +16,7 @@ import numpy as np
 
 from sain_core.errors import ConfigError, InvalidInputError
 from sain_core.plugins import Plugins, did_you_mean
-from sain_core.shapes.shape import Pair, Shape
+from sain_core.shapes.shape import FLAT, FLAT_MARK, Pair, Shape
 from sain_core.shapes.solids import CUBE, DISK, Compound, Disk
 
 RANDOM_CORNERS: Final = (5, 6, 7, 8, 9, 10)  # of the random polygons, by seed
@@ -120,6 +120,7 @@ ALIKE: Final = 0.7  # of the letters: `disk` is no slip of `half_disk`
 FORMER: Final = {"three_feet": DISK, "flat": DISK}  # names of disks in recordings of before
 OFFERED: Final = Plugins(GROUP, "shape")
 _shapes: dict[str, Shape] = {shape.name: shape for shape in (Disk(DISK), CUBE)}
+_flat: dict[str, Shape] = {}  # those that were asked for, by their names
 _failed: dict[str, str] = {}  # offered shapes that cannot be used, and why
 
 
@@ -127,8 +128,13 @@ def register(shape: Shape) -> None:
     """Let a shape be found by its name in this process.
 
     Raises:
-        ConfigError: another shape has its name.
+        ConfigError: another shape has its name, or the name ends as those of flat bottoms do.
     """
+    if shape.lies_flat:
+        raise ConfigError(
+            f"a shape has the name {shape.name!r}; offer it without {FLAT_MARK!r}: both bottoms are"
+            " made of it"
+        )
     if _shapes.setdefault(shape.name, shape) != shape:
         raise ConfigError(f"two shapes have the name {shape.name!r}; rename one of them")
 
@@ -140,7 +146,14 @@ def shape_names() -> list[str]:
 
 
 def get_shape(name: str, body: int | None = None) -> Shape:
-    """Return the shape of this name; raises `ConfigError`: there is none."""
+    """Return the shape of this name; raises `ConfigError`: there is none.
+
+    With ``:flat`` at the end, it is the shape of the name before, on a flat bottom.
+    """
+    if name.endswith(FLAT_MARK):
+        if name not in _flat:
+            _flat[name] = get_shape(name.removesuffix(FLAT_MARK), body).on(FLAT)
+        return _flat[name]
     name = FORMER.get(name, name)
     for load in (_load_library, _load_offered):
         if name not in _shapes:

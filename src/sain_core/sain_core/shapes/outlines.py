@@ -19,7 +19,7 @@ from sain_core.errors import ConfigError, DatasetError, UntrustedFileError
 from sain_core.scene import unit
 from sain_core.shapes.library import get_shape, register
 from sain_core.shapes.received import LEAST_RADIUS, LONGEST_NAME, MOST_RADIUS, Ring
-from sain_core.shapes.shape import Pair, Shape
+from sain_core.shapes.shape import FEET, Pair, Shape
 from sain_core.shapes.solids import DISK, TOLERANCE, Prism, centroid
 from sain_core.shapes.supports import balanced_feet
 from sain_core.storage import write_json
@@ -244,7 +244,8 @@ def hashed_name(name: str, corners: tuple[Pair, ...]) -> str:
 
 def write_outlines(folder: Path, shapes: Iterable[Shape]) -> None:
     """Write the outlines of traced shapes beside a data set; raises `OutputError`."""
-    traced = {shape.name: shape.corners for shape in shapes if isinstance(shape, Traced)}
+    standing = (shape.on(FEET) for shape in shapes)
+    traced = {shape.name: shape.corners for shape in standing if isinstance(shape, Traced)}
     write_json(folder / OUTLINES_FILE, {UNIT: RADII, SHAPES: traced})
 
 

@@ -15,7 +15,7 @@ from numpy import ndarray
 from sain_core.errors import ConfigError, InvalidInputError, OutOfRangeError
 from sain_core.shapes.bodies import MOST_BODIES, Bodies, Role
 from sain_core.shapes.library import get_shape
-from sain_core.shapes.shape import Pair, Shape
+from sain_core.shapes.shape import FEET, FLAT, FLAT_MARK, Pair, Shape
 from sain_core.shapes.solids import DISK, MOST_PARTS, Compound
 from sain_core.types import Points
 
@@ -28,6 +28,7 @@ SINGLE: Final = 1e-5  # [radii], corners come as float32
 LEAST_RADIUS: Final = 0.001  # [m]
 MOST_RADIUS: Final = 0.5  # [m]
 LONGEST_NAME: Final = 64
+FEET_COUNT: Final = 3  # of supports in a message; any other number is those of a flat bottom
 
 
 def decode_bodies(message: Any) -> Bodies:
@@ -97,18 +98,20 @@ def _shape(number: int, body: Any) -> Shape:
             f" allowed: 1 to {LONGEST_NAME}"
         )
     outline = _parts(number, body, radius)
+    bottom = FLAT if body.name.endswith(FLAT_MARK) or len(body.supports) != FEET_COUNT else FEET
+    name = body.name.removesuffix(FLAT_MARK)
     try:
-        installed: Shape | None = get_shape(body.name)
+        installed: Shape | None = get_shape(name)
     except ConfigError:
         installed = None
     if installed is None:
-        return _made(number, body.name, outline)
+        return _made(number, name, outline).on(bottom)
     if not _same(installed, outline):
         raise InvalidInputError(
             f"body {number} is a {body.name!r} with another outline than that shape has here;"
             " install the same version of the shape, or give it another name"
         )
-    return installed
+    return installed.on(bottom)
 
 
 def _parts(number: int, body: Any, radius: float) -> list[Ring] | None:

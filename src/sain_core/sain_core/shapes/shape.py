@@ -6,11 +6,11 @@ has another unit, half of its width: it stands in for the disk of its radius, as
 """
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 from functools import cached_property
 from math import pi
-from typing import ClassVar, Final
+from typing import ClassVar, Final, Self
 
 import numpy as np
 from jaxtyping import Float
@@ -23,6 +23,8 @@ Pair = tuple[float, float]
 Vector = tuple[float, float, float]
 Triangles = Float[ndarray, "T 3 3"]
 
+FEET, FLAT = BOTTOMS = ("feet", "flat")  # what bodies stand on
+FLAT_MARK: Final = ":flat"  # at the end of a name
 FOOT_BEARINGS: Final = (0.0, 2 * pi / 3, 4 * pi / 3)  # [rad], of regular feet
 REGULAR_FEET: Final = tuple((0.7, bearing) for bearing in FOOT_BEARINGS)
 
@@ -40,7 +42,8 @@ class Shape(ABC):
     """An upright body of constant cross-section, `DISK_HEIGHT` high.
 
     Attributes:
-        name: in messages, data sets, scenarios and pictures.
+        name: in messages, data sets, scenarios and pictures; ``t:flat`` lies on a flat bottom,
+            ``t`` stands on three feet.
     """
 
     name: str
@@ -64,6 +67,16 @@ class Shape(ABC):
     @abstractmethod
     def symmetry(self) -> float:
         """The smallest turn [rad] that leaves the outline unchanged; 0: any turn does."""
+
+    @cached_property
+    def lies_flat(self) -> bool:
+        """Whether the whole footprint lies on the table; else the body stands on its feet."""
+        return self.name.endswith(FLAT_MARK)
+
+    def on(self, bottom: str) -> Self:
+        """Return the same outline on `FEET` or on a `FLAT` bottom."""
+        name = self.name.removesuffix(FLAT_MARK) + (FLAT_MARK if bottom == FLAT else "")
+        return self if name == self.name else replace(self, name=name)
 
     @cached_property
     def is_round(self) -> bool:

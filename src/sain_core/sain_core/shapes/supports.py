@@ -47,7 +47,6 @@ def _cross(first: ndarray, second: ndarray) -> ndarray:
     return np.asarray(first[..., 0] * second[..., 1] - first[..., 1] * second[..., 0])
 
 
-FEET, FLAT = BOTTOMS = ("feet", "flat")
 CELLS: Final = 24  # squares of which a bottom consists, about; those at its rim are cut
 FINE: Final = 8  # points along the side of a square, that tell how much of it lies within
 EVEN: Final = 9  # supports that carry the same
@@ -93,6 +92,11 @@ def even_supports(shape: Shape) -> Points:
     middles -= middles.mean(axis=0)
     stretch = np.linalg.inv(_root(middles)) @ _root(fine)
     return np.asarray(middles @ stretch)
+
+
+def support_points(shape: Shape, radius: float) -> Points:
+    """Return points (F, 2) [m] that a body stands on: its three feet, or nine of a flat bottom."""
+    return radius * even_supports(shape) if shape.lies_flat else shape.supports(radius)
 
 
 def _thirds(points: ndarray) -> list[ndarray]:

@@ -179,8 +179,9 @@ class SainDynamics(Model):
         """What is believed now, one row."""
         history = self.history
         if history is None or len(history) == 0:
-            nothing = np.empty((0, len(self.bodies), 8)), np.empty((0, PUSH_SIZE))
-            pushes = ObservedPushes(nothing[0], nothing[1], nothing[0], np.empty(0, np.int64))
+            scenes, none = np.empty((0, len(self.bodies), 8)), np.empty((0, PUSH_SIZE))
+            nothing = scenes, none, scenes
+            pushes = ObservedPushes(*nothing, np.empty(0, np.int64), self.bodies)
         else:
             pushes = self.observed(history)
         return self.infer(pushes, Known.everything(len(pushes)))

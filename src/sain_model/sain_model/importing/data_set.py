@@ -25,7 +25,7 @@ from sain_core.push import make_stroke
 from sain_core.scene import MASS, POSITION, RADIUS, STATE_SIZE, THETA, unit
 from sain_core.shapes.bodies import Bodies
 from sain_core.shapes.outlines import OUTLINES_FILE, write_outlines
-from sain_core.shapes.supports import FLAT
+from sain_core.shapes.shape import FLAT
 from sain_core.storage import make_folder, write_arrays, write_json
 from sain_core.types import Pushes, Scenes
 from sain_model.importing.real_pushes import RealPushes
@@ -37,7 +37,7 @@ from sain_model.physics.planar_config import PlanarConfig
 
 CARD_FILE: Final = "card.json"
 EXAMPLES: Final = 3
-PHYSICS: Final = PlanarConfig(bottom=FLAT)
+PHYSICS: Final = PlanarConfig()
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,7 +76,7 @@ def import_pushes(
     Raises:
         DatasetError: a push that begins inside the body, unless they are left out; or none is left.
     """
-    bodies = {key: Bodies((body.shape,)) for key, body in found.bodies.items()}
+    bodies = {key: Bodies((body.shape.on(FLAT),)) for key, body in found.bodies.items()}
     state, after, strokes = _scenes(found, mass)
     touch = _touches(found, bodies, state, strokes)
     inside = tuple(found.pushes.where(int(row)) for row in np.flatnonzero(touch.inside))
@@ -248,8 +248,7 @@ def _summary(made: Imported) -> dict[str, Any]:
         "groups_of_repeats": len(sizes),
         "share_with_repeat": float((sizes[made.groups] > 1).mean()),
         "largest_group": int(sizes.max()),
-        "bottom": PHYSICS.bottom,
-        "physics_next": "computed: planar on this bottom, else with its default settings",
+        "physics_next": "computed: planar with its default settings",
         "counts": counts,
         "shard_size": SHARD_SIZE,
         "fields": describe_fields(columns),

@@ -1,6 +1,6 @@
 """Beliefs as JSON cards."""
 
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -91,4 +91,5 @@ def read_kind(part: dict[str, Any]) -> Kind:
     odds, corrected = float(part["log_odds"]), bool(part["corrected"])
     of_bodies = bool(part.get("of_bodies", False))
     prior = PlanarPrior(config)
-    return Kind(str(part["name"]), prior, names, covariance, odds, corrected, of_bodies)
+    kind = Kind(str(part["name"]), prior, names, covariance, odds, corrected=corrected)
+    return replace(kind, of_bodies=of_bodies)

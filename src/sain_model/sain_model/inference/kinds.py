@@ -16,7 +16,6 @@ from numpy import ndarray
 from sain_core.model import Model
 from sain_core.push import TOOL_RADIUS
 from sain_core.shapes.bodies import Bodies
-from sain_core.shapes.supports import FLAT
 from sain_core.types import Pushes, Scalars, Scenes
 from sain_model.physics.parameters import BY_NAME, Parameter, Values
 from sain_model.physics.planar import PlanarPrior, step_knowing
@@ -74,6 +73,7 @@ class Kind:
         names: of the D parameters that pushes show; none: the prior stays as it is.
         covariance: of the vector z, (D, D).
         log_odds: logarithm of how likely this kind is, up to a constant.
+        flat_log_odds: what is added to it where all bodies lie flat.
         corrected: whether the network was trained on this kind.
         of_bodies: whether episodes are those of a body on a surface each, which has a value of its
             own of every parameter.
@@ -84,8 +84,13 @@ class Kind:
     names: tuple[str, ...] = (FRICTION,)
     covariance: Float[ndarray, "D D"] = field(default_factory=lambda: np.eye(1))
     log_odds: float = 0.0
+    flat_log_odds: float = 0.0
     corrected: bool = False
     of_bodies: bool = False
+
+    def log_odds_of(self, bodies: Bodies) -> float:
+        """Return the logarithm of how likely this kind is for bodies, up to a constant."""
+        return self.log_odds + (self.flat_log_odds if bodies.lie_flat else 0.0)
 
     @property
     def identity(self) -> str:
@@ -226,7 +231,7 @@ def surface_kind(tool_radius: float = TOOL_RADIUS) -> Kind:
     Args:
         tool_radius: of tools whose radius no stroke states [m].
     """
-    config = replace(TEXTBOOK, bottom=FLAT, tool_friction=0.2, tool_radius=tool_radius)
+    config = replace(TEXTBOOK, tool_friction=0.2, tool_radius=tool_radius)
     names = BODY_ON_SURFACE
     return Kind("flat", PlanarPrior(config), names, np.eye(len(names)), of_bodies=True)
 
@@ -260,12 +265,16 @@ def only(kind: Kind) -> Belief:
 def default_belief(prior: PlanarPrior) -> Belief:
     """Return what is believed without recordings: a network's own prior, or the textbook's.
 
-    The textbook's is fitted to nothing. Pushes show all parameters of both.
+    The textbook's is fitted to nothing. Pushes show all parameters of both. A prior with the axes
+    of an engine's solver is likely for bodies on feet, which only simulators have, and unlikely
+    for those that lie flat.
     """
     axes = prior.config.has_axes
     names = (*LABORATORY, ALONG_AXES if axes else ACROSS)
     wide, textbook = np.eye(len(names)), replace(TEXTBOOK, friction=prior.config.friction)
-    first = Kind(SOLVER_AXES if axes else FITTED, prior, names, wide, TRAINED, corrected=True)
+    first = Kind(SOLVER_AXES, prior, names, wide, TRAINED, -2.0 * TRAINED, corrected=True)
+    if not axes:
+        first = replace(first, name=FITTED, flat_log_odds=0.0)
     other = PlanarPrior(textbook, prior.bodies)
     return Belief((first, Kind(NO_AXES, other, (*LABORATORY, ACROSS), wide)))
 

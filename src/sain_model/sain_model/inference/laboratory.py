@@ -111,6 +111,7 @@ def _kind(found: Fit, best: float) -> Kind:
         prior=kind.at(found.places.mean(axis=0)),
         covariance=covariance,
         log_odds=max(_evidence(found) - best, -MOST_ODDS),
+        flat_log_odds=0.0,
     )
 
 

@@ -90,8 +90,9 @@ def infer(belief: Belief, pushes: ObservedPushes, known: Known) -> Posterior:
     """
     width, rows = max(len(kind.names) for kind in belief.kinds), np.arange(known.rows)
     alone = [marginals(kind, known.total(LATEST.of(kind, pushes))) for kind in belief.kinds]
+    odds_of_kinds = [kind.log_odds_of(pushes.bodies) for kind in belief.kinds]
     log_evidence = np.stack(
-        [one.log_evidence + kind.log_odds for one, kind in zip(alone, belief.kinds, strict=True)],
+        [one.log_evidence + odds for one, odds in zip(alone, odds_of_kinds, strict=True)],
         axis=1,
     )
     best = log_evidence.argmax(axis=1)
@@ -107,7 +108,7 @@ def infer(belief: Belief, pushes: ObservedPushes, known: Known) -> Posterior:
         part, count = known.of_rows(some), len(kind.names)
         observed = pushes.select(part.push).in_episodes(part.row)
         found = fit(kind, [observed], places[some, :count], np.arange(len(some)), STEPS)
-        together[some] = found.log_evidence + kind.log_odds
+        together[some] = found.log_evidence + kind.log_odds_of(pushes.bodies)
         better = together[some] > log_evidence[some, best[some]]
         inferred[some] = better
         places[some[better], :count] = found.places[better]

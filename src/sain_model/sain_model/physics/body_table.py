@@ -16,7 +16,7 @@ from sain_core.push import LENGTH, LOCATION, SPEED, PushLimits, strokes
 from sain_core.scene import POSITION
 from sain_core.shapes.bodies import Bodies
 from sain_core.shapes.shape import REGULAR_FEET, Shape, feet_places
-from sain_core.shapes.supports import FEET, FLAT, flat_bottom
+from sain_core.shapes.supports import flat_bottom
 from sain_core.types import Indices, Points, Pushes, Scenes
 from sain_model.compute.compiling import plain
 from sain_model.compute.thread_pool import even_blocks, run_blocks
@@ -112,13 +112,10 @@ def nearest_first(scenes: Scenes, pushed: Indices) -> Int[ndarray, "B N"]:
 
 
 @lru_cache(maxsize=4096)  # a data set may have a thousand combinations of shapes
-def body_table(bodies: Bodies, bottom: str = FEET) -> BodyTable:
-    """Return the table of some bodies; made once, since a plan asks for it a dozen times.
-
-    `bottom` is `FEET` or `FLAT`.
-    """
+def body_table(bodies: Bodies) -> BodyTable:
+    """Return the table of some bodies; made once, since a plan asks for it a dozen times."""
     corners = [_corners(shape) for shape in bodies.shapes]
-    supports = [_flat(shape) if bottom == FLAT else _feet(shape) for shape in bodies.shapes]
+    supports = [_flat(shape) if shape.lies_flat else _feet(shape) for shape in bodies.shapes]
     return BodyTable(
         _starts(corners),
         np.concatenate(corners),

@@ -77,7 +77,7 @@ class PlanarPrior(Model):
         limits = PushLimits(tool_radius=config.tool_radius, clearance=config.clearance)
         physics["tool_radius"] = tip_radii(pushes, limits)
         ways = tool_ways(scenes, pushes, limits, bodies, physics)
-        table, pushed = body_table(bodies, config.bottom), pushed_bodies(pushes)
+        table, pushed = body_table(bodies), pushed_bodies(pushes)
         after, touched = push_bodies(believed, ways, pushed, table, physics, own)
         idle = pushes[:, LENGTH] == 0.0
         after[idle] = scenes[idle]

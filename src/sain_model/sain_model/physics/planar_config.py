@@ -8,7 +8,6 @@ import numpy as np
 from sain_core.config import Config, option
 from sain_core.push import TOOL_RADIUS
 from sain_core.scene import MASS, MID
-from sain_core.shapes.supports import BOTTOMS, FEET
 from sain_core.types import Scalars, Scenes
 from sain_model.physics.parameters import parameter
 
@@ -49,11 +48,6 @@ class PlanarConfig(Config):
     table_grain_y: float = parameter("table_grain_y", 0.0)
     slope_x: float = parameter("slope_x", 0.0)
     slope_y: float = parameter("slope_y", 0.0)
-    bottom: str = option(
-        FEET,
-        "what bodies stand on: three feet, or a flat bottom; of its true size at `foot_radius` 0.7",
-        choices=BOTTOMS,
-    )
     pressure: float = parameter("pressure", 0.0)
 
     tool_radius: float = option(TOOL_RADIUS, "radius of the stick", unit="m", minimum=0.001)

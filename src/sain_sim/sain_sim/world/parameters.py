@@ -4,7 +4,7 @@ Numbers from the paper, section III-A; it gives one friction coefficient and we 
 one between disks and table. Rims and tool keep its nominal value.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache, cached_property
 from typing import Final, NamedTuple, Self
 
@@ -14,9 +14,8 @@ from sain_core.config import Config, option
 from sain_core.errors import ConfigError
 from sain_core.scene import MASS, RADIUS, Table, make_scene
 from sain_core.shapes.bodies import Bodies
-from sain_core.shapes.shape import Pair, Shape, feet_places
+from sain_core.shapes.shape import FEET, FLAT, Pair, Shape, feet_places
 from sain_core.shapes.solids import DISK
-from sain_core.shapes.supports import BOTTOMS, FEET, FLAT
 from sain_core.types import Angles, Points, Scalars, Scene
 from sain_sim.world.roughness import SMOOTH, Roughness
 
@@ -74,9 +73,6 @@ class WorldParameters(Config):
         NOMINAL_FRICTION, "friction of the tool on a disk", minimum=0.0, maximum=1.5
     )
     roughness: Roughness = SMOOTH
-    bottom: str = option(
-        FEET, "what bodies stand on: three feet, or a flat bottom", choices=BOTTOMS
-    )
     roles: tuple[str, ...] = option(
         (), "pushable, movable or fixed, for each body; none: only the first is pushable"
     )
@@ -90,7 +86,12 @@ class WorldParameters(Config):
                 f"WorldParameters has {len(self.masses)} masses, {len(self.radii)} radii and"
                 f" {len(self.shapes)} shapes; it needs one of each for every body, 1 or more"
             )
-        _ = self.bodies  # checks shapes and roles
+        flat = {shape.lies_flat for shape in self.bodies.shapes}
+        if len(flat) > 1:
+            raise ConfigError(
+                f"the shapes are {', '.join(self.shapes)}: in one world all bodies lie flat or all"
+                " stand on feet"
+            )
         self.roughness.check_count(self.count)
         if self.roughness.feet and self.lies_flat:
             raise ConfigError(
@@ -117,7 +118,17 @@ class WorldParameters(Config):
     @property
     def lies_flat(self) -> bool:
         """Whether bodies have flat bottoms."""
-        return self.bottom == FLAT
+        return self.bodies.lie_flat
+
+    @property
+    def bottom(self) -> str:
+        """What all bodies stand on."""
+        return FLAT if self.lies_flat else FEET
+
+    def on(self, bottom: str) -> Self:
+        """Return the same world with all bodies on this bottom."""
+        shapes = tuple(shape.name for shape in self.bodies.on(bottom).shapes)
+        return self if shapes == self.shapes else replace(self, shapes=shapes)
 
     def supports(self, body: int) -> Points:
         """Return the points (F, 2) [m] in a body's frame that carry it, about its middle."""

@@ -129,7 +129,7 @@ class BulletPrior(Model):
                 made = replace(made, masses=(NOMINAL_MASS,) * len(scene))
         if truth is None:
             return made
-        return replace(made, shapes=truth.shapes, roles=truth.roles, bottom=truth.bottom)
+        return replace(made, shapes=truth.shapes, roles=truth.roles)
 
     def close(self) -> None:
         """Close the shadow world."""

@@ -72,7 +72,7 @@ def draw_episode(
     built = check_shapes(shapes or (DISK,) * count)
     parameters = truth.draw(generator(seed, "episode"), count, shapes=built)
     friction = friction or parameters.friction
-    parameters = replace(parameters, shapes=built, roles=roles, friction=friction)
+    parameters = replace(parameters, roles=roles, friction=friction)
     if scene is None:
         return parameters, paper_start(parameters)
     masses, radii = tuple(scene[:, MASS].tolist()), tuple(scene[:, RADIUS].tolist())

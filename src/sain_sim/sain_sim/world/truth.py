@@ -8,7 +8,7 @@ import numpy as np
 from sain_core.config import Config, option
 from sain_core.errors import ConfigError
 from sain_core.seeding import generator
-from sain_core.shapes.supports import BOTTOMS, FEET, FLAT
+from sain_core.shapes.shape import BOTTOMS, FEET, FLAT
 from sain_sim.world.effects import (
     EFFECTS,
     LABS,
@@ -117,20 +117,20 @@ class TruthConfig(Config):
 
         Each stands on the feet of its shape, off by the errors of the laboratory, or lies flat.
         """
-        parameters = replace(parameters, bottom=self.bottom)
+        names = self.effect_names
+        if self.bottom == FLAT or (self.world in LABS and PRESSURE in names):
+            parameters = parameters.on(FLAT)
         if self.world not in LABS:
             return parameters
-        names = self.effect_names
         effects = [name for name in names if name in EFFECTS]
         drawn = draw_effects(self.world, self.lab, effects, parameters.count)
-        bottom = FLAT if PRESSURE in names else self.bottom
         drawn["roughness"] = fit_shapes(
-            drawn["roughness"], parameters.body_shapes, flat=bottom == FLAT
+            drawn["roughness"], parameters.body_shapes, flat=parameters.lies_flat
         )
         if VARIED_FRICTION not in names:
             friction = generator(self.lab, "lab", "friction").uniform(*TABLE_FRICTION[self.world])
             drawn["friction"] = float(friction)
-        return replace(parameters, bottom=bottom, **drawn)
+        return replace(parameters, **drawn)
 
 
 RANDOMISED_TRUTH: Final = TruthConfig()
