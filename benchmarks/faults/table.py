@@ -16,14 +16,14 @@ from sain_core.storage import write_whole
 HEAD: Final = ("Fault", "Tries", "Survived", "Lost", "Recovery: longest", "99 %")
 ABOUT: Final = """# Faults
 
-What was done to a graph that played `anywhere` episodes, below its nodes, and the result. This page
-is written by `make faults`.
+For users who rely on the graph. The faults below were made while it played `anywhere` episodes.
+`make faults` measures them and writes this page.
 
 * **Survived**: the episode continued to its end.
-* **Lost**: pushes executed twice, pushes that did not begin where the one before had led, and
-  results that are not in the bag. Without those from 1 s before the recorder was struck until it
-  was back.
-* **Recovery**: from the fault until a push was executed with all processes there again.
+* **Lost**: pushes that were executed twice, pushes that did not begin where the last one ended,
+  and results that are not in the bag. Results are not counted from 1 s before the recorder was
+  killed or stopped until it records again.
+* **Recovery**: time from the fault until a push was executed with all processes running again.
 """
 
 

@@ -20,7 +20,7 @@ PAGES = sorted(
     if path.name != "CHANGELOG.md"
 )
 FENCED = re.compile(r"^```.*?^```", re.DOTALL | re.MULTILINE)
-LINK = re.compile(r"\]\(([^)\s]+)\)|(?:src|href)=\"([^\"]+)\"")
+LINK = re.compile(r"\]\(([^)\s]+)\)|(?:src|href)=\"([^\"]+)\"|^\[\w+\]: (\S+)", re.MULTILINE)
 FOLDERS = "src|tests|docs|tools|benchmarks|examples|docker|bags/README"
 NAMED_PATH = re.compile(rf"(?<![\w/.-])((?:{FOLDERS})/[\w./-]+\.(?:py|md|sh|json|yaml|png))\b")
 MODULE = re.compile(rf"`((?:{'|'.join(PYTHON_PACKAGES)})(?:\.\w+)+)")
@@ -40,7 +40,7 @@ def anchors(page: Path) -> set[str]:
 def broken_links(page: Path) -> Iterator[str]:
     """The relative links of a page that lead nowhere."""
     for match in LINK.finditer(FENCED.sub("", page.read_text())):
-        target = match[1] or match[2]
+        target = match[1] or match[2] or match[3]
         if re.match(r"[a-z]+:", target):
             continue
         name, _, anchor = target.partition("#")
@@ -80,9 +80,9 @@ def test_a_broken_link_and_a_missing_heading_are_found(tmp_path: Path) -> None:
     page = tmp_path / "page.md"
     page.write_text(
         "# A `code` title: it's here\n[a](#a-code-title-its-here) [b](#gone) [c](gone.md) "
-        '[d](https://example.org)\n<img src="gone.png">\n```\n[e](fenced.md)\n```\n'
+        '[d](https://example.org)\n<img src="gone.png">\n```\n[e](fenced.md)\n```\n[f]: lost.md\n'
     )
-    assert list(broken_links(page)) == ["#gone", "gone.md", "gone.png"]
+    assert list(broken_links(page)) == ["#gone", "gone.md", "gone.png", "lost.md"]
 
 
 @pytest.mark.parametrize(

@@ -76,7 +76,7 @@ def encode_poses(scene: Scene, places: Scalars, turns: Scalars) -> list[PoseWith
 def encode_scene(
     scene: Scene, *, stamp: Time, episode_id: int, scene_id: int, settled: bool
 ) -> SceneMessage:
-    """Return a scene (N, 8) with the ids that a push names it by."""
+    """Return a scene (N, 8) with the ids by which pushes refer to it."""
     return SceneMessage(
         header=header(stamp),
         episode_id=episode_id,

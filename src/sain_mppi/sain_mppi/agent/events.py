@@ -51,7 +51,7 @@ class EpisodeBegun:
 
 @dataclass(frozen=True, eq=False)
 class SceneObserved:
-    """A scene (N, 8), with the ids by which a push names it.
+    """A scene (N, 8), with the ids by which pushes refer to it.
 
     Attributes:
         scene: (N, 8).
@@ -75,7 +75,7 @@ class SceneObserved:
 
     @property
     def key(self) -> tuple[int, int]:
-        """The ids by which a push names the scene."""
+        """The ids by which pushes refer to the scene."""
         return self.episode_id, self.scene_id
 
 

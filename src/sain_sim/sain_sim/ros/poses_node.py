@@ -39,7 +39,7 @@ CAMERA = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)  # hear
 
 
 class PosesNode(Node):
-    """Follows the bodies and publishes them with the ids that a push names."""
+    """Follows the bodies and publishes them with the ids that pushes refer to."""
 
     def __init__(self, **options: Any) -> None:
         """Read the bodies and wait for poses."""
