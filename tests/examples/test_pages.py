@@ -17,7 +17,6 @@ CODE = {
         name: PARTS / "my_parts" / f"{name}.py" for name in ("shape", "cost", "planner", "scenario")
     },
 }
-LONGEST = 75  # lines of a page: a screen, with its code
 
 
 def block(page: str, language: str) -> str:
@@ -44,11 +43,6 @@ def test_a_page_shows_the_code_of_its_example(page: str) -> None:
     toml = block(page, "toml").splitlines()
     project = (CODE[page].parent / "pyproject.toml", PARTS / "pyproject.toml")[page != "model"]
     assert set(filter(None, toml)) - {"# pyproject.toml"} <= set(project.read_text().splitlines())
-
-
-@pytest.mark.parametrize("page", [*CODE, "robot"])
-def test_a_page_is_a_screen(page: str) -> None:
-    assert len((ROOT / "docs" / "guides" / f"your_{page}.md").read_text().splitlines()) <= LONGEST
 
 
 def test_a_model_that_is_written_from_its_page_alone_is_evaluated(tmp_path: Path) -> None:

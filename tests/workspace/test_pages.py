@@ -83,16 +83,3 @@ def test_a_broken_link_and_a_missing_heading_are_found(tmp_path: Path) -> None:
         '[d](https://example.org)\n<img src="gone.png">\n```\n[e](fenced.md)\n```\n[f]: lost.md\n'
     )
     assert list(broken_links(page)) == ["#gone", "gone.md", "gone.png", "lost.md"]
-
-
-@pytest.mark.parametrize(
-    ("name", "there"),
-    [
-        ("sain_core.push.PaperGrid", True),
-        ("sain_core.push", True),
-        ("sain_core.push.NoSuchGrid", False),
-        ("sain_core.no_such_module", False),
-    ],
-)
-def test_a_module_and_what_it_defines_are_found(name: str, there: bool) -> None:
-    assert exists(name) == there

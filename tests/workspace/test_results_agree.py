@@ -52,21 +52,8 @@ def test_readme_has_the_figures_of_the_pages() -> None:
     assert missing(readme) == []
 
 
-def test_a_figure_that_differs_is_found() -> None:
-    readme = README.read_text()
-    for _, _, value in figures(readme):
-        digit = value[0]
-        other = readme.replace(f"| {value} |", f"| {int(digit) + 1}{value[1:]} |")
-        assert other != readme
-        assert len(missing(other)) == 1
-
-
 def test_the_papers_figure_is_that_of_the_page_of_results() -> None:
     page = (ROOT / "docs/reference/results.md").read_text()
     row = next(line for line in page.splitlines() if line.startswith("| `paper` |"))
     assert "40 of 40 `paper` scenes to 5 cm" in " ".join(README.read_text().split())
     assert row.split(" | ")[2].startswith("40/40")
-
-
-def test_readme_is_short() -> None:
-    assert len(README.read_text().split()) <= 900
