@@ -117,7 +117,7 @@ def left_out(pushes: PushTable, seed: int, what: str, counts: tuple[int, ...]) -
 
 def _left_out(pushes: PushTable, seed: int, out: Mask, name: str, count: int, most: int) -> Fold:
     order = _own_order(pushes, seed, out, name)
-    own, reserved = (_first_of_each_body(pushes, order, number) for number in (count, most))
+    own, reserved = (first_of_each_body(pushes, order, number) for number in (count, most))
     held = out & ~np.isin(pushes.group, pushes.group[reserved])
     return Fold(name, np.flatnonzero(~out), np.sort(own), np.flatnonzero(held))
 
@@ -130,6 +130,7 @@ def _own_order(pushes: PushTable, seed: int, out: Mask, name: str) -> Int[ndarra
     return rows[np.argsort(rank[place], kind="stable")]
 
 
-def _first_of_each_body(pushes: PushTable, order: Indices, count: int) -> Indices:
+def first_of_each_body(pushes: PushTable, order: Indices, count: int) -> Indices:
+    """Return the first so many of each body, of pushes in an order."""
     bodies = pushes.body[order]
     return np.concatenate([order[bodies == body][:count] for body in np.unique(bodies)])

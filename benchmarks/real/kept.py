@@ -16,7 +16,7 @@ import numpy as np
 
 from benchmarks.real.folds import Case, Fold
 from benchmarks.real.pushes import PushTable
-from benchmarks.real.rows import Predicted, Row
+from benchmarks.real.rows import PARTS, Predicted, Row
 from sain_core.storage import read_arrays, write_arrays
 
 SOURCES: Final = (  # that predictions depend on
@@ -24,7 +24,6 @@ SOURCES: Final = (  # that predictions depend on
     *("sain_model.physics", "sain_model.training", "sain_core.shapes", "benchmarks.real"),
 )
 SHOWING: Final = ("page", "pictures", "measures", "outcomes", "single", "__main__")  # not of them
-PARTS: Final = ("radius", "turn")  # of a prediction, that some rows have
 
 
 @dataclass(frozen=True)
@@ -65,12 +64,11 @@ class Kept:
         arrays = read_arrays(self.path(step))
         if str(arrays["identity"]) != step.identity(pushes):
             return None
-        return Predicted(arrays["poses"], *(arrays.get(name) for name in PARTS))
+        return Predicted(arrays["poses"], *(arrays.get(name) for name in PARTS[1:]))
 
     def write(self, step: Step, pushes: PushTable, found: Predicted, seconds: float) -> None:
         """Keep a prediction."""
         arrays = {
-            "poses": found.poses,
             "seconds": np.array(seconds),
             "identity": np.array(step.identity(pushes)),
         }

@@ -1,6 +1,7 @@
 """Rows of our network: SAIN on identified physics, and the network alone, by the one trainer."""
 
 import hashlib
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
@@ -9,27 +10,37 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
+from benchmarks.real.folds import first_of_each_body
 from benchmarks.real.physics import IdentifiedPhysics, Physics
 from benchmarks.real.pushes import PushTable
-from benchmarks.real.regions import Regions, Scores, fit_regions
-from benchmarks.real.rows import Predicted, Predictor
+from benchmarks.real.rows import LEVELS, PARTS, STATED, Predicted, Predictor
 from sain_core.dataset import draw_parts
+from sain_core.history import PushHistory
 from sain_core.model import IdentityPrior
-from sain_core.scene import POSE, POSITION
-from sain_model.data.bodies import believed_places, with_beliefs
-from sain_model.data.dataset import Split
-from sain_model.dynamics.residual import residual_model
+from sain_core.scene import POSE
+from sain_core.seeding import generator
+from sain_core.types import Indices
+from sain_model.data.bodies import believed_places, body_names, infer_bodies, with_beliefs
+from sain_model.data.dataset import Part, Split
+from sain_model.dynamics.intervals import Intervals, Prediction
+from sain_model.dynamics.residual import residual_model, with_intervals
 from sain_model.dynamics.sain import Inferred, SainDynamics
 from sain_model.dynamics.settings import IDENTITY, PLANAR
 from sain_model.inference.kinds import friction_kind
 from sain_model.inference.posterior import Posterior
 from sain_model.network.interaction_network import new_network
 from sain_model.network.settings import PUSH_FRAME, WORLD_FRAME, NetworkConfig
+from sain_model.training.interval_fit import fit_regions, with_regions
 from sain_model.training.objectives import SinglePushes
 from sain_model.training.settings import NOTHING, LossConfig, TrainingConfig
 from sain_model.training.trainer import Trainer
 
 NEW_SHARE: Final = 0.2  # of the objects, that stand for new ones
+JUDGED: Final = 60  # pushes of each body that regions of new ones are fitted to
+STATED_LEVEL: Final = LEVELS.index(STATED)
+
+Levels = Sequence[Intervals]  # regions at each of `LEVELS`
+
 SETTINGS: Final = TrainingConfig(
     history=NOTHING,
     test=0.0,
@@ -90,9 +101,9 @@ class NetworkRow:
             return self.trained(train.and_also(own), nothing, known=True)
         physics = self.on.fit(train, own)
         assert isinstance(physics, Physics)
-        return OfKnownAndNew(self, train, physics)
+        return OfKnownAndNew(self, train, own, physics)
 
-    def trained(self, pushes: PushTable, physics: Physics, known: bool) -> "FittedNetwork":
+    def trained(self, pushes: PushTable, physics: Physics, known: bool) -> "OfKnown":
         """Return a network that was trained on pushes, with regions; a training is kept.
 
         The best epoch is chosen, and regions are fitted, by a share of the groups of repeats: for
@@ -118,60 +129,147 @@ class NetworkRow:
         digest = hashlib.sha256(pushes.row.tobytes() + replace(physics, places=seen).identity)
         path = self.folder / self.key / f"{digest.hexdigest()[:16]}-{known:d}.pt"
         Trainer(network, objective, config, path, keeps_start=not known).run()
-        model = residual_model(network, physics.kind, config.prior)
-        return FittedNetwork(model, physics, fit_regions(held, *predicted_by(model, physics, held)))
+        return OfKnown(residual_model(network, physics.kind, config.prior), physics, held)
+
+
+@dataclass(frozen=True, eq=False)
+class OfKnown:
+    """A trained model of bodies that it learned from.
+
+    Attributes:
+        model: the physics and the network.
+        physics: what is believed of each body.
+        held: pushes of the same bodies that no weight was fitted to, for regions.
+    """
+
+    model: SainDynamics
+    physics: Physics
+    held: PushTable
+
+    def predict(self, pushes: PushTable) -> Predicted:
+        """Return the members' mean, and regions that follow each body's errors in `held`."""
+        parts = self.held.dataset.parts
+        predictions = [self.predicted(part) for part in parts]
+        levels = regions_at_levels(predictions, parts)
+        widening = _of_bodies(levels[STATED_LEVEL], predictions, parts)
+        found = []
+        for part in pushes.dataset.parts:
+            factors = np.stack([widening.get(name, np.ones(2)) for name in body_names(part)], 1)
+            found.append(_stated(self.predicted(part), part, levels, factors))
+        return joined(found)
+
+    def predicted(self, part: Part, corrected: bool = True) -> Prediction:
+        """Return what is predicted with what is believed of each body."""
+        places = believed_places(part, self.physics.kind, self.physics.places)
+        chosen = np.full(len(part), corrected)
+        rows = Inferred(Posterior.at(self.model.belief, 0, places), chosen)
+        return self.model.with_bodies(part.bodies).predict_rows(part.state, part.action, rows)
 
 
 @dataclass(frozen=True, eq=False)
 class OfKnownAndNew:
-    """SAIN: one network for bodies that were trained on, and one for others; made when needed."""
+    """SAIN: one network for bodies that were trained on, and one for others; made when needed.
+
+    A new body is predicted as by a user's model that is conditioned on the body's own pushes.
+    """
 
     row: NetworkRow
     train: PushTable
+    own: PushTable
     physics: Physics
 
     def predict(self, pushes: PushTable) -> Predicted:
         """Predict each push by the network for its body."""
-        is_known = np.isin(pushes.body, np.unique(self.train.body))
-        parts = [
-            (np.flatnonzero(chosen), self.row.trained(self.train, self.physics, known))
-            for known, chosen in ((True, is_known), (False, ~is_known))
-            if chosen.any()
-        ]
-        found = [fitted.predict(pushes.select(rows)) for rows, fitted in parts]
-        order = np.argsort(np.concatenate([rows for rows, _ in parts]))
-        return Predicted(
-            np.concatenate([one.poses for one in found])[order],
-            np.concatenate([one.radius for one in found])[order],
-            np.concatenate([one.turn for one in found])[order],
-        )
+        known = np.isin(pushes.body, np.unique(self.train.body))
+        parts = []
+        if known.any():
+            trained = self.row.trained(self.train, self.physics, known=True)
+            parts.append((np.flatnonzero(known), trained.predict(pushes.select(known))))
+        if not known.all():
+            model = self.row.trained(self.train, self.physics, known=False).model
+            levels = self.regions_of_new(model)
+            model = with_intervals(model, levels[STATED_LEVEL])
+            for body in np.unique(pushes.body[~known]):
+                rows = np.flatnonzero(pushes.body == body)
+                found = self.of_new(model, levels, body, pushes.select(rows))
+                parts.append((rows, found))
+        return joined([one for _, one in parts], np.concatenate([rows for rows, _ in parts]))
+
+    def of_new(
+        self, model: SainDynamics, levels: Levels, body: str, pushes: PushTable
+    ) -> Predicted:
+        """Predict pushes of a body by a model that is conditioned on its own pushes."""
+        (part,) = pushes.dataset.parts
+        conditioned = model.with_bodies(part.bodies)
+        own = self.own.select(self.own.body == body)
+        for past in own.dataset.parts:
+            history = PushHistory(past.state, past.action, past.next_state)
+            conditioned = conditioned.condition(history)
+        rows = conditioned.now.repeated(len(part))
+        prediction = conditioned.predict_rows(part.state, part.action, rows)
+        factors = np.repeat(conditioned.widening[:, None], len(part), axis=1)
+        return _stated(prediction, part, levels, factors)
+
+    def regions_of_new(self, model: SainDynamics) -> Levels:
+        """Return regions for bodies that nothing is known of but as many own pushes as here.
+
+        They are fitted to bodies of the training, each predicted from so few of its pushes.
+        """
+        count = int(np.unique(self.own.body, return_counts=True)[1].max()) if len(self.own) else 0
+        few, others = _few_and_others(self.train, count)
+        kind = self.physics.kind
+        as_new = OfKnown(model, Physics(kind, infer_bodies(kind, few.dataset)), others)
+        parts = others.dataset.parts
+        return regions_at_levels([as_new.predicted(part, False) for part in parts], parts)
 
 
-@dataclass(frozen=True, eq=False)
-class FittedNetwork:
-    """A trained model on a physics, with regions at all levels."""
-
-    model: SainDynamics
-    physics: Physics
-    regions: Regions
-
-    def predict(self, pushes: PushTable) -> Predicted:
-        """Return the members' mean, and regions about it."""
-        poses, scores = predicted_by(self.model, self.physics, pushes)
-        turn = self.regions.turn(scores, pushes.radius)
-        return Predicted(poses, self.regions.radius(scores), turn)
+def _few_and_others(pushes: PushTable, count: int) -> tuple[PushTable, PushTable]:
+    """Return so many pushes of each body, and up to `JUDGED` of it that are no repeats of them."""
+    order = np.argsort(generator(0, "few").permutation(pushes.group.max() + 1)[pushes.group])
+    few = first_of_each_body(pushes, order, count)
+    rest = order[~np.isin(pushes.group[order], pushes.group[few])]
+    others = first_of_each_body(pushes, rest, JUDGED)
+    return pushes.select(np.sort(few)), pushes.select(np.sort(others))
 
 
-def predicted_by(
-    model: SainDynamics, physics: Physics, pushes: PushTable
-) -> tuple[Float[ndarray, "M 3"], Scores]:
-    """Return poses after pushes with what is believed of each body, and scores for regions."""
-    poses, scores = [], []
-    for part in pushes.dataset.parts:
-        places = believed_places(part, physics.kind, physics.places)
-        rows = Inferred(Posterior.at(model.belief, 0, places), np.ones(len(part), dtype=bool))
-        found = model.with_bodies(part.bodies).predict_rows(part.state, part.action, rows)
-        way = np.linalg.norm((found.mean - part.state)[:, 0, POSITION], axis=1)
-        poses.append(found.mean[:, 0, POSE])
-        scores.append([found.members[:, 0], found.friction[:, 0], way])
-    return np.concatenate(poses), np.concatenate(scores, axis=1)
+# --- regions --------------------------------------------------------------------------------------
+
+
+def regions_at_levels(predictions: Sequence[Prediction], parts: Sequence[Part]) -> Levels:
+    """Return regions at all levels, with the scores of the stated one."""
+    stated = fit_regions(predictions, parts, STATED)
+    return [
+        stated if level == STATED else fit_regions(predictions, parts, level, stated)
+        for level in LEVELS
+    ]
+
+
+def _of_bodies(
+    intervals: Intervals, predictions: Sequence[Prediction], parts: Sequence[Part]
+) -> dict[str, Float[ndarray, "2"]]:
+    """Return the factors of regions of each body, from the errors of its pushes."""
+    found = {}
+    for prediction, part in zip(predictions, parts, strict=True):
+        excess = intervals.excess(with_regions(intervals, prediction, part), part)
+        names = body_names(part)
+        for name in np.unique(names):
+            own = excess[:, names == name]
+            total, count = own.sum(axis=1, keepdims=True), np.array([own.shape[1]])
+            found[str(name)] = intervals.widening(total, count)[:, 0]
+    return found
+
+
+def _stated(
+    prediction: Prediction, part: Part, levels: Levels, factors: Float[ndarray, "2 M"]
+) -> Predicted:
+    """Return poses with regions that do not become smaller where the level rises."""
+    about = [with_regions(one, prediction, part).widened(factors) for one in levels]
+    sizes = (np.stack([getattr(one, name)[:, 0] for one in about], 1) for name in PARTS[1:])
+    risen = [np.maximum.accumulate(size, axis=1) for size in sizes]
+    return Predicted(prediction.mean[:, 0, POSE], *risen)
+
+
+def joined(parts: Sequence[Predicted], rows: Indices | None = None) -> Predicted:
+    """Return predictions one after the other, or in the order of the pushes' numbers."""
+    values = [np.concatenate([getattr(one, name) for one in parts]) for name in PARTS]
+    return Predicted(*(some if rows is None else some[np.argsort(rows)] for some in values))

@@ -9,6 +9,7 @@ from numpy import ndarray
 from benchmarks.real.pushes import Poses, PushTable
 
 LEVELS: Final = (0.1, 0.25, 0.5, 0.75, 0.9, 0.95)  # of regions
+PARTS: Final = ("poses", "radius", "turn")  # of a prediction
 STATED: Final = 0.9  # the level that models state their regions at
 
 

@@ -143,8 +143,8 @@ def test_earlier_pushes_widen_regions_in_a_world_unlike_home(sain: SainDynamics)
     after[..., :2] += 0.02
     state, action, following = scenes[:5], pushes[:5], after[:5]
     told = sain.condition(PushHistory(state, action, following))
-    assert told.widening > 2.0
-    assert sain.condition(PushHistory(state[:0], action[:0], following[:0])).widening == 1.0
+    assert told.widening[0] > 2.0
+    assert sain.condition(PushHistory(state[:0], action[:0], following[:0])).widening[0] == 1.0
     radius = told.predict(scenes[5:], pushes[5:]).radius
     episode = Part(
         state=scenes,

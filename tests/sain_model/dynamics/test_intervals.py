@@ -9,17 +9,18 @@ import pytest
 
 from sain_core.errors import CheckpointError, ConfigError
 from sain_core.model import load_dynamics
+from sain_core.shapes.bodies import Bodies
 from sain_model import commands
-from sain_model.data.dataset import Dataset, load_dataset
+from sain_model.data.dataset import Dataset, Part, load_dataset
 from sain_model.dynamics.checkpoint import card_path
-from sain_model.dynamics.intervals import IntervalConfig, Intervals
+from sain_model.dynamics.intervals import IntervalConfig, Intervals, Prediction
 from sain_model.dynamics.residual import residual_model
 from sain_model.dynamics.sain import SainDynamics
 from sain_model.evaluation.errors import evaluate
 from sain_model.inference.kinds import friction_kind
 from sain_model.network.interaction_network import InteractionNetwork
 from sain_model.physics.planar import PlanarPrior
-from sain_model.training.interval_fit import fit_disk
+from sain_model.training.interval_fit import fit_disk, fit_regions, with_regions
 
 
 def draw(count: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
@@ -125,20 +126,54 @@ def test_regions_grow_with_the_elongation_of_the_supports() -> None:
     assert fit_disk(parts, off, 0.9).elongation == 0.0
 
 
+def factor(intervals: Intervals, logs: np.ndarray) -> float:
+    """The factor of regions after pushes whose errors are larger than usual by logarithms (P,)."""
+    total, count = np.array([[logs.sum()], [0.0]]), np.array([len(logs)])
+    return float(intervals.widening(total, count)[0, 0])
+
+
 def test_regions_widen_where_errors_are_larger_than_usual_and_never_shrink() -> None:
     intervals = Intervals(usual_log=-1.0, usual_log_std=1.0)
     assert intervals.adapts
     assert not Intervals().adapts
-    radius = np.full(4, 1e-3)
-    usual, large = np.exp(-1.0) * radius, 10.0 * radius
-
-    def widening(off: np.ndarray) -> float:
-        total = intervals.excess(off, radius[: len(off)]).sum()
-        return float(intervals.widening(np.array([total]), np.array([len(off)]))[0])
-
-    assert widening(usual[:0]) == 1.0
-    assert widening(usual) < 1.02
-    assert widening(0.01 * usual) == 1.0
-    few, many = widening(large[:1]), widening(large)
+    usual, large = np.zeros(4), np.full(4, np.log(10.0 * np.e))
+    assert factor(intervals, usual[:0]) == 1.0
+    assert factor(intervals, usual) < 1.02
+    assert factor(intervals, usual - np.log(100.0)) == 1.0
+    few, many = factor(intervals, large[:1]), factor(intervals, large)
     assert 1.5 < few < many < 12.0 * np.e  # the excess of each is a factor of 10 e
     assert many > 10.0
+
+
+@pytest.mark.parametrize("log", [-0.4, 0.4])
+def test_regions_follow_a_body_as_far_as_bodies_differ(log: float) -> None:
+    alike, differing = (Intervals(usual_log_std=0.8, bodies_log_std=std) for std in (0.0, 0.4))
+    few, many = factor(differing, np.full(2, log)), factor(differing, np.full(200, log))
+    assert abs(np.log(few)) < abs(np.log(many))
+    assert np.log(many) == pytest.approx(log, rel=0.1 if log < 0.0 else 0.5)
+    if log < 0.0:
+        assert factor(alike, np.full(200, log)) == 1.0
+
+
+def test_headings_have_regions_of_the_same_kind() -> None:
+    random = np.random.default_rng(3)
+    scenes = np.zeros((3000, 1, 8))
+    scenes[..., 6:] = 0.2, 0.05  # mass and radius
+    pushes = np.zeros((3000, 5))
+    unknown = np.full(3000, np.nan)
+    after = scenes.copy()
+    after[:, 0, 0] += 0.02 + random.normal(0.0, 1e-3, 3000)
+    after[:, 0, 2] += random.normal(0.0, 0.04, 3000)
+    mean = scenes.copy()
+    mean[:, 0, 0] += 0.02
+    nothing = np.zeros((3000, 1))
+    predicted = Prediction(mean, nothing, nothing)
+    episode = np.arange(3000)
+    bodies = Bodies.named(["box_3x2"])
+    part = Part(scenes, pushes, after, mean, episode, 0 * episode, unknown, after, bodies)
+    about = with_regions(fit_regions([predicted], [part]), predicted, part)
+    held = np.abs(after[:, 0, 2]) <= about.turn[:, 0]
+    assert held.mean() == pytest.approx(0.9, abs=0.02)
+    assert about.turn[0, 0] == pytest.approx(1.64 * 0.04, rel=0.15)
+    wider = about.widened(np.full((2, 3000), 2.0))
+    np.testing.assert_allclose(wider.turn, 2.0 * about.turn)

@@ -1,4 +1,4 @@
-"""How sure a prediction is: what its ensemble and its friction leave open, and a 90 % region.
+"""How sure a prediction is: what its ensemble and its friction leave open, and 90 % regions.
 
 A disk's region is a circle about its predicted place. Its radius is
 
@@ -8,13 +8,16 @@ with ``members`` how far the ensemble's members disagree, ``friction`` how far t
 moves with what is not known of the friction, and ``way`` how far the disk is predicted to move,
 all in metres, and ``elongation`` how near a body's supports are to one line, from 0 to 1. For disks
 it is not looked at. What a, b, c, d and the factors are was fitted to validation episodes
-(`sain_model.training.interval_fit`) and stands on the checkpoint's card.
+(`sain_model.training.interval_fit`) and stands on the checkpoint's card. The region of a heading is
+an arc at the body's circumscribed radius, with a score and factors of its own.
 
-A world may be unlike that of these episodes. So a model of any shape compares the errors of an
-episode's earlier pushes with their radii, and widens its regions when they are larger than usual.
+A body or a world may be unlike those of these episodes. So a model compares the errors of earlier
+pushes with their regions. Bodies differ by a factor whose spread was fitted: regions follow it.
+Where errors are larger than any of these, regions widen further.
 """
 
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -27,7 +30,7 @@ from sain_core.errors import ConfigError
 from sain_core.history import PushHistory
 from sain_core.model import REGION_STD
 from sain_core.push import pushed_bodies
-from sain_core.scene import MID, POSITION
+from sain_core.scene import MID, POSITION, RADIUS, THETA, wrap_angle
 from sain_core.types import Indices, Scalars, Scenes
 
 LEVEL: Final = 0.9  # share of the pushes whose region holds the disk
@@ -87,47 +90,68 @@ class Intervals(Config):
     level: float = option(LEVEL, "share of the pushes whose region contains the disk", minimum=0.01)
     mid: IntervalConfig = IntervalConfig()
     target: IntervalConfig = IntervalConfig()
+    turn: IntervalConfig = IntervalConfig()
     usual_log: float = option(0.0, "mean logarithm of error over radius of pushed bodies")
     usual_log_std: float = option(
         0.0, "its standard deviation; 0: regions are never widened", minimum=0.0
     )
+    bodies_log_std: float = option(0.0, "how much of that is between bodies", minimum=0.0)
+    turn_log: float = option(0.0, "mean logarithm of error over region of headings")
+    turn_log_std: float = option(
+        0.0, "its standard deviation; 0: headings have no regions", minimum=0.0
+    )
+    turn_bodies_log_std: float = option(0.0, "how much of that is between bodies", minimum=0.0)
 
     @property
     def adapts(self) -> bool:
         """Whether earlier pushes can widen regions."""
         return self.usual_log_std > 0.0
 
-    def excess(self, off: Scalars, radius: Scalars) -> Scalars:
-        """Return the logarithm by which errors (P,) [m] of pushed bodies are larger than usual."""
-        logs = np.log(np.maximum(off, 1e-12) / radius)
-        return np.asarray(np.maximum(logs, LEAST_LOG) - self.usual_log)
+    def excess(self, prediction: "Prediction", pushes: Transitions) -> Float[ndarray, "2 M"]:
+        """Return the logarithms by which errors of pushed bodies are larger than usual.
 
-    def widening(self, total: Scalars, pushes: Int[ndarray, "B"]) -> Scalars:
-        """Return factors (B,) of the radii after so many pushes with this total excess.
+        First those of places, then those of headings; 0 where these have no regions. Where pushes
+        were observed with noise, the regions include it.
+        """
+        usual = np.array([[self.usual_log], [self.turn_log]])
+        logs = [_log_ratio(*part) for part in _errors_and_regions(prediction, pushes)]
+        logs += [np.broadcast_to(self.turn_log, logs[0].shape)] * (2 - len(logs))
+        return np.asarray(np.stack(logs) - usual)
 
-        There are two hypotheses: errors are as usual, or larger by a logarithm that is normal with
-        `UNLIKE_STD`. Its posterior mean, and what is open about it, count by the posterior
-        probability of the second one. Regions never become smaller.
+    def widening(
+        self, total: Float[ndarray, "2 B"], pushes: Int[ndarray, "B"]
+    ) -> Float[ndarray, "2 B"]:
+        """Return factors of regions of places and headings after pushes with this total excess.
+
+        There are two hypotheses: errors are as usual, but for a factor of the body; or larger by a
+        logarithm that is normal with `UNLIKE_STD`. Its posterior mean, and what is open about it,
+        count by the posterior probability of the second one. Without a spread of bodies, regions
+        never become smaller.
         """
         count = np.maximum(pushes, 1)
         mean = total / count
-        usual, noise = self.usual_log_std**2 / count, UNLIKE_SCATTER**2 / count
+        std = np.array([[self.usual_log_std], [self.turn_log_std]])
+        bodies = np.array([[self.bodies_log_std], [self.turn_bodies_log_std]])
+        usual, noise = std**2 / count + bodies**2, UNLIKE_SCATTER**2 / count
+        usual = np.maximum(usual, 1e-12)
         wide = noise + UNLIKE_STD**2
         evidence = 0.5 * (mean**2 * (1.0 / usual - 1.0 / wide) - np.log(wide / usual))
         unlike = 1.0 / (1.0 + np.exp(-np.clip(evidence, -50.0, 50.0)) / UNLIKE_ODDS)
+        unlike = np.where(mean > 0.0, unlike, 0.0)
         larger = mean * UNLIKE_STD**2 / wide
         scatter = np.sqrt(UNLIKE_SCATTER**2 + noise * UNLIKE_STD**2 / wide)
-        log = unlike * (larger + QUANTILE * np.maximum(scatter - self.usual_log_std, 0.0))
-        return np.asarray(np.where((pushes > 0) & (mean > 0.0), np.exp(log), 1.0))
+        log = unlike * (larger + QUANTILE * np.maximum(scatter - std, 0.0))
+        log += (1.0 - unlike) * mean * bodies**2 / usual
+        return np.asarray(np.where((pushes > 0) & (std > 0.0), np.exp(log), 1.0))
 
-    def radii(
+    def about(
         self,
         opened: "Prediction",
         scenes: Scenes,
         pushed: Indices | None = None,
         elongation: Float[ndarray, "N"] | None = None,
-    ) -> Float[ndarray, "B N"]:
-        """Return the radius of every body's region for a prediction from these scenes.
+    ) -> "Prediction":
+        """Return a prediction from these scenes with the region of every body.
 
         Args:
             opened: the prediction.
@@ -136,16 +160,17 @@ class Intervals(Config):
             elongation: of each body's supports (N,); None: they are disks.
         """
         way = np.linalg.norm((opened.mean - scenes)[..., POSITION], axis=-1)
-        radii = np.empty_like(way)
+        radii, arcs = np.empty_like(way), np.empty_like(way)
         for disk in range(way.shape[1]):
             parts = (opened.members[:, disk], opened.friction[:, disk], way[:, disk])
             long = None if elongation is None else float(elongation[disk])
-            mid, target = (
-                each.radius(each.score(*parts, long)) for each in (self.mid, self.target)
+            mid, target, arcs[:, disk] = (
+                each.radius(each.score(*parts, long)) for each in (self.mid, self.target, self.turn)
             )
             first = np.full(len(way), MID) if pushed is None else pushed
             radii[:, disk] = np.where(first == disk, mid, target)
-        return radii
+        turn = arcs / scenes[..., RADIUS] if self.turn_log_std > 0.0 else None
+        return replace(opened, radius=radii, turn=turn)
 
 
 @dataclass(frozen=True)
@@ -158,28 +183,42 @@ class Prediction:
         friction: how far the place moves with one standard deviation of the friction, and of the
             ratio of masses where these are not measured [m].
         radius: of the circle that holds the disk [m]; None: the model has no intervals.
+        turn: half of the interval that holds the heading [rad]; None: it has none of headings.
     """
 
     mean: Float[ndarray, "B N 8"]
     members: Float[ndarray, "B N"]
     friction: Float[ndarray, "B N"]
     radius: Float[ndarray, "B N"] | None = None
+    turn: Float[ndarray, "B N"] | None = None
 
     @property
     def spread(self) -> Float[ndarray, "B N"]:
         """What is open altogether, the members and the friction [m]."""
         return np.hypot(self.members, self.friction)
 
+    def widened(self, factors: Float[ndarray, "2 B"]) -> "Prediction":
+        """Return it with regions of places and headings times factors."""
+        assert self.radius is not None
+        turn = None if self.turn is None else self.turn * factors[1][:, None]
+        return replace(self, radius=self.radius * factors[0][:, None], turn=turn)
 
-def pushed_errors(told: Prediction, pushes: Transitions) -> tuple[Scalars, Scalars]:
-    """Return how far off pushed bodies (M,) came to lie [m], and the radii of their regions.
 
-    Where the pushes were observed with noise, the radii include it.
-    """
-    assert told.radius is not None
+def _errors_and_regions(
+    prediction: Prediction, pushes: Transitions
+) -> Iterator[tuple[Scalars, Scalars]]:
+    """Yield errors of pushed bodies and their regions (M,): places [m], and headings [rad]."""
+    assert prediction.radius is not None
     row = np.arange(len(pushes)), pushed_bodies(pushes.action)
-    off = np.linalg.norm((told.mean - pushes.next_state)[..., POSITION], axis=-1)
-    radius = told.radius[row]
+    off = (prediction.mean - pushes.next_state)[row]
+    noise = np.zeros(len(pushes))
     if isinstance(pushes, PushHistory) and pushes.noise is not None:
-        radius = np.hypot(radius, REGION_STD * pushes.noise[row])
-    return off[row], radius
+        noise = REGION_STD * pushes.noise[row]
+    yield np.linalg.norm(off[:, POSITION], axis=-1), np.hypot(prediction.radius[row], noise)
+    if prediction.turn is not None:
+        arm = pushes.state[row][:, RADIUS]
+        yield np.abs(wrap_angle(off[:, THETA])), np.hypot(prediction.turn[row], noise / arm)
+
+
+def _log_ratio(off: Scalars, region: Scalars) -> Scalars:
+    return np.maximum(np.log(np.maximum(off, 1e-12) / region), LEAST_LOG)

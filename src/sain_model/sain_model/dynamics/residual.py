@@ -96,8 +96,7 @@ class ResidualNetwork(Network):
         if self.intervals is None:
             return prediction
         long = elongations(bodies.fitted(scenes.shape[1]))
-        radii = self.intervals.radii(prediction, scenes, pushed_bodies(pushes), long)
-        return replace(prediction, radius=radii)
+        return self.intervals.about(prediction, scenes, pushed_bodies(pushes), long)
 
 
 def residual_model(

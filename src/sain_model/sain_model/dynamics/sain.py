@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final, Self
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
 from sain_core.errors import ConfigError
@@ -25,7 +25,7 @@ from sain_core.shapes.bodies import PAPER_DISKS, Bodies
 from sain_core.types import PredictedScenes, Pushes, PushSequences, Scene, Scenes
 from sain_model.compute.batch_checks import check_physics_next
 from sain_model.compute.devices import CPU
-from sain_model.dynamics.intervals import Intervals, Prediction, pushed_errors
+from sain_model.dynamics.intervals import Intervals, Prediction
 from sain_model.inference.belief_file import read_belief
 from sain_model.inference.evidence import (
     FACTORS,
@@ -319,24 +319,25 @@ class SainDynamics(Model):
     def predict(self, scenes: Scenes, pushes: Pushes) -> Prediction:
         """Predict as `step` does, and say how certain that is: two to six times the work."""
         prediction = self.predict_rows(scenes, pushes, self.now.repeated(len(pushes)))
-        if prediction.radius is None or self.widening == 1.0:
+        if prediction.radius is None or (self.widening == 1.0).all():
             return prediction
-        return replace(prediction, radius=self.widening * prediction.radius)
+        return prediction.widened(np.repeat(self.widening[:, None], len(pushes), axis=1))
 
     @cached_property
-    def widening(self) -> float:
-        """The factor of its regions, from the errors of earlier pushes.
+    def widening(self) -> Float[ndarray, "2"]:
+        """The factors of its regions, of places and headings, from the errors of earlier pushes.
 
         Each is predicted from those before it. No plan waits for this: only regions need it.
         """
         past, intervals = self.history, self.network and self.network.intervals
         if past is None or not intervals or not intervals.adapts:
-            return 1.0
-        order = np.zeros(len(past), np.int64), np.arange(len(past))
-        rows = self.infer(self.observed(past), Known.earlier(*order))
-        predicted = self.predict_rows(past.state, past.action, rows)
-        total = intervals.excess(*pushed_errors(predicted, past)).sum()
-        return float(intervals.widening(np.array([total]), np.array([len(past)]))[0])
+            return np.ones(2)
+        count, number = _earlier(len(past))
+        rows = self.infer(self.observed(past), Known.first(len(past), count))
+        each = Inferred(rows.posterior.of_rows(number), rows.corrected[number])
+        predicted = self.predict_rows(past.state, past.action, each)
+        total = intervals.excess(predicted, past).sum(axis=1, keepdims=True)
+        return intervals.widening(total, np.array([len(past)]))[:, 0]
 
     def observed(self, history: PushHistory) -> ObservedPushes:
         """Return the pushes of one episode for inference."""
@@ -421,3 +422,14 @@ class SainDynamics(Model):
     def _weighed(self, scenes: Scenes, posterior: Posterior) -> Scenes:
         """Return scenes (R, N, 8) with masses as the physics takes them to be."""
         return with_mass_ratio(scenes, posterior.values(self.belief, MASS_RATIO))
+
+
+def _earlier(pushes: int) -> tuple[Int[ndarray, "C"], Int[ndarray, "P"]]:
+    """Return counts of earlier pushes to infer from, and which of them each push is predicted by.
+
+    In long histories several successive pushes share one: their counts grow by a tenth.
+    """
+    counts = [0]
+    while counts[-1] + max(1, counts[-1] // 10) < pushes:
+        counts.append(counts[-1] + max(1, counts[-1] // 10))
+    return np.array(counts), np.searchsorted(counts, np.arange(pushes), side="right") - 1

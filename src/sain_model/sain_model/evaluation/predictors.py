@@ -7,7 +7,7 @@ it was (docs/explanation/rollouts.md).
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -20,7 +20,7 @@ from sain_core.types import Indices, Pushes, Scalars, Scenes
 from sain_model.data.bodies import body_names
 from sain_model.data.dataset import Dataset, Part
 from sain_model.data.windows import Windows, make_windows
-from sain_model.dynamics.intervals import Prediction, pushed_errors
+from sain_model.dynamics.intervals import Prediction
 from sain_model.dynamics.sain import LEARNED as LEARNED_KIND
 from sain_model.dynamics.sain import (
     PARAMETER_CORRECTION,
@@ -240,14 +240,12 @@ def _widened(sain: SainDynamics, part: Part, prediction: Prediction) -> Predicti
     intervals = sain.network and sain.network.intervals
     if not intervals or not intervals.adapts:
         return prediction
-    assert prediction.radius is not None
-    excess = intervals.excess(*pushed_errors(prediction, part))
+    excess = intervals.excess(prediction, part)
     order = np.lexsort((part.step, part.episode))
     count = earlier_pushes(part)
-    sums = np.concatenate([[0.0], np.cumsum(excess[order])])
+    sums = np.pad(np.cumsum(excess[:, order], axis=1), ((0, 0), (1, 0)))
     place = np.argsort(order)
-    widening = intervals.widening(sums[place] - sums[place - count], count)
-    return replace(prediction, radius=prediction.radius * widening[:, None])
+    return prediction.widened(intervals.widening(sums[:, place] - sums[:, place - count], count))
 
 
 def earlier_pushes(part: Part) -> Int[ndarray, "M"]:

@@ -84,6 +84,12 @@ class Known:
         return cls(csr_matrix(np.ones((1, pushes))))
 
     @classmethod
+    def first(cls, pushes: int, counts: Int[ndarray, "R"]) -> Self:
+        """Return rows with so many of the first pushes each."""
+        matrix = np.arange(pushes) < counts[:, None]
+        return cls(csr_matrix(matrix.astype(np.float64)))
+
+    @classmethod
     def of_episodes(cls, episodes: Int[ndarray, "M"], count: int) -> Self:
         """Return a row for each of so many episodes, with all of its pushes."""
         order, size = np.argsort(episodes, kind="stable"), len(episodes)

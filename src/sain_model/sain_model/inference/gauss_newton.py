@@ -1,4 +1,4 @@
-"""Most likely parameters of many pushes: Gauss-Newton under Student's t.
+"""Most likely parameters of many pushes: damped Gauss-Newton (Levenberg, Marquardt), Student's t.
 
 There are R problems of C episodes. The episodes of a problem share its parameters, but for those
 of the scope "episode": of them each episode has a value of its own. An episode's history is a
@@ -27,8 +27,8 @@ from sain_model.inference.kinds import Kind, Places
 
 DIFFERENCE: Final = 0.2  # [spreads], of a finite difference
 LONGEST: Final = 1.5  # [spreads], of a step
-HALVINGS: Final = 5  # of a step that makes things worse
-ENOUGH: Final = 1e-3  # [spreads], a shorter step is the last
+DAMPING: Final = np.array([0.0, 0.1, 1.0, 10.0, 100.0])  # of steps, shares of the diagonal
+ENOUGH: Final = 0.02  # a smaller gain of the logarithm of the posterior density is the last
 LEAST_FACTOR: Final = 1.0  # of the noise: many pushes fitted closely are worth less than all fitted
 
 Parts = Sequence[ObservedPushes]
@@ -132,24 +132,24 @@ def fit(
     """
     places, count = start.copy(), 1 + int(problem.max())
     totals = _totals(kind, parts, places, problem, count)
+    damping, goes_on = np.zeros(count, np.int64), np.ones(count, dtype=bool)
     for number in range(steps):
         score, factor = _best(totals)
-        normal = normal_equations(kind, parts, places, factor[problem])
-        step = _step(normal, kind, places, problem, count)
-        share, tried = np.ones(count), np.ones(count, dtype=bool)
-        for _ in range(HALVINGS):
-            moved = places + (share * tried)[problem, None] * step
-            some = _of_episodes(parts, tried[problem])
-            now = _totals(kind, some, moved, problem, count)
+        some = _of_episodes(parts, goes_on[problem])
+        normal = normal_equations(kind, some, places, factor[problem])
+        tried = goes_on
+        while tried.any():
+            step = _step(normal, kind, places, problem, DAMPING[damping])
+            moved = places + tried[problem, None] * step
+            now = _totals(kind, _of_episodes(parts, tried[problem]), moved, problem, count)
             better = tried & (_best(now)[0] > score)
-            totals[better] = now[better]
-            places[better[problem]] = moved[better[problem]]
-            tried &= ~better
-            if not tried.any():
-                break
-            share[tried] *= 0.5
+            totals[better], places[better[problem]] = now[better], moved[better[problem]]
+            tried = tried & ~better & (damping < len(DAMPING) - 1)
+            damping[tried] += 1
+            damping[better] = np.maximum(damping[better] - 1, 0)
+        goes_on = _best(totals)[0] > score + ENOUGH
         progress(number + 1, float(_best(totals)[0].sum()))
-        if tried.all() or (share[~tried].max() * np.abs(step).max()) < ENOUGH:
+        if not goes_on.any():
             break
     _, factor = _best(totals)
     normal = normal_equations(kind, parts, places, factor[problem])
@@ -235,11 +235,17 @@ def _evidence(
 
 
 def _step(
-    normal: Normal, kind: Kind, places: ndarray, problem: ndarray, count: int
+    normal: Normal, kind: Kind, places: ndarray, problem: ndarray, damping: Float[ndarray, "R"]
 ) -> Float[ndarray, "C D"]:
-    """Return the change of the parameters of each episode, none too long."""
+    """Return the change of the parameters of each episode, none too long.
+
+    `damping` is added to the diagonals of the normal equations of each problem, as a share of them.
+    """
     own, shared = kind.of_episode, ~kind.of_episode
-    reduced = Reduced.of(normal, kind, problem, count)
+    diagonal = np.einsum("cdd->cd", normal.information) + np.diag(kind.precision)
+    added = (damping[problem, None] * diagonal)[..., None] * np.eye(len(own))
+    damped, count = Normal(normal.information + added, normal.pull), len(damping)
+    reduced = Reduced.of(damped, kind, problem, count)
     first = np.unique(problem, return_index=True)[1]
     pull_own = normal.pull[:, own] + places[:, own] @ kind.precision[np.ix_(own, own)]
     solved = np.linalg.solve(reduced.own, pull_own[..., None])

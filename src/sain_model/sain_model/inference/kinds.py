@@ -59,6 +59,7 @@ FITTED: Final = "fitted"
 NO_AXES: Final = "textbook"
 TRAINED: Final = 3.0  # logarithm of the odds that the physics is of the kind that is trained on
 KEEP: Final = 0.5  # logarithm of the odds that a network's correction holds, beforehand
+OF_NEW: Final = -2.0  # likewise for a body that it did not learn from
 
 Places = Float[ndarray, "R D"]  # a vector z for each of R rows
 
@@ -257,9 +258,9 @@ def friction_belief(prior: Model, infers: bool = True) -> Belief:
 def only(kind: Kind) -> Belief:
     """Return the belief of one kind of physics, on which a network's correction always holds.
 
-    For a body that it did not learn from, its own pushes decide.
+    For a body that it did not learn from, its own pushes have to show it.
     """
-    return Belief((kind,), KEEP if kind.of_bodies else np.inf)
+    return Belief((kind,), OF_NEW if kind.of_bodies else np.inf)
 
 
 def default_belief(prior: PlanarPrior) -> Belief:

@@ -18,7 +18,7 @@ from sain_model.inference.gauss_newton import Fit, Parts, fit
 from sain_model.inference.grid import curves_of, marginals
 from sain_model.inference.kinds import FRICTION, Belief, Kind
 
-STEPS: Final = 12
+STEPS: Final = 25
 MOST_ODDS: Final = 20.0  # logarithm: recordings may not rule out for ever what they do not show
 FEW_BODIES: Final = 4  # fewer do not show how far bodies differ
 LEAST_SPREAD: Final = 0.1  # of z: over episodes, and of what they share

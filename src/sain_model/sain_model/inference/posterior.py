@@ -21,6 +21,7 @@ from sain_model.inference.kinds import Belief, Kind, Places
 from sain_model.physics.parameters import Values
 
 STEPS: Final = 3
+STEPS_OF_BODIES: Final = 12  # of a body on a surface, whose own pushes may be many
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,7 +108,8 @@ def infer(belief: Belief, pushes: ObservedPushes, known: Known) -> Posterior:
             continue
         part, count = known.of_rows(some), len(kind.names)
         observed = pushes.select(part.push).in_episodes(part.row)
-        found = fit(kind, [observed], places[some, :count], np.arange(len(some)), STEPS)
+        steps = STEPS_OF_BODIES if kind.of_bodies else STEPS
+        found = fit(kind, [observed], places[some, :count], np.arange(len(some)), steps)
         together[some] = found.log_evidence + kind.log_odds_of(pushes.bodies)
         better = together[some] > log_evidence[some, best[some]]
         inferred[some] = better

@@ -10,13 +10,14 @@ from numpy import ndarray
 from scipy.optimize import minimize
 
 from sain_core.push import pushed_bodies
-from sain_core.scene import POSITION
+from sain_core.scene import POSITION, RADIUS, THETA, wrap_angle
 from sain_core.types import Scalars
-from sain_model.data.dataset import Part
-from sain_model.dynamics.intervals import LEVEL, IntervalConfig, Intervals, pushed_errors
-from sain_model.dynamics.residual import with_intervals
+from sain_model.data.bodies import body_names, states_bodies
+from sain_model.data.dataset import Dataset, Part
+from sain_model.dynamics.intervals import LEVEL, IntervalConfig, Intervals, Prediction
 from sain_model.dynamics.sain import SainDynamics
 from sain_model.evaluation.predictors import predict_with_history
+from sain_model.inference.laboratory import FEW_BODIES
 from sain_model.network.features import elongations
 
 RESOLUTION: Final = 1e-6  # [m], differences below this do not count
@@ -32,60 +33,125 @@ def fit_intervals(sain: SainDynamics, *data: Part, level: float = LEVEL) -> Inte
     The model's weights were not fitted to this data. Friction is told as in deployment, by the
     episode's earlier pushes.
     """
-    pieces = [_scored(sain, part) for part in data]
-    configs: list[IntervalConfig] = []
-    for rows in range(2):  # pushed, others
+    return fit_regions([predict_with_history(sain, part) for part in data], data, level)
+
+
+def fit_regions(
+    predictions: Sequence[Prediction],
+    data: Sequence[Part],
+    level: float = LEVEL,
+    like: Intervals | None = None,
+) -> Intervals:
+    """Return regions that hold bodies in a share `level` of predicted pushes.
+
+    Scores are those of `like`, where it is given.
+    """
+    pieces = [_scored(*piece) for piece in zip(predictions, data, strict=True)]
+    scores = (None, None, None) if like is None else (like.mid, like.target, like.turn)
+    configs = []
+    for rows, score in enumerate(scores):  # places of pushed bodies and of others, turns
         parts, off, long = (
             np.concatenate([piece[rows][column] for piece in pieces], axis=-1)
             for column in range(3)
         )
-        # Where scenes have one body, there are no others: theirs would be as the pushed one's.
-        configs.append(fit_disk(parts, off, level, long) if len(off) else configs[0])
-    intervals = Intervals(level, mid=configs[0], target=configs[1])
-    return _with_default_errors(sain, intervals, data)
+        fitted = off.max(initial=0.0) > RESOLUTION
+        configs.append(fit_disk(parts, off, level, long, score) if fitted else None)
+    mid, target, turn = configs
+    mid = mid or IntervalConfig()
+    # Where scenes have one body, there are no others: theirs would be as the pushed one's.
+    intervals = Intervals(level, mid, target or mid, turn or IntervalConfig())
+    intervals = replace(intervals, turn_log_std=0.0 if turn is None else 1.0)
+    return _with_default_errors(intervals, predictions, data)
 
 
 def _with_default_errors(
-    sain: SainDynamics, intervals: Intervals, data: Sequence[Part]
+    intervals: Intervals, predictions: Sequence[Prediction], data: Sequence[Part]
 ) -> Intervals:
-    """Return intervals with the usual logarithms of error over radius of pushed bodies."""
-    with_regions = with_intervals(sain, intervals)
-    pairs = [pushed_errors(predict_with_history(with_regions, part), part) for part in data]
-    logs = np.concatenate([intervals.excess(*pair) for pair in pairs])
-    usual, spread = float(logs.mean()), float(logs.std())
-    return replace(intervals, usual_log=usual, usual_log_std=spread)
+    """Return intervals with the usual logarithms of error over region of pushed bodies.
+
+    Where the data name bodies, the spread is divided into that between and that within them.
+    """
+    each = []
+    for prediction, part in zip(predictions, data, strict=True):
+        each.append(intervals.excess(with_regions(intervals, prediction, part), part))
+    logs = np.concatenate(each, axis=1)
+    between = np.zeros(2)
+    if states_bodies(Dataset(tuple(data))):
+        between = _between(logs, np.concatenate([body_names(part) for part in data]))
+    mean, within = logs.mean(axis=1), np.sqrt(logs.var(axis=1) - between**2)
+    usual, turns = zip(mean.tolist(), within.tolist(), between.tolist(), strict=True)
+    names = "log", "log_std", "bodies_log_std"
+    found = {f"usual_{name}": value for name, value in zip(names, usual, strict=True)}
+    found["bodies_log_std"] = found.pop("usual_bodies_log_std")
+    if intervals.turn_log_std > 0.0:
+        found |= {f"turn_{name}": value for name, value in zip(names, turns, strict=True)}
+    return replace(intervals, **found)
+
+
+def with_regions(intervals: Intervals, prediction: Prediction, data: Part) -> Prediction:
+    """Return a prediction of data with its regions."""
+    return intervals.about(prediction, data.state, pushed_bodies(data.action), _long(data))
+
+
+def _between(logs: Float[ndarray, "2 M"], bodies: ndarray) -> Float[ndarray, "2"]:
+    """Return the standard deviation between the means of bodies, less what chance makes of it."""
+    place = np.unique(bodies, return_inverse=True)[1]
+    counts = np.bincount(place)
+    if len(counts) < FEW_BODIES:
+        return np.zeros(2)
+    means = np.stack([np.bincount(place, row) / counts for row in logs])
+    left = ((logs - means[:, place]) ** 2).sum(axis=1) / max(len(place) - len(counts), 1)
+    chance = left * (1.0 / counts).mean()
+    return np.asarray(np.sqrt(np.maximum(means.var(axis=1, ddof=1) - chance, 0.0)))
+
+
+def _long(data: Part) -> Float[ndarray, "N"]:
+    return elongations(data.bodies.fitted(data.disks))
 
 
 def _scored(
-    sain: SainDynamics, data: Part
+    prediction: Prediction, data: Part
 ) -> list[tuple[Float[ndarray, "3 R"], Float[ndarray, "R"], Float[ndarray, "R"]]]:
     """Return parts of the score, distances and elongations.
 
-    First those of the pushed bodies, then those of the others to look at.
+    First those of the pushed bodies, then those of the others to look at, then the turns of the
+    pushed ones as ways at their radius.
     """
-    prediction = predict_with_history(sain, data)
+    missing = prediction.mean - data.next_state
     way = np.linalg.norm((prediction.mean - data.state)[..., POSITION], axis=-1)
-    off = np.linalg.norm((prediction.mean - data.next_state)[..., POSITION], axis=-1)
+    off = np.linalg.norm(missing[..., POSITION], axis=-1)
+    arcs = np.abs(wrap_angle(missing[..., THETA])) * data.state[..., RADIUS]
     parts = np.stack([prediction.members, prediction.friction, way])  # (3, M, N)
-    long = np.broadcast_to(elongations(data.bodies.fitted(data.disks)), off.shape)
+    long = np.broadcast_to(_long(data), off.shape)
     pushed = pushed_bodies(data.action)[:, None] == np.arange(data.disks)
-    return [(parts[:, rows], off[rows], long[rows]) for rows in (pushed, ~pushed)]
+    scored = (pushed, off), (~pushed, off), (pushed, arcs)
+    return [(parts[:, rows], values[rows], long[rows]) for rows, values in scored]
 
 
 def fit_disk(
-    parts: Float[ndarray, "3 M"], off: Scalars, level: float, long: Scalars | None = None
+    parts: Float[ndarray, "3 M"],
+    off: Scalars,
+    level: float,
+    long: Scalars | None = None,
+    like: IntervalConfig | None = None,
 ) -> IntervalConfig:
     """Fit one disk's radius to distances (M,) [m]: first the score, then its factors.
 
-    `long` are elongations (M,) of bodies of any shape.
+    `long` are elongations (M,) of bodies of any shape. The score is that of `like`, where given.
     """
+    config = like or _fitted_score(parts, off, level, long)
+    scores, factors = _factors(config.score(parts[0], parts[1], parts[2], long), off, level)
+    return replace(config, scores=scores, factors=factors)
+
+
+def _fitted_score(
+    parts: Float[ndarray, "3 M"], off: Scalars, level: float, long: Scalars | None
+) -> IntervalConfig:
     varies = parts.max(axis=1) > RESOLUTION
     weights = np.zeros(3)
     noise, weights[varies], elongation = _fit_score(parts[varies], off, level, long)
     members, friction, moved = (float(weight) for weight in weights)
-    config = IntervalConfig(noise, members, friction, moved, elongation)
-    scores, factors = _factors(config.score(parts[0], parts[1], parts[2], long), off, level)
-    return replace(config, scores=scores, factors=factors)
+    return IntervalConfig(noise, members, friction, moved, elongation)
 
 
 def _fit_score(
