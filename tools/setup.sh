@@ -252,18 +252,23 @@ build_workspace() {
 # Ctrl-C then leaves a traceback. These end quietly from their first line on.
 write_launchers() {
   local entries package name module function
+  write_launcher sain_core.cli.program main "$venv/bin/sain" || return
   for entries in build/*/*.egg-info/entry_points.txt; do
     package=${entries#build/} && package=${package%%/*}
     while IFS=' =:' read -r name module function; do
-      printf '%s\n' "#!$venv/bin/python" '# Written by tools/setup.sh.' 'if __name__ == "__main__":' \
-        '    import os, signal, sys' \
-        '    signal.signal(signal.SIGINT, lambda *_: os._exit(130))' \
-        "    from $module import $function" \
-        '    signal.signal(signal.SIGINT, signal.default_int_handler)' \
-        "    sys.exit($function())" \
-        >"install/$package/lib/$package/$name" || return
+      write_launcher "$module" "$function" "install/$package/lib/$package/$name" || return
     done < <(sed -n '/^\[console_scripts\]/,/^$/{/ = /p}' "$entries")
   done
+}
+
+write_launcher() { # MODULE FUNCTION FILE
+  printf '%s\n' "#!$venv/bin/python" '# Written by tools/setup.sh.' 'if __name__ == "__main__":' \
+    '    import os, signal, sys' \
+    '    signal.signal(signal.SIGINT, lambda *_: os._exit(130))' \
+    "    from $1 import $2" \
+    '    signal.signal(signal.SIGINT, signal.default_int_handler)' \
+    "    sys.exit($2())" \
+    >"$3" && chmod +x "$3"
 }
 
 # The packages whose part of the recipe differs from what was built, one a line.

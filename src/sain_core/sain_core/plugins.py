@@ -42,10 +42,13 @@ class Plugins:
         return sorted({*self._built_in, *self.entries()} - {self._hidden})
 
     def entries(self) -> dict[str, list[EntryPoint]]:
-        """Return the entry points of each name; more than one where packages contradict."""
-        offered: dict[str, dict[tuple[str, str], EntryPoint]] = {}
+        """Return the entry points of each name; more than one where packages contradict.
+
+        What is installed twice, in a workspace and with pip, is one.
+        """
+        offered: dict[str, dict[str, EntryPoint]] = {}
         for entry in entry_points(group=self.group):
-            offered.setdefault(entry.name, {})[package_of(entry), entry.value] = entry
+            offered.setdefault(entry.name, {})[entry.value] = entry
         return {name: list(entries.values()) for name, entries in offered.items()}
 
     def check(self, name: str) -> None:

@@ -20,7 +20,10 @@ train: Final = Command(
     "sain_model train", "cli.options:train_options", "cli.train:run", resumes="epoch"
 )
 evaluate: Final = Command(
-    "sain_model evaluate", "cli.options:EvaluateModelOptions", "cli.evaluate:run"
+    "sain_model evaluate",
+    "cli.options:EvaluateModelOptions",
+    "cli.evaluate:run",
+    alias="evaluate_model",
 )
 identify: Final = Command("sain_model identify", "cli.options:IdentifyOptions", "cli.identify:run")
 real_import: Final = Command(

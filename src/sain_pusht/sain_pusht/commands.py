@@ -10,5 +10,8 @@ evaluate: Final = Command(
     "evaluation:run",
     resumes="episode",
     prefixes=True,
+    alias="evaluate_pusht",
 )
-learn: Final = Command("sain_pusht learn", "options:LearnOptions", "learning:run")
+learn: Final = Command(
+    "sain_pusht learn", "options:LearnOptions", "learning:run", alias="learn_pusht"
+)

@@ -129,6 +129,7 @@ class Command:
         resumes: what the same command continues from after Ctrl-C; "": it starts again.
         ros: whether it accepts ``--ros-args``.
         prefixes: whether nested settings are called ``--group.name``; otherwise ``--name``.
+        alias: its name as a subcommand of ``sain``, where another command has the same name.
     """
 
     name: str
@@ -137,19 +138,40 @@ class Command:
     resumes: str = ""
     ros: bool = False
     prefixes: bool = False
+    alias: str = ""
 
-    def __call__(self, arguments: list[str] | None = None) -> int:
-        """Run it with these arguments, or those of the process; return its exit code."""
+    @property
+    def subcommand(self) -> str:
+        """Its name as a subcommand of ``sain``."""
+        return self.alias or self.name.split()[1]
+
+    @property
+    def needs_ros(self) -> bool:
+        """Whether it does nothing without ROS 2."""
+        return self.ros or self.work.startswith("ros.")
+
+    @property
+    def summary(self) -> str:
+        """What it does, in one sentence."""
+        options = load(self.name, self.options)
+        kind = options if isinstance(options, type) else options([])
+        return " ".join((kind.__doc__ or "").split("\n\n")[0].split())
+
+    def __call__(self, arguments: list[str] | None = None, program: str = "") -> int:
+        """Run it with these arguments, or those of the process; return its exit code.
+
+        `program` is its name in the help; by default that after ``ros2 run``.
+        """
         with end_with_the_reader():
-            return self._read_and_run(arguments)
+            return self._read_and_run(arguments, program or f"ros2 run {self.name}")
 
-    def _read_and_run(self, arguments: list[str] | None) -> int:
+    def _read_and_run(self, arguments: list[str] | None, program: str) -> int:
         with silent_interrupts(arguments is None):
             given = sys.argv[1:] if arguments is None else arguments
             own = split_ros_arguments(given)[0] if self.ros else given
             try:
                 kind = load(self.name, self.options)
-                options = read_options(kind, f"ros2 run {self.name}", own, self.prefixes)
+                options = read_options(kind, program, own, self.prefixes)
                 if self.ros:
                     check_host()
             except SainError as error:

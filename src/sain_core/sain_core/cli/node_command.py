@@ -47,14 +47,32 @@ class NodeCommand:
     actions: tuple[str, ...] = ()
     example: str = ""
 
-    def __call__(self, arguments: list[str] | None = None) -> int:
-        """Run the node with these arguments, or those of the process, until it is interrupted."""
+    @property
+    def subcommand(self) -> str:
+        """Its name as a subcommand of ``sain``."""
+        return self.name.split()[1]
+
+    @property
+    def needs_ros(self) -> bool:
+        """Whether it does nothing without ROS 2: all nodes do."""
+        return True
+
+    @property
+    def summary(self) -> str:
+        """What it does."""
+        return self.about
+
+    def __call__(self, arguments: list[str] | None = None, program: str = "") -> int:
+        """Run the node with these arguments, or those of the process, until it is interrupted.
+
+        `program` is its name in the help; by default that after ``ros2 run``.
+        """
         given = sys.argv[1:] if arguments is None else arguments
         own, _ = split_ros_arguments(given)
         with silent_interrupts(arguments is None):
             if "--help" in own or "-h" in own:
                 with end_with_the_reader():
-                    sys.stdout.write("\n".join(self.help()) + "\n")
+                    sys.stdout.write("\n".join(self.help(program)) + "\n")
                 return 0
             if own:
                 sys.stderr.write(f"{self.name.split()[1]}: {self._problem(own)}\n")
@@ -72,10 +90,11 @@ class NodeCommand:
         except KeyboardInterrupt:
             os._exit(INTERRUPTED)
 
-    def help(self) -> Iterator[str]:
+    def help(self, program: str = "") -> Iterator[str]:
         """Yield the lines of the help."""
+        program = program or f"ros2 run {self.name}"
         width = min(shutil.get_terminal_size().columns, WIDEST)
-        yield f"usage: ros2 run {self.name} [--help] [--ros-args -p NAME:=VALUE ...]"
+        yield f"usage: {program} [--help] [--ros-args -p NAME:=VALUE ...]"
         yield ""
         yield from textwrap.wrap(self.about, width)
         yield ""
@@ -104,7 +123,7 @@ class NodeCommand:
             )
         yield ""
         yield "example:"
-        yield f"  ros2 run {self.name} --ros-args -p {self.example}"
+        yield f"  {program} --ros-args -p {self.example}"
 
     def _parameters(self) -> list[tuple[str, str, str, str]]:
         return describe_parameters(load(self.name, self.settings)())
