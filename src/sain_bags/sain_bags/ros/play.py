@@ -11,6 +11,7 @@ from sain_bags.reading.reader import Bag
 from sain_bags.ros.parameter_requests import requests_served
 from sain_bags.ros.player import Player
 from sain_bags.ros.stop_signal import StopSignal
+from sain_core.ros.ending import release
 from sain_core.ros.node_main import ros_context
 
 LOOK: Final = 0.02  # [s], between two looks for subscribers
@@ -44,7 +45,7 @@ def play_bag(options: PlayOptions, console: Console) -> Played:
             played = _play_with_bar(passage, player, watch, options, console)
             player.let_arrive()
     finally:
-        player.destroy_node()
+        release(player)
     return played
 
 

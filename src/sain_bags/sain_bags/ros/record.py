@@ -3,6 +3,7 @@
 import json
 import signal
 import time
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Final
 
@@ -21,6 +22,7 @@ from sain_bags.writing.selection import Selection
 from sain_bags.writing.writer import BagWriter
 from sain_core import notify
 from sain_core.errors import ConfigError, OutputError, SainError
+from sain_core.ros.ending import release
 from sain_core.ros.node_main import ros_context
 
 PASS_PERIOD: Final = 0.01  # [s] between passes over all topics, also how soon a signal is noticed
@@ -102,8 +104,12 @@ def record(
     custom_data = parse_custom_data(options.custom_data)
     selection = Selection(frozenset(options.topics), options.include_hidden)
     stop = StopSignal()
-    with BagWriter(options.out, options.bag, custom_data, is_part=is_part) as writer:
+    with (
+        ExitStack() as afterwards,  # once the bag is closed
+        BagWriter(options.out, options.bag, custom_data, is_part=is_part) as writer,
+    ):
         recorder = Recorder(writer, selection)
+        afterwards.callback(release, recorder)
 
         def status() -> RecordingStatus:
             elapsed = time.monotonic() - started
@@ -126,7 +132,6 @@ def record(
             writer.custom_data[MISSING_KEY] = describe_gaps(recorder.gaps)
             last = status()
             writer.custom_data.update(about_silence(recorder, last.silent))
-            recorder.destroy_node()
             if nodes is not None:
                 nodes.remove()
     size = sum(path.stat().st_size for path in options.out.iterdir())

@@ -15,6 +15,7 @@ from sain_bringup.options import GoalOptions
 from sain_core.cli.terminal import WaitingLine
 from sain_core.errors import ErrorCode, SainError
 from sain_core.ros.diagnostics import node_of
+from sain_core.ros.ending import release
 from sain_core.ros.node_main import NAMESPACE, ros_context, spin_until
 from sain_core.ros.qos import RELIABLE
 from sain_interfaces.action import Reach
@@ -120,7 +121,7 @@ def run(options: GoalOptions, console: Console) -> int:
         try:
             result = sender.result(sender.send(goal_message(options), options.timeout))
         finally:
-            sender.destroy_node()
+            release(sender)
     count = f"{result.pushes} push{'' if result.pushes == 1 else 'es'}"
     where = f"{1e3 * result.goal_distance:.1f} mm"
     if result.status == Plan.REACHED:

@@ -13,6 +13,7 @@ from sain_core.cli.terminal import FittingTable
 from sain_core.errors import ErrorCode, SainError
 from sain_core.push import make_push, push_ids
 from sain_core.ros.codec import encode_push
+from sain_core.ros.ending import release
 from sain_core.ros.node_main import NAMESPACE, ros_context, spin_until
 from sain_core.ros.qos import LATCHED, RELIABLE
 from sain_core.scene import POSITION, THETA
@@ -114,6 +115,6 @@ def run(options: PushOptions, console: Console) -> int:
             push = make_push(*path, body=options.body, speed=options.speed)
             result = sender.send(push)
         finally:
-            sender.destroy_node()
+            release(sender)
     show(result, console, sender.shapes)
     return 0 if result.error_code == ErrorCode.OK else int(result.error_code) or 1

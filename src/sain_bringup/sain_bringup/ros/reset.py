@@ -9,6 +9,7 @@ from rich.markup import escape
 from sain_bringup.options import ResetOptions
 from sain_bringup.ros.push import SilentSimulatorError
 from sain_core.errors import ErrorCode
+from sain_core.ros.ending import release
 from sain_core.ros.node_main import NAMESPACE, ros_context, spin_until
 from sain_core.scene import POSITION
 from sain_core.wire import decode_disks
@@ -24,7 +25,7 @@ def run(options: ResetOptions, console: Console) -> int:
         try:
             reply = _reset(node, options)
         finally:
-            node.destroy_node()
+            release(node)
     if reply.error_code != ErrorCode.OK:
         console.print(f"[red]not reset[/]: {escape(reply.error_message)}", soft_wrap=True)
         return int(reply.error_code) or 1

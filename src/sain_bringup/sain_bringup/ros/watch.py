@@ -15,6 +15,7 @@ from rich.console import Console
 
 from sain_bringup.options import WatchOptions
 from sain_core.errors import ConfigError
+from sain_core.ros.ending import release
 from sain_core.ros.node_main import NAMESPACE, SPIN, ros_context
 
 PROGRAM: Final = "ros2 run sain_bringup watch"
@@ -166,4 +167,4 @@ def run(options: WatchOptions, console: Console) -> None:
         except KeyboardInterrupt:
             pass  # the usual end
         finally:
-            watcher.destroy_node()
+            release(watcher)

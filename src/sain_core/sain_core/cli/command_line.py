@@ -21,6 +21,7 @@ from typing import Annotated, Any, Final, Literal, get_type_hints
 
 from sain_core.config import describe_values
 from sain_core.errors import INTERRUPTED, ConfigError, SainError
+from sain_core.ros.ending import PATIENCE, start_timer
 from sain_core.ros.network import check_host
 
 
@@ -163,7 +164,10 @@ class Command:
         `program` is its name in the help; by default that after ``ros2 run``.
         """
         with end_with_the_reader():
-            return self._read_and_run(arguments, program or f"ros2 run {self.name}")
+            code = self._read_and_run(arguments, program or f"ros2 run {self.name}")
+        if self.needs_ros and arguments is None:
+            start_timer(PATIENCE, code)  # the middleware is taken down with the interpreter
+        return code
 
     def _read_and_run(self, arguments: list[str] | None, program: str) -> int:
         with silent_interrupts(arguments is None):

@@ -20,6 +20,7 @@ from rclpy.utilities import ok, try_shutdown
 
 from sain_core import notify
 from sain_core.errors import INTERRUPTED, ConfigError, SainError
+from sain_core.ros.ending import ending_within
 from sain_core.ros.network import stay_on_this_host
 from sain_core.ros.parameters import check_parameter_files
 from sain_core.ros.steady import steady_timer
@@ -76,9 +77,10 @@ def run_node(make_node: Callable[[], Node], name: str, args: list[str] | None = 
                     raise
                 # A signal that comes during the start invalidates what is being made: rcl raises.
             finally:
-                if node is not None:
-                    node.destroy_node()
-                executor.shutdown()
+                with ending_within(code=code):
+                    if node is not None:
+                        node.destroy_node()
+                    executor.shutdown()
     except KeyboardInterrupt:
         pass
     except SainError as error:
@@ -145,7 +147,8 @@ def ros_context(
         yield
     finally:
         try:
-            try_shutdown()
+            with ending_within():
+                try_shutdown()
         except RuntimeError:
             if ok():
                 raise
