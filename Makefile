@@ -41,8 +41,8 @@ format: ## rewrites the Python code in the project's format
 	@./env ruff check --fix
 	@./env ruff format
 
-bench: ## timings beside those of peers
-	@./env python -m benchmarks $(ARGS)
+bench: ## timings beside those of others; some of them, or other rooms, with ARGS="planar_prior"
+	@./env python -m benchmarks $(or $(ARGS),speed)
 
 # Of one world: BULLET="--models runs/learned/sain.safetensors", ROUGH=..., MUJOCO=..., PUSHT="--episodes 20".
 # In the page: NAMES="--names 'runs/learned/sain.safetensors=learned only'".
@@ -53,10 +53,10 @@ table: ## docs/reference/results.md and its picture: all scenarios in Bullet, it
 	@./env ros2 run sain_pusht evaluate --out results/table/pusht $(PUSHT)
 	@./env ros2 run sain_eval results results/table/bullet results/table/rough results/table/mujoco \
 		results/table/pusht $(NAMES)
-	@./env python -m benchmarks.results_figure
+	@./env python -m benchmarks.results.results_figure
 
 faults: ## docs/reference/faults.md: what the graph makes of killed nodes, lost datagrams, full disks and hostile input; takes an hour
-	@./env python -m benchmarks.graph_faults --page docs/reference/faults.md $(ARGS)
+	@./env python -m benchmarks.faults.graph_faults --page docs/reference/faults.md $(ARGS)
 
 real: ## docs/reference/real.md and its pictures: errors on the real pushes at DATA=PATH; takes two hours, and continues after a stop
 	@./env python -m benchmarks.real $(if $(DATA),--data "$(DATA)") $(ARGS)

@@ -1,77 +1,49 @@
-"""All benchmarks one after the other: ``./env python -m benchmarks [NAME ...]``.
+"""The benchmarks: ``./env python -m benchmarks`` lists them, ``... NAME`` runs some.
 
-Those that need a data set, or an hour, are modules of their own:
-``./env python -m benchmarks.NAME --help``.
+A name is that of a benchmark or of a room. Each is a module that takes options:
+``./env python -m benchmarks.ROOM.NAME --help``.
 """
 
 import importlib
 import pkgutil
 import sys
+from collections.abc import Iterator
+from pathlib import Path
 
 import benchmarks
 
-HELPERS = {
-    "__main__",
-    "cylinder_planning",
-    "cylinder_world",
-    "faults",
-    "gate",
-    "hostile",
-    "hostile_entries",
-    "hostile_flood",
-    "identification",
-    "live_browser",
-    "live_driver",
-    "live_viewer",
-    "made_bags",
-    "peer_figure",
-    "peer_optimizers",
-    "peer_planning",
-    "recorder_parts",
-    "report",
-    "timing",
-    "wire",
-}
-ON_DATA = {
-    "ablations",
-    "cylinder_push",
-    "ensembles",
-    "fine_tuning",
-    "gates",
-    "gradients",
-    "graph_faults",
-    "open_loop",
-    "own_robot",
-    "paired_pushes",
-    "paper_training",
-    "peers",
-    "real",
-    "recovery",
-    "rollout_designs",
-    "rough_figure",
-    "rough_world",
-    "shapes_collect",
-    "shapes_learning",
-    "soak",
-    "without_history",
-}
+
+def modules() -> Iterator[tuple[str, str]]:
+    """Yield the benchmarks: the name of each module that reads options, and its first line."""
+    for found in pkgutil.walk_packages(benchmarks.__path__, "benchmarks."):
+        place = Path(*found.name.split("."))
+        path = place / "__main__.py" if found.ispkg else place.with_suffix(".py")
+        source = Path(benchmarks.__path__[0]).parent / path
+        text = source.read_text(encoding="utf-8") if source.exists() else ""
+        reads_options = "tyro.cli(" in text or "ArgumentParser(" in text
+        if reads_options and not found.name.endswith("__main__"):
+            first = text.lstrip("r").removeprefix('"""').partition("\n")[0]
+            yield found.name, first.rstrip('"')
 
 
 def main() -> int:
-    """Run the benchmarks that are named, or all of them."""
-    found = {module.name for module in pkgutil.iter_modules(benchmarks.__path__)}
-    known = sorted(found - HELPERS - ON_DATA)
-    if {"-h", "--help"} & set(sys.argv[1:]):
-        print(__doc__, f"Names: {', '.join(known)}", sep="\n")
+    """List the benchmarks, or run those that are named with their usual options."""
+    known = dict(modules())
+    wanted = sys.argv[1:]
+    if not wanted or {"-h", "--help"} & set(wanted):
+        print(__doc__)
+        for name, line in known.items():
+            print(f"  {name.removeprefix('benchmarks.'):28} {line}")
         return 0
-    names = sys.argv[1:] or known
-    unknown = [name for name in names if name not in known]
-    if unknown:
-        print(f"no benchmark {', '.join(unknown)}; there are: {', '.join(known)}", file=sys.stderr)
-        return 2
-    sys.argv = sys.argv[:1]
-    for name in names:
-        importlib.import_module(f"benchmarks.{name}").main()
+    for word in wanted:
+        names = [name for name in known if word in name.split(".")[1:]]
+        if not names:
+            allowed = ", ".join(name.removeprefix("benchmarks.") for name in known)
+            print(f"no benchmark {word!r}; there are: {allowed}", file=sys.stderr)
+            return 2
+        for name in names:
+            sys.argv = [name]
+            importlib.import_module(name).main()
     return 0
 
 

@@ -1,4 +1,4 @@
-"""The gates that a change must pass, on small numbers: ``./env python -m benchmarks.gates``.
+"""The gates that a change must pass, on small numbers.
 
 Each figure is compared with what is allowed, and with the same figure of a baseline. *ok*: what is
 allowed is reached, or there is only a baseline, and it is no worse. *open*: not reached, but no

@@ -1,14 +1,10 @@
-"""How fast the planner plans: ``./env python -m benchmarks.planner``.
+"""How fast the planner plans.
 
-1. Beside pytorch_mppi, driven as its README shows, with a plain eager step of the same model: the
-   same prior, its network by PyTorch. Both sample, roll out and cost K = 1024 sequences of H = 15
-   pushes on one thread, in turns. Ours costs them by all its terms, the peer by the paper's one.
-   The same again for the network alone, as the paper deploys it.
-2. Plan time against K and H, with a picture.
-3. Memory of a plan with K = 16,384 and H = 15, in a process of its own.
-4. Where the time of a plan with default settings goes, and the floor: the network's
+1. Plan time against K and H, with a picture.
+2. Memory of a plan with K = 16,384 and H = 15, in a process of its own.
+3. Where the time of a plan with default settings goes, and the floor: the network's
    multiplications at the machine's measured peak.
-5. Plans that keep a deadline.
+4. Plans that keep a deadline.
 
 Times are the shortest of some, taken in turns.
 """
@@ -24,26 +20,23 @@ from typing import Annotated
 
 import numba
 import numpy as np
-import pytorch_mppi
 import torch
 import tyro
 from matplotlib.figure import Figure as Picture
 
-from benchmarks.inference import SIZE, Reference, multiplications, peak
 from benchmarks.report import Figure, report
+from benchmarks.speed.inference import SIZE, multiplications, peak
 from benchmarks.timing import fastest
 from sain_core.drawing.figures import TEXT, new_figure, style_axes, write_png
 from sain_core.drawing.palette import PALETTE
 from sain_core.model import IdentityPrior, load_dynamics
-from sain_core.push import LENGTH, PATH, make_push
-from sain_core.scene import TARGET
+from sain_core.push import LENGTH
 from sain_core.seeding import generator
-from sain_core.types import Pushes, Scene
+from sain_core.types import Scene
 from sain_eval.scenes.scenario_scene import ScenarioScene
 from sain_eval.scenes.scenarios import SCENARIOS
 from sain_model.dynamics.sain import SainDynamics
-from sain_model.inference.kinds import friction_belief
-from sain_mppi.algorithms.config import MPPI, NoiseConfig, PlannerConfig
+from sain_mppi.algorithms.config import MPPI, PlannerConfig
 from sain_mppi.algorithms.result import PlanResult
 from sain_mppi.objective.problem import Problem
 from sain_mppi.planner import Planner
@@ -61,7 +54,6 @@ class Options:
     """How much to measure."""
 
     parts: Annotated[tuple[str, ...], tyro.conf.Positional] = (
-        "peer",
         "scaling",
         MEMORY,
         "phases",
@@ -89,73 +81,6 @@ def plan_again(planner: Planner, case: ScenarioScene, seed: int = 0) -> PlanResu
     """Plan a scene as the first of an episode."""
     planner.reset()
     return planner.plan(Problem.of(case.disks, case.goal), generator(seed, "benchmark"))
-
-
-class Peer:
-    """pytorch_mppi over an eager step: state (K, N * 8) and path (K, 3) to the next state."""
-
-    def __init__(self, sain: SainDynamics, case: ScenarioScene, config: PlannerConfig) -> None:
-        self.model, self.shape = Reference(sain), case.disks.shape
-        self.goal = torch.from_numpy(case.goal.places[0])
-        self.weights = torch.tensor(config.weights.position)
-        noise = torch.from_numpy(config.noise.deviations(0))
-        self.control = pytorch_mppi.MPPI(
-            self.step,
-            self.cost,
-            case.disks.size,
-            torch.diag(noise**2),
-            num_samples=config.samples,
-            horizon=config.horizon,
-            lambda_=0.1,
-            u_min=torch.tensor([-np.pi, -np.pi / 4, 0.0]),
-            u_max=torch.tensor([np.pi, np.pi / 4, 0.15]),
-        )
-
-    def step(self, state: torch.Tensor, action: torch.Tensor) -> torch.Tensor:
-        """Predict with the model that the planner has."""
-        scenes = state.reshape(-1, *self.shape).numpy()
-        return torch.from_numpy(self.model.step(scenes, make_push(*action.numpy().T))).flatten(1)
-
-    def cost(self, state: torch.Tensor, action: torch.Tensor) -> torch.Tensor:
-        """Return the paper's cost, equation 6."""
-        target = state.reshape(-1, *self.shape)[:, TARGET, :2]
-        return ((target - self.goal) ** 2 @ self.weights.to(target.dtype)).to(torch.float64)
-
-    def plan(self, scene: Scene, mean: Pushes) -> torch.Tensor:
-        """Draw about a mean (H, 5) and return the push to execute."""
-        self.control.U = torch.from_numpy(mean[..., PATH].copy())
-        return self.control.command(torch.from_numpy(scene.flatten()), False)
-
-
-def beside_peer(sain: SainDynamics, options: Options) -> list[Figure]:
-    """Compare with pytorch_mppi, one thread each: on the model, and on its network alone."""
-    alone = replace(sain, belief=friction_belief(IdentityPrior()))
-    return compare(sain, "SAIN", options) + compare(alone, "its network alone", options)
-
-
-def compare(sain: SainDynamics, name: str, options: Options) -> list[Figure]:
-    """Compare both planners on a model. Both draw about the same sequence, as widely."""
-    threads, case = numba.get_num_threads(), problem()
-    noise = NoiseConfig(length=0.02)  # clipping then makes few pushes of the peer's a rest
-    config = PlannerConfig(algorithm=MPPI, samples=SAMPLES, horizon=HORIZON, noise=noise)
-    ours, peer = Planner(sain, config), Peer(sain, case, config)
-    mean = ours.plan(Problem.of(case.disks, case.goal), generator(0, "benchmark")).pushes
-    works = {
-        "peer": lambda: peer.plan(case.disks, mean),
-        "ours": lambda: ours.plan(Problem.of(case.disks, case.goal), generator(0, "benchmark")),
-    }
-    numba.set_num_threads(1)
-    try:
-        times = fastest(works, options.repeats)
-    finally:
-        numba.set_num_threads(threads)
-    theirs, own = times["peer"], times["ours"]
-    return [
-        Figure(f"our planner, K = {SAMPLES}, H = {HORIZON}, on {name}", 1e3 * own.wall, "ms"),
-        Figure("... pytorch_mppi", 1e3 * theirs.wall, "ms"),
-        Figure("... pytorch_mppi / ours", theirs.wall / own.wall, "times", at_least=4.0),
-        Figure("... the same in processor time", theirs.processor / own.processor, "times"),
-    ]
 
 
 def scaling(sain: SainDynamics, options: Options) -> list[Figure]:
@@ -332,7 +257,6 @@ def main() -> None:
     if not isinstance(sain, SainDynamics):
         sys.exit(f"{options.model} has no network")
     parts: dict[str, Callable[[], list[Figure]]] = {
-        "peer": lambda: beside_peer(sain, options),
         "scaling": lambda: scaling(sain, options),
         MEMORY: lambda: memory(options),
         "phases": lambda: phases(sain, options),

@@ -1,1 +1,1 @@
-"""Faults injected below the nodes: see ``benchmarks.graph_faults``."""
+"""What goes wrong: killed processes, full disks, hostile messages and files, hours of use."""

@@ -5,8 +5,8 @@ import os
 import pytest
 
 from benchmarks.faults import surroundings
+from benchmarks.faults.graph_faults import disks, strikes
 from benchmarks.faults.table import Row, write_page
-from benchmarks.graph_faults import disks, strikes
 from sain_bringup.graph import RECORDER, SIMULATOR
 
 pytestmark = pytest.mark.system

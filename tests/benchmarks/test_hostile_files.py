@@ -1,10 +1,10 @@
-"""A short version of `benchmarks.hostile_files`: no command ends in a traceback, or takes long."""
+"""`benchmarks.faults.hostile_files` in short: no command ends in a traceback, or takes long."""
 
 import subprocess
 import sys
 from pathlib import Path
 
-from benchmarks.hostile_files import Options, choose_files
+from benchmarks.faults.hostile_files import Options, choose_files
 
 ROOT = Path(__file__).resolve().parents[2]
 BAGS = (
@@ -17,7 +17,7 @@ BAGS = (
 
 def run(*arguments: str) -> str:
     """Run the benchmark in a process without threads, from which it can fork; return its output."""
-    command = [sys.executable, "-m", "benchmarks.hostile_files", "--count", "1", *arguments]
+    command = [sys.executable, "-m", "benchmarks.faults.hostile_files", "--count", "1", *arguments]
     done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT, timeout=280)
     assert done.returncode == 0, done.stderr[-5000:]
     return done.stdout

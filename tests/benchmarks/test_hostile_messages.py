@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from benchmarks.hostile_entries import PACKAGES, entries, hostile
-from benchmarks.hostile_messages import Row, flood_node
+from benchmarks.faults.hostile.entries import PACKAGES, entries, hostile
+from benchmarks.faults.hostile_messages import Row, flood_node
 from sain_core.ros.node_main import ros_context
 
 pytestmark = pytest.mark.system

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from benchmarks import results_figure
-from benchmarks.results_figure import read_overview
+from benchmarks.results import results_figure
+from benchmarks.results.results_figure import read_overview
 from tests.paths import ROOT
 
 PAGE = ROOT / "docs/reference/results.md"

@@ -7,7 +7,7 @@ from tests.paths import ROOT
 from tools.site.notes import CodeBlock, code_blocks, holds_commands
 from tools.site.places import REPOSITORY_PAGES
 
-SCRIPTS = ("./env", "benchmarks/fine_tuning.sh")
+SCRIPTS = ("./env",)
 PRELUDE = """
 PATH=/nonexistent
 record() {{ printf '%s\\0' "$@" >&3; printf '\\1\\0' >&3; }}

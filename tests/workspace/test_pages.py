@@ -25,7 +25,7 @@ FOLDERS = "src|tests|docs|tools|benchmarks|examples|docker|bags/README"
 NAMED_PATH = re.compile(rf"(?<![\w/.-])((?:{FOLDERS})/[\w./-]+\.(?:py|md|sh|json|yaml|png))\b")
 MODULE = re.compile(rf"`((?:{'|'.join(PYTHON_PACKAGES)})(?:\.\w+)+)")
 PACKAGE_PATH = re.compile(rf"`((?:{'|'.join(PYTHON_PACKAGES)})/[\w./]+)`")
-BENCHMARK = re.compile(r"\bbenchmarks\.(\w+)")
+BENCHMARK = re.compile(r"\bbenchmarks\.(\w+(?:\.\w+)*)")
 SCRIPTS = {name: console_scripts(name) for name in PYTHON_PACKAGES}
 EXECUTABLE = re.compile(r"ros2 run (sain_\w+) (\w+)")
 
@@ -70,8 +70,10 @@ def test_links_and_names_of_a_page_lead_somewhere(page: Path) -> None:
     assert [name for name in MODULE.findall(text) if not exists(name)] == []
     paths = [SOURCE / name.partition("/")[0] / name for name in PACKAGE_PATH.findall(text)]
     assert [str(path) for path in paths if not path.exists()] == []
-    benchmarks = [ROOT / "benchmarks" / f"{name}.py" for name in BENCHMARK.findall(text)]
-    assert [path.name for path in benchmarks if not path.exists()] == []
+    benchmarks = [ROOT / "benchmarks" / name.replace(".", "/") for name in BENCHMARK.findall(text)]
+    assert [
+        path for path in benchmarks if not (path.with_suffix(".py").exists() or path.is_dir())
+    ] == []
     runs = EXECUTABLE.findall(text)
     assert [run for run in runs if run[1] not in SCRIPTS.get(run[0], {})] == []
 

@@ -2,7 +2,7 @@
 
     <!-- not tested: takes an hour -->
     ```
-    ./env python -m benchmarks.ablations
+    ./env python -m benchmarks.gates
     ```
 
 In the repository a mark is not shown. In the site it is a small note below the block.
@@ -19,7 +19,7 @@ BLOCK = re.compile(
     re.DOTALL | re.MULTILINE,
 )
 STARTS = ("make ", "./env ", "ros2 ", "python ", "pip ", "docker ", "nice ", "for ", "train ",
-          "benchmarks/", "examples/")  # fmt: skip
+          "examples/")  # fmt: skip
 INDENTED = re.compile(
     r"(?:^<!-- not tested: (?P<reason>[^\n]+?) -->\n)?^\n(?P<code>(?:    [^\n]*\n|\n)+)",
     re.MULTILINE,

@@ -12,12 +12,12 @@ import pytest
 from selenium.webdriver.common.action_chains import ActionChains
 from selenium.webdriver.remote.webelement import WebElement
 
-from benchmarks.live_viewer import Viewer
 from sain_bags.reading.reader import Bag
 from sain_bags.report.content import read_content
 from sain_core.cli.command_line import executable
 from tests.sain_bags.browser import WEBGL, Browser, opened_browser
 from tests.sain_live.straw import free_port
+from tests.sain_live.viewer import Viewer
 
 pytestmark = pytest.mark.system
 

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from websockets.exceptions import InvalidStatus
 
-from benchmarks.live_viewer import Viewer
 from sain_core.errors import BusyError
 from sain_core.push import make_push
 from sain_core.shapes.bodies import PAPER_DISKS
@@ -16,6 +15,7 @@ from sain_live.settings import PageConfig
 from sain_live.state import Level, LiveArm, LivePlan, LiveResult, LiveScene
 from sain_sim.arm.panda import describe_arm
 from tests.sain_live.straw import AIM, BODIES, SCENE, Written, made_up, served
+from tests.sain_live.viewer import Viewer
 
 GOAL = "/goals/0"
 

@@ -2,13 +2,13 @@
 
 import pytest
 
-from benchmarks.live_viewer import Viewer
 from sain_live.page.live_page import LivePage
 from sain_live.player import RecordingPlayer
 from sain_live.settings import PageConfig
 from sain_live.state import LiveState
 from tests.sain_live.straw import free_port
 from tests.sain_live.test_player import RECORDING
+from tests.sain_live.viewer import Viewer
 
 TRIES = 40
 

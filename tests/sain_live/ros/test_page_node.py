@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
 
-from benchmarks.live_viewer import Viewer
 from sain_core.errors import BusyError, ErrorCode
 from sain_core.model import Model
 from sain_core.ros import codec
@@ -19,6 +18,7 @@ from sain_model.serving import server
 from sain_mppi.ros.mppi_node import MppiNode
 from sain_sim.ros.sim_node import SimNode
 from tests.sain_live.straw import SCENE, free_port
+from tests.sain_live.viewer import Viewer
 
 SMALL = {"planner__samples": 64, "planner__rounds": 2, "planner__horizon": 2}
 

@@ -1,0 +1,1 @@
+"""Data sets, errors and pictures behind published results."""

@@ -1,0 +1,1 @@
+"""How fast things are, beside what others offer; no data are needed."""

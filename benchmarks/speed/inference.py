@@ -1,0 +1,144 @@
+"""How fast SAIN predicts.
+
+A rollout of K = 1024, H = 15, N = 2 in this process, beside its prior alone, beside PyTorch step by
+step, and the share of the machine's measured matrix-multiply peak that the network part reaches.
+Times are the shortest of many, taken in turns. Processor time hardly depends on who else uses the
+machine; the load average says whether anybody did.
+"""
+
+import os
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numba
+import numpy as np
+import torch
+import tyro
+
+from benchmarks.report import Figure, report
+from benchmarks.speed.planar_prior import draw
+from benchmarks.timing import fastest
+from sain_core.model import Model, load_dynamics
+from sain_core.types import Pushes, Scenes
+from sain_model.dynamics.residual import ResidualNetwork
+from sain_model.dynamics.sain import SainDynamics
+from sain_model.network.interaction_network import InteractionNetwork
+from sain_model.network.torch_network import TorchNetwork
+
+SAMPLES, HORIZON = 1024, 15
+SIZE = 1024  # of the square matrices that show the machine's peak
+
+
+@dataclass(frozen=True)
+class Options:
+    """How much to measure."""
+
+    model: str = "sain"
+    """name or checkpoint; a network on the planar prior"""
+    repeats: int = 30
+    """calls of each, of which the fastest counts"""
+    seed: int = 0
+    """of scenes and pushes"""
+    out: Path | None = None
+    """write the figures to this JSON file"""
+
+
+def module_of(sain: SainDynamics) -> InteractionNetwork:
+    """Return the weights of a model."""
+    assert isinstance(sain.network, ResidualNetwork)
+    return sain.network.module
+
+
+class Reference(Model):
+    """SAIN step by step, its network run by PyTorch."""
+
+    def __init__(self, sain: SainDynamics) -> None:
+        self.prior, self.network = sain.physics, TorchNetwork(module_of(sain), "cpu")
+
+    def step(self, scenes: Scenes, pushes: Pushes) -> Scenes:
+        return self.network.correct(scenes, pushes, self.prior.step(scenes, pushes))
+
+
+def peak(threads: int) -> Callable[[], object]:
+    """Return a multiplication of large matrices in single precision, on so many threads."""
+    left, right = torch.rand(SIZE, SIZE), torch.rand(SIZE, SIZE)
+
+    def multiply() -> None:
+        torch.set_num_threads(threads)
+        torch.mm(left, right)
+        torch.set_num_threads(1)
+
+    return multiply
+
+
+def multiplications(sain: SainDynamics, disks: int) -> float:
+    """Return the floating-point operations of the network's products for one push."""
+
+    def of(part: torch.nn.Module) -> float:
+        return 2.0 * sum(
+            value.numel() for name, value in part.named_parameters() if "weight" in name
+        )
+
+    pairs = disks * (disks - 1)
+    module = module_of(sain)
+    return pairs * of(module.relation) + disks * of(module.dynamics)
+
+
+def rollouts(sain: SainDynamics, options: Options) -> list[Figure]:
+    """Measure rollouts in this process."""
+    threads = numba.get_num_threads()
+    scenes, pushes = draw(SAMPLES * HORIZON, options.seed)
+    scene, sequences = scenes[0], pushes.reshape(SAMPLES, HORIZON, -1)
+    predicted = sain.rollout(scene, sequences)
+    before = np.concatenate(  # every scene that the rollout corrects a prediction for
+        [np.broadcast_to(scene, (SAMPLES, 1, *scene.shape)), predicted[:, :-1]], axis=1
+    ).reshape(-1, *scene.shape)
+    physics = sain.physics.step(before, pushes)
+    reference = Reference(sain)
+    far = np.abs(reference.rollout(scene, sequences) - predicted)[..., :2].max()
+    times = fastest(
+        {
+            "rollout": lambda: sain.rollout(scene, sequences),
+            "prior": lambda: sain.physics.rollout(scene, sequences),
+            "network": lambda: sain.correct(before, pushes, physics),
+            "reference": lambda: reference.rollout(scene, sequences),
+            "peak": peak(threads),
+            "peak of one": peak(1),
+        },
+        options.repeats,
+    )
+    work = multiplications(sain, len(scene)) * len(pushes)
+    most = 2.0 * SIZE**3 / times["peak"].wall
+    most_of_one = 2.0 * SIZE**3 / times["peak of one"].processor
+    rollout, network, old = times["rollout"], times["network"], times["reference"]
+    return [
+        Figure(f"rollout on {threads} cores", 1e3 * rollout.wall, "ms", at_most=60.0),
+        Figure("its processor time, all cores", 1e3 * rollout.processor, "ms"),
+        Figure("processor time of its prior, step by step", 1e3 * times["prior"].processor, "ms"),
+        Figure("of its network, features included", 1e3 * network.processor, "ms"),
+        Figure("PyTorch step by step / rollout", old.wall / rollout.wall, "times"),
+        Figure("the same in processor time", old.processor / rollout.processor, "times"),
+        Figure("difference of the two", 1e9 * far, "nm", at_most=1000.0),
+        Figure(f"matrix-multiply peak of {threads} cores", 1e-9 * most, "GFLOP/s"),
+        Figure("matrix-multiply peak of one", 1e-9 * most_of_one, "GFLOP/s"),
+        Figure("share of the peak, network and features", work / network.wall / most, ""),
+        Figure("the same in processor time", work / network.processor / most_of_one, ""),
+    ]
+
+
+def main() -> None:
+    """Measure how fast SAIN predicts."""
+    options = tyro.cli(Options, description=main.__doc__)
+    sain = load_dynamics(options.model)
+    if not isinstance(sain, SainDynamics):
+        sys.exit(f"{options.model} has no network")
+    figures = rollouts(sain, options)
+    figures.append(Figure("load average meanwhile", os.getloadavg()[0], ""))
+    title = f"Inference, K = {SAMPLES}, H = {HORIZON}, N = 2"
+    report(title, figures, options.out)
+
+
+if __name__ == "__main__":
+    main()

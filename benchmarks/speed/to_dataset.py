@@ -1,0 +1,202 @@
+"""How fast bags become data sets, beside bare decoding.
+
+1. A bag of nothing but pushes with their results and predictions.
+2. A bag of a whole graph at work: the same, and scenes, joints, markers and a clock at 100 Hz.
+
+`to_dataset` finds, decodes, pairs and checks the messages and writes the shards, safe on the disk.
+`rosbags` and `mcap-ros2-support-fast` decode the same topics of the same bag, and nothing else. All
+on one core, in turns, the shortest time of some.
+
+With ``--memory``: the most memory that a conversion takes, of a bag of 100 MB and of one of 10 GB.
+"""
+
+import os
+import resource
+import shutil
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import tyro
+from mcap.reader import make_reader
+from rosbags.highlevel import AnyReader
+
+from benchmarks.report import Figure, report
+from benchmarks.speed.made_bags import MadeBag
+from benchmarks.timing import fastest
+from sain_bags.dataset.conversion import convert
+from sain_bags.transitions.sources import find_sources
+from sain_bags.writing.writer import BagConfig
+
+MEBIBYTE = 1 << 20
+SMALL, LARGE = 100 * 10**6, 10 * 10**9  # [bytes]
+IMAGE = 100_000  # [bytes]
+IMAGE_SHARE = 0.9  # of the bytes of a bag whose memory is measured
+SCENE = 211  # [bytes], with its record
+
+
+@dataclass(frozen=True)
+class Options:
+    """What to measure."""
+
+    pushes: int = 100_000
+    """in the first bag"""
+    graph_pushes: int = 2_000
+    """in the second"""
+    scenes: int = 50
+    """between two pushes, in the second"""
+    repeats: int = 7
+    """of each, of which the fastest counts"""
+    memory: bool = False
+    """measure memory instead"""
+    out: Path | None = None
+    """write the figures to this JSON file"""
+
+
+def with_rosbags(bag: Path, topics: frozenset[str]) -> int:
+    """Decode topics with `rosbags`; return how many messages."""
+    count = 0
+    with AnyReader([bag]) as reader:
+        wanted = [found for found in reader.connections if found.topic in topics]
+        for connection, _, raw in reader.messages(wanted):
+            reader.deserialize(raw, connection.msgtype)
+            count += 1
+    return count
+
+
+def with_mcap(bag: Path, topics: frozenset[str]) -> int:
+    """Decode topics with `mcap` and `mcap-ros2-support-fast`; return how many messages."""
+    from mcap_ros2_support_fast.decoder import DecoderFactory
+
+    (file,) = bag.glob("*.mcap")
+    factory: Any = DecoderFactory()  # one of `mcap`'s, though it does not say so
+    with file.open("rb") as stream:
+        reader = make_reader(stream, decoder_factories=[factory])
+        return sum(1 for _ in reader.iter_decoded_messages(topics))
+
+
+def with_sain(bag: Path, out: Path) -> int:
+    """Convert a bag from the beginning; return how many transitions."""
+    shutil.rmtree(out, ignore_errors=True)
+    return convert([bag], out).transitions
+
+
+@contextmanager
+def on_one_core() -> Iterator[None]:
+    """Let this process have one core."""
+    cores = os.sched_getaffinity(0)
+    os.sched_setaffinity(0, {max(cores)})
+    try:
+        yield
+    finally:
+        os.sched_setaffinity(0, cores)
+
+
+def speed(name: str, bag: Path, folder: Path, repeats: int) -> list[Figure]:
+    """Measure one bag."""
+    (source,) = find_sources([bag])
+    topics = frozenset(source.topics)
+    works: dict[str, Callable[[], object]] = {
+        "to_dataset": partial(with_sain, bag, folder / "out"),
+        "rosbags": partial(with_rosbags, bag, topics),
+        "mcap-ros2-support-fast": partial(with_mcap, bag, topics),
+    }
+    times = fastest(works, repeats)
+    rates = {who: 1e-3 * source.messages / time.wall for who, time in times.items()}
+    figures = [Figure(f"{name}: {who}", rate, "k messages/s") for who, rate in rates.items()]
+    own = rates["to_dataset"]
+    return [
+        *figures,
+        Figure(f"{name}: against rosbags", own / rates["rosbags"], "x", at_least=4.0),
+        Figure(f"{name}: against fast", own / rates["mcap-ros2-support-fast"], "x", at_least=1.0),
+        *(
+            Figure(
+                f"{name}: against {who}, processor time",
+                times[who].processor / times["to_dataset"].processor,
+                "x",
+            )
+            for who in ("rosbags", "mcap-ros2-support-fast")
+        ),
+    ]
+
+
+def make_graph_bag(folder: Path, pushes: int, scenes: int) -> None:
+    """Write the bag of a whole graph at work."""
+    bag = MadeBag(folder)
+    for number in range(pushes):
+        bag.pushes(1, first=number + 1)
+        bag.scenes(scenes)
+    bag.writer.close()
+
+
+def make_large_bag(folder: Path, size: int) -> None:
+    """Write a bag of so many bytes: images, scenes and, every thousand scenes, pushes.
+
+    Some pushes have no result, so that the scenes must be read.
+    """
+    bag = MadeBag(folder, BagConfig(compression="none", flush_period=60.0))
+    scenes = 1000
+    images = round(scenes * SCENE * IMAGE_SHARE / (1 - IMAGE_SHARE) / IMAGE)
+    rounds = round(size / (scenes * SCENE + images * IMAGE))
+    for number in range(rounds):
+        bag.pushes(8, first=10 * number + 1)
+        bag.pushes(1, first=10 * number + 9, results=False)
+        bag.images(images, IMAGE)
+        bag.scenes(scenes, beside=False)
+    bag.writer.close()
+
+
+def memory(folder: Path) -> list[Figure]:
+    """Measure the most memory that a conversion takes, in a process of its own."""
+    peaks = {}
+    for name, size in (("100 MB", SMALL), ("10 GB", LARGE)):
+        bag = folder / "bag"
+        make_large_bag(bag, size)
+        command = [sys.executable, "-m", "benchmarks.speed.to_dataset", "--child", str(bag)]
+        done = subprocess.run(command, check=True, capture_output=True, text=True)
+        peaks[name] = int(done.stdout.split()[-1]) / MEBIBYTE
+        shutil.rmtree(bag)
+    figures = [Figure(f"memory for {name}", peak, "MiB") for name, peak in peaks.items()]
+    more = peaks["10 GB"] - peaks["100 MB"]
+    return [*figures, Figure("10 GB more than 100 MB", more, "MiB", at_most=50.0)]
+
+
+def child(bag: Path) -> None:
+    """Convert a bag and print the most memory that it took [bytes]."""
+    with tempfile.TemporaryDirectory() as out:
+        convert([bag], Path(out) / "out")
+    print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024)
+
+
+def main() -> None:
+    """Run from the command line."""
+    if sys.argv[1:2] == ["--child"]:
+        child(Path(sys.argv[2]))
+        return
+    options = tyro.cli(Options, description=__doc__)
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        if options.memory:
+            report("Memory of a conversion", memory(folder), options.out)
+            return
+        bag = MadeBag(folder / "pushes")
+        bag.pushes(options.pushes)
+        bag.writer.close()
+        make_graph_bag(folder / "graph", options.graph_pushes, options.scenes)
+        with on_one_core():
+            figures = [
+                figure
+                for title in ("pushes", "graph")
+                for figure in speed(title, folder / title, folder, options.repeats)
+            ]
+        report("Bags to data sets, one core", figures, options.out)
+
+
+if __name__ == "__main__":
+    main()
