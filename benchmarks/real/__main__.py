@@ -13,8 +13,11 @@ from benchmarks.real import page, pictures
 from benchmarks.real.folds import all_cases
 from benchmarks.real.kept import Kept, all_steps, compute
 from benchmarks.real.measures import Figures, measure
-from benchmarks.real.reading import read_pushes
-from benchmarks.real.table import all_rows
+from benchmarks.real.network import ALONE, NetworkRow
+from benchmarks.real.physics import IdentifiedPhysics, NominalPhysics
+from benchmarks.real.pushes import PushTable, read_pushes
+from benchmarks.real.rows import NoMotion, Row, Shipped, published_rows
+from benchmarks.real.trees import Trees
 from sain_core.errors import DatasetError, SainError
 from sain_core.provenance import git_commit, processor
 from sain_core.storage import make_folder, write_json
@@ -91,6 +94,23 @@ def computed(options: Options, console: Console) -> Figures:
         "seed": options.seed,
     }
     return results
+
+
+def all_rows(pushes: PushTable, work: Path, seed: int) -> list[Row]:
+    """Return the rows of all tables; priors and trainings are kept in a folder of work."""
+    identified = IdentifiedPhysics(work)
+    return [
+        NoMotion(),
+        NominalPhysics(),
+        Shipped(with_network=False),
+        Shipped(with_network=True),
+        identified,
+        *published_rows(pushes),
+        NetworkRow(work, config=ALONE),
+        Trees(seed=seed),
+        Trees(identified, seed=seed),
+        NetworkRow(work, identified),
+    ]
 
 
 def _arguments(options: Options) -> str:

@@ -19,8 +19,8 @@ from sain_core.types import Indices, Mask
 
 FOLDS: Final = 5
 OWN: Final = (0, 1, 2, 5, 10, 20, 50, 100)  # pushes of a body that nothing else is known of
-FEW_OWN: Final = (0, 20, 100)  # of them, for rows that learn anew
-MOST_OWN: Final = 1 / 3  # share of the pushes of a body: the others are predicted
+FEW_OWN: Final = (0, 20)  # of them, for rows that learn anew
+MOST_OWN: Final = 0.4  # share of the pushes of a body: the others are predicted
 USUAL: Final = 20  # of them, where one number is shown
 SIZES: Final = (300, 1000, 3000)  # pushes to learn from
 

@@ -9,8 +9,7 @@ from jaxtyping import Int
 from numpy import ndarray
 
 from benchmarks.real.folds import Case
-from benchmarks.real.kept import Kept, rows_of
-from benchmarks.real.outcomes import DEGREE, Outcome, outcome, pose_errors
+from benchmarks.real.kept import DEGREE, Kept, Outcome, outcome, pose_errors, rows_of
 from benchmarks.real.pushes import Names, PushTable
 from benchmarks.real.rows import LEVELS, STATED, Row
 from benchmarks.real.single import examples, field

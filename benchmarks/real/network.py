@@ -129,7 +129,8 @@ class NetworkRow:
         digest = hashlib.sha256(pushes.row.tobytes() + replace(physics, places=seen).identity)
         path = self.folder / self.key / f"{digest.hexdigest()[:16]}-{known:d}.pt"
         Trainer(network, objective, config, path, keeps_start=not known).run()
-        return OfKnown(residual_model(network, physics.kind, config.prior), physics, held)
+        model = residual_model(network, replace(physics.kind, corrected=True), config.prior)
+        return OfKnown(model, physics, held)
 
 
 @dataclass(frozen=True, eq=False)

@@ -39,8 +39,14 @@ HOW: Final = """## How it is measured
   have learned from the same pushes on the other surface.
 * **Physics, nominal** has textbook values and no measurement of the object. **Physics, identified**
   has parameters of each object on its surface, with a prior from the other objects.
+* **SAIN, as shipped** is the model of this package, which learned from simulated pushes alone.
+  **Its physics, as shipped** is the same model without its network. Both have no earlier push.
+* **SAIN** on an object that was left out is conditioned on the own pushes, as in use. Its network
+  counts for a new object only where it explains them better than the physics does.
 * **Limit surfaces** are predictions that Zhou et al. published with the data. Their models were
   fitted to measured forces.
+* **Regions** of a model follow the errors on an object: of pushes that were held back from the
+  training, or of the own pushes.
 * **Learned only** is the network of SAIN without physics.
 * **Trees** are extremely randomised trees of scikit-learn on the geometry of the contact, and on
   the prediction of a physics. They are no part of SAIN.

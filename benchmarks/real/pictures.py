@@ -26,6 +26,7 @@ COLOURS: Final = {
     "sain": PALETTE.predicted,
 }
 DASHED: Final = ("sim_quadratic", "sim_poly4", "trees_on_identified")  # of others
+NOT_DRAWN: Final = ("still", "shipped", "shipped_physics")
 UNITS: Final = {"mm": "position error [mm]", "degrees": "heading error [degrees]"}
 PARTS: Final = ("nominal", "identified", "sain")  # whose residuals are drawn
 
@@ -81,7 +82,7 @@ def by_angle(results: Figures) -> Figure:
 def _by_group(results: Figures, name: str, label: str) -> Figure:
     groups = results[name]
     names = sorted(groups, key=lambda group: (group == "no contact", _number(group), group))
-    rows = [key for key in results["rows"] if key != "still"]
+    rows = [key for key in results["rows"] if key not in NOT_DRAWN]
     figure = new_figure(7.6, 4.9)
     for axes, (unit, title) in zip(figure.subplots(2, 1, sharex=True), UNITS.items(), strict=True):
         style_axes(axes, ylabel=title, xlabel=label if unit == "degrees" else "")
@@ -115,7 +116,7 @@ def by_own_pushes(results: Figures) -> Figure | None:
     for axes, (unit, title) in zip(figure.subplots(1, 2), UNITS.items(), strict=True):
         style_axes(axes, ylabel=title, xlabel="own pushes of the body")
         for key, label in results["rows"].items():
-            if key == "still":
+            if key in NOT_DRAWN:
                 continue
             cases = [results["cases"][f"object_{count}"]["errors"] for count in counts]
             found = [case[key][unit] if key in case else [np.nan] * 3 for case in cases]

@@ -1,26 +1,36 @@
 """The pushes of a data set of single bodies as flat arrays: what rows of the tables learn from."""
 
-from collections.abc import Mapping
+import shutil
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
+from pathlib import Path
 from typing import Any, Final, Self
 
 import numpy as np
 from jaxtyping import Float, Int
 from numpy import ndarray
+from scipy.spatial import cKDTree
 
 from sain_core.errors import DatasetError
 from sain_core.push import LENGTH, SPEED, START, TIP_RADIUS, is_stroke, push_direction
 from sain_core.scene import POSE, RADIUS, THETA, unit, wrap_angle
 from sain_core.shapes.library import get_shape
+from sain_core.storage import read_arrays
 from sain_core.types import Angles, Indices, Mask, Points, Scalars
 from sain_model.data.bodies import on_surfaces
-from sain_model.data.dataset import Dataset, Part
+from sain_model.data.dataset import Dataset, Part, load_dataset
+from sain_model.importing.data_set import import_pushes, write_imported
+from sain_model.importing.sources import read_recordings
+from sain_model.network.inputs import MASS_MIDDLE
 from sain_model.physics.first_touch import first_touch
 
 Poses = Float[ndarray, "M 3"]  # x, y [m] and heading [rad] in the world
 Names = ndarray  # of texts, (M,)
 
+PUBLISHED: Final = "sim_"  # names of arrays of predicted poses begin so
+TIP_START, BEFORE = "tip_init", "init_pose"  # arrays beside them
+ALIKE: Final = 1e-6  # [m], within which starts of the tool are the same
 MISSED: Final = np.pi  # [rad], larger than any angle between a motion and a normal
 
 
@@ -203,3 +213,51 @@ def _poses(scenes: Float[ndarray, "M 1 8"]) -> Poses:
     poses = scenes[:, 0, POSE].copy()
     poses[:, 2] = wrap_angle(scenes[:, 0, THETA])
     return poses
+
+
+# --- recordings -----------------------------------------------------------------------------------
+
+
+def read_pushes(path: Path, work: Path) -> PushTable:
+    """Return the pushes at a path; the data set that they become is kept in a folder of work.
+
+    Raises:
+        DatasetError: nothing there, or nothing that can be read; the message says where such data
+            come from.
+    """
+    folder = work / "data"
+    imported = import_pushes(read_recordings([path]), MASS_MIDDLE, skip_bad=True)
+    shutil.rmtree(folder, ignore_errors=True)
+    write_imported(folder, imported, {"sources": [str(path)]})
+    pushes = push_table(load_dataset(folder))
+    return replace(pushes, published=dict(published(path, pushes)))
+
+
+def published(path: Path, pushes: PushTable) -> Iterator[tuple[str, Poses]]:
+    """Yield what npz files at a path predict of pushes, by name.
+
+    Files state poses of the frame that was tracked, data sets those of the centroid: the offset is
+    fixed in each body.
+    """
+    for file in sorted(path.glob("*.npz")) if path.is_dir() else [path]:
+        if file.suffix != ".npz":
+            continue
+        arrays = read_arrays(file)
+        names = [name for name in arrays if name.startswith(PUBLISHED)]
+        if not names or not {TIP_START, BEFORE} <= set(arrays):
+            continue
+        row = _rows(file, arrays[TIP_START], pushes.start)
+        tracked = arrays[BEFORE][row]
+        offset = turned(pushes.before[:, :2] - tracked[:, :2], -tracked[:, 2])
+        for name in names:
+            poses = arrays[name][row]
+            place = poses[:, :2] + turned(offset, poses[:, 2])
+            yield name, np.column_stack([place, wrap_angle(poses[:, 2])])
+
+
+def _rows(file: Path, starts: Points, wanted: Points) -> np.ndarray:
+    """Return which row of a file each push is, by where its tool starts."""
+    apart, row = cKDTree(starts).query(wanted)
+    if apart.max() > ALIKE or len(np.unique(row)) != len(row):
+        raise DatasetError(f"{file} has predictions of other pushes than the data set")
+    return np.asarray(row)

@@ -1,15 +1,21 @@
 """Rows of the tables: whatever learns from pushes and predicts others, as one small protocol."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Final, Protocol
 
+import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
 from benchmarks.real.pushes import Poses, PushTable
+from sain_core.model import load_dynamics
+from sain_core.scene import POSE
+from sain_model.dynamics.sain import SainDynamics
 
 LEVELS: Final = (0.1, 0.25, 0.5, 0.75, 0.9, 0.95)  # of regions
 PARTS: Final = ("poses", "radius", "turn")  # of a prediction
+SHIPPED: Final = "sain"  # its name
 STATED: Final = 0.9  # the level that models state their regions at
 
 
@@ -80,6 +86,44 @@ class NoMotion:
     def predict(self, pushes: PushTable) -> Predicted:
         """Return the poses before the pushes."""
         return Predicted(pushes.before.copy())
+
+
+@dataclass(frozen=True)
+class Shipped:
+    """The model that the package ships, which learned from no real push; or its physics alone."""
+
+    with_network: bool
+    learns_anew: bool = False
+
+    @property
+    def key(self) -> str:
+        return "shipped" if self.with_network else "shipped_physics"
+
+    @property
+    def title(self) -> str:
+        return "SAIN, as shipped" if self.with_network else "its physics, as shipped"
+
+    @property
+    def identity(self) -> str:
+        return self._model.origin.model_hash
+
+    @cached_property
+    def _model(self) -> SainDynamics:
+        model = load_dynamics(SHIPPED)
+        assert isinstance(model, SainDynamics)
+        return model if self.with_network else replace(model, network=None)
+
+    def fit(self, train: PushTable, own: PushTable) -> Predictor:
+        """Learn nothing."""
+        return self
+
+    def predict(self, pushes: PushTable) -> Predicted:
+        """Return what it predicts without any earlier push."""
+        after = [
+            self._model.with_bodies(part.bodies).step(part.state, part.action)
+            for part in pushes.dataset.parts
+        ]
+        return Predicted(np.concatenate(after)[:, 0, POSE])
 
 
 @dataclass(frozen=True)

@@ -5,11 +5,12 @@ from typing import Any, Final
 
 import numpy as np
 
-from benchmarks.real.outcomes import DEGREE, Outcome
+from benchmarks.real.kept import DEGREE, Outcome
 from benchmarks.real.pushes import PushTable, turned
 from sain_core.scene import unit, wrap_angle
 from sain_core.shapes.library import get_shape
 from sain_core.shapes.outline import outline_of
+from sain_core.shapes.shape import FLAT_MARK
 from sain_core.shapes.solids import DISK
 from sain_core.types import Points, Scalars
 
@@ -28,7 +29,7 @@ def field(pushes: PushTable, main: Mapping[str, Outcome]) -> Figures:
     what was predicted: along the inward normal of the contact and to its left [mm], and of the
     heading [degrees].
     """
-    cornered = pushes.object[~np.isin(pushes.shape, [DISK])]
+    cornered = pushes.object[~np.isin(pushes.shape, [DISK, DISK + FLAT_MARK])]
     names, counts = np.unique(cornered if len(cornered) else pushes.object, return_counts=True)
     name = str(names[np.argmax(counts)])
     chosen = (pushes.object == name) & pushes.touches

@@ -6,10 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.real.outcomes import pose_errors
+from benchmarks.real.kept import pose_errors
 from benchmarks.real.physics import IdentifiedPhysics, NominalPhysics
-from benchmarks.real.pushes import PushTable
-from benchmarks.real.reading import read_pushes
+from benchmarks.real.pushes import PushTable, read_pushes
 from benchmarks.real.rows import NoMotion, Row, published_rows
 from benchmarks.real.trees import Trees
 

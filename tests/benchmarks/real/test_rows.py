@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from benchmarks.real.folds import five_folds, left_out
+from benchmarks.real.kept import pose_errors
 from benchmarks.real.network import SETTINGS, NetworkRow
-from benchmarks.real.outcomes import pose_errors
 from benchmarks.real.physics import IdentifiedPhysics, NominalPhysics, Physics
 from benchmarks.real.pushes import PushTable
 from benchmarks.real.rows import LEVELS, Predicted, Row
