@@ -94,8 +94,8 @@ class IdentifiedPhysics:
         digest.update(train.row.tobytes())
         path = self.folder / self.key / f"{digest.hexdigest()[:16]}.npz"
         if not path.exists():
-            prior = over_bodies(self.kind, pushes_of_bodies(train.dataset, FEW)[1])
-            places = infer_bodies(prior, train.dataset)
+            prior, start = over_bodies(self.kind, pushes_of_bodies(train.dataset, FEW)[1])
+            places = infer_bodies(prior, train.dataset, start)
             content = {name: np.array(getattr(prior.config, name)) for name in prior.names}
             content |= {"covariance": prior.covariance, "bodies": np.array(list(places))}
             write_arrays(path, content | {"places": np.array(list(places.values()))})

@@ -12,7 +12,7 @@ from sain_core.errors import DatasetError
 from sain_model.data.dataset import Dataset, Part
 from sain_model.inference.evidence import ObservedPushes
 from sain_model.inference.gauss_newton import fit
-from sain_model.inference.kinds import Kind
+from sain_model.inference.kinds import Kind, Places
 from sain_model.inference.laboratory import STEPS
 
 ENOUGH: Final = 250  # pushes of a body that its values are inferred from: more change nothing
@@ -63,13 +63,16 @@ def pushes_of_bodies(data: Dataset, most: int = ENOUGH) -> tuple[list[str], list
     return names.tolist(), found
 
 
-def infer_bodies(kind: Kind, data: Dataset) -> OfBodies:
-    """Return the most likely vectors z of the bodies of a data set."""
+def infer_bodies(kind: Kind, data: Dataset, start: Places | None = None) -> OfBodies:
+    """Return the most likely vectors z of the bodies of a data set.
+
+    The search starts from vectors z of these bodies in the order of their names; None: from 0.
+    """
     if not len(data):
         return {}
     names, pushes = pushes_of_bodies(data)
-    start = np.zeros((len(names), len(kind.names)))
-    found = fit(kind, pushes, start, np.arange(len(names)), STEPS)
+    first = np.zeros((len(names), len(kind.names))) if start is None else start
+    found = fit(kind, pushes, first, np.arange(len(names)), STEPS)
     return dict(zip(names, found.places, strict=True))
 
 

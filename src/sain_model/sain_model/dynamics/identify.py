@@ -37,8 +37,9 @@ def identify_bodies(data: Dataset) -> Belief:
 
     The card has the values of each of them.
     """
-    kind = replace(over_bodies(surface_kind(), pushes_of_bodies(data)[1]), corrected=True)
-    places = infer_bodies(kind, data)
+    over, start = over_bodies(surface_kind(), pushes_of_bodies(data)[1])
+    kind = replace(over, corrected=True)
+    places = infer_bodies(kind, data, start)
     values = kind.values(np.array(list(places.values())))
     bodies = {
         name: {one: float(value[row]) for one, value in values.items()}

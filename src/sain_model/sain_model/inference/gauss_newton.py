@@ -28,7 +28,7 @@ from sain_model.inference.kinds import Kind, Places
 DIFFERENCE: Final = 0.2  # [spreads], of a finite difference
 LONGEST: Final = 1.5  # [spreads], of a step
 DAMPING: Final = np.array([0.0, 0.1, 1.0, 10.0, 100.0])  # of steps, shares of the diagonal
-ENOUGH: Final = 0.02  # a smaller gain of the logarithm of the posterior density is the last
+ENOUGH: Final = 0.05  # a smaller gain of the logarithm of the posterior density is the last
 LEAST_FACTOR: Final = 1.0  # of the noise: many pushes fitted closely are worth less than all fitted
 
 Parts = Sequence[ObservedPushes]

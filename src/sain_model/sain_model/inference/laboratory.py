@@ -16,7 +16,7 @@ from sain_core.errors import DatasetError
 from sain_model.inference.evidence import Known, ObservedPushes
 from sain_model.inference.gauss_newton import Fit, Parts, fit
 from sain_model.inference.grid import curves_of, marginals
-from sain_model.inference.kinds import FRICTION, Belief, Kind
+from sain_model.inference.kinds import FRICTION, Belief, Kind, Places
 
 STEPS: Final = 25
 MOST_ODDS: Final = 20.0  # logarithm: recordings may not rule out for ever what they do not show
@@ -74,8 +74,10 @@ def fit_laboratory(kind: Kind, parts: Parts) -> Fit:
     return fit(kind, parts, start, np.zeros(count, np.int64), STEPS)
 
 
-def over_bodies(kind: Kind, parts: Parts) -> Kind:
+def over_bodies(kind: Kind, parts: Parts) -> tuple[Kind, Places]:
     """Return a kind with what pushes of several bodies show of one that was not pushed yet.
+
+    Also returned are the vectors z of these bodies, as the new kind has them.
 
     The mean and the spread over the bodies are those of the values that explain the pushes of
     each best (empirical Bayes). Of a few bodies only the mean counts.
@@ -86,12 +88,12 @@ def over_bodies(kind: Kind, parts: Parts) -> Kind:
     """
     count = count_episodes(parts)
     places = fit(kind, parts, np.zeros((count, len(kind.names))), np.arange(count), STEPS).places
-    prior = kind.at(places.mean(axis=0))
+    prior, away = kind.at(places.mean(axis=0)), places - places.mean(axis=0)
     if count < FEW_BODIES:
-        return replace(kind, prior=prior)
+        return replace(kind, prior=prior), away
     scatter = np.hypot(places.std(axis=0, ddof=1), LEAST_SPREAD)
     covariance = np.diag(scatter**2) * (1.0 + 1.0 / count)
-    return replace(kind, prior=prior, covariance=covariance)
+    return replace(kind, prior=prior, covariance=covariance), away
 
 
 def identified(fits: Sequence[Fit], network_log_odds: float, recordings: Recordings) -> Belief:
