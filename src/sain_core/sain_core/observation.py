@@ -29,7 +29,7 @@ class ObservationConfig(Config):
     )
     unknown: str = option(
         "",
-        "what is not measured, with commas: mass, radius (of disks); nominal values are observed",
+        "quantities that are observed as nominal, separated by commas: mass, radius (of disks)",
     )
 
     def __post_init__(self) -> None:

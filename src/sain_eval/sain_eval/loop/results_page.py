@@ -63,9 +63,9 @@ INTRODUCTION: Final = """# Results
 
 For users who compare models, planners and worlds. `make table` writes this page from the recorded
 episodes. *Solved*: scenes solved, with their 95 % interval (Wilson). *Pushes*: mean of the solved
-scenes. *mm*: mean prediction error of the pushes that move what the goal is about by 2 mm. *By
-physics*: pushes planned by the prior because the model has no answer. *Oracle*: planner with the
-true friction; in gym-pusht with its physics.
+scenes. *mm*: mean prediction error of pushes that moved a body of the goal by 2 mm or more. *By
+physics*: pushes that the prior planned, because the model did not answer. *Oracle*: the planner
+with the true friction; in gym-pusht with its physics.
 """
 
 

@@ -18,7 +18,8 @@ class ServingConfig(Config):
         "", "file of `sain_model identify`, with which each episode begins; empty: none"
     )
     unknown: str = option(
-        "", "what scenes state as nominal, with commas: mass is inferred by models that can; radius"
+        "",
+        "quantities that scenes give as nominal, separated by commas: mass, radius",
     )
     device: str = option(
         AUTO, "device of the network; auto: a GPU if there is one", choices=DEVICES
@@ -31,7 +32,7 @@ class ServingConfig(Config):
         1000, "largest number of waiting requests; others are refused", minimum=1
     )
     state_file: str = option(
-        "", "file that keeps the model served last, and is gone on from; empty: none"
+        "", "file that keeps the name of the model, to resume after a crash; empty: none"
     )
     service_introspection: str = option(
         "disabled",

@@ -76,9 +76,7 @@ class MppiConfig(AgentConfig):
     model_timeout: float = option(
         2.0, "longest wait for a reply of the model", unit="s", minimum=0.01, maximum=600.0
     )
-    state_file: str = option(
-        "", "file that is kept to resume after a crash, and resumed from; empty: none"
-    )
+    state_file: str = option("", "file to resume from after a crash; empty: none")
 
 
 class Agent:

@@ -75,7 +75,7 @@ class PosesConfig(TrackingConfig):
     peer_wait: float = option(
         1.0, "time to look for another publisher of scenes", unit="s", minimum=0.0, maximum=60.0
     )
-    state_file: str = option("", "file that keeps the ids, which never count again; empty: none")
+    state_file: str = option("", "file that keeps the ids, so that none is used twice; empty: none")
 
 
 class PoseWindow:

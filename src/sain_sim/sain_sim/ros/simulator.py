@@ -57,9 +57,7 @@ class SimulatorConfig(TruthConfig):
         "publish service calls: not at all, time and client, or with contents",
         choices=("disabled", "metadata", "contents"),
     )
-    state_file: str = option(
-        "", "file that is kept to go on from after a crash, and gone on from; empty: none"
-    )
+    state_file: str = option("", "file to resume from after a crash; empty: none")
     bullet: WorldConfig = WorldConfig()
     camera: WorldCameraConfig = WorldCameraConfig()
 
