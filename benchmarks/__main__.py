@@ -4,7 +4,7 @@ A name is that of a benchmark or of a room. Each is a module that takes options:
 ``./env python -m benchmarks.ROOM.NAME --help``.
 """
 
-import importlib
+import importlib.util
 import pkgutil
 import sys
 from collections.abc import Iterator
@@ -43,7 +43,9 @@ def main() -> int:
             return 2
         for name in names:
             sys.argv = [name]
-            importlib.import_module(name).main()
+            place = importlib.util.find_spec(name)
+            is_package = place is not None and place.submodule_search_locations is not None
+            importlib.import_module(f"{name}.__main__" if is_package else name).main()
     return 0
 
 

@@ -8,6 +8,7 @@ most 10 s of the processor and 1 GB; none runs for longer than 60 s.
 import shutil
 import sys
 import tempfile
+from collections import Counter
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,15 +22,7 @@ from benchmarks.faults.hostile.bags import Make
 from benchmarks.faults.hostile.commands import commands
 from benchmarks.faults.hostile.file_families import CHECKPOINTS, DATA, JSONS, PARAMETERS
 from benchmarks.faults.hostile.goods import SUFFIXES, Goods
-from benchmarks.faults.hostile.measuring import (
-    ENDLESS,
-    READ,
-    REFUSED,
-    TRACEBACK,
-    UNTIDY,
-    Measured,
-    measure,
-)
+from benchmarks.faults.hostile.measuring import READ, REFUSED, Measured, measure
 from sain_core.seeding import generator
 
 KINDS: Final[dict[str, dict[str, Make]]] = {
@@ -57,8 +50,6 @@ class Options:
     """of files"""
     families: tuple[str, ...] = ()
     """only those whose names contain one of these; none: all"""
-    out: Path | None = None
-    """a Markdown file for the table"""
 
 
 @dataclass(frozen=True)
@@ -135,33 +126,17 @@ def run_files(options: Options, folder: Path, say: Console) -> Iterator[Outcome]
         shutil.rmtree(workplace)
 
 
-def table(outcomes: Iterable[Outcome]) -> list[list[str]]:
-    """Return rows: groups of families and commands, with counts and the most that they took."""
-    groups: dict[tuple[str, str, str], list[Measured]] = {}
+def counts(outcomes: Iterable[Outcome]) -> Iterator[str]:
+    """Yield a line for each kind of file and command: how many runs, and how they ended."""
+    groups: dict[tuple[str, str], list[Outcome]] = {}
     for outcome in outcomes:
-        family = outcome.file.family.partition(":")[0]
-        groups.setdefault((outcome.file.kind, family, outcome.command), []).append(outcome.found)
-    rows = []
-    for key, found in groups.items():
-        states = [one.state for one in found]
-        counts = (states.count(state) for state in (REFUSED, READ, UNTIDY, TRACEBACK, ENDLESS))
-        memory = max(one.megabytes for one in found)
-        most = max(one.seconds for one in found), max(one.waited for one in found)
-        took = (f"{memory:.0f}", *(f"{seconds:.1f}" for seconds in most))
-        rows.append([*key, *map(str, (len(found), *counts)), *took])
-    return rows
-
-
-HEADINGS: Final = (
-    "file", "family", "command", "tried", "refused", "read", "untidy", "tracebacks", "endless",
-    "most MB", "most s of processor", "most s of clock",
-)  # fmt: skip
-
-
-def markdown(rows: list[list[str]]) -> str:
-    """Return a table in Markdown."""
-    lines = [HEADINGS, ["---"] * 3 + ["---:"] * (len(HEADINGS) - 3), *rows]
-    return "".join(f"| {' | '.join(line)} |\n" for line in lines)
+        groups.setdefault((outcome.file.kind, outcome.command), []).append(outcome)
+    for (kind, command), group in groups.items():
+        states = Counter(one.found.state for one in group)
+        ended = ", ".join(f"{number} {state}" for state, number in states.most_common())
+        memory = max(one.found.megabytes for one in group)
+        seconds = max(one.found.seconds for one in group)
+        yield f"{kind}, {command}: {ended}; at most {memory:.0f} MB, {seconds:.1f} s"
 
 
 def main() -> int:
@@ -174,10 +149,7 @@ def main() -> int:
             outcomes.append(outcome)
             if not outcome.is_right:
                 say.print(outcome.summary, markup=False, highlight=False, soft_wrap=True)
-    text = markdown(table(outcomes))
-    print(text, end="")
-    if options.out is not None:
-        options.out.write_text(text)
+    print("\n".join(counts(outcomes)))
     wrong = sum(not outcome.is_right for outcome in outcomes)
     files = len({outcome.file for outcome in outcomes})
     print(f"{files:,} files, {len(outcomes):,} runs, {wrong:,} wrong")
