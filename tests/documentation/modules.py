@@ -34,7 +34,8 @@ def module_problem(name: str, words: list[str]) -> Iterator[str]:
         if most is not None and len(words) > most:
             yield f"{name} takes {most} arguments, not {words}"
         return
-    source = ROOT / f"{name.replace('.', '/')}.py"
+    place = ROOT / name.replace(".", "/")
+    source = place / "__main__.py" if place.is_dir() else place.with_suffix(".py")
     if not source.exists():
         yield f"there is no module {name}"
         return
