@@ -35,7 +35,8 @@ def module_problem(name: str, words: list[str]) -> Iterator[str]:
             yield f"{name} takes {most} arguments, not {words}"
         return
     place = ROOT / name.replace(".", "/")
-    source = place / "__main__.py" if place.is_dir() else place.with_suffix(".py")
+    package = place / "__main__.py"
+    source = package if package.exists() else place.with_suffix(".py")
     if not source.exists():
         yield f"there is no module {name}"
         return
