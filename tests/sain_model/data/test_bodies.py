@@ -76,6 +76,21 @@ def test_own_pushes_show_what_a_body_is_like(data: Dataset) -> None:
     assert np.median(np.abs(off[..., POSITION])) < 1e-4
 
 
+def test_the_search_ends_at_the_same_values_wherever_it_starts(data: Dataset) -> None:
+    kind = surface_kind()
+    column = kind.names.index("pressure")
+    found = [infer_bodies(kind, data)]
+    for pressure in (-1.5, 4.0):  # [spreads]
+        start = np.zeros((len(TRUTH), len(kind.names)))
+        start[:, column] = pressure
+        found.append(infer_bodies(kind, data, start))
+    for name in found[0]:
+        places = np.array([one[name] for one in found])
+        np.testing.assert_allclose(
+            kind.values(places)["torsion"], kind.values(places[:1])["torsion"][0], rtol=0.05
+        )
+
+
 def test_without_names_of_bodies_there_is_nothing_to_tell_apart(data: Dataset) -> None:
     nameless = replace(data.parts[0], object=None)
     assert not states_bodies(Dataset((nameless,)))
@@ -113,4 +128,9 @@ def test_a_belief_of_bodies_is_trained_on_saved_and_conditioned(
     assert off(informed.step(rest.state, rest.action)) < 0.5 * off(
         before.step(rest.state, rest.action)
     )
-    assert np.isfinite(loaded.condition(history).step(rest.state, rest.action)).all()
+    assert not loaded.corrects, "the body is new to the network"
+    conditioned = loaded.condition(history)
+    assert not conditioned.corrects, "the network does not help"
+    np.testing.assert_array_equal(
+        conditioned.step(rest.state, rest.action), informed.step(rest.state, rest.action)
+    )
