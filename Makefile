@@ -58,7 +58,7 @@ table: ## docs/reference/results.md and its picture: all scenarios in Bullet, it
 faults: ## docs/reference/faults.md: what the graph makes of killed nodes, lost datagrams, full disks and hostile input; takes an hour
 	@./env python -m benchmarks.faults.graph_faults --page docs/reference/faults.md $(ARGS)
 
-real: ## docs/reference/real.md and its pictures: errors on the real pushes at DATA=PATH; takes two hours, and continues after a stop
+real: ## docs/reference/real.md and its pictures: errors on the real pushes at DATA=PATH; takes an hour, and continues after a stop
 	@./env python -m benchmarks.real $(if $(DATA),--data "$(DATA)") $(ARGS)
 
 clean: ## removes the environment and all that was built; bags stay

@@ -158,12 +158,10 @@ def grouped(main: Mapping[str, Outcome], names: Names) -> Figures:
 def regions_of(one: Outcome, pushes: PushTable) -> Figures:
     """Return how often regions hold what happened, for each level and for each object."""
     radius, turn = one.predicted.radius, one.predicted.turn
-    assert radius is not None
-    held = {"mm": one.mm[:, None] <= 1e3 * radius}
-    sizes = {"mm": 1e3 * radius}
-    if turn is not None:
-        held["degrees"] = one.degrees[:, None] <= turn / DEGREE
-        sizes["degrees"] = turn / DEGREE
+    assert radius is not None and turn is not None
+    sizes = {"mm": 1e3 * radius, "degrees": turn / DEGREE}
+    errors = {"mm": one.mm, "degrees": one.degrees}
+    held = {name: errors[name][:, None] <= size for name, size in sizes.items()}
     stated = LEVELS.index(STATED)
     objects = pushes.object[one.rows]
     return {

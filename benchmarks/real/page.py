@@ -23,9 +23,9 @@ ABOUT: Final = """# Real pushes
 For users who own a robot: how well models predict pushes of real objects that a real robot made.
 `make real DATA=PATH` writes this page and its pictures.
 
-<!-- not tested: needs the data, and hours -->
+<!-- not tested: needs the data, and an hour -->
 ```
-make real DATA=~/data/mit_push     # about two hours on two cores; an interrupted run continues
+make real DATA=~/data/mit_push     # about an hour on two cores; an interrupted run continues
 ```
 """
 HOW: Final = """## How it is measured
@@ -239,33 +239,29 @@ def _regions(results: Figures, media: str) -> Iterator[str]:
     yield "## Regions"
     level = LEVELS.index(STATED)
     yield (
-        f"Regions of {100 * STATED:.0f} %: how many pushes they hold, in all and for the objects"
-        " with the fewest and the most, and their mean size."
+        f"Regions of {100 * STATED:.0f} %: how many pushes they hold, in all and for the objects with"
+        " the fewest and the most, and their mean size."
     )
-    rows = []
-    for case in cases.values():
-        for key, found in case["regions"].items():
-            for unit, name in (("mm", "position, mm"), ("degrees", "heading, degrees")):
-                if unit in found:
-                    rows.append(
-                        (
-                            f"{results['rows'][key]}, {case['title']}",
-                            name,
-                            *_held(found[unit], level),
-                        )
-                    )
-    yield table(("model and case", "of", "held", "fewest", "most", "size"), rows)
+    rows = [
+        (
+            f"{results['rows'][key]}, {case['title']}",
+            *_held(found["mm"], level),
+            *_held(found["degrees"], level),
+        )
+        for case in cases.values()
+        for key, found in case["regions"].items()
+    ]
+    sizes = ("position", "by object", "mm", "heading", "by object", "degrees")
+    yield table(("model and case", *sizes), rows)
     if {"folds", "object_20", "surface_20"} & set(cases):
         yield from _pictures(results, media, "regions")
 
 
 def _held(found: Mapping[str, Any], level: int) -> list[str]:
-    of = found["by_object"]
-    few, most = min(of, key=of.get), max(of, key=of.get)
+    of = found["by_object"].values()
     return [
         f"{100 * found['held'][level]:.1f} %",
-        f"{100 * of[few]:.0f} % ({few})",
-        f"{100 * of[most]:.0f} % ({most})",
+        f"{100 * min(of):.0f} to {100 * max(of):.0f} %",
         f"{found['size']:.1f}",
     ]
 
