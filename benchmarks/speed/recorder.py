@@ -1,10 +1,8 @@
 """What the recorder costs and what it loses.
 
-1. The closed loop on the whole graph, its recorder and all, and numbered scenes at 1 kHz beside
-   it: messages that are not in the bag, and the recorder's processor time beside that of a node
-   with the same raw subscriptions and an empty callback, in the same run.
-2. With ``--kills N``: a recorder is killed (SIGKILL) at N random times while scenes come in at
-   1 kHz; what it wrote is recovered, and what is lost compared with the flush period.
+The closed loop on the whole graph, its recorder and all, and numbered scenes at 1 kHz beside it:
+messages that are not in the bag, and the recorder's processor time beside that of a node with the
+same raw subscriptions and an empty callback, in the same run.
 """
 
 import os
@@ -23,16 +21,10 @@ import tyro
 
 from benchmarks.report import Figure, report
 from sain_bags.reading.reader import Bag
-from sain_bags.recovery.recovery import recover
-from sain_bags.recovery.recovery_report import RecoveryOutcome
 from sain_bags.writing.gaps import read_gaps
-from sain_bags.writing.writer import BagConfig
-from sain_core.seeding import generator
 
 TOPIC = "/load/scene"
 PATIENCE = 120.0  # [s]
-MEETING = 20.0  # [s], for a recorder and a publisher
-HEAD = 2000  # [bytes], a file that is larger has messages in it
 TICKS = os.sysconf("SC_CLK_TCK")
 
 
@@ -41,13 +33,9 @@ class Options:
     """How much to measure."""
 
     seconds: float = 60.0
-    """to record the whole graph for; 0: not at all"""
+    """to record the whole graph for"""
     rate: float = 1000.0
     """of scenes [1/s]"""
-    kills: int = 0
-    """of a recorder at random times"""
-    seed: int = 0
-    """of these times"""
     out: Path | None = None
     """write the figures to this JSON file"""
 
@@ -145,88 +133,15 @@ def whole_graph(options: Options, folder: Path) -> list[Figure]:
     ]  # fmt: skip
 
 
-@dataclass(frozen=True)
-class Kill:
-    """What became of one recording that was killed."""
-
-    lost: float  # [s], from the last message that was saved to the kill
-    saved: int
-    is_conditioned: bool  # that something is lost, or that nothing could be saved
-    holes: int  # messages that are missing before the last one that was saved
-    deaf: int  # recorders before it that heard nothing
-
-
-def started(bag: Path) -> "subprocess.Popen[bytes] | None":
-    """Start a recorder; None where it heard nothing, as may be after the one before was killed."""
-    command = ("ros2", "run", "sain_bags", "record", "--out", str(bag), "--topics", TOPIC)
-    process = subprocess.Popen(command, stdout=subprocess.DEVNULL)
-    deadline = time.monotonic() + MEETING
-    file = bag / f"{bag.name}_0.mcap"
-    while not (file.exists() and file.stat().st_size > HEAD):
-        if process.poll() is not None:
-            sys.exit(f"the recorder ended before it was killed: {process.returncode}")
-        if time.monotonic() > deadline:
-            process.kill()
-            process.wait()
-            return None
-        time.sleep(0.01)
-    return process
-
-
-def kill_once(folder: Path, delay: float) -> Kill:
-    """Kill a recorder some time after its first chunk, and recover what it wrote."""
-    tries = 0
-    while (process := started(folder / f"bag_{tries}")) is None:
-        tries += 1
-    bag, saved = folder / f"bag_{tries}", folder / "saved"
-    time.sleep(delay)
-    killed = time.time_ns()
-    process.kill()
-    process.wait()
-    report = recover(bag, saved)
-    if report.outcome == RecoveryOutcome.NOTHING:
-        return Kill(float("inf"), 0, True, 0, tries)
-    messages = [received.message.scene_id for received in Bag(saved).messages([TOPIC])]
-    holes = int(messages[-1] - messages[0] + 1 - len(messages))
-    told = report.outcome == RecoveryOutcome.LOSSY and "was not closed" in report.sidecar.note
-    return Kill(1e-9 * (killed - report.span.end), len(messages), told, holes, tries)
-
-
-def kills(options: Options, folder: Path) -> list[Figure]:
-    """Kill recorders at random times."""
-    random, found = generator(options.seed, "kills"), []
-    with running(*part("scene", str(options.rate), "0")) as load:
-        for number in range(options.kills):
-            place = folder / f"kill_{number}"
-            place.mkdir()
-            found.append(kill_once(place, float(random.uniform(0.0, 5.0))))
-            print(f"kill {number + 1}: {found[-1]}", flush=True)
-        end(load)
-    period = BagConfig().flush_period
-    untold = sum(not kill.is_conditioned for kill in found)
-    return [
-        Figure(f"recordings killed: {len(found)}, losses not told of", untold, "", at_most=0),
-        Figure("lost, longest", max(kill.lost for kill in found), "s", at_most=period),
-        Figure("lost, mean", float(np.mean([kill.lost for kill in found])), "s"),
-        Figure("messages missing before", sum(kill.holes for kill in found), "", at_most=0),
-        Figure("messages saved", sum(kill.saved for kill in found), ""),
-        Figure("recorders that heard nothing", sum(kill.deaf for kill in found), ""),
-    ]
-
-
 def main() -> None:
     """Measure what the recorder costs, and what it loses."""
     import domain_coordinator  # needs the middleware
 
     options = tyro.cli(Options, description=__doc__)
-    figures = []
     temporary = tempfile.TemporaryDirectory(prefix="sain-bench-")
     with temporary as folder, domain_coordinator.domain_id() as domain:
         os.environ["ROS_DOMAIN_ID"] = str(domain)
-        if options.seconds:
-            figures += whole_graph(options, Path(folder))
-        if options.kills:
-            figures += kills(options, Path(folder))
+        figures = whole_graph(options, Path(folder))
     figures.append(Figure("load average meanwhile", os.getloadavg()[0], ""))
     report("The recorder", figures, options.out)
 
