@@ -1,16 +1,14 @@
 """How fast the planner plans.
 
 1. Plan time against K and H, with a picture.
-2. Memory of a plan with K = 16,384 and H = 15, in a process of its own.
-3. Where the time of a plan with default settings goes, and the floor: the network's
+2. Where the time of a plan with default settings goes, and the floor: the network's
    multiplications at the machine's measured peak.
-4. Plans that keep a deadline.
+3. Plans that keep a deadline.
 
 Times are the shortest of some, taken in turns.
 """
 
 import os
-import subprocess
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -44,9 +42,7 @@ from sain_mppi.planner import Planner
 SAMPLES, HORIZON = 1024, 15
 COUNTS = (64, 256, 1024, 4096, 16384)
 HORIZONS = (1, 2, 4, 8, 15, 30)
-MANY = 16_384
 DEADLINE = 0.05  # [s]
-MEMORY = "memory"
 
 
 @dataclass(frozen=True)
@@ -55,7 +51,6 @@ class Options:
 
     parts: Annotated[tuple[str, ...], tyro.conf.Positional] = (
         "scaling",
-        MEMORY,
         "phases",
         "deadline",
     )
@@ -153,32 +148,6 @@ def draw(by_samples: dict[int, float], by_horizon: dict[int, float]) -> Picture:
     return picture
 
 
-def memory(options: Options) -> list[Figure]:
-    """Measure what a large plan takes above the idle process, in a process of its own."""
-    command = [sys.executable, "-m", "benchmarks.planner", "--model", options.model]
-    answer = subprocess.run(
-        command, env=os.environ | {MEMORY.upper(): "1"}, capture_output=True, text=True, check=True
-    )
-    megabytes = float(answer.stdout.split()[-1])
-    return [Figure(f"memory of K = {MANY}, H = {HORIZON}", megabytes, "MB", at_most=600.0)]
-
-
-def print_memory(model: str) -> None:
-    """Print by how much [MB] a large plan raises the peak over what is held before it."""
-    case, sain = problem(), load_dynamics(model)
-    usual = PlannerConfig(horizon=HORIZON, stop_share=0.0)
-    plan_again(Planner(sain, replace(usual, samples=64)), case)
-    idle = status("VmRSS")
-    plan_again(Planner(sain, replace(usual, samples=MANY)), case)
-    print((status("VmHWM") - idle) / 1024)
-
-
-def status(name: str) -> float:
-    """Return a size [kB] of this process from /proc."""
-    lines = Path("/proc/self/status").read_text().splitlines()
-    return float(next(line.split()[1] for line in lines if line.startswith(f"{name}:")))
-
-
 def phases(sain: SainDynamics, options: Options) -> list[Figure]:
     """Measure where the time of a plan with default settings goes, and the floor."""
     planner, case = Planner(sain), problem()
@@ -250,15 +219,11 @@ def main() -> None:
     """Measure how fast the planner plans."""
     options = tyro.cli(Options, description=__doc__)
     torch.set_num_threads(1)
-    if os.environ.get(MEMORY.upper()):
-        print_memory(options.model)
-        return
     sain = load_dynamics(options.model)
     if not isinstance(sain, SainDynamics):
         sys.exit(f"{options.model} has no network")
     parts: dict[str, Callable[[], list[Figure]]] = {
         "scaling": lambda: scaling(sain, options),
-        MEMORY: lambda: memory(options),
         "phases": lambda: phases(sain, options),
         "deadline": lambda: deadlines(sain, options),
     }
