@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 from rich.console import Console
 
-from sain_core.dataset import Column, Columns, shard_path
+from sain_core.dataset import COLLECTION_FILE, Column, Columns, shard_path
 from sain_core.model import load_dynamics
 from sain_core.scene import STATE_SIZE
 from sain_core.storage import write_arrays, write_json
@@ -71,6 +71,7 @@ def as_shards(arguments: argparse.Namespace) -> list[Path]:
     for folder, kind in (("seen", ~columns["unseen"]), ("unseen", columns["unseen"])):
         path = arguments.out / folder
         path.mkdir(parents=True, exist_ok=True)
+        write_json(path / COLLECTION_FILE, {"truth": {"world": arguments.world}})
         for count, some in ((1, alone), (2, ~alone)):
             rows = {name: values[wanted & kind & some] for name, values in columns.items()}
             write_arrays(shard_path(path, count), transitions(rows, count))

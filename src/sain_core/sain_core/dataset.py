@@ -165,6 +165,7 @@ NEEDED: Final = (  # for training; the order is that of a data set's SHA-256
 SHAPED: Final = (Column.SHAPES, Column.ROLES)  # where not all bodies are disks
 POSED: Final = (Column.GOAL_POSES, Column.GOAL_TOLERANCES, Column.GOAL_KEEP)  # of poses
 ORIGINS: Final = (Column.SURFACE, Column.OBJECT, Column.RUN)  # of a real robot's pushes
+COLLECTION_FILE: Final = "collection.json"  # of a folder: seed and settings
 FRICTIONS: Final = (Column.FRICTION, Column.RIM_FRICTION, Column.TOOL_FRICTION)
 
 

@@ -5,11 +5,14 @@ import hashlib
 import numpy as np
 import pytest
 
+from sain_core.feasibility import Feasibility
 from sain_core.history import PushHistory
 from sain_core.model import load_dynamics
-from sain_core.push import BODY, PushLimits
-from sain_core.scene import make_scene
+from sain_core.push import BODY, LENGTH, PushLimits, as_strokes
+from sain_core.scene import POSITION, THETA, make_scene, wrap_angle
+from sain_core.seeding import generator
 from sain_core.shapes.bodies import PAPER_DISKS, Bodies
+from sain_core.shapes.shape import FLAT
 from sain_core.types import Pushes, Scene
 from sain_model.dynamics.load import shipped_checkpoint
 from sain_model.dynamics.sain import SainDynamics
@@ -17,6 +20,11 @@ from sain_model.inference.kinds import FRICTION
 from sain_model.physics.planar import PlanarPrior
 from sain_model.serving.server import load_server
 from sain_model.serving.settings import ServingConfig
+from sain_sim.world.effects import MEASURED
+from sain_sim.world.engines import MUJOCO
+from sain_sim.world.truth import TruthConfig
+from sain_sim.world.workcell import WorldConfig
+from sain_sim.world.world import World
 from tests.sain_model.conftest import read_card
 
 PAIR = ("pushable", "pushable")
@@ -108,3 +116,33 @@ def test_a_server_answers_for_any_bodies() -> None:
     regions = server.regions(scene_of(2), sequences, told, bodies=bodies)
     assert regions is not None
     assert regions.shape == (4, 2, 2)
+
+
+def test_on_slow_pushes_of_flat_bodies_it_is_no_worse_than_its_physics(sain: SainDynamics) -> None:
+    """Strokes of a thin tool at 20 mm/s in MuJoCo's measured world: the form of real pushes."""
+    pytest.importorskip("mujoco", reason="MuJoCo is not installed")
+    limits, random = PushLimits(tool_radius=0.00475, speed=0.02), generator(0, "slow")
+    config = WorldConfig(feasibility=Feasibility(limits=limits))
+    errors = []
+    for lab, name in enumerate(("box_3x2", "triangle", "hexagon")):
+        truth = TruthConfig(world=MEASURED, engine=MUJOCO, lab=200 + lab, bottom=FLAT)
+        parameters = truth.draw(random, 1, shapes=(name,))
+        world, told = World(parameters, config, MUJOCO), sain.with_bodies(parameters.bodies)
+        for push in limits.sample(random, 8):
+            push[LENGTH] = 0.05
+            scene = world.reset(parameters.scene(np.array([(0.45, 0.0)]), random.uniform(-3, 3, 1)))
+            stroke = as_strokes(scene[None], push[None], limits, parameters.bodies)
+            after = world.push(push).after
+            errors.append(
+                [
+                    pose_errors(model.step(scene[None], stroke)[0], after)
+                    for model in (told, told.physics_alone())
+                ]
+            )
+    mine, physics = np.mean(errors, axis=0)
+    assert (mine <= 1.02 * physics).all()
+
+
+def pose_errors(predicted: Scene, actual: Scene) -> tuple[float, float]:
+    off = predicted[0] - actual[0]
+    return float(np.hypot(*off[POSITION])), abs(float(wrap_angle(off[THETA])))

@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sain_core.dataset import Column
+from sain_core.dataset import COLLECTION_FILE, Column
 from sain_core.errors import DatasetError
 from sain_core.scene import POSITION
 from sain_core.world import DivergedError
-from sain_sim.collecting.collect import CARD_FILE, IDENTITY_FILE, CollectConfig, collect
+from sain_sim.collecting.collect import CARD_FILE, CollectConfig, collect
 from sain_sim.collecting.episode import EpisodeConfig, EpisodeRunner
 from sain_sim.collecting.shards import load_shards
 from sain_sim.world.engines import MUJOCO
@@ -27,7 +27,7 @@ def test_a_collection_says_its_engine_and_repeats(tmp_path):
     names = [path.name for path in sorted(config.out.iterdir())]
     for name in names:
         assert (tmp_path / "two" / name).read_bytes() == (config.out / name).read_bytes()
-    for file in (IDENTITY_FILE, CARD_FILE):
+    for file in (COLLECTION_FILE, CARD_FILE):
         assert json.loads((config.out / file).read_text())["truth"]["engine"] == "mujoco"
     data = load_shards(config.out)
     before = data[Column.STATE].reshape(-1, 2, 8)

@@ -73,6 +73,11 @@ class Shape(ABC):
         """Whether the whole footprint lies on the table; else the body stands on its feet."""
         return self.name.endswith(FLAT_MARK)
 
+    @property
+    def bottom(self) -> str:
+        """What the body stands on: `FEET` or `FLAT`."""
+        return FLAT if self.lies_flat else FEET
+
     def on(self, bottom: str) -> Self:
         """Return the same outline on `FEET` or on a `FLAT` bottom."""
         name = self.name.removesuffix(FLAT_MARK) + (FLAT_MARK if bottom == FLAT else "")

@@ -22,6 +22,7 @@ from sain_core.push import mirror_pushes
 from sain_core.scene import mirror_scenes
 from sain_core.shapes.bodies import PAPER_DISKS, Bodies, bodies_named
 from sain_core.types import Indices, Mask, Scalars, Scenes
+from sain_model.data.origin import made_in
 from sain_model.data.shard import NO_STEP, read_shard
 from sain_model.inference.evidence import ObservedPushes
 from sain_model.physics.parameters import Values
@@ -43,6 +44,7 @@ class Part(Transitions):
         surface: what the body stood on, in a real robot's pushes; empty where it is not stated.
         object: the pushed body, as its user calls it; likewise.
         run: the recording; likewise.
+        source: engine, world and bottom of the scenes, or the data set's name; None: likewise.
         given: values of parameters of the physics that are believed for each push, (M,) by name;
             None: nothing but what episodes show.
     """
@@ -56,6 +58,7 @@ class Part(Transitions):
     surface: ndarray | None = None
     object: ndarray | None = None
     run: ndarray | None = None
+    source: ndarray | None = None
     given: Values | None = None
 
     @property
@@ -130,6 +133,15 @@ class Dataset:
         rows = np.zeros(len(self), dtype=bool)
         rows[np.lexsort((self._column(Column.STEP), self.episode))[:count]] = True
         return self.select(rows)
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """How many pushes there are of each source."""
+        sources = [part.source for part in self.parts if part.source is not None]
+        if not sources:
+            return {}
+        names, counts = np.unique(np.concatenate(sources), return_counts=True)
+        return dict(zip(names.tolist(), counts.tolist(), strict=True))
 
     def _column(self, name: str) -> Int[ndarray, "M"]:
         columns = (getattr(part, name) for part in self.parts)
@@ -228,7 +240,7 @@ def shard_paths(path: Path) -> list[Path]:
 
 def _read_folder(path: Path) -> Iterable[tuple[Part, str]]:
     """Yield what a folder holds by the bodies, and the SHA-256 of scenes of as many."""
-    shards = [read_shard(shard) for shard in shard_paths(path)]
+    shards, made = [read_shard(shard) for shard in shard_paths(path)], made_in(path)
     sizes = [(s[Column.STATE].shape[1], s[Column.ACTION].shape[1]) for s in shards]
     for size in sorted(set(sizes)):
         count, _ = size
@@ -243,6 +255,8 @@ def _read_folder(path: Path) -> Iterable[tuple[Part, str]]:
         for name in np.unique(names):
             chosen: dict[str, Any] = {key: rows[names == name] for key, rows in columns.items()}
             bodies = bodies_named(*str(name).split(";"), count)
+            source = f"{made}, {bodies.shapes[0].bottom}"
+            chosen["source"] = np.full(len(chosen[Column.ACTION]), source)
             yield Part(**chosen, bodies=bodies), digest.hexdigest()
 
 

@@ -34,6 +34,8 @@ class ModelCard:
         prior: name of the prior that it corrects, as in `sain_core.model.load_dynamics`.
         prior_config: its parameters, so that a later calibration does not change this model.
         network: size of the network.
+        bottoms: what the bodies stood on that it learned from: it corrects the prior for these
+            alone. Empty: not stated, and it corrects all.
         friction: how friction is inferred from an episode's earlier pushes; None: the model was
             trained without them, and knows the nominal friction alone.
         bodies: the physics of bodies on surfaces, as a belief has it; None: of no such.
@@ -52,6 +54,7 @@ class ModelCard:
     prior: str
     prior_config: dict[str, Any]
     network: dict[str, Any]
+    bottoms: list[str] = field(default_factory=list)
     friction: dict[str, Any] | None = None
     bodies: dict[str, Any] | None = None
     intervals: dict[str, Any] | None = None

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from sain_core.config import typed_settings
 from sain_core.model import Model
+from sain_core.shapes.shape import BOTTOMS
 from sain_model.dynamics.checkpoint import SUFFIX, ModelCard, card_path, fill, read_checkpoint
 from sain_model.dynamics.identify import with_all_parameters
 from sain_model.dynamics.intervals import Intervals
@@ -53,7 +54,8 @@ def load_checkpoint(path: Path) -> SainDynamics:
         else:
             kind = _kind(make_prior(card.prior, card.prior_config), card)
             recurrent = card.kind == RECURRENT
-            model = residual_model(network, kind, card.prior, intervals, recurrent)
+            bottoms = card.bottoms or BOTTOMS
+            model = residual_model(network, kind, card.prior, intervals, recurrent, bottoms)
     fill(path, content, network)
     origin = replace(model.origin, model_hash=card.weights_sha256, card=text)
     return replace(model, origin=origin)

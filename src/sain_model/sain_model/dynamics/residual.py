@@ -1,5 +1,6 @@
 """The network of SAIN: what it adds to what the physics leaves, and regions about predictions."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Self
@@ -11,6 +12,7 @@ from numpy import ndarray
 
 from sain_core.push import LENGTH, pushed_bodies
 from sain_core.shapes.bodies import Bodies
+from sain_core.shapes.shape import BOTTOMS
 from sain_core.types import Pushes, Scenes
 from sain_model.compute.batch_checks import check_physics_next
 from sain_model.compute.devices import CPU
@@ -42,11 +44,13 @@ class ResidualNetwork(Network):
         module: the trained weights.
         intervals: the regions of predictions; None: they were not fitted.
         device: what it runs on, ``cpu`` or ``cuda``.
+        bottoms: of the bodies that it learned from.
     """
 
     module: InteractionNetwork
     intervals: Intervals | None = None
     device: str = CPU
+    bottoms: tuple[str, ...] = BOTTOMS
 
     def __post_init__(self) -> None:
         """Stop whatever a network does in training alone."""
@@ -105,11 +109,12 @@ def residual_model(
     prior_name: str,
     intervals: Intervals | None = None,
     recurrent: bool = False,
+    bottoms: Sequence[str] = BOTTOMS,
 ) -> SainDynamics:
-    """Return SAIN of a trained network on one kind of physics."""
+    """Return SAIN of a network that was trained on one kind of physics, and on such bodies."""
     name = RECURRENT if recurrent else RESIDUAL
     origin = Origin(LEARNED if prior_name == IDENTITY else name, prior_name)
-    return SainDynamics(only(kind), ResidualNetwork(module, intervals), origin)
+    return SainDynamics(only(kind), ResidualNetwork(module, intervals, bottoms=tuple(bottoms)), origin)
 
 
 def with_intervals(model: SainDynamics, intervals: Intervals) -> SainDynamics:

@@ -22,6 +22,7 @@ from sain_core.model import Model, Radii, scenes_before
 from sain_core.push import PUSH_SIZE
 from sain_core.scene import POSITION
 from sain_core.shapes.bodies import PAPER_DISKS, Bodies
+from sain_core.shapes.shape import BOTTOMS
 from sain_core.types import PredictedScenes, Pushes, PushSequences, Scene, Scenes
 from sain_model.compute.batch_checks import check_physics_next
 from sain_model.compute.devices import CPU
@@ -35,7 +36,7 @@ from sain_model.inference.evidence import (
     log_density,
     over_factors,
 )
-from sain_model.inference.kinds import MASS_RATIO, Belief, friction_belief, only
+from sain_model.inference.kinds import MASS_RATIO, Belief, by_friction, only
 from sain_model.inference.posterior import Posterior, believed_values, infer, step_rows
 from sain_model.physics.parameters import Values
 from sain_model.physics.planar import step_knowing
@@ -97,11 +98,17 @@ class Network(ABC):
         module: the trained weights.
         intervals: the regions; None: they were not fitted.
         device: what it runs on, ``cpu`` or ``cuda``. The physics stays on the CPU.
+        bottoms: of the bodies that it learned from; for others physics predicts.
     """
 
     module: "InteractionNetwork"
     intervals: Intervals | None = None
     device: str = CPU
+    bottoms: tuple[str, ...] = BOTTOMS
+
+    def knows(self, bodies: Bodies) -> bool:
+        """Return whether it learned from bodies on such bottoms."""
+        return all(shape.bottom in self.bottoms for shape in bodies.shapes)
 
     @property
     def members(self) -> int:
@@ -245,9 +252,7 @@ class SainDynamics(Model):
         This is what it is compared with. What is inferred of a body on a surface stays.
         """
         kind = self.belief.trained
-        belief = friction_belief(kind.prior, infers=bool(kind.names))
-        if kind.of_bodies:
-            belief = only(kind)
+        belief = only(kind) if kind.of_bodies else by_friction(self.belief)
         return replace(self, belief=belief, network=None, origin=Origin(), history=None)
 
     def with_unknown_masses(self) -> Self:
@@ -349,7 +354,8 @@ class SainDynamics(Model):
         posterior = infer(self.belief, pushes, known)
         trained = np.array([kind.corrected for kind in self.belief.kinds])
         of_bodies = np.array([kind.of_bodies for kind in self.belief.kinds])
-        corrected = trained[posterior.kind] & (self.network is not None)
+        knows = self.network is not None and self.network.knows(pushes.bodies)
+        corrected = trained[posterior.kind] & knows
         corrected &= of_bodies[posterior.kind] | ~posterior.inferred
         if self.belief.network_log_odds == np.inf:
             return Inferred(posterior, corrected)

@@ -263,6 +263,15 @@ def only(kind: Kind) -> Belief:
     return Belief((kind,), OF_NEW if kind.of_bodies else np.inf)
 
 
+def by_friction(belief: Belief) -> Belief:
+    """Return a belief of which pushes show the kind of physics and its friction alone."""
+    kinds = (
+        replace(kind, names=(FRICTION,), covariance=np.eye(1)) if kind.names else kind
+        for kind in belief.kinds
+    )
+    return Belief(tuple(kinds), np.inf)
+
+
 def default_belief(prior: PlanarPrior) -> Belief:
     """Return what is believed without recordings: a network's own prior, or the textbook's.
 

@@ -41,6 +41,7 @@ def make_card(
         prior=config.prior,
         prior_config=prior_settings(kind.prior),
         network=asdict(config.network),
+        bottoms=_bottoms(split.train, parent),
         friction=_friction_part(kind),
         bodies=written_kind(kind) if kind.of_bodies else None,
         intervals=asdict(intervals) if intervals else None,
@@ -52,6 +53,14 @@ def make_card(
         command=ros2_command("sain_model", "train"),
         parent={**asdict(parent), "errors": {}} if parent else None,
     )
+
+
+def _bottoms(learned: Dataset, parent: ModelCard | None) -> list[str]:
+    """Return what bodies stood on; a parent that states nothing corrects all."""
+    if parent and not parent.bottoms:
+        return []
+    found = {shape.bottom for part in learned.parts for shape in part.bodies.shapes}
+    return sorted(found.union(parent.bottoms if parent else ()))
 
 
 def _friction_part(kind: Kind) -> dict[str, float] | None:
@@ -70,6 +79,7 @@ def _data_part(paths: Sequence[Path], data: Dataset, split: Split) -> dict[str, 
         "sha256": data.sha256,
         "sources": list(data.sources),
         "transitions": {name: len(part) for name, part in parts.items()},
+        "worlds": {name: part.counts for name, part in parts.items()},
         "episodes": {name: len(np.unique(part.episode)) for name, part in parts.items()},
     }
 

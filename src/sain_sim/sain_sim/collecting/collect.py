@@ -19,7 +19,7 @@ from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TimeRemainingColumn
 
 from sain_core.config import option
-from sain_core.dataset import SHARD_PATTERN, SHARD_SIZE, Column, describe_fields
+from sain_core.dataset import COLLECTION_FILE, SHARD_PATTERN, SHARD_SIZE, Column, describe_fields
 from sain_core.errors import DatasetError
 from sain_core.storage import remove_partial, write_json
 from sain_core.untrusted import read_json
@@ -35,7 +35,6 @@ from sain_sim.collecting.shards import (
 )
 from sain_sim.world.engines import DEFAULT_ENGINE, modules_of
 
-IDENTITY_FILE: Final = "collection.json"
 CARD_FILE: Final = "card.json"
 CONVERSION_FILE: Final = "conversion.json"  # of a converted data set
 
@@ -88,7 +87,7 @@ def collect(
     """
     folder = config.out
     _claim(folder, config)
-    for name in (IDENTITY_FILE, CARD_FILE, JOURNAL_FILE, SHARD_PATTERN):
+    for name in (COLLECTION_FILE, CARD_FILE, JOURNAL_FILE, SHARD_PATTERN):
         remove_partial(folder, name)
     writer = ShardWriter(folder, config.episode.counts)
     first = writer.first
@@ -128,7 +127,7 @@ def _identity(config: CollectConfig) -> dict[str, Any]:
 
 def _claim(folder: Path, config: CollectConfig) -> None:
     """Make the folder ours: new, or one of the same settings."""
-    path = folder / IDENTITY_FILE
+    path = folder / COLLECTION_FILE
     if path.exists():
         former = _read_identity(path)
         wanted = _identity(config)
@@ -143,7 +142,7 @@ def _claim(folder: Path, config: CollectConfig) -> None:
     for pattern in (SHARD_PATTERN, CARD_FILE, CONVERSION_FILE):
         if others := sorted(folder.glob(pattern)):
             raise DatasetError(
-                f"{folder} holds {others[0].name} and no {IDENTITY_FILE}: no collection made it;"
+                f"{folder} holds {others[0].name} and no {COLLECTION_FILE}: no collection made it;"
                 " collect into another folder"
             )
     write_json(path, _identity(config))
