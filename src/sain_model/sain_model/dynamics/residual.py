@@ -114,7 +114,9 @@ def residual_model(
     """Return SAIN of a network that was trained on one kind of physics, and on such bodies."""
     name = RECURRENT if recurrent else RESIDUAL
     origin = Origin(LEARNED if prior_name == IDENTITY else name, prior_name)
-    return SainDynamics(only(kind), ResidualNetwork(module, intervals, bottoms=tuple(bottoms)), origin)
+    return SainDynamics(
+        only(kind), ResidualNetwork(module, intervals, bottoms=tuple(bottoms)), origin
+    )
 
 
 def with_intervals(model: SainDynamics, intervals: Intervals) -> SainDynamics:
