@@ -103,9 +103,26 @@ def test_the_card_belongs_to_the_weights() -> None:
     card = read_card(path)
     assert card.weights_sha256 == hashlib.sha256(path.read_bytes()).hexdigest()
     assert card.prior == "planar_axes"
+    assert card.bottoms == ["feet"]
+    assert card.data["worlds"]["test"].keys() == {"bullet randomised, feet"}
     assert card.data["transitions"]["train"] > 10_000
     assert len(card.data["sha256"]) == 64
     assert card.command.startswith("ros2 run sain_model train ")
+
+
+@pytest.mark.parametrize("names", [["t:flat"], ["disk:flat", "t:flat"]])
+def test_bodies_that_lie_flat_are_predicted_by_physics_alone(
+    sain: SainDynamics, names: list[str]
+) -> None:
+    told = sain.with_bodies(Bodies.named(names))
+    scenes, pushed = np.repeat(scene_of(len(names))[None], 12, axis=0), pushes(12)
+    after = told.physics.step(scenes, pushed, {FRICTION: np.full(len(pushed), 0.18)})
+    for model in (told, told.condition(PushHistory(scenes, pushed, after))):
+        assert not model.corrects
+        np.testing.assert_array_equal(
+            model.step(scenes, pushed), model.physics.step(scenes, pushed)
+        )
+    assert sain.with_bodies(Bodies.named(["t"])).corrects
 
 
 def test_a_server_answers_for_any_bodies() -> None:

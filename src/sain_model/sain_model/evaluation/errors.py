@@ -93,9 +93,7 @@ class ErrorRows:
         shapes = {
             f"pushed {s}": pushed & (about["shape"] == s) for s in sorted(set(about["shape"]))
         }
-        sources = {
-            f"pushed in {s}": pushed & (about["source"] == s) for s in _names(about["source"])
-        }
+        sources = {f"in {s}": pushed & (about["source"] == s) for s in _names(about["source"])}
         return groups | shapes | sources | self._thirds(target if target.any() else pushed)
 
     def _thirds(self, rows: Mask) -> dict[str, Mask]:
