@@ -131,6 +131,7 @@ def test_a_card_that_is_none(checkpoint: Path) -> None:
         ("prior", "plain", "the prior 'plain' has no settings; given: friction, gravity"),
         ("prior_config", {"friction": -1.0}, "PlanarConfig.friction is -1.0"),
         ("prior_config", {"frictoin": 0.1}, "frictoin"),
+        ("bottoms", ["wheels"], "bottoms has 'wheels'; allowed: feet, flat"),
         ("network", {"hidden": 9, "message": 4, "layers": 2}, r"tensor \S+ has shape"),
         ("network", {"hidden": 8, "message": 4, "layers": 3}, r"tensor \S+ has shape"),
         ("network", {"hidden": -8}, "NetworkConfig.hidden is -8"),

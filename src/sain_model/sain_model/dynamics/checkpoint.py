@@ -35,7 +35,7 @@ class ModelCard:
         prior_config: its parameters, so that a later calibration does not change this model.
         network: size of the network.
         bottoms: what the bodies stood on that it learned from: it corrects the prior for these
-            alone. Empty: not stated, and it corrects all.
+            alone. Empty: it corrects all.
         friction: how friction is inferred from an episode's earlier pushes; None: the model was
             trained without them, and knows the nominal friction alone.
         bodies: the physics of bodies on surfaces, as a belief has it; None: of no such.

@@ -5,6 +5,7 @@ from importlib import resources
 from pathlib import Path
 
 from sain_core.config import typed_settings
+from sain_core.errors import CheckpointError
 from sain_core.model import Model
 from sain_core.shapes.shape import BOTTOMS
 from sain_model.dynamics.checkpoint import SUFFIX, ModelCard, card_path, fill, read_checkpoint
@@ -54,7 +55,7 @@ def load_checkpoint(path: Path) -> SainDynamics:
         else:
             kind = _kind(make_prior(card.prior, card.prior_config), card)
             recurrent = card.kind == RECURRENT
-            bottoms = card.bottoms or BOTTOMS
+            bottoms = _bottoms(card)
             model = residual_model(network, kind, card.prior, intervals, recurrent, bottoms)
     fill(path, content, network)
     origin = replace(model.origin, model_hash=card.weights_sha256, card=text)
@@ -71,6 +72,13 @@ def _kind(prior: Model, card: ModelCard) -> Kind:
             return friction_kind(prior, infers=False)
         spread = float(card.friction["width"])
         return friction_kind(prior, deviation=spread / BY_NAME[FRICTION].spread)
+
+
+def _bottoms(card: ModelCard) -> tuple[str, ...]:
+    """Return what bodies may stand on that the network of a card corrects."""
+    if unknown := [one for one in card.bottoms if one not in BOTTOMS]:
+        raise CheckpointError(f"bottoms has {unknown[0]!r}; allowed: {', '.join(BOTTOMS)}")
+    return tuple(card.bottoms) or BOTTOMS
 
 
 def card_part(name: str, kind: type[C], settings: Settings) -> C:

@@ -13,12 +13,13 @@ from sain_core.storage import write_whole
 from sain_model.data.dataset import Dataset, Split
 from sain_model.dynamics.checkpoint import ModelCard
 from sain_model.dynamics.priors import prior_settings
-from sain_model.dynamics.sain import SainDynamics
+from sain_model.dynamics.sain import RECURRENT, RESIDUAL, SainDynamics
 from sain_model.inference.belief_file import written_kind
 from sain_model.inference.kinds import FRICTION, Kind
 from sain_model.training.settings import TrainOptions
 from sain_model.training.trainer import LossHistory
 
+RESIDUALS: Final = (RESIDUAL, RECURRENT)  # without physics a network predicts all by itself
 PACKAGES: Final = ("sain_model", "torch", "numpy", "numba", "scipy", "safetensors")
 
 
@@ -41,7 +42,7 @@ def make_card(
         prior=config.prior,
         prior_config=prior_settings(kind.prior),
         network=asdict(config.network),
-        bottoms=_bottoms(split.train, parent),
+        bottoms=_bottoms(split.train, parent) if model.origin.kind in RESIDUALS else [],
         friction=_friction_part(kind),
         bodies=written_kind(kind) if kind.of_bodies else None,
         intervals=asdict(intervals) if intervals else None,
