@@ -203,10 +203,8 @@ def test_the_command_writes_a_checkpoint_that_serves_any_bodies(
     path = tmp_path / "sain.safetensors"
     card = read_card(path)
     assert card.body_features == 20
-    assert (
-        card.errors["after"]["1"]["errors"]["pushed"]["no motion"]["number"]
-        == card.data["transitions"]["test"]
-    )
+    pushed = card.errors["after"]["1"]["errors"]["pushed"]
+    assert {one["number"] for one in pushed.values()} == {card.data["transitions"]["test"]}
     sain = load_dynamics(str(path))
     assert isinstance(sain, SainDynamics)
     assert sain.belief.trained.names == (FRICTION,)

@@ -24,7 +24,7 @@ from sain_model.training.plots import draw_losses
 from sain_model.training.progress import epoch_bar, event_log
 from sain_model.training.settings import TrainOptions
 from sain_model.training.trainer import LossHistory, Progress
-from sain_model.training.training_card import make_card, save_settings
+from sain_model.training.training_card import make_card, own_errors, save_settings
 
 LOSSES = ("loss.png", "rollout_loss.png")
 
@@ -62,10 +62,12 @@ def run(command: TrainOptions, console: Console) -> None:
     )
     for history, name in zip(histories, LOSSES, strict=False):
         write_png(draw_losses(history), command.out / name)
-    errors = evaluate(split.held_out, {NAMES[model.origin.kind]: model}, STEPS)
+    name = NAMES[model.origin.kind]
+    errors = evaluate(split.held_out, {name: model}, STEPS)
     errors["held_out"] = "test" if len(split.test) else "validation"
     for table in error_tables(errors):
         console.print(table, soft_wrap=True)
+    errors = own_errors(errors, name)
     if parent:
         errors["fine_tuning"] = parent.gain(model, split.held_out)
         console.print(gain_line(errors["fine_tuning"], parent.name, errors["held_out"]))

@@ -14,6 +14,8 @@ from sain_model.data.dataset import Dataset, Split
 from sain_model.dynamics.checkpoint import ModelCard
 from sain_model.dynamics.priors import prior_settings
 from sain_model.dynamics.sain import RECURRENT, RESIDUAL, SainDynamics
+from sain_model.evaluation.errors import THIRDS, Figures
+from sain_model.evaluation.predictors import HISTORY, PRIOR, PRIOR_HISTORY
 from sain_model.inference.belief_file import written_kind
 from sain_model.inference.kinds import FRICTION, Kind
 from sain_model.training.settings import TrainOptions
@@ -54,6 +56,20 @@ def make_card(
         command=ros2_command("sain_model", "train"),
         parent={**asdict(parent), "errors": {}} if parent else None,
     )
+
+
+def own_errors(errors: Figures, name: str) -> Figures:
+    """Return what a card has of errors: after one push, of the model and of its prior."""
+    kept = (name, name + HISTORY, PRIOR, PRIOR_HISTORY)
+    once = {
+        part: {
+            group: {one: figures for one, figures in by_name.items() if one in kept}
+            for group, by_name in errors["after"]["1"][part].items()
+            if not group.startswith(THIRDS)
+        }
+        for part in ("errors", "ratios")
+    }
+    return {**errors, "after": {"1": once}}
 
 
 def _bottoms(learned: Dataset, parent: ModelCard | None) -> list[str]:
