@@ -112,11 +112,8 @@ def read(command: Command, own: list[str]) -> None:
     output = io.StringIO()
     try:
         with contextlib.redirect_stdout(output), contextlib.redirect_stderr(output):
-            kind = load(command.name, command.options)
-            # A checkpoint that --from names is made by an earlier command.
-            if not isinstance(kind, type):
-                kind = kind([])
-            read_options(kind, command.name, own, command.prefixes)
+            # Without their defaults: a checkpoint that --from names is made by an earlier command.
+            read_options(command.options(), command.name, own, command.prefixes)
     except SystemExit as end:
         if end.code:
             raise SainError(f"{' '.join(own)}: {plain(output.getvalue())}") from end

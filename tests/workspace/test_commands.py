@@ -108,9 +108,7 @@ def test_every_setting_has_a_text_with_its_values(help_of: Any, package: str, na
             notes = "; ".join(filter(None, (allowed, f"default: {default}")))
             assert meaning and f"{parameter} {meaning} ({notes})" in shown
         return
-    options = load(command.name, command.options)
-    options = options if isinstance(options, type) else options([])
-    for item in settings_in(options):
+    for item in settings_in(command.options()):
         text = item.metadata.get("description", "")
         assert text, f"{item.name} has no text"
         assert text[:1].upper() + text[1:] in shown

@@ -10,7 +10,7 @@ from typing import Any, Final
 
 import tyro
 
-from sain_core.cli.command_line import Command, describe_options, load
+from sain_core.cli.command_line import Command, describe_options
 from sain_core.cli.node_command import NodeCommand
 
 PACKAGES: Final = (
@@ -67,18 +67,12 @@ def about(entry: Command | NodeCommand) -> str:
     """Return the text of an executable's help."""
     if isinstance(entry, NodeCommand):
         return entry.about
-    return " ".join((kind_of(entry).__doc__ or "").split("\n\n    Attributes:")[0].split())
+    return " ".join((entry.options().__doc__ or "").split("\n\n    Attributes:")[0].split())
 
 
 def summary(entry: Command | NodeCommand) -> str:
     """Return the first sentence of it."""
     return escape(re.split(r"(?<=[.:])\s", about(entry))[0].rstrip(":"))
-
-
-def kind_of(command: Command) -> Any:
-    """Return the class of a command's options."""
-    options = load(command.name, command.options)
-    return options if isinstance(options, type) else options([])
 
 
 def node(entry: NodeCommand) -> Iterator[str]:
@@ -114,7 +108,7 @@ def program(command: Command) -> Iterator[str]:
 
 def parser_of(command: Command) -> Any:
     """Return the parser of a command's options."""
-    kind = kind_of(command)
+    kind = command.options()
     describe_options(kind)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", DeprecationWarning)

@@ -1,8 +1,11 @@
 """The commands that read files of a kind."""
 
+import ast
 import sys
 from collections.abc import Callable
+from importlib import import_module
 from pathlib import Path
+from types import ModuleType
 from typing import Final
 
 from benchmarks.faults.hostile.goods import Goods
@@ -15,6 +18,13 @@ Run = Callable[[], int | None]
 SOON: Final = ("--wait", "0", "--rate", "1000", "--duration", "1")
 
 
+def import_all(file: ModuleType) -> None:
+    """Import what a command imports late: here, and not once more in each child."""
+    for node in ast.walk(ast.parse(Path(file.__file__ or "").read_text(encoding="utf-8"))):
+        if isinstance(node, ast.ImportFrom) and node.module:
+            import_module(node.module)
+
+
 def commands(kind: str, path: Path, out: Path, goods: Goods) -> dict[str, Run]:
     """Return what reads a file of a kind, by name; `out` is a folder for what they write."""
     file = str(path)
@@ -22,8 +32,7 @@ def commands(kind: str, path: Path, out: Path, goods: Goods) -> dict[str, Run]:
     def run(name: str, *arguments: str) -> Run:
         package, _, command = name.partition(" ")
         entry: Command = load(f"{package} x", f"commands:{command}")
-        for part in (entry.options, entry.work):  # imported here, and not once more in each child
-            load(entry.name, part)
+        import_all(entry.file)
         return lambda: entry([*arguments])
 
     if kind == "bag":

@@ -4,14 +4,10 @@ from typing import Final
 
 from sain_core.cli.command_line import Command
 
-record: Final = Command(
-    "sain_bags record", "cli.options:RecordOptions", "ros.record:run", ros=True, prefixes=True
-)
-play: Final = Command("sain_bags play", "cli.options:PlayOptions", "ros.play:run", ros=True)
-view: Final = Command("sain_bags view", "cli.options:ViewOptions", "ros.view:run")
-info: Final = Command("sain_bags info", "cli.options:InfoOptions", "cli.info:run")
-recover: Final = Command("sain_bags recover", "cli.options:RecoverOptions", "cli.recover:run")
-report: Final = Command("sain_bags report", "cli.options:ReportOptions", "cli.report:run")
-to_dataset: Final = Command(
-    "sain_bags to_dataset", "cli.options:ToDatasetOptions", "cli.to_dataset:run", resumes="shard"
-)
+record: Final = Command("sain_bags record", "ros.record", ros=True, prefixes=True)
+play: Final = Command("sain_bags play", "ros.play", ros=True)
+view: Final = Command("sain_bags view", "ros.view")
+info: Final = Command("sain_bags info", "cli.info")
+recover: Final = Command("sain_bags recover", "cli.recover")
+report: Final = Command("sain_bags report", "cli.report")
+to_dataset: Final = Command("sain_bags to_dataset", "cli.to_dataset", resumes="shard")

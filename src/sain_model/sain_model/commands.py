@@ -16,22 +16,8 @@ model_node: Final = NodeCommand(
     offers=("predict_residual", "rollout", "describe_model", "load_model"),
     example="model:=planar",
 )
-train: Final = Command(
-    "sain_model train", "cli.options:train_options", "cli.train:run", resumes="epoch"
-)
-evaluate: Final = Command(
-    "sain_model evaluate",
-    "cli.options:EvaluateModelOptions",
-    "cli.evaluate:run",
-    alias="evaluate_model",
-)
-identify: Final = Command("sain_model identify", "cli.options:IdentifyOptions", "cli.identify:run")
-real_import: Final = Command(
-    "sain_model real_import", "cli.options:RealImportOptions", "cli.real_import:run"
-)
-learning_curve: Final = Command(
-    "sain_model learning_curve",
-    "cli.options:LearningCurveOptions",
-    "cli.learning_curve:run",
-    resumes="epoch",
-)
+train: Final = Command("sain_model train", "cli.train", resumes="epoch")
+evaluate: Final = Command("sain_model evaluate", "cli.evaluate", alias="evaluate_model")
+identify: Final = Command("sain_model identify", "cli.identify")
+real_import: Final = Command("sain_model real_import", "cli.real_import")
+learning_curve: Final = Command("sain_model learning_curve", "cli.learning_curve", resumes="epoch")

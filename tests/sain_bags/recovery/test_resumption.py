@@ -6,9 +6,8 @@ import pytest
 from rich.console import Console
 
 from sain_bags.bag.metadata import Topic, TopicQos
+from sain_bags.cli import recover
 from sain_bags.cli.info import show
-from sain_bags.cli.options import RecoverOptions
-from sain_bags.cli.recover import run as run_recover
 from sain_bags.reading.reader import Bag
 from sain_bags.recovery.resumption import join, set_aside
 from sain_bags.writing.writer import BagWriter
@@ -130,7 +129,7 @@ def test_the_advice_about_a_recording_in_parts_saves_all(
         show(folder, Console())
     command = str(caught.value).split("`")[1].split()
     assert command[:4] == ["ros2", "run", "sain_bags", "recover"] and command[5] == "--out"
-    run_recover(RecoverOptions(Path(command[4]), Path(command[6])), Console())
+    recover.run(recover.Options(Path(command[4]), Path(command[6])), Console())
     assert "Saved 400 messages" in capsys.readouterr().out
     saved = Bag(Path(command[6]))
     assert [found.log_time for found in saved.messages(["/text"])] == list(range(1, 401))

@@ -16,21 +16,21 @@ from sain_core.config import Config
 class Options(Config):
     '''Print.'''
 
-def rich(options, console):
+def rich(options: Options, console):
     for line in range(100_000):
         console.print(f"line {line}")
 
-def plain(options, console):
+def plain(options: Options, console):
     for line in range(100_000):
         sys.stdout.write(f"line {line}\\n")
 
-def another_pipe(options, console):
+def another_pipe(options: Options, console):
     import os
     gone, pipe = os.pipe()
     os.close(gone)
     os.write(pipe, b"nobody reads this")
 
-sys.modules["printing.options"] = sys.modules["printing"] = sys.modules["__main__"]
+sys.modules["printing.file"] = sys.modules["printing"] = sys.modules["__main__"]
 """
 
 
@@ -39,7 +39,7 @@ sys.modules["printing.options"] = sys.modules["printing"] = sys.modules["__main_
 )
 def test_who_reads_no_further_ends_the_command_without_an_error(work: str, code: int) -> None:
     name, *arguments = work.split()
-    text = f"{PRINTS}\nsys.exit(Command('printing x', 'options:Options', 'options:{name}')())"
+    text = f"{PRINTS}\nrun = {name}\nsys.exit(Command('printing x', 'file')())"
     reader, writer = os.pipe()
     process = subprocess.Popen(
         [sys.executable, "-c", text, *arguments], stdout=writer, stderr=subprocess.PIPE, text=True

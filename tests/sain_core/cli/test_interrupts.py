@@ -2,6 +2,7 @@
 
 import os
 import signal
+import subprocess
 import sys
 import time
 from importlib import import_module
@@ -39,3 +40,16 @@ def test_an_interrupt_elsewhere_comes_at_once() -> None:
         os.kill(os.getpid(), signal.SIGINT)
         time.sleep(60)
     assert signal.getsignal(signal.SIGINT) is before
+
+
+def test_an_interrupt_while_a_command_imports_ends_it_at_once(tmp_path: Path) -> None:
+    (tmp_path / "slow_import.py").write_text(
+        "import os, signal, time\nos.kill(os.getpid(), signal.SIGINT)\ntime.sleep(60)"
+    )
+    (tmp_path / "main.py").write_text(
+        "from sain_core.cli.command_line import interrupts_after_imports\n"
+        "def work():\n    import slow_import\n"
+        "with interrupts_after_imports(work=work):\n    work()"
+    )
+    done = subprocess.run([sys.executable, tmp_path / "main.py"], capture_output=True, timeout=30)
+    assert (done.returncode, done.stderr) == (130, b"")

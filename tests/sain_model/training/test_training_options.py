@@ -19,7 +19,7 @@ from sain_bringup.graph import executable
 from sain_core.cli.command_line import read_options
 from sain_core.errors import ConfigError
 from sain_model import commands
-from sain_model.cli.options import train_options
+from sain_model.cli import train
 from sain_model.data.dataset import Split, load_dataset, split_by_episode
 from sain_model.network.settings import NetworkConfig
 from sain_model.physics.planar import PlanarPrior
@@ -108,7 +108,7 @@ def test_only_validated_epochs_can_be_best(split: Split, tmp_path: Path) -> None
 
 
 def parsed(arguments: list[str]) -> TrainOptions:
-    options: TrainOptions = read_options(train_options, "train", arguments)
+    options: TrainOptions = read_options(train.options(arguments), "train", arguments)
     return options
 
 

@@ -2,23 +2,35 @@
 
 import time
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
 import numpy as np
+import tyro
 from rich.console import Console
 from rich.markup import escape
 from rich.text import Text
 
-from sain_bags.cli.options import InfoOptions
-from sain_bags.reading.reader import Bag
+from sain_bags.reading.reader import BAG_HELP, Bag
 from sain_bags.reading.timing import TopicTiming, read_timings
 from sain_bags.transitions.message_fields import namespaces
 from sain_bags.transitions.recorded_episodes import Episode, read_episodes
 from sain_bags.writing.gaps import SILENT_KEY, UNDEFINED_KEY, read_gaps, read_names
 from sain_core.cli.terminal import FittingTable
+from sain_core.config import Config, option, required
 
 LISTED: Final = (SILENT_KEY, UNDEFINED_KEY)  # custom data that has lines of its own
+
+
+@dataclass(frozen=True)
+class Options(Config):
+    """Show the contents of a bag: topics, rates, gaps, episodes and pushes."""
+
+    bag: tyro.conf.Positional[Path] = required(BAG_HELP)
+    check: bool = option(
+        True, "read all messages and compare every CRC; without it no gaps are shown"
+    )
 
 
 def warnings_about(bag: Bag) -> Iterator[str]:
@@ -77,7 +89,7 @@ def episode_table(episodes: tuple[Episode, ...]) -> FittingTable:
     return table
 
 
-def run(options: InfoOptions, console: Console) -> None:
+def run(options: Options, console: Console) -> None:
     """Print what a bag holds; see `show`."""
     show(options.bag, console, options.check)
 

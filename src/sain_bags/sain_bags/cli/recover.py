@@ -1,19 +1,34 @@
 """``ros2 run sain_bags recover``: a whole bag from what a truncated or damaged one still holds."""
 
 import time
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
+import tyro
 from rich.console import Console
 from rich.progress import BarColumn, DownloadColumn, Progress, TimeRemainingColumn
 
-from sain_bags.cli.options import RecoverOptions
 from sain_bags.recovery.recovery import recover
 from sain_bags.recovery.recovery_report import RecoveryOutcome, Report
 from sain_bags.recovery.sidecar import read_sidecar
+from sain_core.config import Config, required
 from sain_core.errors import DatasetError
 
 LISTED: Final = 20  # losses that are printed one by one
+
+
+@dataclass(frozen=True)
+class Options(Config):
+    """Save what is undamaged in a truncated or damaged bag to a new, whole one.
+
+    Exit code: 0 all was saved, 3 something was lost (it says what), 1 nothing could be saved.
+    """
+
+    bag: tyro.conf.Positional[Path] = required(
+        "a bag's folder, also without metadata.yaml, or an MCAP file"
+    )
+    out: Path = required("folder to make for the new bag; must not exist")
 
 
 def describe(report: Report, out: Path) -> list[str]:
@@ -61,7 +76,7 @@ def _loss_lines(report: Report) -> list[str]:
     return lines
 
 
-def run(options: RecoverOptions, console: Console) -> int:
+def run(options: Options, console: Console) -> int:
     """Recover a bag, showing how far it is, and print what came of it.
 
     Raises:

@@ -1,16 +1,42 @@
 """``ros2 run sain_bags report``: a bag as one HTML page that needs nothing else."""
 
+from dataclasses import dataclass
 from pathlib import Path
 
+import tyro
 from rich.console import Console
 from rich.progress import Progress
 
-from sain_bags.cli.options import ReportOptions
-from sain_bags.reading.reader import Bag
+from sain_bags.reading.reader import BAG_HELP, Bag
 from sain_bags.report.content import read_content
 from sain_bags.report.gathering import Limits, messages_to_read
 from sain_bags.report.writing import write_page
+from sain_core.config import Config, option, required
 from sain_core.errors import OutputError
+
+
+@dataclass(frozen=True)
+class Options(Config):
+    """Write a page that shows a bag: episodes from above, predictions, planning times, gaps.
+
+    The page is one HTML file. It loads nothing, and opens in any browser.
+    """
+
+    bag: tyro.conf.Positional[Path] = required(BAG_HELP)
+    out: Path | None = option(
+        None,
+        "the file to write; by default report.html beside the bag's folder, or the MCAP file's name"
+        " with .html",
+    )
+    overwrite: bool = option(False, "replace a file that exists")
+    frames: int = option(
+        Limits.frames,
+        "most scenes in motion of an episode; of more, every second, fourth, ... is shown",
+        minimum=1,
+    )
+    episodes: int = option(
+        Limits.episodes, "most episodes shown one by one; the figures are of all", minimum=1
+    )
 
 
 def default_path(bag: Path) -> Path:
@@ -21,7 +47,7 @@ def default_path(bag: Path) -> Path:
     return whole.with_suffix(".html")
 
 
-def run(options: ReportOptions, console: Console) -> None:
+def run(options: Options, console: Console) -> None:
     """Write the page of a bag and print where it is.
 
     Raises:

@@ -1,20 +1,37 @@
 """``ros2 run sain_bags to_dataset``: recordings become training data."""
 
+from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Final
 
+import tyro
 from rich.console import Console
 from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from sain_bags.cli.options import ToDatasetOptions
-from sain_bags.dataset.card_picture import draw_card
-from sain_bags.dataset.conversion import Converted, convert
+from sain_bags.dataset.conversion import ConversionConfig, Converted, convert
+from sain_core.config import option, required
+from sain_core.workers.running import WorkerOptions
 
 SHOWN: Final = 50  # messages, between two looks at the bar
 
 
-def run(options: ToDatasetOptions, _: Console) -> None:
+@dataclass(frozen=True)
+class Options(WorkerOptions):
+    """Convert recordings to transitions to train on; the same command continues after a stop."""
+
+    bags: tyro.conf.Positional[tuple[Path, ...]] = required(
+        "bags, MCAP files, or folders with bags below them"
+    )
+    out: Path = required("a new or empty folder, or that of a conversion")
+    overwrite: bool = option(False, "replace what a conversion made there")
+    conversion: ConversionConfig = field(default_factory=ConversionConfig)
+
+
+def run(options: Options, _: Console) -> None:
     """Convert the recordings, and print what became of them."""
+    from sain_bags.dataset.card_picture import draw_card
+
     console = Console(stderr=True)
     done = _convert_with_bar(options, console)
     draw_card(options.out)
@@ -24,7 +41,7 @@ def run(options: ToDatasetOptions, _: Console) -> None:
         console.print(f"left out: {count} {reason}", highlight=False, soft_wrap=True)
 
 
-def _convert_with_bar(options: ToDatasetOptions, console: Console) -> Converted:
+def _convert_with_bar(options: Options, console: Console) -> Converted:
     columns = (
         TextColumn("{task.description}"),
         BarColumn(),

@@ -22,6 +22,7 @@ from sain_core.errors import DatasetError, UntrustedFileError
 from sain_core.old_files import converted_message
 from sain_core.untrusted import DECODED_BYTES, TimeAllowance, limit
 
+BAG_HELP: Final = "a bag's folder, or its MCAP file"  # what `Bag` opens
 BAD_DEFINITION: Final = (InvalidSpecification, InvalidValue, NameError)
 DECODING: Final = (
     ValueError, IndexError, KeyError, TypeError, AttributeError, OverflowError, RecursionError,

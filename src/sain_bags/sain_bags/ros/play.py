@@ -1,29 +1,52 @@
 """``ros2 run sain_bags play``: publishes a bag's messages again, byte by byte, in their time."""
 
-from typing import Final
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
 
+import tyro
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn
 
-from sain_bags.cli.options import PlayOptions
-from sain_bags.playing import CLOCK, Event, Passage, Played, choose_topics, play
-from sain_bags.reading.reader import Bag
-from sain_bags.ros.parameter_requests import requests_served
-from sain_bags.ros.player import Player
+from sain_bags.playing import CLOCK, Event, Passage, PassageConfig, Played, choose_topics, play
+from sain_bags.reading.reader import BAG_HELP, Bag
 from sain_bags.ros.stop_signal import StopSignal
+from sain_core.config import Config, option, required
 from sain_core.ros.ending import release
-from sain_core.ros.node_main import ros_context
+
+if TYPE_CHECKING:
+    from sain_bags.ros.player import Player
 
 LOOK: Final = 0.02  # [s], between two looks for subscribers
 SHOWN: Final = 0.2  # [s], between two looks at the bar
 
 
-def run(options: PlayOptions, console: Console) -> None:
+@dataclass(frozen=True)
+class Options(Config):
+    """Play a bag: publish its messages again as they were recorded, at the recorded times.
+
+    Ctrl-C ends it. Topics are renamed with --ros-args -r /from:=/to.
+    """
+
+    bag: tyro.conf.Positional[Path] = required(BAG_HELP)
+    topics: tuple[str, ...] = option(
+        (), "topics to play, with their full names; none: all but /parameter_events"
+    )
+    namespace: str = option("", "prefix of every topic's name except /clock")
+    wait: float = option(
+        1.0, "longest wait until every topic has a subscriber", unit="s", minimum=0.0
+    )
+    passage: PassageConfig = field(default_factory=PassageConfig)
+
+
+def run(options: Options, console: Console) -> None:
     """Play a bag to its end or until a signal comes, and print what was played.
 
     Raises:
         DatasetError: the bag is damaged, or there is nothing in it that can be played.
     """
+    from sain_core.ros.node_main import ros_context
+
     with ros_context():
         played = play_bag(options, console)
     late = f", at most {1e3 * played.late:.1f} ms late" if played.messages else ""
@@ -31,8 +54,11 @@ def run(options: PlayOptions, console: Console) -> None:
     console.print(f"{state} {played.messages:,} messages{late}", highlight=False)
 
 
-def play_bag(options: PlayOptions, console: Console) -> Played:
+def play_bag(options: Options, console: Console) -> Played:
     """Play a bag until it ends or a signal comes; rclpy is initialised. Raises as `run`."""
+    from sain_bags.ros.parameter_requests import requests_served
+    from sain_bags.ros.player import Player
+
     watch, bag = StopSignal(), Bag(options.bag)
     chosen = choose_topics(bag, options.topics, options.passage.clock > 0.0)
     player = Player(chosen, options.namespace)
@@ -49,7 +75,7 @@ def play_bag(options: PlayOptions, console: Console) -> Played:
     return played
 
 
-def await_subscribers(player: Player, patience: float, watch: StopSignal) -> None:
+def await_subscribers(player: "Player", patience: float, watch: StopSignal) -> None:
     """Wait until every topic has a subscriber, not longer than patience allows [s]."""
     end = watch.now() + patience
     while player.unheard() and watch.now() < end and not watch.wait(LOOK):
@@ -57,7 +83,7 @@ def await_subscribers(player: Player, patience: float, watch: StopSignal) -> Non
 
 
 def _play_with_bar(
-    passage: Passage, player: Player, watch: StopSignal, options: PlayOptions, console: Console
+    passage: Passage, player: "Player", watch: StopSignal, options: Options, console: Console
 ) -> Played:
     columns = (
         TextColumn("play"),

@@ -4,31 +4,62 @@ import json
 import signal
 import time
 from contextlib import ExitStack
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Annotated, Final
 
+import tyro
 from rich.console import Console
 
 from sain_bags.bag.parts import mcap_files
-from sain_bags.cli.options import RecordOptions
 from sain_bags.mcap.integrity import rescue
 from sain_bags.recovery.resumption import join, set_aside
-from sain_bags.ros.readiness import NodesFile, Readiness
-from sain_bags.ros.recorder import Recorder
 from sain_bags.ros.stop_signal import StopSignal
 from sain_bags.writing.gaps import MISSING_KEY, SILENT_KEY, UNDEFINED_KEY, describe_gaps
 from sain_bags.writing.recording_status import RecordingStatus, StatusDisplay
 from sain_bags.writing.selection import Selection
-from sain_bags.writing.writer import BagWriter
+from sain_bags.writing.writer import BagConfig, BagWriter
 from sain_core import notify
+from sain_core.config import Config, option, required
 from sain_core.errors import ConfigError, OutputError, SainError
 from sain_core.ros.ending import release
-from sain_core.ros.node_main import ros_context
+
+if TYPE_CHECKING:
+    from sain_bags.ros.readiness import NodesFile
+    from sain_bags.ros.recorder import Recorder
 
 PASS_PERIOD: Final = 0.01  # [s] between passes over all topics, also how soon a signal is noticed
 DRAIN_TIME: Final = 0.5  # [s], at most, for messages that have come before the stop
 BEAT_PERIOD: Final = 0.1  # [s] between signs of life while parts are joined
 QUIET_PASSES: Final = 5  # without a message: nothing more is on its way
+
+
+@dataclass(frozen=True)
+class Options(Config):
+    """Record a running graph to a bag (rosbag2 layout, MCAP).
+
+    All topics are recorded, also those that appear later, with the definitions of their messages;
+    service calls where introspection is on. Ctrl-C ends the recording and makes the bag whole.
+    """
+
+    out: Path = required("folder to make for the bag; must not exist")
+    resume: bool = option(
+        False, "go on with a recording that a crash has cut off; both become one bag at the end"
+    )
+    topics: tuple[str, ...] = option(
+        (), "topics to record, with their full names; none: all that are not hidden"
+    )
+    include_hidden: bool = option(False, "record hidden topics, too")
+    custom_data: Annotated[tuple[str, ...], tyro.conf.arg(metavar="KEY=VALUE ...")] = option(
+        (), "what the bag should say about itself"
+    )
+    status_period: float = option(
+        10.0,
+        "time between lines about the state, where no terminal shows it; 0: no lines",
+        unit="s",
+        minimum=0.0,
+    )
+    bag: BagConfig = field(default_factory=BagConfig)
 
 
 def parse_custom_data(pairs: tuple[str, ...]) -> dict[str, str]:
@@ -46,12 +77,15 @@ def parse_custom_data(pairs: tuple[str, ...]) -> dict[str, str]:
     return data
 
 
-def run(options: RecordOptions, console: Console) -> None:
+def run(options: Options, console: Console) -> None:
     """Record until a signal comes.
 
     Raises:
         OutputError: the bag cannot be made, or the disk ran full; what was recorded is whole.
     """
+    from sain_bags.ros.readiness import NodesFile
+    from sain_core.ros.node_main import ros_context
+
     console.soft_wrap = True
     nodes = NodesFile(options.out) if notify.is_supervised() else None
     cut_off = set_aside(options.out) if options.resume else None
@@ -94,12 +128,15 @@ def join_parts(cut_off: Path, out: Path, console: Console) -> None:
 
 
 def record(
-    options: RecordOptions,
+    options: Options,
     console: Console,
-    nodes: NodesFile | None = None,
+    nodes: "NodesFile | None" = None,
     is_part: bool = False,
 ) -> None:
     """Record until a signal comes; rclpy is initialised. Raises as `run`."""
+    from sain_bags.ros.readiness import Readiness
+    from sain_bags.ros.recorder import Recorder
+
     started = time.monotonic()
     custom_data = parse_custom_data(options.custom_data)
     selection = Selection(frozenset(options.topics), options.include_hidden)
@@ -138,13 +175,13 @@ def record(
     console.print(last.final(options.out, size), highlight=False, markup=False)
 
 
-def about_silence(recorder: Recorder, silent: tuple[str, ...]) -> dict[str, str]:
+def about_silence(recorder: "Recorder", silent: tuple[str, ...]) -> dict[str, str]:
     """Return the custom data about topics without messages or without a definition."""
     found = {SILENT_KEY: silent, UNDEFINED_KEY: recorder.undefined}
     return {key: json.dumps(topics) for key, topics in found.items() if topics}
 
 
-def drain(recorder: Recorder) -> None:
+def drain(recorder: "Recorder") -> None:
     """Take what has come before the stop."""
     recorder.await_definitions()
     enough, quiet = time.monotonic() + DRAIN_TIME, 0

@@ -1,8 +1,8 @@
 """Command lines: how every executable reads its arguments, helps, fails and is interrupted.
 
-A package declares its executables in ``commands.py``, each as a `Command` or a `NodeCommand`. The
-module that does the work is imported after the arguments are checked. So help and errors come at
-once, and Ctrl-C during the imports ends the process without a traceback.
+A package declares its executables in ``commands.py``, each as a `Command` or a `NodeCommand`. What
+is slow to import is imported after the arguments are checked. So help and errors come at once, and
+Ctrl-C during these imports ends the process without a traceback.
 """
 
 import io
@@ -10,13 +10,14 @@ import os
 import select
 import signal
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, redirect_stderr
 from dataclasses import dataclass, fields, is_dataclass
+from functools import partial
 from importlib import import_module
 from pathlib import Path
 from threading import Timer, current_thread, main_thread
-from types import FrameType
+from types import CodeType, FrameType
 from typing import Annotated, Any, Final, Literal, get_type_hints
 
 from sain_core.config import describe_values
@@ -78,9 +79,14 @@ def silent_interrupts(active: bool = True) -> Iterator[None]:
 
 
 @contextmanager
-def interrupts_after_imports(active: bool = True) -> Iterator[None]:
-    """Let Ctrl-C raise `KeyboardInterrupt`; during an import, as soon as that is over."""
-    with _handled(_raise_outside_imports, active):
+def interrupts_after_imports(
+    active: bool = True, work: Callable[..., Any] | None = None
+) -> Iterator[None]:
+    """Let Ctrl-C raise `KeyboardInterrupt`; during an import, as soon as that is over.
+
+    What `work` itself imports is imported before it begins: there Ctrl-C ends the process at once.
+    """
+    with _handled(partial(_raise_outside_imports, getattr(work, "__code__", None)), active):
         yield
 
 
@@ -100,17 +106,21 @@ def _end(*_: object) -> None:
     os._exit(INTERRUPTED)
 
 
-def _raise_outside_imports(_: int, frame: FrameType | None) -> None:
+def _raise_outside_imports(work: CodeType | None, _: int, frame: FrameType | None) -> None:
+    importing = False
+    importer = None
     while frame is not None:
         if frame.f_code.co_filename.startswith(IMPORTS):
-            # A signal to the main thread, which wakes it also where it waits.
-            main = main_thread().ident or 0
-            again = Timer(LOOK_AGAIN, signal.pthread_kill, (main, signal.SIGINT))
-            again.daemon = True
-            again.start()
-            return
+            importing, importer = True, frame.f_back
         frame = frame.f_back
-    raise KeyboardInterrupt
+    if not importing:
+        raise KeyboardInterrupt
+    if importer is not None and importer.f_code is work:
+        _end()
+    # A signal to the main thread, which wakes it also where it waits.
+    again = Timer(LOOK_AGAIN, signal.pthread_kill, (main_thread().ident or 0, signal.SIGINT))
+    again.daemon = True
+    again.start()
 
 
 LONGEST: Final = 4000  # characters of an error
@@ -119,14 +129,16 @@ WRONG_USAGE: Final = 2  # exit code after an argument that is not allowed
 
 @dataclass(frozen=True)
 class Command:
-    """The entry point of an executable.
+    """The entry point of an executable, which is one file.
+
+    Its function ``run(options, console)`` does the work, and returns the exit code, or None for 0.
+    The annotation of `options` is the dataclass of the settings, whose docstring is the text of the
+    help. Where their defaults depend on the arguments, a function ``options(arguments)`` returns
+    the dataclass. What is slow to import, the file imports inside of its functions.
 
     Attributes:
         name: package and executable, as after ``ros2 run``.
-        options: ``module:name``, in the package, of the dataclass of its options, or of a function
-            that returns one for the given arguments. Its docstring is the text of the help.
-        work: ``module:name``, in the package, of a function of the options and a console; it
-            returns the exit code, or None for 0.
+        module: the file, as a module in the package.
         resumes: what the same command continues from after Ctrl-C; "": it starts again.
         ros: whether it accepts ``--ros-args``.
         prefixes: whether nested settings are called ``--group.name``; otherwise ``--name``.
@@ -134,8 +146,8 @@ class Command:
     """
 
     name: str
-    options: str
-    work: str
+    module: str
+    work: str = ""
     resumes: str = ""
     ros: bool = False
     prefixes: bool = False
@@ -149,14 +161,26 @@ class Command:
     @property
     def needs_ros(self) -> bool:
         """Whether it does nothing without ROS 2."""
-        return self.ros or self.work.startswith("ros.")
+        return self.ros or (self.work or self.module).startswith("ros.")
 
     @property
     def summary(self) -> str:
         """What it does, in one sentence."""
-        options = load(self.name, self.options)
-        kind = options if isinstance(options, type) else options([])
-        return " ".join((kind.__doc__ or "").split("\n\n")[0].split())
+        return " ".join((self.options().__doc__ or "").split("\n\n")[0].split())
+
+    def options(self, arguments: Sequence[str] = ()) -> type:
+        """Return the dataclass of its options, with the defaults that these arguments ask for."""
+        if self.work:
+            kind = load(self.name, self.module)
+            return kind if isinstance(kind, type) else kind(list(arguments))
+        if hasattr(self.file, "options"):
+            return self.file.options(arguments)
+        return get_type_hints(self.file.run)["options"]
+
+    @property
+    def file(self) -> Any:
+        """Its file as a module."""
+        return load(self.name, self.module.partition(":")[0])
 
     def __call__(self, arguments: list[str] | None = None, program: str = "") -> int:
         """Run it with these arguments, or those of the process; return its exit code.
@@ -174,14 +198,13 @@ class Command:
             given = sys.argv[1:] if arguments is None else arguments
             own = split_ros_arguments(given)[0] if self.ros else given
             try:
-                kind = load(self.name, self.options)
-                options = read_options(kind, program, own, self.prefixes)
+                options = read_options(self.options(own), program, own, self.prefixes)
                 if self.ros:
                     check_host()
             except SainError as error:
                 return self._fail(error, WRONG_USAGE if isinstance(error, ConfigError) else 1)
-            work = load(self.name, self.work)
-        with interrupts_after_imports(arguments is None):
+            work = load(self.name, self.work) if self.work else self.file.run
+        with interrupts_after_imports(arguments is None, work):
             return self._run(work, options)
 
     def _run(self, work: Callable[..., int | None], options: Any) -> int:
@@ -214,8 +237,8 @@ class Command:
         return code
 
 
-def read_options(options: Any, program: str, arguments: list[str], prefixes: bool = False) -> Any:
-    """Return what arguments, without those for ROS, ask for; see `Command` for the options.
+def read_options(kind: type, program: str, arguments: list[str], prefixes: bool = False) -> Any:
+    """Return a dataclass of options as the arguments, without those for ROS, ask for.
 
     Raises:
         ConfigError: a value that is not allowed.
@@ -223,7 +246,6 @@ def read_options(options: Any, program: str, arguments: list[str], prefixes: boo
     """
     import tyro
 
-    kind = options if isinstance(options, type) else options(arguments)
     describe_options(kind)
     output = io.StringIO()
     try:
@@ -303,6 +325,7 @@ def _group_of(kind: str, options: type, prefix: str = "") -> str | None:
 
 
 def load(command: str, path: str) -> Any:
-    """Return what stands at ``module:name`` in the package of a command."""
-    module, _, name = path.partition(":")
-    return getattr(import_module(f"{command.split()[0]}.{module}"), name)
+    """Return a module in the package of a command, or what stands there as ``module:name``."""
+    name, _, item = path.partition(":")
+    module = import_module(f"{command.split()[0]}.{name}")
+    return getattr(module, item) if item else module

@@ -2,13 +2,15 @@
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
-import torch
+import tyro
 from rich.console import Console
 
+from sain_core.config import Config, option, required
 from sain_core.dataset import draw_parts
 from sain_core.errors import CheckpointError, DatasetError
 from sain_core.model import Model
@@ -16,62 +18,96 @@ from sain_core.provenance import ros2_command
 from sain_core.push import LENGTH
 from sain_core.storage import write_json, write_whole
 from sain_core.types import Mask
-from sain_model.cli.options import EvaluateModelOptions
-from sain_model.data.dataset import Dataset, load_dataset
-from sain_model.data.windows import make_windows
-from sain_model.dynamics.checkpoint import ModelCard, parse_card
-from sain_model.dynamics.load import load_checkpoint, load_shipped, shipped_checkpoint
-from sain_model.dynamics.sain import Origin, SainDynamics
-from sain_model.evaluation.errors import TARGET_MOVED, Figures, report
-from sain_model.evaluation.named_models import followed, open_models, refusals
-from sain_model.evaluation.predictors import NAMES, Predictions, predict_all
-from sain_model.evaluation.rollout_plot import save_rollout_plot
-from sain_model.evaluation.tables import error_tables, rollout_markdown
+from sain_model.dynamics.settings import STEPS
+
+if TYPE_CHECKING:
+    from sain_model.data.dataset import Dataset
+    from sain_model.dynamics.checkpoint import ModelCard
+    from sain_model.dynamics.sain import Origin
+    from sain_model.evaluation.errors import Figures
+    from sain_model.evaluation.predictors import Predictions
 
 
-def run(command: EvaluateModelOptions, console: Console) -> None:
+@dataclass(frozen=True)
+class Options(Config):
+    """Report errors of every kind of dynamics, one push and many ahead, on episodes held out."""
+
+    dataset: Annotated[Path, tyro.conf.Positional] = required("a shard *.npz, or a folder of them")
+    checkpoint: Path | None = option(None, "the checkpoint; by default the shipped one")
+    beside: tuple[str, ...] = option(
+        (),
+        "more models to compare with: paths of checkpoints, such as one of --prior identity or"
+        " --steps-ahead, or names in the registry of models (bullet is slow)",
+    )
+    belief: str = option(
+        "", "file of `sain_model identify`, with which each episode begins; empty: none"
+    )
+    open_loop: tuple[int, ...] = option(
+        STEPS,
+        "numbers of pushes after which errors of rollouts are taken; none: no rollouts",
+    )
+    out: Path = option(
+        Path("evaluation.json"), "file for the errors; a table and a picture go beside it"
+    )
+    seed: int = option(0, "seed of the bootstrap", minimum=0)
+
+
+def run(options: Options, console: Console) -> None:
     """Evaluate, print tables and write JSON, Markdown and picture.
 
     Raises:
         DatasetError, CheckpointError, ConfigError, OutputError: see `sain_core.errors`.
     """
+    import torch
+
+    from sain_model.data.dataset import load_dataset
+    from sain_model.data.windows import make_windows
+    from sain_model.dynamics.checkpoint import parse_card
+    from sain_model.dynamics.load import shipped_checkpoint
+    from sain_model.evaluation.errors import report
+    from sain_model.evaluation.named_models import followed, refusals
+    from sain_model.evaluation.predictors import predict_all
+
     torch.set_num_threads(1)
-    path = command.checkpoint or shipped_checkpoint()
-    data = load_dataset(command.dataset)
-    with _models(command) as (models, physics):
+    path = options.checkpoint or shipped_checkpoint()
+    data = load_dataset(options.dataset)
+    with _models(options) as (models, physics):
         cards = [parse_card(Path(name), text) for name, text in _cards(models).items()]
         held_out = unseen(data, *cards)
-        steps = max(command.open_loop, default=1)
+        steps = max(options.open_loop, default=1)
         windows = [make_windows(part, steps).pushes[..., LENGTH] for part in held_out.parts]
         pushes = sum(int(np.count_nonzero(lengths)) for lengths in windows)
         with followed(physics, pushes, console) as shown:
             predictions = predict_all(held_out, models, steps, shown)
         refused = refusals(physics)
         names = [*models]
-    errors = report(predictions, names, command.open_loop, command.seed)
-    _write(command, errors, predictions, refused)
+    errors = report(predictions, names, options.open_loop, options.seed)
+    _write(options, errors, predictions, refused)
     document = {
-        "dataset": {"path": str(command.dataset), "sha256": data.sha256},
+        "dataset": {"path": str(options.dataset), "sha256": data.sha256},
         "checkpoint": {"path": str(path), "models": {name: _hash(models[name]) for name in names}},
-        "belief": command.belief or None,
-        "beside": list(command.beside),
-        "seed": command.seed,
+        "belief": options.belief or None,
+        "beside": list(options.beside),
+        "seed": options.seed,
         "command": ros2_command("sain_model", "evaluate"),
         **errors,
         "refused": refused,
     }
-    write_json(command.out, document)
+    write_json(options.out, document)
     _show(errors, refused, console)
-    console.print(f"written to {command.out}")
+    console.print(f"written to {options.out}")
 
 
 @contextmanager
-def _models(command: EvaluateModelOptions) -> Iterator[tuple[dict[str, Model], dict[str, Model]]]:
+def _models(options: Options) -> Iterator[tuple[dict[str, Model], dict[str, Model]]]:
     """Give models by the names of their kinds, the one to evaluate first, and physics by name."""
-    main: Model = load_checkpoint(command.checkpoint) if command.checkpoint else load_shipped()
-    if command.belief:
-        main = main.with_belief(Path(command.belief))
-    with open_models(command.beside) as named:
+    from sain_model.dynamics.load import load_checkpoint, load_shipped
+    from sain_model.evaluation.named_models import open_models
+
+    main: Model = load_checkpoint(options.checkpoint) if options.checkpoint else load_shipped()
+    if options.belief:
+        main = main.with_belief(Path(options.belief))
+    with open_models(options.beside) as named:
         models, physics = {_kind(main, "model"): main}, {}
         for name, model in named.items():
             if _card(model):
@@ -82,11 +118,15 @@ def _models(command: EvaluateModelOptions) -> Iterator[tuple[dict[str, Model], d
         yield models, physics
 
 
-def _origin(model: Model) -> Origin:
+def _origin(model: Model) -> "Origin":
+    from sain_model.dynamics.sain import Origin, SainDynamics
+
     return model.origin if isinstance(model, SainDynamics) else Origin()
 
 
 def _kind(model: Model, name: str) -> str:
+    from sain_model.evaluation.predictors import NAMES
+
     return NAMES.get(_origin(model).kind, name)
 
 
@@ -104,26 +144,32 @@ def _hash(model: Model) -> str:
 
 
 def _write(
-    command: EvaluateModelOptions,
-    errors: Figures,
-    predictions: list[Predictions],
+    options: Options,
+    errors: "Figures",
+    predictions: "list[Predictions]",
     refused: dict[str, int],
 ) -> None:
     """Write table and picture of rollouts beside the JSON, where any are asked for."""
-    if not command.open_loop:
+    if not options.open_loop:
         return
+    from sain_model.evaluation.rollout_plot import save_rollout_plot
+    from sain_model.evaluation.tables import rollout_markdown
+
     text = rollout_markdown(errors) + "".join(
         f"* {name}: pushes that could not be carried out in the scenes that it predicted, and moved"
         f" nothing: {count}\n"
         for name, count in refused.items()
     )
-    stem = command.out.stem
-    write_whole(command.out.with_name(f"{stem}_open_loop.md"), text.encode())
-    save_rollout_plot(command.out.with_name(f"{stem}_open_loop.png"), predictions, command.seed)
+    stem = options.out.stem
+    write_whole(options.out.with_name(f"{stem}_open_loop.md"), text.encode())
+    save_rollout_plot(options.out.with_name(f"{stem}_open_loop.png"), predictions, options.seed)
 
 
-def _show(errors: Figures, refused: dict[str, int], console: Console) -> None:
+def _show(errors: "Figures", refused: dict[str, int], console: Console) -> None:
     """Print errors of single pushes as tables."""
+    from sain_model.evaluation.errors import TARGET_MOVED
+    from sain_model.evaluation.tables import error_tables
+
     for table in error_tables(errors):
         console.print(table, soft_wrap=True)
     for name, share in errors["removed"].get(TARGET_MOVED, {}).items():
@@ -133,7 +179,7 @@ def _show(errors: Figures, refused: dict[str, int], console: Console) -> None:
     console.print(f"{errors['transitions']} transitions of {errors['episodes']} episodes")
 
 
-def unseen(data: Dataset, *cards: ModelCard) -> Dataset:
+def unseen(data: "Dataset", *cards: "ModelCard") -> "Dataset":
     """Return what no checkpoint was trained on: their test episodes, or all of other data.
 
     Raises:
@@ -150,7 +196,7 @@ def unseen(data: Dataset, *cards: ModelCard) -> Dataset:
     return data if held_out.all() else data.select(held_out)
 
 
-def _held_out(data: Dataset, card: ModelCard) -> Mask:
+def _held_out(data: "Dataset", card: "ModelCard") -> Mask:
     """Return which pushes (M,) a checkpoint was not trained on."""
     if data.sha256 in card.data.get("sources", ()):
         raise DatasetError(

@@ -1,29 +1,45 @@
 """``ros2 run sain_model identify``: what recordings of a laboratory tell of its physics."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
 
+import tyro
 from rich.console import Console
 
-from sain_core.cli.terminal import FittingTable
+from sain_core.config import Config, option, required
 from sain_core.errors import ConfigError, DatasetError
-from sain_core.model import load_dynamics
 from sain_core.observation import MASSES, unknown_names
 from sain_core.provenance import ros2_command
-from sain_model.cli.options import IdentifyOptions
-from sain_model.data.bodies import states_bodies
-from sain_model.data.dataset import load_dataset, shard_paths
-from sain_model.data.recordings import first_pushes, load_recording
-from sain_model.dynamics.identify import identify, identify_bodies, with_all_parameters
-from sain_model.dynamics.sain import SainDynamics
-from sain_model.evaluation.tables import make_table
-from sain_model.inference.belief_file import write_belief
-from sain_model.inference.evidence import ObservedPushes
-from sain_model.inference.kinds import Belief
-from sain_model.inference.laboratory import count_episodes, shifted
+
+if TYPE_CHECKING:
+    from sain_core.cli.terminal import FittingTable
+    from sain_model.inference.evidence import ObservedPushes
+    from sain_model.inference.kinds import Belief
 
 
-def run(options: IdentifyOptions, console: Console) -> None:
+@dataclass(frozen=True)
+class Options(Config):
+    """Learn from recordings of one laboratory what a model believes before an episode's first push.
+
+    Bags become data sets by ``ros2 run sain_bags to_dataset`` first. Two recordings that disagree
+    about a parameter are an error.
+    """
+
+    datasets: Annotated[tuple[Path, ...], tyro.conf.Positional] = required(
+        "folders of shards *.npz, each a recording of the laboratory"
+    )
+    out: Path = option(Path("belief.json"), "file for the belief")
+    model: str = option("sain", "model that it is for: sain, or the path of a checkpoint")
+    pushes: int = option(0, "largest number of pushes of each recording; 0: all", minimum=0)
+    unknown: str = option(
+        "",
+        "what recordings state as nominal: mass is identified (the same bodies in all episodes)",
+    )
+
+
+def run(options: Options, console: Console) -> None:
     """Identify, print a table and write the belief.
 
     Raises:
@@ -31,6 +47,12 @@ def run(options: IdentifyOptions, console: Console) -> None:
         ConfigError: the model infers nothing from pushes.
         OutputError: the file cannot be written.
     """
+    from sain_core.model import load_dynamics
+    from sain_model.data.bodies import states_bodies
+    from sain_model.data.dataset import load_dataset, shard_paths
+    from sain_model.dynamics.identify import identify, identify_bodies, with_all_parameters
+    from sain_model.dynamics.sain import SainDynamics
+
     if states_bodies(load_dataset(shard_paths(options.datasets[0])[0])):
         _write(options, identify_bodies(load_dataset(*options.datasets)), console)
         return
@@ -44,7 +66,9 @@ def run(options: IdentifyOptions, console: Console) -> None:
     _write(options, belief, console)
 
 
-def _write(options: IdentifyOptions, belief: Belief, console: Console) -> None:
+def _write(options: Options, belief: "Belief", console: Console) -> None:
+    from sain_model.inference.belief_file import write_belief
+
     card = belief.card | {
         "model": options.model,
         "command": ros2_command("sain_model", "identify"),
@@ -55,12 +79,15 @@ def _write(options: IdentifyOptions, belief: Belief, console: Console) -> None:
     console.print(f"{card['pushes']} pushes of {card['episodes']} episodes; written to {path}")
 
 
-def load_recordings(options: IdentifyOptions) -> dict[str, Sequence[ObservedPushes]]:
+def load_recordings(options: Options) -> "dict[str, Sequence[ObservedPushes]]":
     """Return recordings by name, their episodes counted as one sequence.
 
     Raises:
         DatasetError: one is damaged or given twice.
     """
+    from sain_model.data.recordings import first_pushes, load_recording
+    from sain_model.inference.laboratory import count_episodes, shifted
+
     found: dict[str, Sequence[ObservedPushes]] = {}
     episodes = 0
     for path in options.datasets:
@@ -79,8 +106,10 @@ def load_recordings(options: IdentifyOptions) -> dict[str, Sequence[ObservedPush
     return found
 
 
-def belief_tables(belief: Belief) -> Iterator[FittingTable]:
+def belief_tables(belief: "Belief") -> "Iterator[FittingTable]":
     """Yield a belief as tables: kinds that were compared, and the parameters of the likeliest."""
+    from sain_model.evaluation.tables import make_table
+
     if evidence := belief.card.get("evidence"):
         rows = (
             (kind.name, f"{evidence[kind.name]:.0f}", f"{kind.log_odds:.1f}")

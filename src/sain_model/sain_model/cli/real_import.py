@@ -2,29 +2,69 @@
 
 import hashlib
 from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import numpy as np
+import tyro
 from rich.console import Console
 
-from sain_core.cli.terminal import WaitingLine
+from sain_core.config import Config, option, required
 from sain_core.dataset import Column
 from sain_core.untrusted import read_regular
-from sain_model.cli.options import RealImportOptions
-from sain_model.importing.data_set import EXAMPLES, Imported, import_pushes, write_imported
-from sain_model.importing.sources import Recordings, read_recordings
+from sain_model.network.inputs import MASS_MIDDLE
 
-MILLIMETRES = 1e3
+if TYPE_CHECKING:
+    from sain_model.importing.data_set import Imported
+    from sain_model.importing.sources import Recordings
+
+MILLIMETRES: Final = 1e3
 
 
-def run(options: RealImportOptions, console: Console) -> None:
+@dataclass(frozen=True)
+class Options(Config):
+    """Make a data set of a real robot's pushes: .csv with a header, or .npz and .mat as published.
+
+    docs/guides/real_pushes.md shows the columns. Pushes that nearly repeat each other become one
+    episode, so that no split divides them.
+    """
+
+    paths: Annotated[tuple[Path, ...], tyro.conf.Positional] = required(
+        "files of pushes, or folders of them"
+    )
+    out: Path = required("new folder for the data set")
+    shapes: Path | None = option(
+        None,
+        "JSON or YAML file of the outlines [m]; by default shapes.json or shapes.yaml beside the"
+        " first path",
+    )
+    tip_radius: float | None = option(
+        None, "radius of the tool where rows state none", unit="m", minimum=0.001, maximum=0.05
+    )
+    mass: float = option(
+        MASS_MIDDLE,
+        "nominal mass where rows state none: slow pushes do not depend on it",
+        unit="kg",
+        minimum=0.001,
+        maximum=1000.0,
+    )
+    skip_bad: bool = option(
+        True, "leave out pushes whose tool begins inside the body; else they are an error"
+    )
+
+
+def run(options: Options, console: Console) -> None:
     """Import, print what became of the pushes, and write the data set.
 
     Raises:
         DatasetError: files that are missing, damaged or of another form; pushes that cannot be.
         OutputError: the folder cannot be written.
     """
+    from sain_core.cli.terminal import WaitingLine
+    from sain_model.importing.data_set import import_pushes, write_imported
+    from sain_model.importing.sources import read_recordings
+
     found = read_recordings(options.paths, options.shapes, options.tip_radius)
     with WaitingLine(Console(stderr=True)) as line:
 
@@ -38,7 +78,7 @@ def run(options: RealImportOptions, console: Console) -> None:
     console.print(f"written to {options.out}: {shards} shards", soft_wrap=True, highlight=False)
 
 
-def _card(options: RealImportOptions, found: Recordings) -> dict[str, Any]:
+def _card(options: Options, found: "Recordings") -> dict[str, Any]:
     stated = ~np.isnan(found.pushes.mass)
     return {
         "kind": "pushes of a real robot",
@@ -52,8 +92,10 @@ def _sha256(path: Path) -> str:
     return hashlib.sha256(read_regular(path)).hexdigest()
 
 
-def _report(found: Recordings, made: Imported) -> Iterator[str]:
+def _report(found: "Recordings", made: "Imported") -> Iterator[str]:
     """Yield lines about what was read, left out and grouped."""
+    from sain_model.importing.data_set import EXAMPLES
+
     yield from found.notes
     pushes = found.pushes
     surfaces, counts = np.unique(pushes.surface, return_counts=True)

@@ -1,53 +1,96 @@
 """``ros2 run sain_model train``: learn what a prior leaves from collected transitions."""
 
-from collections.abc import Iterator
+import argparse
+from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
-from dataclasses import replace
+from dataclasses import field, make_dataclass, replace
 from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING, Final
 
-import torch
 from rich.console import Console
 
-from sain_core.drawing.figures import write_png
 from sain_core.errors import ConfigError
-from sain_model.data.dataset import Dataset, load_dataset, split_by_episode
-from sain_model.dynamics.checkpoint import SUFFIX, save_checkpoint
-from sain_model.dynamics.residual import module_of
 from sain_model.dynamics.settings import STEPS
-from sain_model.evaluation.errors import evaluate
-from sain_model.evaluation.predictors import NAMES
-from sain_model.evaluation.tables import error_tables
-from sain_model.training.fine_tuning import Parent, gain_line
-from sain_model.training.fit import PUSHES, fit, identified_kind, trained_kind
-from sain_model.training.plots import draw_losses
-from sain_model.training.progress import epoch_bar, event_log
-from sain_model.training.settings import TrainOptions
-from sain_model.training.trainer import LossHistory, Progress
-from sain_model.training.training_card import make_card, own_errors, save_settings
+from sain_model.network.settings import PARAMETERS
+from sain_model.training.settings import (
+    DEFAULT,
+    OF_PARAMETERS,
+    PRESETS,
+    TrainingConfig,
+    TrainOptions,
+)
 
-LOSSES = ("loss.png", "rollout_loss.png")
+if TYPE_CHECKING:
+    from sain_model.data.dataset import Dataset
+    from sain_model.training.trainer import LossHistory, Progress
+
+LOSSES: Final = ("loss.png", "rollout_loss.png")
 
 
-def run(command: TrainOptions, console: Console) -> None:
+def options(arguments: Sequence[str]) -> type[TrainOptions]:
+    """Return the options with the defaults that ``--preset``, ``--output`` and ``--from`` give.
+
+    Raises:
+        CheckpointError: the checkpoint of ``--from`` is not sound.
+    """
+    scout = argparse.ArgumentParser(add_help=False, allow_abbrev=False, exit_on_error=False)
+    scout.add_argument("--preset", default=DEFAULT)
+    scout.add_argument("--output")
+    scout.add_argument("--from", dest="parent")
+    try:
+        scouted = scout.parse_known_args(arguments)[0]
+    except argparse.ArgumentError:
+        return TrainOptions  # which reports it
+    defaults = PRESETS.get(scouted.preset, TrainingConfig())
+    if scouted.output == PARAMETERS:
+        defaults = OF_PARAMETERS
+    if scouted.parent:
+        from sain_model.training.fine_tuning import Parent  # loads PyTorch
+
+        defaults = Parent.load(scouted.parent).settings
+    return make_dataclass(
+        "TrainOptions",
+        [("training", TrainingConfig, field(default=defaults))],
+        bases=(TrainOptions,),
+        frozen=True,
+        namespace={"__doc__": TrainOptions.__doc__},
+    )
+
+
+def run(options: TrainOptions, console: Console) -> None:
     """Train, evaluate on the held-out episodes, write everything.
 
     Raises:
         DatasetError, CheckpointError, ConfigError, OutputError: see `sain_core.errors`.
     """
+    import torch
+
+    from sain_core.drawing.figures import write_png
+    from sain_model.data.dataset import load_dataset, split_by_episode
+    from sain_model.dynamics.checkpoint import SUFFIX, save_checkpoint
+    from sain_model.dynamics.residual import module_of
+    from sain_model.evaluation.errors import evaluate
+    from sain_model.evaluation.predictors import NAMES
+    from sain_model.evaluation.tables import error_tables
+    from sain_model.training.fine_tuning import Parent, gain_line
+    from sain_model.training.fit import fit, identified_kind, trained_kind
+    from sain_model.training.plots import draw_losses
+    from sain_model.training.training_card import make_card, own_errors
+
     torch.set_num_threads(1)
-    parent = Parent.load(command.parent) if command.parent else None
+    parent = Parent.load(options.parent) if options.parent else None
     kind = None
     if parent:
-        parent.check_options(command)
+        parent.check_options(options)
         kind = parent.sain.belief.trained
-    if command.belief:
-        config, kind = identified_kind(Path(command.belief), command.training)
-        command = replace(command, training=config)
-    config = command.training
-    if command.rollout.wanted and config.network.corrects_parameters:
+    if options.belief:
+        config, kind = identified_kind(Path(options.belief), options.training)
+        options = replace(options, training=config)
+    config = options.training
+    if options.rollout.wanted and config.network.corrects_parameters:
         raise ConfigError("--steps-ahead trains residuals; leave it or --output parameters out")
-    data = load_dataset(*command.dataset)
+    data = load_dataset(*options.dataset)
     split = split_by_episode(data, config.seed, config.validation, config.test, config.transitions)
     if parent:
         parent.check_data(data)
@@ -55,13 +98,13 @@ def run(command: TrainOptions, console: Console) -> None:
         split,
         kind or trained_kind(config),
         config,
-        command.out,
-        command.rollout,
+        options.out,
+        options.rollout,
         parent.sain if parent else None,
-        partial(_show, command, data, console),
+        partial(_show, options, data, console),
     )
     for history, name in zip(histories, LOSSES, strict=False):
-        write_png(draw_losses(history), command.out / name)
+        write_png(draw_losses(history), options.out / name)
     name = NAMES[model.origin.kind]
     errors = evaluate(split.held_out, {name: model}, STEPS)
     errors["held_out"] = "test" if len(split.test) else "validation"
@@ -72,13 +115,13 @@ def run(command: TrainOptions, console: Console) -> None:
         errors["fine_tuning"] = parent.gain(model, split.held_out)
         console.print(gain_line(errors["fine_tuning"], parent.name, errors["held_out"]))
     card = make_card(
-        command, data, split, model, histories, errors, parent.card if parent else None
+        options, data, split, model, histories, errors, parent.card if parent else None
     )
-    path = command.out / f"{command.name}{SUFFIX}"
+    path = options.out / f"{options.name}{SUFFIX}"
     save_checkpoint(path, module_of(model), card)
     history = histories[0]
     if history.best < 0:
-        console.print(f"no epoch did better on the validation episodes than {command.parent}:")
+        console.print(f"no epoch did better on the validation episodes than {options.parent}:")
         console.print(f"{path}: its weights, with regions fitted anew")
     else:
         console.print(f"{path}: epoch {history.best + 1} of {len(history.train)}")
@@ -86,19 +129,23 @@ def run(command: TrainOptions, console: Console) -> None:
 
 @contextmanager
 def _show(
-    command: TrainOptions, data: Dataset, console: Console, name: str, epochs: int, done: int
-) -> Iterator[Progress]:
+    options: TrainOptions, data: "Dataset", console: Console, name: str, epochs: int, done: int
+) -> "Iterator[Progress]":
     """Show a training in the terminal, and to TensorBoard where it is asked for.
 
     Its settings are written now, as a state of another training was not refused.
     """
-    save_settings(command, data)
+    from sain_model.training.fit import PUSHES
+    from sain_model.training.progress import epoch_bar, event_log
+    from sain_model.training.training_card import save_settings
+
+    save_settings(options, data)
     with ExitStack() as stack:
         followers = [stack.enter_context(epoch_bar(console, epochs, done))]
-        if command.tensorboard and name == PUSHES:
-            followers.append(stack.enter_context(event_log(command.out, done)))
+        if options.tensorboard and name == PUSHES:
+            followers.append(stack.enter_context(event_log(options.out, done)))
 
-        def advance(epoch: int, history: LossHistory) -> None:
+        def advance(epoch: int, history: "LossHistory") -> None:
             for follow in followers:
                 follow(epoch, history)
 
