@@ -239,8 +239,8 @@ def _regions(results: Figures, media: str) -> Iterator[str]:
     yield "## Regions"
     level = LEVELS.index(STATED)
     yield (
-        f"Regions of {100 * STATED:.0f} %: how many pushes they hold, in all and for the objects with"
-        " the fewest and the most, and their mean size."
+        f"Regions of {100 * STATED:.0f} %: how many pushes they hold, in all and for the objects"
+        " with the fewest and the most, and their mean size."
     )
     rows = [
         (
