@@ -14,9 +14,9 @@ from benchmarks.real.folds import all_cases
 from benchmarks.real.kept import Kept, all_steps, compute
 from benchmarks.real.measures import Figures, measure
 from benchmarks.real.network import ALONE, NetworkRow
-from benchmarks.real.physics import IdentifiedPhysics, NominalPhysics
+from benchmarks.real.physics import IdentifiedPhysics
 from benchmarks.real.pushes import PushTable, read_pushes
-from benchmarks.real.rows import NoMotion, Row, Shipped, published_rows
+from benchmarks.real.rows import Row, fixed_rows, published_rows
 from benchmarks.real.trees import Trees
 from sain_core.errors import DatasetError, SainError
 from sain_core.provenance import git_commit, processor
@@ -100,10 +100,7 @@ def all_rows(pushes: PushTable, work: Path, seed: int) -> list[Row]:
     """Return the rows of all tables; priors and trainings are kept in a folder of work."""
     identified = IdentifiedPhysics(work)
     return [
-        NoMotion(),
-        NominalPhysics(),
-        Shipped(with_network=False),
-        Shipped(with_network=True),
+        *fixed_rows(),
         identified,
         *published_rows(pushes),
         NetworkRow(work, config=ALONE),

@@ -5,7 +5,7 @@ What is kept is taken again only for the same data, fold, settings and sources o
 
 import hashlib
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache
 from importlib import resources
@@ -112,26 +112,16 @@ def rows_of(case: Case, rows: Sequence[Row]) -> list[Row]:
 def compute(
     pushes: PushTable, steps: Sequence[Step], kept: Kept, say: Callable[[str], None]
 ) -> None:
-    """Compute what is not kept, and say before each step what comes and how long the rest takes."""
-    for step, rest in _with_rest([step for step in steps if kept.read(step, pushes) is None]):
-        say(f"{step.name} ({rest})")
+    """Compute what is not kept, and say before each step what comes and how many are left."""
+    missing = [step for step in steps if kept.read(step, pushes) is None]
+    for place, step in enumerate(missing):
+        say(f"{step.name} ({len(missing) - place} steps left)")
         begin = time.monotonic()
         train, own, test = (
             pushes.select(rows) for rows in (step.fold.train, step.fold.own, step.fold.test)
         )
         found = step.row.fit(train, own).predict(test)
         kept.write(step, pushes, found, time.monotonic() - begin)
-
-
-def _with_rest(steps: Sequence[Step]) -> Iterator[tuple[Step, str]]:
-    """Yield steps with what is left: rows differ in time, so the mean of each row counts."""
-    took: dict[str, list[float]] = {}
-    for place, step in enumerate(steps):
-        known = [np.mean(took[later.row.key]) for later in steps[place:] if later.row.key in took]
-        minutes = f", {sum(known) / 60:.0f} min and more" if known else ""
-        begin = time.monotonic()
-        yield step, f"{len(steps) - place} steps left{minutes}"
-        took.setdefault(step.row.key, []).append(time.monotonic() - begin)
 
 
 # --- what it is worth -----------------------------------------------------------------------------

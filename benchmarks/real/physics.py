@@ -1,4 +1,4 @@
-"""Rows of the physics: with textbook values, and with values identified for each body."""
+"""The physics with values that are identified for each body: a row of the tables."""
 
 import hashlib
 from dataclasses import dataclass, field, replace
@@ -17,24 +17,6 @@ from sain_model.inference.laboratory import over_bodies
 from sain_model.physics.planar import PlanarPrior
 
 FEW: Final = 80  # pushes of each body that a prior over bodies is made from
-
-
-@dataclass(frozen=True)
-class NominalPhysics:
-    """The physics with textbook values."""
-
-    kind: Kind = field(default_factory=surface_kind)
-    key: str = "nominal"
-    title: str = "physics, nominal"
-    learns_anew: bool = False
-
-    @property
-    def identity(self) -> str:
-        return self.kind.identity
-
-    def fit(self, train: PushTable, own: PushTable) -> Predictor:
-        """Learn nothing."""
-        return Physics(self.kind, {})
 
 
 @dataclass(frozen=True, eq=False)

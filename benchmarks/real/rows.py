@@ -1,7 +1,6 @@
 """Rows of the tables: whatever learns from pushes and predicts others, as one small protocol."""
 
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import Final, Protocol
 
 import numpy as np
@@ -9,9 +8,10 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from benchmarks.real.pushes import Poses, PushTable
-from sain_core.model import load_dynamics
+from sain_core.model import IdentityPrior, Model, load_dynamics
 from sain_core.scene import POSE
 from sain_model.dynamics.sain import SainDynamics
+from sain_model.inference.kinds import surface_kind
 
 LEVELS: Final = (0.1, 0.25, 0.5, 0.75, 0.9, 0.95)  # of regions
 PARTS: Final = ("poses", "radius", "turn")  # of a prediction
@@ -71,11 +71,12 @@ class Row(Protocol):
 
 
 @dataclass(frozen=True)
-class NoMotion:
-    """Nothing moves."""
+class Fixed:
+    """A model that learns nothing from the pushes, and has no earlier push."""
 
-    key: str = "still"
-    title: str = "no motion"
+    key: str
+    title: str
+    model: Model
     identity: str = ""
     learns_anew: bool = False
 
@@ -84,46 +85,26 @@ class NoMotion:
         return self
 
     def predict(self, pushes: PushTable) -> Predicted:
-        """Return the poses before the pushes."""
-        return Predicted(pushes.before.copy())
-
-
-@dataclass(frozen=True)
-class Shipped:
-    """The model that the package ships, which learned from no real push; or its physics alone."""
-
-    with_network: bool
-    learns_anew: bool = False
-
-    @property
-    def key(self) -> str:
-        return "shipped" if self.with_network else "shipped_physics"
-
-    @property
-    def title(self) -> str:
-        return "SAIN, as shipped" if self.with_network else "its physics, as shipped"
-
-    @property
-    def identity(self) -> str:
-        return self._model.origin.model_hash
-
-    @cached_property
-    def _model(self) -> SainDynamics:
-        model = load_dynamics(SHIPPED)
-        assert isinstance(model, SainDynamics)
-        return model if self.with_network else replace(model, network=None)
-
-    def fit(self, train: PushTable, own: PushTable) -> Predictor:
-        """Learn nothing."""
-        return self
-
-    def predict(self, pushes: PushTable) -> Predicted:
-        """Return what it predicts without any earlier push."""
+        """Return what the model predicts."""
         after = [
-            self._model.with_bodies(part.bodies).step(part.state, part.action)
+            self.model.with_bodies(part.bodies).step(part.state, part.action)
             for part in pushes.dataset.parts
         ]
         return Predicted(np.concatenate(after)[:, 0, POSE])
+
+
+def fixed_rows() -> list[Row]:
+    """Return rows of no motion, of textbook physics, and of the shipped model and its physics."""
+    shipped = load_dynamics(SHIPPED)
+    assert isinstance(shipped, SainDynamics)
+    alone, name = replace(shipped, network=None), shipped.origin.model_hash
+    nominal = surface_kind()
+    return [
+        Fixed("still", "no motion", IdentityPrior()),
+        Fixed("nominal", "physics, nominal", nominal.prior, nominal.identity),
+        Fixed("shipped_physics", "its physics, as shipped", alone, name),
+        Fixed("shipped", "SAIN, as shipped", shipped, name),
+    ]
 
 
 @dataclass(frozen=True)

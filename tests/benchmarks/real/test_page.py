@@ -13,9 +13,11 @@ from PIL import Image
 from benchmarks.real import __main__ as command
 from benchmarks.real import page
 from benchmarks.real.pushes import PushTable
-from benchmarks.real.rows import LEVELS, NoMotion, Predicted, Predictor, Row, published_rows
+from benchmarks.real.rows import LEVELS, Fixed, Predicted, Predictor, Row, published_rows
 from benchmarks.real.trees import Trees
+from sain_core.model import IdentityPrior
 
+STILL = Fixed("still", "no motion", IdentityPrior())
 PICTURES = ("objects", "angles", "own", "field", "pushes", "regions")
 
 
@@ -49,7 +51,7 @@ def made(synthetic_pushes: PushTable, half: Half, tmp_path_factory: pytest.TempP
     folder = tmp_path_factory.mktemp("page")
     published = {"sim_quadratic": synthetic_pushes.after + np.array([0.003, 0.0, 0.02])}
     pushes = replace(synthetic_pushes, published=published)
-    rows: list[Row] = [NoMotion(), *published_rows(pushes), Trees(trees=3), half]
+    rows: list[Row] = [STILL, *published_rows(pushes), Trees(trees=3), half]
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(command, "read_pushes", lambda path, work: pushes)
         patch.setattr(command, "all_rows", lambda pushes, work, seed: rows)
@@ -130,7 +132,7 @@ def test_regions_say_how_much_they_hold(made):
 def test_recordings_of_one_body_have_a_page_too(synthetic_pushes, half, tmp_path, monkeypatch):
     chosen = (synthetic_pushes.object == "triangle") & (synthetic_pushes.surface == "steel")
     monkeypatch.setattr(command, "read_pushes", lambda path, work: synthetic_pushes.select(chosen))
-    monkeypatch.setattr(command, "all_rows", lambda pushes, work, seed: [NoMotion(), half])
+    monkeypatch.setattr(command, "all_rows", lambda pushes, work, seed: [STILL, half])
     monkeypatch.setattr(sys, "argv", ["real", *arguments(tmp_path), "--data", "mine.csv"])
     assert command.main() == 0
     text = (tmp_path / "real.md").read_text()

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from benchmarks.real.kept import pose_errors
-from benchmarks.real.physics import IdentifiedPhysics, NominalPhysics
+from benchmarks.real.physics import IdentifiedPhysics
 from benchmarks.real.pushes import PushTable, read_pushes
-from benchmarks.real.rows import NoMotion, Row, published_rows
+from benchmarks.real.rows import Row, fixed_rows, published_rows
 from benchmarks.real.trees import Trees
 
 VARIABLE = "SAIN_REAL_DATA"
@@ -54,12 +54,13 @@ def test_the_data_are_the_public_ones(pushes, sample):
 
 
 def test_the_first_rows_of_the_table(others, sample, tmp_path):
-    mm, degrees = errors(NoMotion(), others, sample)
+    still, textbook = fixed_rows()[:2]
+    mm, degrees = errors(still, others, sample)
     assert 20.0 < mm < 24.0
     assert 12.0 < degrees < 14.0
     second, fourth = (errors(row, others, sample)[0] for row in published_rows(sample))
     nominal, identified = (
-        errors(row, others, sample) for row in (NominalPhysics(), IdentifiedPhysics(tmp_path))
+        errors(row, others, sample) for row in (textbook, IdentifiedPhysics(tmp_path))
     )
     assert 3.3 < fourth < second < 4.1
     assert nominal[0] < 4.1

@@ -9,9 +9,9 @@ import pytest
 from benchmarks.real.folds import five_folds, left_out
 from benchmarks.real.kept import pose_errors
 from benchmarks.real.network import SETTINGS, NetworkRow
-from benchmarks.real.physics import IdentifiedPhysics, NominalPhysics, Physics
+from benchmarks.real.physics import IdentifiedPhysics, Physics
 from benchmarks.real.pushes import PushTable
-from benchmarks.real.rows import LEVELS, Predicted, Row
+from benchmarks.real.rows import LEVELS, Predicted, Row, fixed_rows
 from sain_model.network.settings import NetworkConfig
 from tests.benchmarks.real.synthetic import SURFACES
 
@@ -41,8 +41,12 @@ def test_physics_is_identified_for_each_body_on_its_surface(synthetic_pushes, id
     for surface, truth in SURFACES.items():
         believed = [friction[body] for body in test.body[test.surface == surface]]
         assert np.mean(believed) == pytest.approx(truth, rel=0.25)
-    nominal = NominalPhysics().fit(train, own).predict(test)
+    still, nominal, physics_shipped, shipped = (
+        row.fit(train, own).predict(test) for row in fixed_rows()
+    )
     assert off(physics.predict(test), test) < 0.8 * off(nominal, test)
+    assert off(nominal, test) < off(still, test)
+    assert max(off(shipped, test), off(physics_shipped, test)) < off(still, test)
 
 
 def test_a_new_body_is_predicted_with_what_others_and_its_own_pushes_show(
