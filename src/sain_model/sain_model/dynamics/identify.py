@@ -27,8 +27,9 @@ def identify(model: SainDynamics, recordings: Recordings) -> Belief:
         DatasetError: two recordings disagree about the kind of physics or a friction.
     """
     pushes = [part for parts in recordings.values() for part in parts]
-    fits = fit_recordings(model.belief.kinds, recordings)
-    number = model.belief.kinds.index(model.belief.trained)
+    kinds = [kind for kind in model.belief.kinds if not kind.of_bodies]  # what all episodes share
+    fits = fit_recordings(kinds, recordings)
+    number = kinds.index(model.belief.trained)
     return identified(fits, _network_odds(model, number, fits[number], pushes), recordings)
 
 

@@ -57,6 +57,7 @@ REACH: Final = 2.8  # [standard deviations], of a grid
 SOLVER_AXES: Final = "solver axes"
 FITTED: Final = "fitted"
 NO_AXES: Final = "textbook"
+UNLIKELY: Final = 1e3  # logarithm of the odds against what is about flat bottoms alone
 TRAINED: Final = 3.0  # logarithm of the odds that the physics is of the kind that is trained on
 KEEP: Final = 0.5  # logarithm of the odds that a network's correction holds, beforehand
 OF_NEW: Final = -2.0  # likewise for a body that it did not learn from
@@ -154,10 +155,13 @@ class Kind:
         return np.asarray(log_prior - np.log(np.exp(log_prior).sum()))
 
     def values(self, places: Places) -> dict[str, Scalars]:
-        """Return the values of all parameters at vectors z (R, D), (R,) by name."""
+        """Return the values of all parameters at vectors z (R, D), (R,) by name.
+
+        Vectors of several kinds are as long as the longest.
+        """
         return {
             parameter.name: _value(parameter, getattr(self.config, parameter.name), z)
-            for parameter, z in zip(self.parameters, places.T, strict=True)
+            for parameter, z in zip(self.parameters, places.T[: len(self.names)], strict=True)
         }
 
     def at_most(self, places: Places) -> Bool[ndarray, "R D"]:
@@ -277,7 +281,7 @@ def default_belief(prior: PlanarPrior) -> Belief:
 
     The textbook's is fitted to nothing. Pushes show all parameters of both. A prior with the axes
     of an engine's solver is likely for bodies on feet, which only simulators have, and unlikely
-    for those that lie flat.
+    for those that lie flat. Of these, each has its own values on its surface (`surface_kind`).
     """
     axes = prior.config.has_axes
     names = (*LABORATORY, ALONG_AXES if axes else ACROSS)
@@ -286,7 +290,8 @@ def default_belief(prior: PlanarPrior) -> Belief:
     if not axes:
         first = replace(first, name=FITTED, flat_log_odds=0.0)
     other = PlanarPrior(textbook, prior.bodies)
-    return Belief((first, Kind(NO_AXES, other, (*LABORATORY, ACROSS), wide)))
+    flat = replace(surface_kind(), log_odds=-UNLIKELY, flat_log_odds=UNLIKELY + TRAINED)
+    return Belief((first, Kind(NO_AXES, other, (*LABORATORY, ACROSS), wide), flat))
 
 
 def _value(parameter: Parameter, base: float, z: Float[ndarray, "R"]) -> Scalars:
