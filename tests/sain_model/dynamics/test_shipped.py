@@ -18,6 +18,7 @@ from sain_model.dynamics.load import shipped_checkpoint
 from sain_model.dynamics.sain import SainDynamics
 from sain_model.inference.kinds import FRICTION
 from sain_model.physics.planar import PlanarPrior
+from sain_model.physics.planar_config import TEXTBOOK
 from sain_model.serving.server import load_server
 from sain_model.serving.settings import ServingConfig
 from sain_sim.world.effects import MEASURED
@@ -123,6 +124,30 @@ def test_bodies_that_lie_flat_are_predicted_by_physics_alone(
             model.step(scenes, pushed), model.physics.step(scenes, pushed)
         )
     assert sain.with_bodies(Bodies.named(["t"])).corrects
+
+
+def test_pushes_of_a_flat_body_show_where_its_mass_is(sain: SainDynamics) -> None:
+    """And how hard it is to turn: as of a real body on its surface."""
+    bodies, random = Bodies.named(["box_3x2:flat"]), generator(0, "own values")
+    limits = PushLimits(tool_radius=0.00475, speed=0.02)
+    drawn = limits.sample(random, 40)
+    drawn[:, LENGTH] = random.uniform(0.03, 0.06, 40)
+    scenes = np.repeat(scene_of(1)[None], 40, axis=0)
+    strokes = as_strokes(scenes, drawn, limits, bodies)
+    values = {"centre_x": 0.12, "centre_y": -0.08, "torsion": 0.7, "tool_friction": 0.3}
+    truth = PlanarPrior(TEXTBOOK, bodies)
+    after = truth.step(scenes, strokes, {name: np.full(40, one) for name, one in values.items()})
+
+    def off(model: SainDynamics, row: int) -> tuple[float, float]:
+        return pose_errors(model.step(scenes[row:][:1], strokes[row:][:1])[0], after[row])
+
+    known = sain.with_bodies(bodies)
+    shown = known.condition(PushHistory(scenes[:15], strokes[:15], after[:15]))
+    before, afterwards = (
+        np.mean([off(model, row) for row in range(15, 40)], axis=0) for model in (known, shown)
+    )
+    assert (afterwards < 0.25 * before).all()
+    assert shown.value("centre_x") == pytest.approx(0.12, abs=0.03)
 
 
 def test_a_server_answers_for_any_bodies() -> None:

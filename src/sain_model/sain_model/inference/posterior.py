@@ -157,5 +157,5 @@ def _of_kinds(belief: Belief, numbers: Int[ndarray, "R"]) -> list[tuple[Int[ndar
     return [(rows, kind) for rows, kind in found if len(rows)]
 
 
-def _wide(places: Places, width: int) -> Places:
+def _wide(places: Places, width: int) -> Float[ndarray, "R W"]:
     return np.pad(places, ((0, 0), (0, width - places.shape[1])))
