@@ -46,13 +46,15 @@ bench: ## timings beside those of others; some of them, or other rooms, with ARG
 
 # Of one world: BULLET="--models runs/learned/sain.safetensors", ROUGH=..., MUJOCO=..., PUSHT="--episodes 20".
 # In the page: NAMES="--names 'runs/learned/sain.safetensors=learned only'".
-table: ## docs/reference/results.md and its picture: all scenarios in Bullet, its rough world, MuJoCo and gym-pusht; fewer with ARGS="--scenes 5"
+table: ## docs/reference/results.md and its picture: all scenarios in Bullet, its rough world, MuJoCo, its measured world and gym-pusht; fewer with ARGS="--scenes 5"
 	@./env ros2 run sain_eval evaluate --table --out results/table/bullet $(ARGS) $(BULLET)
 	@./env ros2 run sain_eval evaluate --table --world rough --out results/table/rough $(ARGS) $(ROUGH)
 	@./env ros2 run sain_eval evaluate --table --engine mujoco --out results/table/mujoco $(ARGS) $(MUJOCO)
+	@./env ros2 run sain_eval evaluate --table --engine mujoco --world measured --lab 7 --out results/table/measured \
+		$(ARGS) $(MEASURED)
 	@./env ros2 run sain_pusht evaluate --out results/table/pusht $(PUSHT)
 	@./env ros2 run sain_eval results results/table/bullet results/table/rough results/table/mujoco \
-		results/table/pusht $(NAMES)
+		results/table/measured results/table/pusht $(NAMES)
 	@./env python -m benchmarks.results.results_figure
 
 faults: ## docs/reference/faults.md: what the graph makes of killed nodes, lost datagrams, full disks and hostile input; takes an hour
