@@ -19,7 +19,6 @@ setup(
         "matplotlib",
         "numpy",
         "rich",
-        "scipy",
         "tyro",
     ],
     zip_safe=False,

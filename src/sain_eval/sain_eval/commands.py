@@ -4,14 +4,6 @@ from typing import Final
 
 from sain_core.cli.command_line import Command
 
-evaluate: Final = Command(
-    "sain_eval evaluate",
-    "cli.options:EvaluateOptions",
-    "cli.evaluate:run",
-    resumes="episode",
-    prefixes=True,
-)
-calibrate: Final = Command(
-    "sain_eval calibrate", "cli.options:CalibrateOptions", "cli.calibrate:run"
-)
-results: Final = Command("sain_eval results", "cli.options:ResultsOptions", "cli.results:run")
+evaluate: Final = Command("sain_eval evaluate", "cli.evaluate", resumes="episode", prefixes=True)
+calibrate: Final = Command("sain_eval calibrate", "cli.calibrate")
+results: Final = Command("sain_eval results", "cli.results")

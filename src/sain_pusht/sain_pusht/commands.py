@@ -5,13 +5,6 @@ from typing import Final
 from sain_core.cli.command_line import Command
 
 evaluate: Final = Command(
-    "sain_pusht evaluate",
-    "options:PushtOptions",
-    "evaluation:run",
-    resumes="episode",
-    prefixes=True,
-    alias="evaluate_pusht",
+    "sain_pusht evaluate", "evaluation", resumes="episode", prefixes=True, alias="evaluate_pusht"
 )
-learn: Final = Command(
-    "sain_pusht learn", "options:LearnOptions", "learning:run", alias="learn_pusht"
-)
+learn: Final = Command("sain_pusht learn", "learning", alias="learn_pusht")

@@ -2,26 +2,26 @@
 
 import dataclasses
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cache, partial
 from io import BytesIO
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import numpy as np
-from PIL import Image
+import tyro
 from rich.console import Console
 
 from sain_core.bootstrap import bootstrap_mean
 from sain_core.cli.command_line import silent_interrupts
+from sain_core.config import option
 from sain_core.provenance import ros2_command
 from sain_core.seeding import generator
 from sain_core.storage import make_folder, write_whole
 from sain_core.workers.pool import FunctionRunner, Software, Work
-from sain_eval.cli.evaluate import FAILURES_FILE, TABLE_FILE, play, show, show_failures
+from sain_core.workers.running import WorkerOptions
 from sain_eval.episode import Tolerance
 from sain_eval.loop.closed_loop import EpisodeOutcome
-from sain_eval.loop.evaluation import SOURCES, EpisodeDone, run_on
 from sain_eval.loop.results import (
     Journal,
     SceneRecord,
@@ -30,13 +30,14 @@ from sain_eval.loop.results import (
     summarise,
     write_results,
 )
-from sain_eval.loop.tables import failures_page, results_table
 from sain_eval.scenes.scenario_scene import ScenarioScene
 from sain_mppi.algorithms.config import PlannerConfig
 from sain_pusht.agent import PLANNER, pusht_agent
-from sain_pusht.model import PushtModel, load_model
-from sain_pusht.options import PushtOptions
 from sain_pusht.world import MOST_STEPS, NEAR, TURNED, PushtWorld, make_env, play_pusht
+
+if TYPE_CHECKING:
+    from sain_eval.loop.evaluation import EpisodeDone
+    from sain_pusht.model import PushtModel
 
 PACKAGES: Final = ("gym-pusht", "pymunk", "gymnasium", "numpy", "numba", "torch")
 REALITY: Final = "gym-pusht"
@@ -45,6 +46,31 @@ FILM_FILE: Final = "episode.gif"
 RATE: Final = 10  # [1/s], of pictures: as fast as it happens
 HOLD: Final = 1.5  # [s], of the last picture
 COLOURS: Final = 48
+
+
+@dataclass(frozen=True)
+class Options(WorkerOptions):
+    """Play Push-T in gym-pusht: its physics, seeds, steps and measure of success.
+
+    The agent is the one that sain_eval's evaluate and mppi_node run. An episode ends when gym-pusht
+    says so, after 300 steps at the latest. After a stop, the same command continues.
+    """
+
+    out: Path = option(
+        Path("results/pusht"),
+        "folder for results.json, table.md, episodes.jsonl and episode.gif; made if need be",
+    )
+    episodes: int = option(500, "episodes to play", minimum=1)
+    seed: int = option(0, "seed of the first episode; the next ones have the next seeds", minimum=0)
+    model: str = option(
+        "pusht",
+        "what plans: pusht, the shipped model; prior, its physics alone; oracle, gym-pusht's own"
+        " physics; or a name or path as in sain_eval's evaluate",
+    )
+    film: bool = option(True, "write the first episode as episode.gif")
+    planner: Annotated[PlannerConfig, tyro.conf.arg(help="How the agent plans.")] = field(
+        default_factory=lambda: PLANNER
+    )
 
 
 @dataclass(frozen=True)
@@ -66,8 +92,11 @@ class PushtJob:
     picture: Path | None = None
 
 
-def run(options: PushtOptions, console: Console) -> None:
+def run(options: Options, console: Console) -> None:
     """Play what is left, write the results, and print them as tables."""
+    from sain_eval.loop.evaluation import play, run_on
+    from sain_eval.loop.tables import FAILURES_FILE, show_failures, show_summary
+
     with silent_interrupts():  # what is missing should not wait for the first episode
         make_env(MOST_STEPS)
         _load(options.model)
@@ -81,18 +110,21 @@ def run(options: PushtOptions, console: Console) -> None:
     ]
     if options.film and jobs:
         jobs[0] = replace(jobs[0], picture=folder / FILM_FILE)
-    play(run_on(WORK, jobs, options), len(jobs), journal, Console(stderr=True, soft_wrap=True))
+    played = run_on(make_work(), jobs, options)
+    play(played, len(jobs), journal, Console(stderr=True, soft_wrap=True))
     wanted = [r for r in journal.records if r.controller == options.model and r.seed in seeds]
     records = sorted(wanted, key=lambda record: record.seed)
     config = {**dataclasses.asdict(options), "out": str(options.out)}
     rows = write_pusht_results(folder, records, config, ros2_command("sain_pusht", "evaluate"))
-    show(rows, console)
+    show_summary(rows, console)
     console.print(steps_text(rows[0]), highlight=False, soft_wrap=True)
     show_failures(records, folder / FAILURES_FILE, console)
 
 
-def run_job(job: PushtJob) -> EpisodeDone[PushtRecord]:
+def run_job(job: PushtJob) -> "EpisodeDone[PushtRecord]":
     """Play one episode."""
+    from sain_eval.loop.evaluation import EpisodeDone
+
     models, world = _load(job.model), _world(job.model)
     world.frames = [] if job.picture else None
     agent = pusht_agent(models.model, models.physics, job.planner, world.tool)
@@ -101,15 +133,21 @@ def run_job(job: PushtJob) -> EpisodeDone[PushtRecord]:
     return EpisodeDone([pusht_record(job, outcome, world)], job.picture, drawn)
 
 
-WORK: Final = Work(
-    partial(FunctionRunner, run_job),
-    Software((*SOURCES, "sain_pusht"), PACKAGES),
-    lambda job: f"episode {job.seed} of gym-pusht with {job.model}",
-)
+def make_work() -> "Work[PushtJob, EpisodeDone[PushtRecord]]":
+    """Return what workers do: play episodes."""
+    from sain_eval.loop.evaluation import SOURCES
+
+    return Work(
+        partial(FunctionRunner, run_job),
+        Software((*SOURCES, "sain_pusht"), PACKAGES),
+        lambda job: f"episode {job.seed} of gym-pusht with {job.model}",
+    )
 
 
 @cache
-def _load(model: str) -> PushtModel:
+def _load(model: str) -> "PushtModel":
+    from sain_pusht.model import load_model
+
     return load_model(model)
 
 
@@ -166,6 +204,8 @@ def write_pusht_results(
     folder: Path, records: Sequence[PushtRecord], config: dict[str, Any], command: str
 ) -> list[dict[str, Any]]:
     """Write results and tables as `evaluate` does; return the rows of the summary."""
+    from sain_eval.loop.tables import FAILURES_FILE, TABLE_FILE, failures_page, results_table
+
     rows = [pusht_row(records)]
     write_results(folder, records, config, command, PACKAGES, reality=REALITY, summary=rows)
     table = f"{results_table(rows)}\n{steps_text(rows[0])}\n"
@@ -180,6 +220,8 @@ def gif_of(frames: Sequence[np.ndarray]) -> bytes:
     Its colours are those of the first and the last: one of them shows the goal, which the block
     may cover.
     """
+    from PIL import Image
+
     pictures = [Image.fromarray(frame) for frame in frames]
     both = np.concatenate([frames[0], frames[-1]], axis=1)
     palette = Image.fromarray(both).quantize(COLOURS)

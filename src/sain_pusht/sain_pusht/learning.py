@@ -1,36 +1,32 @@
-"""Learns gym-pusht's physics from pushes made there: prior first, then a network on top."""
+"""``ros2 run sain_pusht learn``: gym-pusht's physics from pushes made there.
+
+The prior is fitted first; then a network learns what it leaves.
+"""
 
 from collections.abc import Callable
-from dataclasses import asdict, replace
-from typing import Any, Final
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from rich.console import Console
 
+from sain_core.config import Config, option, required
 from sain_core.model import Model
 from sain_core.provenance import ros2_command
 from sain_core.scene import POSITION, THETA, wrap_angle
 from sain_core.storage import make_folder
 from sain_core.types import Mask
-from sain_model.data.dataset import Dataset, Part, Split, split_by_episode
-from sain_model.dynamics.checkpoint import ModelCard, save_checkpoint
-from sain_model.dynamics.priors import prior_settings
-from sain_model.dynamics.residual import residual_model
 from sain_model.dynamics.settings import PLANAR
-from sain_model.inference.kinds import friction_kind
-from sain_model.network.interaction_network import new_network
 from sain_model.network.settings import PUSH_FRAME, NetworkConfig
-from sain_model.training.objectives import SinglePushes
 from sain_model.training.settings import NOTHING, LossConfig, TrainingConfig
-from sain_model.training.trainer import Trainer
-from sain_model.training.training_card import environment
 from sain_pusht.agent import WALLS, pusht_agent
 from sain_pusht.block import pusht_bodies
-from sain_pusht.collecting import data_set, played_pushes, random_pushes
-from sain_pusht.identification import Identified, identify, textbook
-from sain_pusht.model import CHECKPOINT, GYRATION
-from sain_pusht.options import LearnOptions
 from sain_pusht.world import PushtWorld
+
+if TYPE_CHECKING:
+    from sain_model.data.dataset import Dataset, Part, Split
+    from sain_pusht.identification import Identified
 
 NETWORK: Final = NetworkConfig(features=PUSH_FRAME, members=3, hidden=64, message=32, layers=2)
 LOSS: Final = LossConfig(position_scale=0.0002, heading_scale=0.002)
@@ -39,11 +35,35 @@ FITTED_BY: Final = 600  # pushes that the prior is fitted to
 Say = Callable[[str], None]
 
 
-def run(options: LearnOptions, console: Console) -> None:
+@dataclass(frozen=True)
+class Options(Config):
+    """Learn gym-pusht's physics from pushes made there: prior, then a network on top.
+
+    Writes pusht.safetensors and its card, and prints the errors on pushes of other episodes.
+    """
+
+    out: Path = required("folder for the checkpoint; made if need be")
+    random_episodes: int = option(250, "episodes of random pushes", minimum=20)
+    played_episodes: int = option(150, "episodes that the agent plays", minimum=1)
+    epochs: int = option(40, "passes over the data", minimum=1)
+
+
+def run(options: Options, console: Console) -> None:
     """Collect, fit, train, and write ``pusht.safetensors`` with its card into a folder.
 
     The network learns from pushes far from the walls: walls are none of its inputs.
     """
+    from sain_model.dynamics.checkpoint import ModelCard, save_checkpoint
+    from sain_model.dynamics.priors import prior_settings
+    from sain_model.dynamics.residual import residual_model
+    from sain_model.inference.kinds import friction_kind
+    from sain_model.network.interaction_network import new_network
+    from sain_model.training.objectives import SinglePushes
+    from sain_model.training.trainer import Trainer
+    from sain_model.training.training_card import environment
+    from sain_pusht.identification import textbook
+    from sain_pusht.model import CHECKPOINT, GYRATION
+
     out = make_folder(options.out)
 
     def say(text: str) -> None:
@@ -89,15 +109,19 @@ def run(options: LearnOptions, console: Console) -> None:
     save_checkpoint(out / CHECKPOINT.name, network, card)
 
 
-def _far(data: Dataset) -> Dataset:
+def _far(data: "Dataset") -> "Dataset":
     return data.select(far_from_walls(data.alike))
 
 
-def collect(random: int, played: int, say: Say) -> tuple[Split, Identified]:
+def collect(random: int, played: int, say: Say) -> "tuple[Split, Identified]":
     """Return pushes of so many episodes, split by episode, and the prior fitted to them.
 
     It is fitted to random pushes first; then an agent plays with it.
     """
+    from sain_model.data.dataset import split_by_episode
+    from sain_pusht.collecting import data_set, played_pushes, random_pushes
+    from sain_pusht.identification import identify
+
     rows = list(random_pushes(random, PushtWorld()))
     say(f"{len(rows)} random pushes")
     fitted = identify(data_set(rows[:FITTED_BY], pusht_bodies()).alike)
@@ -108,7 +132,7 @@ def collect(random: int, played: int, say: Say) -> tuple[Split, Identified]:
     return split_by_episode(data_set(rows, world.bodies), 0, 0.1, 0.15), fitted
 
 
-def accuracy(model: Model, data: Part) -> dict[str, Any]:
+def accuracy(model: Model, data: "Part") -> dict[str, Any]:
     """Return median, mean and 95th percentile of the errors, far from the walls and everywhere."""
     off = model.step(data.state, data.action) - data.next_state
     mm = 1e3 * np.linalg.norm(off[:, 0, POSITION], axis=-1)
@@ -120,7 +144,7 @@ def accuracy(model: Model, data: Part) -> dict[str, Any]:
     }
 
 
-def far_from_walls(data: Part) -> Mask:
+def far_from_walls(data: "Part") -> Mask:
     """Tell in which pushes (M,) the block's circumscribed circle stays within the walls."""
     places = np.stack([data.state, data.next_state])[:, :, 0]
     room = np.minimum(places[..., POSITION] - WALLS[0], WALLS[1] - places[..., POSITION])

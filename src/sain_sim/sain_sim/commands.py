@@ -39,9 +39,4 @@ poses_to_scene: Final = NodeCommand(
     subscribes=("poses", "/tf", "/tf_static", "push", "push_result"),
     example="bodies:=bodies.yaml",
 )
-collect: Final = Command(
-    "sain_sim collect",
-    "collecting.collect:CollectConfig",
-    "collecting.collect:run",
-    resumes="shard",
-)
+collect: Final = Command("sain_sim collect", "collecting.collect", resumes="shard")

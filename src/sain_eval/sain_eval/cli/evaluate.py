@@ -1,62 +1,235 @@
 """`ros2 run sain_eval evaluate`: controllers on seeded scenes, with the real arm, without ROS."""
 
 import dataclasses
-from collections.abc import Generator, Sequence
-from contextlib import closing
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Annotated, Final, Self
 
+import tyro
 from rich.console import Console
-from rich.progress import (
-    BarColumn,
-    MofNCompleteColumn,
-    Progress,
-    TimeElapsedColumn,
-    TimeRemainingColumn,
-)
 
 from sain_core.cli.command_line import silent_interrupts
-from sain_core.cli.terminal import FittingTable
+from sain_core.config import option
+from sain_core.errors import ConfigError
+from sain_core.goal import MOST_TOLERANCE, MOST_TURN
+from sain_core.observation import observation_settings
 from sain_core.provenance import ros2_command
 from sain_core.storage import make_folder, write_whole
-from sain_eval.cli.options import TABLE_NOTE, EvaluateOptions
-from sain_eval.loop.controllers import BASELINES, agent_maker
-from sain_eval.loop.evaluation import EpisodeJob, Record, run_jobs
+from sain_core.workers.running import WorkerOptions
+from sain_eval.episode import Tolerance
 from sain_eval.loop.results import Journal, SceneRecord, summarise, write_results
-from sain_eval.loop.tables import (
-    HEADER,
-    failure_line,
-    failures,
-    failures_page,
-    results_table,
-    shape_table,
-    table_cells,
-)
-from sain_model.compute.kernel_store import compile_visibly
+from sain_eval.scenes.scenarios import OFFERED, SCENARIOS
+from sain_mppi.agent.agent import AgentConfig
+from sain_mppi.agent.uncertainty import EstimatorConfig
+from sain_mppi.algorithms.config import PlannerConfig
+from sain_sim.camera.camera import WorldCameraConfig
+from sain_sim.world.truth import RANDOMISED_TRUTH, TruthConfig
 
-TABLE_FILE: Final = "table.md"
+if TYPE_CHECKING:
+    from sain_eval.loop.evaluation import EpisodeJob
+
 SHAPE_TABLE_FILE: Final = "table_per_shape.md"
-FAILURES_FILE: Final = "failures.md"
-MOST_FAILURES: Final = 40  # that are printed
 
 
-def run(options: EvaluateOptions, console: Console) -> None:
+@dataclass(frozen=True)
+class TablePart:
+    """Scenarios that are played by the same controllers to the same tolerances.
+
+    Attributes:
+        scenarios: their names.
+        controllers: their names.
+        tolerances: the widest first.
+        most_scenes: of each scenario; None: as many as are asked for.
+    """
+
+    scenarios: tuple[str, ...]
+    controllers: tuple[str, ...]
+    tolerances: tuple[Tolerance, ...]
+    most_scenes: int | None = None
+
+    def scenes(self, asked: int) -> int:
+        """Return how many scenes of each scenario are played where so many are asked for."""
+        return asked if self.most_scenes is None else min(asked, self.most_scenes)
+
+    def with_models(self, names: Sequence[str]) -> Self:
+        """Return the part with more controllers, unless it is played on few scenes only."""
+        if self.most_scenes is not None:
+            return self
+        return replace(self, controllers=tuple(dict.fromkeys([*self.controllers, *names])))
+
+
+# The paper gives 5 cm. The tolerances of poses are those of docs/explanation/shapes.md.
+PAPER_TOLERANCES: Final = tuple(map(Tolerance, (0.05, 0.02, 0.01, 0.005)))
+POSE_TOLERANCES: Final = (Tolerance(0.02, 0.1), Tolerance(0.01, 0.05), Tolerance(0.005, 0.03))
+STREAKS: Final = 3  # each takes up to 100 goals
+
+TABLE_PARTS: Final = (
+    TablePart(
+        ("paper", "paper_shift", "paper_cube"),
+        ("null", "straight", "random", "planar", "sain", "oracle"),
+        PAPER_TOLERANCES,
+    ),
+    TablePart(
+        ("anywhere", "anywhere_cube"), ("straight", "planar", "sain", "oracle"), PAPER_TOLERANCES
+    ),
+    TablePart(
+        ("box", "push_t", "shapes", "shapes_indirect", "rearrange_2", "rearrange_3", "rearrange_4"),
+        ("random", "planar", "sain", "oracle"),
+        POSE_TOLERANCES,
+    ),
+    TablePart(("blocked",), ("straight", "planar", "sain", "oracle"), POSE_TOLERANCES),
+    TablePart(("streak",), ("planar",), POSE_TOLERANCES, STREAKS),
+)
+TABLE_NOTE: Final = (
+    "Scenarios of shapes are played without `null` and `straight`: these have no pushes for poses."
+    " `straight` pushes a body 0 that is a disk only, as in `blocked`. `streak` takes longest: it"
+    f" has at most {STREAKS} scenes, of `planar`."
+)
+
+
+@dataclass(frozen=True)
+class Options(WorkerOptions):
+    """Run controllers in seeded simulated scenes and report their success rates.
+
+    All controllers get the same scenes. After a stop, the same command continues.
+    """
+
+    out: Path = option(
+        Path("results/evaluation"),
+        "folder for results.json, table.md, episodes.jsonl and pictures; made if need be",
+    )
+    scenario: str = option(
+        "anywhere",
+        f"one or more, with commas, of {', '.join(SCENARIOS)}, or of installed packages",
+    )
+    scenes: int = option(40, "scenes of each scenario", minimum=1)
+    seed: int = option(0, "seed of the first scene; the next scenes have the next seeds", minimum=0)
+    controllers: str = option(
+        "null,straight,planar",
+        "with commas: null, straight, random, oracle, or a model that MPPI plans with: planar,"
+        " planar_axes, identity, sain or the path of a checkpoint",
+    )
+    tolerances: str = option(
+        "0.05,0.02",
+        "what counts as success, with commas: METRES or METRES:RADIANS from the goal; without"
+        " RADIANS, headings have 5 rad for each metre; an episode ends at the smallest",
+    )
+    history: bool = option(True, "models infer the friction from earlier pushes of the episode")
+    belief: str = option("", "file of `sain_model identify`, for models that take one; empty: none")
+    pictures: int = option(0, "episodes of each scenario and controller to draw", minimum=0)
+    table: bool = option(
+        False,
+        "make the whole table: the paper's scenarios with all baselines, and those of shapes and"
+        " poses; --scenario, --controllers and --tolerances have no effect",
+    )
+    models: str = option(
+        "", "with --table, models beside its own, with commas: names, or paths of checkpoints"
+    )
+    truth: Annotated[TruthConfig, tyro.conf.arg(name="")] = RANDOMISED_TRUTH
+    camera: Annotated[WorldCameraConfig, tyro.conf.arg(name="")] = WorldCameraConfig()
+    planner: Annotated[PlannerConfig, tyro.conf.arg(help="How MPPI plans.")] = field(
+        default_factory=PlannerConfig
+    )
+
+    def __post_init__(self) -> None:
+        """Check the fields, and that every scenario and tolerance is one."""
+        super().__post_init__()
+        if self.models and not self.table:
+            raise ConfigError(
+                f"--models is {self.models!r} without --table; give models as --controllers"
+            )
+        for name in _split(self.scenario, "scenario"):
+            OFFERED.check(name)
+        for tolerance in self.tolerance_values:
+            for value, most, unit in (
+                (tolerance.distance, MOST_TOLERANCE, "m"),
+                (tolerance.turn, MOST_TURN, "rad"),
+            ):
+                if not 0.0 < value <= most:
+                    raise ConfigError(
+                        f"--tolerances has {value} {unit}; allowed: above 0, at most {most} {unit}"
+                    )
+
+    @property
+    def parts(self) -> tuple[TablePart, ...]:
+        """What to play, in order."""
+        if self.table:
+            return tuple(part.with_models(_words(self.models)) for part in TABLE_PARTS)
+        scenarios = _split(self.scenario, "scenario")
+        return (TablePart(scenarios, self.controller_names, self.tolerance_values),)
+
+    @property
+    def controller_names(self) -> tuple[str, ...]:
+        """The controllers to run without `table`."""
+        return _split(self.controllers, "controllers")
+
+    @property
+    def tolerance_values(self) -> tuple[Tolerance, ...]:
+        """The tolerances without `table`, the widest first."""
+        words = _split(self.tolerances, "tolerances")
+        try:
+            given = {Tolerance.parse(word) for word in words}
+        except ValueError as error:
+            raise ConfigError(
+                f"--tolerances is {self.tolerances!r}; allowed: numbers with commas, or pairs as"
+                " 0.02:0.1 in m and rad"
+            ) from error
+        return tuple(sorted(given, key=lambda one: (one.distance, one.turn), reverse=True))
+
+    @property
+    def agent(self) -> AgentConfig:
+        """How agents decide: what is not chosen here is as in the planner's node."""
+        estimator = EstimatorConfig(**observation_settings(self.camera))
+        return AgentConfig(history=self.history, planner=self.planner, estimator=estimator)
+
+    def planned(self) -> dict[tuple[str, int, str], TablePart]:
+        """Return the part of each episode to play, by scenario, seed and controller, in order."""
+        return {
+            (scenario, seed, controller): part
+            for part in self.parts
+            for scenario in part.scenarios
+            for seed in range(self.seed, self.seed + part.scenes(self.scenes))
+            for controller in part.controllers
+        }
+
+    def settings(self) -> dict[str, object]:
+        """Return what a record depends on besides scenario, seed and controller."""
+        return {
+            "table": self.table,
+            "tolerances": [[one.stored() for one in part.tolerances] for part in self.parts],
+            "history": self.history,
+            "belief": self.belief,
+            "truth": dataclasses.asdict(self.truth),
+            "camera": dataclasses.asdict(self.camera),
+            "planner": dataclasses.asdict(self.planner),
+        }
+
+
+def run(options: Options, console: Console) -> None:
     """Evaluate, and print the summary as a table."""
+    from sain_eval.loop.tables import FAILURES_FILE, show_failures, show_summary
+
     progress = Console(stderr=True, soft_wrap=True)
     records = evaluate(options, ros2_command("sain_eval", "evaluate"), progress)
-    show(summarise(records), console)
+    show_summary(summarise(records), console)
     if options.table:
         console.print(f"\n{TABLE_NOTE}", markup=False, highlight=False, soft_wrap=True)
     show_failures(records, options.out / FAILURES_FILE, console)
 
 
-def evaluate(options: EvaluateOptions, command: str, console: Console) -> list[SceneRecord]:
+def evaluate(options: Options, command: str, console: Console) -> list[SceneRecord]:
     """Run what is left of an evaluation and write its results.
 
     Raises:
         OutputError: the folder cannot be written or holds other results.
         CheckpointError: a controller's model cannot be loaded.
     """
+    from sain_eval.loop.controllers import agent_maker
+    from sain_eval.loop.evaluation import play, run_jobs
+    from sain_eval.loop.tables import FAILURES_FILE, TABLE_FILE, failures_page, shape_table
+    from sain_model.compute.kernel_store import compile_visibly
+
     compile_visibly(console)  # neither the first plan nor each worker
     with silent_interrupts():
         for name in dict.fromkeys(name for part in options.parts for name in part.controllers):
@@ -79,8 +252,10 @@ def evaluate(options: EvaluateOptions, command: str, console: Console) -> list[S
     return kept
 
 
-def jobs_of(options: EvaluateOptions, done: set[tuple[str, int, str]]) -> list[EpisodeJob]:
+def jobs_of(options: Options, done: set[tuple[str, int, str]]) -> "list[EpisodeJob]":
     """Return the episodes that are still to be run, scene by scene."""
+    from sain_eval.loop.evaluation import EpisodeJob
+
     return [
         EpisodeJob(
             *key,
@@ -96,32 +271,17 @@ def jobs_of(options: EvaluateOptions, done: set[tuple[str, int, str]]) -> list[E
     ]
 
 
-def _picture(options: EvaluateOptions, scenario: str, seed: int, controller: str) -> Path | None:
+def _picture(options: Options, scenario: str, seed: int, controller: str) -> Path | None:
     if seed >= options.seed + options.pictures:
         return None
     return options.out / f"{scenario}_{seed}_{controller.replace('/', '_')}.png"
 
 
-def play(
-    results: Generator[list[Record], None, None],
-    count: int,
-    journal: Journal[Record],
-    console: Console,
-) -> None:
-    """Keep the records of so many episodes in a journal as they come, under a bar."""
-    if done := len(journal.done):
-        console.print(f"{done} episodes are done already", highlight=False)
-    times = (TimeElapsedColumn(), "left", TimeRemainingColumn())
-    columns = ("episodes", BarColumn(), MofNCompleteColumn(), *times)
-    with Progress(*columns, console=console) as progress, closing(results):
-        task = progress.add_task("episodes", total=count)
-        for records in results:
-            journal.add(records)
-            progress.advance(task)
-
-
-def table_page(options: EvaluateOptions, records: list[SceneRecord]) -> str:
+def table_page(options: Options, records: list[SceneRecord]) -> str:
     """Return the summary as a page: the table, and what belongs to the whole one."""
+    from sain_eval.loop.controllers import BASELINES
+    from sain_eval.loop.tables import FAILURES_FILE, failure_line, failures, results_table
+
     table = results_table(summarise(records))
     if not options.table:
         return table
@@ -134,22 +294,12 @@ def table_page(options: EvaluateOptions, records: list[SceneRecord]) -> str:
     )
 
 
-def show(summary: list[dict[str, Any]], console: Console) -> None:
-    """Print the summary as a table."""
-    table = FittingTable()
-    for name in HEADER:
-        table.add_column(name)
-    for row in summary:
-        table.add_row(*table_cells(row))
-    console.print(table, soft_wrap=True)
+def _split(words: str, name: str) -> tuple[str, ...]:
+    parts = tuple(dict.fromkeys(_words(words)))
+    if not parts:
+        raise ConfigError(f"--{name} is empty; at least one is needed")
+    return parts
 
 
-def show_failures(records: Sequence[SceneRecord], path: Path, console: Console) -> None:
-    """Print each failed episode with its reason; where there are many, the first ones."""
-    lines = [failure_line(record) for record in failures(records)]
-    if lines:
-        console.print(f"\nFailures ({len(lines)}):", highlight=False)
-    for line in lines[:MOST_FAILURES]:
-        console.print(f"  {line}", markup=False, highlight=False, soft_wrap=True)
-    if len(lines) > MOST_FAILURES:
-        console.print(f"  and {len(lines) - MOST_FAILURES} more in {path}", markup=False)
+def _words(text: str) -> list[str]:
+    return [word.strip() for word in text.split(",") if word.strip()]

@@ -1,19 +1,56 @@
 """`ros2 run sain_eval results`: one page from several evaluations."""
 
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import tyro
 from rich.console import Console
 
+from sain_core.config import Config, option, required
+from sain_core.errors import ConfigError
 from sain_core.storage import make_folder, write_whole
-from sain_eval.cli.options import ResultsOptions
-from sain_eval.loop.results_page import read_results, results_page
 
 
-def run(options: ResultsOptions, console: Console) -> None:
+@dataclass(frozen=True)
+class Options(Config):
+    """Write one page from several evaluations: scenarios in rows, realities in columns."""
+
+    folders: Annotated[tuple[Path, ...], tyro.conf.Positional] = required(
+        "the --out folders of evaluations; of two with the same cell, the later one counts"
+    )
+    out: Path = option(Path("docs/reference/results.md"), "the page to write")
+    names: str = option(
+        "", "names of models in the page, with commas: runs/here/sain.safetensors=SAIN trained here"
+    )
+
+    def __post_init__(self) -> None:
+        """Check that there is a folder, and that each name has both sides."""
+        super().__post_init__()
+        if not self.folders:
+            raise ConfigError("no folder of an evaluation is given; at least one is needed")
+        if any("=" not in word for word in self._pairs):
+            raise ConfigError(f"--names is {self.names!r}; allowed: MODEL=TEXT, with commas")
+
+    @property
+    def name_of(self) -> dict[str, str]:
+        """The names of models, by the name or path with which they were evaluated."""
+        return dict(word.split("=", 1) for word in self._pairs)
+
+    @property
+    def _pairs(self) -> list[str]:
+        return [word for word in map(str.strip, self.names.split(",")) if word]
+
+
+def run(options: Options, console: Console) -> None:
     """Write the page, and print its path.
 
     Raises:
         DatasetError: a folder holds no results.
         OutputError: the page cannot be written.
     """
+    from sain_eval.loop.results_page import read_results, results_page
+
     page = results_page([read_results(folder) for folder in options.folders], options.name_of)
     make_folder(options.out.parent)
     write_whole(options.out, page.encode())

@@ -7,6 +7,15 @@ from functools import partial
 from pathlib import Path
 from typing import Final, Generic, TypeVar
 
+from rich.console import Console
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)
+
 from sain_core.drawing.figures import png_of
 from sain_core.storage import write_whole
 from sain_core.workers.pool import FunctionRunner, Job, Software, Work
@@ -14,7 +23,7 @@ from sain_core.workers.running import WorkerOptions, run_on_workers
 from sain_eval.episode import Tolerance, tightest
 from sain_eval.loop.closed_loop import EpisodeOutcome, run_episode
 from sain_eval.loop.controllers import agent_maker
-from sain_eval.loop.results import PACKAGES, SceneRecord, scene_records
+from sain_eval.loop.results import PACKAGES, Journal, SceneRecord, scene_records
 from sain_eval.plots.pictures import draw_episode
 from sain_eval.scenes.scenario_scene import ScenarioScene
 from sain_eval.scenes.scenarios import draw_scene
@@ -96,3 +105,21 @@ def run_on(
             if done.picture is not None:
                 write_whole(done.picture, done.drawn)
             yield done.records
+
+
+def play(
+    results: Generator[list[Record], None, None],
+    count: int,
+    journal: Journal[Record],
+    console: Console,
+) -> None:
+    """Keep the records of so many episodes in a journal as they come, under a bar."""
+    if done := len(journal.done):
+        console.print(f"{done} episodes are done already", highlight=False)
+    times = (TimeElapsedColumn(), "left", TimeRemainingColumn())
+    columns = ("episodes", BarColumn(), MofNCompleteColumn(), *times)
+    with Progress(*columns, console=console) as progress, closing(results):
+        task = progress.add_task("episodes", total=count)
+        for records in results:
+            journal.add(records)
+            progress.advance(task)

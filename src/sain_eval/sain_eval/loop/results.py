@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from itertools import groupby
 from math import isnan
 from pathlib import Path
+from statistics import NormalDist
 from typing import Any, Final, Generic, TypeVar
 
 import numpy as np
-from scipy.special import ndtri  # scipy.stats would take half a second more to load
 
 from sain_core.bootstrap import Interval, bootstrap_mean
 from sain_core.dataset import MOVED
@@ -207,7 +207,7 @@ def wilson_interval(successes: int, trials: int, confidence: float = 0.95) -> In
             f"{successes} successes of {trials} trials;"
             " needed: 0 <= successes <= trials and at least one trial"
         )
-    share, z = successes / trials, float(ndtri(0.5 + 0.5 * confidence))
+    share, z = successes / trials, NormalDist().inv_cdf(0.5 + 0.5 * confidence)
     centre = (successes + z**2 / 2) / (trials + z**2)
     half = z * np.sqrt(trials * share * (1.0 - share) + z**2 / 4) / (trials + z**2)
     low = 0.0 if successes == 0 else float(centre - half)

@@ -4,8 +4,12 @@ from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from itertools import groupby
+from pathlib import Path
 from typing import Any, Final
 
+from rich.console import Console
+
+from sain_core.cli.terminal import FittingTable
 from sain_core.shapes.solids import DISK
 from sain_eval.loop.controllers import BASELINES
 from sain_eval.loop.results import SceneRecord, summarise
@@ -15,6 +19,9 @@ HEADER: Final = (
     "scenario", "controller", "within", "solved", "95 % interval", "pushes", "prediction error",
     "refused", "planning median / p95",
 )  # fmt: skip
+TABLE_FILE: Final = "table.md"
+FAILURES_FILE: Final = "failures.md"
+MOST_FAILURES: Final = 40  # that are printed
 SHAPES_SCENARIO: Final = "shapes"  # has another shape for each seed
 
 
@@ -115,3 +122,24 @@ def failure_line(record: SceneRecord) -> str:
         f"{goals}: {record.failure}; {record.pushes} pushes, {record.refusals} refused, ended"
         f" {end} away"
     )
+
+
+def show_summary(summary: list[dict[str, Any]], console: Console) -> None:
+    """Print the summary as a table."""
+    table = FittingTable()
+    for name in HEADER:
+        table.add_column(name)
+    for row in summary:
+        table.add_row(*table_cells(row))
+    console.print(table, soft_wrap=True)
+
+
+def show_failures(records: Sequence[SceneRecord], path: Path, console: Console) -> None:
+    """Print each failed episode with its reason; where there are many, the first ones."""
+    lines = [failure_line(record) for record in failures(records)]
+    if lines:
+        console.print(f"\nFailures ({len(lines)}):", highlight=False)
+    for line in lines[:MOST_FAILURES]:
+        console.print(f"  {line}", markup=False, highlight=False, soft_wrap=True)
+    if len(lines) > MOST_FAILURES:
+        console.print(f"  and {len(lines) - MOST_FAILURES} more in {path}", markup=False)

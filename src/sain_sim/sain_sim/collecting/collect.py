@@ -173,7 +173,7 @@ def _summary(config: CollectConfig, done: Collected) -> dict[str, Any]:
     }
 
 
-def run(config: CollectConfig, _: Console) -> None:
+def run(options: CollectConfig, _: Console) -> None:
     """Collect, and print what was collected."""
     console = Console(stderr=True)
     logging.basicConfig(
@@ -182,11 +182,11 @@ def run(config: CollectConfig, _: Console) -> None:
         handlers=[RichHandler(console=console, show_path=False, show_time=False)],
     )
     begun = time.perf_counter()
-    done = _collect_with_bar(config, console)
+    done = _collect_with_bar(options, console)
     minutes = (time.perf_counter() - begun) / 60
-    folder = escape(str(config.out))
+    folder = escape(str(options.out))
     console.print(f"{done.transitions} transitions in {folder} ({minutes:.1f} min)")
-    for line in account(done.counts, config):
+    for line in account(done.counts, options):
         console.print(line, highlight=False, soft_wrap=True)
 
 
