@@ -248,16 +248,20 @@ def regions_at_levels(predictions: Sequence[Prediction], parts: Sequence[Part]) 
 def _of_bodies(
     intervals: Intervals, predictions: Sequence[Prediction], parts: Sequence[Part]
 ) -> dict[str, Float[ndarray, "2"]]:
-    """Return the factors of regions of each body, from the errors of its pushes."""
-    found = {}
-    for prediction, part in zip(predictions, parts, strict=True):
-        excess = intervals.excess(with_regions(intervals, prediction, part), part)
-        names = body_names(part)
-        for name in np.unique(names):
-            own = excess[:, names == name]
-            total, count = own.sum(axis=1, keepdims=True), np.array([own.shape[1]])
-            found[str(name)] = intervals.widening(total, count)[:, 0]
-    return found
+    """Return the factors of regions of each body, from the errors of its pushes.
+
+    They are so large that regions with them hold the stated share of all pushes.
+    """
+    about = [with_regions(intervals, *pair) for pair in zip(predictions, parts, strict=True)]
+    each = [intervals.excess(*pair) for pair in zip(about, parts, strict=True)]
+    excess, names = np.concatenate(each, axis=1), np.concatenate([body_names(p) for p in parts])
+    bodies, place, counts = np.unique(names, return_inverse=True, return_counts=True)
+    totals = np.stack([np.bincount(place, row) for row in excess])
+    factors = intervals.widening(totals, counts)
+    usual = np.array([intervals.usual_log, intervals.turn_log])
+    left = np.quantile(excess - np.log(factors[:, place]), intervals.level, axis=1) + usual
+    factors *= np.exp(left)[:, None]
+    return dict(zip(bodies.tolist(), factors.T, strict=True))
 
 
 def _stated(
