@@ -22,11 +22,11 @@ from sain_bringup.graph import (
     PLANNER,
     RECORDER,
     SIMULATOR,
+    GraphOptions,
     graph_commands,
     restart_command,
     ros_arguments,
 )
-from sain_bringup.graph_options import GraphOptions
 from sain_bringup.processes import UNHURRIED, RestartConfig, Supervisor
 from sain_bringup.ros.director import Director
 from sain_core.errors import ErrorCode, SainError

@@ -17,7 +17,7 @@ from rich.console import Console
 from benchmarks.faults.running import Graph, graph
 from sain_bags.bag.metadata import read_metadata
 from sain_bags.writing.gaps import MISSING_KEY
-from sain_bringup.graph_options import GraphOptions
+from sain_bringup.graph import GraphOptions
 from sain_core.cli.terminal import FittingTable
 from sain_core.untrusted import parse_json
 

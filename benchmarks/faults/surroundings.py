@@ -12,8 +12,7 @@ from benchmarks.faults.running import graph
 from benchmarks.faults.table import Row
 from sain_bags.reading.reader import Bag
 from sain_bringup.children import ProcessDiedError
-from sain_bringup.graph import executable
-from sain_bringup.graph_options import GraphOptions
+from sain_bringup.graph import GraphOptions, executable
 from sain_bringup.processes import RestartConfig
 from sain_core.errors import SainError
 from sain_core.ros.network import SHARED

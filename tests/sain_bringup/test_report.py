@@ -16,7 +16,6 @@ from sain_bags.transitions.recorded_pushes import PlanRecord, RecordedPush
 from sain_bringup import movie
 from sain_bringup.display import Display, EpisodeView
 from sain_bringup.movie import Film, Moment, MovieConfig, Scenery, choose_moments, encode_gif
-from sain_bringup.options import EpisodePlan
 from sain_bringup.report import PlayedEpisode, summary_table
 from sain_bringup.results import choose_episode, draw_pictures
 from sain_core.goal import Goal, Judgement
@@ -258,7 +257,7 @@ def test_plain_output_without_a_terminal() -> None:
     display = Display(Console(file=out, width=120))
     with display.stage("starting", "started"):
         pass
-    with display.episode(1, 2, EpisodePlan("paper", 4)) as view:
+    with display.episode(1, 2, "paper 4") as view:
         view.at(0.2)
         view.planned(0.1, fallback=True, why="no answer in 2 s")
         view.planned(0.1, fallback=True, why="no answer in 2 s")

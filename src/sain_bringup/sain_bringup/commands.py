@@ -4,12 +4,10 @@ from typing import Final
 
 from sain_core.cli.command_line import Command
 
-closed_loop: Final = Command(
-    "sain_bringup closed_loop", "options:ClosedLoopOptions", "ros.closed_loop:run", ros=True
-)
-graph: Final = Command("sain_bringup graph", "graph_options:GraphOptions", "running:run", ros=True)
-live: Final = Command("sain_bringup live", "graph_options:LiveOptions", "live:run", ros=True)
-goal: Final = Command("sain_bringup goal", "options:GoalOptions", "ros.goal:run", ros=True)
-push: Final = Command("sain_bringup push", "options:PushOptions", "ros.push:run", ros=True)
-reset: Final = Command("sain_bringup reset", "options:ResetOptions", "ros.reset:run", ros=True)
-watch: Final = Command("sain_bringup watch", "options:WatchOptions", "ros.watch:run", ros=True)
+closed_loop: Final = Command("sain_bringup closed_loop", "ros.closed_loop", ros=True)
+graph: Final = Command("sain_bringup graph", "graph", ros=True)
+live: Final = Command("sain_bringup live", "live", ros=True)
+goal: Final = Command("sain_bringup goal", "ros.goal", ros=True)
+push: Final = Command("sain_bringup push", "ros.push", ros=True)
+reset: Final = Command("sain_bringup reset", "ros.reset", ros=True)
+watch: Final = Command("sain_bringup watch", "ros.watch", ros=True)

@@ -9,7 +9,6 @@ from typing import Final
 from rich.console import Console
 from rich.text import Text
 
-from sain_bringup.options import EpisodePlan
 from sain_core.cli.terminal import WaitingLine
 
 WIDTH: Final = 50  # of what a stage did, before the time it took
@@ -36,13 +35,13 @@ class Display:
         self._line("green", "✓", f"{done:<{WIDTH}}", f"{seconds:5.1f} s")
 
     @contextmanager
-    def episode(self, number: int, total: int, plan: EpisodePlan) -> Iterator["EpisodeView"]:
+    def episode(self, number: int, total: int, name: str) -> Iterator["EpisodeView"]:
         """Show an episode while it is played; a line with its outcome stays."""
         moving: AbstractContextManager[object] = (
             self._waiting if self.console.is_terminal else nullcontext()
         )
         with moving:
-            view = EpisodeView(self, f"{number}/{total}  {plan.scenario} {plan.seed}")
+            view = EpisodeView(self, f"{number}/{total}  {name}")
             view.show()
             yield view
         style, mark = ("green", "✓") if view.reached else ("red", "✗")

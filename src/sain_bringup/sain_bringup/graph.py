@@ -1,17 +1,37 @@
-"""The processes of the graph: which executables, with which arguments."""
+"""``ros2 run sain_bringup graph``: the processes of the graph, looked after until Ctrl-C."""
 
 import shlex
+import shutil
+import sys
+import tempfile
+import time
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Final
+from typing import Annotated, Final
 
-from sain_bringup.graph_options import ELSEWHERE, GraphOptions, LiveOptions
-from sain_bringup.options import NAMESPACE
+import tyro
+from rich.console import Console
+
+from sain_bringup.children import ProcessDiedError
+from sain_bringup.interrupts import Interrupts, Stopped
+from sain_bringup.processes import UNHURRIED, Supervisor
+from sain_core import notify
 from sain_core.cli.command_line import executable, split_ros_arguments
-from sain_core.observation import changed_settings
-from sain_core.shapes.shape import FEET
-from sain_sim.world.engines import DEFAULT_ENGINE
+from sain_core.config import Config, option
+from sain_core.errors import ConfigError, UntrustedFileError
+from sain_core.model import check_model_name
+from sain_core.observation import MASSES, ObservationConfig, changed_settings
+from sain_core.shapes.shape import BOTTOMS, FEET
+from sain_core.untrusted import read_yaml
+from sain_model.compute.kernel_store import compile_visibly
+from sain_sim.camera.body_file import read_bodies
+from sain_sim.world.engines import DEFAULT_ENGINE, ENGINE_HELP, check_engine
 
+NAMESPACE: Final = "sain"  # as `sain_core.ros.node_main` has it, which needs rclpy
+RECORDINGS: Final = Path("bags")
+ELSEWHERE: Final = "elsewhere"  # the robot that is started by somebody else
 SIMULATOR: Final = "simulator"
 ROBOT: Final = "robot"
 POSES: Final = "poses"
@@ -20,6 +40,159 @@ PLANNER: Final = "planner"
 RECORDER: Final = "recorder"
 PAGE: Final = "page"
 FLUSH_PERIOD: Final = "0.25"  # [s], at most so much is lost with the recorder
+UNWATCHED: Final = {notify.SOCKET: "", notify.TIMEOUT: ""}  # a driver may wait for its arm
+POLL: Final = 0.02  # [s] between looks at the processes
+
+
+@dataclass(frozen=True)
+class GraphOptions(Config):
+    """Start the whole graph and look after it: simulator, model, planner and recorder.
+
+    It waits for goals, as `goal` and RViz send them. What dies or hangs is restarted, and goes on
+    where it was. Three crashes within a minute end the graph, and so does the end of a process
+    that did not crash. Ctrl-C ends all of them.
+    """
+
+    engine: str = option(DEFAULT_ENGINE, ENGINE_HELP)
+    bottom: str = option(
+        FEET, "what bodies stand on: three feet, or a flat bottom", choices=BOTTOMS
+    )
+    model: str = option("sain", "name of a model (sain, planar, identity) or path of a checkpoint")
+    belief: str = option(
+        "", "file of `sain_model identify`, with which each episode begins; empty: none"
+    )
+    seed: int = option(0, "of the first scene and of the planner", minimum=0)
+    camera: Annotated[ObservationConfig, tyro.conf.arg(name="")] = ObservationConfig()
+    robot: str = option(
+        "",
+        "command that starts a robot's driver, in place of the simulator; elsewhere: it is started"
+        " by somebody else",
+    )
+    bodies: Path | None = option(None, "YAML file of the robot's bodies: their poses become scenes")
+    gui: bool = option(False, "show the simulator's window, in real time")
+    params_file: Path | None = option(
+        None, "ROS parameters for the nodes (YAML), on top of their defaults"
+    )
+    record: bool = option(True, "record all topics")
+    bag: Path | None = option(
+        None, "folder to make for the recording; by default bags/<date>-<time>"
+    )
+
+    def __post_init__(self) -> None:
+        """Check the fields, the model's name and the file of parameters."""
+        super().__post_init__()
+        check_model_name(self.model)
+        check_engine(self.engine)
+        if self.params_file is not None:
+            _check_parameter_file(self.params_file)
+        self._check_robot()
+
+    @property
+    def observed(self) -> ObservationConfig:
+        """What planner and model have to be told of observations."""
+        bodies = None if self.bodies is None else read_bodies(self.bodies)
+        if bodies is None or bodies.weighed or MASSES in self.camera.unknown_names:
+            return self.camera
+        return replace(self.camera, unknown=",".join((*self.camera.unknown_names, MASSES)))
+
+    @property
+    def simulator(self) -> dict[str, str]:
+        """Parameters of the simulator that differ from their defaults."""
+        given = {"engine": self.engine, "bottom": self.bottom}
+        defaults = {"engine": DEFAULT_ENGINE, "bottom": FEET}
+        return {name: value for name, value in given.items() if value != defaults[name]}
+
+    def more_commands(self, ros: Sequence[str]) -> dict[str, list[str]]:
+        """Return commands of more processes, by name; `ros` are arguments for every node."""
+        return {}
+
+    def _check_robot(self) -> None:
+        """Check that robot and bodies belong together, and that no option is the simulator's."""
+        if self.bodies is not None and not self.robot:
+            raise ConfigError("--bodies is for a robot; give --robot, too")
+        if self.robot and (self.gui or self.engine != DEFAULT_ENGINE or self.bottom != FEET):
+            raise ConfigError(
+                "--robot replaces the simulator; --gui, --engine and --bottom are its"
+            )
+        try:
+            words = shlex.split(self.robot)
+        except ValueError as error:
+            raise ConfigError(f"--robot is {self.robot!r}: {error}") from error
+        if "--ros-args" in words:
+            raise ConfigError("--robot has --ros-args; the graph adds its own to the command")
+        if words and words[0] != ELSEWHERE and shutil.which(words[0]) is None:
+            raise ConfigError(f"--robot is {self.robot!r}; there is no command {words[0]!r}")
+        if self.bodies is not None:
+            read_bodies(self.bodies)
+
+
+def run(options: GraphOptions, console: Console) -> int:
+    """Run the graph until it is interrupted, or a process ends; return that one's exit code.
+
+    Raises:
+        SainError: a package is not installed, or a log cannot be written.
+    """
+
+    def tell(text: str) -> None:
+        console.print(f"graph: {text}", markup=False, highlight=False, soft_wrap=True)
+
+    interrupts, code = Interrupts(), 0
+    try:
+        compile_visibly(console)
+    except Stopped:
+        return 0
+    with (
+        suppress(Stopped),  # which `deferred` raises at the end
+        interrupts.deferred(),
+        tempfile.TemporaryDirectory(prefix="sain-graph-") as folder,
+        Supervisor(Path(folder), UNHURRIED, tell=tell) as supervisor,
+    ):
+        logs = start(supervisor, options, Path(folder))
+        try:
+            while not interrupts.came:
+                supervisor.check()
+                logs.show()
+                time.sleep(POLL)
+        except ProcessDiedError as error:
+            logs.show()
+            tell(error.reason)
+            code = error.exit_code
+        with supervisor.signals_noted():
+            supervisor.close_files(UNHURRIED.interrupt)
+            supervisor.stop()
+        logs.show()
+    return code
+
+
+def start(supervisor: Supervisor, options: GraphOptions, folder: Path) -> "Logs":
+    """Start the processes of the graph; return their logs."""
+    bag = options.bag or RECORDINGS / time.strftime("%Y%m%d-%H%M%S")
+    options = replace(options, bag=bag if options.record else None)
+    commands = graph_commands(options, ros_arguments(sys.argv[1:]), folder)
+    for name, command in commands.items():
+        again = restart_command(name, command)
+        variables = UNWATCHED if name == ROBOT else {}
+        supervisor.start(name, command, variables, patient=name == RECORDER, again=again)
+    return Logs([child.log for child in supervisor.children])
+
+
+class Logs:
+    """What processes say, as they say it."""
+
+    def __init__(self, paths: list[Path]) -> None:
+        """Begin with these files."""
+        self._places = dict.fromkeys(paths, 0)
+
+    def show(self) -> None:
+        """Write what is new to standard output."""
+        for path, place in self._places.items():
+            with path.open("rb") as file:
+                file.seek(place)
+                text = file.read()
+            whole = text[: text.rfind(b"\n") + 1]
+            self._places[path] = place + len(whole)
+            sys.stdout.write(whole.decode("utf-8", errors="replace"))
+        sys.stdout.flush()
 
 
 def graph_commands(
@@ -32,7 +205,7 @@ def graph_commands(
     """Return the command of each process, by its name; the one that starts slowest comes first.
 
     Args:
-        options: of the graph; without a bag nothing is recorded. `LiveOptions` add the page.
+        options: of the graph; without a bag nothing is recorded.
         ros: arguments for ROS of every node, as `ros_arguments` returns them.
         states: folder for what nodes go on from after a crash.
         custom_data: what the bag should say about itself.
@@ -43,17 +216,10 @@ def graph_commands(
         ConfigError: a package of the graph is not installed.
     """
     simulator = {"bullet.full_motion": "true"} if full_motion else {}
-    if options.engine != DEFAULT_ENGINE:
-        simulator |= {"engine": options.engine}
-    if options.bottom != FEET:
-        simulator |= {"bottom": options.bottom}
+    simulator |= options.simulator
     told = changed_settings(options.observed)
     simulator |= {f"camera.{name}": str(value) for name, value in told.items()}
     planner = {f"estimator.{name}": str(value) for name, value in told.items()}
-    if isinstance(options, LiveOptions):
-        pace = str(options.real_time_factor)
-        simulator |= {"bullet.full_motion": "true", "real_time_factor": pace}
-        simulator["world"] = options.world
     if options.gui:
         simulator |= {"gui": "true", "real_time_factor": "1.0"}
     model = {"belief": str(Path(options.belief).absolute())} if options.belief else {}
@@ -72,8 +238,7 @@ def graph_commands(
     planner |= {"dynamics": "service", **seed, **simulated}
     model |= {"model": options.model, **simulated}
     commands = {MODEL: node("sain_model", "model_node", **model)}
-    if isinstance(options, LiveOptions):
-        commands[PAGE] = page_command(options, ros)
+    commands |= options.more_commands(ros)
     if options.bag is not None:
         about = [f"{key}={value}" for key, value in (custom_data or {}).items()]
         data = ["--custom-data", *about] if about else []
@@ -100,15 +265,6 @@ def _robot_commands(
     return commands
 
 
-def page_command(options: LiveOptions, ros: Sequence[str]) -> list[str]:
-    """Return the command of the live page."""
-    page = options.page
-    given = [("host", page.host), ("port", page.port), ("seed", page.seed)]
-    given.append(("scenario", page.scenario))
-    words = [word for name, value in given for word in ("-p", f"{name}:={value}")]
-    return [str(executable("sain_live", "page_node")), "--ros-args", *ros, *words]
-
-
 def ros_arguments(arguments: Sequence[str]) -> list[str]:
     """Return what of a command's arguments is for ROS; the namespace is ``/sain`` by default."""
     words = split_ros_arguments(list(arguments))[1]
@@ -128,3 +284,19 @@ def restart_command(name: str, command: Sequence[str]) -> list[str]:
     if name == RECORDER:
         return [command[0], "--resume", *command[1:]]
     return list(command)
+
+
+def _check_parameter_file(path: Path) -> None:
+    try:
+        content = read_yaml(path)
+    except OSError as error:
+        raise ConfigError(f"--params-file {path}: {error.strerror or error}") from error
+    except UntrustedFileError as error:
+        raise ConfigError(f"--params-file {path} is not read: {error}") from error
+    nodes = content if isinstance(content, dict) else {}
+    if not nodes or not all(
+        isinstance(node, dict) and "ros__parameters" in node for node in nodes.values()
+    ):
+        raise ConfigError(
+            f"--params-file {path} must hold, for each node, its name and below it ros__parameters"
+        )

@@ -1,10 +1,62 @@
 """``ros2 run sain_bringup live``: the whole graph with its live page, until Ctrl-C."""
 
+from collections.abc import Sequence
+from dataclasses import dataclass
+
 from rich.console import Console
 
-from sain_bringup.graph_options import LiveOptions
-from sain_bringup.running import run as run_graph
-from sain_live.settings import check_free
+from sain_bringup.graph import PAGE, GraphOptions
+from sain_bringup.graph import run as run_graph
+from sain_core.cli.command_line import executable
+from sain_core.config import option
+from sain_eval.scenes.scenarios import SCENARIOS
+from sain_live.settings import PageConfig, check_free
+from sain_sim.world.truth import TRUTHS, TruthConfig
+
+
+@dataclass(frozen=True)
+class LiveOptions(GraphOptions):
+    """Start the whole graph and a page in the browser that shows and steers it.
+
+    The page has the scene, goals to drag, the planner's settings, charts and a log. It prints its
+    address. Only browsers on this computer can open it, unless --host says otherwise. What dies
+    or hangs is restarted. Ctrl-C ends all of it.
+    """
+
+    scenario: str = option(
+        "push_t", f"scene to begin with: {', '.join(SCENARIOS)}, or of an installed package"
+    )
+    world: str = option("randomised", "hidden truth about friction and contacts", choices=TRUTHS)
+    host: str = option("127.0.0.1", "address to listen at; 0.0.0.0: open to other computers")
+    port: int = option(8080, "port to listen at", minimum=1, maximum=65535)
+    real_time_factor: float = option(
+        1.0, "simulated time over wall time; 0: as fast as possible", minimum=0.0, maximum=100.0
+    )
+
+    def __post_init__(self) -> None:
+        """Check the fields, those of the page, and that the engine simulates the world."""
+        super().__post_init__()
+        TruthConfig(self.world, engine=self.engine, bottom=self.bottom)
+        _ = self.page
+
+    @property
+    def page(self) -> PageConfig:
+        """The settings of the page."""
+        return PageConfig(self.host, self.port, self.scenario, self.seed)
+
+    @property
+    def simulator(self) -> dict[str, str]:
+        """Parameters of the simulator: the arm moves all the way, as fast as is asked for."""
+        pace = {"bullet.full_motion": "true", "real_time_factor": str(self.real_time_factor)}
+        return {**super().simulator, **pace, "world": self.world}
+
+    def more_commands(self, ros: Sequence[str]) -> dict[str, list[str]]:
+        """Return the command of the live page."""
+        page = self.page
+        given = [("host", page.host), ("port", page.port), ("seed", page.seed)]
+        given.append(("scenario", page.scenario))
+        words = [word for name, value in given for word in ("-p", f"{name}:={value}")]
+        return {PAGE: [str(executable("sain_live", "page_node")), "--ros-args", *ros, *words]}
 
 
 def run(options: LiveOptions, console: Console) -> int:

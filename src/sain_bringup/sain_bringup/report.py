@@ -2,18 +2,20 @@
 
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from rich.text import Text
 
 from sain_bags.reading.reader import Bag
 from sain_bags.transitions.recorded_episodes import Episode, read_episodes
-from sain_bringup.options import EPISODES_KEY, NAMESPACE_KEY
 from sain_core.cli.terminal import FittingTable
 from sain_core.storage import write_json
 from sain_eval.episode import EpisodeRecord
 from sain_eval.scenes.scenarios import draw_scene
+
+NAMESPACE_KEY: Final = "namespace"  # of a bag's custom data: of the graph that made it
+EPISODES_KEY: Final = "episodes"  # of a bag's custom data: "scenario:seed scenario:seed ..."
 
 EpisodeSummary = dict[str, Any]
 

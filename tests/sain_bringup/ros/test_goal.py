@@ -1,4 +1,4 @@
-"""What a person reads who gives a goal to a planner that is not there, or not yet able to plan."""
+"""Goals that are asked for; and what a person reads where no planner is there, or able to plan."""
 
 from io import StringIO
 
@@ -7,7 +7,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rich.console import Console
 
 from sain_bringup.ros import goal as module
-from sain_bringup.ros.goal import GoalSender, SilentPlannerError
+from sain_bringup.ros.goal import GoalSender, Options, SilentPlannerError, goal_message
 from sain_core.ros.node_main import ros_context, spin_until
 from sain_interfaces.msg import Goal
 
@@ -19,7 +19,7 @@ def sender(ros_domain):
     with ros_context():
         sender = GoalSender(Console(file=StringIO(), width=80))
         yield sender
-        sender.destroy_node()
+        sender.node.destroy_node()
 
 
 def printed(sender):
@@ -50,10 +50,23 @@ def test_it_says_what_the_planner_waits_for(sender, graph):
     def heard(message):
         status = DiagnosticStatus(name="/sain/mppi_node: planning", message=message)
         publisher.publish(DiagnosticArray(status=[status]))
-        return spin_until(sender, lambda: len(printed(sender)) == 1, 0.5)
+        return spin_until(sender.node, lambda: len(printed(sender)) == 1, 0.5)
 
     sender._line._patience_s = 0.0
     with sender._line:
         assert not heard("goal reached")
         assert heard("waits for the model: compiling 31 of 40 kernels")
     assert printed(sender) == ["the planner waits for the model: compiling 31 of 40 kernels"]
+
+
+def test_a_place_is_that_of_the_target() -> None:
+    goal = goal_message(Options(x=0.6, y=-0.1))
+    assert (goal.x, goal.y, goal.tolerance, goal.max_pushes) == (0.6, -0.1, 0.02, 30)
+    assert not goal.poses
+
+
+def test_a_heading_or_a_body_makes_it_a_pose() -> None:
+    (pose,) = goal_message(Options(x=0.6, y=0.1, heading=1.0)).poses
+    assert (pose.body, pose.heading, pose.has_heading) == (1, 1.0, True)
+    (pose,) = goal_message(Options(x=0.6, y=0.1, body=0)).poses
+    assert (pose.body, pose.has_heading, pose.x) == (0, False, 0.6)

@@ -2,10 +2,14 @@
 
 import shutil
 import sys
-from collections.abc import Callable
+import time
+from collections import Counter
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
+from typing import Annotated, Final
 
+import tyro
 from rich.console import Console
 
 from sain_bags.bag.metadata import describe_recording
@@ -14,43 +18,141 @@ from sain_bringup.graph import (
     MODEL,
     PLANNER,
     RECORDER,
+    RECORDINGS,
     SIMULATOR,
+    GraphOptions,
     graph_commands,
     restart_command,
     ros_arguments,
 )
 from sain_bringup.interrupts import Interrupts, Stopped
-from sain_bringup.options import (
-    EPISODES_KEY,
-    NAMESPACE_KEY,
-    ClosedLoopOptions,
-    describe,
-    episode_plans,
-    make_output_folder,
-)
 from sain_bringup.processes import UNHURRIED, Supervisor
-from sain_bringup.ros.director import Director
-from sain_core.errors import SainError
+from sain_bringup.report import EPISODES_KEY, NAMESPACE_KEY
+from sain_core.config import Config, option
+from sain_core.errors import OutputError, SainError
+from sain_core.observation import ObservationConfig, changed_settings
 from sain_core.provenance import provenance
-from sain_core.ros.node_main import ros_context
-from sain_eval.scenes.scenarios import draw_scene
+from sain_core.shapes.shape import BOTTOMS, FEET
+from sain_core.storage import make_folder
+from sain_eval.scenes.scenarios import OFFERED, SCENARIOS, draw_scene
 from sain_model.compute.kernel_store import (
     compile_kernels,
     describe_compilation,
     describe_progress,
     kernels_are_ready,
 )
+from sain_sim.world.engines import BULLET, DEFAULT_ENGINE, ENGINE_HELP
 
+DEMO: Final = (("anywhere", 3), ("paper", 1), ("push_t", 1))
 BAG: Final = "bag"  # folder of the recording
 
 
-def run(options: ClosedLoopOptions, console: Console) -> int:
+@dataclass(frozen=True)
+class Options(Config):
+    """Run the closed loop on the whole graph: simulator, model, planner and recorder.
+
+    Starts the four as separate processes, plays episodes, and writes a recording, a top view
+    of each episode, a moving picture and a summary. Without options it plays the demo: three
+    `anywhere` episodes, one `paper` and one `push_t` episode, each to 2 cm.
+    """
+
+    episodes: Annotated[int | None, tyro.conf.arg(metavar="N")] = option(
+        None, "episodes to play; by default 1 of a chosen scenario", minimum=1
+    )
+    scenario: str | None = option(
+        None,
+        f"one of {', '.join(SCENARIOS)}, or of an installed package; by default those of the demo",
+    )
+    seed: int = option(0, "seed of the first episode; the next one has the next seed", minimum=0)
+    tolerance: float = option(
+        0.02,
+        "largest distance from the goal that counts as reached",
+        unit="m",
+        minimum=1e-4,
+        maximum=0.2,
+    )
+    engine: str = option(DEFAULT_ENGINE, ENGINE_HELP)
+    bottom: str = option(
+        FEET, "what bodies stand on: three feet, or a flat bottom", choices=BOTTOMS
+    )
+    model: str = option("sain", "name of a model (sain, planar, identity) or path of a checkpoint")
+    belief: str = option(
+        "", "file of `sain_model identify`, with which each episode begins; empty: none"
+    )
+    camera: Annotated[ObservationConfig, tyro.conf.arg(name="")] = ObservationConfig()
+    out: Path | None = option(
+        None, "folder to make for the results; by default bags/closed_loop-<date>-<time>"
+    )
+    gui: bool = option(False, "show the simulator's window, in real time")
+    video: bool = option(True, "render the moving picture at the end")
+    params_file: Path | None = option(
+        None, "ROS parameters for the nodes (YAML), on top of their defaults"
+    )
+    timeout: float = option(
+        60.0,
+        "longest wait for the graph to start, or for an event in an episode",
+        unit="s",
+        minimum=0.1,
+    )
+
+    def __post_init__(self) -> None:
+        """Check the fields, the model's name, the scenario and the file of parameters."""
+        super().__post_init__()
+        if self.scenario is not None:
+            OFFERED.check(self.scenario)
+        self.graph(None)  # which checks what concerns the graph
+
+    def graph(self, bag: Path | None) -> GraphOptions:
+        """Return the options of the graph that records to a folder."""
+        return GraphOptions(
+            engine=self.engine,
+            bottom=self.bottom,
+            model=self.model,
+            belief=self.belief,
+            seed=self.seed,
+            camera=self.camera,
+            gui=self.gui,
+            params_file=self.params_file,
+            bag=bag,
+        )
+
+
+@dataclass(frozen=True)
+class EpisodePlan:
+    """One episode to play."""
+
+    scenario: str
+    seed: int
+
+
+def episode_plans(options: Options) -> tuple[EpisodePlan, ...]:
+    """Return the episodes to play."""
+    if options.scenario is None and options.episodes is None:
+        wanted = [name for name, count in DEMO for _ in range(count)]
+    else:
+        wanted = [options.scenario or DEMO[0][0]] * (options.episodes or 1)
+    return tuple(EpisodePlan(name, options.seed + number) for number, name in enumerate(wanted))
+
+
+def describe(plans: Sequence[EpisodePlan], options: Options) -> str:
+    """Return in a few words what is going to be played."""
+    counts = Counter(plan.scenario for plan in plans)
+    what = ", ".join(f"{count} × {name}" for name, count in counts.items())
+    engine = "" if options.engine == BULLET else f" in {options.engine}"
+    engine += "" if options.bottom == FEET else f" on {options.bottom} bottoms"
+    seen = "".join(f", {name} {value}" for name, value in changed_settings(options.camera).items())
+    return f"{what}, to {1e3 * options.tolerance:g} mm, with {options.model}{engine}{seen}"
+
+
+def run(options: Options, console: Console) -> int:
     """Play the episodes and write the results; return 0 if all reached the goal.
 
     Raises:
         SainError: an output that cannot be written, or a graph that broke. No process is left
             behind, and what was recorded is whole, or the error says how it becomes so.
     """
+    from sain_core.ros.node_main import ros_context
+
     interrupts, display = Interrupts(), Display(console)
     folder = make_output_folder(options)
     try:
@@ -64,6 +166,18 @@ def run(options: ClosedLoopOptions, console: Console) -> int:
         raise SainError(f"{error}\n{what_is_left(folder, display.begun)}") from error
 
 
+def make_output_folder(options: Options) -> Path:
+    """Make the folder for the results, and show that it can be written.
+
+    Raises:
+        OutputError: it exists and is not empty, or cannot be written.
+    """
+    folder = options.out or RECORDINGS / time.strftime("closed_loop-%Y%m%d-%H%M%S")
+    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+        raise OutputError(f"{folder} exists; results are never overwritten, choose another --out")
+    return make_folder(folder)
+
+
 def what_is_left(folder: Path, episodes: int) -> str:
     """Return what became of the results of a run that failed; without an episode there are none."""
     if episodes:
@@ -73,7 +187,7 @@ def what_is_left(folder: Path, episodes: int) -> str:
 
 
 def play_and_report(
-    options: ClosedLoopOptions, folder: Path, display: Display, interrupts: Interrupts
+    options: Options, folder: Path, display: Display, interrupts: Interrupts
 ) -> bool:
     """Play the episodes and write the results; return whether all reached the goal."""
     display.headline(describe(episode_plans(options), options), folder)
@@ -103,13 +217,15 @@ def compile_first(display: Display) -> None:
 
 
 def play(
-    options: ClosedLoopOptions,
+    options: Options,
     folder: Path,
     supervisor: Supervisor,
     display: Display,
     check: Callable[[], None],
 ) -> None:
     """Start the graph and play all episodes on it, checking again and again."""
+    from sain_bringup.ros.director import Director
+
     plans = episode_plans(options)
     with display.stage("starting the graph", "simulator, model, planner and recorder are up"):
         director = Director(check, options.timeout, supervisor)
@@ -129,7 +245,7 @@ def play(
         )
     for number, plan in enumerate(plans, start=1):
         case = draw_scene(plan.scenario, plan.seed)
-        with display.episode(number, len(plans), plan) as view:
+        with display.episode(number, len(plans), f"{plan.scenario} {plan.seed}") as view:
             director.play(case, options.tolerance, view)
 
 

@@ -3,56 +3,90 @@
 import math
 import time
 from collections.abc import Callable
-from typing import Any, Final
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated, Any, Final
 
-from diagnostic_msgs.msg import DiagnosticArray
-from rclpy.action import ActionClient
-from rclpy.node import Node
+import tyro
 from rich.console import Console
 from rich.markup import escape
 
-from sain_bringup.options import GoalOptions
 from sain_core.cli.terminal import WaitingLine
+from sain_core.config import Config, option
 from sain_core.errors import ErrorCode, SainError
-from sain_core.ros.diagnostics import node_of
 from sain_core.ros.ending import release
-from sain_core.ros.node_main import NAMESPACE, ros_context, spin_until
-from sain_core.ros.qos import RELIABLE
-from sain_interfaces.action import Reach
-from sain_interfaces.msg import Goal, GoalPose, Plan
 from sain_model.compute.kernel_store import describe_compilation
+
+if TYPE_CHECKING:
+    from diagnostic_msgs.msg import DiagnosticArray
+
+    from sain_interfaces.action import Reach
+    from sain_interfaces.msg import Goal
 
 NOT_REACHED: Final = 1
 PATIENCE: Final = 1.0  # [s] before a line says what is waited for
 LOOK: Final = 0.25  # [s] between looks how far that is
 WAITS: Final = "waits for"  # begins what a planner says that cannot plan yet
-ENDINGS: Final = {Plan.EXHAUSTED: "all pushes were sent", Plan.NO_PUSH: "no push is left to try"}
+
+
+@dataclass(frozen=True)
+class Options(Config):
+    """Give the planner a goal, print each push on the way, and how it ended.
+
+    The place is that of the target, body 1, or that of `--body`. Ctrl-C cancels the goal. Exits
+    with 0 when it was reached, and otherwise with the error code or 1.
+    """
+
+    x: Annotated[float, tyro.conf.Positional, tyro.conf.arg(metavar="X")] = option(
+        0.6, "where to, along +x", unit="m"
+    )
+    y: Annotated[float, tyro.conf.Positional, tyro.conf.arg(metavar="Y")] = option(
+        0.0, "where to, along +y", unit="m"
+    )
+    heading: float | None = option(None, "of the body; by default any will do", unit="rad")
+    body: int | None = option(
+        None, "body to bring there, as counted in the scene", minimum=0, maximum=2**32 - 1
+    )
+    tolerance: float = option(
+        0.02, "largest distance that counts as reached", unit="m", minimum=1e-4, maximum=0.2
+    )
+    max_pushes: int = option(30, "pushes after which to give up; 0: never", minimum=0)
+    timeout: float = option(10.0, "longest wait for the planner", unit="s", minimum=0.0)
 
 
 class SilentPlannerError(SainError):
     """The planner does not answer."""
 
 
-class GoalSender(Node):
+class GoalSender:
     """Sends one goal by the action, and prints what the planner says."""
 
     def __init__(self, console: Console) -> None:
         """Look for the planner."""
-        super().__init__("goal", namespace=NAMESPACE)
+        from diagnostic_msgs.msg import DiagnosticArray
+        from rclpy.action import ActionClient
+        from rclpy.node import Node
+
+        from sain_core.ros.node_main import NAMESPACE
+        from sain_core.ros.qos import RELIABLE
+        from sain_interfaces.action import Reach
+
+        self.node = Node("goal", namespace=NAMESPACE)
         self._console = console
-        self._client = ActionClient(self, Reach, "reach")
-        self._planner = self.resolve_topic_name("mppi_node")
+        self._client = ActionClient(self.node, Reach, "reach")
+        self._planner = self.node.resolve_topic_name("mppi_node")
         self._line = WaitingLine(console, PATIENCE)
         told = self._on_diagnostics
-        self.create_subscription(DiagnosticArray, "/diagnostics", told, RELIABLE)
+        self.node.create_subscription(DiagnosticArray, "/diagnostics", told, RELIABLE)
 
-    def send(self, goal: Goal, timeout_s: float) -> Any:
+    def send(self, goal: "Goal", timeout_s: float) -> Any:
         """Send a goal; return its handle.
 
         Raises:
             SilentPlannerError: no planner, or no answer in time.
         """
-        where = self.resolve_topic_name("reach")
+        from sain_interfaces.action import Reach
+
+        where = self.node.resolve_topic_name("reach")
         waited = f"(waited {timeout_s:g} s)"
         if not self._wait(self._client.server_is_ready, timeout_s, f"a planner on {where}"):
             raise SilentPlannerError(f"no planner on {where} {waited}; start mppi_node")
@@ -63,9 +97,11 @@ class GoalSender(Node):
 
     def _wait(self, done: Callable[[], bool], timeout_s: float, what: str) -> bool:
         """Wait, and show for what; tell whether it came. Time for compiling kernels is extra."""
+        from sain_core.ros.node_main import spin_until
+
         end = time.monotonic() + timeout_s
         with self._line:
-            while not spin_until(self, done, LOOK):
+            while not spin_until(self.node, done, LOOK):
                 if compilation := describe_compilation():
                     end = time.monotonic() + timeout_s
                 elif time.monotonic() >= end:
@@ -74,20 +110,24 @@ class GoalSender(Node):
                 self._line.say(f"waiting for {what}{more}")
         return True
 
-    def result(self, handle: Any) -> Reach.Result:
+    def result(self, handle: Any) -> "Reach.Result":
         """Wait for the end of a goal; Ctrl-C cancels it."""
+        from sain_core.ros.node_main import spin_until
+
         ended = handle.get_result_async()
         try:
             with self._line:
-                spin_until(self, ended.done, math.inf)
+                spin_until(self.node, ended.done, math.inf)
         except KeyboardInterrupt:
             self._console.print("cancelled; a push that is under way is executed to its end")
             handle.cancel_goal_async()
-            spin_until(self, ended.done, math.inf)
+            spin_until(self.node, ended.done, math.inf)
         return ended.result().result
 
-    def _on_diagnostics(self, message: DiagnosticArray) -> None:
+    def _on_diagnostics(self, message: "DiagnosticArray") -> None:
         """Show what the planner waits for, or that it does not."""
+        from sain_core.ros.diagnostics import node_of
+
         for status in message.status:
             if node_of(status) == self._planner:
                 waits = status.message.startswith(WAITS)
@@ -100,8 +140,10 @@ class GoalSender(Node):
         self._console.print(f"push {told.pushes} from {place}{turn} to the goal", highlight=False)
 
 
-def goal_message(options: GoalOptions) -> Goal:
+def goal_message(options: Options) -> "Goal":
     """Return the goal that the options ask for."""
+    from sain_interfaces.msg import Goal, GoalPose
+
     goal = Goal(
         x=options.x, y=options.y, tolerance=options.tolerance, max_pushes=options.max_pushes
     )
@@ -114,20 +156,24 @@ def goal_message(options: GoalOptions) -> Goal:
     return goal
 
 
-def run(options: GoalOptions, console: Console) -> int:
+def run(options: Options, console: Console) -> int:
     """Send the goal, follow it to its end, and return the exit code."""
+    from sain_core.ros.node_main import ros_context
+    from sain_interfaces.msg import Plan
+
+    endings = {Plan.EXHAUSTED: "all pushes were sent", Plan.NO_PUSH: "no push is left to try"}
     with ros_context():
         sender = GoalSender(console)
         try:
             result = sender.result(sender.send(goal_message(options), options.timeout))
         finally:
-            release(sender)
+            release(sender.node)
     count = f"{result.pushes} push{'' if result.pushes == 1 else 'es'}"
     where = f"{1e3 * result.goal_distance:.1f} mm"
     if result.status == Plan.REACHED:
         console.print(f"[green]reached[/] with {count}, {where} from the goal", highlight=False)
         return 0
-    why = result.error_message or ENDINGS.get(result.status, "the planner gave up")
+    why = result.error_message or endings.get(result.status, "the planner gave up")
     after = f"; {count}, {where} away" if result.pushes else ""
     console.print(f"[red]not reached[/]: {escape(why)}{after}", highlight=False, soft_wrap=True)
     code = int(result.error_code)

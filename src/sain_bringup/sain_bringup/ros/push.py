@@ -1,59 +1,89 @@
 """``ros2 run sain_bringup push``: one push by hand, and what became of it."""
 
 from collections.abc import Callable, Sequence
-from typing import Final
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from rclpy.node import Node
 from rich.console import Console
 from rich.markup import escape
 
-from sain_bringup.options import PushOptions
 from sain_core.cli.terminal import FittingTable
+from sain_core.config import Config, option
 from sain_core.errors import ErrorCode, SainError
-from sain_core.push import make_push, push_ids
-from sain_core.ros.codec import encode_push
+from sain_core.push import DEFAULT_SPEED, make_push, push_ids
 from sain_core.ros.ending import release
-from sain_core.ros.node_main import NAMESPACE, ros_context, spin_until
-from sain_core.ros.qos import LATCHED, RELIABLE
 from sain_core.scene import POSITION, THETA
 from sain_core.shapes.solids import DISK
 from sain_core.types import PushArray
 from sain_core.wire import decode_disks
-from sain_interfaces.msg import Bodies, Push, PushResult, Scene
+
+if TYPE_CHECKING:
+    from sain_interfaces.msg import Bodies, PushResult, Scene
 
 DISK_NAMES: Final = ("mid disk", "target")
+
+
+@dataclass(frozen=True)
+class Options(Config):
+    """Send one push to the simulator and print what became of it.
+
+    Exits with 0 when the push was carried out, and with the error code of the refusal when not.
+    """
+
+    location: float = option(
+        0.0,
+        "where the tool touches: of a disk the heading from there to its centre, 0: along +x; of"
+        " another body 2 pi times the share of its outline",
+        unit="rad",
+    )
+    angle: float = option(
+        0.0, "direction of travel relative to straight inward, -pi/4 to pi/4", unit="rad"
+    )
+    length: float = option(0.1, "travel of the tool, 0 to 0.15", unit="m")
+    speed: float = option(DEFAULT_SPEED, "of the tool, 0.01 to 0.5", unit="m/s")
+    body: int = option(0, "body to push, as counted in the scene", minimum=0, maximum=2**32 - 1)
+    timeout: float = option(10.0, "longest wait for the simulator", unit="s", minimum=0.0)
 
 
 class SilentSimulatorError(SainError):
     """The simulator does not answer."""
 
 
-class PushSender(Node):
+class PushSender:
     """Sends one push from the scene that it sees."""
 
     def __init__(self, timeout_s: float) -> None:
         """Listen to the simulator."""
-        super().__init__("push", namespace=NAMESPACE)
+        from rclpy.node import Node
+
+        from sain_core.ros.node_main import NAMESPACE
+        from sain_core.ros.qos import LATCHED, RELIABLE
+        from sain_interfaces.msg import Bodies, Push, PushResult, Scene
+
+        self.node = Node("push", namespace=NAMESPACE)
         self._timeout_s = timeout_s
         self._push_id = next(push_ids())
-        self._scene: Scene | None = None
-        self._result: PushResult | None = None
+        self._scene: "Scene | None" = None
+        self._result: "PushResult | None" = None
         self.shapes: tuple[str, ...] = ()  # of the bodies, where the simulator states them
-        self._publisher = self.create_publisher(Push, "push", RELIABLE)
-        self.create_subscription(Scene, "scene", self._on_scene, RELIABLE)
-        self.create_subscription(PushResult, "push_result", self._on_result, RELIABLE)
-        self.create_subscription(Bodies, "shapes", self._on_bodies, LATCHED)
+        self._publisher = self.node.create_publisher(Push, "push", RELIABLE)
+        self.node.create_subscription(Scene, "scene", self._on_scene, RELIABLE)
+        self.node.create_subscription(PushResult, "push_result", self._on_result, RELIABLE)
+        self.node.create_subscription(Bodies, "shapes", self._on_bodies, LATCHED)
 
-    def send(self, push: PushArray) -> PushResult:
+    def send(self, push: PushArray) -> "PushResult":
         """Send a push from the next settled scene and return its result.
 
         Raises:
             SilentSimulatorError: no simulator, or no answer in time.
         """
+        from sain_core.ros.codec import encode_push
+
+        topic = self.node.resolve_topic_name("scene")
         self._wait(
             lambda: self._scene is not None and self._publisher.get_subscription_count() > 0,
-            f"no settled scene on {self.resolve_topic_name('scene')}; is the simulator running?",
+            f"no settled scene on {topic}; is the simulator running?",
         )
         assert self._scene is not None
         message = encode_push(
@@ -62,28 +92,30 @@ class PushSender(Node):
             push_id=self._push_id,
             episode_id=self._scene.episode_id,
             scene_id=self._scene.scene_id,
-            source=self.get_fully_qualified_name(),
+            source=self.node.get_fully_qualified_name(),
         )
         self._publisher.publish(message)
         self._wait(lambda: self._result is not None, "the simulator did not answer the push")
         return self._result
 
     def _wait(self, done: Callable[[], bool], problem: str) -> None:
-        if not spin_until(self, done, self._timeout_s):
+        from sain_core.ros.node_main import spin_until
+
+        if not spin_until(self.node, done, self._timeout_s):
             raise SilentSimulatorError(f"{problem} (waited {self._timeout_s:g} s)")
 
-    def _on_scene(self, message: Scene) -> None:
+    def _on_scene(self, message: "Scene") -> None:
         self._scene = message if message.settled else None
 
-    def _on_bodies(self, message: Bodies) -> None:
+    def _on_bodies(self, message: "Bodies") -> None:
         self.shapes = tuple(body.name for body in message.bodies)
 
-    def _on_result(self, message: PushResult) -> None:
+    def _on_result(self, message: "PushResult") -> None:
         if message.push_id == self._push_id:
             self._result = message
 
 
-def show(result: PushResult, console: Console, shapes: Sequence[str] = ()) -> None:
+def show(result: "PushResult", console: Console, shapes: Sequence[str] = ()) -> None:
     """Print what became of a push; bodies are named by their shapes where these are not disks."""
     push = f"push {result.push_id} of episode {result.episode_id}"
     if result.error_code != ErrorCode.OK:
@@ -106,8 +138,10 @@ def show(result: PushResult, console: Console, shapes: Sequence[str] = ()) -> No
     console.print(table, soft_wrap=True)
 
 
-def run(options: PushOptions, console: Console) -> int:
+def run(options: Options, console: Console) -> int:
     """Send the push, print what became of it, and return the exit code."""
+    from sain_core.ros.node_main import ros_context
+
     with ros_context():
         sender = PushSender(options.timeout)
         try:
@@ -115,6 +149,6 @@ def run(options: PushOptions, console: Console) -> int:
             push = make_push(*path, body=options.body, speed=options.speed)
             result = sender.send(push)
         finally:
-            release(sender)
+            release(sender.node)
     show(result, console, sender.shapes)
     return 0 if result.error_code == ErrorCode.OK else int(result.error_code) or 1

@@ -1,25 +1,40 @@
 """``ros2 run sain_bringup reset``: another episode, and where its bodies are."""
 
-from typing import Final
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final
 
-from rclpy.node import Node
 from rich.console import Console
 from rich.markup import escape
 
-from sain_bringup.options import ResetOptions
 from sain_bringup.ros.push import SilentSimulatorError
+from sain_core.config import Config, option
 from sain_core.errors import ErrorCode
 from sain_core.ros.ending import release
-from sain_core.ros.node_main import NAMESPACE, ros_context, spin_until
 from sain_core.scene import POSITION
 from sain_core.wire import decode_disks
-from sain_interfaces.srv import ResetScene
+
+if TYPE_CHECKING:
+    from rclpy.node import Node
+
+    from sain_interfaces.srv import ResetScene
 
 SERVICE: Final = "reset_scene"
 
 
-def run(options: ResetOptions, console: Console) -> int:
+@dataclass(frozen=True)
+class Options(Config):
+    """Begin another episode in the simulator, and print where its bodies are."""
+
+    seed: int = option(0, "of the episode", minimum=0, maximum=2**32 - 1)
+    timeout: float = option(10.0, "longest wait for the simulator", unit="s", minimum=0.0)
+
+
+def run(options: Options, console: Console) -> int:
     """Reset the scene, print what came of it, and return the exit code."""
+    from rclpy.node import Node
+
+    from sain_core.ros.node_main import NAMESPACE, ros_context
+
     with ros_context():
         node = Node("reset", namespace=NAMESPACE)
         try:
@@ -35,7 +50,10 @@ def run(options: ResetOptions, console: Console) -> int:
     return 0
 
 
-def _reset(node: Node, options: ResetOptions) -> ResetScene.Response:
+def _reset(node: "Node", options: Options) -> "ResetScene.Response":
+    from sain_core.ros.node_main import spin_until
+    from sain_interfaces.srv import ResetScene
+
     client = node.create_client(ResetScene, SERVICE)
     name = node.resolve_service_name(SERVICE)
     if not client.wait_for_service(options.timeout):

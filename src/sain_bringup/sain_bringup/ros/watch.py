@@ -4,19 +4,20 @@ import sys
 import time
 from array import array
 from collections.abc import Collection, Iterator
+from dataclasses import dataclass
 from difflib import get_close_matches
 from importlib import import_module
-from typing import Any, Final
+from typing import TYPE_CHECKING, Annotated, Any, Final
 
-import rclpy
-from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+import tyro
 from rich.console import Console
 
-from sain_bringup.options import WatchOptions
+from sain_core.config import Config, option
 from sain_core.errors import ConfigError
 from sain_core.ros.ending import release
-from sain_core.ros.node_main import NAMESPACE, SPIN, ros_context
+
+if TYPE_CHECKING:
+    from rclpy.qos import QoSProfile
 
 PROGRAM: Final = "ros2 run sain_bringup watch"
 QUIET: Final = 1.0  # [s] without a new topic: all are seen
@@ -24,17 +25,40 @@ ALIKE: Final = 0.8  # of the letters: a slip, and no other topic of the graph
 SHOWN: Final = 12  # numbers of an array
 
 
-class Watcher(Node):
+@dataclass(frozen=True)
+class Options(Config):
+    """Print the messages of a topic, or list the topics when none is given."""
+
+    topic: Annotated[str, tyro.conf.Positional] = option(
+        "", "for example scene, push_result or /clock"
+    )
+    count: int = option(0, "end after so many messages; 0: at Ctrl-C", minimum=0)
+    timeout: float = option(10.0, "longest wait for topics to appear", unit="s", minimum=0.0)
+
+
+class Watcher:
     """Observes the graph and publishes nothing."""
 
     def __init__(self) -> None:
         """Join the graph."""
-        super().__init__("watch", namespace=NAMESPACE)
+        from rclpy.node import Node
+
+        from sain_core.ros.node_main import NAMESPACE
+
+        self.node = Node("watch", namespace=NAMESPACE)
         self.received = 0
+
+    def spin(self) -> None:
+        """Take what comes within a moment."""
+        import rclpy
+
+        from sain_core.ros.node_main import SPIN
+
+        rclpy.spin_once(self.node, timeout_sec=SPIN)
 
     def topics(self) -> dict[str, str]:
         """Return the type of each topic that is seen by now."""
-        found = self.get_topic_names_and_types()
+        found = self.node.get_topic_names_and_types()
         return {name: kinds[0] for name, kinds in found}
 
     def all_topics(self, timeout_s: float) -> dict[str, str]:
@@ -48,10 +72,10 @@ class Watcher(Node):
         """
         deadline = time.monotonic() + timeout_s
         seen, since = self.topics(), time.monotonic()
-        while (alone := len(self.get_node_names()) < 2) or time.monotonic() - since < QUIET:
+        while (alone := len(self.node.get_node_names()) < 2) or time.monotonic() - since < QUIET:
             if alone and time.monotonic() > deadline:
                 raise ConfigError(f"no other node in {timeout_s:g} s; is anything running?")
-            rclpy.spin_once(self, timeout_sec=SPIN)
+            self.spin()
             if (topics := self.topics()).keys() != seen.keys() or alone:
                 seen, since = topics, time.monotonic()
         return seen
@@ -64,19 +88,19 @@ class Watcher(Node):
         Raises:
             ConfigError: nobody publishes it.
         """
-        name = self.resolve_topic_name(topic)
+        name = self.node.resolve_topic_name(topic)
         deadline = time.monotonic() + timeout_s
         seen, since = self.topics(), time.monotonic()
-        while not (publishers := self.get_publishers_info_by_topic(name)):
+        while not (publishers := self.node.get_publishers_info_by_topic(name)):
             misspelt = time.monotonic() - since > QUIET and is_misspelt(name, seen)
             if misspelt or time.monotonic() > deadline:
                 raise ConfigError(self._unknown(name))
-            rclpy.spin_once(self, timeout_sec=SPIN)
+            self.spin()
             if (topics := self.topics()).keys() != seen.keys():
                 seen, since = topics, time.monotonic()
         qos = matching_qos([publisher.qos_profile for publisher in publishers])
         kind = message_class(publishers[0].topic_type)
-        self.create_subscription(kind, name, self._on_message, qos)
+        self.node.create_subscription(kind, name, self._on_message, qos)
 
     def _unknown(self, name: str) -> str:
         topics = sorted(topic for topic in self.topics() if topic != name)
@@ -101,8 +125,10 @@ def is_misspelt(name: str, topics: Collection[str]) -> bool:
     return bool(get_close_matches(own, others, n=1, cutoff=ALIKE))
 
 
-def matching_qos(offered: list[QoSProfile]) -> QoSProfile:
+def matching_qos(offered: "list[QoSProfile]") -> "QoSProfile":
     """Return a profile that gets all that these publishers give."""
+    from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+
     latched = all(qos.durability == DurabilityPolicy.TRANSIENT_LOCAL for qos in offered)
     reliable = all(qos.reliability == ReliabilityPolicy.RELIABLE for qos in offered)
     return QoSProfile(
@@ -152,8 +178,10 @@ def _plain(value: Any) -> str:
     return str(value)
 
 
-def run(options: WatchOptions, console: Console) -> None:
+def run(options: Options, console: Console) -> None:
     """List the topics, or watch one until its messages have come or Ctrl-C."""
+    from sain_core.ros.node_main import ros_context
+
     with ros_context():
         watcher = Watcher()
         try:
@@ -163,8 +191,8 @@ def run(options: WatchOptions, console: Console) -> None:
                 return
             watcher.watch(options.topic, options.timeout)
             while not options.count or watcher.received < options.count:
-                rclpy.spin_once(watcher, timeout_sec=SPIN)
+                watcher.spin()
         except KeyboardInterrupt:
             pass  # the usual end
         finally:
-            release(watcher)
+            release(watcher.node)

@@ -147,7 +147,6 @@ class Command:
 
     name: str
     module: str
-    work: str = ""
     resumes: str = ""
     ros: bool = False
     prefixes: bool = False
@@ -161,7 +160,7 @@ class Command:
     @property
     def needs_ros(self) -> bool:
         """Whether it does nothing without ROS 2."""
-        return self.ros or (self.work or self.module).startswith("ros.")
+        return self.ros or self.module.startswith("ros.")
 
     @property
     def summary(self) -> str:
@@ -170,9 +169,6 @@ class Command:
 
     def options(self, arguments: Sequence[str] = ()) -> type:
         """Return the dataclass of its options, with the defaults that these arguments ask for."""
-        if self.work:
-            kind = load(self.name, self.module)
-            return kind if isinstance(kind, type) else kind(list(arguments))
         if hasattr(self.file, "options"):
             return self.file.options(arguments)
         return get_type_hints(self.file.run)["options"]
@@ -180,7 +176,7 @@ class Command:
     @property
     def file(self) -> Any:
         """Its file as a module."""
-        return load(self.name, self.module.partition(":")[0])
+        return load(self.name, self.module)
 
     def __call__(self, arguments: list[str] | None = None, program: str = "") -> int:
         """Run it with these arguments, or those of the process; return its exit code.
@@ -203,7 +199,7 @@ class Command:
                     check_host()
             except SainError as error:
                 return self._fail(error, WRONG_USAGE if isinstance(error, ConfigError) else 1)
-            work = load(self.name, self.work) if self.work else self.file.run
+            work = self.file.run
         with interrupts_after_imports(arguments is None, work):
             return self._run(work, options)
 
