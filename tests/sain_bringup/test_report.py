@@ -16,8 +16,7 @@ from sain_bags.transitions.recorded_pushes import PlanRecord, RecordedPush
 from sain_bringup import movie
 from sain_bringup.display import Display, EpisodeView
 from sain_bringup.movie import Film, Moment, MovieConfig, Scenery, choose_moments, encode_gif
-from sain_bringup.report import PlayedEpisode, summary_table
-from sain_bringup.results import choose_episode, draw_pictures
+from sain_bringup.report import PlayedEpisode, choose_episode, draw_pictures, summary_table
 from sain_core.goal import Goal, Judgement
 from sain_core.push import idle_pushes, make_push
 from sain_core.scene import make_scene

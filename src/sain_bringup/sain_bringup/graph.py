@@ -31,6 +31,8 @@ from sain_sim.world.engines import DEFAULT_ENGINE, ENGINE_HELP, check_engine
 
 NAMESPACE: Final = "sain"  # as `sain_core.ros.node_main` has it, which needs rclpy
 RECORDINGS: Final = Path("bags")
+NAMESPACE_KEY: Final = "namespace"  # of a bag's custom data: of the graph that made it
+EPISODES_KEY: Final = "episodes"  # of a bag's custom data: "scenario:seed scenario:seed ..."
 ELSEWHERE: Final = "elsewhere"  # the robot that is started by somebody else
 SIMULATOR: Final = "simulator"
 ROBOT: Final = "robot"

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from sain_bags.cli.to_dataset import histograms
 from sain_bags.dataset.bag_rows import BagJob, BagRunner, RowsConfig
-from sain_bags.dataset.card_picture import histograms
 from sain_bags.dataset.conversion import ConversionConfig, Converted, convert
 from sain_core.dataset import RECORDED, Column
 from sain_core.errors import ConfigError, DatasetError

@@ -15,7 +15,9 @@ from rich.console import Console
 from sain_bags.bag.metadata import describe_recording
 from sain_bringup.display import Display
 from sain_bringup.graph import (
+    EPISODES_KEY,
     MODEL,
+    NAMESPACE_KEY,
     PLANNER,
     RECORDER,
     RECORDINGS,
@@ -27,7 +29,6 @@ from sain_bringup.graph import (
 )
 from sain_bringup.interrupts import Interrupts, Stopped
 from sain_bringup.processes import UNHURRIED, Supervisor
-from sain_bringup.report import EPISODES_KEY, NAMESPACE_KEY
 from sain_core.config import Config, option
 from sain_core.errors import OutputError, SainError
 from sain_core.observation import ObservationConfig, changed_settings
@@ -203,7 +204,7 @@ def play_and_report(
         with display.stage("closing the recording", "graph stopped, recording closed"):
             supervisor.close_files(UNHURRIED.interrupt)
             supervisor.stop(UNHURRIED)
-    from sain_bringup.results import write_results  # loads what the start need not wait for
+    from sain_bringup.report import write_results  # loads what the start need not wait for
 
     return write_results(folder, options.video, display)
 
