@@ -17,7 +17,7 @@ from sain_model.data.dataset import load_dataset
 from sain_model.dynamics.load import load_shipped
 from sain_model.evaluation.errors import DEG, MM, PUSHED, TARGETS, evaluate
 from sain_model.evaluation.predictors import PRIOR_HISTORY, SAIN, SAIN_HISTORY
-from sain_pusht.evaluation import PushtJob, make_work, pusht_row
+from sain_pusht.evaluation import WORK, PushtJob, pusht_row
 from sain_sim.world.effects import ROUGH
 from sain_sim.world.engines import MUJOCO
 from sain_sim.world.truth import RANDOMISED_TRUTH, TruthConfig
@@ -151,7 +151,7 @@ def measure() -> list[Gate]:
     more = shipped["successes"] - planar["successes"]
     gates.append(Gate("rough, anywhere: SAIN - planar", more, "scenes", "-8 of 100", at_least=0))
     strokes = [PushtJob(seed, "pusht") for seed in PUSHT]
-    with closing(run_on(make_work(), strokes, WORKERS)) as played:
+    with closing(run_on(WORK, strokes, WORKERS)) as played:
         row = pusht_row([record for done in played for record in done])
     gates += _gates("gym-pusht", row, "500/500, 3.3")
     return gates

@@ -17,7 +17,7 @@ from sain_bringup.graph import (
     ros_arguments,
 )
 from sain_bringup.live import LiveOptions
-from sain_bringup.ros.closed_loop import Options
+from sain_bringup.ros.closed_loop import ClosedLoopOptions
 from sain_core.errors import ConfigError
 from sain_core.observation import ObservationConfig
 
@@ -41,7 +41,7 @@ def prefix(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def test_commands_say_it_all(prefix: Path, tmp_path: Path) -> None:
     parameters = tmp_path / "p.yaml"
     parameters.write_text("mppi_node: {ros__parameters: {}}")
-    played = Options(model="planar", seed=7, params_file=parameters)
+    played = ClosedLoopOptions(model="planar", seed=7, params_file=parameters)
     options = played.graph(Path("out/bag"))
     about = (["-r", "__ns:=/lab"], tmp_path, {"a": "b c"})
     commands = graph_commands(options, *about)

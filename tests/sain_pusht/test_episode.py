@@ -13,14 +13,14 @@ from sain_core.workers.running import WorkerOptions
 from sain_eval.loop.evaluation import run_on
 from sain_pusht.agent import FEASIBILITY, PLANNER, ToolPlace
 from sain_pusht.block import scene_of
-from sain_pusht.evaluation import PushtJob, PushtRecord, make_work, pusht_row
+from sain_pusht.evaluation import WORK, PushtJob, PushtRecord, pusht_row
 from sain_pusht.world import PushtWorld, make_env
 
 FEW = replace(PLANNER, samples=96)
 
 
 def play(jobs: list[PushtJob], options: WorkerOptions = WorkerOptions()) -> list[PushtRecord]:
-    records = [record for played in run_on(make_work(), jobs, options) for record in played]
+    records = [record for played in run_on(WORK, jobs, options) for record in played]
     return sorted(records, key=lambda record: record.seed)
 
 

@@ -8,7 +8,7 @@ from rich.console import Console
 
 from sain_eval.loop.results_page import read_results, results_page
 from sain_pusht import commands, evaluation
-from sain_pusht.evaluation import Options, PushtRecord, run, write_pusht_results
+from sain_pusht.evaluation import PushtOptions, PushtRecord, run, write_pusht_results
 
 
 def records(model: str) -> list[PushtRecord]:
@@ -45,11 +45,11 @@ def test_the_command_goes_on_and_prints_steps_and_failures(
             played.append(job.seed)
             yield [records(job.model)[job.seed]]
 
-    monkeypatch.setattr("sain_eval.loop.evaluation.run_on", run_on)
+    monkeypatch.setattr(evaluation, "run_on", run_on)
     monkeypatch.setattr(evaluation, "_load", lambda model: None)
     for episodes in (1, 3):
         text = StringIO()
-        options = Options(out=tmp_path, episodes=episodes, film=False)
+        options = PushtOptions(out=tmp_path, episodes=episodes, film=False)
         run(options, Console(file=text, width=200))
     assert played == [0, 1, 2]
     shown = text.getvalue()

@@ -9,7 +9,7 @@ from types import ModuleType
 from typing import Final
 
 from benchmarks.faults.hostile.goods import Goods
-from sain_bringup.ros.closed_loop import Options as ClosedLoopOptions
+from sain_bringup.ros.closed_loop import ClosedLoopOptions
 from sain_core.cli.command_line import Command, load
 from sain_core.errors import SainError
 from sain_model.serving.settings import ServingConfig

@@ -22,6 +22,7 @@ from sain_core.workers.pool import FunctionRunner, Software, Work
 from sain_core.workers.running import WorkerOptions
 from sain_eval.episode import Tolerance
 from sain_eval.loop.closed_loop import EpisodeOutcome
+from sain_eval.loop.evaluation import SOURCES, EpisodeDone, play, run_on
 from sain_eval.loop.results import (
     Journal,
     SceneRecord,
@@ -30,13 +31,20 @@ from sain_eval.loop.results import (
     summarise,
     write_results,
 )
+from sain_eval.loop.tables import (
+    FAILURES_FILE,
+    TABLE_FILE,
+    failures_page,
+    results_table,
+    show_failures,
+    show_summary,
+)
 from sain_eval.scenes.scenario_scene import ScenarioScene
 from sain_mppi.algorithms.config import PlannerConfig
 from sain_pusht.agent import PLANNER, pusht_agent
 from sain_pusht.world import MOST_STEPS, NEAR, TURNED, PushtWorld, make_env, play_pusht
 
 if TYPE_CHECKING:
-    from sain_eval.loop.evaluation import EpisodeDone
     from sain_pusht.model import PushtModel
 
 PACKAGES: Final = ("gym-pusht", "pymunk", "gymnasium", "numpy", "numba", "torch")
@@ -49,7 +57,7 @@ COLOURS: Final = 48
 
 
 @dataclass(frozen=True)
-class Options(WorkerOptions):
+class PushtOptions(WorkerOptions):
     """Play Push-T in gym-pusht: its physics, seeds, steps and measure of success.
 
     The agent is the one that sain_eval's evaluate and mppi_node run. An episode ends when gym-pusht
@@ -92,11 +100,8 @@ class PushtJob:
     picture: Path | None = None
 
 
-def run(options: Options, console: Console) -> None:
+def run(options: PushtOptions, console: Console) -> None:
     """Play what is left, write the results, and print them as tables."""
-    from sain_eval.loop.evaluation import play, run_on
-    from sain_eval.loop.tables import FAILURES_FILE, show_failures, show_summary
-
     with silent_interrupts():  # what is missing should not wait for the first episode
         make_env(MOST_STEPS)
         _load(options.model)
@@ -110,8 +115,7 @@ def run(options: Options, console: Console) -> None:
     ]
     if options.film and jobs:
         jobs[0] = replace(jobs[0], picture=folder / FILM_FILE)
-    played = run_on(make_work(), jobs, options)
-    play(played, len(jobs), journal, Console(stderr=True, soft_wrap=True))
+    play(run_on(WORK, jobs, options), len(jobs), journal, Console(stderr=True, soft_wrap=True))
     wanted = [r for r in journal.records if r.controller == options.model and r.seed in seeds]
     records = sorted(wanted, key=lambda record: record.seed)
     config = {**dataclasses.asdict(options), "out": str(options.out)}
@@ -121,10 +125,8 @@ def run(options: Options, console: Console) -> None:
     show_failures(records, folder / FAILURES_FILE, console)
 
 
-def run_job(job: PushtJob) -> "EpisodeDone[PushtRecord]":
+def run_job(job: PushtJob) -> EpisodeDone[PushtRecord]:
     """Play one episode."""
-    from sain_eval.loop.evaluation import EpisodeDone
-
     models, world = _load(job.model), _world(job.model)
     world.frames = [] if job.picture else None
     agent = pusht_agent(models.model, models.physics, job.planner, world.tool)
@@ -133,15 +135,11 @@ def run_job(job: PushtJob) -> "EpisodeDone[PushtRecord]":
     return EpisodeDone([pusht_record(job, outcome, world)], job.picture, drawn)
 
 
-def make_work() -> "Work[PushtJob, EpisodeDone[PushtRecord]]":
-    """Return what workers do: play episodes."""
-    from sain_eval.loop.evaluation import SOURCES
-
-    return Work(
-        partial(FunctionRunner, run_job),
-        Software((*SOURCES, "sain_pusht"), PACKAGES),
-        lambda job: f"episode {job.seed} of gym-pusht with {job.model}",
-    )
+WORK: Final = Work(
+    partial(FunctionRunner, run_job),
+    Software((*SOURCES, "sain_pusht"), PACKAGES),
+    lambda job: f"episode {job.seed} of gym-pusht with {job.model}",
+)
 
 
 @cache
@@ -204,8 +202,6 @@ def write_pusht_results(
     folder: Path, records: Sequence[PushtRecord], config: dict[str, Any], command: str
 ) -> list[dict[str, Any]]:
     """Write results and tables as `evaluate` does; return the rows of the summary."""
-    from sain_eval.loop.tables import FAILURES_FILE, TABLE_FILE, failures_page, results_table
-
     rows = [pusht_row(records)]
     write_results(folder, records, config, command, PACKAGES, reality=REALITY, summary=rows)
     table = f"{results_table(rows)}\n{steps_text(rows[0])}\n"

@@ -36,7 +36,7 @@ Say = Callable[[str], None]
 
 
 @dataclass(frozen=True)
-class Options(Config):
+class LearnOptions(Config):
     """Learn gym-pusht's physics from pushes made there: prior, then a network on top.
 
     Writes pusht.safetensors and its card, and prints the errors on pushes of other episodes.
@@ -48,7 +48,7 @@ class Options(Config):
     epochs: int = option(40, "passes over the data", minimum=1)
 
 
-def run(options: Options, console: Console) -> None:
+def run(options: LearnOptions, console: Console) -> None:
     """Collect, fit, train, and write ``pusht.safetensors`` with its card into a folder.
 
     The network learns from pushes far from the walls: walls are none of its inputs.

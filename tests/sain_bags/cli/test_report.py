@@ -5,22 +5,22 @@ import subprocess
 import pytest
 from rich.console import Console
 
-from sain_bags.cli.report import Options, default_path, run
+from sain_bags.cli.report import ReportOptions, default_path, run
 from sain_bringup.graph import executable
 from sain_core.errors import DatasetError, OutputError
 
 
 def test_the_page_is_written_beside_the_bag(episode_bag, tmp_path):
     quiet = Console(quiet=True)
-    run(Options(episode_bag), quiet)
+    run(ReportOptions(episode_bag), quiet)
     assert default_path(episode_bag) == tmp_path / "report.html"
     assert (tmp_path / "report.html").read_text(encoding="utf-8").startswith("<!")
     assert not list(tmp_path.glob("*.partial"))
     with pytest.raises(OutputError, match=r"report\.html exists; --overwrite replaces it"):
-        run(Options(episode_bag), quiet)
-    run(Options(episode_bag, overwrite=True), quiet)
+        run(ReportOptions(episode_bag), quiet)
+    run(ReportOptions(episode_bag, overwrite=True), quiet)
     with pytest.raises(OutputError, match="is a folder"):
-        run(Options(episode_bag, tmp_path), quiet)
+        run(ReportOptions(episode_bag, tmp_path), quiet)
     assert default_path(episode_bag / "bag_0.mcap") == episode_bag / "bag_0.html"
 
 
@@ -31,7 +31,7 @@ def test_damage_is_told_and_nothing_is_written(episode_bag, tmp_path, place):
     whole[int(place * len(whole))] ^= 16
     file.write_bytes(whole)
     with pytest.raises(DatasetError, match="damaged or not whole"):
-        run(Options(episode_bag, tmp_path / "page.html"), Console(quiet=True))
+        run(ReportOptions(episode_bag, tmp_path / "page.html"), Console(quiet=True))
     assert not (tmp_path / "page.html").exists()
 
 

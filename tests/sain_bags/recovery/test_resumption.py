@@ -129,7 +129,7 @@ def test_the_advice_about_a_recording_in_parts_saves_all(
         show(folder, Console())
     command = str(caught.value).split("`")[1].split()
     assert command[:4] == ["ros2", "run", "sain_bags", "recover"] and command[5] == "--out"
-    recover.run(recover.Options(Path(command[4]), Path(command[6])), Console())
+    recover.run(recover.RecoverOptions(Path(command[4]), Path(command[6])), Console())
     assert "Saved 400 messages" in capsys.readouterr().out
     saved = Bag(Path(command[6]))
     assert [found.log_time for found in saved.messages(["/text"])] == list(range(1, 401))

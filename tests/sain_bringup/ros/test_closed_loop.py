@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from sain_bringup.ros.closed_loop import Options, episode_plans, make_output_folder
+from sain_bringup.ros.closed_loop import ClosedLoopOptions, episode_plans, make_output_folder
 from sain_core.errors import ConfigError, OutputError
 
-DEMO = Options()
+DEMO = ClosedLoopOptions()
 
 
 def test_the_demo_is_three_anywhere_one_paper_and_one_push_t() -> None:

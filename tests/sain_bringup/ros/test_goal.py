@@ -7,7 +7,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rich.console import Console
 
 from sain_bringup.ros import goal as module
-from sain_bringup.ros.goal import GoalSender, Options, SilentPlannerError, goal_message
+from sain_bringup.ros.goal import GoalOptions, GoalSender, SilentPlannerError, goal_message
 from sain_core.ros.node_main import ros_context, spin_until
 from sain_interfaces.msg import Goal
 
@@ -60,13 +60,13 @@ def test_it_says_what_the_planner_waits_for(sender, graph):
 
 
 def test_a_place_is_that_of_the_target() -> None:
-    goal = goal_message(Options(x=0.6, y=-0.1))
+    goal = goal_message(GoalOptions(x=0.6, y=-0.1))
     assert (goal.x, goal.y, goal.tolerance, goal.max_pushes) == (0.6, -0.1, 0.02, 30)
     assert not goal.poses
 
 
 def test_a_heading_or_a_body_makes_it_a_pose() -> None:
-    (pose,) = goal_message(Options(x=0.6, y=0.1, heading=1.0)).poses
+    (pose,) = goal_message(GoalOptions(x=0.6, y=0.1, heading=1.0)).poses
     assert (pose.body, pose.heading, pose.has_heading) == (1, 1.0, True)
-    (pose,) = goal_message(Options(x=0.6, y=0.1, body=0)).poses
+    (pose,) = goal_message(GoalOptions(x=0.6, y=0.1, body=0)).poses
     assert (pose.body, pose.has_heading, pose.x) == (0, False, 0.6)

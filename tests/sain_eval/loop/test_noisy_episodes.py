@@ -2,7 +2,7 @@
 
 import pytest
 
-from sain_eval.cli.evaluate import Options
+from sain_eval.cli.evaluate import EvaluateOptions
 from sain_eval.loop.evaluation import EpisodeJob, play_job
 from sain_sim.world.truth import TruthConfig
 
@@ -10,7 +10,7 @@ from sain_sim.world.truth import TruthConfig
 def play(seed, engine="bullet", **camera):
     from sain_sim.camera.camera import WorldCameraConfig
 
-    options = Options(camera=WorldCameraConfig(**camera))
+    options = EvaluateOptions(camera=WorldCameraConfig(**camera))
     job = EpisodeJob(
         "anywhere",
         seed,

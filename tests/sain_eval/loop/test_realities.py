@@ -7,7 +7,7 @@ import pytest
 from rich.console import Console
 
 from sain_core.errors import ConfigError, DatasetError
-from sain_eval.cli.results import Options, run
+from sain_eval.cli.results import ResultsOptions, run
 from sain_eval.loop.results import RESULTS_FILE, SCHEMA, SceneRecord, summarise
 
 
@@ -37,7 +37,7 @@ def evaluated(
 
 def page(tmp_path, *folders, names=""):
     out = tmp_path / "docs" / "results.md"
-    run(Options(folders=folders, out=out, names=names), Console(file=StringIO()))
+    run(ResultsOptions(folders=folders, out=out, names=names), Console(file=StringIO()))
     return out.read_text().replace("\u00a0", " ")
 
 
@@ -139,4 +139,4 @@ def test_a_folder_without_results_is_named(tmp_path):
 
 def test_a_name_without_its_text_is_refused(tmp_path):
     with pytest.raises(ConfigError, match="MODEL=TEXT"):
-        Options(folders=(tmp_path,), names="sain")
+        ResultsOptions(folders=(tmp_path,), names="sain")

@@ -11,7 +11,7 @@ from rich.console import Console
 
 from sain_core.errors import ConfigError, OutputError
 from sain_eval import commands
-from sain_eval.cli.evaluate import Options, evaluate, jobs_of
+from sain_eval.cli.evaluate import EvaluateOptions, evaluate, jobs_of
 from sain_eval.cli.evaluate import run as run_command
 from sain_eval.episode import Tolerance, tightest
 from sain_eval.loop.closed_loop import EpisodeOutcome
@@ -47,7 +47,7 @@ def records(episode):
 
 
 def run(out, **changes):
-    options = Options(
+    options = EvaluateOptions(
         out=out, **{"scenario": "paper", "scenes": 2, "controllers": "null", **changes}
     )
     evaluate(options, "evaluate", Console(file=StringIO()))
@@ -170,7 +170,7 @@ def test_workers_find_the_same_as_one_process(tmp_path, ray):
 
 
 def test_the_whole_table_is_the_papers_and_that_of_shapes(tmp_path):
-    options = Options(out=tmp_path, table=True, scenes=5, models="runs/mine")
+    options = EvaluateOptions(out=tmp_path, table=True, scenes=5, models="runs/mine")
     played = {}
     for job in jobs_of(options, set()):
         played.setdefault((job.scenario, job.controller), []).append(job)
@@ -192,12 +192,12 @@ def test_the_whole_table_is_the_papers_and_that_of_shapes(tmp_path):
             assert len(jobs) == 5 and jobs[0].tolerances == poses
     (jobs,) = played.values()
     assert [(job.scenario, job.seed) for job in jobs] == [("streak", seed) for seed in range(3)]
-    assert options.settings() != Options(out=tmp_path).settings()
+    assert options.settings() != EvaluateOptions(out=tmp_path).settings()
 
 
 def keep_a_table(records, tmp_path):
     """Keep a journal of the whole table with 3 scenes; a planner failed in one of them."""
-    options = Options(out=tmp_path, table=True, scenes=3)
+    options = EvaluateOptions(out=tmp_path, table=True, scenes=3)
     jobs = jobs_of(options, set())
     journal = Journal(tmp_path, options.settings(), SceneRecord)
     for job in jobs:
@@ -267,12 +267,12 @@ def test_the_summary_is_shown(records):
             {"models": "runs/mine"},
             "--models is 'runs/mine' without --table; give",
         ),
-        ({"scenes": 0}, r"Options\.scenes is 0; it must be at least 1"),
+        ({"scenes": 0}, r"EvaluateOptions\.scenes is 0; it must be at least 1"),
     ],
 )
 def test_bad_options_are_named(tmp_path, changes, message):
     with pytest.raises(ConfigError, match=message):
-        _ = Options(out=tmp_path, **changes).controller_names
+        _ = EvaluateOptions(out=tmp_path, **changes).controller_names
 
 
 def test_an_output_folder_that_is_a_file_is_refused(tmp_path):
@@ -310,7 +310,7 @@ POSE_RECORD = SceneRecord(
 
 
 def test_tolerances_are_metres_and_radians():
-    options = Options(tolerances="0.01, 0.02:0.3,0.005:0.03")
+    options = EvaluateOptions(tolerances="0.01, 0.02:0.3,0.005:0.03")
     assert options.tolerance_values == (
         Tolerance(0.02, 0.3), Tolerance(0.01), Tolerance(0.005, 0.03)
     )  # fmt: skip

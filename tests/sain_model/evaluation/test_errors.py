@@ -1,10 +1,10 @@
 import numpy as np
 import pytest
 
+from sain_core.cli.terminal import markdown_table
 from sain_core.scene import POSITION, TARGET, THETA
 from sain_model.evaluation.errors import rank_correlation, shares_removed, target_moved
 from sain_model.evaluation.predictors import BULLET, FLOOR
-from sain_model.evaluation.tables import markdown_table
 
 
 def test_shares_are_of_what_lies_between_the_nominal_world_and_the_floor() -> None:

@@ -17,7 +17,7 @@ from sain_core.scene import POSE, wrap_angle
 from sain_core.shapes import library
 from sain_core.shapes.outlines import OUTLINES_FILE
 from sain_core.storage import read_arrays
-from sain_model.cli.real_import import Options, run
+from sain_model.cli.real_import import RealImportOptions, run
 from sain_model.data.dataset import Dataset, load_dataset, split_by_episode
 from sain_model.importing.mat_logs import MAT_HEADER
 from sain_model.importing.sources import read_recordings
@@ -43,7 +43,7 @@ def rows(tmp_path_factory: pytest.TempPathFactory) -> Recorded:
 def convert(out: Path, *paths: Path, **options: object) -> tuple[Dataset, str]:
     """Return the data set of files, and what the command printed."""
     printed = StringIO()
-    given = Options(paths=paths, out=out, **options)  # type: ignore[arg-type]
+    given = RealImportOptions(paths=paths, out=out, **options)  # type: ignore[arg-type]
     run(given, Console(file=printed, width=60))
     return load_dataset(out), printed.getvalue()
 

@@ -13,7 +13,7 @@ from sain_core.model import Model, load_dynamics
 from sain_core.push import BODY
 from sain_core.types import Pushes, Scenes
 from sain_model import commands
-from sain_model.cli.identify import Options, load_recordings, run
+from sain_model.cli.identify import IdentifyOptions, load_recordings, run
 from sain_model.data.recordings import load_recording
 from sain_model.dynamics.sain import SainDynamics
 from sain_model.inference.belief_file import read_belief
@@ -75,7 +75,7 @@ def test_parameters_are_recovered_with_a_friction_for_each_episode(recording: Pa
 def test_identify_writes_a_belief_that_models_begin_with(recording: Path, tmp_path: Path) -> None:
     out = tmp_path / "belief.json"
     console = Console(record=True, width=200)
-    run(Options((recording,), out), console)
+    run(IdentifyOptions((recording,), out), console)
     text = console.export_text()
     assert "tool_friction" in text
     assert f"{EPISODES * PUSHES} pushes of {EPISODES} episodes; written to" in text
@@ -100,7 +100,7 @@ def test_recordings_of_two_laboratories_are_an_error(
     recording: Path, tmp_path: Path, random_pushes: Draw, capsys: pytest.CaptureFixture[str]
 ) -> None:
     other = record(tmp_path / "other", random_pushes, replace(LAB, tool_friction=0.08), 12)
-    options = Options((recording, other), tmp_path / "belief.json")
+    options = IdentifyOptions((recording, other), tmp_path / "belief.json")
     message = f"{recording} and {other} disagree about tool_friction"
     with pytest.raises(DatasetError, match=message):
         run(options, Console(quiet=True))
@@ -116,20 +116,20 @@ def test_two_recordings_of_one_laboratory_are_taken_together(
     recording: Path, tmp_path: Path, random_pushes: Draw
 ) -> None:
     again = record(tmp_path / "again", random_pushes, LAB, 12)
-    run(Options((recording, again), tmp_path / "belief.json"), Console(quiet=True))
+    run(IdentifyOptions((recording, again), tmp_path / "belief.json"), Console(quiet=True))
     assert read_belief(tmp_path / "belief.json").card["episodes"] == 2 * EPISODES
 
 
 def test_a_recording_is_given_once(recording: Path) -> None:
     with pytest.raises(DatasetError, match="is given twice; give each recording once"):
-        load_recordings(Options((recording, recording)))
+        load_recordings(IdentifyOptions((recording, recording)))
 
 
 def test_few_pushes_are_whole_episodes(recording: Path) -> None:
-    some = load_recordings(Options((recording,), pushes=2 * PUSHES + 1))
+    some = load_recordings(IdentifyOptions((recording,), pushes=2 * PUSHES + 1))
     assert [len(part) for part in some[str(recording)]] == [2 * PUSHES]
     with pytest.raises(DatasetError, match="has more than 3 pushes; give a larger --pushes"):
-        load_recordings(Options((recording,), pushes=3))
+        load_recordings(IdentifyOptions((recording,), pushes=3))
 
 
 def test_pushes_against_any_body_are_read(tmp_path: Path, random_pushes: Draw) -> None:

@@ -24,7 +24,7 @@ LISTED: Final = (SILENT_KEY, UNDEFINED_KEY)  # custom data that has lines of its
 
 
 @dataclass(frozen=True)
-class Options(Config):
+class InfoOptions(Config):
     """Show the contents of a bag: topics, rates, gaps, episodes and pushes."""
 
     bag: tyro.conf.Positional[Path] = required(BAG_HELP)
@@ -89,7 +89,7 @@ def episode_table(episodes: tuple[Episode, ...]) -> FittingTable:
     return table
 
 
-def run(options: Options, console: Console) -> None:
+def run(options: InfoOptions, console: Console) -> None:
     """Print what a bag holds; see `show`."""
     show(options.bag, console, options.check)
 

@@ -19,7 +19,7 @@ LISTED: Final = 20  # losses that are printed one by one
 
 
 @dataclass(frozen=True)
-class Options(Config):
+class RecoverOptions(Config):
     """Save what is undamaged in a truncated or damaged bag to a new, whole one.
 
     Exit code: 0 all was saved, 3 something was lost (it says what), 1 nothing could be saved.
@@ -76,7 +76,7 @@ def _loss_lines(report: Report) -> list[str]:
     return lines
 
 
-def run(options: Options, console: Console) -> int:
+def run(options: RecoverOptions, console: Console) -> int:
     """Recover a bag, showing how far it is, and print what came of it.
 
     Raises:

@@ -16,7 +16,7 @@ from sain_core.errors import OutputError
 
 
 @dataclass(frozen=True)
-class Options(Config):
+class ReportOptions(Config):
     """Write a page that shows a bag: episodes from above, predictions, planning times, gaps.
 
     The page is one HTML file. It loads nothing, and opens in any browser.
@@ -47,7 +47,7 @@ def default_path(bag: Path) -> Path:
     return whole.with_suffix(".html")
 
 
-def run(options: Options, console: Console) -> None:
+def run(options: ReportOptions, console: Console) -> None:
     """Write the page of a bag and print where it is.
 
     Raises:

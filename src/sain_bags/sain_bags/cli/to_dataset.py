@@ -25,7 +25,7 @@ SHOWN: Final = 50  # messages, between two looks at the bar
 
 
 @dataclass(frozen=True)
-class Options(WorkerOptions):
+class ToDatasetOptions(WorkerOptions):
     """Convert recordings to transitions to train on; the same command continues after a stop."""
 
     bags: tyro.conf.Positional[tuple[Path, ...]] = required(
@@ -36,7 +36,7 @@ class Options(WorkerOptions):
     conversion: ConversionConfig = field(default_factory=ConversionConfig)
 
 
-def run(options: Options, _: Console) -> None:
+def run(options: ToDatasetOptions, _: Console) -> None:
     """Convert the recordings, and print what became of them."""
     console = Console(stderr=True)
     done = _convert_with_bar(options, console)
@@ -47,7 +47,7 @@ def run(options: Options, _: Console) -> None:
         console.print(f"left out: {count} {reason}", highlight=False, soft_wrap=True)
 
 
-def _convert_with_bar(options: Options, console: Console) -> Converted:
+def _convert_with_bar(options: ToDatasetOptions, console: Console) -> Converted:
     columns = (
         TextColumn("{task.description}"),
         BarColumn(),

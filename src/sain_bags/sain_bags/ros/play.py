@@ -22,7 +22,7 @@ SHOWN: Final = 0.2  # [s], between two looks at the bar
 
 
 @dataclass(frozen=True)
-class Options(Config):
+class PlayOptions(Config):
     """Play a bag: publish its messages again as they were recorded, at the recorded times.
 
     Ctrl-C ends it. Topics are renamed with --ros-args -r /from:=/to.
@@ -39,7 +39,7 @@ class Options(Config):
     passage: PassageConfig = field(default_factory=PassageConfig)
 
 
-def run(options: Options, console: Console) -> None:
+def run(options: PlayOptions, console: Console) -> None:
     """Play a bag to its end or until a signal comes, and print what was played.
 
     Raises:
@@ -54,7 +54,7 @@ def run(options: Options, console: Console) -> None:
     console.print(f"{state} {played.messages:,} messages{late}", highlight=False)
 
 
-def play_bag(options: Options, console: Console) -> Played:
+def play_bag(options: PlayOptions, console: Console) -> Played:
     """Play a bag until it ends or a signal comes; rclpy is initialised. Raises as `run`."""
     from sain_bags.ros.parameter_requests import requests_served
     from sain_bags.ros.player import Player
@@ -83,7 +83,7 @@ def await_subscribers(player: "Player", patience: float, watch: StopSignal) -> N
 
 
 def _play_with_bar(
-    passage: Passage, player: "Player", watch: StopSignal, options: Options, console: Console
+    passage: Passage, player: "Player", watch: StopSignal, options: PlayOptions, console: Console
 ) -> Played:
     columns = (
         TextColumn("play"),

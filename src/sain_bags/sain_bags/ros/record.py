@@ -35,7 +35,7 @@ QUIET_PASSES: Final = 5  # without a message: nothing more is on its way
 
 
 @dataclass(frozen=True)
-class Options(Config):
+class RecordOptions(Config):
     """Record a running graph to a bag (rosbag2 layout, MCAP).
 
     All topics are recorded, also those that appear later, with the definitions of their messages;
@@ -77,7 +77,7 @@ def parse_custom_data(pairs: tuple[str, ...]) -> dict[str, str]:
     return data
 
 
-def run(options: Options, console: Console) -> None:
+def run(options: RecordOptions, console: Console) -> None:
     """Record until a signal comes.
 
     Raises:
@@ -128,7 +128,7 @@ def join_parts(cut_off: Path, out: Path, console: Console) -> None:
 
 
 def record(
-    options: Options,
+    options: RecordOptions,
     console: Console,
     nodes: "NodesFile | None" = None,
     is_part: bool = False,

@@ -17,7 +17,7 @@ NAME: Final = "recording_page"  # beside a running graph and its page
 
 
 @dataclass(frozen=True)
-class Options(Config):
+class ViewOptions(Config):
     """Play a bag in the live page, with a timeline, until Ctrl-C; the page's address is printed.
 
     Nothing is published, so a graph may run beside it.
@@ -30,7 +30,7 @@ class Options(Config):
     loop: bool = option(True, "begin again at the end")
 
 
-def run(options: Options, console: Console) -> None:
+def run(options: ViewOptions, console: Console) -> None:
     """Become the live page of a bag.
 
     Raises:
@@ -42,7 +42,7 @@ def run(options: Options, console: Console) -> None:
     os.execv(command[0], command)
 
 
-def page_command(options: Options, bag: Path) -> list[str]:
+def page_command(options: ViewOptions, bag: Path) -> list[str]:
     """Return what serves a bag; raises `ConfigError` where it is not installed."""
     given = {
         "bag": json.dumps(str(bag), ensure_ascii=False),

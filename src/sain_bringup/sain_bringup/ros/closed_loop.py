@@ -49,7 +49,7 @@ BAG: Final = "bag"  # folder of the recording
 
 
 @dataclass(frozen=True)
-class Options(Config):
+class ClosedLoopOptions(Config):
     """Run the closed loop on the whole graph: simulator, model, planner and recorder.
 
     Starts the four as separate processes, plays episodes, and writes a recording, a top view
@@ -126,7 +126,7 @@ class EpisodePlan:
     seed: int
 
 
-def episode_plans(options: Options) -> tuple[EpisodePlan, ...]:
+def episode_plans(options: ClosedLoopOptions) -> tuple[EpisodePlan, ...]:
     """Return the episodes to play."""
     if options.scenario is None and options.episodes is None:
         wanted = [name for name, count in DEMO for _ in range(count)]
@@ -135,7 +135,7 @@ def episode_plans(options: Options) -> tuple[EpisodePlan, ...]:
     return tuple(EpisodePlan(name, options.seed + number) for number, name in enumerate(wanted))
 
 
-def describe(plans: Sequence[EpisodePlan], options: Options) -> str:
+def describe(plans: Sequence[EpisodePlan], options: ClosedLoopOptions) -> str:
     """Return in a few words what is going to be played."""
     counts = Counter(plan.scenario for plan in plans)
     what = ", ".join(f"{count} × {name}" for name, count in counts.items())
@@ -145,7 +145,7 @@ def describe(plans: Sequence[EpisodePlan], options: Options) -> str:
     return f"{what}, to {1e3 * options.tolerance:g} mm, with {options.model}{engine}{seen}"
 
 
-def run(options: Options, console: Console) -> int:
+def run(options: ClosedLoopOptions, console: Console) -> int:
     """Play the episodes and write the results; return 0 if all reached the goal.
 
     Raises:
@@ -167,7 +167,7 @@ def run(options: Options, console: Console) -> int:
         raise SainError(f"{error}\n{what_is_left(folder, display.begun)}") from error
 
 
-def make_output_folder(options: Options) -> Path:
+def make_output_folder(options: ClosedLoopOptions) -> Path:
     """Make the folder for the results, and show that it can be written.
 
     Raises:
@@ -188,7 +188,7 @@ def what_is_left(folder: Path, episodes: int) -> str:
 
 
 def play_and_report(
-    options: Options, folder: Path, display: Display, interrupts: Interrupts
+    options: ClosedLoopOptions, folder: Path, display: Display, interrupts: Interrupts
 ) -> bool:
     """Play the episodes and write the results; return whether all reached the goal."""
     display.headline(describe(episode_plans(options), options), folder)
@@ -218,7 +218,7 @@ def compile_first(display: Display) -> None:
 
 
 def play(
-    options: Options,
+    options: ClosedLoopOptions,
     folder: Path,
     supervisor: Supervisor,
     display: Display,

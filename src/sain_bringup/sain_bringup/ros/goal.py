@@ -29,7 +29,7 @@ WAITS: Final = "waits for"  # begins what a planner says that cannot plan yet
 
 
 @dataclass(frozen=True)
-class Options(Config):
+class GoalOptions(Config):
     """Give the planner a goal, print each push on the way, and how it ended.
 
     The place is that of the target, body 1, or that of `--body`. Ctrl-C cancels the goal. Exits
@@ -140,7 +140,7 @@ class GoalSender:
         self._console.print(f"push {told.pushes} from {place}{turn} to the goal", highlight=False)
 
 
-def goal_message(options: Options) -> "Goal":
+def goal_message(options: GoalOptions) -> "Goal":
     """Return the goal that the options ask for."""
     from sain_interfaces.msg import Goal, GoalPose
 
@@ -156,7 +156,7 @@ def goal_message(options: Options) -> "Goal":
     return goal
 
 
-def run(options: Options, console: Console) -> int:
+def run(options: GoalOptions, console: Console) -> int:
     """Send the goal, follow it to its end, and return the exit code."""
     from sain_core.ros.node_main import ros_context
     from sain_interfaces.msg import Plan

@@ -25,7 +25,7 @@ DISK_NAMES: Final = ("mid disk", "target")
 
 
 @dataclass(frozen=True)
-class Options(Config):
+class PushOptions(Config):
     """Send one push to the simulator and print what became of it.
 
     Exits with 0 when the push was carried out, and with the error code of the refusal when not.
@@ -138,7 +138,7 @@ def show(result: "PushResult", console: Console, shapes: Sequence[str] = ()) -> 
     console.print(table, soft_wrap=True)
 
 
-def run(options: Options, console: Console) -> int:
+def run(options: PushOptions, console: Console) -> int:
     """Send the push, print what became of it, and return the exit code."""
     from sain_core.ros.node_main import ros_context
 

@@ -22,14 +22,14 @@ SERVICE: Final = "reset_scene"
 
 
 @dataclass(frozen=True)
-class Options(Config):
+class ResetOptions(Config):
     """Begin another episode in the simulator, and print where its bodies are."""
 
     seed: int = option(0, "of the episode", minimum=0, maximum=2**32 - 1)
     timeout: float = option(10.0, "longest wait for the simulator", unit="s", minimum=0.0)
 
 
-def run(options: Options, console: Console) -> int:
+def run(options: ResetOptions, console: Console) -> int:
     """Reset the scene, print what came of it, and return the exit code."""
     from rclpy.node import Node
 
@@ -50,7 +50,7 @@ def run(options: Options, console: Console) -> int:
     return 0
 
 
-def _reset(node: "Node", options: Options) -> "ResetScene.Response":
+def _reset(node: "Node", options: ResetOptions) -> "ResetScene.Response":
     from sain_core.ros.node_main import spin_until
     from sain_interfaces.srv import ResetScene
 

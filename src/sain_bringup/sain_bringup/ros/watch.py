@@ -26,7 +26,7 @@ SHOWN: Final = 12  # numbers of an array
 
 
 @dataclass(frozen=True)
-class Options(Config):
+class WatchOptions(Config):
     """Print the messages of a topic, or list the topics when none is given."""
 
     topic: Annotated[str, tyro.conf.Positional] = option(
@@ -178,7 +178,7 @@ def _plain(value: Any) -> str:
     return str(value)
 
 
-def run(options: Options, console: Console) -> None:
+def run(options: WatchOptions, console: Console) -> None:
     """List the topics, or watch one until its messages have come or Ctrl-C."""
     from sain_core.ros.node_main import ros_context
 

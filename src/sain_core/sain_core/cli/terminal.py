@@ -2,7 +2,7 @@
 
 import os
 import time
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from math import inf
 from textwrap import wrap
 from types import TracebackType
@@ -13,7 +13,12 @@ from rich.console import Console, ConsoleOptions
 from rich.markup import escape
 from rich.text import Text
 
-GAP = "  "
+if TYPE_CHECKING:
+    from rich.status import Status
+
+GAP: Final = "  "
+PERIOD: Final = 5.0  # [s] between two lines where there is no terminal
+Rows = Iterable[Sequence[str]]
 
 
 class FittingTable:
@@ -80,11 +85,20 @@ class FittingTable:
         yield Text.assemble(GAP, line)
 
 
-if TYPE_CHECKING:
-    from rich.console import Console
-    from rich.status import Status
+def make_table(title: str, header: Sequence[str], rows: Rows) -> FittingTable:
+    """Return a table: the first column to the left, the others to the right."""
+    table = FittingTable(title)
+    for place, name in enumerate(header):
+        table.add_column(name, justify="right" if place else "left")
+    for row in rows:
+        table.add_row(*row)
+    return table
 
-PERIOD: Final = 5.0  # [s] between two lines where there is no terminal
+
+def markdown_table(header: Sequence[str], rows: Rows) -> str:
+    """Return a table: the first column to the left, the others to the right."""
+    lines = [header, ["---", *["---:"] * (len(header) - 1)], *rows]
+    return "".join(f"| {' | '.join(line)} |\n" for line in lines)
 
 
 class WaitingLine:
@@ -94,7 +108,7 @@ class WaitingLine:
     than `patience_s`, and then every five seconds if there is something new to say.
     """
 
-    def __init__(self, console: "Console", patience_s: float = PERIOD) -> None:
+    def __init__(self, console: Console, patience_s: float = PERIOD) -> None:
         """Show nothing yet."""
         self._console = console
         self._patience_s = patience_s

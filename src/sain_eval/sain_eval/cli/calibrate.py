@@ -8,6 +8,7 @@ import tyro
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TimeRemainingColumn
 
+from sain_core.cli.terminal import markdown_table
 from sain_core.config import Config, option, required
 from sain_core.provenance import ros2_command
 from sain_core.storage import make_folder, write_json, write_whole
@@ -21,7 +22,7 @@ PARTS: Final = {"all": "All pushes", "target_moved": "Pushes that moved the targ
 
 
 @dataclass(frozen=True)
-class Options(Config):
+class CalibrateOptions(Config):
     """Fit the planar prior's free parameters to pushes made in Bullet with the arm, and report.
 
     Give a data set that was collected with --floor-episodes, so that the report contains the
@@ -46,7 +47,7 @@ class Options(Config):
     axes: bool = option(False, "fit the prior whose friction depends on the world's axes")
 
 
-def run(options: Options, console: Console) -> None:
+def run(options: CalibrateOptions, console: Console) -> None:
     """Load or collect, fit, judge and write the report.
 
     Raises:
@@ -79,8 +80,6 @@ def run(options: Options, console: Console) -> None:
 
 def markdown(calibration: "Calibration", data: "Dataset", command: str) -> str:
     """Return the report as Markdown."""
-    from sain_model.evaluation.tables import markdown_table
-
     lines = [
         "# The planar prior against Bullet with the arm, true parameters in both",
         "",
@@ -98,7 +97,7 @@ def markdown(calibration: "Calibration", data: "Dataset", command: str) -> str:
     return "\n".join(lines)
 
 
-def _data(options: Options, console: Console) -> "Dataset":
+def _data(options: CalibrateOptions, console: Console) -> "Dataset":
     from sain_model.data.dataset import load_dataset
     from sain_sim.collecting.collect import CollectConfig, collect
     from sain_sim.collecting.episode import EpisodeConfig

@@ -4,7 +4,7 @@ import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Final, Self
+from typing import Annotated, Final, Self
 
 import tyro
 from rich.console import Console
@@ -18,16 +18,27 @@ from sain_core.provenance import ros2_command
 from sain_core.storage import make_folder, write_whole
 from sain_core.workers.running import WorkerOptions
 from sain_eval.episode import Tolerance
+from sain_eval.loop.controllers import BASELINES, agent_maker
+from sain_eval.loop.evaluation import EpisodeJob, play, run_jobs
 from sain_eval.loop.results import Journal, SceneRecord, summarise, write_results
+from sain_eval.loop.tables import (
+    FAILURES_FILE,
+    TABLE_FILE,
+    failure_line,
+    failures,
+    failures_page,
+    results_table,
+    shape_table,
+    show_failures,
+    show_summary,
+)
 from sain_eval.scenes.scenarios import OFFERED, SCENARIOS
+from sain_model.compute.kernel_store import compile_visibly
 from sain_mppi.agent.agent import AgentConfig
 from sain_mppi.agent.uncertainty import EstimatorConfig
 from sain_mppi.algorithms.config import PlannerConfig
 from sain_sim.camera.camera import WorldCameraConfig
 from sain_sim.world.truth import RANDOMISED_TRUTH, TruthConfig
-
-if TYPE_CHECKING:
-    from sain_eval.loop.evaluation import EpisodeJob
 
 SHAPE_TABLE_FILE: Final = "table_per_shape.md"
 
@@ -89,7 +100,7 @@ TABLE_NOTE: Final = (
 
 
 @dataclass(frozen=True)
-class Options(WorkerOptions):
+class EvaluateOptions(WorkerOptions):
     """Run controllers in seeded simulated scenes and report their success rates.
 
     All controllers get the same scenes. After a stop, the same command continues.
@@ -206,10 +217,8 @@ class Options(WorkerOptions):
         }
 
 
-def run(options: Options, console: Console) -> None:
+def run(options: EvaluateOptions, console: Console) -> None:
     """Evaluate, and print the summary as a table."""
-    from sain_eval.loop.tables import FAILURES_FILE, show_failures, show_summary
-
     progress = Console(stderr=True, soft_wrap=True)
     records = evaluate(options, ros2_command("sain_eval", "evaluate"), progress)
     show_summary(summarise(records), console)
@@ -218,18 +227,13 @@ def run(options: Options, console: Console) -> None:
     show_failures(records, options.out / FAILURES_FILE, console)
 
 
-def evaluate(options: Options, command: str, console: Console) -> list[SceneRecord]:
+def evaluate(options: EvaluateOptions, command: str, console: Console) -> list[SceneRecord]:
     """Run what is left of an evaluation and write its results.
 
     Raises:
         OutputError: the folder cannot be written or holds other results.
         CheckpointError: a controller's model cannot be loaded.
     """
-    from sain_eval.loop.controllers import agent_maker
-    from sain_eval.loop.evaluation import play, run_jobs
-    from sain_eval.loop.tables import FAILURES_FILE, TABLE_FILE, failures_page, shape_table
-    from sain_model.compute.kernel_store import compile_visibly
-
     compile_visibly(console)  # neither the first plan nor each worker
     with silent_interrupts():
         for name in dict.fromkeys(name for part in options.parts for name in part.controllers):
@@ -252,10 +256,8 @@ def evaluate(options: Options, command: str, console: Console) -> list[SceneReco
     return kept
 
 
-def jobs_of(options: Options, done: set[tuple[str, int, str]]) -> "list[EpisodeJob]":
+def jobs_of(options: EvaluateOptions, done: set[tuple[str, int, str]]) -> list[EpisodeJob]:
     """Return the episodes that are still to be run, scene by scene."""
-    from sain_eval.loop.evaluation import EpisodeJob
-
     return [
         EpisodeJob(
             *key,
@@ -271,17 +273,14 @@ def jobs_of(options: Options, done: set[tuple[str, int, str]]) -> "list[EpisodeJ
     ]
 
 
-def _picture(options: Options, scenario: str, seed: int, controller: str) -> Path | None:
+def _picture(options: EvaluateOptions, scenario: str, seed: int, controller: str) -> Path | None:
     if seed >= options.seed + options.pictures:
         return None
     return options.out / f"{scenario}_{seed}_{controller.replace('/', '_')}.png"
 
 
-def table_page(options: Options, records: list[SceneRecord]) -> str:
+def table_page(options: EvaluateOptions, records: list[SceneRecord]) -> str:
     """Return the summary as a page: the table, and what belongs to the whole one."""
-    from sain_eval.loop.controllers import BASELINES
-    from sain_eval.loop.tables import FAILURES_FILE, failure_line, failures, results_table
-
     table = results_table(summarise(records))
     if not options.table:
         return table

@@ -13,7 +13,7 @@ from sain_core.storage import make_folder, write_whole
 
 
 @dataclass(frozen=True)
-class Options(Config):
+class ResultsOptions(Config):
     """Write one page from several evaluations: scenarios in rows, realities in columns."""
 
     folders: Annotated[tuple[Path, ...], tyro.conf.Positional] = required(
@@ -42,7 +42,7 @@ class Options(Config):
         return [word for word in map(str.strip, self.names.split(",")) if word]
 
 
-def run(options: Options, console: Console) -> None:
+def run(options: ResultsOptions, console: Console) -> None:
     """Write the page, and print its path.
 
     Raises:

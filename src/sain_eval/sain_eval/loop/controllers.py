@@ -4,7 +4,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
@@ -14,10 +14,12 @@ from sain_core.model import as_observed, load_dynamics
 from sain_core.push import BODY, LOCATION, make_push
 from sain_core.scene import MID, POSITION, TARGET, wrap_angle
 from sain_eval.scenes.scenario_scene import ScenarioScene
-from sain_model.physics.planar import PlanarConfig, PlanarPrior
 from sain_mppi.agent.agent import Agent, AgentConfig, planning_agent
 from sain_mppi.agent.events import PlanJob, PushDecision
 from sain_mppi.agent.planning import Decider
+
+if TYPE_CHECKING:
+    from sain_model.physics.planar import PlanarPrior
 
 ORACLE: Final = "oracle"
 RANDOM_DRAWS: Final = 256
@@ -119,5 +121,7 @@ def agent_maker(name: str, config: AgentConfig = AgentConfig(), belief: str = ""
     return lambda scene: planning_agent(model, physics, config)
 
 
-def _true_physics(scene: ScenarioScene) -> PlanarPrior:
+def _true_physics(scene: ScenarioScene) -> "PlanarPrior":
+    from sain_model.physics.planar import PlanarConfig, PlanarPrior  # loads Numba
+
     return PlanarPrior(PlanarConfig(friction=scene.friction))

@@ -16,7 +16,6 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 
-from sain_core.drawing.figures import png_of
 from sain_core.storage import write_whole
 from sain_core.workers.pool import FunctionRunner, Job, Software, Work
 from sain_core.workers.running import WorkerOptions, run_on_workers
@@ -24,7 +23,6 @@ from sain_eval.episode import Tolerance, tightest
 from sain_eval.loop.closed_loop import EpisodeOutcome, run_episode
 from sain_eval.loop.controllers import agent_maker
 from sain_eval.loop.results import PACKAGES, Journal, SceneRecord, scene_records
-from sain_eval.plots.pictures import draw_episode
 from sain_eval.scenes.scenario_scene import ScenarioScene
 from sain_eval.scenes.scenarios import draw_scene
 from sain_mppi.agent.agent import AgentConfig
@@ -78,6 +76,9 @@ def run_job(job: EpisodeJob) -> EpisodeDone[SceneRecord]:
     records = scene_records(job.case(), job.controller, outcome, job.tolerances)
     if job.picture is None:
         return EpisodeDone(records)
+    from sain_core.drawing.figures import png_of  # loads Matplotlib
+    from sain_eval.plots.pictures import draw_episode
+
     goal = f", goal {len(outcome.records)}" if len(outcome.records) > 1 else ""
     title = f"{job.scenario}, scene {job.seed}{goal}, {job.controller}"
     return EpisodeDone(records, job.picture, png_of(draw_episode(outcome.record, title)))

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
+from sain_core.cli.terminal import markdown_table
 from sain_core.errors import DatasetError
 from sain_core.observation import ObservationConfig, changed_settings, observation_settings
 from sain_core.untrusted import read_json
@@ -15,7 +16,6 @@ from sain_eval.loop.controllers import ORACLE
 from sain_eval.loop.results import RESULTS_FILE, SCHEMA
 from sain_eval.loop.tables import solved_text, within_text
 from sain_eval.scenes.scenarios import SCENARIOS
-from sain_model.evaluation.tables import markdown_table
 
 NUMBER: Final = (int, float)
 MAYBE: Final = (int, float, type(None))

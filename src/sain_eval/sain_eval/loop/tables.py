@@ -9,11 +9,10 @@ from typing import Any, Final
 
 from rich.console import Console
 
-from sain_core.cli.terminal import FittingTable
+from sain_core.cli.terminal import FittingTable, markdown_table
 from sain_core.shapes.solids import DISK
 from sain_eval.loop.controllers import BASELINES
 from sain_eval.loop.results import SceneRecord, summarise
-from sain_model.evaluation.tables import markdown_table
 
 HEADER: Final = (
     "scenario", "controller", "within", "solved", "95 % interval", "pushes", "prediction error",

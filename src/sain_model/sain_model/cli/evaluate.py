@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Options(Config):
+class EvaluateModelOptions(Config):
     """Report errors of every kind of dynamics, one push and many ahead, on episodes held out."""
 
     dataset: Annotated[Path, tyro.conf.Positional] = required("a shard *.npz, or a folder of them")
@@ -52,7 +52,7 @@ class Options(Config):
     seed: int = option(0, "seed of the bootstrap", minimum=0)
 
 
-def run(options: Options, console: Console) -> None:
+def run(options: EvaluateModelOptions, console: Console) -> None:
     """Evaluate, print tables and write JSON, Markdown and picture.
 
     Raises:
@@ -99,7 +99,7 @@ def run(options: Options, console: Console) -> None:
 
 
 @contextmanager
-def _models(options: Options) -> Iterator[tuple[dict[str, Model], dict[str, Model]]]:
+def _models(options: EvaluateModelOptions) -> Iterator[tuple[dict[str, Model], dict[str, Model]]]:
     """Give models by the names of their kinds, the one to evaluate first, and physics by name."""
     from sain_model.dynamics.load import load_checkpoint, load_shipped
     from sain_model.evaluation.named_models import open_models
@@ -144,7 +144,7 @@ def _hash(model: Model) -> str:
 
 
 def _write(
-    options: Options,
+    options: EvaluateModelOptions,
     errors: "Figures",
     predictions: "list[Predictions]",
     refused: dict[str, int],

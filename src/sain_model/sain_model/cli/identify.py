@@ -8,19 +8,19 @@ from typing import TYPE_CHECKING, Annotated
 import tyro
 from rich.console import Console
 
+from sain_core.cli.terminal import FittingTable, make_table
 from sain_core.config import Config, option, required
 from sain_core.errors import ConfigError, DatasetError
 from sain_core.observation import MASSES, unknown_names
 from sain_core.provenance import ros2_command
 
 if TYPE_CHECKING:
-    from sain_core.cli.terminal import FittingTable
     from sain_model.inference.evidence import ObservedPushes
     from sain_model.inference.kinds import Belief
 
 
 @dataclass(frozen=True)
-class Options(Config):
+class IdentifyOptions(Config):
     """Learn from recordings of one laboratory what a model believes before an episode's first push.
 
     Bags become data sets by ``ros2 run sain_bags to_dataset`` first. Two recordings that disagree
@@ -39,7 +39,7 @@ class Options(Config):
     )
 
 
-def run(options: Options, console: Console) -> None:
+def run(options: IdentifyOptions, console: Console) -> None:
     """Identify, print a table and write the belief.
 
     Raises:
@@ -66,7 +66,7 @@ def run(options: Options, console: Console) -> None:
     _write(options, belief, console)
 
 
-def _write(options: Options, belief: "Belief", console: Console) -> None:
+def _write(options: IdentifyOptions, belief: "Belief", console: Console) -> None:
     from sain_model.inference.belief_file import write_belief
 
     card = belief.card | {
@@ -79,7 +79,7 @@ def _write(options: Options, belief: "Belief", console: Console) -> None:
     console.print(f"{card['pushes']} pushes of {card['episodes']} episodes; written to {path}")
 
 
-def load_recordings(options: Options) -> "dict[str, Sequence[ObservedPushes]]":
+def load_recordings(options: IdentifyOptions) -> "dict[str, Sequence[ObservedPushes]]":
     """Return recordings by name, their episodes counted as one sequence.
 
     Raises:
@@ -106,10 +106,8 @@ def load_recordings(options: Options) -> "dict[str, Sequence[ObservedPushes]]":
     return found
 
 
-def belief_tables(belief: "Belief") -> "Iterator[FittingTable]":
+def belief_tables(belief: "Belief") -> Iterator[FittingTable]:
     """Yield a belief as tables: kinds that were compared, and the parameters of the likeliest."""
-    from sain_model.evaluation.tables import make_table
-
     if evidence := belief.card.get("evidence"):
         rows = (
             (kind.name, f"{evidence[kind.name]:.0f}", f"{kind.log_odds:.1f}")

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import tyro
 from rich.console import Console
 
+from sain_core.cli.terminal import make_table, markdown_table
 from sain_core.config import Config, option, required
 from sain_core.provenance import ros2_command
 from sain_core.storage import write_json, write_whole
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Options(Config):
+class LearningCurveOptions(Config):
     """Train on more and more transitions, with a prior and without; compare held-out errors.
 
     The same command continues after a stop.
@@ -32,7 +33,7 @@ class Options(Config):
     training: TrainingConfig = TrainingConfig()
 
 
-def run(options: Options, console: Console) -> None:
+def run(options: LearningCurveOptions, console: Console) -> None:
     """Train, measure, print the table, write JSON, Markdown and picture.
 
     Raises:
@@ -42,7 +43,6 @@ def run(options: Options, console: Console) -> None:
 
     from sain_core.drawing.figures import write_png
     from sain_model.data.dataset import load_dataset, split_by_episode
-    from sain_model.evaluation.tables import make_table, markdown_table
     from sain_model.training.learning_curve import learning_curve
     from sain_model.training.plots import draw_curves
 

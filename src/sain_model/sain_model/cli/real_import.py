@@ -23,7 +23,7 @@ MILLIMETRES: Final = 1e3
 
 
 @dataclass(frozen=True)
-class Options(Config):
+class RealImportOptions(Config):
     """Make a data set of a real robot's pushes: .csv with a header, or .npz and .mat as published.
 
     docs/guides/real_pushes.md shows the columns. Pushes that nearly repeat each other become one
@@ -54,7 +54,7 @@ class Options(Config):
     )
 
 
-def run(options: Options, console: Console) -> None:
+def run(options: RealImportOptions, console: Console) -> None:
     """Import, print what became of the pushes, and write the data set.
 
     Raises:
@@ -78,7 +78,7 @@ def run(options: Options, console: Console) -> None:
     console.print(f"written to {options.out}: {shards} shards", soft_wrap=True, highlight=False)
 
 
-def _card(options: Options, found: "Recordings") -> dict[str, Any]:
+def _card(options: RealImportOptions, found: "Recordings") -> dict[str, Any]:
     stated = ~np.isnan(found.pushes.mass)
     return {
         "kind": "pushes of a real robot",

@@ -1,9 +1,9 @@
 """Errors as tables, for the terminal and in Markdown."""
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator
 from typing import Any, Final
 
-from sain_core.cli.terminal import FittingTable
+from sain_core.cli.terminal import FittingTable, make_table, markdown_table
 from sain_model.evaluation.errors import (
     DEG,
     ENOUGH,
@@ -23,23 +23,6 @@ PARTS: Final = {
     TARGET_MOVED: "the target's error after one push in mm, pushes that moved it",
     PUSHED: "the pushed body's error after one push in mm",
 }
-Rows = Iterable[Sequence[str]]
-
-
-def make_table(title: str, header: Sequence[str], rows: Rows) -> FittingTable:
-    """Return a table: the first column to the left, the others to the right."""
-    table = FittingTable(title)
-    for place, name in enumerate(header):
-        table.add_column(name, justify="right" if place else "left")
-    for row in rows:
-        table.add_row(*row)
-    return table
-
-
-def markdown_table(header: Sequence[str], rows: Rows) -> str:
-    """Return a table: the first column to the left, the others to the right."""
-    lines = [header, ["---", *["---:"] * (len(header) - 1)], *rows]
-    return "".join(f"| {' | '.join(line)} |\n" for line in lines)
 
 
 def error_tables(found: Figures) -> Iterator[FittingTable]:
