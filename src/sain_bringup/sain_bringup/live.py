@@ -7,7 +7,7 @@ from rich.console import Console
 
 from sain_bringup.graph import PAGE, GraphOptions
 from sain_bringup.graph import run as run_graph
-from sain_core.cli.command_line import executable
+from sain_core.cli.command_line import node_command
 from sain_core.config import option
 from sain_eval.scenes.scenarios import SCENARIOS
 from sain_live.settings import PageConfig, check_free
@@ -37,12 +37,7 @@ class LiveOptions(GraphOptions):
         """Check the fields, those of the page, and that the engine simulates the world."""
         super().__post_init__()
         TruthConfig(self.world, engine=self.engine, bottom=self.bottom)
-        _ = self.page
-
-    @property
-    def page(self) -> PageConfig:
-        """The settings of the page."""
-        return PageConfig(self.host, self.port, self.scenario, self.seed)
+        PageConfig(self.host, self.port, self.scenario, self.seed)
 
     @property
     def simulator(self) -> dict[str, str]:
@@ -52,11 +47,8 @@ class LiveOptions(GraphOptions):
 
     def more_commands(self, ros: Sequence[str]) -> dict[str, list[str]]:
         """Return the command of the live page."""
-        page = self.page
-        given = [("host", page.host), ("port", page.port), ("seed", page.seed)]
-        given.append(("scenario", page.scenario))
-        words = [word for name, value in given for word in ("-p", f"{name}:={value}")]
-        return {PAGE: [str(executable("sain_live", "page_node")), "--ros-args", *ros, *words]}
+        given = {name: getattr(self, name) for name in ("host", "port", "seed", "scenario")}
+        return {PAGE: node_command("sain_live", "page_node", ros, **given)}
 
 
 def run(options: LiveOptions, console: Console) -> int:

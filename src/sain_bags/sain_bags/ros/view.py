@@ -10,7 +10,7 @@ import tyro
 from rich.console import Console
 
 from sain_bags.reading.reader import BAG_HELP, Bag
-from sain_core.cli.command_line import executable
+from sain_core.cli.command_line import node_command
 from sain_core.config import Config, option, required
 
 NAME: Final = "recording_page"  # beside a running graph and its page
@@ -51,6 +51,4 @@ def page_command(options: ViewOptions, bag: Path) -> list[str]:
         "host": options.host,
         "port": options.port,
     }
-    words = [word for name, value in given.items() for word in ("-p", f"{name}:={value}")]
-    program = str(executable("sain_live", "page_node"))
-    return [program, "--ros-args", "-r", f"__node:={NAME}", *words]
+    return node_command("sain_live", "page_node", ["-r", f"__node:={NAME}"], **given)

@@ -43,6 +43,18 @@ def executable(package: str, name: str) -> Path:
     )
 
 
+def node_command(
+    package: str, name: str, ros: Sequence[str] = (), **parameters: object
+) -> list[str]:
+    """Return what starts a node, with arguments for ROS and parameters.
+
+    Raises:
+        ConfigError: it is not installed.
+    """
+    given = [word for key, value in parameters.items() for word in ("-p", f"{key}:={value}")]
+    return [str(executable(package, name)), "--ros-args", *ros, *given]
+
+
 @contextmanager
 def end_with_the_reader() -> Iterator[None]:
     """End the process with exit code 0 where nobody reads standard output any more."""

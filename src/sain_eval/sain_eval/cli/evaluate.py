@@ -15,23 +15,13 @@ from sain_core.errors import ConfigError
 from sain_core.goal import MOST_TOLERANCE, MOST_TURN
 from sain_core.observation import observation_settings
 from sain_core.provenance import ros2_command
-from sain_core.storage import make_folder, write_whole
+from sain_core.storage import make_folder
 from sain_core.workers.running import WorkerOptions
 from sain_eval.episode import Tolerance
-from sain_eval.loop.controllers import BASELINES, agent_maker
+from sain_eval.loop.controllers import agent_maker
 from sain_eval.loop.evaluation import EpisodeJob, play, run_jobs
 from sain_eval.loop.results import Journal, SceneRecord, summarise, write_results
-from sain_eval.loop.tables import (
-    FAILURES_FILE,
-    TABLE_FILE,
-    failure_line,
-    failures,
-    failures_page,
-    results_table,
-    shape_table,
-    show_failures,
-    show_summary,
-)
+from sain_eval.loop.tables import FAILURES_FILE, show_failures, show_summary, write_tables
 from sain_eval.scenes.scenarios import OFFERED, SCENARIOS
 from sain_model.compute.kernel_store import compile_visibly
 from sain_mppi.agent.agent import AgentConfig
@@ -39,8 +29,6 @@ from sain_mppi.agent.uncertainty import EstimatorConfig
 from sain_mppi.algorithms.config import PlannerConfig
 from sain_sim.camera.camera import WorldCameraConfig
 from sain_sim.world.truth import RANDOMISED_TRUTH, TruthConfig
-
-SHAPE_TABLE_FILE: Final = "table_per_shape.md"
 
 
 @dataclass(frozen=True)
@@ -249,10 +237,7 @@ def evaluate(options: EvaluateOptions, command: str, console: Console) -> list[S
     )
     config = {**dataclasses.asdict(options), "out": str(options.out)}
     write_results(options.out, kept, config, command)
-    write_whole(options.out / TABLE_FILE, table_page(options, kept).encode())
-    if per_shape := shape_table(kept):
-        write_whole(options.out / SHAPE_TABLE_FILE, per_shape.encode())
-    write_whole(options.out / FAILURES_FILE, failures_page(kept).encode())
+    write_tables(options.out, kept, TABLE_NOTE if options.table else "")
     return kept
 
 
@@ -277,20 +262,6 @@ def _picture(options: EvaluateOptions, scenario: str, seed: int, controller: str
     if seed >= options.seed + options.pictures:
         return None
     return options.out / f"{scenario}_{seed}_{controller.replace('/', '_')}.png"
-
-
-def table_page(options: EvaluateOptions, records: list[SceneRecord]) -> str:
-    """Return the summary as a page: the table, and what belongs to the whole one."""
-    table = results_table(summarise(records))
-    if not options.table:
-        return table
-    planned = [one for one in failures(records) if one.controller not in BASELINES]
-    lines = "".join(f"* {failure_line(record)}\n" for record in planned)
-    return (
-        f"{table}\n{TABLE_NOTE}\n\nFailures of controllers that plan; all are in"
-        f" [{FAILURES_FILE}]({FAILURES_FILE}), each shape is in"
-        f" [{SHAPE_TABLE_FILE}]({SHAPE_TABLE_FILE}):\n\n{lines or 'None.'}"
-    )
 
 
 def _split(words: str, name: str) -> tuple[str, ...]:

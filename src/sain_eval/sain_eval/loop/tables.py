@@ -11,6 +11,7 @@ from rich.console import Console
 
 from sain_core.cli.terminal import FittingTable, markdown_table
 from sain_core.shapes.solids import DISK
+from sain_core.storage import write_whole
 from sain_eval.loop.controllers import BASELINES
 from sain_eval.loop.results import SceneRecord, summarise
 
@@ -19,6 +20,7 @@ HEADER: Final = (
     "refused", "planning median / p95",
 )  # fmt: skip
 TABLE_FILE: Final = "table.md"
+SHAPE_TABLE_FILE: Final = "table_per_shape.md"
 FAILURES_FILE: Final = "failures.md"
 MOST_FAILURES: Final = 40  # that are printed
 SHAPES_SCENARIO: Final = "shapes"  # has another shape for each seed
@@ -121,6 +123,28 @@ def failure_line(record: SceneRecord) -> str:
         f"{goals}: {record.failure}; {record.pushes} pushes, {record.refusals} refused, ended"
         f" {end} away"
     )
+
+
+def table_page(records: Sequence[SceneRecord], note: str = "") -> str:
+    """Return the summary as a page: the table; with a note, that and the failures below it."""
+    table = results_table(summarise(records))
+    if not note:
+        return table
+    planned = [one for one in failures(records) if one.controller not in BASELINES]
+    lines = "".join(f"* {failure_line(record)}\n" for record in planned)
+    return (
+        f"{table}\n{note}\n\nFailures of controllers that plan; all are in"
+        f" [{FAILURES_FILE}]({FAILURES_FILE}), each shape is in"
+        f" [{SHAPE_TABLE_FILE}]({SHAPE_TABLE_FILE}):\n\n{lines or 'None.'}"
+    )
+
+
+def write_tables(folder: Path, records: Sequence[SceneRecord], note: str = "") -> None:
+    """Write the table with its note, that of each shape, and the page of failures."""
+    write_whole(folder / TABLE_FILE, table_page(records, note).encode())
+    if per_shape := shape_table(records):
+        write_whole(folder / SHAPE_TABLE_FILE, per_shape.encode())
+    write_whole(folder / FAILURES_FILE, failures_page(records).encode())
 
 
 def show_summary(summary: list[dict[str, Any]], console: Console) -> None:

@@ -72,7 +72,8 @@ def run(options: EvaluateModelOptions, console: Console) -> None:
     path = options.checkpoint or shipped_checkpoint()
     data = load_dataset(options.dataset)
     with _models(options) as (models, physics):
-        cards = [parse_card(Path(name), text) for name, text in _cards(models).items()]
+        origins = {name: _origin(model) for name, model in models.items()}
+        cards = [parse_card(Path(name), one.card) for name, one in origins.items() if one.card]
         held_out = unseen(data, *cards)
         steps = max(options.open_loop, default=1)
         windows = [make_windows(part, steps).pushes[..., LENGTH] for part in held_out.parts]
@@ -85,7 +86,10 @@ def run(options: EvaluateModelOptions, console: Console) -> None:
     _write(options, errors, predictions, refused)
     document = {
         "dataset": {"path": str(options.dataset), "sha256": data.sha256},
-        "checkpoint": {"path": str(path), "models": {name: _hash(models[name]) for name in names}},
+        "checkpoint": {
+            "path": str(path),
+            "models": {name: origins[name].model_hash for name in names},
+        },
         "belief": options.belief or None,
         "beside": list(options.beside),
         "seed": options.seed,
@@ -110,7 +114,7 @@ def _models(options: EvaluateModelOptions) -> Iterator[tuple[dict[str, Model], d
     with open_models(options.beside) as named:
         models, physics = {_kind(main, "model"): main}, {}
         for name, model in named.items():
-            if _card(model):
+            if _origin(model).card:
                 kind = _kind(model, name)
                 models[name if kind in models else kind] = model
             else:
@@ -119,6 +123,7 @@ def _models(options: EvaluateModelOptions) -> Iterator[tuple[dict[str, Model], d
 
 
 def _origin(model: Model) -> "Origin":
+    """Return where a model comes from; only one of a checkpoint has a card."""
     from sain_model.dynamics.sain import Origin, SainDynamics
 
     return model.origin if isinstance(model, SainDynamics) else Origin()
@@ -128,19 +133,6 @@ def _kind(model: Model, name: str) -> str:
     from sain_model.evaluation.predictors import NAMES
 
     return NAMES.get(_origin(model).kind, name)
-
-
-def _card(model: Model) -> str:
-    """Return the JSON card of a model that comes from a checkpoint; empty for physics."""
-    return _origin(model).card
-
-
-def _cards(models: dict[str, Model]) -> dict[str, str]:
-    return {name: card for name, model in models.items() if (card := _card(model))}
-
-
-def _hash(model: Model) -> str:
-    return _origin(model).model_hash
 
 
 def _write(
