@@ -72,7 +72,7 @@ def run(options: EvaluateModelOptions, console: Console) -> None:
     path = options.checkpoint or shipped_checkpoint()
     data = load_dataset(options.dataset)
     with _models(options) as (models, physics):
-        origins = {name: _origin(model) for name, model in models.items()}
+        names, origins = [*models], {name: _origin(model) for name, model in models.items()}
         cards = [parse_card(Path(name), one.card) for name, one in origins.items() if one.card]
         held_out = unseen(data, *cards)
         steps = max(options.open_loop, default=1)
@@ -81,15 +81,12 @@ def run(options: EvaluateModelOptions, console: Console) -> None:
         with followed(physics, pushes, console) as shown:
             predictions = predict_all(held_out, models, steps, shown)
         refused = refusals(physics)
-        names = [*models]
     errors = report(predictions, names, options.open_loop, options.seed)
     _write(options, errors, predictions, refused)
+    hashes = {name: origin.model_hash for name, origin in origins.items()}
     document = {
         "dataset": {"path": str(options.dataset), "sha256": data.sha256},
-        "checkpoint": {
-            "path": str(path),
-            "models": {name: origins[name].model_hash for name in names},
-        },
+        "checkpoint": {"path": str(path), "models": hashes},
         "belief": options.belief or None,
         "beside": list(options.beside),
         "seed": options.seed,
