@@ -18,7 +18,7 @@ from sain_bringup.children import ProcessDiedError
 from sain_bringup.interrupts import Interrupts, Stopped
 from sain_bringup.processes import UNHURRIED, Supervisor
 from sain_core import notify
-from sain_core.cli.command_line import executable, node_command, split_ros_arguments
+from sain_core.cli.command_line import command_of_node, executable, split_ros_arguments
 from sain_core.config import Config, option
 from sain_core.errors import ConfigError, UntrustedFileError
 from sain_core.model import check_model_name
@@ -232,7 +232,7 @@ def graph_commands(
     def node(package: str, name: str, **parameters: str) -> list[str]:
         files = [] if options.params_file is None else ["--params-file", str(options.params_file)]
         state = str(states.absolute() / f"{name}.json")
-        return node_command(package, name, [*ros, *files], **parameters, state_file=state)
+        return command_of_node(package, name, [*ros, *files], **parameters, state_file=state)
 
     # The simulator's time is in all headers; with a robot it is the wall clock's.
     simulated = {} if options.robot else {"use_sim_time": "true"}

@@ -7,7 +7,7 @@ from rich.console import Console
 
 from sain_bringup.graph import PAGE, GraphOptions
 from sain_bringup.graph import run as run_graph
-from sain_core.cli.command_line import node_command
+from sain_core.cli.command_line import command_of_node
 from sain_core.config import option
 from sain_eval.scenes.scenarios import SCENARIOS
 from sain_live.settings import PageConfig, check_free
@@ -48,7 +48,7 @@ class LiveOptions(GraphOptions):
     def more_commands(self, ros: Sequence[str]) -> dict[str, list[str]]:
         """Return the command of the live page."""
         given = {name: getattr(self, name) for name in ("host", "port", "seed", "scenario")}
-        return {PAGE: node_command("sain_live", "page_node", ros, **given)}
+        return {PAGE: command_of_node("sain_live", "page_node", ros, **given)}
 
 
 def run(options: LiveOptions, console: Console) -> int:

@@ -10,7 +10,7 @@ import tyro
 from rich.console import Console
 
 from sain_bags.reading.reader import BAG_HELP, Bag
-from sain_core.cli.command_line import node_command
+from sain_core.cli.command_line import command_of_node
 from sain_core.config import Config, option, required
 
 NAME: Final = "recording_page"  # beside a running graph and its page
@@ -51,4 +51,4 @@ def page_command(options: ViewOptions, bag: Path) -> list[str]:
         "host": options.host,
         "port": options.port,
     }
-    return node_command("sain_live", "page_node", ["-r", f"__node:={NAME}"], **given)
+    return command_of_node("sain_live", "page_node", ["-r", f"__node:={NAME}"], **given)

@@ -43,7 +43,7 @@ def executable(package: str, name: str) -> Path:
     )
 
 
-def node_command(
+def command_of_node(
     package: str, name: str, ros: Sequence[str] = (), **parameters: object
 ) -> list[str]:
     """Return what starts a node, with arguments for ROS and parameters.
