@@ -214,7 +214,7 @@ def calibration(results: Figures) -> Figure | None:
                     continue
                 held = 100.0 * np.array(found[unit]["held"])
                 line = _line(row) | {"linestyle": styles[key]}
-                label = f"{results['rows'][row]}, {case['title']}"
+                label = f"{results['rows'][row]}, {case['title'].removesuffix(' of each body')}"
                 axes.plot(100.0 * np.array(LEVELS), held, label=label, **line)
         axes.set(xlim=(0, 100), ylim=(0, 100))
     figure.axes[0].set_ylabel("held [%]", fontsize=TEXT, color=PALETTE.ink)
