@@ -47,13 +47,8 @@ POLL: Final = 0.02  # [s] between looks at the processes
 
 
 @dataclass(frozen=True)
-class GraphOptions(Config):
-    """Start the whole graph and look after it: simulator, model, planner and recorder.
-
-    It waits for goals, as `goal` and RViz send them. What dies or hangs is restarted, and goes on
-    where it was. Three crashes within a minute end the graph, and so does the end of a process
-    that did not crash. Ctrl-C ends all of them.
-    """
+class GraphConfig(Config):
+    """What `graph` and `closed_loop` start the graph with."""
 
     engine: str = option(DEFAULT_ENGINE, ENGINE_HELP)
     bottom: str = option(
@@ -65,19 +60,9 @@ class GraphOptions(Config):
     )
     seed: int = option(0, "of the first scene and of the planner", minimum=0)
     camera: Annotated[ObservationConfig, tyro.conf.arg(name="")] = ObservationConfig()
-    robot: str = option(
-        "",
-        "command that starts a robot's driver, in place of the simulator; elsewhere: it is started"
-        " by somebody else",
-    )
-    bodies: Path | None = option(None, "YAML file of the robot's bodies: their poses become scenes")
     gui: bool = option(False, "show the simulator's window, in real time")
     params_file: Path | None = option(
         None, "ROS parameters for the nodes (YAML), on top of their defaults"
-    )
-    record: bool = option(True, "record all topics")
-    bag: Path | None = option(
-        None, "folder to make for the recording; by default bags/<date>-<time>"
     )
 
     def __post_init__(self) -> None:
@@ -87,6 +72,31 @@ class GraphOptions(Config):
         check_engine(self.engine)
         if self.params_file is not None:
             _check_parameter_file(self.params_file)
+
+
+@dataclass(frozen=True)
+class GraphOptions(GraphConfig):
+    """Start the whole graph and look after it: simulator, model, planner and recorder.
+
+    It waits for goals, as `goal` and RViz send them. What dies or hangs is restarted, and goes on
+    where it was. Three crashes within a minute end the graph, and so does the end of a process
+    that did not crash. Ctrl-C ends all of them.
+    """
+
+    robot: str = option(
+        "",
+        "command that starts a robot's driver, in place of the simulator; elsewhere: it is started"
+        " by somebody else",
+    )
+    bodies: Path | None = option(None, "YAML file of the robot's bodies: their poses become scenes")
+    record: bool = option(True, "record all topics")
+    bag: Path | None = option(
+        None, "folder to make for the recording; by default bags/<date>-<time>"
+    )
+
+    def __post_init__(self) -> None:
+        """Check the fields, and that those of a robot make sense."""
+        super().__post_init__()
         self._check_robot()
 
     @property

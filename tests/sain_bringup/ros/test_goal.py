@@ -8,7 +8,7 @@ from rich.console import Console
 
 from sain_bringup.ros import goal as module
 from sain_bringup.ros.goal import GoalOptions, GoalSender, SilentPlannerError, goal_message
-from sain_core.ros.node_main import ros_context, spin_until
+from sain_core.ros.node_main import command_node, spin_until
 from sain_interfaces.msg import Goal
 
 pytestmark = pytest.mark.ros
@@ -16,10 +16,8 @@ pytestmark = pytest.mark.ros
 
 @pytest.fixture
 def sender(ros_domain):
-    with ros_context():
-        sender = GoalSender(Console(file=StringIO(), width=80))
-        yield sender
-        sender.node.destroy_node()
+    with command_node("goal") as node:
+        yield GoalSender(node, Console(file=StringIO(), width=80))
 
 
 def printed(sender):

@@ -5,7 +5,7 @@ import sys
 import time
 from collections import Counter
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Annotated, Final
 
@@ -22,6 +22,7 @@ from sain_bringup.graph import (
     RECORDER,
     RECORDINGS,
     SIMULATOR,
+    GraphConfig,
     GraphOptions,
     graph_commands,
     restart_command,
@@ -29,11 +30,11 @@ from sain_bringup.graph import (
 )
 from sain_bringup.interrupts import Interrupts, Stopped
 from sain_bringup.processes import UNHURRIED, Supervisor
-from sain_core.config import Config, option
+from sain_core.config import option
 from sain_core.errors import OutputError, SainError
-from sain_core.observation import ObservationConfig, changed_settings
+from sain_core.observation import changed_settings
 from sain_core.provenance import provenance
-from sain_core.shapes.shape import BOTTOMS, FEET
+from sain_core.shapes.shape import FEET
 from sain_core.storage import make_folder
 from sain_eval.scenes.scenarios import OFFERED, SCENARIOS, draw_scene
 from sain_model.compute.kernel_store import (
@@ -42,14 +43,14 @@ from sain_model.compute.kernel_store import (
     describe_progress,
     kernels_are_ready,
 )
-from sain_sim.world.engines import BULLET, DEFAULT_ENGINE, ENGINE_HELP
+from sain_sim.world.engines import BULLET
 
 DEMO: Final = (("anywhere", 3), ("paper", 1), ("push_t", 1))
 BAG: Final = "bag"  # folder of the recording
 
 
 @dataclass(frozen=True)
-class ClosedLoopOptions(Config):
+class ClosedLoopOptions(GraphConfig):
     """Run the closed loop on the whole graph: simulator, model, planner and recorder.
 
     Starts the four as separate processes, plays episodes, and writes a recording, a top view
@@ -72,23 +73,10 @@ class ClosedLoopOptions(Config):
         minimum=1e-4,
         maximum=0.2,
     )
-    engine: str = option(DEFAULT_ENGINE, ENGINE_HELP)
-    bottom: str = option(
-        FEET, "what bodies stand on: three feet, or a flat bottom", choices=BOTTOMS
-    )
-    model: str = option("sain", "name of a model (sain, planar, identity) or path of a checkpoint")
-    belief: str = option(
-        "", "file of `sain_model identify`, with which each episode begins; empty: none"
-    )
-    camera: Annotated[ObservationConfig, tyro.conf.arg(name="")] = ObservationConfig()
     out: Path | None = option(
         None, "folder to make for the results; by default bags/closed_loop-<date>-<time>"
     )
-    gui: bool = option(False, "show the simulator's window, in real time")
     video: bool = option(True, "render the moving picture at the end")
-    params_file: Path | None = option(
-        None, "ROS parameters for the nodes (YAML), on top of their defaults"
-    )
     timeout: float = option(
         60.0,
         "longest wait for the graph to start, or for an event in an episode",
@@ -97,25 +85,15 @@ class ClosedLoopOptions(Config):
     )
 
     def __post_init__(self) -> None:
-        """Check the fields, the model's name, the scenario and the file of parameters."""
+        """Check the fields, those of the graph, and the scenario."""
         super().__post_init__()
         if self.scenario is not None:
             OFFERED.check(self.scenario)
-        self.graph(None)  # which checks what concerns the graph
 
     def graph(self, bag: Path | None) -> GraphOptions:
         """Return the options of the graph that records to a folder."""
-        return GraphOptions(
-            engine=self.engine,
-            bottom=self.bottom,
-            model=self.model,
-            belief=self.belief,
-            seed=self.seed,
-            camera=self.camera,
-            gui=self.gui,
-            params_file=self.params_file,
-            bag=bag,
-        )
+        shared = {item.name: getattr(self, item.name) for item in fields(GraphConfig)}
+        return GraphOptions(**shared, bag=bag)
 
 
 @dataclass(frozen=True)

@@ -13,11 +13,11 @@ from rich.markup import escape
 from sain_core.cli.terminal import WaitingLine
 from sain_core.config import Config, option
 from sain_core.errors import ErrorCode, SainError
-from sain_core.ros.ending import release
 from sain_model.compute.kernel_store import describe_compilation
 
 if TYPE_CHECKING:
     from diagnostic_msgs.msg import DiagnosticArray
+    from rclpy.node import Node
 
     from sain_interfaces.action import Reach
     from sain_interfaces.msg import Goal
@@ -60,17 +60,15 @@ class SilentPlannerError(SainError):
 class GoalSender:
     """Sends one goal by the action, and prints what the planner says."""
 
-    def __init__(self, console: Console) -> None:
+    def __init__(self, node: "Node", console: Console) -> None:
         """Look for the planner."""
         from diagnostic_msgs.msg import DiagnosticArray
         from rclpy.action import ActionClient
-        from rclpy.node import Node
 
-        from sain_core.ros.node_main import NAMESPACE
         from sain_core.ros.qos import RELIABLE
         from sain_interfaces.action import Reach
 
-        self.node = Node("goal", namespace=NAMESPACE)
+        self.node = node
         self._console = console
         self._client = ActionClient(self.node, Reach, "reach")
         self._planner = self.node.resolve_topic_name("mppi_node")
@@ -158,16 +156,13 @@ def goal_message(options: GoalOptions) -> "Goal":
 
 def run(options: GoalOptions, console: Console) -> int:
     """Send the goal, follow it to its end, and return the exit code."""
-    from sain_core.ros.node_main import ros_context
+    from sain_core.ros.node_main import command_node
     from sain_interfaces.msg import Plan
 
     endings = {Plan.EXHAUSTED: "all pushes were sent", Plan.NO_PUSH: "no push is left to try"}
-    with ros_context():
-        sender = GoalSender(console)
-        try:
-            result = sender.result(sender.send(goal_message(options), options.timeout))
-        finally:
-            release(sender.node)
+    with command_node("goal") as node:
+        sender = GoalSender(node, console)
+        result = sender.result(sender.send(goal_message(options), options.timeout))
     count = f"{result.pushes} push{'' if result.pushes == 1 else 'es'}"
     where = f"{1e3 * result.goal_distance:.1f} mm"
     if result.status == Plan.REACHED:

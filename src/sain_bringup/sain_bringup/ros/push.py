@@ -12,13 +12,14 @@ from sain_core.cli.terminal import FittingTable
 from sain_core.config import Config, option
 from sain_core.errors import ErrorCode, SainError
 from sain_core.push import DEFAULT_SPEED, make_push, push_ids
-from sain_core.ros.ending import release
 from sain_core.scene import POSITION, THETA
 from sain_core.shapes.solids import DISK
 from sain_core.types import PushArray
 from sain_core.wire import decode_disks
 
 if TYPE_CHECKING:
+    from rclpy.node import Node
+
     from sain_interfaces.msg import Bodies, PushResult, Scene
 
 DISK_NAMES: Final = ("mid disk", "target")
@@ -53,15 +54,12 @@ class SilentSimulatorError(SainError):
 class PushSender:
     """Sends one push from the scene that it sees."""
 
-    def __init__(self, timeout_s: float) -> None:
+    def __init__(self, node: "Node", timeout_s: float) -> None:
         """Listen to the simulator."""
-        from rclpy.node import Node
-
-        from sain_core.ros.node_main import NAMESPACE
         from sain_core.ros.qos import LATCHED, RELIABLE
         from sain_interfaces.msg import Bodies, Push, PushResult, Scene
 
-        self.node = Node("push", namespace=NAMESPACE)
+        self.node = node
         self._timeout_s = timeout_s
         self._push_id = next(push_ids())
         self._scene: "Scene | None" = None
@@ -140,15 +138,12 @@ def show(result: "PushResult", console: Console, shapes: Sequence[str] = ()) -> 
 
 def run(options: PushOptions, console: Console) -> int:
     """Send the push, print what became of it, and return the exit code."""
-    from sain_core.ros.node_main import ros_context
+    from sain_core.ros.node_main import command_node
 
-    with ros_context():
-        sender = PushSender(options.timeout)
-        try:
-            path = options.location, options.angle, options.length
-            push = make_push(*path, body=options.body, speed=options.speed)
-            result = sender.send(push)
-        finally:
-            release(sender.node)
+    path = options.location, options.angle, options.length
+    push = make_push(*path, body=options.body, speed=options.speed)
+    with command_node("push") as node:
+        sender = PushSender(node, options.timeout)
+        result = sender.send(push)
     show(result, console, sender.shapes)
     return 0 if result.error_code == ErrorCode.OK else int(result.error_code) or 1

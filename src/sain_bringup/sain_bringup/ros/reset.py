@@ -9,7 +9,6 @@ from rich.markup import escape
 from sain_bringup.ros.push import SilentSimulatorError
 from sain_core.config import Config, option
 from sain_core.errors import ErrorCode
-from sain_core.ros.ending import release
 from sain_core.scene import POSITION
 from sain_core.wire import decode_disks
 
@@ -31,16 +30,10 @@ class ResetOptions(Config):
 
 def run(options: ResetOptions, console: Console) -> int:
     """Reset the scene, print what came of it, and return the exit code."""
-    from rclpy.node import Node
+    from sain_core.ros.node_main import command_node
 
-    from sain_core.ros.node_main import NAMESPACE, ros_context
-
-    with ros_context():
-        node = Node("reset", namespace=NAMESPACE)
-        try:
-            reply = _reset(node, options)
-        finally:
-            release(node)
+    with command_node("reset") as node:
+        reply = _reset(node, options)
     if reply.error_code != ErrorCode.OK:
         console.print(f"[red]not reset[/]: {escape(reply.error_message)}", soft_wrap=True)
         return int(reply.error_code) or 1

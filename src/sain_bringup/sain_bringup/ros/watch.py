@@ -14,9 +14,9 @@ from rich.console import Console
 
 from sain_core.config import Config, option
 from sain_core.errors import ConfigError
-from sain_core.ros.ending import release
 
 if TYPE_CHECKING:
+    from rclpy.node import Node
     from rclpy.qos import QoSProfile
 
 PROGRAM: Final = "ros2 run sain_bringup watch"
@@ -39,13 +39,9 @@ class WatchOptions(Config):
 class Watcher:
     """Observes the graph and publishes nothing."""
 
-    def __init__(self) -> None:
-        """Join the graph."""
-        from rclpy.node import Node
-
-        from sain_core.ros.node_main import NAMESPACE
-
-        self.node = Node("watch", namespace=NAMESPACE)
+    def __init__(self, node: "Node") -> None:
+        """Observe it by this node."""
+        self.node = node
         self.received = 0
 
     def spin(self) -> None:
@@ -180,10 +176,10 @@ def _plain(value: Any) -> str:
 
 def run(options: WatchOptions, console: Console) -> None:
     """List the topics, or watch one until its messages have come or Ctrl-C."""
-    from sain_core.ros.node_main import ros_context
+    from sain_core.ros.node_main import command_node
 
-    with ros_context():
-        watcher = Watcher()
+    with command_node("watch") as node:
+        watcher = Watcher(node)
         try:
             if not options.topic:
                 for name, kind in sorted(watcher.all_topics(options.timeout).items()):
@@ -194,5 +190,3 @@ def run(options: WatchOptions, console: Console) -> None:
                 watcher.spin()
         except KeyboardInterrupt:
             pass  # the usual end
-        finally:
-            release(watcher.node)

@@ -20,7 +20,7 @@ from rclpy.utilities import ok, try_shutdown
 
 from sain_core import notify
 from sain_core.errors import INTERRUPTED, ConfigError, SainError
-from sain_core.ros.ending import ending_within
+from sain_core.ros.ending import ending_within, release
 from sain_core.ros.network import stay_on_this_host
 from sain_core.ros.parameters import check_parameter_files
 from sain_core.ros.steady import steady_timer
@@ -153,3 +153,14 @@ def ros_context(
             if ok():
                 raise
             # rclpy's thread for signals shut the context down between the check and this call.
+
+
+@contextmanager
+def command_node(name: str) -> Iterator[Node]:
+    """Give the node of a command that ends by itself, in the graph's namespace."""
+    with ros_context():
+        node = Node(name, namespace=NAMESPACE)
+        try:
+            yield node
+        finally:
+            release(node)
