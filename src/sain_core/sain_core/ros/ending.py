@@ -9,7 +9,7 @@ import ctypes
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Final, Protocol
+from typing import Final, Protocol, runtime_checkable
 
 PATIENCE: Final = 4.0  # [s] for each part of the end
 SIGEV_THREAD: Final = 2  # of <signal.h>
@@ -62,6 +62,7 @@ def start_timer(seconds: float, code: int) -> ctypes.c_void_p:
     return timer
 
 
+@runtime_checkable
 class Destroyable(Protocol):
     """A node; named so that commands without ROS can import this module."""
 
