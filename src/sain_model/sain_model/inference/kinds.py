@@ -290,7 +290,15 @@ def default_belief(prior: PlanarPrior) -> Belief:
     if not axes:
         first = replace(first, name=FITTED, flat_log_odds=0.0)
     other = PlanarPrior(textbook, prior.bodies)
-    flat = replace(surface_kind(), log_odds=-UNLIKELY, flat_log_odds=UNLIKELY + TRAINED)
+    surface = surface_kind()
+    flat = replace(
+        surface,
+        prior=PlanarPrior(replace(surface.config, friction=prior.config.friction), prior.bodies),
+        names=(FRICTION, *surface.names),  # friction counts where a push is fast
+        covariance=np.eye(1 + len(surface.names)),
+        log_odds=-UNLIKELY,
+        flat_log_odds=UNLIKELY + TRAINED,
+    )
     return Belief((first, Kind(NO_AXES, other, (*LABORATORY, ACROSS), wide), flat))
 
 
