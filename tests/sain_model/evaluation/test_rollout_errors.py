@@ -131,8 +131,8 @@ def test_the_command_lines_make_and_compare_the_four_kinds(tmp_path: Path) -> No
         assert card["kind"] == sain.origin.kind == kind
         server = ModelServer(sain, ServingConfig(model=str(paths[kind])))
         assert server.description.kind == kind
-        shown = card["errors"]["after"]["5"]["errors"][TARGETS]
-        assert shown[NAMES[kind]]["number"] == 10  # 5 episodes of 6 pushes held out
+        shown = card["errors"]["after"]["1"]["errors"][TARGETS]
+        assert shown[NAMES[kind]]["number"] == 30  # 5 episodes of 6 pushes held out
     assert card["training"]["rollouts"]["steps_ahead"] == 3
     assert card["training"]["rollouts"]["best_epoch"] in (1, 2)
     assert (tmp_path / "recurrent" / "rollout_loss.png").exists()

@@ -44,7 +44,7 @@ class Part(Transitions):
         surface: what the body stood on, in a real robot's pushes; empty where it is not stated.
         object: the pushed body, as its user calls it; likewise.
         run: the recording; likewise.
-        source: engine, world and bottom of the scenes, or the data set's name; None: likewise.
+        setting: engine, world and bottom of the scenes, or the data set's name; None: likewise.
         given: values of parameters of the physics that are believed for each push, (M,) by name;
             None: nothing but what episodes show.
     """
@@ -58,7 +58,7 @@ class Part(Transitions):
     surface: ndarray | None = None
     object: ndarray | None = None
     run: ndarray | None = None
-    source: ndarray | None = None
+    setting: ndarray | None = None
     given: Values | None = None
 
     @property
@@ -136,11 +136,11 @@ class Dataset:
 
     @property
     def counts(self) -> dict[str, int]:
-        """How many pushes there are of each source."""
-        sources = [part.source for part in self.parts if part.source is not None]
-        if not sources:
+        """How many pushes there are in each setting."""
+        settings = [part.setting for part in self.parts if part.setting is not None]
+        if not settings:
             return {}
-        names, counts = np.unique(np.concatenate(sources), return_counts=True)
+        names, counts = np.unique(np.concatenate(settings), return_counts=True)
         return dict(zip(names.tolist(), counts.tolist(), strict=True))
 
     def _column(self, name: str) -> Int[ndarray, "M"]:
@@ -255,9 +255,8 @@ def _read_folder(path: Path) -> Iterable[tuple[Part, str]]:
         for name in np.unique(names):
             chosen: dict[str, Any] = {key: rows[names == name] for key, rows in columns.items()}
             bodies = bodies_named(*str(name).split(";"), count)
-            source = f"{made}, {bodies.shapes[0].bottom}"
-            chosen["source"] = np.full(len(chosen[Column.ACTION]), source)
-            yield Part(**chosen, bodies=bodies), digest.hexdigest()
+            setting = np.full((names == name).sum(), f"{made}, {bodies.shapes[0].bottom}")
+            yield Part(**chosen, bodies=bodies, setting=setting), digest.hexdigest()
 
 
 def _steps(path: Path, columns: Columns) -> Int[ndarray, "M"]:

@@ -50,7 +50,7 @@ class ErrorRows:
 
     Attributes:
         about: what each row is of: "episode", "shape", "body", "pushed" (by the latest push),
-            "source", "alone", "moved" [m] since the first scene, "earlier" pushes of the episode.
+            "setting", "alone", "moved" [m] since the first scene, "earlier" pushes of the episode.
         off: distances [mm] by predictor; NaN where it says nothing.
         turned: likewise of headings [deg].
         agreed: whether the latest push moved the body in prediction and truth, or in neither.
@@ -93,8 +93,8 @@ class ErrorRows:
         shapes = {
             f"pushed {s}": pushed & (about["shape"] == s) for s in sorted(set(about["shape"]))
         }
-        sources = {f"in {s}": pushed & (about["source"] == s) for s in _names(about["source"])}
-        return groups | shapes | sources | self._thirds(target if target.any() else pushed)
+        settings = {f"in {s}": pushed & (about["setting"] == s) for s in _names(about["setting"])}
+        return groups | shapes | settings | self._thirds(target if target.any() else pushed)
 
     def _thirds(self, rows: Mask) -> dict[str, Mask]:
         """Return thirds of these rows by how certain the first model with regions is."""
@@ -309,7 +309,7 @@ def _rows_of(
     pushed = pushed_bodies(windows.pushes[chosen, step - 1])
     names = [one.name for one in part.bodies.fitted(part.disks).shapes]
 
-    source = np.full(len(part), "") if part.source is None else part.source
+    setting = np.full(len(part), "") if part.setting is None else part.setting
 
     def each(values: ndarray) -> ndarray:
         return np.broadcast_to(values, shape).reshape(-1)
@@ -322,7 +322,7 @@ def _rows_of(
         "alone": each(np.array(part.disks == 1)),
         "moved": each(_ways(windows.scenes[chosen], truth)),
         "earlier": each(some.earlier[chosen, None]),
-        "source": each(source[windows.rows[chosen, 0], None]),
+        "setting": each(setting[windows.rows[chosen, 0], None]),
     }
     off, turned, agreed = {}, {}, {}
     hit = _latest_ways(windows.scenes[chosen], windows.next_scenes[chosen], step) > MOVED
