@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
-from benchmarks.gate.table import Gate
-from benchmarks.shapes_collect import NAMES, SEEN, UNSEEN
+from benchmarks.gates.table import Gate
+from benchmarks.results.shapes_collect import NAMES, SEEN, UNSEEN
 from sain_core.bootstrap import Interval
 from sain_core.workers.running import WorkerOptions
 from sain_eval.episode import Tolerance

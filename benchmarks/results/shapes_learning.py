@@ -1,9 +1,9 @@
 """Data sets of the whole library of shapes, seen and unseen, and errors of a model on them.
 
-    ./env python -m benchmarks.shapes_collect data/shapes --episodes 5000
-    ./env python -m benchmarks.shapes_learning data/shapes --world rough --out runs/shapes
+    ./env python -m benchmarks.results.shapes_collect data/shapes --episodes 5000
+    ./env python -m benchmarks.results.shapes_learning data/shapes --world rough --out runs/shapes
     ./env ros2 run sain_model train runs/shapes/seen --out runs/mine
-    ./env python -m benchmarks.shapes_learning data/shapes --world rough --model sain \
+    ./env python -m benchmarks.results.shapes_learning data/shapes --world rough --model sain \
         --out runs/shapes
 
 The folders `seen` and `unseen` below `--out` are data sets. `--model` measures a model on both, of

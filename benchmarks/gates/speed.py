@@ -9,10 +9,9 @@ from contextlib import contextmanager
 from tempfile import TemporaryDirectory
 from typing import Final
 
-from benchmarks import planner
-from benchmarks.gate.table import Gate
+from benchmarks.gates.table import Gate
 from benchmarks.report import Figure
-from benchmarks.speed import planar_prior, service_path
+from benchmarks.speed import planar_prior, planner, service_path
 from benchmarks.timing import Shortest
 from sain_model.dynamics.load import load_shipped
 

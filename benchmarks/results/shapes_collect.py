@@ -1,7 +1,7 @@
 """Pushes of the whole library of shapes, in the randomised and a rough world, to learn from.
 
-    ./env python -m benchmarks.shapes_collect data/shapes --episodes 900
-    ./env python -m benchmarks.shapes_collect data/any --world randomised --episodes 3000
+    ./env python -m benchmarks.results.shapes_collect data/shapes --episodes 900
+    ./env python -m benchmarks.results.shapes_collect data/any --world randomised --episodes 3000
 
 Every fourth shape is unseen: it is in no episode that is learned from. Episodes are written in
 chunks; a second call goes on behind the last chunk.

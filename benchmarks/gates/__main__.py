@@ -6,7 +6,7 @@ worse than the baseline. *worse*: than the baseline, beyond its interval or the 
 
 `structure` reads the sources, in seconds; `one_push` collects its sample below `--data` on first
 use; `speed` needs an idle machine; `graph`, played only if named, starts the whole graph. All but
-`graph` take about eight minutes on two idle cores. ``--out benchmarks/gates_baseline.json`` makes
+`graph` take about eight minutes on two idle cores. ``--out benchmarks/gates/baseline.json`` makes
 these figures the baseline.
 """
 
@@ -21,10 +21,10 @@ from typing import Final, Literal
 
 import tyro
 
-from benchmarks.gate.table import Baseline, Gate, print_gates, write_gates
+from benchmarks.gates.table import Baseline, Gate, print_gates, write_gates
 
 Name = Literal["structure", "speed", "one_push", "loops", "graph"]
-BASELINE: Final = Path(__file__).with_name("gates_baseline.json")
+BASELINE: Final = Path(__file__).with_name("baseline.json")
 
 
 @dataclass(frozen=True)
@@ -67,7 +67,7 @@ def measurement(name: Name, options: Options) -> Callable[[], list[Gate]]:
 
 def _of(module: str, function: str) -> Callable[..., list[Gate]]:
     measure: Callable[..., list[Gate]] = getattr(
-        import_module(f"benchmarks.gate.{module}"), function
+        import_module(f"benchmarks.gates.{module}"), function
     )
     return measure
 

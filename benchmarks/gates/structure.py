@@ -5,7 +5,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Final
 
-from benchmarks.gate.table import Gate
+from benchmarks.gates.table import Gate
 from tools.circles import find_circles, import_graph, own_packages
 
 SOURCE: Final = Path(__file__).resolve().parents[2] / "src"
