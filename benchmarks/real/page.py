@@ -118,7 +118,7 @@ def best(results: Figures, case: Figures) -> str:
 def said(results: Figures, case: Figures, key: str) -> str:
     """Return a row and its errors as a phrase."""
     mm, degrees = (case["errors"][key][unit][0] for unit in ("mm", "degrees"))
-    return f"{results['rows'][key]} {mm:.2f} mm and {degrees:.1f} degrees"
+    return f"{results['rows'][key]}: {mm:.2f} mm and {degrees:.1f} degrees"
 
 
 def _result(results: Figures) -> Iterator[str]:
@@ -126,7 +126,7 @@ def _result(results: Figures) -> Iterator[str]:
     yield f"## {case['title'].capitalize()}"
     ours = [said(results, case, key) for key in OURS if key in case["errors"]]
     yield f"Mean errors of {case['pushes']:,} pushes:\n\n" + "".join(f"* {one}\n" for one in ours)
-    yield f"The smallest one: {said(results, case, best(results, case))}."
+    yield f"The most accurate model is {said(results, case, best(results, case))}."
     yield _errors(results, case)
 
 
@@ -228,7 +228,8 @@ def _left_out(results: Figures, media: str) -> Iterator[str]:
             yield _errors(results, results["cases"]["object_20"])
     for key, case in results["cases"].items():
         if key.startswith("surface_"):
-            yield f"## {case['title'].capitalize()}" if key == "surface_0" else case["title"]
+            title = case["title"].capitalize()
+            yield f"## {title}" if key == "surface_0" else f"{title}:"
             yield _errors(results, case)
 
 
