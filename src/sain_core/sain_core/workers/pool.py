@@ -166,7 +166,10 @@ class Processes(Generic[Job, Done]):
         """Give a job to a worker that is free, as soon as one is."""
         with environment(dict.fromkeys(THREAD_LIMITS, "1")):
             future: Future[Done] = self._executor.submit(_do, job)
-        self._processes = self._processes or list(self._executor._processes.values())
+        # It starts them one by one, and forgets them all when one dies.
+        self._processes = list(
+            dict.fromkeys([*self._processes, *self._executor._processes.values()])
+        )
         self._running[future] = job
         return future
 
