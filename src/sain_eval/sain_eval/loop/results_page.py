@@ -11,6 +11,7 @@ from typing import Any, Final, NamedTuple
 from sain_core.cli.terminal import markdown_table
 from sain_core.errors import DatasetError
 from sain_core.observation import ObservationConfig, changed_settings, observation_settings
+from sain_core.shapes.shape import FEET
 from sain_core.untrusted import read_json
 from sain_eval.loop.controllers import ORACLE
 from sain_eval.loop.results import RESULTS_FILE, SCHEMA
@@ -140,7 +141,8 @@ def _reality(config: Mapping[str, Any]) -> str:
     key = (truth.get("engine", "bullet"), truth["world"])
     names = observation_settings(ObservationConfig())
     seen = ObservationConfig(**{name: camera[name] for name in names if name in camera})
-    words = [f"bottom {truth['bottom']}"] if "bottom" in truth else []
+    bottom = truth.get("bottom", FEET)
+    words = [f"bottom {bottom}"] if bottom != FEET else []
     words += [f"{name} {value}" for name, value in changed_settings(seen).items()]
     return ", ".join([REALITY_NAMES.get(key, f"{key[0]}, {key[1]}"), *words])
 
