@@ -15,7 +15,7 @@ from setuptools import setup
 
 ROOT = Path(__file__).parent
 PACKAGES = ("core", "sim", "model", "mppi", "eval", "bags", "gym", "pusht")
-# gym-pusht asks for OpenCV with windows, and MuJoCo for a viewer; both come with their extras only.
+# It asks for OpenCV with windows.
 OPTIONAL = {"gym-pusht": "pusht"}
 
 
@@ -29,16 +29,17 @@ def stated(package):
         os.chdir(here)
 
 
+def key(name):
+    """Return the name of a project in the one way of writing it."""
+    return name.lower().replace("_", "-")
+
+
 def pinned():
-    """Return the requirement of each project whose version is pinned, by its name."""
-    files = [
-        ROOT / "requirements" / name
-        for name in ("ros.in", "python.in", "torch.txt", "bullet.txt", "as_is.txt")
-    ]
-    found = re.findall(
-        r"^([\w.-]+)==(\S+)", "\n".join(path.read_text() for path in files), re.MULTILINE
-    )
-    return {name.lower().replace("_", "-"): f"{name}=={version}" for name, version in found}
+    """Return the requirement of each project whose version is pinned, by its key."""
+    names = ("ros.in", "python.in", "torch.txt", "bullet.txt", "as_is.txt")
+    text = "\n".join((ROOT / "requirements" / name).read_text() for name in names)
+    found = re.findall(r"^([\w.-]+)==(\S+)", text, re.MULTILINE)
+    return {key(name): f"{name}=={version}" for name, version in found}
 
 
 versions = pinned()
@@ -48,12 +49,10 @@ packages = {
 needs, extras, entries, data = set(), {}, {}, {}
 for made in packages.values():
     for name in made.install_requires:
-        requirement = versions.get(name.lower().replace("_", "-"), name)
-        extras.setdefault(OPTIONAL[name], set()).add(
-            requirement
-        ) if name in OPTIONAL else needs.add(requirement)
+        chosen = extras.setdefault(OPTIONAL[name], set()) if name in OPTIONAL else needs
+        chosen.add(versions.get(key(name), name))
     for extra, names in made.extras_require.items():
-        extras.setdefault(extra, set()).update(versions.get(name.lower(), name) for name in names)
+        extras.setdefault(extra, set()).update(versions.get(key(name), name) for name in names)
     data |= made.package_data or {}
     for group, lines in (made.entry_points or {}).items():
         if group != "console_scripts":

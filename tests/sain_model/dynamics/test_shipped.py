@@ -66,37 +66,37 @@ def test_named_disks_are_the_papers_disks(sain: SainDynamics, bodies: Bodies) ->
 @pytest.mark.parametrize("name", OTHERS)
 def test_any_bodies_are_corrected_but_little(sain: SainDynamics, name: str) -> None:
     bodies = OTHERS[name]
-    told = sain.with_bodies(bodies)
-    assert told.bodies == bodies
+    placed = sain.with_bodies(bodies)
+    assert placed.bodies == bodies
     scene, pushed = scene_of(len(bodies)), pushes(40)
     scenes = np.repeat(scene[None], len(pushed), axis=0)
-    physics = told.physics.step(scenes, pushed)
-    residual = np.linalg.norm((told.step(scenes, pushed) - physics)[..., :2], axis=-1)
+    physics = placed.physics.step(scenes, pushed)
+    residual = np.linalg.norm((placed.step(scenes, pushed) - physics)[..., :2], axis=-1)
     assert 1e-6 < residual.max() < 0.02
     assert not residual[:, list(bodies.fixed)].any()
-    radius = told.predict(scenes, pushed).radius
+    radius = placed.predict(scenes, pushed).radius
     assert radius is not None
     assert ((radius > 0.0) & (radius < 0.2)).all()
 
 
 def test_a_disk_alone_can_be_predicted(sain: SainDynamics) -> None:
-    told, scene, pushed = sain.with_bodies(Bodies.disks(1)), scene_of(1), pushes(40)
+    placed, scene, pushed = sain.with_bodies(Bodies.disks(1)), scene_of(1), pushes(40)
     scenes = np.repeat(scene[None], len(pushed), axis=0)
-    assert isinstance(told, SainDynamics)
+    assert isinstance(placed, SainDynamics)
     physics = PlanarPrior().step(scenes, pushed)
-    np.testing.assert_allclose(told.step(scenes, pushed)[..., :2], physics[..., :2], atol=0.02)
-    assert told.predict(scenes, pushed).radius is not None
-    assert told.rollout(scene, pushed.reshape(10, 4, 5)).shape == (10, 4, 1, 8)
+    np.testing.assert_allclose(placed.step(scenes, pushed)[..., :2], physics[..., :2], atol=0.02)
+    assert placed.predict(scenes, pushed).radius is not None
+    assert placed.rollout(scene, pushed.reshape(10, 4, 5)).shape == (10, 4, 1, 8)
 
 
 def test_friction_is_inferred_for_a_shape(sain: SainDynamics) -> None:
-    told = sain.with_bodies(OTHERS["a T alone"])
+    placed = sain.with_bodies(OTHERS["a T alone"])
     pushed = pushes(6)
     scenes = np.repeat(scene_of(1)[None], len(pushed), axis=0)
-    after = told.physics.step(scenes, pushed, {FRICTION: np.full(len(pushed), 0.18)})
-    informed = told.condition(PushHistory(scenes, pushed, after))
+    after = placed.physics.step(scenes, pushed, {FRICTION: np.full(len(pushed), 0.18)})
+    informed = placed.condition(PushHistory(scenes, pushed, after))
     assert informed.value(FRICTION) == pytest.approx(0.18, rel=0.1)
-    assert informed.spread(FRICTION) < told.spread(FRICTION)
+    assert informed.spread(FRICTION) < placed.spread(FRICTION)
 
 
 def test_the_card_belongs_to_the_weights() -> None:
@@ -115,10 +115,10 @@ def test_the_card_belongs_to_the_weights() -> None:
 def test_bodies_that_lie_flat_are_predicted_by_physics_alone(
     sain: SainDynamics, names: list[str]
 ) -> None:
-    told = sain.with_bodies(Bodies.named(names))
+    placed = sain.with_bodies(Bodies.named(names))
     scenes, pushed = np.repeat(scene_of(len(names))[None], 12, axis=0), pushes(12)
-    after = told.physics.step(scenes, pushed, {FRICTION: np.full(len(pushed), 0.18)})
-    for model in (told, told.condition(PushHistory(scenes, pushed, after))):
+    after = placed.physics.step(scenes, pushed, {FRICTION: np.full(len(pushed), 0.18)})
+    for model in (placed, placed.condition(PushHistory(scenes, pushed, after))):
         assert not model.corrects
         np.testing.assert_array_equal(
             model.step(scenes, pushed), model.physics.step(scenes, pushed)
@@ -154,8 +154,8 @@ def test_a_server_answers_for_any_bodies() -> None:
     server, bodies = load_server(ServingConfig(model="sain")), OTHERS["two shapes"]
     sequences = pushes(8).reshape(4, 2, 5)
     sequences[..., BODY] = 1.0
-    told = server.rollout(scene_of(2), sequences, bodies=bodies)
-    regions = server.regions(scene_of(2), sequences, told, bodies=bodies)
+    predicted = server.rollout(scene_of(2), sequences, bodies=bodies)
+    regions = server.regions(scene_of(2), sequences, predicted, bodies=bodies)
     assert regions is not None
     assert regions.shape == (4, 2, 2)
 
@@ -169,7 +169,7 @@ def test_on_slow_pushes_of_flat_bodies_it_is_no_worse_than_its_physics(sain: Sai
     for lab, name in enumerate(("box_3x2", "triangle", "hexagon")):
         truth = TruthConfig(world=MEASURED, engine=MUJOCO, lab=200 + lab, bottom=FLAT)
         parameters = truth.draw(random, 1, shapes=(name,))
-        world, told = World(parameters, config, MUJOCO), sain.with_bodies(parameters.bodies)
+        world, placed = World(parameters, config, MUJOCO), sain.with_bodies(parameters.bodies)
         for push in limits.sample(random, 8):
             push[LENGTH] = 0.05
             scene = world.reset(parameters.scene(np.array([(0.45, 0.0)]), random.uniform(-3, 3, 1)))
@@ -178,7 +178,7 @@ def test_on_slow_pushes_of_flat_bodies_it_is_no_worse_than_its_physics(sain: Sai
             errors.append(
                 [
                     pose_errors(model.step(scene[None], stroke)[0], after)
-                    for model in (told, told.physics_alone())
+                    for model in (placed, placed.physics_alone())
                 ]
             )
     mine, physics = np.mean(errors, axis=0)

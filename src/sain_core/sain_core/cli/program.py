@@ -36,7 +36,7 @@ def main(arguments: list[str] | None = None) -> int:
         sys.stderr.write(f"{PROGRAM}: there is no command {name!r}{near}; see {PROGRAM} --help\n")
         return WRONG_USAGE
     command = commands[name]
-    if command.needs_ros and not _has_ros():
+    if command.needs_ros and find_spec("rclpy") is None:
         sys.stderr.write(
             f"{PROGRAM} {name} needs ROS 2 (rclpy), which is not installed here: run it inside"
             " ./env of a checkout, or in a workspace of ROS 2 Jazzy\n"
@@ -47,13 +47,6 @@ def main(arguments: list[str] | None = None) -> int:
         return command(given[1:], program=own)
     sys.argv = [own, *given[1:]]  # for rclpy
     return command(program=own)
-
-
-def _has_ros() -> bool:
-    try:
-        return find_spec("rclpy") is not None
-    except ModuleNotFoundError:
-        return False
 
 
 def find_commands() -> dict[str, Command | NodeCommand]:

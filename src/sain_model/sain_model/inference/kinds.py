@@ -57,7 +57,6 @@ REACH: Final = 2.8  # [standard deviations], of a grid
 SOLVER_AXES: Final = "solver axes"
 FITTED: Final = "fitted"
 NO_AXES: Final = "textbook"
-UNLIKELY: Final = 1e3  # logarithm of the odds against what is about flat bottoms alone
 TRAINED: Final = 3.0  # logarithm of the odds that the physics is of the kind that is trained on
 KEEP: Final = 0.5  # logarithm of the odds that a network's correction holds, beforehand
 OF_NEW: Final = -2.0  # likewise for a body that it did not learn from
@@ -76,6 +75,7 @@ class Kind:
         covariance: of the vector z, (D, D).
         log_odds: logarithm of how likely this kind is, up to a constant.
         flat_log_odds: what is added to it where all bodies lie flat.
+        only_flat: whether it is of no other bodies.
         corrected: whether the network was trained on this kind.
         of_bodies: whether episodes are those of a body on a surface each, which has a value of its
             own of every parameter.
@@ -87,12 +87,15 @@ class Kind:
     covariance: Float[ndarray, "D D"] = field(default_factory=lambda: np.eye(1))
     log_odds: float = 0.0
     flat_log_odds: float = 0.0
+    only_flat: bool = False
     corrected: bool = False
     of_bodies: bool = False
 
     def log_odds_of(self, bodies: Bodies) -> float:
         """Return the logarithm of how likely this kind is for bodies, up to a constant."""
-        return self.log_odds + (self.flat_log_odds if bodies.lie_flat else 0.0)
+        if bodies.lie_flat:
+            return self.log_odds + self.flat_log_odds
+        return -np.inf if self.only_flat else self.log_odds
 
     @property
     def identity(self) -> str:
@@ -296,8 +299,8 @@ def default_belief(prior: PlanarPrior) -> Belief:
         prior=PlanarPrior(replace(surface.config, friction=prior.config.friction), prior.bodies),
         names=(FRICTION, *surface.names),  # friction counts where a push is fast
         covariance=np.eye(1 + len(surface.names)),
-        log_odds=-UNLIKELY,
-        flat_log_odds=UNLIKELY + TRAINED,
+        log_odds=TRAINED,
+        only_flat=True,
     )
     return Belief((first, Kind(NO_AXES, other, (*LABORATORY, ACROSS), wide), flat))
 

@@ -14,7 +14,7 @@ from numpy import ndarray
 
 from sain_core.shapes.bodies import Bodies
 from sain_core.types import Pushes, Scalars, Scenes
-from sain_model.inference.evidence import Known, ObservedPushes
+from sain_model.inference.evidence import FACTORS, Known, ObservedPushes
 from sain_model.inference.gauss_newton import fit
 from sain_model.inference.grid import LATEST, marginals
 from sain_model.inference.kinds import Belief, Kind, Places
@@ -90,12 +90,9 @@ def infer(belief: Belief, pushes: ObservedPushes, known: Known) -> Posterior:
         known: which of them each row is conditioned on.
     """
     width, rows = max(len(kind.names) for kind in belief.kinds), np.arange(known.rows)
-    alone = [marginals(kind, known.total(LATEST.of(kind, pushes))) for kind in belief.kinds]
-    odds_of_kinds = [kind.log_odds_of(pushes.bodies) for kind in belief.kinds]
-    log_evidence = np.stack(
-        [one.log_evidence + odds for one, odds in zip(alone, odds_of_kinds, strict=True)],
-        axis=1,
-    )
+    alone = [marginals(kind, known.total(_curves(kind, pushes))) for kind in belief.kinds]
+    odds = np.array([kind.log_odds_of(pushes.bodies) for kind in belief.kinds])
+    log_evidence = np.stack([one.log_evidence for one in alone], axis=1) + odds
     best = log_evidence.argmax(axis=1)
     places, spreads = (
         np.stack([_wide(part, width) for part in parts], axis=1)[rows, best]
@@ -155,6 +152,13 @@ def _of_kinds(belief: Belief, numbers: Int[ndarray, "R"]) -> list[tuple[Int[ndar
     """Return the rows of each kind that has any."""
     found = [(np.flatnonzero(numbers == number), kind) for number, kind in enumerate(belief.kinds)]
     return [(rows, kind) for rows, kind in found if len(rows)]
+
+
+def _curves(kind: Kind, pushes: ObservedPushes) -> Float[ndarray, "M G K"]:
+    """Return how well places of a grid explain pushes; nothing of what cannot be is computed."""
+    if kind.log_odds_of(pushes.bodies) == -np.inf:
+        return np.zeros((len(pushes), len(kind.grid), len(FACTORS)))
+    return LATEST.of(kind, pushes)
 
 
 def _wide(places: Places, width: int) -> Float[ndarray, "R W"]:

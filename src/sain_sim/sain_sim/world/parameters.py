@@ -14,7 +14,7 @@ from sain_core.config import Config, option
 from sain_core.errors import ConfigError
 from sain_core.scene import MASS, RADIUS, Table, make_scene
 from sain_core.shapes.bodies import Bodies
-from sain_core.shapes.shape import FEET, FLAT, Pair, Shape, feet_places
+from sain_core.shapes.shape import Pair, Shape, feet_places
 from sain_core.shapes.solids import DISK
 from sain_core.types import Angles, Points, Scalars, Scene
 from sain_sim.world.roughness import SMOOTH, Roughness
@@ -123,7 +123,7 @@ class WorldParameters(Config):
     @property
     def bottom(self) -> str:
         """What all bodies stand on."""
-        return FLAT if self.lies_flat else FEET
+        return self.body_shapes[0].bottom
 
     def on(self, bottom: str) -> Self:
         """Return the same world with all bodies on this bottom."""

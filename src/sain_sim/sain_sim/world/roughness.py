@@ -169,13 +169,13 @@ def _stands(feet: Feet, mass_offset: Pair) -> bool:
     return all((bx - ax) * (py - ay) > (by - ay) * (px - ax) for (ax, ay), (bx, by) in ends)
 
 
-def fit_shapes(roughness: Roughness, shapes: tuple[Shape, ...], flat: bool = False) -> Roughness:
+def fit_shapes(roughness: Roughness, shapes: tuple[Shape, ...]) -> Roughness:
     """Return the errors of disks as those of bodies with these shapes.
 
     Bodies on a disk's regular feet keep theirs. For others all errors are made smaller, by the same
     share, until all supports are below the body and each carries a part of it.
     """
-    if flat:
+    if all(shape.lies_flat for shape in shapes):
         return _fit_flat(roughness, shapes)
     regular = (REGULAR_FEET,) * len(shapes)
     made = [

@@ -124,9 +124,7 @@ class TruthConfig(Config):
             return parameters
         effects = [name for name in names if name in EFFECTS]
         drawn = draw_effects(self.world, self.lab, effects, parameters.count)
-        drawn["roughness"] = fit_shapes(
-            drawn["roughness"], parameters.body_shapes, flat=parameters.lies_flat
-        )
+        drawn["roughness"] = fit_shapes(drawn["roughness"], parameters.body_shapes)
         if VARIED_FRICTION not in names:
             friction = generator(self.lab, "lab", "friction").uniform(*TABLE_FRICTION[self.world])
             drawn["friction"] = float(friction)
