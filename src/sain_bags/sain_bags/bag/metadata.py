@@ -2,12 +2,15 @@
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from enum import Enum
 from functools import lru_cache
 from pathlib import Path, PurePath
 from typing import Any, Final
 
 import yaml
 from mcap.records import Metadata, Statistics
+from rosbags.interfaces import Qos
+from rosbags.rosbag2.metadata import parse_qos
 
 from sain_bags.bag.metadata_check import check_metadata
 from sain_bags.bag.parts import earlier, mcap_files
@@ -24,18 +27,6 @@ METADATA_RECORD: Final = "rosbag2"  # by this name a file's record of the same c
 START_RECORD: Final = "sain_bags"  # at the beginning of a file: what a crash leaves of it
 METADATA_KEY: Final = "serialized_metadata"
 INFINITE: Final = (9_223_372_036, 854_775_807)  # [s, ns], rmw's duration without end
-
-# rmw/types.h, by the numbers of its enumerations
-RMW_WORDS: Final[dict[str, tuple[str, ...]]] = {
-    "history": ("system_default", "keep_last", "keep_all", "unknown"),
-    "reliability": ("system_default", "reliable", "best_effort", "unknown", "best_available"),
-    "durability": ("system_default", "transient_local", "volatile", "unknown", "best_available"),
-    "liveliness": (
-        "system_default", "automatic", "manual_by_node", "manual_by_topic", "unknown",
-        "best_available",
-    ),
-}  # fmt: skip
-
 
 @dataclass(frozen=True)
 class TopicQos:
@@ -130,24 +121,25 @@ def whole_span(spans: Iterable[Span]) -> Span:
 
 @lru_cache(maxsize=1024)
 def read_profiles(text: str) -> tuple[TopicQos, ...]:
-    """Return the profiles in a channel's metadata; none where they cannot be parsed.
+    """Return the profiles in a channel's metadata, of any version of the layout.
 
-    Up to version 8 of the layout, rosbag2 wrote rmw's numbers for the words.
+    There are none where they cannot be parsed.
     """
     try:
-        return tuple(_profile(record) for record in parse_yaml(text) or ())
-    except (OverflowError, TypeError, KeyError, ValueError, IndexError, AttributeError):
+        return tuple(map(_profile, parse_qos(parse_yaml(text) or [])))
+    except (OverflowError, TypeError, KeyError, ValueError, AttributeError):
         return ()
 
 
-def _profile(record: Mapping[str, Any]) -> TopicQos:
-    values: dict[str, Any] = {"depth": int(record["depth"])}
-    for name, words in RMW_WORDS.items():
-        value = record[name]
-        values[name] = value if isinstance(value, str) else words[value]
+def _profile(qos: Qos) -> TopicQos:
+    words = {
+        name: value.name.lower() if isinstance(value, Enum) else value
+        for name, value in qos._asdict().items()
+        if name in TopicQos.__dataclass_fields__
+    }
     for name in ("deadline", "lifespan", "liveliness_lease_duration"):
-        values[name] = (int(record[name]["sec"]), int(record[name]["nsec"]))
-    return TopicQos(**values)
+        words[name] = (int(words[name].sec), int(words[name].nsec))
+    return TopicQos(**{**words, "depth": int(qos.depth)})
 
 
 def metadata_record(metadata: Mapping[str, Any]) -> dict[str, str]:
