@@ -28,6 +28,7 @@ START_RECORD: Final = "sain_bags"  # at the beginning of a file: what a crash le
 METADATA_KEY: Final = "serialized_metadata"
 INFINITE: Final = (9_223_372_036, 854_775_807)  # [s, ns], rmw's duration without end
 
+
 @dataclass(frozen=True)
 class TopicQos:
     """The quality of service at one end of a topic, in rosbag2's terms."""
@@ -126,13 +127,14 @@ def read_profiles(text: str) -> tuple[TopicQos, ...]:
     There are none where they cannot be parsed.
     """
     try:
-        return tuple(map(_profile, parse_qos(parse_yaml(text) or [])))
+        return tuple(map(as_topic_qos, parse_qos(parse_yaml(text) or [])))
     except (OverflowError, TypeError, KeyError, ValueError, AttributeError):
         return ()
 
 
-def _profile(qos: Qos) -> TopicQos:
-    words = {
+def as_topic_qos(qos: Qos) -> TopicQos:
+    """Return a profile as rosbags has it in rosbag2's words."""
+    words: dict[str, Any] = {
         name: value.name.lower() if isinstance(value, Enum) else value
         for name, value in qos._asdict().items()
         if name in TopicQos.__dataclass_fields__

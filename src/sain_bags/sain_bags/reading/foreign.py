@@ -6,17 +6,20 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, Final
 
+import apsw
 import zstandard
+from rosbags.rosbag2 import ReaderError
 
 from sain_bags.bag.metadata import Topic, read_profiles
 from sain_bags.mcap.integrity import Unpacking, unpack
 from sain_bags.reading.bag_files import BagFiles
-from sain_bags.reading.sqlite_file import SqliteFile, StoredMessage
+from sain_bags.reading.sqlite_file import StoredMessage, read_sqlite
 from sain_bags.writing.writer import BagConfig, BagWriter
 from sain_core.errors import DatasetError, UntrustedFileError
 from sain_core.untrusted import PIECE_BYTES, open_regular
 
 UNCOMPRESSED: Final = ("", "none")
+BAD_PROFILE: Final = (KeyError, TypeError, AttributeError, RecursionError)  # in rosbags
 STORAGES: Final = ("mcap", "sqlite3")
 WINDOW: Final = 1 << 20  # [bytes], unpacked at a time
 
@@ -76,10 +79,8 @@ def _write(
 
 def _read_sqlite(file: Path, source: Path) -> Iterator[Topic | StoredMessage]:
     try:
-        with SqliteFile(file) as database:
-            yield from database.topics
-            yield from database.messages()
-    except (sqlite3.Error, OSError, UntrustedFileError) as error:
+        yield from read_sqlite(file)
+    except (sqlite3.Error, apsw.Error, ReaderError, *BAD_PROFILE, UntrustedFileError) as error:
         raise DatasetError(f"{source} cannot be read: {error}") from error
 
 

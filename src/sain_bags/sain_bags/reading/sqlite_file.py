@@ -1,27 +1,42 @@
-"""One sqlite3 file of rosbag2, read as what it is for, and not as any database."""
+"""One sqlite3 file of rosbag2: read by rosbags, after a look at what it holds."""
 
 import sqlite3
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, Final, NamedTuple
+from typing import Final, NamedTuple
 from urllib.parse import quote
 
+from rosbags.interfaces import ConnectionExtRosbag2, MessageDefinitionFormat
+from rosbags.rosbag2.storage_sqlite3 import Sqlite3Reader
+
 from sain_bags.bag.definitions import Definitions
-from sain_bags.bag.metadata import Topic, read_profiles
+from sain_bags.bag.metadata import Topic, as_topic_qos
 from sain_core.errors import InvalidInputError, UntrustedFileError
 from sain_core.untrusted import (
     NAME_LENGTH,
     PIECE_BYTES,
+    SUMMARY_BYTES,
     TOPICS,
+    YAML_BYTES,
     limit,
     most_messages,
     refuse_special,
 )
 
-TABLES: Final = ("topics", "messages", "message_definitions")
 STEPS: Final = 50_000  # of SQLite's machine, between two looks at how many there were
 FREE_STEPS: Final = 20_000_000  # for any file, and one for each byte
 LARGEST: Final = (1 << 63) - 1  # [ns since the epoch]
+PLAIN: Final = """
+    SELECT count(*) FROM sqlite_master WHERE name IN ('topics', 'messages', 'message_definitions')
+    AND (type != 'table' OR upper(sql) LIKE '%VIRTUAL%' OR upper(sql) LIKE '% AS %')
+"""
+TOPIC_SIZES: Final = "SELECT count(*), max(max(length(name), length(type))) FROM topics"
+MESSAGE_SIZES: Final = f"""
+    SELECT count(*), total(length(data)), max(length(data)),
+        total(typeof(data) != 'blob' OR typeof(timestamp) != 'integer'
+            OR timestamp NOT BETWEEN 0 AND {LARGEST} OR topic_id NOT IN (SELECT id FROM topics))
+    FROM messages
+"""
 
 
 class StoredMessage(NamedTuple):
@@ -32,109 +47,85 @@ class StoredMessage(NamedTuple):
     data: bytes
 
 
-class SqliteFile:
-    """Use it as a context manager.
+def read_sqlite(path: Path) -> Iterator[Topic | StoredMessage]:
+    """Yield all topics of a file, then its messages in the order of their times.
 
-    Every method raises `sqlite3.Error` and `UntrustedFileError` where the file is damaged, or
-    holds more than is allowed.
+    Raises:
+        sqlite3.Error, apsw.Error, ReaderError: the file is damaged.
+        UntrustedFileError: it holds more than is allowed.
     """
+    check_sqlite(path)
+    reader = Sqlite3Reader(Path(quote(str(path.resolve()))))  # it makes a URI of it
+    reader.open()
+    try:
+        for one in reader.connections:
+            assert isinstance(one.ext, ConnectionExtRosbag2)
+            is_described = one.msgdef.format == MessageDefinitionFormat.MSG and one.msgdef.data
+            definition = one.msgdef.data if is_described else _installed(one.msgtype)
+            profiles = tuple(map(as_topic_qos, one.ext.offered_qos_profiles))
+            yield Topic(one.topic, one.msgtype, definition, one.digest, profiles)
+        for connection, time, data in reader.messages(reader.connections):
+            yield StoredMessage(connection.topic, time, data)
+    finally:
+        reader.close()
 
-    def __init__(self, path: Path) -> None:
-        """Open a file, which is not changed."""
-        status = path.stat()
-        refuse_special(status.st_mode)
-        self._size, self._steps = status.st_size, 0
-        address = f"file:{quote(str(path.resolve()))}?mode=ro&immutable=1"
-        self._base = sqlite3.connect(address, uri=True)
-        self._base.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, PIECE_BYTES)
-        self._base.set_progress_handler(self._is_too_much, STEPS)
-        self._base.execute("PRAGMA trusted_schema = OFF")
-        self._base.execute("PRAGMA cell_size_check = ON")
-        self._columns = self._find_columns()
-        self._topics = dict(self._read_topics())
 
-    @property
-    def topics(self) -> tuple[Topic, ...]:
-        """Its topics, with the profiles that publishers offered."""
-        return tuple(self._topics.values())
+def check_sqlite(path: Path) -> None:
+    """Check that a file is a bag, and holds no more than a file of its size may.
 
-    def messages(self) -> Iterator[StoredMessage]:
-        """Yield all messages in the order in which they were received."""
-        places, bytes_read = [], 0
-        for row in self._base.execute("SELECT timestamp, rowid, topic_id FROM messages"):
-            places.append(row)
-            limit("messages", len(places), most_messages(self._size))
-        if not all(isinstance(time, int) and 0 <= time <= LARGEST for time, _, _ in places):
-            raise UntrustedFileError("the time of a message is no time")
-        places.sort()
-        for time, number, topic in places:
-            found = self._base.execute("SELECT data FROM messages WHERE rowid = ?", (number,))
-            (data,) = found.fetchone()
-            if not isinstance(data, bytes) or topic not in self._topics:
-                raise UntrustedFileError("a message has no bytes, or a topic that is not there")
-            bytes_read += len(data)
-            limit("bytes of messages, which are more than the file's", bytes_read, self._size)
-            yield StoredMessage(self._topics[topic].name, time, data)
+    Raises:
+        sqlite3.Error: it is damaged, or takes too long to look at.
+        UntrustedFileError: it is not as rosbag2 writes it, or too large.
+    """
+    status = path.stat()
+    refuse_special(status.st_mode)
+    base = sqlite3.connect(f"file:{quote(str(path.resolve()))}?mode=ro&immutable=1", uri=True)
+    try:
+        base.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, PIECE_BYTES)
+        base.set_progress_handler(_Patience(FREE_STEPS + status.st_size), STEPS)
+        base.execute("PRAGMA trusted_schema = OFF")
+        base.execute("PRAGMA cell_size_check = ON")
+        if base.execute(PLAIN).fetchone()[0]:
+            raise UntrustedFileError("one of its tables is no plain table")
+        _check_topics(base)
+        count, total, longest, wrong = base.execute(MESSAGE_SIZES).fetchone()
+    finally:
+        base.close()
+    if wrong:
+        raise UntrustedFileError("a message has no bytes, no time, or a topic that is not there")
+    limit("messages", count, most_messages(status.st_size))
+    limit("bytes of messages, which are more than the file's", int(total), status.st_size)
+    limit("bytes in a message", longest or 0, PIECE_BYTES)
 
-    def __enter__(self) -> "SqliteFile":
-        """Return the file."""
-        return self
 
-    def __exit__(self, *_: object) -> None:
-        """Close the file."""
-        self._base.close()
+def _check_topics(base: sqlite3.Connection) -> None:
+    count, longest = base.execute(TOPIC_SIZES).fetchone()
+    limit("topics", count, TOPICS)
+    limit("characters in a name", longest or 0, NAME_LENGTH)
+    for table, text, most in (
+        ("topics", "offered_qos_profiles", YAML_BYTES),
+        ("message_definitions", "encoded_message_definition", SUMMARY_BYTES),
+    ):
+        if text in {row[1] for row in base.execute(f"PRAGMA table_info({table})")}:
+            query = f"SELECT count(*), total(length({text})) FROM {table}"
+            count, size = base.execute(query).fetchone()
+            limit(f"rows in {table}", count, TOPICS)
+            limit(f"characters in {text}", int(size), most)
 
-    def _is_too_much(self) -> bool:
-        self._steps += STEPS
-        return self._steps > FREE_STEPS + self._size
 
-    def _find_columns(self) -> dict[str, set[str]]:
-        """Return the columns of the tables; what only looks like a table is refused."""
-        query = f"SELECT name, type, sql FROM sqlite_master WHERE name IN {TABLES}"
-        found = self._base.execute(query).fetchall()
-        for name, kind, text in found:
-            words = str(text).upper()
-            if kind != "table" or "VIRTUAL" in words or " AS " in words:
-                raise UntrustedFileError(f"{name} is no plain table")
-        names = {name for name, _, _ in found}
-        if not {"topics", "messages"} <= names:
-            raise UntrustedFileError("it has no topics and messages")
-        return {
-            name: {str(row[1]) for row in self._base.execute(f"PRAGMA table_info({name})")}
-            for name in names
-        }
+class _Patience:
+    """Ends a query that takes more than its steps of SQLite's machine."""
 
-    def _read_topics(self) -> Iterator[tuple[int, Topic]]:
-        definitions = self._read_definitions()
-        optional = ("offered_qos_profiles", "type_description_hash")
-        columns = [
-            name if name in self._columns["topics"] else "''"
-            for name in ("id", "name", "type", *optional)
-        ]
-        query = f"SELECT {', '.join(columns)} FROM topics LIMIT {TOPICS + 1}"
-        rows = self._base.execute(query).fetchall()
-        limit("topics", len(rows), TOPICS)
-        for number, name, kind, profiles, type_hash in rows:
-            if not all(isinstance(value, str) for value in (name, kind, profiles, type_hash)):
-                raise UntrustedFileError("a topic has no name or no type")
-            limit("characters in a name", max(len(name), len(kind)), NAME_LENGTH)
-            definition = definitions[kind] if kind in definitions else _installed(kind)
-            yield number, Topic(name, kind, definition, type_hash, read_profiles(profiles))
+    def __init__(self, allowed: int) -> None:
+        self._left = allowed
 
-    def _read_definitions(self) -> dict[str, str]:
-        """Return the definitions of types; recordings of before Iron carry none."""
-        if "message_definitions" not in self._columns:
-            return {}
-        query = (
-            "SELECT topic_type, encoded_message_definition FROM message_definitions"
-            f" WHERE encoding = 'ros2msg' LIMIT {TOPICS + 1}"
-        )
-        rows: list[tuple[Any, Any]] = self._base.execute(query).fetchall()
-        limit("definitions", len(rows), TOPICS)
-        return {str(name): text for name, text in rows if isinstance(text, str) and text}
+    def __call__(self) -> bool:
+        self._left -= STEPS
+        return self._left < 0
 
 
 def _installed(kind: str) -> str:
+    """Return the installed definition of a type; recordings of before Iron carry none."""
     try:
         return Definitions().joined(kind)
     except InvalidInputError:
