@@ -17,7 +17,16 @@ from sain_bags.writing.writer import BagConfig, BagWriter
 from sain_core.scene import STATE_NAMES
 from sain_core.seeding import generator
 
-INTERFACES = ("DiskState", "Scene", "GoalPose", "Goal", "Push", "PushResult", "PushPrediction")
+INTERFACES = (
+    "DiskState",
+    "Scene",
+    "GoalPose",
+    "Goal",
+    "Push",
+    "Prediction",
+    "PushResult",
+    "PushPrediction",
+)
 BESIDE = {  # what else a graph says for each scene, with its size [bytes] in CDR
     "/clock": ("rosgraph_msgs/msg/Clock", 12),
     "/sain/joint_states": ("sensor_msgs/msg/JointState", 296),

@@ -16,8 +16,8 @@ from sain_core.scene import STATE_NAMES, make_scene
 from sain_core.types import Scene
 
 INTERFACES = (
-    "DiskState", "Scene", "GoalPose", "Goal", "Push", "PushResult", "PushPrediction", "Plan",
-    "WorldParameters", "Body", "Bodies",
+    "DiskState", "Scene", "GoalPose", "Goal", "Push", "Prediction", "PushResult", "PushPrediction",
+    "Plan", "WorldParameters", "Body", "Bodies",
 )  # fmt: skip
 SECOND = 1_000_000_000
 START = 1_700_000_000 * SECOND
@@ -115,10 +115,12 @@ class Recording:
             length=0.1,
         )
         scenes = [make("sain_interfaces/msg/Scene", disks=disks(s)) for s in (before, after)]
+        prediction = {"model": "bullet_nominal", "error_code": 1, "disks": disks(after + 0.003)}
         self.add(
             "/sain/push_result", "PushResult",
             push_id=number, episode_id=episode, error_code=code, push=push,
             error_message="blocked" if code != 1 else "", before=scenes[0], after=scenes[1],
+            prediction=make("sain_interfaces/msg/Prediction", **(prediction if code == 1 else {})),
         )  # fmt: skip
         if code == 1:
             self.add(

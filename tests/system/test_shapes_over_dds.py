@@ -108,8 +108,7 @@ def test_a_push_against_any_pushable_body_is_carried_out_and_predicted(graph, ru
     moved = np.hypot(*(after - START)[:, :2].T)
     assert moved[2] > 0.01
     assert moved[0] < 1e-4
-    graph.wait(lambda: graph.find("physics_prediction", push_id=5), "the shadow world")
-    (prediction,) = graph.find("physics_prediction", push_id=5)
+    prediction = result.prediction
     assert prediction.error_code == ErrorCode.OK, prediction.error_message
     expected = wire.decode_disks(prediction.disks)
     assert np.hypot(*(expected - after)[2, :2]) < 0.5 * moved[2]

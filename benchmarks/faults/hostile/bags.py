@@ -36,7 +36,8 @@ Make = Callable[[Path, Path, Random], object]  # from a good folder, into a fold
 
 PUSH: Final = "sain_interfaces/msg/Push"
 NAMES: Final = (
-    "Push", "PushResult", "PushPrediction", "Scene", "Goal", "Plan", "WorldParameters", "Bodies",
+    "Push", "Prediction", "PushResult", "PushPrediction", "Scene", "Goal", "Plan",
+    "WorldParameters", "Bodies",
 )  # fmt: skip
 TYPES: Final = (*(f"sain_interfaces/msg/{name}" for name in NAMES), "sensor_msgs/msg/JointState")
 MESSAGE: Final = struct.Struct("<BQHIQQ")

@@ -6,6 +6,7 @@ them, or there was none and it was body 0. All pushes had the speed `DEFAULT_SPE
 """
 
 from collections.abc import Mapping
+from types import SimpleNamespace
 from typing import Any, Final
 
 import numpy as np
@@ -79,6 +80,8 @@ def converted_message(kind: str, message: Any) -> Any:
         _complete(message, PUSH_FIELDS)
     elif kind == "sain_interfaces/msg/PushResult":
         _complete(message.push, PUSH_FIELDS)
+        nothing = SimpleNamespace(model="", error_code=0, error_message="", disks=[])
+        _complete(message, {"prediction": nothing})
     elif kind == "sain_interfaces/msg/Goal":
         _complete(message, GOAL_FIELDS)
     elif kind == "sain_interfaces/msg/Plan":

@@ -17,7 +17,6 @@ page_node: Final = NodeCommand(
         "goal",
         "plan",
         "push_result",
-        "physics_prediction",
         "joint_states",
         "robot_description",
         "/tf_static",

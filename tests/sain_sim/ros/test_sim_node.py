@@ -11,6 +11,7 @@ from sain_core import wire
 from sain_core.errors import BusyError, ErrorCode
 from sain_core.ros import codec
 from sain_core.scene import make_scene
+from sain_interfaces.msg import Prediction
 from sain_interfaces.srv import ResetScene
 from sain_sim.ros.sim_node import SimNode
 from sain_sim.world.start import draw_episode
@@ -50,9 +51,8 @@ def test_a_push_is_carried_out_and_everything_said_about_it_fits_together(graph,
     assert after[1, 0] - before[1, 0] > 0.05
     assert result.after.scene_id == result.before.scene_id + 1
     assert result.duration > 0.5
-    graph.wait(lambda: graph.find("physics_prediction", push_id=7), "the shadow world")
-    prediction = graph.find("physics_prediction", push_id=7)[0]
-    assert (prediction.error_code, prediction.scene_id) == (ErrorCode.OK, scene.scene_id)
+    prediction = result.prediction
+    assert (prediction.error_code, prediction.model) == (ErrorCode.OK, "bullet_nominal")
     expected = wire.decode_disks(prediction.disks)
     assert 0.0 < np.abs(expected[:, :2] - after[:, :2]).max() < 0.03
     graph.wait(lambda: latest(graph).scene_id == result.after.scene_id, "the new scene")
@@ -104,7 +104,7 @@ def test_a_refused_push_moves_nothing_and_says_why(graph, simulator, push, ids, 
     count = len(graph.heard["scene"])
     graph.wait(lambda: len(graph.heard["scene"]) > count + 2, "further scenes")
     assert latest(graph) == scene
-    assert not graph.find("physics_prediction", push_id=11)
+    assert result.prediction == Prediction()
 
 
 def test_an_unreachable_push_is_refused(graph, simulator):

@@ -25,7 +25,7 @@ from sain_core.ros.qos import LATCHED, RELIABLE
 from sain_core.ros.steady import SIMULATED
 from sain_eval.episode import Tolerance
 from sain_eval.scenes.scenario_scene import ScenarioScene
-from sain_interfaces.msg import Goal, Plan, PushPrediction, PushResult
+from sain_interfaces.msg import Goal, Plan, PushResult
 from sain_interfaces.srv import ResetScene
 
 SPIN: Final = 0.02  # [s], also how soon a signal or a dead process is noticed
@@ -34,7 +34,6 @@ EARLY: Final = 0.5  # [s] in which no simulator that was just started can publis
 OWNED: Final = ("scene", "push", "goal", "/clock")  # topics with one publisher in a graph
 REUNION: Final = 0.5  # [s] in which nodes find one that is back after a crash
 SILENT: Final = 10.0  # [s] without any news, after which a goal is given again after a crash
-PREDICTION_TIME: Final = 5.0  # [s] for the nominal world to predict the last push
 
 
 class GraphTimeoutError(SainError):
@@ -58,14 +57,13 @@ class Director(Node):
         self._check = check
         self._supervisor = supervisor
         self._timeout = timeout
-        self._events: deque[Plan | PushResult | PushPrediction] = deque()
+        self._events: deque[Plan | PushResult] = deque()
         self._goals = 0
         self._planner_ready = False
         self._graph_is_up = False
         self._goal = self.create_publisher(Goal, "goal", LATCHED)
         self._servers = {n: self.create_client(kind, n) for n, kind in SERVER_PARTS.items()}
-        news = {"plan": Plan, "push_result": PushResult, "physics_prediction": PushPrediction}
-        for topic, kind in news.items():
+        for topic, kind in (("plan", Plan), ("push_result", PushResult)):
             self.create_subscription(kind, topic, self._on_news, RELIABLE)
         self.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, RELIABLE)
         self._executor = SingleThreadedExecutor()
@@ -139,7 +137,6 @@ class Director(Node):
             self._pursue(replace(case, goal=goal, further=()), episode_id, progress)
             if not view.reached:
                 break
-        self._wait_for_predictions(episode_id, progress)
 
     def _wait_for_restarts(self) -> None:
         """Wait until what has crashed is back, and has found the others."""
@@ -182,10 +179,8 @@ class Director(Node):
                 continue
             if isinstance(event, Plan):
                 progress.on_plan(event)
-            elif isinstance(event, PushResult):
-                progress.on_result(event)
             else:
-                progress.on_prediction(event)
+                progress.on_result(event)
         return count
 
     def wait(
@@ -256,7 +251,7 @@ class Director(Node):
         self._goal.publish(message)
         return message
 
-    def _on_news(self, message: Plan | PushResult | PushPrediction) -> None:
+    def _on_news(self, message: Plan | PushResult) -> None:
         self._events.append(message)
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
@@ -264,13 +259,3 @@ class Director(Node):
         for status in message.status:
             if node_of(status) == planner:
                 self._planner_ready = status.level == DiagnosticStatus.OK
-
-    def _wait_for_predictions(self, episode_id: int, progress: Progress) -> None:
-        """Wait for the nominal world's word on every push; without a shadow world it has none."""
-        deadline = time.monotonic() + PREDICTION_TIME
-
-        def predicted() -> bool:
-            self._follow(episode_id, progress)
-            return progress.all_predicted or time.monotonic() > deadline
-
-        self.wait(predicted, lambda: "no physics predictions")

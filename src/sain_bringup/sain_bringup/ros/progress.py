@@ -9,7 +9,7 @@ from sain_bringup.display import EpisodeView
 from sain_core.errors import ErrorCode
 from sain_core.wire import decode_disks
 from sain_eval.scenes.scenario_scene import ScenarioScene
-from sain_interfaces.msg import Plan, PushPrediction, PushResult, Scene
+from sain_interfaces.msg import Plan, PushResult, Scene
 
 LOST: Final = 5.0  # [s] after which what was not heard has got lost, where a process has crashed
 
@@ -29,9 +29,7 @@ class Progress:
         self._goal_id = 0
         self._last_sent = 0
         self._sent: set[int] = set()  # ids of pushes: those planned for this goal, ...
-        self._answered: set[int] = set()  # ... those with a result, ...
-        self._executed: set[int] = set()  # ... those carried out, ...
-        self._predicted: set[int] = set()  # ... and those that the nominal world predicted
+        self._answered: set[int] = set()  # ... and those with a result
         self.heard_at = clock()
 
     def begin(self, goal_id: int, case: ScenarioScene) -> None:
@@ -67,19 +65,9 @@ class Progress:
         self._answered.add(result.push_id)
         self.heard_at = self._clock()
         if result.error_code == ErrorCode.OK:
-            self._executed.add(result.push_id)
             self._view.at(distance(self._case, result.after))
         else:
             self._view.refuse(result.error_message)
-
-    def on_prediction(self, prediction: PushPrediction) -> None:
-        """Take note that the nominal world predicted a push."""
-        self._predicted.add(prediction.push_id)
-
-    @property
-    def all_predicted(self) -> bool:
-        """Whether the nominal world has predicted all pushes that were carried out."""
-        return self._executed <= self._predicted
 
     def is_over(self, back_at: float) -> bool:
         """Tell whether the planner is done, and so is the last push it sent: news may overtake.

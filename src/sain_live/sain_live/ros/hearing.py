@@ -19,7 +19,6 @@ from sain_interfaces.msg import (
     Bodies,
     Goal,
     Plan,
-    PushPrediction,
     PushResult,
     Scene,
     WorldParameters,
@@ -74,7 +73,6 @@ class Hearing:
             "goal": (Goal, self._on_goal),
             "plan": (Plan, self._on_plan),
             "push_result": (PushResult, self._on_result),
-            "physics_prediction": (PushPrediction, self._on_prediction),
             "world_parameters": (WorldParameters, self._on_world),
             "robot_description": (String, self._on_description),
             "/tf_static": (TFMessage, self._on_fixed_frames),
@@ -229,21 +227,13 @@ class Hearing:
             return
         story = self._stories.of(message.push_id)
         story.before, _, story.after = wire.decode_result(message)
+        if message.prediction.error_code == ErrorCode.OK:
+            story.physics = wire.decode_disks(message.prediction.disks)
         if (judged := known.judge(story.after)) is not None:
             story.left = 1e3 * judged.distance
         known.update(result=self._stories.result(message.push_id), curves=self._stories.curves())
         if known.phase is Phase.PUSHING:
             known.update(phase=Phase.PLANNING)
-
-    def _on_prediction(self, message: PushPrediction) -> None:
-        if message.error_code != ErrorCode.OK:
-            return
-        self._stories.of(message.push_id).physics = wire.decode_disks(message.disks)
-        result = self._stories.result(message.push_id)
-        known = self._known
-        latest = known.result is None or known.result.push_id == message.push_id
-        if result is not None and latest:
-            known.update(result=result, curves=self._stories.curves())
 
     def _on_world(self, message: WorldParameters) -> None:
         self._known.update(world=message.world)

@@ -19,7 +19,7 @@ SHOWN: Final = (
     "bodies", "scene", "aim", "joints", "curves", "phase", "why", "pushes", "model", "engine",
     "world", "lines", "result", "plan",
 )  # fmt: skip
-NOTED: Final = ("scene", "goal", "plan", "push_result", "physics_prediction")
+NOTED: Final = ("scene", "goal", "plan", "push_result")
 MOST: Final = 20_000  # moments that are kept; of more, every second, fourth, ... in motion
 DIAGNOSTICS: Final = "/diagnostics"
 

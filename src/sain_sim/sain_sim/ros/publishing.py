@@ -15,7 +15,14 @@ from sain_core.ros.qos import LATCHED, QUEUE, RELIABLE
 from sain_core.ros.reception import Reception, shortened
 from sain_core.scene import is_settled
 from sain_core.types import Scene
-from sain_interfaces.msg import Bodies, Push, PushPrediction, PushResult, WorldParameters
+from sain_interfaces.msg import (
+    Bodies,
+    Prediction,
+    Push,
+    PushPrediction,
+    PushResult,
+    WorldParameters,
+)
 from sain_interfaces.msg import Scene as SceneMessage
 from sain_interfaces.srv import ResetScene
 from sain_sim.arm.panda import JOINT_NAMES
@@ -146,6 +153,7 @@ class Publishing:
         message.after = self.settled
         message.duration = pushed.outcome.duration
         message.wall_time = pushed.wall_time
+        message.prediction = _prediction(pushed.predicted)
         return message
 
     def result(self, message: PushResult) -> None:
@@ -169,23 +177,23 @@ class Publishing:
             push=push,
         )
 
-    def prediction(self, push: Push, predicted: Scene | SainError | None) -> None:
-        """Publish the shadow world's prediction of a push, or its error; nothing for None."""
-        if predicted is None:
+    def prediction(self, result: PushResult) -> None:
+        """Publish the prediction of a result on a topic of its own."""
+        found = result.prediction
+        if not found.model:
             return
-        message = PushPrediction(
-            header=self._header(),
-            push_id=push.push_id,
-            episode_id=push.episode_id,
-            scene_id=push.scene_id,
-            model=SHADOW_MODEL,
-            error_code=int(ErrorCode.OK),
+        self._prediction.publish(
+            PushPrediction(
+                header=result.header,
+                push_id=result.push_id,
+                episode_id=result.episode_id,
+                scene_id=result.push.scene_id,
+                model=found.model,
+                error_code=found.error_code,
+                error_message=found.error_message,
+                disks=found.disks,
+            )
         )
-        if isinstance(predicted, SainError):
-            message.error_code, message.error_message = error_reply(predicted)
-        else:
-            message.disks = codec.encode_disks(predicted)
-        self._prediction.publish(message)
 
     def report(self, rival: str, counts: dict[str, int]) -> None:
         """Report how the simulator is, beside a rival or alone, and so many pushes of each kind."""
@@ -207,3 +215,15 @@ class Publishing:
 
     def _header(self) -> Header:
         return codec.header(self.now())
+
+
+def _prediction(predicted: Scene | SainError | None) -> Prediction:
+    """Return the shadow world's prediction of a push, or its error; empty for None."""
+    if predicted is None:
+        return Prediction()
+    message = Prediction(model=SHADOW_MODEL, error_code=int(ErrorCode.OK))
+    if isinstance(predicted, SainError):
+        message.error_code, message.error_message = error_reply(predicted)
+    else:
+        message.disks = codec.encode_disks(predicted)
+    return message
