@@ -29,14 +29,14 @@ def ros_domain() -> Iterator[int]:
     """A ROS domain that no other test session on this machine uses, and no graph outside it."""
     import domain_coordinator
 
-    from sain_core.ros import network
+    from sain_core.guarding import lifetime
 
-    names = ("ROS_DOMAIN_ID", network.RANGE, network.FROM_PROFILE, *network.PROFILES)
+    names = ("ROS_DOMAIN_ID", lifetime.RANGE, lifetime.FROM_PROFILE, *lifetime.PROFILES)
     before = {name: os.environ.get(name) for name in names}
     with domain_coordinator.domain_id() as domain:
         os.environ["ROS_DOMAIN_ID"] = str(domain)
-        os.environ[network.RANGE] = "LOCALHOST"
-        network.stay_on_this_host()
+        os.environ[lifetime.RANGE] = "LOCALHOST"
+        lifetime.stay_on_this_host()
         yield int(domain)
     for name, value in before.items():
         if value is None:

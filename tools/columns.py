@@ -1,4 +1,4 @@
-"""Writes the table of columns in docs/reference/formats.md, from the schema in `sain_core.dataset`.
+"""Writes the table of columns in docs/reference/formats.md, from `sain_core.transitions`.
 
 ./env python tools/columns.py
 """
@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from sain_core.dataset import ROUGH, Column
+from sain_core.transitions import ROUGH, Column
 
 PAGE = Path(__file__).parents[1] / "docs/reference/formats.md"
 BEGIN, END = "<!-- columns: made by tools/columns.py -->\n", "<!-- end of columns -->\n"

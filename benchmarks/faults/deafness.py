@@ -16,7 +16,7 @@ from typing import Final
 import tyro
 
 from benchmarks.faults.running import own_domain
-from sain_core.ros.network import stay_on_this_host
+from sain_core.guarding.lifetime import stay_on_this_host
 
 TALK: Final = """
 import time

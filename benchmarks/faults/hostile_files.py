@@ -23,7 +23,7 @@ from benchmarks.faults.hostile.commands import commands
 from benchmarks.faults.hostile.file_families import CHECKPOINTS, DATA, JSONS, PARAMETERS
 from benchmarks.faults.hostile.goods import SUFFIXES, Goods
 from benchmarks.faults.hostile.measuring import READ, REFUSED, Measured, measure
-from sain_core.seeding import generator
+from sain_core.randomness import generator
 
 KINDS: Final[dict[str, dict[str, Make]]] = {
     "bag": BAGS,

@@ -15,7 +15,7 @@ from sain_bringup.children import ProcessDiedError
 from sain_bringup.graph import GraphOptions, executable
 from sain_bringup.processes import RestartConfig
 from sain_core.errors import SainError
-from sain_core.ros.network import SHARED
+from sain_core.guarding.lifetime import SHARED
 
 SOURCE: Final = Path(__file__).with_suffix(".c")
 DATAGRAMS: Final = {

@@ -8,8 +8,8 @@ from typing import Any, Final
 
 from benchmarks.gates.table import Gate
 from benchmarks.results.shapes_collect import NAMES, SEEN, UNSEEN
-from sain_core.bootstrap import Interval
-from sain_core.workers.running import WorkerOptions
+from sain_core.randomness import Interval
+from sain_core.workers import WorkerOptions
 from sain_eval.episode import Tolerance
 from sain_eval.loop.evaluation import EpisodeJob, run_jobs, run_on
 from sain_eval.loop.results import SceneRecord, summarise

@@ -12,8 +12,7 @@ from typing import Any, Final, Self
 from rich.console import Console
 from rich.table import Table
 
-from sain_core.provenance import git_commit, processor, versions
-from sain_core.storage import write_json
+from sain_core.storage import git_commit, processor, versions, write_json
 
 PACKAGES: Final = ("numpy", "numba", "torch", "pybullet", "mujoco", "sain_core")
 OK, OPEN, WORSE = "ok", "open", "worse"

@@ -19,8 +19,7 @@ from benchmarks.real.pushes import PushTable, read_pushes
 from benchmarks.real.rows import Row, fixed_rows, published_rows
 from benchmarks.real.trees import Trees
 from sain_core.errors import DatasetError, SainError
-from sain_core.provenance import git_commit, processor
-from sain_core.storage import make_folder, write_json
+from sain_core.storage import git_commit, make_folder, processor, write_json
 from sain_model.importing.real_pushes import FOUND_AT
 
 RESULTS: Final = "results.json"

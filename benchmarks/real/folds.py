@@ -14,7 +14,7 @@ from jaxtyping import Int
 from numpy import ndarray
 
 from benchmarks.real.pushes import PushTable
-from sain_core.seeding import generator
+from sain_core.randomness import generator
 from sain_core.types import Indices, Mask
 
 FOLDS: Final = 5

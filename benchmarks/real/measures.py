@@ -13,9 +13,8 @@ from benchmarks.real.kept import DEGREE, Kept, Outcome, outcome, pose_errors, ro
 from benchmarks.real.pushes import Names, PushTable
 from benchmarks.real.rows import LEVELS, STATED, Row
 from benchmarks.real.single import examples, field
-from sain_core.bootstrap import bootstrap_mean
+from sain_core.randomness import bootstrap_mean, generator
 from sain_core.scene import unit
-from sain_core.seeding import generator
 
 Figures = dict[str, Any]
 

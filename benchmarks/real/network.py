@@ -14,11 +14,10 @@ from benchmarks.real.folds import first_of_each_body
 from benchmarks.real.physics import IdentifiedPhysics, Physics
 from benchmarks.real.pushes import PushTable
 from benchmarks.real.rows import LEVELS, PARTS, STATED, Predicted, Predictor
-from sain_core.dataset import draw_parts
-from sain_core.history import PushHistory
 from sain_core.model import IdentityPrior
+from sain_core.randomness import generator
 from sain_core.scene import POSE
-from sain_core.seeding import generator
+from sain_core.transitions import PushHistory, draw_parts
 from sain_core.types import Indices
 from sain_model.data.bodies import believed_places, body_names, infer_bodies, with_beliefs
 from sain_model.data.dataset import Part, Split

@@ -9,8 +9,7 @@ from benchmarks.real.kept import DEGREE, Outcome
 from benchmarks.real.pushes import PushTable, turned
 from sain_core.scene import unit, wrap_angle
 from sain_core.shapes.library import get_shape
-from sain_core.shapes.outline import outline_of
-from sain_core.shapes.shape import FLAT_MARK
+from sain_core.shapes.shape import FLAT_MARK, outline_of
 from sain_core.shapes.solids import DISK
 from sain_core.types import Points, Scalars
 

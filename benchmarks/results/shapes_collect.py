@@ -19,8 +19,8 @@ from shapely import Polygon
 
 from sain_core.errors import ConfigError, SainError
 from sain_core.push import PushLimits, make_push, strokes
+from sain_core.randomness import generator
 from sain_core.scene import POSITION, unit
-from sain_core.seeding import generator
 from sain_core.shapes import library
 from sain_core.shapes.library import get_shape
 from sain_core.shapes.shape import FOOT_BEARINGS, Shape

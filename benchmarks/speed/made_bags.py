@@ -14,8 +14,8 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from sain_bags.bag.definitions import Definitions
 from sain_bags.bag.metadata import Topic
 from sain_bags.writing.writer import BagConfig, BagWriter
+from sain_core.randomness import generator
 from sain_core.scene import STATE_NAMES
-from sain_core.seeding import generator
 
 INTERFACES = (
     "DiskState",

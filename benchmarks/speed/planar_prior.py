@@ -17,8 +17,8 @@ import tyro
 from benchmarks.report import Figure, report
 from benchmarks.timing import Shortest, fastest
 from sain_core.push import PushLimits
+from sain_core.randomness import generator
 from sain_core.scene import STATE_SIZE, make_scene, unit
-from sain_core.seeding import generator
 from sain_core.shapes.bodies import Bodies
 from sain_core.types import Pushes, Scenes
 from sain_model.dynamics.load import load_shipped

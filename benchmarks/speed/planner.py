@@ -29,7 +29,7 @@ from sain_core.drawing.figures import TEXT, new_figure, style_axes, write_png
 from sain_core.drawing.palette import PALETTE
 from sain_core.model import IdentityPrior, load_dynamics
 from sain_core.push import LENGTH
-from sain_core.seeding import generator
+from sain_core.randomness import generator
 from sain_core.types import Scene
 from sain_eval.scenes.scenario_scene import ScenarioScene
 from sain_eval.scenes.scenarios import SCENARIOS

@@ -27,7 +27,7 @@ from benchmarks.report import Figure, report
 from benchmarks.timing import fastest
 from sain_bags.reading.reader import Bag
 from sain_core.model import RolloutModel, load_dynamics
-from sain_core.seeding import generator
+from sain_core.randomness import generator
 from sain_core.types import Pushes
 from sain_eval.scenes.scenario_scene import ScenarioScene
 from sain_eval.scenes.scenarios import SCENARIOS

@@ -10,7 +10,7 @@ setup(
     maintainer="SAIN maintainers",
     maintainer_email="sain@example.org",
     packages=find_packages(),
-    package_data={"sain_core.ros": ["loopback.xml"]},
+    package_data={"sain_core.guarding": ["loopback.xml"]},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{package_name}"]),
         (f"share/{package_name}", ["package.xml"]),

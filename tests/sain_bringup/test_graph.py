@@ -19,7 +19,7 @@ from sain_bringup.graph import (
 from sain_bringup.live import LiveOptions
 from sain_bringup.ros.closed_loop import ClosedLoopOptions
 from sain_core.errors import ConfigError
-from sain_core.observation import ObservationConfig
+from sain_core.world import ObservationConfig
 
 
 @pytest.fixture

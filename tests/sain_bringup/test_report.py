@@ -21,7 +21,7 @@ from sain_core.goal import Goal, Judgement
 from sain_core.push import idle_pushes, make_push
 from sain_core.scene import make_scene
 from sain_core.types import Scene
-from sain_core.workers.pool import Processes, Work
+from sain_core.workers import Processes, Work
 
 GOAL = np.array([0.60, 0.0])
 

@@ -12,37 +12,37 @@ import pytest
 
 from sain_bringup.children import ProcessDiedError
 from sain_bringup.processes import RestartConfig, StopConfig, Supervisor
-from sain_core import notify
+from sain_core.guarding import lifetime
 
 QUICK = StopConfig(interrupt=0.3, terminate=0.3, patience=0.5, kill=1.0)
 LIVELY = """
 import time
-from sain_core import notify
+from sain_core.guarding import lifetime
 print("up", flush=True)
-notify.ready()
+lifetime.ready()
 while True:
-    notify.alive()
-    time.sleep(notify.heartbeat_period() or 0.25)
+    lifetime.alive()
+    time.sleep(lifetime.heartbeat_period() or 0.25)
 """
 SPINNING = """
 import time
-from sain_core import notify
-notify.ready()
+from sain_core.guarding import lifetime
+lifetime.ready()
 while True:  # as a callback does that never returns
     pass
 """
 
 JOINING = """
 import os, signal, sys, threading, time
-from sain_core import notify
+from sain_core.guarding import lifetime
 asked = []
 signal.signal(signal.SIGINT, lambda *_: asked.append(1))
-notify.ready()
+lifetime.ready()
 print("up", flush=True)
 while not asked:
-    notify.alive()
+    lifetime.alive()
     time.sleep(0.05)
-notify.stopping("joining the parts")
+lifetime.stopping("joining the parts")
 until = time.monotonic() + {seconds}
 while time.monotonic() < until and len(asked) < 2:
     {beat}
@@ -145,7 +145,7 @@ def test_crashes_long_ago_do_not_count(tmp_path, told):
 
 @pytest.mark.parametrize("ending", ["raise SystemExit(0)", "raise SystemExit(130)"])
 def test_one_that_ends_as_asked_is_not_restarted(supervisor, ending):
-    start(supervisor, f"from sain_core import notify\nnotify.ready()\n{ending}")
+    start(supervisor, f"from sain_core.guarding import lifetime\nlifetime.ready()\n{ending}")
     with pytest.raises(ProcessDiedError, match="node ended with exit code"):
         until(supervisor, lambda: False)
 
@@ -161,21 +161,21 @@ def test_only_the_process_itself_is_heard(supervisor, monkeypatch):
     (child,) = supervisor.children
     for name, value in child.heartbeats.environment.items():
         monkeypatch.setenv(name, value)
-    notify.ready()  # as somebody else
+    lifetime.ready()  # as somebody else
     assert supervisor.starting(["node"]) == ["node"]
 
 
 def test_without_a_supervisor_nothing_is_sent(monkeypatch):
-    monkeypatch.delenv(notify.SOCKET, raising=False)
-    monkeypatch.setenv(notify.TIMEOUT, "1000000")
-    assert notify.heartbeat_period() == 0.0
-    notify.ready()
-    monkeypatch.setenv(notify.SOCKET, "@nobody-listens-here")
-    notify.alive()
-    assert notify.heartbeat_period() == 0.25
+    monkeypatch.delenv(lifetime.SOCKET, raising=False)
+    monkeypatch.setenv(lifetime.TIMEOUT, "1000000")
+    assert lifetime.heartbeat_period() == 0.0
+    lifetime.ready()
+    monkeypatch.setenv(lifetime.SOCKET, "@nobody-listens-here")
+    lifetime.alive()
+    assert lifetime.heartbeat_period() == 0.25
 
 
-def start_joining(supervisor: Supervisor, seconds: float, beat: str = "notify.alive()") -> None:
+def start_joining(supervisor: Supervisor, seconds: float, beat: str = "lifetime.alive()") -> None:
     code = JOINING.format(seconds=seconds, beat=beat)
     command = [sys.executable, "-c", code]
     supervisor.start("recorder", command, again=command, patient=True)

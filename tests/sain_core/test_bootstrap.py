@@ -1,8 +1,7 @@
 import numpy as np
 import pytest
 
-from sain_core.bootstrap import bootstrap_mean, bootstrap_ratio
-from sain_core.seeding import generator
+from sain_core.randomness import bootstrap_mean, bootstrap_ratio, generator
 
 
 def test_the_bootstrap_holds_the_mean_and_shrinks_with_more_values():

@@ -7,11 +7,11 @@ import pytest
 
 from sain_core.conformance import check_dynamics, sample_pushes, violations
 from sain_core.errors import ModelUnavailableError
-from sain_core.history import PushHistory
 from sain_core.model import IdentityPrior, Model, Radii
 from sain_core.push import LENGTH
 from sain_core.scene import MASS, VX
 from sain_core.shapes.bodies import check_bodies
+from sain_core.transitions import PushHistory
 from sain_core.types import PredictedScenes, Pushes, PushSequences, Scene, Scenes
 
 Spoil = Callable[[Scenes, Pushes, Scenes], Scenes]

@@ -3,7 +3,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sain_core.dataset import (
+from sain_core.transitions import (
     COLLECTED,
     IMPORTED,
     NEEDED,

@@ -2,9 +2,9 @@ import numpy as np
 import pytest
 
 from sain_core.errors import InvalidInputError
-from sain_core.history import PushHistory
 from sain_core.push import make_push
 from sain_core.scene import MASS, RADIUS
+from sain_core.transitions import PushHistory
 
 SCENE = np.zeros((2, 8))
 SCENE[:, MASS], SCENE[:, RADIUS] = 8.0, 0.07

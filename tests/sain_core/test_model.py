@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from sain_core.errors import ConfigError
-from sain_core.history import PushHistory
 from sain_core.model import IdentityPrior, Model, as_model
 from sain_core.push import LENGTH, PUSH_SIZE
 from sain_core.shapes.bodies import Bodies
+from sain_core.transitions import PushHistory
 from sain_core.types import Pushes, Scenes
 
 

@@ -4,8 +4,9 @@ from types import ModuleType
 
 import pytest
 
-from sain_core import model, plugins
+from sain_core import model
 from sain_core.errors import ConfigError
+from sain_core.guarding import plugins
 from sain_core.model import IdentityPrior
 
 

@@ -3,7 +3,7 @@
 import pytest
 
 from sain_core.errors import ConfigError
-from sain_core.observation import ObservationConfig, observation_settings
+from sain_core.world import ObservationConfig, observation_settings
 
 
 def test_observations_are_exact_unless_it_is_said_otherwise():

@@ -5,12 +5,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from sain_core.dataset import Column, row_bodies
 from sain_core.errors import DatasetError
-from sain_core.old_files import converted_message, converted_rows
 from sain_core.push import LENGTH, PUSH_SIZE, make_push, pushed_bodies
 from sain_core.shapes.bodies import Bodies
+from sain_core.transitions import Column, row_bodies
 from sain_core.wire import decode_goal, decode_plan, decode_push
+from sain_core.wire.old_files import converted_message, converted_rows
 from tests.old_files.reading import FOLDER, KINDS, expected, five
 
 PLAN, PUSH = "sain_interfaces/msg/Plan", "sain_interfaces/msg/Push"

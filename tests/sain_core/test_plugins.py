@@ -6,9 +6,9 @@ from types import ModuleType
 
 import pytest
 
-from sain_core import plugins
 from sain_core.errors import ConfigError, NoPushError
-from sain_core.plugins import Plugins
+from sain_core.guarding import plugins
+from sain_core.guarding.plugins import Plugins
 
 GROUP = "sain.toys"
 

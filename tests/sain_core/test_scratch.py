@@ -7,10 +7,11 @@ from pathlib import Path
 
 import pytest
 
-from sain_core import scratch
+from sain_core import storage
+from sain_core.guarding import untrusted
 
 HOLD = (
-    "from sain_core.scratch import scratch_folder; import sys;"
+    "from sain_core.storage import scratch_folder; import sys;"
     " held = scratch_folder('shape'); print(held.name, flush=True); sys.stdin.read()"
 )
 ENDS = {"at its end": True, "when it is killed": False}
@@ -32,9 +33,9 @@ def start(temporary: Path) -> tuple["subprocess.Popen[str]", Path]:
 @pytest.mark.parametrize("how", ENDS)
 def test_a_folder_goes_with_its_process(tmp_path: Path, how: str) -> None:
     process, folder = start(tmp_path)
-    old = folder.stat().st_mtime - 2.0 * scratch.YOUNG
+    old = folder.stat().st_mtime - 2.0 * storage.YOUNG
     os.utime(folder, (old, old))
-    scratch._remove_abandoned(tmp_path)
+    storage._remove_abandoned(tmp_path)
     assert folder.is_dir(), "its process lives"
     if ENDS[how]:
         process.communicate("")
@@ -42,7 +43,7 @@ def test_a_folder_goes_with_its_process(tmp_path: Path, how: str) -> None:
     else:
         process.kill()
         process.wait()
-        scratch._remove_abandoned(tmp_path)
+        storage._remove_abandoned(tmp_path)
         assert not folder.exists()
 
 
@@ -50,29 +51,29 @@ def test_a_folder_of_one_that_was_just_killed_stays_for_a_minute(tmp_path: Path)
     process, folder = start(tmp_path)
     process.kill()
     process.wait()
-    scratch._remove_abandoned(tmp_path)
+    storage._remove_abandoned(tmp_path)
     assert folder.is_dir()
 
 
 def test_a_folder_is_removed_with_the_object() -> None:
-    folder = scratch.scratch_folder("shape")
+    folder = storage.scratch_folder("shape")
     assert Path(folder.name).is_dir()
     folder.cleanup()
     assert not Path(folder.name).exists()
 
 
 def test_a_folder_that_only_has_such_a_name_stays(tmp_path: Path) -> None:
-    thesis = tmp_path / f"{scratch.PREFIX}mine" / "thesis"
+    thesis = tmp_path / f"{storage.PREFIX}mine" / "thesis"
     thesis.parent.mkdir()
     thesis.write_text("the only copy")
     os.utime(thesis.parent, (0.0, 0.0))
-    scratch._remove_abandoned(tmp_path)
+    storage._remove_abandoned(tmp_path)
     assert thesis.exists()
 
 
 @pytest.mark.parametrize("what", ["FIFO", "link", "file"])
 def test_what_others_put_among_the_temporary_folders_is_ignored(tmp_path: Path, what: str) -> None:
-    planted, victim = tmp_path / f"{scratch.PREFIX}x", tmp_path / "victim"
+    planted, victim = tmp_path / f"{storage.PREFIX}x", tmp_path / "victim"
     victim.mkdir()
     {
         "FIFO": lambda: os.mkfifo(planted),
@@ -90,16 +91,16 @@ def test_what_others_put_among_the_temporary_folders_is_ignored(tmp_path: Path, 
 def test_the_private_folder_is_nobody_elses(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    folder = scratch.private_folder()
+    folder = untrusted.private_folder()
     assert folder.stat().st_uid == os.getuid()
     assert not folder.stat().st_mode & 0o022
     monkeypatch.setenv("TMPDIR", str(tmp_path))
-    assert scratch.private_folder() == folder, "the same in all processes"
+    assert untrusted.private_folder() == folder, "the same in all processes"
     mine = tmp_path / "mine"
     mine.mkdir(mode=0o700)
-    assert scratch._is_private(mine, os.getuid())
-    assert not scratch._is_private(mine, os.getuid() + 1)
+    assert untrusted._is_private(mine, os.getuid())
+    assert not untrusted._is_private(mine, os.getuid() + 1)
     (tmp_path / "link").symlink_to(mine)
-    assert not scratch._is_private(tmp_path / "link", os.getuid())
+    assert not untrusted._is_private(tmp_path / "link", os.getuid())
     mine.chmod(0o777)
-    assert not scratch._is_private(mine, os.getuid())
+    assert not untrusted._is_private(mine, os.getuid())

@@ -4,13 +4,12 @@ import sys
 import numpy as np
 import pytest
 
-from sain_core.seeding import generator
+from sain_core.randomness import generator
 
 
 def test_the_same_seed_and_path_give_the_same_bytes_in_another_process() -> None:
-    code = (
-        "from sain_core.seeding import generator;print(generator(7, 'collect', 12).bytes(32).hex())"
-    )
+    use = "from sain_core.randomness import generator"
+    code = f"{use};print(generator(7, 'collect', 12).bytes(32).hex())"
     there = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert there.stdout.split()[-1] == generator(7, "collect", 12).bytes(32).hex()
 

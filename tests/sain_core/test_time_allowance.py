@@ -5,7 +5,7 @@ import time
 import pytest
 
 from sain_core.errors import UntrustedFileError
-from sain_core.untrusted import (
+from sain_core.guarding.untrusted import (
     TimeAllowance,
     decoding_seconds,
     most_messages,

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from sain_core.errors import DatasetError, UntrustedFileError
-from sain_core.untrusted import (
+from sain_core.guarding.untrusted import (
     DEPTH,
     DIGITS,
     YAML_BYTES,

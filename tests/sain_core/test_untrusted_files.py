@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from sain_core.errors import UntrustedFileError
-from sain_core.untrusted import open_regular, read_regular
+from sain_core.guarding.untrusted import open_regular, read_regular
 
 
 def test_a_regular_file_is_read(tmp_path: Path) -> None:

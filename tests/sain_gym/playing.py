@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from sain_core.seeding import generator
+from sain_core.randomness import generator
 from sain_gym.push_env import PushEnv
 
 MakeEnv = Callable[..., PushEnv]

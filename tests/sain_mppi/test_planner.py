@@ -14,8 +14,8 @@ from sain_core.feasibility import Feasibility
 from sain_core.goal import Goal
 from sain_core.model import IdentityPrior
 from sain_core.push import LENGTH, SPEED, make_push
+from sain_core.randomness import generator
 from sain_core.scene import POSITION, TARGET, make_scene, unit
-from sain_core.seeding import generator
 from sain_core.shapes.bodies import PAPER_DISKS
 from sain_mppi.algorithms.config import ICEM, MPPI, MPPI_ROUNDS, PlannerConfig
 from sain_mppi.objective.problem import Problem

@@ -9,7 +9,7 @@ from PIL import Image
 
 from sain_core.errors import ConfigError
 from sain_core.push import make_push
-from sain_core.workers.running import WorkerOptions
+from sain_core.workers import WorkerOptions
 from sain_eval.loop.evaluation import run_on
 from sain_pusht.agent import FEASIBILITY, PLANNER, ToolPlace
 from sain_pusht.block import scene_of

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from sain_core.errors import UnreachableError
-from sain_core.shapes.outline import distance_to_way
+from sain_core.shapes.shape import distance_to_way
 from sain_pusht.block import pusht_bodies, scene_of
 from sain_pusht.motion import Room, path_round
 

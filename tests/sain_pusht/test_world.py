@@ -6,7 +6,7 @@ import pytest
 from sain_core.errors import UnreachableError
 from sain_core.push import LENGTH, idle_pushes, make_push, tool_end
 from sain_core.scene import POSITION
-from sain_core.shapes.outline import outline_of
+from sain_core.shapes.shape import outline_of
 from sain_pusht.agent import LIMITS
 from sain_pusht.collecting import random_pushes
 from sain_pusht.model import PushtOracle

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from sain_core.push import PushLimits, make_push
+from sain_core.randomness import generator
 from sain_core.scene import unit, wrap_angle
-from sain_core.seeding import generator
 from sain_core.shapes.bodies import PAPER_DISKS
 from sain_core.types import PushArray, Scene
 from sain_sim.collecting.episode import draw_circle_push

@@ -9,9 +9,9 @@ import pytest
 
 from sain_core import wire
 from sain_core.errors import ErrorCode
-from sain_core.observation import observation_settings
 from sain_core.ros import codec
 from sain_core.scene import MASS
+from sain_core.world import observation_settings
 from sain_eval.loop.evaluation import EpisodeJob, play_job
 from sain_interfaces.msg import Plan
 from sain_mppi.agent.agent import AgentConfig

@@ -12,7 +12,7 @@ from sain_core.push import make_push
 from sain_core.ros import codec
 from sain_core.scene import make_scene
 from sain_core.shapes.bodies import Bodies
-from sain_core.shapes.received import decode_bodies
+from sain_core.wire.bodies import decode_bodies
 from sain_interfaces.msg import Plan
 from sain_model.physics.planar import PlanarPrior
 from sain_model.ros.model_node import ModelNode

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from sain_core.dataset import Column
+from sain_core.transitions import Column
 from tests.workspace.source_tree import PYTHON_PACKAGES, SOURCE
 
-SCHEMA = SOURCE / "sain_core/sain_core/dataset.py"
+SCHEMA = SOURCE / "sain_core/sain_core/transitions.py"
 ROOMS = (
     "sain_sim/sain_sim/collecting",
     "sain_model/sain_model/data",

@@ -14,7 +14,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 
 from benchmarks.faults.hostile.entries import Entry
 from sain_core.errors import ErrorCode
-from sain_core.ros.diagnostics import node_of
+from sain_core.ros.node_main import node_of
 from sain_interfaces import action, msg
 
 QUIET_S: Final = 2.0  # without anything new, before the counts are final

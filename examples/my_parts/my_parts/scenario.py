@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from sain_core.goal import Goal
+from sain_core.randomness import generator
 from sain_core.scene import make_scene
-from sain_core.seeding import generator
 from sain_eval.scenes.scenario_scene import ScenarioScene
 
 

@@ -9,11 +9,11 @@ from pathlib import Path
 import numpy as np
 
 from sain_core.config import Config, option
-from sain_core.observation import ObservationConfig
 from sain_core.push import LENGTH, SPEED
+from sain_core.randomness import generator
 from sain_core.scene import POSE, THETA, move_apart
-from sain_core.seeding import generator
 from sain_core.types import PushArray
+from sain_core.world import ObservationConfig
 from sain_model.physics.planar import PlanarConfig, PlanarPrior
 from sain_sim.camera.body_file import read_bodies
 

@@ -11,13 +11,12 @@ from my_robot.pretend_table import RATE, PretendTable, RobotConfig
 from sain_core import wire
 from sain_core.errors import BusyError, ErrorCode, error_reply
 from sain_core.feasibility import Feasibility
+from sain_core.guarding.ros.ownership import Ownership
+from sain_core.guarding.ros.reception import Reception, emptied, shortened
 from sain_core.ros import codec
 from sain_core.ros.node_main import NAMESPACE, node_main
 from sain_core.ros.parameters import read_parameters
-from sain_core.ros.peers import Ownership
-from sain_core.ros.qos import QUEUE, RELIABLE
-from sain_core.ros.reception import Reception, emptied, shortened
-from sain_core.ros.steady import steady_timer
+from sain_core.ros.qos import QUEUE, RELIABLE, steady_timer
 from sain_core.scene import THETA, VELOCITY
 from sain_interfaces.msg import Push, PushResult, Scene
 from sain_sim.ros.session import Session

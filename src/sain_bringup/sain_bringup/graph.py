@@ -17,14 +17,14 @@ from rich.console import Console
 from sain_bringup.children import ProcessDiedError
 from sain_bringup.interrupts import Interrupts, Stopped
 from sain_bringup.processes import UNHURRIED, Supervisor
-from sain_core import notify
 from sain_core.cli.command_line import command_of_node, executable, split_ros_arguments
 from sain_core.config import Config, option
 from sain_core.errors import ConfigError, UntrustedFileError
+from sain_core.guarding import lifetime
+from sain_core.guarding.untrusted import read_yaml
 from sain_core.model import check_model_name
-from sain_core.observation import MASSES, ObservationConfig, changed_settings
 from sain_core.shapes.shape import BOTTOMS, FEET
-from sain_core.untrusted import read_yaml
+from sain_core.world import MASSES, ObservationConfig, changed_settings
 from sain_model.compute.kernel_store import compile_visibly
 from sain_sim.camera.body_file import read_bodies
 from sain_sim.world.engines import DEFAULT_ENGINE, ENGINE_HELP, check_engine
@@ -42,7 +42,7 @@ PLANNER: Final = "planner"
 RECORDER: Final = "recorder"
 PAGE: Final = "page"
 FLUSH_PERIOD: Final = "0.25"  # [s], at most so much is lost with the recorder
-UNWATCHED: Final = {notify.SOCKET: "", notify.TIMEOUT: ""}  # a driver may wait for its arm
+UNWATCHED: Final = {lifetime.SOCKET: "", lifetime.TIMEOUT: ""}  # a driver may wait for its arm
 POLL: Final = 0.02  # [s] between looks at the processes
 
 

@@ -1,4 +1,4 @@
-"""Hears from a process that it is ready and that it lives; `sain_core.notify` is the other end."""
+"""Hears from a process that it is ready and that it lives; see `sain_core.guarding.lifetime`."""
 
 import socket
 import struct
@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from sain_core import notify
 from sain_core.config import Config, option
+from sain_core.guarding import lifetime
 
 CREDENTIALS: Final = struct.Struct("3i")  # process, user and group of who sent a datagram
 LONGEST: Final = 200  # bytes of a datagram that are read
@@ -47,7 +47,7 @@ class Heartbeats:
     def environment(self) -> dict[str, str]:
         """What makes a process send heartbeats here."""
         address = self._socket.getsockname().decode("ascii").replace("\0", "@")
-        return {notify.SOCKET: address, notify.TIMEOUT: str(round(1e6 * self._config.timeout))}
+        return {lifetime.SOCKET: address, lifetime.TIMEOUT: str(round(1e6 * self._config.timeout))}
 
     @property
     def heard_at(self) -> float:
@@ -60,9 +60,9 @@ class Heartbeats:
             if sender != process_id:
                 continue
             self._last, self._suspected = time.monotonic(), None
-            self.ready = self.ready or word == notify.READY
-            if word.startswith(notify.STOPPING):
-                self.closing = word.removeprefix(notify.STOPPING).decode(errors="replace")
+            self.ready = self.ready or word == lifetime.READY
+            if word.startswith(lifetime.STOPPING):
+                self.closing = word.removeprefix(lifetime.STOPPING).decode(errors="replace")
 
     def fault(self, process_id: int) -> str:
         """Return in words what is wrong with a process that runs; empty: nothing.

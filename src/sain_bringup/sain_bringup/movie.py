@@ -25,7 +25,7 @@ from sain_core.config import Config, option
 from sain_core.goal import Judgement
 from sain_core.types import Points, Scene
 from sain_core.wire import decode_disks
-from sain_core.workers.pool import Processes, Software, Work
+from sain_core.workers import Processes, Software, Work
 
 if TYPE_CHECKING:
     from sain_sim.camera.render import Renderer  # takes a second to load

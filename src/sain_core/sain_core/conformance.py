@@ -11,11 +11,11 @@ from typing import Final, TypeVar
 import numpy as np
 
 from sain_core.errors import ModelUnavailableError, SainError
-from sain_core.history import PushHistory
 from sain_core.model import Dynamics, Model, as_model, check_rollout, check_step
 from sain_core.push import LENGTH, PushLimits
 from sain_core.scene import POSE, THETA, is_settled, make_scene, unit, wrap_angle
 from sain_core.shapes.bodies import Bodies
+from sain_core.transitions import PushHistory
 from sain_core.types import PushArray, Pushes, Scene, Scenes
 from sain_core.world import AnyWorld, Setting, WorldFailedError, check_outcome
 

@@ -17,8 +17,7 @@ from sain_core.errors import BlockedError, UnreachableError
 from sain_core.push import BODY, LENGTH, LOCATION, PATH, PushLimits, strokes
 from sain_core.scene import POSITION, RADIUS, THETA, Table, unit
 from sain_core.shapes.bodies import PAPER_DISKS, Bodies
-from sain_core.shapes.outline import distance_to_way, outline_of
-from sain_core.shapes.shape import Shape
+from sain_core.shapes.shape import Shape, distance_to_way, outline_of
 from sain_core.types import Mask, Points, PushArray, Pushes, Scalars, Scene, Scenes, States
 
 EXACT_WITHIN: Final = 0.05  # [m], from which on a gap to an outline is that to its circle

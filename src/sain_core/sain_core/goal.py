@@ -11,7 +11,7 @@ from sain_core.errors import InvalidInputError, OffTableError, OutOfRangeError
 from sain_core.scene import POSE, POSITION, RADIUS, TARGET, THETA, Table, is_settled
 from sain_core.shapes.bodies import Bodies, overlap
 from sain_core.shapes.library import get_shape
-from sain_core.shapes.outline import outline_of
+from sain_core.shapes.shape import outline_of
 from sain_core.shapes.solids import DISK
 from sain_core.types import Angles, Points, Scene, Scenes
 

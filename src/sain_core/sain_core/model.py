@@ -18,13 +18,13 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from sain_core.errors import ConfigError, ModelUnavailableError, SainError
-from sain_core.history import PushHistory
-from sain_core.observation import MASSES, unknown_names
-from sain_core.plugins import Plugins
+from sain_core.guarding.plugins import Plugins
 from sain_core.push import LENGTH
 from sain_core.scene import MASS
 from sain_core.shapes.bodies import Bodies
+from sain_core.transitions import PushHistory
 from sain_core.types import PredictedScenes, Pushes, PushSequences, Scene, Scenes
+from sain_core.world import MASSES, unknown_names
 
 Radii = Float[ndarray, "K H N"]
 

@@ -10,7 +10,7 @@ travel from its start pose, where its surface stands `PushLimits.clearance` off 
 L = 0 moves nothing. ``speed`` in [0.01, 0.5] m/s: the tool's on its travel.
 
 Against any other body, ``location`` names the contact point on its outline
-(`sain_core.shapes.outline`), and ``angle`` is relative to the outline's inward normal there.
+(`sain_core.shapes.shape`), and ``angle`` is relative to the outline's inward normal there.
 
 A stroke is a push that states itself where the tool goes: eight numbers, for pushes as a robot made
 them. Of any body, ``location + angle`` is the world heading of travel; `make_stroke` sets angle 0.
@@ -34,8 +34,7 @@ from sain_core.config import Config, option
 from sain_core.errors import ConfigError, InvalidInputError, OutOfRangeError
 from sain_core.scene import POSITION, RADIUS, THETA, unit, wrap_angle
 from sain_core.shapes.bodies import PAPER_DISKS, Bodies
-from sain_core.shapes.outline import outline_of
-from sain_core.shapes.shape import Shape
+from sain_core.shapes.shape import Shape, outline_of
 from sain_core.types import Angles, Indices, Points, PushArray, Pushes, Scalars, Scenes, States
 
 BODY, LOCATION, ANGLE, LENGTH, SPEED = range(5)

@@ -10,8 +10,8 @@ from typing import Any, Final
 import numpy as np
 
 from sain_core.errors import DatasetError
+from sain_core.randomness import generator
 from sain_core.scene import MID, POSITION, RADIUS, TARGET, Table
-from sain_core.seeding import generator
 from sain_core.types import Mask, Scenes
 from sain_model.data.dataset import Part
 from sain_model.evaluation.errors import position_errors, target_moved

@@ -8,7 +8,7 @@ import numpy as np
 
 from sain_core.errors import SainError
 from sain_core.push import LENGTH
-from sain_core.seeding import generator
+from sain_core.randomness import generator
 from sain_core.shapes.bodies import Bodies
 from sain_core.types import PushArray, Scene
 from sain_model.data.dataset import Dataset, Part

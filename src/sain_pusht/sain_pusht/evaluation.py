@@ -12,14 +12,11 @@ import numpy as np
 import tyro
 from rich.console import Console
 
-from sain_core.bootstrap import bootstrap_mean
 from sain_core.cli.command_line import silent_interrupts
 from sain_core.config import option
-from sain_core.provenance import ros2_command
-from sain_core.seeding import generator
-from sain_core.storage import make_folder, write_whole
-from sain_core.workers.pool import FunctionRunner, Software, Work
-from sain_core.workers.running import WorkerOptions
+from sain_core.randomness import bootstrap_mean, generator
+from sain_core.storage import make_folder, ros2_command, write_whole
+from sain_core.workers import FunctionRunner, Software, Work, WorkerOptions
 from sain_eval.episode import Tolerance
 from sain_eval.loop.closed_loop import EpisodeOutcome
 from sain_eval.loop.evaluation import SOURCES, EpisodeDone, play, run_on

@@ -13,9 +13,8 @@ from rich.console import Console
 
 from sain_core.config import Config, option, required
 from sain_core.model import Model
-from sain_core.provenance import ros2_command
 from sain_core.scene import POSITION, THETA, wrap_angle
-from sain_core.storage import make_folder
+from sain_core.storage import make_folder, ros2_command
 from sain_core.types import Mask
 from sain_model.dynamics.settings import PLANAR
 from sain_model.network.settings import PUSH_FRAME, NetworkConfig

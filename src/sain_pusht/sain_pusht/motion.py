@@ -18,7 +18,7 @@ from shapely.ops import nearest_points
 from shapely.prepared import PreparedGeometry, prep
 
 from sain_core.errors import UnreachableError
-from sain_core.shapes.outline import distance_to_way
+from sain_core.shapes.shape import distance_to_way
 from sain_core.types import Mask, Points, Scalars
 
 Place = Float[ndarray, "2"]

@@ -4,12 +4,12 @@ from pathlib import Path
 
 import numpy as np
 
-from sain_core.dataset import Column, shard_path
 from sain_core.push import make_stroke
+from sain_core.randomness import generator
 from sain_core.scene import unit, wrap_angle
-from sain_core.seeding import generator
 from sain_core.shapes.bodies import Bodies
 from sain_core.storage import write_arrays
+from sain_core.transitions import Column, shard_path
 from sain_model.data.dataset import Dataset, load_dataset
 from sain_model.physics.planar import PlanarPrior
 from sain_model.physics.planar_config import PlanarConfig

@@ -11,7 +11,7 @@ from sain_bags.bag.metadata import METADATA_KEY, METADATA_RECORD, START_RECORD, 
 from sain_bags.reading.reader import Bag
 from sain_bags.writing.gaps import MISSING_KEY
 from sain_bags.writing.writer import BagConfig, BagWriter
-from sain_core.seeding import generator
+from sain_core.randomness import generator
 from tests.sain_bags.doctor import examine
 
 LATCHED = (TopicQos(durability="transient_local"),)

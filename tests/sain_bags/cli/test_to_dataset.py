@@ -12,10 +12,10 @@ import pytest
 from sain_bags.cli.to_dataset import histograms
 from sain_bags.dataset.bag_rows import BagJob, BagRunner, RowsConfig
 from sain_bags.dataset.conversion import ConversionConfig, Converted, convert
-from sain_core.dataset import RECORDED, Column
 from sain_core.errors import ConfigError, DatasetError
 from sain_core.model import load_dynamics
-from sain_core.workers.running import WorkerOptions
+from sain_core.transitions import RECORDED, Column
+from sain_core.workers import WorkerOptions
 from sain_model.data.dataset import load_dataset
 from tests.sain_bags.driven import BLOCKED, DUPLICATE, Drive, Parts
 from tests.sain_bags.independent import compare, independent_rows, shards

@@ -17,13 +17,13 @@ from sain_bags.reading.reader import Bag
 from sain_bags.report.content import read_content
 from sain_bags.transitions.recorded_episodes import read_episodes
 from sain_bringup.report import PlayedEpisode
-from sain_core.dataset import Column, row_bodies
 from sain_core.errors import DatasetError
 from sain_core.goal import KEEP_TOLERANCE, Goal
 from sain_core.push import BODY, make_push
 from sain_core.scene import make_scene
 from sain_core.shapes.bodies import PAPER_DISKS, Bodies
 from sain_core.shapes.library import get_shape
+from sain_core.transitions import Column, row_bodies
 from sain_model.physics.planar import PlanarPrior
 from tests.sain_bags.conftest import Messages, resting_scene
 from tests.sain_bags.dataset.conftest import read_npz

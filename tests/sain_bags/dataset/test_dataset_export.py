@@ -15,8 +15,8 @@ from pyarrow import parquet
 
 from sain_bags.dataset import dataset_folder
 from sain_bags.dataset.formats import MADE, FormatName
-from sain_core.dataset import PARTS
 from sain_core.errors import ConfigError, OutputError
+from sain_core.transitions import PARTS
 from sain_model.data.dataset import load_dataset, split_by_episode
 from tests.sain_bags.dataset.formats.exported import Rows, card_of, drive, to
 from tests.sain_bags.driven import Drive, Parts

@@ -26,7 +26,7 @@ from sain_bags.recovery.recovery_report import RecoveryOutcome
 from sain_bags.transitions.recorded_episodes import read_episodes
 from sain_bags.writing.writer import BagConfig, BagWriter
 from sain_core.errors import DatasetError, OutputError
-from sain_core.seeding import generator
+from sain_core.randomness import generator
 
 COMPRESSIONS = ("none", "lz4", "zstd")
 TEXT = "string data\n"

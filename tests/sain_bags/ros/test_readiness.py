@@ -10,7 +10,7 @@ from std_msgs.msg import String
 
 from sain_bags.ros import readiness as module
 from sain_bags.ros.readiness import NODES, PATIENCE, REST, Handshake, NodesFile, Readiness
-from sain_core import notify
+from sain_core.guarding import lifetime
 from tests.sain_bags.ros.conftest import Studio
 
 pytestmark = pytest.mark.ros
@@ -75,7 +75,7 @@ def test_a_recorder_is_ready_once_all_have_found_it_or_after_a_while(
     studio: Studio, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     told: list[float] = []
-    monkeypatch.setattr(notify, "ready", lambda: told.append(time.monotonic()))
+    monkeypatch.setattr(lifetime, "ready", lambda: told.append(time.monotonic()))
     chatter = studio.player.create_publisher(String, "/chatter", 10)
     studio.start("/chatter")
     studio.listened("/chatter")
@@ -107,7 +107,7 @@ def test_a_recorder_that_goes_on_waits_for_the_nodes_that_were_there_before(
     studio: Studio, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     told: list[float] = []
-    monkeypatch.setattr(notify, "ready", lambda: told.append(time.monotonic()))
+    monkeypatch.setattr(lifetime, "ready", lambda: told.append(time.monotonic()))
     chatter = studio.player.create_publisher(String, "/chatter", 10)
     studio.start("/chatter")
     studio.listened("/chatter")

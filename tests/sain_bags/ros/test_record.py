@@ -24,8 +24,8 @@ from sain_bags.recovery.resumption import set_aside
 from sain_bags.ros.record import join_parts
 from sain_bags.writing.gaps import read_gaps
 from sain_bringup.graph import executable
-from sain_core import notify
 from sain_core.errors import OutputError
+from sain_core.guarding import lifetime
 
 pytestmark = pytest.mark.ros
 TOPIC = "/numbers"
@@ -213,7 +213,7 @@ def test_a_second_signal_leaves_parts_that_the_printed_command_makes_whole(
     process.kill()
     process.communicate()
     before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
-    monkeypatch.setattr(notify, "alive", lambda: os.kill(os.getpid(), signal.SIGTERM))
+    monkeypatch.setattr(lifetime, "alive", lambda: os.kill(os.getpid(), signal.SIGTERM))
     try:
         with pytest.raises(OutputError, match="a signal ended the recorder before it was joined"):
             join_parts(cut_off, out, Console())

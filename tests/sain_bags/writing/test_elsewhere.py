@@ -16,7 +16,7 @@ from sain_bags.bag.metadata import read_profiles
 from sain_bags.dataset.conversion import convert
 from sain_bags.reading.reader import Bag, Raw
 from sain_core.errors import DatasetError
-from sain_core.seeding import generator
+from sain_core.randomness import generator
 from tests.sain_bags.driven import Drive, Parts
 from tests.sain_bags.independent import compare, shards
 

@@ -3,7 +3,7 @@
 import pytest
 
 from sain_bags.writing.gaps import MISSING_KEY, Gaps, describe_gaps, read_gaps
-from sain_core.seeding import generator
+from sain_core.randomness import generator
 
 
 def gaps_of(numbers: list[int], publishers: int = 1) -> Gaps:

@@ -11,9 +11,9 @@ from rclpy.serialization import deserialize_message, serialize_message
 from sain_core import wire
 from sain_core.errors import InvalidInputError
 from sain_core.goal import BodyPose, Goal
-from sain_core.history import PushHistory
 from sain_core.push import make_push
 from sain_core.ros import codec
+from sain_core.transitions import PushHistory
 from sain_interfaces.msg import Goal as GoalMessage
 from sain_interfaces.msg import Plan, Push, Scene
 from sain_interfaces.srv import Rollout

@@ -4,7 +4,7 @@ import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.node import Node
 
-from sain_core.ros.diagnostics import OK, WARN, Diagnostics, node_of
+from sain_core.ros.node_main import OK, WARN, Diagnostics, node_of
 
 
 def test_a_status_is_named_after_node_and_task(graph):

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from sain_core.ros.ending import ending_within
+from sain_core.guarding.lifetime import ending_within
 
 STUCK = "ctypes.PyDLL(None).sleep(60)"  # holds the interpreter: no thread of Python runs meanwhile
 STUCK_AT_EXIT = f"import ctypes, atexit\natexit.register(lambda: {STUCK})\n"
@@ -33,7 +33,7 @@ def run(code: str, folder: Path) -> tuple[int, float]:
 def test_what_hangs_ends_with_the_exit_code_of_what_was_done(code: int, tmp_path: Path) -> None:
     inside = f"with ending_within(0.3, {code}):\n    {STUCK}\n"
     ended, seconds = run(
-        f"import ctypes\nfrom sain_core.ros.ending import ending_within\n{inside}", tmp_path
+        f"import ctypes\nfrom sain_core.guarding.lifetime import ending_within\n{inside}", tmp_path
     )
     assert ended == code and seconds < 20.0
 

@@ -9,8 +9,8 @@ from types import SimpleNamespace
 import pytest
 
 from sain_core.errors import OutputError
-from sain_core.ros import network
-from sain_core.ros.network import RANGE, check_loopback, check_shared_memory
+from sain_core.guarding import lifetime
+from sain_core.guarding.lifetime import RANGE, check_loopback, check_shared_memory
 from sain_sim.commands import sim_node
 
 
@@ -25,7 +25,7 @@ def test_room_for_a_few_pages_is_enough(tmp_path, monkeypatch):
 
 
 def test_a_node_says_so_and_does_not_start(monkeypatch, capsys):
-    monkeypatch.setattr(network, "LEAST", 2**63)
+    monkeypatch.setattr(lifetime, "LEAST", 2**63)
     assert sim_node([]) == 1
     assert capsys.readouterr().err.startswith("sim_node: /dev/shm is full")
 
@@ -47,7 +47,7 @@ def test_without_a_network_a_command_says_at_once_what_to_do():
 def test_who_opens_the_network_needs_no_loopback(monkeypatch):
     monkeypatch.setenv(RANGE, "LOCALHOST")
     check_loopback()
-    with pytest.raises(network.NoNetworkError):
+    with pytest.raises(lifetime.NoNetworkError):
         check_loopback("203.0.113.1")  # nobody's own
     monkeypatch.setenv(RANGE, "SUBNET")
     check_loopback("203.0.113.1")

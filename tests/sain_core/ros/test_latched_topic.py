@@ -5,7 +5,7 @@ from rclpy.node import Node
 from rclpy.qos import qos_profile_sensor_data
 from std_msgs.msg import String
 
-from sain_core.ros.peers import LatchedTopic
+from sain_core.ros.qos import LatchedTopic
 
 pytestmark = pytest.mark.ros
 

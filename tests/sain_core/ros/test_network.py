@@ -11,7 +11,7 @@ from pathlib import Path
 import psutil
 import pytest
 
-from sain_core.ros.network import PROFILES, RANGE, stay_on_this_host
+from sain_core.guarding.lifetime import PROFILES, RANGE, stay_on_this_host
 
 pytestmark = pytest.mark.ros
 
@@ -32,7 +32,7 @@ IDLE = """
 import time
 import rclpy
 from rclpy.context import Context
-from sain_core.ros.network import stay_on_this_host
+from sain_core.guarding.lifetime import stay_on_this_host
 stay_on_this_host()
 kept = []
 for number in range({count}):
@@ -50,7 +50,9 @@ node = rclpy.create_node("listener")
 node.create_subscription(String, "words", lambda message: print(message.data, flush=True), 10)
 rclpy.spin(node)
 """
-OURS = "from sain_core.ros.network import stay_on_this_host; stay_on_this_host(); rclpy.init()"
+OURS = (
+    "from sain_core.guarding.lifetime import stay_on_this_host; stay_on_this_host(); rclpy.init()"
+)
 
 
 @contextmanager

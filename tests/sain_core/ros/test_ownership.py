@@ -16,15 +16,15 @@ from rosgraph_msgs.msg import Clock
 from std_msgs.msg import Empty
 
 from sain_core.errors import BusyError, OutputError
-from sain_core.ros import peers
-from sain_core.ros.peers import Ownership
+from sain_core.guarding.ros import ownership
+from sain_core.guarding.ros.ownership import Ownership
 from sain_interfaces.msg import Goal
 
 OWNER = """
 import time
 from rclpy.node import Node
 from sain_core.ros.node_main import ros_context
-from sain_core.ros.peers import Ownership
+from sain_core.guarding.ros.ownership import Ownership
 from sain_interfaces.msg import Goal
 with ros_context():
     node = Node("owner", namespace="sain")
@@ -127,7 +127,7 @@ def test_a_silent_topic_of_any_name_changes_nothing(graph, node, other):
 
 @pytest.mark.parametrize("what", ["FIFO", "link"])
 def test_what_is_no_regular_file_is_named(node, what, tmp_path: Path, monkeypatch):
-    monkeypatch.setattr(peers, "private_folder", lambda: tmp_path)
+    monkeypatch.setattr(ownership, "private_folder", lambda: tmp_path)
     path = tmp_path / f"domain_{node.context.get_domain_id()}.sain.aim.lock"
     os.mkfifo(path) if what == "FIFO" else path.symlink_to(tmp_path / "victim")
     with pytest.raises(OutputError, match=rf"cannot lock {path}: "):

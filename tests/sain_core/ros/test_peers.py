@@ -4,7 +4,7 @@ import pytest
 from rclpy.node import Node
 
 from sain_core.errors import BusyError
-from sain_core.ros.peers import refuse_peers, refuse_rivals
+from sain_core.guarding.ros.ownership import refuse_peers, refuse_rivals
 from sain_core.ros.qos import LATCHED
 from sain_interfaces.msg import Goal
 

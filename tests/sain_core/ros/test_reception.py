@@ -4,8 +4,8 @@ import pytest
 from rclpy.node import Node
 
 from sain_core.errors import BusyError, ErrorCode
-from sain_core.ros.qos import QUEUE, SERVICE
-from sain_core.ros.reception import Reception, outcome
+from sain_core.guarding.ros.reception import SERVICE, Reception, outcome
+from sain_core.ros.qos import QUEUE
 from sain_interfaces.msg import Push
 from sain_interfaces.srv import LoadModel
 

@@ -5,8 +5,8 @@ from geometry_msgs.msg import PoseStamped
 from shape_msgs.msg import SolidPrimitive
 
 from sain_core.errors import InvalidInputError, SainError, TooMuchWorkError
-from sain_core.ros import reception
-from sain_core.ros.reception import check_sizes, emptied, shortened
+from sain_core.guarding.ros import reception
+from sain_core.guarding.ros.reception import check_sizes, emptied, shortened
 from sain_interfaces.action import Reach
 from sain_interfaces.msg import Bodies, Body, DiskState, Goal, GoalPose, Push, PushResult, Scene
 from sain_interfaces.srv import LoadModel, ResetScene, Rollout

@@ -3,7 +3,7 @@
 import pytest
 
 from sain_core.errors import DatasetError
-from sain_core.ros.state_file import StateFile, id_in, message_of
+from sain_core.guarding.ros.state_file import StateFile, id_in, message_of
 from sain_interfaces.msg import Push
 
 

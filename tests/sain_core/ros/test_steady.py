@@ -5,7 +5,7 @@ from builtin_interfaces.msg import Time
 from rclpy.node import Node
 from rosgraph_msgs.msg import Clock
 
-from sain_core.ros.steady import SIMULATED
+from sain_core.ros.qos import SIMULATED
 
 
 @pytest.mark.parametrize("wrong", [(-1, 0), (-(2**31), 5), (7, 10**9), (2**31 - 1, 2**32 - 1)])

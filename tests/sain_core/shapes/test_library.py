@@ -4,8 +4,8 @@ from types import ModuleType
 
 import pytest
 
-from sain_core import plugins
 from sain_core.errors import ConfigError, InvalidInputError
+from sain_core.guarding import plugins
 from sain_core.shapes import library
 from sain_core.shapes.library import GROUP, check_shapes, get_shape, register
 from sain_core.shapes.solids import Polygon

@@ -8,7 +8,7 @@ from shapely import LineString, Point, Polygon
 
 from sain_core.scene import unit, wrap_angle
 from sain_core.shapes.library import get_shape, library
-from sain_core.shapes.outline import distance_to_way, is_inside, outline_of
+from sain_core.shapes.shape import distance_to_way, is_inside, outline_of
 
 ALL = pytest.mark.parametrize(
     "shape", [*library(), get_shape("cube")], ids=lambda shape: shape.name

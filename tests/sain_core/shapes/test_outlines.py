@@ -10,7 +10,6 @@ from sain_core.errors import DatasetError
 from sain_core.scene import unit
 from sain_core.shapes.bodies import Bodies
 from sain_core.shapes.library import get_shape
-from sain_core.shapes.outline import outline_of
 from sain_core.shapes.outlines import (
     FINEST,
     OUTLINES_FILE,
@@ -21,8 +20,8 @@ from sain_core.shapes.outlines import (
     trace,
     write_outlines,
 )
-from sain_core.shapes.solids import centroid
-from sain_core.shapes.supports import flat_bottom
+from sain_core.shapes.shape import outline_of
+from sain_core.shapes.solids import centroid, flat_bottom
 
 
 def area(ring: np.ndarray) -> float:

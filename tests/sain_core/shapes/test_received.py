@@ -8,8 +8,8 @@ import pytest
 from sain_core.errors import ConfigError, InvalidInputError, OutOfRangeError
 from sain_core.shapes.bodies import Bodies
 from sain_core.shapes.library import get_shape, shape_names
-from sain_core.shapes.received import check_unchanged, decode_bodies
 from sain_core.shapes.solids import Compound
+from sain_core.wire.bodies import check_unchanged, decode_bodies
 
 PRISM = 5
 

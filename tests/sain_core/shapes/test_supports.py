@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from sain_core.shapes.library import get_shape
-from sain_core.shapes.supports import even_supports, flat_bottom
+from sain_core.shapes.solids import even_supports, flat_bottom
 
 SHAPES = ("disk", "square", "t", "star", "bar", "ring_segment")
 

@@ -13,14 +13,13 @@ from typing import Any
 
 import pytest
 
-from sain_core.workers.pool import FunctionRunner, Software, Work
-from sain_core.workers.running import WorkerOptions, run_on_workers
+from sain_core.workers import FunctionRunner, Software, Work, WorkerOptions, run_on_workers
 
 PROGRAM = """
 import sys
 from pathlib import Path
-from sain_core.workers.running import WorkerOptions
-from sain_core.workers.running import run_on_workers
+from sain_core.workers import WorkerOptions
+from sain_core.workers import run_on_workers
 from tests.sain_core.workers.test_workers_end import wait_here, work_of
 if __name__ == "__main__":
     two = WorkerOptions(workers=2, ray=sys.argv[2])

@@ -7,8 +7,8 @@ from PIL import Image
 
 from sain_core.drawing.figures import DOTS_PER_INCH, new_figure
 from sain_core.goal import BodyPose, Goal
+from sain_core.randomness import generator
 from sain_core.scene import POSITION, THETA, make_scene
-from sain_core.seeding import generator
 from sain_core.shapes.bodies import PAPER_DISKS, Bodies
 from sain_eval.plots.marks import draw_legend
 from sain_eval.plots.plan_picture import draw_plan

@@ -10,7 +10,7 @@ from sain_core.push import BODY, LENGTH, LOCATION, idle_pushes
 from sain_core.scene import MASS, POSITION, RADIUS, TARGET
 from sain_core.shapes.bodies import Bodies, check_bodies
 from sain_core.shapes.library import shape_names
-from sain_core.shapes.outline import is_inside
+from sain_core.shapes.shape import is_inside
 from sain_eval.scenes.families import PoseScenario, library_shapes
 from sain_eval.scenes.placement import draw_places, has_tool_room
 from sain_eval.scenes.scenarios import SCENARIOS

@@ -7,7 +7,7 @@ SCRIPT = """
 import numpy as np, torch
 from sain_core.push import PushLimits
 from sain_core.scene import make_scene
-from sain_core.seeding import generator
+from sain_core.randomness import generator
 from sain_core.model import load_dynamics
 from sain_model.network.torch_network import TorchNetwork
 

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from sain_core.errors import DatasetError
-from sain_core.history import PushHistory
 from sain_core.push import make_stroke
 from sain_core.scene import POSITION, THETA, make_scene, unit
 from sain_core.shapes.bodies import Bodies
+from sain_core.transitions import PushHistory
 from sain_model.data.bodies import body_names, infer_bodies, states_bodies, with_beliefs
 from sain_model.data.dataset import Dataset, Part, Split
 from sain_model.dynamics.checkpoint import save_checkpoint

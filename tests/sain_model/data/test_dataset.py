@@ -5,10 +5,10 @@ import numpy as np
 import pytest
 
 from sain_core.errors import DatasetError
-from sain_core.history import PushHistory
 from sain_core.push import SPEED, START_X, TIP_RADIUS, PushLimits, as_strokes
 from sain_core.scene import Y
 from sain_core.shapes.bodies import Bodies
+from sain_core.transitions import PushHistory
 from sain_model.data.dataset import load_dataset, split_by_episode
 from sain_model.data.examples import inferred_values
 from sain_model.data.recordings import load_recording

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from sain_core.dataset import ORIGINS, Column
+from sain_core.transitions import ORIGINS, Column
 from sain_model.data.recordings import load_recording
 from sain_model.data.shard import read_shard
 from tests.old_files.reading import FOLDER, KINDS, expected, five

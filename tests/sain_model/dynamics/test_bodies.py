@@ -8,10 +8,10 @@ import pytest
 import torch
 
 from sain_core.errors import CheckpointError
-from sain_core.history import PushHistory
 from sain_core.push import BODY, LENGTH
 from sain_core.scene import make_scene
 from sain_core.shapes.bodies import PAPER_DISKS, Bodies
+from sain_core.transitions import PushHistory
 from sain_core.types import Pushes, Scenes
 from sain_model.data.dataset import Part
 from sain_model.dynamics.checkpoint import ModelCard, card_path, save_checkpoint

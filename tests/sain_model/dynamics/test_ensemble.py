@@ -9,10 +9,10 @@ import pytest
 import torch
 
 from sain_core.errors import CheckpointError
-from sain_core.history import PushHistory
 from sain_core.model import load_dynamics
 from sain_core.push import LENGTH
 from sain_core.scene import MASS
+from sain_core.transitions import PushHistory
 from sain_core.types import Pushes, Scenes
 from sain_model.data.dataset import Split, load_dataset, split_by_episode
 from sain_model.dynamics.checkpoint import ModelCard, card_path, save_checkpoint

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from sain_core.feasibility import Feasibility
-from sain_core.history import PushHistory
 from sain_core.model import load_dynamics
 from sain_core.push import BODY, LENGTH, PushLimits, as_strokes
+from sain_core.randomness import generator
 from sain_core.scene import POSITION, THETA, make_scene, wrap_angle
-from sain_core.seeding import generator
 from sain_core.shapes.bodies import PAPER_DISKS, Bodies
 from sain_core.shapes.shape import FLAT
+from sain_core.transitions import PushHistory
 from sain_core.types import Pushes, Scene
 from sain_model.dynamics.load import shipped_checkpoint
 from sain_model.dynamics.sain import SainDynamics

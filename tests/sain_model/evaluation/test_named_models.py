@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from sain_core import model, plugins
+from sain_core import model
+from sain_core.guarding import plugins
 from sain_core.model import Model
 from sain_core.push import LENGTH, idle_pushes
 from sain_model import commands

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from sain_core.errors import CheckpointError, DatasetError
-from sain_core.history import PushHistory
 from sain_core.model import IdentityPrior, Model, load_dynamics
 from sain_core.scene import POSITION, TARGET
+from sain_core.transitions import PushHistory
 from sain_model import commands
 from sain_model.cli import evaluate as evaluate_cli
 from sain_model.data.dataset import Dataset, Part, split_by_episode

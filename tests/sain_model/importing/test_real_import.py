@@ -11,12 +11,12 @@ import pytest
 from rich.console import Console
 from scipy.io import loadmat, savemat
 
-from sain_core.dataset import IMPORTED, ORIGINS, SHAPED, Column
 from sain_core.errors import DatasetError
 from sain_core.scene import POSE, wrap_angle
 from sain_core.shapes import library
 from sain_core.shapes.outlines import OUTLINES_FILE
 from sain_core.storage import read_arrays
+from sain_core.transitions import IMPORTED, ORIGINS, SHAPED, Column
 from sain_model.cli.real_import import RealImportOptions, run
 from sain_model.data.dataset import Dataset, load_dataset, split_by_episode
 from sain_model.importing.mat_logs import MAT_HEADER

@@ -6,9 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sain_core.history import PushHistory
 from sain_core.push import LENGTH, mirror_pushes
 from sain_core.scene import POSITION, mirror_scenes
+from sain_core.transitions import PushHistory
 from sain_core.types import Pushes, Scenes
 from sain_model.dynamics.sain import SainDynamics
 from sain_model.inference import grid

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 import torch
 
-from sain_core.history import PushHistory
 from sain_core.scene import MASS, POSITION
+from sain_core.transitions import PushHistory
 from sain_core.types import Pushes, Scenes
 from sain_model.dynamics.identify import identify
 from sain_model.dynamics.residual import residual_model

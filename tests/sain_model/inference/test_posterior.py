@@ -8,7 +8,7 @@ import pytest
 import torch
 
 from sain_core.errors import ConfigError
-from sain_core.history import PushHistory
+from sain_core.transitions import PushHistory
 from sain_core.types import Pushes, Scenes
 from sain_model.dynamics.residual import residual_model
 from sain_model.dynamics.sain import SainDynamics

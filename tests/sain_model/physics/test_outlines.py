@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from sain_core.errors import InvalidInputError
-from sain_core.history import PushHistory
 from sain_core.push import ANGLE, BODY, LENGTH, LOCATION, PushLimits, make_push
 from sain_core.scene import (
     MASS,
@@ -25,6 +24,7 @@ from sain_core.shapes.bodies import Bodies, Role, overlap
 from sain_core.shapes.library import get_shape
 from sain_core.shapes.shape import Shape
 from sain_core.shapes.solids import Compound, Polygon
+from sain_core.transitions import PushHistory
 from sain_core.types import Points, Pushes, Scenes
 from sain_model.dynamics.sain import SainDynamics
 from sain_model.evaluation.named_models import step_as_nominal

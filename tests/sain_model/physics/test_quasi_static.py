@@ -16,7 +16,7 @@ from sain_core.scene import THETA, make_scene, rotate_scenes, unit
 from sain_core.shapes.bodies import Bodies, Role
 from sain_core.shapes.library import get_shape
 from sain_core.shapes.shape import REGULAR_FEET, feet_places
-from sain_core.shapes.supports import flat_bottom
+from sain_core.shapes.solids import flat_bottom
 from sain_core.types import Points, Scalars
 from sain_model.physics.planar import PlanarPrior
 from sain_model.physics.planar_config import AXES, TEXTBOOK, PlanarConfig

@@ -34,7 +34,7 @@ from sain_core.scene import (
 )
 from sain_core.shapes.bodies import Bodies
 from sain_core.shapes.library import get_shape
-from sain_core.shapes.outline import outline_of
+from sain_core.shapes.shape import outline_of
 from sain_core.shapes.solids import Compound
 from sain_core.types import Pushes, Scenes
 from sain_model.data.dataset import Part

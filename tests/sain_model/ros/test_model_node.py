@@ -6,11 +6,11 @@ from diagnostic_msgs.msg import DiagnosticArray
 
 from sain_core import wire
 from sain_core.errors import CheckpointError, ConfigError, ErrorCode
-from sain_core.history import PushHistory
 from sain_core.model import load_dynamics
 from sain_core.push import PushLimits
 from sain_core.ros import codec
 from sain_core.scene import MASS, POSE, make_scene
+from sain_core.transitions import PushHistory
 from sain_interfaces.srv import DescribeModel, PredictResidual, Rollout
 from sain_model.physics.planar import PlanarPrior
 from sain_model.ros.model_node import ModelNode

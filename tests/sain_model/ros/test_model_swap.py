@@ -10,8 +10,8 @@ from diagnostic_msgs.msg import DiagnosticArray
 
 from sain_core import wire
 from sain_core.errors import ErrorCode
+from sain_core.guarding.ros.reception import SERVICE
 from sain_core.model import IdentityPrior, Model, load_dynamics
-from sain_core.ros.qos import SERVICE
 from sain_core.types import Pushes, Scenes
 from sain_interfaces.srv import DescribeModel, LoadModel, Rollout
 from sain_model.ros.model_node import ModelNode

@@ -11,11 +11,11 @@ from sain_core.errors import (
     OutOfRangeError,
     TooMuchWorkError,
 )
-from sain_core.history import PushHistory
 from sain_core.model import IdentityPrior, Model, load_dynamics
 from sain_core.push import ANGLE, LENGTH, PushLimits
 from sain_core.scene import make_scene, wrap_angle
 from sain_core.shapes.bodies import Bodies
+from sain_core.transitions import PushHistory
 from sain_core.types import Pushes, Scenes
 from sain_model.compute.devices import choose_device
 from sain_model.dynamics.identify import with_all_parameters

@@ -6,11 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sain_core.dataset import Column
 from sain_core.errors import DatasetError
 from sain_core.push import BODY, make_push
 from sain_core.scene import make_scene
 from sain_core.shapes.bodies import Bodies
+from sain_core.transitions import Column
 from sain_model import commands
 from sain_model.data.dataset import load_dataset, split_by_episode
 from sain_model.dynamics.load import load_checkpoint

@@ -9,11 +9,11 @@ import pytest
 import torch
 
 from sain_core.errors import CheckpointError
-from sain_core.history import PushHistory
 from sain_core.model import load_dynamics
 from sain_core.push import BODY, LENGTH, PushLimits, pushed_bodies
 from sain_core.scene import POSITION, make_scene
 from sain_core.shapes.bodies import Bodies
+from sain_core.transitions import PushHistory
 from sain_core.types import Pushes, Scenes
 from sain_model import commands
 from sain_model.data.dataset import Dataset, Part, Split

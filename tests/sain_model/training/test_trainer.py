@@ -5,12 +5,11 @@ import numpy as np
 import pytest
 import torch
 
-from sain_core.bootstrap import bootstrap_mean
-from sain_core.dataset import MOVED
 from sain_core.errors import CheckpointError
 from sain_core.model import load_dynamics
+from sain_core.randomness import bootstrap_mean, generator
 from sain_core.scene import POSITION, TARGET
-from sain_core.seeding import generator
+from sain_core.transitions import MOVED
 from sain_model import commands
 from sain_model.data.dataset import Split, load_dataset, split_by_episode
 from sain_model.data.examples import Examples

@@ -8,7 +8,7 @@ import pytest
 from sain_core.errors import ConfigError
 from sain_core.goal import Goal
 from sain_core.model import IdentityPrior
-from sain_core.seeding import generator
+from sain_core.randomness import generator
 from sain_mppi.agent.events import PlanJob, SceneObserved, Task
 from sain_mppi.agent.planning import Decider, PlanningDecider
 from sain_mppi.algorithms.config import PlannerConfig

@@ -8,11 +8,11 @@ import pytest
 
 from sain_core.errors import ErrorCode, ModelUnavailableError
 from sain_core.goal import Goal
-from sain_core.history import PushHistory
 from sain_core.model import IdentityPrior
 from sain_core.push import make_push
 from sain_core.scene import POSITION, TARGET
 from sain_core.shapes.bodies import PAPER_DISKS
+from sain_core.transitions import PushHistory
 from sain_mppi.agent.agent import MOST_PUSHES, Agent, AgentConfig, act, planning_agent
 from sain_mppi.agent.events import (
     Computation,

@@ -2,11 +2,11 @@ import numpy as np
 import pytest
 
 from sain_core.errors import CancelledError, ModelUnavailableError
-from sain_core.history import PushHistory
 from sain_core.model import IdentityPrior, Model
 from sain_core.push import idle_pushes
 from sain_core.scene import MASS
 from sain_core.shapes.bodies import Bodies
+from sain_core.transitions import PushHistory
 from sain_mppi.agent.planning import FallbackRollout, Patience
 
 SCENE, PUSHES = np.zeros((2, 8)), idle_pushes(3, 1)

@@ -9,8 +9,8 @@ from sain_core.errors import NoProgressError
 from sain_core.goal import Goal
 from sain_core.model import IdentityPrior
 from sain_core.push import SPEED
+from sain_core.randomness import generator
 from sain_core.scene import MID, POSITION, TARGET
-from sain_core.seeding import generator
 from sain_mppi.agent.events import PlanJob, SceneObserved, Task
 from sain_mppi.agent.planning import PlanningDecider, ProgressMonitor
 from sain_mppi.algorithms.config import PlannerConfig, ProgressConfig

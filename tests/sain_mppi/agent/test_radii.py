@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from sain_core.history import PushHistory
 from sain_core.push import PushLimits, make_push, tool_end, tool_start
 from sain_core.scene import MID, POSITION, RADIUS, TARGET, make_scene
 from sain_core.shapes.bodies import Bodies
+from sain_core.transitions import PushHistory
 from sain_mppi.agent.radii import BEFOREHAND, RadiusFilter, resized_push
 
 LIMITS = PushLimits()

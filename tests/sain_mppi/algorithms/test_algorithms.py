@@ -11,8 +11,8 @@ from sain_core.feasibility import Feasibility, Reach
 from sain_core.goal import Goal
 from sain_core.model import IdentityPrior
 from sain_core.push import ANGLE, LENGTH, LOCATION
+from sain_core.randomness import generator
 from sain_core.scene import MASS, make_scene, unit
-from sain_core.seeding import generator
 from sain_mppi.algorithms import ALGORITHMS
 from sain_mppi.algorithms.config import EXHAUSTIVE, MPPI, MPPI_ROUNDS, PlannerConfig
 from sain_mppi.objective.cost_weights import CostWeights

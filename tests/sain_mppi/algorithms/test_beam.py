@@ -6,8 +6,8 @@ from time import monotonic
 import numpy as np
 
 from sain_core.goal import BodyPose, Goal
+from sain_core.randomness import generator
 from sain_core.scene import make_scene
-from sain_core.seeding import generator
 from sain_core.shapes.bodies import Bodies
 from sain_model.physics.planar import PlanarPrior
 from sain_mppi.algorithms.config import BeamConfig, PlannerConfig

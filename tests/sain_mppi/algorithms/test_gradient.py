@@ -9,8 +9,8 @@ from sain_core.feasibility import Feasibility
 from sain_core.goal import Goal
 from sain_core.model import IdentityPrior, Model
 from sain_core.push import LENGTH, idle_pushes, make_push, push_direction
+from sain_core.randomness import generator
 from sain_core.scene import POSITION, unit
-from sain_core.seeding import generator
 from sain_core.types import Pushes, PushSequences, Scalars, Scenes
 from sain_mppi.algorithms.config import GRADIENT, GradientConfig, PlannerConfig
 from sain_mppi.algorithms.gradient import gradient

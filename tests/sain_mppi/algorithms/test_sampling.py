@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from sain_core.goal import Goal
 from sain_core.push import ANGLE, LENGTH, LOCATION, PushLimits, idle_pushes, make_push
-from sain_core.seeding import generator
+from sain_core.randomness import generator
 from sain_mppi.algorithms.config import PlannerConfig
 from sain_mppi.algorithms.sampling import (
     coloured_noise,

@@ -8,8 +8,8 @@ import pytest
 from sain_core.feasibility import Feasibility
 from sain_core.goal import BodyPose, Goal
 from sain_core.push import idle_pushes, make_push, rotate_pushes
+from sain_core.randomness import generator
 from sain_core.scene import MID, POSITION, RADIUS, TARGET, rotate_scenes, unit
-from sain_core.seeding import generator
 from sain_core.shapes.bodies import PAPER_DISKS, Bodies
 from sain_mppi.objective.cost import Objective, pose_distance, total_cost
 from sain_mppi.objective.cost_weights import CostWeights

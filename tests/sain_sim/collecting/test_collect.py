@@ -6,13 +6,13 @@ import pytest
 
 import sain_sim.collecting.collect as collection
 import sain_sim.collecting.shards
-from sain_core.dataset import COLLECTED, shard_path
 from sain_core.errors import ConfigError, DatasetError, OutputError
 from sain_core.push import BODY
+from sain_core.randomness import generator
 from sain_core.scene import POSITION, TARGET, THETA, surface_gaps
-from sain_core.seeding import generator
 from sain_core.shapes.bodies import PAPER_DISKS
 from sain_core.shapes.solids import DISK
+from sain_core.transitions import COLLECTED, shard_path
 from sain_sim.collecting.collect import CollectConfig, collect
 from sain_sim.collecting.episode import EpisodeConfig, draw_grid_push
 from sain_sim.collecting.shards import load_shards

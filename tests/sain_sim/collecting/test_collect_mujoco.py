@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sain_core.dataset import COLLECTION_FILE, Column
 from sain_core.errors import DatasetError
 from sain_core.scene import POSITION
+from sain_core.transitions import COLLECTION_FILE, Column
 from sain_core.world import DivergedError
 from sain_sim.collecting.collect import CARD_FILE, CollectConfig, collect
 from sain_sim.collecting.episode import EpisodeConfig, EpisodeRunner

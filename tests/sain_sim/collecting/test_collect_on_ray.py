@@ -15,8 +15,7 @@ from types import ModuleType, SimpleNamespace
 import pytest
 
 from sain_core.errors import ConfigError
-from sain_core.workers.pool import FunctionRunner, Software, Work
-from sain_core.workers.ray_pool import start_actors
+from sain_core.workers import FunctionRunner, Software, Work, start_actors
 from sain_sim.collecting.collect import CollectConfig, collect
 from sain_sim.collecting.episode import EpisodeConfig
 from sain_sim.commands import collect as main

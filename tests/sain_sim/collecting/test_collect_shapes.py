@@ -3,9 +3,7 @@
 import numpy as np
 import pytest
 
-from sain_core.dataset import Column, row_bodies
 from sain_core.errors import ConfigError, InvalidInputError
-from sain_core.old_files import converted_rows
 from sain_core.push import (
     BODY,
     LENGTH,
@@ -18,6 +16,8 @@ from sain_core.push import (
 )
 from sain_core.scene import RADIUS, make_scene
 from sain_core.shapes.bodies import Bodies, Role
+from sain_core.transitions import Column, row_bodies
+from sain_core.wire.old_files import converted_rows
 from sain_sim.collecting.collect import CollectConfig, collect
 from sain_sim.collecting.episode import EpisodeConfig, draw_outline_push
 from sain_sim.collecting.shards import load_by_count, load_shards

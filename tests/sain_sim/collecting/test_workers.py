@@ -11,7 +11,7 @@ import pytest
 
 from sain_bringup.graph import executable
 from sain_core.errors import SainError
-from sain_core.workers.pool import AHEAD, LIVES, FunctionRunner, Software, Work, run_on_processes
+from sain_core.workers import AHEAD, LIVES, FunctionRunner, Software, Work, run_on_processes
 from sain_sim.collecting.collect import CollectConfig, collect
 from sain_sim.collecting.episode import EpisodeConfig, EpisodeResult
 from sain_sim.collecting.shards import JOURNAL_FILE
@@ -86,7 +86,7 @@ def test_an_episode_that_cannot_be_run_is_an_error_of_the_collection(tmp_path) -
     errors = []
     for workers in (1, 2):
         with pytest.MonkeyPatch.context() as patch, pytest.raises(SainError) as caught:
-            patch.setattr("sain_core.workers.pool._do", _refuse)
+            patch.setattr("sain_core.workers._do", _refuse)
             patch.setattr("sain_sim.collecting.episode.EpisodeRunner.run", _no_room)
             collect(CollectConfig(tmp_path, episodes=3, workers=workers, episode=crowded))
         errors.append(str(caught.value))

@@ -9,7 +9,7 @@ from sain_core.errors import ConfigError
 from sain_core.scene import DISK_HEIGHT
 from sain_core.shapes.library import get_shape
 from sain_core.shapes.shape import FLAT
-from sain_core.shapes.supports import _within
+from sain_core.shapes.solids import _within
 from sain_sim.world.parameters import WorldParameters, nominal_parameters
 from sain_sim.world.roughness import Roughness
 from sain_sim.world.truth import TruthConfig

@@ -8,8 +8,8 @@ from shapely import MultiPoint, Polygon
 
 from sain_core.errors import ConfigError
 from sain_core.push import SPEED, make_push
+from sain_core.randomness import generator
 from sain_core.scene import MID, POSITION, THETA
-from sain_core.seeding import generator
 from sain_core.shapes.library import get_shape, shape_names
 from sain_core.shapes.shape import FLAT
 from sain_sim.world import effects

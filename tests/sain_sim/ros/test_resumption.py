@@ -7,7 +7,7 @@ import pytest
 
 from sain_core import wire
 from sain_core.errors import DatasetError, ErrorCode
-from sain_core.ros.state_file import StateFile, text_of
+from sain_core.guarding.ros.state_file import StateFile, text_of
 from sain_core.scene import POSE
 from sain_sim.ros.resumption import LeftEpisode
 from sain_sim.ros.sim_node import SimNode

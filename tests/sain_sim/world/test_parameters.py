@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from sain_core.errors import ConfigError
-from sain_core.seeding import generator
+from sain_core.randomness import generator
 from sain_core.shapes.library import get_shape, shape_names
 from sain_sim.arm.client import Client
 from sain_sim.engines.bullet.bodies import Body, resting

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from sain_core.errors import ConfigError, DatasetError
-from sain_core.seeding import generator
+from sain_core.randomness import generator
 from sain_sim.collecting.collect import CollectConfig, collect
 from sain_sim.collecting.episode import EpisodeConfig
 from sain_sim.collecting.shards import load_shards

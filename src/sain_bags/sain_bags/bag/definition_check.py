@@ -9,7 +9,7 @@ from typing import Final
 
 from sain_bags.bag.definitions import BUILT_IN
 from sain_core.errors import DatasetError
-from sain_core.untrusted import (
+from sain_core.guarding.untrusted import (
     ARRAY_LENGTH,
     DEFINITION_BYTES,
     DEFINITION_DEPTH,

@@ -17,7 +17,7 @@ from sain_bags.bag.parts import earlier, mcap_files
 from sain_bags.mcap import integrity
 from sain_bags.mcap.integrity import rescue
 from sain_core.errors import DatasetError
-from sain_core.untrusted import parse_yaml, read_yaml
+from sain_core.guarding.untrusted import parse_yaml, read_yaml
 
 LAYOUT_VERSION: Final = 9
 DUMPER: Final[Any] = getattr(yaml, "CSafeDumper", yaml.SafeDumper)  # the first is ten times as fast

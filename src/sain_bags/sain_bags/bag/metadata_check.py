@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from typing import Any, Final
 
 from sain_core.errors import UntrustedFileError
-from sain_core.untrusted import TOPICS, limit
+from sain_core.guarding.untrusted import TOPICS, limit
 
 TEXTS: Final = ("storage_identifier", "compression_mode", "compression_format", "ros_distro")
 LARGEST: Final = (1 << 63) - 1  # count of messages

@@ -13,8 +13,7 @@ from sain_bags.transitions.rows import EpisodeBodies, RowBlock, RowMaker
 from sain_bags.transitions.sources import Source, open_source
 from sain_core.errors import DatasetError
 from sain_core.model import Model, load_dynamics
-from sain_core.workers.pool import Software, Work
-from sain_core.workers.running import WorkerOptions, run_on_workers
+from sain_core.workers import Software, Work, WorkerOptions, run_on_workers
 
 SOFTWARE: Final = Software(
     ("sain_core", "sain_bags", "sain_model"), ("numpy", "mcap", "numba", "torch")

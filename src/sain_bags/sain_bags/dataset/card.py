@@ -10,9 +10,9 @@ import numpy as np
 from numpy import ndarray
 
 from sain_bags.transitions.dropped import Dropped
-from sain_core.dataset import SHARD_SIZE, Column, Columns, centres, describe_fields
 from sain_core.push import PUSH_NAMES
 from sain_core.scene import MID, TARGET
+from sain_core.transitions import SHARD_SIZE, Column, Columns, centres, describe_fields
 
 BINS: Final = 20
 QUANTITIES: Final = {  # what is counted, its unit, and the range that its bins divide

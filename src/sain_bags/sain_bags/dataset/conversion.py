@@ -23,9 +23,9 @@ from sain_bags.dataset.known_parameters import KnownParameters
 from sain_bags.transitions.numbering import Numbering
 from sain_bags.transitions.sources import Source, find_sources
 from sain_core.config import Config, option
-from sain_core.dataset import SHARD_SIZE, Column, Columns
 from sain_core.errors import DatasetError
-from sain_core.workers.running import WorkerOptions
+from sain_core.transitions import SHARD_SIZE, Column, Columns
+from sain_core.workers import WorkerOptions
 
 WAITING_SHARDS: Final = 2  # that are made and not stored yet
 

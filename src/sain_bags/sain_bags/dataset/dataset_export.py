@@ -9,7 +9,7 @@ from typing import Any, Final
 
 from sain_bags.dataset.formats import MADE, FormatName, StoredRows, Write
 from sain_core.errors import OutputError
-from sain_core.storage import PARTIAL
+from sain_core.guarding.untrusted import PARTIAL
 
 EXPORT: Final = f".export{PARTIAL}"  # where it stands until it is whole
 DISKS: Final = "disks-"  # with a number: folders of data sets, where numbers of disks differ

@@ -15,7 +15,10 @@ import numpy as np
 from sain_bags.dataset.dataset_export import clear, export, put_in_place, remove_files
 from sain_bags.dataset.formats import SHARDS, find_format
 from sain_bags.dataset.formats.sharding import write_shard
-from sain_core.dataset import (
+from sain_core.errors import DatasetError, OutputError
+from sain_core.guarding.untrusted import read_json
+from sain_core.storage import remove_partial, write_json
+from sain_core.transitions import (
     PARTS,
     SEED,
     SHARD_PATTERN,
@@ -26,9 +29,6 @@ from sain_core.dataset import (
     draw_parts,
     shard_path,
 )
-from sain_core.errors import DatasetError, OutputError
-from sain_core.storage import remove_partial, write_json
-from sain_core.untrusted import read_json
 
 IDENTITY_FILE: Final = "conversion.json"
 CARD_FILE: Final = "card.json"

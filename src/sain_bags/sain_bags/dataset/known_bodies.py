@@ -9,12 +9,13 @@ from numpy import ndarray
 
 from sain_bags.transitions.message_fields import BODIES, GOAL, GOAL_ID, parent_of
 from sain_bags.transitions.sources import Source
-from sain_core.dataset import POSED, SHAPED, Column, Columns, describe_bodies
 from sain_core.errors import DatasetError, SainError
+from sain_core.guarding.untrusted import MOST_BODIES
 from sain_core.scene import THETA, X, Y
-from sain_core.shapes.bodies import MOST_BODIES, PAPER_DISKS, Bodies
-from sain_core.shapes.received import decode_bodies
+from sain_core.shapes.bodies import PAPER_DISKS, Bodies
+from sain_core.transitions import POSED, SHAPED, Column, Columns, describe_bodies
 from sain_core.wire import decode_goal
+from sain_core.wire.bodies import decode_bodies
 
 POSE: Final = 3  # numbers: x, y, heading
 Key = tuple[str, int]  # a bag, and an id of an episode or of a goal in it

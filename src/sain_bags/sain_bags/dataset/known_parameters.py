@@ -9,7 +9,7 @@ from numpy import ndarray
 from sain_bags.transitions.message_fields import WORLD, parent_of
 from sain_bags.transitions.messages import MessageReader
 from sain_bags.transitions.sources import Source
-from sain_core.dataset import FRICTIONS, Column, Columns
+from sain_core.transitions import FRICTIONS, Column, Columns
 
 UNKNOWN: Final = np.full(len(FRICTIONS), np.nan)
 

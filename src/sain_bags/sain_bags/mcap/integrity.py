@@ -20,7 +20,13 @@ from mcap.records import Footer
 from mcap.stream_reader import StreamReader
 
 from sain_core.errors import DatasetError, UntrustedFileError
-from sain_core.untrusted import PIECE_BYTES, PIECE_RECORDS, limit, open_regular, unpacked_bytes
+from sain_core.guarding.untrusted import (
+    PIECE_BYTES,
+    PIECE_RECORDS,
+    limit,
+    open_regular,
+    unpacked_bytes,
+)
 
 RECORD_HEAD: Final = struct.Struct("<BQ")  # opcode, length of the content
 CHUNK_HEAD: Final = struct.Struct("<QQQI")  # first and last time, size and CRC once decompressed

@@ -27,7 +27,7 @@ from sain_bags.mcap.integrity import (
     open_chunk,
 )
 from sain_core.errors import DatasetError
-from sain_core.untrusted import PIECE_BYTES, limit, most_messages, unpacked_bytes
+from sain_core.guarding.untrusted import PIECE_BYTES, limit, most_messages, unpacked_bytes
 
 WINDOW: Final = 1 << 20  # [bytes], searched at a time
 HEAD: Final = 48  # [bytes], of a content, by which lengths are judged: a chunk's fit in

@@ -15,7 +15,7 @@ from mcap.records import Channel, ChunkIndex, MetadataIndex, Schema, Statistics
 from mcap.writer import MCAP0_MAGIC
 
 from sain_bags.mcap.integrity import Unpacking, records_in
-from sain_core.untrusted import (
+from sain_core.guarding.untrusted import (
     NAME_LENGTH,
     SUMMARY_BYTES,
     TOPICS,

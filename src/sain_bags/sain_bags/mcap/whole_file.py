@@ -20,7 +20,7 @@ from sain_bags.mcap.integrity import (
     chunk_data,
 )
 from sain_core.errors import DatasetError, UntrustedFileError
-from sain_core.untrusted import PIECE_BYTES
+from sain_core.guarding.untrusted import PIECE_BYTES
 
 ATTACHMENT_CRC: Final = 4  # [bytes], at the end of an attachment; 0: it has none
 

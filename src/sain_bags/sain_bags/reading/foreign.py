@@ -16,7 +16,7 @@ from sain_bags.reading.bag_files import BagFiles
 from sain_bags.reading.sqlite_file import StoredMessage, read_sqlite
 from sain_bags.writing.writer import BagConfig, BagWriter
 from sain_core.errors import DatasetError, UntrustedFileError
-from sain_core.untrusted import PIECE_BYTES, open_regular
+from sain_core.guarding.untrusted import PIECE_BYTES, open_regular
 
 UNCOMPRESSED: Final = ("", "none")
 BAD_PROFILE: Final = (KeyError, TypeError, AttributeError, RecursionError)  # in rosbags

@@ -19,8 +19,8 @@ from sain_bags.mcap.whole_file import check_file
 from sain_bags.reading.bag_files import BagChannel, BagFiles
 from sain_bags.reading.foreign import CopiedBag, is_foreign
 from sain_core.errors import DatasetError, UntrustedFileError
-from sain_core.old_files import converted_message
-from sain_core.untrusted import DECODED_BYTES, TimeAllowance, limit
+from sain_core.guarding.untrusted import DECODED_BYTES, TimeAllowance, limit
+from sain_core.wire.old_files import converted_message
 
 BAG_HELP: Final = "a bag's folder, or its MCAP file"  # what `Bag` opens
 BAD_DEFINITION: Final = (InvalidSpecification, InvalidValue, NameError)

@@ -12,7 +12,7 @@ from rosbags.rosbag2.storage_sqlite3 import Sqlite3Reader
 from sain_bags.bag.definitions import Definitions
 from sain_bags.bag.metadata import Topic, as_topic_qos
 from sain_core.errors import InvalidInputError, UntrustedFileError
-from sain_core.untrusted import (
+from sain_core.guarding.untrusted import (
     NAME_LENGTH,
     PIECE_BYTES,
     SUMMARY_BYTES,

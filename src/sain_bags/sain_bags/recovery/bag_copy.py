@@ -17,7 +17,7 @@ from mcap.writer import Writer as McapWriter
 
 from sain_bags.bag.metadata import Span, Topic, bag_metadata, read_profiles, write_metadata
 from sain_core.errors import OutputError
-from sain_core.storage import PARTIAL
+from sain_core.guarding.untrusted import PARTIAL
 
 CHUNK_SIZE: Final = 1 << 20  # [bytes], so that the index of a bag of 10 GB stays small in memory
 LIBRARY: Final = "sain_bags"

@@ -21,7 +21,7 @@ from sain_bags.recovery.bag_copy import BagCopy
 from sain_bags.recovery.recovery_report import FileReport, Loss, RecoveryOutcome, Report
 from sain_bags.recovery.sidecar import Sidecar, complete_sidecar, read_sidecar
 from sain_core.errors import DatasetError, OutputError, UntrustedFileError
-from sain_core.untrusted import open_regular
+from sain_core.guarding.untrusted import open_regular
 
 ABOUT_BAG: Final = (METADATA_RECORD, START_RECORD)
 

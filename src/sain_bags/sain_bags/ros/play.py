@@ -12,7 +12,7 @@ from sain_bags.playing import CLOCK, Event, Passage, PassageConfig, Played, choo
 from sain_bags.reading.reader import BAG_HELP, Bag
 from sain_bags.ros.stop_signal import StopSignal
 from sain_core.config import Config, option, required
-from sain_core.ros.ending import release
+from sain_core.guarding.lifetime import release
 
 if TYPE_CHECKING:
     from sain_bags.ros.player import Player

@@ -16,10 +16,10 @@ from rcl_interfaces.srv import GetParameters
 from rclpy.node import Node
 
 from sain_bags.ros.recorder import Recorder
-from sain_core import notify
 from sain_core.errors import OutputError, SainError
+from sain_core.guarding import lifetime
+from sain_core.guarding.untrusted import read_json
 from sain_core.storage import write_json
-from sain_core.untrusted import read_json
 
 SILENCE: Final = 5.0  # [s] after which nothing seems to be said
 REST: Final = 0.5  # [s] from the first message until the other topics are known, too
@@ -149,7 +149,7 @@ class Readiness:
         if found_all or now >= self._due + PATIENCE:
             self.told = True
             self._handshake.end()
-            notify.ready()
+            lifetime.ready()
 
 
 class NodesFile:

@@ -19,10 +19,10 @@ from sain_bags.writing.gaps import MISSING_KEY, SILENT_KEY, UNDEFINED_KEY, descr
 from sain_bags.writing.recording_status import RecordingStatus, StatusDisplay
 from sain_bags.writing.selection import Selection
 from sain_bags.writing.writer import BagConfig, BagWriter
-from sain_core import notify
 from sain_core.config import Config, option, required
 from sain_core.errors import ConfigError, OutputError, SainError
-from sain_core.ros.ending import release
+from sain_core.guarding import lifetime
+from sain_core.guarding.lifetime import release
 
 if TYPE_CHECKING:
     from sain_bags.ros.readiness import NodesFile
@@ -87,7 +87,7 @@ def run(options: RecordOptions, console: Console) -> None:
     from sain_core.ros.node_main import ros_context
 
     console.soft_wrap = True
-    nodes = NodesFile(options.out) if notify.is_supervised() else None
+    nodes = NodesFile(options.out) if lifetime.is_supervised() else None
     cut_off = set_aside(options.out) if options.resume else None
     try:
         with ros_context():
@@ -109,7 +109,7 @@ def join_parts(cut_off: Path, out: Path, console: Console) -> None:
     size = sum(path.stat().st_size for path in (*mcap_files(cut_off), *mcap_files(out)))
     doing = f"joining the parts of the recording, {size / 1e6:.1f} MB"
     console.print(f"{doing}; Ctrl-C leaves the parts", highlight=False)
-    notify.stopping(doing)
+    lifetime.stopping(doing)
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, signal.default_int_handler)
     next_beat = 0.0
@@ -118,7 +118,7 @@ def join_parts(cut_off: Path, out: Path, console: Console) -> None:
         nonlocal next_beat
         if (now := time.monotonic()) >= next_beat:
             next_beat = now + BEAT_PERIOD
-            notify.alive()
+            lifetime.alive()
 
     try:
         join(cut_off, out, advance)
@@ -161,9 +161,9 @@ def record(
                     readiness.work(recorder.work())
                     if nodes is not None:
                         nodes.work(recorder, readiness.told)
-                    notify.alive()
+                    lifetime.alive()
                     display.show(status)
-                notify.stopping("closing the recording")
+                lifetime.stopping("closing the recording")
                 drain(recorder)
         finally:
             writer.custom_data[MISSING_KEY] = describe_gaps(recorder.gaps)

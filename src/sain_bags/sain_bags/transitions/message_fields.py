@@ -5,10 +5,10 @@ from typing import Final
 
 from sain_bags.bag.layouts import MessageTypes
 from sain_bags.reading.reader import Bag
-from sain_core.dataset import FRICTIONS
 from sain_core.errors import DatasetError
 from sain_core.push import PUSH_NAMES
 from sain_core.scene import STATE_NAMES
+from sain_core.transitions import FRICTIONS
 
 SCENE: Final = "sain_interfaces/msg/Scene"
 GOAL: Final = "sain_interfaces/msg/Goal"

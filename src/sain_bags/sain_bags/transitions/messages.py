@@ -10,7 +10,7 @@ from numpy import ndarray
 from sain_bags.reading.bag_files import BagChannel, Batch
 from sain_bags.transitions.message_fields import FIELDS, SCENE
 from sain_bags.transitions.tables import Message, MessageTable, TableReader
-from sain_core.untrusted import TimeAllowance
+from sain_core.guarding.untrusted import TimeAllowance
 
 
 @dataclass(frozen=True)

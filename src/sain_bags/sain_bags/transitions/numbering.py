@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from sain_bags.transitions.rows import RowBlock
-from sain_core.dataset import Column
+from sain_core.transitions import Column
 
 
 class Numbering:

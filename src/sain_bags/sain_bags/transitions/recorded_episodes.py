@@ -30,9 +30,9 @@ from sain_core.errors import DatasetError, InvalidInputError, OutOfRangeError, S
 from sain_core.goal import Goal, Judgement
 from sain_core.scene import TARGET
 from sain_core.shapes.bodies import PAPER_DISKS, Bodies
-from sain_core.shapes.received import decode_bodies
 from sain_core.types import Scene
 from sain_core.wire import decode_disks, decode_goal
+from sain_core.wire.bodies import decode_bodies
 from sain_core.world import PushRecord
 
 

@@ -21,12 +21,12 @@ from sain_bags.transitions.dropped import (
 from sain_bags.transitions.message_fields import GOAL_ID
 from sain_bags.transitions.paired_pushes import PairedPushes, as_columns
 from sain_bags.transitions.pairing import Paired
-from sain_core.dataset import MOVED, Column
 from sain_core.errors import SainError
 from sain_core.model import Model
 from sain_core.push import check_predictable
 from sain_core.scene import MASS, POSITION, RADIUS, TARGET
 from sain_core.shapes.bodies import PAPER_DISKS, Bodies, check_scenes
+from sain_core.transitions import MOVED, Column
 from sain_core.types import Pushes, Scenes
 from sain_core.wire import MIN_DISKS
 

@@ -18,7 +18,7 @@ from sain_bags.transitions.message_fields import (
     parent_of,
 )
 from sain_core.errors import DatasetError, UntrustedFileError
-from sain_core.untrusted import open_regular
+from sain_core.guarding.untrusted import open_regular
 
 ALWAYS: Final = frozenset({PUSH, PUSH_RESULT, PREDICTION, GOAL})
 

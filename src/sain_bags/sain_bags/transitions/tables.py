@@ -22,9 +22,9 @@ from sain_bags.transitions.message_fields import (
     has_field,
 )
 from sain_core.errors import DatasetError
-from sain_core.old_files import LATER_FIELDS
+from sain_core.guarding.untrusted import TimeAllowance
 from sain_core.scene import STATE_NAMES, STATE_SIZE
-from sain_core.untrusted import TimeAllowance
+from sain_core.wire.old_files import LATER_FIELDS
 
 KEPT_LAYOUTS: Final = 100  # of messages of one size
 

@@ -32,10 +32,9 @@ from sain_bringup.interrupts import Interrupts, Stopped
 from sain_bringup.processes import UNHURRIED, Supervisor
 from sain_core.config import option
 from sain_core.errors import OutputError, SainError
-from sain_core.observation import changed_settings
-from sain_core.provenance import provenance
 from sain_core.shapes.shape import FEET
-from sain_core.storage import make_folder
+from sain_core.storage import make_folder, provenance
+from sain_core.world import changed_settings
 from sain_eval.scenes.scenarios import OFFERED, SCENARIOS, draw_scene
 from sain_model.compute.kernel_store import (
     compile_kernels,

@@ -17,12 +17,10 @@ from sain_bringup.processes import Supervisor
 from sain_bringup.ros.progress import LOST, Progress, distance
 from sain_bringup.ros.readiness import SERVER_PARTS, Missing, missing_parts
 from sain_core.errors import ErrorCode, ModelUnavailableError, SainError, error_from_reply
+from sain_core.guarding.ros.ownership import refuse_peers, refuse_rivals
 from sain_core.ros.codec import encode_disks, encode_goal
-from sain_core.ros.diagnostics import node_of
-from sain_core.ros.node_main import NAMESPACE
-from sain_core.ros.peers import refuse_peers, refuse_rivals
-from sain_core.ros.qos import LATCHED, RELIABLE
-from sain_core.ros.steady import SIMULATED
+from sain_core.ros.node_main import NAMESPACE, node_of
+from sain_core.ros.qos import LATCHED, RELIABLE, SIMULATED
 from sain_eval.episode import Tolerance
 from sain_eval.scenes.scenario_scene import ScenarioScene
 from sain_interfaces.msg import Goal, Plan, PushResult

@@ -124,7 +124,7 @@ class GoalSender:
 
     def _on_diagnostics(self, message: "DiagnosticArray") -> None:
         """Show what the planner waits for, or that it does not."""
-        from sain_core.ros.diagnostics import node_of
+        from sain_core.ros.node_main import node_of
 
         for status in message.status:
             if node_of(status) == self._planner:

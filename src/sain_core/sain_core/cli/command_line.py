@@ -22,8 +22,7 @@ from typing import Annotated, Any, Final, Literal, get_type_hints
 
 from sain_core.config import describe_values
 from sain_core.errors import INTERRUPTED, ConfigError, SainError
-from sain_core.ros.ending import PATIENCE, start_timer
-from sain_core.ros.network import check_host
+from sain_core.guarding.lifetime import PATIENCE, check_host, start_timer
 
 
 def executable(package: str, name: str) -> Path:

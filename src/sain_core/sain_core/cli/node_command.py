@@ -18,7 +18,7 @@ from sain_core.cli.command_line import (
 )
 from sain_core.config import Config, describe_values, settings_of, show_value
 from sain_core.errors import INTERRUPTED, SainError
-from sain_core.ros.network import check_host
+from sain_core.guarding.lifetime import check_host
 
 WIDEST: Final = 100  # columns of the help
 

@@ -16,7 +16,7 @@ from typing import Final
 
 from sain_core.cli.command_line import WRONG_USAGE, Command, end_with_the_reader
 from sain_core.cli.node_command import NodeCommand
-from sain_core.plugins import did_you_mean
+from sain_core.guarding.plugins import did_you_mean
 
 PROGRAM: Final = "sain"
 OWN: Final = "sain_"  # how the names of packages begin

@@ -15,12 +15,12 @@ from shape_msgs.msg import SolidPrimitive
 from std_msgs.msg import Header
 
 from sain_core.goal import BodyPose, Goal
-from sain_core.history import PushHistory
 from sain_core.push import BODY, PUSH_NAMES
 from sain_core.scene import DISK_HEIGHT, STATE_NAMES, THETA, X, Y
 from sain_core.shapes.bodies import Bodies
 from sain_core.shapes.shape import Shape, Solid
-from sain_core.shapes.supports import support_points
+from sain_core.shapes.solids import support_points
+from sain_core.transitions import PushHistory
 from sain_core.types import PushArray, Pushes, Scalars, Scene, Scenes
 from sain_interfaces.msg import Bodies as BodiesMessage
 from sain_interfaces.msg import Body, DiskState, GoalPose, Plan, Push

@@ -1,4 +1,7 @@
-"""The main of every node: start, spin, stop, and the exit code."""
+"""How a node is doing, on ``/diagnostics``: once a second, and at once when that changes.
+
+A status is named ``node: task``, as diagnostic_updater names it, so aggregators can group by node.
+"""
 
 import ctypes
 import gc
@@ -7,23 +10,74 @@ import os
 import re
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from typing import NoReturn
+from typing import Final, NoReturn
 
 import rclpy
+from builtin_interfaces.msg import Time
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.exceptions import ROSInterruptException
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import ok, try_shutdown
 
-from sain_core import notify
 from sain_core.errors import INTERRUPTED, ConfigError, SainError
-from sain_core.ros.ending import ending_within, release
-from sain_core.ros.network import stay_on_this_host
+from sain_core.guarding import lifetime
+from sain_core.guarding.lifetime import ending_within, release, stay_on_this_host
 from sain_core.ros.parameters import check_parameter_files
-from sain_core.ros.steady import steady_timer
+from sain_core.ros.qos import RELIABLE, steady_timer
+
+OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
+SEPARATOR: Final = ": "  # of node and task
+
+
+class Diagnostics:
+    """Publishes the state of one node. Make and call it from the executor's thread."""
+
+    def __init__(
+        self,
+        node: Node,
+        task: str,
+        period_s: float = 1.0,
+        now: Callable[[], Time] | None = None,
+        more: Callable[[], Mapping[str, object]] = dict,
+    ) -> None:
+        """Report for this node's task, first as starting.
+
+        `now` replaces its clock for the stamps; `more` are figures as they are when published.
+        """
+        self._more = more
+        self._values: Mapping[str, object] = {}
+        self._now = now or (lambda: node.get_clock().now().to_msg())
+        name = f"{node.get_fully_qualified_name()}{SEPARATOR}{task}"
+        self._status = DiagnosticStatus(level=OK, name=name, message="starting", hardware_id="sain")
+        self._publisher = node.create_publisher(DiagnosticArray, "/diagnostics", RELIABLE)
+        steady_timer(node, period_s, self.publish)
+
+    def set(self, level: bytes, message: str, **values: object) -> None:
+        """Say how the node is doing, with figures of interest."""
+        changed = (level, message) != (self._status.level, self._status.message)
+        self._status.level = level
+        self._status.message = message
+        self._values = values
+        if changed:
+            self.publish()
+
+    def publish(self) -> None:
+        """Publish the state as it was last set."""
+        values = {**self._values, **self._more()}
+        self._status.values = [KeyValue(key=key, value=str(value)) for key, value in values.items()]
+        message = DiagnosticArray(status=[self._status])
+        message.header.stamp = self._now()
+        self._publisher.publish(message)
+
+
+def node_of(status: DiagnosticStatus) -> str:
+    """Return the full name of the node that a status is of; older recordings name no task."""
+    return str(status.name).partition(SEPARATOR)[0]
+
 
 NAMESPACE = "sain"
 """Where nodes live unless ``--ros-args -r __ns:=/other`` says otherwise."""
@@ -67,10 +121,10 @@ def run_node(make_node: Callable[[], Node], name: str, args: list[str] | None = 
                 code = 0
                 if ready := getattr(node, "ready", ""):
                     node.get_logger().info(f"ready: {ready}")
-                notify.ready()
+                lifetime.ready()
                 trim_memory(node)
-                if (period := notify.heartbeat_period()) > 0.0:
-                    steady_timer(node, period, notify.alive)
+                if (period := lifetime.heartbeat_period()) > 0.0:
+                    steady_timer(node, period, lifetime.alive)
                 executor.spin()
             except Exception as error:
                 if ok() and not isinstance(error, INTERRUPTS):

@@ -9,7 +9,7 @@ from typing import Any, Final, TypeVar
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.node import Node
 
-from sain_core import notify
+from sain_core.guarding import lifetime
 
 LOOK: Final = 0.25  # [s] between looks at a job that is waited for
 PATIENCE: Final = 60.0  # [s] that a job may take while the executor waits for it
@@ -79,10 +79,10 @@ class Worker:
         """
         future = self._pool.submit(job)
         enough = monotonic() + PATIENCE
-        while not wait([future], notify.heartbeat_period() or LOOK).done:
+        while not wait([future], lifetime.heartbeat_period() or LOOK).done:
             meanwhile()
             if monotonic() < enough:  # the executor waits, and lives
-                notify.alive()
+                lifetime.alive()
         return future
 
     def close(self, last: Callable[[], None] | None = None) -> None:

@@ -13,6 +13,7 @@ from typing import Final, Self
 import numpy as np
 
 from sain_core.errors import ConfigError, DatasetError, InvalidInputError
+from sain_core.guarding.untrusted import MOST_BODIES
 from sain_core.scene import (
     MASS,
     OVERLAP_TOLERANCE,
@@ -26,7 +27,6 @@ from sain_core.shapes.library import get_shape
 from sain_core.shapes.shape import FEET, Shape
 from sain_core.types import Scene, Scenes
 
-MOST_BODIES: Final = 32
 CUBE: Final = "cube"
 
 

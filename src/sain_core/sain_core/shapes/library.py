@@ -15,7 +15,7 @@ from typing import Final
 import numpy as np
 
 from sain_core.errors import ConfigError, InvalidInputError
-from sain_core.plugins import Plugins, did_you_mean
+from sain_core.guarding.plugins import Plugins, did_you_mean
 from sain_core.shapes.shape import FLAT, FLAT_MARK, Pair, Shape
 from sain_core.shapes.solids import CUBE, DISK, Compound, Disk
 

@@ -16,15 +16,21 @@ import numpy as np
 from numpy import ndarray
 
 from sain_core.errors import ConfigError, DatasetError, UntrustedFileError
+from sain_core.guarding.untrusted import (
+    LEAST_RADIUS,
+    LONGEST_NAME,
+    MOST_RADIUS,
+    parse_json,
+    read_json,
+    read_regular_text,
+    read_yaml,
+)
 from sain_core.scene import unit
 from sain_core.shapes.library import get_shape, register
-from sain_core.shapes.received import LEAST_RADIUS, LONGEST_NAME, MOST_RADIUS, Ring
-from sain_core.shapes.shape import FEET, Pair, Shape
-from sain_core.shapes.solids import DISK, TOLERANCE, Prism, centroid
-from sain_core.shapes.supports import balanced_feet
+from sain_core.shapes.shape import FEET, Pair, Ring, Shape
+from sain_core.shapes.solids import DISK, TOLERANCE, Prism, balanced_feet, centroid
 from sain_core.storage import write_json
 from sain_core.types import Points
-from sain_core.untrusted import parse_json, read_json, read_regular_text, read_yaml
 
 OUTLINES_FILE: Final = "outlines.json"
 SHAPES: Final = "shapes"  # key of the outlines by name, in the user's files and in this one

@@ -8,7 +8,7 @@ has another unit, half of its width: it stands in for the disk of its radius, as
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace
 from enum import Enum
-from functools import cached_property
+from functools import cache, cached_property
 from math import pi
 from typing import ClassVar, Final, Self
 
@@ -16,12 +16,13 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
-from sain_core.scene import DISK_HEIGHT, POSITION, RADIUS, THETA, unit
-from sain_core.types import Points
+from sain_core.scene import DISK_HEIGHT, POSITION, RADIUS, THETA, unit, wrap_angle
+from sain_core.types import Angles, Mask, Points, Polygons, Scalars
 
 Pair = tuple[float, float]
 Vector = tuple[float, float, float]
 Triangles = Float[ndarray, "T 3 3"]
+Ring = Float[ndarray, "_ 2"]  # one of several, each with its own number of corners
 
 FEET, FLAT = BOTTOMS = ("feet", "flat")  # what bodies stand on
 FLAT_MARK: Final = ":flat"  # at the end of a name
@@ -151,3 +152,132 @@ def prism_surface(corners: Points) -> Triangles:
         (lift(here, low), lift(after, high), lift(here, high)),
     )
     return np.concatenate([np.stack(face, axis=1) for face in faces])
+
+
+ROUND: Final = 256  # points all along an outline
+LEFTMOST: Final = 1e-6  # [radii], within which points are equally far left
+
+
+@dataclass(frozen=True, eq=False)
+class Outline:
+    """A closed polygon as a function of the location, in the body's frame and units of its radius.
+
+    Attributes:
+        corners: (M + 1, 2), from the point with location 0 round to it again.
+        shares: (M + 1,), of the perimeter up to each corner, 0 to 1.
+        perimeter: [radii].
+    """
+
+    corners: Float[ndarray, "M 2"]
+    shares: Float[ndarray, "M"]
+    perimeter: float
+
+    def at(self, locations: Angles) -> tuple[Points, Angles]:
+        """Return the points (..., 2) [radii] at locations (...,), and the headings of the inward
+        normals (...,) [rad] there; at a corner that of the side after it.
+        """
+        share = np.mod(locations, 2 * pi) / (2 * pi)
+        side = np.searchsorted(self.shares, share, side="right") - 1
+        side = np.clip(side, 0, len(self.shares) - 2)
+        ways, inward = self._sides
+        part = (share - self.shares[side]) / (self.shares[side + 1] - self.shares[side])
+        return self.corners[side] + part[..., None] * ways[side], inward[side]
+
+    @cached_property
+    def _sides(self) -> tuple[Points, Angles]:
+        """The way along each side, and the heading of its inward normal."""
+        ways = np.diff(self.corners, axis=0)
+        return ways, wrap_angle(np.arctan2(ways[:, 1], ways[:, 0]) + pi / 2)
+
+    def facing(self, headings: Angles) -> tuple[Angles, Angles]:
+        """Return where a push straight through the middle in headings (...,) touches the outline.
+
+        Headings are in the body's frame.
+
+        Returns:
+            Locations (...,) and the angles (...,) of these pushes to the normals there [rad]. An
+            angle may be too large to be allowed.
+        """
+        locations, bearings, normals = self._round
+        apart = np.abs(wrap_angle(bearings - np.asarray(headings)[..., None] - pi))
+        nearest = np.argmin(apart, axis=-1)
+        return locations[nearest], wrap_angle(headings - normals[nearest])
+
+    @cached_property
+    def inscribed(self) -> float:
+        """The radius of the largest circle about the middle within the outline; 0: none."""
+        middle = np.zeros(2)
+        return max(-float(distance_to_way(middle, middle, self.corners[:-1])), 0.0)
+
+    @cached_property
+    def _round(self) -> tuple[Angles, Angles, Angles]:
+        """Locations all along the outline, with the bearings of the points and of the normals."""
+        locations = np.linspace(-pi, pi, ROUND, endpoint=False)
+        points, normals = self.at(locations)
+        return locations, np.arctan2(points[..., 1], points[..., 0]), normals
+
+
+@cache
+def outline_of(shape: Shape) -> Outline:
+    """Return the outline of a shape as a function of the location."""
+    corners = shape.outline(1.0)
+    after = np.roll(corners, -1, axis=0)
+    left = corners[:, 0].min() + LEFTMOST
+    middles = np.where((after[:, :1] <= left), (corners + after) / 2, corners)
+    candidates = np.flatnonzero(corners[:, 0] <= left)
+    # A corner that ends a leftmost side is on that side and no start of its own.
+    ends_side = np.roll(corners[:, 0], 1)[candidates] <= left
+    starts = candidates[~ends_side | (after[candidates, 0] <= left)]
+    first = starts[np.argmin(middles[starts, 1])]
+    ring = np.roll(corners, -first, axis=0)
+    if after[first, 0] <= left:  # begin in the middle of a side
+        ring = np.concatenate([middles[first][None], ring[1:], ring[:1]])
+    ring = np.concatenate([ring, ring[:1]])
+    lengths = np.linalg.norm(np.diff(ring, axis=0), axis=1)
+    shares = np.concatenate([[0.0], np.cumsum(lengths) / lengths.sum()])
+    shares[-1] = 1.0
+    return Outline(ring, shares, float(lengths.sum()))
+
+
+def distance_to_way(start: Points, end: Points, corners: Polygons) -> Scalars:
+    """Return the distance [m] from straight ways to a polygon; negative where one begins inside.
+
+    Args:
+        start: (..., 2) [m], where each way begins.
+        end: (..., 2) [m].
+        corners: (..., M, 2) [m], of a polygon for each way, in order.
+    """
+    after = np.roll(corners, -1, axis=-2)
+    first, last = start[..., None, :], end[..., None, :]
+    apart = np.minimum(_to_segment(first, corners, after), _to_segment(last, corners, after))
+    apart = np.minimum(apart, _to_segment(corners, first, last)).min(axis=-1)
+    crossing = (_side(first, last, corners) * _side(first, last, after) < 0.0) & (
+        _side(corners, after, first) * _side(corners, after, last) < 0.0
+    )
+    inside = is_inside(start, corners)
+    return np.where(inside, -apart, np.where(crossing.any(axis=-1), 0.0, apart))
+
+
+def is_inside(points: Points, corners: Polygons) -> Mask:
+    """Tell which points (..., 2) lie within their polygon (..., M, 2)."""
+    after = np.roll(corners, -1, axis=-2)
+    x, y = points[..., None, 0], points[..., None, 1]
+    spans = (corners[..., 1] > y) != (after[..., 1] > y)
+    rise = after[..., 1] - corners[..., 1]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        where = corners[..., 0] + (y - corners[..., 1]) / rise * (after[..., 0] - corners[..., 0])
+    return np.asarray((spans & (x < where)).sum(axis=-1) % 2 == 1)
+
+
+def _to_segment(points: ndarray, start: ndarray, end: ndarray) -> ndarray:
+    """Return the distances of points from segments, broadcast."""
+    way, offset = end - start, points - start
+    size = np.maximum((way * way).sum(-1), 1e-30)
+    share = np.clip((offset * way).sum(-1) / size, 0.0, 1.0)
+    return np.asarray(np.linalg.norm(offset - share[..., None] * way, axis=-1))
+
+
+def _side(start: ndarray, end: ndarray, points: ndarray) -> ndarray:
+    """Return on which side of lines points lie: positive to their left."""
+    way, offset = end - start, points - start
+    return np.asarray(way[..., 0] * offset[..., 1] - way[..., 1] * offset[..., 0])

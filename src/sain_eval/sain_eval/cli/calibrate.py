@@ -10,8 +10,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TimeRemaining
 
 from sain_core.cli.terminal import markdown_table
 from sain_core.config import Config, option, required
-from sain_core.provenance import ros2_command
-from sain_core.storage import make_folder, write_json, write_whole
+from sain_core.storage import make_folder, ros2_command, write_json, write_whole
 
 if TYPE_CHECKING:
     from sain_eval.calibrate import Calibration

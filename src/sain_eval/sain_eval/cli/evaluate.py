@@ -13,10 +13,9 @@ from sain_core.cli.command_line import silent_interrupts
 from sain_core.config import option
 from sain_core.errors import ConfigError
 from sain_core.goal import MOST_TOLERANCE, MOST_TURN
-from sain_core.observation import observation_settings
-from sain_core.provenance import ros2_command
-from sain_core.storage import make_folder
-from sain_core.workers.running import WorkerOptions
+from sain_core.storage import make_folder, ros2_command
+from sain_core.workers import WorkerOptions
+from sain_core.world import observation_settings
 from sain_eval.episode import Tolerance
 from sain_eval.loop.controllers import agent_maker
 from sain_eval.loop.evaluation import EpisodeJob, play, run_jobs

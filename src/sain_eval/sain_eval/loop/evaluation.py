@@ -17,8 +17,7 @@ from rich.progress import (
 )
 
 from sain_core.storage import write_whole
-from sain_core.workers.pool import FunctionRunner, Job, Software, Work
-from sain_core.workers.running import WorkerOptions, run_on_workers
+from sain_core.workers import FunctionRunner, Job, Software, Work, WorkerOptions, run_on_workers
 from sain_eval.episode import Tolerance, tightest
 from sain_eval.loop.closed_loop import EpisodeOutcome, run_episode
 from sain_eval.loop.controllers import agent_maker

@@ -12,15 +12,13 @@ from typing import Any, Final, Generic, TypeVar
 
 import numpy as np
 
-from sain_core.bootstrap import Interval, bootstrap_mean
-from sain_core.dataset import MOVED
 from sain_core.errors import OutOfRangeError, OutputError, UntrustedFileError
-from sain_core.provenance import git_commit, processor, system, versions
+from sain_core.guarding.untrusted import parse_json, read_regular_text
+from sain_core.randomness import Interval, bootstrap_mean, generator
 from sain_core.scene import POSITION, THETA, wrap_angle
-from sain_core.seeding import generator
-from sain_core.storage import append_json, write_whole
+from sain_core.storage import append_json, git_commit, processor, system, versions, write_whole
+from sain_core.transitions import MOVED
 from sain_core.types import Scene
-from sain_core.untrusted import parse_json, read_regular_text
 from sain_core.world import PushRecord
 from sain_eval.episode import EpisodeRecord, Tolerance
 from sain_eval.loop.closed_loop import EpisodeOutcome

@@ -15,8 +15,8 @@ from numpy import ndarray
 from sain_core.drawing.figures import TEXT
 from sain_core.drawing.palette import PALETTE, rgba
 from sain_core.goal import BodyPose
+from sain_core.guarding.untrusted import MOST_BODIES
 from sain_core.scene import POSITION, RADIUS, THETA, unit
-from sain_core.shapes.bodies import MOST_BODIES
 from sain_core.shapes.shape import Shape
 from sain_core.types import Points, Scene
 from sain_eval.episode import EpisodeRecord

@@ -16,8 +16,8 @@ import numpy as np
 
 from sain_core.feasibility import Feasibility
 from sain_core.goal import BodyPose, Goal
+from sain_core.randomness import generator
 from sain_core.scene import POSITION, RADIUS, TARGET, THETA, make_scene, unit
-from sain_core.seeding import generator
 from sain_core.shapes.bodies import Role, check_bodies
 from sain_core.shapes.library import get_shape, library
 from sain_core.shapes.solids import DISK

@@ -4,7 +4,7 @@ from functools import cache
 from typing import Final, Protocol, runtime_checkable
 
 from sain_core.errors import SainError
-from sain_core.plugins import Plugins
+from sain_core.guarding.plugins import Plugins
 from sain_core.scene import Table
 from sain_core.shapes.bodies import check_bodies
 from sain_eval.scenes.families import (

@@ -14,8 +14,7 @@ from urllib.parse import unquote, urlsplit
 import numpy as np
 
 from sain_core.errors import ConfigError, SainError
-from sain_core.scratch import cache_folder
-from sain_core.storage import make_folder, read_arrays, write_arrays
+from sain_core.storage import cache_folder, make_folder, read_arrays, write_arrays
 
 LARGEST_MESH: Final = 50_000_000  # bytes of a file
 MESHES: Final = (".obj", ".stl", ".ply", ".glb")

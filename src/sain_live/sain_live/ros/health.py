@@ -4,7 +4,7 @@ from typing import Any, Final
 
 from diagnostic_msgs.msg import DiagnosticArray
 
-from sain_core.ros.diagnostics import OK, node_of
+from sain_core.ros.node_main import OK, node_of
 from sain_live.state import Level, LiveState
 
 PLAIN: Final = {

@@ -14,7 +14,7 @@ from sain_core.errors import ErrorCode, InvalidInputError
 from sain_core.ros import codec
 from sain_core.scene import STATE_SIZE
 from sain_core.shapes.bodies import Bodies as CoreBodies
-from sain_core.shapes.received import decode_bodies
+from sain_core.wire.bodies import decode_bodies
 from sain_interfaces.msg import (
     Bodies,
     Goal,

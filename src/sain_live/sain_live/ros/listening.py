@@ -7,8 +7,8 @@ from typing import Any, Final
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 
+from sain_core.guarding.ros.reception import Reception
 from sain_core.ros.qos import LATCHED, LATCHED_QUEUE, QUEUE, RELIABLE
-from sain_core.ros.reception import Reception
 from sain_live.ros.hearing import Hearing
 from sain_live.ros.polling import Polling
 from sain_live.state import LiveState

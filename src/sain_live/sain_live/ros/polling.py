@@ -12,7 +12,7 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from rclpy.subscription import Subscription
 
-from sain_core.ros.reception import Reception
+from sain_core.guarding.ros.reception import Reception
 
 LATEST: Final = QoSProfile(depth=1)
 

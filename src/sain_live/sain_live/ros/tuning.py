@@ -9,8 +9,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter, parameter_value_to_python
 
 from sain_core.errors import ErrorCode
-from sain_core.ros.qos import RELIABLE
-from sain_core.ros.steady import steady_timer
+from sain_core.ros.qos import RELIABLE, steady_timer
 from sain_interfaces.srv import DescribeModel, LoadModel
 from sain_live.orders import planner_settings
 from sain_live.state import Level, LiveState

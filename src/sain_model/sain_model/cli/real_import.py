@@ -11,8 +11,8 @@ import tyro
 from rich.console import Console
 
 from sain_core.config import Config, option, required
-from sain_core.dataset import Column
-from sain_core.untrusted import read_regular
+from sain_core.guarding.untrusted import read_regular
+from sain_core.transitions import Column
 from sain_model.network.inputs import MASS_MIDDLE
 
 if TYPE_CHECKING:

@@ -16,11 +16,11 @@ import numpy as np
 from jaxtyping import Int
 from numpy import ndarray
 
-from sain_core.dataset import NEEDED, SHAPED, Column, Columns, Transitions, draw_parts
 from sain_core.errors import DatasetError
 from sain_core.push import mirror_pushes
 from sain_core.scene import mirror_scenes
 from sain_core.shapes.bodies import PAPER_DISKS, Bodies, bodies_named
+from sain_core.transitions import NEEDED, SHAPED, Column, Columns, Transitions, draw_parts
 from sain_core.types import Indices, Mask, Scalars, Scenes
 from sain_model.data.origin import made_in
 from sain_model.data.shard import NO_STEP, read_shard
@@ -184,7 +184,7 @@ def load_dataset(*paths: Path) -> Dataset:
 def split_by_episode(
     data: Dataset, seed: int, validation: float, test: float, transitions: int = 0
 ) -> Split:
-    """Split transitions so that no episode is in two parts; see `sain_core.dataset.draw_parts`.
+    """Split transitions so that no episode is in two parts; see `sain_core.transitions.draw_parts`.
 
     With no share for the test, training and validation share all: 90 to 10 or 80 to 20 in the
     paper. `transitions` is what `limit_training` leaves; 0: all.

@@ -3,9 +3,9 @@
 from pathlib import Path
 from typing import Any, Final
 
-from sain_core.dataset import COLLECTION_FILE
 from sain_core.errors import DatasetError
-from sain_core.untrusted import read_json
+from sain_core.guarding.untrusted import read_json
+from sain_core.transitions import COLLECTION_FILE
 
 BULLET: Final = "bullet"  # what a collection has that names no engine
 RANDOMISED: Final = "randomised"

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import numpy as np
 
-from sain_core.dataset import Column, Columns, row_bodies
 from sain_core.shapes.bodies import Bodies
+from sain_core.transitions import Column, Columns, row_bodies
 from sain_model.data.dataset import shard_paths
 from sain_model.data.shard import read_shard
 from sain_model.inference.evidence import ObservedPushes

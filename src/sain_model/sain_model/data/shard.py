@@ -1,4 +1,4 @@
-"""One shard of transitions: read, and checked against the schema of `sain_core.dataset`."""
+"""One shard of transitions: read, and checked against the schema of `sain_core.transitions`."""
 
 from pathlib import Path
 from typing import Final
@@ -6,7 +6,14 @@ from typing import Final
 import numpy as np
 from numpy import ndarray
 
-from sain_core.dataset import (
+from sain_core.errors import DatasetError, InvalidInputError, OutOfRangeError
+from sain_core.guarding.untrusted import BODIES, LARGEST_NUMBER
+from sain_core.push import BODY, PUSH_SIZE, STROKE_SIZE, check_predictable, is_stroke
+from sain_core.scene import MASS, RADIUS, STATE_SIZE
+from sain_core.shapes.bodies import Bodies, as_names
+from sain_core.shapes.outlines import register_outlines
+from sain_core.storage import read_arrays
+from sain_core.transitions import (
     FLAT,
     NEEDED,
     ORIGINS,
@@ -16,14 +23,7 @@ from sain_core.dataset import (
     as_scenes,
     row_bodies,
 )
-from sain_core.errors import DatasetError, InvalidInputError, OutOfRangeError
-from sain_core.old_files import converted_rows
-from sain_core.push import BODY, PUSH_SIZE, STROKE_SIZE, check_predictable, is_stroke
-from sain_core.scene import MASS, RADIUS, STATE_SIZE
-from sain_core.shapes.bodies import Bodies, as_names
-from sain_core.shapes.outlines import register_outlines
-from sain_core.storage import read_arrays
-from sain_core.untrusted import BODIES, LARGEST_NUMBER
+from sain_core.wire.old_files import converted_rows
 
 NO_STEP: Final = -1  # where a shard does not tell
 UNKNOWN: Final = {Column.FRICTION: np.nan, Column.FLOOR_NEXT: np.nan, Column.STEP: NO_STEP}

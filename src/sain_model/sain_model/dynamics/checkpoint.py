@@ -16,8 +16,8 @@ from safetensors import SafetensorError
 from torch import nn
 
 from sain_core.errors import CheckpointError, UntrustedFileError
+from sain_core.guarding.untrusted import parse_json, read_regular
 from sain_core.storage import write_json, write_whole
-from sain_core.untrusted import parse_json, read_regular
 from sain_model.network.feature_kernels import BODY_FEATURES, FEATURE_VERSION
 from sain_model.network.interaction_network import InteractionNetwork
 from sain_model.network.relation_kernels import RELATION_FEATURES

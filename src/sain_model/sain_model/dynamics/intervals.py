@@ -25,12 +25,11 @@ from jaxtyping import Float, Int
 from numpy import ndarray
 
 from sain_core.config import Config, option
-from sain_core.dataset import Transitions
 from sain_core.errors import ConfigError
-from sain_core.history import PushHistory
 from sain_core.model import REGION_STD
 from sain_core.push import pushed_bodies
 from sain_core.scene import MID, POSITION, RADIUS, THETA, wrap_angle
+from sain_core.transitions import PushHistory, Transitions
 from sain_core.types import Indices, Scalars, Scenes
 
 LEVEL: Final = 0.9  # share of the pushes whose region holds the disk

@@ -17,12 +17,12 @@ from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
 from sain_core.errors import ConfigError
-from sain_core.history import PushHistory
 from sain_core.model import Model, Radii, scenes_before
 from sain_core.push import PUSH_SIZE
 from sain_core.scene import POSITION
 from sain_core.shapes.bodies import PAPER_DISKS, Bodies
 from sain_core.shapes.shape import BOTTOMS
+from sain_core.transitions import PushHistory
 from sain_core.types import PredictedScenes, Pushes, PushSequences, Scene, Scenes
 from sain_model.compute.batch_checks import check_physics_next
 from sain_model.compute.devices import CPU
@@ -60,7 +60,7 @@ class Origin:
 
     Attributes:
         kind: `PHYSICS`, `LEARNED`, `RESIDUAL`, `RECURRENT` or `PARAMETER_CORRECTION`.
-        prior_name: of the physics that was corrected, for `sain_core.plugins.load_dynamics`.
+        prior_name: of the physics that was corrected, for `sain_core.model.load_dynamics`.
         model_hash: SHA-256 of the weights; empty when they come from no checkpoint.
         card: the checkpoint's JSON card; empty likewise.
     """

@@ -12,12 +12,11 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
-from sain_core.bootstrap import Interval, bootstrap_mean, bootstrap_ratio
-from sain_core.dataset import MOVED
 from sain_core.model import Model
 from sain_core.push import pushed_bodies
+from sain_core.randomness import Interval, bootstrap_mean, bootstrap_ratio, generator
 from sain_core.scene import POSITION, TARGET, THETA, wrap_angle
-from sain_core.seeding import generator
+from sain_core.transitions import MOVED
 from sain_core.types import Mask, Scalars, Scenes
 from sain_model.data.dataset import Dataset
 from sain_model.evaluation.predictors import (

@@ -10,7 +10,7 @@ import numpy as np
 from numpy import ndarray
 
 from sain_core.errors import DatasetError, UntrustedFileError
-from sain_core.untrusted import read_regular_text
+from sain_core.guarding.untrusted import read_regular_text
 from sain_model.importing.one_push_files import MOST_PUSHES
 from sain_model.importing.real_pushes import LONGEST_TEXT, RealPushes
 

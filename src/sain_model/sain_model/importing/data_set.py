@@ -9,7 +9,14 @@ import numpy as np
 from jaxtyping import Int
 from numpy import ndarray
 
-from sain_core.dataset import (
+from sain_core.errors import DatasetError
+from sain_core.push import make_stroke
+from sain_core.scene import MASS, POSITION, RADIUS, STATE_SIZE, THETA, unit
+from sain_core.shapes.bodies import Bodies
+from sain_core.shapes.outlines import OUTLINES_FILE, write_outlines
+from sain_core.shapes.shape import FLAT
+from sain_core.storage import make_folder, provenance, write_arrays, write_json
+from sain_core.transitions import (
     MOVED,
     SHARD_PATTERN,
     SHARD_SIZE,
@@ -19,14 +26,6 @@ from sain_core.dataset import (
     describe_fields,
     shard_path,
 )
-from sain_core.errors import DatasetError
-from sain_core.provenance import provenance
-from sain_core.push import make_stroke
-from sain_core.scene import MASS, POSITION, RADIUS, STATE_SIZE, THETA, unit
-from sain_core.shapes.bodies import Bodies
-from sain_core.shapes.outlines import OUTLINES_FILE, write_outlines
-from sain_core.shapes.shape import FLAT
-from sain_core.storage import make_folder, write_arrays, write_json
 from sain_core.types import Pushes, Scenes
 from sain_model.importing.real_pushes import RealPushes
 from sain_model.importing.repeats import repeat_groups

@@ -21,8 +21,8 @@ import numpy as np
 from numpy import ndarray
 
 from sain_core.errors import DatasetError, UntrustedFileError
+from sain_core.guarding.untrusted import MIB, limit, read_regular, unpacked_bytes
 from sain_core.storage import DAMAGE, read_arrays, write_arrays
-from sain_core.untrusted import MIB, limit, read_regular, unpacked_bytes
 from sain_model.importing.one_push_files import MOST_PUSHES, published_pushes
 from sain_model.importing.real_pushes import LONGEST_TEXT, RealPushes
 

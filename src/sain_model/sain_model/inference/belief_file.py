@@ -8,8 +8,8 @@ import numpy as np
 
 from sain_core.config import typed_settings
 from sain_core.errors import CheckpointError
+from sain_core.guarding.untrusted import read_json
 from sain_core.storage import write_json
-from sain_core.untrusted import read_json
 from sain_model.inference.kinds import Belief, Kind
 from sain_model.physics.parameters import BY_NAME
 from sain_model.physics.planar import PlanarPrior

@@ -14,9 +14,9 @@ from jaxtyping import Float, Int
 from numpy import ndarray
 from scipy.sparse import csr_matrix
 
-from sain_core.dataset import Transitions
 from sain_core.scene import POSITION, RADIUS, THETA, wrap_angle
 from sain_core.shapes.bodies import PAPER_DISKS, Bodies
+from sain_core.transitions import Transitions
 from sain_core.types import Indices, Mask
 from sain_model.physics.parameters import Values
 

@@ -9,7 +9,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
-from sain_core.seeding import generator
+from sain_core.randomness import generator
 from sain_model.network.corrections import CORRECTIONS, DRAG
 from sain_model.network.features import count_features
 from sain_model.network.inputs import GAP_AFTER, GAP_BEFORE, PLACE_FEATURES, TURN_SCALE

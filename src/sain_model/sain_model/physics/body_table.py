@@ -16,7 +16,7 @@ from sain_core.push import LENGTH, LOCATION, SPEED, PushLimits, strokes
 from sain_core.scene import POSITION
 from sain_core.shapes.bodies import Bodies
 from sain_core.shapes.shape import REGULAR_FEET, Shape, feet_places
-from sain_core.shapes.supports import flat_bottom
+from sain_core.shapes.solids import flat_bottom
 from sain_core.types import Indices, Points, Pushes, Scenes
 from sain_model.compute.compiling import plain
 from sain_model.compute.thread_pool import even_blocks, run_blocks

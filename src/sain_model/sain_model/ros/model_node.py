@@ -12,16 +12,14 @@ from rclpy.parameter import Parameter
 
 from sain_core import wire
 from sain_core.errors import BusyError, error_reply
+from sain_core.guarding.ros.reception import LONGEST_PATH, Reception, introspect, shortened
+from sain_core.guarding.ros.state_file import StateFile
 from sain_core.ros import codec
-from sain_core.ros.diagnostics import OK, WARN, Diagnostics
-from sain_core.ros.node_main import NAMESPACE
+from sain_core.ros.node_main import NAMESPACE, OK, WARN, Diagnostics
 from sain_core.ros.parameters import read_parameters
-from sain_core.ros.qos import LATCHED
-from sain_core.ros.reception import LONGEST_PATH, Reception, introspect, shortened
-from sain_core.ros.state_file import StateFile
-from sain_core.ros.steady import steady_timer
+from sain_core.ros.qos import LATCHED, steady_timer
 from sain_core.ros.worker import Worker
-from sain_core.shapes.received import decode_bodies, decode_request_bodies
+from sain_core.wire.bodies import decode_bodies, decode_request_bodies
 from sain_interfaces.msg import Bodies
 from sain_interfaces.srv import DescribeModel, LoadModel, PredictResidual, Rollout
 from sain_model.serving.service import SERVING, ModelService

@@ -8,7 +8,6 @@ from typing import Final
 import numpy as np
 
 from sain_core.errors import ConfigError, InvalidInputError, OutOfRangeError, TooMuchWorkError
-from sain_core.history import PushHistory
 from sain_core.model import (
     Model,
     Radii,
@@ -21,6 +20,7 @@ from sain_core.model import (
 from sain_core.push import check_predictable, make_push, pushed_bodies
 from sain_core.scene import MASS, OVERLAP_TOLERANCE, THETA, make_scene, wrap_angle
 from sain_core.shapes.bodies import PAPER_DISKS, Bodies, check_scenes
+from sain_core.transitions import PushHistory
 from sain_core.types import PredictedScenes, Pushes, PushSequences, Scene, Scenes
 from sain_model.compute.devices import AUTO, CPU, choose_device
 from sain_model.dynamics.sain import PHYSICS, SainDynamics

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 from sain_core.config import Config, option
-from sain_core.observation import unknown_names
+from sain_core.world import unknown_names
 from sain_model.compute.devices import AUTO, DEVICES
 
 

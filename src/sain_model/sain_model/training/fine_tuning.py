@@ -12,11 +12,10 @@ from typing import Any, Final, Self
 
 import numpy as np
 
-from sain_core.bootstrap import bootstrap_ratio
 from sain_core.errors import CheckpointError, ConfigError, DatasetError
 from sain_core.push import pushed_bodies
+from sain_core.randomness import bootstrap_ratio, generator
 from sain_core.scene import POSITION, TARGET
-from sain_core.seeding import generator
 from sain_core.types import Scalars
 from sain_model.data.dataset import Dataset, Part
 from sain_model.dynamics.checkpoint import SUFFIX, ModelCard, parse_card

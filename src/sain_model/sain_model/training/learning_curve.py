@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import Any, Final
 
 from sain_core.errors import CheckpointError
+from sain_core.guarding.untrusted import read_json
 from sain_core.storage import write_json
-from sain_core.untrusted import read_json
 from sain_model.data.dataset import Split, check_held_out, limit_training
 from sain_model.dynamics.settings import IDENTITY
 from sain_model.evaluation.errors import MM, TARGETS, evaluate

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Annotated, Final, Literal
 import tyro
 
 from sain_core.config import Config, option, required
-from sain_core.dataset import SHARES, TEST, VALIDATION
+from sain_core.transitions import SHARES, TEST, VALIDATION
 from sain_model.dynamics.settings import PLANAR, PLANAR_AXES
 from sain_model.network.settings import (
     BOOTSTRAP,

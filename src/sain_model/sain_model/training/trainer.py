@@ -19,9 +19,9 @@ from numpy import ndarray
 from torch import Tensor
 
 from sain_core.errors import CheckpointError
-from sain_core.seeding import generator
+from sain_core.guarding.untrusted import read_regular
+from sain_core.randomness import generator
 from sain_core.storage import write_whole
-from sain_core.untrusted import read_regular
 from sain_model.compute.threads import settle_threads
 from sain_model.network.interaction_network import InteractionNetwork
 from sain_model.network.settings import BOOTSTRAP

@@ -8,8 +8,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from sain_core.provenance import processor, ros2_command, system, versions
-from sain_core.storage import write_whole
+from sain_core.storage import processor, ros2_command, system, versions, write_whole
 from sain_model.data.dataset import Dataset, Split
 from sain_model.dynamics.checkpoint import ModelCard
 from sain_model.dynamics.priors import prior_settings

@@ -13,14 +13,13 @@ from typing import Final
 import numpy as np
 
 from sain_core.errors import ErrorCode
-from sain_core.history import PushHistory
 from sain_core.model import REGION_STD
-from sain_core.observation import RADII
 from sain_core.push import PushLimits
 from sain_core.scene import MASS, POSITION, RADIUS, move_apart
 from sain_core.shapes.bodies import PAPER_DISKS, Bodies
+from sain_core.transitions import PushHistory
 from sain_core.types import Scene
-from sain_core.world import PushRecord
+from sain_core.world import RADII, PushRecord
 from sain_mppi.agent.events import PushDecision, SceneObserved
 from sain_mppi.agent.radii import RadiusFilter
 from sain_mppi.agent.uncertainty import Estimate, EstimatorConfig, Uncertainty, fuse, in_motion

@@ -13,9 +13,9 @@ import numpy as np
 
 from sain_core.errors import CancelledError, SainError
 from sain_core.goal import Goal, Judgement
-from sain_core.history import PushHistory
 from sain_core.scene import MASS, POSITION, RADIUS
 from sain_core.shapes.bodies import Bodies
+from sain_core.transitions import PushHistory
 from sain_core.types import PushArray, Scalars, Scene
 from sain_mppi.agent.uncertainty import Uncertainty
 from sain_mppi.algorithms.config import PlannerConfig

@@ -11,10 +11,10 @@ from typing import Final, Self
 import numpy as np
 
 from sain_core.errors import CancelledError, ConfigError, NoProgressError, SainError
-from sain_core.history import PushHistory
 from sain_core.model import Radii, RolloutModel, check_rollout
 from sain_core.scene import POSITION, TARGET
 from sain_core.shapes.bodies import PAPER_DISKS, Bodies
+from sain_core.transitions import PushHistory
 from sain_core.types import PredictedScenes, PushSequences, Scalars, Scene
 from sain_mppi.agent.events import PlanJob, PushDecision
 from sain_mppi.algorithms.config import PlannerConfig, ProgressConfig

@@ -10,10 +10,10 @@ from typing import Final
 
 import numpy as np
 
-from sain_core.history import PushHistory
 from sain_core.push import ANGLE, LENGTH, LOCATION, PATH, PushLimits, pushed_bodies
 from sain_core.scene import POSITION, RADIUS, unit, wrap_angle
 from sain_core.shapes.bodies import PAPER_DISKS, Bodies
+from sain_core.transitions import PushHistory
 from sain_core.types import PushArray, Scalars, Scene
 
 BEFOREHAND: Final = 0.003  # [m], standard deviation of radii: those of disks are nominal +- 5 mm

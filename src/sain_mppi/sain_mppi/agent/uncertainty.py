@@ -12,7 +12,6 @@ from numpy import ndarray
 from sain_core.config import option
 from sain_core.errors import OutOfRangeError
 from sain_core.goal import Goal, Judgement
-from sain_core.observation import ObservationConfig
 from sain_core.scene import (
     MASS,
     POSE,
@@ -24,6 +23,7 @@ from sain_core.scene import (
     wrap_angle,
 )
 from sain_core.types import Mask, Scalars, Scene, Scenes
+from sain_core.world import ObservationConfig
 
 POINTS: Final = 201  # of the integral of a probability
 FEWEST_FRAMES: Final = 4  # of noisy ones: fewer show no motion

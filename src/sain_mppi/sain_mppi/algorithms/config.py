@@ -8,7 +8,7 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from sain_core.config import Config, option
-from sain_core.plugins import Plugins
+from sain_core.guarding.plugins import Plugins
 from sain_core.push import DEFAULT_SPEED, PaperGrid
 from sain_mppi.objective.cost_weights import CostWeights
 

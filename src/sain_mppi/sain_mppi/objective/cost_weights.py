@@ -7,7 +7,7 @@ from typing import Final
 
 from sain_core.config import Config, option
 from sain_core.errors import ConfigError
-from sain_core.plugins import Plugins
+from sain_core.guarding.plugins import Plugins
 
 COSTS: Final = Plugins("sain.costs", "cost")
 

@@ -21,7 +21,7 @@ from sain_core.scene import (
     wrap_angle,
 )
 from sain_core.shapes.bodies import PAPER_DISKS, Bodies, check_bodies
-from sain_core.shapes.outline import outline_of
+from sain_core.shapes.shape import outline_of
 from sain_core.types import Mask, PushArray, Pushes, Scene
 
 SEEN_OVERLAP: Final = 0.02  # [m], deepest that bodies may seem to overlap

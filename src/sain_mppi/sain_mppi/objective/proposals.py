@@ -18,7 +18,7 @@ from sain_core.push import (
     push_direction,
 )
 from sain_core.scene import POSITION, RADIUS, THETA, unit, wrap_angle
-from sain_core.shapes.outline import outline_of
+from sain_core.shapes.shape import outline_of
 from sain_core.types import Angles, Indices, Place, Points, PushSequences, Scalars, Scene
 from sain_mppi.objective.cost import Objective, pose_distance
 

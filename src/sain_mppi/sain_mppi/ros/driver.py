@@ -6,7 +6,7 @@ from typing import Any
 
 from rclpy.node import Node
 
-from sain_core.ros.reception import Reception, outcome
+from sain_core.guarding.ros.reception import Reception, outcome
 from sain_core.ros.worker import Worker
 from sain_mppi.agent.agent import Agent
 from sain_mppi.agent.events import (

@@ -14,10 +14,10 @@ from rclpy.task import Future
 
 from sain_core import wire
 from sain_core.errors import CancelledError, InvalidInputError, error_reply
+from sain_core.guarding.ros.reception import SERVICE, Reception
 from sain_core.push import push_ids
 from sain_core.ros.codec import WORLD_FRAME, encode_disks, header
-from sain_core.ros.qos import LATCHED, LATCHED_QUEUE, RELIABLE, SERVICE
-from sain_core.ros.reception import Reception
+from sain_core.ros.qos import LATCHED, LATCHED_QUEUE, RELIABLE
 from sain_core.shapes.bodies import Bodies
 from sain_interfaces.action import Reach
 from sain_interfaces.msg import DiskState, Goal, GoalPose, Plan

@@ -7,15 +7,14 @@ from rclpy.node import Node
 
 from sain_core import wire
 from sain_core.errors import ErrorCode
+from sain_core.guarding.ros.reception import Reception, shortened
 from sain_core.model import as_observed, load_dynamics
 from sain_core.ros.codec import decode_time
-from sain_core.ros.diagnostics import OK, WARN, Diagnostics
-from sain_core.ros.node_main import NAMESPACE
+from sain_core.ros.node_main import NAMESPACE, OK, WARN, Diagnostics
 from sain_core.ros.parameters import LiveParameters, read_parameters
 from sain_core.ros.qos import LATCHED_QUEUE, QUEUE, RELIABLE
-from sain_core.ros.reception import Reception, shortened
 from sain_core.scene import is_settled
-from sain_core.shapes.received import decode_bodies
+from sain_core.wire.bodies import decode_bodies
 from sain_interfaces.msg import Bodies, Goal, PushResult, Scene
 from sain_mppi.agent.agent import SERVICE, MppiConfig, planning_agent
 from sain_mppi.agent.events import (

@@ -11,10 +11,10 @@ from builtin_interfaces.msg import Time
 from rclpy.node import Node
 
 from sain_core.errors import ErrorCode, error_reply
+from sain_core.guarding.ros.reception import shortened
 from sain_core.ros import codec
-from sain_core.ros.diagnostics import OK, WARN
+from sain_core.ros.node_main import OK, WARN
 from sain_core.ros.qos import RELIABLE
-from sain_core.ros.reception import shortened
 from sain_core.scene import POSITION
 from sain_interfaces.msg import Goal, Plan, Push
 from sain_mppi.agent.events import PlanJob, PushDecision, Stop, StopReason, Task

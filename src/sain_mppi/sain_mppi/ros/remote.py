@@ -18,11 +18,11 @@ from sain_core.errors import (
     ModelUnavailableError,
     SainError,
 )
-from sain_core.history import PushHistory
 from sain_core.model import Radii
 from sain_core.ros import codec
-from sain_core.ros.diagnostics import node_of
+from sain_core.ros.node_main import node_of
 from sain_core.shapes.bodies import PAPER_DISKS, Bodies
+from sain_core.transitions import PushHistory
 from sain_core.types import PredictedScenes, PushSequences, Scene
 from sain_interfaces.srv import Rollout
 from sain_mppi.agent.planning import Patience

@@ -7,8 +7,8 @@ from rclpy.node import Node
 
 from sain_core import wire
 from sain_core.errors import ErrorCode, SainError
+from sain_core.guarding.ros.state_file import StateFile, id_in, message_of, text_of
 from sain_core.ros.codec import decode_time
-from sain_core.ros.state_file import StateFile, id_in, message_of, text_of
 from sain_interfaces.msg import Goal, Plan, PushResult
 from sain_mppi.agent.agent import MOST_PUSHES
 from sain_mppi.agent.events import PushEnded, PushExecuted

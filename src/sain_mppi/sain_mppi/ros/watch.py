@@ -5,9 +5,9 @@ from typing import Final
 
 from rclpy.node import Node
 
-from sain_core.ros.diagnostics import ERROR, OK, WARN, Diagnostics
-from sain_core.ros.peers import Ownership, Return, listeners
-from sain_core.ros.steady import steady_timer
+from sain_core.guarding.ros.ownership import Ownership
+from sain_core.ros.node_main import ERROR, OK, WARN, Diagnostics
+from sain_core.ros.qos import Return, listeners, steady_timer
 from sain_mppi.ros.remote import RemoteRollout
 from sain_mppi.ros.resumption import Notes
 

@@ -12,11 +12,16 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from sain_core.errors import ConfigError, UntrustedFileError
+from sain_core.guarding.untrusted import (
+    LEAST_RADIUS,
+    LONGEST_NAME,
+    MOST_BODIES,
+    MOST_RADIUS,
+    read_yaml,
+)
 from sain_core.scene import POSE, make_scene
-from sain_core.shapes.bodies import MOST_BODIES, Bodies
-from sain_core.shapes.received import LEAST_RADIUS, LONGEST_NAME, MOST_RADIUS
+from sain_core.shapes.bodies import Bodies
 from sain_core.types import Scene
-from sain_core.untrusted import read_yaml
 from sain_sim.world.parameters import NOMINAL_MASS
 
 Poses = Float[ndarray, "N 3"]  # x, y [m], heading [rad]

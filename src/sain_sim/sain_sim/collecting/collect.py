@@ -19,12 +19,17 @@ from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TimeRemainingColumn
 
 from sain_core.config import option
-from sain_core.dataset import COLLECTION_FILE, SHARD_PATTERN, SHARD_SIZE, Column, describe_fields
 from sain_core.errors import DatasetError
+from sain_core.guarding.untrusted import read_json
 from sain_core.storage import remove_partial, write_json
-from sain_core.untrusted import read_json
-from sain_core.workers.pool import Software, Work
-from sain_core.workers.running import WorkerOptions, run_on_workers
+from sain_core.transitions import (
+    COLLECTION_FILE,
+    SHARD_PATTERN,
+    SHARD_SIZE,
+    Column,
+    describe_fields,
+)
+from sain_core.workers import Software, Work, WorkerOptions, run_on_workers
 from sain_sim.collecting.episode import EpisodeConfig, EpisodeResult, EpisodeRunner
 from sain_sim.collecting.shards import (
     JOURNAL_FILE,

@@ -13,15 +13,16 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from sain_core.config import Config, option
-from sain_core.dataset import MOVED, ROUGH, Column, Row, describe_bodies
 from sain_core.errors import ConfigError, SainError
+from sain_core.guarding.untrusted import MOST_BODIES
 from sain_core.push import DEFAULT_SPEED, SPEED, PaperGrid, PushLimits, make_push
+from sain_core.randomness import generator
 from sain_core.scene import MID, POSITION, RADIUS, TARGET, wrap_angle
-from sain_core.seeding import generator
-from sain_core.shapes.bodies import MOST_BODIES, Bodies, Role
+from sain_core.shapes.bodies import Bodies, Role
 from sain_core.shapes.library import check_shapes, get_shape, shape_names
-from sain_core.shapes.outline import outline_of
+from sain_core.shapes.shape import outline_of
 from sain_core.shapes.solids import DISK
+from sain_core.transitions import MOVED, ROUGH, Column, Row, describe_bodies
 from sain_core.types import PushArray, Scene
 from sain_core.world import DivergedError, Outcome
 from sain_sim.collecting.shards import PushCounts

@@ -8,12 +8,20 @@ from typing import Any, Final, Self
 
 import numpy as np
 
-from sain_core.dataset import NEEDED, SHARD_PATTERN, SHARD_SIZE, Column, Columns, Row, shard_path
 from sain_core.errors import BlockedError, DatasetError, SainError, UnreachableError
-from sain_core.old_files import converted_rows
+from sain_core.guarding.untrusted import parse_json, read_regular
 from sain_core.scene import STATE_SIZE
 from sain_core.storage import append_json, read_arrays, write_arrays, write_whole
-from sain_core.untrusted import parse_json, read_regular
+from sain_core.transitions import (
+    NEEDED,
+    SHARD_PATTERN,
+    SHARD_SIZE,
+    Column,
+    Columns,
+    Row,
+    shard_path,
+)
+from sain_core.wire.old_files import converted_rows
 
 JOURNAL_FILE: Final = "episodes.jsonl"
 

@@ -12,16 +12,14 @@ from tf2_msgs.msg import TFMessage
 
 from sain_core import wire
 from sain_core.errors import ConfigError, InvalidInputError
+from sain_core.guarding.ros.ownership import Ownership, publishers
+from sain_core.guarding.ros.reception import Reception, shortened
+from sain_core.guarding.ros.state_file import StateFile, id_in
 from sain_core.ros import codec
-from sain_core.ros.diagnostics import ERROR, OK, WARN, Diagnostics
 from sain_core.ros.markers import MarkerBoard
-from sain_core.ros.node_main import NAMESPACE
+from sain_core.ros.node_main import ERROR, NAMESPACE, OK, WARN, Diagnostics
 from sain_core.ros.parameters import read_parameters
-from sain_core.ros.peers import LatchedTopic, Ownership, publishers
-from sain_core.ros.qos import LATCHED_QUEUE, QUEUE, RELIABLE, TRANSFORMS
-from sain_core.ros.reception import Reception, shortened
-from sain_core.ros.state_file import StateFile, id_in
-from sain_core.ros.steady import steady_timer
+from sain_core.ros.qos import LATCHED_QUEUE, QUEUE, RELIABLE, TRANSFORMS, LatchedTopic, steady_timer
 from sain_core.scene import Table
 from sain_interfaces.msg import Bodies, Push, PushResult
 from sain_interfaces.msg import Scene as SceneMessage

@@ -7,12 +7,11 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
 
 from sain_core.errors import ErrorCode, SainError, error_reply
+from sain_core.guarding.ros.reception import Reception, shortened
 from sain_core.ros import codec
-from sain_core.ros.diagnostics import ERROR, OK, WARN, Diagnostics
 from sain_core.ros.markers import MarkerBoard
-from sain_core.ros.peers import LatchedTopic
-from sain_core.ros.qos import LATCHED, QUEUE, RELIABLE
-from sain_core.ros.reception import Reception, shortened
+from sain_core.ros.node_main import ERROR, OK, WARN, Diagnostics
+from sain_core.ros.qos import LATCHED, QUEUE, RELIABLE, LatchedTopic
 from sain_core.scene import is_settled
 from sain_core.types import Scene
 from sain_interfaces.msg import (

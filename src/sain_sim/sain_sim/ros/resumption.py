@@ -5,9 +5,9 @@ from typing import Final
 
 from rclpy.node import Node
 
+from sain_core.guarding.ros.state_file import StateFile, id_in, message_of, text_of
 from sain_core.ros import codec
-from sain_core.ros.peers import Return, listeners
-from sain_core.ros.state_file import StateFile, id_in, message_of, text_of
+from sain_core.ros.qos import Return, listeners
 from sain_core.types import Scene
 from sain_interfaces.msg import Push, PushResult
 from sain_interfaces.srv import ResetScene

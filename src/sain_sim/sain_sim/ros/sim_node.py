@@ -8,12 +8,11 @@ from rclpy.node import Node
 
 from sain_core import wire
 from sain_core.errors import BusyError, CancelledError, SainError
+from sain_core.guarding.ros.ownership import Ownership
+from sain_core.guarding.ros.reception import Reception, emptied, introspect, shortened
 from sain_core.ros.node_main import NAMESPACE
 from sain_core.ros.parameters import read_parameters
-from sain_core.ros.peers import Ownership
-from sain_core.ros.qos import QUEUE
-from sain_core.ros.reception import Reception, emptied, introspect, shortened
-from sain_core.ros.steady import steady_timer
+from sain_core.ros.qos import QUEUE, steady_timer
 from sain_core.ros.worker import Worker
 from sain_interfaces.msg import Push, PushResult
 from sain_interfaces.srv import ResetScene

@@ -12,10 +12,10 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from sain_core.errors import ConfigError
+from sain_core.randomness import generator
 from sain_core.scene import Table
-from sain_core.seeding import generator
 from sain_core.shapes.shape import FOOT_BEARINGS, Pair
-from sain_core.shapes.supports import EVEN
+from sain_core.shapes.solids import EVEN
 from sain_sim.world.engines import BULLET, ENGINES, MUJOCO
 from sain_sim.world.roughness import Roughness, Wave
 

@@ -9,7 +9,7 @@ from importlib.util import find_spec
 from typing import Any, Final, NamedTuple
 
 from sain_core.errors import ConfigError
-from sain_core.plugins import Plugins
+from sain_core.guarding.plugins import Plugins
 from sain_core.world import AnyWorld, Setting
 
 

@@ -6,7 +6,7 @@ from typing import Final, TypeVar
 import numpy as np
 
 from sain_core.errors import SainError
-from sain_core.plugins import package_of
+from sain_core.guarding.plugins import package_of
 from sain_core.shapes.bodies import check_bodies
 from sain_core.types import PushArray, Scene
 from sain_core.world import Outcome, Setting, WorldFailedError, check_outcome

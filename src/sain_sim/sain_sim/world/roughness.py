@@ -15,9 +15,9 @@ from shapely import MultiPoint, Polygon
 
 from sain_core.config import Config, option
 from sain_core.errors import ConfigError
-from sain_core.seeding import generator
+from sain_core.randomness import generator
 from sain_core.shapes.shape import REGULAR_FEET, Pair, Shape
-from sain_core.shapes.supports import even_supports
+from sain_core.shapes.solids import even_supports
 from sain_core.types import Points, Scalars
 from sain_sim.arm.panda import ArmConfig
 

@@ -7,6 +7,8 @@ from typing import Final
 import numpy as np
 
 from sain_core.errors import ConfigError, InvalidInputError, OutOfRangeError
+from sain_core.guarding.untrusted import MOST_BODIES
+from sain_core.randomness import generator
 from sain_core.scene import (
     MASS,
     MID,
@@ -18,8 +20,6 @@ from sain_core.scene import (
     surface_gaps,
     unit,
 )
-from sain_core.seeding import generator
-from sain_core.shapes.bodies import MOST_BODIES
 from sain_core.shapes.library import check_shapes
 from sain_core.shapes.solids import DISK
 from sain_core.types import Scalars, Scene

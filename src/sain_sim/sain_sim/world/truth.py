@@ -7,7 +7,7 @@ import numpy as np
 
 from sain_core.config import Config, option
 from sain_core.errors import ConfigError
-from sain_core.seeding import generator
+from sain_core.randomness import generator
 from sain_core.shapes.shape import BOTTOMS, FEET, FLAT
 from sain_sim.world.effects import (
     EFFECTS,

@@ -17,7 +17,7 @@ import polars
 import pyarrow
 from pyarrow import parquet
 
-from sain_core.dataset import PARTS
+from sain_core.transitions import PARTS
 from tests.sain_bags.dataset.formats.exported import EPISODES, Rows, card_of, to
 
 

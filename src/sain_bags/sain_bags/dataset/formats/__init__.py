@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import Final, Literal
 
 from sain_bags.dataset.formats.stored_rows import StoredRows
-from sain_core.dataset import PARTS, SHARD_PATTERN
 from sain_core.errors import ConfigError
+from sain_core.transitions import PARTS, SHARD_PATTERN
 
 FormatName = Literal["npz", "parquet", "minari", "lerobot"]
 Write = Callable[[StoredRows, Path], None]  # rows into a folder that does not exist yet

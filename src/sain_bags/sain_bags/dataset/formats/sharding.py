@@ -1,4 +1,4 @@
-"""Rows of a conversion on disk: npz shards with the columns of `sain_core.dataset`."""
+"""Rows of a conversion on disk: npz shards with the columns of `sain_core.transitions`."""
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -7,9 +7,9 @@ import numpy as np
 
 from sain_bags.transitions.message_fields import GOAL_ID
 from sain_bags.transitions.rows import RowBlock
-from sain_core.dataset import RECORDED, SHARD_SIZE, Column, Columns, shard_path
 from sain_core.errors import DatasetError
 from sain_core.storage import read_arrays, write_arrays
+from sain_core.transitions import RECORDED, SHARD_SIZE, Column, Columns, shard_path
 
 
 class Sharding:

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 from numpy import ndarray
 
-from sain_core.dataset import MOVED, Column, Columns, as_scenes, centres, row_bodies
 from sain_core.goal import TOLERANCE, BodyPose, Goal, Judgement
 from sain_core.storage import read_arrays
+from sain_core.transitions import MOVED, Column, Columns, as_scenes, centres, row_bodies
 
 
 @dataclass(frozen=True)

@@ -19,9 +19,9 @@ import torch
 from numpy import ndarray
 
 from sain_bags.dataset.formats.stored_rows import StoredRows, goal_distance, reached
-from sain_core.dataset import PARTS, Column, Columns
 from sain_core.push import PUSH_NAMES
 from sain_core.scene import STATE_NAMES
+from sain_core.transitions import PARTS, Column, Columns
 
 os.environ.setdefault("HF_HUB_OFFLINE", "1")  # nothing here needs a hub; read on import
 declared: Final = torch.library.Library("torchvision", "FRAGMENT")  # for as long as this lives

@@ -22,8 +22,8 @@ from minari.dataset.minari_storage import MinariStorage
 from numpy import ndarray
 
 from sain_bags.dataset.formats.stored_rows import StoredRows, goal_distance, reached
-from sain_core.dataset import PARTS, Column, Columns
 from sain_core.push import PUSH_NAMES, PushLimits
+from sain_core.transitions import PARTS, Column, Columns
 
 ALLOWED: Final = r"[-\w]+-v\d+"  # what Minari takes for a name
 NAME: Final = "sain-pushes-v0"  # where the folder's own is none

@@ -18,7 +18,7 @@ from numpy import ndarray
 from pyarrow.parquet import ParquetWriter
 
 from sain_bags.dataset.formats.stored_rows import StoredRows
-from sain_core.dataset import PARTS, Column, Columns
+from sain_core.transitions import PARTS, Column, Columns
 
 CHUNKS: Final = 100  # in a file, each of a shard's rows of one part; about 50 MB
 CARD: Final = "sain"

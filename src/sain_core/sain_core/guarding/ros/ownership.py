@@ -6,23 +6,17 @@ import time
 from collections.abc import Iterable, Iterator, Sequence
 from errno import EEXIST
 from stat import S_ISREG
-from typing import Any, Final
+from typing import Final
 from weakref import finalize
 
 from rcl_interfaces.msg import ParameterEvent
 from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
 from sain_core.errors import BusyError, OutputError
-from sain_core.ros.qos import LATCHED
-from sain_core.ros.steady import steady_timer
-from sain_core.scratch import private_folder
+from sain_core.guarding.untrusted import private_folder
 
 POLL_S: Final = 0.05
-PATIENCE: Final = 10.0  # [s], for listeners that may be gone for good
-LATE: Final = 0.5  # [s] between looks for who is new, and from then on until he is told
-ANYONE: Final = "anyone"
 NAME_WAIT_S: Final = 2.0  # for the name of a node whose publisher was discovered before
 
 
@@ -75,79 +69,6 @@ def full_name(publisher: TopicEndpointInfo) -> str:
     if not is_named(publisher):
         return "a node whose name is not known"
     return f"{publisher.node_namespace.rstrip('/')}/{publisher.node_name}"
-
-
-def listeners(node: Node, topic: str) -> set[str]:
-    """Return the full names of the nodes that subscribe to a topic; it costs some ms."""
-    endpoints = node.get_subscriptions_info_by_topic(node.resolve_topic_name(topic))
-    return {full_name(one) for one in endpoints if is_named(one)}
-
-
-class Return:
-    """Waits until those who heard a topic before hear it again."""
-
-    def __init__(self, node: Node, topic: str, names: Iterable[str], anyone: bool = False) -> None:
-        """Wait for these nodes; if none was noted in time, for `anyone` at all."""
-        self._node, self._topic = node, topic
-        self._missing = set(names)
-        if anyone and not self._missing:
-            self._missing = {ANYONE}
-        self._enough = time.monotonic() + PATIENCE
-
-    def complete(self) -> bool:
-        """Tell whether all are back, or have had their time."""
-        if self._missing:
-            others = listeners(self._node, self._topic)
-            self._missing -= others | ({ANYONE} if others else set())
-            if self._missing and time.monotonic() > self._enough:
-                names = ", ".join(sorted(self._missing))
-                self._node.get_logger().warning(f"goes on without {names}, who listened before")
-                self._missing.clear()
-        return not self._missing
-
-
-class LatchedTopic:
-    """A latched topic that also those hear who did not ask for what was latched.
-
-    A subscriber with ROS's default durability (volatile) that joins late hears nothing; so does
-    ``ros2 topic echo --qos-reliability best_effort``. For such a one the last message is published
-    again, once, with the same stamp. Make and call this on the executor's thread.
-    """
-
-    def __init__(self, node: Node, kind: type, topic: str) -> None:
-        """Create the publisher."""
-        self._node = node
-        self._publisher = node.create_publisher(kind, topic, LATCHED)
-        self._last: Any = None
-        self._count = 0
-        self._reached: set[bytes] = set()
-        self._new: set[bytes] = set()
-        steady_timer(node, LATE, self._look)
-
-    def publish(self, message: Any) -> None:
-        """Publish a message, which whoever joins later hears, too."""
-        self._last = message
-        self._reached = self._volatile()
-        self._publisher.publish(message)
-
-    def _look(self) -> None:
-        """Look for new subscribers; who was new the last time has found this publisher by now."""
-        if self._new:
-            self._reached |= self._new
-            self._new = set()
-            self._publisher.publish(self._last)
-        count = self._publisher.get_subscription_count()
-        if count != self._count and self._last is not None:
-            self._count = count
-            self._new = self._volatile() - self._reached
-
-    def _volatile(self) -> set[bytes]:
-        """Return who hears only what is published from now on; to find that costs some ms."""
-        endpoints = self._node.get_subscriptions_info_by_topic(self._publisher.topic_name)
-        volatile = DurabilityPolicy.VOLATILE
-        return {
-            bytes(one.endpoint_gid) for one in endpoints if one.qos_profile.durability == volatile
-        }
 
 
 PARTICIPANT: Final = 12  # bytes of an endpoint's id that its process has in common

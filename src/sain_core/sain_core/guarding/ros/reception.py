@@ -1,7 +1,7 @@
 """Whatever is sent to a node is counted and answered, and no error in it ends the node.
 
 The one place where an exception of a callback becomes a code and a message. What is larger than
-`sain_core.ros.reception` allows is refused before the callback sees it.
+`sain_core.guarding.ros.reception` allows is refused before the callback sees it.
 """
 
 import inspect
@@ -18,10 +18,11 @@ from rclpy.service import Service
 from rclpy.service_introspection import ServiceIntrospectionState
 
 from sain_core.errors import ErrorCode, InvalidInputError, SainError, TooMuchWorkError, error_reply
-from sain_core.ros.qos import SERVICE
-from sain_core.shapes.bodies import MOST_BODIES
-from sain_core.shapes.received import LONGEST_NAME
-from sain_core.shapes.solids import MOST_CORNERS, MOST_PARTS
+from sain_core.guarding.untrusted import LONGEST_NAME, MOST_BODIES, MOST_CORNERS, MOST_PARTS
+
+SERVICE = QoSProfile(depth=4000)
+"""Requests and answers of a service that may be asked faster than it answers. A client that asks
+for more than 10 things at once needs such a queue, too."""
 
 STATES: Final = {
     "disabled": ServiceIntrospectionState.OFF,

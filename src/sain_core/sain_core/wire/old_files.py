@@ -12,13 +12,13 @@ from typing import Any, Final
 import numpy as np
 from numpy import ndarray
 
-from sain_core.dataset import Column, Columns
 from sain_core.errors import DatasetError
 from sain_core.push import DEFAULT_SPEED, PATH, make_push
 from sain_core.scene import STATE_SIZE
 from sain_core.shapes.bodies import BETWEEN
 from sain_core.shapes.library import shape_names
 from sain_core.shapes.solids import DISK
+from sain_core.transitions import Column, Columns
 
 PATH_SIZE: Final = PATH.stop - PATH.start
 OLD_WIDTHS: Final = (PATH_SIZE, PATH_SIZE + 1)  # numbers of a push: a fourth was its body

@@ -9,25 +9,25 @@ from collections.abc import Sequence
 from typing import Any, Final
 
 import numpy as np
-from jaxtyping import Float
-from numpy import ndarray
 
 from sain_core.errors import ConfigError, InvalidInputError, OutOfRangeError
-from sain_core.shapes.bodies import MOST_BODIES, Bodies, Role
+from sain_core.guarding.untrusted import (
+    LEAST_RADIUS,
+    LONGEST_NAME,
+    MOST_BODIES,
+    MOST_PARTS,
+    MOST_RADIUS,
+)
+from sain_core.shapes.bodies import Bodies, Role
 from sain_core.shapes.library import get_shape
-from sain_core.shapes.shape import FEET, FLAT, FLAT_MARK, Pair, Shape
-from sain_core.shapes.solids import DISK, MOST_PARTS, Compound
+from sain_core.shapes.shape import FEET, FLAT, FLAT_MARK, Pair, Ring, Shape
+from sain_core.shapes.solids import DISK, Compound
 from sain_core.types import Points
-
-Ring = Float[ndarray, "_ 2"]  # one of several, each with its own number of corners
 
 BOX: Final = 1  # of shape_msgs/SolidPrimitive
 CYLINDER: Final = 3
 PRISM: Final = 5
 SINGLE: Final = 1e-5  # [radii], corners come as float32
-LEAST_RADIUS: Final = 0.001  # [m]
-MOST_RADIUS: Final = 0.5  # [m]
-LONGEST_NAME: Final = 64
 FEET_COUNT: Final = 3  # of supports in a message; any other number is those of a flat bottom
 
 

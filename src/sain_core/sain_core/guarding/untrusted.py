@@ -8,15 +8,19 @@ import os
 import re
 import stat
 import time
+from contextlib import suppress
 from io import BufferedReader
 from math import isinf
 from pathlib import Path
+from stat import S_IMODE, S_ISDIR
 from types import TracebackType
 from typing import Any, Final
 
 import yaml
 
-from sain_core.errors import UntrustedFileError
+from sain_core.errors import OutputError, UntrustedFileError
+
+PARTIAL: Final = ".partial"  # suffix of what is not whole yet
 
 MIB: Final = 1 << 20
 
@@ -51,6 +55,14 @@ ARRAY_LENGTH: Final = 1_000_000  # that a definition fixes
 DECODED_BYTES: Final = MIB
 DECODING_SECONDS: Final = 3.0  # of processor time, for any file
 DECODING_SECONDS_A_MIB: Final = 20.0  # and so much more for each MiB of the file
+
+# Messages, and what they and data sets state of bodies
+MOST_BODIES: Final = 32
+LONGEST_NAME: Final = 64  # characters of a shape or a role
+MOST_PARTS: Final = 12  # of one shape
+MOST_CORNERS: Final = 64  # of one part
+LEAST_RADIUS: Final = 0.001  # [m]
+MOST_RADIUS: Final = 0.5  # [m]
 
 # Data sets
 BODIES: Final = 100
@@ -287,3 +299,33 @@ class TimeAllowance:
             raise UntrustedFileError(
                 f"decoding takes more than {self._allowed:.0f} s, too long for its size"
             )
+
+
+def private_folder() -> Path:
+    """Return a folder of this user on this computer, the same in all his processes.
+
+    Nobody else can put anything there, whatever the environment and the temporary folder hold.
+
+    Raises:
+        OutputError: there is none, and none can be made.
+    """
+    user = os.getuid()
+    own = Path.home() / ".cache" / "sain" / "own"
+    tried = [Path(f"/run/user/{user}"), Path(f"/tmp/sain-{user}"), own]
+    for folder in tried:
+        with suppress(OSError):
+            if folder != tried[0]:
+                folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+            if _is_private(folder, user):
+                return folder
+    raise OutputError(
+        f"none of {', '.join(map(str, tried))} is a folder that only user {user} can write;"
+        " remove one, or let it be made"
+    )
+
+
+def _is_private(folder: Path, user: int) -> bool:
+    """Tell whether nobody but a user (and root) can write to a folder, which is no link."""
+    status = folder.lstat()
+    ours = S_ISDIR(status.st_mode) and status.st_uid == user and not S_IMODE(status.st_mode) & 0o022
+    return ours and os.access(folder, os.W_OK)
