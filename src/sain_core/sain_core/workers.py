@@ -26,7 +26,6 @@ from sain_core.config import Config, option
 from sain_core.errors import ConfigError, SainError
 from sain_core.storage import versions
 
-
 Job = TypeVar("Job")
 Done = TypeVar("Done")
 JobIn = TypeVar("JobIn", contravariant=True)
