@@ -69,15 +69,27 @@ def clock_jumps(folder: Path, episodes: int) -> Iterator[Row]:
     """Let the wall clock jump between the first episode and the second."""
     library = str(compiled(folder))
     for fault, jump in JUMPS.items():
-        clock = folder / f"clock_{jump:g}"
-        clock.write_bytes(struct.pack("d", 0.0))
-        environment = {"LD_PRELOAD": library, "FAULT_CLOCK": str(clock)}
+        yield played(folder / f"jump_{jump:g}", fault, episodes, *leap(folder, library, jump))
 
-        def leap(clock: Path = clock, jump: float = jump) -> None:
-            with clock.open("r+b") as file:
-                file.write(struct.pack("d", jump))
 
-        yield played(folder / f"jump_{jump:g}", fault, episodes, environment, leap)
+def all_at_once(folder: Path, episodes: int) -> Row:
+    """Lose and delay datagrams, and let the clock jump ahead, in one graph."""
+    environment, jump = leap(folder, str(compiled(folder)), max(JUMPS.values()))
+    for settings in DATAGRAMS.values():
+        environment |= settings
+    return played(folder / "all", "all at once", episodes, environment, jump)
+
+
+def leap(folder: Path, library: str, jump: float) -> tuple[dict[str, str], Callable[[], object]]:
+    """Return the variables of processes whose clock can jump, and what lets it jump [s]."""
+    clock = folder / f"clock_{jump:g}"
+    clock.write_bytes(struct.pack("d", 0.0))
+
+    def now() -> None:
+        with clock.open("r+b") as file:
+            file.write(struct.pack("d", jump))
+
+    return {"LD_PRELOAD": library, "FAULT_CLOCK": str(clock)}, now
 
 
 def full_memory(folder: Path, episodes: int) -> Iterator[Row]:

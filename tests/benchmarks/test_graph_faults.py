@@ -21,14 +21,9 @@ def test_a_process_is_struck_and_the_graph_goes_on(tmp_path, kind, part):
     assert 0.0 < row.recoveries[0] < 60.0
 
 
-def test_lost_and_late_datagrams_change_nothing(tmp_path):
-    for row in surroundings.datagrams(tmp_path, episodes=2):
-        assert (row.survived, row.lost) == (2, 0), row
-
-
-def test_jumps_of_the_wall_clock_change_nothing(tmp_path):
-    for row in surroundings.clock_jumps(tmp_path, episodes=3):
-        assert (row.survived, row.lost) == (3, 0), row
+def test_lost_and_late_datagrams_and_a_jump_of_the_clock_change_nothing(tmp_path):
+    row = surroundings.all_at_once(tmp_path, episodes=2)
+    assert (row.survived, row.lost) == (2, 0), row
 
 
 @as_root

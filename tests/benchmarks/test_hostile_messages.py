@@ -9,8 +9,8 @@ from sain_core.ros.node_main import ros_context
 
 pytestmark = pytest.mark.system
 
-COUNT = 200
-TEXTS = 5  # of 10 MB
+COUNT = 60
+TEXTS = 2  # of 10 MB
 MOST_GROWTH = 20.0  # [MB]
 ANSWERED = ("push", "reset_scene", "rollout", "predict_residual", "load_model", "reach")
 HARMLESS = 0.06  # share of requests with a wrong number that is never used, such as a velocity

@@ -6,7 +6,6 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, Final
 
-import apsw
 import zstandard
 from rosbags.rosbag2 import ReaderError
 
@@ -80,7 +79,7 @@ def _write(
 def _read_sqlite(file: Path, source: Path) -> Iterator[Topic | StoredMessage]:
     try:
         yield from read_sqlite(file)
-    except (sqlite3.Error, apsw.Error, ReaderError, *BAD_PROFILE, UntrustedFileError) as error:
+    except (sqlite3.Error, ReaderError, *BAD_PROFILE, UntrustedFileError) as error:
         raise DatasetError(f"{source} cannot be read: {error}") from error
 
 

@@ -51,7 +51,7 @@ def read_sqlite(path: Path) -> Iterator[Topic | StoredMessage]:
     """Yield all topics of a file, then its messages in the order of their times.
 
     Raises:
-        sqlite3.Error, apsw.Error, ReaderError: the file is damaged.
+        sqlite3.Error, ReaderError: the file is damaged.
         UntrustedFileError: it holds more than is allowed.
     """
     check_sqlite(path)
@@ -85,6 +85,8 @@ def check_sqlite(path: Path) -> None:
         base.set_progress_handler(_Patience(FREE_STEPS + status.st_size), STEPS)
         base.execute("PRAGMA trusted_schema = OFF")
         base.execute("PRAGMA cell_size_check = ON")
+        if (damage := base.execute("PRAGMA quick_check(1)").fetchone()[0]) != "ok":
+            raise UntrustedFileError(f"it is damaged: {damage}")
         if base.execute(PLAIN).fetchone()[0]:
             raise UntrustedFileError("one of its tables is no plain table")
         _check_topics(base)
