@@ -65,31 +65,27 @@ def datagrams(folder: Path, episodes: int) -> Iterator[Row]:
         yield played(folder / f"datagrams_{number}", fault, episodes, environment)
 
 
+def worst_datagrams(folder: Path, episodes: int) -> Row:
+    """Lose some datagrams and delay others, in one graph."""
+    environment = {"LD_PRELOAD": str(compiled(folder))}
+    for settings in DATAGRAMS.values():
+        environment |= settings
+    return played(folder / "datagrams", ", ".join(DATAGRAMS), episodes, environment)
+
+
 def clock_jumps(folder: Path, episodes: int) -> Iterator[Row]:
     """Let the wall clock jump between the first episode and the second."""
     library = str(compiled(folder))
     for fault, jump in JUMPS.items():
-        yield played(folder / f"jump_{jump:g}", fault, episodes, *leap(folder, library, jump))
+        clock = folder / f"clock_{jump:g}"
+        clock.write_bytes(struct.pack("d", 0.0))
+        environment = {"LD_PRELOAD": library, "FAULT_CLOCK": str(clock)}
 
+        def leap(clock: Path = clock, jump: float = jump) -> None:
+            with clock.open("r+b") as file:
+                file.write(struct.pack("d", jump))
 
-def all_at_once(folder: Path, episodes: int) -> Row:
-    """Lose and delay datagrams, and let the clock jump ahead, in one graph."""
-    environment, jump = leap(folder, str(compiled(folder)), max(JUMPS.values()))
-    for settings in DATAGRAMS.values():
-        environment |= settings
-    return played(folder / "all", "all at once", episodes, environment, jump)
-
-
-def leap(folder: Path, library: str, jump: float) -> tuple[dict[str, str], Callable[[], object]]:
-    """Return the variables of processes whose clock can jump, and what lets it jump [s]."""
-    clock = folder / f"clock_{jump:g}"
-    clock.write_bytes(struct.pack("d", 0.0))
-
-    def now() -> None:
-        with clock.open("r+b") as file:
-            file.write(struct.pack("d", jump))
-
-    return {"LD_PRELOAD": library, "FAULT_CLOCK": str(clock)}, now
+        yield played(folder / f"jump_{jump:g}", fault, episodes, environment, leap)
 
 
 def full_memory(folder: Path, episodes: int) -> Iterator[Row]:

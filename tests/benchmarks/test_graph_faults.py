@@ -21,8 +21,13 @@ def test_a_process_is_struck_and_the_graph_goes_on(tmp_path, kind, part):
     assert 0.0 < row.recoveries[0] < 60.0
 
 
-def test_lost_and_late_datagrams_and_a_jump_of_the_clock_change_nothing(tmp_path):
-    row = surroundings.all_at_once(tmp_path, episodes=2)
+def test_lost_and_late_datagrams_change_nothing(tmp_path):
+    row = surroundings.worst_datagrams(tmp_path, episodes=1)
+    assert (row.survived, row.lost) == (1, 0), row
+
+
+def test_the_wall_clock_jumps_ahead_and_changes_nothing(tmp_path):
+    row = next(surroundings.clock_jumps(tmp_path, episodes=2))
     assert (row.survived, row.lost) == (2, 0), row
 
 
