@@ -8,12 +8,12 @@ from pathlib import Path
 
 import numpy as np
 
-from sain_core.drawing.figures import TEXT, new_figure, write_png
 from sain_core.goal import Goal
 from sain_core.randomness import generator
 from sain_core.scene import make_scene
-from sain_eval.plots.marks import draw_legend
-from sain_eval.plots.plan_picture import draw_plan
+from sain_core.view.figures import TEXT, new_figure, write_png
+from sain_eval.plots.axes import draw_legend
+from sain_eval.plots.pictures import draw_plan
 from sain_model.dynamics.load import load_checkpoint, shipped_checkpoint
 from sain_mppi.algorithms import ALGORITHMS
 from sain_mppi.algorithms.config import PlannerConfig

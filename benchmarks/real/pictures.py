@@ -11,8 +11,8 @@ from matplotlib.patches import Circle, Polygon
 
 from benchmarks.real.measures import Figures
 from benchmarks.real.rows import LEVELS
-from sain_core.drawing.figures import TEXT, new_figure, style_axes, write_png
-from sain_core.drawing.palette import PALETTE
+from sain_core.view.figures import TEXT, new_figure, style_axes, write_png
+from sain_core.view.palette import PALETTE
 
 COLOURS: Final = {
     "still": PALETTE.other,

@@ -13,8 +13,8 @@ import numpy as np
 import tyro
 from matplotlib.axes import Axes
 
-from sain_core.drawing.figures import TEXT, new_figure, style_axes, write_png
-from sain_core.drawing.palette import PALETTE
+from sain_core.view.figures import TEXT, new_figure, style_axes, write_png
+from sain_core.view.palette import PALETTE
 from sain_eval.loop.results import wilson_interval
 
 SERIES: Final = (  # models as the page names them, what they are called in the picture, colour

@@ -25,12 +25,12 @@ from matplotlib.figure import Figure as Picture
 from benchmarks.report import Figure, report
 from benchmarks.speed.inference import SIZE, multiplications, peak
 from benchmarks.timing import fastest
-from sain_core.drawing.figures import TEXT, new_figure, style_axes, write_png
-from sain_core.drawing.palette import PALETTE
 from sain_core.model import IdentityPrior, load_dynamics
 from sain_core.push import LENGTH
 from sain_core.randomness import generator
 from sain_core.types import Scene
+from sain_core.view.figures import TEXT, new_figure, style_axes, write_png
+from sain_core.view.palette import PALETTE
 from sain_eval.scenes.scenario_scene import ScenarioScene
 from sain_eval.scenes.scenarios import SCENARIOS
 from sain_model.dynamics.sain import SainDynamics

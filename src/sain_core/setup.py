@@ -15,7 +15,16 @@ setup(
         ("share/ament_index/resource_index/packages", [f"resource/{package_name}"]),
         (f"share/{package_name}", ["package.xml"]),
     ],
-    install_requires=["jaxtyping", "matplotlib", "numpy", "pyyaml", "rich", "shapely", "tyro"],
+    install_requires=[
+        "jaxtyping",
+        "matplotlib",
+        "numpy",
+        "pillow",
+        "pyyaml",
+        "rich",
+        "shapely",
+        "tyro",
+    ],
     extras_require={"ray": ["ray"]},
     zip_safe=False,
 )

@@ -14,6 +14,6 @@ setup(
         ("share/ament_index/resource_index/packages", [f"resource/{package_name}"]),
         (f"share/{package_name}", ["package.xml"]),
     ],
-    install_requires=["gymnasium", "jaxtyping", "numpy", "pillow"],
+    install_requires=["gymnasium", "jaxtyping", "numpy"],
     zip_safe=False,
 )

@@ -90,12 +90,12 @@ def test_shapes_are_said_once_an_episode_and_drawn_as_they_are(graph, running):
         lambda: graph.heard["markers"] and len(graph.heard["markers"][-1].markers) == 2 + 6,
         "markers of three bodies",
     )
-    drawn = {m.id: m for m in graph.heard["markers"][-1].markers if m.ns == "disks"}
+    drawn = {m.id: m for m in graph.heard["markers"][-1].markers if m.ns == "bodies"}
     assert [drawn[body].type for body in range(3)] == [
         Marker.TRIANGLE_LIST, Marker.CYLINDER, Marker.TRIANGLE_LIST,
     ]  # fmt: skip
     words = [m.text for m in graph.heard["markers"][-1].markers if m.ns == "labels"]
-    assert words == ["0 t", "1 disk (fixed)", "2 l"]
+    assert words == ["0 t", "1 disk, fixed", "2 l"]
 
 
 def test_a_push_against_any_pushable_body_is_carried_out_and_predicted(graph, running):

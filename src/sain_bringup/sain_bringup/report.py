@@ -195,7 +195,7 @@ def written_files(folder: Path) -> list[Path]:
 
 def draw_pictures(folder: Path, played: tuple[PlayedEpisode, ...]) -> list[Path]:
     """Draw a top view of each episode towards its last goal, and one picture of all."""
-    from sain_core.drawing.figures import write_png  # matplotlib takes a while to load
+    from sain_core.view.figures import write_png  # matplotlib takes a while to load
     from sain_eval.plots.pictures import draw_episode, draw_overview
 
     records = [episode.last_part().record() for episode in played]

@@ -8,12 +8,13 @@ from gymnasium.spaces import Box, Space
 
 from sain_core.errors import ConfigError, OutOfRangeError, SainError
 from sain_core.types import Scene
+from sain_core.view.image import TopImage, TopPicture
+from sain_core.view.scenes import bodies_in, goal_marks
 from sain_eval.scenes.scenario_scene import ScenarioScene
 from sain_eval.scenes.scenarios import draw_scene
 from sain_gym.config import IMAGE, PushEnvConfig
 from sain_gym.episode import PushEpisode
 from sain_gym.errors import EnvironmentClosedError, EpisodeEndedError
-from sain_gym.picture import TopImage, TopPicture
 from sain_gym.spaces import PushSpaces
 from sain_sim.world.own import open_world
 from sain_sim.world.world import CheckedWorld
@@ -150,7 +151,10 @@ class PushEnv(gymnasium.Env[Any, Any]):
         """Return the scene and the goal from above, (size, size, 3)."""
         if size not in self._pictures:
             self._pictures[size] = TopPicture(size)
-        return self._pictures[size].draw(self.episode.record, self.episode.scene)
+        record, scene = self.episode.record, self.episode.scene
+        bodies = bodies_in(scene, record.bodies, record.goal)
+        goals = goal_marks(record.goal, scene, record.bodies)
+        return self._pictures[size].draw([*bodies, *goals])
 
     def render(self) -> Any:
         """Return the scene from above, (480, 480, 3); None without a `render_mode`."""

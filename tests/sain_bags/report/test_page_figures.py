@@ -13,7 +13,7 @@ from selenium.webdriver.common.keys import Keys
 from sain_bags.reading.reader import Bag
 from sain_bags.report.content import read_content
 from sain_bags.report.writing import bundle, write_page
-from sain_eval.plots.marks import MARKS
+from sain_eval.plots.axes import MARKS
 from tests.sain_bags.browser import Browser, opened_browser
 from tests.sain_bags.conftest import resting_scene
 from tests.sain_bags.expected_page import assert_shows, expected_episodes, expected_topics

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sain_bags.report.writing import render_page
-from sain_core.drawing.palette import DARK, PALETTE
+from sain_core.view.palette import DARK, PALETTE
 from tests.sain_bags.report.contents import content
 
 

@@ -6,11 +6,11 @@ from math import pi
 import numpy as np
 import pytest
 
-from sain_core.drawing.figures import write_png
 from sain_core.errors import ConfigError, InvalidInputError
 from sain_core.goal import BodyPose, Goal
 from sain_core.push import BODY, make_push
 from sain_core.scene import POSITION, make_scene
+from sain_core.view.figures import write_png
 from sain_eval.episode import Tolerance
 from sain_eval.loop.closed_loop import run_episode
 from sain_eval.loop.controllers import agent_maker

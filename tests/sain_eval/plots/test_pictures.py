@@ -6,16 +6,16 @@ import numpy as np
 import pytest
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
-from matplotlib.patches import Circle, Polygon, Wedge
+from matplotlib.patches import Circle, Polygon
 
-from sain_core.drawing.figures import write_png
-from sain_core.drawing.palette import PALETTE
 from sain_core.errors import OutputError
 from sain_core.feasibility import Feasibility
 from sain_core.push import tool_end, tool_start
 from sain_core.scene import POSITION, RADIUS, TARGET
 from sain_core.shapes.bodies import Bodies
-from sain_eval.plots.marks import MARKS
+from sain_core.view.figures import write_png
+from sain_core.view.palette import PALETTE
+from sain_eval.plots.axes import MARKS
 from sain_eval.plots.pictures import describe_result, draw_episode, draw_overview
 
 
@@ -108,13 +108,6 @@ def test_numbers_stand_where_the_tool_begins_and_arrows_where_it_ends(episode):
         start = tool_start(push.before, push.push, limits)
         assert np.hypot(*(badges[str(number)] - start)) < 0.005
         np.testing.assert_allclose(arrow, [start, tool_end(push.before, push.push, limits)])
-
-
-def test_table_and_reach_are_those_of_the_project(episode):
-    axes, reach = draw_episode(episode).axes[0], Feasibility().reach
-    (ring,) = [patch for patch in axes.patches if isinstance(patch, Wedge)]
-    assert (ring.r, ring.r - ring.width) == pytest.approx((reach.outer, reach.inner))
-    assert to_hex(ring.get_facecolor()) == PALETTE.reach
 
 
 @pytest.mark.parametrize(("shape", "kind"), [("disk", Circle), ("cube", Polygon)])

@@ -5,13 +5,13 @@ from io import BytesIO
 import numpy as np
 from PIL import Image
 
-from sain_core.drawing.figures import DOTS_PER_INCH, new_figure
 from sain_core.goal import BodyPose, Goal
 from sain_core.randomness import generator
 from sain_core.scene import POSITION, THETA, make_scene
 from sain_core.shapes.bodies import PAPER_DISKS, Bodies
-from sain_eval.plots.marks import draw_legend
-from sain_eval.plots.plan_picture import draw_plan
+from sain_core.view.figures import DOTS_PER_INCH, new_figure
+from sain_eval.plots.axes import draw_legend
+from sain_eval.plots.pictures import draw_plan
 from sain_model.physics.planar import PlanarPrior
 from sain_mppi.algorithms.config import PlannerConfig
 from sain_mppi.objective.problem import Problem

@@ -8,18 +8,18 @@ import pytest
 from matplotlib.colors import to_hex
 from matplotlib.patches import Polygon
 
-from sain_core.drawing.figures import write_png
-from sain_core.drawing.palette import PALETTE
 from sain_core.feasibility import Feasibility
 from sain_core.goal import BodyPose, Goal
 from sain_core.push import make_push, strokes
 from sain_core.scene import POSITION, THETA, make_scene
 from sain_core.shapes.bodies import Bodies
 from sain_core.shapes.library import get_shape, shape_names
+from sain_core.view.figures import write_png
+from sain_core.view.palette import PALETTE
 from sain_core.world import PushRecord
 from sain_eval.episode import EpisodeRecord
+from sain_eval.plots.axes import COLOURS, DASHED
 from sain_eval.plots.library_picture import draw_library, main
-from sain_eval.plots.marks import BODY_COLOURS, DASHED
 from sain_eval.plots.pictures import describe_result, draw_episode, draw_overview
 
 LIMITS = Feasibility().limits
@@ -81,7 +81,7 @@ def test_bodies_end_where_the_record_has_them_and_goals_are_dashed(record):
     axes = draw_episode(record).axes[0]
     for body, shape in enumerate(record.bodies.shapes):
         outline = shape.placed(record.scenes[-1][body])
-        assert is_among(outline, with_edge(axes, BODY_COLOURS[body]))
+        assert is_among(outline, with_edge(axes, COLOURS[body]))
         wanted = record.goal.placed(record.start)[body]
         goal = shape.placed(wanted)
         assert is_among(goal, with_edge(axes, PALETTE.goal))

@@ -152,7 +152,7 @@ def test_charts_have_numbers_that_can_be_read(browser, page):
         assert len(chart["y"]) >= 3
         assert max(chart["wide"]) < chart["left"] - 10
     assert charts()[0]["drawn"] == [[0.0, 1.0, 2.0], [68.0, 30.0, 2.0]]
-    assert "what the model predicts" in browser.run("return document.body.innerText")
+    assert "what the model predicted" in browser.run("return document.body.innerText")
 
 
 def test_the_bodies_lie_in_the_middle_of_a_table_before_a_soft_sky(browser, page):

@@ -201,11 +201,16 @@ def test_plan_and_result_are_drawn_and_cleared(shown):
     pushes = make_push(0.0, 0.0, [0.1, 0.1])
     plan = LivePlan(7, SCENE, pushes, after, np.full((2, 2), 0.01), np.arange(3.0), ways)
     known.update(plan=plan, result=LiveResult(7, SCENE, SCENE, after[0], None))
-    drawn = {f"/plan/{n}" for n in ("others", "chosen", "next", "last", "regions", "push")}
-    drawn |= {"/result/predicted"}
-    viewer.wait(lambda: drawn <= set(viewer.nodes), "the plan")
+    names = ("other_paths", "planned_paths", "planned_bodies", "regions", "push")
+    wanted = {*(f"/plan/{name}" for name in names), "/result/expected_bodies"}
+
+    def drawn():
+        nodes = list(viewer.nodes)
+        return {one for one in wanted if any(node.startswith(one) for node in nodes)}
+
+    viewer.wait(lambda: drawn() == wanted, "the plan")
     known.update(plan=None, result=None)
-    viewer.wait(lambda: not drawn & set(viewer.nodes), "an empty table")
+    viewer.wait(lambda: not drawn(), "an empty table")
 
 
 def test_the_arm_follows_its_joints(shown):

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from sain_core.drawing.palette import PALETTE
 from sain_core.scene import POSITION
+from sain_core.view.palette import PALETTE
 from sain_model.data.dataset import Part
 from sain_model.data.windows import Windows
 from sain_model.evaluation.predictors import Predictions

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from sain_core.drawing.palette import PALETTE
+from sain_core.view.palette import PALETTE
 from sain_model.evaluation.predictors import BULLET, FLOOR, LEARNED, SAIN, SAIN_HISTORY
 from sain_model.training.learning_curve import Point
 from sain_model.training.plots import draw_curves, draw_losses

@@ -88,13 +88,13 @@ def test_plans_are_drawn_with_true_outlines(graph, straw, shapes, planner):
     nth_push(graph, 1)
     graph.wait(lambda: graph.heard["plan_markers"], "markers")
     markers = shown(graph.heard["plan_markers"]).visible
-    goal, ghost = markers["goal", 0], markers["ghost", 0]
+    goal, ghost = markers["goal", 0], markers["planned", 0]
     corners = np.array([(point.x, point.y) for point in goal.points])
     state = np.array([0.50, 0.0, 0.3, 0, 0, 0, 8.0, 0.09])
     np.testing.assert_allclose(corners[:-1], TEE.shapes[0].placed(state))
     assert (goal.type, ghost.type) == (Marker.LINE_STRIP, Marker.TRIANGLE_LIST)
     assert len(ghost.points) == 3 * len(TEE.shapes[0].triangles(0.09))
-    assert ("ghost", 1) not in markers
+    assert ("planned", 1) not in markers
     assert len(markers["path", 0].points) == 3
 
 

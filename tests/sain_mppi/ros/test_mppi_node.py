@@ -115,7 +115,7 @@ def test_viewers_get_the_plan_what_else_was_tried_and_a_ghost(graph, straw, plan
     assert len(others.points) == len(others.colors) == 2 * 2 * len(made.other_costs)
     predicted = wire.decode_plan(made)[1]
     for disk in (0, 1):
-        ghost = markers["ghost", disk]
+        ghost = markers["planned", disk]
         assert (ghost.pose.position.x, ghost.pose.position.y) == tuple(predicted[0, disk, POSITION])
         assert ("region", disk) not in markers  # physics tells of none
         assert len(markers["path", disk].points) == 3
@@ -127,7 +127,7 @@ def test_a_new_episode_clears_what_is_drawn_of_the_last_plan(graph, straw, plann
     nth_push(graph, 1)
     graph.wait(lambda: graph.heard["plan_markers"], "markers")
     assert shown(graph.heard["plan_markers"]).count() == {
-        "goal": 1, "ghost": 2, "others": 1, "path": 2,
+        "goal": 1, "planned": 4, "others": 1, "path": 2, "push": 1, "reach": 1,
     }  # fmt: skip
     straw.show(episode_id=2, scene_id=2)
     graph.wait(lambda: len(graph.heard["plan_markers"]) > 1, "that they go")

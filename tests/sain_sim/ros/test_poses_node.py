@@ -115,14 +115,14 @@ def test_viewers_see_the_bodies_where_they_are(graph, camera, tmp_path) -> None:
     camera.until(camera.poses, lambda: graph.heard["markers"], "markers")
     shown = {(one.ns, one.id): one for one in graph.heard["markers"][-1].markers}
     assert set(shown) - {("", 0)} == {
-        ("table", 0), ("disks", 0), ("disks", 1), ("labels", 0), ("labels", 1)
+        ("table", 0), ("bodies", 0), ("bodies", 1), ("labels", 0), ("labels", 1)
     }  # fmt: skip
     places = [
-        (shown["disks", n].pose.position.x, shown["disks", n].pose.position.y) for n in (0, 1)
+        (shown["bodies", n].pose.position.x, shown["bodies", n].pose.position.y) for n in (0, 1)
     ]
     np.testing.assert_allclose(places, PLACES)
-    assert shown["disks", 0].type == Marker.CYLINDER
-    assert shown["disks", 1].type == Marker.TRIANGLE_LIST and shown["disks", 1].points
+    assert shown["bodies", 0].type == Marker.CYLINDER
+    assert shown["bodies", 1].type == Marker.TRIANGLE_LIST and shown["bodies", 1].points
 
 
 def test_poses_that_stop_coming_unsettle_the_scene(graph, camera, tmp_path) -> None:

@@ -63,14 +63,14 @@ def test_a_push_is_carried_out_and_everything_said_about_it_fits_together(graph,
     graph.wait(lambda: graph.heard["joint_states"] and graph.heard["markers"], "the arm")
     assert len(graph.heard["joint_states"][-1].position) == 7
     groups = shown(graph.heard["markers"]).count()
-    assert groups == {"table": 1, "tool": 1, "disks": 2, "labels": 2}
+    assert groups == {"table": 1, "tool": 1, "bodies": 2, "labels": 2}
 
 
 def test_viewers_show_the_bodies_of_this_episode_and_none_of_the_last(graph, simulator):
     graph.listen("markers", MarkerArray)
 
     def expect(bodies):
-        groups = {"table": 1, "tool": 1, "disks": bodies, "labels": bodies}
+        groups = {"table": 1, "tool": 1, "bodies": bodies, "labels": bodies}
         graph.wait(lambda: shown(graph.heard["markers"]).count() == groups, f"{bodies} bodies")
 
     four = make_scene(np.array([(0.4, 0.0), (0.6, 0.0), (0.5, 0.3), (0.5, -0.3)]), MASS, RADII)

@@ -88,7 +88,7 @@ def draw_card(folder: Path) -> Path:
     Raises:
         OutputError: the folder cannot be written.
     """
-    from sain_core.drawing.figures import write_png
+    from sain_core.view.figures import write_png
 
     card = read_json(folder / CARD_FILE)
     return write_png(histograms(card["ranges"]), folder / PICTURE_FILE)
@@ -96,8 +96,8 @@ def draw_card(folder: Path) -> Path:
 
 def histograms(ranges: Mapping[str, Mapping[str, Any]]) -> "Figure":
     """Return a figure with one histogram for each quantity of a card's ``ranges``."""
-    from sain_core.drawing.figures import TEXT, new_figure, style_axes
-    from sain_core.drawing.palette import PALETTE
+    from sain_core.view.figures import TEXT, new_figure, style_axes
+    from sain_core.view.palette import PALETTE
 
     rows = -(-len(ranges) // COLUMNS)
     figure = new_figure(2.2 * COLUMNS, 1.9 * rows)

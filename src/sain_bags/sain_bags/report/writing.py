@@ -15,8 +15,8 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any, Final
 
-from sain_core.drawing.palette import DARK, PALETTE
 from sain_core.storage import write_whole
+from sain_core.view.palette import DARK, PALETTE
 
 SCRIPT: Final = "page.js"
 IMPORT: Final = re.compile(r'^import \{([^}]*)\} from "\./([\w.]+)";\n', re.MULTILINE)

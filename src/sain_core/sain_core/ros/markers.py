@@ -1,28 +1,53 @@
-"""Markers for RViz and Foxglove."""
+"""Things to draw as markers, for RViz, Foxglove and other viewers."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from math import cos, sin
 from typing import Final
 
+import numpy as np
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Point, Pose, Quaternion, Vector3
 from rclpy.node import Node
 from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
+from sain_core.push import TOOL_RADIUS
 from sain_core.ros.codec import header
 from sain_core.ros.qos import RELIABLE
-from sain_core.scene import DISK_HEIGHT, RADIUS, THETA, X, Y
-from sain_core.shapes.shape import Shape, Solid
+from sain_core.scene import DISK_HEIGHT
+from sain_core.shapes.bodies import MOST_BODIES
+from sain_core.shapes.shape import Solid
 from sain_core.types import Points
-
-Colour = tuple[float, float, float, float]  # red, green, blue, alpha
+from sain_core.view.palette import PALETTE, rgba
+from sain_core.view.things import (
+    BodyPath,
+    DrawnBody,
+    GoalMark,
+    Look,
+    PushArrow,
+    ReachArea,
+    Region,
+    TableTop,
+    Thing,
+    hue,
+)
 
 SOLIDS: Final = {
     Solid.CYLINDER: Marker.CYLINDER,
     Solid.BOX: Marker.CUBE,
     Solid.PRISM: Marker.TRIANGLE_LIST,
 }
+TABLE_THICKNESS: Final = 0.02  # [m]
+TABLE_COLOUR: Final = "#dbd6cc"  # darker than on paper: RViz lights it
+TOOL_COLOUR: Final = "#40454d"
+TOOL_LENGTH: Final = 0.22  # [m]
+LABEL_HEIGHT: Final = 0.03  # [m]
+LINE: Final = 0.006  # [m], width of lines
+THIN: Final = 0.0015  # [m]
+FLAT: Final = 0.002  # [m], height of what lies on the table
+ARROW: Final = (0.008, 0.02, 0.024)  # [m], width of the shaft, width and length of the head
+OPACITY: Final = {Look.NOW: 1.0, Look.PLANNED: 0.25}  # of bodies; of other looks 0.4
+OTHERS: Final = (0.6, 0.15)  # opacity of the cheapest sequence and of the dearest
 
 
 class MarkerBoard:
@@ -54,9 +79,59 @@ class MarkerBoard:
         self._publisher.publish(array)
 
 
-def make_marker(group: str, number: int, kind: int, colour: Colour, stamp: Time) -> Marker:
+def markers_of(things: Iterable[Thing], stamp: Time) -> list[Marker]:
+    """Return the markers of things, numbered by body; further ones of a body have higher numbers.
+
+    The same things always have the same groups and numbers.
+    """
+    things = list(things)
+    others = [thing for thing in things if isinstance(thing, BodyPath) and _is_other(thing)]
+    markers = _other_lines(others, stamp)
+    taken: set[tuple[str, int]] = set()
+    for thing in things:
+        for marker in _markers(thing, stamp):
+            marker.id = getattr(thing, "number", 0)
+            while (marker.ns, marker.id) in taken:
+                marker.id += MOST_BODIES
+            taken.add((marker.ns, marker.id))
+            markers.append(marker)
+    return markers
+
+
+def _markers(thing: Thing, stamp: Time) -> list[Marker]:
+    match thing:
+        case TableTop():
+            return [_table(thing, stamp)]
+        case ReachArea():
+            rings = map(_closed, thing.outlines)
+            return [_line("reach", ring, FLAT, "reach_edge", stamp) for ring in rings]
+        case DrawnBody():
+            return _body(thing, stamp)
+        case BodyPath():
+            line = _line("path", thing.points, DISK_HEIGHT, thing.colour, stamp)
+            return [] if _is_other(thing) else [line]
+        case GoalMark():
+            return _goal(thing, stamp)
+        case PushArrow():
+            return [_arrow(thing, stamp)]
+        case Region():
+            return [_region(thing, stamp)]
+
+
+def tool_marker(tip: Sequence[float], stamp: Time) -> Marker:
+    """Return the stick of the arm with its tip at x, y, z [m]."""
+    marker = make_marker("tool", 0, Marker.CYLINDER, TOOL_COLOUR, stamp)
+    x, y, z = tip
+    marker.pose = make_pose(x, y, z + TOOL_LENGTH / 2)
+    marker.scale = Vector3(x=2 * TOOL_RADIUS, y=2 * TOOL_RADIUS, z=TOOL_LENGTH)
+    return marker
+
+
+def make_marker(
+    group: str, number: int, kind: int, colour: str, stamp: Time, opacity: float = 1.0
+) -> Marker:
     """Return a marker at the origin; group and number identify it in viewers."""
-    red, green, blue, alpha = colour
+    red, green, blue, alpha = rgba(colour, opacity)
     return Marker(
         header=header(stamp),
         ns=group,
@@ -74,32 +149,105 @@ def make_pose(x: float, y: float, z: float, yaw: float = 0.0) -> Pose:
     return Pose(position=Point(x=x, y=y, z=z), orientation=turn)
 
 
-def body_marker(
-    group: str, number: int, shape: Shape, state: Sequence[float], colour: Colour, stamp: Time
-) -> Marker:
-    """Return a body in a state (8,) as it is: a cylinder, a box, or the surface of its prisms."""
-    marker = make_marker(group, number, SOLIDS[shape.solid], colour, stamp)
-    marker.pose = make_pose(state[X], state[Y], DISK_HEIGHT / 2, state[THETA])
-    width = 2 * state[RADIUS]
-    marker.scale = Vector3(x=width, y=width, z=DISK_HEIGHT)
-    if shape.solid is Solid.PRISM:
-        marker.scale = Vector3(x=1.0, y=1.0, z=1.0)
-        corners = shape.triangles(state[RADIUS]).reshape(-1, 3).tolist()
-        marker.points = [Point(x=x, y=y, z=z) for x, y, z in corners]
+def _table(table: TableTop, stamp: Time) -> Marker:
+    marker = make_marker("table", 0, Marker.CUBE, TABLE_COLOUR, stamp)
+    x, y = ((table.low + table.high) / 2).tolist()
+    wide, long = (table.high - table.low).tolist()
+    marker.pose = make_pose(x, y, -TABLE_THICKNESS / 2)
+    marker.scale = Vector3(x=wide, y=long, z=TABLE_THICKNESS)
     return marker
 
 
-def line_marker(
+def _body(body: DrawnBody, stamp: Time) -> list[Marker]:
+    """Return a body as it is: a cylinder, a box, or the surface of its prisms; now with a name."""
+    now = body.look is Look.NOW
+    group = "bodies" if now else body.look.value
+    opacity = OPACITY.get(body.look, 0.4)
+    marker = make_marker(group, 0, SOLIDS[body.shape.solid], hue(body), stamp, opacity)
+    x, y = body.place.tolist()
+    marker.pose = make_pose(x, y, DISK_HEIGHT / 2, body.heading)
+    marker.scale = Vector3(x=2 * body.radius, y=2 * body.radius, z=DISK_HEIGHT)
+    if body.shape.solid is Solid.PRISM:
+        marker.scale = Vector3(x=1.0, y=1.0, z=1.0)
+        corners = body.shape.triangles(body.radius).reshape(-1, 3).tolist()
+        marker.points = [Point(x=x, y=y, z=z) for x, y, z in corners]
+    if not now:
+        return [marker]
+    label = make_marker("labels", 0, Marker.TEXT_VIEW_FACING, PALETTE.ink, stamp)
+    label.pose = make_pose(x, y, DISK_HEIGHT + LABEL_HEIGHT)
+    label.scale = Vector3(z=LABEL_HEIGHT)
+    label.text = body.name
+    return [marker, label]
+
+
+def _goal(goal: GoalMark, stamp: Time) -> list[Marker]:
+    """Return a disk as wide as the tolerance, and where the heading counts the outline."""
+    x, y = goal.body.place.tolist()
+    disk = _disk("goal", x, y, goal.tolerance, FLAT / 2, hue(goal), 0.8, stamp)
+    if not goal.body.marked:
+        return [disk]
+    return [_line("goal", _closed(goal.body.outline), FLAT, goal.colour, stamp), disk]
+
+
+def _region(region: Region, stamp: Time) -> Marker:
+    x, y = region.place.tolist()
+    height = DISK_HEIGHT + LINE
+    return _disk("region", x, y, region.radius, height, hue(region), 0.35, stamp)
+
+
+def _disk(
     group: str,
-    number: int,
-    points: Points,
+    x: float,
+    y: float,
+    radius: float,
     height: float,
-    width: float,
-    colour: Colour,
+    colour: str,
+    opacity: float,
     stamp: Time,
 ) -> Marker:
-    """Return a line through points (M, 2) [m] in the world, at a height."""
-    marker = make_marker(group, number, Marker.LINE_STRIP, colour, stamp)
-    marker.scale = Vector3(x=width)
-    marker.points = [Point(x=x, y=y, z=height) for x, y in points.tolist()]
+    marker = make_marker(group, 0, Marker.CYLINDER, colour, stamp, opacity)
+    marker.pose = make_pose(x, y, height)
+    marker.scale = Vector3(x=2 * radius, y=2 * radius, z=FLAT)
     return marker
+
+
+def _arrow(push: PushArrow, stamp: Time) -> Marker:
+    marker = make_marker("push", 0, Marker.ARROW, hue(push), stamp)
+    shaft, width, length = ARROW
+    marker.scale = Vector3(x=shaft, y=width, z=length)
+    marker.points = _points(np.stack([push.start, push.end]), DISK_HEIGHT + LINE)
+    return marker
+
+
+def _line(group: str, points: Points, height: float, colour: str, stamp: Time) -> Marker:
+    marker = make_marker(group, 0, Marker.LINE_STRIP, PALETTE.named(colour), stamp, 0.9)
+    marker.scale = Vector3(x=LINE)
+    marker.points = _points(points, height)
+    return marker
+
+
+def _other_lines(paths: Sequence[BodyPath], stamp: Time) -> list[Marker]:
+    """Return other sequences as one marker: its lines pale from the cheapest to the dearest."""
+    if not paths:
+        return []
+    marker = make_marker("others", 0, Marker.LINE_LIST, PALETTE.ink, stamp)
+    marker.scale = Vector3(x=THIN)
+    for path in paths:
+        legs = np.stack([path.points[:-1], path.points[1:]], axis=1).reshape(-1, 2)
+        opacity = OTHERS[0] + path.share * (OTHERS[1] - OTHERS[0])
+        red, green, blue, alpha = rgba(hue(path), opacity)
+        marker.points.extend(_points(legs, DISK_HEIGHT))
+        marker.colors.extend([ColorRGBA(r=red, g=green, b=blue, a=alpha)] * len(legs))
+    return [marker]
+
+
+def _is_other(path: BodyPath) -> bool:
+    return path.look is Look.OTHER
+
+
+def _closed(corners: Points) -> np.ndarray:
+    return np.concatenate([corners, corners[:1]])
+
+
+def _points(points: Points, height: float) -> list[Point]:
+    return [Point(x=x, y=y, z=height) for x, y in points.tolist()]

@@ -75,7 +75,7 @@ def run_job(job: EpisodeJob) -> EpisodeDone[SceneRecord]:
     records = scene_records(job.case(), job.controller, outcome, job.tolerances)
     if job.picture is None:
         return EpisodeDone(records)
-    from sain_core.drawing.figures import png_of  # loads Matplotlib
+    from sain_core.view.figures import png_of  # loads Matplotlib
     from sain_eval.plots.pictures import draw_episode
 
     goal = f", goal {len(outcome.records)}" if len(outcome.records) > 1 else ""

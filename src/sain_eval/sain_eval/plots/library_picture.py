@@ -14,13 +14,14 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Polygon
 from rich.console import Console
 
-from sain_core.drawing.figures import TEXT, new_figure, write_png
-from sain_core.drawing.palette import PALETTE, rgba
 from sain_core.errors import SainError
 from sain_core.scene import RADIUS, STATE_SIZE
 from sain_core.shapes.library import get_shape, shape_names
 from sain_core.shapes.shape import Shape
-from sain_eval.plots.marks import outline_patch
+from sain_core.view.figures import TEXT, new_figure, write_png
+from sain_core.view.palette import PALETTE, rgba
+from sain_core.view.things import DrawnBody
+from sain_eval.plots.axes import outline_patch
 
 COLUMNS: Final = 7
 TILE: Final = (1.3, 1.45)  # [inch]
@@ -47,7 +48,8 @@ def draw_shape(axes: Axes, shape: Shape) -> None:
     circle: dict[str, Any] = {"fill": False, "edgecolor": PALETTE.line, "linewidth": 1.0}
     axes.add_patch(Circle((0.0, 0.0), 1.0, **circle))
     style: dict[str, Any] = {"facecolor": rgba(PALETTE.mid, 0.22), "edgecolor": PALETTE.mid}
-    axes.add_patch(outline_patch(state, shape, linewidth=1.6, **style))
+    body = DrawnBody(0, shape.name, shape, state, "mid")
+    axes.add_patch(outline_patch(body, linewidth=1.6, **style))
     if not shape.is_round:
         for part in shape.parts(radius):
             seams: dict[str, Any] = {"edgecolor": rgba(PALETTE.mid, 0.35), "linewidth": 0.6}

@@ -1,6 +1,6 @@
-"""Pictures of episodes: the table from above, how near, how well predicted; or all of a run.
+"""Pictures of plans and episodes: the table from above, how near, how well predicted.
 
-Pure data in, a figure out. The closed loop with and without ROS and the bag tools all draw with it.
+Pure data in, a figure out. The closed loop with and without ROS and the bag tools draw with it.
 """
 
 from collections.abc import Sequence
@@ -11,14 +11,31 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator, NullFormatter
 
-from sain_core.drawing.figures import TEXT, new_figure, style_axes
-from sain_core.drawing.palette import PALETTE
 from sain_core.feasibility import Feasibility
+from sain_core.goal import Goal
 from sain_core.scene import POSITION
+from sain_core.shapes.bodies import PAPER_DISKS, Bodies
 from sain_core.types import Scalars, Scene
+from sain_core.view.figures import TEXT, new_figure, style_axes
+from sain_core.view.palette import PALETTE
+from sain_core.view.scenes import (
+    bodies_in,
+    colours_of,
+    episode_things,
+    extent,
+    plan_things,
+    stage,
+)
 from sain_eval.episode import EpisodeRecord
-from sain_eval.plots.marks import body_colour, draw_error, draw_legend, draw_tolerance
-from sain_eval.plots.top_view import draw_top_view
+from sain_eval.plots.axes import (
+    BASE_RADIUS,
+    draw_error,
+    draw_legend,
+    draw_things,
+    draw_tolerance,
+    frame_view,
+)
+from sain_mppi.algorithms.result import PlanResult
 
 SIZE: Final = (6.6, 7.4)  # [inch]
 ASPECT: Final = 1.4  # of the top view
@@ -56,6 +73,61 @@ def draw_episode(
     return figure
 
 
+def draw_top_view(
+    axes: Axes,
+    record: EpisodeRecord,
+    feasibility: Feasibility | None = None,
+    aspect: float = 1.0,
+) -> list[str]:
+    """Draw an episode from above into axes whose width is `aspect` times their height.
+
+    Returns:
+        What of `sain_eval.plots.axes.MARKS` was drawn.
+    """
+    feasibility = feasibility or Feasibility()
+    things = episode_things(
+        record.start, record.pushes, record.goal, record.bodies, feasibility.limits
+    )
+    foot = np.array([[-BASE_RADIUS, 0.0]])
+    frame_view(axes, np.concatenate([foot, extent(things)]), aspect)
+    return draw_things(axes, stage(feasibility) + things)
+
+
+def draw_plan(
+    axes: Axes,
+    scene: Scene,
+    goal: Goal,
+    plan: PlanResult,
+    feasibility: Feasibility | None = None,
+    bodies: Bodies = PAPER_DISKS,
+) -> list[str]:
+    """Draw a plan from a scene (N, 8) towards a goal into axes, in metres.
+
+    Thin lines are where other sequences lead the wanted bodies, from green (cheap) to red
+    (expensive); thick ones what the chosen sequence does to the bodies that it moves; faint
+    outlines where they should come to rest; the arrow is the first push. Without `bodies` all are
+    disks.
+
+    Returns:
+        What `draw_legend` explains.
+    """
+    feasibility = feasibility or Feasibility()
+    others = plan.others.predicted[..., POSITION]
+    things = plan_things(
+        scene,
+        bodies.fitted(len(scene)),
+        goal,
+        plan.pushes,
+        plan.predicted,
+        plan.regions,
+        others,
+        feasibility.limits,
+    )
+    frame_view(axes, extent(things))
+    now = bodies_in(scene, bodies, goal)
+    return draw_things(axes, [*stage(feasibility), *now, *things])
+
+
 def describe_result(record: EpisodeRecord) -> str:
     """Return in words how an episode ended."""
     count = len(record.pushes)
@@ -64,6 +136,10 @@ def describe_result(record: EpisodeRecord) -> str:
     left += f" and {record.last.turn:.3f} rad" if record.goal.has_heading else ""
     word = "reached" if record.last.reached else "not reached"
     return f"{word} in {pushes}, {left} from the goal"
+
+
+def _colour(record: EpisodeRecord, body: int) -> str:
+    return PALETTE.named(colours_of(record.bodies, record.goal)[body])
 
 
 def describe_task(record: EpisodeRecord, title: str = "") -> str:
@@ -117,7 +193,7 @@ def _draw_lines(
     axes.axhline(tolerance, color=PALETTE.goal, linewidth=1.2)
     shown = np.maximum(errors, least)
     for pose, line in zip(record.goal.poses, shown.T, strict=True):
-        colour = body_colour(record, pose.body)
+        colour = _colour(record, pose.body)
         axes.plot(line, "o-", color=colour, linewidth=1.8, markersize=4.0)
     axes.set_ylim(min(np.nanmin(shown), tolerance) / 2, max(np.nanmax(shown), tolerance) * 1.8)
     axes.set_xlim(-0.3, max(len(errors) - 1, 1) + 0.3)
@@ -128,7 +204,7 @@ def _draw_arrival(axes: Axes, record: EpisodeRecord) -> None:
     """Draw where each body came to rest about its place, in millimetres."""
     style_axes(axes, "Bodies at the goal", grid=None, xlabel="x [mm]", ylabel="y [mm]")
     for pose, place in zip(record.goal.poses, record.goal.places, strict=True):
-        colour, body = body_colour(record, pose.body), pose.body
+        colour, body = _colour(record, pose.body), pose.body
         draw_tolerance(axes, np.zeros(2), 1e3 * pose.tolerance)
         trail = np.array([1e3 * (scene[body, POSITION] - place) for scene in record.scenes])
         axes.plot(*trail.T, "o-", color=colour, linewidth=1.6, markersize=4.5)

@@ -8,7 +8,7 @@ import numpy as np
 import viser
 from viser import uplot
 
-from sain_core.drawing.palette import PALETTE
+from sain_core.view.palette import PALETTE, cost_colour
 from sain_live.state import Level, LiveCurves, LiveState, LogLine
 
 FONT: Final = "11px sans-serif"
@@ -25,11 +25,11 @@ COLOURS: Final = {
     Level.FAULT: PALETTE.alarm,
 }
 LEGEND: Final = (
-    (PALETTE.predicted, "what the model predicts"),
-    (PALETTE.physics, "what physics without learning predicts"),
+    (PALETTE.predicted, "what the model predicted"),
+    (PALETTE.physics, "what physics without learning predicted"),
     (PALETTE.ink, "next push"),
-    ("#b8b2a6", "other pushes that were tried"),
-    ("#dea820", "where a body should be after the push"),
+    (cost_colour(0.5), "other pushes that were tried: green is cheap"),
+    (PALETTE.region, "where a body should be after the push"),
     (PALETTE.goal, "goal"),
 )
 

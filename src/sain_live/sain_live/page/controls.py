@@ -7,10 +7,10 @@ from typing import Any, Final
 
 import viser
 
-from sain_core.drawing.palette import PALETTE
 from sain_core.errors import ConfigError, SainError
 from sain_core.model import dynamics_names
 from sain_core.shapes.library import shape_names
+from sain_core.view.palette import PALETTE
 from sain_eval.scenes.scenarios import scenario_names
 from sain_live.orders import AS_DRAWN, Orders, Reset
 from sain_live.settings import PageConfig

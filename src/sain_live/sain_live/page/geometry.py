@@ -2,23 +2,19 @@
 
 from collections.abc import Sequence
 from math import cos, sin
-from typing import Final
 
 import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
-from sain_core.drawing.palette import rgba
-from sain_core.scene import unit
-from sain_core.shapes.shape import Shape
 from sain_core.types import Points
+from sain_core.view.palette import rgba
+from sain_core.view.things import DrawnBody
 
 Quaternion = tuple[float, float, float, float]  # w, x, y, z
 Vector = tuple[float, float, float]
 Rgb = tuple[int, int, int]
 Segments = Float[ndarray, "S 2 3"]
-
-CIRCLE: Final = 48  # corners
 
 
 def rgb(colour: str) -> Rgb:
@@ -79,13 +75,7 @@ def line(points: Points, height: float) -> Segments:
     return np.stack([corners[..., :-1, :], corners[..., 1:, :]], axis=-2).reshape(-1, 2, 3)
 
 
-def circle(centre: Points, radius: float, height: float) -> Segments:
-    """Return a circle about a centre (2,) at a height [m]."""
-    bearings = np.linspace(0.0, 2 * np.pi, CIRCLE, endpoint=False)
-    return ring(centre + radius * unit(bearings), height)
-
-
-def mesh(shape: Shape, radius: float) -> tuple[ndarray, ndarray]:
+def mesh(body: DrawnBody) -> tuple[ndarray, ndarray]:
     """Return vertices (V, 3) [m] and faces (T, 3) of a body about its centre."""
-    corners = shape.triangles(radius).reshape(-1, 3)
+    corners = body.shape.triangles(body.radius).reshape(-1, 3)
     return corners, np.arange(len(corners)).reshape(-1, 3)

@@ -2,24 +2,20 @@
 
 from typing import Any, Final
 
-import numpy as np
 import viser
 
-from sain_core.drawing.palette import PALETTE
 from sain_core.errors import SainError
 from sain_core.goal import BodyPose, Goal
-from sain_core.scene import DISK_HEIGHT, RADIUS
 from sain_core.shapes.bodies import Bodies
 from sain_core.types import Scene
+from sain_core.view.scenes import goal_marks
 from sain_live.aims import check_aim
 from sain_live.orders import Orders
-from sain_live.page.geometry import circle, heading_of, line, mesh, rgb, ring, upright
+from sain_live.page.geometry import heading_of, upright
+from sain_live.page.things import LOW, draw_goal
 from sain_live.state import Level, LiveState
 
 HANDLE: Final = 0.11  # [m], length of the arrows
-LOW: Final = 0.0025  # [m], height over the table
-EDGE: Final = 3.0  # pixels
-ALPHA: Final = 0.28
 
 START, END = "start", "end"
 
@@ -70,24 +66,10 @@ class GoalsView:
         handle.wxyz = upright(pose.heading or 0.0)
 
     def _make(self, pose: BodyPose, scene: Scene, bodies: Bodies) -> Any:
-        name, shape = f"/goals/{pose.body}", bodies.shapes[pose.body]
-        radius = float(scene[pose.body, RADIUS])
-        handle = self._handle(name, HANDLE + shape.circumradius * radius, pose)
-        colour = rgb(PALETTE.goal)
-        scene_api, rest = self._server.scene, np.zeros(8)
-        rest[RADIUS] = radius
-        flat = np.array([1.0, 1.0, 2 * LOW / DISK_HEIGHT])
-        vertices, faces = mesh(shape, radius)
-        scene_api.add_mesh_simple(
-            f"{name}/area", vertices * flat, faces, color=colour, opacity=ALPHA, cast_shadow=False
-        )
-        edges = [ring(shape.outline(radius), LOW), circle(np.zeros(2), pose.tolerance, LOW)]
-        if pose.heading is not None:
-            reach = shape.circumradius * radius
-            edges.append(line(np.array([[0.0, 0.0], [0.3 * reach, 0.0]]), LOW))
-        scene_api.add_line_segments(
-            f"{name}/edges", np.concatenate(edges), colour, thickness=EDGE, thickness_units="screen"
-        )
+        (mark,) = goal_marks(Goal((pose,)), scene, bodies)
+        name = f"/goals/{pose.body}"
+        handle = self._handle(name, HANDLE + mark.body.size, pose)
+        draw_goal(self._server.scene, name, mark)
         return handle
 
     def _handle(self, name: str, size: float, pose: BodyPose) -> Any:

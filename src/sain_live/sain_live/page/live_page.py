@@ -9,15 +9,13 @@ import viser
 
 from sain_live.orders import Orders
 from sain_live.page.arm import ArmView
-from sain_live.page.bodies import BodiesView
 from sain_live.page.charts import ChartsView
 from sain_live.page.controls import ControlsView
 from sain_live.page.goals import GoalsView
 from sain_live.page.planner_form import PlannerForm
-from sain_live.page.plans import PlanView
 from sain_live.page.playing import PlayingView
+from sain_live.page.scene import SceneView
 from sain_live.page.serving import open_server
-from sain_live.page.stage import draw_stage
 from sain_live.player import RecordingPlayer
 from sain_live.settings import PageConfig
 from sain_live.state import Level, LiveState
@@ -70,12 +68,10 @@ class LivePage:
                 controls.append(ControlsView(server, known, orders, config))
             with tabs.add_tab("Planner", viser.Icon.ADJUSTMENTS):
                 controls.append(PlannerForm(server, known, orders))
-        draw_stage(server)
         self.goals = GoalsView(server, known, orders)
         self._views: tuple[PagePart, ...] = (
-            BodiesView(server),
+            SceneView(server),
             self.goals,
-            PlanView(server),
             ArmView(server),
             ChartsView(server),
             *controls,

@@ -7,7 +7,7 @@ from typing import Any, Final
 import numpy as np
 import viser
 
-from sain_core.drawing.palette import PALETTE
+from sain_core.view.palette import PALETTE
 from sain_live.player import RecordingPlayer
 from sain_live.recording import Chapter
 from sain_live.state import LiveState

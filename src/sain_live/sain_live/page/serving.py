@@ -11,8 +11,8 @@ import viser
 import websockets.asyncio.server
 from viser import _messages
 
-from sain_core.drawing.palette import PALETTE, rgba
 from sain_core.errors import BusyError
+from sain_core.view.palette import PALETTE, rgba
 from sain_live.settings import PageConfig, check_free, is_loopback
 
 TITLE: Final = "SAIN live"

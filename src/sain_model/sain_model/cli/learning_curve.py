@@ -40,7 +40,7 @@ def run(options: LearningCurveOptions, console: Console) -> None:
     """
     import torch
 
-    from sain_core.drawing.figures import write_png
+    from sain_core.view.figures import write_png
     from sain_model.data.dataset import load_dataset, split_by_episode
     from sain_model.training.learning_curve import learning_curve
     from sain_model.training.plots import draw_curves

@@ -66,7 +66,7 @@ def run(options: TrainOptions, console: Console) -> None:
     """
     import torch
 
-    from sain_core.drawing.figures import write_png
+    from sain_core.view.figures import write_png
     from sain_model.data.dataset import load_dataset, split_by_episode
     from sain_model.dynamics.checkpoint import SUFFIX, save_checkpoint
     from sain_model.dynamics.residual import module_of

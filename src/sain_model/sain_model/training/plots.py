@@ -8,8 +8,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, NullLocator
 
-from sain_core.drawing.figures import TEXT, new_figure, style_axes
-from sain_core.drawing.palette import PALETTE
+from sain_core.view.figures import TEXT, new_figure, style_axes
+from sain_core.view.palette import PALETTE
 from sain_model.evaluation.predictors import BULLET, FLOOR, LEARNED, SAIN, SAIN_HISTORY
 from sain_model.training.learning_curve import Point
 from sain_model.training.trainer import LossHistory

@@ -13,14 +13,16 @@ from rclpy.node import Node
 from sain_core.errors import ErrorCode, error_reply
 from sain_core.guarding.ros.reception import shortened
 from sain_core.ros import codec
+from sain_core.ros.markers import MarkerBoard, markers_of
 from sain_core.ros.node_main import OK, WARN
 from sain_core.ros.qos import RELIABLE
 from sain_core.scene import POSITION
+from sain_core.view.scenes import goal_marks, plan_things, stage
+from sain_core.view.things import Thing
 from sain_interfaces.msg import Goal, Plan, Push
 from sain_mppi.agent.events import PlanJob, PushDecision, Stop, StopReason, Task
 from sain_mppi.algorithms.result import PlanResult
 from sain_mppi.ros.goals import Goals
-from sain_mppi.ros.markers import PlanMarkers
 from sain_mppi.ros.resumption import Notes
 from sain_mppi.ros.watch import PeerWatch
 
@@ -34,6 +36,46 @@ SUMMARY: Final = {
     Plan.REACHED: "goal reached",
     Plan.EXHAUSTED: "no pushes left",
 }
+
+
+class PlanMarkers:
+    """The topic of a plan's markers: RViz and Foxglove show them beside the simulator's bodies."""
+
+    def __init__(self, node: Node, topic: str) -> None:
+        """Publish on this topic, at first nothing."""
+        self._board = MarkerBoard(node, topic)
+        self._episode: int | None = None
+
+    def show(self, decision: PushDecision, stamp: Time) -> None:
+        """Show a plan."""
+        self._episode = decision.job.observed.episode_id
+        self._board.show(markers_of(decision_things(decision), stamp))
+
+    def observe(self, episode_id: int) -> None:
+        """Clear what is shown once another episode has begun."""
+        if self._episode not in (None, episode_id):
+            self._episode = None
+            self._board.show(())
+
+
+def decision_things(decision: PushDecision) -> list[Thing]:
+    """Return what viewers draw of a decision: the reach, the goal, and the plan if there is one."""
+    problem, plan = decision.job.problem, decision.plan
+    _, *reach = stage(problem.feasibility)  # the simulator draws the table
+    if plan is None:
+        return [*reach, *goal_marks(problem.goal, problem.scene, problem.bodies)]
+    others = plan.others.predicted[..., POSITION]
+    shown = plan_things(
+        problem.scene,
+        problem.bodies,
+        problem.goal,
+        plan.pushes,
+        plan.predicted,
+        plan.regions,
+        others,
+        problem.feasibility.limits,
+    )
+    return [*reach, *shown]
 
 
 class Plans:

@@ -16,8 +16,10 @@ from numpy import ndarray
 from sain_core.config import Config, option
 from sain_core.push import TOOL_RADIUS
 from sain_core.scene import DISK_HEIGHT, POSITION, RADIUS, TARGET, THETA, Table, X, Y
+from sain_core.shapes.bodies import Bodies
 from sain_core.shapes.solids import DISK
 from sain_core.types import Points, Scene
+from sain_core.view.scenes import colours_of
 from sain_sim.arm.client import Client, Closeable
 from sain_sim.arm.kinematics import Joints, Kinematics
 from sain_sim.arm.panda import JOINT_COUNT, ArmConfig, PandaModel
@@ -92,9 +94,10 @@ class Renderer(Closeable):
         model = PandaModel(TOOL_RADIUS, arm, visuals=True)
         self._arm = model.load(self._client, -table.height)
         shapes = shapes or (DISK,) * len(scene)
+        colours = colours_of(Bodies.named(shapes))
         self._disks = [
-            build_disk(self._client, index, shape, float(state[RADIUS]))
-            for index, (shape, state) in enumerate(zip(shapes, scene, strict=True))
+            build_disk(self._client, colour, shape, float(state[RADIUS]))
+            for colour, shape, state in zip(colours, shapes, scene, strict=True)
         ]
         self._goals: dict[float, int] = {}
         self._kinematics = Kinematics(-table.height, arm.tool_length)

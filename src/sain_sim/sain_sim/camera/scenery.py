@@ -7,11 +7,11 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
-from sain_core.drawing.palette import PALETTE, rgba
 from sain_core.scene import DISK_HEIGHT, Table, unit
 from sain_core.shapes.library import get_shape
 from sain_core.shapes.shape import Triangles
 from sain_core.types import Points
+from sain_core.view.palette import PALETTE, rgba
 from sain_sim.arm.client import Client
 
 TABLE_COLOR: Final = (0.80, 0.75, 0.68, 1.0)
@@ -44,11 +44,11 @@ def build_table(client: Client, table: Table) -> int:
     return _show_shape(client, center, TOP_COLOR, client.GEOM_BOX, halfExtents=top)
 
 
-def build_disk(client: Client, index: int, shape: str, radius: float) -> int:
+def build_disk(client: Client, colour: str, shape: str, radius: float) -> int:
     """Build a disk with a mark on its top that shows how it is turned."""
     visual = client.createVisualShape(
         client.GEOM_MESH,
-        rgbaColor=rgba(PALETTE.disk(index)),
+        rgbaColor=rgba(PALETTE.named(colour)),
         specularColor=[0.3, 0.3, 0.3],
         **flat_faces(get_shape(shape).triangles(radius)),
     )

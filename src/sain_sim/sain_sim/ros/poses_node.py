@@ -16,17 +16,18 @@ from sain_core.guarding.ros.ownership import Ownership, publishers
 from sain_core.guarding.ros.reception import Reception, shortened
 from sain_core.guarding.ros.state_file import StateFile, id_in
 from sain_core.ros import codec
-from sain_core.ros.markers import MarkerBoard
+from sain_core.ros.markers import MarkerBoard, markers_of
 from sain_core.ros.node_main import ERROR, NAMESPACE, OK, WARN, Diagnostics
 from sain_core.ros.parameters import read_parameters
 from sain_core.ros.qos import LATCHED_QUEUE, QUEUE, RELIABLE, TRANSFORMS, LatchedTopic, steady_timer
 from sain_core.scene import Table
+from sain_core.view.scenes import bodies_in, table_top
+from sain_core.view.things import Thing
 from sain_interfaces.msg import Bodies, Push, PushResult
 from sain_interfaces.msg import Scene as SceneMessage
 from sain_sim.camera.body_file import Poses, read_bodies
 from sain_sim.camera.frame_tree import FrameTree
 from sain_sim.camera.scene_tracker import PosesConfig, SceneTracker
-from sain_sim.ros.markers import table_markers
 
 OWNED = ("scene", "shapes")
 SINGLE = ("push_result", "poses")  # of which there must be one publisher, who may claim nothing
@@ -159,7 +160,8 @@ class PosesNode(Node):
             tracker.scene(), stamp=stamp, episode_id=ids[0], scene_id=ids[1], settled=settled
         )
         self.scene_publisher.publish(self.last)
-        self.markers.show(table_markers(tracker.scene(), self.bodies.bodies, TABLE, stamp))
+        things: list[Thing] = [table_top(TABLE), *bodies_in(tracker.scene(), self.bodies.bodies)]
+        self.markers.show(markers_of(things, stamp))
 
     def _is_due(self, ids: tuple[int, int], settled: bool) -> bool:
         """Return whether to publish a scene: at most at the rate, and each change at once."""

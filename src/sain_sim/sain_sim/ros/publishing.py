@@ -9,11 +9,13 @@ from std_msgs.msg import Header
 from sain_core.errors import ErrorCode, SainError, error_reply
 from sain_core.guarding.ros.reception import Reception, shortened
 from sain_core.ros import codec
-from sain_core.ros.markers import MarkerBoard
+from sain_core.ros.markers import MarkerBoard, markers_of, tool_marker
 from sain_core.ros.node_main import ERROR, OK, WARN, Diagnostics
 from sain_core.ros.qos import LATCHED, QUEUE, RELIABLE, LatchedTopic
 from sain_core.scene import is_settled
 from sain_core.types import Scene
+from sain_core.view.scenes import bodies_in, table_top
+from sain_core.view.things import Thing
 from sain_interfaces.msg import (
     Bodies,
     Prediction,
@@ -25,7 +27,6 @@ from sain_interfaces.msg import (
 from sain_interfaces.msg import Scene as SceneMessage
 from sain_interfaces.srv import ResetScene
 from sain_sim.arm.panda import JOINT_NAMES
-from sain_sim.ros.markers import scene_markers
 from sain_sim.ros.session import Session
 from sain_sim.ros.simulator import SHADOW_MODEL, Pushed, Simulator
 from sain_sim.ros.transforms import Transforms, frame_prefix
@@ -110,7 +111,9 @@ class Publishing:
         self._transforms.publish(sample, self._simulator.pacer.now_ns)
         table = self._simulator.config.bullet.feasibility.table
         bodies = self._simulator.parameters.bodies
-        self._markers.show(scene_markers(sample, bodies, table, stamp))
+        things: list[Thing] = [table_top(table), *bodies_in(sample.scene, bodies)]
+        tool = tool_marker(sample.tool.tolist(), stamp)
+        self._markers.show([*markers_of(things, stamp), tool])
         if self._simulator.camera is None:
             self._scene.publish(scene)
 

@@ -2,8 +2,7 @@ from dataclasses import fields, replace
 
 import pytest
 
-from sain_core.drawing.palette import DARK, PALETTE, Palette, rgba
-from sain_core.scene import MID, TARGET
+from sain_core.view.palette import DARK, PALETTE, Palette, rgba
 
 NAMES = [field.name for field in fields(Palette)]
 
@@ -23,12 +22,6 @@ def test_text_can_be_read_on_paper(palette, name):
 def test_models_that_are_compared_have_different_colours():
     names = ("physics", "identified", "learned", "predicted", "history", "inside", "floor")
     assert len({getattr(PALETTE, name) for name in names}) == len(names)
-
-
-def test_disks_have_the_colour_of_their_place():
-    assert [PALETTE.disk(place) for place in (MID, TARGET, 2, 3)] == [
-        PALETTE.mid, PALETTE.target, PALETTE.other, PALETTE.other
-    ]  # fmt: skip
 
 
 def test_the_style_sheet_has_each_colour():

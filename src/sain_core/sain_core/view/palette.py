@@ -1,9 +1,8 @@
 """The colours of every picture, of the report page and of the rendered world, by their meaning."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from typing import Final
-
-from sain_core.scene import MID, TARGET
 
 Rgba = tuple[float, float, float, float]
 
@@ -33,11 +32,12 @@ class Palette:
     predicted: str = "#7d3fb0"  # by the planner's model, and by SAIN wherever models are compared
     history: str = "#be185d"  # SAIN with the pushes before
     inside: str = "#1e3a8a"  # SAIN inside physics
+    region: str = "#dea820"  # where a body should be after a push
     floor: str = "#2b3036"
 
-    def disk(self, index: int) -> str:
-        """Return the colour of a disk by its place in the scene."""
-        return {MID: self.mid, TARGET: self.target}.get(index, self.other)
+    def named(self, name: str) -> str:
+        """Return the colour of this name."""
+        return str(getattr(self, name))
 
     def css(self) -> str:
         """Return the declarations of a style sheet, one ``--name: colour;`` for each."""
@@ -47,6 +47,18 @@ class Palette:
         return "\n".join(f"  --{name}: {colour};" for name, colour in names)
 
 
+BODIES: Final = (
+    "mid",
+    "target",
+    "history",
+    "inside",
+    "learned",
+    "alarm",
+    "identified",
+    "physics",
+    "soft",
+    "ink",
+)  # fmt: skip - the names of the colours of bodies by their places in the scene
 PALETTE: Final = Palette()
 DARK: Final = Palette(
     page="#131518",
@@ -73,3 +85,17 @@ def rgba(colour: str, alpha: float = 1.0) -> Rgba:
     """Return a colour ``#rrggbb`` as shares of red, green, blue and opacity, from 0 to 1."""
     red, green, blue = (int(colour[place : place + 2], 16) / 255 for place in (1, 3, 5))
     return red, green, blue, alpha
+
+
+def body_colours(own: Sequence[bool]) -> list[str]:
+    """Return the names of the colours of bodies: of their own, or the one of all others."""
+    return [BODIES[body % len(BODIES)] if mine else "other" for body, mine in enumerate(own)]
+
+
+def cost_colour(share: float) -> str:
+    """Return a colour from that of the cheapest (0) over the middle to that of the dearest (1)."""
+    stops = (PALETTE.goal, PALETTE.learned, PALETTE.alarm)
+    first = min(int(2 * share), 1)
+    ends, along = zip(rgba(stops[first]), rgba(stops[first + 1]), strict=True), 2 * share - first
+    red, green, blue, _ = (round(255 * (low + along * (high - low))) for low, high in ends)
+    return f"#{red:02x}{green:02x}{blue:02x}"

@@ -8,8 +8,8 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from sain_core.drawing.palette import PALETTE
 from sain_core.storage import write_whole
+from sain_core.view.palette import PALETTE
 
 DOTS_PER_INCH: Final = 160
 TEXT: Final = 9.5  # [pt]: 8 px on a phone of 390 px for a figure that is 6.5 inches wide

@@ -1,0 +1,1 @@
+"""What pictures and pages show: one list of things to draw, its colours, and figures."""

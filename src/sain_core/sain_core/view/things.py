@@ -1,0 +1,200 @@
+"""The things that every picture, page and viewer draws, in metres and radians.
+
+`sain_core.view.scenes` makes lists of them from a scene, a row (an executed push) or a plan. What
+draws them is thin and computes no outline, colour, arrow or region: Matplotlib
+(`sain_eval.plots`), viser (`sain_live.page`), markers for RViz (`sain_core.ros.markers`), images
+(`sain_core.view.image`) and the JSON of the report page (`sain_bags.report.drawn`).
+"""
+
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Final
+
+import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
+
+from sain_core.scene import POSITION, RADIUS, THETA, unit
+from sain_core.shapes.shape import Shape
+from sain_core.types import Place, Points
+from sain_core.view.palette import PALETTE, cost_colour
+
+ARC: Final = 90  # corners of each limit of the reach
+HEADING_MARK: Final = 0.8  # of the circumscribed radius, length of a mark of a heading
+
+
+class Look(StrEnum):
+    """What a body or a path is drawn for."""
+
+    NOW = "now"  # where it is
+    START = "start"  # where it was first
+    BETWEEN = "between"  # where it came to rest on its way
+    EXPECTED = "expected"  # where the planner's model predicted it after a push
+    PHYSICS = "physics"  # where physics alone predicted it
+    PLANNED = "planned"  # where a plan should lead it
+    OTHER = "other"  # where another sequence of pushes would lead it
+    ERROR = "error"  # from where it was expected to where it came to rest
+
+
+@dataclass(frozen=True, eq=False)
+class TableTop:
+    """The table from its lower left to its upper right corner (2,) [m]."""
+
+    low: Place
+    high: Place
+
+    @property
+    def outline(self) -> Points:
+        """The corners (4, 2) [m]."""
+        (left, bottom), (right, top) = self.low, self.high
+        return np.array([(left, bottom), (right, bottom), (right, top), (left, top)])
+
+
+@dataclass(frozen=True, eq=False)
+class ReachArea:
+    """The part of a table where the tool can stand.
+
+    It is that of a ring [m] about the arm's base up to a bearing [rad].
+    """
+
+    inner: float
+    outer: float
+    bearing: float
+    table: TableTop
+
+    @property
+    def outlines(self) -> list[Points]:
+        """The corners (M, 2) [m] of each piece of it."""
+        from shapely import Polygon, get_parts
+
+        way = unit(np.linspace(-self.bearing, self.bearing, ARC))
+        ring = Polygon(np.concatenate([self.outer * way, self.inner * way[::-1]]))
+        pieces = get_parts(ring.intersection(Polygon(self.table.outline)))
+        return [np.array(piece.exterior.coords)[:-1] for piece in pieces if piece.area > 0.0]
+
+
+@dataclass(frozen=True, eq=False)
+class DrawnBody:
+    """A body of a scene.
+
+    Attributes:
+        number: its place in the scene.
+        name: what it is called beside it.
+        shape: its shape.
+        state: (8,).
+        colour: the name of its colour in the palette.
+        look: what it is drawn for.
+        fixed: whether nothing moves it.
+        marked: whether its heading counts.
+        share: of the pushes of a plan that are over, 1 for the last; of other looks 0.
+    """
+
+    number: int
+    name: str
+    shape: Shape
+    state: Float[ndarray, "8"]
+    colour: str
+    look: Look = Look.NOW
+    fixed: bool = False
+    marked: bool = False
+    share: float = 0.0
+
+    @property
+    def place(self) -> Place:
+        """Its centre (2,) [m]."""
+        return np.asarray(self.state[POSITION])
+
+    @property
+    def heading(self) -> float:
+        """Where its x axis points [rad]."""
+        return float(self.state[THETA])
+
+    @property
+    def radius(self) -> float:
+        """The radius of its state [m]."""
+        return float(self.state[RADIUS])
+
+    @property
+    def size(self) -> float:
+        """The radius [m] of the circle about it."""
+        return self.shape.circumradius * self.radius
+
+    @property
+    def outline(self) -> Points:
+        """Its corners (M, 2) [m] in the world."""
+        return self.shape.placed(self.state)
+
+    @property
+    def mark(self) -> Points:
+        """The line (2, 2) [m] from its centre along its x axis."""
+        return self.place + np.array([[0.0], [HEADING_MARK * self.size]]) * unit(self.state[THETA])
+
+
+@dataclass(frozen=True, eq=False)
+class BodyPath:
+    """Where a body's centre goes, by places (M, 2) [m].
+
+    Attributes:
+        share: of other sequences, 0 for the cheapest and 1 for the dearest.
+    """
+
+    number: int
+    points: Points
+    colour: str
+    look: Look = Look.NOW
+    share: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class GoalMark:
+    """Where a body should come to rest.
+
+    Attributes:
+        body: it, as it should lie; with a mark where its heading counts.
+        tolerance: [m], about its place.
+        colour: of the mark; that of the body is the body's.
+    """
+
+    body: DrawnBody
+    tolerance: float
+    colour: str = "goal"
+
+    @property
+    def number(self) -> int:
+        """Place of the body in the scene."""
+        return self.body.number
+
+    @property
+    def outlined(self) -> bool:
+        """Whether the body's outline is the goal's: no, where any heading will do."""
+        return self.body.marked or self.body.shape.is_round
+
+
+@dataclass(frozen=True, eq=False)
+class PushArrow:
+    """The way of the tool's axis from a start (2,) to an end (2,) [m]; number 0: none is shown."""
+
+    start: Place
+    end: Place
+    number: int = 0
+    colour: str = "ink"
+
+
+@dataclass(frozen=True, eq=False)
+class Region:
+    """The circle [m] that should hold a body's centre after a push, by nine chances in ten."""
+
+    number: int
+    place: Place
+    radius: float
+    colour: str = "region"
+
+
+Thing = TableTop | ReachArea | DrawnBody | BodyPath | GoalMark | PushArrow | Region
+
+
+def hue(thing: DrawnBody | BodyPath | GoalMark | PushArrow | Region) -> str:
+    """Return the colour of a thing on white, as ``#rrggbb``."""
+    if isinstance(thing, BodyPath) and thing.look is Look.OTHER:
+        return cost_colour(thing.share)
+    return PALETTE.named(thing.colour)
