@@ -8,10 +8,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from sain_core.view.figures import TEXT, new_figure, style_axes, write_png
-from sain_core.view.palette import PALETTE
 from sain_core.randomness import Interval, bootstrap_mean, generator
 from sain_core.scene import MID, TARGET
+from sain_core.view.figures import TEXT, new_figure, style_axes, write_png
+from sain_core.view.palette import PALETTE
 from sain_model.evaluation.errors import position_errors
 from sain_model.evaluation.predictors import (
     LEARNED,
