@@ -50,15 +50,13 @@ def test_the_page_gets_the_outline_of_every_shape_that_is_not_round(record, tmp_
 
 def test_a_push_lies_between_its_scenes(bag):
     second = content(bag)["episodes"][1]
-    poses = second["frames"]["poses"]
     assert [push["outcome"] for push in second["pushes"]] == ["executed", "refused", "executed"]
     for push in second["pushes"]:
-        assert poses[push["from"]] == push["before"]
         if push["outcome"] == "executed":
-            assert poses[push["to"]] == push["after"]
             assert push["to"] - push["from"] == STEPS + 1
     refused = second["pushes"][1]
-    assert refused["to"] == refused["from"] and refused["after"] is None
+    assert refused["to"] == refused["from"]
+    assert [thing["kind"] for thing in refused["things"]] == ["push"]
     assert (refused["reason"], refused["message"]) == ("blocked", "disk 2 is in the way")
     assert second["counts"] == {"executed": 2, "refused": 1, "unanswered": 0}
 
@@ -166,8 +164,7 @@ def test_a_long_episode_is_thinned_and_the_page_says_so(bag):
     assert len(first["frames"]["time"]) <= 5 + 3
     assert first["frames"]["recorded"] > len(first["frames"]["time"])
     assert first["frames"]["thinned"] > 1
-    poses = first["frames"]["poses"]
-    assert all(poses[push["to"]] == push["after"] for push in first["pushes"])
+    assert all(first["frames"]["settled"][push["to"]] for push in first["pushes"])
 
 
 def test_later_episodes_are_only_counted(bag):
@@ -205,7 +202,7 @@ def test_what_another_push_did_is_not_ascribed_to_one_without_a_result(record, t
     recording.add("/sain/push", "Push", push_id=77, episode_id=1, scene_id=1, length=0.1)
     recording.writer.close()
     pushes = content(tmp_path / "bag")["episodes"][0]["pushes"]
-    assert [(push["outcome"], push["after"] is None) for push in pushes] == [
+    assert [(push["outcome"], push["moved"] is None) for push in pushes] == [
         ("executed", False), ("unanswered", True)
     ]  # fmt: skip
 

@@ -10,9 +10,7 @@ from tests.rviz import Rviz, shown
 
 
 def cubes(count):
-    made = [
-        make_marker("cubes", number, Marker.CUBE, (1.0,) * 4, Time()) for number in range(count)
-    ]
+    made = [make_marker("cubes", number, Marker.CUBE, "#ffffff", Time()) for number in range(count)]
     for marker in made:
         marker.scale = Vector3(x=0.1, y=0.1, z=0.1)
     return made

@@ -10,11 +10,12 @@ import numpy as np
 
 from sain_bags.reading.reader import Bag
 from sain_bags.reading.timing import BINS, TopicTiming, read_timings
+from sain_bags.report.drawn import as_json
 from sain_bags.report.episode_content import describe_episode, outcome
 from sain_bags.report.gathering import Gathered, Limits, Progress, gather, graphs
 from sain_bags.report.pushes import models, rounded, target_error
 from sain_bags.report.titles import episode_titles
-from sain_core.feasibility import Feasibility
+from sain_core.view.scenes import stage
 
 STEPS: Final = 200  # of the curve of errors
 HISTOGRAM: Final = 24  # bars
@@ -60,7 +61,7 @@ def read_content(bag: Bag, limits: Limits = Limits(), progress: Progress = lambd
             }
             for topic in bag.topics
         ],
-        "table": _table(),
+        "stage": [as_json(thing) for thing in stage()],
         "view": _view(shown),
         "totals": _totals(found),
         "episodes": [
@@ -122,20 +123,6 @@ def _notice(bag: Bag, found: Sequence[Gathered]) -> str:
     if pushes:
         return f"No push was executed in this recording: {len(pushes)} refused."
     return "This recording has no pushes. The page shows its scenes and its topics."
-
-
-def _table() -> dict[str, Any]:
-    """Return the table and the arm's reach as the project has them; a bag does not say."""
-    feasibility = Feasibility()
-    table, reach = feasibility.table, feasibility.reach
-    return {
-        "x": [table.x_min, table.x_max],
-        "y": [table.y_min, table.y_max],
-        "inner": reach.inner,
-        "outer": reach.outer,
-        "bearing": reach.max_bearing,
-        "tool": feasibility.limits.tool_radius,
-    }
 
 
 def _view(found: Sequence[Gathered]) -> list[float]:

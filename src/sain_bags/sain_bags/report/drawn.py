@@ -3,10 +3,7 @@
 from typing import Any, Final
 
 import numpy as np
-from jaxtyping import Float
-from numpy import ndarray
 
-from sain_core.types import Points
 from sain_core.view.things import (
     BodyPath,
     DrawnBody,
@@ -43,7 +40,7 @@ def as_json(thing: Thing) -> dict[str, Any]:
             return _coloured(thing, "region", pose=pose, radius=thing.radius)
 
 
-def rounded_places(points: Points | Float[ndarray, "M 3"]) -> list[list[float]]:
+def rounded_places(points: np.ndarray) -> list[list[float]]:
     """Return places (M, 2) or poses (M, 3)."""
     return [[round(float(value), PLACE_DIGITS) for value in point] for point in points]
 

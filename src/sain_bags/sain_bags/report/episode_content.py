@@ -5,16 +5,15 @@ from typing import Any, Final
 
 import numpy as np
 
+from sain_bags.report.drawn import as_json
 from sain_bags.report.frames import Frame, frame_times
 from sain_bags.report.gathering import Gathered
 from sain_bags.report.pushes import answered, models, poses, rounded, unanswered
 from sain_bags.transitions.recorded_episodes import Episode
-from sain_core.errors import ConfigError
-from sain_core.scene import MASS, POSE, RADIUS
-from sain_core.shapes.library import get_shape
-from sain_core.shapes.shape import Shape
-from sain_core.shapes.solids import DISK
+from sain_core.scene import MASS, POSE
+from sain_core.shapes.bodies import Bodies
 from sain_core.types import Scene
+from sain_core.view.scenes import bodies_in, goal_marks
 
 STATUS: Final = ("unknown", "push", "reached", "no push", "exhausted")  # sain_interfaces/msg/Plan
 KINDS: Final = ("physics", "expected")  # of predictions
@@ -33,6 +32,8 @@ def describe_episode(gathered: Gathered, title: str, start: int) -> dict[str, An
     shown = pushes[:PUSHES]
     if len(shown) < len(pushes) and shown[-1]["to"] is not None:
         frames = frames[: shown[-1]["to"] + 1]
+    first = frames[0].scene if frames else episode.start
+    bodies = gathered.bodies(len(first))
     return {
         "number": episode.episode_id,
         "title": title,
@@ -46,7 +47,8 @@ def describe_episode(gathered: Gathered, title: str, start: int) -> dict[str, An
         "start": rounded(1e-9 * (episode.interval[0] - start), 3),
         "end": rounded(1e-9 * (episode.interval[1] - start), 3),
         "turn": _turn(episode),
-        "disks": _disks(frames[0].scene if frames else episode.start, gathered),
+        "disks": _disks(first, gathered, bodies),
+        "goals": [as_json(mark) for mark in goal_marks(episode.goal, first, bodies)],
         "frames": _frames(frames, gathered, replaced, len(pushes) > len(shown)),
         "pushes": shown,
         "counts": _counts(pushes),
@@ -69,18 +71,9 @@ def _turn(episode: Episode) -> float | None:
 
 
 def _poses(episode: Episode) -> list[dict[str, Any]]:
-    """Return the poses that bodies should come to; the heading is null where any will do."""
-    return [
-        {
-            "body": pose.body,
-            "x": rounded(pose.x),
-            "y": rounded(pose.y),
-            "heading": None if pose.heading is None else rounded(pose.heading),
-            "tolerance": rounded(pose.tolerance),
-            "turn": None if pose.heading is None else rounded(pose.heading_tolerance),
-        }
-        for pose in (episode.goal.poses if episode.goal else ())
-    ]
+    """Return where bodies should come to rest."""
+    poses = episode.goal.poses if episode.goal else ()
+    return [{"body": pose.body, "x": rounded(pose.x), "y": rounded(pose.y)} for pose in poses]
 
 
 def _keep(episode: Episode) -> list[dict[str, Any]]:
@@ -95,43 +88,15 @@ def _keep(episode: Episode) -> list[dict[str, Any]]:
     ]
 
 
-def _disks(scene: Scene, gathered: Gathered) -> list[dict[str, Any]]:
-    """Return what each body is like; it has an outline [m] in its own frame unless it is round."""
-    bodies = gathered.episode.bodies
-    if not bodies.are_paper_disks and len(bodies) == len(scene):
-        return [
-            {
-                "radius": rounded(state[RADIUS]),
-                "mass": rounded(state[MASS], 3),
-                "outline": _corners(shape, float(state[RADIUS])),
-                "name": shape.name,
-                "role": str(role),
-            }
-            for state, shape, role in zip(scene, bodies.shapes, bodies.roles, strict=True)
-        ]
-    named = (*gathered.log.shapes, *(DISK for _ in scene))
+def _disks(scene: Scene, gathered: Gathered, bodies: Bodies) -> list[dict[str, Any]]:
+    """Return each body as it is drawn first; with its shape and role if the recording has them."""
+    stated = bodies is gathered.episode.bodies
     return [
-        {
-            "radius": rounded(disk[RADIUS]),
-            "mass": rounded(disk[MASS], 3),
-            "outline": _outline(name, float(disk[RADIUS])),
-        }
-        for disk, name in zip(scene, named, strict=False)
+        as_json(body)
+        | {"mass": rounded(body.state[MASS], 3)}
+        | ({"name": body.shape.name, "role": str(bodies.roles[body.number])} if stated else {})
+        for body in bodies_in(scene, bodies, gathered.episode.goal)
     ]
-
-
-def _outline(name: str, radius: float) -> list[list[float | None]] | None:
-    try:
-        shape = get_shape(name)
-    except ConfigError:  # recorded where more shapes were installed
-        return None
-    return _corners(shape, radius)
-
-
-def _corners(shape: Shape, radius: float) -> list[list[float | None]] | None:
-    if shape.is_round:
-        return None
-    return [[rounded(value) for value in corner] for corner in shape.outline(radius)]
 
 
 def _counts(pushes: Sequence[dict[str, Any]]) -> dict[str, int]:

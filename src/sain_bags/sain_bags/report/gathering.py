@@ -18,7 +18,11 @@ from sain_bags.transitions.message_fields import (
     parent_of,
 )
 from sain_bags.transitions.recorded_episodes import Episode, collect_episodes
-from sain_core.errors import DatasetError, InvalidInputError
+from sain_core.errors import ConfigError, DatasetError, InvalidInputError
+from sain_core.shapes.bodies import Bodies
+from sain_core.shapes.library import get_shape
+from sain_core.shapes.shape import Shape
+from sain_core.shapes.solids import DISK
 
 Progress = Callable[[], object]
 TYPES: Final = EPISODE_TYPES | {PUSH, WORLD}
@@ -57,6 +61,13 @@ class Gathered:
     def sent(self) -> dict[int, Any]:
         """The pushes (sain_interfaces/msg/Push) without an answer: the last of their episode."""
         return self.log.sent if self.goal == self.goals else {}
+
+    def bodies(self, count: int) -> Bodies:
+        """Return so many bodies: those that are stated, else disks or the shapes of the world."""
+        stated = self.episode.bodies
+        if not stated.are_paper_disks and len(stated) == count:
+            return stated
+        return Bodies(tuple(map(_shape, (*self.log.shapes, *(DISK,) * count)[:count])))
 
     @property
     def part(self) -> EpisodePart:
@@ -173,6 +184,13 @@ class _Reader:
             room = len(self.log) < self._limits.episodes
             self.log[key] = EpisodeLog(Frames(self._limits.frames if room else 0))
         return self.log[key]
+
+
+def _shape(name: str) -> Shape:
+    try:
+        return get_shape(name)
+    except ConfigError:  # recorded where more shapes were installed
+        return get_shape(DISK)
 
 
 def _nanoseconds(message: Any) -> int:

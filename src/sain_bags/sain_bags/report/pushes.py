@@ -5,20 +5,20 @@ from typing import Any, Final
 
 import numpy as np
 
+from sain_bags.report.drawn import as_json, rounded_places
 from sain_bags.report.frames import Frame
 from sain_bags.report.gathering import Gathered
 from sain_bags.transitions.recorded_episodes import Episode
 from sain_bags.transitions.recorded_pushes import RecordedPush
 from sain_core.errors import ErrorCode
-from sain_core.push import PUSH_NAMES, PushLimits, pushed_bodies, tool_end, tool_start
+from sain_core.push import PUSH_NAMES, pushed_bodies
 from sain_core.scene import POSE, POSITION, TARGET
-from sain_core.shapes.bodies import PAPER_DISKS, Bodies
-from sain_core.types import PushArray, Scene
+from sain_core.types import Scene
+from sain_core.view.scenes import predictions, push_arrow
+from sain_core.view.things import Look, Thing
 from sain_core.wire import push_as_sent
 
 DIGITS: Final = 8  # of metres and radians: what the page rounds again stays what it was
-PLACE_DIGITS: Final = 5  # of what is only drawn: hundredths of a millimetre
-LIMITS: Final = PushLimits()
 
 Moments = tuple[int | None, int | None]  # the frames between which a push happened; None: unknown
 
@@ -34,7 +34,7 @@ def poses(scene: Scene | None) -> list[list[float]] | None:
     """Return where the disks are: x, y [m] and theta [rad] of each."""
     if scene is None or not np.isfinite(scene[:, POSE]).all():
         return None
-    return [[round(float(value), PLACE_DIGITS) for value in disk] for disk in scene[:, POSE]]
+    return rounded_places(scene[:, POSE])
 
 
 def answered(gathered: Gathered, frames: Sequence[Frame]) -> list[dict[str, Any]]:
@@ -46,7 +46,7 @@ def answered(gathered: Gathered, frames: Sequence[Frame]) -> list[dict[str, Any]
         moments = _moments(frames, scenes, log.stamps.get(push.push_id, (0, 0)))
         if not push.executed:
             moments = (moments[0], moments[0])
-        found.append(_describe(push, episode, moments))
+        found.append(_describe(push, gathered, moments))
     return found
 
 
@@ -76,7 +76,7 @@ def unanswered(gathered: Gathered, frames: Sequence[Frame]) -> list[dict[str, An
             plan=plans.get(push.push_id),
         )
         moments = (first, last if alone else first)
-        found.append(_describe(record, gathered.episode, moments))
+        found.append(_describe(record, gathered, moments))
     return found
 
 
@@ -92,7 +92,8 @@ def _moments(frames: Sequence[Frame], scenes: tuple[int, int], stamps: tuple[int
     return first, last
 
 
-def _describe(push: RecordedPush, episode: Episode, moments: Moments) -> dict[str, Any]:
+def _describe(push: RecordedPush, gathered: Gathered, moments: Moments) -> dict[str, Any]:
+    episode = gathered.episode
     plan, comparable = push.plan, push.executed or push.error_code == ErrorCode.UNKNOWN
     actual = push.after if comparable else None
     names = {int(code): code.name.lower().replace("_", " ") for code in ErrorCode}
@@ -110,17 +111,26 @@ def _describe(push: RecordedPush, episode: Episode, moments: Moments) -> dict[st
         "duration": rounded(push.duration, 3),
         "from": moments[0],
         "to": moments[1],
-        "tool": _tool(push.before, push.push, episode.bodies),
-        "before": poses(push.before),
-        "after": poses(actual),
-        "expected": poses(push.predicted if comparable else None),
-        "physics": poses(push.physics if comparable else None),
+        "things": _things(push, actual, gathered),
         "physicsModel": push.physics_model,
         "expectedError": rounded(target_error(push.predicted, actual, episode.aimed)),
         "physicsError": rounded(target_error(push.physics, actual, episode.aimed)),
         "moved": rounded(target_error(push.before, actual, episode.aimed)),
         "distance": [_distance(scene, episode) for scene in (push.before, actual)],
     }
+
+
+def _things(push: RecordedPush, actual: Scene | None, gathered: Gathered) -> list[dict[str, Any]]:
+    """Return what is drawn of a push: the predictions of both models, and the tool's way."""
+    things: list[Thing] = []
+    if _outcome(push) != "refused":
+        known = ((push.physics, Look.PHYSICS), (push.predicted, Look.EXPECTED))
+        for scene, look in ((scene, look) for scene, look in known if scene is not None):
+            bodies = gathered.bodies(len(scene))
+            things += predictions(push.before, actual, scene, bodies, look)
+    if push.before is not None:
+        things += push_arrow(push.before, push.push, gathered.bodies(len(push.before)))
+    return [as_json(thing) for thing in things]
 
 
 def _outcome(push: RecordedPush) -> str:
@@ -148,13 +158,3 @@ def _distance(scene: Scene | None, episode: Episode) -> float | None:
     if scene is None or episode.goal is None:
         return None
     return rounded(episode.distance(scene))
-
-
-def _tool(scene: Scene | None, push: PushArray, bodies: Bodies) -> list[list[float]] | None:
-    """Return where the tool's axis starts and ends, [[x, y], [x, y]]; None: not finite."""
-    if scene is None or not np.isfinite(push).all() or pushed_bodies(push) >= len(scene):
-        return None
-    if len(bodies) != len(scene):
-        bodies = PAPER_DISKS
-    ends = (tool_start(scene, push, LIMITS, bodies), tool_end(scene, push, LIMITS, bodies))
-    return [[round(float(value), PLACE_DIGITS) for value in end] for end in ends]

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from sain_core.storage import write_whole
-from sain_core.view.palette import DARK, PALETTE
+from sain_core.view.palette import BODIES, DARK, PALETTE
 
 SCRIPT: Final = "page.js"
 IMPORT: Final = re.compile(r'^import \{([^}]*)\} from "\./([\w.]+)";\n', re.MULTILINE)
@@ -26,7 +26,8 @@ UNSAFE: Final = {ord(sign): f"\\u{ord(sign):04x}" for sign in "<>&\u2028\u2029"}
 
 def render_page(data: dict[str, Any]) -> str:
     """Return the whole page for what `read_content` found."""
-    style = _fill(_part("page.css"), light=PALETTE.css(), dark=DARK.css())
+    colours = "\n".join(f".c-{name} {{ color: var(--{name}); }}" for name in (*BODIES, "other"))
+    style = _fill(_part("page.css"), light=PALETTE.css(), dark=DARK.css(), colours=colours)
     script = bundle(SCRIPT, _part)
     return _fill(
         _part("page.html"),

@@ -10,7 +10,7 @@ from numpy import ndarray
 from sain_core.feasibility import Feasibility
 from sain_core.goal import Goal
 from sain_core.push import LENGTH, PushLimits, pushed_bodies, strokes
-from sain_core.scene import POSITION, TARGET, THETA, Table, unit, wrap_angle
+from sain_core.scene import POSE, POSITION, TARGET, THETA, Table, unit, wrap_angle
 from sain_core.shapes.bodies import Bodies, Role
 from sain_core.types import PushArray, Pushes, Scene, Scenes
 from sain_core.view.palette import body_colours
@@ -125,7 +125,9 @@ def predictions(
     before: Scene | None, after: Scene | None, predicted: Scene | None, bodies: Bodies, look: Look
 ) -> list[DrawnBody]:
     """Return the bodies (N, 8) as a push was predicted to leave them, if they moved or should."""
-    if predicted is None or len(bodies.fitted(len(predicted))) != len(predicted):
+    if predicted is None or not np.isfinite(predicted[:, POSE]).all():
+        return []
+    if len(bodies.fitted(len(predicted))) != len(predicted):
         return []
     first = predicted if before is None or before.shape != predicted.shape else before
     last = predicted if after is None or after.shape != predicted.shape else after

@@ -2,7 +2,8 @@
 
 import { draw } from "./elements.js";
 import { counted, fineMillimetres, milliseconds, tickText, ticks } from "./figures.js";
-import { goalDistance, size, wantedName } from "./geometry.js";
+import { goalDistance, wantedName } from "./geometry.js";
+import { size } from "./things.js";
 
 const NAMES = { physics: "physics", expected: "planner" };
 const LEFT = 34, BOTTOM = 22, TOP = 12;

@@ -21,8 +21,8 @@ class Episodes {
     const more = [left > 0 ? `${counted(left, "later episode")} not listed. The figures include them.` : "", data.idle].filter(Boolean);
     find("more").hidden = !more.length;
     find("more").textContent = more.join(" ");
-    const others = data.episodes.some((episode) => episode.disks.length > 2);
-    find("legend").replaceChildren(...topViewLegend(others, (name, on) => this.toggle(name, on)));
+    const disks = data.episodes.flatMap((episode) => episode.disks);
+    find("legend").replaceChildren(...topViewLegend(disks, (name, on) => this.toggle(name, on)));
     onWidth(find("distance"), () => this.drawCharts());
     onWidth(find("errors"), () => this.drawCharts());
     this.choose(Math.max(data.episodes.findIndex((episode) => episode.pushes.length), 0));

@@ -1,33 +1,4 @@
-// Places of the world in the top view: millimetres, x to the right, y down.
-
-import { draw } from "./elements.js";
-
-// The style of a disk by its place in the scene.
-function diskClass(number) {
-  return ["mid", "target"][number] ?? "other";
-}
-
-function place(pose) {
-  return [1000 * pose[0], -1000 * pose[1]];
-}
-
-// A recorded radius may be negative or absent; that of a circle may not.
-function size(metres) {
-  return 1000 * Math.max(metres ?? 0, 0);
-}
-
-// A body from above: round, or with an outline in its own frame.
-function outline(disk, pose, attributes = {}) {
-  const [x, y] = place(pose);
-  if (!disk.outline) return draw("circle", { ...attributes, cx: x, cy: y, r: size(disk.radius) });
-  const points = disk.outline.map((corner) => place(corner).join(",")).join(" ");
-  return draw("polygon", { ...attributes, points, transform: `translate(${x} ${y}) rotate(${turn(pose)})` });
-}
-
-// The heading of a pose, clockwise in degrees as SVG has it.
-function turn(pose) {
-  return (-180 * pose[2]) / Math.PI;
-}
+// Distances in an episode, in millimetres, and what it is about.
 
 function apart(one, other) {
   return 1000 * Math.hypot(one[0] - other[0], one[1] - other[1]);
@@ -54,10 +25,4 @@ function wayLength(poses, number) {
   return sum;
 }
 
-function sector(inner, outer, bearing) {
-  const [c, s] = [Math.cos(bearing), Math.sin(bearing)], large = bearing > Math.PI / 2 ? 1 : 0;
-  return `M${outer * c} ${-outer * s}A${outer} ${outer} 0 ${large} 1 ${outer * c} ${outer * s}` +
-    `L${inner * c} ${inner * s}A${inner} ${inner} 0 ${large} 0 ${inner * c} ${-inner * s}Z`;
-}
-
-export { apart, diskClass, goalDistance, named, outline, place, sector, size, turn, wantedName, wayLength };
+export { goalDistance, named, wantedName, wayLength };

@@ -11,7 +11,10 @@ function mark(shape) {
 }
 
 // The legend of the top view; three kinds of marks can be switched off.
-function topViewLegend(others, onToggle) {
+function topViewLegend(disks, onToggle) {
+  const own = disks.filter((disk) => disk.colour !== "other").map((disk) => [disk.number, disk.colour]);
+  const bodies = [...new Map(own).entries()].sort(([one], [other]) => one - other);
+  const others = disks.some((disk) => disk.colour === "other");
   const entry = (shape, text) => make("span", {}, mark(shape), text);
   const toggle = (name, shape, text) => {
     const box = make("input", { type: "checkbox" });
@@ -21,13 +24,13 @@ function topViewLegend(others, onToggle) {
   };
   return [
     entry(square("top"), "table"), entry(square("reach"), "reachable area"),
-    entry(circle("disk mid"), "body 0"), entry(circle("disk target"), "body 1"),
-    ...(others ? [entry(circle("disk other"), "other body")] : []),
-    entry(circle("start other"), "start"), entry(circle("ring"), "goal and tolerance"),
+    ...bodies.map(([number, colour]) => entry(circle(`disk c-${colour}`), `body ${number}`)),
+    ...(others ? [entry(circle("disk c-other"), "other body")] : []),
+    entry(circle("start c-other"), "start"), entry(circle("ring"), "goal and tolerance"),
     entry(path("tool", "M1 7H19M14 3L19 7L14 11"), "push"),
     toggle("physics", circle("ghost physics"), "predicted by physics"),
     toggle("expected", circle("ghost expected"), "predicted by the planner"),
-    toggle("paths", path("path target", "M1 11C6 2 12 12 19 3"), "paths"),
+    toggle("paths", path("path c-target", "M1 11C6 2 12 12 19 3"), "paths"),
   ];
 }
 
