@@ -17,6 +17,7 @@ setup(
     ],
     install_requires=[
         "jaxtyping",
+        "joblib",
         "matplotlib",
         "numpy",
         "pillow",

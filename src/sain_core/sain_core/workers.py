@@ -1,26 +1,31 @@
-"""Work done by this process, by others, or by a Ray cluster."""
+"""Work that several workers share: this process, others of this machine, or a Ray cluster.
+
+The processes are those of loky, which joblib brings: docs/decisions/0054-workers-of-loky.md.
+What the work gives depends neither on the number of workers nor on where they are.
+"""
 
 import hashlib
 import importlib
 import logging
-import multiprocessing
 import os
+import re
 import secrets
 import signal
 import socket
 import tempfile
 from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
-from concurrent.futures.process import BrokenProcessPool
+from concurrent.futures import FIRST_COMPLETED, Future, wait
 from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass
 from importlib.util import find_spec
 from multiprocessing.util import Finalize
 from pathlib import Path
 from threading import Thread
-from time import monotonic, sleep
+from time import sleep
 from types import ModuleType
 from typing import Any, Final, Generic, Protocol, TypeVar
+
+from joblib.externals.loky.process_executor import BrokenProcessPool, ProcessPoolExecutor
 
 from sain_core.config import Config, option
 from sain_core.errors import ConfigError, SainError
@@ -33,16 +38,29 @@ DoneOut = TypeVar("DoneOut", covariant=True)
 
 AHEAD: Final = 8  # jobs a worker may be ahead of the one that is waited for
 LIVES: Final = 3  # workers that die one after another, with nothing done, before the work stops
-GRACE: Final = 5.0  # [s] for a worker to clear up when its owner has died
-CLOSING: Final = 1.0  # [s], likewise when the work ends before it is done
-THREAD_LIMITS: Final = (
-    "OMP_NUM_THREADS",
-    "OPENBLAS_NUM_THREADS",
-    "MKL_NUM_THREADS",
-    "NUMBA_NUM_THREADS",
+LOOK: Final = 0.2  # [s] between looks of a worker whether its owner lives
+ONE_THREAD: Final = dict.fromkeys(
+    ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"), "1"
 )
 
 log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, kw_only=True)
+class WorkerOptions(Config):
+    """Who does the work. What is written does not depend on it."""
+
+    workers: int = option(
+        1,
+        "processes that share the work; planning takes longer with more of them than cores",
+        minimum=1,
+        maximum=4096,
+    )
+    ray: str = option(
+        "",
+        "Ray cluster of the workers: HOST:PORT; auto: this machine's; local: a new one on this"
+        " machine",
+    )
 
 
 class Runner(Protocol[JobIn, DoneOut]):
@@ -114,16 +132,30 @@ class Work(Generic[Job, Done]):
         return whole if self.resumes else ""
 
 
-@contextmanager
-def environment(values: Mapping[str, str]) -> Iterator[None]:
-    """Set environment variables for a while; processes that start meanwhile inherit them."""
-    before = dict(os.environ)
-    os.environ.update(values)
-    try:
-        yield
-    finally:
-        os.environ.clear()
-        os.environ.update(before)
+def run_on_workers(
+    work: Work[Job, Done], jobs: Sequence[Job], options: WorkerOptions, ordered: bool = True
+) -> Generator[Done, None, None]:
+    """Do all jobs; yield their results in the order of the jobs, or else as they come.
+
+    One worker without Ray is this process. Workers end with this process, killed or not.
+
+    Raises:
+        ConfigError: there is no such Ray cluster.
+        SainError: a job cannot be done.
+    """
+    size = min(options.workers, len(jobs))
+    if not jobs:
+        return
+    if options.ray:
+        yield from run_on_ray(work, jobs, size, ordered, options.ray)
+    elif size > 1:
+        yield from run_on_processes(work, jobs, size, ordered)
+    else:
+        with closing(work.start()) as runner:
+            yield from map(runner.run, jobs)
+
+
+# --- processes of this machine --------------------------------------------------------------------
 
 
 class WorkerDiedError(SainError):
@@ -158,24 +190,19 @@ def run_on_processes(
 
 
 class Processes(Generic[Job, Done]):
-    """An executor whose workers end with this process, also in the middle of a job."""
+    """Workers that end with this process, also in the middle of a job."""
 
     def __init__(self, work: Work[Job, Done], size: int) -> None:
         """Begin without jobs; the first one starts so many processes."""
         self._work, self._size = work, size
-        spawn = multiprocessing.get_context("spawn")
-        self._executor = ProcessPoolExecutor(size, spawn, _begin, (work.start,))
+        self._executor = ProcessPoolExecutor(
+            size, initializer=_begin, initargs=(work.start, os.getpid()), env=ONE_THREAD
+        )
         self._running: dict[Future[Done], Job] = {}
-        self._processes: list[Any] = []
 
     def submit(self, job: Job) -> "Future[Done]":
         """Give a job to a worker that is free, as soon as one is."""
-        with environment(dict.fromkeys(THREAD_LIMITS, "1")):
-            future: Future[Done] = self._executor.submit(_do, job)
-        # It starts them one by one, and forgets them all when one dies.
-        self._processes = list(
-            dict.fromkeys([*self._processes, *self._executor._processes.values()])
-        )
+        future: Future[Done] = self._executor.submit(_do, job)
         self._running[future] = job
         return future
 
@@ -189,16 +216,11 @@ class Processes(Generic[Job, Done]):
         try:
             result = future.result()
         except BrokenProcessPool as error:
-            # The executor ends the others with SIGTERM; they exit with 0, or of the signal.
-            ended = {*map(_exit_code, self._processes)} - {0, None}
-            code = next(iter(ended - {-signal.SIGTERM} or ended), 0)
-            names = map(self._work.name, list(self._running.values())[: self._size])
-            raise WorkerDiedError(
-                f"{' or '.join(names)} ended a worker with exit code {code}"
-            ) from error
-        finally:
-            if future.done() and not isinstance(future.exception(), BrokenProcessPool):
-                del self._running[future]
+            names = " or ".join(map(self._work.name, [*self._running.values()][: self._size]))
+            code = re.search(r"workers are \{(.*)\}", str(error))
+            died = f"with exit code {code[1]}" if code else f": {error}"
+            raise WorkerDiedError(f"{names} ended a worker {died}") from error
+        del self._running[future]
         return result
 
     def results(self, jobs: Mapping[int, Job], ordered: bool) -> Iterator[tuple[int, Done]]:
@@ -217,58 +239,37 @@ class Processes(Generic[Job, Done]):
 
     def close(self) -> None:
         """End the workers, also in the middle of a job."""
-        if self._running:
-            for process in self._processes:
-                process.terminate()
-            for process in self._processes:
-                process.join(CLOSING)
-                process.kill()
-        self._executor.shutdown(cancel_futures=True)
+        self._executor.shutdown(kill_workers=bool(self._running))
 
 
-def _exit_code(process: Any) -> int | None:
-    """Wait for a process to end; return its exit code."""
-    process.join()
-    end = monotonic() + CLOSING
-    while process.exitcode is None and monotonic() < end:
-        sleep(0.001)  # a thread of the executor has collected it, and is about to store it
-    code: int | None = process.exitcode
-    return code
+_start: Callable[[], Runner[Any, Any]]  # of this process, which is a worker
+_runner: Runner[Any, Any] | None = None
 
 
-_runner: Runner[Any, Any]  # of this process, which is a worker
-
-
-def _begin(start: Callable[[], Runner[Any, Any]]) -> None:
+def _begin(start: Callable[[], Runner[Any, Any]], owner: int) -> None:
     """Get ready, in a worker."""
-    global _runner
+    global _start
+    _start = start
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the owner, who ends us
-    Thread(target=_end_with_owner, daemon=True).start()
-    _runner = start()
-    clear_up = Finalize(None, _runner.close, exitpriority=1)
-
-    def end(*_: object) -> None:
-        try:
-            clear_up()
-        finally:
-            os._exit(0)
-
-    signal.signal(signal.SIGTERM, end)
+    Thread(target=_end_with_owner, args=(owner,), daemon=True).start()
 
 
 def _do(job: Any) -> Any:
+    global _runner
+    if _runner is None:
+        _runner = _start()
+        Finalize(None, _runner.close, exitpriority=1)
     return _runner.run(job)
 
 
-def _end_with_owner() -> None:
-    """End this process, also in the middle of a job, as soon as its owner has ended."""
-    owner = multiprocessing.parent_process()
-    if owner is not None:
-        owner.join()
-        os.kill(os.getpid(), signal.SIGTERM)
-        sleep(GRACE)
-        os._exit(1)
+def _end_with_owner(owner: int) -> None:
+    """End this process, also in the middle of a job, soon after its owner has ended."""
+    while os.getppid() == owner:
+        sleep(LOOK)
+    os.kill(os.getpid(), signal.SIGKILL)
 
+
+# --- a Ray cluster: an optional extra, which nothing else imports ---------------------------------
 
 LOCAL: Final = "local"
 AUTO: Final = "auto"
@@ -277,6 +278,18 @@ RETRIES: Final = 2  # of a job whose worker died
 STORE_BYTES: Final = 100_000_000  # for results on their way
 TOKEN: Final = secrets.token_hex(32)  # of clusters on this machine
 INSTALL: Final = 'pip install "sain_core[ray]", or pip install ray'
+
+
+@contextmanager
+def environment(values: Mapping[str, str]) -> Iterator[None]:
+    """Set environment variables for a while; processes that start meanwhile inherit them."""
+    before = dict(os.environ)
+    os.environ.update(values)
+    try:
+        yield
+    finally:
+        os.environ.clear()
+        os.environ.update(before)
 
 
 @contextmanager
@@ -336,8 +349,7 @@ def _environment(address: str, folder: str) -> dict[str, str]:
     # The first is, in spite of its name, what keeps any system's Ray on the loopback address;
     # without a token of ours Ray would write one to ~/.ray.
     alone = {"RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER": "0", "RAY_AUTH_MODE": "token"}
-    limits = dict.fromkeys(THREAD_LIMITS, "1")
-    return {**silent, **alone, **limits, "RAY_AUTH_TOKEN": TOKEN, "TMPDIR": folder}
+    return {**silent, **alone, **ONE_THREAD, "RAY_AUTH_TOKEN": TOKEN, "TMPDIR": folder}
 
 
 def _settings(address: str, workers: int, folder: str) -> dict[str, Any]:
@@ -412,43 +424,3 @@ def start_actors(ray: ModuleType, size: int, work: Work[Any, Any]) -> list[Any]:
                 " same seed may give other bytes"
             )
     return actors
-
-
-@dataclass(frozen=True, kw_only=True)
-class WorkerOptions(Config):
-    """Who does the work. What is written does not depend on it."""
-
-    workers: int = option(
-        1,
-        "processes that share the work; planning takes longer with more of them than cores",
-        minimum=1,
-        maximum=4096,
-    )
-    ray: str = option(
-        "",
-        "Ray cluster of the workers: HOST:PORT; auto: this machine's; local: a new one on this"
-        " machine",
-    )
-
-
-def run_on_workers(
-    work: Work[Job, Done], jobs: Sequence[Job], options: WorkerOptions, ordered: bool = True
-) -> Generator[Done, None, None]:
-    """Do all jobs; yield their results in the order of the jobs, or else as they come.
-
-    One worker without Ray is this process. Workers end with this process, killed or not.
-
-    Raises:
-        ConfigError: there is no such Ray cluster.
-        SainError: a job cannot be done.
-    """
-    size = min(options.workers, len(jobs))
-    if not jobs:
-        return
-    if options.ray:
-        yield from run_on_ray(work, jobs, size, ordered, options.ray)
-    elif size > 1:
-        yield from run_on_processes(work, jobs, size, ordered)
-    else:
-        with closing(work.start()) as runner:
-            yield from map(runner.run, jobs)

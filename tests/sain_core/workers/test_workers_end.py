@@ -41,7 +41,7 @@ def alive(folder: Path) -> list[int]:
 
 
 def wait_until(condition: Callable[[], bool]) -> bool:
-    end = monotonic() + 60.0
+    end = monotonic() + 150.0
     while not condition():
         if monotonic() > end:
             return False
