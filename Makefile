@@ -14,7 +14,7 @@ demo: ## the closed loop on the whole graph, headless: a few episodes, a bag and
 	@./env ros2 run sain_bringup closed_loop $(ARGS)
 
 live: ## the graph and its live page in the browser, until Ctrl-C; ARGS="--scenario rearrange_3 --port 8081"
-	@./env ros2 run sain_bringup live $(ARGS)
+	@./env ros2 run sain_live live $(ARGS)
 
 docs: ## this documentation as a site, results/site/index.html, built without the network; ARGS=serve rebuilds it after each edit
 	@NO_MKDOCS_2_WARNING=1 ./env python -m mkdocs $(or $(ARGS),build --strict --quiet) --config-file tools/site/mkdocs.yml

@@ -6,23 +6,17 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Iterator
+from importlib import import_module
+from importlib.util import find_spec
 from pathlib import Path
 
+from sain_core.cli.node_command import NodeCommand
 from sain_core.config import Config, show_value
-from sain_live.settings import PageConfig
-from sain_model.serving.settings import ServingConfig
 from sain_mppi.agent.agent import MppiConfig
-from sain_sim.camera.scene_tracker import PosesConfig
-from sain_sim.ros.simulator import SimulatorConfig
 
 PAGE = Path(__file__).parents[1] / "docs/reference/parameters.md"
-NODES = {
-    "sain_sim sim_node": SimulatorConfig(),
-    "sain_sim poses_to_scene": PosesConfig(),
-    "sain_model model_node": ServingConfig(),
-    "sain_mppi mppi_node": MppiConfig(),
-    "sain_live page_node": PageConfig(),
-}
+PACKAGES = ("sain_sim", "sain_model", "sain_mppi", "sain_live")
 INTRODUCTION = """# Parameters
 
 For users of the nodes. This page lists every ROS parameter. `tools/parameters.py` makes it from the
@@ -50,11 +44,20 @@ SHARED_HEAD = f"""
 def page() -> str:
     """Return the page."""
     parts = [INTRODUCTION]
-    for node, settings in NODES.items():
+    for node, settings in nodes():
         parts.append(f"\n## {node}\n")
         parts += tables(settings, "")
     parts += [SHARED_HEAD, *tables(MppiConfig().feasibility, "")]
     return "".join(parts)
+
+
+def nodes() -> Iterator[tuple[str, Config]]:
+    """Yield each node of the installed packages, with the defaults of its settings."""
+    for package in filter(find_spec, PACKAGES):
+        for entry in vars(import_module(f"{package}.commands")).values():
+            if isinstance(entry, NodeCommand) and entry.settings:
+                module, _, name = entry.settings.partition(":")
+                yield entry.name, getattr(import_module(f"{package}.{module}"), name)()
 
 
 def tables(settings: Config, prefix: str, live: bool = False) -> list[str]:

@@ -24,7 +24,6 @@ setup(
         "console_scripts": [
             "closed_loop = sain_bringup.commands:closed_loop",
             "graph = sain_bringup.commands:graph",
-            "live = sain_bringup.commands:live",
             "goal = sain_bringup.commands:goal",
             "push = sain_bringup.commands:push",
             "reset = sain_bringup.commands:reset",

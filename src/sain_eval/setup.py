@@ -15,7 +15,6 @@ setup(
         (f"share/{package_name}", ["package.xml"]),
     ],
     install_requires=[
-        "jaxtyping",
         "matplotlib",
         "numpy",
         "rich",

@@ -14,7 +14,12 @@ setup(
         ("share/ament_index/resource_index/packages", [f"resource/{package_name}"]),
         (f"share/{package_name}", ["package.xml"]),
     ],
-    install_requires=["jaxtyping", "numpy", "trimesh", "viser", "websockets"],
+    install_requires=["jaxtyping", "numpy", "rich", "trimesh", "viser", "websockets"],
     zip_safe=False,
-    entry_points={"console_scripts": ["page_node = sain_live.commands:page_node"]},
+    entry_points={
+        "console_scripts": [
+            "live = sain_live.commands:live",
+            "page_node = sain_live.commands:page_node",
+        ],
+    },
 )

@@ -69,6 +69,7 @@ def test_the_new_terms_count_where_nothing_is_done(environment: dict[str, str]) 
 
 
 def test_the_environment_and_the_live_page_have_the_scenario(environment: dict[str, str]) -> None:
+    pytest.importorskip("sain_gym"), pytest.importorskip("sain_live")
     lines = (
         "import gymnasium, sain_gym; from sain_eval.scenes.scenarios import scenario_names;"
         " from sain_live.orders import Reset;"

@@ -1,9 +1,6 @@
 """The processes of the graph; what makes no sense is refused in one line before one starts."""
 
 import os
-import socket
-import subprocess
-from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 
@@ -16,7 +13,6 @@ from sain_bringup.graph import (
     restart_command,
     ros_arguments,
 )
-from sain_bringup.live import LiveOptions
 from sain_bringup.ros.closed_loop import ClosedLoopOptions
 from sain_core.errors import ConfigError
 from sain_core.world import ObservationConfig
@@ -144,29 +140,3 @@ def test_a_robot_takes_the_place_of_the_simulator(tmp_path: Path) -> None:
 def test_a_robot_that_makes_no_sense(change: dict[str, object], message: str) -> None:
     with pytest.raises(ConfigError, match=message):
         GraphOptions(**change)  # type: ignore[arg-type]
-
-
-def test_the_live_page_is_part_of_its_graph(tmp_path: Path) -> None:
-    options = LiveOptions(scenario="box", seed=4, port=8123, world="rough", real_time_factor=2.0)
-    commands = graph_commands(options, ros_arguments([]), tmp_path)
-    assert commands["page"][0] == str(executable("sain_live", "page_node"))
-    given = {"host:=127.0.0.1", "port:=8123", "seed:=4", "scenario:=box", "__ns:=/sain"}
-    assert given <= set(commands["page"])
-    simulator = {"world:=rough", "real_time_factor:=2.0", "bullet.full_motion:=true"}
-    assert simulator <= set(commands["simulator"])
-    assert "page" not in graph_commands(GraphOptions(), [], tmp_path)
-
-
-def test_a_page_that_crashed_does_not_reset_the_scene() -> None:
-    assert restart_command("page", ["page_node"])[-1] == "scenario:=''"
-
-
-def test_a_port_in_use_is_told_before_anything_starts() -> None:
-    with closing(socket.socket()) as taken:
-        taken.bind(("127.0.0.1", 0))
-        taken.listen()
-        port = taken.getsockname()[1]
-        command = [str(executable("sain_bringup", "live")), "--port", str(port)]
-        done = subprocess.run(command, capture_output=True, text=True, timeout=60)
-    assert done.returncode == 1
-    assert done.stderr.startswith(f"live: port {port} of 127.0.0.1 is in use by another program;")

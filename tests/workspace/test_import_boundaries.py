@@ -16,10 +16,9 @@ MAY_IMPORT = {
     "sain_bags": {"sain_core"},
     "sain_eval": {"sain_core", "sain_sim", "sain_model", "sain_mppi", "sain_bags"},
     "sain_gym": BELOW,
-    "sain_live": BELOW,
+    "sain_live": BELOW | {"sain_bringup"},
     "sain_pusht": BELOW,
-    "sain_bringup": {"sain_core", "sain_sim", "sain_model", "sain_mppi", "sain_bags", "sain_eval"}
-    | {"sain_live"},
+    "sain_bringup": BELOW,
 }
 ROS_MODULE = re.compile(r"rclpy|launch|launch_ros|sain_interfaces|.*_msgs|.*_interfaces")
 

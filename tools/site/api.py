@@ -67,6 +67,8 @@ def pages() -> dict[str, str]:
     """Return a page for each package and one that lists them, by place in the site."""
     found, rows = {}, []
     for package, (about, modules) in PACKAGES.items():
+        if not (SOURCE / package).exists():
+            continue
         rows.append(f"| [`{package}`]({package}.md) | {about} |\n")
         shown = "\n\n".join(f"::: {package}.{module}" for module in modules)
         found[f"reference/api/{package}.md"] = f"# {package}\n\n{about}\n\n{shown}\n"

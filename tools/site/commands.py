@@ -5,6 +5,7 @@ import warnings
 from argparse import Action
 from collections.abc import Iterator
 from importlib import import_module
+from importlib.util import find_spec
 from types import ModuleType
 from typing import Any, Final
 
@@ -36,7 +37,7 @@ ENDING: Final = re.compile(r" *\((?:default: (.*)|(required))\)$", re.DOTALL)
 def pages() -> dict[str, str]:
     """Return a page for each package and one that lists all commands, by place in the site."""
     found, rows = {}, []
-    for package in PACKAGES:
+    for package in filter(find_spec, PACKAGES):
         module = import_module(f"{package}.commands")
         entries = entries_of(module)
         found[f"reference/commands/{package}.md"] = "\n".join(page(package, entries))

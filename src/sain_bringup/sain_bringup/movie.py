@@ -8,7 +8,6 @@ import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
-from io import BytesIO
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
@@ -24,6 +23,8 @@ from sain_bringup.graph import NAMESPACE_KEY
 from sain_core.config import Config, option
 from sain_core.goal import Judgement
 from sain_core.types import Points, Scene
+from sain_core.view.film import gif_of
+from sain_core.view.palette import PALETTE
 from sain_core.wire import decode_disks
 from sain_core.workers import Processes, Software, Work
 
@@ -31,15 +32,9 @@ if TYPE_CHECKING:
     from sain_sim.camera.render import Renderer  # takes a second to load
 
 JOINTS: Final = "sensor_msgs/msg/JointState"
-INK: Final = (43, 48, 54)
-GREEN: Final = (24, 128, 78)
-RING: Final = (26, 158, 102)  # the goal's, as `sain_sim.camera.render` draws it
-RARE: Final = (GREEN, RING, INK)
-SWATCH: Final = 40  # [px], rows that a rare colour gets in the sheet for the palette
 MARGIN: Final = 16  # [px]
 MOST_PROCESSES: Final = 8
 VIEWS: Final = 3  # cameras that are tried until one shows target and goal in every picture
-PALETTE_SAMPLES: Final = 8  # frames that the common palette is made from
 
 Picture = UInt8[ndarray, "height width 3"]
 
@@ -206,34 +201,9 @@ class Film:
 
 
 def encode_gif(frames: Sequence[Image.Image], config: MovieConfig) -> bytes:
-    """Return an animated GIF with one palette for all frames, so that nothing flickers."""
-    palette = _common_palette(frames, config.colours)
-    indexed = [frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames]
-    durations = [round(1000 / config.rate)] * len(indexed)
-    durations[-1] += round(1000 * config.hold)
-    memory = BytesIO()
-    indexed[0].save(
-        memory,
-        format="GIF",
-        save_all=True,
-        append_images=indexed[1:],
-        duration=durations,
-        loop=0,
-        optimize=True,
-    )
-    return memory.getvalue()
-
-
-def _common_palette(frames: Sequence[Image.Image], colours: int) -> Image.Image:
-    picked = [frames[i] for i in np.linspace(0, len(frames) - 1, PALETTE_SAMPLES).astype(int)]
-    width, height = picked[0].size
-    sheet = Image.new("RGB", (width, height * len(picked) + len(RARE) * SWATCH))
-    for place, frame in enumerate(picked):
-        sheet.paste(frame, (0, place * height))
-    for place, colour in enumerate(RARE):  # too few pixels to count, and too telling to lose
-        top = height * len(picked) + place * SWATCH
-        sheet.paste(colour, (0, top, width, top + SWATCH))
-    return sheet.quantize(colours, method=Image.Quantize.MEDIANCUT)
+    """Return the film as an animated GIF."""
+    rare = (PALETTE.success, PALETTE.goal, PALETTE.ink)
+    return gif_of(frames, config.rate, config.hold, config.colours, rare)
 
 
 def _caption(picture: Picture, title: str, judged: Judgement) -> Image.Image:
@@ -241,7 +211,7 @@ def _caption(picture: Picture, title: str, judged: Judgement) -> Image.Image:
     image = Image.fromarray(picture)
     draw = ImageDraw.Draw(image)
     size = max(12, image.width // 24)
-    font, colour = ImageFont.load_default(size), GREEN if judged.met else INK
+    font, colour = ImageFont.load_default(size), PALETTE.success if judged.met else PALETTE.ink
     text = f"{title}: {1e3 * judged.distance:.0f} mm to the goal"
     draw.text((image.width / 2, image.height - MARGIN), text, colour, font, anchor="ms")
     return image

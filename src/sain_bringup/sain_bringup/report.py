@@ -23,9 +23,8 @@ from sain_bringup.movie import (
     episode_moments,
 )
 from sain_core.cli.terminal import FittingTable
-from sain_core.scene import RADIUS
 from sain_core.storage import write_json, write_whole
-from sain_core.types import Points
+from sain_core.view.scenes import goal_marks
 from sain_eval.episode import EpisodeRecord
 from sain_eval.scenes.scenarios import draw_scene
 from sain_sim.world.engines import BULLET, is_installed, needs
@@ -222,17 +221,11 @@ def begin_film(bag: Bag, one: PlayedEpisode, config: MovieConfig = MovieConfig()
     """Begin to render one episode from its recording."""
     one = one.last_part()
     assert one.episode.goal is not None
-    place, pose = one.episode.goal.places[0], one.episode.goal.poses[0]
+    bodies, start = one.record().bodies, one.episode.start
+    mark = goal_marks(one.episode.goal, start, bodies)[0]
+    outline = mark.body.outline if mark.body.marked else None
     # The body has reached its place when it lies wholly inside the ring.
-    ring = float(one.episode.start[pose.body, RADIUS]) + pose.tolerance
-    shapes = tuple(shape.name for shape in one.record().bodies.shapes)
-    scenery = Scenery(one.episode.start, shapes, _goal_outline(one), place, ring, one.title, config)
+    ring = mark.body.radius + mark.tolerance
+    shapes = tuple(shape.name for shape in bodies.shapes)
+    scenery = Scenery(start, shapes, outline, mark.body.place, ring, one.title, config)
     return Film(scenery, choose_moments(episode_moments(bag, one.episode), config))
-
-
-def _goal_outline(one: PlayedEpisode) -> Points | None:
-    """Return the first body's outline (C, 2) [m] in its goal; None: no heading is asked for."""
-    record, body = one.record(), one.episode.aimed
-    if record.goal.poses[0].heading is None:
-        return None
-    return record.bodies.shapes[body].placed(record.goal.placed(record.start)[body])

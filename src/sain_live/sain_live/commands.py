@@ -2,8 +2,10 @@
 
 from typing import Final
 
+from sain_core.cli.command_line import Command
 from sain_core.cli.node_command import NodeCommand
 
+live: Final = Command("sain_live live", "live", ros=True)
 page_node: Final = NodeCommand(
     "sain_live page_node",
     about="Serves the live page: the arm, the bodies, plans, goals that can be dragged, controls"

@@ -4,18 +4,24 @@ import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache, partial
-from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import numpy as np
 import tyro
+from PIL import Image
 from rich.console import Console
 
 from sain_core.cli.command_line import silent_interrupts
 from sain_core.config import option
 from sain_core.randomness import bootstrap_mean, generator
+from sain_core.scene import make_scene
+from sain_core.shapes.library import get_shape
 from sain_core.storage import make_folder, ros2_command, write_whole
+from sain_core.view.film import gif_of
+from sain_core.view.image import TopPicture
+from sain_core.view.scenes import bodies_in, goal_marks
+from sain_core.view.things import DrawnBody
 from sain_core.workers import FunctionRunner, Software, Work, WorkerOptions
 from sain_eval.episode import Tolerance
 from sain_eval.loop.closed_loop import EpisodeOutcome
@@ -38,8 +44,9 @@ from sain_eval.loop.tables import (
 )
 from sain_eval.scenes.scenario_scene import ScenarioScene
 from sain_mppi.algorithms.config import PlannerConfig
-from sain_pusht.agent import PLANNER, pusht_agent
-from sain_pusht.world import MOST_STEPS, NEAR, TURNED, PushtWorld, make_env, play_pusht
+from sain_pusht.agent import AGENT_RADIUS, FEASIBILITY, PLANNER, pusht_agent
+from sain_pusht.block import pusht_bodies
+from sain_pusht.world import MOST_STEPS, NEAR, TURNED, Moment, PushtWorld, make_env, play_pusht
 
 if TYPE_CHECKING:
     from sain_pusht.model import PushtModel
@@ -50,6 +57,7 @@ SUCCESS: Final = "95 % covered"
 FILM_FILE: Final = "episode.gif"
 RATE: Final = 10  # [1/s], of pictures: as fast as it happens
 HOLD: Final = 1.5  # [s], of the last picture
+PICTURE: Final = 320  # [px], width and height
 COLOURS: Final = 48
 
 
@@ -125,10 +133,10 @@ def run(options: PushtOptions, console: Console) -> None:
 def run_job(job: PushtJob) -> EpisodeDone[PushtRecord]:
     """Play one episode."""
     models, world = _load(job.model), _world(job.model)
-    world.frames = [] if job.picture else None
+    world.moments = [] if job.picture else None
     agent = pusht_agent(models.model, models.physics, job.planner, world.tool)
     outcome = play_pusht(job.seed, agent, world)
-    drawn = gif_of(world.frames) if world.frames else b""
+    drawn = film_of(outcome, world.moments) if world.moments else b""
     return EpisodeDone([pusht_record(job, outcome, world)], job.picture, drawn)
 
 
@@ -207,22 +215,14 @@ def write_pusht_results(
     return rows
 
 
-def gif_of(frames: Sequence[np.ndarray]) -> bytes:
-    """Return pictures (height, width, 3) as a GIF.
-
-    Its colours are those of the first and the last: one of them shows the goal, which the block
-    may cover.
-    """
-    from PIL import Image
-
-    pictures = [Image.fromarray(frame) for frame in frames]
-    both = np.concatenate([frames[0], frames[-1]], axis=1)
-    palette = Image.fromarray(both).quantize(COLOURS)
-    indexed = [picture.quantize(palette=palette, dither=Image.Dither.NONE) for picture in pictures]
-    times = [round(1000 / RATE)] * len(indexed)
-    times[-1] += round(1000 * HOLD)
-    memory = BytesIO()
-    indexed[0].save(
-        memory, format="GIF", save_all=True, append_images=indexed[1:], duration=times, loop=0
-    )
-    return memory.getvalue()
+def film_of(outcome: EpisodeOutcome, moments: Sequence[Moment]) -> bytes:
+    """Return an episode as a GIF: the block, the goal and the disk that pushes, x to the right."""
+    picture, bodies, goal = TopPicture(PICTURE, FEASIBILITY), pusht_bodies(), outcome.record.goal
+    frames = []
+    for scene, tool in moments:
+        disk = make_scene(tool[None], np.ones(1), np.array([AGENT_RADIUS]))[0]
+        pusher = DrawnBody(1, "", get_shape("disk"), disk, "ink")
+        marks = goal_marks(goal, scene, bodies)
+        image = picture.draw([*bodies_in(scene, bodies, goal), *marks, pusher])
+        frames.append(Image.fromarray(np.rot90(image, -1)))
+    return gif_of(frames, RATE, HOLD, COLOURS)

@@ -26,7 +26,6 @@ from sain_pusht.motion import (
 )
 
 NAME: Final = "gym_pusht/PushT-v0"
-PICTURE: Final = 320  # [pixels], width and height of its pictures; nothing else depends on them
 INSTALL: Final = "pip install gym-pusht gymnasium"
 BLOCK: Final = pusht_bodies()
 MOST_STEPS: Final = 300  # gym-pusht's own limit
@@ -37,6 +36,8 @@ DIGITS: Final = 9  # of coverages: pymunk keeps shapes in a set, whose order cha
 STILL: Final = 1e-4  # [m] and [rad], that a block moves by at most in a step once it rests
 LONGEST_REST: Final = 10  # steps to wait for that
 HURRY: Final = 2.0  # how far beyond a place its target is, so that the disk gets there soon
+
+Moment = tuple[Scene, np.ndarray]
 
 
 def make_env(steps: int) -> Any:
@@ -50,12 +51,7 @@ def make_env(steps: int) -> Any:
         import gym_pusht  # noqa: F401  # isort: skip  (registers the environment)
     except ImportError as error:
         raise ConfigError(f"gym-pusht cannot be imported ({error}); {INSTALL}") from error
-    return gymnasium.make(
-        NAME,
-        max_episode_steps=steps,
-        visualization_width=PICTURE,
-        visualization_height=PICTURE,
-    )
+    return gymnasium.make(NAME, max_episode_steps=steps)
 
 
 class PushtWorld:
@@ -71,7 +67,7 @@ class PushtWorld:
         success: whether gym-pusht counts it as a success.
         tool: where the disk is, for `pusht_agent`.
         moved_before: how far [m] the block moved before the last stroke began, at its corners.
-        frames: pictures of each step, where these are kept.
+        moments: block (1, 8) and place of the disk (2,) after each step, where these are kept.
     """
 
     def __init__(self, bodies: Bodies = BLOCK) -> None:
@@ -83,7 +79,7 @@ class PushtWorld:
         room = Room(reach.low, reach.high)
         self.arena = Arena(servo_of(inner), room, Room(0.0, SIZE * PIXEL), AGENT_RADIUS)
         self.tool = ToolPlace()
-        self.frames: list[np.ndarray] | None = None
+        self.moments: list[Moment] | None = None
 
     def reset(self, seed: int) -> Scene:
         """Begin the episode of this seed; return its first scene (1, 8).
@@ -152,9 +148,9 @@ class PushtWorld:
     def _step(self, target: np.ndarray) -> None:
         _, _, ended, cut, info = self.env.step(pixels(target))
         self.steps += 1
-        if self.frames is not None:
-            self.frames.append(self.env.render())
         self.note(info)
+        if self.moments is not None:
+            self.moments.append((self.scene, self.motion[0]))
         self.over, self.success = bool(ended or cut), bool(info["is_success"])
 
     def note(self, info: dict[str, Any]) -> None:

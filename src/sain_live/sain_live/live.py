@@ -1,4 +1,4 @@
-"""``ros2 run sain_bringup live``: the whole graph with its live page, until Ctrl-C."""
+"""``ros2 run sain_live live``: the whole graph with its live page, until Ctrl-C."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

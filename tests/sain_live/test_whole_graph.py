@@ -39,7 +39,7 @@ def address(ros_domain: int, tmp_path: Path) -> Iterator[str]:
     """A graph in a domain of its own; the address that it prints."""
     port = free_port()
     options = ["--port", str(port), "--no-record", "--model", "planar", "--real-time-factor", "0"]
-    command = [str(executable("sain_bringup", "live")), "--scenario", "push_t", *options]
+    command = [str(executable("sain_live", "live")), "--scenario", "push_t", *options]
     said = tmp_path / "said.txt"
     with said.open("w") as stream:
         process = subprocess.Popen(command, stdout=stream, stderr=stream, cwd=tmp_path)

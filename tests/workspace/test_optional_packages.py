@@ -1,0 +1,95 @@
+"""The packages that may be deleted: without them everything else is imported, listed and set up."""
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.paths import ROOT
+from tests.workspace.source_tree import PYTHON_PACKAGES, SOURCE, imports_in
+
+OPTIONAL = ("sain_gym", "sain_live", "sain_pusht")  # a policy's environment, a view, a world
+OTHERS = tuple(name for name in PYTHON_PACKAGES if name not in OPTIONAL)
+IMPORT_ALL = """
+import importlib.util, json, sys
+from pathlib import Path
+sys.path[:] = [p for p in sys.path if not any((Path(p) / name).is_dir() for name in {optional})]
+assert not any(map(importlib.util.find_spec, {optional}))
+for name in {modules}:
+    importlib.import_module(name)
+    assert sys.modules[name].__file__.startswith({root!r}), sys.modules[name].__file__
+from sain_core.cli.program import find_commands, main
+assert main(["--help"]) == 0
+sys.stderr.write(json.dumps(sorted({{one.name.split()[0] for one in find_commands().values()}})))
+"""
+
+
+@pytest.fixture(scope="module")
+def tree(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A copy of what `pip install .` needs, without the optional packages."""
+    copy = tmp_path_factory.mktemp("tree")
+    shutil.copy(ROOT / "setup.py", copy)
+    shutil.copytree(ROOT / "requirements", copy / "requirements")
+    skipped = shutil.ignore_patterns("__pycache__", *OPTIONAL)
+    shutil.copytree(SOURCE, copy / "src", ignore=skipped)
+    return copy
+
+
+def test_all_others_are_imported_and_listed_without_them(tree: Path) -> None:
+    modules = [
+        ".".join(path.relative_to(tree / "src" / package).with_suffix("").parts)
+        for package in OTHERS
+        for path in sorted((tree / "src" / package / package).rglob("*.py"))
+        if path.name != "__init__.py"
+    ]
+    assert len(modules) > 200
+    code = IMPORT_ALL.format(optional=OPTIONAL, modules=modules, root=str(tree))
+    places = os.pathsep.join(str(tree / "src" / package) for package in OTHERS)
+    paths = os.pathsep.join([places, os.environ.get("PYTHONPATH", "")])
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        cwd=tree,
+        env=os.environ | {"PYTHONPATH": paths},
+        capture_output=True,
+        text=True,
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.startswith("usage: sain COMMAND")
+    listed = json.loads(done.stderr.splitlines()[-1])
+    assert set(listed) == {
+        name for name in OTHERS if (SOURCE / name / name / "commands.py").exists()
+    }
+
+
+def test_the_distribution_is_set_up_without_them(tree: Path) -> None:
+    command = [sys.executable, "setup.py", "-q", "egg_info", "--egg-base", "."]
+    done = subprocess.run(command, cwd=tree, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    entries = (tree / "sain.egg-info" / "entry_points.txt").read_text()
+    assert "sain = sain_core.cli.program:main" in entries and "checkpoint = " in entries
+    assert not any(name in entries for name in OPTIONAL)
+    packages = (tree / "sain.egg-info" / "top_level.txt").read_text().split()
+    assert "sain_core" in packages and not set(OPTIONAL) & set(packages)
+
+
+@pytest.mark.parametrize("package", OPTIONAL)
+@pytest.mark.parametrize("folder", ["src", "tools", "benchmarks", "tests"])
+def test_nothing_else_imports_one_of_them_when_it_is_loaded(package: str, folder: str) -> None:
+    """Whatever does not belong to it may ask for it in a function that can do without it."""
+    own = {SOURCE / package, ROOT / "tests" / package}
+    lines = [
+        str(one)
+        for path in sorted((ROOT / folder).rglob("*.py"))
+        if not own & set(path.parents)
+        for one in imports_in(path)
+        if one.module == package and not _in_function(path, one.line)
+    ]
+    assert lines == []
+
+
+def _in_function(path: Path, line: int) -> bool:
+    return path.read_text().splitlines()[line - 1].startswith(" ")
