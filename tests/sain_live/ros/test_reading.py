@@ -31,7 +31,7 @@ def test_it_has_the_episodes_pushes_and_distances_of_the_report(episode_bag):
         assert np.allclose(distances(chapter)[1:], [push["distance"][1] for push in done])
         for time, push in zip(chapter.rests[1:], done, strict=True):
             scene = chapter.at(time).values["scene"].disks
-            assert np.allclose(scene[:, POSE], push["after"], atol=1e-5)
+            assert np.allclose(scene[:, POSE], episode["frames"]["poses"][push["to"]], atol=1e-5)
 
 
 def test_each_episode_has_its_own_goal_from_its_first_moment_on(record, tmp_path):
