@@ -14,7 +14,9 @@ from selenium.webdriver.remote.webelement import WebElement
 
 from sain_bags.reading.reader import Bag
 from sain_bags.report.content import read_content
+from sain_bags.transitions.recorded_episodes import read_episodes
 from sain_core.cli.command_line import executable
+from sain_core.scene import POSITION
 from tests.sain_bags.browser import WEBGL, Browser, opened_browser
 from tests.sain_live.straw import free_port
 from tests.sain_live.viewer import Viewer
@@ -96,8 +98,8 @@ def test_a_reader_goes_through_a_recording(ros_domain: int, episode_bag: Path) -
         reader.wait(lambda: reader.fact("pushes") == f"{len(done)} of {len(done)}", "the last push")
         assert "Play" in reader.text.split("\n")  # it stands still
         assert reader.fact("to the goal") == f"{1e3 * done[-1]['distance'][1]:.1f} mm"
-        x, y, _ = done[-1]["after"][1]
-        place = pytest.approx((x, y), abs=1e-5)
+        last = read_episodes(Bag(episode_bag))[0].executed[-1]
+        place = pytest.approx(tuple(last.after[1, POSITION]), abs=1e-5)
         viewer.wait(lambda: viewer.nodes["/bodies/1"]["position"][:2] == place, "the target")
         goal = viewer.nodes["/goals/1"]["position"][:2]
         assert goal == pytest.approx((first["poses"][0]["x"], first["poses"][0]["y"]), abs=1e-5)

@@ -5,6 +5,7 @@ import pytest
 
 from sain_bags.reading.reader import Bag
 from sain_bags.report.content import read_content
+from sain_bags.transitions.recorded_episodes import read_episodes
 from sain_core.errors import DatasetError
 from sain_core.scene import POSE
 from sain_live.ros import reading
@@ -24,14 +25,15 @@ def test_it_has_the_episodes_pushes_and_distances_of_the_report(episode_bag):
     episodes = read_content(Bag(episode_bag)).data["episodes"]
     recording = read_recording(episode_bag)
     assert recording.name == episode_bag.parent.name
-    for chapter, episode in zip(recording.chapters, episodes, strict=True):
+    played = read_episodes(Bag(episode_bag))
+    for chapter, episode, one in zip(recording.chapters, episodes, played, strict=True):
         assert chapter.title == episode["title"]
         assert chapter.pushes == episode["counts"]["executed"]
         done = [push for push in episode["pushes"] if push["outcome"] == "executed"]
         assert np.allclose(distances(chapter)[1:], [push["distance"][1] for push in done])
-        for time, push in zip(chapter.rests[1:], done, strict=True):
+        for time, push in zip(chapter.rests[1:], one.executed, strict=True):
             scene = chapter.at(time).values["scene"].disks
-            assert np.allclose(scene[:, POSE], episode["frames"]["poses"][push["to"]], atol=1e-5)
+            assert np.allclose(scene[:, POSE], push.after[:, POSE], atol=1e-5)
 
 
 def test_each_episode_has_its_own_goal_from_its_first_moment_on(record, tmp_path):
