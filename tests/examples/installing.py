@@ -1,5 +1,6 @@
 """A package of `examples/`, installed as its README says, for processes of a test only."""
 
+import json
 import os
 import subprocess
 import sys
@@ -36,6 +37,39 @@ def run(environment: dict[str, str], command: list[str], *arguments: object) -> 
     )
     assert done.returncode == 0, done.stderr + done.stdout
     return done.stdout
+
+
+EACH = """
+import contextlib, io, json, sys
+from sain_core.cli.program import main
+said = {}
+for name, arguments in json.load(sys.stdin).items():
+    error = io.StringIO()
+    with contextlib.redirect_stderr(error):
+        try:
+            code = main(arguments)
+        except SystemExit as end:
+            code = end.code
+    said[name] = [code, error.getvalue()]
+json.dump(said, sys.__stdout__)
+"""
+
+
+def refusals(environment: dict[str, str], commands: dict[str, list[str]]) -> dict[str, str]:
+    """Run commands of ``sain`` that fail, in one process; return the error of each."""
+    done = subprocess.run(
+        [sys.executable, "-c", EACH],
+        env=environment,
+        input=json.dumps(commands),
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    said = json.loads(done.stdout.splitlines()[-1])
+    assert [name for name, (code, _) in said.items() if code in (0, None)] == []
+    assert "Traceback" not in done.stderr + done.stdout
+    return {name: " ".join(text.replace("│", " ").split()) for name, (_, text) in said.items()}
 
 
 def fails(environment: dict[str, str], command: list[str], *arguments: object) -> str:

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from sain_bringup.graph import executable
-from tests.examples.installing import fails, install, run
+from tests.examples.installing import install, refusals, run
 
 BROKEN = {
     "sain.planners": ("bad_planner", "def bad_planner(search, start, generator): 1 / 0"),
@@ -32,9 +32,11 @@ def environment(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
     return variables
 
 
+SMALL = ["--scenes", "1", "--controllers", "planar", "--planner.samples", "64"]
+
+
 def evaluate(*arguments: object) -> list[str]:
-    small = ["--scenes", "1", "--controllers", "planar", "--planner.samples", "64"]
-    return [str(executable("sain_eval", "evaluate")), *small, *map(str, arguments)]
+    return [str(executable("sain_eval", "evaluate")), *SMALL, *map(str, arguments)]
 
 
 def test_all_four_play_together(environment: dict[str, str], tmp_path: Path) -> None:
@@ -81,35 +83,29 @@ def test_the_environment_and_the_live_page_have_the_scenario(environment: dict[s
     assert run(environment, [sys.executable, "-c", lines]).strip() == "(2, 8) True True"
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (
-            ["--planner.algorithm", "my_planer"],
-            "planner 'my_planer' is unknown (did you mean 'my_planner'?); known: bad_planner, ",
-        ),
-        (
-            ["--planner.weights.more", "my_center:1"],
-            "cost 'my_center' is unknown (did you mean 'my_centre'?); known: bad_cost, my_centre",
-        ),
-        (
-            ["--planner.weights.more", "my_centre"],
-            "more is 'my_centre'; allowed: NAME:WEIGHT with commas",
-        ),
-        (
-            ["--scenario", "my_senario"],
-            "scenario 'my_senario' is unknown (did you mean 'my_scenario'?); known: anywhere",
-        ),
-        (
-            ["--scenario", "bad_scenario"],
-            "scenario 'bad_scenario' of package broken-parts 0.3: broken_parts:bad_scenario is a",
-        ),
-    ],
-)
-def test_what_is_wrong_is_named(
-    environment: dict[str, str], tmp_path: Path, arguments: list[str], message: str
-) -> None:
-    assert message in fails(environment, evaluate(*arguments, "--out", tmp_path / "results"))
+WRONG = {
+    "--planner.algorithm my_planer": (
+        "planner 'my_planer' is unknown (did you mean 'my_planner'?); known: bad_planner, "
+    ),
+    "--planner.weights.more my_center:1": (
+        "cost 'my_center' is unknown (did you mean 'my_centre'?); known: bad_cost, my_centre"
+    ),
+    "--planner.weights.more my_centre": "more is 'my_centre'; allowed: NAME:WEIGHT with commas",
+    "--scenario my_senario": (
+        "scenario 'my_senario' is unknown (did you mean 'my_scenario'?); known: anywhere"
+    ),
+    "--scenario bad_scenario": (
+        "scenario 'bad_scenario' of package broken-parts 0.3: broken_parts:bad_scenario is a"
+    ),
+}
+
+
+def test_what_is_wrong_is_named(environment: dict[str, str], tmp_path: Path) -> None:
+    out = str(tmp_path / "results")
+    commands = {wrong: ["evaluate", *SMALL, *wrong.split(), "--out", out] for wrong in WRONG}
+    said = refusals(environment, commands)
+    for wrong, message in WRONG.items():
+        assert message in said[wrong]
 
 
 @pytest.mark.parametrize(

@@ -25,9 +25,7 @@ TOLERANCE = 0.01
 RANDOMISED, ROUGH = TruthConfig(), TruthConfig(world="rough")
 PLAYED = [
     ("anywhere", 0, RANDOMISED),
-    ("anywhere", 3, ROUGH),
-    ("clutter", 1, RANDOMISED),
-    ("paper", 0, RANDOMISED),
+    ("clutter", 3, ROUGH),
     ("anywhere_cube", 2, RANDOMISED),
 ]
 
@@ -62,7 +60,7 @@ def test_the_graph_and_evaluate_play_the_same_pushes(graph, full_motion):
     graph.start(SimNode, shadow=False, peer_wait=0.0, bullet__full_motion=full_motion)
     graph.start(MppiNode, dynamics="in_process", model="sain")
     graph.wait(lambda: graph.aiming.get_subscription_count() == 2, "the planner")
-    played = PLAYED[:2] if full_motion else PLAYED
+    played = PLAYED[:1] if full_motion else PLAYED
     counts = []
     for number, (scenario, seed, truth) in enumerate(played, start=1):
         job = EpisodeJob(scenario, seed, "sain", (TOLERANCE,), truth=truth)
@@ -76,9 +74,8 @@ def test_the_graph_and_evaluate_play_the_same_pushes(graph, full_motion):
     assert min(counts) >= 2
 
 
-@pytest.mark.parametrize("delay", [0.0, 0.1])
-def test_noisy_and_late_frames_lead_to_the_same_pushes_too(graph, delay):
-    camera = WorldCameraConfig(noise="0.005,0.035", delay=delay, unknown="mass")
+def test_noisy_and_late_frames_lead_to_the_same_pushes_too(graph):
+    camera = WorldCameraConfig(noise="0.005,0.035", delay=0.1, unknown="mass")
     told = observation_settings(camera)
     graph.start(
         SimNode, shadow=False, peer_wait=0.0, **{f"camera__{k}": v for k, v in told.items()}

@@ -14,6 +14,7 @@ from sain_core.scene import make_scene
 from sain_core.shapes.bodies import Bodies
 from sain_core.wire.bodies import decode_bodies
 from sain_interfaces.msg import Plan
+from sain_interfaces.srv import ResetScene
 from sain_model.physics.planar import PlanarPrior
 from sain_model.ros.model_node import ModelNode
 from sain_mppi.ros.mppi_node import MppiNode
@@ -117,41 +118,36 @@ def test_a_push_against_any_pushable_body_is_carried_out_and_predicted(graph, ru
     assert np.hypot(*(planar - after)[2, :2]) < 0.5 * moved[2]
 
 
-@pytest.mark.parametrize(
-    ("body", "text"),
-    [
-        (1.0, "against body 1, which is fixed"),
-        (3.0, "against body 3, which does not exist"),
-        (4294967295.0, "against body 4294967295, which does not exist"),
-    ],
-)
-def test_a_push_against_a_fixed_or_missing_body_is_refused(graph, body, text):
+def test_a_push_against_a_fixed_or_missing_body_is_refused(graph):
     graph.start(SimNode, peer_wait=0.0)
     scene = begin(graph)
-    graph.push(scene, 6, make_push(0.3, 0.1, 0.04, body=body))
-    result = graph.result(6)
-    assert ErrorCode(result.error_code) is ErrorCode.OUT_OF_RANGE
-    assert text in result.error_message
-    assert "pushable are: 0, 2" in result.error_message
-    assert result.before == result.after
+    for push_id, (body, text) in enumerate(
+        [
+            (1.0, "against body 1, which is fixed"),
+            (3.0, "against body 3, which does not exist"),
+            (4294967295.0, "against body 4294967295, which does not exist"),
+        ],
+        start=6,
+    ):
+        graph.push(scene, push_id, make_push(0.3, 0.1, 0.04, body=body))
+        result = graph.result(push_id)
+        assert ErrorCode(result.error_code) is ErrorCode.OUT_OF_RANGE
+        assert text in result.error_message
+        assert "pushable are: 0, 2" in result.error_message
+        assert result.before == result.after
 
 
-@pytest.mark.parametrize(
-    ("request_fields", "code", "text"),
-    [
+def test_a_reset_with_bodies_that_cannot_be_says_why(graph):
+    graph.start(SimNode, peer_wait=0.0)
+    for fields, code, text in [
         ({"shapes": ["t", "disk"]}, ErrorCode.INVALID, "2 shapes are given for 3 disks"),
         ({"roles": ["fixed"]}, ErrorCode.INVALID, "1 roles are given for 3 disks"),
         ({"roles": ["fixed"] * 3}, ErrorCode.CONFIG, "no body is pushable"),
         ({"roles": ["pushable", "idle", "fixed"]}, ErrorCode.CONFIG, "role of body 1 is 'idle'"),
         ({"shapes": ["t", "disk", "blob"]}, ErrorCode.INVALID, "shape of body 2 is 'blob'"),
-    ],
-)
-def test_a_reset_with_bodies_that_cannot_be_says_why(graph, request_fields, code, text):
-    from sain_interfaces.srv import ResetScene
-
-    graph.start(SimNode, peer_wait=0.0)
-    request = ResetScene.Request(disks=codec.encode_disks(START), **request_fields)
-    response = graph.call(ResetScene, "reset_scene", request)
-    assert ErrorCode(response.error_code) is code
-    assert text in response.error_message
-    assert response.scene.episode_id == 1
+    ]:
+        request = ResetScene.Request(disks=codec.encode_disks(START), **fields)
+        response = graph.call(ResetScene, "reset_scene", request)
+        assert ErrorCode(response.error_code) is code
+        assert text in response.error_message
+        assert response.scene.episode_id == 1
