@@ -42,7 +42,7 @@ def robot(graph: Any, robot_class: Any) -> Any:
     graph.listen("true_poses", PoseArray)
     graph.listen("/diagnostics", DiagnosticArray)
     node = graph.start(robot_class, pace=2.0, noise=NOISE)
-    graph.start(PosesNode, bodies=str(BODIES), noise=NOISE, peer_wait=0.0, max_speed=0.6)
+    graph.start(PosesNode, bodies=str(BODIES), noise=NOISE, max_speed=0.6)
     graph.wait(lambda: graph.find("scene", settled=True), "a settled scene")
     return node
 
@@ -117,7 +117,7 @@ def test_bodies_that_somebody_sets_up_anew_begin_an_episode(graph: Any, robot: A
 
 
 def test_a_second_robot_ends_and_says_why(graph: Any, robot: Any, robot_class: Any) -> None:
-    with pytest.raises(BusyError, match=r"process \d+ publishes /sain/push_result already"):
+    with pytest.raises(BusyError, match=r"process \d+ \(\S+\) publishes /sain/push_result already"):
         robot_class(context=graph.context, cli_args=["--ros-args", "-r", "__node:=second"])
 
 
@@ -140,7 +140,7 @@ def test_two_foreign_robots_are_named_and_nothing_is_pushed(graph: Any, robot: A
 
 def test_a_push_that_takes_long_is_not_sent_again(graph: Any, robot_class: Any) -> None:
     graph.start(robot_class, pace=0.25, noise=NOISE)
-    graph.start(PosesNode, bodies=str(BODIES), noise=NOISE, peer_wait=0.0)
+    graph.start(PosesNode, bodies=str(BODIES), noise=NOISE)
     graph.start(ModelNode, model="planar")
     graph.start(MppiNode, estimator__noise=NOISE, goal_tracker__answer_timeout=0.3, **SMALL)
     graph.aim((0.70, 0.05), 1, tolerance=0.02, max_pushes=2)

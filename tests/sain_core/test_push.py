@@ -1,3 +1,4 @@
+from itertools import islice
 from math import pi
 
 import numpy as np
@@ -16,6 +17,7 @@ from sain_core.push import (
     make_push,
     mirror_pushes,
     push_direction,
+    push_ids,
     rotate_pushes,
     tool_end,
     tool_start,
@@ -109,3 +111,11 @@ def test_the_paper_grid_has_105_pushes_inside_the_limits() -> None:
     assert len(np.unique(grid, axis=0)) == 105
     for push in grid:
         LIMITS.check(push)
+
+
+def test_two_senders_share_no_id_and_none_is_zero() -> None:
+    first, second = (set(islice(push_ids(), 1000)) for _ in range(2))
+    assert not first & second
+    assert len(first) == 1000
+    assert min(first | second) > 0
+    assert max(first | second) < 2**53

@@ -13,7 +13,7 @@ pytestmark = pytest.mark.system
 
 CODE = "import sys; from sain_sim.commands import sim_node; sys.exit(sim_node())"
 PATIENCE = 60.0  # [s]
-REFUSED = "sim_node: process {pid} publishes /sain/scene already; stop it, or start this one"
+REFUSED = "sim_node: process {pid} (/sain/sim_node) publishes /sain/scene already; stop it, or start this one"
 
 
 @contextmanager
@@ -36,7 +36,7 @@ def wait_until_ready(process: subprocess.Popen[str]) -> None:
 
 def test_of_three_that_start_together_one_remains(ros_domain):
     with ExitStack() as stack:
-        processes = [stack.enter_context(started("-p", "peer_wait:=0.0")) for _ in range(3)]
+        processes = [stack.enter_context(started()) for _ in range(3)]
         end = time.monotonic() + PATIENCE
         while sum(one.poll() is None for one in processes) > 1 and time.monotonic() < end:
             time.sleep(0.1)

@@ -57,7 +57,7 @@ def play_on_graph(graph, number, case):
 
 @pytest.mark.parametrize("full_motion", [False, True])
 def test_the_graph_and_evaluate_play_the_same_pushes(graph, full_motion):
-    graph.start(SimNode, shadow=False, peer_wait=0.0, bullet__full_motion=full_motion)
+    graph.start(SimNode, shadow=False, bullet__full_motion=full_motion)
     graph.start(MppiNode, dynamics="in_process", model="sain")
     graph.wait(lambda: graph.aiming.get_subscription_count() == 2, "the planner")
     played = PLAYED[:1] if full_motion else PLAYED
@@ -77,9 +77,7 @@ def test_the_graph_and_evaluate_play_the_same_pushes(graph, full_motion):
 def test_noisy_and_late_frames_lead_to_the_same_pushes_too(graph):
     camera = WorldCameraConfig(noise="0.005,0.035", delay=0.1, unknown="mass")
     told = observation_settings(camera)
-    graph.start(
-        SimNode, shadow=False, peer_wait=0.0, **{f"camera__{k}": v for k, v in told.items()}
-    )
+    graph.start(SimNode, shadow=False, **{f"camera__{k}": v for k, v in told.items()})
     graph.start(
         MppiNode,
         dynamics="in_process",

@@ -164,7 +164,7 @@ def test_a_wrong_value_is_named_before_anything_is_imported(
     [
         ("sain_sim", "sim_node", [], "numpy"),
         ("sain_sim", "sim_node", [], "rclpy"),
-        ("sain_sim", "sim_node", ["--ros-args", "-p", "peer_wait:=0.0"], "pybullet"),
+        ("sain_sim", "sim_node", ["--ros-args"], "pybullet"),
         ("sain_model", "model_node", [], "torch"),
         ("sain_mppi", "mppi_node", [], "numba"),
         ("sain_model", "train", ["data", "--out", "none"], "tyro"),

@@ -34,8 +34,7 @@ class RobotNode(Node):
         """Set the table and wait for pushes."""
         super().__init__("robot_node", namespace=NAMESPACE, **options)
         self.table = PretendTable(read_parameters(self, RobotConfig))
-        self.ownership = Ownership(self, ("push_result",))
-        self.ownership.refuse(1.0)  # a second robot ends here
+        self.ownership = Ownership(self, ("push_result",))  # a second robot ends here
         self.session = Session()
         self.scene: Scene | None = None  # the latest, as the converter sees it
         self.before: Scene | None = None  # of the push that is under way

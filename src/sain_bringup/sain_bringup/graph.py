@@ -286,8 +286,6 @@ def ros_arguments(arguments: Sequence[str]) -> list[str]:
 
 def restart_command(name: str, command: Sequence[str]) -> list[str]:
     """Return what starts a process of the graph anew after a crash."""
-    if name == SIMULATOR:  # what it may find is the one that crashed
-        return [*command, "-p", "peer_wait:=0.0"]
     if name == ROBOT:  # nobody knows where its arm is
         return []
     if name == PAGE:  # the episode that is played goes on

@@ -1,6 +1,7 @@
 """Executables as they are started: one clear line and an exit code when they cannot start."""
 
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -8,6 +9,18 @@ import time
 from pathlib import Path
 
 import pytest
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from rclpy.action import get_action_server_names_and_types_by_node
+from rclpy.node import Node
+
+from sain_core.cli.node_command import NodeCommand
+from sain_core.ros.node_main import OK, WARN, Diagnostics, node_of
+from sain_model.commands import model_node
+from sain_model.ros.model_node import ModelNode
+from sain_mppi.commands import mppi_node
+from sain_mppi.ros.mppi_node import MppiNode
+from sain_sim.commands import sim_node
+from sain_sim.ros.sim_node import SimNode
 
 PACKAGES = {"sim_node": "sain_sim", "model_node": "sain_model", "mppi_node": "sain_mppi"}
 START_EACH = """
@@ -85,9 +98,7 @@ def test_a_mistyped_key_in_a_parameter_file_is_told(ros_domain, tmp_path: Path):
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_node_that_is_told_to_stop_stops_cleanly(ros_domain, number: int):
-    process = subprocess.Popen(
-        command("sim_node", "-p", "peer_wait:=0.0"), stderr=subprocess.PIPE, text=True
-    )
+    process = subprocess.Popen(command("sim_node"), stderr=subprocess.PIPE, text=True)
     assert process.stderr is not None
     for line in process.stderr:
         if "ready" in line:
@@ -99,9 +110,7 @@ def test_a_node_that_is_told_to_stop_stops_cleanly(ros_domain, number: int):
 
 
 def test_push_and_watch_work_from_a_terminal(ros_domain):
-    simulator = subprocess.Popen(
-        command("sim_node", "-p", "peer_wait:=0.0"), stderr=subprocess.PIPE, text=True
-    )
+    simulator = subprocess.Popen(command("sim_node"), stderr=subprocess.PIPE, text=True)
     try:
         push = tool("push", "--length", "0.1")
         assert push.returncode == 0, push.stderr
@@ -143,3 +152,50 @@ def test_without_a_simulator_push_says_so(ros_domain):
     assert alone.returncode == 1
     assert "no settled scene on /sain/scene; is the simulator running?" in alone.stderr
     assert time.monotonic() > began + 0.5
+
+
+def test_a_status_is_named_after_node_and_task(graph):
+    graph.listen("/diagnostics", DiagnosticArray)
+    graph.wait(lambda: graph.bystander.count_subscribers("/diagnostics"), "who listens")
+    node = graph.add(Node("worker", namespace="lab", context=graph.context))
+    diagnostics = Diagnostics(node, "lifting", period_s=0.05)
+    graph.wait(lambda: graph.heard["/diagnostics"], "the first status")
+    (status,) = graph.heard["/diagnostics"][0].status
+    assert (status.name, status.level, status.message) == ("/lab/worker: lifting", OK, "starting")
+    diagnostics.set(WARN, "heavy", kilograms=3)
+
+    def last():
+        return graph.heard["/diagnostics"][-1].status[0]
+
+    graph.wait(lambda: last().level == WARN, "the warning")
+    assert [(pair.key, pair.value) for pair in last().values] == [("kilograms", "3")]
+
+
+@pytest.mark.parametrize("name", ["/sain/mppi_node", "/sain/mppi_node: planning"])
+def test_the_node_of_a_status_is_found_in_recordings_old_and_new(name):
+    assert node_of(DiagnosticStatus(name=name)) == "/sain/mppi_node"
+
+
+ROS_OWN = re.compile(r"/rosout|/parameter_events|/sain/\w+_node/\w+|.*/_(action|owner)/\w+")
+PARAMETERS = {SimNode: {}, ModelNode: {"model": "planar"}, MppiNode: {}}
+
+
+def names(found: list[tuple[str, list[str]]]) -> set[str]:
+    return {name.removeprefix("/sain/") for name, _ in found if not ROS_OWN.fullmatch(name)}
+
+
+@pytest.mark.parametrize(
+    ("command", "kind"), [(sim_node, SimNode), (model_node, ModelNode), (mppi_node, MppiNode)]
+)
+def test_the_help_names_every_topic_and_service(graph, command: NodeCommand, kind) -> None:
+    node: Node = graph.start(kind, **PARAMETERS[kind])
+    here = (node.get_name(), node.get_namespace())
+    publishes = node.get_publisher_names_and_types_by_node(*here)
+    assert names(publishes) == set(command.publishes)
+    assert names(node.get_subscriber_names_and_types_by_node(*here)) == set(command.subscribes)
+    assert names(node.get_service_names_and_types_by_node(*here)) == set(command.offers)
+    assert names(node.get_client_names_and_types_by_node(*here)) == set(command.calls)
+    actions = get_action_server_names_and_types_by_node(node, *here)
+    assert names(actions) == set(command.actions)
+    text = "\n".join(command.help())
+    assert all(name in text for name in (*command.publishes, *command.offers, *command.actions))

@@ -1,6 +1,8 @@
 """Parameters are made from dataclasses, and nothing that was given is ignored."""
 
+import os
 from dataclasses import dataclass, field
+from pathlib import Path
 
 import pytest
 from rcl_interfaces.msg import ParameterType
@@ -9,7 +11,7 @@ from rclpy.parameter import Parameter
 
 from sain_core.config import Config, live_group, option
 from sain_core.errors import ConfigError
-from sain_core.ros.parameters import LiveParameters, read_parameters
+from sain_core.ros.parameters import LiveParameters, check_parameter_files, read_parameters
 
 
 @dataclass(frozen=True)
@@ -141,3 +143,13 @@ def test_live_parameters_are_followed_and_others_refused(graph):
         LiveSettings(motor=Motor(1.5)),
         LiveSettings(gain=2.0, motor=Motor(1.5, "fast")),
     ]
+
+
+def test_a_fifo_is_refused_and_no_file_is_left_to_rcl(tmp_path: Path) -> None:
+    fifo, good = tmp_path / "fifo", tmp_path / "good.yaml"
+    os.mkfifo(fifo)
+    good.write_text("{}")
+    with pytest.raises(ConfigError, match="it is a FIFO"):
+        check_parameter_files(["--ros-args", "--params-file", str(fifo)])
+    check_parameter_files(["--ros-args", "--params-file", str(good)])
+    check_parameter_files(["--ros-args", "--params-file", str(tmp_path / "none")])

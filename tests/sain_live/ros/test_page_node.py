@@ -30,7 +30,7 @@ def alone(graph):
 
 @pytest.fixture
 def whole(graph):
-    graph.start(SimNode, peer_wait=0.0)
+    graph.start(SimNode)
     graph.listen("/diagnostics", DiagnosticArray)
     graph.start(ModelNode, model="planar")
     planner = graph.start(MppiNode, **SMALL)
@@ -187,7 +187,7 @@ def test_the_page_says_what_the_graph_waits_for(graph, alone, monkeypatch):
     graph.wait(lambda: "compiling 31 of 40 kernels" in known.starting, "how far it is")
     alone.asking.start()
     progress[0] = ""
-    graph.start(SimNode, peer_wait=0.0)
+    graph.start(SimNode)
     graph.wait(lambda: known.starting == "waits for the planner and the model", "who is missing")
     graph.wait(lambda: known.scene, "a scene")
     alone.asking.start()

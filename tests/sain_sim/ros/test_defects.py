@@ -17,7 +17,7 @@ AHEAD = (0.0, 0.0, 0.1)
 
 @pytest.fixture
 def simulator(graph):
-    node = graph.start(SimNode, peer_wait=0.0, idle_rate=20.0)
+    node = graph.start(SimNode, idle_rate=20.0)
     graph.wait(lambda: graph.find("scene", settled=True), "a settled scene")
     return node
 

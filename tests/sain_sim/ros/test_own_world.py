@@ -39,7 +39,7 @@ def load(name: str) -> Fragile:
 def simulator(graph, monkeypatch):
     entry = EntryPoint("fragile", f"{__name__}:load", OFFERED.group)
     monkeypatch.setattr(OFFERED, "entries", lambda: {"fragile": [entry]})
-    node = graph.start(SimNode, peer_wait=0.0, idle_rate=20.0, engine="fragile", shadow=False)
+    node = graph.start(SimNode, idle_rate=20.0, engine="fragile", shadow=False)
     graph.wait(lambda: graph.find("scene", settled=True), "a settled scene")
     return node
 

@@ -29,7 +29,7 @@ def hear_anew(graph):
 def left(graph, tmp_path):
     """The state of a simulator after a reset and two pushes, and what was heard of it."""
     path = tmp_path / "sim.json"
-    node = graph.start(SimNode, peer_wait=0.0, idle_rate=20.0, state_file=str(path))
+    node = graph.start(SimNode, idle_rate=20.0, state_file=str(path))
     graph.wait(lambda: graph.find("scene", settled=True), "a settled scene")
     scene = graph.reset(seed=5, world="rough", friction=0.5)
     for push_id in (1, 2):
@@ -45,7 +45,7 @@ def left(graph, tmp_path):
 
 def test_who_listens_is_noted_before_any_reset(graph, tmp_path):
     path = tmp_path / "sim.json"
-    graph.start(SimNode, peer_wait=0.0, idle_rate=20.0, state_file=str(path))
+    graph.start(SimNode, idle_rate=20.0, state_file=str(path))
     graph.wait(lambda: "/sain/bystander" in json.loads(path.read_text())["listeners"], "who hears")
 
 
@@ -53,7 +53,7 @@ def test_episode_scene_world_and_time_go_on(graph, left):
     scene = latest(graph)
     world = graph.heard["world_parameters"][-1]
     hear_anew(graph)
-    graph.start(SimNode, peer_wait=0.0, idle_rate=20.0, state_file=str(left), seed=99)
+    graph.start(SimNode, idle_rate=20.0, state_file=str(left), seed=99)
     graph.wait(lambda: graph.find("scene", settled=True), "the scene of before")
     now = latest(graph)
     assert (now.episode_id, now.scene_id) == (scene.episode_id, scene.scene_id)
@@ -74,7 +74,7 @@ def test_the_push_that_was_under_way_is_refused_and_never_executed(graph, left):
     lost.push_id, lost.scene_id = 7, latest(graph).scene_id
     left.write_text(json.dumps({**json.loads(left.read_text()), "push": text_of(lost)}))
     hear_anew(graph)
-    graph.start(SimNode, peer_wait=0.0, idle_rate=20.0, state_file=str(left))
+    graph.start(SimNode, idle_rate=20.0, state_file=str(left))
     result = graph.result(7)
     assert result.error_code == ErrorCode.CANCELLED
     assert result.error_message == "push 7 ended when the simulator crashed; it moved nothing"
@@ -86,7 +86,7 @@ def test_the_push_that_was_under_way_is_refused_and_never_executed(graph, left):
 
 def test_a_result_is_told_though_its_simulator_died_before_it_could(graph, left, monkeypatch):
     hear_anew(graph)
-    node = graph.start(SimNode, peer_wait=0.0, idle_rate=20.0, state_file=str(left))
+    node = graph.start(SimNode, idle_rate=20.0, state_file=str(left))
     graph.wait(lambda: graph.find("scene", settled=True), "the scene of before")
     scene, moment = latest(graph), {}
 
@@ -101,7 +101,7 @@ def test_a_result_is_told_though_its_simulator_died_before_it_could(graph, left,
     graph.stop(node)
     left.write_text(moment["state"])
     hear_anew(graph)
-    graph.start(SimNode, peer_wait=0.0, idle_rate=20.0, state_file=str(left))
+    graph.start(SimNode, idle_rate=20.0, state_file=str(left))
     result = graph.result(9)
     assert (result.error_code, result.after.scene_id) == (ErrorCode.OK, scene.scene_id + 1)
     graph.wait(lambda: graph.find("scene", settled=True), "the scene after")
@@ -117,7 +117,7 @@ def test_pushes_and_resets_before_all_listen_again(graph, left):
     left.write_text(json.dumps({**state, "listeners": ["/sain/gone_for_good"]}))
     scene = latest(graph)
     hear_anew(graph)
-    graph.start(SimNode, peer_wait=0.0, idle_rate=20.0, state_file=str(left))
+    graph.start(SimNode, idle_rate=20.0, state_file=str(left))
     graph.push(scene, 8, PUSH)
     assert graph.result(8).error_code == ErrorCode.BUSY
     assert not graph.heard["scene"]

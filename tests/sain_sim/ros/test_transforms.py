@@ -74,7 +74,7 @@ class Viewer:
 
 @pytest.fixture
 def simulator(graph):
-    node = graph.start(SimNode, peer_wait=0.0, idle_rate=20.0)
+    node = graph.start(SimNode, idle_rate=20.0)
     graph.wait(lambda: graph.find("scene", settled=True), "a settled scene")
     return node
 
@@ -138,7 +138,7 @@ def test_frames_of_another_graph_have_a_prefix(graph, given, prefix):
     def node(**options):
         return SimNode(cli_args=["--ros-args", "-r", "__ns:=/lab"], **options)
 
-    graph.start(node, peer_wait=0.0, idle_rate=20.0, frame_prefix=given)
+    graph.start(node, idle_rate=20.0, frame_prefix=given)
     viewer = Viewer(graph, "/lab/robot_description", static_after=0.5)
     graph.wait(lambda: f"{prefix}body_0" in viewer.frames, "bodies")
     assert {name[: len(prefix)] for name in viewer.frames} == {prefix}

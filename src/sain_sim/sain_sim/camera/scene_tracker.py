@@ -72,9 +72,6 @@ class PosesConfig(TrackingConfig):
     bodies: str = option("", "YAML file of the bodies: shape, role, radius, mass, frame")
     frame: str = option("world", "frame of the poses, whose z axis points up")
     rate: float = option(30.0, "most scenes per second", unit="Hz", minimum=1.0, maximum=240.0)
-    peer_wait: float = option(
-        1.0, "time to look for another publisher of scenes", unit="s", minimum=0.0, maximum=60.0
-    )
     state_file: str = option("", "file that keeps the ids, so that none is used twice; empty: none")
 
 

@@ -50,7 +50,6 @@ class PosesNode(Node):
         self.state = StateFile(self, config.state_file)
         ids = self._ids_left()
         self.ownership = Ownership(self, OWNED)
-        self.ownership.refuse(config.peer_wait)
         self.tracker = SceneTracker(self.bodies, config, ids)
         self.kept, self.trouble, self.rival = ids, "", ""
         self.last: SceneMessage | None = None

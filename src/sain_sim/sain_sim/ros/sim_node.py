@@ -1,7 +1,6 @@
 """The simulator node: executes pushes, one at a time, and publishes each result."""
 
 from concurrent.futures import Future
-from time import monotonic
 from typing import Any
 
 from rclpy.node import Node
@@ -34,13 +33,11 @@ class SimNode(Node):
         """Build the worlds and start the first episode."""
         super().__init__("sim_node", namespace=NAMESPACE, **options)
         config = read_parameters(self, SimulatorConfig)
-        joined, self.ownership = monotonic(), Ownership(self, OWNED)
+        self.ownership = Ownership(self, OWNED)
         self._closing, self.counts = False, {"executed": 0, "refused": 0}
         self.session, self.pacer = Session(), Pacer(config.real_time_factor)
         self.worker = Worker(self, "physics")
         self.simulator = self.worker.call(lambda: Simulator(config, self.pacer))
-        # Peers have the time to be discovered while the worlds are built.
-        self.ownership.refuse(config.peer_wait - (monotonic() - joined))
         self.reception = reception = Reception(self)
         self.publishing = Publishing(self, self.simulator, self.session, reception)
         self.resumption = Resumption(self, config.state_file, self.session, self.pacer)

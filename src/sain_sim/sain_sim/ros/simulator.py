@@ -46,9 +46,6 @@ class SimulatorConfig(TruthConfig):
     )
     gui: bool = option(False, "show the world in a window (needs a display)")
     shadow: bool = option(True, "predict each push with the nominal world")
-    peer_wait: float = option(
-        1.0, "time to look for another simulator at the start", unit="s", minimum=0.0, maximum=60.0
-    )
     frame_prefix: str = option(
         "", "prefix of frames on /tf; empty: the namespace, but for /sain, where there is none"
     )

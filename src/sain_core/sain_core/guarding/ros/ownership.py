@@ -1,4 +1,8 @@
-"""Who else is there: one owner for each topic, other publishers, and who hears a node."""
+"""One owner for each topic on this computer, by locks; owners elsewhere, by what ROS discovers.
+
+A lock file is named after the ROS domain and the topic with its namespace. The system releases it
+when its owner ends, killed or not.
+"""
 
 import fcntl
 import os
@@ -93,7 +97,7 @@ class Ownership:
         self._locks: list[finalize] = []
         try:
             for name in self._names:
-                lock = _lock(name, node.context.get_domain_id())
+                lock = _lock(name, node)
                 self._locks.append(finalize(self, os.close, lock))
         except BaseException:
             self.release()
@@ -103,23 +107,6 @@ class Ownership:
         """Let another node have the topics."""
         for lock in self._locks:
             lock()
-
-    def refuse(self, wait_s: float) -> None:
-        """Look for publishers without a lock, for so long [s]: discovery takes its time.
-
-        Raises:
-            BusyError: naming topic and node.
-        """
-        end = time.monotonic() + wait_s
-        while True:
-            others = list(self._strangers())
-            for name, one in others:
-                if is_named(one) or time.monotonic() >= end + NAME_WAIT_S:
-                    self.release()
-                    raise BusyError(f"{full_name(one)} publishes {name} already; {advice(name)}")
-            if time.monotonic() >= end and not others:
-                return
-            time.sleep(POLL_S)
 
     def rival(self) -> str:
         """Return who else publishes an owned topic, and what to do; empty: nobody. Logs it, too."""
@@ -139,9 +126,10 @@ class Ownership:
                     yield name, one
 
 
-def _lock(topic: str, domain: int) -> int:
+def _lock(topic: str, node: Node) -> int:
     """Return a descriptor of a file that is locked until it is closed."""
-    path = private_folder() / f"domain_{domain}{topic.replace('/', '.')}.lock"
+    domain, folder = node.context.get_domain_id(), private_folder()
+    path = folder / f"domain_{domain}{topic.replace('/', '.')}.lock"
     flags = os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC
     try:
         descriptor = os.open(path, flags, 0o600)
@@ -151,7 +139,7 @@ def _lock(topic: str, domain: int) -> int:
         end = time.monotonic() + ENDING_S
         while not _is_locked(descriptor):
             if time.monotonic() >= end:
-                holder = os.pread(descriptor, 100, 0).decode(errors="replace").strip()
+                holder = os.pread(descriptor, 300, 0).decode(errors="replace").strip()
                 os.close(descriptor)
                 raise BusyError(
                     f"process {holder or 'of another node'} publishes {topic} already;"
@@ -159,7 +147,7 @@ def _lock(topic: str, domain: int) -> int:
                 )
             time.sleep(POLL_S)
         os.ftruncate(descriptor, 0)
-        os.pwrite(descriptor, f"{os.getpid()}\n".encode(), 0)
+        os.pwrite(descriptor, f"{os.getpid()} ({node.get_fully_qualified_name()})\n".encode(), 0)
     except OSError as error:
         raise OutputError(f"cannot lock {path}: {error.strerror}") from error
     return descriptor

@@ -1,17 +1,30 @@
 """Sockets, as the system lists them: what other computers can send to."""
 
 import os
+import shutil
+import signal
 import subprocess
 import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from types import SimpleNamespace
 
 import psutil
 import pytest
 
-from sain_core.guarding.lifetime import PROFILES, RANGE, stay_on_this_host
+from sain_core.errors import OutputError
+from sain_core.guarding import lifetime
+from sain_core.guarding.lifetime import (
+    PROFILES,
+    RANGE,
+    check_loopback,
+    check_shared_memory,
+    ending_within,
+    stay_on_this_host,
+)
+from sain_sim.commands import sim_node
 
 pytestmark = pytest.mark.ros
 
@@ -149,3 +162,98 @@ def test_a_process_that_comes_late_hears_behind_forty_others(ros_domain: int) ->
         ):
             assert listener.stdout is not None
             assert listener.stdout.readline() == "heard\n"
+
+
+def test_room_for_a_few_pages_is_enough(tmp_path, monkeypatch):
+    check_shared_memory()
+    check_shared_memory(tmp_path / "not there")
+    monkeypatch.setattr(shutil, "disk_usage", lambda path: SimpleNamespace(free=16384))
+    check_shared_memory(tmp_path)
+    monkeypatch.setattr(shutil, "disk_usage", lambda path: SimpleNamespace(free=12288))
+    with pytest.raises(OutputError, match="is full, and ROS cannot start without a page there"):
+        check_shared_memory(tmp_path)
+
+
+def test_a_node_says_so_and_does_not_start(monkeypatch, capsys):
+    monkeypatch.setattr(lifetime, "LEAST", 2**63)
+    assert sim_node([]) == 1
+    assert capsys.readouterr().err.startswith("sim_node: /dev/shm is full")
+
+
+def test_without_a_network_a_command_says_at_once_what_to_do():
+    isolated = ["unshare", "--user", "--map-root-user", "--net"]
+    if subprocess.run([*isolated, "true"], capture_output=True).returncode:
+        pytest.skip("this computer lets nobody make a network of his own")
+    code = "from sain_bringup.commands import closed_loop; raise SystemExit(closed_loop([]))"
+    command, closed = [*isolated, sys.executable, "-c", code], {**os.environ, RANGE: "LOCALHOST"}
+    ended = subprocess.run(command, capture_output=True, text=True, env=closed)
+    assert ended.returncode == 1 and ended.stdout == ""
+    assert ended.stderr == (
+        "closed_loop: nodes talk over 127.0.0.1, which cannot be used here: Network is unreachable;"
+        " run `sudo ip link set lo up`, or start the container with a network\n"
+    )
+
+
+def test_who_opens_the_network_needs_no_loopback(monkeypatch):
+    monkeypatch.setenv(RANGE, "LOCALHOST")
+    check_loopback()
+    with pytest.raises(lifetime.NoNetworkError):
+        check_loopback("203.0.113.1")  # nobody's own
+    monkeypatch.setenv(RANGE, "SUBNET")
+    check_loopback("203.0.113.1")
+
+
+STUCK = "ctypes.PyDLL(None).sleep(60)"  # holds the interpreter: no thread of Python runs meanwhile
+STUCK_AT_EXIT = f"import ctypes, atexit\natexit.register(lambda: {STUCK})\n"
+RECORD = f"""
+import ctypes, sys
+from sain_bags.commands import record
+from sain_bags.ros.recorder import Recorder
+Recorder.destroy_node = lambda self: {STUCK}
+sys.argv = ["record", "--out", "bag"]
+sys.exit(record())
+"""
+
+
+def run(code: str, folder: Path) -> tuple[int, float]:
+    start = time.monotonic()
+    done = subprocess.run([sys.executable, "-c", code], cwd=folder, timeout=50)
+    return done.returncode, time.monotonic() - start
+
+
+@pytest.mark.parametrize("code", [0, 1, 130])
+def test_what_hangs_ends_with_the_exit_code_of_what_was_done(code: int, tmp_path: Path) -> None:
+    inside = f"with ending_within(0.3, {code}):\n    {STUCK}\n"
+    ended, seconds = run(
+        f"import ctypes\nfrom sain_core.guarding.lifetime import ending_within\n{inside}", tmp_path
+    )
+    assert ended == code and seconds < 20.0
+
+
+def test_what_ends_in_time_goes_on() -> None:
+    for _ in range(3):
+        with ending_within(0.2):
+            pass
+    time.sleep(0.4)  # or else this process would be gone by now
+
+
+def test_a_command_ends_although_the_interpreter_cannot(tmp_path: Path, ros_domain: int) -> None:
+    code = "import sys\nfrom sain_bringup.commands import reset\n"
+    code += "sys.argv = ['reset', '--timeout', '0.1']\nsys.exit(reset())\n"
+    ended, seconds = run(STUCK_AT_EXIT + code, tmp_path)
+    assert ended == 1 and seconds < 30.0
+
+
+def test_a_recording_is_whole_although_the_middleware_hangs(
+    tmp_path: Path, ros_domain: int
+) -> None:
+    with subprocess.Popen([sys.executable, "-c", RECORD], cwd=tmp_path) as recorder:
+        deadline = time.monotonic() + 30.0
+        while not list(tmp_path.glob("bag/*.mcap")) and time.monotonic() < deadline:
+            time.sleep(0.05)
+        time.sleep(1.0)
+        os.kill(recorder.pid, signal.SIGINT)
+        start = time.monotonic()
+        assert recorder.wait(timeout=20) == 0
+    assert 3.0 < time.monotonic() - start < 10.0  # it did hang
+    assert (tmp_path / "bag/metadata.yaml").exists()

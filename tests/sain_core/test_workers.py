@@ -20,7 +20,7 @@ import sys
 from pathlib import Path
 from sain_core.workers import WorkerOptions
 from sain_core.workers import run_on_workers
-from tests.sain_core.workers.test_workers_end import wait_here, work_of
+from tests.sain_core.test_workers import wait_here, work_of
 if __name__ == "__main__":
     two = WorkerOptions(workers=2, ray=sys.argv[2])
     list(run_on_workers(work_of(wait_here), [Path(sys.argv[1])] * 4, two))

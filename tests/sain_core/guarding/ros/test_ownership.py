@@ -1,6 +1,7 @@
 """Of two processes that own a topic the later ends, and publishers elsewhere are reported."""
 
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -17,7 +18,8 @@ from std_msgs.msg import Empty
 
 from sain_core.errors import BusyError, OutputError
 from sain_core.guarding.ros import ownership
-from sain_core.guarding.ros.ownership import Ownership
+from sain_core.guarding.ros.ownership import Ownership, refuse_peers, refuse_rivals
+from sain_core.ros.qos import LATCHED
 from sain_interfaces.msg import Goal
 
 OWNER = """
@@ -64,7 +66,7 @@ def owner() -> Iterator["subprocess.Popen[str]"]:
 
 def test_the_later_of_two_is_refused_with_the_number_of_the_first(graph, node):
     with owner() as first:
-        expected = rf"process {first.pid} publishes /sain/aim already; stop it, or start"
+        expected = rf"process {first.pid} \(/sain/owner\) publishes /sain/aim already; stop it"
         with pytest.raises(BusyError, match=expected):
             Ownership(node, ("aim",))
         first.send_signal(signal.SIGSTOP)  # it may go on
@@ -99,23 +101,21 @@ def test_another_domain_is_another_topic(ros_domain, node):
     context.try_shutdown()
 
 
-def test_a_publisher_elsewhere_is_refused_at_the_start_and_reported_later(graph, node, other):
+def test_a_publisher_elsewhere_is_reported(graph, node, other):
     owned = Ownership(node, ("aim",))
     node.create_publisher(Goal, "aim", 1)
     publisher = other.create_publisher(Goal, "aim", 1)
     graph.wait(owned.rival, "its name")
     assert owned.rival().startswith("/sain/other publishes /sain/aim, too; stop it")
-    with pytest.raises(BusyError, match="/sain/other publishes /sain/aim already"):
-        owned.refuse(5.0)
     other.destroy_publisher(publisher)
     graph.wait(lambda: not owned.rival(), "the end of the rival")
 
 
-def test_another_clock_is_reported_with_the_remapping_that_helps(node, other):
+def test_another_clock_is_reported_with_the_remapping_that_helps(graph, node, other):
     owned = Ownership(node, ("/clock",))
     other.create_publisher(Clock, "/clock", 1)
-    with pytest.raises(BusyError, match=r"/sain/other publishes /clock already.* -r /clock:=clock"):
-        owned.refuse(5.0)
+    graph.wait(owned.rival, "its name")
+    assert re.match(r"/sain/other publishes /clock, too.* -r /clock:=clock", owned.rival())
 
 
 def test_a_silent_topic_of_any_name_changes_nothing(graph, node, other):
@@ -133,3 +133,17 @@ def test_what_is_no_regular_file_is_named(node, what, tmp_path: Path, monkeypatc
     with pytest.raises(OutputError, match=rf"cannot lock {path}: "):
         Ownership(node, ("aim",))
     assert not (tmp_path / "victim").exists()
+
+
+def test_a_rival_that_is_seen_late_is_refused(graph):
+    first = graph.add(Node("first", namespace="sain", context=graph.context))
+    refuse_peers(first, ("aim",))
+    first.create_publisher(Goal, "aim", LATCHED)
+    graph.wait(lambda: first.count_publishers("aim") == 1, "the first publisher")
+    refuse_rivals(first, ("aim",))
+    second = graph.add(Node("second", namespace="sain", context=graph.context))
+    second.create_publisher(Goal, "aim", LATCHED)
+    graph.wait(lambda: first.count_publishers("aim") == 2, "the second publisher")
+    expected = "/sain/first and /sain/second publish /sain/aim, so another graph is running already"
+    with pytest.raises(BusyError, match=expected):
+        refuse_rivals(first, ("aim",))

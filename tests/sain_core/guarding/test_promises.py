@@ -1,0 +1,22 @@
+"""Each promise of docs/reference/guarding.md names a test that there is."""
+
+import ast
+import re
+
+import pytest
+
+from tests.paths import ROOT
+
+ROWS = re.findall(
+    r"^\| (.+) \| `(\S+)::(\w+)` \|$", (ROOT / "docs/reference/guarding.md").read_text(), re.M
+)
+
+
+@pytest.mark.parametrize(("promise", "path", "test"), ROWS)
+def test_a_promise_has_its_test(promise: str, path: str, test: str) -> None:
+    tree = ast.parse((ROOT / path).read_text())
+    assert test in {node.name for node in tree.body if isinstance(node, ast.FunctionDef)}, promise
+
+
+def test_every_row_is_read() -> None:
+    assert len(ROWS) == (ROOT / "docs/reference/guarding.md").read_text().count("::") > 20

@@ -1,0 +1,192 @@
+"""What holds for every shape, and each one's own numbers."""
+
+from math import pi
+
+import numpy as np
+import pytest
+from shapely import LineString, MultiPoint, Point, Polygon, contains_xy, union_all
+
+from sain_core.scene import DISK_HEIGHT, make_scene, unit, wrap_angle
+from sain_core.shapes.library import get_shape, library, shape_names
+from sain_core.shapes.shape import distance_to_way, is_inside, outline_of
+from sain_core.types import Points
+from tests.hexagon import HEXAGON
+
+LIBRARY = library()
+SHAPES = [*map(get_shape, shape_names()), HEXAGON]
+ALL = pytest.mark.parametrize("shape", SHAPES, ids=lambda shape: shape.name)
+
+
+def area(points: Points) -> float:
+    x, y = points.T
+    return float((x * np.roll(y, -1) - y * np.roll(x, -1)).sum() / 2)
+
+
+@ALL
+def test_an_outline_goes_round_counter_clockwise_about_its_centroid(shape):
+    outline = shape.outline(0.06)
+    ring = Polygon(outline)
+    assert ring.is_simple and ring.exterior.is_ccw
+    assert ring.centroid.coords[0] == pytest.approx((0.0, 0.0), abs=1e-7)
+    assert np.hypot(*outline.T).max() == pytest.approx(0.06 * shape.circumradius)
+
+
+@ALL
+def test_the_parts_are_convex_and_together_the_outline(shape):
+    parts = [Polygon(part) for part in shape.parts(1.0)]
+    assert all(part.convex_hull.area == pytest.approx(part.area) for part in parts)
+    assert union_all(parts).symmetric_difference(Polygon(shape.outline(1.0))).area < 1e-6
+    assert shape.is_convex == (len(parts) == 1)
+
+
+@ALL
+def test_the_supports_lie_within_the_outline_and_about_its_centroid(shape):
+    feet = Polygon(shape.supports(1.0))
+    assert Polygon(shape.outline(1.0)).buffer(1e-9).covers(MultiPoint(shape.supports(1.0)))
+    assert feet.contains(Point(0.0, 0.0))
+
+
+@pytest.mark.parametrize("shape", LIBRARY, ids=lambda shape: shape.name)
+def test_the_circumscribed_circle_of_a_library_shape_has_radius_1(shape):
+    assert shape.circumradius == pytest.approx(1.0)
+
+
+def test_a_side_of_the_cube_faces_backwards_at_one_radius():
+    assert get_shape("cube").outline(0.06)[:, 0].min() == pytest.approx(-0.06)
+
+
+@ALL
+def test_the_symmetry_is_the_smallest_turn_that_changes_nothing(shape):
+    def fits(turn: float) -> bool:
+        state = make_scene(np.zeros((1, 2)), np.ones(1), np.ones(1), np.array([turn]))[0]
+        apart = shape.placed(state)[:, None] - shape.outline(1.0)
+        return bool(np.linalg.norm(apart, axis=-1).min(axis=1).max() < 1e-9)
+
+    turn = shape.symmetry or 2 * pi / 72  # a circle is drawn with 72 corners
+    assert fits(turn) and not fits(turn / 2)
+    assert shape.is_round == (shape.symmetry == 0.0)
+
+
+@ALL
+def test_the_surface_encloses_the_body(shape):
+    corners = shape.triangles(0.06)
+    volume = np.einsum("ti,ti->t", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])).sum() / 6
+    assert volume == pytest.approx(area(shape.outline(0.06)) * DISK_HEIGHT)
+    assert np.ptp(corners[..., 2]) == pytest.approx(DISK_HEIGHT)
+
+
+@ALL
+def test_inertia_is_that_of_many_points_in_the_outline(shape):
+    outline = shape.outline(0.06)
+    grid = (np.stack(np.meshgrid(*[np.arange(-400, 400)] * 2), -1).reshape(-1, 2) + 0.5) * 0.0002
+    inside = contains_xy(Polygon(outline), *grid.T)
+    y_square, x_square = (grid[inside, axis].var() for axis in (1, 0))
+    upright = DISK_HEIGHT**2 / 12
+    expected = 8.0 * np.array([y_square + upright, x_square + upright, x_square + y_square])
+    assert np.allclose(shape.inertia(8.0, 0.06), expected, rtol=0.005)
+
+
+def test_inertia_of_a_disk_and_of_a_block():
+    assert get_shape("disk").inertia(8.0, 0.08)[2] == pytest.approx(0.0256)  # m r^2 / 2
+    assert get_shape("cube").inertia(6.0, 0.05)[2] == pytest.approx(0.01)  # m (2 a)^2 / 6
+
+
+def test_the_shapes_of_the_paper():
+    names = shape_names()[:2]
+    assert names == ["disk", "cube"]
+    assert [get_shape(name).symmetry for name in names] == [0.0, pi / 2]
+    assert get_shape("cube").outline(0.05).tolist() == [
+        [0.05, 0.05], [-0.05, 0.05], [-0.05, -0.05], [0.05, -0.05]
+    ]  # fmt: skip
+    assert [len(get_shape(name).feet) for name in names] == [3, 3]
+
+
+OUTLINE_ALL = pytest.mark.parametrize(
+    "shape", [*library(), get_shape("cube")], ids=lambda shape: shape.name
+)
+HOLLOW = ("half_ring", "u", "ring_segment", "l", "corner")
+LOCATIONS = np.linspace(-pi, pi, 721)[1:]
+
+
+@OUTLINE_ALL
+def test_every_location_is_a_point_on_the_outline(shape):
+    points, normals = outline_of(shape).at(LOCATIONS)
+    ring = Polygon(shape.outline(1.0))
+    assert max(ring.exterior.distance(Point(point)) for point in points) < 1e-9
+    inside = points + 1e-6 * unit(normals)
+    assert (
+        is_inside(
+            inside, np.broadcast_to(shape.outline(1.0), (720, *shape.outline(1.0).shape))
+        ).mean()
+        > 0.99
+    )
+
+
+@OUTLINE_ALL
+def test_equal_steps_of_the_location_are_equal_steps_along_the_outline(shape):
+    ring = Polygon(shape.outline(1.0)).exterior
+    points, _ = outline_of(shape).at(LOCATIONS)
+    along = np.unwrap([2 * pi * ring.project(Point(p), normalized=True) for p in points])
+    assert np.allclose(np.diff(along), 2 * pi / 720, atol=1e-9)  # also counter-clockwise
+
+
+@OUTLINE_ALL
+def test_location_zero_is_the_leftmost_point(shape):
+    (point,), _ = outline_of(shape).at(np.zeros(1))
+    assert point[0] == pytest.approx(shape.outline(1.0)[:, 0].min(), abs=1e-6)
+
+
+def test_a_disk_drawn_with_many_corners_has_the_disk_s_locations():
+    points, normals = outline_of(get_shape("disk")).at(LOCATIONS)
+    assert np.allclose(points, -unit(LOCATIONS), atol=2e-3)
+    assert np.abs(wrap_angle(normals - LOCATIONS)).max() < 0.05
+
+
+def test_a_corner_starts_the_side_after_it():
+    square = outline_of(get_shape("square"))
+    _, normals = square.at(np.array([0.0, pi / 4 - 1e-9, pi / 4, pi / 2, pi, -pi / 2]))
+    assert np.allclose(normals, [0.0, 0.0, pi / 2, pi / 2, pi, -pi / 2])
+
+
+def test_an_outline_written_from_another_corner_has_the_same_locations():
+    shape = get_shape("t")
+    turned = type(shape)("turned", tuple(p[2:] + p[:2] for p in shape.polygons[::-1]))
+    first, second = (outline_of(one).at(LOCATIONS)[0] for one in (shape, turned))
+    assert np.allclose(first, second, atol=1e-9)
+
+
+def test_the_inner_corners_of_a_t_can_be_named():
+    shape = get_shape("t")
+    corners = shape.outline(1.0)
+    before, after = np.roll(corners, 1, axis=0), np.roll(corners, -1, axis=0)
+    turn = np.cross(np.c_[corners - before, np.zeros(8)], np.c_[after - corners, np.zeros(8)])[:, 2]
+    inner = corners[turn < 0.0]
+    assert len(inner) == 2
+    points, _ = outline_of(shape).at(np.linspace(-pi, pi, 100_001))
+    for corner in inner:
+        assert np.linalg.norm(points - corner, axis=1).min() < 1e-4
+
+
+@OUTLINE_ALL
+def test_a_push_that_faces_a_way_goes_through_the_middle(shape):
+    headings = np.linspace(-pi, pi, 16)
+    locations, angles = outline_of(shape).facing(headings)
+    points, normals = outline_of(shape).at(locations)
+    assert np.allclose(wrap_angle(normals + angles - headings), 0.0, atol=1e-9)
+    bearing = np.arctan2(points[:, 1], points[:, 0])
+    apart = np.abs(wrap_angle(bearing - headings - pi))
+    # Seen from the middle of a hollow shape, the outline is not all around.
+    assert apart.max() < (0.9 if shape.name in HOLLOW else 0.1)
+
+
+def test_distances_of_ways_agree_with_shapely():
+    random = np.random.default_rng(0)
+    start, end = random.uniform(-1.5, 1.5, (2, 300, 2))
+    corners = get_shape("star").outline(1.0)
+    found = distance_to_way(start, end, np.broadcast_to(corners, (300, *corners.shape)))
+    ring = Polygon(corners)
+    for one, first, last in zip(found, start, end, strict=True):
+        if ring.contains(Point(first)):
+            assert one < 0.0
+        else:
+            assert one == pytest.approx(ring.distance(LineString([first, last])), abs=1e-9)
