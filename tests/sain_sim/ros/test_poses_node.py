@@ -159,9 +159,7 @@ def test_another_frame_is_named(graph, camera, tmp_path) -> None:
 
 def test_a_second_converter_ends(graph, tmp_path) -> None:
     start(graph, tmp_path, ARRAY)
-    with pytest.raises(
-        BusyError, match=rf"process {os.getpid()} \(\S+\) publishes /sain/scene already"
-    ):
+    with pytest.raises(BusyError, match=rf"process {os.getpid()} \(.+\) publishes /sain/scene"):
         start(graph, tmp_path, ARRAY)
 
 
