@@ -2,7 +2,8 @@
 
 ./env python tools/prose.py [PAGE...]
 
-* A word of the total is two or more letters of a-z outside of fenced code and comments. One total
+* A word of the total is two or more letters of a-z outside of fenced code, comments and the names of
+  tests. One total
   is over README.md and docs/, without what tools write: pages, and parts between
   ``<!-- columns: made by tools/... -->`` and ``<!-- end of columns -->``. The other is over
   docs/decisions/ and docs/notebook/.
@@ -44,6 +45,7 @@ COMMENT = re.compile(r"<!-- (\w+): made by .*?<!-- end of \1 -->|<!--.*?-->", re
 FENCE = re.compile(r"\s*(```|~~~)")
 NO_SENTENCE = ("|", "#", "![", "<")
 SENTENCE_END = re.compile(r"(?<=[.!?:])\s+")
+TEST = re.compile(r"`tests/\S+::\w+`")
 WORD = re.compile(r"[A-Za-z]{2,}")
 WORD_OF_A_SENTENCE = re.compile(r"[A-Za-z0-9'-]+")
 
@@ -121,8 +123,8 @@ def banned_phrases(text: str) -> Iterator[Line]:
 
 
 def words(text: str) -> int:
-    """Return the number of words of a page outside of fenced code and of what tools write."""
-    written = COMMENT.sub("", text)
+    """Return the number of words of a page but for fenced code, tests and what tools write."""
+    written = TEST.sub("", COMMENT.sub("", text))
     return sum(len(WORD.findall(line.text)) for line in lines_outside_fences(written))
 
 

@@ -38,7 +38,7 @@ START = make_scene(
 @pytest.fixture
 def running(graph):
     graph.listen("markers", MarkerArray)
-    graph.start(SimNode, peer_wait=0.0)
+    graph.start(SimNode)
     graph.start(ModelNode, model="planar")
     planner = graph.start(MppiNode, **SMALL)
     graph.wait(planner.remote._client.service_is_ready, "the model's service")
@@ -119,7 +119,7 @@ def test_a_push_against_any_pushable_body_is_carried_out_and_predicted(graph, ru
 
 
 def test_a_push_against_a_fixed_or_missing_body_is_refused(graph):
-    graph.start(SimNode, peer_wait=0.0)
+    graph.start(SimNode)
     scene = begin(graph)
     for push_id, (body, text) in enumerate(
         [
@@ -138,7 +138,7 @@ def test_a_push_against_a_fixed_or_missing_body_is_refused(graph):
 
 
 def test_a_reset_with_bodies_that_cannot_be_says_why(graph):
-    graph.start(SimNode, peer_wait=0.0)
+    graph.start(SimNode)
     for fields, code, text in [
         ({"shapes": ["t", "disk"]}, ErrorCode.INVALID, "2 shapes are given for 3 disks"),
         ({"roles": ["fixed"]}, ErrorCode.INVALID, "1 roles are given for 3 disks"),
