@@ -16,7 +16,7 @@ from sain_eval.plots.axes import draw_legend
 from sain_eval.plots.pictures import draw_plan
 from sain_model.dynamics.load import load_checkpoint, shipped_checkpoint
 from sain_mppi.algorithms import ALGORITHMS
-from sain_mppi.algorithms.config import PlannerConfig
+from sain_mppi.config import PlannerConfig
 from sain_mppi.planner import Planner, Problem
 
 scene = make_scene(

@@ -19,16 +19,15 @@ from sain_core.randomness import generator
 from sain_core.scene import POSE
 from sain_core.transitions import PushHistory, draw_parts
 from sain_core.types import Indices
-from sain_model.data.bodies import believed_places, body_names, infer_bodies, with_beliefs
 from sain_model.data.dataset import Part, Split
+from sain_model.dynamics.identify import believed_places, body_names, infer_bodies, with_beliefs
 from sain_model.dynamics.intervals import Intervals, Prediction
 from sain_model.dynamics.residual import residual_model, with_intervals
 from sain_model.dynamics.sain import Inferred, SainDynamics
-from sain_model.dynamics.settings import IDENTITY, PLANAR
 from sain_model.inference.kinds import friction_kind
 from sain_model.inference.posterior import Posterior
 from sain_model.network.interaction_network import new_network
-from sain_model.network.settings import PUSH_FRAME, WORLD_FRAME, NetworkConfig
+from sain_model.network.settings import IDENTITY, PLANAR, PUSH_FRAME, WORLD_FRAME, NetworkConfig
 from sain_model.training.interval_fit import fit_regions, with_regions
 from sain_model.training.objectives import SinglePushes
 from sain_model.training.settings import NOTHING, LossConfig, TrainingConfig

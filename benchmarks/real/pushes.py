@@ -18,12 +18,12 @@ from sain_core.scene import POSE, RADIUS, THETA, unit, wrap_angle
 from sain_core.shapes.library import get_shape
 from sain_core.storage import read_arrays
 from sain_core.types import Angles, Indices, Mask, Points, Scalars
-from sain_model.data.bodies import on_surfaces
 from sain_model.data.dataset import Dataset, Part, load_dataset
+from sain_model.dynamics.identify import on_surfaces
 from sain_model.importing.data_set import import_pushes, write_imported
-from sain_model.importing.sources import read_recordings
-from sain_model.network.inputs import MASS_MIDDLE
-from sain_model.physics.first_touch import first_touch
+from sain_model.importing.files import read_recordings
+from sain_model.network.feature_kernels import MASS_MIDDLE
+from sain_model.physics.planar import first_touch
 
 Poses = Float[ndarray, "M 3"]  # x, y [m] and heading [rad] in the world
 Names = ndarray  # of texts, (M,)

@@ -23,11 +23,11 @@ from sain_core.transitions import COLLECTION_FILE, Column, Columns, shard_path
 from sain_model.cli.evaluate import unseen
 from sain_model.compute.threads import settle_threads
 from sain_model.data.dataset import load_dataset
-from sain_model.dynamics.checkpoint import parse_card
+from sain_model.dynamics.load import parse_card
 from sain_model.dynamics.sain import SainDynamics
 from sain_model.evaluation.errors import evaluate
 from sain_model.evaluation.predictors import SAIN
-from sain_model.evaluation.tables import error_tables
+from sain_model.evaluation.presentation import error_tables
 
 STATES = ("state", "next_state")
 

@@ -22,10 +22,9 @@ from benchmarks.speed.planar_prior import draw
 from benchmarks.timing import fastest
 from sain_core.model import Model, load_dynamics
 from sain_core.types import Pushes, Scenes
-from sain_model.dynamics.residual import ResidualNetwork
+from sain_model.dynamics.residual import ResidualNetwork, TorchNetwork
 from sain_model.dynamics.sain import SainDynamics
 from sain_model.network.interaction_network import InteractionNetwork
-from sain_model.network.torch_network import TorchNetwork
 
 SAMPLES, HORIZON = 1024, 15
 SIZE = 1024  # of the square matrices that show the machine's peak

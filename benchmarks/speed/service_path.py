@@ -31,7 +31,7 @@ from sain_core.randomness import generator
 from sain_core.types import Pushes
 from sain_eval.scenes.scenario_scene import ScenarioScene
 from sain_eval.scenes.scenarios import SCENARIOS
-from sain_mppi.algorithms.config import PlannerConfig
+from sain_mppi.config import PlannerConfig
 from sain_mppi.objective.problem import Problem
 from sain_mppi.planner import Planner
 

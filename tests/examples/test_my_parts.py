@@ -57,7 +57,7 @@ def test_the_new_terms_count_where_nothing_is_done(environment: dict[str, str]) 
     lines = (
         "import numpy as np; from sain_core.scene import make_scene;"
         " from sain_mppi.objective.problem import Problem;"
-        " from sain_mppi.objective.cost_weights import CostWeights;"
+        " from sain_mppi.config import CostWeights;"
         " from sain_mppi.objective.cost import Objective;"
         " scene = make_scene(np.array([[0.4, 0.0], [0.6, 0.3]]), np.ones(2), np.full(2, 0.05));"
         " from sain_core.goal import Goal; problem = Problem.of(scene, Goal.place(0.6, 0.3));"

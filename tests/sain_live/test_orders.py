@@ -7,7 +7,7 @@ import pytest
 from sain_core.config import Config
 from sain_core.errors import ConfigError
 from sain_live.orders import Reset, planner_settings
-from sain_mppi.algorithms.config import PlannerConfig
+from sain_mppi.config import PlannerConfig
 
 
 def test_a_reset_is_the_scene_of_the_scenario():

@@ -10,7 +10,7 @@ from sain_core.push import LENGTH, LOCATION, PushLimits
 from sain_core.scene import MASS, POSITION, make_scene, unit
 from sain_core.types import Pushes, Scenes
 from sain_model.data.dataset import Split
-from sain_model.dynamics.checkpoint import ModelCard, card_path, parse_card
+from sain_model.dynamics.load import ModelCard, card_path, parse_card
 from sain_model.inference.kinds import friction_kind
 from sain_model.network.interaction_network import new_network
 from sain_model.physics.planar import PlanarPrior
@@ -26,12 +26,7 @@ def read_card(path: Path) -> ModelCard:
     return parse_card(card_path(path), card_path(path).read_text())
 
 
-def make_trainer(
-    split: Split,
-    prior: Model,
-    config: TrainingConfig,
-    folder: Path,
-) -> Trainer:
+def make_trainer(split: Split, prior: Model, config: TrainingConfig, folder: Path) -> Trainer:
     """Return a trainer of new weights on single pushes."""
     network = new_network(config.network, config.seed)
     pushes = SinglePushes(split, friction_kind(prior, infers=False), config)

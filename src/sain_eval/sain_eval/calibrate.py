@@ -17,8 +17,8 @@ from sain_model.data.dataset import Part
 from sain_model.evaluation.errors import position_errors, target_moved
 from sain_model.inference.gauss_newton import Progress, fit
 from sain_model.inference.kinds import ACROSS, ALONG_AXES, FRICTION, Kind
+from sain_model.physics.parameters import TEXTBOOK
 from sain_model.physics.planar import PlanarConfig, PlanarPrior
-from sain_model.physics.planar_config import TEXTBOOK
 
 FREE: Final = (
     "friction_scale",

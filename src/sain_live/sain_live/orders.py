@@ -11,7 +11,7 @@ from sain_core.goal import Goal
 from sain_eval.scenes.families import AnywhereScenario, PoseScenario
 from sain_eval.scenes.scenario_scene import ScenarioScene
 from sain_eval.scenes.scenarios import draw_scene, find_scenario
-from sain_mppi.algorithms.config import PlannerConfig
+from sain_mppi.config import PlannerConfig
 
 AS_DRAWN: Final = "as the scenario has it"
 PREFIX: Final = "planner."  # of its parameters

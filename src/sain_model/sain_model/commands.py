@@ -10,7 +10,7 @@ model_node: Final = NodeCommand(
     about="Serves one model of the dynamics. Predicts single pushes and sequences of pushes, and"
     " replaces the model while it runs.",
     node="ros.model_node:ModelNode",
-    settings="serving.settings:ServingConfig",
+    settings="serving.service:ServingConfig",
     publishes=("/diagnostics",),
     subscribes=("shapes",),
     offers=("predict_residual", "rollout", "describe_model", "load_model"),

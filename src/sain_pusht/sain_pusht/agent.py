@@ -17,8 +17,7 @@ from sain_core.shapes.bodies import PAPER_DISKS, Bodies
 from sain_core.types import Mask, Points, Pushes, Scenes
 from sain_mppi.agent.agent import Agent, AgentConfig, planning_agent
 from sain_mppi.agent.goal_tracker import GoalTrackerConfig
-from sain_mppi.algorithms.config import PlannerConfig, ProgressConfig
-from sain_mppi.objective.cost_weights import CostWeights
+from sain_mppi.config import CostWeights, PlannerConfig, ProgressConfig
 from sain_pusht.block import PIXEL
 from sain_pusht.motion import KEEP_OFF, PUSHING, Corners, Room
 

@@ -43,7 +43,7 @@ from sain_eval.loop.tables import (
     show_summary,
 )
 from sain_eval.scenes.scenario_scene import ScenarioScene
-from sain_mppi.algorithms.config import PlannerConfig
+from sain_mppi.config import PlannerConfig
 from sain_pusht.agent import AGENT_RADIUS, FEASIBILITY, PLANNER, pusht_agent
 from sain_pusht.block import pusht_bodies
 from sain_pusht.world import MOST_STEPS, NEAR, TURNED, Moment, PushtWorld, make_env, play_pusht

@@ -15,8 +15,7 @@ from sain_model.data.dataset import Part
 from sain_model.inference.gauss_newton import fit
 from sain_model.inference.kinds import Kind
 from sain_model.physics.body_kernels import DISK_FEET, DISK_INERTIA
-from sain_model.physics.body_table import SHARE, body_table
-from sain_model.physics.planar import PlanarConfig, PlanarPrior
+from sain_model.physics.planar import SHARE, PlanarConfig, PlanarPrior, body_table
 from sain_pusht.agent import AGENT_RADIUS
 from sain_pusht.block import BLOCK_RADIUS, pusht_bodies
 

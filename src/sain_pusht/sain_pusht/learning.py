@@ -16,8 +16,7 @@ from sain_core.model import Model
 from sain_core.scene import POSITION, THETA, wrap_angle
 from sain_core.storage import make_folder, ros2_command
 from sain_core.types import Mask
-from sain_model.dynamics.settings import PLANAR
-from sain_model.network.settings import PUSH_FRAME, NetworkConfig
+from sain_model.network.settings import PLANAR, PUSH_FRAME, NetworkConfig
 from sain_model.training.settings import NOTHING, LossConfig, TrainingConfig
 from sain_pusht.agent import WALLS, pusht_agent
 from sain_pusht.block import pusht_bodies
@@ -52,14 +51,14 @@ def run(options: LearnOptions, console: Console) -> None:
 
     The network learns from pushes far from the walls: walls are none of its inputs.
     """
-    from sain_model.dynamics.checkpoint import ModelCard, save_checkpoint
+    from sain_model.dynamics.load import ModelCard, save_checkpoint
     from sain_model.dynamics.priors import prior_settings
     from sain_model.dynamics.residual import residual_model
     from sain_model.inference.kinds import friction_kind
     from sain_model.network.interaction_network import new_network
     from sain_model.training.objectives import SinglePushes
+    from sain_model.training.record import environment
     from sain_model.training.trainer import Trainer
-    from sain_model.training.training_card import environment
     from sain_pusht.identification import textbook
     from sain_pusht.model import CHECKPOINT, GYRATION
 

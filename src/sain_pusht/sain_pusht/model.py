@@ -13,8 +13,7 @@ from sain_core.push import LENGTH, SPEED, strokes
 from sain_core.scene import POSITION, RADIUS, THETA, unit
 from sain_core.shapes.bodies import Bodies
 from sain_core.types import PushArray, Pushes, Scene, Scenes
-from sain_model.dynamics.checkpoint import card_path, parse_card
-from sain_model.dynamics.load import load_checkpoint
+from sain_model.dynamics.load import card_path, load_checkpoint, parse_card
 from sain_pusht.agent import LIMITS, WALLS
 from sain_pusht.block import PIXEL, pixels, pose_of, pusht_bodies, scene_of
 from sain_pusht.motion import LANDING, ramp, servo_of

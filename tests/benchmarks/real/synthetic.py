@@ -11,8 +11,8 @@ from sain_core.shapes.bodies import Bodies
 from sain_core.storage import write_arrays
 from sain_core.transitions import Column, shard_path
 from sain_model.data.dataset import Dataset, load_dataset
+from sain_model.physics.parameters import PlanarConfig
 from sain_model.physics.planar import PlanarPrior
-from sain_model.physics.planar_config import PlanarConfig
 
 SHAPES = {"box_3x2": 0.07, "triangle": 0.08, "oval": 0.06}  # radius [m]
 SURFACES = {"rubber": 0.3, "steel": 0.15}  # friction of the tool there

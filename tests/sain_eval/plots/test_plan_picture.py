@@ -13,7 +13,7 @@ from sain_core.view.figures import DOTS_PER_INCH, new_figure
 from sain_eval.plots.axes import draw_legend
 from sain_eval.plots.pictures import draw_plan
 from sain_model.physics.planar import PlanarPrior
-from sain_mppi.algorithms.config import PlannerConfig
+from sain_mppi.config import PlannerConfig
 from sain_mppi.objective.problem import Problem
 from sain_mppi.planner import Planner
 

@@ -5,11 +5,10 @@ import numpy as np
 from sain_core.push import make_push
 from sain_core.shapes.bodies import PAPER_DISKS
 from sain_core.types import PushSequences
-from sain_model.cli.kernels import RUNS
-from sain_model.compute.kernel_store import CHAINS, compile_kernels, kernels_are_ready
+from sain_model.compute.kernel_store import compile_kernels, kernels_are_ready
 from sain_model.dynamics.residual import residual_model
 from sain_model.inference.kinds import friction_kind
-from sain_model.network import feature_kernels, sain_kernels
+from sain_model.network import feature_kernels, network_kernels
 from sain_model.network.features import network_inputs, push_frames
 from sain_model.network.interaction_network import new_network
 from sain_model.network.settings import NetworkConfig
@@ -18,13 +17,9 @@ from sain_model.physics.planar import PlanarPrior
 
 ENTRIES = (
     push_kernels.push_bodies_block,
-    sain_kernels.correct_block,
+    network_kernels.correct_block,
     feature_kernels.write_block,
 )
-
-
-def test_the_compiler_has_a_run_for_each_chain() -> None:
-    assert set(RUNS) == set(CHAINS)
 
 
 def test_predictions_run_what_was_compiled() -> None:

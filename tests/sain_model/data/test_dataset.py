@@ -1,20 +1,29 @@
+"""Data sets: read, checked, mixed, split by episode, and cut into windows."""
+
+import json
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+import torch
 
 from sain_core.errors import DatasetError
-from sain_core.push import SPEED, START_X, TIP_RADIUS, PushLimits, as_strokes
-from sain_core.scene import Y
+from sain_core.push import PushLimits, as_strokes
+from sain_core.scene import STATE_SIZE, X, Y
 from sain_core.shapes.bodies import Bodies
-from sain_core.transitions import PushHistory
-from sain_model.data.dataset import load_dataset, split_by_episode
-from sain_model.data.examples import inferred_values
-from sain_model.data.recordings import load_recording
+from sain_core.transitions import ORIGINS, Column, PushHistory
+from sain_model.commands import evaluate, train
+from sain_model.data.dataset import Dataset, Part, load_dataset, split_by_episode
+from sain_model.data.shard import read_shard
 from sain_model.data.windows import make_windows
-from sain_model.inference.kinds import friction_kind
+from sain_model.dynamics.identify import load_recording
+from sain_model.network.interaction_network import InteractionNetwork
+from sain_model.network.settings import NetworkConfig
 from sain_model.physics.planar import PlanarPrior
+from sain_model.training.objectives import make_examples
+from tests.old_files.reading import FOLDER, KINDS, expected, five
+from tests.sain_model.rolling import EPISODES, EVERY, PUSHES, load_episodes
 
 
 def test_all_shards_are_read_in_order(dataset: Path) -> None:
@@ -25,33 +34,6 @@ def test_all_shards_are_read_in_order(dataset: Path) -> None:
     one = load_dataset(dataset / "shard-0.npz")
     np.testing.assert_array_equal(one.alike.action, data.alike.action[:60])
     assert one.sha256 != data.sha256 == load_dataset(dataset).sha256
-
-
-def test_no_episode_is_in_two_parts(dataset: Path) -> None:
-    data = load_dataset(dataset)
-    split = split_by_episode(data, seed=5, validation=0.2, test=0.3)
-    parts = [set(part.episode.tolist()) for part in (split.train, split.validation, split.test)]
-    assert [len(part) for part in parts] == [10, 4, 6]
-    assert set.union(*parts) == set(range(20))
-    assert sum(len(part) for part in (split.train, split.validation, split.test)) == len(data)
-    again = split_by_episode(data, seed=5, validation=0.2, test=0.3)
-    np.testing.assert_array_equal(again.test.episode, split.test.episode)
-    other = split_by_episode(data, seed=6, validation=0.2, test=0.3)
-    assert set(other.test.episode.tolist()) != parts[2]
-
-
-def test_too_few_episodes_cannot_be_split(dataset: Path) -> None:
-    data = load_dataset(dataset)
-    with pytest.raises(DatasetError, match="2 episodes are too few"):
-        split_by_episode(data.select(data.episode < 2), 0, 0.1, 0.1)
-
-
-def test_the_mirror_of_a_mirror_is_the_data(dataset: Path) -> None:
-    data = load_dataset(dataset).alike
-    twice = data.mirrored().mirrored()
-    np.testing.assert_allclose(twice.state, data.state, atol=1e-12)
-    np.testing.assert_allclose(twice.action, data.action, atol=1e-12)
-    np.testing.assert_array_equal(data.mirrored().next_state[..., Y], -data.next_state[..., Y])
 
 
 @pytest.mark.parametrize(
@@ -123,17 +105,6 @@ def test_what_is_no_shard_is_refused(dataset: Path, tmp_path: Path) -> None:
         load_dataset(cut)
 
 
-def test_shards_with_other_numbers_of_disks_do_not_mix(dataset: Path, tmp_path: Path) -> None:
-    with np.load(dataset / "shard-0.npz") as shard:
-        arrays = dict(shard)
-    np.savez(tmp_path / "a.npz", **arrays)
-    for key in ("state", "next_state", "physics_next", "floor_next"):
-        arrays[key] = np.hstack([arrays[key], arrays[key][:, 8:]])
-    np.savez(tmp_path / "b.npz", **arrays)
-    with pytest.raises(DatasetError, match="scenes with the same bodies are needed"):
-        _ = load_dataset(tmp_path).alike
-
-
 def test_the_order_of_an_episode_is_that_of_its_steps(dataset: Path, tmp_path: Path) -> None:
     arrays = dict(np.load(dataset / "shard-0.npz"))
     count = len(arrays["episode"])
@@ -145,17 +116,6 @@ def test_the_order_of_an_episode_is_that_of_its_steps(dataset: Path, tmp_path: P
     np.savez(tmp_path / "c.npz", **arrays, step=steps // 2)
     with pytest.raises(DatasetError, match="episode 0 has two pushes with step"):
         load_dataset(tmp_path / "c.npz")
-
-
-def test_what_is_believed_of_the_physics_is_given_for_each_push(dataset: Path) -> None:
-    part = load_dataset(dataset).parts[0]
-    friction = np.linspace(0.1, 0.2, len(part))
-    believed = replace(part, given={"friction": friction}).select(np.array([3, 1]))
-    np.testing.assert_array_equal(believed.given["friction"], friction[[3, 1]])
-    np.testing.assert_array_equal(believed.observed.given["friction"], friction[[3, 1]])
-    kind = friction_kind(PlanarPrior())
-    np.testing.assert_array_equal(inferred_values(believed, kind)["friction"], friction[[3, 1]])
-    assert part.select(np.array([3, 1])).given is None
 
 
 def test_rows_name_their_bodies(dataset: Path, tmp_path: Path) -> None:
@@ -196,19 +156,179 @@ def test_strokes_are_a_part_of_their_own(dataset: Path, tmp_path: Path) -> None:
     assert len(history.then(data.state[2], data.action[2], data.next_state[2])) == 3
 
 
-@pytest.mark.parametrize(
-    ("column", "value", "message"),
-    [
-        (SPEED, 5.0, r"speed of push \(3,\) is 5.0; allowed: 0.001 to 2"),
-        (TIP_RADIUS, -0.1, r"tip_radius of push \(3,\) is -0.1; allowed: 0.001 to 0.05"),
-        (START_X, np.inf, "row 3 of action holds NaN or Inf"),
-    ],
-)
-def test_a_stroke_that_cannot_be_is_refused(
-    dataset: Path, tmp_path: Path, column: int, value: float, message: str
+FAR = 0.45  # [m]
+
+
+def with_more_disks(shard: Path, more: int, to: Path, shift: float = 0.0) -> Path:
+    """Write a shard whose scenes have further disks, far off; its pushes start elsewhere."""
+    with np.load(shard) as arrays:
+        content = dict(arrays)
+    count = len(content["action"])
+    for key in ("state", "next_state", "physics_next", "floor_next"):
+        scenes = content[key].reshape(count, -1, STATE_SIZE)
+        scenes[..., X] += shift
+        further = [scenes[:, 1].copy() for _ in range(more)]
+        for place, disk in enumerate(further):
+            disk[:, [X, Y]] = (0.3 + shift, FAR - 0.15 * place)
+        content[key] = np.stack([*scenes.transpose(1, 0, 2), *further], axis=1).reshape(count, -1)
+    to.parent.mkdir(exist_ok=True)
+    np.savez(to, **content)
+    return to
+
+
+@pytest.fixture(scope="module")
+def folders(dataset: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path, Path]:
+    """Data with 2 disks, with 4, and with 2 again but other pushes."""
+    root = tmp_path_factory.mktemp("mixed")
+    shard = dataset / "shard-0.npz"
+    with_more_disks(shard, 2, root / "four" / "a.npz")
+    with_more_disks(shard, 0, root / "again" / "a.npz", shift=0.01)
+    return dataset, root / "four", root / "again"
+
+
+def test_numbers_of_disks_stay_apart_and_so_do_episodes_of_one_name(folders) -> None:
+    data = load_dataset(*folders)
+    assert [(part.disks, len(part)) for part in data.parts] == [(2, 180), (4, 60)]
+    assert len(np.unique(data.episode)) == 20 + 10 + 10
+    assert len(data.sources) == 3 and data.sha256 not in data.sources
+    two, again = load_dataset(folders[0]).alike, load_dataset(folders[2]).alike
+    np.testing.assert_array_equal(data.parts[0].state, np.concatenate([two.state, again.state]))
+
+
+def test_the_same_push_in_two_data_sets_is_refused(folders, tmp_path) -> None:
+    copy = tmp_path / "copy.npz"
+    copy.write_bytes((folders[0] / "shard-1.npz").read_bytes())
+    with pytest.raises(DatasetError, match=r"copy\.npz hold the same push; give each"):
+        load_dataset(folders[0], copy)
+    with pytest.raises(DatasetError, match="the same push"):
+        load_dataset(folders[0], folders[0])
+
+
+def single_rows(data: Dataset) -> list[Part]:
+    """Each push by itself."""
+    return [
+        part.select(np.arange(len(part)) == row) for part in data.parts for row in range(len(part))
+    ]
+
+
+@pytest.mark.parametrize("shares", [(0.1, 0.0), (0.2, 0.0), (0.2, 0.3)])
+def test_no_transition_of_a_training_episode_is_held_out(folders, shares) -> None:
+    """By what happened in them, not by their labels: the label of an episode could be wrong."""
+    data = load_dataset(*folders)
+    split = split_by_episode(data, 1, *shares)
+    parts = [split.train, split.validation, split.test]
+    rows = [
+        {(*row.state.ravel().tolist(), *row.action.ravel().tolist()) for row in single_rows(part)}
+        for part in parts
+    ]
+    assert sum(map(len, rows)) == len(data) == len(set.union(*rows))
+    labels = [set(part.episode.tolist()) if len(part) else set() for part in parts]
+    assert [len(found) for found in labels[1:]] == [round(40 * share) for share in shares]
+    assert sum(map(len, labels)) == 40 == len(set.union(*labels))
+
+
+def test_disks_that_do_not_exist_change_nothing_of_those_that_do(folders) -> None:
+    torch.manual_seed(0)
+    network = InteractionNetwork(NetworkConfig())
+    for parameter in network.parameters():
+        torch.nn.init.normal_(parameter, std=0.3)
+    for folder in folders[:2]:
+        data = load_dataset(folder).alike
+        examples = make_examples(data, PlanarPrior())
+        padded = examples.padded(5)
+        said = network(examples.bodies, examples.relations)
+        of_five = network(padded.bodies, padded.relations)
+        assert of_five.shape == (len(data), 5, 3)
+        assert torch.allclose(of_five[:, : data.disks], said, rtol=1e-5, atol=1e-8)
+        assert not padded.residual[:, data.disks :].any()
+    assert examples.padded(4) is examples
+
+
+def test_fewer_transitions_are_first_episodes_of_all_parts(folders) -> None:
+    data = load_dataset(*folders)
+    whole, split = split_by_episode(data, 0, 0.1, 0.1), split_by_episode(data, 0, 0.1, 0.1, 20)
+    assert [len(split.train), len(split.test)] == [20, len(whole.test)]
+    first = sorted(set(whole.train.episode.tolist()))[: len(set(split.train.episode.tolist()))]
+    assert set(split.train.episode.tolist()) == set(first)
+    with pytest.raises(DatasetError, match="9999 transitions to train on are asked for"):
+        split_by_episode(data, 0, 0.1, 0.1, 9999)
+
+
+def test_without_a_test_part_the_card_says_what_its_errors_are_of(
+    dataset, tmp_path, capsys
 ) -> None:
-    rows = as_stroke_rows(dataset, "shard-0.npz")
-    rows["action"][3, column] = value
-    np.savez(tmp_path / "shard-0.npz", **rows)
-    with pytest.raises(DatasetError, match=message):
-        load_dataset(tmp_path)
+    arguments = [str(dataset), "--out", str(tmp_path), "--epochs", "1", "--history", "none"]
+    assert train([*arguments, "--validation", "0.2", "--test", "0"]) == 0
+    card = json.loads((tmp_path / "sain.json").read_text())
+    assert card["data"]["episodes"] == {"train": 16, "validation": 4, "test": 0}
+    assert card["errors"]["held_out"] == "validation" and card["errors"]["episodes"] == 4
+    capsys.readouterr()
+    assert evaluate([str(dataset), "--checkpoint", str(tmp_path / "sain.safetensors")]) == 1
+    assert "learned from all of this data" in "".join(capsys.readouterr())
+
+
+def test_what_was_learned_from_among_others_is_not_evaluated_on(folders, tmp_path, capsys) -> None:
+    arguments = [*map(str, folders), "--out", str(tmp_path), "--epochs", "1", "--history", "none"]
+    assert train(arguments) == 0
+    capsys.readouterr()
+    checkpoint = ["--checkpoint", str(tmp_path / "sain.safetensors")]
+    assert evaluate([str(folders[1]), *checkpoint]) == 1
+    assert "learned from this data among others" in " ".join(capsys.readouterr().err.split())
+
+
+def test_windows_never_cross_episodes_and_lose_no_push(tmp_path: Path) -> None:
+    shuffled = load_episodes(tmp_path, np.random.default_rng(0).permutation(EVERY))
+    windows = make_windows(shuffled, 4)
+    assert sorted(windows.rows[:, 0]) == list(range(len(EVERY)))
+    for rows, episode, known in zip(windows.rows, windows.episodes, windows.known, strict=True):
+        used = rows[known]
+        assert (shuffled.episode[used] == episode).all()
+        first = shuffled.step[rows[0]]
+        length = min(4, PUSHES - first)
+        np.testing.assert_array_equal(shuffled.step[used], np.arange(first, first + length))
+
+
+def test_a_window_is_what_happened(tmp_path: Path) -> None:
+    data = load_episodes(tmp_path)
+    windows = make_windows(data, 3, whole=True)
+    assert len(windows) == EPISODES * (PUSHES - 2) and windows.known.all()
+    np.testing.assert_array_equal(windows.scenes, data.state[windows.rows[:, 0]])
+    np.testing.assert_array_equal(windows.next_scenes, data.next_state[windows.rows])
+    np.testing.assert_array_equal(windows.pushes, data.action[windows.rows])
+    later = data.state[windows.rows[:, 1:]]
+    np.testing.assert_array_equal(windows.next_scenes[:, :-1], later)
+
+
+def test_no_window_spans_a_gap(tmp_path: Path) -> None:
+    """Neither where a step is missing, nor where a scene is another than the push before left."""
+    data = load_episodes(tmp_path / "gap", np.delete(EVERY, 2))
+    windows = make_windows(data, PUSHES)
+    assert windows.known[0].sum() == 2  # pushes 0 and 1 of episode 0; 3 to 5 stand by themselves
+    assert windows.known[2].sum() == 3
+    whole = load_episodes(tmp_path / "whole")
+    scenes = whole.state.copy()
+    scenes[3, 0, X] += 1e-6
+    touched = make_windows(replace(whole, state=scenes), PUSHES)
+    assert touched.known[0].sum() == 3
+
+
+def test_what_has_no_long_windows_says_so(dataset: Path) -> None:
+    data = load_dataset(dataset).alike  # its pushes do not follow each other
+    assert make_windows(data, 3).known.sum() == len(data)
+    with pytest.raises(DatasetError, match="no episode has 3 successive pushes"):
+        make_windows(data, 3, whole=True)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_shards_mean_the_same(kind: str) -> None:
+    known, columns = expected(f"{kind}_data"), read_shard(FOLDER / f"{kind}_data/shard-00000.npz")
+    known["action"] = five(known["action"])
+    assert columns.keys() - set(ORIGINS) == known.keys()
+    for name, values in known.items():
+        np.testing.assert_array_equal(columns[Column(name)], values)
+
+
+def test_recordings_of_any_bodies_have_one_width() -> None:
+    for kind in KINDS:
+        for part in load_recording(FOLDER / f"{kind}_data"):
+            assert part.action.shape == (len(part), 5)

@@ -9,10 +9,9 @@ from sain_core.conformance import check_dynamics
 from sain_core.model import IdentityPrior, Model, load_dynamics
 from sain_model.dynamics.parameter_correction import correcting_model
 from sain_model.dynamics.residual import residual_model
-from sain_model.dynamics.settings import IDENTITY
 from sain_model.inference.kinds import friction_kind
 from sain_model.network.interaction_network import new_network
-from sain_model.network.settings import NetworkConfig
+from sain_model.network.settings import IDENTITY, NetworkConfig
 from sain_model.physics.planar import PlanarPrior
 
 

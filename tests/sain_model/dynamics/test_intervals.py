@@ -7,19 +7,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sain_core.errors import CheckpointError, ConfigError
+from sain_core.errors import CheckpointError
 from sain_core.model import load_dynamics
 from sain_core.shapes.bodies import Bodies
 from sain_model import commands
-from sain_model.data.dataset import Dataset, Part, load_dataset
-from sain_model.dynamics.checkpoint import card_path
-from sain_model.dynamics.intervals import IntervalConfig, Intervals, Prediction
-from sain_model.dynamics.residual import residual_model
+from sain_model.data.dataset import Part
+from sain_model.dynamics.intervals import Intervals, Prediction
+from sain_model.dynamics.load import card_path
 from sain_model.dynamics.sain import SainDynamics
-from sain_model.evaluation.errors import evaluate
-from sain_model.inference.kinds import friction_kind
-from sain_model.network.interaction_network import InteractionNetwork
-from sain_model.physics.planar import PlanarPrior
 from sain_model.training.interval_fit import fit_disk, fit_regions, with_regions
 
 
@@ -45,29 +40,11 @@ def test_regions_hold_as_often_as_they_say_also_where_the_spread_is_small_or_lar
     assert (off <= half.radius(half.score(*parts))).mean() == pytest.approx(0.5, abs=0.02)
 
 
-def test_parts_that_say_nothing_weigh_nothing() -> None:
-    parts, off = draw(500, 0)
-    parts[0] = 0.0
-    config = fit_disk(parts, off, level=0.9)
-    assert config.members == 0.0 and config.way > 0.0
-    assert fit_disk(parts, off, level=0.9) == config
-
-
 def test_few_validation_pushes_give_wide_regions_rather_than_none() -> None:
     parts, off = draw(8, 0)
     config = fit_disk(parts, off, level=0.9)
     assert len(config.factors) == 1
     assert (off <= config.radius(config.score(*parts))).all()  # 9 pushes are needed for 90 %
-
-
-def test_radii_of_scores_between_and_beyond() -> None:
-    config = IntervalConfig(scores=(0.001, 0.004), factors=(1.0, 4.0))
-    radii = config.radius(np.array([1e-5, 0.001, 0.002, 0.004, 1.0]))
-    np.testing.assert_allclose(radii, [1e-5, 0.001, 0.004, 0.016, 4.0])
-    with pytest.raises(ConfigError, match="one factor for each score"):
-        IntervalConfig(scores=(0.001, 0.002), factors=(1.0,))
-    with pytest.raises(ConfigError, match="scores must rise"):
-        IntervalConfig(scores=(0.002, 0.001), factors=(1.0, 1.0))
 
 
 def test_training_fits_them_the_card_keeps_them_and_the_report_measures_them(
@@ -93,24 +70,6 @@ def test_training_fits_them_the_card_keeps_them_and_the_report_measures_them(
     card_path(path).write_text(json.dumps(card))
     with pytest.raises(CheckpointError, match=r"sain.json: intervals: IntervalConfig has scores"):
         load_dynamics(str(path))
-
-
-def test_coverage_is_counted(dataset: Path, tmp_path: Path) -> None:
-    data = load_dataset(dataset).alike
-    wide, none = IntervalConfig(factors=(1e6,)), IntervalConfig(noise=1e-9, factors=(1e-3,))
-    intervals = Intervals(mid=wide, target=none)
-    sain = residual_model(
-        InteractionNetwork(),
-        friction_kind(PlanarPrior(), infers=False),
-        "planar",
-        intervals=intervals,
-    )
-    found = evaluate(Dataset((data,)), {"sain": sain})
-    errors = found["after"]["1"]["errors"]
-    assert errors["pushed"]["sain"]["coverage"][0] == 1.0
-    exact = np.all(sain.step(data.state, data.action)[:, 1, :2] == data.next_state[:, 1, :2], -1)
-    assert errors["target"]["sain"]["coverage"][0] == pytest.approx(exact.mean(), abs=0.05)
-    assert "members" not in found["rank_correlation"]["sain"]  # a lone network agrees
 
 
 def test_regions_grow_with_the_elongation_of_the_supports() -> None:

@@ -1,33 +1,32 @@
-"""Features, network and SAIN as a dynamics: frames, numbering, and what a residual may touch."""
+"""SAIN as a dynamics: frames, numbering, ensembles, and regions of any bodies."""
 
 from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 import torch
 
-from sain_core.errors import InvalidInputError
-from sain_core.model import IdentityPrior, Model, load_dynamics
-from sain_core.push import LENGTH, rotate_pushes
-from sain_core.scene import (
-    MASS,
-    POSITION,
-    THETA,
-    VELOCITY,
-    X,
-    make_scene,
-    rotate_scenes,
-    wrap_angle,
-)
+from sain_core.push import BODY, LENGTH, rotate_pushes
+from sain_core.scene import POSITION, THETA, X, make_scene, rotate_scenes, wrap_angle
+from sain_core.shapes.bodies import Bodies
+from sain_core.transitions import PushHistory
 from sain_core.types import Pushes, Scenes
-from sain_model.compute.batch_checks import check_physics_next
-from sain_model.dynamics.residual import residual_model
+from sain_model.data.dataset import Part, Split, load_dataset, split_by_episode
+from sain_model.dynamics.intervals import IntervalConfig, Intervals
+from sain_model.dynamics.residual import residual_model, with_intervals
 from sain_model.dynamics.sain import SainDynamics
-from sain_model.inference.kinds import friction_kind
+from sain_model.evaluation.predictors import predict_with_history
+from sain_model.inference.kinds import FRICTION, friction_kind
+from sain_model.network.feature_kernels import BODY_FEATURES, RELATION_FEATURES
 from sain_model.network.features import apply_residual, true_residual
-from sain_model.network.interaction_network import InteractionNetwork
+from sain_model.network.interaction_network import InteractionNetwork, ensemble
 from sain_model.network.settings import NetworkConfig
+from sain_model.physics.parameters import PlanarConfig
 from sain_model.physics.planar import PlanarPrior
+from sain_model.training.settings import TrainingConfig
+from tests.sain_model.conftest import make_trainer
 
 Draw = Callable[[int, int], tuple[Scenes, Pushes]]
 
@@ -45,14 +44,6 @@ def wild_network() -> InteractionNetwork:
 @pytest.fixture
 def sain() -> SainDynamics:
     return residual_model(wild_network(), friction_kind(PlanarPrior(), infers=False), "planar")
-
-
-def test_a_new_network_leaves_the_prior_as_it_is(random_pushes: Draw) -> None:
-    scenes, pushes = random_pushes(20, 0)
-    prior = PlanarPrior()
-    sain = residual_model(InteractionNetwork(), friction_kind(prior, infers=False), "planar")
-    assert isinstance(sain, Model)
-    np.testing.assert_allclose(sain.step(scenes, pushes), prior.step(scenes, pushes), atol=1e-12)
 
 
 def test_turning_and_moving_scene_and_push_turns_and_moves_the_prediction(
@@ -94,23 +85,6 @@ def test_a_far_disk_changes_nothing_for_the_others(sain: SainDynamics, random_pu
     np.testing.assert_allclose(more[:, :2], sain.step(scenes, pushes), atol=1e-6)
 
 
-def test_a_push_of_no_length_changes_not_a_bit(sain: SainDynamics, random_pushes: Draw) -> None:
-    scenes, pushes = random_pushes(10, 0)
-    pushes[:5, LENGTH] = 0.0
-    after = sain.step(scenes, pushes)
-    assert after[:5].tobytes() == scenes[:5].tobytes()
-    assert (after[5:] != scenes[5:]).any()
-
-
-def test_a_residual_moves_poses_alone(sain: SainDynamics, random_pushes: Draw) -> None:
-    scenes, pushes = random_pushes(30, 0)
-    after = sain.step(scenes, pushes)
-    np.testing.assert_array_equal(after[..., MASS:], scenes[..., MASS:])
-    np.testing.assert_array_equal(after[..., VELOCITY], 0.0)
-    assert (np.abs(after[..., THETA]) <= np.pi).all()
-    assert after.dtype == np.float64
-
-
 def test_the_true_residual_makes_the_prediction_true(random_pushes: Draw) -> None:
     scenes, pushes = random_pushes(30, 0)
     physics = PlanarPrior().step(scenes, pushes)
@@ -122,28 +96,182 @@ def test_the_true_residual_makes_the_prediction_true(random_pushes: Draw) -> Non
     np.testing.assert_allclose(wrap_angle(again[..., THETA] - truth[..., THETA]), 0, atol=1e-9)
 
 
-def test_kinds_are_told_by_the_prior() -> None:
-    network = InteractionNetwork()
-    for prior, name, kind in (
-        (PlanarPrior(), "planar", "residual"),
-        (IdentityPrior(), "identity", "learned"),
-    ):
-        model = residual_model(network, friction_kind(prior, infers=False), name)
-        assert model.origin.kind == kind
+NARROW = NetworkConfig(hidden=16, message=8)
+THREE = NetworkConfig(hidden=16, message=8, members=3)
 
 
-def test_a_prediction_of_other_scenes_cannot_be_corrected(random_pushes: Draw) -> None:
-    scenes, _ = random_pushes(3, 0)
-    with pytest.raises(InvalidInputError, match=r"physics_next has shape \(3, 2, 8\) like the sce"):
-        check_physics_next(scenes, np.concatenate([scenes, scenes[:, :1]], axis=1))
+def wild(seed: int, config: NetworkConfig = NARROW) -> InteractionNetwork:
+    torch.manual_seed(seed)
+    network = InteractionNetwork(config)
+    with torch.no_grad():
+        for parameter in network.parameters():
+            parameter.copy_(0.5 * torch.randn_like(parameter))
+    return network
 
 
-def test_the_shipped_checkpoint_corrects_but_little(random_pushes: Draw) -> None:
-    scenes, pushes = random_pushes(200, 9)
-    sain = load_dynamics("sain")
-    assert isinstance(sain, SainDynamics)
-    change = sain.step(scenes, pushes) - sain.physics.step(scenes, pushes)
-    distance = np.linalg.norm(change[..., POSITION], axis=-1)
-    # Its prior errs by a fraction of a millimetre once it knows the friction.
-    assert 1e-5 < distance.mean() < 1e-3
-    assert distance.max() < 0.02
+@pytest.fixture
+def split(dataset: Path) -> Split:
+    return split_by_episode(load_dataset(dataset), 0, 0.2, 0.2)
+
+
+@pytest.mark.parametrize("bodies", [2, 4])
+def test_an_ensemble_in_one_call_is_its_members_one_by_one(bodies: int) -> None:
+    lone = [wild(seed) for seed in range(3)]
+    together = ensemble(lone)
+    random = torch.Generator().manual_seed(0)
+    inputs = [torch.randn(3, 5, bodies, BODY_FEATURES, generator=random)]
+    inputs += [torch.randn(3, 5, bodies * bodies, RELATION_FEATURES, generator=random)]
+    shared = [part[0] for part in inputs]
+    with torch.inference_mode():
+        alone = torch.stack([network(*shared) for network in lone])
+        own = torch.stack([lone[m](inputs[0][m], inputs[1][m]) for m in range(3)])
+        torch.testing.assert_close(together.each(*shared), alone, atol=1e-6, rtol=1e-5)
+        torch.testing.assert_close(together(*shared), alone.mean(0), atol=1e-6, rtol=1e-5)
+        torch.testing.assert_close(together.each(*inputs), own, atol=1e-6, rtol=1e-5)
+        many = [part[:1].expand(1100, *part.shape[1:]) for part in shared]  # more than a chunk
+        torch.testing.assert_close(together(*many)[-1], alone.mean(0)[0], atol=1e-6, rtol=1e-5)
+    assert (alone[0] - alone[1]).abs().max() > 1e-3
+
+
+def test_a_member_learns_what_it_would_learn_alone(split: Split, tmp_path: Path) -> None:
+    common = {"epochs": 1, "batch": 8}  # one: which epoch is best is the ensemble's question
+    lone = make_trainer(
+        split, PlanarPrior(), TrainingConfig(network=NARROW, **common), tmp_path / "1"
+    )
+    three = make_trainer(
+        split, PlanarPrior(), TrainingConfig(network=THREE, **common), tmp_path / "3"
+    )
+    start = {name: value[0].clone() for name, value in three.network.state_dict().items()}
+    lone.run()
+    three.run()
+    learned = three.network.state_dict()
+    for name, value in lone.network.state_dict().items():
+        torch.testing.assert_close(learned[name][0], value, atol=1e-5, rtol=0)
+    moved = max(float((learned[name][0] - start[name]).abs().max()) for name in start)
+    assert moved > 0.01
+
+
+def test_the_mean_is_what_step_predicts_and_the_spread_that_of_the_members(
+    random_pushes: Draw,
+) -> None:
+    lone = [wild(seed) for seed in range(3)]
+    prior = PlanarPrior()
+    sain = residual_model(ensemble(lone), friction_kind(prior, infers=False), "planar")
+    scenes, pushes = random_pushes(40, 0)
+    pushes[:5, LENGTH] = 0.0
+    prediction = sain.predict(scenes, pushes)
+    np.testing.assert_array_equal(prediction.mean, sain.step(scenes, pushes))
+    places = np.stack(
+        [
+            residual_model(n, friction_kind(prior, infers=False), "planar").step(scenes, pushes)
+            for n in lone
+        ]
+    )
+    spread = np.sqrt(places[..., :2].var(axis=0, ddof=1).sum(axis=-1))
+    np.testing.assert_allclose(prediction.members, spread, atol=1e-6)
+    assert spread.max() > 1e-3 and (prediction.members[:5] == 0.0).all()
+    assert prediction.radius is None
+    alone = residual_model(lone[0], friction_kind(prior, infers=False), "planar").predict(
+        scenes, pushes
+    )
+    assert (alone.spread == 0.0).all()
+
+
+def test_what_is_not_known_of_the_friction_is_told_and_earlier_pushes_make_it_less(
+    random_pushes: Draw,
+) -> None:
+    prior = PlanarPrior()
+    sain = residual_model(wild(0), friction_kind(prior), "planar")
+    scenes, pushes = random_pushes(40, 1)
+    first = sain.predict(scenes, pushes)
+    assert sain.spread(FRICTION) == pytest.approx(0.5, rel=0.05)  # of the belief at the start
+    seen = prior.step(scenes[:3], pushes[:3])
+    known = sain.condition(PushHistory(scenes[:3], pushes[:3], seen))
+    assert known.spread(FRICTION) < 0.5 * sain.spread(FRICTION)
+    assert known.predict(scenes, pushes).friction.mean() < 0.5 * first.friction.mean()
+    ends = [
+        sain.step(scenes, pushes, {FRICTION: np.full(len(pushes), 0.12 * np.exp(way))})[..., :2]
+        for way in (-sain.spread(FRICTION), sain.spread(FRICTION))
+    ]
+    expected = np.linalg.norm(ends[1] - ends[0], axis=-1) / 2
+    np.testing.assert_allclose(first.friction, expected, atol=1e-12)
+
+
+T_AND_STAR = Bodies.named(["t", "star"], ["pushable", "pushable"])
+
+
+def pair_network() -> InteractionNetwork:
+    torch.manual_seed(0)
+    made = InteractionNetwork(NetworkConfig(hidden=8, message=4, members=2))
+    with torch.no_grad():
+        for parameter in made.parameters():
+            parameter.add_(0.05 * torch.randn_like(parameter))
+    return made
+
+
+@pytest.fixture
+def shaped() -> SainDynamics:
+    regions = Intervals(mid=IntervalConfig(scores=(1e-4,), factors=(2.0,)))
+    prior = PlanarPrior()
+    return residual_model(
+        pair_network(), friction_kind(prior), "planar", intervals=regions
+    ).with_bodies(T_AND_STAR)
+
+
+def pushes_of(count: int) -> tuple[Scenes, Pushes]:
+    places = np.array([(0.45, 0.0), (0.58, 0.02)])
+    scene = make_scene(places, np.array([8.0, 7.5]), np.array([0.07, 0.06]), np.array([0.3, 1.0]))
+    random = np.random.default_rng(1)
+    angles = random.uniform(-3, 3, count), random.uniform(-0.7, 0.7, count)
+    lengths, body = random.uniform(0.02, 0.15, count), random.integers(2, size=count)
+    pushes = np.column_stack([body, *angles, lengths, np.full(count, 0.2)])
+    return np.repeat(scene[None], count, axis=0), pushes
+
+
+def test_the_pushed_body_has_the_region_of_a_mid_disk() -> None:
+    intervals = Intervals(
+        mid=IntervalConfig(scores=(1e-4,), factors=(1.0,)),
+        target=IntervalConfig(scores=(1e-4,), factors=(3.0,)),
+    )
+    shaped = residual_model(
+        pair_network(), friction_kind(PlanarPrior(), infers=False), "planar", intervals=intervals
+    )
+    scenes, pushes = pushes_of(10)
+    told = shaped.with_bodies(T_AND_STAR).predict(scenes, pushes)
+    assert told.radius is not None
+    score = 1e-4 + told.members
+    pushed = pushes[:, [BODY]] == [0, 1]
+    np.testing.assert_allclose(told.radius, np.where(pushed, 1.0, 3.0) * score)
+
+
+def test_earlier_pushes_widen_regions_in_a_world_unlike_home(shaped: SainDynamics) -> None:
+    """In a graph, from the history, as in an evaluation, from the rows of an episode."""
+    assert shaped.network is not None and shaped.network.intervals is not None
+    adapting = replace(shaped.network.intervals, usual_log=-1.0, usual_log_std=1.0)
+    shaped = with_intervals(shaped, adapting)
+    scenes, pushes = pushes_of(6)
+    after = PlanarPrior(PlanarConfig(friction=0.19)).with_bodies(T_AND_STAR).step(scenes, pushes)
+    after[..., :2] += 0.02
+    state, action, following = scenes[:5], pushes[:5], after[:5]
+    told = shaped.condition(PushHistory(state, action, following))
+    assert told.widening[0] > 2.0
+    assert shaped.condition(PushHistory(state[:0], action[:0], following[:0])).widening[0] == 1.0
+    radius = told.predict(scenes[5:], pushes[5:]).radius
+    episode = Part(
+        state=scenes,
+        action=pushes,
+        next_state=after,
+        physics_next=scenes,
+        episode=np.zeros(6, np.int64),
+        step=np.arange(6),
+        friction=np.full(6, 0.19),
+        floor_next=scenes,
+        bodies=T_AND_STAR,
+    )
+    rows = predict_with_history(shaped, episode)
+    assert rows.radius is not None
+    assert radius is not None
+    np.testing.assert_allclose(rows.radius[5:], radius, rtol=1e-6)
+    first = shaped.predict(scenes[:1], pushes[:1]).radius
+    assert first is not None
+    np.testing.assert_allclose(rows.radius[:1], first, rtol=1e-6)

@@ -5,27 +5,18 @@ import hashlib
 import numpy as np
 import pytest
 
-from sain_core.feasibility import Feasibility
 from sain_core.model import load_dynamics
-from sain_core.push import BODY, LENGTH, PushLimits, as_strokes
+from sain_core.push import LENGTH, PushLimits, as_strokes
 from sain_core.randomness import generator
 from sain_core.scene import POSITION, THETA, make_scene, wrap_angle
 from sain_core.shapes.bodies import PAPER_DISKS, Bodies
-from sain_core.shapes.shape import FLAT
 from sain_core.transitions import PushHistory
 from sain_core.types import Pushes, Scene
 from sain_model.dynamics.load import shipped_checkpoint
 from sain_model.dynamics.sain import SainDynamics
 from sain_model.inference.kinds import FRICTION
+from sain_model.physics.parameters import TEXTBOOK
 from sain_model.physics.planar import PlanarPrior
-from sain_model.physics.planar_config import TEXTBOOK
-from sain_model.serving.server import load_server
-from sain_model.serving.settings import ServingConfig
-from sain_sim.world.effects import MEASURED
-from sain_sim.world.engines import MUJOCO
-from sain_sim.world.truth import TruthConfig
-from sain_sim.world.workcell import WorldConfig
-from sain_sim.world.world import World
 from tests.sain_model.conftest import read_card
 
 PAIR = ("pushable", "pushable")
@@ -77,16 +68,6 @@ def test_any_bodies_are_corrected_but_little(sain: SainDynamics, name: str) -> N
     radius = placed.predict(scenes, pushed).radius
     assert radius is not None
     assert ((radius > 0.0) & (radius < 0.2)).all()
-
-
-def test_a_disk_alone_can_be_predicted(sain: SainDynamics) -> None:
-    placed, scene, pushed = sain.with_bodies(Bodies.disks(1)), scene_of(1), pushes(40)
-    scenes = np.repeat(scene[None], len(pushed), axis=0)
-    assert isinstance(placed, SainDynamics)
-    physics = PlanarPrior().step(scenes, pushed)
-    np.testing.assert_allclose(placed.step(scenes, pushed)[..., :2], physics[..., :2], atol=0.02)
-    assert placed.predict(scenes, pushed).radius is not None
-    assert placed.rollout(scene, pushed.reshape(10, 4, 5)).shape == (10, 4, 1, 8)
 
 
 def test_friction_is_inferred_for_a_shape(sain: SainDynamics) -> None:
@@ -148,41 +129,6 @@ def test_pushes_of_a_flat_body_show_where_its_mass_is(sain: SainDynamics) -> Non
     )
     assert (afterwards < 0.25 * before).all()
     assert shown.value("centre_x") == pytest.approx(0.12, abs=0.03)
-
-
-def test_a_server_answers_for_any_bodies() -> None:
-    server, bodies = load_server(ServingConfig(model="sain")), OTHERS["two shapes"]
-    sequences = pushes(8).reshape(4, 2, 5)
-    sequences[..., BODY] = 1.0
-    predicted = server.rollout(scene_of(2), sequences, bodies=bodies)
-    regions = server.regions(scene_of(2), sequences, predicted, bodies=bodies)
-    assert regions is not None
-    assert regions.shape == (4, 2, 2)
-
-
-def test_on_slow_pushes_of_flat_bodies_it_is_no_worse_than_its_physics(sain: SainDynamics) -> None:
-    """Strokes of a thin tool at 20 mm/s in MuJoCo's measured world: the form of real pushes."""
-    pytest.importorskip("mujoco", reason="MuJoCo is not installed")
-    limits, random = PushLimits(tool_radius=0.00475, speed=0.02), generator(0, "slow")
-    config = WorldConfig(feasibility=Feasibility(limits=limits))
-    errors = []
-    for lab, name in enumerate(("box_3x2", "triangle", "hexagon")):
-        truth = TruthConfig(world=MEASURED, engine=MUJOCO, lab=200 + lab, bottom=FLAT)
-        parameters = truth.draw(random, 1, shapes=(name,))
-        world, placed = World(parameters, config, MUJOCO), sain.with_bodies(parameters.bodies)
-        for push in limits.sample(random, 8):
-            push[LENGTH] = 0.05
-            scene = world.reset(parameters.scene(np.array([(0.45, 0.0)]), random.uniform(-3, 3, 1)))
-            stroke = as_strokes(scene[None], push[None], limits, parameters.bodies)
-            after = world.push(push).after
-            errors.append(
-                [
-                    pose_errors(model.step(scene[None], stroke)[0], after)
-                    for model in (placed, placed.physics_alone())
-                ]
-            )
-    mine, physics = np.mean(errors, axis=0)
-    assert (mine <= 1.02 * physics).all()
 
 
 def pose_errors(predicted: Scene, actual: Scene) -> tuple[float, float]:

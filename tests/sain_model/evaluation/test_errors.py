@@ -1,10 +1,48 @@
+"""Errors of pushes and rollouts: what they are, over which windows, and what is drawn."""
+
+import json
+from pathlib import Path
+
 import numpy as np
 import pytest
 
-from sain_core.cli.terminal import markdown_table
+from sain_core.errors import CheckpointError, DatasetError
+from sain_core.model import IdentityPrior, Model, load_dynamics
 from sain_core.scene import POSITION, TARGET, THETA
-from sain_model.evaluation.errors import rank_correlation, shares_removed, target_moved
-from sain_model.evaluation.predictors import BULLET, FLOOR
+from sain_core.transitions import PushHistory
+from sain_core.view.palette import PALETTE
+from sain_model import commands
+from sain_model.cli import evaluate as evaluate_cli
+from sain_model.data.dataset import Dataset, Part, split_by_episode
+from sain_model.data.windows import Windows
+from sain_model.dynamics.load import ModelCard
+from sain_model.dynamics.sain import SainDynamics
+from sain_model.evaluation.errors import (
+    PUSHED,
+    TARGET_MISSED,
+    TARGET_MOVED,
+    TARGETS,
+    evaluate,
+    rank_correlation,
+    shares_removed,
+    target_moved,
+)
+from sain_model.evaluation.predictors import (
+    BULLET,
+    FLOOR,
+    MEASURED,
+    NAMES,
+    PLANAR_HISTORY,
+    Predictions,
+    plain,
+    predict_all,
+    roll_out,
+)
+from sain_model.evaluation.presentation import KINDS, draw_rollouts
+from sain_model.physics.planar import PlanarPrior
+from sain_model.serving.server import ModelServer
+from sain_model.serving.service import ServingConfig
+from tests.sain_model.rolling import EPISODES, PUSHES, load_episodes, make_episodes, truth
 
 
 def test_shares_are_of_what_lies_between_the_nominal_world_and_the_floor() -> None:
@@ -27,15 +65,174 @@ def test_a_target_moves_by_way_and_not_by_turning() -> None:
     assert target_moved(before, after).tolist() == [True, False, False]
 
 
-def test_a_table_in_markdown_has_its_names_on_the_left() -> None:
-    assert markdown_table(["name", "mm"], [["a", "1"], ["b", "2"]]) == (
-        "| name | mm |\n| --- | ---: |\n| a | 1 |\n| b | 2 |\n"
-    )
-
-
 def test_ranks_of_equal_values_are_shared_and_constants_have_none() -> None:
     assert rank_correlation(np.array([1.0, 2.0, 9.0]), np.array([5.0, 6.0, 7.0])) == 1.0
     assert rank_correlation(np.array([1.0, 1.0, 2.0, 2.0]), np.array([1.0, 2.0, 3.0, 4.0])) == (
         pytest.approx(0.894, abs=1e-3)
     )
     assert rank_correlation(np.ones(4), np.arange(4.0)) is None
+
+
+OPTIONS = ["--epochs", "2", "--hidden", "8", "--message", "4", "--test", "0.3"]
+
+
+class Oracle(Model):
+    def step(self, scenes: np.ndarray, pushes: np.ndarray) -> np.ndarray:
+        return truth(scenes, pushes)
+
+
+@pytest.fixture(scope="module")
+def data(tmp_path_factory: pytest.TempPathFactory) -> Part:
+    return load_episodes(tmp_path_factory.mktemp("episodes"))
+
+
+def predicted(data: Part, models: dict[str, Model], steps: int) -> Predictions:
+    (found,) = predict_all(Dataset((data,)), models, steps)
+    return found
+
+
+def test_errors_after_some_pushes_are_what_they_say(data: Part) -> None:
+    found = evaluate(Dataset((data,)), {"oracle": Oracle()}, (3,))["after"]["3"]["errors"]
+    row = found[TARGETS][MEASURED]
+    assert row["number"] == EPISODES * (PUSHES - 2)
+    off = []
+    for first in np.flatnonzero(data.step < PUSHES - 2):
+        scene = data.state[first : first + 1]
+        for push in data.action[first : first + 3]:
+            scene = PlanarPrior().step(scene, push[None])
+        off.append(scene[0, TARGET, POSITION] - data.next_state[first + 2, TARGET, POSITION])
+    errors = 1e3 * np.linalg.norm(off, axis=-1)
+    mean, low, high = row["mm"]
+    assert mean == pytest.approx(errors.mean()) and low < mean < high
+    assert row["median"] == pytest.approx(np.median(errors))
+    assert row["p95"] == pytest.approx(np.quantile(errors, 0.95))
+    oracle = found[PUSHED]["oracle"]
+    assert oracle["p95"] == 0.0 and oracle["agreed"] == 1.0
+
+
+def test_groups_are_by_contact_and_by_what_came_before(data: Part) -> None:
+    found = evaluate(Dataset((data,)), {})["after"]["1"]["errors"]
+    counts = {group: rows[MEASURED]["number"] for group, rows in found.items()}
+    way = (data.next_state - data.state)[:, TARGET, POSITION]
+    moved = int((np.linalg.norm(way, axis=-1) > 0.002).sum())
+    assert 0 < moved < len(data)
+    assert counts[TARGET_MOVED] == moved and counts[TARGET_MISSED] == len(data) - moved
+    assert counts["target, 3+ earlier"] == EPISODES * (PUSHES - 3)
+    assert found[TARGET_MISSED]["no motion"]["p95"] < 2.0
+    assert found[TARGETS]["no motion"]["agreed"] == pytest.approx(1 - moved / len(data))
+
+
+def test_history_is_of_earlier_pushes_alone(data: Part) -> None:
+    loop = predicted(data, {}, 2)
+    given = loop.by_name[PLANAR_HISTORY]
+    first = given[loop.earlier == 0]
+    np.testing.assert_allclose(first, loop.by_name[MEASURED][::PUSHES], atol=1e-12)
+    row = 4  # of episode 0: four pushes came before
+    past = PushHistory(data.state[:row], data.action[:row], data.next_state[:row])
+    conditioned = load_dynamics("planar").condition(past)
+    expected = roll_out(plain(conditioned), loop.windows.select(np.array([row])))
+    np.testing.assert_allclose(given[row], expected[0], atol=1e-9)
+
+
+def test_ratios_are_of_means_with_an_interval(data: Part) -> None:
+    still = {"still": IdentityPrior(), "oracle": Oracle()}
+    found = evaluate(Dataset((data,)), still, (3,))["after"]["3"]
+    (below,) = found["ratios"][TARGETS]["oracle"]
+    assert below.startswith("planar")
+    assert tuple(found["ratios"][TARGETS]["oracle"][below]["mm"]) == (0.0, 0.0, 0.0)
+    ratio, low, high = found["ratios"][TARGETS]["still"][below]["mm"]
+    assert 1.0 < low < ratio < high
+    errors = found["errors"][TARGETS]
+    assert ratio == pytest.approx(errors["still"]["mm"][0] / errors[below]["mm"][0])
+
+
+def test_the_command_lines_make_and_compare_the_four_kinds(tmp_path: Path) -> None:
+    folder = make_episodes(tmp_path / "data")
+    kinds = {
+        "learned": ["--prior", "identity"],
+        "residual": [],
+        "recurrent": ["--steps-ahead", "3", "--rollout-epochs", "2"],
+    }
+    paths = {kind: tmp_path / kind / "sain.safetensors" for kind in kinds}
+    for kind, more in kinds.items():
+        assert commands.train([str(folder), "--out", str(tmp_path / kind), *OPTIONS, *more]) == 0
+        card = json.loads(paths[kind].with_suffix(".json").read_text())
+        sain = load_dynamics(str(paths[kind]))
+        assert isinstance(sain, SainDynamics)
+        assert card["kind"] == sain.origin.kind == kind
+        server = ModelServer(sain, ServingConfig(model=str(paths[kind])))
+        assert server.description.kind == kind
+        shown = card["errors"]["after"]["1"]["errors"][TARGETS]
+        assert shown[NAMES[kind]]["number"] == 30  # 5 episodes of 6 pushes held out
+        names = {path.name for path in (tmp_path / kind).iterdir()}
+        assert {"sain.safetensors", "sain.json", "loss.png", "config.json"} <= names
+    assert card["training"]["rollouts"]["steps_ahead"] == 3
+    assert card["training"]["rollouts"]["best_epoch"] in (1, 2)
+    assert (tmp_path / "recurrent" / "rollout_loss.png").exists()
+
+    out = tmp_path / "errors.json"
+    arguments = ["--checkpoint", str(paths["residual"]), "--out", str(out), "--beside"]
+    arguments += [str(paths["learned"]), str(paths["recurrent"]), "planar_axes"]
+    assert commands.evaluate([str(folder), *arguments, "--open-loop", "1", "5"]) == 0
+    rows = json.loads(out.read_text())["after"]["5"]["errors"][TARGETS]
+    assert {"learned only", "SAIN", "recurrent SAIN", "no motion"} <= set(rows)
+    assert {"planar, history", "recurrent SAIN, history"} <= set(rows)
+    assert rows["planar_axes"] != rows["planar, measured"]
+    table = (tmp_path / "errors_open_loop.md").read_text()
+    assert "### After 5 pushes, target" in table and "| recurrent SAIN, history |" in table
+    assert (tmp_path / "errors_open_loop.png").stat().st_size > 10_000
+
+
+def test_what_any_model_has_seen_is_not_evaluated_on(data: Part) -> None:
+    whole = Dataset((data,), "of these")
+
+    def card(seed: int, test: float = 0.3) -> ModelCard:
+        training = {"seed": seed, "validation": 0.1, "test": test}
+        return ModelCard("planar", {}, {}, data={"sha256": whole.sha256}, training=training)
+
+    held = evaluate_cli.unseen(whole, card(0), card(1))
+    both = [split_by_episode(whole, seed, 0.1, 0.3).test.episode for seed in (0, 1)]
+    assert set(held.episode) == set(both[0]) & set(both[1])
+    other = ModelCard("planar", {}, {}, data={"sha256": "other"})
+    assert len(evaluate_cli.unseen(whole, other)) == len(data)
+    mute = ModelCard("planar", {}, {}, data={"sha256": whole.sha256}, training={"seed": 0})
+    with pytest.raises(CheckpointError, match="which episodes of its data it has seen"):
+        evaluate_cli.unseen(whole, mute)
+    with pytest.raises(DatasetError, match="trained on all episodes between them"):
+        evaluate_cli.unseen(whole, *(card(seed, 0.1) for seed in range(6)))
+
+
+WINDOWS, STEPS = 6, 4
+
+
+@pytest.fixture
+def figure():
+    """Each kind errs by its place in the legend [mm], times the number of pushes."""
+    truth = np.zeros((WINDOWS, STEPS, 2, 8))
+    predictions = {}
+    for place, name in enumerate(KINDS, start=1):
+        predictions[name] = truth.copy()
+        for step in range(STEPS):
+            predictions[name][:, step, :, POSITION.start] = 1e-3 * place * (step + 1)
+    rows = np.arange(WINDOWS * STEPS).reshape(WINDOWS, STEPS)
+    pushes, episodes = np.ones((WINDOWS, STEPS, 5)), np.arange(WINDOWS) // 2
+    windows = Windows(rows, truth[:, 0], pushes, truth, episodes)
+    row, none = truth[:, 0], np.zeros(WINDOWS)
+    part = Part(row, np.ones((WINDOWS, 5)), row, row, episodes, episodes, none, row)
+    loop = Predictions(part, windows, predictions, {}, np.zeros(WINDOWS, int))
+    return draw_rollouts([loop], 0)
+
+
+def test_curves_are_the_mean_errors(figure):
+    for axes in figure.axes:
+        for place, line in enumerate(axes.lines, start=1):
+            np.testing.assert_allclose(line.get_ydata(), place * np.arange(1, STEPS + 1))
+    assert [axes.get_title("left") for axes in figure.axes] == ["target", "body 0"]
+
+
+def test_every_curve_is_in_the_legend_and_has_its_last_value(figure):
+    names = [text.get_text() for text in figure.legends[0].get_texts()]
+    assert names == [label for label, _ in KINDS.values()]
+    for axes in figure.axes:
+        labels = {text.get_color(): text.get_text() for text in axes.texts}
+        assert labels[PALETTE.physics] == "4 mm" and labels[PALETTE.history] == "16 mm"

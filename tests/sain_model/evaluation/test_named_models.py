@@ -8,14 +8,12 @@ from types import ModuleType
 
 import numpy as np
 import pytest
-from rich.console import Console
 
 from sain_core import model
 from sain_core.guarding import plugins
-from sain_core.model import Model
-from sain_core.push import LENGTH, idle_pushes
+from sain_core.push import LENGTH
 from sain_model import commands
-from sain_model.evaluation.named_models import AT_ONCE, Followed, followed, open_models, refusals
+from sain_model.evaluation.predictors import AT_ONCE
 from tests.sain_model.rolling import PUSHES, make_episodes, truth
 from tests.workspace.source_tree import setup_arguments
 
@@ -105,36 +103,3 @@ def test_the_simulators_own_offer_is_rolled_out(
         for name in ("bullet", "bullet_measured"):
             assert rows[name]["number"] == windows
             assert 0.0 < rows[name]["mm"][0] < 0.5 * still
-
-
-def shifted(scenes: np.ndarray) -> np.ndarray:
-    moved = scenes.copy()
-    moved[..., 0] += 1.0
-    return moved
-
-
-def test_following_changes_no_prediction_and_counts_every_push() -> None:
-    scenes = np.random.default_rng(0).normal(size=(2 * AT_ONCE + 3, 2, 8))
-    pushes = idle_pushes(len(scenes))
-    counted: list[float] = []
-
-    class Shift(Model):
-        def step(self, scenes: np.ndarray, pushes: np.ndarray) -> np.ndarray:
-            return shifted(scenes)
-
-    follower = Followed("shift", Shift(), counted.append)
-    np.testing.assert_array_equal(follower.step(scenes, pushes), shifted(scenes))
-    assert counted == [AT_ONCE, AT_ONCE, 3]
-    assert refusals({"shift": follower, "raw": Shift()}) == {}
-
-
-def test_everything_is_closed_when_the_work_fails(foreign: list[Foreign]) -> None:
-    quiet = Console(quiet=True)
-    with (
-        pytest.raises(RuntimeError),
-        open_models(["foreign"]) as others,
-        followed(others, 1, quiet) as shown,
-    ):
-        assert not foreign[0].closed and list(shown) == ["foreign"]
-        raise RuntimeError
-    assert foreign[0].closed

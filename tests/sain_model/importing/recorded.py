@@ -12,9 +12,8 @@ from sain_core.push import make_stroke
 from sain_core.scene import MASS, POSITION, RADIUS, THETA, unit
 from sain_core.shapes.bodies import Bodies
 from sain_core.shapes.outlines import StatedBodies, read_stated
-from sain_model.physics.first_touch import first_touch
-from sain_model.physics.planar import PlanarPrior
-from sain_model.physics.planar_config import PlanarConfig
+from sain_model.physics.parameters import PlanarConfig
+from sain_model.physics.planar import PlanarPrior, first_touch
 
 TIP = 0.00475
 KNEE = [[0.0, 0.0], [0.1, 0.0], [0.1, 0.04], [0.04, 0.04], [0.04, 0.12], [0.0, 0.12]]

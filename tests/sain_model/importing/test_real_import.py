@@ -19,8 +19,8 @@ from sain_core.storage import read_arrays
 from sain_core.transitions import IMPORTED, ORIGINS, SHAPED, Column
 from sain_model.cli.real_import import RealImportOptions, run
 from sain_model.data.dataset import Dataset, load_dataset, split_by_episode
+from sain_model.importing.files import read_recordings
 from sain_model.importing.mat_logs import MAT_HEADER
-from sain_model.importing.sources import read_recordings
 from tests.sain_model.importing.recorded import (
     HEADER,
     KNEE,
@@ -214,11 +214,7 @@ def test_numbers_that_cannot_be_are_refused(
         ({}, "shapes.json states no outlines; it needs shapes"),
         ({"unit": "mm", **STATED}, "states outlines in 'mm'; give metres"),
         ({"shapes": {"knee": [[0, 0], [0.1, 0.1], [0.1, 0], [0, 0.1]]}}, "crosses itself or enc"),
-        ({"shapes": {"knee": [[0, 0], [0.1, 0], [0.2, 0]]}}, "crosses itself or encloses nothin"),
         ({"shapes": {"knee": [[1e3 * x, 1e3 * y] for x, y in KNEE]}}, "looks like millimetres"),
-        ({"shapes": {"knee": [[0, 0], [0.1]]}}, "'knee' is no outline: give points"),
-        ({"shapes": {"knee": [[0, 0], [0.1, 0], [0.1, float("nan")]]}}, "has NaN or Inf"),
-        ({"shapes": {"knee": [[0, 0], [0.1, 0]]}}, "give 3 to 10000 points"),
         ({"shapes": {"knee": {"semi_axes": [0.1, -0.1]}}}, "needs semi_axes: two positive"),
         ({"shapes": {"other": KNEE}}, "shapes.json states no outline of 'knee', and it is no"),
     ],
@@ -235,13 +231,10 @@ def test_outlines_that_cannot_be_are_refused(
     ("change", "message"),
     [
         (lambda text: text.replace("theta1", "phi"), "header of .* lacks theta1; it needs object"),
-        (lambda text: text.replace("surface", "table"), "header of .* has table; it needs"),
         (lambda text: text[:-40], r"row 25 has \d+ fields; the header 14"),
         (lambda text: text.replace("0.02,", "slow,", 1), r"row 2: speed is 'slow'; give a number"),
         (lambda text: text.replace("knee", "", 1), "row 2: object is empty"),
-        (lambda text: text.replace("knee", 65 * "c", 1), "row 2: object is longer than 64"),
         (lambda text: HEADER, "has a header and no pushes"),
-        (lambda text: "", "the header of .* lacks object"),
         (lambda text: text.replace("knee", '"cor', 1), "is not read: "),
         (lambda text: text.replace(",tip_radius", "").replace(",0.00475", ""), "give --tip-radius"),
     ],
@@ -296,8 +289,8 @@ def crash(path: Path) -> None:
 
 
 def bomb(path: Path) -> None:
-    """Make a log unpack to a gigabyte."""
-    packed = zlib.compress(bytes(1 << 30))
+    """Make a log unpack to half a gigabyte."""
+    packed = zlib.compress(bytes(1 << 29), 1)
     header = path.read_bytes()[:MAT_HEADER]
     path.write_bytes(header + np.array([15, len(packed)], "<u4").tobytes() + packed)
 
@@ -308,7 +301,6 @@ def bomb(path: Path) -> None:
         ("all.npz", cut, "all.npz is not a whole .npz file"),
         ("all.npz", of_another_form, "is of another form: it lacks surface, shape, speed"),
         ("log.mat", cut, "log.mat is not a whole MATLAB file"),
-        ("log.mat", lambda path: path.write_bytes(b"MATLAB"), "is not a whole MATLAB file"),
         ("log.mat", crash, "log.mat is not a whole MATLAB file"),
         ("log.mat", bomb, "log.mat is not read: it has more than .* bytes in its arrays"),
         ("all.npz", lambda path: path.unlink(), r"all.npz does not exist; the public pushes of Yu"),

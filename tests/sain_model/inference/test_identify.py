@@ -10,17 +10,15 @@ from rich.console import Console
 
 from sain_core.errors import CheckpointError, ConfigError, DatasetError
 from sain_core.model import Model, load_dynamics
-from sain_core.push import BODY
 from sain_core.types import Pushes, Scenes
 from sain_model import commands
 from sain_model.cli.identify import IdentifyOptions, load_recordings, run
-from sain_model.data.recordings import load_recording
+from sain_model.dynamics.identify import load_recording
 from sain_model.dynamics.sain import SainDynamics
-from sain_model.inference.belief_file import read_belief
-from sain_model.inference.kinds import FRICTION, NO_AXES
+from sain_model.inference.kinds import FRICTION, NO_AXES, read_belief
 from sain_model.inference.laboratory import fit_laboratory
+from sain_model.physics.parameters import TEXTBOOK, PlanarConfig
 from sain_model.physics.planar import PlanarPrior
-from sain_model.physics.planar_config import TEXTBOOK, PlanarConfig
 
 Draw = Callable[[int, int], tuple[Scenes, Pushes]]
 EPISODES, PUSHES = 10, 5
@@ -112,14 +110,6 @@ def test_recordings_of_two_laboratories_are_an_error(
     assert error.endswith("standard deviations apart; identify each laboratory by itself")
 
 
-def test_two_recordings_of_one_laboratory_are_taken_together(
-    recording: Path, tmp_path: Path, random_pushes: Draw
-) -> None:
-    again = record(tmp_path / "again", random_pushes, LAB, 12)
-    run(IdentifyOptions((recording, again), tmp_path / "belief.json"), Console(quiet=True))
-    assert read_belief(tmp_path / "belief.json").card["episodes"] == 2 * EPISODES
-
-
 def test_a_recording_is_given_once(recording: Path) -> None:
     with pytest.raises(DatasetError, match="is given twice; give each recording once"):
         load_recordings(IdentifyOptions((recording, recording)))
@@ -130,24 +120,6 @@ def test_few_pushes_are_whole_episodes(recording: Path) -> None:
     assert [len(part) for part in some[str(recording)]] == [2 * PUSHES]
     with pytest.raises(DatasetError, match="has more than 3 pushes; give a larger --pushes"):
         load_recordings(IdentifyOptions((recording,), pushes=3))
-
-
-def test_pushes_against_any_body_are_read(tmp_path: Path, random_pushes: Draw) -> None:
-    folder = record(tmp_path / "any", random_pushes, LAB, 3)
-    path = folder / "shard-00000.npz"
-    with np.load(path) as shard:
-        columns = dict(shard)
-    count = len(columns["action"])
-    columns |= {
-        "shapes": np.array(["t,cube"] * count),
-        "roles": np.array(["pushable,pushable"] * count),
-    }
-    columns["action"][:, BODY] = np.arange(count) % 2
-    np.savez_compressed(path, **columns)
-    (part,) = load_recording(folder)
-    assert part.bodies is not None
-    assert [shape.name for shape in part.bodies.shapes] == ["t", "cube"]
-    np.testing.assert_array_equal(part.action[:, BODY], np.arange(count) % 2)
 
 
 @pytest.mark.parametrize("content", ["", "{}", '{"format": "sain-belief-2", "structures": []}'])

@@ -1,23 +1,34 @@
-"""Earlier pushes show the kind of physics and its parameters, and whether a network holds."""
+"""Earlier pushes show the physics with its parameters, masses, and whether a network holds."""
 
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 import torch
 
 from sain_core.errors import ConfigError
+from sain_core.scene import MASS, POSITION
 from sain_core.transitions import PushHistory
 from sain_core.types import Pushes, Scenes
+from sain_model.dynamics.identify import identify
 from sain_model.dynamics.residual import residual_model
 from sain_model.dynamics.sain import SainDynamics
 from sain_model.inference.evidence import Known, ObservedPushes
-from sain_model.inference.kinds import FRICTION, Belief, Kind, default_belief, friction_kind
+from sain_model.inference.kinds import (
+    FRICTION,
+    MASS_RATIO,
+    Belief,
+    default_belief,
+    friction_kind,
+    read_belief,
+    write_belief,
+)
 from sain_model.inference.posterior import Posterior, infer
 from sain_model.network.interaction_network import InteractionNetwork
+from sain_model.physics.parameters import AXES, TEXTBOOK, PlanarConfig, with_mass_ratio
 from sain_model.physics.planar import PlanarPrior
-from sain_model.physics.planar_config import AXES, TEXTBOOK, PlanarConfig
 
 Draw = Callable[[int, int], tuple[Scenes, Pushes]]
 AXES_FIRST, TEXTBOOK_SECOND = range(2)
@@ -79,25 +90,6 @@ def test_pushes_show_parameters_that_are_unlike_the_default_ones(
         assert abs(off) < 4 * spread + 0.05, parameter.name
 
 
-def test_parameters_stay_inside_their_ranges(belief: Belief) -> None:
-    kind = belief.kinds[0]
-    for far in (-50.0, 50.0):
-        values = kind.values(np.full((1, len(kind.names)), far))
-        for parameter in kind.parameters:
-            assert parameter.least <= values[parameter.name][0] <= parameter.most
-
-
-def test_without_pushes_the_first_kind_and_the_nominal_friction_are_believed(
-    belief: Belief, random_pushes: Draw
-) -> None:
-    history = seen(random_pushes, TEXTBOOK)
-    order = np.zeros(COUNT, np.int64), np.arange(COUNT)
-    posterior = infer(belief, observed(history), Known.earlier(*order))
-    assert posterior.kind[0] == AXES_FIRST
-    assert posterior.values(belief, FRICTION)[0] == pytest.approx(AXES.friction, rel=1e-12)
-    assert posterior.pushes.tolist() == list(range(COUNT))
-
-
 def test_a_history_and_a_row_of_many_say_the_same(sain: SainDynamics, random_pushes: Draw) -> None:
     history = seen(random_pushes, replace(TEXTBOOK, friction=0.09))
     order = np.zeros(COUNT, np.int64), np.arange(COUNT)
@@ -134,9 +126,108 @@ def test_a_belief_is_for_the_prior_that_it_was_made_with(belief: Belief) -> None
         other.believing(belief)
 
 
-def test_a_kind_of_other_physics_has_no_parameters(random_pushes: Draw) -> None:
-    kind = Kind("given", PlanarPrior(), (), np.zeros((0, 0)), corrected=True)
-    history = seen(random_pushes, AXES)
-    posterior = after(Belief((kind,)), history)
-    assert not posterior.inferred[0]
-    assert posterior.places.shape == (1, 0)
+RATIO = 1.6
+
+
+def telling(
+    draw: Draw, config: PlanarConfig = AXES, count: int = 4, noise: float | None = None
+) -> PushHistory:
+    """Return pushes that move the target in a world whose masses are not as scenes state.
+
+    They are seen with errors of 0.1 mm, or with a noise [m].
+    """
+    scenes, pushes = draw(200, 7)
+    scenes[..., MASS] = 8.0
+    after = PlanarPrior(config).step(with_mass_ratio(scenes, RATIO), pushes)
+    after[..., MASS] = 8.0
+    moved = np.linalg.norm((after - scenes)[:, 1, POSITION], axis=-1) > 0.01
+    chosen = np.flatnonzero(moved)[:count]
+    assert len(chosen) == count
+    error = np.random.default_rng(3).normal(0, noise or 1e-4, after[..., POSITION].shape)
+    after[..., POSITION] += error
+    seen = None if noise is None else np.full((count, 2), noise)
+    return PushHistory(scenes[chosen], pushes[chosen], after[chosen], seen)
+
+
+@pytest.fixture
+def weighing() -> Belief:
+    return default_belief(PlanarPrior(AXES)).with_unknown_masses()
+
+
+@pytest.fixture
+def unweighed() -> SainDynamics:
+    torch.manual_seed(0)
+    model = residual_model(InteractionNetwork(), friction_kind(PlanarPrior(AXES)), "planar_axes")
+    return model.believing(default_belief(PlanarPrior(AXES)))
+
+
+@pytest.mark.parametrize("friction", [0.08, 0.2])
+def test_four_pushes_tell_the_ratio_of_masses(
+    weighing: Belief, random_pushes: Draw, friction: float
+) -> None:
+    history = telling(random_pushes, replace(AXES, friction=friction))
+    arrays = history.state, history.action, history.next_state
+    pushes = ObservedPushes(*arrays, np.zeros(len(history), np.int64))
+    posterior = infer(weighing, pushes, Known.everything(len(history)))
+    spread = posterior.log_spread(weighing, MASS_RATIO)[0]
+    assert 0.0 < spread < 0.1
+    off = abs(np.log(posterior.values(weighing, MASS_RATIO)[0] / RATIO))
+    assert off < 2.0 * spread
+    assert posterior.values(weighing, FRICTION)[0] == pytest.approx(friction, rel=0.05)
+
+
+@pytest.mark.parametrize("noise", [None, 0.001])
+def test_predictions_rest_on_the_ratio(
+    unweighed: SainDynamics, random_pushes: Draw, noise: float | None
+) -> None:
+    history = telling(random_pushes, noise=noise)
+    usual, unknown = unweighed.condition(history), unweighed.with_unknown_masses()
+    told = unknown.condition(history)
+    assert unknown.spread(MASS_RATIO) == pytest.approx(0.3, rel=0.05)
+    assert 0.0 < told.spread(MASS_RATIO) < 0.15
+    off = abs(np.log(told.value(MASS_RATIO) / RATIO))
+    assert off < 2.0 * told.spread(MASS_RATIO)
+
+    later = telling(random_pushes, count=12).select(slice(4, None))
+    errors = [
+        np.linalg.norm((m.step(later.state, later.action) - later.next_state)[:, 1, :2], axis=-1)
+        for m in (told, usual)
+    ]
+    assert errors[0].mean() < 0.5 * errors[1].mean()
+
+
+def test_regions_are_wider_before_the_ratio_is_told(
+    unweighed: SainDynamics, random_pushes: Draw
+) -> None:
+    unknown, history = unweighed.with_unknown_masses(), telling(random_pushes)
+    spreads = [
+        model.predict(history.state, history.action).friction[:, 1].mean()
+        for model in (unweighed, unknown, unknown.condition(history))
+    ]
+    assert spreads[2] < spreads[0] < spreads[1]
+
+
+@pytest.mark.parametrize("unknown", [False, True])
+def test_a_belief_is_read_as_it_was_written(
+    weighing: Belief, tmp_path: Path, unknown: bool
+) -> None:
+    weighing = weighing if unknown else default_belief(PlanarPrior(AXES))
+    read = read_belief(write_belief(tmp_path / "belief.json", weighing))
+    for kind, other in zip(read.kinds, weighing.kinds, strict=True):
+        assert (kind.name, kind.names, kind.prior) == (other.name, other.names, other.prior)
+        np.testing.assert_array_equal(kind.covariance, other.covariance)
+    assert (MASS_RATIO in read.likeliest.names) == unknown
+
+
+def test_recordings_of_the_same_bodies_tell_their_ratio(
+    unweighed: SainDynamics, random_pushes: Draw
+) -> None:
+    history = telling(random_pushes, count=40)
+    episodes = np.repeat(np.arange(8), 5)
+    part = ObservedPushes(history.state, history.action, history.next_state, episodes)
+    weighing = identify(unweighed.with_unknown_masses(), {"lab": [part]})
+    assert weighing.likeliest.config.mass_ratio == pytest.approx(RATIO, rel=0.05)
+    assert unweighed.believing(weighing).spread(MASS_RATIO) < 0.1
+    scenes, pushes = history.state, history.action
+    off = unweighed.believing(weighing).step(scenes, pushes) - history.next_state
+    assert np.linalg.norm(off[:, 1, POSITION], axis=-1).mean() < 0.001

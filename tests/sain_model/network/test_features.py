@@ -1,34 +1,57 @@
-"""Features: what acts between bodies, however their shapes are written."""
+"""Features: what acts between bodies, however their shapes are written, and what is believed."""
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 import pytest
 import torch
 
-from sain_core.push import ANGLE, BODY, LENGTH, LOCATION, PushLimits, make_push
-from sain_core.scene import make_scene, mirror_scenes, rotate_scenes, wrap_angle
-from sain_core.shapes.bodies import Bodies, Role
+from sain_core.push import (
+    ANGLE,
+    BODY,
+    LENGTH,
+    LOCATION,
+    PushLimits,
+    make_push,
+    mirror_pushes,
+    rotate_pushes,
+)
+from sain_core.scene import THETA, make_scene, mirror_scenes, rotate_scenes, wrap_angle
+from sain_core.shapes.bodies import PAPER_DISKS, Bodies, Role
 from sain_core.shapes.library import get_shape
 from sain_core.shapes.solids import Compound
 from sain_core.types import Pushes, Scenes
-from sain_model.network.compiled_network import CompiledNetwork
-from sain_model.network.feature_kernels import BODY_FEATURES, MIRRORED_BODY
-from sain_model.network.features import Features, network_inputs, push_frames
-from sain_model.network.inputs import GAP_AFTER, GAP_BEFORE, GAP_SCALE, PLACE_SCALE
-from sain_model.network.interaction_network import InteractionNetwork
-from sain_model.network.relation_kernels import (
+from sain_model.dynamics.residual import CompiledNetwork, TorchNetwork
+from sain_model.network.feature_kernels import (
+    BODY_FEATURES,
     CONTACT_BEFORE,
     EXTENT_BEFORE,
     EXTENT_SCALE,
+    GAP_AFTER,
+    GAP_BEFORE,
+    GAP_SCALE,
     HEADINGS,
     IS_TOOL,
+    MIRRORED_BODY,
     MIRRORED_RELATION,
+    PLACE_FEATURES,
+    PLACE_SCALE,
     SENDER,
 )
-from sain_model.network.settings import FRAMES, NetworkConfig
-from sain_model.network.torch_network import TorchNetwork
+from sain_model.network.features import (
+    BELIEVED_FEATURES,
+    MIRRORED_BELIEVED,
+    Features,
+    network_inputs,
+    push_frames,
+)
+from sain_model.network.interaction_network import InteractionNetwork, new_network
+from sain_model.network.settings import FRAMES, PUSH_FRAME, WORLD_FRAME, NetworkConfig
+from sain_model.physics.parameters import Values
+from sain_model.physics.planar import PlanarPrior
 
+Draw = Callable[[int, int], tuple[Scenes, Pushes]]
 CONFIG = NetworkConfig()
 NAMES = ("t", "right_triangle", "disk", "ellipse", "l")
 FEET = [5, 6, 16, 17, 18]  # features of where the supports are
@@ -61,11 +84,7 @@ def draw(count: int, batch: int, seed: int = 0) -> tuple[Scenes, Pushes, Scenes]
 
 
 def features_of(
-    scenes: Scenes,
-    pushes: Pushes,
-    after: Scenes,
-    bodies: Bodies,
-    config: NetworkConfig = CONFIG,
+    scenes: Scenes, pushes: Pushes, after: Scenes, bodies: Bodies, config: NetworkConfig = CONFIG
 ) -> Features:
     frames = push_frames(scenes, pushes, bodies)
     return network_inputs(config, scenes, frames, after, bodies)
@@ -188,25 +207,86 @@ def test_kernels_say_what_pytorch_says(frame: str) -> None:
     assert np.abs(compiled - after)[..., :2].max() > 1e-3
 
 
-def test_bodies_out_of_reach_change_nothing() -> None:
-    torch.manual_seed(1)
-    network = InteractionNetwork(CONFIG).eval()
-    torch.nn.init.normal_(network.dynamics[-1].weight)
-    scenes, pushes, after = draw(3, 30)
-    pushes[:, BODY] %= 2
-    for some in (scenes, after):
-        some[:, 2, 0] += 0.6
-    alone = CompiledNetwork(network).correct(
-        scenes[:, :2], pushes, after[:, :2], bodies_of("t", "l")
-    )
-    among = CompiledNetwork(network).correct(scenes, pushes, after, bodies_of("t", "l", "plus"))
-    np.testing.assert_array_equal(among[:, :2], alone)
+def test_only_the_frame_of_the_world_shows_how_a_scene_is_turned(random_pushes: Draw) -> None:
+    scenes, pushes = random_pushes(20, 0)
+    after = PlanarPrior().step(scenes, pushes)
+    turn = [rotate_scenes(scenes, 2.0), rotate_pushes(pushes, 2.0), rotate_scenes(after, 2.0)]
+    configs = [NetworkConfig(features=frame) for frame in (PUSH_FRAME, WORLD_FRAME)]
+    push, world = (features_of(scenes, pushes, after, PAPER_DISKS, one) for one in configs)
+    turned_push, turned_world = (features_of(*turn, PAPER_DISKS, one) for one in configs)
+    np.testing.assert_allclose(turned_push.bodies, push.bodies, atol=1e-5)
+    assert world.bodies.shape[-1] == BODY_FEATURES + PLACE_FEATURES
+    np.testing.assert_array_equal(world.bodies[..., :BODY_FEATURES], push.bodies)
+    np.testing.assert_array_equal(world.relations[..., :HEADINGS], push.relations[..., :HEADINGS])
+    changed = np.abs(turned_world.bodies - world.bodies).max(axis=(0, 1))
+    assert (changed[BODY_FEATURES:-2] > 0.1).all()
+    np.testing.assert_allclose(changed[-2:], 0.0, atol=1e-5)  # a disk's heading as the push sees it
 
 
-def test_a_body_alone_has_the_tool() -> None:
-    scenes, pushes, after = draw(1, 10)
-    told = features_of(scenes, pushes, after, bodies_of("bar"))
-    assert told.bodies.shape == (10, 1, BODY_FEATURES)
-    assert told.relations.shape[1] == 1
-    assert (told.relations[:, 0, IS_TOOL] == 1.0).all()
-    assert (told.relations[:, 0, GAP_BEFORE] < 0.3).all()
+SEEING = NetworkConfig(believed=True)
+SEEN = (
+    "tool_friction", "torsion", "pressure", "centre_x", "centre_y", "grain_x", "grain_y",
+    "table_grain_x", "table_grain_y", "tip_x", "tip_y",
+)  # fmt: skip
+ODD = ("centre_y", "grain_y", "table_grain_y", "tip_y")  # in a mirror
+
+
+def draw_believed(count: int = 20) -> tuple[np.ndarray, np.ndarray, dict[str, np.ndarray]]:
+    random = np.random.default_rng(0)
+    scene = make_scene(np.array([(0.5, 0.0), (0.7, 0.03)]), np.full(2, 8.0), np.full(2, 0.08))
+    scenes = np.repeat(scene[None], count, axis=0)
+    scenes[..., THETA] = random.uniform(-3.0, 3.0, scenes.shape[:2])
+    pushes = make_push(*random.uniform((-3.0, -0.7, 0.05), (3.0, 0.7, 0.15), (count, 3)).T)
+    values = {name: random.uniform(0.01, 0.3, count) for name in SEEN}
+    values["centre_x"] = random.uniform(-0.1, 0.1, (count, 2))  # of each body its own
+    return scenes, pushes, values
+
+
+def believed(scenes: np.ndarray, pushes: np.ndarray, values: Values) -> np.ndarray:
+    frames = push_frames(scenes, pushes, PAPER_DISKS)
+    features = network_inputs(SEEING, scenes, frames, scenes, PAPER_DISKS, values)
+    return features.bodies[..., BODY_FEATURES:]
+
+
+def test_each_parameter_is_seen() -> None:
+    scenes, pushes, values = draw_believed()
+    before = believed(scenes, pushes, values)
+    assert before.shape == (20, 2, BELIEVED_FEATURES)
+    for name in SEEN:
+        after = believed(scenes, pushes, values | {name: values[name] + 0.1})
+        assert (np.abs(after - before).max(axis=(1, 2)) > 0.01).all(), name
+
+
+def test_what_is_believed_turns_with_the_scene() -> None:
+    scenes, pushes, values = draw_believed()
+    before, angle = believed(scenes, pushes, values), 0.7
+    turned = dict(values)
+    for name, times in (("table_grain", 2.0), ("tip", 1.0)):
+        x, y = values[f"{name}_x"], values[f"{name}_y"]
+        cos, sin = np.cos(times * angle), np.sin(times * angle)
+        turned |= {f"{name}_x": cos * x - sin * y, f"{name}_y": sin * x + cos * y}
+    after = believed(rotate_scenes(scenes, angle), rotate_pushes(pushes, angle), turned)
+    np.testing.assert_allclose(after, before, atol=1e-5)
+
+
+def test_in_a_mirror_what_lies_across_the_push_changes_its_sign() -> None:
+    scenes, pushes, values = draw_believed()
+    expected = believed(scenes, pushes, values)
+    expected[..., list(MIRRORED_BELIEVED)] *= -1.0
+    image = values | {name: -values[name] for name in ODD}
+    after = believed(mirror_scenes(scenes), mirror_pushes(pushes), image)
+    np.testing.assert_allclose(after, expected, atol=1e-5)
+
+
+@pytest.mark.parametrize("frame", ["push", "world"])
+def test_kernels_see_what_pytorch_sees(frame: str) -> None:
+    scenes, pushes, values = draw_believed()
+    network = new_network(NetworkConfig(believed=True, features=frame, members=2), 0)
+    with torch.no_grad():
+        for weights in network.parameters():
+            weights.add_(0.05 * torch.randn_like(weights))
+    expected = TorchNetwork(network, "cpu").correct(scenes, pushes, scenes, PAPER_DISKS, values)
+    found = CompiledNetwork(network).correct(scenes, pushes, scenes, PAPER_DISKS, values)
+    np.testing.assert_allclose(found, expected, atol=1e-6)
+    other = CompiledNetwork(network).correct(scenes, pushes, scenes, PAPER_DISKS)
+    assert np.abs(other - found).max() > 1e-5

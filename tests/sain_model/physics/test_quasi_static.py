@@ -12,22 +12,18 @@ import pytest
 from scipy.optimize import minimize, minimize_scalar
 
 from sain_core.push import TOOL_RADIUS, make_push
-from sain_core.scene import THETA, make_scene, rotate_scenes, unit
+from sain_core.scene import THETA, make_scene, unit
 from sain_core.shapes.bodies import Bodies, Role
 from sain_core.shapes.library import get_shape
 from sain_core.shapes.shape import REGULAR_FEET, feet_places
 from sain_core.shapes.solids import flat_bottom
 from sain_core.types import Points, Scalars
+from sain_model.physics.parameters import TEXTBOOK
 from sain_model.physics.planar import PlanarPrior
-from sain_model.physics.planar_config import AXES, TEXTBOOK, PlanarConfig
 
 RADIUS, LENGTH, FRICTION, STEPS = 0.08, 0.1, 0.3, 200
 SLOW = replace(
-    TEXTBOOK,
-    tool_friction=FRICTION,
-    middle_height=0.0,
-    tool_height=0.0,
-    disk_height=0.0,
+    TEXTBOOK, tool_friction=FRICTION, middle_height=0.0, tool_height=0.0, disk_height=0.0
 )
 PUSHES = ((0.3, 0.3), (1.0, 0.6), (2.0, -0.7))  # location and angle [rad]
 KINDS = {
@@ -101,8 +97,7 @@ def reference(location: float, angle: float, feet: Points, loads: Scalars) -> np
     return pose
 
 
-@pytest.mark.parametrize("bottom", ["feet", "flat"])
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize(("kind", "bottom"), [("disks", "feet"), ("outlines", "flat")])
 def test_a_slow_push_is_quasi_static(kind: str, bottom: str) -> None:
     """Whatever the inertia and the speed."""
     bodies, config = KINDS[kind].on(bottom), SLOW
@@ -127,31 +122,7 @@ def test_a_slow_push_is_quasi_static(kind: str, bottom: str) -> None:
         np.testing.assert_allclose(again - scenes, moved, atol=1e-6)
 
 
-@pytest.mark.parametrize("base", [TEXTBOOK, PlanarConfig(), AXES])
-@pytest.mark.parametrize("names", [("disk", "disk"), ("t", "bar"), ("star", "ellipse")])
-def test_any_speed_inertia_and_friction_leave_bodies_near(
-    base: PlanarConfig, names: tuple[str, ...]
-) -> None:
-    """What is pushed goes no further than the push, and than it slides on."""
-    random = np.random.default_rng(0)
-    scene = make_scene(
-        np.array([(0.5, 0.0), (0.64, 0.03)]), np.array([8.0, 3.0]), np.array([0.07, 0.06])
-    )
-    for _ in range(10):
-        low, high = [0.01, 0.1, 0.05], [0.5, 1.5, 2.0]
-        speed, friction, inertia = np.exp(random.uniform(np.log(low), np.log(high))).tolist()
-        config = replace(base, friction=friction, inertia=inertia)
-        prior = PlanarPrior(config, Bodies.named(list(names), [Role.PUSHABLE] * 2))
-        scenes = np.repeat(scene[None], 20, axis=0)
-        ways = random.uniform((-3.0, -0.7), (3.0, 0.7), (20, 2))
-        pushes = make_push(*ways.T, LENGTH, speed=speed)
-        after = prior.step(scenes, pushes)
-        assert np.isfinite(after).all()
-        moved = np.linalg.norm((after - scenes)[:, 0, :2], axis=-1)
-        assert (moved < LENGTH + 2.0 * speed**2 / (2.0 * friction * config.gravity) + 5e-3).all()
-
-
-@pytest.mark.parametrize("values", [{"pressure": 2.0}, {"torsion": 0.6}])
+@pytest.mark.parametrize("values", [{"pressure": 2.0, "torsion": 0.6}])
 def test_a_flat_bottom_turns_as_its_torsion_says(values: dict[str, float]) -> None:
     points, loads = flat_bottom(get_shape("disk"), values.get("pressure", 0.0))
     places = np.array([(0.5, 0.0), (0.9, 0.0)])
@@ -180,14 +151,7 @@ def test_a_soft_contact_stays_pressed_in_by_what_friction_takes(name: str) -> No
 
 
 @pytest.mark.parametrize(
-    ("names", "name"),
-    [
-        (("disk",), "tool_compliance"),
-        (("t",), "tool_compliance"),
-        (("star",), "tool_compliance"),
-        (("disk", "disk"), "body_compliance"),
-        (("square", "ellipse"), "body_compliance"),
-    ],
+    ("names", "name"), [(("t",), "tool_compliance"), (("square", "disk"), "body_compliance")]
 )
 def test_as_compliance_goes_to_zero_contacts_become_rigid(
     names: tuple[str, ...], name: str
@@ -220,21 +184,3 @@ def test_a_push_along_the_line_through_the_centre_of_mass_does_not_turn() -> Non
     along, across = PlanarPrior(SLOW, Bodies.named(["disk"])).step(scenes, pushes, off)[:, 0, THETA]
     assert along == pytest.approx(0.0, abs=1e-6)
     assert abs(across) > 0.1
-
-
-@pytest.mark.parametrize("names", [("t", "bar"), ("star", "square")])
-def test_bodies_on_flat_bottoms_turn_with_the_scene(names: tuple[str, ...]) -> None:
-    bodies = Bodies.named([f"{name}:flat" for name in names], [Role.PUSHABLE] * 2)
-    prior = PlanarPrior(TEXTBOOK, bodies)
-    places = np.array([(0.5, 0.0), (0.64, 0.03)])
-    scene = make_scene(places, np.array([8.0, 7.0]), np.array([0.07, 0.06]), np.array([0.3, 1.0]))
-    random = np.random.default_rng(3)
-    ways = random.uniform((-3.0, -0.7), (3.0, 0.7), (20, 2))
-    pushes = make_push(*ways.T, LENGTH)
-    scenes = np.repeat(scene[None], 20, axis=0)
-    after = prior.step(scenes, pushes)
-    turned = prior.step(rotate_scenes(scenes, 0.9), pushes)
-    off = turned[..., :2] - rotate_scenes(after, 0.9)[..., :2]
-    assert np.quantile(np.abs(off), 0.95) < 1e-4
-    feet = PlanarPrior(TEXTBOOK, bodies.on("feet")).step(scenes, pushes)
-    assert np.abs(after - feet)[..., :2].max() > 1e-3

@@ -19,7 +19,6 @@ from sain_core.push import (
     PushLimits,
     as_strokes,
     make_stroke,
-    mirror_pushes,
     rotate_pushes,
 )
 from sain_core.scene import (
@@ -27,7 +26,6 @@ from sain_core.scene import (
     POSITION,
     THETA,
     make_scene,
-    mirror_scenes,
     rotate_scenes,
     unit,
     wrap_angle,
@@ -35,20 +33,15 @@ from sain_core.scene import (
 from sain_core.shapes.bodies import Bodies
 from sain_core.shapes.library import get_shape
 from sain_core.shapes.shape import outline_of
-from sain_core.shapes.solids import Compound
 from sain_core.types import Pushes, Scenes
 from sain_model.data.dataset import Part
-from sain_model.data.examples import make_examples
-from sain_model.network.feature_kernels import MIRRORED_BODY
 from sain_model.network.features import Features, network_inputs, push_frames
-from sain_model.network.relation_kernels import MIRRORED_RELATION, SENDER
 from sain_model.network.settings import NetworkConfig
-from sain_model.physics.first_touch import first_touch
-from sain_model.physics.planar import PlanarPrior
-from sain_model.physics.planar_config import PlanarConfig
+from sain_model.physics.parameters import PlanarConfig
+from sain_model.physics.planar import PlanarPrior, first_touch
+from sain_model.training.objectives import make_examples
 
 LIMITS = PushLimits()
-FEET = [5, 6, 16, 17, 18]  # features of where the supports are
 TIP = 0.00475
 
 
@@ -134,32 +127,6 @@ def test_a_turned_stroke_ends_turned_and_looks_the_same(names: tuple[str, ...]) 
     )
 
 
-def test_a_mirrored_stroke_changes_signs_alone() -> None:
-    shape = get_shape("right_triangle")
-    assert isinstance(shape, Compound)
-    image = Compound.of(
-        "triangle in a mirror",
-        *(tuple((x, -y) for x, y in reversed(part)) for part in shape.polygons),
-    )
-    scenes, _ = draw(1, 60)
-    strokes = draw_strokes(scenes)
-    after = scenes.copy()
-    after[..., POSE] += np.random.default_rng(1).uniform(-0.02, 0.02, (60, 1, 3))
-    usual = features_of(scenes, strokes, after, bodies_of("right_triangle"))
-    told = features_of(
-        mirror_scenes(scenes), mirror_pushes(strokes), mirror_scenes(after), Bodies((image,))
-    )
-    usual.bodies[..., list(MIRRORED_BODY)] *= -1
-    usual.relations[..., list(MIRRORED_RELATION)] *= -1
-    for some in (told, usual):  # a mirrored outline gets other feet, which are left out
-        some.bodies[..., FEET] = 0.0
-        some.relations[..., [SENDER + column for column in FEET]] = 0.0
-    assert_same(told, usual, 2e-4)
-    prior = PlanarPrior().with_bodies(Bodies.disks(1))
-    mirrored = prior.step(mirror_scenes(scenes), mirror_pushes(strokes))
-    np.testing.assert_allclose(mirrored, mirror_scenes(prior.step(scenes, strokes)), atol=1e-5)
-
-
 def test_mirror_images_of_examples_are_examples_of_the_mirror() -> None:
     """What training adds: features, and what the network should say."""
     scenes, _ = draw(2, 40)
@@ -187,19 +154,6 @@ def test_the_frame_is_where_the_tool_first_touches() -> None:
     np.testing.assert_allclose(touch.gap[[0, 3]], 0.02 - TIP)
     frames = push_frames(scenes, strokes, bodies_of("cube"))
     np.testing.assert_allclose(frames[:, ANGLE], [0.3, -up, 0.0, 0.0], atol=1e-12)
-
-
-def test_a_miss_moves_nothing_and_looks_along_its_way() -> None:
-    scenes, _ = draw(1, 20)
-    strokes = draw_strokes(scenes)
-    strokes[:, LOCATION] = wrap_angle(strokes[:, LOCATION] + pi / 2 + 0.5)
-    bodies = bodies_of("ellipse")
-    after = PlanarPrior().with_bodies(bodies).step(scenes, strokes)
-    missed = np.isinf(first_touch(scenes, strokes, bodies).distance)
-    assert missed.sum() > 10
-    np.testing.assert_array_equal(after[missed], scenes[missed])
-    frames = push_frames(scenes, strokes, bodies)[missed]
-    np.testing.assert_allclose(frames[:, ANGLE], 0.0, atol=1e-12)
 
 
 def test_each_stroke_has_its_own_tool() -> None:
@@ -281,11 +235,3 @@ def test_a_stroke_that_cannot_be_is_refused(column: int, value: float, message: 
     strokes[2, column] = value
     with pytest.raises((InvalidInputError, OutOfRangeError), match=message):
         PlanarPrior().with_bodies(bodies_of("t")).step(scenes, strokes)
-
-
-def test_the_speed_of_a_push_is_never_another() -> None:
-    scenes, pushes = draw(1, 3)
-    for speed in (0.0009, 2.1):
-        pushes[0, SPEED] = speed
-        with pytest.raises(OutOfRangeError, match=r"speed of push \(0,\) is"):
-            PlanarPrior().step(scenes, pushes)

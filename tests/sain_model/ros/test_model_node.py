@@ -62,30 +62,17 @@ def test_a_rollout_tells_how_sure_the_model_is_when_asked(graph):
     assert not graph.call(Rollout, "rollout", rollout_request(sequences)).regions
 
 
-def test_physics_cannot_tell_how_sure_it_is(graph, model):
-    answer = graph.call(Rollout, "rollout", rollout_request(pushes(4, 3), with_regions=True))
-    assert answer.error_code == ErrorCode.OK and not answer.regions
-
-
 @pytest.mark.parametrize(
     ("fields", "code", "text"),
     [
         ({"samples": 0}, ErrorCode.INVALID, "samples is 0; it must be at least 1"),
-        ({"disks": 0}, ErrorCode.INVALID, "disks is 0; it must be at least 1"),
         ({"samples": 5}, ErrorCode.INVALID, "pushes has 20 numbers; 50 were expected"),
-        ({"scene": [0.0] * 7}, ErrorCode.INVALID, "scene has 7 numbers; 16 were expected"),
         ({"scene": [np.nan] * 16}, ErrorCode.INVALID, "scene at (0, 0) is nan; must be finite"),
         ({"scene": [0.0] * 16}, ErrorCode.INVALID, "mass of disk 0 is 0.0; it must be positive"),
-        ({"pushes": [np.inf] * 20}, ErrorCode.INVALID, "pushes at (0, 0, 0) is inf"),
         (
             {"pushes": [0, 0, 0.0, 9.0, 0.2] * 4},
             ErrorCode.OUT_OF_RANGE,
             "length of push (0, 0) is 9.0",
-        ),
-        (
-            {"pushes": [0, 0, 2.0, 0.1, 0.2] * 4},
-            ErrorCode.OUT_OF_RANGE,
-            "angle of push (0, 0) is 2.0",
         ),
         (
             {"disks": 33, "scene": [0.5] * 264},
@@ -134,27 +121,12 @@ def test_earlier_pushes_tell_the_service_the_friction(graph, model):
     assert "past_scenes has 48 numbers; 32 were expected" in response.error_message
 
 
-def test_too_much_work_is_refused(graph, model):
-    response = graph.call(Rollout, "rollout", rollout_request(pushes(251, 2)))
-    assert ErrorCode(response.error_code) is ErrorCode.TOO_MUCH_WORK
-    assert "are 1004 of work; at most 1000" in response.error_message
-
-
 def predict(graph, scenes, actions, physics_next=None):
     request = PredictResidual.Request(batch=len(scenes), disks=scenes.shape[1])
     request.scenes, request.pushes = codec.encode_floats(scenes), codec.encode_floats(actions)
     if physics_next is not None:
         request.physics_next = codec.encode_floats(physics_next)
     return graph.call(PredictResidual, "predict_residual", request)
-
-
-def test_physics_alone_has_no_residual(graph, model):
-    scenes, actions = np.stack([SCENE] * 4), pushes(4)
-    response = predict(graph, scenes, actions)
-    assert response.error_code == ErrorCode.OK
-    next_state = wire.decode_floats(response.next_state, (4, 2, 8), "next_state")
-    np.testing.assert_array_equal(next_state, PlanarPrior().step(scenes, actions))
-    assert not any(response.residual)
 
 
 def test_physics_that_is_given_is_what_gets_corrected(graph, model):
@@ -169,13 +141,7 @@ def test_physics_that_is_given_is_what_gets_corrected(graph, model):
     assert "physics_next states other masses or radii" in response.error_message
 
 
-def test_a_prediction_request_that_is_short_of_numbers_is_refused(graph, model):
-    response = predict(graph, np.stack([SCENE] * 2), pushes(1))
-    assert ErrorCode(response.error_code) is ErrorCode.INVALID
-    assert "pushes has 5 numbers; 10 were expected, for shape (2, 5)" in response.error_message
-
-
-@pytest.mark.parametrize("field", ["scenes", "pushes", "physics_next"])
+@pytest.mark.parametrize("field", ["scenes", "physics_next"])
 def test_a_prediction_request_with_nan_is_refused(graph, model, field):
     arrays = {"scenes": np.stack([SCENE] * 2), "pushes": pushes(2), "physics_next": None}
     arrays[field] = np.full((2, 5) if field == "pushes" else (2, 2, 8), np.nan)
@@ -221,11 +187,3 @@ def test_requests_are_counted_in_diagnostics(graph, model):
 def test_a_model_that_is_not_there_is_refused_at_the_start(graph, name, error, text):
     with pytest.raises(error, match=text):
         graph.start(ModelNode, model=name)
-
-
-@pytest.mark.parametrize("content", [b"", b"\x08\0\0\0\0\0\0\0{}", b"not a checkpoint at all"])
-def test_a_damaged_checkpoint_is_refused_at_the_start(graph, tmp_path, content):
-    path = tmp_path / "model.safetensors"
-    path.write_bytes(content)
-    with pytest.raises(CheckpointError, match=r"model\.(json|safetensors)"):
-        graph.start(ModelNode, model=str(path))

@@ -1,22 +1,64 @@
-"""Another model while requests come in: none is lost, none gets a mixture."""
+"""Another model while requests come in: none is lost; unsound ones are refused."""
 
 import json
+from collections.abc import Callable
 from pathlib import Path
 from threading import Event
 from typing import Any
 
+import numpy as np
 import pytest
+import torch
 from diagnostic_msgs.msg import DiagnosticArray
+from rcl_interfaces.srv import SetParameters
+from rclpy.parameter import Parameter
 
 from sain_core import wire
 from sain_core.errors import ErrorCode
 from sain_core.guarding.ros.reception import SERVICE
 from sain_core.model import IdentityPrior, Model, load_dynamics
+from sain_core.push import PushLimits
+from sain_core.ros import codec
+from sain_core.scene import make_scene
 from sain_core.types import Pushes, Scenes
 from sain_interfaces.srv import DescribeModel, LoadModel, Rollout
+from sain_model.dynamics.load import ModelCard, card_path, save_checkpoint
+from sain_model.network.interaction_network import InteractionNetwork
+from sain_model.network.settings import NetworkConfig
 from sain_model.ros.model_node import ModelNode
 from sain_model.serving import server
-from tests.sain_model.ros.swapping import SCENE, answers_of, make_checkpoint, request, set_model
+
+SCENE = make_scene(
+    np.array([(0.40, 0.0), (0.541, 0.0)]), np.array([8.0, 8.0]), np.array([0.08, 0.06])
+)
+SEQUENCES = PushLimits().sample(np.random.default_rng(0), 40).reshape(20, 2, 5)
+
+
+def make_checkpoint(path: Path, seed: int) -> str:
+    torch.manual_seed(seed)
+    network = InteractionNetwork(NetworkConfig(hidden=8, message=4))
+    with torch.no_grad():
+        for parameter in network.parameters():
+            parameter.add_(0.3 * torch.randn_like(parameter))
+    save_checkpoint(path, network, ModelCard("planar", {}, {}))
+    return str(path)
+
+
+def request() -> Rollout.Request:
+    made = Rollout.Request(samples=20, horizon=2, disks=2)
+    made.scene, made.pushes = codec.encode_floats(SCENE), codec.encode_floats(SEQUENCES)
+    return made
+
+
+def answers_of(*paths: str) -> dict[str, bytes]:
+    """Return what each checkpoint answers, by its hash."""
+    models = [load_dynamics(path) for path in paths]
+    return {model.origin.model_hash: model.rollout(SCENE, SEQUENCES).tobytes() for model in models}
+
+
+def set_model(graph: Any, name: str) -> Any:
+    asked = SetParameters.Request(parameters=[Parameter("model", value=name).to_parameter_msg()])
+    return graph.call(SetParameters, "model_node/set_parameters", asked).results[0]
 
 
 @pytest.fixture
@@ -169,3 +211,55 @@ def test_requests_are_answered_while_a_model_loads(graph, monkeypatch):
     may.set()
     graph.wait(loading.done, "the model")
     assert graph.call(Rollout, "rollout", request()).model == "later"
+
+
+SPOILED: dict[str, tuple[Callable[[Path], object], str]] = {  # more: dynamics/test_checkpoint.py
+    "missing": (Path.unlink, "does not exist"),
+    "truncated": (lambda path: path.write_bytes(path.read_bytes()[:-50]), "truncated, changed"),
+    "card": (lambda path: card_path(path).write_text("{"), "is not a checkpoint's card"),
+}
+
+
+@pytest.mark.parametrize("kind", sorted(SPOILED))
+def test_a_bad_checkpoint_is_refused_and_the_old_one_goes_on(graph, first, tmp_path, kind):
+    spoil, reason = SPOILED[kind]
+    node = graph.start(ModelNode, model=first)
+    bad = tmp_path / "bad.safetensors"
+    make_checkpoint(bad, 3)
+    spoil(bad)
+    loaded = graph.call(LoadModel, "load_model", LoadModel.Request(model=str(bad)))
+    assert loaded.error_code == ErrorCode.CHECKPOINT
+    assert reason in loaded.error_message
+    assert (loaded.model, loaded.model_hash) == (first, load_dynamics(first).origin.model_hash)
+    result = set_model(graph, str(bad))
+    assert not result.successful
+    assert reason in result.reason
+    assert node.get_parameter("model").value == first
+    answer = graph.call(Rollout, "rollout", request())
+    predicted = wire.decode_rollout(answer, (20, 2, 2))
+    assert predicted.tobytes() == answers_of(first)[answer.model_hash]
+
+
+def test_a_model_of_no_known_name_and_one_that_predicts_nan_are_refused(graph, monkeypatch):
+    class Broken(IdentityPrior):
+        def step(self, scenes: Scenes, pushes: Pushes) -> Scenes:
+            return np.full_like(scenes, np.nan)
+
+    graph.start(ModelNode, model="planar")
+    loaded = graph.call(LoadModel, "load_model", LoadModel.Request(model="planer"))
+    assert ErrorCode(loaded.error_code) is ErrorCode.CONFIG
+    assert "did you mean 'planar'" in loaded.error_message
+    monkeypatch.setattr(server, "load_dynamics", lambda name: Broken())
+    loaded = graph.call(LoadModel, "load_model", LoadModel.Request(model="broken"))
+    assert ErrorCode(loaded.error_code) is ErrorCode.MODEL_UNAVAILABLE
+    assert "predicts NaN or Inf" in loaded.error_message
+    assert graph.call(Rollout, "rollout", request()).model == "planar"
+
+
+def test_other_parameters_stay_as_they_are(graph):
+    graph.start(ModelNode, model="planar")
+    parameter = Parameter("max_work", value=7).to_parameter_msg()
+    asked = SetParameters.Request(parameters=[parameter])
+    result = graph.call(SetParameters, "model_node/set_parameters", asked).results[0]
+    assert not result.successful
+    assert "read-only" in result.reason

@@ -10,12 +10,11 @@ from sain_core.errors import DatasetError
 from sain_core.push import BODY, make_push
 from sain_core.scene import make_scene
 from sain_core.shapes.bodies import Bodies
-from sain_core.transitions import Column
 from sain_model import commands
-from sain_model.data.dataset import load_dataset, split_by_episode
+from sain_model.data.dataset import load_dataset
 from sain_model.dynamics.load import load_checkpoint
 from sain_model.serving.server import load_server
-from sain_model.serving.settings import ServingConfig
+from sain_model.serving.service import ServingConfig
 from tests.sain_model.conftest import read_card
 
 SMALL = ("--hidden", "8", "--message", "4", "--members", "2", "--epochs", "2", "--batch", "16")
@@ -27,34 +26,6 @@ def trained(any_bodies: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     out = tmp_path_factory.mktemp("trained")
     assert commands.train([str(any_bodies), "--out", str(out), *SMALL, *OWN]) == 0
     return out / "sain.safetensors"
-
-
-def test_all_parts_know_their_bodies_and_pushes_name_theirs(any_bodies: Path) -> None:
-    data = load_dataset(any_bodies)
-    assert {part.disks for part in data.parts} == {1, 2, 3, 4}
-    assert len({part.bodies for part in data.parts}) == len(data.parts)
-    rows = 0
-    for path in any_bodies.glob("shard-*.npz"):
-        with np.load(path) as shard:
-            rows += len(shard[Column.ACTION])
-            for row, names in enumerate(shard[Column.SHAPES]):
-                bodies = Bodies.named(names.split(","), ["pushable"] * (names.count(",") + 1))
-                part = next(part for part in data.parts if part.bodies == bodies)
-                own = part.episode == shard[Column.EPISODE][row]
-                assert shard[Column.ACTION][row, BODY] in part.action[own, BODY]
-    assert rows == len(data)
-
-
-def test_no_episode_is_in_two_parts_of_a_split_and_fewer_pushes_can_be_asked_for(
-    any_bodies: Path,
-) -> None:
-    data = load_dataset(any_bodies)
-    split = split_by_episode(data, 0, 0.2, 0.2, transitions=20)
-    episodes = [set(part.episode) for part in (split.train, split.validation, split.test)]
-    assert not episodes[0] & episodes[1]
-    assert not episodes[1] & episodes[2]
-    assert len(split.train) == 20
-    assert len(split.test) > 0
 
 
 def test_the_card_states_errors_by_group_and_by_shape(trained: Path) -> None:

@@ -8,10 +8,9 @@ import pytest
 
 from sain_model import commands
 from sain_model.dynamics.load import load_checkpoint
-from sain_model.inference.belief_file import write_belief
-from sain_model.inference.kinds import FRICTION, Belief, Kind
+from sain_model.inference.kinds import FRICTION, Belief, Kind, write_belief
+from sain_model.physics.parameters import AXES, TEXTBOOK
 from sain_model.physics.planar import PlanarPrior
-from sain_model.physics.planar_config import AXES, TEXTBOOK
 from tests.sain_model.conftest import read_card
 
 SMALL = ("--hidden", "8", "--message", "4", "--epochs", "2")
@@ -31,28 +30,16 @@ def believe(path: Path, log_odds: float = 0.0) -> Path:
     return write_belief(path, Belief((axes, lab)))
 
 
-@pytest.mark.parametrize(
-    ("odds", "name", "config"), [(1, "planar", LAB), (-1, "planar_axes", AXES)]
-)
-def test_the_likeliest_physics_is_the_prior(
-    odds: float, name: str, config: object, dataset: Path, tmp_path: Path
-) -> None:
-    belief = believe(tmp_path / "belief.json", odds)
+def test_the_likeliest_physics_is_the_prior(dataset: Path, tmp_path: Path) -> None:
+    belief = believe(tmp_path / "belief.json", 1.0)
     assert run(dataset, "--belief", belief, "--out", tmp_path / "out", *SMALL) == 0
     path = tmp_path / "out" / "sain.safetensors"
     model, card = load_checkpoint(path), read_card(path)
-    assert model.belief.trained.config == config
-    assert (model.belief.trained.names, model.origin.prior_name) == ((FRICTION,), name)
-    assert card.training["prior"] == name
-    deviation = NARROW if odds > 0 else 1.0
-    assert model.belief.trained.deviations[0] == pytest.approx(deviation)
+    assert model.belief.trained.config == LAB
+    assert (model.belief.trained.names, model.origin.prior_name) == ((FRICTION,), "planar")
+    assert card.training["prior"] == "planar"
+    assert model.belief.trained.deviations[0] == pytest.approx(NARROW)
     assert model.network.intervals is not None
-
-
-def test_without_history_friction_is_not_inferred(dataset: Path, tmp_path: Path) -> None:
-    belief, out = believe(tmp_path / "belief.json", 1.0), tmp_path / "out"
-    assert run(dataset, "--belief", belief, "--history", "none", "--out", out, *SMALL) == 0
-    assert load_checkpoint(out / "sain.safetensors").belief.trained.names == ()
 
 
 @pytest.mark.parametrize(

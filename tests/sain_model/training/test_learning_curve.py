@@ -22,7 +22,17 @@ def split(dataset: Path) -> Split:
 
 
 def test_every_size_is_learned_from_with_physics_and_without(split: Split, tmp_path: Path) -> None:
-    points = learning_curve(split, SMALL, SIZES, STEPS, tmp_path)
+    begun: list[tuple[str, int]] = []
+    first = learning_curve(split, SMALL, SIZES[:1], STEPS, tmp_path)
+    kept = {path: path.stat().st_mtime_ns for path in tmp_path.rglob("training.pt")}
+    points = learning_curve(
+        split, SMALL, SIZES, STEPS, tmp_path, lambda prior, size: begun.append((prior, size))
+    )
+    assert begun == [(prior, size) for size in SIZES for prior in ("identity", "planar")]
+    assert kept == {path: path.stat().st_mtime_ns for path in kept}, "done is not done again"
+    assert set(first) < set(points)
+    with pytest.raises(CheckpointError, match="belongs to other settings or data"):
+        learning_curve(split, replace(SMALL, seed=1), SIZES[:1], STEPS, tmp_path)
     measured = {(point.name, point.transitions) for point in points}
     networks = {"learned only", "SAIN", "SAIN, history"}
     assert {(name, size) for name in networks for size in SIZES} < measured
@@ -33,24 +43,6 @@ def test_every_size_is_learned_from_with_physics_and_without(split: Split, tmp_p
     # the fixture's truth is the planar prior but for a few millimetres
     errors = {(point.name, point.transitions): point.mean for point in points}
     assert all(errors["SAIN", size] < errors["learned only", size] for size in SIZES)
-
-
-def test_what_is_done_is_not_done_again(split: Split, tmp_path: Path) -> None:
-    begun: list[tuple[str, int]] = []
-    first = learning_curve(split, SMALL, SIZES[:1], STEPS, tmp_path)
-    kept = {path: path.stat().st_mtime_ns for path in tmp_path.rglob("training.pt")}
-    both = learning_curve(
-        split, SMALL, SIZES, STEPS, tmp_path, lambda prior, size: begun.append((prior, size))
-    )
-    assert kept == {path: path.stat().st_mtime_ns for path in kept}
-    assert set(first) < set(both)
-    assert begun == [(prior, size) for size in SIZES for prior in ("identity", "planar")]
-
-
-def test_a_folder_of_other_settings_is_refused(split: Split, tmp_path: Path) -> None:
-    learning_curve(split, SMALL, SIZES[:1], STEPS, tmp_path)
-    with pytest.raises(CheckpointError, match="belongs to other settings or data"):
-        learning_curve(split, replace(SMALL, seed=1), SIZES[:1], STEPS, tmp_path)
 
 
 def test_more_than_there_is_cannot_be_learned_from(split: Split, tmp_path: Path) -> None:

@@ -1,7 +1,6 @@
 """A network that corrects parameters of the prior: what it learns, predicts, serves and keeps."""
 
-import json
-from dataclasses import asdict, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,31 +9,26 @@ import torch
 
 from sain_core.errors import CheckpointError
 from sain_core.model import load_dynamics
-from sain_core.push import BODY, LENGTH, PushLimits, pushed_bodies
-from sain_core.scene import POSITION, make_scene
+from sain_core.push import BODY, LENGTH, PushLimits, idle_pushes, make_push, pushed_bodies
+from sain_core.scene import make_scene
 from sain_core.shapes.bodies import Bodies
-from sain_core.transitions import PushHistory
 from sain_core.types import Pushes, Scenes
 from sain_model import commands
 from sain_model.data.dataset import Dataset, Part, Split
-from sain_model.dynamics.checkpoint import ModelCard, card_path, save_checkpoint
-from sain_model.dynamics.parameter_correction import correcting_model
-from sain_model.dynamics.physics_gradient import ToldPushes, conditioned_moves
-from sain_model.dynamics.priors import load_planar
+from sain_model.dynamics.parameter_correction import ToldPushes, conditioned_moves, correcting_model
 from sain_model.dynamics.sain import SainDynamics
-from sain_model.dynamics.settings import PLANAR_AXES
 from sain_model.evaluation.errors import evaluate
 from sain_model.inference.kinds import FRICTION, friction_kind
-from sain_model.network import corrections as told
+from sain_model.network import interaction_network as told
 from sain_model.network.features import push_frames
-from sain_model.network.interaction_network import InteractionNetwork, ensemble, new_network
+from sain_model.network.interaction_network import InteractionNetwork, new_network
+from sain_model.physics.parameters import check_values
 from sain_model.physics.planar import PlanarConfig, PlanarPrior
-from sain_model.physics.planar_config import AXES
 from sain_model.serving.server import load_server
-from sain_model.serving.settings import ServingConfig
+from sain_model.serving.service import ServingConfig
 from sain_model.training.fit import fit
 from sain_model.training.settings import OF_PARAMETERS
-from tests.sain_model.conftest import make_trainer, read_card
+from tests.sain_model.conftest import read_card
 
 SMALL = replace(OF_PARAMETERS.network, hidden=16, message=8)
 SHORT = replace(OF_PARAMETERS, epochs=4, epoch_steps=5, batch=16, network=SMALL)
@@ -135,61 +129,12 @@ def test_it_starts_out_as_the_prior_and_a_push_of_no_length_moves_nothing() -> N
     np.testing.assert_array_equal(sain.step(scenes, pushes), scenes)
 
 
-def test_members_are_averaged() -> None:
-    scenes, pushes = draw(PAIR, 20, 4)
-    alone = [wild(seed) for seed in range(2)]
-    prior = PlanarPrior().with_bodies(PAIR)
-    ends = [
-        correcting_model(network, friction_kind(prior, infers=False)).step(scenes, pushes)
-        for network in alone
-    ]
-    both = correcting_model(ensemble(alone), friction_kind(prior, infers=False)).step(
-        scenes, pushes
-    )
-    assert np.abs(ends[0] - ends[1])[..., POSITION].max() > 1e-3
-    middle = (ends[0] + ends[1])[..., POSITION] / 2
-    np.testing.assert_allclose(both[..., POSITION], middle, atol=1e-7)
-
-
 def test_it_finds_out_what_a_laboratory_is_like(split: Split, tmp_path: Path) -> None:
     config = replace(SHORT, epoch_steps=25, learning_rate=1e-2)
     sain, _ = fit(split, friction_kind(PlanarPrior(), infers=False), config, tmp_path)
     found = evaluate(split.test, {"sain": sain})["after"]["1"]["ratios"]
     for group in ("pushed, alone", "pushed, one of several"):
         assert found[group]["sain"]["its prior"]["mm"][0] < 0.6
-
-
-def test_a_killed_training_goes_on_to_the_same_weights(split: Split, tmp_path: Path) -> None:
-    class KilledError(Exception):
-        pass
-
-    def kill(epoch: int, history: object) -> None:
-        if epoch == 2:
-            raise KilledError
-
-    config = replace(SHORT, network=replace(SMALL, members=2))
-    whole = make_trainer(split, PlanarPrior(), config, tmp_path / "whole")
-    whole.run()
-    with pytest.raises(KilledError):
-        make_trainer(split, PlanarPrior(), config, tmp_path / "killed").run(kill)
-    resumed = make_trainer(split, PlanarPrior(), config, tmp_path / "killed")
-    assert resumed.epoch == 2
-    resumed.run()
-    for name, value in whole.network.state_dict().items():
-        torch.testing.assert_close(resumed.network.state_dict()[name], value, rtol=0, atol=0)
-    with pytest.raises(CheckpointError, match="belongs to other settings"):
-        make_trainer(split, PlanarPrior(), replace(config, epochs=9), tmp_path / "killed")
-
-
-def test_friction_is_inferred_where_it_learned_to() -> None:
-    scenes, pushes = draw(PAIR, 6, 3)
-    truth = PlanarPrior(PlanarConfig(friction=0.19)).with_bodies(PAIR).step(scenes, pushes)
-    history = PushHistory(scenes, pushes, truth)
-    for infers, friction in ((False, 0.12), (True, 0.19)):
-        sain = correcting_model(new_network(SMALL, 0), friction_kind(PlanarPrior(), infers))
-        conditioned = sain.with_bodies(PAIR).condition(history)
-        assert conditioned.value(FRICTION) == pytest.approx(friction, rel=0.05)
-        assert conditioned.bodies == PAIR
 
 
 def test_the_command_writes_a_checkpoint_that_serves_any_bodies(
@@ -232,48 +177,14 @@ def test_what_cannot_be_corrected_is_refused(
     assert "--steps-ahead trains residuals" in " ".join(capsys.readouterr().err.split())
 
 
-@pytest.fixture(scope="module")
-def checkpoint(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    path = tmp_path_factory.mktemp("correction") / "correction.safetensors"
-    prior = load_planar(PLANAR_AXES, {"friction": 0.14})
-    settings = {"prior": PLANAR_AXES, "prior_config": asdict(prior.config), "network": {}}
-    save_checkpoint(path, new_network(SMALL, 0), ModelCard(**settings))
-    return path
-
-
-def with_card(checkpoint: Path, folder: Path, **changes: object) -> str:
-    """The path of a copy whose card says something else."""
-    path = folder / checkpoint.name
-    path.write_bytes(checkpoint.read_bytes())
-    card = json.loads(card_path(checkpoint).read_text()) | changes
-    card_path(path).write_text(json.dumps(card))
-    return str(path)
-
-
-def test_what_a_card_leaves_out_is_the_default_of_its_own_prior(
-    checkpoint: Path, tmp_path: Path
-) -> None:
-    whole = load_dynamics(str(checkpoint))
-    assert isinstance(whole, SainDynamics)
-    assert whole.belief.trained.config == replace(AXES, friction=0.14)
-    path = with_card(checkpoint, tmp_path, prior_config={"friction": 0.14})
-    assert load_dynamics(path).belief.trained.config == whole.belief.trained.config
-
-
-@pytest.mark.parametrize(
-    ("changes", "message"),
-    [
-        ({"prior_config": {"friction": "0.14"}}, "friction is '0.14'; it must be of type float"),
-        ({"prior_config": {"frictoin": 0.14}}, "frictoin"),
-        ({"prior_config": {"friction": -1.0}}, r"PlanarConfig\.friction is -1\.0"),
-        ({"prior": "identity"}, "parameters of 'identity' cannot be corrected"),
-        ({"network": {"hidden": "16"}}, "network: hidden is '16'; it must be of type int"),
-        ({"network": {"places": 5}}, "places is 5; a map needs --output parameters"),
-    ],
-)
-def test_a_card_that_is_not_sound_is_refused(
-    checkpoint: Path, tmp_path: Path, changes: dict[str, object], message: str
-) -> None:
-    path = with_card(checkpoint, tmp_path, **changes)
-    with pytest.raises(CheckpointError, match=rf"correction\.json: .*{message}"):
-        load_dynamics(path)
+def test_corrections_saturate_where_they_would_be_no_physics() -> None:
+    huge = np.random.default_rng(0).choice([-1e3, 1e3], (30, 2, told.CORRECTIONS))
+    assert (np.abs(told.saturated(huge)) <= told.MOST).all()
+    values = told.corrected_values(huge, idle_pushes(30), PlanarConfig())
+    assert len(values) == told.CORRECTIONS
+    check_values(values, 30, 2)
+    of_tool = np.zeros((2, 2, told.CORRECTIONS))
+    of_tool[:, 1, told.LENGTH] = 1.0  # counts where body 1 is pushed
+    pushes = make_push(0.0, 0.0, 0.1, body=np.arange(2))
+    first, second = told.corrected_values(of_tool, pushes, PlanarConfig())["length_offset"]
+    assert first == 0.0 and second == pytest.approx(0.005, rel=0.05)

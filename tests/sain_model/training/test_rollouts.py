@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 import torch
 
-from sain_core.errors import CheckpointError
-from sain_core.scene import POSE, POSITION, TARGET, wrap_angle
+from sain_core.scene import POSE, POSITION, TARGET
 from sain_model.data.dataset import Dataset, Part, Split, split_by_episode
 from sain_model.data.windows import make_windows
 from sain_model.dynamics.residual import residual_model
@@ -44,21 +43,6 @@ def some_network(seed: int = 1, features: str = "push") -> InteractionNetwork:
         for parameter in network.parameters():
             parameter.copy_(0.4 * torch.randn_like(parameter))
     return network.eval()
-
-
-def test_a_rollout_of_one_push_is_a_step(data: Part) -> None:
-    windows = make_windows(data, 1)
-    sain = residual_model(
-        some_network(), friction_kind(PlanarPrior(), infers=False), "planar", recurrent=True
-    )
-    stepped = sain.step(data.state, data.action)
-    with torch.inference_mode():
-        learned = roll(sain.network.module, windows, sain.physics)[:, 0].numpy()
-    learned[..., 2] = wrap_angle(learned[..., 2])
-    # one is PyTorch's forward pass, the other the kernels', both in single precision
-    np.testing.assert_allclose(learned, stepped[..., POSE], atol=1e-6)
-    rolled = sain.rollout(data.state[0], data.action[:1, None])
-    np.testing.assert_allclose(rolled[0, 0], stepped[0], atol=1e-6)
 
 
 def test_training_rolls_out_what_is_deployed(data: Part) -> None:
@@ -119,42 +103,6 @@ def train(split: Split, folder: Path, config: RolloutConfig) -> Trainer:
     return Trainer(single.network, rollouts, config.after(training), folder / "rollouts.pt")
 
 
-def test_a_killed_training_on_rollouts_goes_on_to_the_same_weights(
-    split: Split, tmp_path: Path
-) -> None:
-    config = RolloutConfig(steps_ahead=3, rollout_epochs=3, rollout_batch=16)
-    whole = train(split, tmp_path / "whole", config)
-    whole.run()
-
-    class KillError(Exception):
-        pass
-
-    def kill(epoch: int, history: object) -> None:
-        if epoch == 2:
-            raise KillError
-
-    with pytest.raises(KillError):
-        train(split, tmp_path / "cut", config).run(kill)
-    resumed = train(split, tmp_path / "cut", config)
-    assert resumed.epoch == 2
-    resumed.run()
-    assert resumed.history == whole.history
-    for name, value in whole.network.state_dict().items():
-        assert torch.equal(resumed.network.state_dict()[name], value), name
-    paths = [tmp_path / name / "rollouts.pt" for name in ("whole", "cut")]
-    assert paths[0].read_bytes() == paths[1].read_bytes()
-
-
-def test_a_state_of_other_settings_or_damaged_is_refused(split: Split, tmp_path: Path) -> None:
-    config = RolloutConfig(steps_ahead=2, rollout_epochs=1)
-    train(split, tmp_path, config).run()
-    with pytest.raises(CheckpointError, match="belongs to other settings or data"):
-        train(split, tmp_path, RolloutConfig(steps_ahead=3, rollout_epochs=1))
-    (tmp_path / "rollouts.pt").write_bytes(b"half")
-    with pytest.raises(CheckpointError, match="is damaged"):
-        train(split, tmp_path, config)
-
-
 def test_training_on_rollouts_lowers_the_error_of_rollouts(split: Split, tmp_path: Path) -> None:
     config = RolloutConfig(
         steps_ahead=3, rollout_epochs=4, rollout_batch=8, rollout_learning_rate=5e-3
@@ -172,10 +120,3 @@ def test_training_on_rollouts_lowers_the_error_of_rollouts(split: Split, tmp_pat
     trainer.run()
     assert error() < 0.9 * before
     assert trainer.history.train[-1] < trainer.history.train[0]
-
-
-def test_mirrored_windows_are_of_the_same_pushes_and_so_of_the_same_friction(split: Split) -> None:
-    parts = split.train.alike, split.train.alike.mirrored()
-    windows, mirrored = (make_windows(data, 3) for data in parts)
-    np.testing.assert_array_equal(windows.rows, mirrored.rows)
-    np.testing.assert_allclose(windows.scenes[:, :, 1], -mirrored.scenes[:, :, 1])

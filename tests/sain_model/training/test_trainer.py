@@ -1,26 +1,51 @@
+"""Training: what is learned, settings, resuming after a stop, and what a person sees of it."""
+
 import json
+import math
+import os
+import signal
+import struct
+import subprocess
+import sys
+import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 import torch
 
-from sain_core.errors import CheckpointError
-from sain_core.model import load_dynamics
-from sain_core.randomness import bootstrap_mean, generator
+from sain_bringup.graph import executable
+from sain_core.cli.command_line import read_options
+from sain_core.errors import CheckpointError, ConfigError
 from sain_core.scene import POSITION, TARGET
 from sain_core.transitions import MOVED
+from sain_core.view.palette import PALETTE
 from sain_model import commands
+from sain_model.cli import train
 from sain_model.data.dataset import Split, load_dataset, split_by_episode
-from sain_model.data.examples import Examples
 from sain_model.dynamics.residual import residual_model
-from sain_model.dynamics.sain import SainDynamics
 from sain_model.evaluation.errors import TARGET_MOVED, TARGETS, evaluate, position_errors
+from sain_model.evaluation.predictors import BULLET, FLOOR, LEARNED, SAIN, SAIN_HISTORY
 from sain_model.inference.kinds import friction_kind
 from sain_model.network.settings import NetworkConfig
 from sain_model.physics.planar import PlanarPrior
-from sain_model.training.objectives import mixed_loss
-from sain_model.training.settings import LossConfig, TrainingConfig
+from sain_model.training.learning_curve import Point, draw_curves, draw_losses
+from sain_model.training.objectives import Examples, mixed_loss
+from sain_model.training.record import FOLDER, event_log
+from sain_model.training.settings import (
+    ADAM,
+    HALVING_EPOCHS,
+    HALVING_STEPS,
+    LAMBDA,
+    PAPER,
+    PRESETS,
+    LossConfig,
+    OptimizerConfig,
+    TrainingConfig,
+    TrainOptions,
+)
+from sain_model.training.trainer import LossHistory
 from tests.sain_model.conftest import make_trainer, write_dataset
 
 SMALL = NetworkConfig(hidden=32, message=8)
@@ -32,9 +57,13 @@ def split(dataset: Path) -> Split:
 
 
 def test_training_learns_a_residual(tmp_path: Path) -> None:
-    split = split_by_episode(load_dataset(write_dataset(tmp_path, 100)), 0, 0.2, 0.2)
+    split = split_by_episode(load_dataset(write_dataset(tmp_path, 60)), 0, 0.2, 0.2)
     config = TrainingConfig(
-        epochs=60, batch=16, network=SMALL, loss=LossConfig(position_scale=0.005)
+        epochs=30,
+        batch=16,
+        learning_rate=4e-3,
+        network=SMALL,
+        loss=LossConfig(position_scale=0.005),
     )
     prior = PlanarPrior()
     trainer = make_trainer(split, prior, config, tmp_path)
@@ -45,7 +74,7 @@ def test_training_learns_a_residual(tmp_path: Path) -> None:
         position_errors(model.step(test.state, test.action), test.next_state, TARGET)
         for model in (prior, sain)
     )
-    assert after.mean() < 0.6 * before.mean()
+    assert after.mean() < 0.7 * before.mean()
     history = trainer.history
     assert history.validation[history.best] == min(history.validation)
 
@@ -70,16 +99,11 @@ def test_a_killed_training_goes_on_to_the_same_weights(split: Split, tmp_path: P
     assert resumed.history == whole.history
     for name, value in whole.network.state_dict().items():
         assert torch.equal(resumed.network.state_dict()[name], value), name
-
-
-def test_a_state_of_other_settings_or_damaged_is_refused(split: Split, tmp_path: Path) -> None:
-    config = TrainingConfig(epochs=1, network=SMALL)
-    make_trainer(split, PlanarPrior(), config, tmp_path).run()
     with pytest.raises(CheckpointError, match="belongs to other settings or data"):
-        make_trainer(split, PlanarPrior(), TrainingConfig(epochs=2, network=SMALL), tmp_path)
-    (tmp_path / "training.pt").write_bytes(b"half")
+        make_trainer(split, PlanarPrior(), replace(config, epochs=9), tmp_path / "cut")
+    (tmp_path / "cut" / "training.pt").write_bytes(b"half")
     with pytest.raises(CheckpointError, match="is damaged"):
-        make_trainer(split, PlanarPrior(), config, tmp_path)
+        make_trainer(split, PlanarPrior(), config, tmp_path / "cut")
 
 
 def test_the_loss_is_the_papers() -> None:
@@ -99,54 +123,6 @@ def test_the_loss_is_the_papers() -> None:
     assert mixed_loss(predicted, examples, rows, ones).item() == pytest.approx(expected.item())
     robust = mixed_loss(100 * predicted, examples, rows, LossConfig(robust=True))
     assert robust < mixed_loss(100 * predicted, examples, rows, LossConfig(robust=False))
-
-
-def test_the_command_lines_end_in_a_checkpoint_and_a_report(dataset: Path, tmp_path: Path) -> None:
-    out = tmp_path / "run"
-    options = ["--epochs", "2", "--hidden", "8", "--message", "4", "--test", "0.3"]
-    assert commands.train([str(dataset), "--out", str(out), *options]) == 0
-    names = {path.name for path in out.iterdir()}
-    assert {"sain.safetensors", "sain.json", "loss.png", "config.json"} <= names
-    card = json.loads((out / "sain.json").read_text())
-    assert card["data"]["episodes"] == {"train": 12, "validation": 2, "test": 6}
-    assert sum(card["data"]["transitions"].values()) == 120
-    errors = card["errors"]["after"]["1"]["errors"][TARGETS]
-    assert errors["SAIN"]["number"] == card["data"]["transitions"]["test"]
-    sain = load_dynamics(str(out / "sain.safetensors"))
-    assert isinstance(sain, SainDynamics) and sain.origin.kind == "residual"
-    assert card["friction"] == {"width": 0.5}
-
-    learned = tmp_path / "learned"
-    assert (
-        commands.train([str(dataset), "--out", str(learned), *options, "--prior", "identity"]) == 0
-    )
-    report = tmp_path / "errors.json"
-    arguments = ["--checkpoint", str(out / "sain.safetensors"), "--out", str(report)]
-    arguments += ["--beside", str(learned / "sain.safetensors")]
-    assert commands.evaluate([str(dataset), *arguments]) == 0
-    errors = json.loads(report.read_text())
-    assert errors["transitions"] == card["data"]["transitions"]["test"]
-    groups = errors["after"]["1"]["errors"]
-    assert groups[TARGETS]["SAIN"] == card["errors"]["after"]["1"]["errors"][TARGETS]["SAIN"]
-    assert set(groups[TARGETS]) == {
-        "no motion",
-        "planar, nominal",
-        "bullet, nominal",
-        "planar, measured",
-        "planar, true friction",
-        "learned only",
-        "SAIN",
-        "planar, history",
-        "its prior, history",
-        "SAIN, history",
-        "SAIN, true friction",
-        "floor",
-    }
-    earlier = [groups[f"target, {name} earlier"] for name in ("0", "1", "2", "3+")]
-    assert [group["SAIN"]["number"] for group in earlier] == [6, 6, 6, 18]
-    assert earlier[0]["SAIN, history"]["mm"] == earlier[0]["SAIN"]["mm"]
-    assert earlier[3]["SAIN, history"]["mm"] != earlier[3]["SAIN"]["mm"]
-    assert groups[TARGETS]["floor"]["mm"][0] == pytest.approx(0.1 * 2**0.5)
 
 
 def test_a_command_line_says_what_is_wrong(
@@ -174,9 +150,205 @@ def test_errors_are_what_they_say(dataset: Path) -> None:
     assert shares["no motion"] < 0.0
 
 
-def test_the_interval_is_over_episodes() -> None:
-    episodes = np.repeat(np.arange(50), 20)
-    values = np.repeat(np.random.default_rng(0).normal(size=50), 20)
-    _, low, high = bootstrap_mean(values, generator(0, "bootstrap"), episodes)
-    assert low < values.mean() < high
-    assert high - low == pytest.approx(2 * 1.96 * values.std() / 50**0.5, rel=0.15)
+TINY = NetworkConfig(hidden=8, message=4)
+
+
+@pytest.fixture
+def divided(dataset: Path) -> Split:
+    return split_by_episode(load_dataset(dataset), 0, 0.2, 0.2)
+
+
+def test_the_learning_rate_falls_along_a_cosine_or_by_halves() -> None:
+    cosine = OptimizerConfig()
+    assert [cosine.rate(e, 40, 0) for e in (0, 20)] == pytest.approx([1.0, 0.5])
+    assert cosine.rate(39, 40, 0) == pytest.approx((1 + math.cos(math.pi * 39 / 40)) / 2)
+    steps = OptimizerConfig(schedule=HALVING_STEPS, halving=2500)
+    assert [steps.rate(0, 1, s) for s in (0, 2499, 2500, 7500)] == [1.0, 1.0, 0.5, 0.125]
+    epochs = OptimizerConfig(schedule=HALVING_EPOCHS, halving=2500)
+    assert [epochs.rate(e, 8000, 10**6) for e in (0, 2499, 2500, 7999)] == [1.0, 1.0, 0.5, 0.125]
+
+
+def test_adam_adds_the_l2_term_of_equation_5() -> None:
+    weight = torch.nn.Parameter(torch.tensor([0.3, -2.0]))
+    other = torch.nn.Parameter(weight.detach().clone())
+    settings = OptimizerConfig(ADAM)
+    with_decay = settings.make([weight], 1e-3, 2 * 0.05)
+    without = settings.make([other], 1e-3, 0.0)
+    for _ in range(3):
+        for parameter, optimiser, penalty in ((weight, with_decay, 0.0), (other, without, 0.05)):
+            loss = (parameter - 1.0).square().sum() + penalty * parameter.square().sum()
+            optimiser.zero_grad()
+            loss.backward()
+            optimiser.step()
+    torch.testing.assert_close(weight, other)
+
+
+def test_patience_ends_a_training_that_brings_nothing_more(divided: Split, tmp_path: Path) -> None:
+    config = TrainingConfig(epochs=60, batch=16, network=TINY, patience=3, learning_rate=0.05)
+    stopped = make_trainer(divided, PlanarPrior(), config, tmp_path)
+    stopped.run()
+    history = stopped.history
+    assert stopped.epoch < 60 and stopped.epoch == history.best + 1 + 3
+    again = make_trainer(divided, PlanarPrior(), config, tmp_path)
+    again.run()  # it is finished: it only takes the best weights
+    assert again.history == history
+    for name, value in stopped.network.state_dict().items():
+        assert torch.equal(again.network.state_dict()[name], value)
+
+
+def test_only_validated_epochs_can_be_best(divided: Split, tmp_path: Path) -> None:
+    config = TrainingConfig(epochs=8, batch=16, network=TINY)
+    every = make_trainer(divided, PlanarPrior(), config, tmp_path / "1")
+    every.run()
+    third = make_trainer(divided, PlanarPrior(), replace(config, validate_every=3), tmp_path / "3")
+    third.run()
+    assert third.history.train == every.history.train
+    losses = every.history.validation
+    seen = [math.inf, math.inf, losses[2], losses[2], losses[2], losses[5], losses[5], losses[7]]
+    assert third.history.validation == seen
+    assert third.history.best in (2, 5, 7)
+
+
+def parsed(arguments: list[str]) -> TrainOptions:
+    options: TrainOptions = read_options(train.options(arguments), "train", arguments)
+    return options
+
+
+def test_the_papers_settings_are_one_word_and_can_be_changed() -> None:
+    command = parsed(["data", "--out", "out", "--preset", "paper"])
+    training = command.training
+    assert training == PAPER == PRESETS["paper"]
+    assert (training.batch, training.epochs, training.validate_every) == (16, 8000, 500)
+    assert (training.learning_rate, training.optimizer) == (
+        1e-3,
+        OptimizerConfig(ADAM, HALVING_STEPS, 2500),
+    )
+    assert training.weight_decay == 2 * LAMBDA and not training.loss.robust
+    assert training.validation == 0.2
+    changed = parsed(["d", "--out", "o", "--preset", "paper", "--validation", "0.1"])
+    assert changed.training == replace(PAPER, validation=0.1)
+    assert parsed(["d", "--out", "o"]).training == TrainingConfig()
+    steps, epochs = PRESETS["paper-steps"], PRESETS["paper-epochs"]
+    assert steps.epochs * steps.epoch_steps == 8000
+    assert epochs.optimizer.rate(7999, 8000, 10**7) == 0.125
+    with pytest.raises(ConfigError, match=r"OptimizerConfig.schedule is 'linear'"):
+        OptimizerConfig(schedule="linear")
+
+
+def test_the_settings_beside_a_checkpoint(dataset: Path, tmp_path: Path) -> None:
+    options = ["--preset", "paper-steps", "--epochs", "2", "--epoch-steps", "3", "--hidden", "8"]
+    assert commands.train([str(dataset), "--out", str(tmp_path), *options]) == 0
+    settings = json.loads((tmp_path / "config.json").read_text())
+    card = json.loads((tmp_path / "sain.json").read_text())
+    assert settings["training"]["batch"] == card["training"]["batch"] == 16
+    assert settings["training"]["optimizer"]["optimizer"] == "adam"
+    assert settings["data_sha256"] == card["data"]["sha256"]
+    assert settings["training"]["seed"] == card["training"]["seed"] == 0
+    assert settings["environment"] == card["versions"]
+    assert card["versions"]["torch"] == torch.__version__
+    assert card["training"]["epochs_done"] == 2
+    before = (tmp_path / "config.json").read_bytes()
+    assert commands.train([str(dataset), "--out", str(tmp_path), "--epochs", "3"]) == 1
+    assert (tmp_path / "config.json").read_bytes() == before  # of the training that is there
+
+
+def events(folder: Path) -> list[tuple[str, int, float]]:
+    """Read what a TensorBoard would: records of 8 bytes length, 4 check, content, 4 check."""
+    from tensorboardX.proto.event_pb2 import Event
+
+    found = []
+    for path in sorted(folder.glob("events.*")):
+        content, place = path.read_bytes(), 0
+        while place < len(content):
+            (length,) = struct.unpack_from("<Q", content, place)
+            event = Event.FromString(content[place + 12 : place + 12 + length])
+            found += [(v.tag, event.step, v.simple_value) for v in event.summary.value]
+            place += 16 + length
+    return found
+
+
+def test_tensorboard_gets_the_losses(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    history, expected = LossHistory(), []
+    with event_log(tmp_path, 0) as follow:
+        for epoch, losses in enumerate(((3.0, 4.0), (2.0, 3.5)), start=1):
+            history.train.append(losses[0])
+            history.validation.append(losses[1])
+            follow(epoch, history)
+            names = ("loss/training", "loss/validation")
+            expected += [(name, epoch, loss) for name, loss in zip(names, losses, strict=True)]
+    assert events(tmp_path / FOLDER) == expected
+    monkeypatch.setitem(sys.modules, "tensorboardX", None)
+    wanted = r"pip install 'sain_model\[tensorboard\]'"
+    with pytest.raises(ConfigError, match=wanted), event_log(tmp_path, 0):
+        pass
+
+
+def test_an_ensemble_that_is_killed_in_training_ends_in_the_same_bytes(
+    dataset: Path, tmp_path: Path
+) -> None:
+    options = ["--epochs", "12", "--hidden", "8", "--message", "4", "--batch", "4"]
+    options += ["--members", "2"]
+    assert commands.train([str(dataset), "--out", str(tmp_path / "whole"), *options]) == 0
+    cut = tmp_path / "cut"
+    command = [str(executable("sain_model", "train")), str(dataset), "--out", str(cut)]
+    child = subprocess.Popen(
+        [*command, *options],
+        env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
+        stdout=subprocess.DEVNULL,
+        start_new_session=True,
+    )
+    while not (cut / "training.pt").exists():
+        assert child.poll() is None
+        time.sleep(0.005)
+    os.killpg(child.pid, signal.SIGKILL)
+    assert child.wait() == -signal.SIGKILL
+    assert not (cut / "sain.safetensors").exists()
+    done = len(torch.load(cut / "training.pt", weights_only=True)["train"])
+    assert 1 <= done < 12
+    assert commands.train([str(dataset), "--out", str(cut), *options]) == 0
+    whole = (tmp_path / "whole" / "sain.safetensors").read_bytes()
+    assert (cut / "sain.safetensors").read_bytes() == whole
+    cards = [json.loads((tmp_path / run / "sain.json").read_text()) for run in ("whole", "cut")]
+    assert cards[0]["intervals"] == cards[1]["intervals"]
+    assert cards[0]["training"] == cards[1]["training"]
+
+
+def legend(figure):
+    return [text.get_text() for text in figure.legends[0].get_texts()]
+
+
+def test_losses_are_those_of_the_history():
+    history = LossHistory([3.0, 2.0, 1.5], [3.5, 2.25, 2.5], start=4.0)
+    figure = draw_losses(history)
+    (axes,) = figure.axes
+    assert (axes.get_xlabel(), axes.get_ylabel()) == ("epoch", "loss, mean over transitions")
+    assert legend(figure) == [
+        "training", "validation", "kept: epoch 2, 2.25", "validation before the training"
+    ]  # fmt: skip
+    training, validation, kept, before = axes.lines
+    np.testing.assert_array_equal(training.get_xydata(), [[1, 3.0], [2, 2.0], [3, 1.5]])
+    np.testing.assert_array_equal(validation.get_ydata(), [3.5, 2.25, 2.5])
+    np.testing.assert_array_equal(kept.get_xydata(), [[2, 2.25]])
+    assert set(before.get_ydata()) == {4.0}
+
+
+def test_every_model_of_a_learning_curve_has_its_line_in_the_legend():
+    points = [Point(BULLET, 0, 2.7, 2.6, 2.8), Point("planar", 0, 1.7, 1.6, 1.8)]
+    points += [Point(FLOOR, 0, 0.02, 0.01, 0.03)]
+    for name, mean in ((LEARNED, 4.0), (SAIN, 1.5), (SAIN_HISTORY, 0.9)):
+        points += [Point(name, size, mean, 0.9 * mean, 1.1 * mean) for size in (1000, 100)]
+    figure = draw_curves(points)
+    (axes,) = figure.axes
+    assert legend(figure) == [
+        "Bullet, nominal (f_p)", "planar", FLOOR,
+        *(f"{name}, 95 % band" for name in (LEARNED, SAIN, SAIN_HISTORY)),
+    ]  # fmt: skip
+    lines = {line.get_label(): line for line in axes.lines}
+    assert len({(line.get_color(), line.get_linestyle()) for line in axes.lines}) == len(lines)
+    assert lines[f"{SAIN}, 95 % band"].get_color() == PALETTE.predicted  # as in the report page
+    np.testing.assert_allclose(
+        lines[f"{LEARNED}, 95 % band"].get_xydata(), [[100, 4.0], [1000, 4.0]]
+    )
+    assert set(lines["planar"].get_ydata()) == {1.7}
+    assert [label.get_text() for label in axes.get_xticklabels()] == ["100", "1,000"]
+    assert axes.get_ylabel().endswith("[mm]") and axes.get_xlabel() == "training data [transitions]"

@@ -7,7 +7,7 @@ from sain_core.push import idle_pushes
 from sain_core.scene import MASS
 from sain_core.shapes.bodies import Bodies
 from sain_core.transitions import PushHistory
-from sain_mppi.agent.planning import FallbackRollout, Patience
+from sain_mppi.agent.planning import FallbackRollout
 
 SCENE, PUSHES = np.zeros((2, 8)), idle_pushes(3, 1)
 
@@ -73,13 +73,6 @@ def test_a_model_that_gives_a_cancelled_plan_up_has_not_failed() -> None:
     assert (rollout.failure, physics.asked) == (None, 0)
 
 
-def test_a_model_that_answers_is_used() -> None:
-    model, physics = Answering(1.0), Answering(2.0)
-    rollout = FallbackRollout(model, physics)
-    assert (rollout.rollout(SCENE, PUSHES)[..., 0] == 1.0).all()
-    assert (rollout.failure, physics.asked) == (None, 0)
-
-
 @pytest.mark.parametrize(
     ("model", "text"),
     [
@@ -105,15 +98,6 @@ def test_a_model_that_fails_is_asked_once_a_plan(model: Answering, text: str) ->
 def test_a_defect_is_not_covered_up() -> None:
     with pytest.raises(ZeroDivisionError):
         FallbackRollout(Answering(0.0, ZeroDivisionError()), Answering(2.0)).rollout(SCENE, PUSHES)
-
-
-def test_a_cancelled_plan_ends() -> None:
-    patience = Patience()
-    rollout = FallbackRollout(Answering(1.0), Answering(2.0), patience=patience)
-    rollout.rollout(SCENE, PUSHES)
-    patience.cancelled.set()
-    with pytest.raises(CancelledError):
-        rollout.rollout(SCENE, PUSHES)
 
 
 def test_bodies_that_the_model_cannot_predict_are_left_to_physics() -> None:

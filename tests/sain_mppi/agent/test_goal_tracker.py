@@ -45,47 +45,6 @@ def job_of(tracker: GoalTracker) -> PlanJob:
     return PlanJob(tracker.task, scene, problem, *state)
 
 
-def test_it_takes_a_goal_and_a_settled_scene_in_any_order(tracker: GoalTracker) -> None:
-    tracker.observe(view())
-    assert tracker.next_scene() is None
-    tracker.set_goal(TASK)
-    assert job_of(tracker).observed.key == (1, 1)
-    tracker.observe(view(2, settled=False))
-    assert tracker.next_scene() is None
-    tracker.observe(view(2))
-    assert job_of(tracker).observed.key == (1, 2)
-
-
-def test_each_scene_is_decided_on_once_a_goal(tracker: GoalTracker) -> None:
-    tracker.set_goal(TASK)
-    tracker.observe(view())
-    job_of(tracker)
-    tracker.observe(view())
-    assert tracker.next_scene() is None
-    tracker.set_goal(replace(TASK, goal_id=2))
-    assert job_of(tracker).task.goal_id == 2
-
-
-def test_a_goal_of_one_episode_waits_for_it(tracker: GoalTracker) -> None:
-    tracker.set_goal(replace(TASK, episode_id=2))
-    tracker.observe(view(episode_id=1))
-    assert tracker.next_scene() is None
-    tracker.observe(view(5, episode_id=2))
-    assert job_of(tracker).observed.episode_id == 2
-
-
-def test_a_job_is_unwanted_once_its_goal_or_scene_is_past(tracker: GoalTracker) -> None:
-    tracker.set_goal(TASK)
-    tracker.observe(view())
-    job = job_of(tracker)
-    assert tracker.is_current(job)
-    tracker.observe(view(2))
-    assert not tracker.is_current(job)
-    tracker.observe(view(1))
-    tracker.set_goal(replace(TASK))
-    assert not tracker.is_current(job)
-
-
 def test_a_job_at_the_goal_without_pushes_left_or_refused_too_often_is_a_stop(
     tracker: GoalTracker,
 ) -> None:
@@ -103,16 +62,6 @@ def test_a_job_at_the_goal_without_pushes_left_or_refused_too_often_is_a_stop(
     reached = replace(job.problem, goal=Goal.place(*SCENE[1, :2]))
     there = tracker.stop(replace(job, problem=reached))
     assert there is not None and (there.reason, there.failure) == (StopReason.REACHED, "")
-
-
-def test_a_push_refused_for_itself_is_to_be_replaced(tracker: GoalTracker) -> None:
-    tracker.set_goal(TASK)
-    tracker.observe(view())
-    for attempt in range(3):
-        assert len(job_of(tracker).refused) == attempt
-        tracker.sent(10 + attempt, PUSH)
-        tracker.ended(10 + attempt, ErrorCode.BLOCKED)
-    assert tracker.pushes == 0
 
 
 def test_sessions_end_with_goal_and_episode_and_when_a_scene_was_not_the_current_one(
@@ -145,15 +94,6 @@ def test_a_push_refused_for_its_scene_waits_for_the_next_look(tracker, code) -> 
     assert tracker.next_scene() is None
     tracker.observe(view())  # it was the current one after all
     assert job_of(tracker).refused == ()
-
-
-def test_what_becomes_of_others_pushes_does_not_matter(tracker: GoalTracker) -> None:
-    tracker.set_goal(TASK)
-    tracker.observe(view())
-    job_of(tracker)
-    tracker.sent(10, PUSH)
-    tracker.ended(99, ErrorCode.BLOCKED)
-    assert (tracker.pushes, tracker.next_scene()) == (1, None)
 
 
 def test_a_late_refusal_of_a_past_scene_only_counts(tracker: GoalTracker, clock: Clock) -> None:
@@ -210,17 +150,3 @@ def test_a_result_that_does_not_come_is_not_waited_for_any_longer(
     assert tracker.next_scene() is None
     clock.now = 0.51
     assert job_of(tracker).observed.key == (1, 2)
-
-
-def test_a_result_that_was_lost_delays_one_plan_alone(tracker: GoalTracker, clock: Clock) -> None:
-    tracker.set_goal(TASK)
-    tracker.observe(view())
-    job_of(tracker)
-    tracker.sent(7, PUSH)
-    tracker.observe(view(2))
-    clock.now = 1.0
-    job_of(tracker)  # without the result of push 7, which never comes
-    tracker.sent(8, PUSH)
-    tracker.observe(view(3))
-    tracker.ended(8, ErrorCode.OK)
-    assert job_of(tracker).observed.key == (1, 3)

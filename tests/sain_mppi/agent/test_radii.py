@@ -7,7 +7,7 @@ from sain_core.push import PushLimits, make_push, tool_end, tool_start
 from sain_core.scene import MID, POSITION, RADIUS, TARGET, make_scene
 from sain_core.shapes.bodies import Bodies
 from sain_core.transitions import PushHistory
-from sain_mppi.agent.radii import BEFOREHAND, RadiusFilter, resized_push
+from sain_mppi.agent.estimator import BEFOREHAND, RadiusFilter, resized_push
 
 LIMITS = PushLimits()
 PUSH = make_push(0.3, 0.2, 0.12)

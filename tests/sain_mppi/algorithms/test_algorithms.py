@@ -14,8 +14,7 @@ from sain_core.push import ANGLE, LENGTH, LOCATION
 from sain_core.randomness import generator
 from sain_core.scene import MASS, make_scene, unit
 from sain_mppi.algorithms import ALGORITHMS
-from sain_mppi.algorithms.config import EXHAUSTIVE, MPPI, MPPI_ROUNDS, PlannerConfig
-from sain_mppi.objective.cost_weights import CostWeights
+from sain_mppi.config import EXHAUSTIVE, MPPI, MPPI_ROUNDS, CostWeights, PlannerConfig
 from sain_mppi.objective.problem import Problem
 from sain_mppi.planner import Planner
 
@@ -29,6 +28,7 @@ WEIGHTLESS = CostWeights(
     },
     position=(0.0, 0.0),
 )
+
 
 pytestmark = pytest.mark.parametrize("algorithm", ALGORITHMS)
 
@@ -68,8 +68,7 @@ def assert_permitted(push, scene):
     assert push[LENGTH] > Feasibility().limits.clearance
 
 
-@pytest.mark.parametrize("disks", [2, 4])
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize(("disks", "seed"), [(2, 0), (4, 1)])
 def test_every_push_is_one_that_the_arm_can_do(algorithm, dynamics, seed, disks):
     random = generator(seed, "scenes")
     mid = np.array([0.45, 0.0]) + random.uniform(-0.08, 0.08, 2)
@@ -91,14 +90,6 @@ def test_the_result_is_what_the_model_says_of_the_plan(algorithm, scene, dynamic
     assert 0.0 < plan.times.rollout + plan.times.cost < plan.times.total
 
 
-def test_what_is_shown_beside_the_plan_runs_from_cheap_to_dear(algorithm, scene, dynamics):
-    plan = planner(dynamics, algorithm, shown=9).plan(problem(scene), generator(0))
-    assert plan.others.predicted.shape == (9, CONFIG.horizon, 2, 8)
-    assert (np.diff(plan.others.costs) >= 0.0).all()
-    assert plan.others.costs[0] == pytest.approx(plan.cost)
-    np.testing.assert_array_equal(plan.others.predicted[0], plan.predicted)
-
-
 def test_the_same_generator_gives_the_same_plan(algorithm, scene, dynamics):
     plans = [planner(dynamics, algorithm).plan(problem(scene), generator(5)) for _ in range(2)]
     assert plans[0].pushes.tobytes() == plans[1].pushes.tobytes()
@@ -112,11 +103,6 @@ def test_one_sample_and_one_push_are_enough(algorithm, scene, dynamics):
     assert_permitted(plan.push, scene)
 
 
-def test_the_longest_horizon_works(algorithm, scene, dynamics):
-    plan = planner(dynamics, algorithm, samples=8, horizon=50).plan(problem(scene), generator(0))
-    assert plan.predicted.shape == (50, 2, 8)
-
-
 def test_refused_pushes_are_not_tried_again_from_the_same_scene(algorithm, scene, dynamics):
     plans, refused = planner(dynamics, algorithm), []
     for number in range(3):
@@ -128,26 +114,12 @@ def test_refused_pushes_are_not_tried_again_from_the_same_scene(algorithm, scene
         refused.append(push)
 
 
-def test_a_wide_search_tries_more(algorithm, scene, dynamics):
-    plans = planner(dynamics, algorithm)
-    usual, wide = (plans.plan(problem(scene), generator(0), wide=wide) for wide in (False, True))
-    assert wide.samples > usual.samples or algorithm == EXHAUSTIVE
-
-
 def test_a_deadline_leaves_the_best_until_then(algorithm, scene, dynamics):
     """The model takes 1 ms for each sequence: all of a plan's would take 105 ms and more."""
     plans = planner(Slow(dynamics, 0.001), algorithm)
     plan = plans.plan(problem(scene), generator(0), deadline=monotonic() + 0.07)
     assert_permitted(plan.push, scene)
     assert 64 <= plan.samples < 105
-
-
-def test_a_deadline_in_a_later_round_leaves_the_best_until_then(algorithm, scene, dynamics):
-    """There is time for 64 sequences more, and not for the 96 of the next round."""
-    plans = planner(Slow(dynamics, 0.002), algorithm)
-    plan = plans.plan(problem(scene), generator(0), deadline=monotonic() + 0.31)
-    assert_permitted(plan.push, scene)
-    assert plan.samples >= 64
 
 
 def test_a_deadline_that_is_past_leaves_one_small_batch(algorithm, scene, dynamics):
@@ -170,7 +142,6 @@ def test_sequences_that_the_model_cannot_predict_are_not_chosen(algorithm, scene
     ("spoil", "message"),
     [
         (lambda predicted: np.full_like(predicted, np.nan), "predictions is finite"),
-        (lambda predicted: predicted[:, 1:], "shape"),
         (lambda predicted: predicted + np.eye(8)[MASS], "masses or radii"),
     ],
 )
@@ -182,12 +153,6 @@ def test_an_answer_that_is_none_is_told(algorithm, scene, dynamics, spoil, messa
 def test_costs_all_equal_still_give_a_permitted_push(algorithm, scene, dynamics):
     plan = planner(dynamics, algorithm, weights=WEIGHTLESS).plan(problem(scene), generator(0))
     assert plan.cost == plan.rest_cost == 0.0
-    assert_permitted(plan.push, scene)
-
-
-def test_a_model_in_which_nothing_moves_still_gives_a_push(algorithm, scene):
-    plan = planner(IdentityPrior(), algorithm).plan(problem(scene), generator(0))
-    assert not plan.improves
     assert_permitted(plan.push, scene)
 
 

@@ -3,21 +3,19 @@
 from dataclasses import replace
 
 import numpy as np
-import pytest
 
 from sain_core.feasibility import Feasibility
 from sain_core.goal import Goal
-from sain_core.model import IdentityPrior, Model
+from sain_core.model import Model
 from sain_core.push import LENGTH, idle_pushes, make_push, push_direction
 from sain_core.randomness import generator
 from sain_core.scene import POSITION, unit
 from sain_core.types import Pushes, PushSequences, Scalars, Scenes
-from sain_mppi.algorithms.config import GRADIENT, GradientConfig, PlannerConfig
 from sain_mppi.algorithms.gradient import gradient
 from sain_mppi.algorithms.search import Search
+from sain_mppi.config import GRADIENT, PlannerConfig
 from sain_mppi.objective.cost import Objective
 from sain_mppi.objective.problem import Problem
-from sain_mppi.planner import Planner
 
 PLACE = np.array([0.62, 0.07])
 GOAL = Goal.place(*PLACE)
@@ -52,24 +50,13 @@ class Recorded(Search):
         return super().probe(sequences)
 
 
-@pytest.mark.parametrize("seed", range(3))
-def test_it_gets_far_below_its_starts_on_a_smooth_model(scene, seed):
+def test_it_gets_far_below_its_starts_on_a_smooth_model(scene):
     search = Recorded(Gliding(), CONFIG, scene)
-    gradient(search, NOTHING, generator(seed))
+    gradient(search, NOTHING, generator(0))
     predicted = search.result().predicted[-1, 1, POSITION]
     drawn = min(costs.min() for costs in search.drawn)
     assert search.elites.cost < 0.8 * drawn
     assert np.linalg.norm(predicted - PLACE) < 0.002
-
-
-def test_more_steps_lead_further_down(scene):
-    costs = []
-    for steps in (1, 3, 9):
-        config = replace(CONFIG, gradient=GradientConfig(steps=steps))
-        search = Recorded(Gliding(), config, scene)
-        gradient(search, NOTHING, generator(0))
-        costs.append(search.elites.cost)
-    assert costs[0] > costs[1] > costs[2]
 
 
 def test_rests_stay_rests_and_steps_stay_inside_the_limits(scene):
@@ -81,27 +68,3 @@ def test_rests_stay_rests_and_steps_stay_inside_the_limits(scene):
     limits = Feasibility().limits
     for push in probed.reshape(-1, 5):
         limits.check(push)
-
-
-def test_probes_are_samples_and_no_round(scene):
-    search = Recorded(Gliding(), CONFIG, scene)
-    gradient(search, NOTHING, generator(0))
-    assert search.rounds == 1
-    assert 32 < search.samples <= 32 + sum(map(len, search.probed))
-    drawn = search.effective
-    assert 1.0 <= drawn <= 32
-    blocked = idle_pushes(1, CONFIG.horizon)
-    blocked[0, 0] = make_push(np.pi, 0.0, 0.1)  # from where the target is
-    assert np.isinf(search.probe(blocked)).all() and search.effective == drawn
-
-
-def test_it_draws_again_where_nothing_helps(scene):
-    search = Recorded(IdentityPrior(), CONFIG, scene)
-    gradient(search, NOTHING, generator(0))
-    assert search.rounds == 1 + CONFIG.stuck_rounds and not search.improves
-
-
-def test_the_next_plan_begins_where_the_last_one_ended(scene):
-    planner = Planner(Gliding(), CONFIG)
-    costs = [planner.plan(Problem.of(scene, GOAL), generator(seed)).cost for seed in range(4)]
-    assert (np.diff(costs) <= 0.0).all()

@@ -6,19 +6,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sain_core.goal import Goal
-from sain_core.push import ANGLE, LENGTH, LOCATION, PushLimits, idle_pushes, make_push
+from sain_core.push import ANGLE, LENGTH, PushLimits, make_push
 from sain_core.randomness import generator
-from sain_mppi.algorithms.config import PlannerConfig
 from sain_mppi.algorithms.sampling import (
     coloured_noise,
     gaussian_sequences,
-    shift,
     stop_early,
     weighted_mean,
 )
 from sain_mppi.algorithms.search import Search
+from sain_mppi.config import CostWeights, PlannerConfig
 from sain_mppi.objective.cost import Objective
-from sain_mppi.objective.cost_weights import CostWeights
 from sain_mppi.objective.problem import Problem
 from sain_mppi.objective.proposals import candidates, reflect
 
@@ -56,22 +54,10 @@ def test_gaussian_samples_are_inside_and_not_on_the_bounds():
     assert (drawn[..., LENGTH] == 0.0).mean() < 1e-3
 
 
-def test_gaussian_samples_without_deviation_are_the_mean():
-    mean = uniform_sequences(LIMITS, generator(1), 1, 3)[0]
-    drawn = gaussian_sequences(mean, np.zeros(3), 0.2, LIMITS, generator(2), 5)
-    np.testing.assert_allclose(drawn, np.broadcast_to(mean, drawn.shape), atol=1e-12)
-
-
 def test_candidates_are_inside_the_limits(scene):
     drawn = candidates(objective_of(scene, 0.3, 0.2), generator(3), 400, 6)
     assert drawn.shape == (400, 6, 5)
     assert_inside(drawn)
-
-
-def test_going_around_starts_from_many_sides(scene):
-    drawn = candidates(objective_of(scene, 0.35, 0.0), generator(4), 400, 6)
-    headings = drawn[:, 0, LOCATION]
-    assert (headings > 0.5).any() and (headings < -0.5).any()
 
 
 def test_pushes_that_end_before_they_touch_are_rests(scene, dynamics):
@@ -96,13 +82,6 @@ def test_stopping_early_leaves_only_rest_behind_the_stop():
     rests = drawn[..., LENGTH] == 0.0
     assert (np.diff(rests.astype(int), axis=1) >= 0).all()
     assert not rests[:, 0].any() and rests[:, -1].any() and not rests[:, -1].all()
-
-
-def test_shifting_drops_the_first_push_and_rests_at_the_end():
-    sequences = uniform_sequences(LIMITS, generator(7), 5, 3)
-    shifted = shift(sequences)
-    np.testing.assert_array_equal(shifted[:, :2], sequences[:, 1:])
-    np.testing.assert_array_equal(shifted[:, 2], idle_pushes(5))
 
 
 @pytest.mark.parametrize("length", [1, 2, 5, 6])

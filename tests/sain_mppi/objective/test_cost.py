@@ -11,8 +11,8 @@ from sain_core.push import idle_pushes, make_push, rotate_pushes
 from sain_core.randomness import generator
 from sain_core.scene import MID, POSITION, RADIUS, TARGET, rotate_scenes, unit
 from sain_core.shapes.bodies import PAPER_DISKS, Bodies
+from sain_mppi.config import CostWeights
 from sain_mppi.objective.cost import Objective, pose_distance, total_cost
-from sain_mppi.objective.cost_weights import CostWeights
 from sain_mppi.objective.problem import Problem
 
 FEASIBILITY = Feasibility()
@@ -50,11 +50,6 @@ def test_turning_scene_pushes_and_goal_together_changes_no_cost(scene, dynamics,
     )
     for name in TURNING:
         np.testing.assert_allclose(turned[name], terms[name], atol=1e-9, err_msg=name)
-
-
-def test_at_the_goal_nothing_is_left_to_pay(scene):
-    terms = rest_terms(scene, scene[TARGET, POSITION].copy())
-    assert sum(terms.values()) == pytest.approx(0.0, abs=1e-9)
 
 
 def test_position_is_the_papers_weighted_square(scene):

@@ -73,18 +73,6 @@ def test_a_goal_that_both_subscriptions_hear_counts_once(graph, straw, planner):
     assert [one.status for one in graph.heard["plan"]] == [Plan.PUSH, Plan.REACHED]
 
 
-def test_two_goals_of_one_id_are_two_goals(graph, straw, planner):
-    straw.show()
-    graph.aim(GOAL, 5)
-    graph.aim((0.45, 0.2), 5)
-    graph.wait(lambda: len(graph.heard["push"]) >= 1, "a push")
-    expected = np.hypot(0.541 - 0.45, 0.2)
-    graph.wait(
-        lambda: [p for p in graph.heard["plan"] if p.goal_distance == pytest.approx(expected)],
-        "a plan for the second",
-    )
-
-
 def test_a_pose_from_rviz_moves_the_target(graph, straw, planner):
     publisher = graph.bystander.create_publisher(PoseStamped, "goal_pose", 10)
     graph.wait(publisher.get_subscription_count, "who listens to poses")
@@ -118,10 +106,7 @@ def test_the_heading_of_a_pose_counts_for_a_body_that_has_one(graph, straw, plan
     ("turn", "text"),
     [
         ((0.0, 0.0, 0.0, 0.0), "quaternion of length 0; it must be 1"),
-        ((0.0, 0.0, 0.0, 2.0), "quaternion of length 2; it must be 1"),
         ((0.5, 0.0, 0.0, 0.866), "is tilted by 60 degrees; its z axis must point up"),
-        ((1.0, 0.0, 0.0, 0.0), "is tilted by 180 degrees; its z axis must point up"),
-        ((0.0, 0.0, 0.0, np.nan), "has a number that is NaN or Inf; all must be finite"),
     ],
 )
 def test_a_pose_that_no_body_on_the_table_has_is_refused(
@@ -141,10 +126,7 @@ def test_a_pose_that_no_body_on_the_table_has_is_refused(
     assert planner.agent._tracker.task is None
 
 
-@pytest.mark.parametrize("known", [True, False], ids=["shapes", "no shapes"])
-def test_a_place_means_the_only_body_of_a_scene(graph, straw, planner, client, known):
-    if known:
-        planner.agent._bodies[1] = Bodies.named(("t",))
+def test_a_place_means_the_only_body_of_a_scene(graph, straw, planner, client):
     alone = START[:1].copy()
     straw.show(disks=alone)
     graph.aim((0.5, 0.1), 1)
@@ -206,10 +188,3 @@ def test_a_newer_goal_ends_the_action(graph, straw, planner, client):
     answer = result_of(graph, handle)
     assert answer.status == GoalStatus.STATUS_ABORTED
     assert answer.result.error_message == "goal 7 was given"
-
-
-def test_an_action_that_cannot_be_served_says_why(graph, straw, planner, client):
-    straw.show()
-    answer = result_of(graph, send(graph, client, tolerance=-1.0))
-    assert answer.status == GoalStatus.STATUS_ABORTED
-    assert "tolerance" in answer.result.error_message

@@ -72,17 +72,6 @@ def test_a_plan_says_how_the_last_push_came_out_and_looks_further_after_a_surpri
     assert made.rollouts == 2 * 96
 
 
-def test_another_episode_begins_without_a_past(graph, straw, planner):
-    graph.aim(GOAL, 1)
-    straw.show()
-    straw.answer(nth_push(graph, 1), ErrorCode.OK, before=START, after=START)
-    elsewhere = START.copy()
-    elsewhere[:, POSITION] += [0.05, -0.1]
-    straw.show(episode_id=2, scene_id=2, disks=elsewhere)
-    made = plan(graph, push_id=nth_push(graph, 2).push_id)
-    assert (made.concern, len(made.last_errors)) == ("", 0)
-
-
 def test_disks_may_come_and_go_between_scenes(graph, straw, planner):
     graph.aim(GOAL, 1)
     third = make_scene(
@@ -94,15 +83,6 @@ def test_disks_may_come_and_go_between_scenes(graph, straw, planner):
         made = plan(graph, push_id=push.push_id)
         assert (made.disks, made.error_code) == (len(disks), ErrorCode.OK)
         straw.answer(push, ErrorCode.OK, before=disks, after=disks)
-
-
-def test_a_goal_that_the_arm_cannot_push_to_is_refused_and_not_pushed_at(graph, straw, planner):
-    graph.aim((1.10, 0.0), 1)
-    straw.show()
-    made = plan(graph, goal_id=1)
-    assert (made.status, ErrorCode(made.error_code)) == (Plan.NO_PUSH, ErrorCode.UNREACHABLE)
-    assert "out of reach" in made.error_message
-    assert not graph.heard["push"]
 
 
 def test_viewers_get_the_plan_what_else_was_tried_and_a_ghost(graph, straw, planner):
@@ -134,44 +114,13 @@ def test_a_new_episode_clears_what_is_drawn_of_the_last_plan(graph, straw, plann
     assert shown(graph.heard["plan_markers"]).visible == {}
 
 
-def test_the_same_scene_is_planned_once_for_each_goal(graph, straw, planner):
-    graph.aim(GOAL, 1)
-    for _ in range(3):
-        straw.show()
-    nth_push(graph, 1)
-    graph.aim((0.65, 0.0), 2)
-    second = nth_push(graph, 2)
-    straw.show()
-    assert plan(graph, push_id=second.push_id).goal_id == 2
-    straw.show(scene_id=2)
-    third = nth_push(graph, 3)
-    assert third.scene_id == 2
-    plan(graph, push_id=third.push_id)
-    assert len(graph.heard["plan"]) == 3
-
-
-def test_at_the_goal_there_is_nothing_to_push(graph, straw, planner):
-    graph.aim(START[1, POSITION] + 0.001, 1, tolerance=0.005)
-    straw.show()
-    reached = plan(graph, goal_id=1)
-    assert (reached.status, reached.push_id) == (Plan.REACHED, 0)
-    assert reached.goal_distance == pytest.approx(0.001 * np.sqrt(2))
-    assert not graph.heard["push"]
-
-
 @pytest.mark.parametrize(
     ("goal", "tolerance", "code", "text"),
     [
         ((3.0, 0.0), 0.01, ErrorCode.OFF_TABLE, "(3.000, 0.000) m of body 1 is off the table"),
         ((np.nan, 0.0), 0.01, ErrorCode.INVALID, "must be finite"),
-        ((0.7, 0.0), -0.01, ErrorCode.OUT_OF_RANGE, "tolerance of body 1 is -0.01 m"),
-        ((0.7, 0.0), np.nan, ErrorCode.OUT_OF_RANGE, "tolerance of body 1 is nan m"),
-        (
-            (0.7, 0.0),
-            1e308,
-            ErrorCode.OUT_OF_RANGE,
-            "tolerance of body 1 is 1e+308 m; allowed:",
-        ),
+        ((1.1, 0.0), 0.01, ErrorCode.UNREACHABLE, "out of reach"),
+        ((0.7, 0.0), 1e308, ErrorCode.OUT_OF_RANGE, "tolerance of body 1 is 1e+308 m; allowed:"),
     ],
 )
 def test_a_goal_that_cannot_be_served_gets_no_push(
@@ -187,40 +136,6 @@ def test_a_goal_that_cannot_be_served_gets_no_push(
     assert len(graph.heard["push"]) == 1
 
 
-def test_a_push_refused_for_itself_is_replaced_by_another(graph, straw, planner):
-    graph.aim(GOAL, 1)
-    straw.show()
-    first = nth_push(graph, 1)
-    straw.answer(first, ErrorCode.BLOCKED, "in the way")
-    second = nth_push(graph, 2)
-    assert second.push_id != first.push_id
-    assert second.scene_id == first.scene_id
-    assert np.abs(wire.decode_push(second) - wire.decode_push(first)).max() > 0.01
-
-
-@pytest.mark.parametrize("code", [ErrorCode.STALE_SCENE, ErrorCode.BUSY, ErrorCode.UNKNOWN_EPISODE])
-def test_a_push_refused_for_its_scene_waits_for_the_next_one(graph, straw, planner, code):
-    graph.aim(GOAL, 1)
-    straw.show()
-    first = nth_push(graph, 1)
-    straw.answer(first, code)
-    straw.show(scene_id=2)
-    assert nth_push(graph, 2).scene_id == 2
-
-
-def test_a_planner_that_is_refused_again_and_again_gives_up(graph, straw):
-    graph.start(
-        MppiNode, dynamics="in_process", model="planar", goal_tracker__max_refusals=2, **SMALL
-    )
-    graph.aim(GOAL, 1)
-    straw.show()
-    for number in (1, 2):
-        straw.answer(nth_push(graph, number), ErrorCode.UNREACHABLE, "too far")
-    made = plan(graph, status=Plan.NO_PUSH)
-    assert ErrorCode(made.error_code) is ErrorCode.NO_PUSH
-    assert "2 pushes in a row were refused" in made.error_message
-
-
 def test_the_number_of_pushes_is_kept_and_refused_ones_do_not_count(graph, straw, planner):
     graph.aim(GOAL, 1, max_pushes=1)
     straw.show()
@@ -231,13 +146,6 @@ def test_the_number_of_pushes_is_kept_and_refused_ones_do_not_count(graph, straw
     assert len(graph.heard["push"]) == 2
 
 
-def test_a_goal_of_another_episode_waits_for_that(graph, straw, planner):
-    graph.aim(GOAL, 1, episode_id=2)
-    straw.show(episode_id=1)
-    straw.show(episode_id=2, scene_id=2)
-    assert nth_push(graph, 1).episode_id == 2
-
-
 def test_a_scene_that_holds_nan_is_ignored(graph, straw, planner):
     broken = START.copy()
     broken[1, 0] = np.nan
@@ -245,28 +153,3 @@ def test_a_scene_that_holds_nan_is_ignored(graph, straw, planner):
     straw.show(scene_id=1, disks=broken)
     straw.show(scene_id=2)
     assert nth_push(graph, 1).scene_id == 2
-
-
-def test_a_target_off_the_table_gets_no_push(graph, straw, planner):
-    fallen = START.copy()
-    fallen[1, 0] = 1.5
-    graph.aim(GOAL, 1)
-    straw.show(disks=fallen)
-    made = plan(graph, goal_id=1)
-    assert (made.status, ErrorCode(made.error_code)) == (Plan.NO_PUSH, ErrorCode.OFF_TABLE)
-
-
-def test_the_seed_decides_the_plan(graph, straw, planner):
-    def push_of(seed):
-        node = graph.start(MppiNode, dynamics="in_process", model="planar", seed=seed, **SMALL)
-        count = len(graph.heard["push"])
-        straw.show()
-        push = nth_push(graph, count + 1)
-        graph.stop(node)
-        return wire.decode_push(push)
-
-    graph.stop(planner)
-    graph.aim(GOAL, 1)
-    first, same, other = push_of(1), push_of(1), push_of(2)
-    np.testing.assert_array_equal(first, same)
-    assert (first != other).any()

@@ -9,7 +9,7 @@ from sain_core.errors import DatasetError, ErrorCode
 from sain_interfaces.msg import Plan
 from sain_model.physics.planar import PlanarPrior
 from sain_mppi.ros.mppi_node import MppiNode
-from sain_mppi.ros.resumption import Notes
+from sain_mppi.ros.watch import Notes
 from tests.sain_mppi.ros.straw import GOAL, SMALL, START, nth_push, plan
 
 

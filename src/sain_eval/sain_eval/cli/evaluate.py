@@ -25,7 +25,7 @@ from sain_eval.scenes.scenarios import OFFERED, SCENARIOS
 from sain_model.compute.kernel_store import compile_visibly
 from sain_mppi.agent.agent import AgentConfig
 from sain_mppi.agent.uncertainty import EstimatorConfig
-from sain_mppi.algorithms.config import PlannerConfig
+from sain_mppi.config import PlannerConfig
 from sain_sim.camera.camera import WorldCameraConfig
 from sain_sim.world.truth import RANDOMISED_TRUTH, TruthConfig
 

@@ -17,11 +17,11 @@ from sain_core.push import LENGTH
 from sain_core.storage import ros2_command, write_json, write_whole
 from sain_core.transitions import draw_parts
 from sain_core.types import Mask
-from sain_model.dynamics.settings import STEPS
+from sain_model.network.settings import STEPS
 
 if TYPE_CHECKING:
     from sain_model.data.dataset import Dataset
-    from sain_model.dynamics.checkpoint import ModelCard
+    from sain_model.dynamics.load import ModelCard
     from sain_model.dynamics.sain import Origin
     from sain_model.evaluation.errors import Figures
     from sain_model.evaluation.predictors import Predictions
@@ -42,8 +42,7 @@ class EvaluateModelOptions(Config):
         "", "file of `sain_model identify`, with which each episode begins; empty: none"
     )
     open_loop: tuple[int, ...] = option(
-        STEPS,
-        "numbers of pushes after which errors of rollouts are taken; none: no rollouts",
+        STEPS, "numbers of pushes after which errors of rollouts are taken; none: no rollouts"
     )
     out: Path = option(
         Path("evaluation.json"), "file for the errors; a table and a picture go beside it"
@@ -61,11 +60,9 @@ def run(options: EvaluateModelOptions, console: Console) -> None:
 
     from sain_model.data.dataset import load_dataset
     from sain_model.data.windows import make_windows
-    from sain_model.dynamics.checkpoint import parse_card
-    from sain_model.dynamics.load import shipped_checkpoint
+    from sain_model.dynamics.load import parse_card, shipped_checkpoint
     from sain_model.evaluation.errors import report
-    from sain_model.evaluation.named_models import followed, refusals
-    from sain_model.evaluation.predictors import predict_all
+    from sain_model.evaluation.predictors import followed, predict_all, refusals
 
     torch.set_num_threads(1)
     path = options.checkpoint or shipped_checkpoint()
@@ -102,7 +99,7 @@ def run(options: EvaluateModelOptions, console: Console) -> None:
 def _models(options: EvaluateModelOptions) -> Iterator[tuple[dict[str, Model], dict[str, Model]]]:
     """Give models by the names of their kinds, the one to evaluate first, and physics by name."""
     from sain_model.dynamics.load import load_checkpoint, load_shipped
-    from sain_model.evaluation.named_models import open_models
+    from sain_model.evaluation.predictors import open_models
 
     main: Model = load_checkpoint(options.checkpoint) if options.checkpoint else load_shipped()
     if options.belief:
@@ -140,8 +137,7 @@ def _write(
     """Write table and picture of rollouts beside the JSON, where any are asked for."""
     if not options.open_loop:
         return
-    from sain_model.evaluation.rollout_plot import save_rollout_plot
-    from sain_model.evaluation.tables import rollout_markdown
+    from sain_model.evaluation.presentation import rollout_markdown, save_rollout_plot
 
     text = rollout_markdown(errors) + "".join(
         f"* {name}: pushes that could not be carried out in the scenes that it predicted, and moved"
@@ -156,7 +152,7 @@ def _write(
 def _show(errors: "Figures", refused: dict[str, int], console: Console) -> None:
     """Print errors of single pushes as tables."""
     from sain_model.evaluation.errors import TARGET_MOVED
-    from sain_model.evaluation.tables import error_tables
+    from sain_model.evaluation.presentation import error_tables
 
     for table in error_tables(errors):
         console.print(table, soft_wrap=True)

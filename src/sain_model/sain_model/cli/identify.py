@@ -34,8 +34,7 @@ class IdentifyOptions(Config):
     model: str = option("sain", "model that it is for: sain, or the path of a checkpoint")
     pushes: int = option(0, "largest number of pushes of each recording; 0: all", minimum=0)
     unknown: str = option(
-        "",
-        "what recordings state as nominal: mass is identified (the same bodies in all episodes)",
+        "", "what recordings state as nominal: mass is identified (the same bodies in all episodes)"
     )
 
 
@@ -48,9 +47,13 @@ def run(options: IdentifyOptions, console: Console) -> None:
         OutputError: the file cannot be written.
     """
     from sain_core.model import load_dynamics
-    from sain_model.data.bodies import states_bodies
     from sain_model.data.dataset import load_dataset, shard_paths
-    from sain_model.dynamics.identify import identify, identify_bodies, with_all_parameters
+    from sain_model.dynamics.identify import (
+        identify,
+        identify_bodies,
+        states_bodies,
+        with_all_parameters,
+    )
     from sain_model.dynamics.sain import SainDynamics
 
     if states_bodies(load_dataset(shard_paths(options.datasets[0])[0])):
@@ -67,12 +70,9 @@ def run(options: IdentifyOptions, console: Console) -> None:
 
 
 def _write(options: IdentifyOptions, belief: "Belief", console: Console) -> None:
-    from sain_model.inference.belief_file import write_belief
+    from sain_model.inference.kinds import write_belief
 
-    card = belief.card | {
-        "model": options.model,
-        "command": ros2_command("sain_model", "identify"),
-    }
+    card = belief.card | {"model": options.model, "command": ros2_command("sain_model", "identify")}
     for table in belief_tables(belief):
         console.print(table, soft_wrap=True)
     path = write_belief(options.out, replace(belief, card=card))
@@ -85,7 +85,7 @@ def load_recordings(options: IdentifyOptions) -> "dict[str, Sequence[ObservedPus
     Raises:
         DatasetError: one is damaged or given twice.
     """
-    from sain_model.data.recordings import first_pushes, load_recording
+    from sain_model.dynamics.identify import first_pushes, load_recording
     from sain_model.inference.laboratory import count_episodes, shifted
 
     found: dict[str, Sequence[ObservedPushes]] = {}

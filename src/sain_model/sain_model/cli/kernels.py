@@ -38,7 +38,7 @@ def run_network() -> None:
     """Run the network and what makes its inputs, which regions and training use."""
     import torch
 
-    from sain_model.network.compiled_network import CompiledNetwork
+    from sain_model.dynamics.residual import CompiledNetwork
     from sain_model.network.features import network_inputs, push_frames
     from sain_model.network.interaction_network import InteractionNetwork
     from sain_model.network.settings import NetworkConfig
@@ -50,10 +50,7 @@ def run_network() -> None:
     network_inputs(NetworkConfig(), SCENES, frames, SCENES, Bodies.disks(2))
 
 
-RUNS: Final[dict[str, Callable[[], None]]] = {
-    "pushes": run_pushes,
-    "network": run_network,
-}
+RUNS: Final[dict[str, Callable[[], None]]] = {"pushes": run_pushes, "network": run_network}
 
 
 def main() -> int:

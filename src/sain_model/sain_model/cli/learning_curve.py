@@ -42,8 +42,7 @@ def run(options: LearningCurveOptions, console: Console) -> None:
 
     from sain_core.view.figures import write_png
     from sain_model.data.dataset import load_dataset, split_by_episode
-    from sain_model.training.learning_curve import learning_curve
-    from sain_model.training.plots import draw_curves
+    from sain_model.training.learning_curve import draw_curves, learning_curve
 
     torch.set_num_threads(1)
     config = options.training

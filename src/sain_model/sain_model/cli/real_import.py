@@ -13,11 +13,11 @@ from rich.console import Console
 from sain_core.config import Config, option, required
 from sain_core.guarding.untrusted import read_regular
 from sain_core.transitions import Column
-from sain_model.network.inputs import MASS_MIDDLE
+from sain_model.network.feature_kernels import MASS_MIDDLE
 
 if TYPE_CHECKING:
     from sain_model.importing.data_set import Imported
-    from sain_model.importing.sources import Recordings
+    from sain_model.importing.files import Recordings
 
 MILLIMETRES: Final = 1e3
 
@@ -63,7 +63,7 @@ def run(options: RealImportOptions, console: Console) -> None:
     """
     from sain_core.cli.terminal import WaitingLine
     from sain_model.importing.data_set import import_pushes, write_imported
-    from sain_model.importing.sources import read_recordings
+    from sain_model.importing.files import read_recordings
 
     found = read_recordings(options.paths, options.shapes, options.tip_radius)
     with WaitingLine(Console(stderr=True)) as line:

@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING, Final
 from rich.console import Console
 
 from sain_core.errors import ConfigError
-from sain_model.dynamics.settings import STEPS
-from sain_model.network.settings import PARAMETERS
+from sain_model.network.settings import PARAMETERS, STEPS
 from sain_model.training.settings import (
     DEFAULT,
     OF_PARAMETERS,
@@ -46,7 +45,7 @@ def options(arguments: Sequence[str]) -> type[TrainOptions]:
     if scouted.output == PARAMETERS:
         defaults = OF_PARAMETERS
     if scouted.parent:
-        from sain_model.training.fine_tuning import Parent  # loads PyTorch
+        from sain_model.training.fit import Parent  # loads PyTorch
 
         defaults = Parent.load(scouted.parent).settings
     return make_dataclass(
@@ -68,15 +67,14 @@ def run(options: TrainOptions, console: Console) -> None:
 
     from sain_core.view.figures import write_png
     from sain_model.data.dataset import load_dataset, split_by_episode
-    from sain_model.dynamics.checkpoint import SUFFIX, save_checkpoint
+    from sain_model.dynamics.load import SUFFIX, save_checkpoint
     from sain_model.dynamics.residual import module_of
     from sain_model.evaluation.errors import evaluate
     from sain_model.evaluation.predictors import NAMES
-    from sain_model.evaluation.tables import error_tables
-    from sain_model.training.fine_tuning import Parent, gain_line
-    from sain_model.training.fit import fit, identified_kind, trained_kind
-    from sain_model.training.plots import draw_losses
-    from sain_model.training.training_card import make_card, own_errors
+    from sain_model.evaluation.presentation import error_tables
+    from sain_model.training.fit import Parent, fit, gain_line, identified_kind, trained_kind
+    from sain_model.training.learning_curve import draw_losses
+    from sain_model.training.record import make_card, own_errors
 
     torch.set_num_threads(1)
     parent = Parent.load(options.parent) if options.parent else None
@@ -136,8 +134,7 @@ def _show(
     Its settings are written now, as a state of another training was not refused.
     """
     from sain_model.training.fit import PUSHES
-    from sain_model.training.progress import epoch_bar, event_log
-    from sain_model.training.training_card import save_settings
+    from sain_model.training.record import epoch_bar, event_log, save_settings
 
     save_settings(options, data)
     with ExitStack() as stack:

@@ -8,11 +8,7 @@ from sain_core.scene import MASS, RADIUS, STATE_NAMES, STATE_SIZE
 from sain_core.shapes.bodies import PAPER_DISKS, Bodies
 
 
-def check_batch(
-    scenes: np.ndarray,
-    pushes: np.ndarray,
-    bodies: Bodies = PAPER_DISKS,
-) -> None:
+def check_batch(scenes: np.ndarray, pushes: np.ndarray, bodies: Bodies = PAPER_DISKS) -> None:
     """Check that scenes (B, N, 8) and pushes (B, 5) or strokes (B, 8) fit and can exist.
 
     Raises:

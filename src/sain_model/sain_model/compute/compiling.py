@@ -50,7 +50,7 @@ def callable_kernel(function: Callable[..., Any]) -> Callable[..., Any]:
 def _compile(function: Callable[..., Any], **options: bool) -> Callable[..., Any]:
     """Compile: kept on disk, division by zero gives infinity, a * b + c may be fused.
 
-    Kernels let go of Python's lock: `sain_model.compute.thread_pool` runs them side by side.
+    Kernels let go of Python's lock: `sain_model.compute.threads` runs them side by side.
     """
     config: Any = numba.config
     njit: Any = numba.njit

@@ -10,22 +10,51 @@ import hashlib
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, Final, Self
 
 import numpy as np
 from jaxtyping import Int
 from numpy import ndarray
 
 from sain_core.errors import DatasetError
+from sain_core.guarding.untrusted import read_json
 from sain_core.push import mirror_pushes
 from sain_core.scene import mirror_scenes
 from sain_core.shapes.bodies import PAPER_DISKS, Bodies, bodies_named
-from sain_core.transitions import NEEDED, SHAPED, Column, Columns, Transitions, draw_parts
+from sain_core.transitions import (
+    COLLECTION_FILE,
+    NEEDED,
+    SHAPED,
+    Column,
+    Columns,
+    Transitions,
+    draw_parts,
+)
 from sain_core.types import Indices, Mask, Scalars, Scenes
-from sain_model.data.origin import made_in
 from sain_model.data.shard import NO_STEP, read_shard
 from sain_model.inference.evidence import ObservedPushes
 from sain_model.physics.parameters import Values
+
+BULLET: Final = "bullet"  # what a collection has that names no engine
+RANDOMISED: Final = "randomised"
+
+
+def made_in(path: Path) -> str:
+    """Return engine and world of a folder, or of the folder of a shard; else the folder's name.
+
+    Raises:
+        DatasetError: its description is damaged.
+    """
+    folder = path if path.is_dir() else path.parent
+    file = folder / COLLECTION_FILE
+    if not file.exists():
+        return folder.resolve().name
+    try:
+        truth: dict[str, Any] = read_json(file).get("truth", {})
+        return f"{truth.get('engine', BULLET)} {truth.get('world', RANDOMISED)}"
+    except (OSError, ValueError, AttributeError) as error:
+        raise DatasetError(f"{file} is damaged: {error}") from error
+
 
 Order = tuple[int, str, tuple[str, ...], int]
 

@@ -1,26 +1,224 @@
-"""The checkpoints that this package offers to the registry of models; for priors see `priors`."""
+"""Checkpoints: the weights as ``NAME.safetensors`` and beside them a card, ``NAME.json``.
 
-from dataclasses import replace
+The card says what was learned from what, how, and how well it does on episodes held out; and it
+pins the weights by their SHA-256. Nothing is unpickled. What does not fit is refused.
+"""
+
+import dataclasses
+import hashlib
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
 from importlib import resources
 from pathlib import Path
+from typing import Any, Final
+
+import safetensors.torch
+from safetensors import SafetensorError
+from torch import nn
 
 from sain_core.config import typed_settings
-from sain_core.errors import CheckpointError
+from sain_core.errors import CheckpointError, UntrustedFileError
+from sain_core.guarding.untrusted import parse_json, read_regular
 from sain_core.model import Model
 from sain_core.shapes.shape import BOTTOMS
-from sain_model.dynamics.checkpoint import SUFFIX, ModelCard, card_path, fill, read_checkpoint
+from sain_core.storage import write_json, write_whole
 from sain_model.dynamics.identify import with_all_parameters
 from sain_model.dynamics.intervals import Intervals
 from sain_model.dynamics.parameter_correction import correcting_model
 from sain_model.dynamics.priors import C, Settings, load_planar, make_prior, naming
 from sain_model.dynamics.residual import residual_model
 from sain_model.dynamics.sain import RECURRENT, SainDynamics
-from sain_model.dynamics.settings import SHIPPED
-from sain_model.inference.belief_file import read_kind
-from sain_model.inference.kinds import FRICTION, Kind, friction_kind
+from sain_model.inference.kinds import FRICTION, Kind, friction_kind, read_kind
+from sain_model.network.feature_kernels import BODY_FEATURES, FEATURE_VERSION, RELATION_FEATURES
 from sain_model.network.interaction_network import InteractionNetwork
-from sain_model.network.settings import NetworkConfig
+from sain_model.network.settings import SHIPPED, NetworkConfig
 from sain_model.physics.parameters import BY_NAME
+
+FORMAT_VERSION: Final = 3
+SUFFIX: Final = ".safetensors"
+
+
+@dataclass(frozen=True)
+class ModelCard:
+    """What a checkpoint says of itself.
+
+    Attributes:
+        prior: name of the prior that it corrects, as in `sain_core.model.load_dynamics`.
+        prior_config: its parameters, so that a later calibration does not change this model.
+        network: size of the network.
+        bottoms: what the bodies stood on that it learned from: it corrects the prior for these
+            alone. Empty: it corrects all.
+        friction: how friction is inferred from an episode's earlier pushes; None: the model was
+            trained without them, and knows the nominal friction alone.
+        bodies: the physics of bodies on surfaces, as a belief has it; None: of no such.
+        intervals: regions about its predictions, fitted to the validation episodes; None: not.
+        kind: as in `dynamics.sain` and `dynamics.parameter_correction`.
+        data: what it was trained on: path, SHA-256, transitions, episodes, split.
+        training: settings, seed, epochs done, losses.
+        errors: errors on the held-out episodes [mm], for it and what it is compared with.
+        versions: of Python, its packages, this project, system and processor.
+        command: the command line that made it.
+        weights_sha256: of the safetensors file.
+        parent: card of the checkpoint that it was fine-tuned from; None: from none.
+        feature_version: of `sain_model.network.features`.
+    """
+
+    prior: str
+    prior_config: dict[str, Any]
+    network: dict[str, Any]
+    bottoms: list[str] = field(default_factory=list)
+    friction: dict[str, Any] | None = None
+    bodies: dict[str, Any] | None = None
+    intervals: dict[str, Any] | None = None
+    kind: str = ""
+    data: dict[str, Any] = field(default_factory=dict)
+    training: dict[str, Any] = field(default_factory=dict)
+    errors: dict[str, Any] = field(default_factory=dict)
+    versions: dict[str, str] = field(default_factory=dict)
+    command: str = ""
+    weights_sha256: str = ""
+    parent: dict[str, Any] | None = None
+    feature_version: int = FEATURE_VERSION
+    body_features: int = BODY_FEATURES
+    relation_features: int = RELATION_FEATURES
+    format_version: int = FORMAT_VERSION
+
+    def lineage(self) -> Iterator["ModelCard"]:
+        """Yield this card, that of its parent, and so on.
+
+        Raises:
+            CheckpointError: a parent's is no card.
+        """
+        card: ModelCard | None = self
+        while card is not None:
+            yield card
+            try:
+                card = ModelCard(**card.parent) if card.parent else None
+            except TypeError as error:
+                raise CheckpointError(f"parent on a card is no card: {error}") from error
+
+
+def card_path(weights: Path) -> Path:
+    """Return where the card of these weights lies."""
+    return weights.with_suffix(".json")
+
+
+def save_checkpoint(path: Path, network: InteractionNetwork, card: ModelCard) -> ModelCard:
+    """Write weights and card, each whole or not at all; return the card with the weights' hash.
+
+    Raises:
+        CheckpointError: the path does not end in .safetensors.
+        OutputError: the folder cannot be written.
+    """
+    if path.suffix != SUFFIX:
+        raise CheckpointError(f"a checkpoint's name ends in {SUFFIX}; {path} does not")
+    tensors = {name: value.contiguous() for name, value in network.state_dict().items()}
+    weights = safetensors.torch.save(tensors)
+    config = dataclasses.asdict(network.config)
+    card = dataclasses.replace(
+        card, network=config, weights_sha256=hashlib.sha256(weights).hexdigest()
+    )
+    write_whole(path, weights)
+    write_json(card_path(path), dataclasses.asdict(card))
+    return card
+
+
+def read_checkpoint(path: Path) -> tuple[bytes, ModelCard, str]:
+    """Read weights, their card and the card's JSON text, and check them.
+
+    Raises:
+        CheckpointError: missing, truncated, of another version or with a card that belongs to
+            other weights; the message names the file and what is wrong.
+    """
+    content = _read(path)
+    text = _read(card_path(path)).decode(errors="replace")
+    card = parse_card(card_path(path), text)
+    _check_card(card_path(path), card)
+    found = hashlib.sha256(content).hexdigest()
+    if found != card.weights_sha256:
+        raise CheckpointError(
+            f"{path} has SHA-256 {found[:16]}.., its card says {card.weights_sha256[:16]}..;"
+            " the file is truncated, changed, or the card belongs to other weights"
+        )
+    return content, card, text
+
+
+def _read(path: Path) -> bytes:
+    try:
+        return read_regular(path)
+    except FileNotFoundError:
+        raise CheckpointError(
+            f"{path} does not exist; a checkpoint is NAME{SUFFIX} with NAME.json beside it"
+        ) from None
+    except OSError as error:
+        raise CheckpointError(f"cannot read {path}: {error.strerror or error}") from error
+    except UntrustedFileError as error:
+        raise CheckpointError(f"{path} is not read: {error}") from error
+
+
+def parse_card(path: Path, text: str) -> ModelCard:
+    """Return the card with this JSON text.
+
+    Raises:
+        CheckpointError: it is no card, or one of another version; naming the command that makes
+            the checkpoint anew.
+    """
+    try:
+        values = parse_json(text)
+        version, command = values.get("format_version", FORMAT_VERSION), values.get("command")
+        if version == FORMAT_VERSION:
+            return ModelCard(**values)
+    except (ValueError, TypeError, AttributeError) as error:
+        raise CheckpointError(f"{path} is not a checkpoint's card: {error}") from error
+    raise CheckpointError(
+        f"{path} has format {version!r}; this version reads {FORMAT_VERSION}: train it again with:"
+        f" {_of_today(str(command or ''))}"
+    )
+
+
+def _of_today(command: str) -> str:
+    """Return the command that trains a checkpoint, in the words of this version."""
+    if not command:
+        return "ros2 run sain_model train DATASET --out DIR"
+    return command.replace(" train_correction ", " train --output parameters ")
+
+
+def _check_card(path: Path, card: ModelCard) -> None:
+    expected = {
+        "feature_version": FEATURE_VERSION,
+        "body_features": BODY_FEATURES,
+        "relation_features": RELATION_FEATURES,
+    }
+    for name, right in expected.items():
+        value = getattr(card, name)
+        if value != right:
+            raise CheckpointError(f"{path}: {name} is {value!r}; this version reads {right!r}")
+
+
+def fill(path: Path, content: bytes, network: nn.Module) -> None:
+    """Give a network these weights.
+
+    Raises:
+        CheckpointError: they are not safetensors, of other names or shapes, or not finite.
+    """
+    try:
+        tensors = safetensors.torch.load(content)
+    except SafetensorError as error:
+        raise CheckpointError(f"{path} is not a safetensors file: {error}") from error
+    expected = network.state_dict()
+    for name in sorted(expected.keys() | tensors.keys()):
+        found = tuple(tensors[name].shape) if name in tensors else None
+        right = tuple(expected[name].shape) if name in expected else None
+        if found != right:
+            raise CheckpointError(
+                f"{path}: tensor {name} has shape {found}; the network on its card needs {right}"
+            )
+        if tensors[name].dtype != expected[name].dtype:
+            kinds = f"{tensors[name].dtype}; it must be {expected[name].dtype}"
+            raise CheckpointError(f"{path}: tensor {name} is of type {kinds}")
+        if not tensors[name].isfinite().all():
+            raise CheckpointError(f"{path}: tensor {name} holds NaN or Inf; it must be finite")
+    network.load_state_dict(tensors)
 
 
 def load_builtin(name: str) -> SainDynamics:

@@ -9,14 +9,10 @@ from sain_core.config import Config, typed_settings
 from sain_core.errors import CheckpointError
 from sain_core.model import IdentityPrior, Model, load_dynamics
 from sain_model.dynamics.sain import PHYSICS, Origin, SainDynamics
-from sain_model.dynamics.settings import (
-    IDENTITY,
-    PLANAR,
-    PLANAR_PRIORS,
-)
 from sain_model.inference.kinds import friction_belief
+from sain_model.network.settings import IDENTITY, PLANAR, PLANAR_PRIORS
+from sain_model.physics.parameters import AXES
 from sain_model.physics.planar import PlanarConfig, PlanarPrior
-from sain_model.physics.planar_config import AXES
 
 C = TypeVar("C", bound=Config)
 Settings = dict[str, Any]

@@ -25,9 +25,7 @@ from sain_core.shapes.shape import BOTTOMS
 from sain_core.transitions import PushHistory
 from sain_core.types import PredictedScenes, Pushes, PushSequences, Scene, Scenes
 from sain_model.compute.batch_checks import check_physics_next
-from sain_model.compute.devices import CPU
 from sain_model.dynamics.intervals import Intervals, Prediction
-from sain_model.inference.belief_file import read_belief
 from sain_model.inference.evidence import (
     FACTORS,
     Known,
@@ -36,11 +34,11 @@ from sain_model.inference.evidence import (
     log_density,
     over_factors,
 )
-from sain_model.inference.kinds import MASS_RATIO, Belief, by_friction, only
+from sain_model.inference.kinds import MASS_RATIO, Belief, by_friction, only, read_belief
 from sain_model.inference.posterior import Posterior, believed_values, infer, step_rows
-from sain_model.physics.parameters import Values
+from sain_model.network.settings import CPU
+from sain_model.physics.parameters import Values, with_mass_ratio
 from sain_model.physics.planar import step_knowing
-from sain_model.physics.planar_config import with_mass_ratio
 
 if TYPE_CHECKING:  # a node that serves physics alone does not load PyTorch
     from sain_model.network.interaction_network import InteractionNetwork

@@ -6,20 +6,26 @@ the pushed body, in a model to where the model itself predicts that body to be, 
 it was (docs/explanation/rollouts.md).
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
+from functools import partial
 from typing import Final
 
 import numpy as np
 from jaxtyping import Float, Int
 from numpy import ndarray
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from sain_core.model import IdentityPrior, Model
+from sain_core.model import IdentityPrior, Model, answering, check_step, load_dynamics
 from sain_core.push import LENGTH
+from sain_core.scene import MASS, MID, RADIUS
+from sain_core.shapes.bodies import Bodies
 from sain_core.types import Indices, Pushes, Scalars, Scenes
-from sain_model.data.bodies import body_names
 from sain_model.data.dataset import Dataset, Part
 from sain_model.data.windows import Windows, make_windows
+from sain_model.dynamics.identify import body_names
 from sain_model.dynamics.intervals import Prediction
 from sain_model.dynamics.sain import LEARNED as LEARNED_KIND
 from sain_model.dynamics.sain import (
@@ -29,10 +35,101 @@ from sain_model.dynamics.sain import (
     Inferred,
     SainDynamics,
 )
-from sain_model.evaluation.named_models import step_as_nominal
 from sain_model.inference.evidence import Known
 from sain_model.inference.kinds import FRICTION, friction_belief
 from sain_model.physics.planar import PlanarPrior
+
+NOMINAL_MASS: Final = 8.0  # [kg], the paper, section III-A
+NOMINAL_MID_RADIUS: Final = 0.08  # [m]
+NOMINAL_RADIUS: Final = 0.06  # [m], of every other disk
+AT_ONCE: Final = 32  # pushes between two looks at the clock
+
+
+def step_as_nominal(prior: PlanarPrior, scenes: Scenes, pushes: Pushes) -> Scenes:
+    """Predict as `prior`, believing that every body has nominal mass, every disk nominal radius."""
+    believed = scenes.copy()
+    believed[..., MASS] = NOMINAL_MASS
+    if prior.bodies.all_round:
+        believed[..., RADIUS] = NOMINAL_RADIUS
+        believed[:, MID, RADIUS] = NOMINAL_MID_RADIUS
+    return prior.step_as_if(scenes, believed, pushes)[0]
+
+
+class Followed(Model):
+    """A model whose answers are checked, and that reports how many pushes it has predicted."""
+
+    def __init__(self, label: str, dynamics: Model, advance: Callable[[float], None]) -> None:
+        """Call `advance` with each number of pushes that this dynamics is done with."""
+        self._label = label
+        self._dynamics = dynamics
+        self._advance = advance
+
+    def with_bodies(self, bodies: Bodies) -> "Followed":
+        """Return the model for these bodies, followed likewise."""
+        return Followed(self._label, self._dynamics.with_bodies(bodies), self._advance)
+
+    @property
+    def refused(self) -> int | None:
+        """How many pushes it could not carry out; None: it does not count them."""
+        return self._dynamics.refused
+
+    def step(self, scenes: Scenes, pushes: Pushes) -> Scenes:
+        """Predict the settled scenes (B, N, 8) after pushes (B, 5) from scenes (B, N, 8).
+
+        Raises:
+            ModelUnavailableError: the dynamics fails, or its answer cannot be one.
+        """
+        predicted = np.empty_like(scenes)
+        for first in range(0, len(pushes), AT_ONCE):
+            rows = slice(first, first + AT_ONCE)
+            with answering(self._label):
+                answer = self._dynamics.step(scenes[rows], pushes[rows])
+            predicted[rows] = check_step(answer, scenes[rows], self._label)
+            self._advance(len(pushes[rows]))
+        return predicted
+
+
+@contextmanager
+def open_models(names: Sequence[str]) -> Iterator[dict[str, Model]]:
+    """Give the models of these names, and close them in the end.
+
+    Raises:
+        ConfigError, CheckpointError: see `sain_core.model.load_dynamics`.
+    """
+    with ExitStack() as stack:
+        found: dict[str, Model] = {}
+        for name in names:
+            found[name] = load_dynamics(name)
+            stack.callback(found[name].close)
+        yield found
+
+
+@contextmanager
+def followed(
+    dynamics: Mapping[str, Model], pushes: int, console: Console
+) -> Iterator[dict[str, Model]]:
+    """Give the same dynamics, each with a bar that shows how far it has come.
+
+    Each is going to predict so many pushes.
+    """
+    if not dynamics:
+        yield {}
+        return
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
+    with Progress(*columns, TimeRemainingColumn(), console=console) as bars:
+        yield {
+            name: Followed(
+                f"model {name!r}", one, partial(bars.advance, bars.add_task(name, total=pushes))
+            )
+            for name, one in dynamics.items()
+        }
+
+
+def refusals(dynamics: Mapping[str, Model]) -> dict[str, int]:
+    """Return how many pushes each of these that counts them could not carry out."""
+    counts = {name: one.refused for name, one in dynamics.items()}
+    return {name: count for name, count in counts.items() if count is not None}
+
 
 NO_MOTION: Final = "no motion"
 NOMINAL: Final = "planar, nominal"

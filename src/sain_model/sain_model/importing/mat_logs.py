@@ -23,8 +23,7 @@ from numpy import ndarray
 from sain_core.errors import DatasetError, UntrustedFileError
 from sain_core.guarding.untrusted import MIB, limit, read_regular, unpacked_bytes
 from sain_core.storage import DAMAGE, read_arrays, write_arrays
-from sain_model.importing.one_push_files import MOST_PUSHES, published_pushes
-from sain_model.importing.real_pushes import LONGEST_TEXT, RealPushes
+from sain_model.importing.real_pushes import LONGEST_TEXT, MOST_PUSHES, RealPushes, published_pushes
 
 RECORDS: Final = "record_all"
 FIELDS: Final = {"init_pose_gt": 3, "final_pose_gt": 3, "init_tip_pt": 2, "final_tip_pt": 2}

@@ -2,24 +2,28 @@
 
 A vector z has one number for each parameter of a kind. 0 is what the kind's prior has, and 1 is one
 spread of the parameter away: in the logarithm or in the value, as `sain_model.physics.parameters`
-states it.
+states it. A belief is kept as JSON.
 """
 
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
+from pathlib import Path
 from typing import Any, Final, Self
 
 import numpy as np
 from jaxtyping import Bool, Float
 from numpy import ndarray
 
+from sain_core.config import typed_settings
+from sain_core.errors import CheckpointError
+from sain_core.guarding.untrusted import read_json
 from sain_core.model import Model
 from sain_core.push import TOOL_RADIUS
 from sain_core.shapes.bodies import Bodies
+from sain_core.storage import write_json
 from sain_core.types import Pushes, Scalars, Scenes
-from sain_model.physics.parameters import BY_NAME, Parameter, Values
+from sain_model.physics.parameters import BY_NAME, TEXTBOOK, Parameter, PlanarConfig, Values
 from sain_model.physics.planar import PlanarPrior, step_knowing
-from sain_model.physics.planar_config import TEXTBOOK, PlanarConfig
 
 FRICTION: Final = "friction"
 MASS_RATIO: Final = "mass_ratio"
@@ -309,3 +313,83 @@ def _value(parameter: Parameter, base: float, z: Float[ndarray, "R"]) -> Scalars
     away = parameter.spread * z
     value = base * np.exp(away) if parameter.logarithm else base + away
     return np.clip(value, parameter.least, parameter.most)
+
+
+FORMAT: Final = "sain-belief-3"  # before: with a fixed set of parameters
+COMMAND: Final = "ros2 run sain_model identify"
+
+
+def write_belief(path: Path, belief: Belief) -> Path:
+    """Write a belief; raises `OutputError`."""
+    content = {
+        "format": FORMAT,
+        **belief.card,
+        "network_log_odds": belief.network_log_odds,
+        "kinds": [written_kind(kind) for kind in belief.kinds],
+    }
+    return write_json(path, content)
+
+
+def read_belief(path: Path) -> Belief:
+    """Read a belief.
+
+    Raises:
+        CheckpointError: no such file, not a belief, or one of an earlier version.
+    """
+    try:
+        content = read_json(path)
+        if (found := content.pop("format")) != FORMAT:
+            raise ValueError(f"its format is {found!r}; this version reads {FORMAT!r}")
+        kinds = tuple(read_kind(part) for part in content.pop("kinds"))
+        odds = float(content.pop("network_log_odds"))
+        if not any(kind.corrected for kind in kinds):
+            raise ValueError("no kind of physics is that of the network")
+    except FileNotFoundError:
+        raise CheckpointError(f"belief {path} does not exist; make it with: {COMMAND}") from None
+    except (OSError, ValueError, LookupError, TypeError, AttributeError, OverflowError) as error:
+        raise CheckpointError(
+            f"belief {path} cannot be read: {error}; make it again with: {COMMAND}"
+        ) from error
+    return Belief(kinds, odds, card=content)
+
+
+def written_kind(kind: Kind) -> dict[str, Any]:
+    """Return a kind of physics as JSON has it."""
+    parameters = [
+        {
+            "name": parameter.name,
+            "meaning": parameter.meaning,
+            "mean": getattr(kind.config, parameter.name),
+            "spread": float(parameter.spread * deviation),
+            "spread_is": "of the logarithm" if parameter.logarithm else "of the value",
+        }
+        for parameter, deviation in zip(kind.parameters, kind.deviations, strict=True)
+    ]
+    return {
+        "name": kind.name,
+        "log_odds": kind.log_odds,
+        "corrected": kind.corrected,
+        "of_bodies": kind.of_bodies,
+        "parameters": parameters,
+        "config": asdict(kind.config),
+        "covariance": kind.covariance.tolist(),
+    }
+
+
+def read_kind(part: dict[str, Any]) -> Kind:
+    """Return a kind that `written_kind` wrote; raises what damaged values raise."""
+    names = tuple(str(parameter["name"]) for parameter in part["parameters"])
+    if unknown := [name for name in names if name not in BY_NAME]:
+        raise ValueError(f"there is no parameter {unknown[0]!r}")
+    covariance = np.array(part["covariance"], dtype=np.float64)
+    right = len(names), len(names)
+    if covariance.shape != right or not np.isfinite(covariance).all():
+        raise ValueError(f"a covariance has shape {covariance.shape}; allowed: {right}, finite")
+    if np.linalg.eigvalsh(covariance)[0] <= 0.0:
+        raise ValueError("a covariance is not positive")
+    config = PlanarConfig(**typed_settings(PlanarConfig, part["config"]))
+    odds, corrected = float(part["log_odds"]), bool(part["corrected"])
+    of_bodies = bool(part.get("of_bodies", False))
+    prior = PlanarPrior(config)
+    kind = Kind(str(part["name"]), prior, names, covariance, odds, corrected=corrected)
+    return replace(kind, of_bodies=of_bodies)

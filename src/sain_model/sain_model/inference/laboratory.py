@@ -13,9 +13,8 @@ from typing import Any, Final
 import numpy as np
 
 from sain_core.errors import DatasetError
-from sain_model.inference.evidence import Known, ObservedPushes
+from sain_model.inference.evidence import Known, ObservedPushes, curves_of, marginals
 from sain_model.inference.gauss_newton import Fit, Parts, fit
-from sain_model.inference.grid import curves_of, marginals
 from sain_model.inference.kinds import FRICTION, Belief, Kind, Places
 
 STEPS: Final = 25

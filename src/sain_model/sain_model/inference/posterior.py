@@ -14,9 +14,8 @@ from numpy import ndarray
 
 from sain_core.shapes.bodies import Bodies
 from sain_core.types import Pushes, Scalars, Scenes
-from sain_model.inference.evidence import FACTORS, Known, ObservedPushes
+from sain_model.inference.evidence import FACTORS, LATEST, Known, ObservedPushes, marginals
 from sain_model.inference.gauss_newton import fit
-from sain_model.inference.grid import LATEST, marginals
 from sain_model.inference.kinds import Belief, Kind, Places
 from sain_model.physics.parameters import Values
 

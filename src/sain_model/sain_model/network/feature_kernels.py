@@ -8,8 +8,11 @@ Of a shape the network sees what acts: where bodies are near each other before t
 as the prior predicts it (`patch_kernels`), with normal, levers, extent and curvature, and how the
 load is spread over the supports. It sees no outline, so it can be asked about other shapes.
 
-The tool is one more sender: row i of the relations to body i, where a body would meet itself.
+The tool is one more sender: row i of the relations to body i, where a body would meet itself. A
+relation also holds what its sender is, and how the tool meets the pushed body.
 """
+
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -21,25 +24,13 @@ from sain_model.compute.compiling import (
     compiled_apart,
     compiled_with_arrays,
 )
-from sain_model.network.inputs import (
-    INERTIA_MIDDLE,
-    INERTIA_SCALE,
-    LANES,
-    MASS_MIDDLE,
-    MASS_SCALE,
-    MOVE_SCALE,
-    ORDER_3_SCALE,
-    PLACE_FEATURES,
-    PLACE_SCALE,
-    REACH_MIDDLE,
-    REACH_SCALE,
-    TABLE_SCALE,
-    TABLE_X,
-    TABLE_Y,
-    TURN_SCALE,
-    NetworkWork,
-)
 from sain_model.network.patch_kernels import (
+    APART,
+    AT_X,
+    AT_Y,
+    EXTENT,
+    NORMAL_X,
+    NORMAL_Y,
     PATCH_SIZE,
     POSE_COS,
     POSE_RADIUS,
@@ -51,12 +42,144 @@ from sain_model.network.patch_kernels import (
     find_patch,
     place_corners,
 )
-from sain_model.network.relation_kernels import (
-    write_contact,
-    write_context,
-    write_headings,
-    write_who,
+
+PLACE_FEATURES: Final = 10  # columns of a body behind the others, for a network that sees the world
+GAP_BEFORE: Final = 10  # columns of a relation: 0 where two bodies touch, 1 far apart
+GAP_AFTER: Final = 15
+
+PLACE_SCALE: Final = 0.1  # [m]
+MOVE_SCALE: Final = 0.05  # [m]
+TURN_SCALE: Final = 0.2  # [rad]
+GAP_SCALE: Final = 0.02  # [m], beyond which it hardly matters how far apart two bodies are
+MASS_MIDDLE: Final = 8.0  # [kg]
+MASS_SCALE: Final = 1.0  # [kg]
+REACH_MIDDLE: Final = 0.08  # [m]
+REACH_SCALE: Final = 0.02  # [m]
+INERTIA_MIDDLE: Final = 0.3
+INERTIA_SCALE: Final = 0.2
+ORDER_3_SCALE: Final = 3.0
+TABLE_X, TABLE_Y = 0.5, 0.0  # [m], the middle of the table
+TABLE_SCALE: Final = 0.2  # [m]
+
+LANES: Final = 128  # pushes side by side: the widest layers still fit into a core's nearest cache
+
+
+class NetworkWork(NamedTuple):
+    """Features of pushes, one in each lane, and scratch memory.
+
+    Relation i N + j is to body i from body j; i N + i is to body i from the tool.
+    """
+
+    poses: np.ndarray  # (2, N + 1, 5) of bodies and tool in the push frame, before and after
+    placed: np.ndarray  # (2, M, 2) corners [m]
+    sums: np.ndarray  # (9,)
+    patch: np.ndarray  # (6,) of one contact
+    bodies: np.ndarray  # (N, inputs of f_dyn, LANES) float32
+    relations: np.ndarray  # (N N, inputs of f_rel, LANES) float32
+    hidden: np.ndarray  # (2, widest layer, LANES) float32
+    residual: np.ndarray  # (N, 3, LANES) dx, dy [m] in the push frame, dtheta [rad]
+
+
+IS_TOOL, EXTENT_BEFORE, EXTENT_AFTER = 0, 9, 11  # columns of a relation; gaps: `GAP_BEFORE`, ...
+CONTACT_BEFORE, CONTACT_AFTER = 16, 24  # eight columns each
+HEADINGS = 32  # eight columns, 0 for a network that does not see the world
+SENDER = 40  # the features of the sender, 0 for the tool
+TOOL_CONTACT = SENDER + 30  # twenty columns: gaps, extents and contacts of the tool
+RELATION_FEATURES = TOOL_CONTACT + 20
+
+CURVATURE_SCALE = 0.02  # [m], times 1 / radius
+EXTENT_SCALE = 0.03  # [m]
+
+# Columns that change their sign in a mirror, of a network that does not see the world.
+_CONTACT = (1, 3, 5, 6, 7)
+MIRRORED_RELATION = (
+    13,
+    *(CONTACT_BEFORE + column for column in _CONTACT),
+    *(CONTACT_AFTER + column for column in _CONTACT),
+    *(SENDER + column for column in (4, 6, 8, 10, 13, 14, 18)),
+    *(TOOL_CONTACT + 4 + column for column in _CONTACT),
+    *(TOOL_CONTACT + 12 + column for column in _CONTACT),
 )
+
+
+@compiled
+def write_who(body, other, stroke, table, features, poses, lane, relation):
+    """Write who tells and who is told; a tool has no mass and no inertia."""
+    tool = other == features.shape[0]
+    relation[IS_TOOL, lane] = 1.0 if tool else 0.0
+    relation[1, lane] = features[body, 0, lane]
+    relation[2, lane] = 0.0 if tool else features[other, 0, lane]
+    relation[3, lane] = features[body, 1, lane]
+    relation[4, lane] = 0.0 if tool else features[other, 1, lane]
+    relation[5, lane] = features[body, 15, lane]
+    relation[6, lane] = 0.0 if tool else features[other, 15, lane]
+    curved, bent = table.rounding[body], table.rounding[other]
+    relation[7, lane] = CURVATURE_SCALE * curved / poses[0, body, POSE_RADIUS]
+    relation[8, lane] = CURVATURE_SCALE * bent / poses[0, other, POSE_RADIUS]
+    relation[12, lane], relation[13, lane] = np.cos(stroke[ANGLE]), np.sin(stroke[ANGLE])
+    relation[14, lane] = stroke[LENGTH] / PLACE_SCALE
+
+
+@compiled
+def write_contact(patch, poses, body, other, way, when, lane, relation):
+    """Write how a body meets another one: `way` is 1 where the normal leads there, else -1."""
+    first = CONTACT_AFTER if when == 1 else CONTACT_BEFORE
+    gap = GAP_AFTER if when == 1 else GAP_BEFORE
+    extent = EXTENT_AFTER if when == 1 else EXTENT_BEFORE
+    for column in range(first, first + 8):
+        relation[column, lane] = 0.0
+    relation[extent, lane] = 0.0
+    relation[gap, lane] = 1.0
+    if patch[APART] == np.inf:
+        return
+    relation[gap, lane] = np.tanh(max(patch[APART], 0.0) / GAP_SCALE)
+    relation[extent, lane] = patch[EXTENT] / EXTENT_SCALE
+    x, y = patch[AT_X] - poses[body, POSE_X], patch[AT_Y] - poses[body, POSE_Y]
+    off_x, off_y = patch[AT_X] - poses[other, POSE_X], patch[AT_Y] - poses[other, POSE_Y]
+    normal_x, normal_y = way * patch[NORMAL_X], way * patch[NORMAL_Y]
+    relation[first, lane], relation[first + 1, lane] = x / PLACE_SCALE, y / PLACE_SCALE
+    relation[first + 2, lane], relation[first + 3, lane] = off_x / PLACE_SCALE, off_y / PLACE_SCALE
+    relation[first + 4, lane], relation[first + 5, lane] = normal_x, normal_y
+    relation[first + 6, lane] = (x * normal_y - y * normal_x) / PLACE_SCALE
+    relation[first + 7, lane] = (off_x * normal_y - off_y * normal_x) / PLACE_SCALE
+
+
+@compiled
+def write_headings(patch, poses, body, other, way, when, lane, relation):
+    """Write the headings of both bodies about the normal: where their masses lie to one side."""
+    first = HEADINGS + 4 * when
+    for column in range(first, first + 4):
+        relation[column, lane] = 0.0
+    if patch[APART] == np.inf:
+        return
+    normal_x, normal_y = way * patch[NORMAL_X], way * patch[NORMAL_Y]
+    cos, sin = poses[body, POSE_COS], poses[body, POSE_SIN]
+    relation[first, lane] = cos * normal_x + sin * normal_y
+    relation[first + 1, lane] = sin * normal_x - cos * normal_y
+    cos, sin = poses[other, POSE_COS], poses[other, POSE_SIN]
+    relation[first + 2, lane] = cos * normal_x + sin * normal_y
+    relation[first + 3, lane] = sin * normal_x - cos * normal_y
+
+
+@compiled
+def write_context(work, pushed, sent, lane):
+    """Write to each relation what its sender is, and how the tool meets the pushed body."""
+    count = work.bodies.shape[0]
+    tool = work.relations[pushed * count + pushed]
+    for body in range(count):
+        for slot in range(count):
+            relation = work.relations[body * count + slot]
+            if slot != body:
+                _copy(work.bodies[slot], 0, sent, lane, relation, SENDER)
+            _copy(tool, EXTENT_BEFORE, 3, lane, relation, TOOL_CONTACT)
+            _copy(tool, GAP_AFTER, 17, lane, relation, TOOL_CONTACT + 3)
+
+
+@compiled
+def _copy(source, first, count, lane, relation, at):
+    for row in range(count):
+        relation[at + row, lane] = source[first + row, lane]
+
 
 FEATURE_VERSION = 1  # raise it with every change of meaning, order or scale below
 BODY_FEATURES = 20  # and the `PLACE_FEATURES` of a network that sees the world

@@ -1,10 +1,13 @@
 """Inputs and residuals of batches of pushes, with NumPy: what a network is trained on.
 
-`network.feature_kernels` says what the features are.
+`network.feature_kernels` says what the features are. What is believed of the physics is seen in the
+frame of the push, too: a body's centre of mass, the grain of friction and the offset of the tool
+turn with the scene, and in a mirror those across the push change their sign.
 """
 
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Final
 
 import numpy as np
 import torch
@@ -26,23 +29,81 @@ from sain_core.push import (
 )
 from sain_core.scene import POSITION, THETA, wrap_angle
 from sain_core.shapes.bodies import Bodies
-from sain_core.types import Angles, Pushes, Scenes
+from sain_core.types import Angles, Pushes, Scalars, Scenes
 from sain_model.compute.compiling import plain
-from sain_model.compute.devices import CPU
-from sain_model.compute.thread_pool import run_blocks
-from sain_model.network.believed import BELIEVED_FEATURES, MIRRORED_BELIEVED, network_beliefs
+from sain_model.compute.threads import run_blocks
 from sain_model.network.feature_kernels import (
     BODY_FEATURES,
+    LANES,
     MIRRORED_BODY,
+    PLACE_FEATURES,
+    RELATION_FEATURES,
     write_block,
 )
-from sain_model.network.inputs import LANES, PLACE_FEATURES
 from sain_model.network.patch_kernels import OutlineTable
-from sain_model.network.relation_kernels import RELATION_FEATURES
-from sain_model.network.settings import WORLD_FRAME, NetworkConfig
-from sain_model.physics.body_table import body_table
-from sain_model.physics.first_touch import first_touch
-from sain_model.physics.parameters import Values
+from sain_model.network.settings import CPU, WORLD_FRAME, NetworkConfig
+from sain_model.physics.parameters import BY_NAME, Values
+from sain_model.physics.planar import body_table, first_touch
+
+FACTORS: Final = {"tool_friction": 0.2, "torsion": 1.0}  # by name, where their logarithm is 0
+LEAST: Final = 0.05  # share of that: a friction may be 0, and has no logarithm there
+NUMBERS: Final = ("pressure",)
+OF_BODY, OF_TABLE = 1.0, 0.0  # what turns with the body, and what with the world
+VECTORS: Final = (  # x and y, in whose frame, and how often they turn when the frame turns once
+    ("centre_x", "centre_y", OF_BODY, 1.0),
+    ("grain_x", "grain_y", OF_BODY, 2.0),
+    ("table_grain_x", "table_grain_y", OF_TABLE, 2.0),
+    ("tip_x", "tip_y", OF_TABLE, 1.0),
+)
+SCALES: Final = {"pressure": 1.0}  # by name; else the spread of the parameter
+BELIEVED_FEATURES: Final = len(FACTORS) + len(NUMBERS) + 2 * len(VECTORS)
+MIRRORED_BELIEVED: Final = tuple(  # columns that change their sign in a mirror
+    len(FACTORS) + len(NUMBERS) + 2 * number + 1 for number in range(len(VECTORS))
+)
+
+
+def believed_features(scenes: Scenes, headings: Scalars, values: Values) -> Float[ndarray, "B N P"]:
+    """Return what is believed of each body's physics, scaled to be of order one.
+
+    Args:
+        scenes: (B, N, 8).
+        headings: of the frames of the pushes, (B,) [rad].
+        values: of parameters by name, (B,) or (B, N); those that are missing are 0 here.
+    """
+    columns = [
+        np.log(_value(scenes, values, name, middle) / middle) / _scale(name)
+        for name, middle in FACTORS.items()
+    ]
+    columns += [_value(scenes, values, name, 0.0) / _scale(name) for name in NUMBERS]
+    for name_x, name_y, of_body, times in VECTORS:
+        x, y = (_value(scenes, values, name, 0.0) / _scale(name) for name in (name_x, name_y))
+        angle = times * (of_body * scenes[..., THETA] - headings[:, None])
+        cos, sin = np.cos(angle), np.sin(angle)
+        columns += [cos * x - sin * y, sin * x + cos * y]
+    return np.stack(columns, axis=-1)
+
+
+def network_beliefs(
+    config: NetworkConfig, scenes: Scenes, frames: Float[ndarray, "B S"], values: Values
+) -> Float[ndarray, "B N P"]:
+    """Return what a network sees of what is believed: nothing, unless it was made to see it.
+
+    `frames` are those of the pushes, as `network.features.push_frames` makes them.
+    """
+    if not config.believed:
+        return np.empty((*scenes.shape[:2], 0))
+    return believed_features(scenes, frames[:, LOCATION], values)
+
+
+def _value(scenes: Scenes, values: Values, name: str, default: float) -> Float[ndarray, "B N"]:
+    value = values.get(name, np.asarray(default))
+    value = np.broadcast_to(value[:, None] if value.ndim == 1 else value, scenes.shape[:2])
+    return np.maximum(value, LEAST * default) if name in FACTORS else value
+
+
+def _scale(name: str) -> float:
+    return SCALES.get(name, BY_NAME[name].spread)
+
 
 Strokes = Float[ndarray, "B S"]
 Residual = Float[ndarray, "B N 3"]  # dx, dy [m] along the push frame's axes, dtheta [rad]

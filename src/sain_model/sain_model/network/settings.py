@@ -1,4 +1,4 @@
-"""Settings of the network, importable without PyTorch."""
+"""Settings of networks, and the names of models and devices; importable without PyTorch."""
 
 from dataclasses import dataclass
 from typing import Final
@@ -59,3 +59,35 @@ class NetworkConfig(Config):
     def corrects_parameters(self) -> bool:
         """Whether it corrects parameters of the prior."""
         return self.output == PARAMETERS
+
+
+AUTO: Final = "auto"
+CPU: Final = "cpu"
+CUDA: Final = "cuda"
+DEVICES: Final = (AUTO, CPU, CUDA)
+
+
+def choose_device(wanted: str) -> str:
+    """Return the device, ``cpu`` or ``cuda``, for what is wanted, one of `DEVICES`.
+
+    Raises:
+        ConfigError: a GPU is wanted and PyTorch finds none, or no such device is known.
+    """
+    if wanted not in DEVICES:
+        raise ConfigError(f"device is {wanted!r}; allowed: {', '.join(DEVICES)}")
+    if wanted == CPU:
+        return CPU
+    import torch  # takes a second, which nothing that only names devices should wait
+
+    found = torch.cuda.is_available()
+    if wanted == CUDA and not found:
+        raise ConfigError("device is 'cuda', but PyTorch finds no GPU; 'auto' would take the CPU")
+    return CUDA if found else CPU
+
+
+PLANAR: Final = "planar"
+PLANAR_AXES: Final = "planar_axes"
+PLANAR_PRIORS: Final = (PLANAR, PLANAR_AXES)
+SHIPPED: Final = "sain"
+IDENTITY: Final = "identity"
+STEPS: Final = (1, 5, 15)

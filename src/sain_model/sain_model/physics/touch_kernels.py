@@ -6,15 +6,7 @@ circle about each corner. The tool's axis touches the first of these that its wa
 
 import numpy as np
 
-from sain_core.push import (
-    ANGLE,
-    BODY,
-    LENGTH,
-    LOCATION,
-    START_X,
-    START_Y,
-    TIP_RADIUS,
-)
+from sain_core.push import ANGLE, BODY, LENGTH, LOCATION, START_X, START_Y, TIP_RADIUS
 from sain_core.scene import RADIUS, THETA, X, Y
 from sain_model.compute.compiling import callable_kernel, compiled
 

@@ -22,8 +22,7 @@ from sain_core.ros.worker import Worker
 from sain_core.wire.bodies import decode_bodies, decode_request_bodies
 from sain_interfaces.msg import Bodies
 from sain_interfaces.srv import DescribeModel, LoadModel, PredictResidual, Rollout
-from sain_model.serving.service import SERVING, ModelService
-from sain_model.serving.settings import ServingConfig
+from sain_model.serving.service import SERVING, ModelService, ServingConfig
 
 if TYPE_CHECKING:
     from sain_model.serving.server import ModelServer

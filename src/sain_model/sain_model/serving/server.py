@@ -3,7 +3,7 @@
 from dataclasses import dataclass, replace
 from pathlib import Path
 from time import perf_counter
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
@@ -22,11 +22,13 @@ from sain_core.scene import MASS, OVERLAP_TOLERANCE, THETA, make_scene, wrap_ang
 from sain_core.shapes.bodies import PAPER_DISKS, Bodies, check_scenes
 from sain_core.transitions import PushHistory
 from sain_core.types import PredictedScenes, Pushes, PushSequences, Scene, Scenes
-from sain_model.compute.devices import AUTO, CPU, choose_device
 from sain_model.dynamics.sain import PHYSICS, SainDynamics
 from sain_model.inference.kinds import FRICTION
+from sain_model.network.settings import AUTO, CPU, choose_device
 from sain_model.physics.planar import PlanarPrior
-from sain_model.serving.settings import ServingConfig
+
+if TYPE_CHECKING:
+    from sain_model.serving.service import ServingConfig
 
 WARM_UP_SCENE: Final = make_scene(
     np.array([(0.4, 0.0), (0.6, 0.0)]), np.array([8.0, 8.0]), np.array([0.08, 0.06])
@@ -58,7 +60,7 @@ class ModelServer:
     and the node goes on with it in one assignment.
     """
 
-    def __init__(self, dynamics: Model, config: ServingConfig) -> None:
+    def __init__(self, dynamics: Model, config: "ServingConfig") -> None:
         """Serve this dynamics, on the device that the settings choose.
 
         Raises:
@@ -240,7 +242,7 @@ class ModelServer:
             )
 
 
-def load_server(config: ServingConfig) -> ModelServer:
+def load_server(config: "ServingConfig") -> ModelServer:
     """Return a server of the model that the settings name, loaded and tried.
 
     Raises:

@@ -8,13 +8,54 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
+from sain_core.config import Config, option
 from sain_core.errors import BusyError
 from sain_core.shapes.bodies import PAPER_DISKS, Bodies
+from sain_core.world import unknown_names
 from sain_model.compute.kernel_store import compile_kernels, describe_progress
-from sain_model.serving.settings import ServingConfig
+from sain_model.network.settings import AUTO, DEVICES
 
 if TYPE_CHECKING:
     from sain_model.serving.server import Description, ModelServer
+
+
+@dataclass(frozen=True)
+class ServingConfig(Config):
+    """What is served."""
+
+    model: str = option(
+        "sain", "name in the registry of models, or the path of a checkpoint", live=True
+    )
+    belief: str = option(
+        "", "file of `sain_model identify`, with which each episode begins; empty: none"
+    )
+    unknown: str = option(
+        "", "quantities that scenes give as nominal, separated by commas: mass, radius"
+    )
+    device: str = option(
+        AUTO, "device of the network; auto: a GPU if there is one", choices=DEVICES
+    )
+    max_work: int = option(
+        2_000_000, "largest samples x horizon x disks of a request", minimum=1, maximum=2**40
+    )
+    max_disks: int = option(32, "largest number of disks of a scene", minimum=2, maximum=1024)
+    max_queue: int = option(
+        1000, "largest number of waiting requests; others are refused", minimum=1
+    )
+    state_file: str = option(
+        "", "file that keeps the name of the model, to resume after a crash; empty: none"
+    )
+    service_introspection: str = option(
+        "disabled",
+        "published service events: none, metadata, or requests and replies too",
+        choices=("disabled", "metadata", "contents"),
+    )
+
+    def __post_init__(self) -> None:
+        """Check the fields and the names of what is unknown."""
+        super().__post_init__()
+        unknown_names(self.unknown)
+
 
 RECENT: Final = 256  # requests that the percentiles are of
 SERVING: Final = "serving"

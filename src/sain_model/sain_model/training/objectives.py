@@ -1,12 +1,12 @@
 """What a network learns: single pushes, Algorithm 1's phase II; or its own rollouts, equation 5.
 
 Single pushes teach a residual of the prior. Where the network corrects parameters of the prior,
-gradients come from simulated variations (`dynamics.physics_gradient`).
+gradients come from simulated variations (`dynamics.parameter_correction`).
 """
 
 import functools
 from dataclasses import dataclass
-from typing import Self
+from typing import Final, Self
 
 import numpy as np
 import torch
@@ -15,20 +15,118 @@ from torch import Tensor
 from torch.nn import functional
 
 from sain_core.model import Model
-from sain_core.scene import POSE
+from sain_core.scene import POSE, VELOCITY
 from sain_model.compute.threads import one_numba_thread
 from sain_model.data.dataset import Dataset, Part, Split
-from sain_model.data.examples import Examples, inferred_values, make_examples
 from sain_model.data.windows import Windows, make_windows
-from sain_model.dynamics.physics_gradient import ToldPushes, conditioned_moves, moves
+from sain_model.dynamics.parameter_correction import ToldPushes, conditioned_moves, moves
+from sain_model.inference.evidence import Known, grid_values
 from sain_model.inference.kinds import Kind
-from sain_model.network.features import push_frames
+from sain_model.network.feature_kernels import GAP_AFTER, GAP_BEFORE, MIRRORED_RELATION
+from sain_model.network.features import (
+    mirrored_columns,
+    network_inputs,
+    push_frames,
+    relation_ends,
+    true_residual,
+)
 from sain_model.network.interaction_network import CHUNK, InteractionNetwork
+from sain_model.network.settings import NetworkConfig
 from sain_model.physics.parameters import Values
-from sain_model.physics.planar import PlanarPrior
+from sain_model.physics.planar import PlanarPrior, step_knowing
 from sain_model.training.rollouts import roll
 from sain_model.training.settings import LossConfig, RolloutConfig, TrainingConfig
 from sain_model.training.trainer import LearningObjective
+
+MIRRORED_MOTION: Final = (1, 2)  # across the push, and the turn
+
+
+@dataclass(frozen=True)
+class Examples:
+    """Network inputs and what it should say, for M pushes."""
+
+    bodies: Float[Tensor, "M N D"]
+    relations: Float[Tensor, "M E R"]
+    residual: Float[Tensor, "M N 3"]
+    velocity: Float[Tensor, "M N 3"]  # error of the prior's velocity, which no network changes
+
+    def __len__(self) -> int:
+        """Return the number of pushes M."""
+        return len(self.bodies)
+
+    def padded(self, bodies: int) -> Self:
+        """Return examples with so many bodies, those that are missing far from all others.
+
+        A body that is far away tells others nothing, to the bit (`InteractionNetwork`): the
+        network says the same of the bodies that exist. Of the others it should say zero.
+        """
+        count = self.bodies.shape[1]
+        if count == bodies:
+            return self
+        receiver, sender = relation_ends(bodies)
+        exist = torch.from_numpy((receiver < count) & (sender < count))
+        relations = self.relations.new_zeros(len(self), len(exist), self.relations.shape[2])
+        relations[..., [GAP_BEFORE, GAP_AFTER]] = 1.0
+        relations[:, exist] = self.relations
+        missing = (0, 0, 0, bodies - count)
+        return type(self)(
+            functional.pad(self.bodies, missing),
+            relations,
+            functional.pad(self.residual, missing),
+            functional.pad(self.velocity, missing),
+        )
+
+    def mirrored(self, network: NetworkConfig = NetworkConfig()) -> Self:
+        """Return the mirror images of examples for a network in the push frame: signs change."""
+        flipped = {
+            "bodies": mirrored_columns(network),
+            "relations": MIRRORED_RELATION,
+            "residual": MIRRORED_MOTION,
+            "velocity": MIRRORED_MOTION,
+        }
+        tensors = {name: tensor.clone() for name, tensor in vars(self).items()}
+        for name, columns in flipped.items():
+            tensors[name][..., list(columns)] *= -1.0
+        return type(self)(**tensors)
+
+    def and_then(self, *others: Self) -> Self:
+        """Return these examples and others."""
+        joined = {
+            name: torch.cat([tensor, *(getattr(other, name) for other in others)])
+            for name, tensor in vars(self).items()
+        }
+        return type(self)(**joined)
+
+
+def make_examples(
+    data: Part, prior: Model, values: Values | None = None, network: NetworkConfig = NetworkConfig()
+) -> Examples:
+    """Return inputs and outputs for these transitions on a prior.
+
+    `values` (M,) are those of the prior's parameters that differ from its settings. `network` says
+    which features there are.
+    """
+    prior_here = prior.with_bodies(data.bodies)
+    physics_next = step_knowing(prior_here, data.state, data.action, values)
+    frames = push_frames(data.state, data.action, data.bodies)
+    features = network_inputs(network, data.state, frames, physics_next, data.bodies, values)
+    velocity = data.next_state[..., VELOCITY] - physics_next[..., VELOCITY]
+    targets = (true_residual(data.next_state, frames, physics_next), velocity)
+    told = (torch.from_numpy(array.astype(np.float32)) for array in targets)
+    return Examples(*features.tensors(), *told)
+
+
+def inferred_values(data: Part, kind: Kind, random: np.random.Generator | None = None) -> Values:
+    """Return values (M,) of a kind's parameters that other pushes of an episode show, by name.
+
+    From all of them; with `random` from so many of the latest earlier ones as it draws. Values that
+    the data give are as given.
+    """
+    known = Known.others(data.episode)
+    if random is not None:
+        earlier = Known.earlier(data.episode, data.step).counts
+        known = Known.earlier(data.episode, data.step, random.integers(earlier + 1))
+    return grid_values(kind, data.observed, known)[0] | dict(data.given or {})
 
 
 def _identity(split: Split, kind: Kind) -> str:
@@ -44,13 +142,7 @@ class _Pushes:
     plain: Tensor = torch.zeros(0)  # (M, N, 3), the moves that the uncorrected prior predicts
 
     @classmethod
-    def make(
-        cls,
-        data: Dataset,
-        kind: Kind,
-        config: TrainingConfig,
-        mirror: bool = False,
-    ) -> Self:
+    def make(cls, data: Dataset, kind: Kind, config: TrainingConfig, mirror: bool = False) -> Self:
         network, most = config.network, max(part.disks for part in data.parts)
         known = [(part, inferred_values(part, kind)) for part in data.parts]
         examples = [
@@ -112,12 +204,7 @@ def _padded(motion: Tensor, bodies: int) -> Tensor:
 class SinglePushes(LearningObjective):
     """Algorithm 1's loss of single pushes, each member on rows of its own."""
 
-    def __init__(
-        self,
-        split: Split,
-        kind: Kind,
-        config: TrainingConfig,
-    ) -> None:
+    def __init__(self, split: Split, kind: Kind, config: TrainingConfig) -> None:
         """Prepare the data; `kind` is the physics that is corrected."""
         self.identity, self.members = _identity(split, kind), config.network.members
         self._loss = config.loss
@@ -143,11 +230,7 @@ class Rollouts(LearningObjective):
     """Algorithm 1's loss of rollouts of the network's own predictions."""
 
     def __init__(
-        self,
-        split: Split,
-        kind: Kind,
-        config: TrainingConfig,
-        rollout: RolloutConfig,
+        self, split: Split, kind: Kind, config: TrainingConfig, rollout: RolloutConfig
     ) -> None:
         """Prepare the windows.
 

@@ -18,11 +18,12 @@ import tyro
 
 from sain_core.config import Config, option, required
 from sain_core.transitions import SHARES, TEST, VALIDATION
-from sain_model.dynamics.settings import PLANAR, PLANAR_AXES
 from sain_model.network.settings import (
     BOOTSTRAP,
     ORDER,
     PARAMETERS,
+    PLANAR,
+    PLANAR_AXES,
     PUSH_FRAME,
     WORLD_FRAME,
     NetworkConfig,
@@ -232,12 +233,10 @@ class TrainOptions(Config):
     out: Path = required("folder for checkpoint, card, loss curve and settings")
     name: str = option("sain", "name of the checkpoint")
     parent: Annotated[str | None, tyro.conf.arg(name="from", metavar="CHECKPOINT")] = option(
-        None,
-        "fine-tune a checkpoint: sain (shipped), or a path; its settings stay",
+        None, "fine-tune a checkpoint: sain (shipped), or a path; its settings stay"
     )
     preset: Literal["default", "paper", "paper-epochs", "paper-steps"] = option(
-        "default",
-        "settings to start from: ours, or the paper's (docs/guides/training.md)",
+        "default", "settings to start from: ours, or the paper's (docs/guides/training.md)"
     )
     belief: str = option(
         "",

@@ -42,7 +42,7 @@ from sain_mppi.agent.events import (
 from sain_mppi.agent.goal_tracker import GoalTracker, GoalTrackerConfig
 from sain_mppi.agent.planning import Decider, Patience, PlanningDecider
 from sain_mppi.agent.uncertainty import EstimatorConfig
-from sain_mppi.algorithms.config import PlannerConfig
+from sain_mppi.config import PlannerConfig
 from sain_mppi.objective.problem import Problem
 
 logger = logging.getLogger(__name__)

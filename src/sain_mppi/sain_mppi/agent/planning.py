@@ -17,8 +17,8 @@ from sain_core.shapes.bodies import PAPER_DISKS, Bodies
 from sain_core.transitions import PushHistory
 from sain_core.types import PredictedScenes, PushSequences, Scalars, Scene
 from sain_mppi.agent.events import PlanJob, PushDecision
-from sain_mppi.algorithms.config import PlannerConfig, ProgressConfig
 from sain_mppi.algorithms.search import RESET
+from sain_mppi.config import PlannerConfig, ProgressConfig
 from sain_mppi.objective.cost import Objective
 from sain_mppi.planner import Planner
 

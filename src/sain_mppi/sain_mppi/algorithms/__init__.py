@@ -7,13 +7,11 @@ from typing import Final
 import numpy as np
 
 from sain_core.types import PushSequences
-from sain_mppi.algorithms.config import EXHAUSTIVE, GRADIENT, ICEM, MPPI, MPPI_ROUNDS, PLANNERS
-from sain_mppi.algorithms.exhaustive import exhaustive
 from sain_mppi.algorithms.gradient import gradient
 from sain_mppi.algorithms.icem import icem
-from sain_mppi.algorithms.mppi import mppi
-from sain_mppi.algorithms.mppi_rounds import mppi_rounds
+from sain_mppi.algorithms.mppi import exhaustive, mppi, mppi_rounds
 from sain_mppi.algorithms.search import Search
+from sain_mppi.config import EXHAUSTIVE, GRADIENT, ICEM, MPPI, MPPI_ROUNDS, PLANNERS
 
 Algorithm = Callable[[Search, PushSequences, np.random.Generator], None]
 """Evaluates sequences in a search, which keeps the cheapest, until it is good or over.

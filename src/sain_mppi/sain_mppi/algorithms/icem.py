@@ -10,9 +10,9 @@ from numpy import ndarray
 from sain_core.push import LOCATION, PATH
 from sain_core.scene import wrap_angle
 from sain_core.types import PushSequences, Scalars
-from sain_mppi.algorithms.config import MEAN, IcemConfig
 from sain_mppi.algorithms.sampling import Sequence, coloured_noise, stop_early, weighted_mean
 from sain_mppi.algorithms.search import Search
+from sain_mppi.config import MEAN, IcemConfig
 from sain_mppi.objective.proposals import inside_limits
 
 

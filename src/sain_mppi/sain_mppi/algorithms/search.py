@@ -11,7 +11,6 @@ from sain_core.model import RolloutModel, check_rollout
 from sain_core.push import LENGTH, SPEED, idle_pushes
 from sain_core.scene import POSITION
 from sain_core.types import Mask, PredictedScenes, PushArray, Pushes, PushSequences, Scalars
-from sain_mppi.algorithms.config import PlannerConfig
 from sain_mppi.algorithms.result import Elites, PlanResult, Times
 from sain_mppi.algorithms.sampling import (
     cost_spread,
@@ -20,6 +19,7 @@ from sain_mppi.algorithms.sampling import (
     softmin_weights,
     stop_early,
 )
+from sain_mppi.config import PlannerConfig
 from sain_mppi.objective.cost import Objective, total_cost
 from sain_mppi.objective.proposals import candidates, uniform
 

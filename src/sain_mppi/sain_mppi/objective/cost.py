@@ -22,7 +22,7 @@ from sain_core.push import LENGTH, idle_pushes
 from sain_core.scene import POSITION, RADIUS, THETA, Table, unit
 from sain_core.shapes.shape import Shape
 from sain_core.types import Mask, Place, Points, PredictedScenes, PushSequences, Scalars, Scenes
-from sain_mppi.objective.cost_weights import COSTS, CostWeights, further_terms
+from sain_mppi.config import COSTS, CostWeights, further_terms
 from sain_mppi.objective.problem import Problem
 
 ERROR_ROOM: Final = 0.02  # [m], for errors of predictions, where a shape is near the edge

@@ -30,8 +30,7 @@ from sain_mppi.ros.driver import Driver
 from sain_mppi.ros.goals import GoalHandlers, Goals, task_of
 from sain_mppi.ros.plans import Plans
 from sain_mppi.ros.remote import RemoteRollout
-from sain_mppi.ros.resumption import Notes, event_of
-from sain_mppi.ros.watch import PeerWatch
+from sain_mppi.ros.watch import Notes, PeerWatch, event_of
 
 FEW: Final = 4  # scenes, as come while shapes are on their way
 

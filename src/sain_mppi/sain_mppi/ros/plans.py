@@ -23,8 +23,7 @@ from sain_interfaces.msg import Goal, Plan, Push
 from sain_mppi.agent.events import PlanJob, PushDecision, Stop, StopReason, Task
 from sain_mppi.algorithms.result import PlanResult
 from sain_mppi.ros.goals import Goals
-from sain_mppi.ros.resumption import Notes
-from sain_mppi.ros.watch import PeerWatch
+from sain_mppi.ros.watch import Notes, PeerWatch
 
 STATUS: Final = {
     StopReason.REACHED: Plan.REACHED,

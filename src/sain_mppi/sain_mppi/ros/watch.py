@@ -1,15 +1,111 @@
-"""What no message says: whether a model serves, who listens, and whether another planner plans."""
+"""What a planner keeps for after a crash, and what no message says: who listens, who serves."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Final
 
+from rclpy.impl.rcutils_logger import RcutilsLogger
 from rclpy.node import Node
 
+from sain_core import wire
+from sain_core.errors import ErrorCode, SainError
 from sain_core.guarding.ros.ownership import Ownership
+from sain_core.guarding.ros.state_file import StateFile, id_in, message_of, text_of
+from sain_core.ros.codec import decode_time
 from sain_core.ros.node_main import ERROR, OK, WARN, Diagnostics
 from sain_core.ros.qos import Return, listeners, steady_timer
+from sain_interfaces.msg import Goal, Plan, PushResult
+from sain_mppi.agent.agent import MOST_PUSHES
+from sain_mppi.agent.events import PushEnded, PushExecuted
 from sain_mppi.ros.remote import RemoteRollout
-from sain_mppi.ros.resumption import Notes
+
+
+def event_of(message: PushResult, logger: RcutilsLogger) -> PushExecuted | PushEnded:
+    """Return what a result says; one whose scenes cannot be read is only an end."""
+    time = decode_time(message.header.stamp)
+    if message.error_code == ErrorCode.OK:
+        try:
+            states = wire.decode_result(message)
+            return PushExecuted(message.push_id, message.episode_id, *states, time)
+        except SainError as error:
+            logger.warning(f"push {message.push_id} is left out of the history: {error}")
+    return PushEnded(message.push_id, message.error_code, time)
+
+
+class Notes:
+    """The goal that is followed, the pushes sent for it, and what the episode's pushes led to."""
+
+    def __init__(self, node: Node, path: str) -> None:
+        """Keep them at this path, and begin with what is there; empty: keep nothing.
+
+        Raises:
+            DatasetError: what is there is damaged.
+        """
+        self._file = StateFile(node, path)
+        self.goal: Goal | None = None
+        self.pushes = 0
+        self.plans = 0  # made so far
+        self.heard: list[int] = []  # goals, by when they were sent
+        self.listeners: list[str] = []  # nodes
+        self.results: list[PushResult] = []
+        self._read()
+
+    def set_goal(self, goal: Goal, heard: Iterable[int]) -> None:
+        """Note a new goal, and the goals that were heard so far."""
+        self.goal, self.pushes, self.heard = goal, 0, list(heard)
+        self.write()
+
+    def heard_by(self, names: Iterable[str]) -> None:
+        """Note who hears the planner."""
+        if (now := sorted(names)) != self.listeners:
+            self.listeners = now
+            self.write()
+
+    def count(self, pushes: int) -> None:
+        """Note how many pushes were sent for the goal."""
+        self.pushes = pushes
+        self.write()
+
+    def add_plan(self, plan: Plan) -> None:
+        """Note a plan, and whether the goal is still followed after it."""
+        self.plans = plan.plan_id
+        over = plan.status != Plan.PUSH
+        if over and self.goal is not None and self.goal.goal_id == plan.goal_id:
+            self.goal = None
+        self.write()
+
+    def add_result(self, result: PushResult, pushes: int) -> None:
+        """Note what a push led to."""
+        same = [one for one in self.results if one.episode_id == result.episode_id]
+        self.results = [*same, result][-MOST_PUSHES:]
+        self.count(pushes)
+
+    @property
+    def kept(self) -> bool:
+        """Whether there is a file."""
+        return bool(self._file)
+
+    def write(self) -> None:
+        """Write all of it."""
+        self._file.write(
+            goal="" if self.goal is None else text_of(self.goal),
+            pushes=self.pushes,
+            plans=self.plans,
+            heard=self.heard,
+            listeners=self.listeners,
+            results=[text_of(result) for result in self.results],
+        )
+
+    def _read(self) -> None:
+        state = self._file.read()
+        if not state:
+            return
+        with self._file.decoding():
+            self.goal = message_of(Goal, state["goal"]) if state["goal"] else None
+            self.pushes, self.plans = id_in(state, "pushes"), id_in(state, "plans")
+            self.heard = [int(stamp) for stamp in state["heard"]]
+            self.listeners = [str(name) for name in state["listeners"]]
+            self.results = [message_of(PushResult, text) for text in state["results"]]
+
 
 LOOK_AGAIN: Final = 0.1  # [s] between looks for the model, and for messages that do not come
 LOOK_AROUND: Final = 1.0  # [s] between looks for who listens
