@@ -22,7 +22,6 @@ from sain_interfaces.msg import (
     Goal,
     Plan,
     Push,
-    PushPrediction,
     PushResult,
     WorldParameters,
 )
@@ -35,7 +34,6 @@ DEADLINE = 60.0  # [s], for what takes far less unless something is broken
 HEARD = {
     "scene": SceneMessage,
     "push_result": PushResult,
-    "physics_prediction": PushPrediction,
     "plan": Plan,
     "push": Push,
     "plan_markers": MarkerArray,

@@ -277,12 +277,16 @@ changed_packages() {
 }
 
 # Takes packages out of the recipe of what is built. A Python package's products go too, or an executable
-# that is no more would stay; those of the interfaces stay, to be built upon.
+# that is no more would stay; those of the interfaces stay, to be built upon, unless one of them is no more.
 forget() { # PACKAGE...
-  local package
+  local package file gone
   for package in "$@"; do
+    gone=
+    while read -r file; do
+      if [[ ! -e src/$file ]]; then gone=yes; fi
+    done < <(sed -nE "s#^[^ ]+  \./($package/.*)#\1#p" install/recipe)
     sed -i -E "\#  (\.|\.\./tools/missing)/$package/#d" install/recipe
-    if [[ -f src/$package/CMakeLists.txt ]]; then continue; fi
+    if [[ -f src/$package/CMakeLists.txt && ! $gone ]]; then continue; fi
     rm -rf "build/$package" "install/$package"
   done
 }

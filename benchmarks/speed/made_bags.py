@@ -1,4 +1,4 @@
-"""Bags of any size for benchmarks: pushes with results and predictions, or a whole graph at work.
+"""Bags of any size for benchmarks: pushes with their results, or a whole graph at work.
 
 The messages have the sizes of a recording of `make demo`. The states of pushes are random, so that
 they compress no better than real ones; of what else a graph says a few numbers change each time.
@@ -25,7 +25,6 @@ INTERFACES = (
     "Push",
     "Prediction",
     "PushResult",
-    "PushPrediction",
 )
 BESIDE = {  # what else a graph says for each scene, with its size [bytes] in CDR
     "/clock": ("rosgraph_msgs/msg/Clock", 12),
@@ -86,18 +85,17 @@ class MadeBag:
         self._scene_id += 1
         after = self._scene(episode)
         if result:
+            prediction = self._make(
+                "Prediction", error_code=1, model="bullet_nominal", disks=self._disks()
+            )
             self._send(
                 "push_result", "PushResult", **ids, error_code=1, push=push, before=before,
-                after=after, duration=1.25,
+                after=after, duration=1.25, prediction=prediction,
             )  # fmt: skip
         else:
             for scene in (before, after):
                 data = self._serialize("Scene", scene)
                 self._write("/sain/scene", "sain_interfaces/msg/Scene", data)
-        self._send(
-            "physics_prediction", "PushPrediction", **ids, error_code=1, model="bullet_nominal",
-            disks=self._disks(),
-        )  # fmt: skip
 
     def _scene(self, episode: int, settled: bool = True) -> Any:
         header = self._make("Header", package="std_msgs", frame_id="world")

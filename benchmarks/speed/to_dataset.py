@@ -1,9 +1,9 @@
 """How fast bags become data sets, beside bare decoding.
 
-1. A bag of nothing but pushes with their results and predictions.
+1. A bag of nothing but pushes with their results.
 2. A bag of a whole graph at work: the same, and scenes, joints, markers and a clock at 100 Hz.
 
-`to_dataset` finds, decodes, pairs and checks the messages and writes the shards, safe on the disk.
+`to_dataset` finds, decodes and checks the messages and writes the shards, safe on the disk.
 `rosbags` and `mcap-ros2-support-fast` decode the same topics of the same bag, and nothing else. All
 on one core, in turns, the shortest time of some.
 
@@ -31,7 +31,7 @@ from benchmarks.report import Figure, report
 from benchmarks.speed.made_bags import MadeBag
 from benchmarks.timing import fastest
 from sain_bags.dataset.conversion import convert
-from sain_bags.transitions.sources import find_sources
+from sain_bags.rows.sources import find_sources
 from sain_bags.writing.writer import BagConfig
 
 MEBIBYTE = 1 << 20
@@ -102,13 +102,14 @@ def speed(name: str, bag: Path, folder: Path, repeats: int) -> list[Figure]:
     """Measure one bag."""
     (source,) = find_sources([bag])
     topics = frozenset(source.topics)
+    messages = sum(topic.messages for topic in source.bag.topics if topic.name in topics)
     works: dict[str, Callable[[], object]] = {
         "to_dataset": partial(with_sain, bag, folder / "out"),
         "rosbags": partial(with_rosbags, bag, topics),
         "mcap-ros2-support-fast": partial(with_mcap, bag, topics),
     }
     times = fastest(works, repeats)
-    rates = {who: 1e-3 * source.messages / time.wall for who, time in times.items()}
+    rates = {who: 1e-3 * messages / time.wall for who, time in times.items()}
     figures = [Figure(f"{name}: {who}", rate, "k messages/s") for who, rate in rates.items()]
     own = rates["to_dataset"]
     return [

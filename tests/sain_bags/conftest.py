@@ -1,5 +1,6 @@
 """Recordings made by hand: CDR from `rosbags`' typestore, so that no test needs a running graph."""
 
+import re
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -16,22 +17,46 @@ from sain_core.scene import STATE_NAMES, make_scene
 from sain_core.types import Scene
 
 INTERFACES = (
-    "DiskState", "Scene", "GoalPose", "Goal", "Push", "Prediction", "PushResult", "PushPrediction",
+    "DiskState", "Scene", "GoalPose", "Goal", "Push", "Prediction", "PushResult",
     "Plan", "WorldParameters", "Body", "Bodies",
 )  # fmt: skip
+OLD_PREDICTION = """std_msgs/Header header
+uint64 push_id
+uint64 episode_id
+uint64 scene_id
+uint16 error_code
+string error_message
+string model
+DiskState[] disks
+"""
 SECOND = 1_000_000_000
 START = 1_700_000_000 * SECOND
 
 
 class Messages:
-    """Builds and serializes messages of the graph."""
+    """Builds and serializes messages of the graph.
 
-    def __init__(self) -> None:
-        self.definitions = Definitions()
+    `old` ones are of before results carried predictions, which were messages of their own.
+    """
+
+    def __init__(self, old: bool = False) -> None:
+        self.old, self.definitions = old, Definitions()
+        if old:
+            self._describe_as_before()
         self.store = get_typestore(Stores.ROS2_JAZZY)
-        for name in INTERFACES:
+        for name in (*INTERFACES, *(["PushPrediction"] if old else [])):
             full = f"sain_interfaces/msg/{name}"
             self.store.register(get_types_from_msg(self.definitions.text(full), full))
+
+    def _describe_as_before(self) -> None:
+        today = self.definitions.text
+
+        def text(name: str) -> str:
+            if name.endswith("/PushPrediction"):
+                return OLD_PREDICTION
+            return re.sub(r"(?m)^Prediction prediction.*\n", "", today(name))
+
+        self.definitions.text = text  # type: ignore[method-assign]
 
     def make(self, type_name: str, **fields: Any) -> Any:
         """Build a message; what is not given is zero."""
@@ -97,7 +122,7 @@ class Recording:
         )  # fmt: skip
 
     def push(self, number: int, episode: int, before: Scene, after: Scene, **more: Any) -> None:
-        """Append all that a push leaves behind: plan, result and, late, the prediction."""
+        """Append all that a push leaves behind: plan and result."""
         make, disks = self.messages.make, self.messages.disks
         code = more.get("error_code", 1)
         predicted = np.stack([after + 0.001, after + 0.002])
@@ -116,18 +141,20 @@ class Recording:
         )
         scenes = [make("sain_interfaces/msg/Scene", disks=disks(s)) for s in (before, after)]
         prediction = {"model": "bullet_nominal", "error_code": 1, "disks": disks(after + 0.003)}
+        if code != 1 or not more.get("predicts", True):
+            prediction = {}
+        told: dict[str, Any] = {}
+        if not self.messages.old:
+            told["prediction"] = make("sain_interfaces/msg/Prediction", **prediction)
         self.add(
             "/sain/push_result", "PushResult",
             push_id=number, episode_id=episode, error_code=code, push=push,
             error_message="blocked" if code != 1 else "", before=scenes[0], after=scenes[1],
-            prediction=make("sain_interfaces/msg/Prediction", **(prediction if code == 1 else {})),
+            **told,
         )  # fmt: skip
-        if code == 1:
-            self.add(
-                "/sain/physics_prediction", "PushPrediction",
-                push_id=number, episode_id=episode, error_code=1, model="bullet_nominal",
-                disks=disks(after + 0.003),
-            )  # fmt: skip
+        if self.messages.old and prediction:
+            topic = "/sain/physics_prediction"
+            self.add(topic, "PushPrediction", push_id=number, episode_id=episode, **prediction)
 
 
 @pytest.fixture(scope="session")

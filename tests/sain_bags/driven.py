@@ -70,17 +70,21 @@ class Drive:
         settled = place not in parts.unsettled
         end = self.scene_message(episode, after, settled)
         if parts.results and place not in parts.unanswered:
-            self.result(push, start, end)
+            self.result(push, start, end, prediction=self.prediction(place, after))
         self.show(episode, after, settled)
         self.show(episode, after, settled)  # the simulator says it again while it idles
-        if parts.predictions and place not in parts.unpredicted:
-            self._send(
-                "physics_prediction", "PushPrediction",
-                push_id=push_id, episode_id=episode, model="bullet_nominal",
-                error_code=BLOCKED if place in parts.failed_prediction else OK,
-                disks=self.messages.disks(after + 0.002),
-            )  # fmt: skip
+        if self.messages.old and (found := self.prediction(place, after)):
+            ids = {"push_id": push_id, "episode_id": episode}
+            self._send("physics_prediction", "PushPrediction", **ids, **found)
         return after
+
+    def prediction(self, place: int, after: Scene) -> dict[str, Any]:
+        """Return what is said of a push before it ends; nothing where nobody predicted it."""
+        if not self.parts.predictions or place in self.parts.unpredicted:
+            return {}
+        code = BLOCKED if place in self.parts.failed_prediction else OK
+        disks = self.messages.disks(after + 0.002)
+        return {"model": "bullet_nominal", "error_code": code, "disks": disks}
 
     def push_message(self, push_id: int, episode: int) -> Any:
         return self.messages.make(
@@ -89,13 +93,19 @@ class Drive:
             location=self.random.uniform(-3, 3), angle=self.random.uniform(-0.7, 0.7), length=0.1,
         )  # fmt: skip
 
-    def result(self, push: Any, before: Any, after: Any, code: int = OK) -> None:
+    def result(
+        self, push: Any, before: Any, after: Any, code: int = OK, prediction: Any = ()
+    ) -> None:
         """Write what became of a push."""
+        predicted = {}
+        if not self.messages.old:
+            kind = "sain_interfaces/msg/Prediction"
+            predicted = {"prediction": self.messages.make(kind, **dict(prediction))}
         self._send(
             "push_result", "PushResult",
             push_id=push.push_id, episode_id=push.episode_id, error_code=code, push=push,
             error_message="" if code == OK else "a disk is in the way",
-            before=before, after=after, duration=1.25,
+            before=before, after=after, duration=1.25, **predicted,
         )  # fmt: skip
 
     def show(self, episode: int, scene: Scene, settled: bool = True) -> None:

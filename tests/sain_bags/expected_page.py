@@ -45,13 +45,12 @@ def expected_episodes(folder: Path) -> dict[int, ExpectedEpisode]:
     found = recorded(folder)
     goals = {goal.episode_id: goal for goal in found.get("goal", [])}
     plans = by_id(found.get("plan", []), "push_id")
-    physics = by_id(found.get("physics_prediction", []), "push_id")
     results: dict[int, list[Any]] = {}
     for result in found.get("push_result", []):
         results.setdefault(result.episode_id, []).append(result)
     return {
         number: ExpectedEpisode(
-            [_row(one, goals[number], plans, physics) for one in every],
+            [_row(one, goals[number], plans) for one in every],
             sum(one.error_code == OK for one in every),
             sum(one.error_code != OK for one in every),
             _apart(every[-1].after.disks[1], goals[number]),
@@ -60,10 +59,8 @@ def expected_episodes(folder: Path) -> dict[int, ExpectedEpisode]:
     }
 
 
-def _row(
-    result: Any, goal: Any, plans: Mapping[int, Any], physics: Mapping[int, Any]
-) -> dict[str, float | None]:
-    plan, other, done = plans[result.push_id], physics.get(result.push_id), result.error_code == OK
+def _row(result: Any, goal: Any, plans: Mapping[int, Any]) -> dict[str, float | None]:
+    plan, other, done = plans[result.push_id], result.prediction, result.error_code == OK
     before, after = result.before.disks[1], result.after.disks[1]
     first = plan.predicted.reshape(plan.horizon, plan.disks, 8)[0, 1]
     return {
@@ -72,7 +69,7 @@ def _row(
         "Travel": result.push.length,
         "Target moved": _apart(before, after) if done else None,
         "Target to goal": _apart(after, goal) if done else None,
-        "Physics error": _apart(other.disks[1], after) if done and other else None,
+        "Physics error": _apart(other.disks[1], after) if done and other.model else None,
         "Planner error": math.hypot(first[0] - after.x, first[1] - after.y) if done else None,
         "Planning time": plan.planning_time,
     }

@@ -23,7 +23,7 @@ def independent_rows(folder: Path) -> Iterator[dict[str, Any]]:
 
     Where no model predicted a push, its row has no `physics_next` and no `physics_source`.
     """
-    found, heard = read(folder)
+    found, heard, ended = read(folder)
     physics = by_id(found["PushPrediction"], "push_id")
     results = by_id(
         [result for result in found["PushResult"] if result.error_code == OK], "push_id"
@@ -52,10 +52,10 @@ def independent_rows(folder: Path) -> Iterator[dict[str, Any]]:
             "push_id": number,
             "bag_episode": episode,
             "outcome": OK if result else 0,
-            "log_time": heard[number],
+            "log_time": ended[number] if result else ended[episode, after.scene_id],
             "source": "push_result" if result else "scenes",
         }
-        predicted = physics.get(number)
+        predicted = getattr(result, "prediction", None) or physics.get(number)
         if predicted and predicted.error_code == OK:
             row |= {"physics_next": numbers(predicted.disks), "physics_source": predicted.model}
         yield row
@@ -80,10 +80,12 @@ def compare(rows: Mapping[str, Any], folder: Path) -> int:
     return compared
 
 
-def read(folder: Path) -> tuple[dict[str, list[Any]], dict[int, int]]:
-    """Return a bag's messages by kind, and when each push was first heard of."""
+def read(folder: Path) -> tuple[dict[str, list[Any]], list[int], dict[Any, int]]:
+    """Return a bag's messages by kind, the pushes in the order in which they were heard of, and
+    when the result of each executed one came, and each settled scene."""
     found: dict[str, list[Any]] = {kind: [] for kind in KINDS}
-    heard: dict[int, int] = {}
+    heard: dict[int, None] = {}
+    ended: dict[Any, int] = {}
     with AnyReader([folder]) as reader:
         wanted = [c for c in reader.connections if c.msgtype.rpartition("/")[2] in KINDS]
         for connection, time, raw in reader.messages(wanted):
@@ -91,8 +93,12 @@ def read(folder: Path) -> tuple[dict[str, list[Any]], dict[int, int]]:
             message = reader.deserialize(raw, connection.msgtype)
             found[kind].append(message)
             if kind in ("Push", "PushResult"):
-                heard.setdefault(message.push_id, time)
-    return found, heard
+                heard.setdefault(message.push_id)
+            if kind == "PushResult" and message.error_code == OK:
+                ended.setdefault(message.push_id, time)
+            if kind == "Scene" and message.settled:
+                ended.setdefault((message.episode_id, message.scene_id), time)
+    return found, list(heard), ended
 
 
 def by_id(messages: Sequence[Any], name: str) -> dict[int, Any]:

@@ -65,14 +65,12 @@ class Show:
             self.scene_id += 1
         result = self._scene(episode, after, True)
         if self.results:
+            disks = self.recording.messages.disks(after + _shift(after, 3 * off))
+            prediction = {"model": "bullet_nominal", "error_code": code, "disks": disks}
             self._send(
                 "push_result", "PushResult", **ids, error_code=code, push=push, before=start,
                 after=result, error_message="" if code == OK else self.error,
-            )  # fmt: skip
-            self._send(
-                "physics_prediction", "PushPrediction", **ids, error_code=code,
-                model="bullet_nominal",
-                disks=self.recording.messages.disks(after + _shift(after, 3 * off)),
+                prediction=self.make("sain_interfaces/msg/Prediction", **prediction),
             )  # fmt: skip
         self._show(episode, after, settled=True)
         self._show(episode, after, settled=True)  # a simulator says it again while it idles

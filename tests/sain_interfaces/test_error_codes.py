@@ -28,8 +28,8 @@ def test_ros_generates_each_constant(code):
 
 def test_the_messages_that_carry_a_code_are_known():
     assert {path.stem for path in CARRIERS} == {
-        "DescribeModel", "LoadModel", "Plan", "PredictResidual", "Prediction", "PushPrediction",
-        "PushResult", "Reach", "ResetScene", "Rollout",
+        "DescribeModel", "LoadModel", "Plan", "PredictResidual", "Prediction", "PushResult",
+        "Reach", "ResetScene", "Rollout",
     }  # fmt: skip
 
 

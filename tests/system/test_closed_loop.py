@@ -19,7 +19,7 @@ from PIL import Image, ImageSequence
 from rosbags.highlevel import AnyReader
 
 from sain_bags.reading.reader import Bag
-from sain_bags.transitions.recorded_episodes import read_episodes
+from sain_bags.rows.episodes import read_episodes
 from sain_bringup.graph import executable
 
 pytestmark = pytest.mark.system
@@ -28,7 +28,7 @@ MARK = "SAIN_SYSTEM_TEST"  # a variable that every process of a run inherits
 UP = "are up"
 TOPICS = {
     "/clock", "/diagnostics", "/rosout", "/parameter_events", "/tf", "/tf_static",
-    "/sain/goal", "/sain/joint_states", "/sain/markers", "/sain/physics_prediction", "/sain/plan",
+    "/sain/goal", "/sain/joint_states", "/sain/markers", "/sain/plan",
     "/sain/plan_markers", "/sain/push", "/sain/push_result", "/sain/robot_description",
     "/sain/scene",
 }  # fmt: skip

@@ -36,7 +36,7 @@ Make = Callable[[Path, Path, Random], object]  # from a good folder, into a fold
 
 PUSH: Final = "sain_interfaces/msg/Push"
 NAMES: Final = (
-    "Push", "Prediction", "PushResult", "PushPrediction", "Scene", "Goal", "Plan",
+    "Push", "Prediction", "PushResult", "Scene", "Goal", "Plan",
     "WorldParameters", "Bodies",
 )  # fmt: skip
 TYPES: Final = (*(f"sain_interfaces/msg/{name}" for name in NAMES), "sensor_msgs/msg/JointState")

@@ -17,8 +17,8 @@ from numpy import ndarray
 from PIL import Image, ImageDraw, ImageFont
 
 from sain_bags.reading.reader import Bag
-from sain_bags.transitions.message_fields import SCENE
-from sain_bags.transitions.recorded_episodes import Episode
+from sain_bags.rows.episodes import Episode
+from sain_bags.rows.message_fields import SCENE
 from sain_bringup.graph import NAMESPACE_KEY
 from sain_core.config import Config, option
 from sain_core.goal import Judgement

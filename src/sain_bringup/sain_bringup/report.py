@@ -11,7 +11,7 @@ from rich.text import Text
 from sain_bags.reading.reader import Bag
 from sain_bags.report.content import read_content
 from sain_bags.report.writing import write_page
-from sain_bags.transitions.recorded_episodes import Episode, read_episodes
+from sain_bags.rows.episodes import Episode, read_episodes
 from sain_bringup.display import Display
 from sain_bringup.graph import EPISODES_KEY, NAMESPACE_KEY
 from sain_bringup.movie import (

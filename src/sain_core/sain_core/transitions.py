@@ -136,8 +136,8 @@ class Column(StrEnum):
                NEVER, ALWAYS)
     STAMP = "stamp", (), "int64", "ns", "time of the scene before the push", NEVER, ALWAYS
     NEXT_STAMP = "next_stamp", (), "int64", "ns", "time of the scene after the push", NEVER, ALWAYS
-    LOG_TIME = ("log_time", (), "int64", "ns", "receipt of the first message about the push",
-                NEVER, ALWAYS)
+    LOG_TIME = ("log_time", (), "int64", "ns",
+                "receipt of the result; without one, of the scene after", NEVER, ALWAYS)
     SOURCE = ("source", (), "str", "", "origin of the scenes: `push_result` or `scenes`",
               NEVER, ALWAYS)
     PHYSICS_SOURCE = ("physics_source", (), "str", "",

@@ -14,7 +14,6 @@ sim_node: Final = NodeCommand(
     publishes=(
         "scene",
         "push_result",
-        "physics_prediction",
         "shapes",
         "world_parameters",
         "joint_states",

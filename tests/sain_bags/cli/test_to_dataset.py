@@ -17,15 +17,19 @@ from sain_core.model import load_dynamics
 from sain_core.transitions import RECORDED, Column
 from sain_core.workers import WorkerOptions
 from sain_model.data.dataset import load_dataset
+from tests.sain_bags.conftest import Messages
 from tests.sain_bags.driven import BLOCKED, DUPLICATE, Drive, Parts
 from tests.sain_bags.independent import compare, independent_rows, shards
 
 Start = Callable[..., Any]
 
 
-def drive(record: Start, name: str = "bag", parts: Parts = Parts(), seed: int = 0) -> Path:
-    """Record two episodes, of four pushes and of two."""
+def drive(
+    record: Start, name: str = "bag", parts: Parts = Parts(), seed: int = 0, old: bool = False
+) -> Path:
+    """Record two episodes, of four pushes and of two; with the messages of today or of before."""
     recording = record(name)
+    recording.messages = Messages(old)
     driver = Drive(recording, parts, seed)
     driver.episode(4, [11, 12, 13, 14])
     driver.episode(5, [15, 16])
@@ -42,6 +46,7 @@ def to_rows(bag: Path, **settings: Any) -> tuple[dict[str, np.ndarray], Converte
     return arrays, done, json.loads((out / "card.json").read_text())
 
 
+@pytest.mark.parametrize("old", [False, True])
 @pytest.mark.parametrize(
     "parts",
     [
@@ -53,8 +58,8 @@ def to_rows(bag: Path, **settings: Any) -> tuple[dict[str, np.ndarray], Converte
         Parts(disks=4),
     ],
 )
-def test_every_field_is_what_another_reader_reads(parts: Parts, record: Start) -> None:
-    bag = drive(record, parts=parts)
+def test_every_field_is_what_another_reader_reads(parts: Parts, old: bool, record: Start) -> None:
+    bag = drive(record, parts=parts, old=old)
     rows, done, _ = to_rows(bag)
     assert done.transitions == 6
     assert compare(rows, bag) >= 6 * 17
@@ -120,7 +125,7 @@ def test_the_prior_can_be_chosen(record: Start) -> None:
 
 def test_without_results_the_settled_scenes_say_what_happened(record: Start) -> None:
     told, _, _ = to_rows(drive(record))
-    rows, _, card = to_rows(drive(record, "silent", Parts(results=False)))
+    rows, _, card = to_rows(drive(record, "silent", Parts(results=False), old=True))
     for key in sorted(told.keys() - {"source", "outcome", "bag_sha256", "log_time"}):
         np.testing.assert_array_equal(rows[key], told[key], key)
     assert set(rows["source"]) == {"scenes"}
@@ -130,7 +135,7 @@ def test_without_results_the_settled_scenes_say_what_happened(record: Start) -> 
 
 def test_single_results_that_are_missing_are_replaced(record: Start) -> None:
     told, _, _ = to_rows(drive(record))
-    rows, _, _ = to_rows(drive(record, "gaps", Parts(unanswered=(1, 3))))
+    rows, _, _ = to_rows(drive(record, "gaps", Parts(unanswered=(1, 3)), old=True))
     assert rows["source"].tolist() == [
         "push_result", "scenes", "push_result", "scenes", "push_result", "scenes",
     ]  # fmt: skip

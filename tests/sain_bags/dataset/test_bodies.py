@@ -15,7 +15,7 @@ from sain_bags.dataset.conversion import ConversionConfig, convert
 from sain_bags.dataset.formats.stored_rows import goal_distance, reached
 from sain_bags.reading.reader import Bag
 from sain_bags.report.content import read_content
-from sain_bags.transitions.recorded_episodes import read_episodes
+from sain_bags.rows.episodes import read_episodes
 from sain_bringup.report import PlayedEpisode
 from sain_core.errors import DatasetError
 from sain_core.goal import KEEP_TOLERANCE, Goal
@@ -236,7 +236,7 @@ class OldMessages(Messages):
     """The graph's messages as they were before there were shapes."""
 
     def __init__(self) -> None:
-        super().__init__()
+        super().__init__(old=True)
         text = self.definitions.text
         self.definitions.text = lambda name: LATER.sub("", text(name))  # type: ignore[method-assign]
         for name in ("Push", "Goal", "Plan", "PushResult", "WorldParameters"):

@@ -23,7 +23,7 @@ from sain_bags.cli.recover import describe
 from sain_bags.reading.reader import Bag
 from sain_bags.recovery.recovery import recover
 from sain_bags.recovery.recovery_report import RecoveryOutcome
-from sain_bags.transitions.recorded_episodes import read_episodes
+from sain_bags.rows.episodes import read_episodes
 from sain_bags.writing.writer import BagConfig, BagWriter
 from sain_core.errors import DatasetError, OutputError
 from sain_core.randomness import generator

@@ -64,7 +64,6 @@ def test_a_push_lies_between_its_scenes(bag):
 def test_errors_are_those_of_the_recording(bag):
     found = recorded(bag)
     plans = {plan.push_id: plan for plan in found["plan"]}
-    physics = {prediction.push_id: prediction for prediction in found["physics_prediction"]}
     results = {result.push_id: result for result in found["push_result"]}
     seen = 0
     for episode in content(bag)["episodes"]:
@@ -77,7 +76,7 @@ def test_errors_are_those_of_the_recording(bag):
             expected = plans[number].predicted.reshape(2, -1, 8)[0, 1]
             error = np.hypot(expected[0] - target.x, expected[1] - target.y)
             assert push["expectedError"] == pytest.approx(error, abs=1e-5)
-            disk = physics[number].disks[1]
+            disk = results[number].prediction.disks[1]
             error = np.hypot(disk.x - target.x, disk.y - target.y)
             assert push["physicsError"] == pytest.approx(error, abs=1e-5)
             assert push["planning"] == pytest.approx(plans[number].planning_time, abs=1e-5)

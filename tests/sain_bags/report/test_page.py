@@ -124,7 +124,7 @@ def test_a_cube_is_drawn_as_one_wherever_it_stands(browser, record, tmp_path):
     show.episode(2, 2, [0.05])
     recording.writer.close()
     browser.open(page_of(tmp_path / "bag"))
-    expected = recorded(tmp_path / "bag")["physics_prediction"][0].disks[1]
+    expected = recorded(tmp_path / "bag")["push_result"][0].prediction.disks[1]
     (corners,) = browser.all("#view .disk polygon")
     reach = 1000 * expected.radius
     points = [tuple(map(float, p.split(","))) for p in corners.get_attribute("points").split()]
@@ -159,7 +159,7 @@ def test_a_push_is_shown_with_what_was_expected(browser, bag, page):
     result = found["push_result"][1]
     assert close(browser.disks(), drawn(result.after))
     expected = found["plan"][1].predicted.reshape(2, 2, 8)[0]
-    physics = drawn(found["physics_prediction"][1])
+    physics = drawn(found["push_result"][1].prediction)
     for kind, poses in (("expected", expected), ("physics", physics)):
         ghosts = f"#view circle.ghost.{kind}"
         assert browser.numbers(ghosts, "cx") == pytest.approx(1000 * poses[:, 0], abs=0.05)
@@ -203,7 +203,7 @@ def test_bars_are_the_errors(browser, bag, page):
             guess = (
                 found["plan"][place].predicted.reshape(2, 2, 8)[0, 1, :2]
                 if kind == "expected"
-                else drawn(found["physics_prediction"][place])[1, :2]
+                else drawn(found["push_result"][place].prediction)[1, :2]
             )
             errors.append(np.hypot(*(guess - [target.x, target.y])))
         bars = f"#errors .bar.{kind}"

@@ -14,8 +14,8 @@ from rich.text import Text
 
 from sain_bags.reading.reader import BAG_HELP, Bag
 from sain_bags.reading.timing import TopicTiming, read_timings
-from sain_bags.transitions.message_fields import namespaces
-from sain_bags.transitions.recorded_episodes import Episode, read_episodes
+from sain_bags.rows.episodes import Episode, read_episodes
+from sain_bags.rows.message_fields import namespaces
 from sain_bags.writing.gaps import SILENT_KEY, UNDEFINED_KEY, read_gaps, read_names
 from sain_core.cli.terminal import FittingTable
 from sain_core.config import Config, option, required

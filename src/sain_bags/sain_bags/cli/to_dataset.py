@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 COLUMNS: Final = 3  # of pictures of a card
-SHOWN: Final = 50  # messages, between two looks at the bar
+SHOWN: Final = 50  # pushes, between two looks at the bar
 
 
 @dataclass(frozen=True)
@@ -56,17 +56,17 @@ def _convert_with_bar(options: ToDatasetOptions, console: Console) -> Converted:
         TimeRemainingColumn(),
     )
     with Progress(*columns, console=console, transient=True) as bar:
-        reading = bar.add_task("to_dataset", total=None, what="messages")
+        reading = bar.add_task("to_dataset", total=None, what="pushes")
         writing = bar.add_task(options.conversion.format, visible=False, what="transitions written")
 
         shown = 0
 
-        def read(messages: int, of: int, rows: int) -> None:
+        def read(pushes: int, of: int, rows: int) -> None:
             nonlocal shown
-            if messages >= shown + SHOWN or messages == of:
-                shown = messages
-                what = f"messages, {rows} transitions"
-                bar.update(reading, total=of, completed=messages, what=what)
+            if pushes >= shown + SHOWN or pushes == of:
+                shown = pushes
+                what = f"pushes, {rows} transitions"
+                bar.update(reading, total=of, completed=pushes, what=what)
 
         def write(rows: int, of: int) -> None:
             bar.update(writing, total=of, completed=rows, visible=True)

@@ -1,16 +1,17 @@
 """The rows of recordings, one recording after another or on workers: always the same ones."""
 
-from collections.abc import Callable, Generator, Iterator, Sequence
-from contextlib import ExitStack, closing, contextmanager
+from collections.abc import Generator, Iterator, Sequence
+from contextlib import ExitStack, closing
 from functools import partial
 from pathlib import Path
 from typing import Final, NamedTuple
 
-from sain_bags.transitions.dropped import Dropped
-from sain_bags.transitions.messages import MessageReader
-from sain_bags.transitions.pairing import Pairing
-from sain_bags.transitions.rows import EpisodeBodies, RowBlock, RowMaker
-from sain_bags.transitions.sources import Source, open_source
+from sain_bags.rows.dropped import Dropped
+from sain_bags.rows.latched import Latched
+from sain_bags.rows.old_recordings import as_today
+from sain_bags.rows.results import read_results
+from sain_bags.rows.rows import RowBlock, RowMaker, RowsConfig
+from sain_bags.rows.sources import Source, open_source
 from sain_core.errors import DatasetError
 from sain_core.model import Model, load_dynamics
 from sain_core.workers import Software, Work, WorkerOptions, run_on_workers
@@ -20,20 +21,12 @@ SOFTWARE: Final = Software(
 )
 
 
-class RowsConfig(NamedTuple):
-    """What becomes of pushes."""
-
-    prior: str
-    moved_only: bool
-    keep_unsettled: bool
-
-
 class BagPart(NamedTuple):
-    """Rows of some messages of a recording."""
+    """Rows of some pushes of a recording."""
 
-    messages: int  # that were read for them
-    rows: list[tuple[list[RowBlock], list[Dropped]]]
-    late_predictions: int = 0
+    pushes: int  # that were read for them
+    blocks: list[RowBlock]
+    dropped: list[Dropped]
 
 
 class BagRows:
@@ -42,23 +35,19 @@ class BagRows:
     def __init__(self, config: RowsConfig) -> None:
         """Store the settings."""
         self._stack, self._config = ExitStack(), config
-        self._maker = RowMaker(self._load, *config)
+        self._prior: Model | None = None
 
     def _load(self) -> Model:
-        dynamics = load_dynamics(self._config.prior)
-        self._stack.callback(dynamics.close)
-        return dynamics
+        if self._prior is None:
+            self._prior = load_dynamics(self._config.prior)
+            self._stack.callback(self._prior.close)
+        return self._prior
 
-    def parts(self, source: Source, bodies: EpisodeBodies) -> Iterator[BagPart]:
-        """Stream the rows of a recording whose episodes have these bodies."""
-        pairing = Pairing(source.has_results, source.has_predictions)
-        reader = MessageReader(source.bag.channels, source.bag.decoding)
-        for batch in source.bag.batches(source.topics):
-            with naming(source.bag.path):
-                pairing.read(reader.read(batch), len(batch))
-            yield BagPart(len(batch), [self._maker.rows(one, bodies) for one in pairing.ready()])
-        rest = [self._maker.rows(one, bodies) for one in pairing.rest()]
-        yield BagPart(0, rest, pairing.late_predictions)
+    def parts(self, source: Source, latched: Latched) -> Iterator[BagPart]:
+        """Stream the rows of a recording."""
+        maker = RowMaker(self._config, latched, self._load)
+        for results in read_results(as_today(source.bag), source.namespace):
+            yield BagPart(len(results), *maker.rows(results))
 
     def close(self) -> None:
         """Release the prior."""
@@ -71,7 +60,7 @@ class BagJob(NamedTuple):
     path: Path
     namespace: str
     sha256: str
-    bodies: EpisodeBodies
+    latched: Latched
 
 
 class BagRunner(BagRows):
@@ -89,42 +78,28 @@ class BagRunner(BagRows):
                 f"{job.path} is another recording where a worker reads it: its SHA-256 is"
                 f" {source.sha256[:12]}, not {job.sha256[:12]}; do not change recordings meanwhile"
             )
-        return list(self.parts(source, job.bodies))
+        return list(self.parts(source, job.latched))
 
 
 def rows_of(
     sources: Sequence[Source],
-    bodies_of: Callable[[str], EpisodeBodies],
+    latched: Sequence[Latched],
     config: RowsConfig,
     workers: WorkerOptions,
 ) -> Generator[tuple[Source, BagPart], None, None]:
-    """Yield the rows of recordings, in their order.
-
-    `bodies_of` returns, for the SHA-256 of a recording, what tells the bodies of its episodes.
-    """
+    """Yield the rows of recordings, in their order; each has its goals, bodies and worlds."""
     if workers.workers == 1 and not workers.ray:
         with closing(BagRows(config)) as rows:
-            for source in sources:
-                for part in rows.parts(source, bodies_of(source.sha256)):
+            for source, known in zip(sources, latched, strict=True):
+                for part in rows.parts(source, known):
                     yield source, part
         return
     jobs = [
-        BagJob(source.bag.path, source.namespace, source.sha256, bodies_of(source.sha256))
-        for source in sources
+        BagJob(source.bag.path, source.namespace, source.sha256, known)
+        for source, known in zip(sources, latched, strict=True)
     ]
     work = Work(partial(BagRunner, config), SOFTWARE, lambda job: str(job.path))
     with closing(run_on_workers(work, jobs, workers)) as results:
         for source, parts in zip(sources, results, strict=True):
             for part in parts:
                 yield source, part
-
-
-@contextmanager
-def naming(path: Path) -> Iterator[None]:
-    """Name the bag in the error when a message in it is not as it should be."""
-    try:
-        yield
-    except DatasetError as error:
-        raise DatasetError(
-            f"{path} holds messages of another definition than this graph's: {error}"
-        ) from error

@@ -9,7 +9,7 @@ from typing import Any, Final
 import numpy as np
 from numpy import ndarray
 
-from sain_bags.transitions.dropped import Dropped
+from sain_bags.rows.dropped import Dropped
 from sain_core.push import PUSH_NAMES
 from sain_core.scene import MID, TARGET
 from sain_core.transitions import SHARD_SIZE, Column, Columns, centres, describe_fields
@@ -75,7 +75,6 @@ class DatasetCard:
     def __init__(self) -> None:
         """Begin with nothing."""
         self.transitions = 0
-        self.late_predictions = 0
         self.dropped: Counter[str] = Counter()
         self._details: dict[str, list[str]] = {}
         self._counts: dict[str, Counter[str]] = {
@@ -129,7 +128,6 @@ class DatasetCard:
                 reason: {"pushes": count, "for_example": self._details[reason]}
                 for reason, count in self.dropped.most_common()
             },
-            "late_predictions": self.late_predictions,
             "sources": [{**source, "transitions": by_bag[source["sha256"]]} for source in sources],
             "ranges": {name: spread.content() for name, spread in self._spreads.items()},
             "fields": self._fields,

@@ -13,15 +13,15 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Final, NamedTuple
 
-from sain_bags.dataset.bag_rows import BagPart, RowsConfig, rows_of
+from sain_bags.dataset.bag_rows import BagPart, rows_of
 from sain_bags.dataset.card import DatasetCard
 from sain_bags.dataset.dataset_folder import DatasetFolder
 from sain_bags.dataset.formats import FormatName
 from sain_bags.dataset.formats.sharding import Sharding
-from sain_bags.dataset.known_bodies import KnownBodies
-from sain_bags.dataset.known_parameters import KnownParameters
-from sain_bags.transitions.numbering import Numbering
-from sain_bags.transitions.sources import Source, find_sources
+from sain_bags.rows.latched import join_extras, read_latched
+from sain_bags.rows.numbering import Numbering
+from sain_bags.rows.rows import RowsConfig
+from sain_bags.rows.sources import Source, find_sources
 from sain_core.config import Config, option
 from sain_core.errors import DatasetError
 from sain_core.transitions import SHARD_SIZE, Column, Columns
@@ -29,7 +29,7 @@ from sain_core.workers import WorkerOptions
 
 WAITING_SHARDS: Final = 2  # that are made and not stored yet
 
-ConversionProgress = Callable[[int, int, int], None]  # messages read, of how many; rows made
+ConversionProgress = Callable[[int, int, int], None]  # pushes read, of how many; rows made
 Writing = Callable[[int, int], None]  # rows written in a format other than npz, of how many
 
 
@@ -79,8 +79,8 @@ def convert(
         out: a new or empty folder, or that of a conversion.
         config: what becomes of them.
         overwrite: make anew what a conversion made there.
-        progress: called as messages are read and shards written.
-        writing: called as rows are written in a format other than npz, after all messages.
+        progress: called as pushes are read and shards written.
+        writing: called as rows are written in a format other than npz, after all pushes.
         workers: who reads; each of several holds the rows of one recording in memory.
 
     Raises:
@@ -92,11 +92,11 @@ def convert(
     identity = {**asdict(config), "bags": [source.sha256 for source in sources]}
     folder = DatasetFolder(out, identity, overwrite)
     card, numbering = DatasetCard(), Numbering()
-    parameters, known = KnownParameters(sources), KnownBodies(sources)
-    how = RowsConfig(config.prior, config.moved_only, config.keep_unsettled)
-    with closing(rows_of(sources, known.of_bag, how, workers)) as rows:
-        shards = map(known.added_to, _shards(sources, rows, numbering, card, progress))
-        for shard in _stored(folder, map(parameters.added_to, shards)):
+    latched = [read_latched(source.bag, source.namespace) for source in sources]
+    extras = join_extras(latched)
+    how = RowsConfig(config.prior, config.moved_only, config.keep_unsettled, extras)
+    with closing(rows_of(sources, latched, how, workers)) as rows:
+        for shard in _stored(folder, _shards(sources, rows, numbering, card, progress)):
             card.add(shard)
     if not card.transitions:
         raise DatasetError(f"no transition is left: {card.why_none()}")
@@ -128,7 +128,7 @@ def _shards(
     progress: ConversionProgress,
 ) -> Iterator[Columns]:
     """Stream all recordings as shards, and count dropped pushes on the card."""
-    messages = sum(source.messages for source in sources)
+    pushes = sum(source.pushes for source in sources)
     sharding = Sharding(SHARD_SIZE)
     read = rows = 0
 
@@ -137,16 +137,14 @@ def _shards(
         for shard in made:
             yield shard
             rows += len(shard[Column.PUSH_ID])
-            progress(read, messages, rows)
+            progress(read, pushes, rows)
 
     for source, part in rows_of_bags:
-        for blocks, dropped in part.rows:
-            for push in dropped:
-                card.drop(source.bag.path, push)
-            yield from passed_on(sharding.add(numbering.number(blocks, source.sha256)))
-        card.late_predictions += part.late_predictions
-        read += part.messages
-        progress(read, messages, rows)
+        for push in part.dropped:
+            card.drop(source.bag.path, push)
+        yield from passed_on(sharding.add(numbering.number(part.blocks, source.sha256)))
+        read += part.pushes
+        progress(read, pushes, rows)
     yield from passed_on(sharding.rest())
 
 

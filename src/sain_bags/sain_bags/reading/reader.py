@@ -4,6 +4,7 @@ import struct
 from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import redirect_stderr
+from copy import copy
 from dataclasses import dataclass
 from io import StringIO
 from pathlib import Path
@@ -82,6 +83,8 @@ class Bag(BagFiles):
         super().__init__(self._copy.files if self._copy else self.files)
         self.decoding = TimeAllowance(self.size)  # for all messages
         self._span = whole_span(map(span_of, self.statistics))
+        self._decoders: dict[tuple[str, bytes], Callable[[bytes], Any]] = {}
+        self._owner: object = None  # of a file that is deleted with it
 
     @property
     def file(self) -> Path:
@@ -151,13 +154,8 @@ class Bag(BagFiles):
             for topic in self.topics
             if (topics is None or topic.name in topics) and (types is None or topic.type in types)
         ]
-        decoders: dict[tuple[str, bytes], Callable[[bytes], Any]] = {}
         for number, raw in self._numbered(wanted, None):
-            schema = self.channels[number].schema
-            key = (raw.type, schema.data if schema else b"")
-            if key not in decoders:
-                decoders[key] = _decoder(self.channels[number], self.path)
-            message = converted_message(raw.type, self._decode(decoders[key], raw))
+            message = self.decode(number, raw.data)
             yield Received(raw.topic, raw.type, message, raw.log_time, raw.publish_time)
 
     def raw_messages(
@@ -185,17 +183,44 @@ class Bag(BagFiles):
             with opened(file) as stream:
                 check_file(stream)
 
-    def _decode(self, decoder: Callable[[bytes], Any], raw: Raw) -> Any:
+    def decode(self, number: int, data: bytes) -> Any:
+        """Return a message of a channel, by its number in the bag, with all that it has today.
+
+        Raises:
+            DatasetError: it is not as its definition says, or too much of it.
+        """
+        channel = self.channels[number]
+        key = (channel.type, channel.schema.data if channel.schema else b"")
+        if key not in self._decoders:
+            self._decoders[key] = _decoder(channel, self.path)
         try:
-            limit("bytes in a message", len(raw.data), DECODED_BYTES)
+            limit("bytes in a message", len(data), DECODED_BYTES)
             with self.decoding:
-                return decoder(raw.data)
+                return converted_message(channel.type, self._decoders[key](data))
         except UntrustedFileError as error:
-            raise DatasetError(f"{self.path}: {raw.topic} is not decoded: {error}") from error
+            raise DatasetError(f"{self.path}: {channel.topic} is not decoded: {error}") from error
         except DECODING as error:
             raise DatasetError(
-                f"{self.path}: a message of {raw.topic} is not as its definition says ({error})"
+                f"{self.path}: a message of {channel.topic} is not as its definition says ({error})"
             ) from error
+
+    def beside(self, file: Path, hidden: Collection[str], owner: object) -> "Bag":
+        """Return this bag with another file's messages beside it, in place of some topics'.
+
+        Args:
+            file: an MCAP file.
+            hidden: topics that are not read from the bag itself.
+            owner: of the file, which is kept for as long as the bag that is returned.
+        """
+        found = copy(self)
+        BagFiles.__init__(found, (*self.paths, file))
+        found.channels = tuple(
+            channel
+            for channel in found.channels
+            if channel.file == len(self.paths) or channel.topic not in hidden
+        )
+        found._owner = owner
+        return found
 
     def _type_hashes(self) -> dict[tuple[str, str], str]:
         """Return the hashes of types in ``metadata.yaml``, by topic and type."""

@@ -8,8 +8,8 @@ import numpy as np
 from sain_bags.report.drawn import as_json
 from sain_bags.report.frames import Frame, frame_times
 from sain_bags.report.gathering import Gathered
-from sain_bags.report.pushes import answered, models, poses, rounded, unanswered
-from sain_bags.transitions.recorded_episodes import Episode
+from sain_bags.report.pushes import describe_pushes, models, poses, rounded
+from sain_bags.rows.episodes import Episode
 from sain_core.scene import MASS, POSE
 from sain_core.shapes.bodies import Bodies
 from sain_core.types import Scene
@@ -27,7 +27,7 @@ def describe_episode(gathered: Gathered, title: str, start: int) -> dict[str, An
     replaced = not frames
     if replaced:
         frames = _from_pushes(gathered)
-    pushes = answered(gathered, frames) + unanswered(gathered, frames)
+    pushes = describe_pushes(gathered, frames)
     pushes.sort(key=lambda push: push["from"] or 0)
     shown = pushes[:PUSHES]
     if len(shown) < len(pushes) and shown[-1]["to"] is not None:
@@ -130,9 +130,9 @@ def _frames(
         "time": [round(float(time), 4) for time in frame_times(frames)],
         "poses": [poses(frame.scene) for frame in frames],
         "settled": [int(frame.settled) for frame in frames],
-        "recorded": gathered.log.frames.recorded,
-        "thinned": gathered.log.frames.stride,
-        "unusable": gathered.log.frames.unusable,
+        "recorded": gathered.shown.recorded,
+        "thinned": gathered.shown.stride,
+        "unusable": gathered.shown.unusable,
         "fromPushes": replaced,
         "cut": cut,
     }
@@ -140,16 +140,14 @@ def _frames(
 
 def _from_pushes(gathered: Gathered) -> tuple[Frame, ...]:
     """Return the scenes before and after pushes, where scenes themselves were not recorded."""
-    log, episode = gathered.log, gathered.episode
     found: list[Frame] = []
-    for push in episode.executed:
+    for push in gathered.episode.executed:
         scenes = (push.before, push.after)
-        ids, stamps = log.scenes[push.push_id], log.stamps[push.push_id]
-        for scene, number, stamp in zip(scenes, ids, stamps, strict=True):
+        for scene, number, stamp in zip(scenes, push.scene_ids, push.stamps, strict=True):
             if scene is None or (found and _same(found[-1], scene)):
                 continue
             found.append(Frame(stamp, 0, number, True, scene))
-    return tuple(found) or (Frame(0, 0, 0, True, episode.start),)
+    return tuple(found) or (Frame(0, 0, 0, True, gathered.episode.start),)
 
 
 def _same(frame: Frame, scene: np.ndarray) -> bool:

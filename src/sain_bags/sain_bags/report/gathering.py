@@ -1,31 +1,22 @@
 """What a bag tells of its episodes, read in one pass: the episodes, and the scenes to show."""
 
-from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, field
-from itertools import groupby
-from typing import Any, Final
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
 
-from sain_bags.reading.reader import Bag, Received
+from sain_bags.reading.reader import Bag
 from sain_bags.report.frames import Frame, Frames
 from sain_bags.report.titles import EpisodePart
-from sain_bags.transitions.message_fields import (
-    EPISODE_TYPES,
-    PUSH,
-    PUSH_RESULT,
-    SCENE,
-    WORLD,
-    namespaces,
-    parent_of,
-)
-from sain_bags.transitions.recorded_episodes import Episode, collect_episodes
-from sain_core.errors import ConfigError, DatasetError, InvalidInputError
+from sain_bags.rows.episodes import FIELDS, Episode, read_episodes
+from sain_bags.rows.message_fields import PUSH_RESULT, SCENE, namespaces, topics_of
+from sain_bags.rows.recorded_push import RecordedPush
+from sain_core.errors import ConfigError
 from sain_core.shapes.bodies import Bodies
 from sain_core.shapes.library import get_shape
 from sain_core.shapes.shape import Shape
 from sain_core.shapes.solids import DISK
 
 Progress = Callable[[], object]
-TYPES: Final = EPISODE_TYPES | {PUSH, WORLD}
 
 
 @dataclass(frozen=True)
@@ -36,38 +27,27 @@ class Limits:
     episodes: int = 200  # with their scenes; the others only with their pushes
 
 
-@dataclass
-class EpisodeLog:
-    """What is known of an episode beside its `Episode`."""
-
-    frames: Frames
-    scenes: dict[int, tuple[int, int]] = field(default_factory=dict)  # before, after, by push id
-    stamps: dict[int, tuple[int, int]] = field(default_factory=dict)  # [ns], the same
-    sent: dict[int, Any] = field(default_factory=dict)  # sain_interfaces/msg/Push, unanswered
-    shapes: tuple[str, ...] = ()  # of the disks; none: unknown
-
-
 @dataclass(frozen=True)
 class Gathered:
     """One episode, and what can be shown of it."""
 
     namespace: str
     episode: Episode
-    log: EpisodeLog
+    shown: Frames
     goal: int = 1  # number of the goal, ...
     goals: int = 1  # ... of so many in a row; each is gathered on its own
 
     @property
-    def sent(self) -> dict[int, Any]:
-        """The pushes (sain_interfaces/msg/Push) without an answer: the last of their episode."""
-        return self.log.sent if self.goal == self.goals else {}
+    def unanswered(self) -> tuple[RecordedPush, ...]:
+        """The pushes without a result: the last of their episode."""
+        return self.episode.unanswered if self.goal == self.goals else ()
 
     def bodies(self, count: int) -> Bodies:
         """Return so many bodies: those that are stated, else disks or the shapes of the world."""
         stated = self.episode.bodies
         if not stated.are_paper_disks and len(stated) == count:
             return stated
-        return Bodies(tuple(map(_shape, (*self.log.shapes, *(DISK,) * count)[:count])))
+        return Bodies(tuple(map(_shape, (*self.episode.shapes, *(DISK,) * count)[:count])))
 
     @property
     def part(self) -> EpisodePart:
@@ -79,13 +59,13 @@ class Gathered:
     def idle(self) -> bool:
         """Whether nothing happened: no goal, push or decision, and no disk moved."""
         episode = self.episode
-        acted = episode.goal is not None or episode.pushes or episode.plans or self.sent
-        return not acted and not self.log.frames.in_motion
+        acted = episode.goal is not None or episode.pushes or episode.plans or self.unanswered
+        return not acted and not self.shown.in_motion
 
     @property
     def frames(self) -> tuple[Frame, ...]:
         """Its scenes to show, in the order they came, from the one that its goal was given in."""
-        frames = self.log.frames.frames
+        frames = self.shown.frames
         if self.goals == 1:
             return frames
         first, last = self.episode.interval
@@ -100,12 +80,8 @@ def graphs(bag: Bag) -> tuple[str, ...]:
 
 def messages_to_read(bag: Bag) -> int:
     """Return how many messages `gather` reads, over all graphs."""
-    found = graphs(bag)
-    return sum(
-        topic.messages
-        for topic in bag.topics
-        if topic.type in TYPES and parent_of(topic.name) in found
-    )
+    found = {topic for name in graphs(bag) for topic in topics_of(bag, name, *FIELDS, PUSH_RESULT)}
+    return sum(topic.messages for topic in bag.topics if topic.name in found)
 
 
 def gather(
@@ -116,74 +92,21 @@ def gather(
     Raises:
         DatasetError: damage, or a message that makes no sense or is of another definition.
     """
-    topics = [t.name for t in bag.topics if t.type in TYPES and parent_of(t.name) == namespace]
-    reader = _Reader(limits, progress)
-    found: list[Gathered] = []
-    try:
-        messages = reader.read(bag.messages(topics))
-        for run, group in groupby(messages, key=lambda _: reader.run):
-            for episode in collect_episodes(one for one in group if one.type in EPISODE_TYPES):
-                log = reader.log.get((run, episode.episode_id), EpisodeLog(Frames(0)))
-                parts = episode.by_goal
-                found += [
-                    Gathered(namespace, part, log, number, len(parts))
-                    for number, part in enumerate(parts, start=1)
-                ]
-    except InvalidInputError as error:
-        raise DatasetError(f"{bag.path} holds a message that makes no sense: {error}") from error
-    except AttributeError as error:
-        raise DatasetError(
-            f"{bag.path} holds messages of another definition than this graph's: {error}"
-        ) from error
-    return tuple(found)
+    shown: dict[tuple[int, int], Frames] = {}  # by run and episode
 
+    def show(run: int, scene: Any, log_time: int) -> None:
+        key = (run, scene.episode_id)
+        if key not in shown:
+            shown[key] = Frames(limits.frames if len(shown) < limits.episodes else 0)
+        shown[key].add(scene, log_time)
 
-class _Reader:
-    """Notes what passes, and tells when a simulator was started anew."""
-
-    def __init__(self, limits: Limits, progress: Progress) -> None:
-        self.run = 0
-        self.log: dict[tuple[int, int], EpisodeLog] = {}
-        self._limits, self._progress = limits, progress
-        self._last = (0, 0)  # episode and stamp [ns] of the last scene
-        self._world: Any = None  # sain_interfaces/msg/WorldParameters, sent before its scenes
-
-    def read(self, messages: Iterable[Received]) -> Iterator[Received]:
-        for received in messages:
-            if received.type == SCENE:
-                self._scene(received.message, received.log_time)
-            elif received.type == PUSH:
-                push = received.message
-                self._of(push.episode_id).sent.setdefault(push.push_id, push)
-            elif received.type == PUSH_RESULT:
-                self._result(received.message)
-            elif received.type == WORLD:
-                self._world = received.message
-            self._progress()
-            yield received
-
-    def _scene(self, message: Any, log_time: int) -> None:
-        stamp = _nanoseconds(message)
-        episode, last = self._last
-        self.run += message.episode_id < episode and stamp < last
-        self._last = (message.episode_id, stamp)
-        log = self._of(message.episode_id)
-        log.frames.add(message, log_time)
-        if self._world is not None and self._world.episode_id == message.episode_id:
-            log.shapes = tuple(self._world.shapes)
-
-    def _result(self, result: Any) -> None:
-        log = self._of(result.episode_id)
-        log.sent.pop(result.push_id, None)
-        log.scenes[result.push_id] = (result.before.scene_id, result.after.scene_id)
-        log.stamps[result.push_id] = (_nanoseconds(result.before), _nanoseconds(result.after))
-
-    def _of(self, episode: int) -> EpisodeLog:
-        key = (self.run, episode)
-        if key not in self.log:
-            room = len(self.log) < self._limits.episodes
-            self.log[key] = EpisodeLog(Frames(self._limits.frames if room else 0))
-        return self.log[key]
+    return tuple(
+        Gathered(
+            namespace, part, shown.get((one.run, one.episode_id), Frames(0)), goal, len(one.by_goal)
+        )
+        for one in read_episodes(bag, namespace, show, progress)
+        for goal, part in enumerate(one.by_goal, start=1)
+    )
 
 
 def _shape(name: str) -> Shape:
@@ -191,8 +114,3 @@ def _shape(name: str) -> Shape:
         return get_shape(name)
     except ConfigError:  # recorded where more shapes were installed
         return get_shape(DISK)
-
-
-def _nanoseconds(message: Any) -> int:
-    stamp = message.header.stamp
-    return int(stamp.sec) * 10**9 + int(stamp.nanosec)

@@ -8,15 +8,14 @@ import numpy as np
 from sain_bags.report.drawn import as_json, rounded_places
 from sain_bags.report.frames import Frame
 from sain_bags.report.gathering import Gathered
-from sain_bags.transitions.recorded_episodes import Episode
-from sain_bags.transitions.recorded_pushes import RecordedPush
+from sain_bags.rows.episodes import Episode
+from sain_bags.rows.recorded_push import RecordedPush
 from sain_core.errors import ErrorCode
 from sain_core.push import PUSH_NAMES, pushed_bodies
 from sain_core.scene import POSE, POSITION, TARGET
 from sain_core.types import Scene
 from sain_core.view.scenes import predictions, push_arrow
 from sain_core.view.things import Look, Thing
-from sain_core.wire import push_as_sent
 
 DIGITS: Final = 8  # of metres and radians: what the page rounds again stays what it was
 
@@ -37,56 +36,28 @@ def poses(scene: Scene | None) -> list[list[float]] | None:
     return rounded_places(scene[:, POSE])
 
 
-def answered(gathered: Gathered, frames: Sequence[Frame]) -> list[dict[str, Any]]:
-    """Return the pushes that a result tells of, in the order of the results."""
-    log, episode = gathered.log, gathered.episode
+def describe_pushes(gathered: Gathered, frames: Sequence[Frame]) -> list[dict[str, Any]]:
+    """Return the pushes of an episode, in the order of their results."""
     found = []
-    for push in episode.pushes:
-        scenes = log.scenes.get(push.push_id, (0, 0))
-        moments = _moments(frames, scenes, log.stamps.get(push.push_id, (0, 0)))
-        if not push.executed:
+    for push in (*gathered.episode.pushes, *gathered.unanswered):
+        moments = _moments(frames, push)
+        if push.answered and not push.executed:
             moments = (moments[0], moments[0])
         found.append(_describe(push, gathered, moments))
     return found
 
 
-def unanswered(gathered: Gathered, frames: Sequence[Frame]) -> list[dict[str, Any]]:
-    """Return pushes without a result: the scenes at rest around them tell what came of each.
-
-    Where two name the same scene, which of them was executed is not known, unless a result tells.
-    """
-    at_rest = {frame.scene_id: number for number, frame in enumerate(frames) if frame.settled}
-    named = [push.scene_id for push in gathered.sent.values()]
-    named += [gathered.log.scenes[push.push_id][0] for push in gathered.episode.executed]
-    plans = {plan.push_id: plan for plan in gathered.episode.plans if plan.push_id}
-    found = []
-    for push in gathered.sent.values():
-        first, last = at_rest.get(push.scene_id), at_rest.get(push.scene_id + 1)
-        alone = named.count(push.scene_id) == 1
-        record = RecordedPush(
-            push_id=push.push_id,
-            push=push_as_sent(push),
-            before=None if first is None else frames[first].scene,
-            after=frames[last].scene if last is not None and alone else None,
-            error_code=ErrorCode.UNKNOWN,
-            error_message="no result was recorded",
-            source=push.source,
-            duration=float("nan"),
-            wall_time=float("nan"),
-            plan=plans.get(push.push_id),
-        )
-        moments = (first, last if alone else first)
-        found.append(_describe(record, gathered, moments))
-    return found
-
-
-def _moments(frames: Sequence[Frame], scenes: tuple[int, int], stamps: tuple[int, int]) -> Moments:
+def _moments(frames: Sequence[Frame], push: RecordedPush) -> Moments:
     """Find the frames at rest before and after a push, by scene id, else by stamp."""
     at_rest = {frame.scene_id: number for number, frame in enumerate(frames) if frame.settled}
-    before = [number for number, frame in enumerate(frames) if frame.stamp <= stamps[0]]
-    after = [number for number, frame in enumerate(frames) if frame.stamp >= stamps[1]]
-    first = at_rest.get(scenes[0], before[-1] if before else None)
-    last = at_rest.get(scenes[1], after[0] if after else None)
+    if not push.answered:
+        scenes = zip((push.before, push.after), push.scene_ids, strict=True)
+        first, last = (None if scene is None else at_rest.get(number) for scene, number in scenes)
+        return first, last
+    before = [number for number, frame in enumerate(frames) if frame.stamp <= push.stamps[0]]
+    after = [number for number, frame in enumerate(frames) if frame.stamp >= push.stamps[1]]
+    first = at_rest.get(push.scene_ids[0], before[-1] if before else None)
+    last = at_rest.get(push.scene_ids[1], after[0] if after else None)
     if first is not None and last is not None and last < first:
         last = first
     return first, last
@@ -94,14 +65,13 @@ def _moments(frames: Sequence[Frame], scenes: tuple[int, int], stamps: tuple[int
 
 def _describe(push: RecordedPush, gathered: Gathered, moments: Moments) -> dict[str, Any]:
     episode = gathered.episode
-    plan, comparable = push.plan, push.executed or push.error_code == ErrorCode.UNKNOWN
+    plan, comparable = push.plan, push.executed or not push.answered
     actual = push.after if comparable else None
-    names = {int(code): code.name.lower().replace("_", " ") for code in ErrorCode}
     return {
         "id": str(push.push_id),  # may be beyond what a number of JavaScript can hold
         "outcome": _outcome(push),
-        "reason": "" if push.executed else names.get(push.error_code, str(push.error_code)),
-        "message": push.error_message,
+        "reason": _reason(push),
+        "message": push.error_message if push.answered else "no result was recorded",
         "source": push.source,
         "model": plan.dynamics if plan else "",
         "fallback": bool(plan and plan.fallback),
@@ -133,10 +103,16 @@ def _things(push: RecordedPush, actual: Scene | None, gathered: Gathered) -> lis
     return [as_json(thing) for thing in things]
 
 
+def _reason(push: RecordedPush) -> str:
+    names = {int(code): code.name.lower().replace("_", " ") for code in ErrorCode}
+    code = push.error_code if push.answered else ErrorCode.UNKNOWN
+    return "" if push.executed else names.get(code, str(code))
+
+
 def _outcome(push: RecordedPush) -> str:
     if push.executed:
         return "executed"
-    return "unanswered" if push.error_code == ErrorCode.UNKNOWN else "refused"
+    return "refused" if push.answered else "unanswered"
 
 
 def target_error(one: Scene | None, other: Scene | None, body: int = TARGET) -> float | None:

@@ -10,6 +10,8 @@ from sain_bags.reading.reader import Bag, Received
 from sain_bags.report.frames import Frame, frame_times
 from sain_bags.report.gathering import graphs
 from sain_bags.report.titles import EpisodePart, episode_titles
+from sain_bags.rows.old_recordings import as_today
+from sain_bags.rows.recorded_push import UNANSWERED
 from sain_core.errors import DatasetError, ErrorCode
 from sain_live.recording import Chapter, Recording, Snapshot
 from sain_live.ros.hearing import Hearing, Take
@@ -71,7 +73,7 @@ def read_recording(path: Path) -> Recording:
     Raises:
         DatasetError: damaged, or without scenes.
     """
-    bag = Bag(path)
+    bag = as_today(Bag(path))
     drafts: list[_Draft] = []
     log: list[LogLine] = []
     parts, arms = [], []
@@ -149,6 +151,8 @@ class _Reader:
             goals = self._goals.setdefault(message.episode_id, [])
             if goals[-1:] != [message.goal_id]:
                 goals.append(message.goal_id)
+        elif topic == "push_result" and message.error_code == UNANSWERED:
+            return
         elif topic == "push_result" and message.error_code == ErrorCode.OK and message.after.disks:
             for scene in (message.before, message.after):
                 scene.episode_id, scene.settled = message.episode_id, True

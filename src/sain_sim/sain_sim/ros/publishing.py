@@ -16,14 +16,7 @@ from sain_core.scene import is_settled
 from sain_core.types import Scene
 from sain_core.view.scenes import bodies_in, table_top
 from sain_core.view.things import Thing
-from sain_interfaces.msg import (
-    Bodies,
-    Prediction,
-    Push,
-    PushPrediction,
-    PushResult,
-    WorldParameters,
-)
+from sain_interfaces.msg import Bodies, Prediction, Push, PushResult, WorldParameters
 from sain_interfaces.msg import Scene as SceneMessage
 from sain_interfaces.srv import ResetScene
 from sain_sim.arm.panda import JOINT_NAMES
@@ -47,7 +40,6 @@ class Publishing:
         self._shapes = LatchedTopic(node, Bodies, "shapes")
         self._scene = node.create_publisher(SceneMessage, "scene", RELIABLE)
         self._result = node.create_publisher(PushResult, "push_result", QUEUE)
-        self._prediction = node.create_publisher(PushPrediction, "physics_prediction", RELIABLE)
         self._joints = node.create_publisher(JointState, "joint_states", RELIABLE)
         self._markers = MarkerBoard(node, "markers")
         self._world = node.create_publisher(WorldParameters, "world_parameters", LATCHED)
@@ -177,24 +169,6 @@ class Publishing:
             error_code=int(code),
             error_message=text,
             push=push,
-        )
-
-    def prediction(self, result: PushResult) -> None:
-        """Publish the prediction of a result on a topic of its own."""
-        found = result.prediction
-        if not found.model:
-            return
-        self._prediction.publish(
-            PushPrediction(
-                header=result.header,
-                push_id=result.push_id,
-                episode_id=result.episode_id,
-                scene_id=result.push.scene_id,
-                model=found.model,
-                error_code=found.error_code,
-                error_message=found.error_message,
-                disks=found.disks,
-            )
         )
 
     def report(self, rival: str, counts: dict[str, int]) -> None:

@@ -148,7 +148,6 @@ class SimNode(Node):
             self.publishing.result(result)
             self._keep()
             self.publishing.settle(pushed.sample)
-            self.publishing.prediction(result)
 
     def _refuse(self, message: Push, error: BaseException) -> None:
         self.counts["refused"] += 1

@@ -8,38 +8,27 @@ from sain_bags.reading.reader import Bag
 from sain_core.errors import DatasetError
 from sain_core.push import PUSH_NAMES
 from sain_core.scene import STATE_NAMES
-from sain_core.transitions import FRICTIONS
 
 SCENE: Final = "sain_interfaces/msg/Scene"
 GOAL: Final = "sain_interfaces/msg/Goal"
 PLAN: Final = "sain_interfaces/msg/Plan"
 PUSH_RESULT: Final = "sain_interfaces/msg/PushResult"
-PREDICTION: Final = "sain_interfaces/msg/PushPrediction"
 PUSH: Final = "sain_interfaces/msg/Push"
 WORLD: Final = "sain_interfaces/msg/WorldParameters"
 BODIES: Final = "sain_interfaces/msg/Bodies"
-EPISODE_TYPES: Final = frozenset({SCENE, GOAL, PLAN, PUSH_RESULT, PREDICTION, BODIES})
 DISKS: Final = "disks"
-GOAL_ID: Final = "goal_id"
+PREDICTION: Final = "prediction"
 
-_IDS: Final = ("push_id", "episode_id")
-_PUSH: Final = (*_IDS, "scene_id", *PUSH_NAMES)
 _SCENE: Final = (
-    "episode_id", "scene_id", "settled", "header.stamp.sec", "header.stamp.nanosec", DISKS,
+    "scene_id", "settled", "header.stamp.sec", "header.stamp.nanosec", DISKS,
 )  # fmt: skip
-FIELDS: Final = {
-    PUSH: _PUSH,
-    SCENE: _SCENE,
-    PREDICTION: ("push_id", "error_code", "model", DISKS),
-    GOAL: ("episode_id", "x", "y", "tolerance", GOAL_ID),
-    WORLD: ("episode_id", *FRICTIONS),
-    PUSH_RESULT: (
-        *_IDS, "error_code", "error_message", "duration",
-        *(f"push.{name}" for name in _PUSH),
-        *(f"{scene}.{name}" for scene in ("before", "after") for name in _SCENE),
-    ),
-}  # fmt: skip
-TEXTS: Final = frozenset({"model", "error_message"})
+FIELDS: Final = (  # of a `PushResult`
+    "push_id", "episode_id", "error_code", "error_message", "duration", "wall_time",
+    *(f"push.{name}" for name in ("episode_id", "source", *PUSH_NAMES)),
+    *(f"{scene}.{name}" for scene in ("before", "after") for name in _SCENE),
+    *(f"{PREDICTION}.{name}" for name in ("model", "error_code", DISKS)),
+)  # fmt: skip
+TEXTS: Final = frozenset({"error_message", "push.source", f"{PREDICTION}.model"})
 
 
 def all_paths(fields: Sequence[str]) -> list[str]:
@@ -52,32 +41,42 @@ def all_paths(fields: Sequence[str]) -> list[str]:
 
 def check_path(types: MessageTypes, name: str, path: str) -> None:
     """Raise `DatasetError` unless a message has a field of the needed type."""
-    kind = name
-    for step in path.split("."):
-        found = {entry.name: entry.type for entry in types.get(kind, ())}
-        if step not in found:
-            raise DatasetError(f"{name} has no {path}")
-        kind = found[step]
+    kind = _type_of(types, name, path)
+    if kind is None:
+        raise DatasetError(f"{name} has no {path}")
     is_text = kind == "string"
     if kind in types or is_text != (path in TEXTS):
         raise DatasetError(f"{path} of {name} is a {kind}")
 
 
-def has_field(types: MessageTypes, name: str, path: str) -> bool:
-    """Tell whether a message of this type has a field, also in a message within it."""
+def has_path(types: MessageTypes, name: str, path: str) -> bool:
+    """Tell whether a message has a field, of whatever type."""
+    return _type_of(types, name, path) is not None
+
+
+def _type_of(types: MessageTypes, name: str, path: str) -> str | None:
     kind = name
     for step in path.split("."):
         found = {entry.name: entry.type for entry in types.get(kind, ())}
         if step not in found:
-            return False
+            return None
         kind = found[step]
-    return True
+    return kind
 
 
 def namespaces(bag: Bag, *types: str) -> tuple[str, ...]:
     """Return the namespaces in which the bag has messages of some types, or else scenes."""
     wanted = types or (SCENE,)
     return tuple(sorted({parent_of(topic.name) for topic in bag.topics if topic.type in wanted}))
+
+
+def topics_of(bag: Bag, namespace: str, *types: str) -> tuple[str, ...]:
+    """Return the topics of one graph that have some types."""
+    return tuple(
+        topic.name
+        for topic in bag.topics
+        if topic.type in types and parent_of(topic.name) == namespace
+    )
 
 
 def parent_of(topic: str) -> str:

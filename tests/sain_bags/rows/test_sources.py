@@ -9,7 +9,7 @@ import pytest
 
 from sain_bags import commands
 from sain_bags.dataset.conversion import ConversionConfig, convert
-from sain_bags.transitions.sources import find_sources
+from sain_bags.rows.sources import find_sources
 from sain_core.errors import DatasetError
 from sain_model.data.dataset import load_dataset
 from tests.sain_bags.driven import Drive, Parts
@@ -117,14 +117,12 @@ def test_several_graphs_must_be_told_apart(record: Start, tmp_path: Path) -> Non
 
 def test_a_message_of_another_definition_is_named(record: Start, tmp_path: Path) -> None:
     recording = record()
-    store = recording.messages.store
-    recording.add("/sain/push_result", "PushResult")
-    topic = recording.messages.topic("/sain/push", "std_msgs/msg/Header")
-    foreign = type(topic)(topic.name, "sain_interfaces/msg/Push", topic.definition)
+    topic = recording.messages.topic("/sain/push_result", "std_msgs/msg/Header")
+    foreign = type(topic)(topic.name, "sain_interfaces/msg/PushResult", topic.definition)
     recording.writer.add_topic(foreign)
     header = recording.messages.make("std_msgs/msg/Header")
-    data = bytes(store.serialize_cdr(header, "std_msgs/msg/Header"))
-    recording.writer.write("/sain/push", data, recording.now)
+    data = bytes(recording.messages.store.serialize_cdr(header, "std_msgs/msg/Header"))
+    recording.writer.write("/sain/push_result", data, recording.now)
     recording.writer.close()
     with pytest.raises(DatasetError, match=r"another definition than this graph's.*push_id"):
         convert([recording.writer.folder], tmp_path / "out")

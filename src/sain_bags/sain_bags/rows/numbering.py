@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from sain_bags.transitions.rows import RowBlock
+from sain_bags.rows.rows import RowBlock
 from sain_core.transitions import Column
 
 

@@ -8,19 +8,22 @@ from typing import Any, Final
 
 from sain_bags.bag.metadata import METADATA_FILE
 from sain_bags.reading.reader import Bag
-from sain_bags.transitions.message_fields import (
+from sain_bags.rows.message_fields import (
+    BODIES,
     GOAL,
-    PREDICTION,
     PUSH,
     PUSH_RESULT,
     SCENE,
+    WORLD,
     namespaces,
     parent_of,
+    topics_of,
 )
+from sain_bags.rows.old_recordings import OLD_PREDICTION
 from sain_core.errors import DatasetError, UntrustedFileError
 from sain_core.guarding.untrusted import open_regular
 
-ALWAYS: Final = frozenset({PUSH, PUSH_RESULT, PREDICTION, GOAL})
+COUNTED: Final = (PUSH, PUSH_RESULT, OLD_PREDICTION, GOAL, SCENE)
 
 
 @dataclass(frozen=True)
@@ -33,34 +36,14 @@ class Source:
     counts: dict[str, int]  # messages by type
 
     @property
-    def has_results(self) -> bool:
-        """Whether any push has a result."""
-        return self.counts[PUSH_RESULT] > 0
-
-    @property
-    def has_predictions(self) -> bool:
-        """Whether any push has a prediction."""
-        return self.counts[PREDICTION] > 0
-
-    @property
-    def needs_scenes(self) -> bool:
-        """Whether there are pushes without a result, which need the scenes around them."""
-        return self.counts[PUSH] > self.counts[PUSH_RESULT]
+    def pushes(self) -> int:
+        """How many pushes there are to read, at least."""
+        return max(self.counts[PUSH], self.counts[PUSH_RESULT])
 
     @property
     def topics(self) -> tuple[str, ...]:
-        """The topics to read: scenes, often thousands a second, only where they are needed."""
-        types = ALWAYS | {SCENE} if self.needs_scenes else ALWAYS
-        return tuple(
-            topic.name
-            for topic in self.bag.topics
-            if topic.type in types and parent_of(topic.name) == self.namespace
-        )
-
-    @property
-    def messages(self) -> int:
-        """How many messages there are to read."""
-        return sum(topic.messages for topic in self.bag.topics if topic.name in self.topics)
+        """The topics that are read, where each push has its result."""
+        return topics_of(self.bag, self.namespace, PUSH_RESULT, GOAL, BODIES, WORLD)
 
     def describe(self) -> dict[str, Any]:
         """Return its entry in a card."""
@@ -113,7 +96,7 @@ def open_source(path: Path, namespace: str | None) -> Source:
     bag = Bag(path)
     found = namespaces(bag, PUSH, PUSH_RESULT) or namespaces(bag)
     chosen = _choose(bag, found, namespace)
-    counts = dict.fromkeys(sorted(ALWAYS | {SCENE}), 0)
+    counts = dict.fromkeys(sorted(COUNTED), 0)
     for topic in bag.topics:
         if topic.type in counts and parent_of(topic.name) == chosen:
             counts[topic.type] += topic.messages
@@ -124,6 +107,7 @@ def open_source(path: Path, namespace: str | None) -> Source:
                 f"{path} holds no pushes to learn from: no {PUSH_RESULT}, and to do without it"
                 f" no {' and no '.join(missing)}; it has {_contents(bag)}"
             )
+    counts = {name: count for name, count in counts.items() if count or name != OLD_PREDICTION}
     return Source(bag, chosen, _hash(bag.files), counts)
 
 

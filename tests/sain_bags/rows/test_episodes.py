@@ -10,13 +10,13 @@ import pytest
 
 from sain_bags.reading.reader import Bag
 from sain_bags.report.content import read_content
-from sain_bags.transitions.message_fields import namespaces
-from sain_bags.transitions.recorded_episodes import read_episodes
+from sain_bags.rows.episodes import read_episodes
+from sain_bags.rows.message_fields import namespaces
 from sain_core.errors import DatasetError
 from sain_core.goal import Goal
 from sain_core.push import LOCATION
 from sain_core.scene import make_scene
-from tests.sain_bags.conftest import resting_scene
+from tests.sain_bags.conftest import Messages, resting_scene
 
 
 def test_pushes_carry_plan_outcome_and_prediction(episode_bag: Path) -> None:
@@ -109,18 +109,14 @@ def test_the_page_has_each_goal_of_a_row(goals_in_a_row: Bag) -> None:
     assert (totals["episodes"], totals["withGoal"], totals["reached"]) == (1, 3, 2)
 
 
-def test_a_prediction_that_comes_late_still_finds_its_push(record: Callable[..., Any]) -> None:
-    recording, scene = (
-        record(),
-        make_scene(np.array([[0.3, 0], [0.5, 0]]), np.ones(2), np.full(2, 0.05)),
-    )
+def test_a_prediction_of_before_finds_its_push_however_late(record: Callable[..., Any]) -> None:
+    recording, scene = record(), resting_scene(0.45)
+    recording.messages = Messages(old=True)
     recording.scene(1, 1, scene)
-    recording.push(5, 1, scene, scene)
+    recording.push(5, 1, scene, scene, predicts=False)
     recording.scene(2, 2, scene)
-    disks = recording.messages.disks(scene + 0.5)
-    recording.add(
-        "/sain/physics_prediction", "PushPrediction", push_id=5, error_code=1, disks=disks
-    )
+    ids, disks = {"push_id": 5, "episode_id": 1}, recording.messages.disks(scene + 0.5)
+    recording.add("/sain/physics", "PushPrediction", **ids, error_code=1, disks=disks)
     recording.writer.close()
     first, _ = read_episodes(Bag(recording.writer.folder))
     assert first.pushes[0].physics is not None

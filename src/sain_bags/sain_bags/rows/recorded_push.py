@@ -1,14 +1,16 @@
 """Pushes and plans as a recording has them."""
 
 from dataclasses import dataclass, fields
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
 from sain_core.errors import ErrorCode
 from sain_core.types import PushArray, Pushes, Scene, Scenes
-from sain_core.wire import decode_disks, decode_plan, decode_push, push_as_sent
+from sain_core.wire import decode_plan
 from sain_core.world import PushRecord
+
+UNANSWERED: Final = 0xFFFF  # in place of an error code: no result was recorded
 
 
 @dataclass(frozen=True)
@@ -34,7 +36,7 @@ class RecordedPush:
     """A push as a recording has it: executed, refused, or without a result."""
 
     push_id: int
-    push: PushArray  # (5,)
+    push: PushArray  # (5,), whatever it holds where it was refused
     before: Scene | None  # (N, 8); None: it came before there was a scene
     after: Scene | None  # (N, 8)
     error_code: int
@@ -45,11 +47,20 @@ class RecordedPush:
     plan: PlanRecord | None = None
     physics: Scene | None = None  # (N, 8), f_p(s, a)
     physics_model: str = ""
+    episode_id: int = 0
+    scene_ids: tuple[int, int] = (0, 0)  # before and after
+    stamps: tuple[int, int] = (0, 0)  # [ns] simulated, the same
+    log_time: int = 0  # [ns since the epoch]
 
     @property
     def executed(self) -> bool:
         """Whether it was carried out; a refused push moved nothing."""
         return self.error_code == ErrorCode.OK
+
+    @property
+    def answered(self) -> bool:
+        """Whether there is a result of it."""
+        return self.error_code != UNANSWERED
 
     @property
     def predicted(self) -> Scene | None:
@@ -65,31 +76,6 @@ class RecordedPush:
             return None
         time = self.plan.planning_time if self.plan else 0.0
         return PushRecord(self.push, self.before, self.after, self.predicted, self.physics, time)
-
-
-def recorded_push(
-    result: Any, plans: dict[int, PlanRecord], physics: dict[int, Any]
-) -> RecordedPush:
-    """Return a push by its result, with its plan and what physics predicted."""
-    executed = result.error_code == ErrorCode.OK
-    predicted = physics.get(result.push_id)
-    if predicted is not None and predicted.error_code != ErrorCode.OK:
-        predicted = None
-    push = result.push
-    return RecordedPush(
-        push_id=result.push_id,
-        push=decode_push(push) if executed else push_as_sent(push),
-        before=decode_disks(result.before.disks) if result.before.disks else None,
-        after=decode_disks(result.after.disks) if result.after.disks else None,
-        error_code=result.error_code,
-        error_message=result.error_message,
-        source=push.source,
-        duration=result.duration,
-        wall_time=result.wall_time,
-        plan=plans.get(result.push_id),
-        physics=None if predicted is None else decode_disks(predicted.disks),
-        physics_model="" if predicted is None else predicted.model,
-    )
 
 
 def recorded_plan(message: Any) -> PlanRecord:

@@ -1,4 +1,4 @@
-"""The graph's messages as columns: the fields of each type that rows need.
+"""Messages as columns: some fields of each.
 
 Whatever else a type has, and in whatever order, does not matter: it is read as the bag describes
 it.
@@ -14,17 +14,10 @@ from numpy import ndarray
 
 from sain_bags.bag.layouts import Layout, find_layout, read_types
 from sain_bags.reading.bag_files import BagChannel, Batch
-from sain_bags.transitions.message_fields import (
-    DISKS,
-    FIELDS,
-    all_paths,
-    check_path,
-    has_field,
-)
+from sain_bags.rows.message_fields import DISKS, all_paths, check_path
 from sain_core.errors import DatasetError
 from sain_core.guarding.untrusted import TimeAllowance
 from sain_core.scene import STATE_NAMES, STATE_SIZE
-from sain_core.wire.old_files import LATER_FIELDS
 
 KEPT_LAYOUTS: Final = 100  # of messages of one size
 
@@ -41,13 +34,6 @@ class Disks:
         """Return those of some scenes that have so many disks, (len(places), count, 8)."""
         return self.values[self.firsts[places][:, None] + np.arange(count)]
 
-    def take(self, places: ndarray) -> "Disks":
-        """Return those of some scenes, and nothing of the others."""
-        counts = self.counts[places]
-        firsts = np.cumsum(counts) - counts
-        rows = np.repeat(self.firsts[places] - firsts, counts) + np.arange(counts.sum())
-        return Disks(self.values[rows], firsts, counts)
-
 
 @dataclass(frozen=True)
 class MessageTable:
@@ -60,51 +46,11 @@ class MessageTable:
         """Return how many messages there are."""
         return len(next(iter(self.columns.values())))
 
-    def take(self, rows: ndarray) -> "MessageTable":
-        """Return some messages, and nothing of the others."""
-        columns = {name: column[rows] for name, column in self.columns.items()}
-        return MessageTable(columns, {name: disks.take(rows) for name, disks in self.disks.items()})
-
-
-Message = tuple[MessageTable, int]  # a message: the table that it is in, and its row
-
-
-def join_tables(tables: Sequence[MessageTable]) -> MessageTable:
-    """Return the messages of several tables of one type, one after the other."""
-    if len(tables) == 1:
-        return tables[0]
-    columns = {
-        name: np.concatenate([table.columns[name] for table in tables])
-        for name in tables[0].columns
-    }
-    disks = {}
-    for name in tables[0].disks:
-        parts = [table.disks[name] for table in tables]
-        sizes = np.array([len(part.values) for part in parts])
-        shifts = np.repeat(np.cumsum(sizes) - sizes, [len(part.counts) for part in parts])
-        disks[name] = Disks(
-            np.concatenate([part.values for part in parts]),
-            np.concatenate([part.firsts for part in parts]) + shifts,
-            np.concatenate([part.counts for part in parts]),
-        )
-    return MessageTable(columns, disks)
-
-
-def gather(messages: Sequence[Message]) -> tuple[MessageTable, ndarray]:
-    """Return one table that holds messages of several, and their rows in it."""
-    tables = {id(table): table for table, _ in messages}
-    rows = np.array([row for _, row in messages], dtype=np.int64)
-    if len(tables) > 1:
-        ends = np.cumsum([len(table) for table in tables.values()]).tolist()
-        bases = dict(zip(tables, [0, *ends[:-1]], strict=True))
-        rows += [bases[id(table)] for table, _ in messages]
-    return join_tables(list(tables.values())), rows
-
 
 class TableReader:
-    """Decodes the messages of one channel."""
+    """Decodes some fields of the messages of one channel."""
 
-    def __init__(self, channel: BagChannel, decoding: TimeAllowance) -> None:
+    def __init__(self, channel: BagChannel, decoding: TimeAllowance, fields: Sequence[str]) -> None:
         """Read the channel's definitions.
 
         Raises:
@@ -113,12 +59,7 @@ class TableReader:
         self._channel, self._decoding = channel, decoding
         self._types = read_types(channel.type, channel.definition())
         self._layouts: defaultdict[int, list[Layout]] = defaultdict(list)
-        later = LATER_FIELDS.get(channel.type, {})
-        self._wanted = [
-            path
-            for path in all_paths(FIELDS[channel.type])
-            if path not in later or has_field(self._types, channel.type, path)
-        ]
+        self._fields, self._wanted = fields, all_paths(fields)
         for path in self._wanted:
             check_path(self._types, channel.type, path)
 
@@ -129,7 +70,7 @@ class TableReader:
             DatasetError: one is not as its definition says, or they differ too much in their
                 lengths.
         """
-        builder = _Builder(self._channel.type, len(batch))
+        builder = _Builder(self._fields, len(batch))
         for size in np.unique(batch.sizes).tolist():
             if not size:
                 raise DatasetError(f"{self._channel.topic}: a message is empty")
@@ -160,8 +101,8 @@ class TableReader:
 class _Builder:
     """Collects messages layout by layout, and returns them in their order."""
 
-    def __init__(self, kind: str, count: int) -> None:
-        fields, self._later, self._count = FIELDS[kind], LATER_FIELDS.get(kind, {}), count
+    def __init__(self, fields: Sequence[str], count: int) -> None:
+        self._count = count
         self._names = [name for name in fields if not name.endswith(DISKS)]
         self._columns: dict[str, ndarray] = {}
         self._parts: dict[str, list[ndarray]] = {
@@ -190,14 +131,10 @@ class _Builder:
             )
             for name, parts in self._parts.items()
         }
-        for name in (self._later.keys() & set(self._names)) - self._columns.keys():
-            self._columns[name] = np.full(self._count, self._later[name])
         return MessageTable(self._columns, disks)
 
     def _take(self, layout: Layout, rows: ndarray, messages: ndarray) -> None:
         for name in self._names:
-            if name in self._later and name not in layout.numbers:
-                continue  # an older definition
             if name in layout.texts:
                 values: ndarray | list[str] = layout.read_texts(name, messages)
                 kind = np.dtype(object)

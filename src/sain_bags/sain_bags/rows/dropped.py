@@ -1,0 +1,67 @@
+"""Why a push is no row of a data set."""
+
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from sain_bags.rows.results import Results
+from sain_core.errors import ErrorCode, InvalidInputError
+from sain_core.push import PUSH_NAMES
+from sain_core.scene import MASS, RADIUS, STATE_NAMES, STATE_SIZE
+from sain_core.types import Scene
+from sain_core.wire import check_disks, check_fields
+
+REFUSED: Final = "refused"
+REPEATED: Final = "push id used before"
+UNSETTLED: Final = "scene before or after not settled"
+SENSELESS: Final = "makes no sense"
+UNPREDICTED: Final = "not predicted, and the prior cannot"
+NOT_MOVED: Final = "target moved by less than 2 mm"
+
+
+class Dropped(NamedTuple):
+    """A push that is no row, and why."""
+
+    reason: str
+    detail: str
+
+
+def named_push(results: Results, push: int) -> str:
+    """Return in words which push it is."""
+    episode = int(results.table.columns["push.episode_id"][push])
+    return f"push {int(results.push_ids[push])} of episode {episode}"
+
+
+def why_refused(results: Results, push: int) -> str:
+    """Return the error of a refused push."""
+    code = int(results.codes[push])
+    name = ErrorCode(code).name if code in set(ErrorCode) else f"error {code}"
+    return f"{name}: {results.messages[push]}"
+
+
+def why_senseless(results: Results, push: int) -> str:
+    """Return what is wrong with the scenes, the push or the prediction."""
+    try:
+        before = _possible(results.before.one(push), "scene before")
+        after = _possible(results.after.one(push), "scene after")
+        if len(before) != len(after):
+            raise InvalidInputError(f"{len(before)} disks before the push, {len(after)} after")
+        check_fields(results.actions[push], PUSH_NAMES, "push")
+        if results.bodies[push] >= len(before):
+            raise InvalidInputError(
+                f"it is against body {results.bodies[push]}; the scene has bodies"
+                f" 0 to {len(before) - 1}"
+            )
+        count = int(results.predicted_counts[push])
+        check_disks(results.physics(np.array([push]), count)[0], "prediction")
+        raise InvalidInputError(f"{len(before)} disks, {count} in the prediction")
+    except InvalidInputError as error:
+        return str(error)
+
+
+def _possible(scene: Scene | None, name: str) -> Scene:
+    scene = check_disks(np.empty((0, STATE_SIZE)) if scene is None else scene, name)
+    for column in (MASS, RADIUS):
+        if (scene[:, column] <= 0.0).any():
+            raise InvalidInputError(f"{name}: a {STATE_NAMES[column]} is not positive")
+    return scene

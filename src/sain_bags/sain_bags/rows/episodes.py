@@ -1,0 +1,320 @@
+"""Recordings as episodes: what was asked, planned, predicted, and what really happened.
+
+A push comes with all that is known of it. Plans belong to pushes and goals by their ids.
+"""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field, replace
+from heapq import merge
+from operator import attrgetter
+from typing import Any, Final
+
+from sain_bags.bag.layouts import read_types
+from sain_bags.reading.reader import Bag, Received
+from sain_bags.rows.message_fields import (
+    BODIES,
+    DISKS,
+    GOAL,
+    PLAN,
+    PUSH_RESULT,
+    SCENE,
+    WORLD,
+    all_paths,
+    check_path,
+    namespaces,
+    topics_of,
+)
+from sain_bags.rows.old_recordings import as_today
+from sain_bags.rows.recorded_push import PlanRecord, RecordedPush, recorded_plan
+from sain_bags.rows.results import naming, read_results
+from sain_core.errors import DatasetError, InvalidInputError, OutOfRangeError, SainError
+from sain_core.goal import Goal, Judgement
+from sain_core.scene import TARGET
+from sain_core.shapes.bodies import PAPER_DISKS, Bodies
+from sain_core.types import Scene
+from sain_core.wire import decode_disks, decode_goal
+from sain_core.wire.bodies import decode_bodies
+from sain_core.world import PushRecord
+
+FIELDS: Final = {  # that are read of messages beside the results
+    SCENE: ("episode_id", "scene_id", "settled", "header.stamp.sec", "header.stamp.nanosec", DISKS),
+    GOAL: ("episode_id", "x", "y", "tolerance", "max_pushes"),
+    PLAN: (
+        "plan_id", "push_id", "episode_id", "status", "error_code", "fallback", "horizon", "disks",
+        "goal_distance", "planning_time", "goal_id",
+    ),
+    BODIES: ("episode_id",),
+    WORLD: ("episode_id",),
+}  # fmt: skip
+
+OnScene = Callable[[int, Any, int], object]  # run, sain_interfaces/msg/Scene, its log time [ns]
+Progress = Callable[[], object]
+
+
+@dataclass(frozen=True)
+class Episode:
+    """From one reset to the next; where goals followed each other, its goal is the last one."""
+
+    episode_id: int
+    start: Scene  # (N, 8), as the reset left it
+    final: Scene  # (N, 8), the last settled one
+    goal: Goal | None  # None: none was given
+    max_pushes: int  # 0: no limit
+    pushes: tuple[RecordedPush, ...]
+    plans: tuple[PlanRecord, ...]
+    interval: tuple[int, int]  # [ns since the epoch], first and last message received
+    bodies: Bodies = PAPER_DISKS
+    parts: tuple["Episode", ...] = ()  # towards each goal in order, where there were several
+    unanswered: tuple[RecordedPush, ...] = ()  # pushes without a result
+    shapes: tuple[str, ...] = ()  # of the bodies, as the simulator states them; none: unknown
+    run: int = 0  # of the simulator: another one counts its episodes from 1 again
+
+    @property
+    def by_goal(self) -> tuple["Episode", ...]:
+        """The episode towards each of its goals, in order; itself where there are not several."""
+        return self.parts or (self,)
+
+    @property
+    def in_a_row(self) -> int:
+        """How many goals were reached before the first that was not."""
+        reached = [part.success for part in self.by_goal]
+        return (*reached, False).index(False)
+
+    @property
+    def aimed(self) -> int:
+        """The first body that the goal is for; without a goal the target."""
+        return self.goal.wanted[0] if self.goal else min(TARGET, len(self.final) - 1)
+
+    @property
+    def executed(self) -> tuple[RecordedPush, ...]:
+        """The pushes that were carried out."""
+        return tuple(push for push in self.pushes if push.executed)
+
+    @property
+    def records(self) -> tuple[PushRecord, ...]:
+        """The records of the pushes that were executed and have both scenes."""
+        return tuple(push.record for push in self.pushes if push.record is not None)
+
+    def judge(self, scene: Scene) -> Judgement | None:
+        """Judge a scene (N, 8); None: there is no goal."""
+        bodies = self.bodies.fitted(len(scene))
+        return None if self.goal is None else self.goal.judge(scene, self.start, bodies)
+
+    def distance(self, scene: Scene) -> float:
+        """Return the largest distance [m] of a body from its pose; NaN without a goal."""
+        judged = self.judge(scene)
+        return float("nan") if judged is None else judged.distance
+
+    @property
+    def success(self) -> bool:
+        """Whether the last scene, which was settled, meets the goal."""
+        judged = self.judge(self.final)
+        return judged is not None and judged.met
+
+
+def read_episodes(
+    bag: Bag,
+    namespace: str | None = None,
+    on_scene: OnScene = lambda run, message, time: None,
+    progress: Progress = lambda: None,
+) -> tuple[Episode, ...]:
+    """Read the episodes of one robot.
+
+    Args:
+        bag: a recording of the graph.
+        namespace: of the graph, for example ``/sain``; needed only where a bag holds several.
+        on_scene: called for each scene, settled or not.
+        progress: called for each message.
+
+    Raises:
+        DatasetError: the bag holds no scenes, or those of several namespaces and none was chosen,
+            or a message that makes no sense or lacks a field.
+    """
+    namespace = _choose(namespaces(bag, SCENE, PUSH_RESULT), namespace, bag)
+    _check_definitions(bag, namespace)
+    reader = _Reader(on_scene)
+    messages = bag.messages(topics_of(bag, namespace, *FIELDS))
+    rows = read_results(as_today(bag), namespace)
+    pushes = (push for found in rows for push in found.pushes())
+    received: Iterator[Any] = merge(messages, pushes, key=attrgetter("log_time"))
+    try:
+        for one in received:
+            reader.take(one)
+            progress()
+        return tuple(reader.episodes())
+    except InvalidInputError as error:
+        raise DatasetError(f"{bag.path} holds a message that makes no sense: {error}") from error
+
+
+def _check_definitions(bag: Bag, namespace: str) -> None:
+    topics = topics_of(bag, namespace, *FIELDS)
+    for channel in bag.channels:
+        if channel.topic in topics:
+            with naming(bag):
+                types = read_types(channel.type, channel.definition())
+                paths = FIELDS[channel.type]
+                for path in paths if channel.type == PLAN else all_paths(paths):
+                    check_path(types, channel.type, path)
+
+
+def _choose(found: tuple[str, ...], wanted: str | None, bag: Bag) -> str:
+    if not found:
+        raise DatasetError(f"{bag.path} holds no scenes ({SCENE}); it is no recording of the graph")
+    if wanted is None and len(found) > 1:
+        raise DatasetError(f"{bag.path} holds several graphs; choose one of {', '.join(found)}")
+    if wanted is not None and wanted not in found:
+        raise DatasetError(f"{bag.path} holds no graph {wanted!r}; it has {', '.join(found)}")
+    return found[0] if wanted is None else wanted
+
+
+@dataclass
+class _Draft:
+    """An episode while its messages come in."""
+
+    scenes: list[Scene] = field(default_factory=list)
+    goals: list[tuple[int, Any]] = field(default_factory=list)  # when each came [ns], in order
+    bodies: Bodies = PAPER_DISKS
+    shapes: tuple[str, ...] = ()
+    pushes: list[RecordedPush] = field(default_factory=list)
+    plans: list[PlanRecord] = field(default_factory=list)
+    first: int = 0
+    last: int = 0
+
+    def saw(self, log_time: int) -> None:
+        self.first = self.first or log_time
+        self.last = log_time
+
+    def push(self, push: RecordedPush) -> None:
+        """Take a push, unless its result is the last one again: after a crash it is repeated."""
+        about = attrgetter("push_id", "error_code", "scene_ids")
+        if not self.pushes or about(self.pushes[-1]) != about(push):
+            self.pushes.append(push)
+
+    def goal(self, message: Any, log_time: int) -> None:
+        """Take a goal, in place of the one before when that is given once more."""
+        if self.goals and self.goals[-1][1].goal_id == message.goal_id:
+            self.goals.pop()
+        self.goals.append((log_time, message))
+
+
+class _Reader:
+    """Sorts the messages of one graph, in the order received, into episodes."""
+
+    def __init__(self, on_scene: OnScene) -> None:
+        self._on_scene = on_scene
+        self._drafts: dict[tuple[int, int], _Draft] = {}  # by run and episode
+        self._open_goals: dict[int, Any] = {}  # by run; such a goal names no episode
+        self._world: Any = None  # sain_interfaces/msg/WorldParameters
+        self._run, self._last = 0, (0, 0)  # episode and stamp [ns] of the last scene
+
+    def take(self, one: Received | RecordedPush) -> None:
+        if isinstance(one, RecordedPush):
+            draft = self._of(one.episode_id, one.log_time if one.answered else None)
+            draft.push(one)
+            return
+        message, time = one.message, one.log_time
+        if one.type == SCENE:
+            self._scene(message, time)
+        elif one.type == GOAL and message.episode_id == 0:
+            self._open_goals[self._run] = message
+        elif one.type == WORLD:
+            self._world = message  # of an episode whose scenes are to come
+        else:
+            draft = self._of(message.episode_id, time)
+            if one.type == GOAL:
+                draft.goal(message, time)
+            elif one.type == BODIES:
+                draft.bodies = _bodies(message)
+            elif one.type == PLAN:
+                draft.plans.append(recorded_plan(message))
+
+    def episodes(self) -> Iterator[Episode]:
+        for (run, number), draft in sorted(self._drafts.items(), key=lambda item: item[0]):
+            if draft.scenes or any(push.before is not None for push in draft.pushes):
+                yield _whole(number, draft, self._open_goals.get(run), run)
+
+    def _scene(self, message: Any, time: int) -> None:
+        stamp = message.header.stamp.sec * 10**9 + message.header.stamp.nanosec
+        episode, last = self._last
+        self._run += message.episode_id < episode and stamp < last  # a simulator was started anew
+        self._last = (message.episode_id, stamp)
+        self._on_scene(self._run, message, time)
+        draft = self._of(message.episode_id, time)
+        if self._world is not None and self._world.episode_id == message.episode_id:
+            draft.shapes = tuple(getattr(self._world, "shapes", ()))
+        if message.settled:
+            draft.scenes.append(decode_disks(message.disks))
+
+    def _of(self, episode: int, time: int | None) -> _Draft:
+        draft = self._drafts.setdefault((self._run, episode), _Draft())
+        if time is not None:
+            draft.saw(time)
+        return draft
+
+
+def _whole(number: int, draft: _Draft, open_goal: Any, run: int) -> Episode:
+    """Return an episode, with its parts where it had several goals."""
+    goals = [goal for _, goal in draft.goals]
+    whole = _episode(number, draft, goals[-1] if goals else open_goal, run)
+    if len(goals) < 2:
+        return whole
+    parts: list[Episode] = []
+    for goal, part in zip(goals, _drafts_by_goal(draft), strict=True):
+        part.scenes = [parts[-1].final if parts else whole.start]
+        parts.append(_episode(number, part, goal, run))
+    return replace(whole, parts=tuple(parts))
+
+
+def _drafts_by_goal(draft: _Draft) -> list[_Draft]:
+    """Return what belongs to each goal; a push that nobody planned to that of the one before."""
+    places = {goal.goal_id: place for place, (_, goal) in enumerate(draft.goals)}
+    begins = [draft.first, *(time for time, _ in draft.goals[1:])]
+    ends = [*(time - 1 for time in begins[1:]), draft.last]
+    drafts = [
+        replace(draft, pushes=[], plans=[], first=first, last=last)
+        for first, last in zip(begins, ends, strict=True)
+    ]
+    for plan in draft.plans:
+        drafts[places.get(plan.goal_id, 0)].plans.append(plan)
+    wanted = {plan.push_id: plan.goal_id for plan in draft.plans if plan.push_id}
+    place = 0
+    for push in draft.pushes:
+        place = places.get(wanted.get(push.push_id, -1), place)
+        drafts[place if push.answered else -1].pushes.append(push)
+    return drafts
+
+
+def _episode(number: int, draft: _Draft, goal: Any, run: int) -> Episode:
+    plans = {plan.push_id: plan for plan in draft.plans if plan.push_id}
+    pushes = [replace(push, plan=plans.get(push.push_id)) for push in draft.pushes]
+    answered = tuple(push for push in pushes if push.answered)
+    after = [push.after for push in answered if push.after is not None]
+    scenes = draft.scenes or [push.before for push in pushes if push.before is not None]
+    return Episode(
+        episode_id=number,
+        start=scenes[0],
+        final=(after or scenes)[-1],
+        goal=_goal(goal, len(scenes[0])) if goal else None,
+        max_pushes=int(goal.max_pushes) if goal else 0,
+        pushes=answered,
+        plans=tuple(draft.plans),
+        interval=(draft.first, draft.last),
+        bodies=draft.bodies,
+        unanswered=tuple(push for push in pushes if not push.answered),
+        shapes=draft.shapes,
+        run=run,
+    )
+
+
+def _goal(message: Any, count: int) -> Goal | None:
+    try:
+        return decode_goal(message).fitted(count)
+    except OutOfRangeError:  # the planner refused it, and followed none
+        return None
+
+
+def _bodies(message: Any) -> Bodies:
+    try:
+        return decode_bodies(message)
+    except SainError as error:
+        raise InvalidInputError(f"shapes of episode {message.episode_id}: {error}") from error

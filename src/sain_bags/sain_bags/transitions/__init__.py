@@ -1,1 +1,0 @@
-"""ChannelMessages become rows: pushes paired by id. May import `reading`."""
