@@ -14,7 +14,7 @@ from selenium.webdriver.remote.webelement import WebElement
 
 from sain_bags.reading.reader import Bag
 from sain_bags.report.content import read_content
-from sain_bags.transitions.recorded_episodes import read_episodes
+from sain_bags.rows.episodes import read_episodes
 from sain_core.cli.command_line import executable
 from sain_core.scene import POSITION
 from tests.sain_bags.browser import WEBGL, Browser, opened_browser

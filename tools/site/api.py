@@ -29,7 +29,7 @@ PACKAGES: Final = {
     ),
     "sain_bags": (
         "Recordings without ROS.",
-        ("reading.reader", "transitions.recorded_episodes", "dataset.conversion"),
+        ("reading.reader", "rows.episodes", "dataset.conversion"),
     ),
     "sain_eval": (
         "Scenarios and closed loops without ROS.",

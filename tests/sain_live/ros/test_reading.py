@@ -5,7 +5,7 @@ import pytest
 
 from sain_bags.reading.reader import Bag
 from sain_bags.report.content import read_content
-from sain_bags.transitions.recorded_episodes import read_episodes
+from sain_bags.rows.episodes import read_episodes
 from sain_core.errors import DatasetError
 from sain_core.scene import POSE
 from sain_live.ros import reading
