@@ -223,11 +223,9 @@ def test_episodes_and_the_page_have_bodies_and_poses(shaped_bag: Path) -> None:
     assert [disk["name"] for disk in shown["disks"]] == ["t", "disk"]
     assert shown["disks"][1]["role"] == "fixed"
     np.testing.assert_allclose(
-        shown["disks"][0]["outline"], get_shape("t").outline(0.09), atol=1e-7
+        shown["disks"][0]["outline"], get_shape("t").outline(0.09), atol=1e-5
     )
-    assert shown["poses"] == [
-        {"body": 0, "x": 0.52, "y": 0.01, "heading": 0.3, "tolerance": 0.02, "turn": 0.1}
-    ]
+    assert shown["poses"] == [{"body": 0, "x": 0.52, "y": 0.01}]
     assert [push["body"] for push in shown["pushes"]] == [0, 0]
     assert shown["pushes"][0]["moved"] == pytest.approx(0.03)
 
