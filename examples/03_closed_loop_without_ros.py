@@ -7,8 +7,7 @@ import sys
 from pathlib import Path
 
 from sain_core.view.figures import write_png
-from sain_eval.loop.closed_loop import run_episode
-from sain_eval.loop.controllers import agent_maker
+from sain_eval.loop.closed_loop import agent_maker, run_episode
 from sain_eval.plots.pictures import draw_episode
 from sain_eval.scenes.scenarios import SCENARIOS
 

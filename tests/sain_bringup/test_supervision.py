@@ -108,11 +108,11 @@ def test_a_process_that_hangs_is_noticed_within_a_second_and_restarted(superviso
 
 
 def test_a_process_that_only_waits_for_a_processor_is_left_alone(supervisor, told, monkeypatch):
-    from sain_bringup import heartbeats
+    from sain_bringup import children
 
     start(supervisor, SPINNING)
     wait_until_ready(supervisor)
-    monkeypatch.setattr(heartbeats, "waiting_times", lambda process: {"1": time.monotonic_ns()})
+    monkeypatch.setattr(children, "waiting_times", lambda process: {"1": time.monotonic_ns()})
     first, enough = supervisor.children[0].process.pid, time.monotonic() + 3.0
     until(supervisor, lambda: time.monotonic() > enough)
     assert supervisor.children[0].process.pid == first and not told

@@ -6,8 +6,7 @@ import pytest
 
 from sain_core.errors import ConfigError, NoPushError
 from sain_eval.episode import Tolerance
-from sain_eval.loop.closed_loop import EpisodeOutcome, run_episode
-from sain_eval.loop.controllers import agent_maker
+from sain_eval.loop.closed_loop import EpisodeOutcome, agent_maker, run_episode
 from sain_eval.scenes.families import PoseScenario
 from sain_eval.scenes.scenarios import SCENARIOS
 from sain_gym import AgentPolicy

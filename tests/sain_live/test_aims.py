@@ -9,7 +9,7 @@ from sain_core.errors import InvalidInputError, OffTableError, UnreachableError
 from sain_core.goal import Goal
 from sain_core.scene import make_scene
 from sain_core.shapes.bodies import Bodies
-from sain_live.aims import check_aim, first_aim
+from sain_live.orders import check_aim, first_aim
 from tests.sain_live.straw import AIM, BODIES, SCENE
 
 PAIR = make_scene(np.array([(0.45, 0.0), (0.6, 0.0)]), np.ones(2), np.array([0.08, 0.06]))

@@ -5,8 +5,7 @@ import time
 import pytest
 
 from sain_core.errors import InvalidInputError
-from sain_live.player import RecordingPlayer
-from sain_live.recording import Chapter, Recording, Snapshot
+from sain_live.player import Chapter, Recording, RecordingPlayer, Snapshot
 from sain_live.state import Level, LiveState, LogLine
 
 

@@ -20,7 +20,7 @@ from sain_bringup.graph import executable
 from sain_core.scene import RADIUS
 from sain_core.shapes.library import get_shape
 from sain_live.orders import Reset
-from sain_live.page.goals import HANDLE
+from sain_live.page.scene import HANDLE
 from sain_live.page.serving import CAMERA, FIELD_OF_VIEW, LOOK_AT
 from tests.sain_bags.browser import WEBGL, Browser, opened_browser
 from tests.sain_live.straw import free_port

@@ -3,8 +3,7 @@
 import numpy as np
 
 from sain_pusht.block import BLOCK_RADIUS, CENTROID, PIXEL, UNIT, pusht_bodies
-from sain_pusht.collecting import data_set, random_pushes
-from sain_pusht.identification import errors, identify, textbook
+from sain_pusht.identification import data_set, errors, identify, random_pushes, textbook
 from sain_pusht.world import PushtWorld
 
 

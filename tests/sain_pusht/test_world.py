@@ -8,7 +8,7 @@ from sain_core.push import LENGTH, idle_pushes, make_push, tool_end
 from sain_core.scene import POSITION
 from sain_core.shapes.shape import outline_of
 from sain_pusht.agent import LIMITS
-from sain_pusht.collecting import random_pushes
+from sain_pusht.identification import random_pushes
 from sain_pusht.model import PushtOracle
 from sain_pusht.world import OVERLAP, PushtWorld
 

@@ -20,7 +20,7 @@ from launch.events.process import ProcessExited
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
-from sain_bringup.rviz import view_of
+from sain_bringup.graph import view_of
 from sain_sim.world.engines import DEFAULT_ENGINE
 
 CONFIG = Path(get_package_share_directory("sain_bringup"), "config")

@@ -14,8 +14,7 @@ from math import inf
 from pathlib import Path
 from typing import Final
 
-from sain_bringup.children import Child
-from sain_bringup.heartbeats import HeartbeatConfig
+from sain_bringup.children import Child, HeartbeatConfig
 from sain_core.config import Config, option
 
 POLL: Final = 0.02  # [s]

@@ -7,7 +7,7 @@ import numpy as np
 
 from sain_core.errors import ConfigError, ErrorCode, NoPushError
 from sain_core.types import PushArray
-from sain_eval.loop.controllers import agent_maker
+from sain_eval.loop.closed_loop import agent_maker
 from sain_gym.episode import PushEpisode
 from sain_gym.push_env import PushEnv
 from sain_mppi.agent.agent import AgentConfig, act

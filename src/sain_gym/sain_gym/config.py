@@ -4,8 +4,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from typing import Any, Final, Self
 
+from gymnasium.error import ClosedEnvironmentError, ResetNeeded
+
 from sain_core.config import Config, option, typed_settings
-from sain_core.errors import ConfigError
+from sain_core.errors import ConfigError, ErrorCode, SainError, StaleSceneError
 from sain_eval.episode import Tolerance
 from sain_eval.scenes.scenarios import OFFERED, SCENARIOS
 from sain_sim.world.engines import DEFAULT_ENGINE, ENGINE_HELP
@@ -78,3 +80,11 @@ class PushEnvConfig(Config):
     def within(self) -> Tolerance:
         """What counts as success."""
         return Tolerance(self.tolerance, self.turn or None)
+
+
+class EpisodeEndedError(StaleSceneError, ResetNeeded, code=ErrorCode.STALE_SCENE):
+    """A step without an episode: it has ended, or none has begun."""
+
+
+class EnvironmentClosedError(SainError, ClosedEnvironmentError):
+    """A call of an environment that was closed."""

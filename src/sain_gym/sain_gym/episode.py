@@ -12,7 +12,7 @@ from sain_core.scene import POSITION, is_settled
 from sain_core.types import PushArray, Scene
 from sain_core.world import DivergedError
 from sain_eval.episode import EpisodeRecord, Tolerance
-from sain_eval.scenes.scenario_scene import ScenarioScene
+from sain_eval.scenes.families import ScenarioScene
 from sain_mppi.agent.goal_tracker import LOOK_AGAIN, GoalTrackerConfig
 
 TABLE: Final = Feasibility().table

@@ -10,11 +10,10 @@ from sain_core.errors import ConfigError, OutOfRangeError, SainError
 from sain_core.types import Scene
 from sain_core.view.image import TopImage, TopPicture
 from sain_core.view.scenes import bodies_in, goal_marks
-from sain_eval.scenes.scenario_scene import ScenarioScene
+from sain_eval.scenes.families import ScenarioScene
 from sain_eval.scenes.scenarios import draw_scene
-from sain_gym.config import IMAGE, PushEnvConfig
+from sain_gym.config import IMAGE, EnvironmentClosedError, EpisodeEndedError, PushEnvConfig
 from sain_gym.episode import PushEpisode
-from sain_gym.errors import EnvironmentClosedError, EpisodeEndedError
 from sain_gym.spaces import PushSpaces
 from sain_sim.world.own import open_world
 from sain_sim.world.world import CheckedWorld

@@ -1,17 +1,26 @@
-"""What a viewer can ask for. The node carries it out; tests of the page take note of it."""
+"""What a viewer can ask for, and goals as the page handles them.
+
+The node carries orders out; tests of the page take note of them. A goal is checked before that.
+"""
 
 import dataclasses
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Any, Final, Protocol
 
+import numpy as np
+
 from sain_core.config import Config
-from sain_core.errors import ConfigError
-from sain_core.goal import Goal
-from sain_eval.scenes.families import AnywhereScenario, PoseScenario
-from sain_eval.scenes.scenario_scene import ScenarioScene
+from sain_core.errors import ConfigError, InvalidInputError
+from sain_core.feasibility import Feasibility
+from sain_core.goal import MOST_SHARED, BodyPose, Goal
+from sain_core.scene import POSITION, TARGET, THETA, Table
+from sain_core.shapes.bodies import Bodies, Role, overlap
+from sain_core.types import Scene
+from sain_eval.scenes.families import AnywhereScenario, PoseScenario, ScenarioScene
 from sain_eval.scenes.scenarios import draw_scene, find_scenario
 from sain_mppi.config import PlannerConfig
+from sain_mppi.objective.problem import Problem
 
 AS_DRAWN: Final = "as the scenario has it"
 PREFIX: Final = "planner."  # of its parameters
@@ -85,3 +94,56 @@ def planner_settings(
             yield group, prefix + item.name, item, value
     for name, value in nested:
         yield from planner_settings(value, f"{prefix}{name}.")
+
+
+FIRST_WAY: Final = (0.12, 0.0)  # [m], from a body to the goal that it is given first
+FEASIBILITY: Final = Feasibility()
+
+
+def first_aim(scene: Scene, bodies: Bodies, table: Table = FEASIBILITY.table) -> Goal | None:
+    """Return a goal to begin with, for a scene that has none: near the target, on the table."""
+    movable = [body for body in range(len(bodies)) if bodies.roles[body] is not Role.FIXED]
+    body = TARGET if TARGET in movable else movable[0]
+    shape = bodies.shapes[body]
+    for way in (1.0, -1.0, 0.5, -0.5, 0.0):
+        for turned in (np.array(FIRST_WAY), np.array(FIRST_WAY[::-1])):
+            place = scene[body, POSITION] + way * turned
+            if not table.contains(place):
+                continue
+            x, y = place.tolist()
+            heading = None if shape.is_round else float(scene[body, THETA])
+            goal = Goal((BodyPose(body, x, y, heading),))
+            try:
+                check_aim(goal, scene, bodies)
+            except (InvalidInputError, ValueError):
+                continue
+            return goal
+    return None
+
+
+def check_aim(
+    goal: Goal, scene: Scene, bodies: Bodies, feasibility: Feasibility = FEASIBILITY
+) -> None:
+    """Check that bodies can be brought to a goal, before it is sent.
+
+    Bodies that the tool may push are no obstacle: the planner moves them away.
+
+    Raises:
+        OffTableError: off the table.
+        UnreachableError: the arm cannot push a target there, from any side.
+        InvalidInputError: into a body that stays where it is; all else that `Goal` checks.
+    """
+    goal.check(scene, bodies, feasibility.table)
+    Problem(scene, goal, bodies, scene, feasibility).check_reach()
+    placed = goal.placed(scene)
+    for body in goal.wanted:
+        for other, role in enumerate(bodies.roles):
+            if other in goal.wanted or role is Role.PUSHABLE:
+                continue
+            deep = overlap(placed, bodies, body, other)
+            if deep > MOST_SHARED:
+                raise InvalidInputError(
+                    f"the goal of body {body} lies in body {other}"
+                    f" ({bodies.shapes[other].name}), by {1e3 * deep:.0f} mm;"
+                    " drag it to a free place"
+                )

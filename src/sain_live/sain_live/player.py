@@ -1,13 +1,72 @@
-"""Plays a recording: puts what was known at a time into `LiveState`."""
+"""A recording as the page plays it: what is known at each of its moments, put into `LiveState`."""
 
 import time
+from bisect import bisect_right
 from collections import deque
+from collections.abc import Mapping
+from dataclasses import dataclass
 from threading import Event, RLock, Thread
-from typing import Final
+from typing import Any, Final
 
 from sain_core.errors import InvalidInputError
-from sain_live.recording import Chapter, Recording
-from sain_live.state import LOG_LINES, LiveState
+from sain_live.state import LOG_LINES, LiveState, LogLine
+
+
+@dataclass(frozen=True, eq=False)
+class Snapshot:
+    """What is known at one time.
+
+    Attributes:
+        time: [s], from the start of its chapter.
+        values: attributes of `LiveState`, by their names.
+    """
+
+    time: float
+    values: Mapping[str, Any]
+
+
+@dataclass(frozen=True, eq=False)
+class Chapter:
+    """An episode, or the part of it towards one of its goals.
+
+    Attributes:
+        title: as on the report page.
+        moments: in order; at least one.
+        rests: [s], the start, and the end of each push that was carried out.
+    """
+
+    title: str
+    moments: tuple[Snapshot, ...]
+    rests: tuple[float, ...]
+
+    @property
+    def duration(self) -> float:
+        """Time [s] of the last moment."""
+        return self.moments[-1].time
+
+    @property
+    def pushes(self) -> int:
+        """How many pushes were carried out."""
+        return len(self.rests) - 1
+
+    def at(self, time: float) -> Snapshot:
+        """Return the last moment that is not later than a time [s]."""
+        number = bisect_right(self.moments, time, key=lambda moment: moment.time)
+        return self.moments[max(number - 1, 0)]
+
+    def pushes_at(self, time: float) -> int:
+        """Return how many pushes had ended at a time [s]."""
+        return max(bisect_right(self.rests, time) - 1, 0)
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """All chapters, at least one, and every line of the log."""
+
+    name: str
+    chapters: tuple[Chapter, ...]
+    log: tuple[LogLine, ...] = ()
+
 
 STEP: Final = 1.0 / 40.0  # [s], between two moments that are shown
 HOLD: Final = 1.0  # [s], the end of a chapter stays, before the next one begins

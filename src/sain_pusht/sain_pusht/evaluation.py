@@ -42,7 +42,7 @@ from sain_eval.loop.tables import (
     show_failures,
     show_summary,
 )
-from sain_eval.scenes.scenario_scene import ScenarioScene
+from sain_eval.scenes.families import ScenarioScene
 from sain_mppi.config import PlannerConfig
 from sain_pusht.agent import AGENT_RADIUS, FEASIBILITY, PLANNER, pusht_agent
 from sain_pusht.block import pusht_bodies

@@ -117,8 +117,7 @@ def collect(random: int, played: int, say: Say) -> "tuple[Split, Identified]":
     It is fitted to random pushes first; then an agent plays with it.
     """
     from sain_model.data.dataset import split_by_episode
-    from sain_pusht.collecting import data_set, played_pushes, random_pushes
-    from sain_pusht.identification import identify
+    from sain_pusht.identification import data_set, identify, played_pushes, random_pushes
 
     rows = list(random_pushes(random, PushtWorld()))
     say(f"{len(rows)} random pushes")

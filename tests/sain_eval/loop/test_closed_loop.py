@@ -11,8 +11,7 @@ from sain_core.model import IdentityPrior
 from sain_core.push import make_push
 from sain_core.scene import MID, POSITION, TARGET
 from sain_core.world import DivergedError
-from sain_eval.loop.closed_loop import run_episode
-from sain_eval.loop.controllers import agent_maker
+from sain_eval.loop.closed_loop import agent_maker, run_episode
 from sain_eval.scenes.scenarios import SCENARIOS
 from sain_mppi.agent.agent import Agent, AgentConfig
 from sain_mppi.agent.events import PushDecision

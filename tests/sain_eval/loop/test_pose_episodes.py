@@ -12,12 +12,10 @@ from sain_core.push import BODY, make_push
 from sain_core.scene import POSITION, make_scene
 from sain_core.view.figures import write_png
 from sain_eval.episode import Tolerance
-from sain_eval.loop.closed_loop import run_episode
-from sain_eval.loop.controllers import agent_maker
+from sain_eval.loop.closed_loop import agent_maker, run_episode
 from sain_eval.loop.results import scene_records
 from sain_eval.plots.pictures import draw_episode
-from sain_eval.scenes.families import PoseScenario
-from sain_eval.scenes.scenario_scene import ScenarioScene
+from sain_eval.scenes.families import PoseScenario, ScenarioScene
 from sain_eval.scenes.scenarios import SCENARIOS
 from sain_mppi.agent.agent import Agent, AgentConfig
 from sain_mppi.agent.events import PushDecision

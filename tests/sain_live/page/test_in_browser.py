@@ -13,8 +13,8 @@ from PIL import Image
 from sain_core.goal import Goal
 from sain_core.scene import DISK_HEIGHT, RADIUS, make_scene
 from sain_core.shapes.bodies import PAPER_DISKS, Bodies
-from sain_live.page.goals import HANDLE
 from sain_live.page.live_page import LivePage
+from sain_live.page.scene import HANDLE
 from sain_live.page.serving import CAMERA, FIELD_OF_VIEW, LOOK_AT
 from sain_live.state import LiveArm, LiveCurves, LiveScene, LiveState
 from sain_sim.arm.panda import describe_arm

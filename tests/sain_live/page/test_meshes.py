@@ -11,8 +11,8 @@ import trimesh
 
 from sain_core import storage
 from sain_core.errors import ConfigError
-from sain_live.page import meshes
-from sain_live.page.meshes import Mesh, read_mesh
+from sain_live.page import arm
+from sain_live.page.arm import Mesh, read_mesh
 
 GREY = (210, 212, 215)
 TWO_COLOURS = """mtllib two.mtl
@@ -91,7 +91,7 @@ def test_what_is_kept_and_damaged_is_made_anew(two: Path, cache: Path, damage: b
 def test_no_more_are_kept_than_a_few(
     two: Path, cache: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(meshes, "KEPT", 3)
+    monkeypatch.setattr(arm, "KEPT", 3)
     for number in range(5):
         read_mesh(str(two), (number, 0, 0), own=False)
     assert len(list(cache.iterdir())) == 3

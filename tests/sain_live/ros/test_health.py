@@ -3,7 +3,7 @@
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 
-from sain_live.ros.health import Health
+from sain_live.ros.hearing import Health
 from sain_live.state import Level, LiveState
 
 OK, WARN = DiagnosticStatus.OK, DiagnosticStatus.WARN

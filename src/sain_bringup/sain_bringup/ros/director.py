@@ -14,15 +14,14 @@ from rclpy.node import Node
 from sain_bringup.display import EpisodeView
 from sain_bringup.graph import PLANNER
 from sain_bringup.processes import Supervisor
-from sain_bringup.ros.progress import LOST, Progress, distance
-from sain_bringup.ros.readiness import SERVER_PARTS, Missing, missing_parts
+from sain_bringup.ros.progress import LOST, SERVER_PARTS, Missing, Progress, distance, missing_parts
 from sain_core.errors import ErrorCode, ModelUnavailableError, SainError, error_from_reply
 from sain_core.guarding.ros.ownership import refuse_peers, refuse_rivals
 from sain_core.ros.codec import encode_disks, encode_goal
 from sain_core.ros.node_main import NAMESPACE, node_of
 from sain_core.ros.qos import LATCHED, RELIABLE, SIMULATED
 from sain_eval.episode import Tolerance
-from sain_eval.scenes.scenario_scene import ScenarioScene
+from sain_eval.scenes.families import ScenarioScene
 from sain_interfaces.msg import Goal, Plan, PushResult
 from sain_interfaces.srv import ResetScene
 

@@ -17,7 +17,7 @@ from sain_core.storage import make_folder, ros2_command
 from sain_core.workers import WorkerOptions
 from sain_core.world import observation_settings
 from sain_eval.episode import Tolerance
-from sain_eval.loop.controllers import agent_maker
+from sain_eval.loop.closed_loop import agent_maker
 from sain_eval.loop.evaluation import EpisodeJob, play, run_jobs
 from sain_eval.loop.results import Journal, SceneRecord, summarise, write_results
 from sain_eval.loop.tables import FAILURES_FILE, show_failures, show_summary, write_tables

@@ -19,10 +19,9 @@ from rich.progress import (
 from sain_core.storage import write_whole
 from sain_core.workers import FunctionRunner, Job, Software, Work, WorkerOptions, run_on_workers
 from sain_eval.episode import Tolerance, tightest
-from sain_eval.loop.closed_loop import EpisodeOutcome, run_episode
-from sain_eval.loop.controllers import agent_maker
+from sain_eval.loop.closed_loop import EpisodeOutcome, agent_maker, run_episode
 from sain_eval.loop.results import PACKAGES, Journal, SceneRecord, scene_records
-from sain_eval.scenes.scenario_scene import ScenarioScene
+from sain_eval.scenes.families import ScenarioScene
 from sain_eval.scenes.scenarios import draw_scene
 from sain_mppi.agent.agent import AgentConfig
 from sain_sim.camera.camera import WorldCameraConfig

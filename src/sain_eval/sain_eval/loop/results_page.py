@@ -13,7 +13,7 @@ from sain_core.errors import DatasetError
 from sain_core.guarding.untrusted import read_json
 from sain_core.shapes.shape import FEET
 from sain_core.world import ObservationConfig, changed_settings, observation_settings
-from sain_eval.loop.controllers import ORACLE
+from sain_eval.loop.closed_loop import ORACLE
 from sain_eval.loop.results import RESULTS_FILE, SCHEMA
 from sain_eval.loop.tables import solved_text, within_text
 from sain_eval.scenes.scenarios import SCENARIOS

@@ -7,7 +7,7 @@ start and at its goal, and no goal is reached at the start.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from math import pi
 from typing import Any, Final, Self
@@ -18,8 +18,8 @@ from sain_core.feasibility import Feasibility
 from sain_core.goal import BodyPose, Goal
 from sain_core.randomness import generator
 from sain_core.scene import POSITION, RADIUS, TARGET, THETA, make_scene, unit
-from sain_core.shapes.bodies import Role, check_bodies
-from sain_core.shapes.library import get_shape, library
+from sain_core.shapes.bodies import Bodies, Role, check_bodies
+from sain_core.shapes.library import check_shapes, get_shape, library
 from sain_core.shapes.solids import DISK
 from sain_core.types import Angles, Points, Scene
 from sain_eval.scenes.placement import (
@@ -30,8 +30,68 @@ from sain_eval.scenes.placement import (
     has_tool_room,
     touching_distance,
 )
-from sain_eval.scenes.scenario_scene import ScenarioScene
-from sain_sim.world.parameters import FRICTION_RANGE, MASS_RANGE, PAPER, RANGES, sample_parameters
+from sain_sim.world.parameters import (
+    FRICTION_RANGE,
+    MASS_RANGE,
+    PAPER,
+    RANGES,
+    WorldParameters,
+    sample_parameters,
+)
+from sain_sim.world.truth import RANDOMISED_TRUTH, TruthConfig
+
+MAX_PUSHES: Final = 15  # paper section II-D
+
+
+@dataclass(frozen=True)
+class ScenarioScene:
+    """One scene to solve, with the hidden truth about its world.
+
+    Attributes:
+        scenario: its name.
+        seed: what it was drawn from.
+        disks: (N, 8), the bodies at rest.
+        friction: between bodies and table; hidden from all controllers but the oracle.
+        shapes: a footprint for each body, as `sain_core.shapes` names them.
+        goal: what bodies should come to.
+        max_pushes: for each goal.
+        truth: the world that it plays in.
+        roles: of each body; none: the paper's.
+        further: goals that follow without a reset, each once the one before is reached.
+    """
+
+    scenario: str
+    seed: int
+    disks: Scene
+    friction: float
+    shapes: tuple[str, ...]
+    goal: Goal
+    max_pushes: int = MAX_PUSHES
+    truth: TruthConfig = RANDOMISED_TRUTH
+    roles: tuple[str, ...] = ()
+    further: tuple[Goal, ...] = ()
+
+    @property
+    def bodies(self) -> Bodies:
+        """Shape and role of each body."""
+        return Bodies.named(self.shapes, self.roles)
+
+    @property
+    def goals(self) -> tuple[Goal, ...]:
+        """All goals, in order."""
+        return (self.goal, *self.further)
+
+    def within(self, truth: TruthConfig) -> "ScenarioScene":
+        """Return the same scene in another world, with the friction that it has there."""
+        moved = replace(self, truth=truth)
+        return replace(moved, friction=moved.parameters().friction)
+
+    def parameters(self) -> WorldParameters:
+        """Return the simulated world that this scene plays in."""
+        shapes = check_shapes(self.shapes)
+        parameters = WorldParameters.of_scene(self.disks, self.friction, shapes, self.roles)
+        return self.truth.roughen(parameters)
+
 
 CONTACT_GAP: Final = 0.001  # [m], "touching": as near as disks can be set without overlap
 LIBRARY_SHAPES: Final = 33  # of the library, that are used

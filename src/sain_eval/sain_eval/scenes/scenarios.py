@@ -14,8 +14,8 @@ from sain_eval.scenes.families import (
     IndirectScenario,
     PaperScenario,
     PoseScenario,
+    ScenarioScene,
 )
-from sain_eval.scenes.scenario_scene import ScenarioScene
 
 
 @runtime_checkable

@@ -10,11 +10,9 @@ import viser
 from sain_live.orders import Orders
 from sain_live.page.arm import ArmView
 from sain_live.page.charts import ChartsView
-from sain_live.page.controls import ControlsView
-from sain_live.page.goals import GoalsView
-from sain_live.page.planner_form import PlannerForm
+from sain_live.page.controls import ControlsView, PlannerForm
 from sain_live.page.playing import PlayingView
-from sain_live.page.scene import SceneView
+from sain_live.page.scene import GoalsView, SceneView
 from sain_live.page.serving import open_server
 from sain_live.player import RecordingPlayer
 from sain_live.settings import PageConfig

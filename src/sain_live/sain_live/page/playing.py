@@ -8,8 +8,7 @@ import numpy as np
 import viser
 
 from sain_core.view.palette import PALETTE
-from sain_live.player import RecordingPlayer
-from sain_live.recording import Chapter
+from sain_live.player import Chapter, RecordingPlayer
 from sain_live.state import LiveState
 
 PREVIOUS, PLAY, PAUSE, NEXT = "◀ push", "Play", "Pause", "push ▶"

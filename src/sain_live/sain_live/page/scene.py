@@ -1,4 +1,4 @@
-"""What the page shows on the table: the bodies, the plan, and the last push as it was predicted."""
+"""What the page shows on the table: bodies, plan, the last push, and goals that can be dragged."""
 
 from operator import is_not
 from typing import Any, Final
@@ -6,12 +6,15 @@ from typing import Any, Final
 import numpy as np
 import viser
 
+from sain_core.errors import SainError
+from sain_core.goal import BodyPose, Goal
 from sain_core.shapes.bodies import Bodies
-from sain_core.view.scenes import bodies_in, plan_things, predictions, stage
+from sain_core.types import Scene
+from sain_core.view.scenes import bodies_in, goal_marks, plan_things, predictions, stage
 from sain_core.view.things import GoalMark, Look, Thing
-from sain_live.aims import FEASIBILITY
-from sain_live.page.things import ThingsView, sky
-from sain_live.state import LivePlan, LiveResult, LiveState
+from sain_live.orders import FEASIBILITY, Orders, check_aim
+from sain_live.page.things import LOW, ThingsView, draw_goal, heading_of, sky, upright
+from sain_live.state import Level, LivePlan, LiveResult, LiveState
 
 FEW: Final = 6  # other sequences that are shown, the cheapest
 
@@ -70,3 +73,115 @@ def _result(result: LiveResult, bodies: Bodies) -> list[Thing]:
         *predictions(before, after, result.physics, bodies, Look.PHYSICS),
         *predictions(before, after, result.planned, bodies, Look.EXPECTED),
     ]
+
+
+HANDLE: Final = 0.11  # [m], length of the arrows
+
+START, END = "start", "end"
+
+
+class GoalsView:
+    """Draws the goal and takes what viewers do with it."""
+
+    def __init__(self, server: viser.ViserServer, known: LiveState, orders: Orders | None) -> None:
+        """Draw nothing yet; without orders, goals have no handles."""
+        self._server = server
+        self._known = known
+        self._orders = orders
+        self._handles: dict[int, Any] = {}
+        self._made: tuple[Any, ...] | None = None
+        self._shown: Goal | None = None
+        self._dragged: dict[int, int] = {}  # bodies, by the viewer who drags
+
+    def show(self, known: LiveState) -> None:
+        """Draw what has changed; a goal that is being dragged stays with its viewer."""
+        aim, seen, bodies = known.aim, known.scene, known.bodies
+        if aim is None or seen is None:
+            self._clear()
+            return
+        if any(pose.body >= len(bodies) for pose in aim.poses) or len(bodies) != len(seen.disks):
+            return  # of another episode
+        free = tuple((p.body, p.heading is None, p.tolerance) for p in aim.poses)
+        made = (bodies, seen.episode_id, free)
+        if self._made != made:
+            self._clear()
+            for pose in aim.poses:
+                self._handles[pose.body] = self._make(pose, seen.disks, bodies)
+            self._made = made
+        if aim is not self._shown:
+            self._shown = aim
+            for pose in aim.poses:
+                if pose.body not in self._dragged.values():
+                    self._place(pose)
+
+    def _clear(self) -> None:
+        for handle in self._handles.values():
+            handle.remove()
+        self._handles, self._made, self._shown = {}, None, None
+        self._dragged.clear()
+
+    def _place(self, pose: BodyPose) -> None:
+        handle = self._handles[pose.body]
+        handle.position = (pose.x, pose.y, LOW)
+        handle.wxyz = upright(pose.heading or 0.0)
+
+    def _make(self, pose: BodyPose, scene: Scene, bodies: Bodies) -> Any:
+        (mark,) = goal_marks(Goal((pose,)), scene, bodies)
+        name = f"/goals/{pose.body}"
+        handle = self._handle(name, HANDLE + mark.body.size, pose)
+        draw_goal(self._server.scene, name, mark)
+        return handle
+
+    def _handle(self, name: str, size: float, pose: BodyPose) -> Any:
+        """Add what carries a goal, and moves it where it can be dragged."""
+        if self._orders is None:
+            return self._server.scene.add_frame(name, show_axes=False)
+        handle = self._server.scene.add_transform_controls(
+            name,
+            scale=size,
+            line_width=3.0,
+            active_axes=(True, True, False),
+            disable_axes=True,
+            disable_rotations=pose.heading is None,
+            depth_test=False,
+            opacity=0.9,
+        )
+        handle.on_update(self._on_update(pose.body))
+        return handle
+
+    def _on_update(self, body: int) -> Any:
+        async def take(event: viser.TransformControlsEvent) -> None:
+            viewer = -1 if event.client_id is None else event.client_id
+            if event.phase == START:
+                self._dragged[viewer] = body
+            elif event.phase == END:
+                self._dragged.pop(viewer, None)
+                left = viewer not in self._server.get_clients()
+                self.drop(body, event.target.position, event.target.wxyz, left)
+
+        return take
+
+    def drop(self, body: int, position: Any, turn: Any, left: bool) -> None:
+        """Take a goal where a viewer let it go; where that cannot be, it snaps back."""
+        known = self._known
+        aim, seen, bodies = known.aim, known.scene, known.bodies
+        if aim is None or seen is None or self._orders is None:
+            return
+        if left:
+            self._snap_back(body, "the viewer who dragged it left; it is where it was")
+            return
+        try:
+            moved = aim.with_pose(body, float(position[0]), float(position[1]), heading_of(turn))
+            check_aim(moved, seen.disks, bodies)
+        except (SainError, IndexError, TypeError, ValueError) as error:  # viewers send anything
+            self._snap_back(body, f"{error}")
+            return
+        known.update(aim=moved)
+        self._orders.aim(moved)
+
+    def _snap_back(self, body: int, why: str) -> None:
+        self._known.tell(Level.REFUSAL, f"goal of body {body}: {why}")
+        aim = self._known.aim
+        for pose in () if aim is None else aim.poses:
+            if pose.body == body and body in self._handles:
+                self._place(pose)

@@ -12,7 +12,7 @@ from sain_core.errors import ErrorCode
 from sain_core.goal import Goal
 from sain_core.ros.codec import encode_disks, encode_goal
 from sain_core.ros.qos import steady_timer
-from sain_eval.scenes.scenario_scene import ScenarioScene
+from sain_eval.scenes.families import ScenarioScene
 from sain_interfaces.action import Reach
 from sain_interfaces.msg import Plan
 from sain_interfaces.srv import ResetScene

@@ -1,6 +1,7 @@
-"""What messages mean for the page: they become `LiveState`."""
+"""What messages mean for the page: they become `LiveState`, with the pushes of an episode."""
 
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
@@ -12,8 +13,10 @@ from tf2_msgs.msg import TFMessage
 from sain_core import wire
 from sain_core.errors import ErrorCode, InvalidInputError
 from sain_core.ros import codec
+from sain_core.ros.node_main import OK, node_of
 from sain_core.scene import STATE_SIZE
 from sain_core.shapes.bodies import Bodies as CoreBodies
+from sain_core.types import Scene as SceneArray
 from sain_core.wire.bodies import decode_bodies
 from sain_interfaces.msg import (
     Bodies,
@@ -23,10 +26,124 @@ from sain_interfaces.msg import (
     Scene,
     WorldParameters,
 )
-from sain_live.aims import first_aim
-from sain_live.ros.health import Health
-from sain_live.ros.pushes import Stories
-from sain_live.state import Level, LiveArm, LivePlan, LiveScene, LiveState, Phase
+from sain_live.orders import first_aim
+from sain_live.state import (
+    MOST_POINTS,
+    Level,
+    LiveArm,
+    LiveCurves,
+    LivePlan,
+    LiveResult,
+    LiveScene,
+    LiveState,
+    Phase,
+    largest_error,
+)
+
+PLAIN: Final = {
+    "mppi_node": "planner",
+    "model_node": "model",
+    "sim_node": "simulator",
+    "poses_to_scene": "poses",
+}
+
+
+class Health:
+    """Follows ``/diagnostics``."""
+
+    def __init__(self, known: LiveState) -> None:
+        """Begin with nobody."""
+        self._known = known
+        self._levels: dict[str, tuple[bytes, str]] = {}
+
+    def hear(self, message: DiagnosticArray) -> None:
+        """Tell what is new; while the graph starts, no trouble of a node is a fault."""
+        for status in message.status:
+            values: dict[str, Any] = {pair.key: pair.value for pair in status.values}
+            engine = values.get("engine", self._known.engine)
+            if engine != self._known.engine:
+                self._known.update(engine=engine)
+            level, before = bytes(status.level), self._levels.get(status.name, (OK, ""))
+            if (level, status.message) == before or status.message == "starting":
+                continue
+            if level != OK:
+                first, starting = status.name not in self._levels, self._known.starting
+                if first or not starting:  # else the page says all the time what it waits for
+                    kind = Level.NOTE if first or starting else Level.FAULT
+                    self._known.tell(kind, f"{plain_name(node_of(status))}: {status.message}")
+            elif before[0] != OK:
+                self._known.tell(Level.NOTE, f"{plain_name(node_of(status))}: {status.message}")
+            self._levels[status.name] = level, status.message
+
+
+def plain_name(node: str) -> str:
+    """Return what a reader calls a node."""
+    name = node.rpartition("/")[2]
+    return PLAIN.get(name, name)
+
+
+UNKNOWN = float("nan")
+
+
+@dataclass(eq=False)
+class PushStory:
+    """All about one push, as far as it has come."""
+
+    distance: float = UNKNOWN  # [mm], before it
+    left: float = UNKNOWN  # [mm], after it
+    planning: float = UNKNOWN  # [ms]
+    planned: SceneArray | None = None
+    physics: SceneArray | None = None
+    before: SceneArray | None = None
+    after: SceneArray | None = None
+
+
+class Stories:
+    """The pushes of an episode, by their ids."""
+
+    def __init__(self) -> None:
+        """Begin with none."""
+        self._stories: dict[int, PushStory] = {}
+
+    def clear(self) -> None:
+        """Begin another episode."""
+        self._stories.clear()
+
+    def of(self, push_id: int) -> PushStory:
+        """Return what is known of a push."""
+        if push_id not in self._stories and len(self._stories) >= MOST_POINTS:
+            del self._stories[next(iter(self._stories))]
+        return self._stories.setdefault(push_id, PushStory())
+
+    def result(self, push_id: int) -> LiveResult | None:
+        """Return a push that was carried out, beside its predictions; None: it was not yet."""
+        story = self.of(push_id)
+        if story.after is None:
+            return None
+        return LiveResult(push_id, story.after, story.before, story.planned, story.physics)
+
+    def curves(self) -> LiveCurves:
+        """Return the charts."""
+        stories = list(self._stories.values())
+        if not stories:
+            return LiveCurves()
+        planned, physics = (
+            (
+                UNKNOWN,
+                *(
+                    UNKNOWN if s.after is None else largest_error(getattr(s, name), s.after)
+                    for s in stories
+                ),
+            )
+            for name in ("planned", "physics")
+        )
+        return LiveCurves(
+            (*(s.distance for s in stories), stories[-1].left),
+            planned,
+            physics,
+            (UNKNOWN, *(s.planning for s in stories)),
+        )
+
 
 MOST_SHAPES: Final = 16  # episodes whose shapes are kept until their scenes come
 Take = Callable[[Any], None]

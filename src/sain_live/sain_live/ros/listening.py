@@ -1,17 +1,88 @@
-"""Subscriptions to all that the page shows of a running graph."""
+"""Subscriptions to all that the page shows of a running graph.
+
+Of some topics only the latest message matters. These are taken at a pace, and not as they come: a
+simulator without a pace sends hundreds of scenes a second, and the executor would wake up for each.
+"""
 
 from collections.abc import Callable
-from threading import Lock
+from threading import Event, Lock, Thread
 from typing import Any, Final
 
+from rclpy.callback_groups import CallbackGroup
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
+from rclpy.subscription import Subscription
 
 from sain_core.guarding.ros.reception import Reception
 from sain_core.ros.qos import LATCHED, LATCHED_QUEUE, QUEUE, RELIABLE
 from sain_live.ros.hearing import Hearing
-from sain_live.ros.polling import Polling
 from sain_live.state import LiveState
+
+LATEST: Final = QoSProfile(depth=1)
+
+
+class _Unwatched(CallbackGroup):
+    """Keeps subscriptions out of what the executor waits for."""
+
+    def can_execute(self, entity: Any) -> bool:
+        return False
+
+    def beginning_execution(self, entity: Any) -> bool:
+        return False
+
+    def ending_execution(self, entity: Any) -> None:
+        pass
+
+
+class Polling:
+    """Takes the latest message of some topics, again and again, on a thread of its own.
+
+    An executor that is woken up so often takes several percent of a processor.
+    """
+
+    def __init__(self, node: Node, reception: Reception, rate: float) -> None:
+        """Look so often [Hz], once started."""
+        self._node, self._reception, self._period = node, reception, 1.0 / rate
+        self._group = _Unwatched()
+        self._taken: list[tuple[Subscription, Callable[[Any], None]]] = []
+        self._end = Event()
+        self._thread = Thread(target=self._run, name="polling", daemon=True)
+
+    def listen(self, kind: type, topic: str, callback: Callable[[Any], None]) -> None:
+        """Subscribe; a message that fails the callback is logged."""
+
+        def refuse(_: Any, error: BaseException) -> None:
+            text = f"a message on {topic} is ignored: {error}"
+            self._node.get_logger().error(text, throttle_duration_sec=5.0)
+
+        handle = self._reception.guarded(topic, callback, refuse)
+        subscription = self._node.create_subscription(
+            kind, topic, handle, LATEST, callback_group=self._group
+        )
+        self._taken.append((subscription, handle))
+
+    def start(self) -> None:
+        """Look from now on."""
+        self._thread.start()
+
+    def close(self) -> None:
+        """Look no more."""
+        self._end.set()
+        if self._thread.is_alive():
+            self._thread.join()
+
+    def take(self) -> None:
+        """Hand on what has come since the last look."""
+        for subscription, handle in self._taken:
+            with subscription.handle:
+                found = subscription.handle.take_message(subscription.msg_type, False)
+            if found is not None:
+                handle(found[0])
+
+    def _run(self) -> None:
+        while not self._end.wait(self._period):
+            self.take()
+
 
 RATE: Final = 60.0  # [Hz], looks for new scenes and joints
 POLLED: Final = ("scene", "joint_states")

@@ -13,7 +13,7 @@ from sain_bags.report.titles import EpisodePart, episode_titles
 from sain_bags.rows.old_recordings import as_today
 from sain_bags.rows.recorded_push import UNANSWERED
 from sain_core.errors import DatasetError, ErrorCode
-from sain_live.recording import Chapter, Recording, Snapshot
+from sain_live.player import Chapter, Recording, Snapshot
 from sain_live.ros.hearing import Hearing, Take
 from sain_live.state import Level, LiveState, LogLine
 
