@@ -33,7 +33,7 @@ PACKAGES: Final = {
     ),
     "sain_eval": (
         "Scenarios and closed loops without ROS.",
-        ("scenes.scenarios", "loop.closed_loop", "loop.controllers", "loop.evaluation"),
+        ("scenes.scenarios", "loop.closed_loop", "loop.evaluation"),
     ),
     "sain_pusht": (
         "gym-pusht as a world, and models of it.",
