@@ -2,10 +2,9 @@
 
 ./env python tools/prose.py [PAGE...]
 
-* A word of the total is two or more letters of a-z outside of fenced code, comments and the names of
-  tests. One total
-  is over README.md and docs/, without what tools write: pages, and parts between
-  ``<!-- columns: made by tools/... -->`` and ``<!-- end of columns -->``. The other is over
+* A word of the total is two or more letters of a-z outside of fenced code, comments and the names
+  of tests. One total is over README.md and docs/, without what tools write: pages, and parts from
+  ``<!-- columns: made by tools/... -->`` to ``<!-- end of columns -->``. The other is over
   docs/decisions/ and docs/notebook/.
 * A sentence is a part of a paragraph or list item. It ends with ``.``, ``!``, ``?`` or ``:`` before
   a space, with a blank line, or with the next list item. Fenced and indented code, tables,

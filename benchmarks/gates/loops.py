@@ -18,9 +18,8 @@ from sain_model.data.dataset import load_dataset
 from sain_model.dynamics.load import load_shipped
 from sain_model.evaluation.errors import DEG, MM, PUSHED, TARGETS, evaluate
 from sain_model.evaluation.predictors import PRIOR_HISTORY, SAIN, SAIN_HISTORY
-from sain_sim.world.effects import ROUGH
 from sain_sim.world.engines import MUJOCO
-from sain_sim.world.truth import RANDOMISED_TRUTH, TruthConfig
+from sain_sim.world.truth import RANDOMISED_TRUTH, ROUGH, TruthConfig
 
 SHIPPED, PLANAR = "sain", "planar"
 WITHIN: Final = Tolerance(0.005, 0.03)

@@ -26,11 +26,10 @@ from sain_core.shapes.library import get_shape
 from sain_core.shapes.shape import FOOT_BEARINGS, Shape
 from sain_core.shapes.solids import DISK
 from sain_core.types import PushArray, Scene
-from sain_sim.world.effects import ROUGH
 from sain_sim.world.parameters import FRICTION_RANGE, MASS_RANGE, WorldParameters
 from sain_sim.world.roughness import Feet, Roughness
 from sain_sim.world.start import X_RANGE, Y_RANGE, wholly_on
-from sain_sim.world.truth import RANDOMISED, TruthConfig
+from sain_sim.world.truth import RANDOMISED, ROUGH, TruthConfig
 from sain_sim.world.world import World, WorldConfig
 
 NAMES = tuple(shape.name for shape in library.library())

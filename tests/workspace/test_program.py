@@ -35,7 +35,7 @@ def test_the_wheel_has_every_part_that_needs_no_ros(wheel: Path, tmp_path: Path)
         archive.extractall(tmp_path)
     for path in (
         "sain_model/checkpoints/sain.safetensors",
-        "sain_sim/engines/bullet/cell.py",
+        "sain_sim/engines/bullet_cell.py",
         "sain_gym/push_env.py",
         "sain_pusht/pusht.safetensors",
     ):

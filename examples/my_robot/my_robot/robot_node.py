@@ -20,7 +20,7 @@ from sain_core.ros.qos import QUEUE, RELIABLE, steady_timer
 from sain_core.scene import THETA, VELOCITY
 from sain_interfaces.msg import Push, PushResult, Scene
 from sain_sim.ros.session import Session
-from sain_sim.world.stroke import checked_stroke
+from sain_sim.world.world import checked_stroke
 
 AFTER = 0.4  # [s], from the end of a push to the scene that shows what it led to
 LOOK_FOR_RIVALS = 0.5  # [s]

@@ -1,24 +1,36 @@
 import dataclasses
 import json
+import logging
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 import sain_sim.collecting.collect as collection
 import sain_sim.collecting.shards
-from sain_core.errors import ConfigError, DatasetError, OutputError
+from sain_core.errors import (
+    BlockedError,
+    ConfigError,
+    DatasetError,
+    OffTableError,
+    OutputError,
+    UnreachableError,
+)
 from sain_core.push import BODY
 from sain_core.randomness import generator
 from sain_core.scene import POSITION, TARGET, THETA, surface_gaps
 from sain_core.shapes.bodies import PAPER_DISKS
 from sain_core.shapes.solids import DISK
-from sain_core.transitions import COLLECTED, shard_path
-from sain_sim.collecting.collect import CollectConfig, collect
-from sain_sim.collecting.episode import EpisodeConfig, draw_grid_push
-from sain_sim.collecting.shards import load_shards
+from sain_core.transitions import COLLECTED, COLLECTION_FILE, Column, shard_path
+from sain_core.world import DivergedError
+from sain_sim.collecting.collect import CARD_FILE, CollectConfig, account, collect
+from sain_sim.collecting.episode import EpisodeConfig, EpisodeRunner, draw_grid_push
+from sain_sim.collecting.shards import JOURNAL_FILE, CollectionJournal, PushCounts, load_shards
 from sain_sim.commands import collect as main
+from sain_sim.world.engines import MUJOCO
 from sain_sim.world.parameters import RANGES, WIDE, sample_parameters
 from sain_sim.world.start import draw_start
+from sain_sim.world.truth import TruthConfig
 from sain_sim.world.workcell import WorldConfig
 
 SHORT = EpisodeConfig(pushes=4, floor_episodes=1)
@@ -233,3 +245,110 @@ def test_the_papers_grid_is_drawn_evenly():
     scene, random = np.zeros((2, 8)), generator(0, "grid")
     drawn = np.array([draw_grid_push(random, scene, PAPER_DISKS) for _ in range(3000)])
     assert len(np.unique(drawn, axis=0)) == 105
+
+
+pytest.importorskip("mujoco", reason="MuJoCo is not installed")
+
+EPISODE = EpisodeConfig(pushes=3, floor_episodes=1, truth=TruthConfig(engine=MUJOCO))
+
+
+def test_a_collection_says_its_engine_and_repeats(tmp_path):
+    config = CollectConfig(out=tmp_path / "one", episodes=2, seed=3, episode=EPISODE)
+    collect(config)
+    collect(replace(config, out=tmp_path / "two"))
+    names = [path.name for path in sorted(config.out.iterdir())]
+    for name in names:
+        assert (tmp_path / "two" / name).read_bytes() == (config.out / name).read_bytes()
+    for file in (COLLECTION_FILE, CARD_FILE):
+        assert json.loads((config.out / file).read_text())["truth"]["engine"] == "mujoco"
+    data = load_shards(config.out)
+    before = data[Column.STATE].reshape(-1, 2, 8)
+    after, again = (data[c].reshape(-1, 2, 8) for c in (Column.NEXT_STATE, Column.FLOOR_NEXT))
+    assert np.linalg.norm((after - before)[..., POSITION], axis=-1).max() > 0.02
+    floor = np.abs(again - after)[data[Column.EPISODE] == 0][..., POSITION]
+    assert floor.max() < 2e-3  # the truth's engine repeats them, not Bullet
+    bullet = replace(EPISODE, truth=TruthConfig())
+    with pytest.raises(DatasetError, match="was collected with truth"):
+        collect(replace(config, episode=bullet))
+
+
+def test_a_push_that_diverges_ends_its_episode_and_is_not_recorded(monkeypatch, caplog):
+    runner = EpisodeRunner(3, EPISODE)
+    whole = runner.run(1)
+    push, calls = runner._world.push, []
+
+    def fail_at_the_second(*arguments):
+        if len(calls) == 1:
+            raise DivergedError("no solution")
+        outcome = push(*arguments)
+        calls.append(outcome)
+        return outcome
+
+    monkeypatch.setattr(runner._world, "push", fail_at_the_second)
+    with caplog.at_level(logging.WARNING):
+        cut = runner.run(1)
+    assert len(whole.transitions) == 3 and len(cut.transitions) == 1
+    assert np.array_equal(cut.transitions[0][Column.NEXT_STATE], whole.transitions[0]["next_state"])
+    assert cut.counts.refused == cut.counts.stuck == 1
+    assert "an episode ends after 1 pushes: no solution" in caplog.text
+    runner.close()
+
+
+def test_every_push_that_is_drawn_is_counted_once(tmp_path) -> None:
+    config = CollectConfig(tmp_path / "all", 3, 5, episode=EpisodeConfig(pushes=4, sampler="grid"))
+    done = collect(config)
+    counts, data = done.counts, load_shards(config.out)
+    assert counts.episodes == 3
+    assert counts.valid == done.transitions == len(data["episode"])
+    assert counts.moved == data["moved"].sum()
+    assert counts.drawn == sum(
+        (counts.unreachable, counts.blocked, counts.refused, counts.edge, counts.valid)
+    )
+    assert counts.blocked > 0 and counts.missed > 0
+    card = json.loads((config.out / "card.json").read_text())
+    assert card["tally"]["drawn"] == counts.drawn and card["pushes"] == 4
+    assert f"{counts.blocked} blocked by another disk" in account(counts, config)[0]
+
+
+def test_the_filter_leaves_out_and_counts_what_did_not_move(tmp_path) -> None:
+    episode = EpisodeConfig(pushes=4)
+    every = collect(CollectConfig(tmp_path / "all", 3, 5, episode=episode))
+    config = CollectConfig(
+        tmp_path / "moved", 3, 5, episode=EpisodeConfig(pushes=4, moved_only=True)
+    )
+    moved = collect(config)
+    assert moved.counts == every.counts
+    assert 0 < moved.transitions == every.counts.moved < every.transitions
+    kept, data = load_shards(config.out), load_shards(tmp_path / "all")
+    for name, values in kept.items():
+        assert (values == data[name][data["moved"]]).all() or name == "floor_next"
+    assert f"left out: {every.counts.missed} that missed it" in account(moved.counts, config)[1]
+
+
+def test_refusals_are_counted_by_their_reason() -> None:
+    counts = PushCounts()
+    for error in (UnreachableError(), BlockedError(), BlockedError(), OffTableError()):
+        counts.refuse(error)
+    assert (counts.unreachable, counts.blocked, counts.refused, counts.drawn) == (1, 2, 1, 4)
+
+
+def test_a_journal_forgets_what_is_to_come_again_and_what_is_half_written(tmp_path) -> None:
+    journal = CollectionJournal(tmp_path, 0)
+    for episode in range(4):
+        journal.add(episode, PushCounts(episodes=1, moved=episode + 1))
+    whole = (tmp_path / JOURNAL_FILE).read_bytes()
+    (tmp_path / JOURNAL_FILE).write_bytes(whole[:-20])
+    resumed = CollectionJournal(tmp_path, 2)
+    assert resumed.total == PushCounts(episodes=2, moved=3)
+    for episode in (2, 3):
+        resumed.add(episode, PushCounts(episodes=1, moved=episode + 1))
+    assert (tmp_path / JOURNAL_FILE).read_bytes() == whole
+    assert resumed.total == PushCounts(episodes=4, moved=10)
+
+
+def test_a_journal_on_a_full_disk_says_so(tmp_path) -> None:
+    journal = CollectionJournal(tmp_path, 0)
+    (tmp_path / JOURNAL_FILE).unlink()
+    (tmp_path / JOURNAL_FILE).symlink_to("/dev/full")
+    with pytest.raises(OutputError, match="No space left on device"):
+        journal.add(0, PushCounts())

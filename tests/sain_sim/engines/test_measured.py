@@ -13,12 +13,11 @@ from sain_core.scene import MID, POSITION, THETA
 from sain_core.shapes.library import get_shape, shape_names
 from sain_core.shapes.shape import FLAT
 from sain_sim.world import effects
-from sain_sim.world.effects import MEASURED, draw_effects, effects_of
 from sain_sim.world.engines import MUJOCO
 from sain_sim.world.parameters import WorldParameters, nominal_parameters
 from sain_sim.world.roughness import Roughness
 from sain_sim.world.shadow import TRUE, BulletPrior
-from sain_sim.world.truth import TruthConfig
+from sain_sim.world.truth import MEASURED, TruthConfig, draw_effects, effects_of
 from sain_sim.world.workcell import GRAVITY
 from sain_sim.world.world import World
 

@@ -13,15 +13,14 @@ from sain_core.shapes.bodies import Role
 from sain_core.world import DivergedError
 from sain_sim.world.engines import MUJOCO
 from sain_sim.world.parameters import nominal_parameters
-from sain_sim.world.stroke import Stroke
 from sain_sim.world.truth import TruthConfig
 from sain_sim.world.workcell import GRAVITY, Watch
-from sain_sim.world.world import World
+from sain_sim.world.world import Stroke, World
 
 pytest.importorskip("mujoco", reason="MuJoCo is not installed")
 
 from sain_core.push import make_push
-from sain_sim.engines.mujoco.description import RIM, SERVO_STIFFNESS, TABLE, TOOL, physics_steps
+from sain_sim.engines.mujoco_description import RIM, SERVO_STIFFNESS, TABLE, TOOL, physics_steps
 
 NOMINAL = nominal_parameters()
 LIMIT = 1e-3  # [m]

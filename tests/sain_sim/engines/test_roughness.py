@@ -10,11 +10,11 @@ from sain_core.errors import BlockedError, ConfigError
 from sain_core.push import make_push
 from sain_core.scene import MID, POSITION, TARGET, THETA, is_settled, unit
 from sain_core.shapes.shape import FLAT, REGULAR_FEET
-from sain_sim.arm.kinematics import LOWER_LIMITS, UPPER_LIMITS
-from sain_sim.engines.bullet.arm import SLIDES
-from sain_sim.world.effects import LABS, ROUGH, TILT, draw_effects, effects_of
+from sain_sim.arm.motion import LOWER_LIMITS, UPPER_LIMITS
+from sain_sim.engines.bullet_cell import SLIDES
 from sain_sim.world.parameters import WorldParameters, nominal_parameters
 from sain_sim.world.roughness import PATCH_DEPTH, Roughness
+from sain_sim.world.truth import LABS, ROUGH, TILT, draw_effects, effects_of
 from sain_sim.world.workcell import GRAVITY, WorldConfig
 from sain_sim.world.world import World
 

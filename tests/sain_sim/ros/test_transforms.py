@@ -15,7 +15,7 @@ from tf2_msgs.msg import TFMessage
 from sain_core import wire
 from sain_core.ros import codec
 from sain_core.scene import DISK_HEIGHT, THETA, make_scene
-from sain_sim.arm.kinematics import Kinematics
+from sain_sim.arm.motion import Kinematics
 from sain_sim.arm.panda import JOINT_NAMES
 from sain_sim.ros.sim_node import SimNode
 from tests.tf import Buffer

@@ -7,9 +7,8 @@ import pytest
 from sain_core.errors import ConfigError
 from sain_sim.commands import collect as main
 from sain_sim.world import engines
-from sain_sim.world.effects import MEASURED, ROUGH, check_effects, effects_of
 from sain_sim.world.engines import BULLET, ENGINES, MUJOCO, check_engine, simulation_class
-from sain_sim.world.truth import TruthConfig
+from sain_sim.world.truth import MEASURED, ROUGH, TruthConfig, check_effects, effects_of
 from sain_sim.world.workcell import Simulation
 
 MISSING = (

@@ -8,11 +8,10 @@ from shapely import MultiPoint, Polygon
 
 from sain_core.shapes.library import get_shape, shape_names
 from sain_core.shapes.shape import REGULAR_FEET
-from sain_sim.world.effects import ROUGH, draw_effects, effects_of
 from sain_sim.world.parameters import WorldParameters
 from sain_sim.world.roughness import LEAST_LOAD, Roughness, fit_shapes
 from sain_sim.world.start import draw_episode
-from sain_sim.world.truth import TruthConfig
+from sain_sim.world.truth import ROUGH, TruthConfig, draw_effects, effects_of
 from sain_sim.world.world import World
 
 LABS = [TruthConfig("rough", lab=lab) for lab in range(8)]

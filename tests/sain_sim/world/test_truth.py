@@ -10,12 +10,11 @@ from sain_sim.collecting.collect import CollectConfig, collect
 from sain_sim.collecting.episode import EpisodeConfig
 from sain_sim.collecting.shards import load_shards
 from sain_sim.commands import collect as main
-from sain_sim.world.effects import LABS, RIM_FRICTION, TABLE_FRICTION, effects_of
 from sain_sim.world.engines import BULLET, MUJOCO
 from sain_sim.world.parameters import sample_parameters
 from sain_sim.world.roughness import Roughness
 from sain_sim.world.start import draw_episode
-from sain_sim.world.truth import TruthConfig
+from sain_sim.world.truth import LABS, RIM_FRICTION, TABLE_FRICTION, TruthConfig, effects_of
 
 ROUGH = TruthConfig("rough", lab=2)
 ENGINE = {"rough": BULLET, "measured": MUJOCO}

@@ -1,4 +1,7 @@
+"""Pushes from where the bodies are taken to be."""
+
 import dataclasses
+import importlib
 import subprocess
 import sys
 from math import pi
@@ -6,7 +9,13 @@ from math import pi
 import numpy as np
 import pytest
 
-from sain_core.errors import SainError
+from sain_core.errors import (
+    BlockedError,
+    ConfigError,
+    InvalidInputError,
+    SainError,
+    UnreachableError,
+)
 from sain_core.push import SPEED, make_push
 from sain_core.scene import (
     MID,
@@ -14,14 +23,19 @@ from sain_core.scene import (
     RADIUS,
     TARGET,
     VELOCITY,
+    Y,
     is_settled,
     surface_gaps,
     unit,
 )
 from sain_core.shapes.solids import DISK
+from sain_core.world import DivergedError, check_possible
 from sain_sim.world.parameters import nominal_parameters
+from sain_sim.world.shadow import DYNAMICS, Bullet, BulletPrior, load_bullet
+from sain_sim.world.start import paper_start
 from sain_sim.world.workcell import WorldConfig
 from sain_sim.world.world import World
+from tests.workspace.source_tree import setup_arguments
 
 FULL = WorldConfig(full_motion=True)
 
@@ -272,3 +286,105 @@ def test_turning_scene_and_push_turns_the_outcome(engine):
             ends.append(np.stack([away @ unit(np.asarray(turn + a)) for a in (0.0, pi / 2)], -1))
         off.append(np.linalg.norm(ends - np.mean(ends, axis=0), axis=-1))
     assert np.mean(off) < 0.0015
+
+
+PUSH = make_push(0.0, 0.0, 0.10)
+
+
+@pytest.fixture(scope="module")
+def world():
+    parameters = nominal_parameters()
+    with World(parameters) as made:
+        yield made
+
+
+def pushed(world, shift=(0.0, 0.0)):
+    start = world.reset(paper_start(world.parameters))
+    seen = start.copy()
+    seen[MID, POSITION] += shift
+    return world.push(PUSH, seen=seen).after
+
+
+def test_the_tool_goes_where_the_body_is_taken_to_be(world):
+    straight, aside = pushed(world), pushed(world, (0.0, 0.004))
+    world.reset(paper_start(world.parameters))
+    exact = world.push(PUSH).after
+    np.testing.assert_allclose(straight, exact, atol=1e-3)  # a longer run-up, no more
+    assert aside[TARGET, Y] < straight[TARGET, Y] - 1e-3  # pushed on its left, it goes right
+
+
+def test_a_tool_that_would_be_lowered_into_a_body_moves_nothing(world):
+    with pytest.raises(BlockedError, match=r"lowered 5\.\d mm into a body"):
+        pushed(world, (0.02, 0.0))
+    assert world.observe().tobytes() == paper_start(world.parameters).tobytes()
+
+
+def test_what_is_seen_must_be_of_this_world(world):
+    with pytest.raises(InvalidInputError, match="for 1 bodies; this world has 2"):
+        world.push(PUSH, seen=world.observe()[:1])
+
+
+@pytest.mark.parametrize("speed", [60.0, float("nan")])
+def test_a_push_that_explodes_has_no_outcome(world, bench, speed, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)  # MuJoCo writes a log where it is
+    world.reset(bench.touching())
+    before, time = world.observe(), world.time
+
+    def explode(_):
+        bench.kick(world, TARGET, (speed, 0.0))
+
+    with pytest.raises(DivergedError, match=r"found no solution of the push: "):
+        world.push(bench.straight, on_step=explode)
+    assert np.array_equal(world.observe(), before) and world.time == time
+    assert world.push(bench.straight).settled
+
+
+def test_the_body_and_what_is_possible_are_named(bench):
+    before = bench.touching()
+    check_possible(before, before)
+    after = before.copy()
+    after[TARGET, 0] += 30.0
+    with pytest.raises(
+        DivergedError, match=r"body 1 would end 30 m from where .* possible are 2 m"
+    ):
+        check_possible(before, after)
+
+
+def test_every_name_is_offered_and_gives_its_kind():
+    lines = setup_arguments("sain_sim")["entry_points"]["sain.dynamics"]
+    offered = dict(line.split(" = ") for line in lines)
+    assert set(offered) == set(DYNAMICS) == {"bullet", "bullet_measured"}
+    for name, target in offered.items():
+        module, function = target.split(":")
+        with getattr(importlib.import_module(module), function)(name) as bullet:
+            assert bullet.kind == DYNAMICS[name]
+
+
+def test_it_predicts_as_the_shadow_of_its_kind_does(bench):
+    _, start = bench.drawn(4)
+    way = start[TARGET, POSITION] - start[0, POSITION]
+    push = bench.towards(np.arctan2(way[1], way[0]))
+    for name, kind in DYNAMICS.items():
+        with load_bullet(name) as bullet, BulletPrior(kind) as shadow:
+            expected = shadow.predict(start, push)
+            assert np.array_equal(bullet.step(start[None], push[None])[0], expected)
+            assert not np.array_equal(expected, start) and bullet.refused == 0
+
+
+def test_a_push_out_of_reach_moves_nothing_and_is_counted(bench):
+    near = bench.touching()
+    far = near.copy()
+    far[:, POSITION] += [1.0, 0.0]
+    pushes = np.stack([bench.straight] * 3)
+    with Bullet() as bullet:
+        expected = bullet.predict(near, bench.straight)
+        with pytest.raises(UnreachableError):
+            BulletPrior.predict(bullet, far, bench.straight)
+        predicted = bullet.step(np.stack([far, near, far]), pushes)
+        assert bullet.refused == 2
+    assert np.array_equal(predicted, np.stack([far, expected, far]))
+
+
+def test_another_name_is_refused():
+    with pytest.raises(ConfigError, match="no dynamics 'bulet' in the simulator"):
+        load_bullet("bulet")

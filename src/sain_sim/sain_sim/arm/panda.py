@@ -18,8 +18,7 @@ import pybullet_data
 from sain_core.config import Config, option
 from sain_core.storage import scratch_folder
 from sain_sim.arm.client import Client
-from sain_sim.arm.kinematics import FLANGE_DROP
-from sain_sim.arm.motion import JOINT_COUNT
+from sain_sim.arm.motion import FLANGE_DROP, JOINT_COUNT
 
 PANDA_FOLDER: Final = Path(pybullet_data.getDataPath()) / "franka_panda"
 LAST_LINK: Final = "panda_link7"

@@ -21,19 +21,22 @@ from sain_core.shapes.solids import DISK
 from sain_core.types import Points, Scene
 from sain_core.view.scenes import colours_of
 from sain_sim.arm.client import Client, Closeable
-from sain_sim.arm.kinematics import Joints, Kinematics
+from sain_sim.arm.motion import Joints, Kinematics
 from sain_sim.arm.panda import JOINT_COUNT, ArmConfig, PandaModel
 from sain_sim.camera.scenery import (
     OFF_STAGE,
     Caster,
+    Eye,
     brightness,
     build_disk,
     build_mark,
     build_ring,
     build_table,
+    candidate_eyes,
+    circle,
+    rank_eyes,
     table_points,
 )
-from sain_sim.camera.viewpoint import Eye, candidate_eyes, circle, rank_eyes
 from sain_sim.world.workcell import Sample, WorldConfig
 
 Image = UInt8[ndarray, "height width 3"]

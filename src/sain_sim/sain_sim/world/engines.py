@@ -31,12 +31,12 @@ BULLET: Final = "bullet"
 MUJOCO: Final = "mujoco"
 ENGINES: Final = {
     BULLET: EngineEntry(
-        "sain_sim.engines.bullet.cell:BulletSimulation",
+        "sain_sim.engines.bullet_cell:BulletSimulation",
         "pybullet",
         "./env pip install -r requirements/bullet.txt (above Python 3.11 it compiles for minutes)",
     ),
     MUJOCO: EngineEntry(
-        "sain_sim.engines.mujoco.cell:MujocoSimulation",
+        "sain_sim.engines.mujoco_cell:MujocoSimulation",
         "mujoco",
         'pip install "sain_sim[mujoco]", or pip install mujoco',
     ),

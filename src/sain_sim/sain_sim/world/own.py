@@ -10,7 +10,6 @@ from sain_core.guarding.plugins import package_of
 from sain_core.shapes.bodies import check_bodies
 from sain_core.types import PushArray, Scene
 from sain_core.world import Outcome, Setting, WorldFailedError, check_outcome
-from sain_sim.world.effects import check_roughness
 from sain_sim.world.engines import (
     DEFAULT_ENGINE,
     ENGINES,
@@ -18,9 +17,9 @@ from sain_sim.world.engines import (
     load_world,
 )
 from sain_sim.world.parameters import WorldParameters, on_a_grid
-from sain_sim.world.stroke import Stroke
+from sain_sim.world.truth import check_roughness
 from sain_sim.world.workcell import HOME, Sample, Watch, WorldConfig
-from sain_sim.world.world import CheckedWorld, World
+from sain_sim.world.world import CheckedWorld, Stroke, World
 
 T = TypeVar("T")
 

@@ -1,6 +1,6 @@
 """The values of all effects that the nominal model lacks. All are off by default.
 
-`sain_sim.world.effects` draws them for a lab. Errors are drawn for disks. A shape of the library
+`sain_sim.world.truth` draws them for a lab. Errors are drawn for disks. A shape of the library
 has its own feet, and each of these is off by as much as that foot of a disk: in bearing, and in
 distance as a share.
 """

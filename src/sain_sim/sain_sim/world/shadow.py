@@ -40,8 +40,7 @@ from sain_core.shapes.bodies import PAPER_DISKS
 from sain_core.types import PushArray, Pushes, Scene, Scenes
 from sain_sim.world.engines import DEFAULT_ENGINE
 from sain_sim.world.parameters import NOMINAL_MASS, WorldParameters, nominal_parameters
-from sain_sim.world.stroke import Stroke
-from sain_sim.world.world import World, WorldConfig
+from sain_sim.world.world import Stroke, World, WorldConfig
 
 NOMINAL: Final = "nominal"  # the paper's: nominal mass, radius and friction
 MEASURED: Final = "measured"  # mass and radius of the scene, nominal friction

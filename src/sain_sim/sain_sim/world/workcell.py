@@ -20,8 +20,7 @@ from sain_core.scene import DISK_HEIGHT, SETTLED_SPEED, SETTLED_SPIN, VELOCITY
 from sain_core.types import Mask, Scalars, Scene
 from sain_core.world import check_possible
 from sain_sim.arm.client import Closeable
-from sain_sim.arm.kinematics import Joints, Kinematics
-from sain_sim.arm.motion import ControlledArm, MotionConfig
+from sain_sim.arm.motion import ControlledArm, Joints, Kinematics, MotionConfig
 from sain_sim.arm.panda import ArmConfig
 from sain_sim.world.parameters import FOOT_RADIUS, WorldParameters
 from sain_sim.world.roughness import QUIET

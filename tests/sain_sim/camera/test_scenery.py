@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sain_sim.camera.render import CameraConfig, Renderer
-from sain_sim.camera.viewpoint import candidate_eyes, rank_eyes, segment_distances, visible
+from sain_sim.camera.scenery import candidate_eyes, rank_eyes, segment_distances, visible
 from sain_sim.world.parameters import nominal_parameters
 from sain_sim.world.workcell import WorldConfig
 

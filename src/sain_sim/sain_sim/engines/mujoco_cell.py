@@ -11,9 +11,8 @@ from numpy import ndarray
 from sain_core.scene import DISK_HEIGHT, THETA, X, Y
 from sain_core.types import Scalars, Scene
 from sain_core.world import DivergedError
-from sain_sim.arm.kinematics import Joints, Kinematics, Tips
-from sain_sim.arm.motion import JOINT_COUNT, ControlledArm
-from sain_sim.engines.mujoco.description import (
+from sain_sim.arm.motion import JOINT_COUNT, ControlledArm, Joints, Kinematics, Tips
+from sain_sim.engines.mujoco_description import (
     FEET_FIRST,
     SHOULDER,
     STICK,

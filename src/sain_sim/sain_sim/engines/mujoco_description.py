@@ -22,8 +22,7 @@ import numpy as np
 
 from sain_core.scene import DISK_HEIGHT, Table
 from sain_core.shapes.shape import Shape, Solid, prism_surface
-from sain_sim.arm.kinematics import Joints
-from sain_sim.arm.motion import JOINT_COUNT, STOCK_TORQUE
+from sain_sim.arm.motion import JOINT_COUNT, STOCK_TORQUE, Joints
 from sain_sim.arm.panda import panda_with_stick
 from sain_sim.world.parameters import FLOOR_SIZE, FOOT_RADIUS, WorldParameters, table_box
 from sain_sim.world.workcell import GRAVITY, SAG, WorldConfig, support_drop
