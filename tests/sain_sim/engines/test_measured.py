@@ -12,7 +12,7 @@ from sain_core.randomness import generator
 from sain_core.scene import MID, POSITION, THETA
 from sain_core.shapes.library import get_shape, shape_names
 from sain_core.shapes.shape import FLAT
-from sain_sim.world import effects
+from sain_sim.world import truth
 from sain_sim.world.engines import MUJOCO
 from sain_sim.world.parameters import WorldParameters, nominal_parameters
 from sain_sim.world.roughness import Roughness
@@ -177,6 +177,6 @@ def test_the_floor_of_a_data_set_has_the_noise_of_outcome():
 
 def test_each_effect_has_a_stream_of_its_own():
     drawn = draw_effects(MEASURED, 3, effects_of(MEASURED), 2)
-    low, high = effects.TOOL_FRICTION
+    low, high = truth.TOOL_FRICTION
     alone = draw_effects(MEASURED, 3, ("grip",), 2)["tool_friction"]
     assert drawn["tool_friction"] == alone == generator(3, "lab", "grip").uniform(low, high)
