@@ -41,12 +41,9 @@ def evaluated(env: PushEnv, controller: str, seed: int) -> EpisodeOutcome:
 @pytest.mark.parametrize(
     ("scenario", "engine", "controller", "seed"),
     [
-        ("anywhere", "bullet", "planar", 0),
         ("anywhere", "mujoco", "planar", 1),
         ("anywhere", "bullet", "sain", 2),
-        ("push_t", "bullet", "planar", 0),
         ("rearrange_2", "bullet", "planar", 0),
-        ("anywhere", "bullet", "random", 0),
         ("paper_shift", "bullet", "straight", 0),
     ],
 )

@@ -42,15 +42,6 @@ def test_gymnasiums_check_passes_in_each_scenario(make: MakeEnv, scenario: str) 
     check(make(scenario=scenario))
 
 
-@pytest.mark.parametrize("scenario", sorted(SCENARIOS))
-def test_what_is_observed_lies_in_the_space(make: MakeEnv, scenario: str) -> None:
-    env = make(scenario=scenario)
-    for action in random_actions(env, 8):
-        observation, _ = env.reset()
-        assert observation in env.observation_space
-        assert env.step(action)[0] in env.observation_space
-
-
 def test_the_seed_is_the_scene_of_an_evaluation(make: MakeEnv) -> None:
     env = make(scenario="push_t")
     observation, info = env.reset(seed=7)

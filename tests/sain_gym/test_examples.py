@@ -35,12 +35,12 @@ def test_a_policy_learns(tmp_path: Path) -> None:
 
 
 def test_demonstrations_are_what_the_agent_saw_and_did(tmp_path: Path) -> None:
-    printed = run("07_demonstrations_for_lerobot.py", "demos", "2", folder=tmp_path)
-    assert printed.count("reached") == 2
+    printed = run("07_demonstrations_for_lerobot.py", "demos", "1", folder=tmp_path)
+    assert printed.count("reached") == 1
     (path,) = (tmp_path / "demos" / "data").rglob("*.parquet")
     frames = pq.read_table(path).to_pylist()
-    assert f"demos: 2 episodes, {len(frames)} frames" in printed
-    assert sum(frame["next.done"] for frame in frames) == 2
+    assert f"demos: 1 episodes, {len(frames)} frames" in printed
+    assert sum(frame["next.done"] for frame in frames) == 1
     env = gymnasium.make("sain/Push-v0", observation="image")
     image, info = env.reset(seed=1_000_000)
     for frame in frames[: 1 + [frame["next.done"] for frame in frames].index(True)]:
