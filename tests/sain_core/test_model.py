@@ -263,29 +263,6 @@ def offer(monkeypatch: pytest.MonkeyPatch, *offered: tuple[str, str, str]) -> No
     monkeypatch.setattr(plugins, "entry_points", lambda group: entries)
 
 
-def test_a_name_of_two_packages_is_refused_and_names_both(
-    asked: list[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    both = [("mine", "offering:load", "one"), ("mine", "other:load", "two")]
-    offer(monkeypatch, *both, ("good", "offering:load", "one"))
-    message = (
-        r"model 'mine' is offered by package one 1.2 \(offering:load\) and package two 1.2"
-        r" \(other:load\); uninstall one of them"
-    )
-    for look in (model.load_dynamics, model.check_model_name):
-        with pytest.raises(ConfigError, match=message):
-            look("mine")
-    assert isinstance(model.load_dynamics("good"), IdentityPrior)
-    assert model.dynamics_names() == ["good", "mine"]
-
-
-def test_one_package_that_is_found_twice_is_no_conflict(
-    asked: list[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    offer(monkeypatch, *[("mine", "offering:load", "one")] * 2)
-    assert isinstance(model.load_dynamics("mine"), IdentityPrior)
-
-
 @pytest.mark.parametrize(
     ("value", "cause"),
     [
@@ -315,7 +292,8 @@ def test_a_name_is_checked_without_an_import(
         model.check_model_name("yours")
 
 
-def test_without_any_package_that_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(plugins, "entry_points", lambda group: [])
-    with pytest.raises(ConfigError, match="none: no installed package has the entry points"):
-        model.load_dynamics("sain")
+def test_one_package_that_is_found_twice_is_no_conflict(
+    asked: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    offer(monkeypatch, *[("mine", "offering:load", "one")] * 2)
+    assert isinstance(model.load_dynamics("mine"), IdentityPrior)

@@ -46,12 +46,6 @@ def test_wrapped_angles_lie_in_the_half_open_interval_and_mean_the_same(angle: f
     np.testing.assert_allclose(unit(np.array(wrapped)), unit(np.array(angle)), atol=1e-12)
 
 
-@pytest.mark.parametrize(("angle", "wrapped"), [(pi, pi), (-pi, pi), (3 * pi, pi), (0.0, 0.0)])
-def test_pi_is_inside_and_minus_pi_is_not(angle: float, wrapped: float) -> None:
-    assert wrap_angle(np.array(angle)) == pytest.approx(wrapped)
-    assert wrap_angle(np.array(angle)) > -pi
-
-
 @given(seeds, angles)
 def test_turning_a_scene_back_gives_it_back(seed: int, angle: float) -> None:
     scene = random_scene(seed)

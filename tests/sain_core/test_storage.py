@@ -41,13 +41,13 @@ def test_what_is_written_is_read(tmp_path: Path) -> None:
 
 
 def test_no_flipped_bit_changes_a_number_in_silence(tmp_path: Path) -> None:
-    """One bit of every byte, another one each time, and all of the bytes that lead to the data."""
+    """One bit of every third byte, another one each time, and all of those that lead to data."""
     path = tmp_path / "shard.npz"
     write_arrays(path, ARRAYS)
     content = path.read_bytes()
     directory = content.index(b"PK\x01\x02")
     outcomes = {"harmless": 0, "told": 0}
-    for place in range(len(content)):
+    for place in (*range(0, directory, 3), *range(directory, len(content))):
         for bit in range(8) if place >= directory else (place % 8,):
             damaged = bytearray(content)
             damaged[place] ^= 1 << bit

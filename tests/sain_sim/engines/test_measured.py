@@ -8,16 +8,14 @@ from shapely import MultiPoint, Polygon
 
 from sain_core.errors import ConfigError
 from sain_core.push import SPEED, make_push
-from sain_core.randomness import generator
 from sain_core.scene import MID, POSITION, THETA
 from sain_core.shapes.library import get_shape, shape_names
 from sain_core.shapes.shape import FLAT
-from sain_sim.world import truth
 from sain_sim.world.engines import MUJOCO
 from sain_sim.world.parameters import WorldParameters, nominal_parameters
 from sain_sim.world.roughness import Roughness
 from sain_sim.world.shadow import TRUE, BulletPrior
-from sain_sim.world.truth import MEASURED, TruthConfig, draw_effects, effects_of
+from sain_sim.world.truth import MEASURED, TruthConfig
 from sain_sim.world.workcell import GRAVITY
 from sain_sim.world.world import World
 
@@ -173,10 +171,3 @@ def test_the_floor_of_a_data_set_has_the_noise_of_outcome():
     with BulletPrior(TRUE, parameters=parameters, engine=MUJOCO) as floor:
         away = np.hypot(*(floor.predict(scene, push) - after)[:, POSITION].T)
     assert (away > 1e-4).all() and (away < 0.02).all()
-
-
-def test_each_effect_has_a_stream_of_its_own():
-    drawn = draw_effects(MEASURED, 3, effects_of(MEASURED), 2)
-    low, high = truth.TOOL_FRICTION
-    alone = draw_effects(MEASURED, 3, ("grip",), 2)["tool_friction"]
-    assert drawn["tool_friction"] == alone == generator(3, "lab", "grip").uniform(low, high)

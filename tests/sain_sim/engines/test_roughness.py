@@ -278,16 +278,6 @@ def test_rough_worlds_repeat_fresh_or_used_beside_others(bench):
         assert np.array_equal(world.push(bench.straight).after, smooth)
 
 
-def test_no_length_moves_nothing_on_a_rough_table(bench):
-    parameters = replace(nominal_parameters(), roughness=draw_roughness(1, effects_of(ROUGH), 2))
-    with World(parameters) as world:
-        world.reset(bench.touching())
-        world.push(bench.straight)
-        before = world.observe()
-        assert np.array_equal(world.push(make_push(1.0, 0.2, 0.0)).after, before)
-        assert np.array_equal(world.observe(), before)
-
-
 @pytest.mark.parametrize("full_motion", [False, True])
 def test_a_rough_push_is_the_same_watched_or_not(full_motion, bench):
     parameters = replace(nominal_parameters(), roughness=draw_roughness(1, effects_of(ROUGH), 2))

@@ -40,12 +40,6 @@ from tests.workspace.source_tree import setup_arguments
 FULL = WorldConfig(full_motion=True)
 
 
-def test_a_reset_world_shows_the_scene_that_was_asked_for(world, bench):
-    scene = bench.touching()
-    assert np.allclose(world.reset(scene), scene, atol=1e-12)
-    assert np.array_equal(world.observe(), world.observe())
-
-
 def test_a_world_of_a_scene_begins_in_it(bench):
     scene = bench.touching()
     with World.of_scene(scene, friction=0.2) as world:
@@ -76,27 +70,6 @@ def test_sliding_disks_obey_coulomb(shape, bench, engine):
         outcome = world.push(bench.towards(0.0, 0.15))
     beyond = outcome.after[TARGET, 0] - outcome.after[MID, 0] - sum(parameters.radii)
     assert -0.001 < beyond < 0.2**2 / (2 * 0.2 * 9.81)  # at most a free slide from 0.2 m/s
-
-
-def test_the_tool_moves_at_the_speed_of_the_push(world, bench):
-    for speed in (0.05, 0.2, 0.4):
-        push, places = bench.straight.copy(), []
-        push[SPEED] = speed
-        world.reset(bench.touching())
-        world.push(push, on_step=lambda sample: places.append(sample.commanded_tool))  # noqa: B023
-        fastest = np.linalg.norm(np.diff(places, axis=0), axis=1).max()
-        assert fastest / world.config.motion.time_step == pytest.approx(speed, rel=1e-3)
-
-
-def test_no_length_moves_nothing_at_all(world, bench):
-    world.reset(bench.touching())
-    world.push(bench.straight)
-    before, time = world.observe(), world.time
-    seen = []
-    outcome = world.push(make_push(3.0, 0.1, 0.0), on_step=seen.append)
-    assert np.array_equal(outcome.before, before) and np.array_equal(outcome.after, before)
-    assert np.array_equal(world.observe(), before)
-    assert outcome.duration == 0.0 and world.time == time and not seen
 
 
 @pytest.mark.parametrize("speed", [0.02, 0.2, 0.4])

@@ -14,7 +14,6 @@ import rclpy
 from rclpy.context import Context
 from rclpy.node import Node
 from rosgraph_msgs.msg import Clock
-from std_msgs.msg import Empty
 
 from sain_core.errors import BusyError, OutputError
 from sain_core.guarding.ros import ownership
@@ -116,13 +115,6 @@ def test_another_clock_is_reported_with_the_remapping_that_helps(graph, node, ot
     other.create_publisher(Clock, "/clock", 1)
     graph.wait(owned.rival, "its name")
     assert re.match(r"/sain/other publishes /clock, too.* -r /clock:=clock", owned.rival())
-
-
-def test_a_silent_topic_of_any_name_changes_nothing(graph, node, other):
-    owned = Ownership(node, ("aim",))
-    other.create_publisher(Empty, "aim/_owner/at_0_1_1", 1)
-    graph.wait(lambda: node.count_publishers("aim/_owner/at_0_1_1") == 1, "the topic")
-    assert owned.rival() == ""
 
 
 @pytest.mark.parametrize("what", ["FIFO", "link"])
