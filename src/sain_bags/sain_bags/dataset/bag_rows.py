@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Final, NamedTuple
 
 from sain_bags.rows.dropped import Dropped
-from sain_bags.rows.latched import Latched
+from sain_bags.rows.latched import Latched, Read
 from sain_bags.rows.old_recordings import as_today
 from sain_bags.rows.results import read_results
 from sain_bags.rows.rows import RowBlock, RowMaker, RowsConfig
@@ -43,10 +43,11 @@ class BagRows:
             self._stack.callback(self._prior.close)
         return self._prior
 
-    def parts(self, source: Source, latched: Latched) -> Iterator[BagPart]:
-        """Stream the rows of a recording."""
-        maker = RowMaker(self._config, latched, self._load)
-        for results in read_results(as_today(source.bag), source.namespace):
+    def parts(self, source: Source, read: Read) -> Iterator[BagPart]:
+        """Stream the rows of a recording, of which a part was read."""
+        maker, bag = RowMaker(self._config, read.latched, self._load), as_today(source.bag)
+        batches = read.results if bag is source.bag else None
+        for results in read_results(bag, source.namespace, batches):
             yield BagPart(len(results), *maker.rows(results))
 
     def close(self) -> None:
@@ -78,25 +79,25 @@ class BagRunner(BagRows):
                 f"{job.path} is another recording where a worker reads it: its SHA-256 is"
                 f" {source.sha256[:12]}, not {job.sha256[:12]}; do not change recordings meanwhile"
             )
-        return list(self.parts(source, job.latched))
+        return list(self.parts(source, Read(job.latched, None)))
 
 
 def rows_of(
     sources: Sequence[Source],
-    latched: Sequence[Latched],
+    read: Sequence[Read],
     config: RowsConfig,
     workers: WorkerOptions,
 ) -> Generator[tuple[Source, BagPart], None, None]:
     """Yield the rows of recordings, in their order; each has its goals, bodies and worlds."""
     if workers.workers == 1 and not workers.ray:
         with closing(BagRows(config)) as rows:
-            for source, known in zip(sources, latched, strict=True):
+            for source, known in zip(sources, read, strict=True):
                 for part in rows.parts(source, known):
                     yield source, part
         return
     jobs = [
-        BagJob(source.bag.path, source.namespace, source.sha256, known)
-        for source, known in zip(sources, latched, strict=True)
+        BagJob(source.bag.path, source.namespace, source.sha256, known.latched)
+        for source, known in zip(sources, read, strict=True)
     ]
     work = Work(partial(BagRunner, config), SOFTWARE, lambda job: str(job.path))
     with closing(run_on_workers(work, jobs, workers)) as results:

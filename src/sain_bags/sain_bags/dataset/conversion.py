@@ -28,6 +28,7 @@ from sain_core.transitions import SHARD_SIZE, Column, Columns
 from sain_core.workers import WorkerOptions
 
 WAITING_SHARDS: Final = 2  # that are made and not stored yet
+KEPT: Final = 96 << 20  # [bytes], of results that are met while what is latched is read
 
 ConversionProgress = Callable[[int, int, int], None]  # pushes read, of how many; rows made
 Writing = Callable[[int, int], None]  # rows written in a format other than npz, of how many
@@ -92,10 +93,11 @@ def convert(
     identity = {**asdict(config), "bags": [source.sha256 for source in sources]}
     folder = DatasetFolder(out, identity, overwrite)
     card, numbering = DatasetCard(), Numbering()
-    latched = [read_latched(source.bag, source.namespace) for source in sources]
-    extras = join_extras(latched)
+    room = KEPT // len(sources) if workers.workers == 1 else 0
+    read = [read_latched(source.bag, source.namespace, room) for source in sources]
+    extras = join_extras([one.latched for one in read])
     how = RowsConfig(config.prior, config.moved_only, config.keep_unsettled, extras)
-    with closing(rows_of(sources, latched, how, workers)) as rows:
+    with closing(rows_of(sources, read, how, workers)) as rows:
         for shard in _stored(folder, _shards(sources, rows, numbering, card, progress)):
             card.add(shard)
     if not card.transitions:

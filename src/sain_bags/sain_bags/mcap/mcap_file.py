@@ -130,7 +130,9 @@ def _messages(content: bytes, stretch: Stretch, channels: Collection[int]) -> Me
     if stretch.index_places:
         return _indexed(array, content, stretch, channels)
     places = np.array(message_places(memoryview(data)), dtype=np.int64)
-    return _at(array, places, channels)
+    found = _at(array, places)
+    wanted = np.isin(found.heads["channel"], list(channels))
+    return Messages(array, found.heads[wanted], found.starts[wanted])
 
 
 def _indexed(
@@ -150,7 +152,7 @@ def _indexed(
     order = np.argsort(named["place"], kind="stable")
     named, owner = named[order], np.concatenate(owners)[order]
     places = named["place"].astype(np.int64)
-    found = _at(data, places, channels)
+    found = _at(data, places)
     right = np.array_equal(found.heads["log_time"], named["log_time"])
     right &= np.array_equal(found.heads["channel"], owner)
     if not right or (np.diff(places) <= 0).any():
@@ -158,22 +160,19 @@ def _indexed(
     return found
 
 
-def _at(data: ndarray, places: ndarray, channels: Collection[int]) -> Messages:
-    """Return the messages of some channels among the records that begin at these places."""
+def _at(data: ndarray, places: ndarray) -> Messages:
+    """Return the messages that begin at these places."""
     if not len(places):
         return Messages(data, np.empty(0, MESSAGE), places)
     if places.min() < 0 or places.max() + MESSAGE.itemsize > len(data):
         raise McapError("a message is not inside its chunk")
-    windows = np.lib.stride_tricks.sliding_window_view(data, MESSAGE.itemsize)
-    heads = windows.view(MESSAGE)[:, 0][places]
+    starts = len(data) - MESSAGE.itemsize + 1
+    heads = np.ndarray((starts,), MESSAGE, data, strides=(1,))[places]  # one at each byte: a view
     lengths = heads["length"].astype(np.int64)
     wrong = (heads["opcode"] != Opcode.MESSAGE) | (lengths < MESSAGE_HEAD.size)
     if wrong.any() or (places + RECORD_HEAD.size + lengths > len(data)).any():
         raise McapError("a message is not inside its chunk")
-    chosen = np.zeros(CHANNELS, dtype=bool)
-    chosen[list(channels)] = True
-    wanted = chosen[heads["channel"]]
-    return Messages(data, heads[wanted], places[wanted] + MESSAGE.itemsize)
+    return Messages(data, heads, places + MESSAGE.itemsize)
 
 
 def _scan(stream: IO[bytes]) -> Iterator[Stretch]:

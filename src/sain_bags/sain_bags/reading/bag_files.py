@@ -146,12 +146,14 @@ class BagFiles:
         places.sort(key=lambda place: (place[0].first, place[2]))
         limits = [*(stretch.first for stretch, _, _ in places), NEVER][1:]
         tables = [_table(numbers) for numbers in wanted]
+        totals = [0] * len(wanted)
         for (stretch, number, rank), limit in zip(places, limits, strict=True):
             file = self._files[number]
             messages = file.read(stretch, wanted[number].keys())
             found = np.bincount(messages.heads["channel"])
             counts[number][: len(found)] += found
-            file.limit_messages(int(counts[number].sum()))
+            totals[number] += len(messages.heads)
+            file.limit_messages(totals[number])
             yield limit, make_batch(messages, tables[number], rank)
 
     def _wanted(self, file: int, topics: Collection[str] | None) -> dict[int, int]:

@@ -1,20 +1,22 @@
 """What a recording states once an episode, and no result repeats: goals, bodies, the world."""
 
-from bisect import bisect_right
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy import ndarray
 
+from sain_bags.reading.bag_files import Batch
 from sain_bags.reading.reader import Bag
-from sain_bags.rows.message_fields import BODIES, GOAL, WORLD, topics_of
+from sain_bags.rows.message_fields import BODIES, COUNT, GOAL, PUSH_RESULT, WORLD, topics_of
+from sain_bags.rows.results import naming
+from sain_bags.rows.tables import TableReader
 from sain_core.errors import DatasetError, SainError
 from sain_core.scene import THETA, X, Y
 from sain_core.shapes.bodies import MOST_BODIES, PAPER_DISKS, Bodies
 from sain_core.transitions import FRICTIONS, POSED, SHAPED, Column, Columns, describe_bodies
-from sain_core.wire import check_fields, decode_goal
+from sain_core.wire import decode_goal
 from sain_core.wire.bodies import decode_bodies
 
 ANY_EPISODE: Final = 0  # in a goal: it holds for all
@@ -22,17 +24,39 @@ PLACE: Final = ("x", "y", "tolerance")
 POSE: Final = 3  # numbers: x, y, heading
 KEEP: Final = POSE + 2  # column of poses, behind the tolerances of place and heading
 UNKNOWN: Final = np.full(len(FRICTIONS), np.nan)
+NO_PLACE: Final = np.full((1, len(PLACE)), np.nan)  # behind all others: place -1
+NO_POSES: Final = np.full((MOST_BODIES, KEEP + 1), np.nan)  # NaN: not asked
+NONE: Final = -1
 
 
-class RecordedGoal(NamedTuple):
-    """A goal: a place for the target, or poses."""
+class Goals(NamedTuple):
+    """Goals, in the order of their receipt."""
 
-    place: ndarray  # (3,) x, y, tolerance [m]; NaN where poses are asked for
-    poses: ndarray  # (MOST_BODIES, 6), place, tolerances and keep; NaN: not asked
-    wrong: str = ""  # why it makes no sense
+    episodes: ndarray  # (G,)
+    times: ndarray  # (G,) [ns since the epoch], received
+    places: ndarray  # (G, 3) x, y, tolerance [m]; NaN where poses are asked for
+    poses: dict[int, ndarray]  # by place here: (MOST_BODIES, 6), place, tolerances, keep
 
+    def latest(self, episodes: ndarray, times: ndarray) -> ndarray:
+        """Return the place here of the latest goal of an episode (K,) at a time; -1: none."""
+        if not len(self.times):
+            return np.full(len(episodes), NONE)
+        codes, named = np.unique(self.episodes, return_inverse=True)
+        moments = np.unique(self.times)
+        step = len(moments) + 1
+        keys = named * step + np.searchsorted(moments, self.times, side="right")
+        order = np.argsort(keys, kind="stable")
+        code = np.minimum(np.searchsorted(codes, episodes), len(codes) - 1)
+        wanted = code * step + np.searchsorted(moments, times, side="right")
+        found = order[np.searchsorted(keys[order], wanted, side="right") - 1]
+        right = (self.episodes[found] == episodes) & (self.times[found] <= times)
+        return np.where(right, found, NONE)
 
-NO_GOAL: Final = RecordedGoal(np.full(len(PLACE), np.nan), np.full((MOST_BODIES, KEEP + 1), np.nan))
+    def chosen(self, episodes: ndarray, times: ndarray) -> ndarray:
+        """Return the place here of each push's goal (K,), else of one for any episode; -1: none."""
+        own = self.latest(episodes, times)
+        general = self.latest(np.full_like(episodes, ANY_EPISODE), times)
+        return np.where(own == NONE, general, own)
 
 
 class Extras(NamedTuple):
@@ -48,48 +72,41 @@ class Extras(NamedTuple):
 class Latched:
     """The goals, bodies and worlds of one graph's episodes."""
 
-    bodies: dict[int, Bodies] = field(default_factory=dict)  # by episode
-    worlds: dict[int, ndarray] = field(default_factory=dict)  # (3,) frictions, by episode
-    goals: dict[int, list[RecordedGoal]] = field(default_factory=dict)  # by episode, in order
-    given: dict[int, list[int]] = field(default_factory=dict)  # when each came [ns since the epoch]
+    goals: Goals
+    bodies: dict[int, Bodies]  # by episode
+    worlds: dict[int, ndarray]  # (3,) frictions, by episode
 
     @property
     def extras(self) -> Extras:
         """The columns that its rows need."""
-        poses = [goal.poses for goals in self.goals.values() for goal in goals]
-        posed = any(np.isfinite(one).any() for one in poses)
+        poses = self.goals.poses.values()
         disks = all(bodies.are_paper_disks for bodies in self.bodies.values())
         keep = any(np.isfinite(one[:, KEEP]).any() for one in poses)
-        return Extras(posed or not disks, posed, keep, bool(self.worlds))
+        return Extras(bool(poses) or not disks, bool(poses), keep, bool(self.worlds))
 
     def bodies_of(self, episode: int) -> Bodies:
         """Return the bodies of an episode, by default the paper's disks."""
         return self.bodies.get(episode, PAPER_DISKS)
 
-    def goal_of(self, episode: int, time: int) -> RecordedGoal:
-        """Return the latest goal of an episode at a time [ns since the epoch], else for any."""
-        for key in (episode, ANY_EPISODE):
-            if place := bisect_right(self.given.get(key, ()), time):
-                return self.goals[key][place - 1]
-        return NO_GOAL
+    def places(self, goals: ndarray) -> ndarray:
+        """Return x, y and tolerance (K, 3) [m] of goals by their places; NaN: none is asked for."""
+        return np.concatenate([self.goals.places, NO_PLACE])[goals]
 
-    def columns(
-        self, episodes: Sequence[int], goals: list[RecordedGoal], count: int, extras: Extras
-    ) -> Columns:
+    def columns(self, episodes: ndarray, goals: ndarray, count: int, extras: Extras) -> Columns:
         """Return goals, and optional columns, of rows (M,) whose scenes have so many bodies."""
-        place = np.stack([goal.place for goal in goals])
-        columns = {Column.GOAL: place[:, :2], Column.TOLERANCE: place[:, 2]}
+        places = self.places(goals)
+        columns = {Column.GOAL: places[:, :2], Column.TOLERANCE: places[:, 2]}
         if extras.shapes:
-            disks = Bodies.disks(count)
-            about = {e: describe_bodies(self.bodies.get(e, disks)) for e in set(episodes)}
-            columns |= {name: np.array([about[e][name] for e in episodes]) for name in SHAPED}
+            disks, ids = Bodies.disks(count), episodes.tolist()
+            about = {one: describe_bodies(self.bodies.get(one, disks)) for one in set(ids)}
+            columns |= {name: np.array([about[one][name] for one in ids]) for name in SHAPED}
         if extras.poses:
-            poses = np.stack([goal.poses[:count] for goal in goals])  # (M, count, 6)
-            parts = np.split(poses, (POSE, KEEP), axis=-1)
+            asked = [self.goals.poses.get(goal, NO_POSES)[:count] for goal in goals.tolist()]
+            parts = np.split(np.stack(asked), (POSE, KEEP), axis=-1)
             flat = (np.ascontiguousarray(part).reshape(len(part), -1) for part in parts)
             columns |= dict(zip(POSED if extras.keep else POSED[:-1], flat, strict=False))
         if extras.friction:
-            values = np.stack([self.worlds.get(episode, UNKNOWN) for episode in episodes])
+            values = np.stack([self.worlds.get(one, UNKNOWN) for one in episodes.tolist()])
             columns |= {name: values[:, place] for place, name in enumerate(FRICTIONS)}
         return {str(name): values for name, values in columns.items()}
 
@@ -99,68 +116,118 @@ def join_extras(latched: Sequence[Latched]) -> Extras:
     return Extras(*(any(flags) for flags in zip(*(one.extras for one in latched), strict=True)))
 
 
-def read_latched(bag: Bag, namespace: str) -> Latched:
-    """Read them of one graph.
+class Read(NamedTuple):
+    """What `read_latched` read: what is latched and, if not too large, the results beside it."""
+
+    latched: Latched
+    results: tuple[Batch, ...] | None
+
+
+def read_latched(bag: Bag, namespace: str, room: int = 0) -> Read:
+    """Read them of one graph; results that are met on the way are kept while there is room [bytes].
 
     Raises:
         DatasetError: a recording is damaged; bodies that cannot be, or that change within an
             episode; a goal of poses that cannot be.
     """
-    latched = Latched()
-    takes = {GOAL: _take_goal, BODIES: _take_bodies, WORLD: _take_world}
-    try:
-        for received in bag.messages(topics_of(bag, namespace, *takes)):
-            takes[received.type](latched, received.message, received.log_time)
-    except SainError as error:
-        raise DatasetError(f"{bag.path}: {error}") from error
-    return latched
+    reader = _Reader(bag)
+    topics = topics_of(bag, namespace, GOAL, BODIES, WORLD, *([PUSH_RESULT] if room else []))
+    kept: list[Batch] | None = [] if room else None
+    results = [number for number, one in enumerate(bag.channels) if one.type == PUSH_RESULT]
+    for batch in bag.batches(topics):
+        is_result = np.isin(batch.channels, results)
+        with naming(bag):
+            reader.read(batch[~is_result])
+        if kept is not None and is_result.any():
+            kept.append(_close(batch[is_result]))
+            kept = kept if sum(len(one.data) for one in kept) <= room else None
+    return Read(reader.latched(), None if kept is None else tuple(kept))
 
 
-def _take_goal(latched: Latched, message: Any, time: int) -> None:
-    goal = _posed(message) if len(message.poses) else _placed(message)
-    latched.goals.setdefault(int(message.episode_id), []).append(goal)
-    latched.given.setdefault(int(message.episode_id), []).append(time)
+def _close(batch: Batch) -> Batch:
+    """Return messages without the data between them, where that is much."""
+    return batch.compact() if 2 * int(batch.sizes.sum()) < len(batch.data) else batch
 
 
-def _take_bodies(latched: Latched, message: Any, _: int) -> None:
-    bodies, episode = decode_bodies(message), int(message.episode_id)
-    first = latched.bodies.setdefault(episode, bodies)
-    if first != bodies:
-        raise DatasetError(
-            f"the bodies of episode {episode} change within it: first {_names(first)}, then"
-            f" {_names(bodies)}"
-        )
+class _Reader:
+    """Collects what is latched."""
+
+    def __init__(self, bag: Bag) -> None:
+        self._bag = bag
+        self._tables: dict[int, TableReader] = {}
+        self._goals: list[tuple[ndarray, ndarray, ndarray]] = []  # episodes, times, places
+        self._poses: dict[int, ndarray] = {}
+        self._bodies: dict[int, Bodies] = {}
+        self._worlds: dict[int, ndarray] = {}
+        self._count = 0
+
+    def latched(self) -> Latched:
+        empty = (np.empty(0, np.uint64), np.empty(0, np.int64), np.empty((0, len(PLACE))))
+        episodes, times, places = map(np.concatenate, zip(empty, *self._goals, strict=True))
+        return Latched(Goals(episodes, times, places, self._poses), self._bodies, self._worlds)
+
+    def read(self, batch: Batch) -> None:
+        takes = {BODIES: self._take_bodies, WORLD: self._take_world}
+        try:
+            for number in np.unique(batch.channels).tolist():
+                part, kind = batch[batch.channels == number], self._bag.channels[number].type
+                if kind == GOAL:
+                    self._take_goals(number, part)
+                else:
+                    for message in self._messages(number, part):
+                        takes[kind](message)
+        except SainError as error:
+            raise DatasetError(f"{self._bag.path}: {error}") from error
+
+    def _messages(self, number: int, batch: Batch) -> Iterator[Any]:
+        for start, size in zip(batch.starts.tolist(), batch.sizes.tolist(), strict=True):
+            yield self._bag.decode(number, batch.data[start : start + size].tobytes())
+
+    def _take_goals(self, number: int, batch: Batch) -> None:
+        if number not in self._tables:
+            fields = ("episode_id", *PLACE, f"poses{COUNT}")
+            channel = self._bag.channels[number]
+            self._tables[number] = TableReader(channel, self._bag.decoding, fields)
+        columns = self._tables[number].read(batch).columns
+        places = np.stack([columns[name] for name in PLACE], axis=-1)
+        posed = columns[f"poses{COUNT}"] > 0
+        places[posed] = np.nan
+        for place, goal in zip(
+            np.flatnonzero(posed), self._messages(number, batch[posed]), strict=True
+        ):
+            self._poses[self._count + int(place)] = _poses(goal)
+        self._goals.append((columns["episode_id"], batch.log_times, places))
+        self._count += len(places)
+
+    def _take_bodies(self, message: Any) -> None:
+        bodies, episode = decode_bodies(message), int(message.episode_id)
+        first = self._bodies.setdefault(episode, bodies)
+        if first != bodies:
+            raise DatasetError(
+                f"the bodies of episode {episode} change within it: first {_names(first)}, then"
+                f" {_names(bodies)}"
+            )
+
+    def _take_world(self, message: Any) -> None:
+        """Take the world of an episode; values that contradict each other are not known."""
+        values = np.array([getattr(message, name) for name in FRICTIONS], dtype=np.float64)
+        known = self._worlds.setdefault(int(message.episode_id), values)
+        if not np.array_equal(known, values):
+            self._worlds[int(message.episode_id)] = UNKNOWN
 
 
-def _take_world(latched: Latched, message: Any, _: int) -> None:
-    """Take the world of an episode; values that contradict each other are not known."""
-    values = np.array([getattr(message, name) for name in FRICTIONS], dtype=np.float64)
-    known = latched.worlds.setdefault(int(message.episode_id), values)
-    if not np.array_equal(known, values):
-        latched.worlds[int(message.episode_id)] = UNKNOWN
-
-
-def _placed(message: Any) -> RecordedGoal:
-    place = np.array([getattr(message, name) for name in PLACE], dtype=np.float64)
-    try:
-        check_fields(place, PLACE, "goal")
-    except SainError as error:
-        return NO_GOAL._replace(wrong=str(error))
-    return NO_GOAL._replace(place=place)
-
-
-def _posed(message: Any) -> RecordedGoal:
+def _poses(message: Any) -> ndarray:
     goal = decode_goal(message)
     largest = max((*goal.wanted, *goal.keep))
     if largest >= MOST_BODIES:
         raise DatasetError(f"a goal is given for body {largest}; at most {MOST_BODIES}")
-    poses = NO_GOAL.poses.copy()
+    poses = NO_POSES.copy()
     for pose in goal.poses:
         poses[pose.body, [X, Y, POSE]] = pose.x, pose.y, pose.tolerance
         if pose.heading is not None:
             poses[pose.body, [THETA, POSE + 1]] = pose.heading, pose.heading_tolerance
     poses[list(goal.keep), KEEP] = goal.keep_tolerance
-    return NO_GOAL._replace(poses=poses)
+    return poses
 
 
 def _names(bodies: Bodies) -> str:

@@ -17,6 +17,7 @@ PUSH: Final = "sain_interfaces/msg/Push"
 WORLD: Final = "sain_interfaces/msg/WorldParameters"
 BODIES: Final = "sain_interfaces/msg/Bodies"
 DISKS: Final = "disks"
+COUNT: Final = "[]"  # ends the path of a sequence of messages of which only the length is needed
 PREDICTION: Final = "prediction"
 
 _SCENE: Final = (
@@ -36,7 +37,7 @@ def all_paths(fields: Sequence[str]) -> list[str]:
     disks = [
         f"{name}.{column}" for name in fields if name.endswith(DISKS) for column in STATE_NAMES
     ]
-    return [*(name for name in fields if not name.endswith(DISKS)), *disks]
+    return [*(name for name in fields if not name.endswith((DISKS, COUNT))), *disks]
 
 
 def check_path(types: MessageTypes, name: str, path: str) -> None:

@@ -4,7 +4,7 @@ Data set, report page and summaries read pushes here. Recordings of before, and 
 results, come in the same form (`sain_bags.rows.old_recordings`).
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
@@ -13,6 +13,7 @@ from typing import Final
 import numpy as np
 from numpy import ndarray
 
+from sain_bags.reading.bag_files import Batch
 from sain_bags.reading.reader import Bag
 from sain_bags.rows.message_fields import DISKS, FIELDS, PREDICTION, PUSH_RESULT, topics_of
 from sain_bags.rows.recorded_push import RecordedPush
@@ -176,14 +177,20 @@ class Results:
         )
 
 
-def read_results(bag: Bag, namespace: str) -> Iterator[Results]:
+def read_results(
+    bag: Bag, namespace: str, batches: Iterable[Batch] | None = None
+) -> Iterator[Results]:
     """Read the results of one graph, a batch at a time, in the order of their receipt.
+
+    `batches` are those of the results, if they were read before.
 
     Raises:
         DatasetError: damage, or messages that lack what a row needs.
     """
     readers: dict[int, TableReader] = {}
-    for batch in bag.batches(topics_of(bag, namespace, PUSH_RESULT)):
+    if batches is None:
+        batches = bag.batches(topics_of(bag, namespace, PUSH_RESULT))
+    for batch in batches:
         ends = np.flatnonzero(np.diff(batch.channels)) + 1  # each file of a bag has its own channel
         for rows in np.split(np.arange(len(batch)), ends):
             number = int(batch.channels[rows[0]])

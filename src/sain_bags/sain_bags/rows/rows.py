@@ -18,17 +18,17 @@ from sain_bags.rows.dropped import (
     why_refused,
     why_senseless,
 )
-from sain_bags.rows.latched import Extras, Latched, RecordedGoal
+from sain_bags.rows.latched import NONE, PLACE, Extras, Latched
 from sain_bags.rows.recorded_push import UNANSWERED
 from sain_bags.rows.results import OK, Results
-from sain_core.errors import SainError
+from sain_core.errors import InvalidInputError, SainError
 from sain_core.model import Model
 from sain_core.push import check_predictable
 from sain_core.scene import MASS, POSITION, RADIUS, TARGET
 from sain_core.shapes.bodies import Bodies, check_scenes
 from sain_core.transitions import MOVED, Column, Columns
 from sain_core.types import Mask, Pushes, Scenes
-from sain_core.wire import MIN_DISKS
+from sain_core.wire import MIN_DISKS, check_fields
 
 COMPUTED: Final = "computed:"  # prefix of a physics source: the recording has no prediction
 FROM_RESULT: Final = "push_result"  # where the scenes of a row are from
@@ -106,18 +106,19 @@ class RowMaker:
             physics[lacking], why = self._predict(before[lacking], results, chosen[lacking])
             known = np.array([not why.get(push) for push in chosen.tolist()], dtype=bool)
             pushes.keep_of(chosen, known, UNPREDICTED, lambda _, push: why[push])
-        goals = self._goals(results, chosen)
-        wrong = {push: goal.wrong for push, goal in zip(chosen.tolist(), goals, strict=True)}
-        sound = np.array([not one for one in wrong.values()], dtype=bool)
-        pushes.keep_of(chosen, sound, SENSELESS, lambda _, push: wrong[push])
+        episodes = results.episodes[chosen]
+        goals = self._latched.goals.chosen(episodes, results.log_times[chosen])
+        sound = np.isfinite(self._latched.places(goals)).all(axis=-1)
+        sound |= (goals == NONE) | np.isin(goals, list(self._latched.goals.poses))
+        pushes.keep_of(chosen, sound, SENSELESS, self._why_no_goal)
         if self._config.moved_only:
             pushes.keep_of(chosen, _moved(before, after), NOT_MOVED)
         if not (kept := pushes.kept[chosen]).all():
-            chosen, before, after, physics = (x[kept] for x in (chosen, before, after, physics))
-            goals = [goal for goal, one in zip(goals, kept.tolist(), strict=True) if one]
+            chosen, before, after, physics, episodes, goals = (
+                array[kept] for array in (chosen, before, after, physics, episodes, goals)
+            )
         if not len(chosen):
             return RowBlock(chosen, {})
-        episodes = results.episodes[chosen].tolist()
         return RowBlock(
             chosen,
             _scene_columns(before, after, physics)
@@ -125,11 +126,15 @@ class RowMaker:
             | self._latched.columns(episodes, goals, count, self._config.extras),
         )
 
-    def _goals(self, results: Results, chosen: ndarray) -> list[RecordedGoal]:
-        asked = zip(
-            results.episodes[chosen].tolist(), results.log_times[chosen].tolist(), strict=True
-        )
-        return [self._latched.goal_of(episode, time) for episode, time in asked]
+    def _why_no_goal(self, results: Results, push: int) -> str:
+        """Return what is wrong with the goal of a push."""
+        one = np.array([push])
+        goals = self._latched.goals.chosen(results.episodes[one], results.log_times[one])
+        try:
+            check_fields(self._latched.places(goals)[0], PLACE, "goal")
+        except InvalidInputError as error:
+            return str(error)
+        raise AssertionError(f"nothing is wrong with the goal of {named_push(results, push)}")
 
     def _push_columns(self, results: Results, chosen: ndarray) -> Columns:
         computed, codes = COMPUTED + self._config.prior, results.codes[chosen]

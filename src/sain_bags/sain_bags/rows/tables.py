@@ -7,14 +7,14 @@ it.
 from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy import ndarray
 
 from sain_bags.bag.layouts import Layout, find_layout, read_types
 from sain_bags.reading.bag_files import BagChannel, Batch
-from sain_bags.rows.message_fields import DISKS, all_paths, check_path
+from sain_bags.rows.message_fields import COUNT, DISKS, all_paths, check_path
 from sain_core.errors import DatasetError
 from sain_core.guarding.untrusted import TimeAllowance
 from sain_core.scene import STATE_NAMES, STATE_SIZE
@@ -135,8 +135,12 @@ class _Builder:
 
     def _take(self, layout: Layout, rows: ndarray, messages: ndarray) -> None:
         for name in self._names:
-            if name in layout.texts:
-                values: ndarray | list[str] = layout.read_texts(name, messages)
+            if name.endswith(COUNT):
+                length = layout.counts.get(name.removesuffix(COUNT), 0)
+                values: ndarray | list[str] = np.full(len(rows), length)
+                kind: np.dtype[Any] = np.dtype(np.int64)
+            elif name in layout.texts:
+                values = layout.read_texts(name, messages)
                 kind = np.dtype(object)
             else:
                 values = layout.read(name, messages)[:, 0]
