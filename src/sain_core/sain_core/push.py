@@ -40,7 +40,6 @@ from sain_core.types import Angles, Indices, Points, PushArray, Pushes, Scalars,
 BODY, LOCATION, ANGLE, LENGTH, SPEED = range(5)
 PUSH_SIZE: Final = 5
 PUSH_NAMES: Final = ("body", "location", "angle", "length", "speed")
-PUSH_UNITS: Final = ("", "rad", "rad", "m", "m/s")
 START_X, START_Y, TIP_RADIUS = range(PUSH_SIZE, PUSH_SIZE + 3)
 STROKE_SIZE: Final = 8
 STROKE_NAMES: Final = (*PUSH_NAMES, "start_x", "start_y", "tip_radius")

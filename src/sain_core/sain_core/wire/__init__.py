@@ -263,11 +263,6 @@ def _decode_pushes(
     return pushes
 
 
-def _decode_fields(message: Any, fields: tuple[str, ...], name: str) -> ndarray:
-    values = np.array([getattr(message, field) for field in fields], dtype=np.float64)
-    return check_fields(values, fields, name)
-
-
 def check_fields(values: ndarray, fields: tuple[str, ...], name: str) -> ndarray:
     """Return numbers that came over the wire, one a field, when they are finite.
 

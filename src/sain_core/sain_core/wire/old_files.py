@@ -30,11 +30,6 @@ PUSH_FIELDS: Final = {"body": 0, "speed": DEFAULT_SPEED}
 GOAL_FIELDS: Final[dict[str, Any]] = {
     "goal_id": 0, "poses": (), "keep": (), "keep_tolerance": 0.0
 }  # fmt: skip
-LATER_FIELDS: Final = {
-    "sain_interfaces/msg/Push": PUSH_FIELDS,
-    "sain_interfaces/msg/PushResult": {f"push.{name}": v for name, v in PUSH_FIELDS.items()},
-    "sain_interfaces/msg/Goal": GOAL_FIELDS,
-}
 
 
 def converted_rows(columns: Columns) -> Columns:
