@@ -11,9 +11,14 @@ from benchmarks.real.pushes import PushTable
 from benchmarks.real.rows import Predicted, Predictor
 from sain_core.scene import POSE
 from sain_core.storage import read_arrays, write_arrays
-from sain_model.dynamics.identify import OfBodies, infer_bodies, pushes_of_bodies, with_beliefs
+from sain_model.dynamics.identify import (
+    OfBodies,
+    infer_bodies,
+    over_bodies,
+    pushes_of_bodies,
+    with_beliefs,
+)
 from sain_model.inference.kinds import Kind, surface_kind
-from sain_model.inference.laboratory import over_bodies
 from sain_model.physics.planar import PlanarPrior
 
 FEW: Final = 80  # pushes of each body that a prior over bodies is made from

@@ -34,7 +34,7 @@ from sain_core.view.palette import PALETTE
 from sain_eval.scenes.families import ScenarioScene
 from sain_eval.scenes.scenarios import SCENARIOS
 from sain_model.dynamics.sain import SainDynamics
-from sain_mppi.algorithms.result import PlanResult
+from sain_mppi.algorithms.sampling import PlanResult
 from sain_mppi.config import MPPI, PlannerConfig
 from sain_mppi.objective.problem import Problem
 from sain_mppi.planner import Planner

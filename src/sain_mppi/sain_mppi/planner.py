@@ -13,8 +13,7 @@ from sain_core.model import RolloutModel
 from sain_core.push import idle_pushes
 from sain_core.types import PushArray, PushSequences, Scene
 from sain_mppi.algorithms import find_algorithm
-from sain_mppi.algorithms.result import PlanResult
-from sain_mppi.algorithms.sampling import shift
+from sain_mppi.algorithms.sampling import PlanResult, shift
 from sain_mppi.algorithms.search import Search
 from sain_mppi.config import EXHAUSTIVE, PlannerConfig
 from sain_mppi.objective.cost import Objective

@@ -102,7 +102,6 @@ def test_rows_are_numbered_as_the_pushes_are() -> None:
     episodes, steps = np.array([7, 3, 7, 3, 7]), np.array([2, 1, 0, 0, 1])
     pairs = {
         "earlier": ({(0, 2), (0, 4), (4, 2), (1, 3)}, Known.earlier(episodes, steps)),
-        "latest": ({(0, 4), (4, 2), (1, 3)}, Known.earlier(episodes, steps, np.ones(5, int))),
         "others": (
             {(0, 2), (0, 4), (2, 0), (2, 4), (4, 0), (4, 2), (1, 3), (3, 1)},
             Known.others(episodes),

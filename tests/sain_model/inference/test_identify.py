@@ -13,10 +13,9 @@ from sain_core.model import Model, load_dynamics
 from sain_core.types import Pushes, Scenes
 from sain_model import commands
 from sain_model.cli.identify import IdentifyOptions, load_recordings, run
-from sain_model.dynamics.identify import load_recording
+from sain_model.dynamics.identify import fit_laboratory, load_recording
 from sain_model.dynamics.sain import SainDynamics
 from sain_model.inference.kinds import FRICTION, NO_AXES, read_belief
-from sain_model.inference.laboratory import fit_laboratory
 from sain_model.physics.parameters import TEXTBOOK, PlanarConfig
 from sain_model.physics.planar import PlanarPrior
 

@@ -35,7 +35,7 @@ from sain_eval.plots.axes import (
     draw_tolerance,
     frame_view,
 )
-from sain_mppi.algorithms.result import PlanResult
+from sain_mppi.algorithms.sampling import PlanResult
 
 SIZE: Final = (6.6, 7.4)  # [inch]
 ASPECT: Final = 1.4  # of the top view

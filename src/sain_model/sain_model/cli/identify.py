@@ -85,8 +85,7 @@ def load_recordings(options: IdentifyOptions) -> "dict[str, Sequence[ObservedPus
     Raises:
         DatasetError: one is damaged or given twice.
     """
-    from sain_model.dynamics.identify import first_pushes, load_recording
-    from sain_model.inference.laboratory import count_episodes, shifted
+    from sain_model.dynamics.identify import count_episodes, first_pushes, load_recording, shifted
 
     found: dict[str, Sequence[ObservedPushes]] = {}
     episodes = 0

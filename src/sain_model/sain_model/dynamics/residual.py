@@ -15,7 +15,6 @@ from sain_core.push import LENGTH, pushed_bodies
 from sain_core.shapes.bodies import PAPER_DISKS, Bodies
 from sain_core.shapes.shape import BOTTOMS
 from sain_core.types import Pushes, Scenes
-from sain_model.compute.batch_checks import check_physics_next
 from sain_model.compute.compiling import plain
 from sain_model.compute.kernel_store import compile_visibly
 from sain_model.compute.threads import run_blocks, settle_threads
@@ -44,7 +43,7 @@ from sain_model.network.features import (
 from sain_model.network.interaction_network import InteractionNetwork
 from sain_model.network.network_kernels import TILE, Weights, correct_block
 from sain_model.network.settings import CPU, IDENTITY, WORLD_FRAME
-from sain_model.physics.parameters import Values
+from sain_model.physics.parameters import Values, check_physics_next
 
 
 class TorchNetwork:

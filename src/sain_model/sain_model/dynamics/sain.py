@@ -24,7 +24,6 @@ from sain_core.shapes.bodies import PAPER_DISKS, Bodies
 from sain_core.shapes.shape import BOTTOMS
 from sain_core.transitions import PushHistory
 from sain_core.types import PredictedScenes, Pushes, PushSequences, Scene, Scenes
-from sain_model.compute.batch_checks import check_physics_next
 from sain_model.dynamics.intervals import Intervals, Prediction
 from sain_model.inference.evidence import (
     FACTORS,
@@ -37,7 +36,7 @@ from sain_model.inference.evidence import (
 from sain_model.inference.kinds import MASS_RATIO, Belief, by_friction, only, read_belief
 from sain_model.inference.posterior import Posterior, believed_values, infer, step_rows
 from sain_model.network.settings import CPU
-from sain_model.physics.parameters import Values, with_mass_ratio
+from sain_model.physics.parameters import Values, check_physics_next, with_mass_ratio
 from sain_model.physics.planar import step_knowing
 
 if TYPE_CHECKING:  # a node that serves physics alone does not load PyTorch

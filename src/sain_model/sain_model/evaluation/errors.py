@@ -11,6 +11,7 @@ from typing import Any, Final
 import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
+from scipy.stats import spearmanr
 
 from sain_core.model import Model
 from sain_core.push import pushed_bodies
@@ -279,17 +280,11 @@ def rank_correlation(values: Scalars, off: Scalars) -> float | None:
     """Return Spearman's rank correlation; None where the values do not differ."""
     if len(values) < 3 or np.ptp(values) == 0.0 or np.ptp(off) == 0.0:
         return None
-    return float(np.corrcoef(_ranks(values), _ranks(off))[0, 1])
+    return float(spearmanr(values, off).statistic)
 
 
 def _names(values: ndarray) -> list[str]:
     return [name for name in np.unique(values).tolist() if name]
-
-
-def _ranks(values: Scalars) -> Scalars:
-    """Return the ranks of values, from 1; equal ones share the mean of theirs."""
-    _, place, count = np.unique(values, return_inverse=True, return_counts=True)
-    return np.asarray((np.cumsum(count) - 0.5 * (count - 1))[place])
 
 
 def _ways(before: Scenes, after: Scenes) -> Float[ndarray, "*B N"]:

@@ -16,6 +16,7 @@ import numpy as np
 from jaxtyping import Float, Int
 from numpy import ndarray
 from scipy.sparse import csr_matrix
+from scipy.special import logsumexp
 
 from sain_core.scene import POSITION, RADIUS, THETA, wrap_angle
 from sain_core.shapes.bodies import PAPER_DISKS, Bodies
@@ -100,22 +101,10 @@ class Known:
         return cls(csr_matrix((np.ones(size), (episodes[order], order)), shape=(count, size)))
 
     @classmethod
-    def earlier(
-        cls,
-        episodes: Int[ndarray, "M"],
-        steps: Int[ndarray, "M"],
-        most: Int[ndarray, "M"] | None = None,
-    ) -> Self:
-        """Return a row for each push, with the earlier pushes of its episode.
-
-        `most` (M,) limits them to so many of the latest; None: all.
-        """
+    def earlier(cls, episodes: Int[ndarray, "M"], steps: Int[ndarray, "M"]) -> Self:
+        """Return a row for each push, with the earlier pushes of its episode."""
         order, first, _ = _in_episodes(episodes, steps)
-        number = np.arange(len(order))
-        count = number - first
-        if most is not None:
-            count = np.minimum(count, most[order])
-        return cls(_of_ranges(order, number - count, count))
+        return cls(_of_ranges(order, first, np.arange(len(order)) - first))
 
     @classmethod
     def others(cls, episodes: Int[ndarray, "M"]) -> Self:
@@ -201,14 +190,7 @@ def log_density(errors: ndarray, scales: ndarray) -> Float[ndarray, "*B K"]:
 
 def over_factors(log_densities: Float[ndarray, "*B K"]) -> Float[ndarray, "*B"]:
     """Return the logarithm of the mean over the factors."""
-    return log_sum(log_densities, -1) - np.log(len(FACTORS))
-
-
-def log_sum(logarithms: ndarray, axis: int) -> ndarray:
-    """Return the logarithm of a sum of exponentials."""
-    most = logarithms.max(axis=axis, keepdims=True)
-    total = np.log(np.exp(logarithms - most).sum(axis=axis, keepdims=True))
-    return np.asarray((most + total).squeeze(axis))
+    return np.asarray(logsumexp(log_densities, axis=-1)) - np.log(len(FACTORS))
 
 
 CHUNK: Final = 32_768  # predictions at a time: bounds memory
@@ -235,8 +217,8 @@ class Marginals:
 def marginals(kind: Kind, totals: Float[ndarray, "R G K"]) -> Marginals:
     """Return what pushes whose curves have these totals say."""
     log_weights = totals + kind.grid_log_prior[:, None]
-    log_evidence = over_factors(log_sum(log_weights, 1))
-    weights = np.exp(log_sum(log_weights, 2) - np.log(len(FACTORS)) - log_evidence[:, None])
+    log_evidence = over_factors(logsumexp(log_weights, axis=1))
+    weights = np.exp(logsumexp(log_weights, axis=2) - np.log(len(FACTORS)) - log_evidence[:, None])
     places = weights @ kind.grid
     variance = weights @ kind.grid**2 - places**2
     fixed = np.array([name not in kind.on_grid for name in kind.names], dtype=bool)

@@ -34,11 +34,10 @@ from torch import Tensor, nn
 from sain_core.push import pushed_bodies
 from sain_core.randomness import generator
 from sain_core.types import Pushes
-from sain_model.compute.batch_checks import check_finite
 from sain_model.network.feature_kernels import GAP_AFTER, GAP_BEFORE, PLACE_FEATURES, TURN_SCALE
 from sain_model.network.features import count_features
 from sain_model.network.settings import NetworkConfig
-from sain_model.physics.parameters import PlanarConfig
+from sain_model.physics.parameters import PlanarConfig, check_finite
 
 DRAG, PULL_X, PULL_Y, MASS_FORE, MASS_LEFT, RIM_GRIP, TOOL_GRIP = range(7)
 OF_DISKS: Final = 7  # columns of each disk; the others are of the tool

@@ -32,11 +32,10 @@ from sain_core.shapes.bodies import PAPER_DISKS, Bodies
 from sain_core.shapes.shape import REGULAR_FEET, Shape, feet_places
 from sain_core.shapes.solids import flat_bottom
 from sain_core.types import Indices, Mask, Points, Pushes, Scenes
-from sain_model.compute.batch_checks import check_batch
 from sain_model.compute.compiling import plain
 from sain_model.compute.kernel_store import compile_visibly
 from sain_model.compute.threads import even_blocks, run_blocks
-from sain_model.physics.parameters import PlanarConfig, Values, check_values, rows_of
+from sain_model.physics.parameters import PlanarConfig, Values, check_batch, check_values, rows_of
 from sain_model.physics.push_kernels import CHUNK, push_bodies_block
 from sain_model.physics.touch_kernels import (
     DISTANCE,
@@ -50,8 +49,8 @@ from sain_model.physics.touch_kernels import (
 Touched = Bool[ndarray, "B N"]
 Ways = Float[ndarray, "B 5"]  # start of the tool [m], heading [rad], way [m], speed [m/s]
 
+SHARE: Final = 2  # column of a support, after its x and y
 STRAIGHT: Final = 1e-9  # [rad], a corner that turns less is a point in the middle of a side
-SHARE, AREA = 2, 3  # columns of a support after its x and y
 
 
 class BodyTable(NamedTuple):

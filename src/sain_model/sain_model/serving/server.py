@@ -33,7 +33,6 @@ if TYPE_CHECKING:
 WARM_UP_SCENE: Final = make_scene(
     np.array([(0.4, 0.0), (0.6, 0.0)]), np.array([8.0, 8.0]), np.array([0.08, 0.06])
 )
-WARM_UP_BODIES: Final = Bodies.named(["t", "disk"])
 WARM_UP_PUSHES: Final = make_push([[0.0], [0.5]], [[0.0], [0.1]], [[0.1], [0.05]])  # (2, 1, 5)
 TRIAL_PUSHES: Final = np.tile(WARM_UP_PUSHES, (16, 1, 1))  # (32, 1, 5)
 TRIALS: Final = 3  # the fastest counts: other programs may take the processor

@@ -13,11 +13,10 @@ from sain_core.push import pushed_bodies
 from sain_core.scene import POSITION, RADIUS, THETA, wrap_angle
 from sain_core.types import Scalars
 from sain_model.data.dataset import Dataset, Part
-from sain_model.dynamics.identify import body_names, states_bodies
+from sain_model.dynamics.identify import FEW_BODIES, body_names, states_bodies
 from sain_model.dynamics.intervals import LEVEL, IntervalConfig, Intervals, Prediction
 from sain_model.dynamics.sain import SainDynamics
 from sain_model.evaluation.predictors import predict_with_history
-from sain_model.inference.laboratory import FEW_BODIES
 from sain_model.network.features import elongations
 
 RESOLUTION: Final = 1e-6  # [m], differences below this do not count

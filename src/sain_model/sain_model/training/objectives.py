@@ -116,17 +116,13 @@ def make_examples(
     return Examples(*features.tensors(), *told)
 
 
-def inferred_values(data: Part, kind: Kind, random: np.random.Generator | None = None) -> Values:
-    """Return values (M,) of a kind's parameters that other pushes of an episode show, by name.
+def inferred_values(data: Part, kind: Kind) -> Values:
+    """Return values (M,) of a kind's parameters that all other pushes of an episode show, by name.
 
-    From all of them; with `random` from so many of the latest earlier ones as it draws. Values that
-    the data give are as given.
+    Values that the data give are as given.
     """
-    known = Known.others(data.episode)
-    if random is not None:
-        earlier = Known.earlier(data.episode, data.step).counts
-        known = Known.earlier(data.episode, data.step, random.integers(earlier + 1))
-    return grid_values(kind, data.observed, known)[0] | dict(data.given or {})
+    found, _ = grid_values(kind, data.observed, Known.others(data.episode))
+    return found | dict(data.given or {})
 
 
 def _identity(split: Split, kind: Kind) -> str:

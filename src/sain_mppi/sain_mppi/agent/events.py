@@ -18,7 +18,7 @@ from sain_core.shapes.bodies import Bodies
 from sain_core.transitions import PushHistory
 from sain_core.types import PushArray, Scalars, Scene
 from sain_mppi.agent.uncertainty import Uncertainty
-from sain_mppi.algorithms.result import PlanResult
+from sain_mppi.algorithms.sampling import PlanResult
 from sain_mppi.config import PlannerConfig
 from sain_mppi.objective.problem import Problem
 

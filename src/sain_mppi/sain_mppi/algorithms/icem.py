@@ -10,7 +10,7 @@ from numpy import ndarray
 from sain_core.push import LOCATION, PATH
 from sain_core.scene import wrap_angle
 from sain_core.types import PushSequences, Scalars
-from sain_mppi.algorithms.sampling import Sequence, coloured_noise, stop_early, weighted_mean
+from sain_mppi.algorithms.sampling import PushSequence, coloured_noise, stop_early, weighted_mean
 from sain_mppi.algorithms.search import Search
 from sain_mppi.config import MEAN, IcemConfig
 from sain_mppi.objective.proposals import inside_limits
@@ -41,7 +41,7 @@ def icem(search: Search, start: PushSequences, generator: np.random.Generator) -
 class EliteSpread:
     """What the next population is drawn from."""
 
-    mean: Sequence
+    mean: PushSequence
     deviation: Float[ndarray, "H 3"]  # of location, angle and length
     kept: PushSequences  # elites that come along as they are
 

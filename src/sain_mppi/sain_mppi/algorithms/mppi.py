@@ -7,7 +7,7 @@ import numpy as np
 from sain_core.errors import NoPushError
 from sain_core.push import idle_pushes
 from sain_core.types import PushSequences
-from sain_mppi.algorithms.sampling import Sequence, gaussian_sequences, weighted_mean
+from sain_mppi.algorithms.sampling import PushSequence, gaussian_sequences, weighted_mean
 from sain_mppi.algorithms.search import Search
 from sain_mppi.config import MEAN
 
@@ -89,7 +89,7 @@ def beam(search: Search, start: PushSequences, generator: np.random.Generator) -
         sequences[:, step] = search.uniform(generator, len(sequences))[:, 0]
 
 
-def _updated(mean: Sequence | None, new: Sequence, kept: float) -> Sequence:
+def _updated(mean: PushSequence | None, new: PushSequence, kept: float) -> PushSequence:
     """Return the new mean with a share of the last one kept."""
     if mean is None:
         return new

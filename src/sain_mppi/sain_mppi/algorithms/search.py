@@ -11,8 +11,10 @@ from sain_core.model import RolloutModel, check_rollout
 from sain_core.push import LENGTH, SPEED, idle_pushes
 from sain_core.scene import POSITION
 from sain_core.types import Mask, PredictedScenes, PushArray, Pushes, PushSequences, Scalars
-from sain_mppi.algorithms.result import Elites, PlanResult, Times
 from sain_mppi.algorithms.sampling import (
+    Elites,
+    PlanResult,
+    Times,
     cost_spread,
     effective_samples,
     gaussian_sequences,

@@ -21,7 +21,7 @@ from sain_core.view.scenes import goal_marks, plan_things, stage
 from sain_core.view.things import Thing
 from sain_interfaces.msg import Goal, Plan, Push
 from sain_mppi.agent.events import PlanJob, PushDecision, Stop, StopReason, Task
-from sain_mppi.algorithms.result import PlanResult
+from sain_mppi.algorithms.sampling import PlanResult
 from sain_mppi.ros.goals import Goals
 from sain_mppi.ros.watch import Notes, PeerWatch
 
