@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -29,7 +30,8 @@ NO_POSES: Final = np.full((MOST_BODIES, KEEP + 1), np.nan)  # NaN: not asked
 NONE: Final = -1
 
 
-class Goals(NamedTuple):
+@dataclass(frozen=True)
+class Goals:
     """Goals, in the order of their receipt."""
 
     episodes: ndarray  # (G,)
@@ -37,18 +39,23 @@ class Goals(NamedTuple):
     places: ndarray  # (G, 3) x, y, tolerance [m]; NaN where poses are asked for
     poses: dict[int, ndarray]  # by place here: (MOST_BODIES, 6), place, tolerances, keep
 
+    @cached_property
+    def _by_episode(self) -> tuple[ndarray, ndarray, ndarray, ndarray]:
+        """Return episodes and times, each once and sorted; keys of goals, sorted, and the order."""
+        named, codes = np.unique(self.episodes, return_inverse=True)
+        moments, ranks = np.unique(self.times, return_inverse=True)
+        keys = codes * (len(moments) + 1) + ranks + 1  # by episode, then by time
+        order = np.argsort(keys, kind="stable")
+        return named, moments, keys[order], order
+
     def latest(self, episodes: ndarray, times: ndarray) -> ndarray:
         """Return the place here of the latest goal of an episode (K,) at a time; -1: none."""
         if not len(self.times):
             return np.full(len(episodes), NONE)
-        codes, named = np.unique(self.episodes, return_inverse=True)
-        moments = np.unique(self.times)
-        step = len(moments) + 1
-        keys = named * step + np.searchsorted(moments, self.times, side="right")
-        order = np.argsort(keys, kind="stable")
-        code = np.minimum(np.searchsorted(codes, episodes), len(codes) - 1)
-        wanted = code * step + np.searchsorted(moments, times, side="right")
-        found = order[np.searchsorted(keys[order], wanted, side="right") - 1]
+        named, moments, keys, order = self._by_episode
+        code = np.minimum(np.searchsorted(named, episodes), len(named) - 1)
+        wanted = code * (len(moments) + 1) + np.searchsorted(moments, times, side="right")
+        found = order[np.searchsorted(keys, wanted, side="right") - 1]
         right = (self.episodes[found] == episodes) & (self.times[found] <= times)
         return np.where(right, found, NONE)
 
