@@ -77,7 +77,7 @@ Scenes solved and pushes, at the smallest tolerance of each scenario.
 
 
 @dataclass(frozen=True)
-class Results:
+class RunResults:
     """What one evaluation wrote.
 
     Attributes:
@@ -93,7 +93,7 @@ class Results:
     summary: Sequence[dict[str, Any]]
 
 
-def read_results(folder: Path) -> Results:
+def read_results(folder: Path) -> RunResults:
     """Read the results of an evaluation from its folder.
 
     Raises:
@@ -111,7 +111,7 @@ def read_results(folder: Path) -> Results:
             )
         for row in content["summary"]:
             _check_row(row)
-        return Results(
+        return RunResults(
             str(content.get("reality") or _reality(content["config"])),
             str(content["command"]),
             str(content["git_commit"] or "unknown"),
@@ -160,7 +160,7 @@ class Line(NamedTuple):
 Cells = dict[Line, dict[str, dict[str, Any]]]  # rows of summaries, by line and reality
 
 
-def results_page(results: Sequence[Results], names: Mapping[str, str]) -> str:
+def results_page(results: Sequence[RunResults], names: Mapping[str, str]) -> str:
     """Return the page of several evaluations; `names` has other names of controllers.
 
     Of two evaluations with the same row and reality, the later one counts.
@@ -232,7 +232,7 @@ def _papers(line: Line) -> str:
     return PAPER[line.scenario] if same else ""
 
 
-def _sources(results: Sequence[Results]) -> str:
+def _sources(results: Sequence[RunResults]) -> str:
     lines = [f"# {one.reality}, commit {one.commit[:12]}\n{one.command}\n" for one in results]
     return f"## Commands\n\n{MARK}\n```\n{''.join(lines)}```\n"
 
