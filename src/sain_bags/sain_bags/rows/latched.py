@@ -31,7 +31,7 @@ NONE: Final = -1
 
 
 @dataclass(frozen=True)
-class Goals:
+class LatchedGoals:
     """Goals, in the order of their receipt."""
 
     episodes: ndarray  # (G,)
@@ -79,7 +79,7 @@ class Extras(NamedTuple):
 class Latched:
     """The goals, bodies and worlds of one graph's episodes."""
 
-    goals: Goals
+    goals: LatchedGoals
     bodies: dict[int, Bodies]  # by episode
     worlds: dict[int, ndarray]  # (3,) frictions, by episode
 
@@ -171,7 +171,9 @@ class _Reader:
     def latched(self) -> Latched:
         empty = (np.empty(0, np.uint64), np.empty(0, np.int64), np.empty((0, len(PLACE))))
         episodes, times, places = map(np.concatenate, zip(empty, *self._goals, strict=True))
-        return Latched(Goals(episodes, times, places, self._poses), self._bodies, self._worlds)
+        return Latched(
+            LatchedGoals(episodes, times, places, self._poses), self._bodies, self._worlds
+        )
 
     def read(self, batch: Batch) -> None:
         takes = {BODIES: self._take_bodies, WORLD: self._take_world}
