@@ -30,9 +30,9 @@ from sain_model.evaluation.predictors import BULLET, FLOOR, LEARNED, SAIN, SAIN_
 from sain_model.inference.kinds import friction_kind
 from sain_model.network.settings import NetworkConfig
 from sain_model.physics.planar import PlanarPrior
-from sain_model.training.learning_curve import Point, draw_curves, draw_losses
+from sain_model.training.learning_curve import Point, draw_curves
 from sain_model.training.objectives import Examples, mixed_loss
-from sain_model.training.record import FOLDER, event_log
+from sain_model.training.record import FOLDER, draw_losses, event_log
 from sain_model.training.settings import (
     ADAM,
     HALVING_EPOCHS,

@@ -73,8 +73,7 @@ def run(options: TrainOptions, console: Console) -> None:
     from sain_model.evaluation.predictors import NAMES
     from sain_model.evaluation.presentation import error_tables
     from sain_model.training.fit import Parent, fit, gain_line, identified_kind, trained_kind
-    from sain_model.training.learning_curve import draw_losses
-    from sain_model.training.record import make_card, own_errors
+    from sain_model.training.record import draw_losses, make_card, own_errors
 
     torch.set_num_threads(1)
     parent = Parent.load(options.parent) if options.parent else None

@@ -30,7 +30,6 @@ from sain_model.evaluation.predictors import (
 from sain_model.network.settings import IDENTITY
 from sain_model.training.fit import fit, trained_kind
 from sain_model.training.settings import TrainingConfig
-from sain_model.training.trainer import LossHistory
 
 PHYSICS: Final = (BULLET, MEASURED, PLANAR_HISTORY, FLOOR)
 NETWORKS: Final = (LEARNED, SAIN, SAIN_HISTORY)
@@ -163,20 +162,3 @@ def _draw_network(axes: Axes, points: Sequence[Point]) -> None:
 def _leading(value: float) -> str:
     """Label 2 and 5 of each power of ten alone."""
     return f"{value:g}" if f"{value:e}"[0] in "25" else ""
-
-
-def draw_losses(history: LossHistory) -> Figure:
-    """Draw the losses after each epoch, the weights that are kept marked."""
-    figure = new_figure(6.0, 4.0)
-    axes = figure.subplots()
-    style_axes(axes, grid="both", xlabel="epoch", ylabel="loss, mean over transitions")
-    epochs = range(1, len(history.train) + 1)
-    axes.plot(epochs, history.train, label="training", color=PALETTE.physics)
-    axes.plot(epochs, history.validation, label="validation", color=PALETTE.predicted)
-    kept = f"kept: epoch {history.best + 1}, {history.best_loss:.4g}"
-    axes.plot(history.best + 1, history.best_loss, "o", color=PALETTE.predicted, label=kept)
-    if history.start is not None:
-        before = "validation before the training"
-        axes.axhline(history.start, color=PALETTE.floor, linestyle=":", label=before)
-    figure.legend(frameon=False, loc="outside lower center", ncols=2, fontsize=TEXT)
-    return figure

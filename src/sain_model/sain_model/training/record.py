@@ -9,12 +9,15 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
+from matplotlib.figure import Figure
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
 from rich.progress import Progress as Bars
 
 from sain_core.errors import ConfigError
 from sain_core.storage import processor, ros2_command, system, versions, write_whole
+from sain_core.view.figures import new_figure, style_axes
+from sain_core.view.palette import PALETTE
 from sain_model.data.dataset import Dataset, Split
 from sain_model.dynamics.load import ModelCard
 from sain_model.dynamics.priors import prior_settings
@@ -178,3 +181,20 @@ def save_settings(command: TrainOptions, data: Dataset) -> None:
     }
     text = json.dumps(settings, indent=2, default=str) + "\n"
     write_whole(command.out / "config.json", text.encode())
+
+
+def draw_losses(history: LossHistory) -> Figure:
+    """Draw the losses after each epoch, the weights that are kept marked."""
+    figure = new_figure(6.0, 4.0)
+    axes = figure.subplots()
+    style_axes(axes, grid="both", xlabel="epoch", ylabel="loss, mean over transitions")
+    epochs = range(1, len(history.train) + 1)
+    axes.plot(epochs, history.train, label="training", color=PALETTE.physics)
+    axes.plot(epochs, history.validation, label="validation", color=PALETTE.predicted)
+    kept = f"kept: epoch {history.best + 1}, {history.best_loss:.4g}"
+    axes.plot(history.best + 1, history.best_loss, "o", color=PALETTE.predicted, label=kept)
+    if history.start is not None:
+        before = "validation before the training"
+        axes.axhline(history.start, color=PALETTE.floor, linestyle=":", label=before)
+    figure.legend(frameon=False, loc="outside lower center", ncols=2, fontsize=TEXT)
+    return figure
