@@ -16,7 +16,7 @@ from rich.progress import Progress as Bars
 
 from sain_core.errors import ConfigError
 from sain_core.storage import processor, ros2_command, system, versions, write_whole
-from sain_core.view.figures import new_figure, style_axes
+from sain_core.view.figures import TEXT, new_figure, style_axes
 from sain_core.view.palette import PALETTE
 from sain_model.data.dataset import Dataset, Split
 from sain_model.dynamics.load import ModelCard
