@@ -41,6 +41,11 @@ class Source:
         return max(self.counts[PUSH], self.counts[PUSH_RESULT])
 
     @property
+    def lacks_results(self) -> bool:
+        """Whether there are pushes without a result."""
+        return self.counts[PUSH] > self.counts[PUSH_RESULT]
+
+    @property
     def topics(self) -> tuple[str, ...]:
         """The topics that are read, where each push has its result."""
         return topics_of(self.bag, self.namespace, PUSH_RESULT, GOAL, BODIES, WORLD)
