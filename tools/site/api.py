@@ -10,9 +10,8 @@ SOURCE: Final = Path(__file__).resolve().parents[2] / "src"
 PACKAGES: Final = {
     "sain_core": (
         "Scenes, pushes, the contract of models, and what all packages share.",
-        ("scene", "push", "model", "history", "observation", "plugins",
-         "conformance", "feasibility", "shapes.bodies", "dataset", "errors",
-         "seeding"),
+        ("scene", "push", "model", "world", "transitions", "guarding.plugins",
+         "conformance", "feasibility", "shapes.bodies", "errors", "randomness"),
     ),
     "sain_sim": (
         "The simulated worlds.",
@@ -20,7 +19,7 @@ PACKAGES: Final = {
     ),
     "sain_model": (
         "Priors, networks, and how they are trained and evaluated.",
-        ("physics.planar", "dynamics.sain", "dynamics.load", "dynamics.checkpoint",
+        ("physics.planar", "dynamics.sain", "dynamics.load",
          "data.dataset", "training.settings"),
     ),
     "sain_mppi": (
