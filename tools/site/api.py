@@ -24,7 +24,7 @@ PACKAGES: Final = {
     ),
     "sain_mppi": (
         "The agent that decides, and the planner that it asks.",
-        ("agent.agent", "agent.events", "planner", "algorithms.config"),
+        ("agent.agent", "agent.events", "planner", "algorithms.search"),
     ),
     "sain_bags": (
         "Recordings without ROS.",
