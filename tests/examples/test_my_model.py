@@ -82,7 +82,8 @@ def test_predictions_are_compared_with_its(
 
 def test_it_is_served_without_loading_pytorch(environment: dict[str, str]) -> None:
     lines = (
-        "import sys; from sain_model.serving.server import ServingConfig, load_server;"
+        "import sys; from sain_model.serving.server import load_server;"
+        " from sain_model.serving.service import ServingConfig;"
         " described = load_server(ServingConfig(model='my_model')).description;"
         " print(described.model, described.kind, 'torch' in sys.modules)"
     )

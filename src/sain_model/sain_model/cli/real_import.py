@@ -13,7 +13,7 @@ from rich.console import Console
 from sain_core.config import Config, option, required
 from sain_core.guarding.untrusted import read_regular
 from sain_core.transitions import Column
-from sain_model.network.feature_kernels import MASS_MIDDLE
+from sain_model.network.settings import MASS_MIDDLE
 
 if TYPE_CHECKING:
     from sain_model.importing.data_set import Imported

@@ -42,6 +42,7 @@ from sain_model.network.patch_kernels import (
     find_patch,
     place_corners,
 )
+from sain_model.network.settings import MASS_MIDDLE
 
 PLACE_FEATURES: Final = 10  # columns of a body behind the others, for a network that sees the world
 GAP_BEFORE: Final = 10  # columns of a relation: 0 where two bodies touch, 1 far apart
@@ -51,7 +52,6 @@ PLACE_SCALE: Final = 0.1  # [m]
 MOVE_SCALE: Final = 0.05  # [m]
 TURN_SCALE: Final = 0.2  # [rad]
 GAP_SCALE: Final = 0.02  # [m], beyond which it hardly matters how far apart two bodies are
-MASS_MIDDLE: Final = 8.0  # [kg]
 MASS_SCALE: Final = 1.0  # [kg]
 REACH_MIDDLE: Final = 0.08  # [m]
 REACH_SCALE: Final = 0.02  # [m]

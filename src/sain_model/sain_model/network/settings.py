@@ -14,6 +14,8 @@ BOOTSTRAP: Final = "bootstrap"  # every member sees episodes drawn with replacem
 RESIDUAL: Final = "residual"
 PARAMETERS: Final = "parameters"
 
+MASS_MIDDLE: Final = 8.0  # [kg], of the bodies that networks learn from
+
 
 @dataclass(frozen=True)
 class NetworkConfig(Config):
