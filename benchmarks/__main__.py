@@ -27,7 +27,7 @@ def modules() -> Iterator[tuple[str, str]]:
 
 
 def main() -> int:
-    """List the benchmarks, or run those that are named with their usual options."""
+    """List the benchmarks, or run those that are named, with the options behind the names."""
     known = dict(modules())
     wanted = sys.argv[1:]
     if not wanted or {"-h", "--help"} & set(wanted):
@@ -35,14 +35,15 @@ def main() -> int:
         for name, line in known.items():
             print(f"  {name.removeprefix('benchmarks.'):28} {line}")
         return 0
-    for word in wanted:
+    first = next((i for i, word in enumerate(wanted) if word.startswith("-")), len(wanted))
+    for word in wanted[:first]:
         names = [name for name in known if word in name.split(".")[1:]]
         if not names:
             allowed = ", ".join(name.removeprefix("benchmarks.") for name in known)
             print(f"no benchmark {word!r}; there are: {allowed}", file=sys.stderr)
             return 2
         for name in names:
-            sys.argv = [name]
+            sys.argv = [name, *wanted[first:]]
             place = importlib.util.find_spec(name)
             is_package = place is not None and place.submodule_search_locations is not None
             importlib.import_module(f"{name}.__main__" if is_package else name).main()
