@@ -40,14 +40,14 @@ def test_an_episode_is_solved_and_filmed(tmp_path: Path) -> None:
         assert picture.n_frames == record.steps  # type: ignore[attr-defined]
 
 
-def test_workers_of_a_cluster_change_nothing(tmp_path: Path) -> None:
+def test_workers_change_nothing(tmp_path: Path) -> None:
     films = [tmp_path / name for name in ("alone.gif", "together.gif")]
     fewer = replace(PLANNER, samples=32)
     jobs = [PushtJob(seed, "prior", fewer) for seed in (2, 4)]
     alone, together = (
         play([replace(jobs[0], picture=film), jobs[1]], options)
         for film, options in zip(
-            films, (WorkerOptions(), WorkerOptions(workers=2, ray="local")), strict=True
+            films, (WorkerOptions(), WorkerOptions(workers=2)), strict=True
         )
     )
     assert without_times(alone) == without_times(together)

@@ -274,14 +274,13 @@ def test_the_picture_draws_what_the_card_says(record: Start) -> None:
         assert stairs.get_data().values.tolist() == spread["histogram"]["counts"]
 
 
-@pytest.mark.parametrize("ray", ["", "local"])
-def test_workers_change_no_byte(ray: str, record: Start, tmp_path: Path) -> None:
+def test_workers_change_no_byte(record: Start, tmp_path: Path) -> None:
     """Also of pushes that are dropped or predicted, and of two numbers of disks."""
     parts = [Parts(predictions=False), Parts(disks=3), Parts(unsettled=(1,)), Parts(still=(0,))]
     bags = [drive(record, f"bag{index}", part, index) for index, part in enumerate(parts)]
     config = ConversionConfig(moved_only=True)
     alone = convert(bags, tmp_path / "alone", config)
-    two = WorkerOptions(workers=2, ray=ray)
+    two = WorkerOptions(workers=2)
     assert convert(bags, tmp_path / "workers", config, workers=two) == alone
     assert alone.dropped
     files = [sorted((tmp_path / name).iterdir()) for name in ("alone", "workers")]

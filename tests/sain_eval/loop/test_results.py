@@ -157,11 +157,10 @@ def test_the_command_goes_on_and_reports_only_what_was_asked(tmp_path):
     assert len(run(tmp_path, scenes=1)["scenes"]) == 2
 
 
-@pytest.mark.parametrize("ray", ["", "local"])
-def test_workers_find_the_same_as_one_process(tmp_path, ray):
+def test_workers_find_the_same_as_one_process(tmp_path):
     alone, together = tmp_path / "alone", tmp_path / "together"
     wanted = {"controllers": "straight", "pictures": 2}
-    records = [run(alone, **wanted), run(together, workers=2, ray=ray, **wanted)]
+    records = [run(alone, **wanted), run(together, workers=2, **wanted)]
     assert records[0]["scenes"] == records[1]["scenes"]
     pictures = sorted(path.name for path in alone.glob("*.png"))
     assert pictures == ["paper_0_straight.png", "paper_1_straight.png"]
