@@ -46,9 +46,7 @@ def test_workers_change_nothing(tmp_path: Path) -> None:
     jobs = [PushtJob(seed, "prior", fewer) for seed in (2, 4)]
     alone, together = (
         play([replace(jobs[0], picture=film), jobs[1]], options)
-        for film, options in zip(
-            films, (WorkerOptions(), WorkerOptions(workers=2)), strict=True
-        )
+        for film, options in zip(films, (WorkerOptions(), WorkerOptions(workers=2)), strict=True)
     )
     assert without_times(alone) == without_times(together)
     assert films[0].read_bytes() == films[1].read_bytes()
