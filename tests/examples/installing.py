@@ -70,17 +70,3 @@ def refusals(environment: dict[str, str], commands: dict[str, list[str]]) -> dic
     assert [name for name, (code, _) in said.items() if code in (0, None)] == []
     assert "Traceback" not in done.stderr + done.stdout
     return {name: " ".join(text.replace("│", " ").split()) for name, (_, text) in said.items()}
-
-
-def fails(environment: dict[str, str], command: list[str], *arguments: object) -> str:
-    """Run a command that fails without a traceback; return its error."""
-    done = subprocess.run(
-        [*command, *map(str, arguments)],
-        env=environment,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert done.returncode != 0, done.stdout
-    assert "Traceback" not in done.stderr, done.stderr
-    return " ".join(done.stderr.replace("│", " ").split())

@@ -25,7 +25,7 @@ from sain_core.goal import Judgement
 from sain_core.types import Points, Scene
 from sain_core.view.film import gif_of
 from sain_core.view.palette import PALETTE
-from sain_core.wire import decode_disks
+from sain_core.wire import decode_disks, decode_stamp
 from sain_core.workers import Processes, Software, Work
 
 if TYPE_CHECKING:
@@ -74,7 +74,7 @@ def episode_moments(bag: Bag, episode: Episode) -> list[Moment]:
         if not received.topic.startswith(f"{namespace}/"):
             continue  # of another graph
         message = received.message
-        stamp = message.header.stamp.sec * 10**9 + message.header.stamp.nanosec
+        stamp = decode_stamp(message.header.stamp)
         if received.type == JOINTS:
             joints[stamp] = np.array(message.position, dtype=np.float64)
         elif _is_of(message, received.log_time, episode):

@@ -11,6 +11,7 @@ order, then the fields, each aligned to its own size as counted from there.
 import struct
 from collections.abc import Collection
 from dataclasses import dataclass, field
+from functools import lru_cache
 from typing import Any, Final
 
 import numpy as np
@@ -34,6 +35,7 @@ SCALAR: Final = -1  # in place of a count
 SEQUENCE: Final = -2
 HEADER: Final = 4  # [bytes]
 BYTE_ORDERS: Final = {b"\0\0": ">", b"\0\1": "<"}
+DEFINITIONS: Final = 16  # that are kept once they are parsed: readers of a bag share them
 PADDING: Final = 3  # [bytes], that a middleware may put at the end
 LENGTH: Final = 4  # [bytes], of the length of a string or a sequence
 
@@ -51,6 +53,7 @@ NO_FIELD: Final = Field("structure_needs_at_least_one_member", "uint8", SCALAR) 
 MessageTypes = dict[str, tuple[Field, ...]]  # by full name
 
 
+@lru_cache(maxsize=DEFINITIONS)
 def read_types(name: str, text: str) -> MessageTypes:
     """Return the fields of a message type and of all that it refers to.
 

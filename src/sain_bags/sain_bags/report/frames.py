@@ -8,7 +8,7 @@ import numpy as np
 
 from sain_core.errors import InvalidInputError
 from sain_core.types import Scene
-from sain_core.wire import decode_disks
+from sain_core.wire import decode_disks, decode_stamp
 
 
 @dataclass(frozen=True)
@@ -56,7 +56,6 @@ class Frames:
         return tuple(frame for _, frame in self._kept)
 
     def _keep(self, number: int | None, message: Any, log_time: int) -> bool:
-        stamp = message.header.stamp
         try:
             scene = decode_disks(message.disks)
         except InvalidInputError:
@@ -65,7 +64,7 @@ class Frames:
         if self._kept and scene.shape != self._kept[0][1].scene.shape:
             self.unusable += 1
             return False
-        time = stamp.sec * 10**9 + stamp.nanosec
+        time = decode_stamp(message.header.stamp)
         frame = Frame(time, log_time, message.scene_id, bool(message.settled), scene)
         self._kept.append((number, frame))
         return True

@@ -32,7 +32,7 @@ from sain_core.goal import Goal, Judgement
 from sain_core.scene import TARGET
 from sain_core.shapes.bodies import PAPER_DISKS, Bodies
 from sain_core.types import Scene
-from sain_core.wire import decode_disks, decode_goal
+from sain_core.wire import decode_disks, decode_goal, decode_stamp
 from sain_core.wire.bodies import decode_bodies
 from sain_core.world import PushRecord
 
@@ -234,7 +234,7 @@ class _Reader:
                 yield _whole(number, draft, self._open_goals.get(run), run)
 
     def _scene(self, message: Any, time: int) -> None:
-        stamp = message.header.stamp.sec * 10**9 + message.header.stamp.nanosec
+        stamp = decode_stamp(message.header.stamp)
         episode, last = self._last
         self._run += message.episode_id < episode and stamp < last  # a simulator was started anew
         self._last = (message.episode_id, stamp)

@@ -42,6 +42,7 @@ from sain_bags.rows.results import OK, naming
 from sain_bags.rows.tables import TableReader
 from sain_bags.writing.writer import BagConfig, BagWriter
 from sain_core.errors import DatasetError
+from sain_core.wire import decode_stamp
 
 WINDOW: Final = 1000  # pushes that wait, scenes and predictions that are kept for pushes to come
 OLD_PREDICTION: Final = "sain_interfaces/msg/PushPrediction"
@@ -329,7 +330,8 @@ class _Conversion:
         before, after = map(self._decode, (push.before, push.after))
         duration = float("nan")
         if before and after:
-            duration = 1e-9 * (_nanoseconds(after) - _nanoseconds(before))
+            stamps = [decode_stamp(scene.header.stamp) for scene in (before, after)]
+            duration = 1e-9 * (stamps[1] - stamps[0])
         result = SimpleNamespace(
             push_id=push.push_id,
             episode_id=push.scene[0],
@@ -366,11 +368,6 @@ def _first_settled(columns: dict[str, ndarray]) -> ndarray:
     ids = np.stack([columns[name][settled] for name in ("episode_id", "scene_id")])
     _, first = np.unique(ids, axis=1, return_index=True)
     return settled[np.sort(first)]
-
-
-def _nanoseconds(scene: Any) -> int:
-    stamp = scene.header.stamp
-    return int(stamp.sec) * 10**9 + int(stamp.nanosec)
 
 
 def _keep(kept: "OrderedDict[Any, Any]", key: Any, value: Any) -> None:

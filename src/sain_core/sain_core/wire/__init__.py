@@ -37,6 +37,11 @@ Place = Float[ndarray, "3"]
 Turn = Float[ndarray, "4"]  # quaternion x y z w
 
 
+def decode_stamp(stamp: Any) -> int:
+    """Return a time stamp, a ``builtin_interfaces/Time``, in nanoseconds."""
+    return int(stamp.sec) * 10**9 + int(stamp.nanosec)
+
+
 def decode_disks(disks: Sequence[Any], name: str = "scene") -> Scene:
     """Return ``DiskState[]`` as a scene (N, 8).
 
