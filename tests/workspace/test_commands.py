@@ -43,6 +43,7 @@ sys.argv = {arguments!r}
 {start}
 """
 ENTRY = "sys.exit(getattr(import_module('{package}.commands'), '{name}')())"
+COLUMNS = 100  # of the terminal
 Start = Callable[..., Ended]
 LAUNCHER = "import runpy; runpy.run_path('{path}', run_name='__main__')"
 
@@ -52,7 +53,7 @@ def start() -> Iterator[Start]:
     """Starts an executable in a process of its own, without paying again for what all import."""
     with Starter() as starter:
         yield lambda package, name, *arguments: starter.start(
-            executable(package, name), *arguments, COLUMNS="100"
+            executable(package, name), *arguments, COLUMNS=str(COLUMNS)
         )
 
 
@@ -84,7 +85,9 @@ def test_it_is_started_by_the_interpreter_of_the_environment(package: str, name:
 def test_help_comes_at_once(help_of: Any, package: str, name: str) -> None:
     done = help_of(package, name)
     assert done.returncode == 0, done.stderr
-    assert f"usage: ros2 run {package} {name}" in done.stdout
+    usage, *lines = done.stdout.splitlines()
+    assert usage.startswith(f"usage: ros2 run {package} {name}")
+    assert [line for line in lines if len(line.rstrip()) > COLUMNS] == []
     assert done.modules & HEAVY == set()
 
 

@@ -8,6 +8,7 @@ Ctrl-C during these imports ends the process without a traceback.
 import io
 import os
 import select
+import shutil
 import signal
 import sys
 from collections.abc import Callable, Iterator, Sequence
@@ -15,7 +16,9 @@ from contextlib import contextmanager, redirect_stderr
 from dataclasses import dataclass, fields, is_dataclass
 from functools import partial
 from importlib import import_module
+from inspect import cleandoc
 from pathlib import Path
+from textwrap import TextWrapper
 from threading import Timer, current_thread, main_thread
 from types import CodeType, FrameType
 from typing import Annotated, Any, Final, Literal, get_type_hints
@@ -260,6 +263,7 @@ def read_options(kind: type, program: str, arguments: list[str], prefixes: bool 
             return tyro.cli(
                 kind,
                 prog=program,
+                description=_wrapped_docstring(kind),
                 args=arguments,
                 config=() if prefixes else (tyro.conf.OmitArgPrefixes,),
             )
@@ -271,6 +275,16 @@ def read_options(kind: type, program: str, arguments: list[str], prefixes: bool 
             raise ConfigError(_name_argument(str(cause), kind, prefixes)) from cause
         sys.stderr.write(output.getvalue())
         raise
+
+
+def _wrapped_docstring(kind: type) -> str:
+    """Return what a class says of itself in lines of the terminal.
+
+    tyro wraps its tables alone, and joins lines again that begin with a letter.
+    """
+    wrap = TextWrapper(min(shutil.get_terminal_size().columns, 100), subsequent_indent="  ")
+    paragraphs = cleandoc(kind.__doc__ or "").split("\n\n")
+    return "\n\n".join(wrap.fill(" ".join(one.split())) for one in paragraphs)
 
 
 def describe_options(settings: type) -> None:
