@@ -295,6 +295,25 @@ def test_no_lost_chunk_takes_a_channel_with_it(lost: int, tmp_path: Path) -> Non
     assert sum(1 for loss in report.losses if loss.messages) <= 1
 
 
+def test_events_are_read_without_what_comes_at_a_rate(record: Callable[..., Any]) -> None:
+    recording = record()
+    for _ in range(3):
+        recording.add("/sain/scene", "Scene")
+        recording.add("/sain/push", "Push")
+    recording.writer.close()
+    (file,) = recording.writer.folder.glob("*.mcap")
+    assert examine(file).chunk_count == 2
+    with file.open("rb") as stream:
+        summary = make_reader(stream).get_summary()
+        stream.seek(0)
+        messages = [(m.log_time, c.topic) for _, c, m in make_reader(stream).iter_messages()]
+    assert summary is not None
+    assert sorted(len(index.message_index_offsets) for index in summary.chunk_indexes) == [1, 1]
+    own = [(one.log_time, one.topic) for one in Bag(file).messages()]
+    assert own == messages == sorted(messages)
+    assert {topic for _, topic in own[::2]} == {"/sain/scene"}
+
+
 def test_what_a_recording_says_of_itself_survives_it(tmp_path: Path) -> None:
     """Nothing is closed: the recorder was killed."""
     writer = BagWriter(tmp_path / "bag", custom_data={"seed": "7"}, ros_distro="kilted")

@@ -25,6 +25,8 @@ METADATA_FILE: Final = integrity.METADATA_FILE
 METADATA_ROOT: Final = "rosbag2_bagfile_information"
 METADATA_RECORD: Final = "rosbag2"  # by this name a file's record of the same content is found
 START_RECORD: Final = "sain_bags"  # at the beginning of a file: what a crash leaves of it
+OWN_TYPES: Final = "sain_interfaces/msg/"
+STREAMS: Final = (f"{OWN_TYPES}Scene",)  # of these, they come at a rate
 METADATA_KEY: Final = "serialized_metadata"
 INFINITE: Final = (9_223_372_036, 854_775_807)  # [s, ns], rmw's duration without end
 
@@ -69,6 +71,14 @@ class Topic:
             qos.durability == "transient_local" and qos.lifespan >= INFINITE
             for qos in self.offered_qos
         )
+
+    @property
+    def is_rare(self) -> bool:
+        """Whether its messages state an event: data sets are read from these few.
+
+        Scenes, joints, markers and clocks come at a rate, and are most of a recording.
+        """
+        return self.type.startswith(OWN_TYPES) and self.type not in STREAMS
 
     def qos_text(self) -> str:
         """Return the offered profiles as the text that a channel's metadata holds."""

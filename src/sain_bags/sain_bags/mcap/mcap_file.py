@@ -77,11 +77,7 @@ class McapFile:
         if not self._chunks and self.statistics.message_count:
             with opened(self.path) as stream:
                 return tuple(_scan(stream))
-        return tuple(
-            chunk
-            for chunk in self._chunks
-            if not chunk.index_places or chunk.indexes.keys() & channels
-        )
+        return tuple(chunk for chunk in self._chunks if chunk.holds(channels))
 
     def compare(self, found: Mapping[int, int]) -> None:
         """Compare how many messages were found, by channel, with the statistics.

@@ -1,9 +1,10 @@
 """Writes one MCAP file: thousands of messages a second, at little processor time.
 
-Format: https://mcap.dev/spec. Three things are done otherwise than `mcap`'s own writer does them:
+Format: https://mcap.dev/spec. Four things are done otherwise than `mcap`'s own writer does them:
 
 * The description of a channel is in two chunks, so that a lost chunk does not lose the channel.
 * The messages of a chunk are in the order of their log times.
+* A few channels may have chunks of their own, so that they are read without the others.
 * The rest of a failed write is cut off, so that the file can still be ended and is whole. The
   statistics count the messages in the file.
 """
@@ -34,12 +35,10 @@ from mcap.records import (
 from mcap.well_known import MessageEncoding, Profile, SchemaEncoding
 from mcap.writer import MCAP0_MAGIC
 
-from sain_bags.mcap.log_order import in_log_order
+from sain_bags.mcap.open_chunk import Content, OpenChunk
 from sain_bags.mcap.preallocated_file import PreallocatedFile
 
 LIBRARY: Final = "sain_bags"
-MESSAGE: Final = struct.Struct("<BQHIQQ")  # opcode, length, channel, sequence, log, publish time
-MESSAGE_SIZE: Final = 2 + 4 + 8 + 8  # [bytes], a message's content without its data
 FOOTER_START: Final = struct.Struct("<BQQQ")  # the part of the footer that the summary's CRC covers
 FOOTER_SIZE: Final = 8 + 8 + 4
 
@@ -60,14 +59,11 @@ class McapWriter:
         self._file = file
         self._compression = "" if compression == "none" else compression
         self._compress = COMPRESSORS[compression]()
-        self._chunk_size = self._room = chunk_size
+        self._rare, self._others = OpenChunk(chunk_size), OpenChunk(chunk_size)
+        self._chunk_of_schema: dict[int, OpenChunk] = {}
+        self._chunk_of: dict[int, OpenChunk] = {}  # by channel
         self._end = 0  # of what was written [bytes]
         self._crc = 0
-        self._described = b""  # what this chunk describes
-        self._chunk = bytearray()  # messages
-        self._latest, self._in_order = 0, True  # log times in this chunk
-        self._fresh = b""  # what this chunk is the first to describe
-        self._index: dict[int, list[int]] = {}  # by channel: log time, offset, log time, ...
         self._schemas: list[Schema] = []
         self._channels: list[Channel] = []
         self._chunk_indexes = bytearray()  # records: as objects they take ten times the memory
@@ -76,16 +72,20 @@ class McapWriter:
 
     @property
     def size(self) -> int:
-        """What was written, and what waits in the open chunk [bytes]."""
-        return self._end + len(self._described) + len(self._chunk)
+        """What was written, and what waits in open chunks [bytes]."""
+        return self._end + self._rare.size + self._others.size
 
-    def add_schema(self, name: str, definition: str) -> int:
-        """Describe a message type, by its name alone if that is all; return its number."""
+    def add_schema(self, name: str, definition: str, rare: bool = False) -> int:
+        """Describe a message type, by its name alone if that is all; return its number.
+
+        Channels of a `rare` type have chunks of their own.
+        """
         number = self.statistics.schema_count = len(self._schemas) + 1
         encoding = SchemaEncoding.ROS2 if definition else SchemaEncoding.SelfDescribing
         schema = Schema(number, definition.encode(), encoding, name)
         self._schemas.append(schema)
-        self._describe(schema)
+        self._chunk_of_schema[number] = self._rare if rare else self._others
+        self._chunk_of_schema[number].describe(_record(schema))
         return number
 
     def add_channel(self, topic: str, schema: int, about: Mapping[str, str]) -> int:
@@ -93,59 +93,47 @@ class McapWriter:
         number = self.statistics.channel_count = len(self._channels) + 1
         channel = Channel(number, topic, MessageEncoding.CDR, dict(about), schema)
         self._channels.append(channel)
-        self._describe(channel)
+        self._chunk_of[number] = self._chunk_of_schema[schema]
+        self._chunk_of[number].describe(_record(channel))
         return number
 
     def add_message(
         self, channel: int, sequence: int, received: int, published: int, data: bytes
     ) -> None:
         """Append one message, its times in [ns since the epoch]."""
-        chunk = self._chunk
-        places = self._index.get(channel)
-        if places is None:
-            places = self._index[channel] = []
-        places += (received, len(chunk))
-        if received < self._latest:
-            self._in_order = False
-        self._latest = received
-        size = MESSAGE_SIZE + len(data)
-        chunk += MESSAGE.pack(Opcode.MESSAGE, size, channel, sequence, received, published)
-        chunk += data
-        if len(chunk) > self._room:
-            self.end_chunk()
+        chunk = self._chunk_of[channel]
+        if chunk.add(channel, sequence, received, published, data):
+            self._end_chunk(chunk)
 
     def add_metadata(self, name: str, values: Mapping[str, str]) -> None:
-        """Append metadata, behind the chunk that is open."""
-        self.end_chunk()
+        """Append metadata, behind what waits in open chunks."""
+        self.end_chunks()
         record = _record(Metadata(name, dict(values)))
         self._write(record)
         place = self._end - len(record)
         self.statistics.metadata_count += 1
         self._metadata_indexes.append(MetadataIndex(offset=place, length=len(record), name=name))
 
-    def end_chunk(self) -> None:
-        """Write what waits in the open chunk."""
-        if not self._index:
+    def end_chunks(self) -> None:
+        """Write what waits in open chunks."""
+        try:
+            self._end_chunk(self._rare)
+        finally:
+            self._end_chunk(self._others)
+
+    def _end_chunk(self, chunk: OpenChunk) -> None:
+        content = chunk.take()  # whatever becomes of it, it is not tried again
+        if content is None:
             return
-        content, places = bytes(self._chunk), self._index
-        if not self._in_order:
-            content, places = in_log_order(content, places)
-        data, start = self._described + content, len(self._described)
-        # Whatever becomes of this chunk, it is not tried again.
-        self._described, self._fresh = self._fresh, b""
-        self._room = self._chunk_size - len(self._described)
-        self._chunk, self._index, self._latest, self._in_order = bytearray(), {}, 0, True
-        times = [time for index in places.values() for time in index[::2]]
-        first, last = min(times), max(times)
-        packed = self._compress(data)
-        crc = zlib.crc32(data)
-        chunk = _record(Chunk(self._compression, packed, last, first, crc, len(data)))
-        indexes, offsets = _message_indexes(places, start, self._end + len(chunk))
+        (first, last), crc = content.span, zlib.crc32(content.data)
+        packed, size = self._compress(content.data), len(content.data)
+        record = _record(Chunk(self._compression, packed, last, first, crc, size))
+        indexes, offsets = _message_indexes(content, self._end + len(record))
         start = self._end
-        self._write(chunk + indexes)
+        self._write(record + indexes)
         self._chunk_indexes += _record(
             ChunkIndex(
-                chunk_length=len(chunk),
+                chunk_length=len(record),
                 chunk_start_offset=start,
                 compression=self._compression,
                 compressed_size=len(packed),
@@ -153,10 +141,10 @@ class McapWriter:
                 message_index_length=len(indexes),
                 message_index_offsets=offsets,
                 message_start_time=first,
-                uncompressed_size=len(data),
+                uncompressed_size=size,
             )
         )
-        self._count(first, last, places)
+        self._count(first, last, content.places)
 
     def finish(self) -> None:
         """End the data, and write the summary of what is in the file; then it is `whole`.
@@ -164,17 +152,11 @@ class McapWriter:
         Also where this raises: the last chunk may be lost, and what is before it not.
         """
         try:
-            self.end_chunk()
+            self.end_chunks()
         finally:
             self._write(_record(DataEnd(self._crc)))
             self._write(self._summary())
             self.whole = True
-
-    def _describe(self, record: Schema | Channel) -> None:
-        content = _record(record)
-        self._described += content
-        self._fresh += content
-        self._room -= len(content)
 
     def _count(self, first: int, last: int, places: Mapping[int, list[int]]) -> None:
         found = self.statistics
@@ -229,18 +211,16 @@ def _records(records: Iterable[McapRecord]) -> bytes:
     return b"".join(map(_record, records))
 
 
-def _message_indexes(
-    places: Mapping[int, list[int]], first: int, start: int
-) -> tuple[bytes, dict[int, int]]:
+def _message_indexes(found: Content, start: int) -> tuple[bytes, dict[int, int]]:
     """Return the index of each channel's messages in a chunk, and where in the file each is.
 
-    Messages begin at the byte `first` of the chunk, indexes at the byte `start` of the file.
+    The indexes begin at the byte `start` of the file.
     """
     content, offsets = bytearray(), {}
-    for channel, index in places.items():
+    for channel, index in found.places.items():
         offsets[channel] = start + len(content)
         size = 8 * len(index)
-        index[1::2] = [place + first for place in index[1::2]]
+        index[1::2] = [place + found.start for place in index[1::2]]
         head = struct.pack("<BQHI", Opcode.MESSAGE_INDEX, 2 + 4 + size, channel, size)
         content += head + struct.pack(f"<{len(index)}Q", *index)
     return bytes(content), offsets

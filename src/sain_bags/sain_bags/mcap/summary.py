@@ -4,6 +4,7 @@ Format: https://mcap.dev/spec.
 """
 
 import struct
+from collections.abc import Collection
 from dataclasses import dataclass, field
 from io import BytesIO
 from typing import IO, Any, Final
@@ -11,7 +12,7 @@ from typing import IO, Any, Final
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
-from mcap.records import Channel, ChunkIndex, MetadataIndex, Schema, Statistics
+from mcap.records import Channel, MetadataIndex, Schema, Statistics
 from mcap.writer import MCAP0_MAGIC
 
 from sain_bags.mcap.integrity import Unpacking, records_in
@@ -24,11 +25,13 @@ from sain_core.guarding.untrusted import (
 )
 
 INDEX_PLACE: Final = struct.Struct("<HQ")  # channel, and where in the file
+CHUNK_INDEX: Final = struct.Struct("<QQQQI")  # times, place, size; of the places of indexes [bytes]
+CHUNK_SIZES: Final = struct.Struct("<QI")  # of the indexes, of the compression's name [bytes]
+UNPACKED: Final = struct.Struct("<QQ")  # sizes of the chunk, compressed and not [bytes]
 KINDS: Final[dict[int, Any]] = {
     Opcode.SCHEMA: Schema,
     Opcode.CHANNEL: Channel,
     Opcode.STATISTICS: Statistics,
-    Opcode.CHUNK_INDEX: ChunkIndex,
     Opcode.METADATA_INDEX: MetadataIndex,
 }
 
@@ -45,6 +48,12 @@ class Stretch:
     index_places: bytes = b""  # of the indexes, `INDEX_PLACE`
     index_size: int = 0  # [bytes], of the indexes, which follow it
     unpacked_size: int = 0  # [bytes], of a chunk
+
+    def holds(self, channels: Collection[int]) -> bool:
+        """Tell whether it may hold messages of one of these channels."""
+        return not self.index_places or any(
+            channel in channels for channel, _ in INDEX_PLACE.iter_unpack(self.index_places)
+        )
 
     @property
     def indexes(self) -> dict[int, int]:
@@ -75,7 +84,9 @@ def read_summary(stream: IO[bytes], start: int) -> Summary:
     stream.seek(start)
     content = memoryview(stream.read() if start else b"")[: -len(MCAP0_MAGIC)]
     for opcode, begin, end in records_in(content):
-        if opcode in KINDS:
+        if opcode == Opcode.CHUNK_INDEX:
+            summary.chunks.append(_stretch(content[begin:end]))
+        elif opcode in KINDS:
             record = KINDS[opcode].read(ReadDataStream(BytesIO(content[begin:end])))
             found |= isinstance(record, Statistics)
             _take(summary, record)
@@ -97,8 +108,6 @@ def _take(summary: Summary, record: Any) -> None:
     elif isinstance(record, Channel):
         limit("characters in the name of a topic", len(record.topic), NAME_LENGTH)
         summary.channels[record.id] = record
-    elif isinstance(record, ChunkIndex):
-        summary.chunks.append(_stretch(record))
     else:
         summary.metadata.append(record.name)
 
@@ -115,15 +124,13 @@ def _check_chunks(chunks: list[Stretch], size: int) -> None:
         unpacking.take(chunk.unpacked_size)
 
 
-def _stretch(chunk: ChunkIndex) -> Stretch:
-    places = chunk.message_index_offsets.items()
-    return Stretch(
-        chunk.message_start_time,
-        chunk.message_end_time,
-        chunk.chunk_start_offset,
-        chunk.chunk_length,
-        True,
-        b"".join(INDEX_PLACE.pack(*place) for place in places),
-        chunk.message_index_length,
-        chunk.uncompressed_size,
-    )
+def _stretch(record: memoryview) -> Stretch:
+    """Read a chunk index; there are thousands of them."""
+    first, last, offset, size, places = CHUNK_INDEX.unpack_from(record)
+    start = CHUNK_INDEX.size
+    index_size, name = CHUNK_SIZES.unpack_from(record, start + places)
+    if places % INDEX_PLACE.size:
+        raise McapError("the index of a chunk is damaged")
+    _, unpacked = UNPACKED.unpack_from(record, start + places + CHUNK_SIZES.size + name)
+    index_places = bytes(record[start : start + places])
+    return Stretch(first, last, offset, size, True, index_places, index_size, unpacked)

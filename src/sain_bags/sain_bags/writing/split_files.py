@@ -54,7 +54,7 @@ class SplitFile(McapWriter):
         if number is None:
             key = (topic.type, topic.definition)
             if key not in self._types:
-                self._types[key] = self.add_schema(*key)
+                self._types[key] = self.add_schema(*key, rare=topic.is_rare)
             about = {
                 "offered_qos_profiles": topic.qos_text(),
                 "topic_type_hash": topic.type_hash,
@@ -71,7 +71,7 @@ class SplitFile(McapWriter):
         """
         try:
             try:
-                self.end_chunk()
+                self.end_chunks()
                 self._describe_bag(METADATA_RECORD, topics, custom_data)
             finally:
                 self.finish()

@@ -157,7 +157,7 @@ class BagWriter:
         """
         self._flush_at = None
         try:
-            self._file.end_chunk()
+            self._file.end_chunks()
             self._check()
         except OSError as error:
             raise self._error(error) from error
