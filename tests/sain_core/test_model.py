@@ -288,7 +288,7 @@ def test_a_name_is_checked_without_an_import(
 ) -> None:
     offer(monkeypatch, ("mine", "no_such_module:load", "their-model"))
     model.check_model_name("mine")
-    with pytest.raises(ConfigError, match="model 'yours' is unknown; known: mine, or the path"):
+    with pytest.raises(ConfigError, match="model 'yours' is unknown; known: mine, the path"):
         model.check_model_name("yours")
 
 

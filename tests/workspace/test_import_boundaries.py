@@ -15,10 +15,11 @@ MAY_IMPORT = {
     "sain_mppi": {"sain_core"},
     "sain_bags": {"sain_core"},
     "sain_eval": {"sain_core", "sain_sim", "sain_model", "sain_mppi", "sain_bags"},
-    "sain_gym": BELOW,
-    "sain_live": BELOW | {"sain_bringup"},
+    "sain_lab": BELOW,
+    "sain_gym": BELOW | {"sain_lab"},
+    "sain_live": BELOW | {"sain_lab", "sain_bringup"},
     "sain_pusht": BELOW,
-    "sain_bringup": BELOW,
+    "sain_bringup": BELOW | {"sain_lab"},
 }
 ROS_MODULE = re.compile(r"rclpy|launch|launch_ros|sain_interfaces|.*_msgs|.*_interfaces")
 

@@ -56,10 +56,10 @@ WITHOUT_KEY = re.compile(r"<!-- without a rosdep key, [^:]*: (.*) -->")
 ROS_MODULE = re.compile(r"rclpy|launch|launch_ros|ament_index_python|sain_.*|.*_msgs|.*_interfaces")
 
 
-def test_all_eleven_are_found():
+def test_all_twelve_are_found():
     assert PACKAGES == (
         "sain_bags", "sain_bringup", "sain_core", "sain_eval", "sain_gym",
-        "sain_interfaces", "sain_live", "sain_model", "sain_mppi", "sain_pusht",
+        "sain_interfaces", "sain_lab", "sain_live", "sain_model", "sain_mppi", "sain_pusht",
         "sain_sim",
     )  # fmt: skip
 

@@ -34,6 +34,10 @@ PACKAGES: Final = {
         "Scenarios and closed loops without ROS.",
         ("scenes.scenarios", "loop.closed_loop", "loop.evaluation"),
     ),
+    "sain_lab": (
+        "Laboratories: what is learned where a table stands.",
+        ("learner", "results", "laboratory", "curves"),
+    ),
     "sain_pusht": (
         "gym-pusht as a world, and models of it.",
         ("world", "agent", "model"),

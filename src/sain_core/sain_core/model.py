@@ -238,7 +238,14 @@ def scenes_before(scene: Scene, predicted: PredictedScenes) -> PredictedScenes:
 
 GROUP: Final = "sain.dynamics"
 CHECKPOINT: Final = "checkpoint"
-MODELS: Final = Plugins(GROUP, "model", hidden=CHECKPOINT, more=", or the path of a checkpoint")
+LABORATORY: Final = "lab"  # resolves lab:NAME, and the path of a laboratory
+LABORATORY_FILE: Final = "laboratory.json"  # that a laboratory's folder has
+MODELS: Final = Plugins(
+    GROUP,
+    "model",
+    hidden=(CHECKPOINT, LABORATORY),
+    more=", the path of a checkpoint, or lab:NAME of a laboratory",
+)
 
 
 def dynamics_names() -> list[str]:
@@ -249,9 +256,16 @@ def dynamics_names() -> list[str]:
 def check_model_name(name_or_path: str) -> EntryPoint:
     """Return what offers a model of this name, or checkpoints; nothing is imported.
 
+    A name with a colon, as ``lab:my_table``, is for the model named before it to resolve.
+
     Raises:
         ConfigError: no installed package offers it, or two do.
     """
+    family, colon, _ = name_or_path.partition(":")
+    if colon and family in MODELS.entries():
+        return MODELS.find(family)
+    if "/" in name_or_path and (Path(name_or_path).expanduser() / LABORATORY_FILE).exists():
+        return MODELS.find(LABORATORY)
     is_path = "/" in name_or_path or name_or_path.startswith("~")
     is_path = is_path or bool(Path(name_or_path).suffix) or Path(name_or_path).exists()
     offered = name_or_path != CHECKPOINT and name_or_path in MODELS.entries()

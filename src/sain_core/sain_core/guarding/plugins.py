@@ -22,7 +22,12 @@ class Plugins:
     """All of one kind: those that packages offer, besides those that are built in."""
 
     def __init__(
-        self, group: str, what: str, built_in: Iterable[str] = (), hidden: str = "", more: str = ""
+        self,
+        group: str,
+        what: str,
+        built_in: Iterable[str] = (),
+        hidden: Iterable[str] = (),
+        more: str = "",
     ) -> None:
         """Look in a group of entry points for what is called `what` in messages.
 
@@ -30,16 +35,16 @@ class Plugins:
             group: of entry points.
             what: one of them, such as ``planner``.
             built_in: names that no package need offer, and none may.
-            hidden: a name that is not listed.
+            hidden: names that are not listed.
             more: what messages say that may be given besides names.
         """
         self.group, self.what = group, what
-        self._built_in, self._hidden, self._more = tuple(built_in), hidden, more
+        self._built_in, self._hidden, self._more = tuple(built_in), set(hidden), more
         self._checked: set[str] = set()
 
     def names(self) -> list[str]:
         """Return all names, those that are built in, too."""
-        return sorted({*self._built_in, *self.entries()} - {self._hidden})
+        return sorted({*self._built_in, *self.entries()} - self._hidden)
 
     def entries(self) -> dict[str, list[EntryPoint]]:
         """Return the entry points of each name; more than one where packages contradict.

@@ -4,12 +4,9 @@ A lock file is named after the ROS domain and the topic with its namespace. The 
 when its owner ends, killed or not.
 """
 
-import fcntl
 import os
 import time
 from collections.abc import Iterable, Iterator, Sequence
-from errno import EEXIST
-from stat import S_ISREG
 from typing import Final
 from weakref import finalize
 
@@ -17,10 +14,10 @@ from rcl_interfaces.msg import ParameterEvent
 from rclpy.node import Node
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
-from sain_core.errors import BusyError, OutputError
+from sain_core.errors import BusyError
+from sain_core.guarding.locks import POLL_S, LockedError, lock_file
 from sain_core.guarding.untrusted import private_folder
 
-POLL_S: Final = 0.05
 NAME_WAIT_S: Final = 2.0  # for the name of a node whose publisher was discovered before
 
 
@@ -76,7 +73,6 @@ def full_name(publisher: TopicEndpointInfo) -> str:
 
 
 PARTICIPANT: Final = 12  # bytes of an endpoint's id that its process has in common
-ENDING_S: Final = 1.0  # the longest that the end of a process takes that was killed
 EVENTS: Final = "/parameter_events"  # every node publishes them
 
 
@@ -130,35 +126,11 @@ def _lock(topic: str, node: Node) -> int:
     """Return a descriptor of a file that is locked until it is closed."""
     domain, folder = node.context.get_domain_id(), private_folder()
     path = folder / f"domain_{domain}{topic.replace('/', '.')}.lock"
-    flags = os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC
     try:
-        descriptor = os.open(path, flags, 0o600)
-        if not S_ISREG(os.fstat(descriptor).st_mode):
-            os.close(descriptor)
-            raise FileExistsError(EEXIST, "it is no regular file; remove it")
-        end = time.monotonic() + ENDING_S
-        while not _is_locked(descriptor):
-            if time.monotonic() >= end:
-                holder = os.pread(descriptor, 300, 0).decode(errors="replace").strip()
-                os.close(descriptor)
-                raise BusyError(
-                    f"process {holder or 'of another node'} publishes {topic} already;"
-                    f" {advice(topic)}"
-                )
-            time.sleep(POLL_S)
-        os.ftruncate(descriptor, 0)
-        os.pwrite(descriptor, f"{os.getpid()} ({node.get_fully_qualified_name()})\n".encode(), 0)
-    except OSError as error:
-        raise OutputError(f"cannot lock {path}: {error.strerror}") from error
-    return descriptor
-
-
-def _is_locked(descriptor: int) -> bool:
-    try:
-        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        return False
-    return True
+        return lock_file(path, node.get_fully_qualified_name())
+    except LockedError as error:
+        holder = error.holder or "of another node"
+        raise BusyError(f"process {holder} publishes {topic} already; {advice(topic)}") from None
 
 
 def _participant(node: Node) -> bytes:

@@ -1,0 +1,1 @@
+"""Laboratories: what is learned where a table stands, push by push."""

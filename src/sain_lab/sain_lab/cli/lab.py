@@ -1,0 +1,167 @@
+"""``sain lab``: list, show, add to, export and forget laboratories."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Final, Literal
+
+import tyro
+from rich.console import Console
+
+from sain_core.cli.terminal import FittingTable, make_table
+from sain_core.config import Config, option, required
+from sain_core.errors import ConfigError
+
+if TYPE_CHECKING:
+    from sain_lab.judging.curves import Curves
+    from sain_lab.keeping.laboratory import Laboratory
+
+Action = Literal["list", "show", "add", "export", "forget"]
+SHOWN: Final = 12  # events
+
+
+@dataclass(frozen=True)
+class LabOptions(Config):
+    """Look at a laboratory (what was learned where a table stands), and handle it.
+
+    list: all laboratories of this user. show NAME: parameters, errors, events.
+    add NAME RECORDING...: learn from bags or data sets. export NAME: belief and checkpoint for a
+    robot without the laboratory. forget NAME: remove it for good. NAME is a name, or a path with a
+    slash.
+    """
+
+    action: Annotated[Action, tyro.conf.Positional] = required("what to do")
+    names: Annotated[tuple[str, ...], tyro.conf.Positional] = option(
+        (), "the laboratory; with add, then bags, MCAP files or folders of shards"
+    )
+    out: Path = option(Path(), "export: folder for belief.json and sain.safetensors")
+    train: bool = option(True, "add: train networks on the way")
+
+    def __post_init__(self) -> None:
+        """Check that there are as many names as the action needs."""
+        super().__post_init__()
+        count = {"list": (0, 0), "add": (2, 10**6)}.get(self.action, (1, 1))
+        if not count[0] <= len(self.names) <= count[1]:
+            needs = {"list": "no name", "add": "a laboratory and at least one recording"}
+            wanted = needs.get(self.action, "one laboratory")
+            given = " ".join(self.names) or "none"
+            raise ConfigError(f"{self.action} needs {wanted}; given: {given}")
+        if self.action == "export" and self.out == Path():
+            raise ConfigError("export needs --out, a folder")
+
+
+def run(options: LabOptions, console: Console) -> None:
+    """Do what is asked for.
+
+    Raises:
+        DatasetError, BusyError, OutputError, CheckpointError: see `sain_lab.keeping.laboratory`.
+    """
+    from sain_lab.keeping.laboratory import Laboratory, forget
+
+    match options.action:
+        case "list":
+            show_list(console)
+        case "forget":
+            console.print(f"removed {forget(options.names[0])}")
+        case "show":
+            show(Laboratory.named(options.names[0]), console)
+        case "export":
+            export(Laboratory.named(options.names[0]), options.out, console)
+        case "add":
+            add(options, console)
+
+
+def show_list(console: Console) -> None:
+    """Print all laboratories of this user."""
+    from sain_core.errors import SainError
+    from sain_lab.keeping.laboratory import Laboratory, data_folder, laboratory_names
+
+    rows = []
+    for name in laboratory_names():
+        try:
+            one = Laboratory.named(name)
+            pushes = sum(record["kind"] == "push" for record in one.records())
+            rows.append((name, str(pushes), one.manifest.service, f"{one.bytes / 1e6:.1f} MB"))
+        except SainError as error:
+            rows.append((name, "", str(error), ""))
+    if rows:
+        console.print(
+            make_table(str(data_folder()), ("name", "pushes", "in service", "size"), rows)
+        )
+    else:
+        console.print(f"no laboratories in {data_folder()}")
+
+
+def show(laboratory: "Laboratory", console: Console) -> None:
+    """Print parameters, errors and events of a laboratory."""
+    from sain_lab.judging.curves import read_curves
+
+    curves = read_curves(laboratory)
+    console.print(f"{laboratory.path}: {curves.pushes} pushes", soft_wrap=True)
+    console.print(f"in service: {laboratory.manifest.service}")
+    for table in tables(curves):
+        console.print(table, soft_wrap=True)
+    if laboratory.recordings:
+        console.print(f"recordings: {', '.join(laboratory.recordings)}", soft_wrap=True)
+
+
+def tables(curves: "Curves") -> Iterator[FittingTable]:
+    """Yield parameters, errors and events as tables."""
+    from sain_lab.judging.curves import SERVICE
+
+    if curves.parameters:
+        rows = (
+            (name, f"{values[-1, 1]:.4g}", f"{values[-1, 2]:.2g}", f"{values[0, 2]:.2g}")
+            for name, values in curves.parameters.items()
+        )
+        columns = ("parameter", "value", "spread", "spread at first")
+        yield make_table("Physics", columns, rows)
+    if curves.pushes:
+        names = [name for name in ("planar", "physics", SERVICE) if name in curves.errors]
+        parts = [(0, min(25, curves.pushes)), (max(curves.pushes - 100, 0), curves.pushes)]
+        errors = (
+            (name, *(_interval(*curves.interval(name, *part)) for part in parts)) for name in names
+        )
+        heads = (f"pushes {first + 1} to {last} [mm]" for first, last in parts)
+        yield make_table("Errors before learning", ("predictor", *heads), errors)
+    if curves.events:
+        events = curves.events[-SHOWN:]
+        said = ((str(one.pushes), one.kind, one.text) for one in events)
+        yield make_table("Events", ("pushes", "event", "what"), said)
+
+
+def _interval(mean: float, low: float, high: float) -> str:
+    return f"{mean:.2f} [{low:.2f}, {high:.2f}]"
+
+
+def export(laboratory: "Laboratory", out: Path, console: Console) -> None:
+    """Write what a robot without the laboratory needs."""
+    from sain_core.storage import make_folder
+    from sain_lab.keeping.exporting import export_laboratory
+
+    for path, use in export_laboratory(laboratory, make_folder(out)):
+        console.print(f"{path}: {use}", soft_wrap=True)
+
+
+def add(options: LabOptions, console: Console) -> None:
+    """Learn from recordings."""
+    from collections import Counter
+
+    from sain_lab.keeping.recordings import read_recording
+    from sain_lab.learner import Learner
+
+    with Learner.named(options.names[0], options.train) as learner:
+        for name in options.names[1:]:
+            reasons: Counter[str] = Counter()
+            for result in read_recording(Path(name)):
+                lesson = learner.observe(result)
+                reasons[lesson.reason] += 1
+                for event in lesson.events:
+                    console.print(f"{event.pushes}: {event.kind}: {event.text}", soft_wrap=True)
+            learner.end_episode()
+            for event in learner.wait():
+                console.print(f"{event.pushes}: {event.kind}: {event.text}", soft_wrap=True)
+            learner.laboratory.link(Path(name))
+            console.print(f"{name}: learned from {reasons.pop('', 0)} pushes", soft_wrap=True)
+            for reason, count in reasons.items():
+                console.print(f"  left out: {count}, {reason}", soft_wrap=True)

@@ -1,0 +1,97 @@
+"""What a laboratory shows: errors against the number of pushes, parameters, and events."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
+
+from sain_core.randomness import Interval, bootstrap_mean, bootstrap_ratio, generator
+from sain_lab.judging.events import Event
+from sain_lab.keeping.laboratory import PHYSICS, PLANAR, Laboratory
+from sain_lab.keeping.log import Record
+
+SERVICE: Final = "in service"
+WINDOW: Final = 50  # pushes of a running mean
+
+
+@dataclass(frozen=True, eq=False)
+class Curves:
+    """What was logged of M pushes.
+
+    Attributes:
+        errors: mean errors [mm] by contender (M,); NaN where it did not predict. "in service" is
+            whatever was in service then.
+        turns: likewise of headings [degrees].
+        parameters: by name, arrays (C, 3): number of pushes, value, spread (of the logarithm, if
+            it is a factor).
+        events: in order.
+    """
+
+    errors: dict[str, Float[ndarray, "M"]]
+    turns: dict[str, Float[ndarray, "M"]]
+    parameters: dict[str, Float[ndarray, "C 3"]]
+    events: tuple[Event, ...]
+
+    @property
+    def pushes(self) -> int:
+        """The number of pushes M."""
+        return len(self.errors[SERVICE])
+
+    def running(self, name: str, window: int = WINDOW) -> Float[ndarray, "M"]:
+        """Return the mean error of the latest pushes, so many at most, after each push."""
+        values = self.errors[name]
+        return np.array(
+            [np.nanmean(values[max(i + 1 - window, 0) : i + 1]) for i in range(len(values))]
+        )
+
+    def interval(self, name: str, first: int, last: int) -> Interval:
+        """Return the mean error over pushes first to last with its 95 % interval."""
+        values = self.errors[name][first:last]
+        return bootstrap_mean(values[np.isfinite(values)], generator(0, "curve"))
+
+    def ratio(self, name: str = SERVICE, below: str = PLANAR, first: int = 0) -> Interval:
+        """Return the mean error over that of another with its 95 % interval, from a push on."""
+        above, under = self.errors[name][first:], self.errors[below][first:]
+        both = np.isfinite(above) & np.isfinite(under)
+        return bootstrap_ratio(above[both], under[both], generator(0, "curve"))
+
+
+def read_curves(laboratory: Laboratory) -> Curves:
+    """Return the curves of a laboratory; raises `DatasetError`."""
+    return curves_of(laboratory.records())
+
+
+def curves_of(records: Iterable[Record]) -> Curves:
+    """Return the curves of the records of a log."""
+    errors: list[dict[str, float]] = []
+    turns: list[dict[str, float]] = []
+    events: list[Event] = []
+    beliefs: list[tuple[int, dict[str, Any]]] = []
+    service = PHYSICS
+    for record in records:
+        if record["kind"] == "push":
+            for column, name in ((errors, "errors"), (turns, "turns")):
+                found = record[name]
+                column.append(found | ({SERVICE: found[service]} if service in found else {}))
+        elif record["kind"] == "belief":
+            beliefs.append((record["pushes"], record["parameters"]))
+        elif record["kind"] == "event":
+            events.append(Event.of_record(record))
+            service = record["about"].get("service", service)
+    return Curves(_columns(errors), _columns(turns), _parameters(beliefs), tuple(events))
+
+
+def _columns(rows: list[dict[str, float]]) -> dict[str, ndarray]:
+    names = dict.fromkeys([SERVICE, PHYSICS, PLANAR, *(name for row in rows for name in row)])
+    return {name: np.array([row.get(name, np.nan) for row in rows]) for name in names}
+
+
+def _parameters(beliefs: list[tuple[int, dict[str, Any]]]) -> dict[str, ndarray]:
+    names = dict.fromkeys(name for _, values in beliefs for name in values)
+    return {
+        name: np.array([(count, *values[name]) for count, values in beliefs if name in values])
+        for name in names
+    }

@@ -1,0 +1,36 @@
+"""Decisions of a learner, and what it noticed."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, Self
+
+
+@dataclass(frozen=True)
+class Event:
+    """A decision, or something that was noticed.
+
+    Attributes:
+        kind: "loaded", "dropped", "trained", "training failed", "table changed", "new body" or
+            "not learned".
+        text: for people.
+        pushes: learned from so far.
+        time: seconds since 1970.
+        about: more, by name.
+    """
+
+    kind: str
+    text: str
+    pushes: int = 0
+    time: float = 0.0
+    about: Mapping[str, Any] = field(default_factory=dict)
+
+    def record(self) -> dict[str, Any]:
+        """Return it as the log has it."""
+        content = {name: value for name, value in vars(self).items() if name != "kind"}
+        return {"kind": "event", "event": self.kind, **content, "about": dict(self.about)}
+
+    @classmethod
+    def of_record(cls, record: Mapping[str, Any]) -> Self:
+        """Return what `record` made."""
+        own = {name: record[name] for name in ("text", "pushes", "time", "about")}
+        return cls(record["event"], **own)

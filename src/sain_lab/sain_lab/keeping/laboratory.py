@@ -1,0 +1,299 @@
+"""A laboratory: a folder with what was learned where a table stands.
+
+    laboratory.json    format, name, how long the log is at least, the model in service
+    pushes.log         every push that was learned from, and every decision (`sain_lab.keeping.log`)
+    belief.json        what is believed of the physics, as ``sain_model identify`` writes it
+    models/000100/     a network trained on the first 100 pushes, with its card
+    recordings.txt     where recordings lie that were added
+
+The log is the truth: all else can be made from it again, or is a file that is whole or absent. So a
+kill at any moment leaves the laboratory whole. One process may write it at a time.
+"""
+
+import os
+import re
+import shutil
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final, Self
+
+from sain_core.errors import BusyError, ConfigError, DatasetError, OutputError, SainError
+from sain_core.guarding.locks import LockedError, lock_file
+from sain_core.guarding.untrusted import read_json, read_regular_text
+from sain_core.storage import remove_partial, write_json, write_whole
+from sain_lab.keeping.log import LogWriter, Record, read_log
+
+FORMAT: Final = "sain-laboratory-1"
+PREFIX: Final = "lab:"
+NAME: Final = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,63}")
+MANIFEST, LOG, BELIEF = "laboratory.json", "pushes.log", "belief.json"
+MODELS, RECORDINGS, LOCK = "models", "recordings.txt", ".lock"
+PHYSICS: Final = "physics"  # in service in place of a network: as it is believed
+PLANAR: Final = "planar"  # likewise: with values of no laboratory
+
+
+def data_folder() -> Path:
+    """Return where laboratories are kept by name: ``$XDG_DATA_HOME/sain/laboratories``."""
+    home = os.environ.get("XDG_DATA_HOME") or str(Path.home() / ".local" / "share")
+    return Path(home) / "sain" / "laboratories"
+
+
+def laboratory_path(name: str) -> Path:
+    """Return the folder of a laboratory: a name, ``lab:NAME``, or a path.
+
+    Raises:
+        ConfigError: neither.
+    """
+    name = name.removeprefix(PREFIX)
+    if "/" in name or name.startswith(("~", ".")):
+        return Path(name).expanduser()
+    if not NAME.fullmatch(name):
+        raise ConfigError(
+            f"laboratory {name!r} is no name: allowed are letters, digits, '_', '-' and '.', up to"
+            " 64; or a path with a '/'"
+        )
+    return data_folder() / name
+
+
+def laboratory_names() -> list[str]:
+    """Return the names of the laboratories of this user."""
+    folder = data_folder()
+    return sorted(path.parent.name for path in folder.glob(f"*/{MANIFEST}"))
+
+
+@dataclass(frozen=True)
+class Manifest:
+    """What a laboratory states of itself.
+
+    Attributes:
+        name: of it.
+        made: seconds since 1970.
+        log_bytes: its log is at least as long.
+        service: `PHYSICS`, `PLANAR`, or the folder of the network in service, below the laboratory.
+        generation: how often what is in service has changed.
+    """
+
+    name: str
+    made: float
+    log_bytes: int = 0
+    service: str = PHYSICS
+    generation: int = 0
+
+    @property
+    def has_network(self) -> bool:
+        """Whether a network of this laboratory is in service."""
+        return self.service not in (PHYSICS, PLANAR)
+
+
+class Laboratory:
+    """A laboratory on the disk, to look at; `open` it to write."""
+
+    def __init__(self, path: Path) -> None:
+        """Read the manifest.
+
+        Raises:
+            DatasetError: no laboratory is there, one of another version, or one copied in part.
+        """
+        self.path = path
+        self.manifest = _read_manifest(path)
+        self._check_whole()
+
+    @classmethod
+    def named(cls, name: str) -> Self:
+        """Return the laboratory of a name or path."""
+        return cls(laboratory_path(name))
+
+    @property
+    def name(self) -> str:
+        """Its name."""
+        return self.path.name
+
+    @property
+    def log_path(self) -> Path:
+        """The path of its log."""
+        return self.path / LOG
+
+    @property
+    def belief_path(self) -> Path:
+        """The path of its belief, which need not exist yet."""
+        return self.path / BELIEF
+
+    @property
+    def recordings(self) -> list[str]:
+        """Where recordings lie that were added."""
+        path = self.path / RECORDINGS
+        return read_regular_text(path).splitlines() if path.exists() else []
+
+    @property
+    def bytes(self) -> int:
+        """The size of all its files."""
+        return sum(path.stat().st_size for path in self.path.rglob("*") if path.is_file())
+
+    def records(self) -> Iterator[Record]:
+        """Yield the records of the log; raises `DatasetError`."""
+        for record, _ in read_log(self.log_path):
+            yield record
+
+    def model_path(self, service: str) -> Path:
+        """Return the checkpoint in a folder of a network."""
+        return self.path / service / "sain.safetensors"
+
+    def _check_whole(self) -> None:
+        log, manifest = self.log_path, self.manifest
+        size = log.stat().st_size if log.exists() else 0
+        if size < manifest.log_bytes:
+            raise DatasetError(
+                f"laboratory {self.path} is not whole: its log has {size:,} bytes, and"
+                f" {MANIFEST} states {manifest.log_bytes:,}; copy it again while nothing learns"
+            )
+        if manifest.has_network and not self.model_path(manifest.service).exists():
+            raise DatasetError(
+                f"laboratory {self.path} is not whole: the model in service,"
+                f" {self.model_path(manifest.service)}, is missing; copy it again"
+            )
+
+
+class OpenLaboratory(Laboratory):
+    """A laboratory that this process alone may write."""
+
+    def __init__(self, path: Path, owner: str = "learner") -> None:
+        """Lock the laboratory; make it where there is none.
+
+        Raises:
+            BusyError: another process has it; naming that.
+            OutputError: it cannot be written.
+            DatasetError: as `Laboratory`.
+        """
+        _make(path)
+        try:
+            self._lock = lock_file(path / LOCK, owner)
+        except LockedError as error:
+            raise BusyError(
+                f"laboratory {path} is open already: process {error.holder or 'without a name'}"
+                " learns there; stop it, or take another laboratory"
+            ) from None
+        try:
+            if not (path / MANIFEST).exists():
+                _write_manifest(path, Manifest(path.name, time.time()))
+            for name in (MANIFEST, BELIEF, RECORDINGS):
+                remove_partial(path, name)
+            super().__init__(path)
+            self._log = LogWriter(self.log_path)
+        except OSError as error:
+            os.close(self._lock)
+            if isinstance(error, SainError):
+                raise
+            raise OutputError(f"cannot write {path}: {error.strerror or error}") from error
+        except BaseException:
+            os.close(self._lock)
+            raise
+
+    @classmethod
+    def named(cls, name: str, owner: str = "learner") -> Self:
+        """Lock the laboratory of a name or path; it is made where there is none."""
+        return cls(laboratory_path(name), owner)
+
+    def append(self, record: Record) -> None:
+        """Append a record to the log; raises `OutputError`."""
+        self._log.append(record)
+
+    def state(self, **changes: Any) -> None:
+        """Write the manifest with changes, and how long the log is now."""
+        content = vars(self.manifest) | {"log_bytes": self._log.size} | changes
+        manifest = Manifest(**content)
+        if manifest != self.manifest:
+            _write_manifest(self.path, manifest)
+            self.manifest = manifest
+
+    def link(self, recording: Path) -> None:
+        """Keep where a recording lies that was added."""
+        lines = list(dict.fromkeys([*self.recordings, str(recording.resolve())]))
+        write_whole(self.path / RECORDINGS, ("\n".join(lines) + "\n").encode())
+
+    def close(self) -> None:
+        """Write the manifest, and let another process have the laboratory."""
+        self.state()
+        self._log.close()
+        os.close(self._lock)
+
+    def __enter__(self) -> Self:
+        """Return the laboratory."""
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Close it."""
+        self.close()
+
+
+def forget(name: str) -> Path:
+    """Remove a laboratory; return where it was.
+
+    Raises:
+        DatasetError: there is none.
+        BusyError: a learner has it.
+        OutputError: it cannot be removed.
+    """
+    path = laboratory_path(name)
+    if not (path / MANIFEST).exists():
+        raise DatasetError(f"there is no laboratory at {path}")
+    try:
+        lock = lock_file(path / LOCK, "forget")
+        try:
+            (path / MANIFEST).unlink()  # from here on it is none
+            shutil.rmtree(path)
+        finally:
+            os.close(lock)
+    except LockedError as error:
+        raise BusyError(f"laboratory {path} is open: process {error.holder} learns there") from None
+    except OSError as error:
+        raise OutputError(f"cannot remove {path}: {error.strerror or error}") from error
+    return path
+
+
+def _make(path: Path) -> None:
+    try:
+        if path.exists() and not (path / MANIFEST).exists():
+            others = [one.name for one in path.iterdir() if one.name not in (LOCK, LOG)]
+            if others:
+                raise OutputError(
+                    f"{path} is no laboratory: it has {sorted(others)[0]} and no {MANIFEST}"
+                )
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        if isinstance(error, SainError):
+            raise
+        raise OutputError(f"cannot write {path}: {error.strerror or error}") from error
+
+
+def _write_manifest(path: Path, manifest: Manifest) -> None:
+    write_json(path / MANIFEST, {"format": FORMAT, **vars(manifest)})
+
+
+def _read_manifest(path: Path) -> Manifest:
+    try:
+        content = read_json(path / MANIFEST)
+        found = content.pop("format")
+        manifest = _manifest(content) if found == FORMAT else None
+    except FileNotFoundError:
+        known = ", ".join(laboratory_names()) or "none"
+        raise DatasetError(f"there is no laboratory at {path}; known: {known}") from None
+    except (OSError, ValueError, LookupError, TypeError, AttributeError) as error:
+        raise DatasetError(f"{path / MANIFEST} is damaged: {error}; copy it again") from error
+    if manifest is None:
+        raise DatasetError(
+            f"laboratory {path} has the format {found!r}; this version reads {FORMAT!r}"
+        )
+    return manifest
+
+
+def _manifest(content: dict[str, Any]) -> Manifest:
+    manifest = Manifest(**content)
+    right = vars(Manifest("", 0.0))
+    for name, value in vars(manifest).items():
+        if type(value) is not type(right[name]):
+            raise TypeError(f"{name} is {value!r}")
+    if manifest.has_network and not re.fullmatch(rf"{MODELS}/\d+", manifest.service):
+        raise ValueError(f"service is {manifest.service!r}")
+    return manifest

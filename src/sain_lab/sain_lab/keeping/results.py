@@ -1,0 +1,182 @@
+"""What is learned from: a push with the scenes before and after it, and where it came from.
+
+A result has an identity, and a digest of what was seen. Two results with one identity or one
+digest are the same push, whether it came live or from a recording.
+"""
+
+import hashlib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, Final, Self
+
+import numpy as np
+
+from sain_core.errors import ErrorCode, InvalidInputError, SainError
+from sain_core.guarding.untrusted import LARGEST_NUMBER, MOST_BODIES
+from sain_core.push import BODY, PUSH_SIZE, STROKE_SIZE, check_predictable
+from sain_core.scene import POSITION, STATE_SIZE, is_settled
+from sain_core.shapes.bodies import PAPER_DISKS, Bodies, as_names, bodies_named
+from sain_core.transitions import PushHistory
+from sain_core.types import PushArray, Pushes, Scalars, Scene, Scenes
+from sain_core.world import MOST_WAY
+
+LONGEST_IDENTITY: Final = 256  # characters
+
+
+@dataclass(frozen=True, eq=False)
+class Result:
+    """A push that was executed, or refused.
+
+    Attributes:
+        before: (N, 8), at rest.
+        push: (5,), or a stroke (8,), as executed.
+        after: (N, 8), at rest.
+        bodies: of the scenes.
+        episode: which one it belongs to, with its session; the next push of it begins where this
+            one ended. Empty: it stands alone.
+        identity: of the push; empty: its digest.
+        noise: (N,) [m], of estimated scenes: see `sain_core.transitions.PushHistory`.
+        object: the pushed body, as its user calls it; empty: `bodies` say what it is.
+        surface: what it stands on, likewise.
+        time: when it ended, seconds since 1970; 0: not known.
+        code: `ErrorCode.OK` of a push that was executed, or why it was refused.
+    """
+
+    before: Scene
+    push: PushArray
+    after: Scene
+    bodies: Bodies = PAPER_DISKS
+    episode: str = ""
+    identity: str = ""
+    noise: Scalars | None = None
+    object: str = ""
+    surface: str = ""
+    time: float = 0.0
+    code: int = ErrorCode.OK
+
+    @cached_property
+    def digest(self) -> str:
+        """What was seen, as 32 hexadecimal digits."""
+        arrays = (self.before, self.push, self.after)
+        content = b"".join(np.ascontiguousarray(one, np.float64).tobytes() for one in arrays)
+        names = "|".join((*as_names(self.own_bodies), self.object, self.surface))
+        return hashlib.sha256(names.encode() + content).hexdigest()[:32]
+
+    @property
+    def own_bodies(self) -> Bodies:
+        """The bodies of its scenes, as many as these have."""
+        return self.bodies.fitted(len(self.before))
+
+    def check(self) -> None:
+        """Check that it can be learned from.
+
+        Raises:
+            SainError: the push was refused, or something that cannot be; the message says what.
+        """
+        if self.code != ErrorCode.OK:
+            raise InvalidInputError(f"the push was refused: {_code_name(self.code)}")
+        for name, text in (("episode", self.episode), ("identity", self.identity)):
+            if len(text) > LONGEST_IDENTITY:
+                raise InvalidInputError(
+                    f"{name} has {len(text)} characters; allowed: {LONGEST_IDENTITY}"
+                )
+        count = len(self.before) if self.before.ndim == 2 else 0
+        for name, scene in (("before", self.before), ("after", self.after)):
+            _check_scene(name, scene, count)
+        if len(self.own_bodies) != count:
+            raise InvalidInputError(f"the scene has {count} bodies, not {len(self.own_bodies)}")
+        if self.push.shape not in ((PUSH_SIZE,), (STROKE_SIZE,)):
+            raise InvalidInputError(f"push has shape {self.push.shape}; allowed: (5,) or (8,)")
+        check_predictable(self.push[None])
+        if self.push[BODY] not in range(count):
+            raise InvalidInputError(f"body {self.push[BODY]:g} was pushed; there are {count}")
+        ways = np.hypot(*(self.after - self.before)[:, POSITION].T)
+        if ways.max() > MOST_WAY:
+            raise InvalidInputError(f"a body moved {ways.max():.3g} m; allowed: {MOST_WAY:g} m")
+        history_of([self])
+
+    def identified(self) -> Self:
+        """Return it with an identity."""
+        return self if self.identity else replace(self, identity=self.digest)
+
+    def record(self) -> dict[str, Any]:
+        """Return it as JSON has it."""
+        shapes, roles = as_names(self.own_bodies)
+        content: dict[str, Any] = {
+            "id": self.identity or self.digest,
+            "digest": self.digest,
+            "episode": self.episode,
+            "time": self.time,
+            "shapes": shapes,
+            "roles": roles,
+            "before": self.before.tolist(),
+            "push": self.push.tolist(),
+            "after": self.after.tolist(),
+        }
+        if self.noise is not None:
+            content["noise"] = self.noise.tolist()
+        return content | {
+            name: value for name in ("object", "surface") if (value := getattr(self, name))
+        }
+
+    @classmethod
+    def of_record(cls, record: Mapping[str, Any]) -> Self:
+        """Return what `record` made.
+
+        Raises:
+            SainError, ValueError, LookupError, TypeError: it was not.
+        """
+        before, push, after = (
+            np.array(record[name], np.float64) for name in ("before", "push", "after")
+        )
+        noise = np.array(record["noise"], np.float64) if "noise" in record else None
+        bodies = bodies_named(record["shapes"], record["roles"], len(before))
+        found = cls(
+            before, push, after, bodies, str(record["episode"]), str(record["id"]), noise,
+            str(record.get("object", "")), str(record.get("surface", "")), float(record["time"]),
+        )  # fmt: skip
+        found.check()
+        return found
+
+
+def _check_scene(name: str, scene: Scene, count: int) -> None:
+    if scene.shape != (count, STATE_SIZE) or not 1 <= count <= MOST_BODIES:
+        raise InvalidInputError(
+            f"scene {name} has shape {scene.shape}; allowed: (N, 8), N = 1 to {MOST_BODIES}"
+        )
+    if not np.isfinite(scene).all():
+        raise InvalidInputError(f"scene {name} has NaN or Inf; allowed: finite numbers")
+    if np.abs(scene).max() > LARGEST_NUMBER:
+        raise InvalidInputError(f"scene {name} has a number above {LARGEST_NUMBER:g}")
+    if not is_settled(scene):
+        raise InvalidInputError(f"scene {name} was not at rest")
+
+
+def history_of(results: Sequence[Result]) -> PushHistory:
+    """Return pushes of the same bodies and width as the history of an episode."""
+    noise = None
+    if any(one.noise is not None for one in results):
+        zero = np.zeros(len(results[0].before))
+        noise = np.stack([zero if one.noise is None else one.noise for one in results])
+    return PushHistory(*stacked(results), noise)
+
+
+def stacked(results: Sequence[Result]) -> tuple[Scenes, Pushes, Scenes]:
+    """Return the scenes before, the pushes and the scenes after, as arrays."""
+    columns = zip(*((one.before, one.push, one.after) for one in results), strict=True)
+    before, push, after = (np.stack(column) for column in columns)
+    return before, push, after
+
+
+def _code_name(code: int) -> str:
+    return ErrorCode(code).name if code in list(ErrorCode) else f"code {code}"
+
+
+def why_not(result: Result) -> str:
+    """Return why nothing can be learned from a result; empty: something can."""
+    try:
+        result.check()
+    except SainError as error:
+        return str(error)
+    return ""
