@@ -12,10 +12,10 @@ from sain_core.config import Config, option
 from sain_core.push import LENGTH, SPEED
 from sain_core.randomness import generator
 from sain_core.scene import POSE, THETA, move_apart
+from sain_core.shapes.body_file import read_bodies
 from sain_core.types import PushArray
 from sain_core.world import ObservationConfig
 from sain_model.physics.planar import PlanarConfig, PlanarPrior
-from sain_sim.camera.body_file import read_bodies
 
 RATE = 30.0  # [Hz], of the camera
 SETTLING = 0.2  # [s], from the end of a push to rest

@@ -10,17 +10,16 @@ from rclpy.node import Node
 from my_robot.pretend_table import RATE, PretendTable, RobotConfig
 from sain_core import wire
 from sain_core.errors import BusyError, ErrorCode, error_reply
-from sain_core.feasibility import Feasibility
+from sain_core.feasibility import Feasibility, checked_stroke
 from sain_core.guarding.ros.ownership import Ownership
 from sain_core.guarding.ros.reception import Reception, emptied, shortened
+from sain_core.guarding.session import Session
 from sain_core.ros import codec
 from sain_core.ros.node_main import NAMESPACE, node_main
 from sain_core.ros.parameters import read_parameters
 from sain_core.ros.qos import QUEUE, RELIABLE, steady_timer
 from sain_core.scene import THETA, VELOCITY
 from sain_interfaces.msg import Push, PushResult, Scene
-from sain_sim.ros.session import Session
-from sain_sim.world.world import checked_stroke
 
 AFTER = 0.4  # [s], from the end of a push to the scene that shows what it led to
 LOOK_FOR_RIVALS = 0.5  # [s]

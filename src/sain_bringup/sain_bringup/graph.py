@@ -23,10 +23,10 @@ from sain_core.errors import ConfigError, UntrustedFileError
 from sain_core.guarding import lifetime
 from sain_core.guarding.untrusted import read_yaml
 from sain_core.model import check_model_name
+from sain_core.shapes.body_file import read_bodies
 from sain_core.shapes.shape import BOTTOMS, FEET
 from sain_core.world import MASSES, ObservationConfig, changed_settings
 from sain_model.compute.kernel_store import compile_visibly
-from sain_sim.camera.body_file import read_bodies
 from sain_sim.world.engines import DEFAULT_ENGINE, ENGINE_HELP, check_engine
 
 NAMESPACE: Final = "sain"  # as `sain_core.ros.node_main` has it, which needs rclpy

@@ -27,6 +27,7 @@ MID: Final = 0
 TARGET: Final = 1
 
 DISK_HEIGHT: Final = 0.04  # [m], of every body
+NOMINAL_MASS: Final = 8.0  # [kg], the paper, section III-A
 SETTLED_SPEED: Final = 1e-3  # [m/s]
 SETTLED_SPIN: Final = 1e-2  # [rad/s]
 SWEEPS: Final = 100  # over all pairs of disks that are to be parted

@@ -9,7 +9,7 @@ import pytest
 from sain_core.errors import ErrorCode, InvalidInputError
 from sain_core.scene import VELOCITY, VX, is_settled
 from sain_core.shapes.bodies import Bodies
-from sain_sim.camera.body_file import BodyFile
+from sain_core.shapes.body_file import BodyFile
 from sain_sim.camera.scene_tracker import SceneTracker, TrackingConfig
 
 PERIOD = 1 / 30

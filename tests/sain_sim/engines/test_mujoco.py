@@ -8,6 +8,7 @@ import pytest
 from shapely import Point, Polygon
 
 from sain_core.errors import ConfigError
+from sain_core.feasibility import Stroke
 from sain_core.scene import DISK_HEIGHT, MID, TARGET, X
 from sain_core.shapes.bodies import Role
 from sain_core.world import DivergedError
@@ -15,7 +16,7 @@ from sain_sim.world.engines import MUJOCO
 from sain_sim.world.parameters import nominal_parameters
 from sain_sim.world.truth import TruthConfig
 from sain_sim.world.workcell import GRAVITY, Watch
-from sain_sim.world.world import Stroke, World
+from sain_sim.world.world import World
 
 pytest.importorskip("mujoco", reason="MuJoCo is not installed")
 

@@ -11,11 +11,12 @@ from sain_core.errors import (
     SainError,
     StaleSceneError,
 )
+from sain_core.feasibility import Stroke
 from sain_core.push import make_push
 from sain_core.scene import MASS, MID, RADIUS, X
 from sain_sim.world.parameters import nominal_parameters
 from sain_sim.world.workcell import Watch, WorldConfig
-from sain_sim.world.world import Stroke, World
+from sain_sim.world.world import World
 
 REFUSED = [
     ((0.0, np.nan, 0.1), ErrorCode.INVALID, "angle of the push is nan; must be finite"),

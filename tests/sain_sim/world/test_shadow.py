@@ -4,12 +4,13 @@ import numpy as np
 import pytest
 
 from sain_core.errors import ConfigError
+from sain_core.feasibility import Stroke
 from sain_core.model import Model
 from sain_core.push import PushLimits, idle_pushes
 from sain_core.scene import MASS, MID, POSITION, RADIUS, TARGET, move_apart, surface_gaps
 from sain_sim.world.parameters import nominal_parameters
 from sain_sim.world.shadow import KINDS, MEASURED, NOMINAL, TRUE, BulletPrior, stand_back
-from sain_sim.world.world import Stroke, World
+from sain_sim.world.world import World
 
 
 def test_the_true_shadow_of_a_fresh_world_is_the_world(bench):

@@ -20,7 +20,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from sain_core.model import IdentityPrior, Model, answering, check_step, load_dynamics
 from sain_core.push import LENGTH
-from sain_core.scene import MASS, MID, RADIUS
+from sain_core.scene import MASS, MID, NOMINAL_MASS, RADIUS
 from sain_core.shapes.bodies import Bodies
 from sain_core.types import Indices, Pushes, Scalars, Scenes
 from sain_model.data.dataset import Dataset, Part
@@ -39,7 +39,6 @@ from sain_model.inference.evidence import Known
 from sain_model.inference.kinds import FRICTION, friction_belief
 from sain_model.physics.planar import PlanarPrior
 
-NOMINAL_MASS: Final = 8.0  # [kg], the paper, section III-A
 NOMINAL_MID_RADIUS: Final = 0.08  # [m]
 NOMINAL_RADIUS: Final = 0.06  # [m], of every other disk
 AT_ONCE: Final = 32  # pushes between two looks at the clock

@@ -13,10 +13,10 @@ from numpy import ndarray
 
 from sain_core.config import option
 from sain_core.randomness import generator
-from sain_core.scene import MASS, POSE, RADIUS, THETA, VELOCITY, wrap_angle
+from sain_core.scene import MASS, NOMINAL_MASS, POSE, RADIUS, THETA, VELOCITY, wrap_angle
 from sain_core.types import Scene
 from sain_core.world import MASSES, RADII, ObservationConfig
-from sain_sim.world.parameters import NOMINAL_MASS, NOMINAL_RADII, WorldParameters
+from sain_sim.world.parameters import NOMINAL_RADII, WorldParameters
 
 PoseErrors = Float[ndarray, "N 3"]  # [m, m, rad]
 

@@ -13,9 +13,9 @@ import numpy as np
 from sain_core.config import Config, option
 from sain_core.errors import ErrorCode, InvalidInputError
 from sain_core.scene import SETTLED_SPEED, VELOCITY, VX, is_settled, wrap_angle
+from sain_core.shapes.body_file import BodyFile, Poses
 from sain_core.types import Scene
 from sain_core.world import ObservationConfig
-from sain_sim.camera.body_file import BodyFile, Poses
 
 SCATTER = 5.0  # standard deviations that a pose may be off
 AT_ONCE = 0.005  # [m], that two poses may differ at any time

@@ -6,12 +6,13 @@ from typing import Final
 from rclpy.node import Node
 
 from sain_core.guarding.ros.state_file import StateFile, id_in, message_of, text_of
+from sain_core.guarding.session import Session
 from sain_core.ros import codec
 from sain_core.ros.qos import Return, listeners
 from sain_core.types import Scene
 from sain_interfaces.msg import Push, PushResult
 from sain_interfaces.srv import ResetScene
-from sain_sim.ros.session import Pacer, Session
+from sain_sim.ros.pacing import Pacer
 
 HEARD: Final = "push_result"  # by all who follow an episode
 LATEST: Final = 2.0**31 - 1e5  # [s], simulated: stamps hold 32 bits

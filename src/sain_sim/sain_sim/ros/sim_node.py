@@ -9,15 +9,16 @@ from sain_core import wire
 from sain_core.errors import BusyError, CancelledError, SainError
 from sain_core.guarding.ros.ownership import Ownership
 from sain_core.guarding.ros.reception import Reception, emptied, introspect, shortened
+from sain_core.guarding.session import Session
 from sain_core.ros.node_main import NAMESPACE
 from sain_core.ros.parameters import read_parameters
 from sain_core.ros.qos import QUEUE, steady_timer
 from sain_core.ros.worker import Worker
 from sain_interfaces.msg import Push, PushResult
 from sain_interfaces.srv import ResetScene
+from sain_sim.ros.pacing import Pacer
 from sain_sim.ros.publishing import Publishing
 from sain_sim.ros.resumption import Resumption
-from sain_sim.ros.session import Pacer, Session
 from sain_sim.ros.simulator import Pushed, Simulator, SimulatorConfig
 from sain_sim.world.workcell import Sample
 

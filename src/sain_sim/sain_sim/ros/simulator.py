@@ -14,7 +14,7 @@ from sain_core.types import PushArray, Scene
 from sain_core.world import Outcome
 from sain_sim.camera.camera import Camera, WorldCameraConfig
 from sain_sim.camera.render import Window
-from sain_sim.ros.session import CameraTimer, Pacer
+from sain_sim.ros.pacing import CameraTimer, Pacer
 from sain_sim.world.engines import BULLET
 from sain_sim.world.own import open_world
 from sain_sim.world.parameters import WorldParameters, nominal_parameters

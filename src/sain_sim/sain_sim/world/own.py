@@ -6,6 +6,7 @@ from typing import Final, TypeVar
 import numpy as np
 
 from sain_core.errors import SainError
+from sain_core.feasibility import Stroke
 from sain_core.guarding.plugins import package_of
 from sain_core.shapes.bodies import check_bodies
 from sain_core.types import PushArray, Scene
@@ -19,7 +20,7 @@ from sain_sim.world.engines import (
 from sain_sim.world.parameters import WorldParameters, on_a_grid
 from sain_sim.world.truth import check_roughness
 from sain_sim.world.workcell import HOME, Sample, Watch, WorldConfig
-from sain_sim.world.world import CheckedWorld, Stroke, World
+from sain_sim.world.world import CheckedWorld, World
 
 T = TypeVar("T")
 

@@ -12,14 +12,13 @@ import numpy as np
 
 from sain_core.config import Config, option
 from sain_core.errors import ConfigError
-from sain_core.scene import MASS, RADIUS, Table, make_scene
+from sain_core.scene import MASS, NOMINAL_MASS, RADIUS, Table, make_scene
 from sain_core.shapes.bodies import Bodies
 from sain_core.shapes.shape import Pair, Shape, feet_places
 from sain_core.shapes.solids import DISK
 from sain_core.types import Angles, Points, Scalars, Scene
 from sain_sim.world.roughness import SMOOTH, Roughness
 
-NOMINAL_MASS: Final = 8.0  # [kg]
 NOMINAL_RADII: Final = (0.08, 0.06)  # [m], mid disk and target
 NOMINAL_FRICTION: Final = 0.12
 MASS_RANGE: Final = (7.0, 9.0)  # [kg]

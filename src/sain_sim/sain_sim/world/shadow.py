@@ -23,10 +23,12 @@ from typing import Final, Self
 import numpy as np
 
 from sain_core.errors import ConfigError, UnreachableError
+from sain_core.feasibility import Stroke
 from sain_core.model import Model
 from sain_core.push import LENGTH, PushLimits
 from sain_core.scene import (
     MID,
+    NOMINAL_MASS,
     POSE,
     POSITION,
     RADIUS,
@@ -39,8 +41,8 @@ from sain_core.scene import (
 from sain_core.shapes.bodies import PAPER_DISKS
 from sain_core.types import PushArray, Pushes, Scene, Scenes
 from sain_sim.world.engines import DEFAULT_ENGINE
-from sain_sim.world.parameters import NOMINAL_MASS, WorldParameters, nominal_parameters
-from sain_sim.world.world import Stroke, World, WorldConfig
+from sain_sim.world.parameters import WorldParameters, nominal_parameters
+from sain_sim.world.world import World, WorldConfig
 
 NOMINAL: Final = "nominal"  # the paper's: nominal mass, radius and friction
 MEASURED: Final = "measured"  # mass and radius of the scene, nominal friction

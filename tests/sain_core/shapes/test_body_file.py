@@ -7,7 +7,7 @@ import pytest
 
 from sain_core.errors import ConfigError
 from sain_core.shapes.bodies import Role
-from sain_sim.camera.body_file import BodyFile, read_bodies
+from sain_core.shapes.body_file import BodyFile, read_bodies
 
 TWO = """
 bodies:

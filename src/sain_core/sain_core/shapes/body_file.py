@@ -19,10 +19,9 @@ from sain_core.guarding.untrusted import (
     MOST_RADIUS,
     read_yaml,
 )
-from sain_core.scene import POSE, make_scene
+from sain_core.scene import NOMINAL_MASS, POSE, make_scene
 from sain_core.shapes.bodies import Bodies
 from sain_core.types import Scene
-from sain_sim.world.parameters import NOMINAL_MASS
 
 Poses = Float[ndarray, "N 3"]  # x, y [m], heading [rad]
 
