@@ -14,7 +14,7 @@ from pathlib import Path
 from setuptools import setup
 
 ROOT = Path(__file__).parent
-PACKAGES = ("core", "sim", "model", "mppi", "eval", "bags", "lab", "gym", "pusht")
+PACKAGES = ("core", "sim", "model", "mppi", "eval", "bags", "lab", "gym", "pusht", "vision")
 # It asks for OpenCV with windows.
 OPTIONAL = {"gym-pusht": "pusht"}
 

@@ -21,9 +21,14 @@ environment_recipe() {
   cat "$root"/requirements/*
 }
 
-# Message packages of a full ROS that have no wheel: built here, beside ours, where nobody else has them.
+# Message packages of a full ROS that have no wheel, in one line: built here, beside ours, where nobody else
+# has them.
 missing_packages() {
-  if [[ $(ros_kind) == wheels && ! -e $venv/share/tf2_msgs ]]; then echo ../tools/missing/tf2_msgs; fi
+  local package
+  if [[ $(ros_kind) == system ]]; then return; fi
+  for package in tf2_msgs vision_msgs; do
+    if [[ ! -e $venv/share/$package ]]; then printf '%s ' "../tools/missing/$package"; fi
+  done
 }
 
 # With --symlink-install Python files are used where they stand; these are the files that are not.

@@ -14,13 +14,12 @@ setup(
         ("share/ament_index/resource_index/packages", [f"resource/{package_name}"]),
         (f"share/{package_name}", ["package.xml"]),
     ],
-    install_requires=["jaxtyping", "numpy", "pybullet", "rich", "shapely"],
+    install_requires=["jaxtyping", "numpy", "opencv-python-headless", "pybullet", "rich", "shapely"],
     extras_require={"mujoco": ["mujoco"]},
     zip_safe=False,
     entry_points={
         "console_scripts": [
             "sim_node = sain_sim.commands:sim_node",
-            "poses_to_scene = sain_sim.commands:poses_to_scene",
             "collect = sain_sim.commands:collect",
         ],
         "sain.dynamics": [

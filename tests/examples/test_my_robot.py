@@ -166,7 +166,7 @@ def test_the_whole_graph_runs_without_a_simulator(ros_domain: int, tmp_path: Pat
             running.send_signal(signal.SIGINT)
             said = running.communicate(timeout=60)[0]
     assert running.returncode == 0, said
-    for node in ("robot_node", "poses_to_scene", "mppi_node", "model_node"):
+    for node in ("robot_node", "scene_node", "mppi_node", "model_node"):
         assert node in said
     assert "sim_node" not in said
     bag, data = tmp_path / "bag", tmp_path / "data"

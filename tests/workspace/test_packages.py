@@ -24,6 +24,7 @@ SCRIPTS = [
     (p, name, target) for p in PYTHON_PACKAGES for name, target in console_scripts(p).items()
 ]
 DISTRIBUTION_OF = {
+    "cv2": "opencv-python-headless",
     "PIL": "pillow",
     "gym_pusht": "gym-pusht",
     "mcap_ros2": "mcap-ros2-support",
@@ -56,11 +57,11 @@ WITHOUT_KEY = re.compile(r"<!-- without a rosdep key, [^:]*: (.*) -->")
 ROS_MODULE = re.compile(r"rclpy|launch|launch_ros|ament_index_python|sain_.*|.*_msgs|.*_interfaces")
 
 
-def test_all_twelve_are_found():
+def test_all_thirteen_are_found():
     assert PACKAGES == (
         "sain_bags", "sain_bringup", "sain_core", "sain_eval", "sain_gym",
         "sain_interfaces", "sain_lab", "sain_live", "sain_model", "sain_mppi", "sain_pusht",
-        "sain_sim",
+        "sain_sim", "sain_vision",
     )  # fmt: skip
 
 

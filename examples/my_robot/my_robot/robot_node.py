@@ -58,7 +58,7 @@ class RobotNode(Node):
         """Begin to push, or raise why not: `Reception` makes the code of the refusal of that."""
         scene = self.scene
         if scene is None:
-            raise BusyError("no scene has come yet; is poses_to_scene running?")
+            raise BusyError("no scene has come yet; is scene_node running?")
         if not self.session.busy:
             self.session.go_on_from(scene.episode_id, scene.scene_id)
         self.session.admit(message.push_id, message.episode_id, message.scene_id)

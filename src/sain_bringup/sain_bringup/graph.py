@@ -28,6 +28,7 @@ from sain_core.shapes.shape import BOTTOMS, FEET
 from sain_core.world import MASSES, ObservationConfig, changed_settings
 from sain_model.compute.kernel_store import compile_visibly
 from sain_sim.world.engines import DEFAULT_ENGINE, ENGINE_HELP, check_engine
+from sain_core.shapes.body_file import read_bodies
 
 NAMESPACE: Final = "sain"  # as `sain_core.ros.node_main` has it, which needs rclpy
 RECORDINGS: Final = Path("bags")
@@ -36,7 +37,7 @@ EPISODES_KEY: Final = "episodes"  # of a bag's custom data: "scenario:seed scena
 ELSEWHERE: Final = "elsewhere"  # the robot that is started by somebody else
 SIMULATOR: Final = "simulator"
 ROBOT: Final = "robot"
-POSES: Final = "poses"
+SCENES: Final = "scenes"
 MODEL: Final = "model"
 PLANNER: Final = "planner"
 RECORDER: Final = "recorder"
@@ -270,7 +271,7 @@ def _robot_commands(
     commands = {}
     if options.bodies is not None:
         given = {"bodies": str(options.bodies.absolute()), "noise": options.camera.noise}
-        commands[POSES] = node("sain_sim", "poses_to_scene", **given)
+        commands[SCENES] = node("sain_vision", "scene_node", **given)
     if options.robot != ELSEWHERE:
         commands[ROBOT] = [*shlex.split(options.robot), "--ros-args", *ros]
     return commands

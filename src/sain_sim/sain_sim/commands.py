@@ -28,14 +28,4 @@ sim_node: Final = NodeCommand(
     offers=("reset_scene",),
     example="world:=rough",
 )
-poses_to_scene: Final = NodeCommand(
-    "sain_sim poses_to_scene",
-    about="Makes scenes of the poses of bodies, for a robot: with ids, velocities and whether all"
-    " rest. Poses come as frames on /tf or as an array. A YAML file states shapes and masses.",
-    node="ros.poses_node:PosesNode",
-    settings="camera.scene_tracker:PosesConfig",
-    publishes=("scene", "shapes", "markers", "/diagnostics"),
-    subscribes=("poses", "/tf", "/tf_static", "push", "push_result"),
-    example="bodies:=bodies.yaml",
-)
 collect: Final = Command("sain_sim collect", "collecting.collect", resumes="shard")

@@ -37,7 +37,8 @@ def test_everything_of_a_body_is_read(tmp_path: Path) -> None:
 def test_shape_and_radius_suffice(tmp_path: Path) -> None:
     file = read(tmp_path, "bodies: [{shape: disk, radius: 0.05}, {shape: disk, radius: 0.05}]")
     assert file.bodies.has_paper_roles
-    assert file.frames == ()
+    assert file.frames == file.topics == ("", "")
+    assert file.names == ("disk", "disk_1")
     assert not file.weighed
 
 
@@ -64,9 +65,11 @@ def test_shape_and_radius_suffice(tmp_path: Path) -> None:
             "bodies: [{shape: disk, radius: 0.1, role: pushable}, {shape: disk, radius: 0.1}]",
             "body 1 has no role and others have",
         ),
+        ("bodies: [{shape: disk, radius: 0.1, tags: [{size: 1}]}]", "a tag of body 0 has no id"),
+        ("bodies: [{shape: disk, radius: 0.1, tags: 5000}]", "id 5000; allowed: 0 to 1023"),
         (
-            "bodies: [{shape: disk, radius: 0.1, frame: a}, {shape: disk, radius: 0.1}]",
-            "body 1 has no frame and others have; give all a frame on /tf, or none",
+            "bodies: [{shape: disk, radius: 0.1, tags: 3}, {shape: t, radius: 0.1, tags: [1, 3]}]",
+            "two bodies have the tag 3; each needs its own",
         ),
         (
             "bodies: [{shape: disk, radius: 0.1, frame: a}, {shape: t, radius: 0.1, frame: a}]",

@@ -6,6 +6,8 @@ import pytest
 
 from tests.workspace.command import run
 
+MISSING = ("tf2_msgs", "vision_msgs")
+
 
 def recipe_of(checkout: Path) -> str:
     script = f"root={checkout}; . {checkout}/tools/recipe.sh; workspace_recipe"
@@ -75,14 +77,16 @@ def test_only_packages_that_changed_are_rebuilt(make_checkout):
     ("sourced", "installed", "built"),
     [(False, False, True), (False, True, False), (True, False, False)],
 )
-def test_tf2_msgs_is_built_only_where_there_is_none(make_checkout, sourced, installed, built):
+def test_missing_messages_are_built_only_where_there_are_none(
+    make_checkout, sourced, installed, built
+):
     checkout = make_checkout()
-    if installed:
-        (checkout / ".venv/share/tf2_msgs").mkdir(parents=True)
+    for package in MISSING if installed else ():
+        (checkout / ".venv/share" / package).mkdir(parents=True)
     script = f"root={checkout}; . $root/tools/recipe.sh; workspace_recipe"
     prefix = "/opt/ros/jazzy" if sourced else None
     found = run("bash", "-euc", script, ROS_DISTRO="jazzy", AMENT_PREFIX_PATH=prefix).stdout
-    assert ("tf2_msgs/package.xml" in found) == built
+    assert [f"{package}/package.xml" in found for package in MISSING] == [built, built]
 
 
 @pytest.mark.parametrize(

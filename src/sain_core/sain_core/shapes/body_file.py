@@ -1,6 +1,9 @@
-"""The YAML file that states what a camera cannot see: shape, role, radius and mass of each body."""
+"""The YAML file that states what a camera cannot see: shape, role, radius and mass of each body.
 
-from collections.abc import Mapping
+And by what a body is recognised: tags on its top, a frame on ``/tf``, or a topic with its pose.
+"""
+
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
 from math import isfinite
@@ -19,16 +22,49 @@ from sain_core.guarding.untrusted import (
     MOST_RADIUS,
     read_yaml,
 )
-from sain_core.scene import NOMINAL_MASS, POSE, make_scene
+from sain_core.scene import DISK_HEIGHT, NOMINAL_MASS, POSE, make_scene
 from sain_core.shapes.bodies import Bodies
-from sain_core.types import Scene
+from sain_core.types import Points, Scene
 
 Poses = Float[ndarray, "N 3"]  # x, y [m], heading [rad]
 
-KEYS: Final = ("name", "shape", "role", "radius", "mass", "frame")
+KEYS: Final = (
+    "name", "shape", "role", "radius", "mass", "height", "tags", "frame", "topic",
+)  # fmt: skip
+TAG_KEYS: Final = ("id", "size", "x", "y", "angle")
 NEEDED: Final = ("shape", "radius")
 UNKNOWN: Final = "unknown"
 MOST_MASS: Final = 100.0  # [kg]
+MOST_HEIGHT: Final = 0.5  # [m]
+TAG_SIZE: Final = 0.04  # [m], where a file gives none
+TAG_SIZES: Final = (0.005, 0.5)  # [m]
+MOST_TAGS: Final = 32  # of a body
+LAST_TAG: Final = 1023
+
+
+@dataclass(frozen=True)
+class Tag:
+    """A tag on the top of a body.
+
+    Attributes:
+        number: its id.
+        size: side of its black square [m].
+        x: of its centre, in the body's frame [m].
+        y: likewise [m].
+        angle: of its x axis, likewise [rad]; its x axis points right where its number is upright.
+    """
+
+    number: int
+    size: float = TAG_SIZE
+    x: float = 0.0
+    y: float = 0.0
+    angle: float = 0.0
+
+    def corners(self) -> Points:
+        """Return its corners (4, 2) in the body's frame [m]: upper left, then clockwise."""
+        half = self.size / 2 * np.array([(-1, 1), (1, 1), (1, -1), (-1, -1)])
+        cosine, sine = np.cos(self.angle), np.sin(self.angle)
+        return np.asarray(half @ np.array([[cosine, sine], [-sine, cosine]]) + (self.x, self.y))
 
 
 @dataclass(frozen=True)
@@ -37,10 +73,13 @@ class BodyFile:
 
     Attributes:
         bodies: shapes and roles.
-        names: for messages.
+        names: of each its own, for messages and detections.
         radii: [m], as in a scene.
         masses: [kg]; nominal where unknown.
-        frames: on ``/tf``; none: poses come as an array in this order.
+        heights: [m], of the tops over the table.
+        tags: on the tops; none: found otherwise.
+        frames: on ``/tf``; "": none.
+        topics: with poses; "": none.
         weighed: whether all masses are known.
     """
 
@@ -48,7 +87,10 @@ class BodyFile:
     names: tuple[str, ...]
     radii: tuple[float, ...]
     masses: tuple[float, ...]
+    heights: tuple[float, ...]
+    tags: tuple[tuple[Tag, ...], ...]
     frames: tuple[str, ...]
+    topics: tuple[str, ...]
     weighed: bool
 
     def scene(self, poses: Poses) -> Scene:
@@ -87,45 +129,89 @@ def parse_bodies(content: Any) -> BodyFile:
         raise ConfigError(f"it must have a list 'bodies' of 1 to {MOST_BODIES} bodies")
     for number, row in enumerate(rows):
         _check_keys(row, f"body {number}")
-    frames = [_text(row, "frame", number) for number, row in enumerate(rows)]
-    if any(frames) and not all(frames):
-        raise ConfigError(
-            f"body {frames.index('')} has no frame and others have; give all a frame on /tf, or"
-            " none, and poses come as a PoseArray in this order"
-        )
-    for frame in frames:
-        if frame and frames.count(frame) > 1:
-            raise ConfigError(f"two bodies have the frame {frame!r}; each needs its own")
-    shapes = [_text(row, "shape", number) for number, row in enumerate(rows)]
-    roles = [_text(row, "role", number) for number, row in enumerate(rows)]
+    frames, topics, shapes, roles, names = (
+        [_text(row, key, number) for number, row in enumerate(rows)]
+        for key in ("frame", "topic", "shape", "role", "name")
+    )
+    tags = [_tags(row.get("tags", []), number) for number, row in enumerate(rows)]
+    _check_unique("frame", frames)
+    _check_unique("topic", topics)
+    _check_unique("name", names)
+    _check_unique("tag", [tag.number for row in tags for tag in row])
     if any(roles) and not all(roles):
         raise ConfigError(f"body {roles.index('')} has no role and others have; give all or none")
-    names = [_text(row, "name", number) or shapes[number] for number, row in enumerate(rows)]
     masses = [_mass(row.get("mass", UNKNOWN), number) for number, row in enumerate(rows)]
-    return BodyFile(
-        Bodies.named(shapes, roles if all(roles) else ()),
-        tuple(names),
+    radii, heights = (
         tuple(
-            _number(row["radius"], f"radius of body {number}", "m", LEAST_RADIUS, MOST_RADIUS)
+            _number(row.get(key, DISK_HEIGHT), f"{key} of body {number}", "m", LEAST_RADIUS, most)
             for number, row in enumerate(rows)
-        ),
-        tuple(NOMINAL_MASS if mass is None else mass for mass in masses),
-        tuple(frames) if all(frames) else (),
-        None not in masses,
+        )
+        for key, most in (("radius", MOST_RADIUS), ("height", MOST_HEIGHT))
+    )
+    return BodyFile(
+        bodies=Bodies.named(shapes, roles if all(roles) else ()),
+        names=_all_named(names, shapes),
+        radii=radii,
+        masses=tuple(NOMINAL_MASS if mass is None else mass for mass in masses),
+        heights=heights,
+        tags=tuple(tags),
+        frames=tuple(frames),
+        topics=tuple(topics),
+        weighed=None not in masses,
     )
 
 
-def _check_keys(row: Any, body: str) -> None:
+def _check_unique(key: str, values: Sequence[Any]) -> None:
+    for value in values:
+        if value != "" and values.count(value) > 1:
+            raise ConfigError(f"two bodies have the {key} {value!r}; each needs its own")
+
+
+def _all_named(names: Sequence[str], shapes: Sequence[str]) -> tuple[str, ...]:
+    """Return a name of its own for each body: as given, or that of its shape."""
+    made: list[str] = []
+    for body, (name, shape) in enumerate(zip(names, shapes, strict=True)):
+        free = shape not in made and shape not in names
+        made.append(name or (shape if free else f"{shape}_{body}"))
+    return tuple(made)
+
+
+def _tags(value: Any, body: int) -> tuple[Tag, ...]:
+    """Return the tags of a body: a number, or a list of numbers and of mappings."""
+    rows = value if isinstance(value, list) else [value]
+    if len(rows) > MOST_TAGS:
+        raise ConfigError(f"body {body} has {len(rows)} tags; allowed: up to {MOST_TAGS}")
+    return tuple(_tag(row, f"a tag of body {body}") for row in rows)
+
+
+def _tag(row: Any, what: str) -> Tag:
+    given = row if isinstance(row, Mapping) else {"id": row}
+    _check_keys(given, what, TAG_KEYS, ("id",))
+    number = given["id"]
+    if not isinstance(number, int) or isinstance(number, bool) or not 0 <= number <= LAST_TAG:
+        raise ConfigError(f"{what} has the id {number!r}; allowed: 0 to {LAST_TAG}")
+    size = _number(given.get("size", TAG_SIZE), f"size of {what}", "m", *TAG_SIZES)
+    x, y = (
+        _number(given.get(key, 0.0), f"{key} of {what}", "m", -MOST_RADIUS, MOST_RADIUS)
+        for key in "xy"
+    )
+    angle = _number(given.get("angle", 0.0), f"angle of {what}", "rad", -7.0, 7.0)
+    return Tag(number, size, x, y, angle)
+
+
+def _check_keys(
+    row: Any, what: str, keys: Sequence[str] = KEYS, needed: Sequence[str] = NEEDED
+) -> None:
     if not isinstance(row, Mapping):
-        raise ConfigError(f"{body} is {row!r}; it must have keys: {', '.join(KEYS)}")
+        raise ConfigError(f"{what} is {row!r}; it must have keys: {', '.join(keys)}")
     for key in row:
-        if key not in KEYS:
-            near = get_close_matches(str(key), KEYS, n=1)
+        if key not in keys:
+            near = get_close_matches(str(key), keys, n=1)
             hint = f" (did you mean {near[0]!r}?)" if near else ""
-            raise ConfigError(f"{body} has the key {key!r}{hint}; allowed: {', '.join(KEYS)}")
-    for key in NEEDED:
+            raise ConfigError(f"{what} has the key {key!r}{hint}; allowed: {', '.join(keys)}")
+    for key in needed:
         if key not in row:
-            raise ConfigError(f"{body} has no {key}; it needs {' and '.join(NEEDED)}")
+            raise ConfigError(f"{what} has no {key}; it needs {' and '.join(needed)}")
 
 
 def _text(row: Mapping[str, Any], key: str, body: int) -> str:

@@ -44,7 +44,7 @@ PLAIN: Final = {
     "mppi_node": "planner",
     "model_node": "model",
     "sim_node": "simulator",
-    "poses_to_scene": "poses",
+    "scene_node": "scenes",
 }
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from sain_core.errors import InvalidInputError
-from sain_sim.camera.frame_tree import FrameTree
+from sain_vision.scene.frame_tree import FrameTree
 
 NO_TURN = (0.0, 0.0, 0.0, 1.0)
 

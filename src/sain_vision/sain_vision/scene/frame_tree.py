@@ -56,13 +56,21 @@ class FrameTree:
         """Return x, y and heading (3,) of a frame in the root, and the oldest stamp on the way.
 
         Raises:
-            InvalidInputError: no such frame was seen, it is not connected, not upright, or has
-                two parents.
+            InvalidInputError: as `transform`, or it is not upright.
+        """
+        place, turn, stamp = self.transform(frame)
+        return flat_pose(place, turn, f"frame {frame!r}"), stamp
+
+    def transform(self, frame: str) -> tuple[Place, Turn, float]:
+        """Return place and turn of a frame in the root, and the oldest stamp on the way.
+
+        Raises:
+            InvalidInputError: no such frame was seen, it is not connected, or has two parents.
         """
         place, turn, stamp, name = np.zeros(3), np.array([0.0, 0.0, 0.0, 1.0]), inf, frame
         for _ in range(DEEPEST):
             if name == self._root:
-                return flat_pose(place, turn, f"frame {frame!r}"), stamp
+                return place, turn, stamp
             link = self._links.get(name)
             if link is None:
                 why = "was never seen" if name == frame else f"ends at {name!r}"

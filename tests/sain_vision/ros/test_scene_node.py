@@ -23,7 +23,7 @@ from sain_core import wire
 from sain_core.errors import BusyError, ConfigError, DatasetError
 from sain_core.ros import codec
 from sain_core.scene import POSE, VELOCITY
-from sain_sim.ros.poses_node import PosesNode
+from sain_vision.ros.scene_node import SceneNode
 
 ARRAY = "bodies: [{shape: disk, radius: 0.08, mass: 2.0}, {shape: t, radius: 0.1, mass: 1.0}]"
 FRAMES = """
@@ -88,10 +88,10 @@ def camera(graph: Any) -> Camera:
     return Camera(graph)
 
 
-def start(graph: Any, folder: Path, text: str, **parameters: Any) -> PosesNode:
+def start(graph: Any, folder: Path, text: str, **parameters: Any) -> SceneNode:
     path = folder / "bodies.yaml"
     path.write_text(text)
-    return graph.start(PosesNode, bodies=str(path), **parameters)
+    return graph.start(SceneNode, bodies=str(path), **parameters)
 
 
 @pytest.mark.parametrize("source", ["poses", "frames"])
@@ -182,4 +182,4 @@ def test_a_damaged_state_is_named(graph, tmp_path) -> None:
 
 def test_without_a_file_of_bodies_it_does_not_start(graph) -> None:
     with pytest.raises(ConfigError, match="parameter 'bodies' is empty; give the YAML file"):
-        graph.start(PosesNode)
+        graph.start(SceneNode)

@@ -1,14 +1,15 @@
-"""The converter: poses of bodies, as a camera reports them, become `scene` and `shapes`."""
+"""The node of scenes: poses of bodies, however they were found, become `scene` and `shapes`."""
 
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from geometry_msgs.msg import PoseArray
+from geometry_msgs.msg import PoseArray, PoseStamped
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from tf2_msgs.msg import TFMessage
+from vision_msgs.msg import Detection3DArray
 
 from sain_core import wire
 from sain_core.errors import ConfigError, InvalidInputError
@@ -26,24 +27,29 @@ from sain_core.view.scenes import bodies_in, table_top
 from sain_core.view.things import Thing
 from sain_interfaces.msg import Bodies, Push, PushResult
 from sain_interfaces.msg import Scene as SceneMessage
-from sain_sim.camera.frame_tree import FrameTree
-from sain_sim.camera.scene_tracker import PosesConfig, SceneTracker
+from sain_vision.detection.sighting import Sighting
+from sain_vision.ros.detections import decode_detections, encode_sightings
+from sain_vision.ros.settings import SceneNodeConfig
+from sain_vision.scene.body_track import Observed
+from sain_vision.scene.frame_tree import FrameTree
+from sain_vision.scene.scene_tracker import SceneTracker
 
 OWNED = ("scene", "shapes")
 SINGLE = ("push_result", "poses")  # of which there must be one publisher, who may claim nothing
 TABLE = Table()
+NOTHING = np.zeros((0, 0, 2))
 LOOK = 0.1  # [s] between looks at the age of the poses
 LOOK_FOR_RIVALS = 0.5  # [s]
 CAMERA = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)  # hears reliable ones, too
 
 
-class PosesNode(Node):
+class SceneNode(Node):
     """Follows the bodies and publishes them with the ids that pushes refer to."""
 
     def __init__(self, **options: Any) -> None:
         """Read the bodies and wait for poses."""
-        super().__init__("poses_to_scene", namespace=NAMESPACE, **options)
-        self.config = config = read_parameters(self, PosesConfig)
+        super().__init__("scene_node", namespace=NAMESPACE, **options)
+        self.config = config = read_parameters(self, SceneNodeConfig)
         if not config.bodies:
             raise ConfigError("parameter 'bodies' is empty; give the YAML file of the bodies")
         self.bodies = read_bodies(Path(config.bodies).expanduser())
@@ -55,6 +61,7 @@ class PosesNode(Node):
         self.last: SceneMessage | None = None
         self.shapes_publisher = LatchedTopic(self, Bodies, "shapes")
         self.scene_publisher = self.create_publisher(SceneMessage, "scene", RELIABLE)
+        self.estimates = self.create_publisher(Detection3DArray, "estimates", RELIABLE)
         self.markers = MarkerBoard(self, "markers")
         self._listen()
         steady_timer(self, LOOK, self._on_look)
@@ -75,14 +82,20 @@ class PosesNode(Node):
         self.diagnostics = Diagnostics(self, "perception", more=lambda: reception.figures)
         reception.listen(Push, "push", self._on_push, QUEUE)
         reception.listen(PushResult, "push_result", self._on_result, QUEUE)
-        if self.bodies.frames:
+        bodies, self.source = self.bodies, "detections"
+        self.tree = FrameTree(self.config.frame)
+        if any(bodies.frames):
             self.source = "frames on /tf"
-            self.tree = FrameTree(self.config.frame)
             reception.listen(TFMessage, "/tf", self._on_tf, TRANSFORMS, self._ignore)
             static = partial(self._on_tf, static=True)
             reception.listen(TFMessage, "/tf_static", static, LATCHED_QUEUE, self._ignore)
-        else:
-            self.source = f"poses on {self.resolve_topic_name('poses')}"
+        for body, topic in enumerate(bodies.topics):
+            if topic:
+                hear = partial(self._on_pose, body)
+                reception.listen(PoseStamped, topic, hear, CAMERA, self._ignore)
+        reception.listen(Detection3DArray, "detections", self._on_detections, CAMERA, self._ignore)
+        if not any((*bodies.frames, *bodies.topics, *bodies.tags)):
+            self.source = f"detections or poses on {self.resolve_topic_name('poses')}"
             reception.listen(PoseArray, "poses", self._on_poses, CAMERA, self._ignore)
 
     @property
@@ -97,17 +110,34 @@ class PosesNode(Node):
         end = codec.decode_time(message.header.stamp)
         self.tracker.answered(message.push_id, message.error_code, end)
 
+    def _on_detections(self, message: Detection3DArray) -> None:
+        seen = decode_detections(message, self.bodies, self.config.frame)
+        self._observe(seen, codec.decode_time(message.header.stamp))
+
     def _on_poses(self, message: PoseArray) -> None:
+        self._check_frame(message)
+        count = len(self.bodies.names)
+        if len(message.poses) != count:
+            raise InvalidInputError(
+                f"{len(message.poses)} poses came; the bodies file has {count} bodies"
+            )
+        seen = {body: self._observed(body, pose) for body, pose in enumerate(message.poses)}
+        self._observe(seen, codec.decode_time(message.header.stamp))
+
+    def _on_pose(self, body: int, message: PoseStamped) -> None:
+        self._check_frame(message)
+        seen = {body: self._observed(body, message.pose)}
+        self._observe(seen, codec.decode_time(message.header.stamp))
+
+    def _observed(self, body: int, pose: Any) -> Observed:
+        return Observed(wire.decode_pose(pose, f"the pose of {self.bodies.called(body)}"))
+
+    def _check_frame(self, message: PoseArray | PoseStamped) -> None:
         if message.header.frame_id != self.config.frame:
             raise InvalidInputError(
                 f"the poses are in frame {message.header.frame_id!r}; they must be in"
                 f" {self.config.frame!r}"
             )
-        rows = [
-            wire.decode_pose(pose, f"the pose of body {body}")
-            for body, pose in enumerate(message.poses)
-        ]
-        self._observe(np.array(rows).reshape(-1, 3), codec.decode_time(message.header.stamp))
 
     def _on_tf(self, message: TFMessage, static: bool = False) -> None:
         for one in message.transforms:
@@ -117,19 +147,21 @@ class PosesNode(Node):
             self.tree.take(one.header.frame_id, one.child_frame_id, *given, stamp)
         if static:
             return
-        poses, stamps = zip(*(self.tree.pose(f) for f in self.bodies.frames), strict=True)
-        body = int(np.argmin(stamps))
-        if (age := self.now - stamps[body]) > self.config.max_age:
-            self.tracker.check_age(stamps[body], self.now)
-            frame = self.bodies.frames[body]
+        framed = [body for body, frame in enumerate(self.bodies.frames) if frame]
+        poses = {body: self.tree.pose(self.bodies.frames[body]) for body in framed}
+        oldest = min(framed, key=lambda body: poses[body][1])
+        if (age := self.now - poses[oldest][1]) > self.config.max_age:
+            self._unsettle()
+            frame = self.bodies.frames[oldest]
             raise InvalidInputError(
-                f"{self.bodies.called(body)}, frame {frame!r}, was last seen {age:.1f} s ago"
+                f"{self.bodies.called(oldest)}, frame {frame!r}, was last seen {age:.1f} s ago"
             )
-        self._observe(np.stack(poses), float(min(stamps)))
+        seen = {body: Observed(pose) for body, (pose, _) in poses.items()}
+        self._observe(seen, min(poses[oldest][1], self.now))
 
-    def _observe(self, poses: Poses, stamp: float) -> None:
-        if self.tracker.observe(poses, stamp, self.now):
-            self.trouble = ""
+    def _observe(self, seen: dict[int, Observed], stamp: float) -> None:
+        self.trouble = ""
+        if self.tracker.observe(seen, stamp, self.now):
             self._publish()
         self._report()
 
@@ -161,6 +193,12 @@ class PosesNode(Node):
         self.scene_publisher.publish(self.last)
         things: list[Thing] = [table_top(TABLE), *bodies_in(tracker.scene(), self.bodies.bodies)]
         self.markers.show(markers_of(things, stamp))
+        if self.estimates.get_subscription_count():
+            known = [
+                Sighting(body, pose, covariance, NOTHING)
+                for body, (pose, covariance) in enumerate(tracker.estimates())
+            ]
+            self.estimates.publish(encode_sightings(known, self.bodies, self.config.frame, stamp))
 
     def _is_due(self, ids: tuple[int, int], settled: bool) -> bool:
         """Return whether to publish a scene: at most at the rate, and each change at once."""

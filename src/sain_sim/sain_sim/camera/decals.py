@@ -1,0 +1,82 @@
+"""Tags on the tops of bodies: painted into a picture, as exact as a print and smooth at the edges.
+
+Bullet's renderer takes one texel for each pixel, so a textured tag of 35 pixels has corners that
+are off by half a pixel. Here a tag is drawn four times as large and averaged.
+"""
+
+from functools import lru_cache
+from typing import Final
+
+import cv2
+import numpy as np
+from jaxtyping import Bool, Float, UInt8
+from numpy import ndarray
+
+MODULES: Final = 8  # along the side of a tag of family 36h11, with its black border
+QUIET: Final = 1  # modules of white paper around it
+TEXELS: Final = 12  # for each module
+TIMES: Final = 4  # as large a tag is drawn before it is averaged
+
+Homography = Float[ndarray, "3 3"]
+Painting = Float[ndarray, "height width 3"]
+
+
+@lru_cache(maxsize=64)
+def tag_texture(number: int) -> UInt8[ndarray, "T T"]:
+    """Return the picture of a tag with the paper around it."""
+    family = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11)
+    tag = cv2.aruco.generateImageMarker(family, number, MODULES * TEXELS)
+    return np.pad(np.asarray(tag), QUIET * TEXELS, constant_values=255)
+
+
+def paint_tag(
+    picture: Painting,
+    number: int,
+    size: float,
+    plane: Homography,
+    pose: Float[ndarray, "3"],
+    hidden: Bool[ndarray, "height width"],
+) -> None:
+    """Paint a tag of a size [m] into a picture, in place, but for pixels that are hidden.
+
+    The homography maps places [m] in the plane of the tag to pixels; the pose is x, y and heading.
+    """
+    texture = tag_texture(number)
+    x, y, heading = pose.tolist()
+    cosine, sine = np.cos(heading), np.sin(heading)
+    scale, middle = size / (MODULES * TEXELS), (len(texture) - 1) / 2
+    on_paper = scale * np.array([[1.0, 0.0, -middle], [0.0, -1.0, middle], [0.0, 0.0, 1 / scale]])
+    placed = np.array([[cosine, -sine, x], [sine, cosine, y], [0.0, 0.0, 1.0]])
+    to_pixels = plane @ placed @ on_paper
+    window = _window(to_pixels, len(texture), picture.shape[1], picture.shape[0])
+    if window is None:
+        return
+    (left, top), (right, bottom) = window
+    shift = np.array([[1.0, 0.0, -left], [0.0, 1.0, -top], [0.0, 0.0, 1.0]])
+    enlarged = np.array([[TIMES, 0, (TIMES - 1) / 2], [0, TIMES, (TIMES - 1) / 2], [0, 0, 1.0]])
+    wide, high = right - left, bottom - top
+    drawn, inside = (
+        cv2.warpPerspective(one, enlarged @ shift @ to_pixels, (TIMES * wide, TIMES * high))
+        .reshape(high, TIMES, wide, TIMES)
+        .mean(axis=(1, 3))
+        for one in (texture.astype(np.float32), np.ones(texture.shape, np.float32))
+    )
+    part = picture[top:bottom, left:right]
+    share = np.where(hidden[top:bottom, left:right], 0.0, inside)[..., None]
+    part[:] = (1.0 - share) * part + share * (drawn / np.maximum(inside, 1e-6))[..., None]
+
+
+def _window(
+    to_pixels: Homography, side: int, width: int, height: int
+) -> tuple[tuple[int, int], tuple[int, int]] | None:
+    """Return the corners of the part of a picture that a texture covers; None: nothing of it."""
+    ends = [-0.5, side - 0.5]
+    corners = np.array([(u, v, 1.0) for u in ends for v in ends]) @ to_pixels.T
+    if (corners[:, 2] <= 0.0).any():
+        return None  # behind the camera
+    pixels = corners[:, :2] / corners[:, 2:]
+    low = np.maximum(np.floor(pixels.min(axis=0)).astype(int) - 1, 0)
+    high = np.minimum(np.ceil(pixels.max(axis=0)).astype(int) + 2, (width, height))
+    if (low >= high).any():
+        return None
+    return (int(low[0]), int(low[1])), (int(high[0]), int(high[1]))

@@ -1,0 +1,1 @@
+"""From images to poses of bodies on the table. No middleware here."""

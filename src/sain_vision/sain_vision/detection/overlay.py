@@ -1,0 +1,46 @@
+"""A picture of what was found, over the image that it was found in."""
+
+from collections.abc import Iterable
+
+import cv2
+import numpy as np
+from jaxtyping import UInt8
+from numpy import ndarray
+
+from sain_core.scene import RADIUS, STATE_SIZE
+from sain_core.shapes.body_file import BodyFile
+from sain_vision.detection.sighting import Sighting
+from sain_vision.optics import CameraModel
+
+FOUND = (60, 220, 60)  # blue, green, red: what was found in the image
+OUTLINE = (255, 160, 40)  # the outline of the body that follows from it
+FRACTION = 3  # bits of a pixel in which OpenCV is given places
+
+
+def draw_overlay(
+    grey: UInt8[ndarray, "height width"],
+    sightings: Iterable[Sighting],
+    bodies: BodyFile,
+    camera: CameraModel,
+) -> UInt8[ndarray, "height width 3"]:
+    """Return the image with the tags or edges that were found, and the outlines of the bodies."""
+    picture = np.asarray(cv2.cvtColor(grey, cv2.COLOR_GRAY2BGR))
+    for seen in sightings:
+        state = np.zeros(STATE_SIZE)
+        state[:3], state[RADIUS] = seen.pose, bodies.radii[seen.body]
+        flat = bodies.bodies.shapes[seen.body].placed(state)
+        top = np.column_stack([flat, np.full(len(flat), bodies.heights[seen.body])])
+        _draw_line(picture, camera.project(top), OUTLINE)
+        for outline in seen.outlines:
+            _draw_line(picture, outline, FOUND)
+        x, y = camera.project(np.array([[*seen.pose[:2], bodies.heights[seen.body]]]))[0]
+        if np.isfinite((x, y)).all():
+            text, place = bodies.names[seen.body], (int(x) + 4, int(y) - 4)
+            cv2.putText(picture, text, place, cv2.FONT_HERSHEY_SIMPLEX, 0.5, OUTLINE, 1)
+    return picture
+
+
+def _draw_line(picture: ndarray, pixels: ndarray, colour: tuple[int, int, int]) -> None:
+    if np.isfinite(pixels).all():
+        fixed = (pixels * 2**FRACTION).round().astype(np.int32)
+        cv2.polylines(picture, [fixed], True, colour, 1, cv2.LINE_AA, FRACTION)

@@ -1,0 +1,1 @@
+"""The nodes that see: topics and parameters only."""

@@ -1,0 +1,107 @@
+"""What nodes hear of a camera: images, their calibration, and where the camera is."""
+
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+import numpy as np
+from builtin_interfaces.msg import Time
+from rclpy.node import Node
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from sensor_msgs.msg import CameraInfo, Image
+from tf2_msgs.msg import TFMessage
+
+from sain_core.errors import InvalidInputError
+from sain_core.guarding.ros.reception import Reception
+from sain_core.ros import codec
+from sain_core.ros.qos import LATCHED_QUEUE, TRANSFORMS
+from sain_vision.optics import CameraModel, check_calibration, rotation_of
+from sain_vision.ros.settings import CameraInputConfig
+from sain_vision.scene.frame_tree import FrameTree
+from sain_vision.scene.scene_tracker import FUTURE
+
+NEWEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
+"""Images and calibrations: from reliable publishers, too; where a node is late, the newest."""
+
+OnImage = Callable[[Image, CameraModel], None]
+
+
+class CameraInput:
+    """Hands each image on with the camera that took it. Make it on the executor's thread."""
+
+    def __init__(
+        self,
+        node: Node,
+        reception: Reception,
+        topics: tuple[str, str],
+        config: CameraInputConfig,
+        on_image: OnImage,
+        refuse: Callable[[Any, BaseException], None],
+    ) -> None:
+        """Hear images and calibrations on two topics; where the camera is, from /tf.
+
+        `refuse` is called with each message that is not used, and why.
+        """
+        self._node, self._max_age, self._on_image = node, config.max_age, on_image
+        self._image_topic, self._info_topic = topics
+        self._tree = FrameTree(config.frame)
+        self._info: CameraInfo | None = None
+        self._stampless = Time()
+        self._model: CameraModel | None = None  # of the latest calibration, without its pose
+        reception.listen(CameraInfo, self._info_topic, self._on_info, NEWEST, refuse)
+        reception.listen(TFMessage, "/tf", self._on_tf, TRANSFORMS, refuse)
+        static = partial(self._on_tf, static=True)
+        reception.listen(TFMessage, "/tf_static", static, LATCHED_QUEUE, refuse)
+        reception.listen(Image, self._image_topic, self._on_frame, NEWEST, refuse)
+
+    @property
+    def missing(self) -> str:
+        """What has not come yet, in words."""
+        if self._info is None:
+            return f"no calibration on {self._node.resolve_topic_name(self._info_topic)}"
+        return f"no image on {self._node.resolve_topic_name(self._image_topic)}"
+
+    def _on_info(self, message: CameraInfo) -> None:
+        message.header.stamp = self._stampless
+        if message == self._info:
+            return
+        self._info, self._model = message, None
+        matrix = np.array(message.k, dtype=np.float64).reshape(3, 3)
+        distortion = np.array(message.d, dtype=np.float64)
+        size = int(message.width), int(message.height)
+        check_calibration(*size, matrix, message.distortion_model, distortion)
+        lens = distortion if distortion.any() else np.zeros(5)
+        self._model = CameraModel(*size, matrix, lens, np.eye(3), np.zeros(3))
+
+    def _on_tf(self, message: TFMessage, static: bool = False) -> None:
+        for one in message.transforms:
+            place, turn = one.transform.translation, one.transform.rotation
+            stamp = np.inf if static else codec.decode_time(one.header.stamp)
+            given = (place.x, place.y, place.z), (turn.x, turn.y, turn.z, turn.w)
+            self._tree.take(one.header.frame_id, one.child_frame_id, *given, stamp)
+
+    def _on_frame(self, message: Image) -> None:
+        self._check_time(codec.decode_time(message.header.stamp))
+        if self._info is None:
+            raise InvalidInputError(
+                f"there is no calibration on {self._node.resolve_topic_name(self._info_topic)};"
+                " the camera must publish its CameraInfo"
+            )
+        if self._model is None:
+            raise InvalidInputError("the camera's calibration is not used; see what was wrong")
+        if (message.width, message.height) != (self._model.width, self._model.height):
+            raise InvalidInputError(
+                f"the image is {message.width} x {message.height} px and its calibration is for"
+                f" {self._model.width} x {self._model.height} px; both must be of one camera"
+            )
+        place, turn, _ = self._tree.transform(message.header.frame_id)
+        self._on_image(message, self._model.moved(rotation_of(turn), place))
+
+    def _check_time(self, stamp: float) -> None:
+        age = self._node.get_clock().now().nanoseconds * 1e-9 - stamp
+        if age > self._max_age:
+            raise InvalidInputError(
+                f"the image is {age:.1f} s old; at most {self._max_age:g} s is allowed"
+            )
+        if age < -self._max_age:
+            raise InvalidInputError(f"the image is stamped {-age:.1f} s in the future; {FUTURE}")

@@ -1,0 +1,88 @@
+"""``sensor_msgs/Image`` to arrays and back."""
+
+from typing import Any, Final
+
+import cv2
+import numpy as np
+from jaxtyping import Float, UInt8
+from numpy import ndarray
+from sensor_msgs.msg import Image
+from std_msgs.msg import Header
+
+from sain_core.errors import InvalidInputError
+
+TO_GREY: Final = {
+    "mono8": None,
+    "8UC1": None,
+    "rgb8": cv2.COLOR_RGB2GRAY,
+    "bgr8": cv2.COLOR_BGR2GRAY,
+    "rgba8": cv2.COLOR_RGBA2GRAY,
+    "bgra8": cv2.COLOR_BGRA2GRAY,
+    "yuv422_yuy2": cv2.COLOR_YUV2GRAY_YUY2,
+    "yuv422": cv2.COLOR_YUV2GRAY_UYVY,
+}
+CHANNELS: Final = {
+    "mono8": 1, "8UC1": 1, "rgb8": 3, "bgr8": 3, "rgba8": 4, "bgra8": 4, "yuv422_yuy2": 2,
+    "yuv422": 2,
+}  # fmt: skip
+DEPTHS: Final = {"16UC1": ("u2", 1e-3), "mono16": ("u2", 1e-3), "32FC1": ("f4", 1.0)}
+"""Types of depth images, with the size of their unit [m]."""
+
+Grey = UInt8[ndarray, "height width"]
+Colour = UInt8[ndarray, "height width 3"]
+Depth = Float[ndarray, "height width"]
+
+
+def decode_grey(message: Any) -> Grey:
+    """Return the brightness of an image.
+
+    Raises:
+        InvalidInputError: an encoding that is not read, or data of another size.
+    """
+    channels = CHANNELS.get(message.encoding)
+    if channels is None:
+        raise InvalidInputError(
+            f"the image has the encoding {message.encoding!r}; allowed: {', '.join(TO_GREY)}"
+        )
+    rows = _rows(message, channels)
+    pixels = rows.reshape(message.height, message.width, channels)
+    conversion = TO_GREY[message.encoding]
+    if conversion is None:
+        return np.ascontiguousarray(pixels[..., 0])
+    return np.asarray(cv2.cvtColor(pixels, conversion))
+
+
+def decode_depth(message: Any) -> Depth:
+    """Return the distances along the optical axis [m]; NaN: unknown. Raises as `decode_grey`."""
+    if message.encoding not in DEPTHS:
+        raise InvalidInputError(
+            f"the depth image has the encoding {message.encoding!r}; allowed: {', '.join(DEPTHS)}"
+        )
+    kind, unit = DEPTHS[message.encoding]
+    order = ">" if message.is_bigendian else "<"
+    rows = np.ascontiguousarray(_rows(message, int(kind[1]))).view(order + kind)
+    depth = rows.reshape(message.height, message.width).astype(np.float64) * unit
+    return np.where(depth > 0.0, depth, np.nan)
+
+
+def _rows(message: Any, size: int) -> UInt8[ndarray, "height bytes"]:
+    """Return the bytes of the pixels, of so many bytes each, row by row."""
+    height, width, step = message.height, message.width, message.step
+    if height < 1 or width < 1:
+        raise InvalidInputError(f"the image is {width} x {height} px; it must have pixels")
+    if step < width * size or len(message.data) != step * height:
+        raise InvalidInputError(
+            f"the image of {width} x {height} px in {message.encoding} has {len(message.data)}"
+            f" bytes in rows of {step}; it must have {height} rows of at least {width * size}"
+        )
+    data = np.frombuffer(message.data, dtype=np.uint8).reshape(height, step)
+    return data[:, : width * size]
+
+
+def encode_image(pixels: ndarray, encoding: str, header: Header) -> Image:
+    """Return an image as a message."""
+    data = np.ascontiguousarray(pixels)
+    message = Image(header=header, height=data.shape[0], width=data.shape[1], encoding=encoding)
+    message.step = data.strides[0]
+    message._data.frombytes(data.tobytes())  # setting a list takes a second
+    return message

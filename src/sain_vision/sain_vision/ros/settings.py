@@ -1,0 +1,35 @@
+"""What the nodes read. No middleware here: the help of a node needs none."""
+
+from dataclasses import dataclass
+
+from sain_core.config import Config, option
+from sain_vision.detection.tags import TagConfig
+from sain_vision.scene.body_track import TrackingConfig
+
+BODIES = "YAML file of the bodies: shape, role, radius, mass, and how each is found"
+
+
+@dataclass(frozen=True)
+class CameraInputConfig(Config):
+    """Which images are used."""
+
+    bodies: str = option("", BODIES)
+    frame: str = option("world", "frame of the poses, with the table at z = 0 and z up")
+    max_age: float = option(0.5, "age above which images are not used", unit="s", minimum=0.02)
+
+
+@dataclass(frozen=True)
+class TagNodeConfig(CameraInputConfig):
+    """What the node of tags reads."""
+
+    tags: TagConfig = TagConfig()
+
+
+@dataclass(frozen=True)
+class SceneNodeConfig(TrackingConfig):
+    """What the node of scenes reads, and how often it publishes."""
+
+    bodies: str = option("", BODIES)
+    frame: str = option("world", "frame of the poses, whose z axis points up")
+    rate: float = option(30.0, "most scenes per second", unit="Hz", minimum=1.0, maximum=240.0)
+    state_file: str = option("", "file that keeps the ids, so that none is used twice; empty: none")

@@ -1,0 +1,1 @@
+"""From poses of bodies to scenes: rest, jumps, ids. No middleware here."""

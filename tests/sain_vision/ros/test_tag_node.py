@@ -1,0 +1,93 @@
+"""From images on topics to a scene; and what is wrong with a camera is said, and nothing sent."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from sensor_msgs.msg import Image
+
+from sain_core import wire
+from sain_core.errors import ConfigError
+from sain_vision.ros.images import decode_grey
+from sain_vision.ros.scene_node import SceneNode
+from sain_vision.ros.tag_node import TagNode
+from tests.sain_vision.pictures import CAMERA, take
+
+POSES = np.array([(0.40, 0.1, 0.3), (0.5, -0.1, 2.0)])
+BODIES = """
+bodies:
+  - {name: mug, shape: disk, radius: 0.06, mass: 2.0, tags: 0}
+  - {shape: t, radius: 0.1, mass: 1.0, tags: [{id: 1, size: 0.04}]}
+"""
+
+
+@pytest.fixture(scope="module")
+def picture() -> np.ndarray:
+    return take(CAMERA, enumerate(POSES), np.random.default_rng(0))
+
+
+@pytest.fixture
+def bodies(tmp_path: Path) -> str:
+    path = tmp_path / "bodies.yaml"
+    path.write_text(BODIES)
+    return str(path)
+
+
+def test_images_become_a_settled_scene(graph, camera_topics, bodies, picture) -> None:
+    graph.start(TagNode, bodies=bodies)
+    graph.start(SceneNode, bodies=bodies, noise="0.0005,0.005")
+    graph.listen("camera/overlay", Image)
+    camera_topics.place()
+    camera_topics.until(picture, lambda: graph.find("scene", settled=True), "a scene")
+    scene = wire.decode_disks(graph.find("scene", settled=True)[0].disks)
+    assert np.abs(scene[:, :2] - POSES[:, :2]).max() < 0.0015
+    assert scene[1, 2] == pytest.approx(POSES[1, 2], abs=0.01)
+    message = graph.heard["detections"][-1]
+    assert [one.id for one in message.detections] == ["mug", "t"]
+    covariance = np.array(message.detections[0].results[0].pose.covariance).reshape(6, 6)
+    assert 0.0 < covariance[0, 0] < 0.002**2 and 0.0 < covariance[5, 5] < 0.02**2
+    overlay = graph.heard["camera/overlay"][-1]
+    assert (overlay.encoding, overlay.width, overlay.height) == ("bgr8", 1280, 720)
+
+
+@pytest.mark.parametrize(
+    ("settings", "text"),
+    [
+        ({"encoding": "bayer_rggb8"}, "encoding 'bayer_rggb8'; allowed: mono8"),
+        ({"late": -3.0}, "the image is stamped 3.0 s in the future; is the camera's clock set"),
+        ({"late": 3.0}, "the image is 3.0 s old; at most 0.5 s is allowed"),
+        ({"calibrated": False}, "there is no calibration on /sain/camera/color/camera_info"),
+        ({"frame": "elsewhere"}, "frame 'camera_color_optical_frame' was never seen on /tf"),
+        ({"width": 640}, "the image is 1280 x 720 px and its calibration is for 640 x 720 px"),
+    ],
+)
+def test_what_is_wrong_is_said_and_nothing_is_sent(
+    graph, camera_topics, bodies, picture, settings, text
+) -> None:
+    graph.start(TagNode, bodies=bodies)
+    camera_topics.place(settings.pop("frame", "camera_color_optical_frame"))
+    if settings.pop("width", 0):
+        camera_topics.cropped()
+    vars(camera_topics).update(settings)
+    camera_topics.until(picture, lambda: camera_topics.says(text), "the diagnostic")
+    assert not graph.heard["detections"]
+
+
+def test_bodies_without_tags_are_refused(graph, tmp_path) -> None:
+    path = tmp_path / "bodies.yaml"
+    path.write_text("bodies: [{shape: disk, radius: 0.06}]")
+    with pytest.raises(ConfigError, match=r"no body in .* has tags; give 'tags' to one of them"):
+        graph.start(TagNode, bodies=str(path))
+
+
+@pytest.mark.parametrize(
+    ("encoding", "channels"), [("mono8", 1), ("rgb8", 3), ("bgr8", 3), ("rgba8", 4), ("bgra8", 4)]
+)
+def test_encodings_of_one_grey_are_one_image(encoding: str, channels: int) -> None:
+    grey = np.arange(12, dtype=np.uint8).reshape(3, 4) * 20
+    pixels = np.full((3, 4, channels), 255, np.uint8)
+    pixels[..., : min(channels, 3)] = grey[..., None]
+    padded = np.pad(pixels.reshape(3, -1), ((0, 0), (0, 5)))
+    message = Image(height=3, width=4, encoding=encoding, step=padded.shape[1])
+    message.data = padded.ravel().tolist()
+    np.testing.assert_array_equal(decode_grey(message), grey)
