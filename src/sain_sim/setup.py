@@ -14,7 +14,14 @@ setup(
         ("share/ament_index/resource_index/packages", [f"resource/{package_name}"]),
         (f"share/{package_name}", ["package.xml"]),
     ],
-    install_requires=["jaxtyping", "numpy", "opencv-python-headless", "pybullet", "rich", "shapely"],
+    install_requires=[
+        "jaxtyping",
+        "numpy",
+        "opencv-python-headless",
+        "pybullet",
+        "rich",
+        "shapely",
+    ],
     extras_require={"mujoco": ["mujoco"]},
     zip_safe=False,
     entry_points={

@@ -18,7 +18,7 @@ from sain_core.errors import BusyError, ErrorCode
 from sain_interfaces.msg import Plan
 from sain_model.ros.model_node import ModelNode
 from sain_mppi.ros.mppi_node import MppiNode
-from sain_sim.ros.poses_node import PosesNode
+from sain_vision.ros.scene_node import SceneNode
 from tests.examples.installing import install, run
 from tests.paths import ROOT
 
@@ -42,7 +42,7 @@ def robot(graph: Any, robot_class: Any) -> Any:
     graph.listen("true_poses", PoseArray)
     graph.listen("/diagnostics", DiagnosticArray)
     node = graph.start(robot_class, pace=2.0, noise=NOISE)
-    graph.start(PosesNode, bodies=str(BODIES), noise=NOISE, max_speed=0.6)
+    graph.start(SceneNode, bodies=str(BODIES), noise=NOISE, max_speed=0.6)
     graph.wait(lambda: graph.find("scene", settled=True), "a settled scene")
     return node
 
@@ -140,7 +140,7 @@ def test_two_foreign_robots_are_named_and_nothing_is_pushed(graph: Any, robot: A
 
 def test_a_push_that_takes_long_is_not_sent_again(graph: Any, robot_class: Any) -> None:
     graph.start(robot_class, pace=0.25, noise=NOISE)
-    graph.start(PosesNode, bodies=str(BODIES), noise=NOISE)
+    graph.start(SceneNode, bodies=str(BODIES), noise=NOISE)
     graph.start(ModelNode, model="planar")
     graph.start(MppiNode, estimator__noise=NOISE, goal_tracker__answer_timeout=0.3, **SMALL)
     graph.aim((0.70, 0.05), 1, tolerance=0.02, max_pushes=2)
