@@ -6,8 +6,8 @@ import cv2
 import numpy as np
 
 from sain_core.shapes.bodies import Bodies
-from sain_sim.camera.decals import paint_tag
 from sain_core.shapes.body_file import BodyFile, Tag
+from sain_sim.camera.decals import paint_tag
 from sain_vision.optics import CameraModel
 
 SIZE = 0.04  # [m], of a tag

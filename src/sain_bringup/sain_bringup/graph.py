@@ -28,7 +28,6 @@ from sain_core.shapes.shape import BOTTOMS, FEET
 from sain_core.world import MASSES, ObservationConfig, changed_settings
 from sain_model.compute.kernel_store import compile_visibly
 from sain_sim.world.engines import DEFAULT_ENGINE, ENGINE_HELP, check_engine
-from sain_core.shapes.body_file import read_bodies
 
 NAMESPACE: Final = "sain"  # as `sain_core.ros.node_main` has it, which needs rclpy
 RECORDINGS: Final = Path("bags")

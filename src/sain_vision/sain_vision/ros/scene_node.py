@@ -22,7 +22,7 @@ from sain_core.ros.node_main import ERROR, NAMESPACE, OK, WARN, Diagnostics
 from sain_core.ros.parameters import read_parameters
 from sain_core.ros.qos import LATCHED_QUEUE, QUEUE, RELIABLE, TRANSFORMS, LatchedTopic, steady_timer
 from sain_core.scene import Table
-from sain_core.shapes.body_file import Poses, read_bodies
+from sain_core.shapes.body_file import read_bodies
 from sain_core.view.scenes import bodies_in, table_top
 from sain_core.view.things import Thing
 from sain_interfaces.msg import Bodies, Push, PushResult

@@ -12,8 +12,8 @@ import numpy as np
 
 from sain_core.errors import ErrorCode
 from sain_core.scene import SETTLED_SPEED, VELOCITY, VX, is_settled, wrap_angle
-from sain_core.types import Scene
 from sain_core.shapes.body_file import BodyFile, Poses
+from sain_core.types import Scene
 from sain_vision.scene.body_track import BodyTrack, Covariance, Observed, Pose, TrackingConfig
 
 REMEMBERED = 1000  # answered pushes: answers may come before the pushes
