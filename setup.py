@@ -14,7 +14,7 @@ from pathlib import Path
 from setuptools import setup
 
 ROOT = Path(__file__).parent
-PACKAGES = ("core", "sim", "model", "mppi", "eval", "bags", "lab", "gym", "pusht", "vision")
+PACKAGES = ("core", "arm", "sim", "model", "mppi", "eval", "bags", "lab", "gym", "pusht", "vision")
 # It asks for OpenCV with windows.
 OPTIONAL = {"gym-pusht": "pusht"}
 
@@ -36,7 +36,7 @@ def key(name):
 
 def pinned():
     """Return the requirement of each project whose version is pinned, by its key."""
-    names = ("ros.in", "python.in", "torch.txt", "bullet.txt", "as_is.txt")
+    names = ("ros.in", "python.in", "torch.txt", "bullet.txt", "robots.txt", "as_is.txt")
     text = "\n".join((ROOT / "requirements" / name).read_text() for name in names)
     found = re.findall(r"^([\w.-]+)==(\S+)", text, re.MULTILINE)
     return {key(name): f"{name}=={version}" for name, version in found}

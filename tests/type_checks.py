@@ -24,8 +24,8 @@ import numpy as np
 from beartype import BeartypeConf, FrozenDict, beartype
 
 PACKAGES: Final = (
-    "sain_core", "sain_sim", "sain_model", "sain_mppi", "sain_bags", "sain_eval", "sain_lab",
-    "sain_gym", "sain_bringup", "sain_vision",
+    "sain_core", "sain_arm", "sain_sim", "sain_model", "sain_mppi", "sain_bags", "sain_eval",
+    "sain_lab", "sain_gym", "sain_bringup", "sain_vision",
 )  # fmt: skip
 COMPILED: Final = "_kernels"  # modules that Numba compiles: it does not take decorated functions
 ALWAYS, SELDOM = 20, 50  # calls of a function in a test: all checked, and then one of these

@@ -25,9 +25,10 @@ environment_recipe() {
 # has them.
 missing_packages() {
   local package
-  if [[ $(ros_kind) == system ]]; then return; fi
-  for package in tf2_msgs vision_msgs; do
-    if [[ ! -e $venv/share/$package ]]; then printf '%s ' "../tools/missing/$package"; fi
+  [[ $(ros_kind) == wheels ]] || return 0
+  for package in "$root"/tools/missing/*/; do
+    package=${package%/} package=${package##*/}
+    if [[ ! -e $venv/share/$package ]]; then echo -n "../tools/missing/$package "; fi
   done
 }
 

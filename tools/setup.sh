@@ -153,30 +153,38 @@ install() {
 # Two pips side by side must not look at what the other one is unpacking, hence --ignore-installed.
 install_locked_ros() { install --ignore-installed --no-deps -r "$lock-ros.txt" && mend_wheels; }
 
-install_locked_python() { install --ignore-installed --no-deps -r "$lock-python.txt" && install_arm; }
+install_locked_python() { install --ignore-installed --no-deps -r "$lock-python.txt" && install_arms; }
 
-update_locked() { install --no-deps -r "$lock-ros.txt" -r "$lock-python.txt" && install_arm && mend_wheels; }
+update_locked() { install --no-deps -r "$lock-ros.txt" -r "$lock-python.txt" && install_arms && mend_wheels; }
 
 install_beside_ros() {
   (cd "$root/requirements" && install -c jazzy-constraints.txt -r python.in && install --no-deps -r as_is.txt) &&
-    install_arm
+    install_arms
 }
 
-# The arm's description and meshes come with PyBullet, which has no wheel above Python 3.11. They are data,
-# so the folder is taken out of the last wheel; the engine there is MuJoCo.
-install_arm() {
+# Descriptions and meshes of arms are data in large wheels: only their folders are taken out. PyBullet has no
+# wheel above Python 3.11 (the engine there is MuJoCo); example-robot-data unpacks 40 robots, 414 MB.
+install_arms() {
+  local robots=cmeel.prefix/share/example-robot-data/robots
+  unpack_from_wheel bullet.txt pybullet_data &&
+    unpack_from_wheel robots.txt $robots/{panda_description,so_arm_description,xarm_description} \
+      $robots/ur_description/{urdf,meshes/ur5/collision}
+}
+
+unpack_from_wheel() { # REQUIREMENTS FOLDER...
   local wheel
-  if [[ -d $(site_packages)/pybullet_data ]]; then return; fi
+  if [[ -d $(site_packages)/$2 ]]; then return; fi
   wheel=$(mktemp -d)
   "$venv/bin/python" -m pip download --disable-pip-version-check --no-input --progress-bar off --dest "$wheel" \
-    --no-deps --only-binary=:all: --implementation cp --python-version 3.11 --abi cp311 \
-    --platform manylinux_2_17_x86_64 --platform manylinux2014_x86_64 -r "$root/requirements/bullet.txt" &&
+    --no-deps --only-binary=:all: --implementation cp --python-version 3.11 --abi cp311 --abi none \
+    --platform manylinux_2_17_x86_64 --platform manylinux2014_x86_64 --platform any -r "$root/requirements/$1" &&
     "$venv/bin/python" -c 'import sys, zipfile
+folders = tuple(f"{folder}/" for folder in sys.argv[3:])
 with zipfile.ZipFile(sys.argv[1]) as wheel:
-    wheel.extractall(sys.argv[2], [name for name in wheel.namelist() if name.startswith("pybullet_data/")])' \
-      "$wheel"/*.whl "$(site_packages)"
+    wheel.extractall(sys.argv[2], [name for name in wheel.namelist() if name.startswith(folders)])' \
+      "$wheel"/*.whl "$(site_packages)" "${@:2}"
   rm -rf "$wheel"
-  [[ -d $(site_packages)/pybullet_data ]]
+  [[ -d $(site_packages)/$2 ]]
 }
 
 site_packages() { echo "$venv"/lib/python3.*/site-packages; }

@@ -8,10 +8,12 @@ import pytest
 from tests.workspace.source_tree import PYTHON_PACKAGES, SOURCE, Import, imports_in, imports_of
 
 BELOW = {
-    "sain_core", "sain_sim", "sain_model", "sain_mppi", "sain_bags", "sain_eval", "sain_vision",
+    "sain_core", "sain_arm", "sain_sim", "sain_model", "sain_mppi", "sain_bags", "sain_eval",
+    "sain_vision",
 }  # fmt: skip
 MAY_IMPORT = {
     "sain_core": set(),
+    "sain_arm": {"sain_core"},
     "sain_sim": {"sain_core"},
     "sain_model": {"sain_core"},
     "sain_mppi": {"sain_core"},

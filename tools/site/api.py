@@ -17,6 +17,10 @@ PACKAGES: Final = {
         "The simulated worlds.",
         ("world.world", "world.parameters", "world.engines", "collecting.collect"),
     ),
+    "sain_arm": (
+        "Robot arms under ros2_control.",
+        ("robot.robot", "planning.push_planner", "planning.reach", "laboratory.cell"),
+    ),
     "sain_model": (
         "Priors, networks, and how they are trained and evaluated.",
         ("physics.planar", "dynamics.sain", "dynamics.load",

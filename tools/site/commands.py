@@ -15,9 +15,8 @@ from sain_core.cli.command_line import Command, describe_options
 from sain_core.cli.node_command import NodeCommand
 
 PACKAGES: Final = (
-    "sain_bringup", "sain_sim", "sain_vision", "sain_model", "sain_mppi", "sain_bags", "sain_eval",
-    "sain_lab",
-    "sain_live", "sain_pusht",
+    "sain_bringup", "sain_sim", "sain_vision", "sain_arm", "sain_model", "sain_mppi", "sain_bags",
+    "sain_eval", "sain_lab", "sain_live", "sain_pusht",
 )  # fmt: skip
 INTRODUCTION: Final = """# Commands
 

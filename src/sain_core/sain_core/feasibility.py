@@ -17,6 +17,7 @@ from numpy import ndarray
 from sain_core.config import Config, option
 from sain_core.errors import BlockedError, InvalidInputError, StaleSceneError, UnreachableError
 from sain_core.push import BODY, DEFAULT_SPEED, LENGTH, LOCATION, PATH, SPEED, PushLimits, strokes
+from sain_core.reach import Reach
 from sain_core.scene import MID, POSITION, RADIUS, THETA, Table, check_on_table, check_states, unit
 from sain_core.shapes.bodies import PAPER_DISKS, Bodies
 from sain_core.shapes.shape import Shape, distance_to_way, outline_of
@@ -24,34 +25,6 @@ from sain_core.types import Mask, Points, PushArray, Pushes, Scalars, Scene, Sce
 
 EXACT_WITHIN: Final = 0.05  # [m], from which on a gap to an outline is that to its circle
 START_PLACES: Final = 2049  # along an outline
-
-
-@dataclass(frozen=True)
-class Reach(Config):
-    """Where a vertical tool can stand: a ring about the arm's base, cut off behind it."""
-
-    inner: float = option(0.20, "smallest distance from the base axis", unit="m", minimum=0.0)
-    outer: float = option(0.74, "largest distance from the base axis", unit="m", minimum=0.1)
-    max_bearing: float = option(2.2, "largest |bearing| seen from the base", unit="rad")
-
-    def contains(self, points: Points) -> Mask:
-        """Tell which tool positions (..., 2) the arm can take."""
-        distance = np.hypot(points[..., 0], points[..., 1])
-        bearing = np.abs(np.arctan2(points[..., 1], points[..., 0]))
-        return np.asarray(
-            (distance >= self.inner) & (distance <= self.outer) & (bearing <= self.max_bearing)
-        )
-
-    def covers(self, start: Points, way: Points, length: Scalars) -> Mask:
-        """Tell which ways (...,) from a start (..., 2) in a direction (..., 2) lie in reach.
-
-        The ring is not convex: a way is checked where it starts, ends and comes nearest the base.
-        """
-        nearest = np.clip(-(start * way).sum(-1), 0.0, length)
-        ok = self.contains(start)
-        ok &= self.contains(start + nearest[..., None] * way)
-        ok &= self.contains(start + length[..., None] * way)
-        return np.asarray(ok)
 
 
 def reachable(
@@ -222,9 +195,7 @@ class Feasibility(Config):
         if not reach.covers(start, way, push[LENGTH]):
             numbers = ", ".join(f"{number:.3f}" for number in push[PATH])
             raise UnreachableError(
-                f"the tool's way for push ({numbers}) leaves the"
-                f" arm's reach of {reach.inner} to {reach.outer} m from the base,"
-                f" |bearing| <= {reach.max_bearing} rad"
+                f"the tool's way for push ({numbers}) leaves the arm's reach: {reach.describe()}"
             )
         room = float(start_gap(scene, push, self.limits, bodies))
         if room < 0.0:

@@ -64,7 +64,7 @@ def test_colcon_gets_a_setuptools_that_it_can_use(python):
 
 @pytest.mark.parametrize("package", PYTHON_PACKAGES)
 def test_what_a_package_needs_is_pinned(package):
-    files = ("ros.in", "python.in", "bullet.txt", "as_is.txt", "torch.txt")
+    files = ("ros.in", "python.in", "bullet.txt", "robots.txt", "as_is.txt", "torch.txt")
     pinned = {name for file in files for name in pins(REQUIREMENTS / file)}
     assert {name.lower() for name in requirements_of(package)} <= pinned
 

@@ -11,11 +11,13 @@ from typing import Any
 import numpy as np
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Point, Point32, Polygon, Pose, PoseWithCovariance, Quaternion
+from nav_msgs.msg import MapMetaData, OccupancyGrid
 from shape_msgs.msg import SolidPrimitive
 from std_msgs.msg import Header
 
 from sain_core.goal import BodyPose, Goal
 from sain_core.push import BODY, PUSH_NAMES
+from sain_core.reach import ReachTable
 from sain_core.scene import DISK_HEIGHT, STATE_NAMES, THETA, X, Y
 from sain_core.shapes.bodies import Bodies
 from sain_core.shapes.shape import Shape, Solid
@@ -57,6 +59,17 @@ def header(stamp: Time) -> Header:
 def encode_disks(scene: Scene) -> list[DiskState]:
     """Return a scene (N, 8) as ``DiskState[]``."""
     return [DiskState(**dict(zip(STATE_NAMES, row, strict=True))) for row in scene.tolist()]
+
+
+def encode_reach(reach: ReachTable, stamp: Time) -> OccupancyGrid:
+    """Return a table of reach as a map: 0 is in reach, 100 is not."""
+    message = OccupancyGrid(header=header(stamp))
+    rows, columns = reach.free.shape
+    x, y = map(float, reach.corner)
+    message.info = MapMetaData(map_load_time=stamp, resolution=reach.cell, width=columns)
+    message.info.height, message.info.origin = rows, Pose(position=Point(x=x, y=y))
+    message.data = array("b", np.where(reach.free, 0, 100).astype(np.int8).tobytes())
+    return message
 
 
 def encode_poses(scene: Scene, places: Scalars, turns: Scalars) -> list[PoseWithCovariance]:

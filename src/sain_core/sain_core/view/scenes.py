@@ -37,8 +37,8 @@ NAMES: Final = ("mid", "target")  # the paper's, of disks 0 and 1
 
 def stage(feasibility: Feasibility = Feasibility()) -> list[Thing]:
     """Return the table and the part of it that the tool reaches."""
-    reach, table = feasibility.reach, table_top(feasibility.table)
-    return [table, ReachArea(reach.inner, reach.outer, reach.max_bearing, table)]
+    table = table_top(feasibility.table)
+    return [table, ReachArea(feasibility.reach.outlines, table)]
 
 
 def table_top(table: Table) -> TableTop:

@@ -19,7 +19,6 @@ from sain_core.shapes.shape import Shape
 from sain_core.types import Place, Points
 from sain_core.view.palette import PALETTE, cost_colour
 
-ARC: Final = 90  # corners of each limit of the reach
 HEADING_MARK: Final = 0.8  # of the circumscribed radius, length of a mark of a heading
 
 
@@ -54,12 +53,12 @@ class TableTop:
 class ReachArea:
     """The part of a table where the tool can stand.
 
-    It is that of a ring [m] about the arm's base up to a bearing [rad].
+    Attributes:
+        pieces: of the reach, the corners (M, 2) [m] of each.
+        table: it.
     """
 
-    inner: float
-    outer: float
-    bearing: float
+    pieces: list[Points]
     table: TableTop
 
     @property
@@ -67,10 +66,10 @@ class ReachArea:
         """The corners (M, 2) [m] of each piece of it."""
         from shapely import Polygon, get_parts
 
-        way = unit(np.linspace(-self.bearing, self.bearing, ARC))
-        ring = Polygon(np.concatenate([self.outer * way, self.inner * way[::-1]]))
-        pieces = get_parts(ring.intersection(Polygon(self.table.outline)))
-        return [np.array(piece.exterior.coords)[:-1] for piece in pieces if piece.area > 0.0]
+        table = Polygon(self.table.outline)
+        parts = [get_parts(Polygon(piece).intersection(table)) for piece in self.pieces]
+        whole = [part for some in parts for part in some if part.area > 0.0]
+        return [np.array(part.exterior.coords)[:-1] for part in whole]
 
 
 @dataclass(frozen=True, eq=False)

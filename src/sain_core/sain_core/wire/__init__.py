@@ -19,6 +19,7 @@ from sain_core.errors import InvalidInputError
 from sain_core.goal import KEEP_TOLERANCE, TOLERANCE, TURN_PER_METRE, BodyPose, Goal
 from sain_core.guarding.untrusted import MOST_BODIES
 from sain_core.push import BODY, DEFAULT_SPEED, PUSH_NAMES, PUSH_SIZE, SPEED
+from sain_core.reach import ReachTable
 from sain_core.scene import STATE_NAMES, STATE_SIZE
 from sain_core.transitions import PushHistory
 from sain_core.types import (
@@ -32,6 +33,8 @@ from sain_core.types import (
 
 MIN_DISKS = 1
 UNIT: Final = 0.01  # by which the length of a quaternion may be off
+LEAST_CELL, MOST_CELL = 0.001, 0.2  # [m], of a table of reach
+MOST_CELLS: Final = 100_000
 UPRIGHT: Final = 0.9  # cosine of the largest tilt of a body, 25 degrees
 Place = Float[ndarray, "3"]
 Turn = Float[ndarray, "4"]  # quaternion x y z w
@@ -120,9 +123,12 @@ def _decode_goal_pose(message: Any) -> BodyPose:
 
 def decode_pose(message: Any, what: str) -> Float[ndarray, "3"]:
     """Return x, y and heading (3,) of a ``Pose`` on the table; raises as the two that follow."""
+    return flat_pose(*check_pose(*_pose_numbers(message), what), what)
+
+
+def _pose_numbers(message: Any) -> tuple[tuple[float, ...], tuple[float, ...]]:
     place, turn = message.position, message.orientation
-    given = (place.x, place.y, place.z), (turn.x, turn.y, turn.z, turn.w)
-    return flat_pose(*check_pose(*given, what), what)
+    return (place.x, place.y, place.z), (turn.x, turn.y, turn.z, turn.w)
 
 
 def check_pose(place: Sequence[float], turn: Sequence[float], what: str) -> tuple[Place, Turn]:
@@ -154,6 +160,29 @@ def flat_pose(place: Place, turn: Turn, what: str) -> Float[ndarray, "3"]:
         raise InvalidInputError(f"{what} is tilted by {tilt:.0f} degrees; its z axis must point up")
     heading = atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
     return np.array([place[0], place[1], heading])
+
+
+def decode_reach(message: Any) -> ReachTable:
+    """Return an ``OccupancyGrid`` as a table of reach: 0 is a square that the tool can stand in.
+
+    Raises:
+        InvalidInputError: turned, of another size than stated, or without such a square.
+    """
+    info = message.info
+    rows, columns, cell = int(info.height), int(info.width), float(info.resolution)
+    x, y, turn = flat_pose(*check_pose(*_pose_numbers(info.origin), "origin"), "origin")
+    if turn != 0.0 or not LEAST_CELL <= cell <= MOST_CELL:
+        raise InvalidInputError(
+            f"the table of reach has cells of {cell:g} m and is turned by {turn:g} rad; allowed:"
+            f" {LEAST_CELL:g} to {MOST_CELL:g} m, and no turn"
+        )
+    if rows * columns != len(message.data) or rows * columns > MOST_CELLS:
+        raise InvalidInputError(
+            f"the table of reach states {rows} x {columns} cells and has {len(message.data)};"
+            f" allowed: as many as stated, at most {MOST_CELLS}"
+        )
+    free = np.asarray(message.data, dtype=np.int8).reshape(rows, columns) == 0
+    return ReachTable.of((float(x), float(y)), cell, free)
 
 
 def decode_plan(message: Any) -> tuple[Pushes, Scenes]:

@@ -14,6 +14,7 @@ from sain_core.feasibility import Feasibility
 from sain_core.model import RolloutModel
 from sain_core.push import push_ids
 from sain_core.randomness import generator
+from sain_core.reach import Reach
 from sain_core.shapes.bodies import PAPER_DISKS, Bodies
 from sain_core.transitions import PushHistory
 from sain_core.wire.bodies import check_unchanged
@@ -127,6 +128,11 @@ class Agent:
     def bodies(self) -> Bodies:
         """The bodies of the latest scene."""
         return self.bodies_of(self._episode)
+
+    def set_reach(self, reach: Reach) -> None:
+        """Plan the next push for an arm that reaches elsewhere."""
+        feasibility = replace(self.config.feasibility, reach=reach)
+        self.config = replace(self.config, feasibility=feasibility)
 
     def check(self, event: EpisodeBegun) -> None:
         """Raise `InvalidInputError` where the bodies of the present episode would change."""

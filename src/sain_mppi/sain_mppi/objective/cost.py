@@ -207,14 +207,11 @@ def reach(rollout: Rollout, objective: Objective) -> Scalars:
 
     In margins, squared and summed: a pusher in a place without an approach ends the episode.
     """
-    ring, margin = objective.feasibility.reach, objective.weights.reach_margin
+    region, margin = objective.feasibility.reach, objective.weights.reach_margin
 
     def term(relay: Relay) -> Scalars:
         place = rollout.after[:, -1, [relay.pusher, relay.body], POSITION]  # (K, 2, 2)
-        radius = np.linalg.norm(place, axis=-1)
-        bearing = np.abs(np.arctan2(place[..., 1], place[..., 0]))
-        room = np.minimum(radius - ring.inner, ring.outer - radius)
-        room = np.minimum(room, (ring.max_bearing - bearing) * radius)
+        room = region.room(place)
         return np.asarray(relay.remaining * np.square(_shortfall(room, margin)).sum(axis=1))
 
     return _over_relays(rollout, term)
@@ -226,7 +223,7 @@ def stranded(rollout: Rollout, objective: Objective) -> Scalars:
     Room for the pusher behind the body, on the table, and for the tool behind that, in reach. Disks
     count by `caution` and `reach`.
     """
-    bodies, ring = objective.bodies, objective.feasibility.reach
+    bodies, region = objective.bodies, objective.feasibility.reach
     limits, table = objective.feasibility.limits, objective.feasibility.table
 
     def term(relay: Relay) -> Scalars:
@@ -235,8 +232,8 @@ def stranded(rollout: Rollout, objective: Objective) -> Scalars:
         width = bodies.shapes[relay.pusher].width * float(last[0, relay.pusher, RADIUS])
         middle = last[:, relay.body, POSITION] + (rear + width / 2)[:, None] * behind
         away = rear + width + limits.tool_radius + limits.clearance
-        apart = np.linalg.norm(last[:, relay.body, POSITION] + away[:, None] * behind, axis=-1)
-        out_of_reach = np.maximum(np.maximum(ring.inner - apart, apart - ring.outer), 0.0)
+        tool = last[:, relay.body, POSITION] + away[:, None] * behind
+        out_of_reach = np.maximum(-region.room(tool), 0.0)
         off = np.maximum(width / 2 - _table_room(middle, table), 0.0)
         return np.asarray(relay.remaining * (out_of_reach + off))
 

@@ -146,8 +146,7 @@ class Problem:
                 return
         raise UnreachableError(
             f"the goal ({pose.x:.3f}, {pose.y:.3f}) m of body {pose.body} is out of reach: the tool"
-            f" would have to stand {least + tool:.2f} m behind it, {reach.inner} to {reach.outer} m"
-            " from the arm's base"
+            f" would have to stand {least + tool:.2f} m behind it, {reach.describe()}"
         )
 
     def _span(self, body: int) -> tuple[float, float]:

@@ -3,6 +3,7 @@
 from typing import Any, Final
 
 from diagnostic_msgs.msg import DiagnosticArray
+from nav_msgs.msg import OccupancyGrid
 from rclpy.node import Node
 
 from sain_core import wire
@@ -12,7 +13,7 @@ from sain_core.model import as_observed, load_dynamics
 from sain_core.ros.codec import decode_time
 from sain_core.ros.node_main import NAMESPACE, OK, WARN, Diagnostics
 from sain_core.ros.parameters import LiveParameters, read_parameters
-from sain_core.ros.qos import LATCHED_QUEUE, QUEUE, RELIABLE
+from sain_core.ros.qos import LATCHED, LATCHED_QUEUE, QUEUE, RELIABLE
 from sain_core.scene import is_settled
 from sain_core.wire.bodies import decode_bodies
 from sain_interfaces.msg import Bodies, Goal, PushResult, Scene
@@ -66,6 +67,7 @@ class MppiNode(Node):
         listen(Scene, "scene", self._on_scene, RELIABLE, self._ignore)
         listen(PushResult, "push_result", self._on_result, QUEUE)
         listen(Bodies, "shapes", self._on_bodies, LATCHED_QUEUE, self._ignore)
+        listen(OccupancyGrid, "reach_table", self._on_reach, LATCHED)
         if self.remote is not None:
             listen(DiagnosticArray, "/diagnostics", self.remote.on_diagnostics, RELIABLE)
 
@@ -123,6 +125,11 @@ class MppiNode(Node):
         if self.agent.early > FEW:
             text = f"waits for the shapes of episode {message.episode_id}"
             self.diagnostics.set(WARN, text)
+
+    def _on_reach(self, message: OccupancyGrid) -> None:
+        reach = wire.decode_reach(message)
+        self.agent.set_reach(reach)
+        self.get_logger().info(f"plans pushes in the arm's table of reach, {reach.describe()}")
 
     def _ignore(self, message: Scene | Bodies, error: BaseException) -> None:
         what = f"the shapes of episode {message.episode_id} are"

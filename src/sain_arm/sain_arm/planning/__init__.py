@@ -1,0 +1,1 @@
+"""From a push to a checked trajectory of the joints. No middleware here."""

@@ -1,0 +1,280 @@
+"""Plans the whole way of the arm for a push, and checks all of it before anything moves.
+
+The way has two parts. The approach lifts the tool from where it is, travels above all bodies and
+lowers it beside the body. The stroke goes straight at a set speed, withdraws a little and lifts.
+Both stay in one branch of the inverse kinematics. Several are tried: the arm's present one, the one
+of home and some at random. The one with the largest margin to the joints' limits wins.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Final
+
+import numpy as np
+from numpy import ndarray
+
+from sain_arm.planning.arm_config import MotionConfig
+from sain_arm.planning.kinematics import Kinematics, Tips
+from sain_arm.planning.timing import Trajectory, Way
+from sain_arm.robot.arm_model import ArmModel, Contact
+from sain_arm.robot.robot import Joints, Robot, Vector
+from sain_core.errors import BlockedError, SainError, UnreachableError
+from sain_core.feasibility import Stroke
+from sain_core.scene import unit
+from sain_core.shapes.bodies import Bodies
+from sain_core.types import Scene
+
+SPACING: Final = 0.01  # [m] between points of a way
+ENOUGH: Final = 0.15  # [rad], margin with which the present branch is kept without a search
+BRANCHES: Final = 6  # drawn at random
+SAME: Final = 0.1  # [rad], within which two ways end in one posture
+LEAST_SHARE: Final = 0.98  # of a stroke's speed that the joints must allow
+
+
+@dataclass(frozen=True, eq=False)
+class PushPlan:
+    """The motion of the arm for a push, checked.
+
+    Attributes:
+        approach: from where the arm is to beside the body.
+        stroke: from there through the stroke, up to above its end.
+        pushing: from when to when [s] in `stroke` the tool pushes.
+    """
+
+    approach: Trajectory
+    stroke: Trajectory
+    pushing: tuple[float, float]
+
+
+@dataclass(frozen=True, eq=False)
+class _Branch:
+    """A stroke in one branch: joints of its ways, and how far they stay from limits [rad]."""
+
+    lower: Joints
+    stroke: Joints
+    withdraw: Joints
+    lift: Joints
+    margin: float
+
+
+class PushPlanner:
+    """Plans pushes for one robot among the bodies of an episode."""
+
+    def __init__(
+        self,
+        robot: Robot,
+        bodies: Bodies | None = None,
+        radii: tuple[float, ...] = (),
+        config: MotionConfig = MotionConfig(),
+    ) -> None:
+        """Plan for these bodies with their radii [m]."""
+        self.robot, self.config = robot, config
+        self.arm = ArmModel(robot, bodies, radii)
+        self.kinematics = Kinematics(self.arm)
+
+    def plan(self, stroke: Stroke, scene: Scene, joints: Vector) -> PushPlan:
+        """Return the motion for a stroke in a scene (N, 8), from where the arm has joints (J,).
+
+        Raises:
+            UnreachableError: a place, a limit of a joint, or a contact of a link in the way.
+            BlockedError: a body in the way.
+        """
+        self.arm.place(scene)
+        self._check_workspace(stroke)
+        return self._with_best_branch(stroke, joints)
+
+    def retreat(self, joints: Vector) -> Trajectory:
+        """Return the way straight up from where the arm has joints (J,).
+
+        Raises:
+            UnreachableError: there is none.
+        """
+        tip = self.arm.tip(joints)
+        if tip[2] >= self.config.raised:
+            return self._timed(np.stack([tip, tip]), np.stack([joints, joints]))
+        way = self._line(tip, np.array([*tip[:2], self.config.raised]))
+        return self._timed(way, self.kinematics.follow(joints, way))
+
+    def _check_workspace(self, stroke: Stroke) -> None:
+        """Check that both ends of a stroke are in the workspace box, which is convex."""
+        low, high = self.robot.workspace.T
+        heights = {"stroke": self.config.tip_height, "travel": self.config.raised}
+        for what, height in heights.items():
+            for place in (stroke.start, stroke.end):
+                tip = np.array([*place, height])
+                if not ((tip >= low) & (tip <= high)).all():
+                    axis = int(np.argmin((tip >= low) & (tip <= high)))
+                    raise UnreachableError(
+                        f"the tool would {what} at {'xyz'[axis]} = {tip[axis]:.3f} m; the workspace"
+                        f" allows {low[axis]:g} to {high[axis]:g} m"
+                    )
+
+    def _with_best_branch(self, stroke: Stroke, joints: Vector) -> PushPlan:
+        """Return the plan in the present branch if that has margin, else in the best one."""
+        plans: list[tuple[float, PushPlan]] = []
+        first: SainError | None = None
+        for seed in self._seeds(stroke, joints):
+            try:
+                branch = self._branch(stroke, seed)
+                if plans and branch.margin <= max(margin for margin, _ in plans):
+                    continue
+                plans.append((branch.margin, self._timed_plan(stroke, branch, joints)))
+            except (UnreachableError, BlockedError) as error:
+                first = first or error
+                continue
+            if branch.margin >= ENOUGH:
+                break
+        if not plans:
+            assert first is not None
+            raise first
+        return max(plans, key=lambda one: one[0])[1]
+
+    def _seeds(self, stroke: Stroke, joints: Vector) -> Iterator[Vector]:
+        """Yield joints from which branches are tried, the arm's own first."""
+        yield joints
+        yield self.robot.home
+        random = np.random.default_rng(0)
+        span = np.minimum(self.robot.upper - self.robot.lower, 2 * np.pi)
+        for _ in range(BRANCHES):
+            drawn = self.robot.home + random.uniform(-0.5, 0.5, len(joints)) * span
+            yield np.clip(drawn, self.robot.lower, self.robot.upper)
+
+    def _branch(self, stroke: Stroke, seed: Vector) -> _Branch:
+        """Return the joints of a stroke in the branch that joints (J,) lead to, checked."""
+        config = self.config
+        start, end = stroke.start, stroke.end
+        back = end - min(config.withdrawal, stroke.length) * unit(np.asarray(stroke.heading))
+        low, high = config.tip_height, config.raised
+        points = [
+            np.array([*place, height])
+            for place, height in (
+                (start, high),
+                (start, low),
+                (end, low),
+                (back, low),
+                (back, high),
+            )
+        ]
+        ways = [self._line(*ends) for ends in pairwise(points)]
+        joints = self.kinematics.follow(seed, np.concatenate(ways))
+        parts = np.split(joints, np.cumsum([len(way) for way in ways])[:-1])
+        share = self._way(ways[1], parts[1], stroke.speed).speed_share(self.robot)
+        if share < LEAST_SHARE:
+            raise UnreachableError(
+                f"the joints allow {share * stroke.speed:.3f} m/s in this stroke;"
+                f" {stroke.speed:g} m/s is asked for"
+            )
+        pushes = {stroke.body}
+        for part, allowed in zip(parts, (set(), pushes, pushes, pushes), strict=True):
+            self._check_contacts(part, allowed)
+        robot = self.robot
+        margin = float(np.minimum(joints - robot.lower, robot.upper - joints).min())
+        lower, push, withdraw, lift = parts
+        return _Branch(lower, push, withdraw, lift, margin)
+
+    def _timed_plan(self, stroke: Stroke, branch: _Branch, joints: Vector) -> PushPlan:
+        approach = self._approach(joints, branch.lower)
+        parts = [
+            self._moved(branch.stroke, stroke.speed),
+            self._moved(branch.withdraw),
+            self._moved(branch.lift),
+        ]
+        trajectory = Trajectory.joined(parts)
+        return PushPlan(approach, trajectory, (0.0, parts[0].duration))
+
+    def _approach(self, joints: Vector, lower: Joints) -> Trajectory:
+        """Return the way from joints (J,) to the end of the lowering (T, J): up, across, down."""
+        parts = []
+        tip = self.arm.tip(joints)
+        lift = np.stack([joints, joints])
+        if tip[2] < self.config.raised:
+            way = self._line(tip, np.array([*tip[:2], self.config.raised]))
+            lift = self.kinematics.follow(joints, way)
+            self._check_contacts(lift, None)
+            parts.append(self._moved(lift))
+        parts.append(self._travel(lift[-1], lower[0]))
+        parts.append(self._moved(lower))
+        return Trajectory.joined(parts)
+
+    def _travel(self, start: Vector, end: Vector) -> Trajectory:
+        """Return the way above all bodies from joints (J,) to others.
+
+        An arc about the base, if it ends in the same posture; else straight in joint space.
+        """
+        first, last = self.arm.tips(np.stack([start, end]))
+        error: SainError
+        try:
+            joints = self.kinematics.follow(start, self._arc(first, last))
+            rest = end - joints[-1]
+            if np.abs(rest).max() < SAME:  # of the posture, at the same place
+                joints += np.linspace(0.0, 1.0, len(joints))[:, None] * rest
+                self._check_contacts(joints, set())
+                return self._moved(joints)
+            error = UnreachableError("another posture of the arm is needed")
+        except (UnreachableError, BlockedError) as failure:
+            error = failure
+        count = max(int(np.ceil(np.abs(end - start).max() / 0.05)), 2)
+        joints = start + np.linspace(0.0, 1.0, count + 1)[:, None] * (end - start)
+        lowest = self.arm.tips(joints)[:, 2].min()
+        if lowest < self.config.raised - 0.5 * self.config.clearance:
+            raise UnreachableError(
+                f"no way above the bodies: {error}; straight in joint space the tip would come"
+                f" down to {lowest:.3f} m"
+            )
+        self._check_contacts(joints, set())
+        return self._moved(joints)
+
+    def _check_contacts(self, joints: Joints, allowed: set[int] | None) -> None:
+        """Check that nothing touches along joints (T, J) but the tool the allowed bodies.
+
+        None: the tool may touch any body, as when it lifts off after a stop.
+        """
+        for row in joints:
+            for contact in self.arm.contacts(row):
+                touches = contact.is_tool and contact.body is not None
+                if not (touches and (allowed is None or contact.body in allowed)):
+                    raise _refusal(contact)
+
+    def _line(self, start: ndarray, end: ndarray) -> Tips:
+        """Return points (T, 3) on a straight line, `SPACING` apart."""
+        count = max(int(np.ceil(np.linalg.norm(end - start) / SPACING)), 2)
+        return np.asarray(start + np.linspace(0.0, 1.0, count + 1)[:, None] * (end - start))
+
+    def _arc(self, start: ndarray, end: ndarray) -> Tips:
+        """Return points (T, 3) on a spiral about the base, which comes no nearer than its ends."""
+        base = self.robot.base
+        near, far = (
+            np.array([np.hypot(*(p[:2] - base)), np.arctan2(*(p[:2] - base)[::-1]), p[2]])
+            for p in (start, end)
+        )
+        turn = far - near
+        length = np.linalg.norm([turn[0], turn[1] * max(near[0], far[0]), turn[2]])
+        count = max(int(np.ceil(length / SPACING)), 2)
+        radius, bearing, height = (near + np.linspace(0.0, 1.0, count + 1)[:, None] * turn).T
+        x, y = base[0] + radius * np.cos(bearing), base[1] + radius * np.sin(bearing)
+        return np.stack([x, y, height], axis=-1)
+
+    def _moved(self, joints: Joints, speed: float | None = None) -> Trajectory:
+        return self._way(self.arm.tips(joints), joints, speed).timed(self.robot)
+
+    def _timed(self, tips: Tips, joints: Joints) -> Trajectory:
+        return self._way(tips, joints, None).timed(self.robot)
+
+    def _way(self, tips: Tips, joints: Joints, speed: float | None) -> Way:
+        """Return joints (T, J) over the tool's travel, or their own where the tool hardly moves."""
+        steps = np.linalg.norm(np.diff(tips, axis=0), axis=1)
+        turns = np.abs(np.diff(joints, axis=0)).max(axis=1)
+        steps = np.maximum(steps, 0.05 * turns)
+        keep = np.concatenate([[True], steps > 1e-9])
+        travel = np.concatenate([[0.0], np.cumsum(steps)])
+        speed = self.config.travel_speed if speed is None else speed
+        return Way(travel[keep], joints[keep], speed, self.config.acceleration)
+
+
+def _refusal(contact: Contact) -> SainError:
+    link = "the tool" if contact.is_tool else f"link {contact.first}"
+    if contact.body is not None:
+        return BlockedError(f"{link} would touch body {contact.body} on its way")
+    what = "the table" if contact.second == "sain_table" else f"link {contact.second}"
+    return UnreachableError(f"{link} would touch {what} on its way")

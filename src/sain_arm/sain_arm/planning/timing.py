@@ -1,0 +1,136 @@
+"""When the joints are where: the fastest motion along a given way within the limits.
+
+A way is a line through joint space, q(s), with s the tool's travel. Its speed ds/dt is bounded by
+the joints' speeds, by how its bends use up their accelerations, and by a speed asked for. From rest
+to rest, two sweeps find the fastest profile: Bobrow, Dubowsky and Gibson, 1985, on a grid in s.
+"""
+
+from dataclasses import dataclass
+from typing import Final, Self
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from sain_arm.robot.robot import Joints, Robot, Vector
+from sain_core.types import Scalars
+
+GRID: Final = 200  # places along a way
+SHARE: Final = 0.95  # of the limits that is used
+BEND_SHARE: Final = 0.5  # of the accelerations, for bends; the rest changes the speed
+PERIOD: Final = 0.02  # [s] between points of a trajectory
+SHORTEST: Final = 1e-6  # [m], below which nothing moves
+
+
+@dataclass(frozen=True, eq=False)
+class Trajectory:
+    """Joints over time, as a controller gets them.
+
+    Attributes:
+        times: (T,) [s], from 0.
+        positions: (T, J) [rad].
+        velocities: (T, J) [rad/s]; 0 at both ends.
+    """
+
+    times: Scalars
+    positions: Joints
+    velocities: Joints
+
+    @property
+    def duration(self) -> float:
+        """From start to end [s]."""
+        return float(self.times[-1])
+
+    def at(self, time: float) -> tuple[Vector, Vector]:
+        """Return positions (J,) and velocities (J,) at a time [s]: cubic between the points."""
+        if time >= self.duration:
+            return self.positions[-1], np.zeros_like(self.positions[-1])
+        index = max(int(np.searchsorted(self.times, time, side="right")) - 1, 0)
+        step = self.times[index + 1] - self.times[index]
+        t = np.clip((time - self.times[index]) / step, 0.0, 1.0)
+        first, last = self.positions[index], self.positions[index + 1]
+        out, into = step * self.velocities[index], step * self.velocities[index + 1]
+        rise = last - first
+        bend, twist = 3 * rise - 2 * out - into, out + into - 2 * rise
+        position = first + t * (out + t * (bend + t * twist))
+        return position, (out + t * (2 * bend + 3 * t * twist)) / step
+
+    @classmethod
+    def joined(cls, parts: list["Trajectory"]) -> Self:
+        """Return parts one after another; each begins where the one before ends, at rest."""
+        times, start = [parts[0].times[:1]], 0.0
+        for part in parts:
+            times.append(part.times[1:] + start)
+            start += part.duration
+        rows = [[getattr(parts[0], name)[:1]] for name in ("positions", "velocities")]
+        for part in parts:
+            rows[0].append(part.positions[1:])
+            rows[1].append(part.velocities[1:])
+        return cls(np.concatenate(times), *(np.concatenate(row) for row in rows))
+
+
+@dataclass(frozen=True, eq=False)
+class Way:
+    """Joints along a way of the tool.
+
+    Attributes:
+        travel: (T,), of the tool [m], or of the joints [rad] where these are what is given.
+        joints: (T, J).
+        speed: limit of the travel [1/s].
+        acceleration: likewise [1/s^2].
+    """
+
+    travel: Scalars
+    joints: Joints
+    speed: float
+    acceleration: float
+
+    def timed(self, robot: Robot) -> Trajectory:
+        """Return the fastest motion within the robot's limits and those of the travel."""
+        length = float(self.travel[-1])
+        if length < SHORTEST or len(self.travel) < 2:
+            still = np.repeat(self.joints[:1], 2, axis=0)
+            return Trajectory(np.array([0.0, PERIOD]), still, np.zeros_like(still))
+        spline = CubicSpline(self.travel, self.joints)
+        places = np.linspace(0.0, length, GRID)
+        slope, bend = np.abs(spline(places, 1)), np.abs(spline(places, 2))
+        with np.errstate(divide="ignore"):
+            most = (SHARE * robot.velocity / slope).min(axis=1)
+            bends = np.sqrt((BEND_SHARE * robot.acceleration / bend).min(axis=1))
+            push = ((1.0 - BEND_SHARE) * SHARE * robot.acceleration / slope).min(axis=1)
+        speed = np.minimum(np.minimum(most, bends), self.speed)
+        speed = _swept(speed, np.minimum(push, self.acceleration), length / (GRID - 1))
+        steps = 2.0 * (length / (GRID - 1)) / (speed[1:] + speed[:-1])
+        times = np.concatenate([[0.0], np.cumsum(steps)])
+        count = max(int(np.ceil(times[-1] / PERIOD)), 2)
+        sampled = np.linspace(0.0, times[-1], count + 1)
+        travel = _travelled(sampled, times, places, speed)
+        rate = np.interp(travel, places, speed)
+        rate[[0, -1]] = 0.0
+        return Trajectory(sampled, spline(travel), spline(travel, 1) * rate[:, None])
+
+    def speed_share(self, robot: Robot) -> float:
+        """Return how much of its speed the joints allow at the slowest place, at most 1."""
+        spline = CubicSpline(self.travel, self.joints)
+        slope = np.abs(spline(np.linspace(0.0, self.travel[-1], GRID), 1))
+        return float(min(1.0, (robot.velocity / np.maximum(slope, 1e-12)).min() / self.speed))
+
+
+def _swept(speed: Scalars, push: Scalars, step: float) -> Scalars:
+    """Return the fastest speeds (T,) from rest to rest below others, with these accelerations."""
+    speed = speed.copy()
+    speed[0] = speed[-1] = 0.0
+    for places in (range(1, len(speed)), range(len(speed) - 2, -1, -1)):
+        side = 1 if places.step > 0 else -1
+        for place in places:
+            before = place - side
+            reach = np.sqrt(speed[before] ** 2 + 2.0 * min(push[place], push[before]) * step)
+            speed[place] = min(speed[place], reach)
+    return speed
+
+
+def _travelled(sampled: Scalars, times: Scalars, places: Scalars, speed: Scalars) -> Scalars:
+    """Return the travel at times: with constant acceleration between the places of a grid."""
+    index = np.clip(np.searchsorted(times, sampled, side="right") - 1, 0, len(times) - 2)
+    since, step = sampled - times[index], times[index + 1] - times[index]
+    gain = (speed[index + 1] - speed[index]) / step
+    return np.minimum(places[index] + speed[index] * since + 0.5 * gain * since**2, places[-1])

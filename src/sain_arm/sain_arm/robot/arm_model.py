@@ -1,0 +1,182 @@
+"""The arm in MuJoCo: where its links are, and what touches what.
+
+The model has the arm's joints alone. Bodies are mocap bodies that are placed before a question.
+"""
+
+from dataclasses import dataclass
+from typing import Any, Final
+
+import mujoco
+import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
+
+from sain_arm.robot.robot import Joints, Robot, Vector
+from sain_arm.robot.urdf import ROD, TIP
+from sain_core.scene import DISK_HEIGHT, POSITION, THETA
+from sain_core.shapes.bodies import Bodies
+from sain_core.shapes.shape import Shape, Solid, prism_surface
+from sain_core.types import Scene
+
+TABLE: Final = "sain_table"
+BODY: Final = "sain_body"
+SELF_GAP: Final = 0.0  # [m], between links
+GAP: Final = 0.003  # [m], between a link and table or bodies
+DRAWS: Final = 200  # postures, of which links that always touch are known
+
+
+@dataclass(frozen=True)
+class Contact:
+    """Two things that touch, by their names; `body` is the index of a body, or None.
+
+    Attributes:
+        first: a link.
+        second: another link, the table or a body.
+        body: which body it is.
+        is_tool: whether the link is the rod.
+    """
+
+    first: str
+    second: str
+    body: int | None
+    is_tool: bool
+
+
+class ArmModel:
+    """Kinematics and contacts of a robot over a table with bodies."""
+
+    def __init__(self, robot: Robot, bodies: Bodies | None = None, radii: tuple[float, ...] = ()):
+        """Build the model; without bodies there is the table alone."""
+        self.robot = robot
+        spec = mujoco.MjSpec.from_string(robot.description)
+        spec.worldbody.add_geom(
+            name=TABLE, type=mujoco.mjtGeom.mjGEOM_PLANE, size=[3.0, 3.0, 0.1], margin=GAP
+        )
+        shapes = () if bodies is None else bodies.shapes
+        for index, (shape, radius) in enumerate(zip(shapes, radii, strict=True)):
+            body = spec.worldbody.add_body(name=f"{BODY}{index}", mocap=True)
+            for geom in solid_geoms(spec, body, shape, radius):
+                geom.margin = GAP
+        self.model = spec.compile()
+        self.data = mujoco.MjData(self.model)
+        names = [self.model.joint(index).name for index in range(self.model.njnt)]
+        self.order = np.array([names.index(name) for name in robot.joints])
+        assert self.model.nq == len(robot.joints)
+        self._tip = self.model.body(TIP).id
+        self._names = [self.model.body(index).name for index in range(self.model.nbody)]
+        self._count = len(shapes)
+        self._harmless = self._always_touching()
+
+    def place(self, scene: Scene) -> None:
+        """Put the bodies where a scene (N, 8) has them."""
+        for index, state in enumerate(scene[: self._count]):
+            x, y = state[POSITION]
+            half = state[THETA] / 2.0
+            mocap = self.model.body(f"{BODY}{index}").mocapid[0]
+            self.data.mocap_pos[mocap] = [x, y, DISK_HEIGHT / 2]
+            self.data.mocap_quat[mocap] = [np.cos(half), 0.0, 0.0, np.sin(half)]
+
+    def set_joints(self, joints: Vector) -> None:
+        """Move the arm to joints (J,)."""
+        self.data.qpos[self.order] = joints
+        mujoco.mj_kinematics(self.model, self.data)
+        mujoco.mj_comPos(self.model, self.data)
+
+    def tip(self, joints: Vector) -> Float[ndarray, "3"]:
+        """Return where the tool's tip is [m]."""
+        self.set_joints(joints)
+        return np.array(self.data.xpos[self._tip])
+
+    def tips(self, joints: Joints) -> Float[ndarray, "T 3"]:
+        """Return where the tool's tip is, (T, 3) [m], for joints (T, J)."""
+        return np.array([self.tip(row) for row in joints])
+
+    def skeleton(self, joints: Vector) -> list[ndarray]:
+        """Return the places (3,) [m] of the links from the base to the tip."""
+        self.set_joints(joints)
+        chain, body = [], self._tip
+        while body:
+            chain.append(np.array(self.data.xpos[body]))
+            body = int(self.model.body_parentid[body])
+        return chain[::-1]
+
+    def axis(self) -> Float[ndarray, "3"]:
+        """Return the direction of the tool, of the joints set last."""
+        return np.array(self.data.xmat[self._tip].reshape(3, 3)[:, 2])
+
+    def jacobian(self) -> Float[ndarray, "6 J"]:
+        """Return how the tip moves and turns with the joints, of the joints set last."""
+        linear, angular = np.zeros((3, self.model.nv)), np.zeros((3, self.model.nv))
+        mujoco.mj_jacBody(self.model, self.data, linear, angular, self._tip)
+        return np.concatenate([linear, angular])[:, self.order]
+
+    def contacts(self, joints: Vector) -> list[Contact]:
+        """Return what touches where the arm has joints (J,): links, table and bodies."""
+        self.set_joints(joints)
+        mujoco.mj_collision(self.model, self.data)
+        found = []
+        for index in range(self.data.ncon):
+            contact = self.data.contact[index]
+            first, second = sorted(int(self.model.geom_bodyid[geom]) for geom in contact.geom)
+            pair = first, second
+            if pair in self._harmless:
+                continue
+            names = [self._names[body] for body in pair]
+            things = [TABLE if name == "world" else name for name in names]
+            links = [name for name in things if name != TABLE and not name.startswith(BODY)]
+            if not links or (len(links) == 2 and contact.dist > SELF_GAP):
+                continue
+            others = [name for name in things if name not in links] or links[1:]
+            body = int(others[0].removeprefix(BODY)) if others[0].startswith(BODY) else None
+            found.append(Contact(links[0], others[0], body, links[0] == ROD))
+        return found
+
+    @property
+    def harmless(self) -> list[tuple[str, str]]:
+        """Names of links that overlap in nearly every posture."""
+        return [(self._names[first], self._names[second]) for first, second in self._harmless]
+
+    def _always_touching(self) -> set[tuple[int, int]]:
+        """Return the pairs of links that touch at home, or in nearly every posture.
+
+        Meshes are convex hulls here: neighbours overlap.
+        """
+        self._harmless = set()
+        random, robot = np.random.default_rng(0), self.robot
+        counts: dict[tuple[int, int], int] = {}
+        postures = random.uniform(robot.lower, robot.upper, (DRAWS, len(robot.joints)))
+        for joints in postures:
+            self.set_joints(joints)
+            mujoco.mj_collision(self.model, self.data)
+            for pair in self._link_pairs():
+                counts[pair] = counts.get(pair, 0) + 1
+        often = {pair for pair, count in counts.items() if count > 0.9 * DRAWS}
+        self.set_joints(robot.home)
+        mujoco.mj_collision(self.model, self.data)
+        return often | self._link_pairs()
+
+    def _link_pairs(self) -> set[tuple[int, int]]:
+        pairs = set()
+        for index in range(self.data.ncon):
+            contact = self.data.contact[index]
+            bodies = [int(self.model.geom_bodyid[geom]) for geom in contact.geom]
+            names = [self._names[body] for body in bodies]
+            if 0 not in bodies and not any(name.startswith(BODY) for name in names):
+                pairs.add((min(bodies), max(bodies)))
+        return pairs
+
+
+def solid_geoms(spec: Any, body: Any, shape: Shape, radius: float) -> list[Any]:
+    """Add a cylinder, a box, or the convex hulls of a prism to a body, centred on it."""
+    if shape.solid is Solid.CYLINDER:
+        size = [radius, DISK_HEIGHT / 2, 0.0]
+        return [body.add_geom(type=mujoco.mjtGeom.mjGEOM_CYLINDER, size=size)]
+    if shape.solid is Solid.BOX:
+        size = [radius, radius, DISK_HEIGHT / 2]
+        return [body.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, size=size)]
+    geoms = []
+    for number, corners in enumerate(shape.parts(radius)):
+        points = np.unique(prism_surface(corners).reshape(-1, 3), axis=0)
+        hull = spec.add_mesh(name=f"{body.name}_{number}", uservert=points.ravel())
+        geoms.append(body.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname=hull.name))
+    return geoms

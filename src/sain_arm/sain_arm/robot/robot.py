@@ -1,0 +1,242 @@
+"""A robot, as one YAML file states it.
+
+    urdf: package://my_description/urdf/my_arm.urdf
+    tool: {frame: tool0, rod: 0.15, radius: 0.012}
+    controller: joint_trajectory_controller
+    home: {joint_1: 0.0, joint_2: -1.2, joint_3: 1.5}
+
+`KEYS` has all that may stand in it. Angles are in rad, lengths in m, times in s. ``home`` names the
+joints that move; what else the URDF has is fixed at 0.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from difflib import get_close_matches
+from math import isfinite
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
+
+from sain_arm.robot.urdf import AXES, Urdf, UrdfJoint
+from sain_core.errors import ConfigError, UntrustedFileError
+from sain_core.guarding.untrusted import read_yaml
+
+Joints = Float[ndarray, "*T J"]
+Vector = Float[ndarray, "J"]
+
+SHIPPED: Final = Path(__file__).parent.parent / "robots"
+KEYS: Final = {
+    "": ("urdf", "base", "tool", "controller", "home", "limits", "workspace"),
+    "base": ("x", "y", "z", "yaw"),
+    "tool": ("frame", "axis", "rod", "radius"),
+    "limits": ("position", "velocity", "acceleration"),
+    "workspace": ("x", "y", "z"),
+}
+NEEDED: Final = {"": ("urdf", "tool", "controller", "home"), "tool": ("frame", "radius")}
+FAR: Final = 10.0  # [m]
+FASTEST: Final = 50.0  # [rad/s]
+STRONGEST: Final = 500.0  # [rad/s^2]
+START_TIME: Final = 0.4  # [s], to full speed where no acceleration is given
+
+
+@dataclass(frozen=True, eq=False)
+class Robot:
+    """An arm with a tool.
+
+    Attributes:
+        name: of its file.
+        description: its URDF, as `Urdf.prepared` makes it.
+        joints: names, in the order of all vectors.
+        home: angles [rad].
+        lower: position limits [rad].
+        upper: likewise.
+        velocity: limits [rad/s].
+        acceleration: limits [rad/s^2].
+        tool_radius: of the rod [m].
+        controller: which serves ``<controller>/follow_joint_trajectory``.
+        base: its place x, y [m] in the world.
+        workspace: (3, 2), lowest and highest x, y, z [m] of the tool's tip.
+    """
+
+    name: str
+    description: str
+    joints: tuple[str, ...]
+    home: Vector
+    lower: Vector
+    upper: Vector
+    velocity: Vector
+    acceleration: Vector
+    tool_radius: float
+    controller: str
+    base: Float[ndarray, "2"]
+    workspace: Float[ndarray, "3 2"]
+
+
+def read_robot(name: str) -> Robot:
+    """Return the robot of a YAML file, or a shipped one by its name.
+
+    Raises:
+        ConfigError: naming the file and what is wrong in it.
+    """
+    if not name:
+        raise ConfigError(f"robot is empty; give a YAML file, or one of {', '.join(shipped())}")
+    path = SHIPPED / f"{name}.yaml" if name in shipped() else Path(name).expanduser()
+    try:
+        content = read_yaml(path)
+    except OSError as error:
+        raise ConfigError(
+            f"robot file {path}: {error.strerror or error}; shipped are {', '.join(shipped())}"
+        ) from error
+    except UntrustedFileError as error:
+        raise ConfigError(f"robot file {path} is not read: {error}") from error
+    try:
+        return parse_robot(content, path.stem, path.parent)
+    except ConfigError as error:
+        raise ConfigError(f"robot file {path}: {error}") from error
+
+
+def shipped() -> tuple[str, ...]:
+    """Return the names of the robots that come with this package."""
+    return tuple(sorted(path.stem for path in SHIPPED.glob("*.yaml")))
+
+
+def parse_robot(content: Any, name: str, beside: Path) -> Robot:
+    """Return the robot that the content of a file states; raises as `read_robot`."""
+    rows = _Section("", content)
+    tool = _Section("tool", rows.given["tool"])
+    base, limits = (_Section(key, rows.given.get(key, {})) for key in ("base", "limits"))
+    space = _Section("workspace", rows.given.get("workspace", {}))
+    axis = tool.given.get("axis", "z")
+    if axis not in AXES:
+        raise ConfigError(f"tool.axis is {axis!r}; allowed: {', '.join(AXES)}")
+    frame = tool.text("frame")
+    length, radius = tool.number("rod", 0.0, 0.0, 1.0), tool.number("radius", None, 0.001, 0.05)
+    urdf = Urdf(rows.text("urdf"), beside)
+    chain = urdf.chain(frame)
+    home = _home(rows.given["home"], chain)
+    joints = tuple(home)
+    stands = tuple(base.number(key, 0.0, 0.0 if key == "z" else -FAR, FAR) for key in KEYS["base"])
+    position = _Section("limits.position", limits.given.get("position", {}), joints)
+    bounds = np.array([_bounds(joint, position) for joint in chain])
+    values = np.array([home[joint] for joint in joints])
+    for joint, value, (low, high) in zip(joints, values, bounds, strict=True):
+        if not low <= value <= high:
+            raise ConfigError(f"home of joint {joint!r} is {value:g}; allowed: {low:g} to {high:g}")
+    velocity = _per_joint(limits, "velocity", FASTEST, [joint.velocity for joint in chain], joints)
+    usual = [value / START_TIME for value in velocity]
+    acceleration = _per_joint(limits, "acceleration", STRONGEST, usual, joints)
+    prepared = urdf.prepared(
+        joints, (stands[0], stands[1], stands[2], stands[3]), frame, axis, (length, radius)
+    )
+    return Robot(
+        name,
+        prepared,
+        joints,
+        values,
+        bounds[:, 0],
+        bounds[:, 1],
+        np.array(velocity),
+        np.array(acceleration),
+        radius,
+        rows.text("controller"),
+        np.array(stands[:2]),
+        np.array([space.pair(key, (-FAR, FAR)) for key in KEYS["workspace"]]),
+    )
+
+
+class _Section:
+    """A mapping of the file, whose keys are checked."""
+
+    def __init__(self, name: str, content: Any, allowed: tuple[str, ...] = ()) -> None:
+        allowed = allowed or KEYS[name]
+        if not isinstance(content, Mapping):
+            what = f"{name} is {content!r}; it" if name else "it"
+            raise ConfigError(f"{what} must have keys: {', '.join(allowed)}")
+        for key in content:
+            if key not in allowed:
+                near = get_close_matches(str(key), allowed, n=1)
+                hint = f" (did you mean {near[0]!r}?)" if near else ""
+                raise ConfigError(
+                    f"{self._within(name)}unknown key {key!r}{hint}; allowed: {', '.join(allowed)}"
+                )
+        for key in NEEDED.get(name, ()):
+            if key not in content:
+                raise ConfigError(f"{self._within(name)}{key} is missing")
+        self.name, self.given = name, content
+
+    @staticmethod
+    def _within(name: str) -> str:
+        return f"{name}: " if name else ""
+
+    def _called(self, key: str) -> str:
+        return f"{self.name}.{key}" if self.name else key
+
+    def text(self, key: str) -> str:
+        value = self.given[key]
+        if not isinstance(value, str) or not value:
+            raise ConfigError(f"{self._called(key)} is {value!r}; it must be a text")
+        return value
+
+    def number(self, key: str, default: float | None, low: float, high: float) -> float:
+        return _number(self._called(key), self.given.get(key, default), low, high)
+
+    def pair(self, key: str, default: tuple[float, float]) -> tuple[float, float]:
+        """Return a range of two numbers, the lower one first."""
+        name, value = self._called(key), self.given.get(key, default)
+        if not isinstance(value, list | tuple) or len(value) != 2:
+            raise ConfigError(f"{name} is {value!r}; it must be [lowest, highest]")
+        low, high = (_number(name, one, -1e3, 1e3) for one in value)
+        if low >= high:
+            raise ConfigError(f"{name} is {value!r}; the first number must be the lower one")
+        return low, high
+
+
+def _number(name: str, value: Any, low: float, high: float) -> float:
+    fits = isinstance(value, int | float) and not isinstance(value, bool)
+    if not (fits and isfinite(value) and low <= value <= high):
+        raise ConfigError(f"{name} is {value!r}; allowed: {low:g} to {high:g}")
+    return float(value)
+
+
+def _home(given: Any, chain: tuple[UrdfJoint, ...]) -> dict[str, float]:
+    """Return the angle of each joint of the chain to the tool, in the order of the chain."""
+    names = tuple(joint.name for joint in chain)
+    home = _Section("home", given, names).given
+    if missing := [name for name in names if name not in home]:
+        raise ConfigError(f"home has no {', '.join(missing)}; all of these move the tool")
+    return {name: _number(f"home.{name}", home[name], -1e3, 1e3) for name in names}
+
+
+def _bounds(joint: UrdfJoint, position: _Section) -> tuple[float, float]:
+    if joint.name in position.given:
+        return position.pair(joint.name, (0.0, 0.0))
+    if joint.lower is None or joint.upper is None or joint.lower >= joint.upper:
+        raise ConfigError(
+            f"joint {joint.name!r} is {joint.kind} and has no limits in the URDF; give them as"
+            f" limits: {{position: {{{joint.name}: [-3.1, 3.1]}}}}"
+        )
+    return joint.lower, joint.upper
+
+
+def _per_joint(
+    limits: _Section,
+    key: str,
+    most: float,
+    defaults: list[float | None] | list[float],
+    joints: tuple[str, ...],
+) -> list[float]:
+    """Return a limit of each joint: one number for all, a mapping, or the defaults."""
+    given = limits.given.get(key)
+    if given is not None and not isinstance(given, Mapping):
+        given = dict.fromkeys(joints, given)
+    given = _Section(f"limits.{key}", given or {}, joints).given
+    found = []
+    for joint, default in zip(joints, defaults, strict=True):
+        value = given.get(joint, default)
+        if value is None:
+            raise ConfigError(f"joint {joint!r} has no {key} limit in the URDF; give limits.{key}")
+        found.append(_number(f"limits.{key} of {joint!r}", value, 1e-3, most))
+    return found

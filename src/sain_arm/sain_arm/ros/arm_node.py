@@ -1,0 +1,259 @@
+"""The driver of a robot arm under ros2_control: takes pushes, and answers each with its result.
+
+A push is planned and checked as a whole, on a thread of its own. Then two goals are sent. The
+approach touches nothing. Before the stroke the bodies must be where they were. If the stroke is
+aborted, bodies may have moved: the arm retreats, and the push counts as executed. Without the
+enable signal a goal is cancelled, and nothing more is sent.
+"""
+
+from collections.abc import Callable
+from concurrent.futures import Future
+from dataclasses import replace
+from time import monotonic
+from typing import Any, Final
+
+import numpy as np
+from nav_msgs.msg import OccupancyGrid
+from rclpy.node import Node
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Bool
+
+from sain_arm.planning.arm_config import ArmConfig
+from sain_arm.planning.push_planner import PushPlan, PushPlanner
+from sain_arm.planning.reach import table_of_reach
+from sain_arm.planning.timing import Trajectory
+from sain_arm.robot.robot import Vector, read_robot
+from sain_arm.ros.enabling import EnableWatch
+from sain_arm.ros.ghost import Ghost
+from sain_arm.ros.joint_listener import JointListener
+from sain_arm.ros.trajectory_client import Ended, Ending, TrajectoryClient
+from sain_core.errors import BusyError, CancelledError, SainError, StaleSceneError
+from sain_core.reach import ReachTable
+from sain_core.ros import codec
+from sain_core.ros.node_main import ERROR, NAMESPACE, OK, WARN, Diagnostics
+from sain_core.ros.parameters import read_parameters
+from sain_core.ros.push_driver import PushDriver, PushOrder
+from sain_core.ros.qos import RELIABLE, LatchedTopic, steady_timer
+from sain_core.ros.worker import Worker
+from sain_core.scene import POSITION, RADIUS, unit
+from sain_core.shapes.bodies import Bodies
+
+LOOK: Final = 0.02  # [s] between looks at the enable signal
+WAIT: Final = 1.0  # [s] for the enable signal, the controller or the arm, before a push is refused
+MOVED: Final = 0.005  # [m], of a body since the push was planned
+
+
+class ArmNode(Node):
+    """Moves the arm, one push at a time."""
+
+    def __init__(self, **options: Any) -> None:
+        """Read the robot, find out where it reaches, and wait for pushes."""
+        super().__init__("arm_node", namespace=NAMESPACE, **options)
+        self.config = config = read_parameters(self, ArmConfig)
+        self.robot = robot = read_robot(config.robot)
+        limits = replace(config.feasibility.limits, tool_radius=robot.tool_radius)
+        feasibility = replace(config.feasibility, limits=limits)
+        self.driver = PushDriver(self, self._begin, feasibility)
+        self.client = TrajectoryClient(self, robot, config.patience)
+        self.joints = JointListener(robot, config.joints_timeout)
+        self.enable = EnableWatch(config.enable_timeout)
+        self.worker = Worker(self, "planning")
+        self.ghost = Ghost(self)
+        self.phase = "finds out where it reaches"
+        self._has_reach = False
+        self._order: PushOrder | None = None
+        self._asked = 0.0  # when the push came [s], of a steady clock
+        self._planner: PushPlanner | None = None
+        self._planned_for: tuple[Bodies, tuple[float, ...]] | None = None
+        self.reach_publisher = LatchedTopic(self, OccupancyGrid, "reach_table")
+        listen = self.driver.reception.listen
+        listen(JointState, "/joint_states", self.joints.listen, RELIABLE)
+        listen(Bool, "enable", self.enable.listen, RELIABLE)
+        figures = self.driver.reception
+        self.diagnostics = Diagnostics(self, "arm", more=lambda: figures.figures)
+        steady_timer(self, LOOK, self._look)
+        self.worker.submit(self._find_reach, self._take_reach)
+        self.ready = f"{robot.name} with {len(robot.joints)} joints, by {self.client.name}"
+
+    # --- from a push to its plan ----------------------------------------------------------------
+
+    def _begin(self, order: PushOrder) -> None:
+        """Take a push; it waits a little for what it needs, so that nobody asks without end."""
+        self._order, self._asked = order, monotonic()
+        self.phase = "waits"
+        self._try()
+
+    def _try(self) -> None:
+        """Plan the push that waits, once all is there; refuse it if that does not come."""
+        order = self._order
+        if order is None or self.phase != "waits":
+            return
+        try:
+            joints = self._ready()
+        except BusyError as error:
+            if monotonic() > self._asked + WAIT:
+                self._give_up(error)
+            return
+        self.phase = "plans"
+        self.worker.submit(lambda: self._plan(order, joints), self._take_plan)
+
+    def _ready(self) -> Vector:
+        """Return where the arm rests, or raise `BusyError` for what is missing."""
+        if not self._has_reach:
+            raise BusyError("the arm's reach is being found out")
+        joints = self.joints.current
+        if not self.config.dry_run:
+            if missing := self.client.missing:
+                raise BusyError(missing)
+            if not self.enable.alive:
+                topic = self.resolve_topic_name("enable")
+                raise BusyError(f"the arm is not enabled: nobody publishes true on {topic}")
+        if self.client.busy or not self.joints.still:
+            raise BusyError("the arm still moves")
+        return joints
+
+    def _plan(self, order: PushOrder, joints: Vector) -> PushPlan:
+        """Plan on the worker's thread."""
+        radii = tuple(order.scene[:, RADIUS].tolist())
+        if self._planner is None or self._planned_for != (order.bodies, radii):
+            self._planner = PushPlanner(self.robot, order.bodies, radii, self.config.motion)
+            self._planned_for = order.bodies, radii
+        return self._planner.plan(order.stroke, order.scene, joints)
+
+    def _take_plan(self, done: "Future[PushPlan]") -> None:
+        error, order = done.exception(), self._order
+        if error is not None:
+            self.driver.reception.log_defect(error)
+            self._give_up(error)
+            return
+        assert order is not None
+        plan = done.result()
+        assert self._planner is not None
+        self.ghost.show(self._planner.arm, plan)
+        if self.config.dry_run:
+            self._give_up(CancelledError("a dry run: the way is possible; nothing was moved"))
+        elif order.stroke.length == 0.0:
+            self._conclude()
+        else:
+            self.phase = "approaches"
+            self._send(plan.approach, lambda ending: self._on_approached(plan, ending))
+
+    # --- motion ---------------------------------------------------------------------------------
+
+    def _send(self, trajectory: Trajectory, then: Callable[[Ending], None]) -> None:
+        """Send a goal, if the arm may move."""
+        if self.enable.alive:
+            self.client.send(trajectory, then)
+        else:
+            then(Ending(Ended.REJECTED, "the arm is not enabled"))
+
+    def _on_approached(self, plan: PushPlan, ending: Ending) -> None:
+        order = self._order
+        assert order is not None
+        if ending.how is not Ended.SUCCEEDED:
+            self._give_up(CancelledError(f"{ending}; the tool had not come to the body yet"))
+            return
+        scene = self.driver.scene
+        if scene is not None and len(scene) == len(order.scene):
+            apart = np.linalg.norm(scene[:, POSITION] - order.scene[:, POSITION], axis=1)
+            if apart.max() > MOVED:
+                text = f"body {int(np.argmax(apart))} was moved by {1e3 * apart.max():.0f} mm"
+                self._give_up(StaleSceneError(f"{text} while the arm approached"))
+                return
+        self.phase = "pushes"
+        self._send(plan.stroke, self._on_stroked)
+
+    def _on_stroked(self, ending: Ending) -> None:
+        if ending.how is Ended.SUCCEEDED:
+            self._conclude()
+        elif ending.how is Ended.REJECTED or self._has_not_begun():
+            self._give_up(CancelledError(f"{ending}; the tool had not touched the body yet"))
+        else:
+            self.get_logger().warning(f"{ending}; bodies may have moved")
+            self._retreat()
+
+    def _has_not_begun(self) -> bool:
+        """Tell whether the tool is known to be nearer to its start than the body was."""
+        order = self._order
+        if order is None or self._planner is None:
+            return False
+        try:
+            tip = self._planner.arm.tip(self.joints.current)
+        except BusyError:
+            return False
+        way = (tip[:2] - order.stroke.start) @ unit(np.asarray(order.stroke.heading))
+        low = tip[2] < self.config.motion.raised - 1e-3
+        return bool(low and way < 0.5 * self.driver.feasibility.limits.clearance)
+
+    def _retreat(self) -> None:
+        """Lift the tool once the arm rests; without the enable signal it stays where it is."""
+        self.phase = "stops"
+        self._asked = monotonic()
+
+    def _try_retreat(self) -> None:
+        if self.phase != "stops" or self.client.busy:
+            return
+        late = monotonic() > self._asked + WAIT
+        if not late and not self.joints.still:
+            return
+        try:
+            assert self._planner is not None
+            way = self._planner.retreat(self.joints.current)
+        except SainError as error:
+            self.get_logger().error(f"no retreat: {error}")
+            self._conclude()
+            return
+        self.phase = "retreats"
+        self._send(way, self._on_retreated)
+
+    def _on_retreated(self, ending: Ending) -> None:
+        if ending.how is not Ended.SUCCEEDED:
+            self.get_logger().error(f"no retreat: {ending}")
+        self._conclude()
+
+    def _conclude(self) -> None:
+        """End a push that was executed."""
+        self.phase, self._order = "rests", None
+        self.driver.finish(float(self.get_clock().now().nanoseconds * 1e-9))
+
+    def _give_up(self, error: BaseException) -> None:
+        """End a push by which no body was moved."""
+        self.phase, self._order = "rests", None
+        self.driver.refuse(error)
+
+    # --- looking after it -----------------------------------------------------------------------
+
+    def _look(self) -> None:
+        if self.client.busy and not self.enable.alive:
+            self.client.cancel()
+        self._try()
+        self._try_retreat()
+        self._report()
+
+    def _report(self) -> None:
+        counts = self.driver.counts
+        if rival := self.driver.rival:
+            self.diagnostics.set(ERROR, rival, **counts)
+        elif missing := self.client.missing:
+            self.diagnostics.set(WARN, missing, **counts)
+        elif not self.enable.alive and not self.config.dry_run:
+            self.diagnostics.set(WARN, "not enabled: the arm does not move", **counts)
+        else:
+            self.diagnostics.set(OK, self.phase, **counts)
+
+    def _find_reach(self) -> ReachTable:
+        return table_of_reach(PushPlanner(self.robot, config=self.config.motion))
+
+    def _take_reach(self, done: "Future[ReachTable]") -> None:
+        reach = done.result()  # what is wrong with the robot's file ends the node
+        self.driver.feasibility = replace(self.driver.feasibility, reach=reach)
+        self.reach_publisher.publish(codec.encode_reach(reach, self.get_clock().now().to_msg()))
+        self._has_reach, self.phase = True, "rests"
+        self.get_logger().info(f"{self.robot.name} reaches {reach.describe()}")
+
+    def destroy_node(self) -> None:
+        """Stop the arm."""
+        self.client.cancel()
+        self.worker.close()
+        super().destroy_node()
+        self.driver.ownership.release()

@@ -1,0 +1,184 @@
+"""A laboratory in place of a robot: serves FollowJointTrajectory, and shows the bodies' poses."""
+
+from pathlib import Path
+from time import monotonic
+from typing import Any, Final
+
+import numpy as np
+from control_msgs.action import FollowJointTrajectory
+from geometry_msgs.msg import Point, Pose, PoseArray, Quaternion
+from rclpy.action import ActionServer, CancelResponse, GoalResponse
+from rclpy.action.server import ServerGoalHandle
+from rclpy.node import Node
+from rclpy.task import Future
+from sensor_msgs.msg import JointState
+from std_msgs.msg import String
+
+from sain_arm.laboratory.cell import STEP, Cell
+from sain_arm.laboratory.controller import Controller, Ending
+from sain_arm.laboratory.laboratory_config import ServerConfig
+from sain_arm.planning.timing import Trajectory
+from sain_arm.robot.robot import Robot, read_robot
+from sain_core.errors import ConfigError
+from sain_core.randomness import generator
+from sain_core.ros import codec
+from sain_core.ros.node_main import NAMESPACE, OK, Diagnostics
+from sain_core.ros.parameters import read_parameters
+from sain_core.ros.qos import RELIABLE, steady_timer
+from sain_core.scene import THETA
+from sain_core.shapes.body_file import read_bodies
+from sain_core.world import ObservationConfig
+
+TICK: Final = 0.01  # [s] of wall time between two looks at the clock
+BEHIND: Final = 0.05  # [s] that are caught up at most in one tick
+FRAME: Final = 1.0 / 30.0  # [s]
+SAME: Final = 0.05  # [rad], of a goal's first point from where the joints are
+
+
+class TrajectoryServer(Node):
+    """Steps the simulation with the wall clock, and answers goals."""
+
+    def __init__(self, **options: Any) -> None:
+        """Set the table and wait for goals."""
+        super().__init__("trajectory_server", namespace=NAMESPACE, **options)
+        self.config = config = read_parameters(self, ServerConfig)
+        self.robot = read_robot(config.robot)
+        if not config.bodies:
+            raise ConfigError("parameter 'bodies' is empty; give the YAML file of the bodies")
+        bodies = read_bodies(Path(config.bodies).expanduser())
+        self.cell = Cell(self.robot, bodies, config.cell)
+        self.cell.place(_places(config.place, len(bodies.names), self.robot))
+        self.controller = Controller(self.robot, config.controller, self.cell.joints)
+        self._noise = ObservationConfig(noise=config.noise).noise_std
+        self._random = generator(config.cell.seed, "camera")
+        self._last, self._frame = monotonic(), 0.0
+        self._goal: tuple[ServerGoalHandle, Future] | None = None
+        self._states = self.create_publisher(JointState, "/joint_states", RELIABLE)
+        self._poses = self.create_publisher(PoseArray, "poses", RELIABLE) if config.poses else None
+        self._status = self.create_publisher(String, "laboratory", RELIABLE)
+        name = f"/{self.robot.controller.strip('/')}/follow_joint_trajectory"
+        self._server = ActionServer(
+            self,
+            FollowJointTrajectory,
+            name,
+            self._execute,
+            goal_callback=self._on_goal,
+            cancel_callback=lambda handle: CancelResponse.ACCEPT,
+        )
+        self.diagnostics = Diagnostics(self, "laboratory")
+        self.diagnostics.set(OK, "runs")
+        steady_timer(self, TICK, self._tick)
+        self.ready = f"{self.robot.name} and {len(bodies.names)} bodies, serving {name}"
+
+    def _on_goal(self, goal: FollowJointTrajectory.Goal) -> GoalResponse:
+        """Accept a goal that begins where the joints are."""
+        problem = self._problem(goal)
+        if problem:
+            self.get_logger().error(f"a goal is rejected: {problem}")
+            return GoalResponse.REJECT
+        return GoalResponse.ACCEPT
+
+    def _problem(self, goal: FollowJointTrajectory.Goal) -> str:
+        names, points = list(goal.trajectory.joint_names), goal.trajectory.points
+        if sorted(names) != sorted(self.robot.joints):
+            return f"its joints are {', '.join(names)}; allowed: {', '.join(self.robot.joints)}"
+        if len(points) < 2:
+            return f"it has {len(points)} points; at least 2 are needed"
+        trajectory = self._decoded(goal)
+        if not (np.diff(trajectory.times) > 0.0).all():
+            return "its times do not increase"
+        off = np.abs(trajectory.positions[0] - self.cell.joints).max()
+        if off > SAME:
+            return f"it begins {off:.3f} rad from where the joints are; allowed: {SAME} rad"
+        return ""
+
+    def _decoded(self, goal: FollowJointTrajectory.Goal) -> Trajectory:
+        names, points = list(goal.trajectory.joint_names), goal.trajectory.points
+        order = [names.index(name) for name in self.robot.joints]
+        times = [p.time_from_start.sec + 1e-9 * p.time_from_start.nanosec for p in points]
+        return Trajectory(
+            np.array(times),
+            np.array([p.positions for p in points])[:, order],
+            np.array([p.velocities for p in points])[:, order],
+        )
+
+    async def _execute(self, handle: ServerGoalHandle) -> FollowJointTrajectory.Result:
+        """Follow a goal; a newer one ends it."""
+        if self._goal is not None:
+            self._end(Ending.ABORTED, "another goal came")
+        done: Future = Future(executor=self.executor)
+        self._goal = handle, done
+        self.controller.start(self._decoded(handle.request), self.cell.time)
+        how, why = await done
+        if how is Ending.SUCCEEDED:
+            handle.succeed()
+        elif how is Ending.CANCELLED:
+            handle.canceled()
+        else:
+            handle.abort()
+        result = FollowJointTrajectory.Result(error_string=why)
+        if how is Ending.ABORTED:
+            result.error_code = result.PATH_TOLERANCE_VIOLATED
+        return result
+
+    def _end(self, how: Ending, why: str) -> None:
+        if self._goal is not None:
+            _, done = self._goal
+            self._goal = None
+            done.set_result((how, why))
+
+    def _tick(self) -> None:
+        """Let the time pass that has passed on the wall clock."""
+        now = monotonic()
+        passed, self._last = min(now - self._last, BEHIND), now
+        end = self.cell.time + passed * self.config.pace
+        while self.cell.time < end - 0.5 * STEP:
+            self.cell.step(*self.controller.target(self.cell.time))
+            self._look()
+        self._publish()
+
+    def _look(self) -> None:
+        if self._goal is None:
+            return
+        handle, _ = self._goal
+        if handle.is_cancel_requested:
+            self.controller.stop(self.cell.time)
+            self._end(Ending.CANCELLED, "cancelled")
+        elif (ending := self.controller.ending(self.cell.joints, self.cell.time)) is not None:
+            self._end(*ending)
+
+    def _publish(self) -> None:
+        stamp = self.get_clock().now().to_msg()
+        state = JointState(header=codec.header(stamp), name=list(self.robot.joints))
+        state.position, state.velocity = self.cell.joints.tolist(), self.cell.velocities.tolist()
+        self._states.publish(state)
+        if monotonic() < self._frame + FRAME:
+            return
+        self._frame = monotonic()
+        report = self.cell.report
+        figures = f"limits {dict(report.limits)}, contacts {dict(report.contacts)}"
+        self._status.publish(String(data=f"{figures}, tool {report.tool}"))
+        if self._poses is not None:
+            self._poses.publish(self._seen(stamp))
+
+    def _seen(self, stamp: Any) -> PoseArray:
+        message = PoseArray(header=codec.header(stamp))
+        poses = self.cell.observe()[:, : THETA + 1]
+        place, turn = self._noise
+        poses += self._random.normal(size=poses.shape) * [place, place, turn]
+        for x, y, theta in poses.tolist():
+            half = theta / 2.0
+            turned = Quaternion(z=float(np.sin(half)), w=float(np.cos(half)))
+            message.poses.append(Pose(position=Point(x=x, y=y), orientation=turned))
+        return message
+
+
+def _places(given: tuple[float, ...], count: int, robot: Robot) -> np.ndarray:
+    """Return poses (N, 3): as given, or in a row before the robot."""
+    if given and len(given) != 3 * count:
+        raise ConfigError(f"place has {len(given)} numbers; {count} bodies need {3 * count}")
+    if given:
+        return np.array(given).reshape(count, 3)
+    middle = robot.workspace[:2].mean(axis=1)
+    offsets = np.arange(count) - 0.5 * (count - 1)
+    return np.stack([0.0 * offsets + middle[0], middle[1] + 0.2 * offsets, 0.0 * offsets], axis=1)

@@ -1,0 +1,186 @@
+"""A robot's side of the contract of pushes: ids, refusals and results. A robot adds its motion.
+
+Each push gets one result. A push that was begun ends with `finish` when the stroke is over, or with
+`refuse` when nothing was moved. The contract is docs/guides/your_robot.md.
+"""
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final
+
+from rclpy.node import Node
+
+from sain_core import wire
+from sain_core.errors import BusyError, ErrorCode, error_reply
+from sain_core.feasibility import Feasibility, Stroke, checked_stroke
+from sain_core.guarding.ros.ownership import Ownership
+from sain_core.guarding.ros.reception import Reception, emptied, shortened
+from sain_core.guarding.session import Session
+from sain_core.ros import codec
+from sain_core.ros.qos import LATCHED_QUEUE, QUEUE, RELIABLE, steady_timer
+from sain_core.scene import VELOCITY
+from sain_core.shapes.bodies import Bodies
+from sain_core.types import PushArray
+from sain_core.types import Scene as SceneArray
+from sain_core.wire.bodies import decode_bodies
+from sain_interfaces.msg import Bodies as BodiesMessage
+from sain_interfaces.msg import Push, PushResult, Scene
+
+AFTER: Final = 0.4  # [s], from the end of a push to the scene that shows what it led to
+LONGEST: Final = 45.0  # [s] that bodies may move after a push; the planner waits for 60
+LOOK: Final = 0.5  # [s] between looks for rivals, and for bodies that do not come to rest
+
+
+@dataclass(frozen=True, eq=False)
+class PushOrder:
+    """A push that is to be carried out: checked, against the scene it was planned from.
+
+    Attributes:
+        push: (5,).
+        stroke: the tool's way.
+        scene: (N, 8), at rest.
+        bodies: shapes and roles.
+    """
+
+    push: PushArray
+    stroke: Stroke
+    scene: SceneArray
+    bodies: Bodies
+
+
+class PushDriver:
+    """Takes pushes for a node, one at a time. Make and call it on the executor's thread."""
+
+    def __init__(
+        self, node: Node, begin: Callable[[PushOrder], None], feasibility: Feasibility
+    ) -> None:
+        """Call `begin` with each push that may be carried out; what it raises refuses the push."""
+        self._node, self._begin = node, begin
+        self.feasibility = feasibility
+        self.ownership = Ownership(node, ("push_result",))  # a second robot ends here
+        self._session = Session()
+        self._scene: Scene | None = None  # the latest
+        self._bodies: Bodies | None = None
+        self._bodies_episode = 0
+        self._before: Scene | None = None  # of the push that is under way
+        self._push, self._began, self._ended = Push(), 0.0, 0.0
+        self.rival = ""  # who else answers pushes, in words
+        self._late = float("inf")  # when bodies have moved for too long [s], of a steady clock
+        self.counts = {"executed": 0, "refused": 0}
+        self._results = node.create_publisher(PushResult, "push_result", QUEUE)
+        self.reception = Reception(node)
+        self.reception.listen(Scene, "scene", self._on_scene, RELIABLE)
+        self.reception.listen(BodiesMessage, "shapes", self._on_bodies, LATCHED_QUEUE)
+        self.reception.listen(Push, "push", self._on_push, QUEUE, self._refuse)
+        steady_timer(node, LOOK, self._look)
+
+    @property
+    def busy(self) -> bool:
+        """Whether a push is under way."""
+        return self._before is not None
+
+    @property
+    def scene(self) -> SceneArray | None:
+        """The bodies (N, 8) as they were seen last."""
+        return None if self._scene is None else wire.decode_disks(self._scene.disks)
+
+    @property
+    def bodies(self) -> Bodies | None:
+        """What is on the table."""
+        return self._bodies
+
+    def finish(self, ended: float) -> None:
+        """Take note that the stroke ended at a time [s], and the tool is away; bodies moved."""
+        if self.busy:
+            self._ended, self._late = ended, time.monotonic() + LONGEST
+
+    def refuse(self, error: BaseException) -> None:
+        """Refuse the push that is under way: no body was moved, and none will be."""
+        if self.busy:
+            self._before = None
+            self._session.finish(executed=False)
+            self._refuse(self._push, error)
+
+    def _now(self) -> float:
+        return float(self._node.get_clock().now().nanoseconds * 1e-9)
+
+    def _on_push(self, message: Push) -> None:
+        """Begin to push, or raise why not: `Reception` makes the code of the refusal of that."""
+        scene = self._scene
+        if scene is None or self._bodies is None or self._bodies_episode != scene.episode_id:
+            what = "scene" if scene is None else "shapes of this episode"
+            raise BusyError(f"no {what} came yet; does a node make scenes of the camera's poses?")
+        if not self._session.busy:
+            self._session.go_on_from(scene.episode_id, scene.scene_id)
+        self._session.admit(message.push_id, message.episode_id, message.scene_id)
+        try:
+            push, disks = wire.decode_push(message), wire.decode_disks(scene.disks)
+            seen = wire.decode_disks(message.disks, "scene of the push") if message.disks else disks
+            stroke = checked_stroke(push, seen, is_at_rest(scene), self.feasibility, self._bodies)
+            order = PushOrder(push, stroke, disks, self._bodies)
+            self._push, self._before, self._began = message, scene, self._now()
+            self._ended = self._late = float("inf")
+            self._begin(order)
+        except Exception:
+            self._before = None
+            self._session.finish(executed=False)
+            raise
+
+    def _refuse(self, message: Push, error: BaseException) -> None:
+        code, text = error_reply(error)
+        self.counts["refused"] += 1
+        self._node.get_logger().warning(
+            f"push {message.push_id} from {emptied(message).source!r} refused: {shortened(text)}"
+        )
+        scene = self._scene or Scene()
+        self._answer(message, code, shortened(text), scene, scene)
+
+    def _on_bodies(self, message: BodiesMessage) -> None:
+        self._bodies, self._bodies_episode = decode_bodies(message), message.episode_id
+
+    def _on_scene(self, message: Scene) -> None:
+        """Take note of a scene; the first at rest after a push is where that led."""
+        self._scene = message
+        if codec.decode_time(message.header.stamp) >= self._ended + AFTER and is_at_rest(message):
+            self._conclude(message, settled=True)
+
+    def _look(self) -> None:
+        self.rival = self.ownership.rival()
+        if time.monotonic() > self._late and self._scene is not None:
+            self._node.get_logger().error(
+                f"bodies did not come to rest within {LONGEST:g} s after push {self._push.push_id}"
+            )
+            self._conclude(self._scene, settled=False)
+
+    def _conclude(self, seen: Scene, settled: bool) -> None:
+        if (before := self._before) is None:
+            return
+        self._before, self._late = None, float("inf")
+        after = Scene(header=seen.header, disks=seen.disks, settled=settled)
+        after.episode_id, after.scene_id = before.episode_id, before.scene_id + 1
+        self._session.finish(executed=True)
+        self.counts["executed"] += 1
+        self._answer(self._push, ErrorCode.OK, "", before, after)
+
+    def _answer(self, push: Push, code: int, text: str, before: Scene, after: Scene) -> None:
+        executed = code == ErrorCode.OK
+        ended = self._ended if executed else self._now()
+        self._results.publish(
+            PushResult(
+                header=codec.header(codec.encode_time(round(1e9 * ended))),
+                push_id=push.push_id,
+                episode_id=push.episode_id,
+                error_code=int(code),
+                error_message=text,
+                push=push,
+                before=before,
+                after=after,
+                duration=max(ended - self._began, 0.0) if executed else 0.0,
+            )
+        )
+
+
+def is_at_rest(scene: Scene) -> bool:
+    """Tell whether the converter sees all bodies at rest: none has a velocity then."""
+    return not wire.decode_disks(scene.disks)[:, VELOCITY].any()
