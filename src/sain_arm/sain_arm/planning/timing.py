@@ -9,10 +9,14 @@ from dataclasses import dataclass
 from typing import Final, Self
 
 import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
 from scipy.interpolate import CubicSpline
 
 from sain_arm.robot.robot import Joints, Robot, Vector
 from sain_core.types import Scalars
+
+Times = Float[ndarray, "_"]
 
 GRID: Final = 200  # places along a way
 SHARE: Final = 0.95  # of the limits that is used
@@ -128,7 +132,7 @@ def _swept(speed: Scalars, push: Scalars, step: float) -> Scalars:
     return speed
 
 
-def _travelled(sampled: Scalars, times: Scalars, places: Scalars, speed: Scalars) -> Scalars:
+def _travelled(sampled: Times, times: Times, places: Times, speed: Times) -> Times:
     """Return the travel at times: with constant acceleration between the places of a grid."""
     index = np.clip(np.searchsorted(times, sampled, side="right") - 1, 0, len(times) - 2)
     since, step = sampled - times[index], times[index + 1] - times[index]

@@ -24,7 +24,7 @@ from sain_arm.robot.urdf import AXES, Urdf, UrdfJoint
 from sain_core.errors import ConfigError, UntrustedFileError
 from sain_core.guarding.untrusted import read_yaml
 
-Joints = Float[ndarray, "*T J"]
+Joints = Float[ndarray, "_ J"]  # each way has its own number of points
 Vector = Float[ndarray, "J"]
 
 SHIPPED: Final = Path(__file__).parent.parent / "robots"

@@ -53,4 +53,4 @@ class JointListener:
     @property
     def still(self) -> bool:
         """Whether the arm rests."""
-        return self._speed < STILL
+        return bool(self._speed < STILL)
