@@ -2,13 +2,10 @@
 
 import sys
 from dataclasses import replace
-from pathlib import Path
 
 import pytest
 
 from benchmarks.gates import __main__ as gates
-from benchmarks.gates.loops import FIRST, PARTS
-from benchmarks.gates.structure import count, measure, read_sources
 from benchmarks.gates.table import Baseline, Gate, print_gates, write_gates
 
 NONE = Baseline("", {})
@@ -46,21 +43,6 @@ def test_a_figure_is_worse_only_beyond_its_baseline(capsys, gate, before, verdic
     assert line(capsys, gate, known) == verdict
 
 
-def test_figures_are_read_as_written_and_groups_stay(tmp_path: Path) -> None:
-    path = tmp_path / "gates.json"
-    first = [SOLVED, Gate("lines", 3.0, at_most=2.0, before="4")]
-    write_gates(path, "loops", first)
-    write_gates(path, "speed", [Gate("plan", 31.0, "ms")])
-    write_gates(path, "speed", [Gate("plan", 30.0, "ms")])
-    read = Baseline.read(path, "loops").gates
-    assert [replace(gate, interval=None) for gate in read.values()] == [
-        replace(gate, interval=None) for gate in first
-    ]
-    assert read["solved"].worst == 0.6
-    assert Baseline.read(path, "speed").gates["plan"].value == 30.0
-    assert Baseline.read(path, "structure").gates == {}
-
-
 def play(monkeypatch: pytest.MonkeyPatch, *arguments: object) -> object:
     """The exit code of the script."""
     monkeypatch.setattr(sys, "argv", ["gates", "--only", "structure", *map(str, arguments)])
@@ -81,29 +63,3 @@ def test_structure_is_read_from_the_sources_and_compared(monkeypatch, capsys, tm
     missing = tmp_path / "none.json"
     told = play(monkeypatch, "--baseline", missing, "--out", kept)
     assert told == f"there is no baseline {missing}; make one: --out {missing}"
-
-
-def test_the_kept_baseline_has_what_is_measured() -> None:
-    kept = Baseline.read(gates.BASELINE, "structure")
-    assert kept.commit and {gate.name for gate in measure()} == set(kept.gates)
-    for part in PARTS:
-        assert f"{part.name}: solved" in Baseline.read(gates.BASELINE, "loops").gates
-
-
-def test_a_planted_source_is_counted(tmp_path: Path) -> None:
-    package = tmp_path / "sain_core" / "sain_core"
-    package.mkdir(parents=True)
-    (package / "a.py").write_text("def f(bodies: Bodies | None, others: Bodies | None): ...\n")
-    (tmp_path / "sain_core" / "setup.py").write_text("Bodies | None\n")
-    sources = read_sources(tmp_path)
-    assert list(sources) == [Path("sain_core/sain_core/a.py")]
-    assert count(r"\bBodies \| None", sources) == 2
-
-
-def test_scenes_are_counted_once() -> None:
-    jobs = [(job.truth, job.scenario, job.controller, job.seed) for p in PARTS for job in p.jobs()]
-    assert len(set(jobs)) == len(jobs)
-    for part in PARTS:
-        seeds = range(FIRST[part.world], FIRST[part.world] + part.scenes)
-        others = [first for world, first in FIRST.items() if world != part.world]
-        assert not any(first in seeds for first in others)

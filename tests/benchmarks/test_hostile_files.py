@@ -4,8 +4,6 @@ import subprocess
 import sys
 from pathlib import Path
 
-from benchmarks.faults.hostile_files import Options, choose_files
-
 ROOT = Path(__file__).resolve().parents[2]
 BAGS = (
     "metadata: aliases", "metadata: wrong kinds", "chunk: 4 GB", "chunk: 2^64 - 1", "chunk: listed",
@@ -34,10 +32,3 @@ def test_other_files() -> None:
     output = run("--kinds", *kinds, "--families", "file: fifo", "digits", "false shape")
     assert output.splitlines()[-1].endswith(" 0 wrong")
     assert all(f"\n{kind}, " in f"\n{output}" for kind in kinds)
-
-
-def test_every_family_is_tried_and_mutations_fill_the_number() -> None:
-    files = list(choose_files(Options()))
-    assert len(set(files)) == len(files) == 1000
-    assert {file.number for file in files if file.family == "file: fifo"} == {0}
-    assert len({file.number for file in files if file.family == "messages mutated"}) > 50

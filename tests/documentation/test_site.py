@@ -8,7 +8,6 @@ from pathlib import Path
 from urllib.parse import unquote, urldefrag, urljoin, urlsplit
 
 import pytest
-from selenium.webdriver.support.ui import WebDriverWait
 
 from tests.paths import ROOT
 from tests.sain_bags.browser import Browser, opened_browser
@@ -95,10 +94,3 @@ def test_a_page_fits_and_asks_nobody_else(browser: Browser, site: Path, name: st
     own = (site.as_uri(), "data:")
     assert [asked for asked in browser.requests() if not asked.startswith(own)] == []
     assert browser.run("return document.documentElement.scrollWidth - window.innerWidth") <= 0
-
-
-def test_a_search_finds_a_parameter(browser: Browser, site: Path) -> None:
-    browser.open(f"{(site / 'index.html').as_uri()}?q=result_patience")
-    found = "return [...document.querySelectorAll('.md-search-result a')].map((a) => a.href)"
-    WebDriverWait(browser.chrome, 20).until(lambda _: browser.run(found))
-    assert any("reference/parameters.html" in link for link in browser.run(found))

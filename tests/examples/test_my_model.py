@@ -8,13 +8,10 @@ from pathlib import Path
 import pytest
 
 from sain_bringup.graph import executable
-from sain_core.errors import ConfigError, SainError
+from sain_core.errors import SainError
 from sain_core.model import load_dynamics
 from tests.examples.installing import install, run
-from tests.paths import ROOT
 from tests.sain_model.rolling import make_episodes
-
-EXAMPLE = ROOT / "examples" / "my_model"
 
 
 @pytest.fixture(scope="module")
@@ -26,19 +23,6 @@ def environment(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
 @pytest.fixture(scope="module")
 def dataset(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return make_episodes(tmp_path_factory.mktemp("data"))
-
-
-def test_its_own_test_passes(environment: dict[str, str], tmp_path: Path) -> None:
-    test = tmp_path / "test_my_model.py"
-    test.write_bytes((EXAMPLE / test.name).read_bytes())
-    assert "2 passed" in run(
-        environment, [sys.executable, "-m", "pytest"], "-n", 0, "-p", "no:cacheprovider", test
-    )
-
-
-def test_it_is_not_found_where_it_is_not_installed() -> None:
-    with pytest.raises(ConfigError, match="model 'my_model' is unknown; known: bullet, "):
-        load_dynamics("my_model")
 
 
 def test_the_loop_plans_with_it(environment: dict[str, str], tmp_path: Path) -> None:

@@ -70,19 +70,6 @@ def test_the_new_terms_count_where_nothing_is_done(environment: dict[str, str]) 
     )
 
 
-def test_the_environment_and_the_live_page_have_the_scenario(environment: dict[str, str]) -> None:
-    pytest.importorskip("sain_gym"), pytest.importorskip("sain_live")
-    lines = (
-        "import gymnasium, sain_gym; from sain_eval.scenes.scenarios import scenario_names;"
-        " from sain_live.orders import Reset;"
-        " env = gymnasium.make('sain/Push-v0', scenario='my_scenario');"
-        " seen, info = env.reset(seed=3); case = Reset('my_scenario', 3).case();"
-        " print(seen['bodies'].shape, abs(seen['bodies'][:, 0] - case.disks[:, 0]).max() < 1e-6,"
-        " 'my_scenario' in scenario_names())"
-    )
-    assert run(environment, [sys.executable, "-c", lines]).strip() == "(2, 8) True True"
-
-
 WRONG = {
     "--planner.algorithm my_planer": (
         "planner 'my_planer' is unknown (did you mean 'my_planner'?); known: bad_planner, "

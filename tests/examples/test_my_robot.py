@@ -14,7 +14,7 @@ from geometry_msgs.msg import PoseArray
 
 from sain_bringup.graph import executable
 from sain_core import wire
-from sain_core.errors import BusyError, ErrorCode
+from sain_core.errors import ErrorCode
 from sain_interfaces.msg import Plan
 from sain_model.ros.model_node import ModelNode
 from sain_mppi.ros.mppi_node import MppiNode
@@ -116,11 +116,6 @@ def test_bodies_that_somebody_sets_up_anew_begin_an_episode(graph: Any, robot: A
     assert any(re.match(jumped, text) for text in told)
 
 
-def test_a_second_robot_ends_and_says_why(graph: Any, robot: Any, robot_class: Any) -> None:
-    with pytest.raises(BusyError, match=r"process \d+ \(\S+\) publishes /sain/push_result already"):
-        robot_class(context=graph.context, cli_args=["--ros-args", "-r", "__node:=second"])
-
-
 def test_two_foreign_robots_are_named_and_nothing_is_pushed(graph: Any, robot: Any) -> None:
     from sain_interfaces.msg import PushResult
 
@@ -136,19 +131,6 @@ def test_two_foreign_robots_are_named_and_nothing_is_pushed(graph: Any, robot: A
     for _ in range(20):
         graph.executor.spin_once(timeout_sec=0.05)
     assert len(graph.find("scene", settled=True)) == count
-
-
-def test_a_push_that_takes_long_is_not_sent_again(graph: Any, robot_class: Any) -> None:
-    graph.start(robot_class, pace=0.25, noise=NOISE)
-    graph.start(SceneNode, bodies=str(BODIES), noise=NOISE)
-    graph.start(ModelNode, model="planar")
-    graph.start(MppiNode, estimator__noise=NOISE, goal_tracker__answer_timeout=0.3, **SMALL)
-    graph.aim((0.70, 0.05), 1, tolerance=0.02, max_pushes=2)
-    graph.wait(lambda: ended(graph, 1), "the end")
-    results = graph.heard["push_result"]
-    assert {result.error_code for result in results} == {ErrorCode.OK}
-    assert len(results) == len(graph.heard["push"]) > 0
-    assert max(result.duration for result in results) > 1.0
 
 
 @pytest.mark.system

@@ -1,14 +1,12 @@
 """The package of `examples/my_world`: its physics, installed and played in; and broken worlds."""
 
 import json
-import sys
 from pathlib import Path
 
 import pytest
 
 from sain_bringup.graph import executable
 from tests.examples.installing import install, refusals, run
-from tests.paths import ROOT
 
 BROKEN = {
     "raising": "def push(self, push, *, seen=None): raise ZeroDivisionError('a bug')",
@@ -57,13 +55,6 @@ SMALL = ["--scenes", "2", "--controllers", "planar", "--workers", "1"]
 
 def evaluate(*arguments: object) -> list[str]:
     return [str(executable("sain_eval", "evaluate")), *SMALL, *map(str, arguments)]
-
-
-def test_its_own_test_passes(environment: dict[str, str], tmp_path: Path) -> None:
-    test = tmp_path / "test_my_world.py"
-    test.write_bytes((ROOT / "examples" / "my_world" / test.name).read_bytes())
-    command = [sys.executable, "-m", "pytest", "-n", "0", "-p", "no:cacheprovider", str(test)]
-    assert "1 passed" in run(environment, command)
 
 
 def test_an_agent_reaches_its_goals_in_it(environment: dict[str, str], tmp_path: Path) -> None:

@@ -14,7 +14,6 @@ from sain_bags.playing import (
     Passage,
     PassageConfig,
     choose_topics,
-    merge_offers,
     place_in,
     play,
 )
@@ -124,18 +123,6 @@ def test_a_loop_goes_on_without_a_pause_or_drift(flags):
     assert starts == pytest.approx([0.3 * turn for turn in range(36)], abs=1e-9)
 
 
-def test_a_topic_without_messages_plays_nothing(flags):
-    assert not list(Passage(Bag(flags), {"/parameter_events"}).events())
-
-
-def test_a_loop_over_one_moment_does_not_run_away(record, messages, tmp_path):
-    recording = record()
-    recording.add("/flag", "std_msgs/msg/Bool", data=True)
-    recording.writer.close()
-    alone = Passage(Bag(tmp_path / "bag"), {"/flag"}, PassageConfig(loop=True))
-    assert [event.due for event in islice(alone.events(), 3)] == [0.0, 1.0, 2.0]
-
-
 def test_time_is_told_between_messages_at_its_rate(flags):
     chosen = passage(flags, rate=2.0, clock=10.0)
     events = list(chosen.events())
@@ -149,25 +136,12 @@ def test_a_recorded_clock_is_not_doubled(flags):
     assert all(event.raw is not None for event in chosen.events())
 
 
-def test_delays_do_not_add_up():
-    hand = Hand(takes=0.03)
-    played = play((Event(0.1 * place, 0, None) for place in range(100)), hand.publish, hand)
-    assert [time for time, _ in hand.published] == pytest.approx([0.1 * n for n in range(100)])
-    assert played.late == pytest.approx(0.0, abs=1e-9) and not played.stopped
-
-
 def test_what_is_overdue_comes_at_once_and_in_order():
     hand = Hand(takes=0.25)
     played = play((Event(0.1 * place, place, None) for place in range(5)), hand.publish, hand)
     assert [event.time for _, event in hand.published] == list(range(5))
     assert [time for time, _ in hand.published] == pytest.approx([0.0, 0.25, 0.5, 0.75, 1.0])
     assert played.late == pytest.approx(0.6)
-
-
-def test_it_ends_when_it_is_asked_to(flags):
-    hand = Hand(end=0.42)
-    played = play(passage(flags, loop=True).events(), hand.publish, hand)
-    assert played.stopped and played.messages == 7 and hand.time == pytest.approx(100.42)
 
 
 def test_topics_are_chosen(flags):
@@ -178,41 +152,7 @@ def test_topics_are_chosen(flags):
         choose_topics(bag, ("/other",))
 
 
-def test_a_recorded_clock_is_played_where_a_clock_is_wanted(record, tmp_path):
-    recording = record()
-    recording.add("/flag", "std_msgs/msg/Bool", data=True)
-    recording.add("/clock", "rosgraph_msgs/msg/Clock")
-    recording.writer.close()
-    bag = Bag(tmp_path / "bag")
-    assert [t.name for t in choose_topics(bag, ("/flag",), clock=True)] == ["/clock", "/flag"]
-    assert [t.name for t in choose_topics(bag, ("/flag",))] == ["/flag"]
-
-
 BEST, SURE = TopicQos(reliability="best_effort", depth=3), TopicQos(depth=7)
-
-
-@pytest.mark.parametrize(
-    ("offers", "expected"),
-    [
-        ((), ("reliable", "volatile", "keep_last", 10)),
-        ((TopicQos(),), ("reliable", "volatile", "keep_last", 10)),
-        ((BEST,), ("best_effort", "volatile", "keep_last", 3)),
-        ((BEST, SURE), ("reliable", "volatile", "keep_last", 7)),
-        ((LATCHED,), ("reliable", "transient_local", "keep_last", 1)),
-        ((TopicQos(durability="transient_local"),) * 3,
-         ("reliable", "transient_local", "keep_last", 3)),
-        ((TopicQos(history="keep_all"), BEST), ("reliable", "volatile", "keep_all", 3)),
-    ],
-)  # fmt: skip
-def test_one_offer_serves_all_that_were_served(offers, expected):
-    merged = merge_offers(offers)
-    assert (merged.reliability, merged.durability, merged.history, merged.depth) == expected
-
-
-def test_what_publishers_agree_on_is_kept():
-    strict = TopicQos(deadline=(1, 0), lifespan=(2, 5))
-    assert merge_offers((strict, strict)).deadline == (1, 0)
-    assert merge_offers((strict, TopicQos())).deadline == TopicQos().deadline
 
 
 @pytest.mark.parametrize(
@@ -236,11 +176,3 @@ def test_topics_have_a_place_in_a_namespace(namespace, topic, name):
 def test_settings_are_checked(config, message):
     with pytest.raises(ConfigError, match=message):
         PassageConfig(**config)
-
-
-def test_nothing_to_play_is_an_error(flags, record, tmp_path):
-    with pytest.raises(DatasetError, match=r"0\.900 s long; it cannot be played from 1\.000 s on"):
-        passage(flags, start=1.0)
-    record("empty").writer.close()
-    with pytest.raises(DatasetError, match="holds no messages to play"):
-        passage(tmp_path / "empty")

@@ -11,7 +11,6 @@ from sain_bringup.graph import (
     executable,
     graph_commands,
     restart_command,
-    ros_arguments,
 )
 from sain_bringup.ros.closed_loop import ClosedLoopOptions
 from sain_core.errors import ConfigError
@@ -74,24 +73,6 @@ def test_simulator_planner_and_model_are_told_the_same_of_the_camera(
         assert f"{part}.unknown:=mass" in commands[name]
         assert not any("bias" in word for word in commands[name])
     assert "unknown:=mass" in commands["model"]
-
-
-def test_without_a_bag_nothing_is_recorded(prefix: Path, tmp_path: Path) -> None:
-    assert "recorder" not in graph_commands(GraphOptions(), [], tmp_path)
-
-
-def test_a_restarted_process_goes_on(prefix: Path, tmp_path: Path) -> None:
-    commands = graph_commands(GraphOptions(bag=tmp_path / "bag"), [], tmp_path)
-    again = {name: restart_command(name, command) for name, command in commands.items()}
-    assert again["planner"] == commands["planner"]
-    assert again["recorder"][:2] == [commands["recorder"][0], "--resume"]
-    assert again["simulator"] == commands["simulator"]
-
-
-def test_arguments_for_ros_reach_every_node() -> None:
-    assert ros_arguments(["--seed", "3"]) == ["-r", "__ns:=/sain"]
-    given = ["--seed", "3", "--ros-args", "-r", "__ns:=/b", "-r", "/clock:=clock", "--", "--gui"]
-    assert ros_arguments(given) == ["-r", "__ns:=/b", "-r", "/clock:=clock"]
 
 
 def test_what_is_not_installed_is_named(prefix: Path) -> None:

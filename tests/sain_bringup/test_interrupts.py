@@ -23,18 +23,3 @@ def test_a_signal_is_raised_where_the_program_is(number: int, interrupts: Interr
     with pytest.raises(Stopped) as caught:
         os.kill(os.getpid(), number)
     assert caught.value.number == number
-
-
-def test_a_deferred_signal_waits_for_the_check(interrupts: Interrupts) -> None:
-    reached = []
-    with pytest.raises(Stopped), interrupts.deferred():
-        os.kill(os.getpid(), signal.SIGTERM)
-        reached.append("still here")
-        interrupts.check()
-        reached.append("never")
-    assert reached == ["still here"]
-
-
-def test_a_deferred_signal_is_raised_at_the_latest_at_the_end(interrupts: Interrupts) -> None:
-    with pytest.raises(Stopped), interrupts.deferred():
-        os.kill(os.getpid(), signal.SIGINT)

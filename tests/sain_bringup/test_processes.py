@@ -1,6 +1,5 @@
 """Nothing is left running, whatever the processes do."""
 
-import os
 import signal
 import subprocess
 import sys
@@ -13,7 +12,6 @@ import pytest
 
 from sain_bringup.children import ProcessDiedError
 from sain_bringup.processes import StopConfig, Supervisor
-from sain_core.errors import ConfigError, OutputError
 
 QUICK = StopConfig(interrupt=0.3, terminate=0.3, patience=0.5, kill=1.0)
 SLEEP = [sys.executable, "-IS", "-c", "import time; print('up', flush=True); time.sleep(600)"]
@@ -85,16 +83,6 @@ def test_a_process_that_dies_is_reported_with_its_last_words(tmp_path: Path) -> 
     assert gone(steady.process.pid)
 
 
-def test_a_process_that_was_killed_says_by_what(tmp_path: Path) -> None:
-    with Supervisor(tmp_path, QUICK) as supervisor:
-        supervisor.start("victim", SLEEP)
-        (child,) = supervisor.children
-        child.process.kill()
-        child.process.wait()
-        with pytest.raises(ProcessDiedError, match="victim was killed by SIGKILL"):
-            supervisor.check()
-
-
 @pytest.mark.parametrize(
     ("more", "killed"),
     [("", []), ("signal.signal(signal.SIGTERM, signal.SIG_IGN)", ["deaf"])],
@@ -108,40 +96,6 @@ def test_a_process_that_ignores_signals_ends_all_the_same(
     wait_for(child.log, "up")
     assert supervisor.stop() == killed
     assert child.process.returncode == (-signal.SIGKILL if killed else -signal.SIGTERM)
-
-
-SLOW = """
-import os, signal, sys, time
-def end(*_):
-    time.sleep(1.0)
-    os.write(1, b'closed\\n')
-    sys.exit(0)
-signal.signal(signal.SIGINT, end)
-print('up', flush=True)
-time.sleep(600)
-"""
-
-
-@pytest.mark.parametrize(("patient", "code"), [(True, 0), (False, -signal.SIGTERM)])
-def test_who_has_a_file_to_close_gets_the_time(patient: bool, code: int, tmp_path: Path) -> None:
-    supervisor = Supervisor(tmp_path, StopConfig(interrupt=0.2, terminate=0.1, patience=30.0))
-    supervisor.start("closer", python(SLOW), patient=patient)
-    (child,) = supervisor.children
-    wait_for(child.log, "up")
-    supervisor.stop()
-    assert child.process.returncode == code
-
-
-def test_files_can_be_closed_while_the_others_live(tmp_path: Path) -> None:
-    with Supervisor(tmp_path, QUICK) as supervisor:
-        supervisor.start("closer", python(SLOW), patient=True)
-        supervisor.start("talker", SLEEP)
-        closer, talker = supervisor.children
-        wait_for(closer.log, "up")
-        wait_for(talker.log, "up")
-        supervisor.close_files(30.0)
-        assert closer.process.returncode == 0
-        assert talker.process.poll() is None
 
 
 def test_children_of_children_end_too(tmp_path: Path) -> None:
@@ -209,30 +163,9 @@ def test_a_second_interrupt_does_not_disturb_the_end(tmp_path: Path) -> None:
     assert (tmp_path / "orderly.log").read_text() == "up\nclosing\nclosed\n"
 
 
-def test_a_log_that_cannot_be_written_is_named(tmp_path: Path) -> None:
-    (tmp_path / "logs").write_text("in the way")
-    with pytest.raises(OutputError, match="cannot start sleeper with its log"):
-        Supervisor(tmp_path / "logs").start("sleeper", SLEEP)
-
-
 def test_a_command_that_does_not_exist_is_reported(tmp_path: Path) -> None:
     with Supervisor(tmp_path, QUICK) as supervisor:
         supervisor.start("ghost", [str(tmp_path / "no-such-program")])
         until(lambda: supervisor.children[0].process.poll() is not None)
         with pytest.raises(ProcessDiedError, match="No such file"):
             supervisor.check()
-
-
-def test_the_whole_end_takes_less_than_three_seconds_by_default() -> None:
-    config = StopConfig()
-    assert config.interrupt + config.terminate + config.patience + config.kill < 3.0
-    with pytest.raises(ConfigError, match="interrupt is -1"):
-        StopConfig(interrupt=-1.0)
-
-
-def test_environment_reaches_the_process(tmp_path: Path) -> None:
-    code = "import os; print(os.environ['HELLO'], os.environ['PATH'] != '')"
-    with Supervisor(tmp_path, QUICK) as supervisor:
-        supervisor.start("speaker", python(code), {"HELLO": "there"})
-        wait_for(tmp_path / "speaker.log", "there True")
-    assert os.environ.get("HELLO") is None

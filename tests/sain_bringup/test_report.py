@@ -16,7 +16,7 @@ from sain_bags.rows.recorded_push import PlanRecord, RecordedPush
 from sain_bringup import movie
 from sain_bringup.display import Display, EpisodeView
 from sain_bringup.movie import Film, Moment, MovieConfig, Scenery, choose_moments, encode_gif
-from sain_bringup.report import PlayedEpisode, choose_episode, draw_pictures, summary_table
+from sain_bringup.report import PlayedEpisode, draw_pictures, summary_table
 from sain_core.goal import Goal, Judgement
 from sain_core.push import idle_pushes, make_push
 from sain_core.scene import make_scene
@@ -67,16 +67,6 @@ def test_summary_figures() -> None:
     assert summary["physics_error"] == pytest.approx(0.004 * 2**0.5)
 
 
-def test_an_episode_without_pushes_has_no_means() -> None:
-    summary = played(0.45).summary()
-    assert not summary["success"]
-    assert summary["pushes"] == 0
-    assert summary["model_error"] is None
-    out = StringIO()
-    Console(file=out, width=100).print(summary_table((summary,)))
-    assert "not reached" in out.getvalue()
-
-
 def test_goals_in_a_row_are_counted_and_the_last_is_drawn(tmp_path: Path) -> None:
     first, second = played(0.45, 0.59).episode, played(0.59, 0.5, 0.4).episode
     whole = replace(second, start=first.start, pushes=first.pushes + second.pushes)
@@ -91,29 +81,6 @@ def test_goals_in_a_row_are_counted_and_the_last_is_drawn(tmp_path: Path) -> Non
     assert last.title == "paper 4, goal 2" and len(last.record().pushes) == 2
     assert played(0.45).last_part().title == "paper 4"
     assert len(draw_pictures(tmp_path, (streak,))) == 2
-
-
-def test_the_record_for_drawing_has_the_executed_pushes() -> None:
-    record = played(0.45, 0.52, refused=2, name="paper_cube").record()
-    assert len(record.pushes) == 1
-    assert record.bodies.shapes[1].name == "cube"
-    assert record.title == "paper_cube 4"
-
-
-def test_pictures_are_written_for_each_episode(tmp_path: Path) -> None:
-    paths = draw_pictures(tmp_path, (played(0.45, 0.59), played(0.45)))
-    assert [path.name for path in paths] == ["episode_1.png", "episode_2.png", "overview.png"]
-    for path in paths:
-        with Image.open(path) as picture:
-            picture.verify()
-
-
-def test_the_longest_success_of_eight_pushes_or_less_is_shown() -> None:
-    short, good = played(0.45, 0.60), played(0.45, 0.5, 0.55, 0.60)
-    endless = played(*np.linspace(0.3, 0.6, 12).tolist())
-    failed = played(0.3, 0.31, 0.32, 0.33, 0.34)
-    assert choose_episode((short, failed, good, endless)) is good
-    assert choose_episode((failed,)) is failed
 
 
 def judged(distance: float) -> Judgement:
@@ -134,11 +101,6 @@ def test_moments_are_evenly_spaced_and_end_with_the_last() -> None:
     assert times[0] == 0.0
     assert times[-1] == pytest.approx(10.0)
     np.testing.assert_allclose(np.diff(times), 0.5)
-
-
-def test_a_long_episode_is_shown_faster() -> None:
-    assert len(choose_moments(moments(5000, 0.1), MovieConfig(longest=20))) == 20
-    assert choose_moments([], MovieConfig()) == []
 
 
 class FakeRenderer:
@@ -208,19 +170,6 @@ def test_a_camera_that_hides_the_target_is_moved(monkeypatch: pytest.MonkeyPatch
         assert used == expected
 
 
-def test_a_film_rendered_by_several_processes_is_that_of_one() -> None:
-    config = MovieConfig(width=64, height=64)
-    scenery = Scenery(scene(0.5), None, None, GOAL, 0.08, "paper 4", config)
-    bent = np.array([0.0, 0.3, 0.0, -2.0, 0.0, 2.3, 0.8])
-    shown = [replace(one, joints=bent + 0.05 * one.time) for one in moments(3, 1.0)]
-    films = [Film(scenery, shown, processes) for processes in (1, 2)]
-    alone, together = ([np.array(frame) for frame in film.frames()] for film in films)
-    for film in films:
-        film.close()
-    np.testing.assert_array_equal(alone, together)
-    assert (alone[0] != alone[2]).any()
-
-
 def test_the_gif_moves_and_ends_with_a_pause(monkeypatch: pytest.MonkeyPatch) -> None:
     frames, _ = filmed(monkeypatch)
     config = MovieConfig(rate=10.0, hold=1.0)
@@ -249,22 +198,3 @@ def test_the_line_of_an_episode() -> None:
     long = shown([0.1 * n for n in range(12)])
     assert "0 → … → 500 → 600" in long
     assert long.endswith("1100 mm")
-
-
-def test_plain_output_without_a_terminal() -> None:
-    out = StringIO()
-    display = Display(Console(file=out, width=120))
-    with display.stage("starting", "started"):
-        pass
-    with display.episode(1, 2, "paper 4") as view:
-        view.at(0.2)
-        view.planned(0.1, fallback=True, why="no answer in 2 s")
-        view.planned(0.1, fallback=True, why="no answer in 2 s")
-        view.refuse("blocked")
-        view.at(0.01)
-        view.end(reached=True)
-    lines = out.getvalue().splitlines()
-    assert "started" in lines[0]
-    assert "planned with physics alone: no answer in 2 s" in lines[1]
-    assert "a push was refused: blocked" in lines[2]
-    assert "200 → 10 mm  (2 without the model)" in lines[3]

@@ -3,7 +3,6 @@
 import os
 import signal
 import sys
-import threading
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -11,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from sain_bringup.children import ProcessDiedError
-from sain_bringup.processes import RestartConfig, StopConfig, Supervisor
+from sain_bringup.processes import StopConfig, Supervisor
 from sain_core.guarding import lifetime
 
 QUICK = StopConfig(interrupt=0.3, terminate=0.3, patience=0.5, kill=1.0)
@@ -133,16 +132,6 @@ def test_the_third_crash_within_a_minute_ends_it_with_the_reason(supervisor):
     assert caught.value.exit_code == 128 + signal.SIGKILL
 
 
-def test_crashes_long_ago_do_not_count(tmp_path, told):
-    limits = RestartConfig(crashes=2, window=0.01)
-    with Supervisor(tmp_path, QUICK, limits, told.append) as supervisor:
-        start(supervisor)
-        wait_until_ready(supervisor)
-        for count in (1, 2, 3):
-            os.kill(supervisor.children[0].process.pid, signal.SIGKILL)
-            until(supervisor, lambda count=count: len(told) == count)
-
-
 @pytest.mark.parametrize("ending", ["raise SystemExit(0)", "raise SystemExit(130)"])
 def test_one_that_ends_as_asked_is_not_restarted(supervisor, ending):
     start(supervisor, f"from sain_core.guarding import lifetime\nlifetime.ready()\n{ending}")
@@ -165,16 +154,6 @@ def test_only_the_process_itself_is_heard(supervisor, monkeypatch):
     assert supervisor.starting(["node"]) == ["node"]
 
 
-def test_without_a_supervisor_nothing_is_sent(monkeypatch):
-    monkeypatch.delenv(lifetime.SOCKET, raising=False)
-    monkeypatch.setenv(lifetime.TIMEOUT, "1000000")
-    assert lifetime.heartbeat_period() == 0.0
-    lifetime.ready()
-    monkeypatch.setenv(lifetime.SOCKET, "@nobody-listens-here")
-    lifetime.alive()
-    assert lifetime.heartbeat_period() == 0.25
-
-
 def start_joining(supervisor: Supervisor, seconds: float, beat: str = "lifetime.alive()") -> None:
     code = JOINING.format(seconds=seconds, beat=beat)
     command = [sys.executable, "-c", code]
@@ -192,25 +171,3 @@ def test_joining_takes_as_long_as_it_takes_and_that_is_told(
     assert supervisor.stop() == []
     assert (tmp_path / "recorder.log").read_text() == "up\njoined\n"
     assert told == ["recorder: joining the parts; Ctrl-C ends it before that is done"]
-
-
-def test_a_second_signal_ends_the_joining(supervisor, told, tmp_path):
-    start_joining(supervisor, 600.0)
-
-    def interrupt() -> None:
-        while not told:
-            time.sleep(0.01)
-        os.kill(os.getpid(), signal.SIGINT)
-
-    threading.Thread(target=interrupt).start()
-    supervisor.__exit__()
-    assert (tmp_path / "recorder.log").read_text() == "up\nparts are left\n"
-
-
-def test_who_hangs_while_it_joins_is_killed(tmp_path, told):
-    limits = RestartConfig(connect_timeout=1.0)
-    with Supervisor(tmp_path, QUICK, limits, told.append) as supervisor:
-        start_joining(supervisor, 600.0, beat="pass")
-        begun = time.monotonic()
-        assert supervisor.stop() == ["recorder"]
-        assert time.monotonic() - begun < 60.0

@@ -7,12 +7,11 @@ import pytest
 
 from sain_core.conformance import check_dynamics, sample_pushes, violations
 from sain_core.errors import ModelUnavailableError
-from sain_core.model import IdentityPrior, Model, Radii
+from sain_core.model import IdentityPrior, Model
 from sain_core.push import LENGTH
 from sain_core.scene import MASS, VX
 from sain_core.shapes.bodies import check_bodies
-from sain_core.transitions import PushHistory
-from sain_core.types import PredictedScenes, Pushes, PushSequences, Scene, Scenes
+from sain_core.types import Pushes, Scenes
 
 Spoil = Callable[[Scenes, Pushes, Scenes], Scenes]
 
@@ -96,28 +95,3 @@ def test_a_rule_that_is_broken_is_named(spoil: Spoil, message: str) -> None:
     assert any(message in line for line in violations(Shifting(spoil)))
     with pytest.raises(ModelUnavailableError, match=r"not keep the contract:\n  \* 2 disks"):
         check_dynamics(Shifting(spoil))
-
-
-class Rollout(Shifting):
-    def __init__(self, factor: float = 1.0, radius: float = 0.01) -> None:
-        super().__init__(lambda scenes, pushes, predicted: predicted)
-        self.factor, self.radius = factor, radius
-
-    def rollout(self, scene: Scene, pushes: PushSequences) -> PredictedScenes:
-        predicted = np.repeat(np.repeat(scene[None, None], len(pushes), 0), pushes.shape[1], 1)
-        predicted[:, :, 0, 0] += self.factor * np.cumsum(pushes[..., LENGTH], axis=1)
-        return predicted
-
-    def regions(self, scene: Scene, pushes: PushSequences, predicted: PredictedScenes) -> Radii:
-        return np.full(predicted.shape[:3], self.radius)
-
-    def condition(self, history: PushHistory) -> "Rollout":
-        if len(history):
-            self.spoil = by_batch
-        return self
-
-
-def test_what_is_optional_is_checked_where_it_is_there() -> None:
-    assert "rollout predicts something else than step" in violations(Rollout(factor=2.0))[0]
-    assert "regions returns radii that are negative" in violations(Rollout(radius=-1.0))[0]
-    assert "condition changes the model itself" in violations(Rollout())[0]

@@ -17,11 +17,3 @@ def test_an_error_survives_the_wire(kind: type[SainError]) -> None:
     again = error_from_reply(code, message)
     assert again.code == kind.code
     assert str(again) == message
-
-
-def test_a_defect_is_reported_as_internal() -> None:
-    assert error_reply(KeyError("x")) == (ErrorCode.INTERNAL, "KeyError: 'x'")
-
-
-def test_an_unknown_code_is_told() -> None:
-    assert str(error_from_reply(0, "")) == "the peer answered with code 0: no message"

@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sain_core.feasibility import Feasibility, reachable
-from sain_core.push import PushLimits, make_push, mirror_pushes, tool_end, tool_start
+from sain_core.push import PushLimits, mirror_pushes, tool_end, tool_start
 from sain_core.reach import Reach
 from sain_core.scene import POSITION, RADIUS, make_scene, mirror_scenes
 from sain_core.types import Scene
@@ -33,16 +33,6 @@ def test_the_gap_is_the_smallest_on_the_way(seed: int) -> None:
     )
 
 
-def test_from_behind_is_free_and_from_the_target_s_side_is_blocked() -> None:
-    behind, through = make_push(0.0, 0.0, 0.1), make_push(np.pi, 0.0, 0.1)
-    mask = Feasibility().mask(np.stack([pair(), pair()]), np.stack([behind, through]))
-    np.testing.assert_array_equal(mask, [True, False])
-
-
-def test_a_push_of_no_length_can_always_be_carried_out() -> None:
-    assert Feasibility().mask(pair(), make_push(np.pi, 0.0, 0.0))
-
-
 @given(seeds)
 def test_feasibility_is_the_same_in_the_mirror(seed: int) -> None:
     scene = pair((0.6, 0.1))
@@ -64,8 +54,3 @@ def test_a_reachable_way_is_in_reach_at_every_place(seed: int) -> None:
     allowed = reachable(scenes, pushes, LIMITS, reach)
     assert not (allowed & ~inside).any()
     assert (allowed == inside).mean() > 0.9  # and is not refused without a reason
-
-
-def test_behind_the_base_is_out_of_reach() -> None:
-    points = np.array([(-0.4, 0.0), (0.4, 0.0), (0.1, 0.0), (0.9, 0.0)])
-    np.testing.assert_array_equal(Reach().contains(points), [False, True, False, False])

@@ -8,12 +8,11 @@ import numpy as np
 import pytest
 
 from sain_core import model
-from sain_core.errors import ConfigError, ModelUnavailableError, OutOfRangeError
+from sain_core.errors import ConfigError, ModelUnavailableError
 from sain_core.guarding import plugins
 from sain_core.model import (
     IdentityPrior,
     Model,
-    answering,
     as_model,
     check_rollout,
     check_step,
@@ -43,23 +42,6 @@ def test_a_rollout_feeds_predictions_back() -> None:
     expected = np.broadcast_to(np.cumsum(pushes[..., LENGTH], axis=1)[..., None], moved.shape)
     np.testing.assert_allclose(moved, expected)
     np.testing.assert_array_equal(predicted[..., 1:], np.broadcast_to(scene[:, 1:], (5, 4, 2, 7)))
-
-
-def test_a_dynamics_is_not_asked_about_rests() -> None:
-    counts: list[int] = []
-
-    class Counting(Shift):
-        def step(self, scenes: Scenes, pushes: Pushes) -> Scenes:
-            counts.append(len(scenes))
-            assert (pushes[:, LENGTH] > 0.0).all()
-            return super().step(scenes, pushes)
-
-    pushes = np.ones((4, 3, PUSH_SIZE))
-    pushes[1:, 1, LENGTH] = 0.0
-    pushes[:, 2, LENGTH] = 0.0
-    predicted = Counting().rollout(np.zeros((2, 8)), pushes)
-    assert counts == [4, 1]
-    np.testing.assert_array_equal(predicted[:, -1, 0, 0], [2.0, 1.0, 1.0, 1.0])
 
 
 def test_the_identity_prior_moves_nothing_and_gives_a_copy() -> None:
@@ -114,14 +96,6 @@ def test_what_can_be_no_model_is_refused_and_told_what_is_missing() -> None:
         as_model(OfBefore())
 
 
-def test_a_model_of_disks_predicts_cubes_too_and_no_other_shape() -> None:
-    model = Shift()
-    assert model.with_bodies(Bodies.named(("disk", "cube"))) is model
-    assert model.with_bodies(Bodies.disks(3)) is model
-    with pytest.raises(ConfigError, match=r"Shift can only predict disks .* disk, t: use a"):
-        model.with_bodies(Bodies.named(("disk", "t")))
-
-
 SCENE = make_scene(np.array([(0.4, 0.0), (0.6, 0.0)]), np.array([8.0, 7.5]), np.array([0.08, 0.06]))
 SCENES = np.stack([SCENE] * 3)
 SEQUENCES = idle_pushes(3, 4)
@@ -132,11 +106,6 @@ def spoilt(predicted: np.ndarray, column: int, value: float) -> np.ndarray:
     other = predicted.copy()
     other[1, ..., 1, column] = value
     return other
-
-
-def test_an_answer_that_can_be_one_is_returned() -> None:
-    assert check_step(SCENES, SCENES) is SCENES
-    assert check_rollout(PREDICTED, SCENE, SEQUENCES) is PREDICTED
 
 
 @pytest.mark.parametrize(
@@ -171,21 +140,6 @@ def test_a_rollout_that_cannot_be_an_answer_is_refused(answer: object, message: 
         check_rollout(answer, SCENE, SEQUENCES)
 
 
-def test_a_search_gets_sequences_that_are_not_finite_and_others_may_refuse_them() -> None:
-    predicted = np.full_like(PREDICTED, np.nan)
-    assert check_rollout(predicted, SCENE, SEQUENCES, finite=False) is predicted
-    with pytest.raises(ModelUnavailableError, match="the model predicts NaN or Inf in 192 of 192"):
-        check_rollout(predicted, SCENE, SEQUENCES)
-
-
-def test_what_a_model_raises_names_the_model() -> None:
-    message = "model 'x' failed: KeyError: 'friction'"
-    with pytest.raises(ModelUnavailableError, match=message), answering("model 'x'"):
-        raise KeyError("friction")
-    with pytest.raises(OutOfRangeError), answering("model 'x'"):
-        raise OutOfRangeError("a push that is too long")
-
-
 @pytest.fixture
 def asked(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     """A package that offers dynamics, and the names that it was asked for."""
@@ -200,31 +154,11 @@ def asked(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     return names
 
 
-def test_a_name_goes_to_its_entry_point(asked: list[str]) -> None:
-    assert isinstance(model.load_dynamics("planar"), IdentityPrior)
-    assert asked == ["planar"]
-
-
-@pytest.mark.parametrize("path", ["runs/7", "model.safetensors", "~/model"])
-def test_a_path_goes_to_the_checkpoint_loader(asked: list[str], path: str) -> None:
-    model.load_dynamics(path)
-    assert asked == [path]
-
-
 def test_an_unknown_name_is_refused_with_the_nearest(asked: list[str]) -> None:
     message = r"model 'planer' is unknown \(did you mean 'planar'\?\); known: broken, planar"
     with pytest.raises(ConfigError, match=message):
         model.load_dynamics("planer")
     assert not asked
-
-
-def test_what_is_no_dynamics_is_refused(asked: list[str]) -> None:
-    message = (
-        "model 'broken' of the package of offering: offering:broken returned a object has no method"
-        r" step\(scenes, pushes\); a model inherits from sain_core.model.Model"
-    )
-    with pytest.raises(ConfigError, match=message):
-        model.load_dynamics("broken")
 
 
 class Weighing(IdentityPrior):
@@ -281,19 +215,3 @@ def test_a_package_that_fails_is_named_and_the_others_work(
         model.load_dynamics("mine")
     assert str(caught.value).endswith("Other models: good")
     assert isinstance(model.load_dynamics("good"), IdentityPrior)
-
-
-def test_a_name_is_checked_without_an_import(
-    asked: list[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    offer(monkeypatch, ("mine", "no_such_module:load", "their-model"))
-    model.check_model_name("mine")
-    with pytest.raises(ConfigError, match="model 'yours' is unknown; known: mine, the path"):
-        model.check_model_name("yours")
-
-
-def test_one_package_that_is_found_twice_is_no_conflict(
-    asked: list[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    offer(monkeypatch, *[("mine", "offering:load", "one")] * 2)
-    assert isinstance(model.load_dynamics("mine"), IdentityPrior)

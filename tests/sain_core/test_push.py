@@ -1,4 +1,3 @@
-from itertools import islice
 from math import pi
 
 import numpy as np
@@ -11,13 +10,11 @@ from sain_core.push import (
     LENGTH,
     PUSH_NAMES,
     PUSH_SIZE,
-    PaperGrid,
     PushLimits,
     idle_pushes,
     make_push,
     mirror_pushes,
     push_direction,
-    push_ids,
     rotate_pushes,
     tool_end,
     tool_start,
@@ -75,11 +72,6 @@ def test_nan_and_inf_are_refused_by_name(column: int, value: float) -> None:
         LIMITS.check(push)
 
 
-def test_the_tool_starts_off_the_rim_by_its_clearance(scene: Scene) -> None:
-    start = tool_start(scene, make_push(0.0, 0.0, 0.1), LIMITS)
-    np.testing.assert_allclose(start, (0.4 - 0.08 - 0.012 - 0.005, 0.1))
-
-
 @given(seeds)
 def test_the_tool_travels_the_push_s_length_in_its_direction(seed: int) -> None:
     pushes = draw(seed)
@@ -103,19 +95,3 @@ def test_the_tool_s_way_turns_and_mirrors_with_the_scene(seed: int, angle: float
     np.testing.assert_allclose(turned, np.array([[cos, -sin], [sin, cos]]) @ end, atol=1e-9)
     mirrored = tool_end(mirror_scenes(scene), mirror_pushes(push), LIMITS)
     np.testing.assert_allclose(mirrored, end * (1, -1), atol=1e-12)
-
-
-def test_the_paper_grid_has_105_pushes_inside_the_limits() -> None:
-    grid = PaperGrid().pushes()
-    assert grid.shape == (5 * 7 * 3, PUSH_SIZE)
-    assert len(np.unique(grid, axis=0)) == 105
-    for push in grid:
-        LIMITS.check(push)
-
-
-def test_two_senders_share_no_id_and_none_is_zero() -> None:
-    first, second = (set(islice(push_ids(), 1000)) for _ in range(2))
-    assert not first & second
-    assert len(first) == 1000
-    assert min(first | second) > 0
-    assert max(first | second) < 2**53

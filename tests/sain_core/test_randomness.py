@@ -14,17 +14,6 @@ def test_the_same_seed_and_path_give_the_same_bytes_in_another_process() -> None
     assert there.stdout.split()[-1] == generator(7, "collect", 12).bytes(32).hex()
 
 
-@pytest.mark.parametrize("other", [(8, "collect", 12), (7, "collect", 13), (7, "train", 12), (7,)])
-def test_another_seed_or_path_gives_other_bytes(other: tuple) -> None:
-    assert generator(*other).bytes(32) != generator(7, "collect", 12).bytes(32)
-
-
-def test_neighbouring_paths_are_uncorrelated() -> None:
-    draws = np.stack([generator(1, "world", i).normal(size=2000) for i in range(8)])
-    correlation = np.corrcoef(draws) - np.eye(8)
-    assert np.abs(correlation).max() < 0.1
-
-
 def test_a_negative_seed_is_refused() -> None:
     with pytest.raises(ValueError, match="seed is -1"):
         generator(-1)
@@ -37,10 +26,6 @@ def test_the_bootstrap_holds_the_mean_and_shrinks_with_more_values():
     assert many.estimate == pytest.approx(values.mean())
     assert many.high - many.low < 0.5 * (few.high - few.low)
     assert many.high - many.low == pytest.approx(2 * 1.96 / 20, rel=0.2)
-
-
-def test_no_values_have_no_mean():
-    assert np.isnan(bootstrap_mean(np.array([]), generator(0)).estimate)
 
 
 def test_a_ratio_of_means_varies_with_the_groups_and_not_within_one():

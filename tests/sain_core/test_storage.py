@@ -1,7 +1,6 @@
 """Temporary folders that end with their process, in whatever way it ends."""
 
 import os
-import re
 import resource
 import subprocess
 import sys
@@ -11,9 +10,9 @@ import numpy as np
 import pytest
 
 from sain_core import storage
-from sain_core.errors import DatasetError, OutputError
+from sain_core.errors import DatasetError
 from sain_core.guarding import untrusted
-from sain_core.storage import read_arrays, write_arrays, write_whole
+from sain_core.storage import read_arrays, write_arrays
 
 ARRAYS = {
     "state": np.linspace(0.0, 1.0, 32).reshape(2, 16),
@@ -29,15 +28,6 @@ def same(found: dict[str, np.ndarray], wanted: dict[str, np.ndarray]) -> bool:
         and found[name].dtype == wanted[name].dtype
         for name in wanted
     )
-
-
-def test_what_is_written_is_read(tmp_path: Path) -> None:
-    path = tmp_path / "new" / "shard.npz"
-    write_arrays(path, ARRAYS)
-    assert same(read_arrays(path), ARRAYS)
-    content = path.read_bytes()
-    write_arrays(path, ARRAYS)
-    assert path.read_bytes() == content and list(path.parent.iterdir()) == [path]
 
 
 def test_no_flipped_bit_changes_a_number_in_silence(tmp_path: Path) -> None:
@@ -118,12 +108,6 @@ def test_a_full_disk_leaves_the_file_before_whole(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == [path]
 
 
-def test_a_folder_that_cannot_be_made_is_named(tmp_path: Path) -> None:
-    (tmp_path / "file").write_text("")
-    with pytest.raises(OutputError, match=r"cannot write .*card\.json: File exists"):
-        write_whole(tmp_path / "file" / "card.json", b"{}")
-
-
 HOLD = (
     "from sain_core.storage import scratch_folder; import sys;"
     " held = scratch_folder('shape'); print(held.name, flush=True); sys.stdin.read()"
@@ -161,30 +145,6 @@ def test_a_folder_goes_with_its_process(tmp_path: Path, how: str) -> None:
         assert not folder.exists()
 
 
-def test_a_folder_of_one_that_was_just_killed_stays_for_a_minute(tmp_path: Path) -> None:
-    process, folder = start(tmp_path)
-    process.kill()
-    process.wait()
-    storage._remove_abandoned(tmp_path)
-    assert folder.is_dir()
-
-
-def test_a_folder_is_removed_with_the_object() -> None:
-    folder = storage.scratch_folder("shape")
-    assert Path(folder.name).is_dir()
-    folder.cleanup()
-    assert not Path(folder.name).exists()
-
-
-def test_a_folder_that_only_has_such_a_name_stays(tmp_path: Path) -> None:
-    thesis = tmp_path / f"{storage.PREFIX}mine" / "thesis"
-    thesis.parent.mkdir()
-    thesis.write_text("the only copy")
-    os.utime(thesis.parent, (0.0, 0.0))
-    storage._remove_abandoned(tmp_path)
-    assert thesis.exists()
-
-
 @pytest.mark.parametrize("what", ["FIFO", "link", "file"])
 def test_what_others_put_among_the_temporary_folders_is_ignored(tmp_path: Path, what: str) -> None:
     planted, victim = tmp_path / f"{storage.PREFIX}x", tmp_path / "victim"
@@ -218,35 +178,3 @@ def test_the_private_folder_is_nobody_elses(
     assert not untrusted._is_private(tmp_path / "link", os.getuid())
     mine.chmod(0o777)
     assert not untrusted._is_private(mine, os.getuid())
-
-
-def test_the_commit_is_that_of_this_tree_or_unknown() -> None:
-    assert re.fullmatch(r"[0-9a-f]{40}(-dirty)?|unknown", storage.git_commit())
-
-
-def test_outside_a_repository_the_commit_is_unknown(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
-    monkeypatch.setattr(storage, "__file__", str(tmp_path / "storage.py"))
-    assert storage.git_commit() == "unknown"
-
-
-def test_versions_name_what_is_installed_and_what_is_not() -> None:
-    found = storage.versions("numpy", "no_such_package")
-    assert found["python"].startswith(f"{sys.version_info.major}.{sys.version_info.minor}.")
-    assert re.match(r"\d+\.\d+", found["numpy"])
-    assert found["no_such_package"] == "unknown"
-
-
-def test_the_command_can_be_given_again(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(sys, "argv", ["/somewhere/train", "--out", "my data"])
-    assert storage.command() == "train --out 'my data'"
-    again = "ros2 run sain_model train --out 'my data'"
-    assert storage.ros2_command("sain_model", "train") == again
-
-
-def test_a_recording_states_how_it_was_made() -> None:
-    about = storage.provenance("sain_core")
-    assert set(about) == {"command", "commit", "version", "python", "machine"}
-    assert all(about.values())
-    assert re.search(r", \d+ cores$", storage.processor())

@@ -1,5 +1,3 @@
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -17,25 +15,7 @@ from sain_core.transitions import (
     Column,
     PushHistory,
     Transitions,
-    as_scenes,
-    centres,
-    describe_fields,
 )
-
-
-def test_a_column_is_its_name_on_disk(tmp_path: Path) -> None:
-    np.savez(tmp_path / "a.npz", **{Column.NEXT_STATE: np.zeros((1, 16)), Column.SEED: np.ones(1)})
-    with np.load(tmp_path / "a.npz") as archive:
-        assert archive.files == ["next_state", "seed"]
-        assert archive[Column.SEED].tolist() == [1.0]
-    assert f"{Column.SEED}" == "seed" and Column("seed") is Column.SEED
-
-
-def test_shapes_follow_the_number_of_disks() -> None:
-    assert Column.STATE.row_shape(2) == (16,)
-    assert Column.MASSES.row_shape(3) == (3,)
-    assert Column.ACTION.row_shape(5) == (5,)
-    assert Column.EPISODE.row_shape(5) == ()
 
 
 def test_every_column_is_explained_and_written_by_someone() -> None:
@@ -55,13 +35,6 @@ def test_transitions_are_selected_together() -> None:
     np.testing.assert_array_equal(picked.action, [[0.0, 1.0, 2.0], [6.0, 7.0, 8.0]])
     np.testing.assert_array_equal(picked.next_state, picked.state + 1.0)
     assert list(data.arrays) == [Column.STATE, Column.ACTION, Column.NEXT_STATE]
-
-
-def test_states_are_scenes_row_by_row() -> None:
-    states = np.arange(32.0).reshape(2, 16)
-    assert as_scenes(states)[1, 0].tolist() == list(range(16, 24))
-    assert centres(states)[0].tolist() == [[0.0, 1.0], [8.0, 9.0]]
-    assert describe_fields({"state": states, "step": np.arange(2)}) == {"state": [16], "step": []}
 
 
 @pytest.mark.parametrize("name", ["action", "next_state"])
@@ -107,22 +80,6 @@ def test_what_cannot_be_an_episode_is_refused(field: str, change: object, text: 
     arrays = {name: getattr(good, name) for name in ("state", "action", "next_state")}
     with pytest.raises(InvalidInputError, match=text):
         PushHistory(**{**arrays, field: change(arrays[field])})  # type: ignore[operator]
-
-
-def test_a_push_of_another_number_of_disks_does_not_belong_to_it() -> None:
-    three = np.concatenate([SCENE, SCENE[1:]])
-    with pytest.raises(InvalidInputError, match=r"scene has shape \(3, 8\); its past has \(2, 8"):
-        history(1).then(three, PUSH, three)
-
-
-def test_a_radius_that_is_measured_a_little_differently_is_the_same_body() -> None:
-    after = SCENE.copy()
-    after[:, RADIUS] *= 1.03
-    grown = PushHistory.empty().then(SCENE, PUSH, after)
-    assert len(grown) == 1
-    after[:, RADIUS] *= 1.03
-    with pytest.raises(InvalidInputError, match=r"by 6\.1 %; at most 5 % may"):
-        PushHistory.empty().then(SCENE, PUSH, after)
 
 
 def test_noise_stays_with_its_push_and_must_be_possible() -> None:

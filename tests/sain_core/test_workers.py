@@ -13,7 +13,7 @@ from typing import Any
 
 import pytest
 
-from sain_core.workers import FunctionRunner, Software, Work, WorkerOptions, run_on_workers
+from sain_core.workers import FunctionRunner, Software, Work
 
 PROGRAM = """
 import sys
@@ -64,15 +64,3 @@ def test_no_worker_outlives_a_process_that_is_killed(tmp_path, ray) -> None:
             assert wait_until(lambda: len(alive(tmp_path / "workers")) == 2)
             it.send_signal(signal.SIGKILL)
         assert wait_until(lambda: not alive(tmp_path / "workers"))
-
-
-def test_one_worker_is_this_process() -> None:
-    work = work_of(lambda job: (os.getpid(), job))
-    assert list(run_on_workers(work, [1, 2], WorkerOptions())) == [
-        (os.getpid(), 1),
-        (os.getpid(), 2),
-    ]
-
-
-def test_no_jobs_need_no_worker() -> None:
-    assert not list(run_on_workers(work_of(str), [], WorkerOptions(workers=3, ray="nowhere:1")))

@@ -1,7 +1,5 @@
 """What cannot be is an error of one line: what was wrong, what is allowed, what to do."""
 
-import importlib.util
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +8,6 @@ import pytest
 from sain_bags import commands as bags
 from sain_core.scene import POSITION, TARGET
 from sain_eval import commands
-from sain_sim.world import engines
 from sain_sim.world.workcell import Workcell
 
 
@@ -69,26 +66,6 @@ def test_an_engine_that_explodes_is_the_reason_of_the_failure(tmp_path, capsys, 
     shown = capsys.readouterr().out
     assert "DivergedError: the engine found no solution of the push: body 1 would end" in shown
     assert "possible are 2 m; 0 pushes" in shown
-
-
-def test_mujoco_that_is_not_installed(tmp_path: Path, capsys, monkeypatch) -> None:
-    def find(name: str) -> object:
-        return None if name == "mujoco" else importlib.util.find_spec(name)
-
-    monkeypatch.setattr(engines, "find_spec", find)
-    arguments = ["--engine", "mujoco", "--out", str(tmp_path)]
-    assert said(commands.evaluate, arguments, capsys) == (
-        "evaluate: engine mujoco needs the package mujoco, which is not installed: pip install"
-        ' "sain_sim[mujoco]", or pip install mujoco'
-    )
-
-
-def test_ray_that_is_not_installed(tmp_path: Path, capsys, monkeypatch) -> None:
-    monkeypatch.setitem(sys.modules, "ray", None)
-    error = said(commands.evaluate, ["--ray", "local", "--out", str(tmp_path)], capsys)
-    assert (
-        'evaluate: --ray needs Ray, which is not installed: pip install "sain_core[ray]"' in error
-    )
 
 
 def test_an_empty_folder_is_no_recording_also_for_workers(tmp_path: Path, capsys) -> None:

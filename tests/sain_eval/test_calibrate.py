@@ -7,9 +7,9 @@ import pytest
 
 from sain_core.errors import DatasetError
 from sain_core.push import LOCATION, PushLimits
-from sain_core.scene import Table, X, make_scene, unit
+from sain_core.scene import make_scene, unit
 from sain_eval import commands
-from sain_eval.calibrate import FREE, START, calibrate, on_table
+from sain_eval.calibrate import FREE, START, calibrate
 from sain_model.data.dataset import load_dataset
 from sain_model.physics.planar import PlanarPrior
 
@@ -62,15 +62,6 @@ def test_parameters_are_fitted_and_judged_on_other_episodes(dataset: Path, tmp_p
     text = (out / "calibration.md").read_text()
     assert "| fitted |" in text
     assert "| tool_friction |" in text
-
-
-def test_pushes_over_the_edge_do_not_count(dataset: Path) -> None:
-    data = load_dataset(dataset).alike
-    assert on_table(data, Table()).all()
-    data.next_state[3, 1, X] = 1.12  # its rim beyond the far edge at 1.16 m
-    kept = on_table(data, Table())
-    assert not kept[3]
-    assert kept.sum() == PUSHES - 1
 
 
 def test_without_the_true_friction_nothing_can_be_fitted(dataset: Path) -> None:

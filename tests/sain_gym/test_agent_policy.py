@@ -7,7 +7,6 @@ import pytest
 from sain_core.errors import ConfigError, NoPushError
 from sain_eval.episode import Tolerance
 from sain_eval.loop.closed_loop import EpisodeOutcome, agent_maker, run_episode
-from sain_eval.scenes.families import PoseScenario
 from sain_eval.scenes.scenarios import SCENARIOS
 from sain_gym import AgentPolicy
 from sain_gym.push_env import PushEnv
@@ -70,36 +69,6 @@ def test_it_teaches_from_images_and_in_wrappers(make: MakeEnv) -> None:
     observation, info = wrapped.reset(seed=4)
     assert first(observation, info).tobytes() == second(*alone.reset(seed=4)).tobytes()
     wrapped.close()
-
-
-def test_asked_twice_it_answers_the_same(make: MakeEnv) -> None:
-    env = make()
-    policy = AgentPolicy(env, "planar")
-    state = env.reset(seed=4)
-    first = policy(*state)
-    kept = first.tolist()
-    first[:] = 0.0
-    assert policy(*state).tolist() == kept
-
-
-def test_goals_in_a_row_are_those_of_an_evaluation(
-    make: MakeEnv, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setitem(SCENARIOS, "streak", PoseScenario("streak", "t", goals=3))
-    env = make(scenario="streak")
-    pushes, info = play(env, AgentPolicy(env, "planar"), seed=0)
-    outcome = evaluated(env, "planar", seed=0)
-    assert [push.tolist() for push in pushes] == [
-        record.push.tolist() for goal in outcome.records for record in goal.pushes
-    ]
-    assert (info["goals_reached"], info["is_success"], outcome.failure) == (3, True, "")
-
-
-def test_without_a_push_it_states_why(make: MakeEnv) -> None:
-    env = make()
-    policy = AgentPolicy(env, "null")
-    with pytest.raises(NoPushError, match=r"no push for this scene: .* never pushes"):
-        policy(*env.reset(seed=0))
 
 
 def test_other_environments_and_controllers_are_refused(make: MakeEnv) -> None:

@@ -37,11 +37,6 @@ def test_gymnasiums_check_passes(make: MakeEnv, observation: str, engine: str) -
     check(make(observation=observation, engine=engine, render_mode="rgb_array"))
 
 
-@pytest.mark.parametrize("scenario", sorted(SCENARIOS))
-def test_gymnasiums_check_passes_in_each_scenario(make: MakeEnv, scenario: str) -> None:
-    check(make(scenario=scenario))
-
-
 def test_the_seed_is_the_scene_of_an_evaluation(make: MakeEnv) -> None:
     env = make(scenario="push_t")
     observation, info = env.reset(seed=7)

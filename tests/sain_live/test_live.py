@@ -1,8 +1,5 @@
 """The graph with its page, as one command starts it."""
 
-import socket
-import subprocess
-from contextlib import closing
 from pathlib import Path
 
 from sain_bringup.graph import (
@@ -28,14 +25,3 @@ def test_the_live_page_is_part_of_its_graph(tmp_path: Path) -> None:
 
 def test_a_page_that_crashed_does_not_reset_the_scene() -> None:
     assert restart_command("page", ["page_node"])[-1] == "scenario:=''"
-
-
-def test_a_port_in_use_is_told_before_anything_starts() -> None:
-    with closing(socket.socket()) as taken:
-        taken.bind(("127.0.0.1", 0))
-        taken.listen()
-        port = taken.getsockname()[1]
-        command = [str(executable("sain_live", "live")), "--port", str(port)]
-        done = subprocess.run(command, capture_output=True, text=True, timeout=60)
-    assert done.returncode == 1
-    assert done.stderr.startswith(f"live: port {port} of 127.0.0.1 is in use by another program;")

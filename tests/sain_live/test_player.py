@@ -4,7 +4,6 @@ import time
 
 import pytest
 
-from sain_core.errors import InvalidInputError
 from sain_live.player import Chapter, Recording, RecordingPlayer, Snapshot
 from sain_live.state import Level, LiveState, LogLine
 
@@ -57,22 +56,6 @@ def test_steps_go_from_push_to_push_and_on_into_the_next_chapter_and_back(played
     assert seen == ["two 0.5", "two 0.0", "one 3.0", "one 1.0", "one 0.0"]
 
 
-def test_a_push_is_shown_at_its_end(played):
-    known, player = played
-    player.seek_push(2)
-    assert (known.why, player.push, player.playing) == ("one 3.0", 2, False)
-    player.seek_push(7)
-    assert known.why == "one 3.0"
-
-
-def test_a_chapter_is_opened_by_its_title(played):
-    known, player = played
-    player.open("two")
-    assert known.why == "two 0.0"
-    with pytest.raises(InvalidInputError, match="there is no 'three'; there are one, two"):
-        player.open("three")
-
-
 def wait(done):
     end = time.monotonic() + 20.0
     while not done():
@@ -90,13 +73,4 @@ def test_playing_goes_through_all_and_stops_at_the_end():
     assert (shown[-1], player.time, player.chapter.title) == ("two 0.5", 0.5, "two")
     player.play(True)
     assert (player.playing, player.chapter.title) == (True, "one")
-    player.close()
-
-
-def test_playing_in_a_loop_begins_again():
-    known = LiveState()
-    player = RecordingPlayer(known, RECORDING, speed=20.0)
-    wait(lambda: player.chapter.title == "two")
-    wait(lambda: player.chapter.title == "one")
-    assert player.playing
     player.close()

@@ -115,23 +115,6 @@ def test_a_reader_goes_through_a_recording(ros_domain: int, episode_bag: Path) -
         viewer.close()
 
 
-def test_a_path_with_quotes_is_read(ros_domain: int, episode_bag: Path, tmp_path: Path) -> None:
-    odd = tmp_path / 'it\'s "odd"'
-    episode_bag.rename(odd)
-    with viewed(odd, "--rate", "3") as port:
-        viewer = Viewer(port)
-        viewer.wait(lambda: any(name.startswith("/bodies") for name in viewer.nodes), "the bodies")
-        viewer.close()
-
-
-def test_a_port_in_use_ends_it_in_words(ros_domain: int, episode_bag: Path) -> None:
-    with viewed(episode_bag) as port:
-        second = start(str(episode_bag), "--port", str(port))
-        said = second.communicate(timeout=60)[0]
-    assert second.returncode == 1
-    assert f"port {port} of 127.0.0.1 is in use" in said
-
-
 def test_what_is_no_recording_ends_it_in_words(ros_domain: int, tmp_path: Path) -> None:
     process = start(str(tmp_path / "missing"))
     said = process.communicate(timeout=60)[0]

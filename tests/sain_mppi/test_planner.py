@@ -5,10 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sain_core.errors import InvalidInputError
-from sain_core.feasibility import Feasibility
 from sain_core.goal import Goal
-from sain_core.model import IdentityPrior
 from sain_core.push import LENGTH, SPEED, make_push
 from sain_core.randomness import generator
 from sain_core.scene import POSITION, TARGET, make_scene, unit
@@ -78,23 +75,6 @@ def test_reset_and_another_goal_forget_the_last_plan(scene, dynamics):
     assert used.plan(problem(scene), generator(1)).pushes.tobytes() == fresh.pushes.tobytes()
 
 
-def test_an_identity_model_makes_it_try_more_rounds_and_still_push(scene):
-    plan = planner(IdentityPrior()).plan(problem(scene), generator(0))
-    assert not plan.improves
-    assert plan.rounds == CONFIG.rounds + CONFIG.stuck_rounds
-    assert plan.push[LENGTH] > 0.0
-
-
-def test_disks_that_seem_to_overlap_a_little_are_planned_with_as_touching(scene, dynamics):
-    near, deep = scene.copy(), scene.copy()
-    near[TARGET, POSITION] -= [0.011, 0.0]  # a cube's corner, or a tilted disk, from above
-    deep[TARGET, POSITION] -= [0.031, 0.0]
-    plan = planner(dynamics).plan(problem(near), generator(0))
-    assert Feasibility().mask(near, plan.push)
-    with pytest.raises(InvalidInputError, match=r"1 \(disk\) overlap by 30\.0 mm"):
-        planner(dynamics).plan(problem(deep), generator(0))
-
-
 def test_a_plan_that_was_prepared_is_corrected_with_few_samples(scene, dynamics):
     ahead = planner(dynamics)
     first = ahead.plan(problem(scene), generator(0))
@@ -116,14 +96,6 @@ def test_what_was_prepared_is_dropped_for_a_wide_plan_a_refusal_or_another_goal(
     assert rounds() == 1
     assert rounds(wide=True) == rounds(refused=(make_push(3.0, 0.0, 0.1),)) == CONFIG.rounds
     assert rounds(goal=Goal.place(0.70, 0.07)) == CONFIG.rounds
-
-
-def test_a_first_push_moves_its_body_further_than_what_noise_hides(scene, dynamics):
-    near = Goal.place(*scene[TARGET, POSITION] + [0.004, 0.0])
-    usual = planner(dynamics).plan(problem(scene, near), generator(3))
-    long = planner(dynamics).plan(problem(scene, near), generator(3), shortest=0.06)
-    clearance = Feasibility().limits.clearance
-    assert usual.push[LENGTH] < clearance + 0.06 < long.push[LENGTH]
 
 
 def test_pushes_have_the_speeds_that_are_given_and_are_slow_near_the_goal(scene, dynamics):

@@ -8,7 +8,6 @@ from sain_pusht.block import (
     BLOCK_RADIUS,
     goal_of,
     metres,
-    pixels,
     pose_of,
     pusht_bodies,
     scene_of,
@@ -29,12 +28,6 @@ def test_its_corners_are_those_of_gym_pusht(world: PushtWorld, seed: int) -> Non
     turn = np.angle(np.exp(1j * (pose_of(scene) - pose)[2]))
     assert np.abs(pose_of(scene) - pose)[:2].max() < 1e-9
     assert abs(turn) < 1e-9
-
-
-def test_y_points_upwards_and_a_pixel_is_a_millimetre() -> None:
-    assert metres(np.array([10.0, 500.0])) == pytest.approx([0.010, 0.012])
-    places = np.array([[3.0, 4.0], [500.0, 1.0]])
-    assert pixels(metres(places)) == pytest.approx(places)
 
 
 def test_a_block_at_the_goal_is_a_success_there(world: PushtWorld) -> None:
@@ -59,9 +52,3 @@ def test_what_the_agent_takes_for_reached_is_a_success_there(world: PushtWorld) 
             world.inner.block.angle = float(pose[2])
             world.inner.block.position = tuple(pose[:2].tolist())
             assert world.inner._get_coverage() > 0.95
-
-
-def test_a_radius_of_gyration_changes_the_inertia_alone() -> None:
-    even, other = pusht_bodies().shapes[0], pusht_bodies(0.7).shapes[0]
-    assert other.inertia(2.0, 0.1)[2] == pytest.approx(2.0 * 0.07**2)
-    assert np.array_equal(even.outline(1.0), other.outline(1.0))

@@ -4,17 +4,15 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-import pytest
 from PIL import Image
 
-from sain_core.errors import ConfigError
 from sain_core.push import make_push
 from sain_core.workers import WorkerOptions
 from sain_eval.loop.evaluation import run_on
 from sain_pusht.agent import FEASIBILITY, PLANNER, ToolPlace
 from sain_pusht.block import scene_of
 from sain_pusht.evaluation import WORK, PushtJob, PushtRecord, pusht_row
-from sain_pusht.world import PushtWorld, make_env
+from sain_pusht.world import PushtWorld
 
 FEW = replace(PLANNER, samples=96)
 
@@ -64,15 +62,3 @@ def test_a_tool_that_is_shut_in_pushes_what_it_reaches(world: PushtWorld) -> Non
     inside = replace(FEASIBILITY, tool=corner).mask(scenes, pushes, world.bodies)
     assert 100 < inside.sum() < outside.sum() < 300
     assert not (inside & outside).any()
-
-
-def test_in_the_middle_nothing_is_shut_off(world: PushtWorld) -> None:
-    pushes = make_push(np.linspace(-3.1, 3.1, 400), 0.0, 0.03)
-    scenes = np.broadcast_to(scene_of(np.array([256.0, 200.0, 0.0])), (400, 1, 8))
-    assert FEASIBILITY.mask(scenes, pushes, world.bodies).mean() > 0.8
-
-
-def test_without_the_extra_the_error_names_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(__import__("sys").modules, "gym_pusht", None)
-    with pytest.raises(ConfigError, match="pip install gym-pusht gymnasium"):
-        make_env(300)

@@ -26,11 +26,3 @@ def test_a_stop_is_met_exactly() -> None:
     last = servo.follow(np.array([[0.1, 0.1], [0.0, 0.0]]), targets)[-1]
     assert last[0] == pytest.approx([0.3, 0.2], abs=2e-5)
     assert last[1] == pytest.approx([0.0, 0.0], abs=5e-4)
-
-
-def test_a_way_along_a_line_stays_on_it() -> None:
-    servo, start = Servo(), np.array([[0.1, 0.1], [0.0, 0.0]])
-    way = np.array([0.6, 0.8])
-    places = start[0] + np.array([0.01, 0.03, 0.05, 0.06])[:, None] * way
-    moved = servo.follow(start, servo.targets(start, places, {3: np.zeros(2)}))[:, 0] - start[0]
-    assert np.abs(moved @ [-0.8, 0.6]).max() < 1e-9

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from sain_core.errors import UnreachableError
 from sain_core.shapes.shape import distance_to_way
 from sain_pusht.block import pusht_bodies, scene_of
 from sain_pusht.motion import Room, path_round
@@ -35,22 +34,9 @@ def test_ways_keep_their_gap_and_stay_in_the_room() -> None:
     assert found > 20
 
 
-def test_a_free_line_is_the_way() -> None:
-    outline = outline_at(256, 256, 0.0)
-    way = path_round(np.array([0.05, 0.05]), np.array([0.05, 0.45]), outline, GAP, ROOM)
-    assert len(way) == 2
-
-
 def test_a_tool_that_touches_the_block_first_leaves_it() -> None:
     outline = outline_at(256, 256, 0.0)
     top = float(outline[:, 1].max())
     start = np.array([0.256, top + 0.015])
     way = path_round(start, np.array([0.256, 0.05]), outline, GAP, ROOM)
     assert way[1] == pytest.approx([0.256, top + GAP], abs=1e-9)
-
-
-def test_behind_a_block_at_the_wall_nothing_is_reached() -> None:
-    outline = outline_at(60, 30, np.pi / 2)
-    shut = np.array([0.03, float(outline[:, 1].max()) + 0.0])
-    with pytest.raises(UnreachableError, match="no path for the tool"):
-        path_round(np.array([0.4, 0.1]), shut, outline, 0.05, ROOM)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from sain_core.errors import UnreachableError
-from sain_core.push import LENGTH, idle_pushes, make_push, tool_end
+from sain_core.push import make_push, tool_end
 from sain_core.scene import POSITION
 from sain_core.shapes.shape import outline_of
 from sain_pusht.agent import LIMITS
@@ -30,12 +30,6 @@ def test_a_stroke_ends_where_it_should(world: PushtWorld) -> None:
     assert np.abs(world.motion[1]).max() < 0.02
 
 
-def test_where_disk_and_block_overlap_at_first_they_part(world: PushtWorld) -> None:
-    world.reset(38)  # the disk begins within the block
-    assert 0 < world.steps <= 10
-    assert world.arena.gaps(world.motion[:1], world.outline)[0] > -OVERLAP
-
-
 def test_a_refused_push_moves_nothing(world: PushtWorld) -> None:
     scene = world.reset(0)
     shape = world.bodies.shapes[0]
@@ -56,10 +50,3 @@ def test_the_oracle_predicts_what_happens(world: PushtWorld) -> None:
         told = oracle.step(scene[None], push[None])[0]
         off.append(np.linalg.norm((told - after)[0, POSITION]))
     assert np.median(off) < 2e-4
-
-
-def test_the_oracle_lets_a_push_of_no_length_rest(world: PushtWorld) -> None:
-    scene = world.reset(3)
-    push = idle_pushes()
-    assert push[LENGTH] == 0.0
-    assert np.array_equal(PushtOracle().step(scene[None], push[None])[0], scene)

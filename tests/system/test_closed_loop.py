@@ -14,7 +14,6 @@ from pathlib import Path
 import domain_coordinator
 import numpy as np
 import pytest
-from mcap.reader import make_reader
 from PIL import Image, ImageSequence
 from rosbags.highlevel import AnyReader
 
@@ -154,15 +153,6 @@ def test_rosbags_reads_every_topic_of_the_graph(played: Run) -> None:
     assert [topic for topic in TOPICS - {"/parameter_events"} if not counts[topic]] == []
 
 
-def test_mcap_reads_it_with_every_crc_right(played: Run) -> None:
-    bag = Bag(played.out / "bag")
-    bag.check()
-    with bag.file.open("rb") as stream:
-        found = sum(1 for _ in make_reader(stream, validate_crcs=True).iter_messages())
-    assert found == bag.message_count
-    assert bag.custom_data["episodes"] == "anywhere:1"
-
-
 def test_every_push_is_paired(played: Run) -> None:
     (episode,) = [e for e in read_episodes(Bag(played.out / "bag")) if e.goal is not None]
     assert episode.success
@@ -191,21 +181,6 @@ def test_all_headers_have_the_simulator_s_time(played: Run) -> None:
             stamps.setdefault(received.topic, set()).add(header.stamp.sec)
     assert {"/diagnostics", "/sain/push", "/sain/plan", "/sain/goal"} <= set(stamps)
     assert {topic: max(seen) for topic, seen in stamps.items() if max(seen) > last} == {}
-
-
-def test_the_pictures_are_pictures(played: Run) -> None:
-    assert "anywhere 1" in (played.out / "report.html").read_text(encoding="utf-8")
-    for name in ("episode_1.png", "overview.png"):
-        with Image.open(played.out / name) as picture:
-            picture.verify()
-            assert min(picture.size) > 400
-    with Image.open(played.out / "closed_loop.gif") as movie:
-        assert movie.size == (480, 360)
-        assert movie.n_frames > 5
-        first = movie.convert("RGB").tobytes()
-        movie.seek(movie.n_frames - 1)
-        assert movie.convert("RGB").tobytes() != first
-    assert (played.out / "closed_loop.gif").stat().st_size < 3_000_000
 
 
 def test_every_frame_of_the_film_shows_target_and_goal(played: Run) -> None:

@@ -62,13 +62,6 @@ def test_everything_about_a_push_can_be_paired_by_its_id(graph, running):
         assert (plan.scene_id, plan.episode_id) == (result.before.scene_id, result.episode_id)
 
 
-def test_episodes_follow_one_another(graph, running):
-    for goal_id, goal in enumerate([(0.66, 0.0), (0.62, -0.1)], start=1):
-        assert play(graph, goal, goal_id, tolerance=0.02).status == Plan.REACHED
-    episodes = {result.episode_id for result in graph.heard["push_result"]}
-    assert episodes == {2, 3}
-
-
 def test_a_second_planner_is_refused(graph, running):
     with pytest.raises(BusyError, match=r"process \d+ \(.+\) publishes /sain/plan already"):
         MppiNode(context=graph.context, cli_args=["--ros-args", "-r", "__node:=second"])

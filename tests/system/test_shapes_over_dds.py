@@ -14,7 +14,6 @@ from sain_core.scene import make_scene
 from sain_core.shapes.bodies import Bodies
 from sain_core.wire.bodies import decode_bodies
 from sain_interfaces.msg import Plan
-from sain_interfaces.srv import ResetScene
 from sain_model.physics.planar import PlanarPrior
 from sain_model.ros.model_node import ModelNode
 from sain_mppi.ros.mppi_node import MppiNode
@@ -116,38 +115,3 @@ def test_a_push_against_any_pushable_body_is_carried_out_and_predicted(graph, ru
     push = wire.decode_push(result.push)
     planar = PlanarPrior().with_bodies(Bodies.named(NAMES, ROLES)).step(START[None], push[None])[0]
     assert np.hypot(*(planar - after)[2, :2]) < 0.5 * moved[2]
-
-
-def test_a_push_against_a_fixed_or_missing_body_is_refused(graph):
-    graph.start(SimNode)
-    scene = begin(graph)
-    for push_id, (body, text) in enumerate(
-        [
-            (1.0, "against body 1, which is fixed"),
-            (3.0, "against body 3, which does not exist"),
-            (4294967295.0, "against body 4294967295, which does not exist"),
-        ],
-        start=6,
-    ):
-        graph.push(scene, push_id, make_push(0.3, 0.1, 0.04, body=body))
-        result = graph.result(push_id)
-        assert ErrorCode(result.error_code) is ErrorCode.OUT_OF_RANGE
-        assert text in result.error_message
-        assert "pushable are: 0, 2" in result.error_message
-        assert result.before == result.after
-
-
-def test_a_reset_with_bodies_that_cannot_be_says_why(graph):
-    graph.start(SimNode)
-    for fields, code, text in [
-        ({"shapes": ["t", "disk"]}, ErrorCode.INVALID, "2 shapes are given for 3 disks"),
-        ({"roles": ["fixed"]}, ErrorCode.INVALID, "1 roles are given for 3 disks"),
-        ({"roles": ["fixed"] * 3}, ErrorCode.CONFIG, "no body is pushable"),
-        ({"roles": ["pushable", "idle", "fixed"]}, ErrorCode.CONFIG, "role of body 1 is 'idle'"),
-        ({"shapes": ["t", "disk", "blob"]}, ErrorCode.INVALID, "shape of body 2 is 'blob'"),
-    ]:
-        request = ResetScene.Request(disks=codec.encode_disks(START), **fields)
-        response = graph.call(ResetScene, "reset_scene", request)
-        assert ErrorCode(response.error_code) is code
-        assert text in response.error_message
-        assert response.scene.episode_id == 1

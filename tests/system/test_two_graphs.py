@@ -17,7 +17,6 @@ from sain_core.ros.node_main import ros_context
 from sain_core.ros.qos import LATCHED, QUEUE
 from sain_interfaces.msg import Goal as GoalMessage
 from sain_interfaces.msg import PushResult
-from tests.paths import ROOT
 
 pytestmark = pytest.mark.system
 
@@ -93,9 +92,3 @@ def test_two_graphs_do_not_hear_each_other_and_each_has_its_clock(ros_domain):
         assert all(process.poll() is None for process in processes)
         executor.shutdown()
         bystander.destroy_node()
-
-
-def test_the_page_has_these_commands():
-    page = (ROOT / "docs/explanation/architecture.md").read_text()
-    for graph in ("a", "b"):
-        assert "-r " + " -r ".join(REMAPPED[1::2]).format(graph=graph) in page

@@ -306,10 +306,3 @@ def test_every_kind_of_thing_is_drawn_where_it_is(draw):
     assert len(kinds) == 7
     for thing in EVERYTHING:
         assert any(drawn.has(thing, places) for places in places_of(thing)), thing
-
-
-@pytest.mark.parametrize("draw", [OnAxes, AsMarkers, OnPage, AsJson])
-def test_what_is_not_in_the_list_is_not_drawn(draw):
-    drawn = draw(list(stage()))
-    for thing in EVERYTHING[2:]:
-        assert not any(drawn.has(thing, places) for places in places_of(thing)), thing

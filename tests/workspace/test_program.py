@@ -8,8 +8,6 @@ from zipfile import ZipFile
 
 import pytest
 
-from sain_core.cli import program
-
 ROOT = Path(__file__).parents[2]
 
 
@@ -84,12 +82,3 @@ def test_what_cannot_be_is_said(arguments: list[str], code: int, text: str, tmp_
     found = run_without_ros(arguments, tmp_path)
     assert found.returncode == code
     assert text in found.stderr and "Traceback" not in found.stderr
-
-
-def test_the_help_has_every_command_once(capsys: pytest.CaptureFixture[str]) -> None:
-    assert program.main(["--help"]) == 0
-    printed = capsys.readouterr().out
-    names = list(program.find_commands())
-    for name in names:
-        assert f"\n  {name} " in printed
-    assert {"collect", "train", "evaluate", "record", "sim_node"} <= set(names)

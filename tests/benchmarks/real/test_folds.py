@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from benchmarks.real.folds import Fold, all_cases, few_training, five_folds, left_out
+from benchmarks.real.folds import Fold, five_folds, left_out
 from benchmarks.real.pushes import PushTable
 
 
@@ -29,21 +29,6 @@ def test_five_folds_predict_every_push_once_and_divide_no_group(pushes):
         assert len(fold.train) + len(fold.test) == len(pushes)
 
 
-def test_folds_follow_from_the_seed(pushes):
-    first, same, other = (five_folds(pushes, seed).folds[0].test for seed in (1, 1, 2))
-    np.testing.assert_array_equal(first, same)
-    assert set(first) != set(other)
-
-
-def test_fewer_pushes_to_learn_from_are_a_part_of_the_folds(pushes):
-    for few, whole in zip(
-        few_training(pushes, 0, 20).folds, five_folds(pushes, 0).folds, strict=True
-    ):
-        assert len(few.train) == 20
-        assert set(few.train) < set(whole.train)
-        np.testing.assert_array_equal(few.test, whole.test)
-
-
 @pytest.mark.parametrize("what", ["object", "surface"])
 def test_what_is_left_out_is_known_from_own_pushes_alone(pushes, what):
     counts = (0, 2, 5)
@@ -64,10 +49,3 @@ def test_own_pushes_are_nested(pushes):
     few, more = (left_out(pushes, 0, "object", (n, 5))[0].folds for n in (2, 5))
     for some, others in zip(few, more, strict=True):
         assert set(some.own) < set(others.own)
-
-
-def test_pushes_with_one_surface_have_no_case_without_it(pushes):
-    one = pushes.select(pushes.surface == "rubber")
-    keys = [case.key for case in all_cases(one, 0)]
-    assert "object_20" in keys
-    assert not [key for key in keys if key.startswith("surface")]

@@ -64,16 +64,6 @@ def test_a_new_body_is_predicted_with_what_others_and_its_own_pushes_show(
     assert errors[1] < errors[0]
 
 
-def test_the_prior_over_bodies_is_kept(synthetic_pushes, identified):
-    train, own, test = fold_of(synthetic_pushes)
-    first = identified.fit(train, own).predict(test)
-    kept = sorted((identified.folder / identified.key).iterdir())
-    stamps = [path.stat().st_mtime_ns for path in kept]
-    again = IdentifiedPhysics(identified.folder).fit(train, own).predict(test)
-    np.testing.assert_array_equal(again.poses, first.poses)
-    assert [path.stat().st_mtime_ns for path in kept] == stamps
-
-
 @pytest.mark.parametrize("alone", [True, False], ids=["learned only", "SAIN"])
 def test_a_network_is_trained_once_and_has_regions(
     synthetic_pushes, identified, tmp_path: Path, alone
@@ -91,13 +81,3 @@ def test_a_network_is_trained_once_and_has_regions(
     again = row.fit(train, own).predict(test)
     np.testing.assert_array_equal(again.poses, found.poses)
     assert list((tmp_path / row.key).iterdir()) == files
-
-
-def test_sain_of_new_bodies_learns_from_whole_objects_apart(synthetic_pushes, identified, tmp_path):
-    fold = left_out(synthetic_pushes, 0, "object", (5,))[0].folds[0]
-    parts = (synthetic_pushes.select(rows) for rows in (fold.train, fold.own, fold.test))
-    train, own, test = parts
-    row = NetworkRow(tmp_path, identified, SMALL, SMALL)
-    found = row.fit(train, own).predict(test)
-    assert found.poses.shape == (len(test), 3)
-    assert [path.stem[-2:] for path in (tmp_path / "sain").iterdir()] == ["-0"]

@@ -3,7 +3,7 @@
 import pytest
 
 from sain_bags.bag.definition_check import check_definition
-from sain_bags.bag.definitions import SEPARATOR, Definitions
+from sain_bags.bag.definitions import SEPARATOR
 from sain_core.errors import DatasetError
 
 NAME = "a/msg/T"
@@ -37,23 +37,9 @@ def test_what_is_refused(text: str, reason: str) -> None:
         check_definition(NAME, text)
 
 
-@pytest.mark.parametrize("name", ["", "T", "a/T", "a/msg/", "../msg/T", "a/msg/T\n"])
-def test_what_is_no_name_of_a_type(name: str) -> None:
-    with pytest.raises(DatasetError, match="is not the name of a type"):
-        check_definition(name, "uint8 x")
-
-
 def test_what_is_allowed() -> None:
     check_definition(NAME, chain(31))
     check_definition(NAME, f"U a\nU b\nV c\n{SEPARATOR}\nMSG: a/U\nV v\n{SEPARATOR}\nMSG: a/V\n")
     check_definition(
         NAME, "string<=9[<=4] names\nstring S='#'  # a constant\nuint8 N = 3\n\nfloat64[2] xy\r\n"
     )
-
-
-@pytest.mark.parametrize(
-    "name",
-    ["sain_interfaces/msg/PushResult", "visualization_msgs/msg/MarkerArray"],
-)
-def test_definitions_that_are_installed_are_allowed(name: str) -> None:
-    check_definition(name, Definitions().joined(name))

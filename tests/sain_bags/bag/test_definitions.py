@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from sain_bags.bag.definitions import SEPARATOR, Definitions, referred_types
+from sain_bags.bag.definitions import SEPARATOR, Definitions
 from sain_core.errors import InvalidInputError
 
 
@@ -32,26 +32,9 @@ def test_joined_appends_each_dependency_once(tmp_path: Path) -> None:
     assert len(SEPARATOR) == 80
 
 
-def test_first_prefix_wins(tmp_path: Path) -> None:
-    install(tmp_path / "over", "a/msg/M", "int8 new\n")
-    install(tmp_path / "under", "a/msg/M", "int8 old\n")
-    assert "new" in Definitions((tmp_path / "over", tmp_path / "under")).text("a/msg/M")
-
-
 def test_missing_definition_names_type_and_where_it_was_sought(tmp_path: Path) -> None:
     with pytest.raises(InvalidInputError, match=f"a/msg/M is installed; searched {tmp_path}"):
         Definitions((tmp_path,)).text("a/msg/M")
-
-
-@pytest.mark.parametrize("name", ["Header", "a/M", "a/srv/M", "a//M", "a/msg/M/x"])
-def test_what_is_no_message_name_is_refused(name: str, tmp_path: Path) -> None:
-    with pytest.raises(InvalidInputError, match="package/msg/Name"):
-        Definitions((tmp_path,)).text(name)
-
-
-def test_constants_comments_and_numbers_are_no_types() -> None:
-    text = "# Foo x\nuint8 A=1\nfloat64[] values # Bar\nDisk[2] disks\nbool<=3 flag\n\n"
-    assert list(referred_types("p/msg/T", text)) == ["p/msg/Disk"]
 
 
 def install_service(prefix: Path, name: str, text: str) -> None:

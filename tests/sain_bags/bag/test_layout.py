@@ -4,10 +4,9 @@ from pathlib import Path
 
 import pytest
 import yaml
-from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 
-from sain_bags.bag.metadata import METADATA_KEY, METADATA_RECORD, START_RECORD, Topic, TopicQos
+from sain_bags.bag.metadata import Topic, TopicQos
 from sain_bags.reading.reader import Bag
 from sain_bags.writing.gaps import MISSING_KEY
 from sain_bags.writing.writer import BagConfig, BagWriter
@@ -47,28 +46,6 @@ def test_every_record_is_where_it_should_be(
     statistics = examine(tmp_path / "bag" / "bag_0.mcap")
     assert statistics.message_count == messages
     assert statistics.chunk_count == {0: 0, 1: 1, 400: 19}[messages]
-
-
-def test_every_file_of_a_split_bag_is_a_whole_one(tmp_path: Path) -> None:
-    record(tmp_path / "bag", BagConfig(chunk_size=4096, split_size=20_000))
-    files = sorted((tmp_path / "bag").glob("*.mcap"))
-    counts = [examine(file).message_count for file in files]
-    content = yaml.safe_load((tmp_path / "bag" / "metadata.yaml").read_text(encoding="utf-8"))
-    told = content["rosbag2_bagfile_information"]["files"]
-    assert [one["message_count"] for one in told] == counts
-    assert len(counts) > 2
-
-
-def test_a_file_says_what_its_bag_is_about_first_and_last(tmp_path: Path) -> None:
-    record(tmp_path / "bag", BagConfig(chunk_size=4096))
-    with (tmp_path / "bag" / "bag_0.mcap").open("rb") as stream:
-        records = list(make_reader(stream).iter_metadata())
-    assert [found.name for found in records] == [START_RECORD, METADATA_RECORD]
-    first, last = (yaml.safe_load(found.metadata[METADATA_KEY]) for found in records)
-    assert first["custom_data"] == {"seed": "7"}
-    assert (first["message_count"], last["message_count"]) == (0, 400)
-    whole = yaml.safe_load((tmp_path / "bag" / "metadata.yaml").read_text(encoding="utf-8"))
-    assert last == whole["rosbag2_bagfile_information"]
 
 
 def test_metadata_has_all_that_rosbag2_writes_and_nothing_else(tmp_path: Path) -> None:

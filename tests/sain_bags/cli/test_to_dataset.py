@@ -9,10 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from sain_bags.cli.to_dataset import histograms
-from sain_bags.dataset.bag_rows import BagJob, BagRunner, RowsConfig
 from sain_bags.dataset.conversion import ConversionConfig, Converted, convert
-from sain_core.errors import ConfigError, DatasetError
+from sain_core.errors import DatasetError
 from sain_core.model import load_dynamics
 from sain_core.transitions import RECORDED, Column
 from sain_core.workers import WorkerOptions
@@ -92,16 +90,6 @@ def test_contiguous_pushes_are_what_another_reader_reads(record: Start, tmp_path
     assert compare(shards(tmp_path / "out"), recording.writer.folder) > 12 * 7 * 17
 
 
-def test_the_models_loader_reads_the_result(record: Start, tmp_path: Path) -> None:
-    convert([drive(record)], tmp_path / "out")
-    data = load_dataset(tmp_path / "out").alike
-    assert data.state.shape == (6, 2, 8)
-    assert data.episode.tolist() == [0, 0, 0, 0, 1, 1]
-    assert data.step.tolist() == [0, 1, 2, 3, 0, 1]
-    np.testing.assert_allclose(data.physics_next, data.next_state + 0.002)
-    assert np.isnan(data.friction).all()
-
-
 def test_what_was_not_predicted_is_computed_and_says_so(record: Start) -> None:
     parts = Parts(unpredicted=(1,), failed_prediction=(2,))
     rows, _, card = to_rows(drive(record, parts=parts))
@@ -112,15 +100,6 @@ def test_what_was_not_predicted_is_computed_and_says_so(record: Start) -> None:
     )
     np.testing.assert_array_equal(rows["physics_next"].reshape(-1, 2, 8)[computed], expected)
     assert card["physics_from"] == {"bullet_nominal": 3, "computed:planar": 3}
-
-
-def test_the_prior_can_be_chosen(record: Start) -> None:
-    bag = drive(record, parts=Parts(predictions=False))
-    rows, _, _ = to_rows(bag, prior="identity")
-    np.testing.assert_array_equal(rows["physics_next"], rows["state"])
-    assert set(rows["physics_source"]) == {"computed:identity"}
-    with pytest.raises(ConfigError, match=r"model 'plannar' is unknown.*did you mean 'planar'"):
-        to_rows(bag, prior="plannar")
 
 
 def test_without_results_the_settled_scenes_say_what_happened(record: Start) -> None:
@@ -149,21 +128,6 @@ def test_a_push_without_result_or_scenes_is_counted(record: Start) -> None:
     reason = "no result, and no settled scenes around it"
     assert done.dropped == {reason: 1}
     assert card["dropped"][reason]["for_example"][0].endswith("push 14 of episode 4")
-
-
-def test_two_pushes_from_one_scene_without_results_are_not_guessed_at(record: Start) -> None:
-    recording = record()
-    driver = Drive(recording, Parts(results=False))
-    driver.episode(1, [1])
-    driver.scene_id -= 1  # this one was planned from the scene before, too
-    recording.add("/sain/push", "Push", push_id=2, episode_id=1, scene_id=driver.scene_id)
-    driver.scene_id += 1
-    driver.push(1, 3, driver.random_scene(), 0)
-    recording.writer.close()
-    rows, done, _ = to_rows(recording.writer.folder)
-    # The first had all that it needs before the second came, which moved nothing any more.
-    assert rows["push_id"].tolist() == [1, 3]
-    assert done.dropped == {"no result, and another push from the same scene": 1}
 
 
 def test_refused_and_repeated_pushes_are_counted_apart(record: Start) -> None:
@@ -196,15 +160,6 @@ def test_unsettled_scenes_are_left_out_unless_kept(record: Start) -> None:
     assert to_rows(bag, keep_unsettled=True)[1] == Converted(6, 2, {})
 
 
-def test_only_what_moved_the_target(record: Start) -> None:
-    bag = drive(record, parts=Parts(still=(0, 1)))
-    assert to_rows(bag)[0]["moved"].tolist() == [False, False, True, True, False, False]
-    rows, done, card = to_rows(bag, moved_only=True)
-    assert rows["push_id"].tolist() == [13, 14]
-    assert done.dropped == {"target moved by less than 2 mm": 4}
-    assert (card["transitions"], card["moved"], card["episodes"]) == (2, 2, 1)
-
-
 @pytest.mark.parametrize(
     ("column", "value", "said"),
     [(0, np.nan, "x of disk 1 is nan"), (6, 0.0, "a mass is not positive")],
@@ -222,19 +177,6 @@ def test_scenes_that_cannot_be_are_counted(
     _, done, card = to_rows(recording.writer.folder)
     assert done.dropped == {"makes no sense": 1}
     assert said in card["dropped"]["makes no sense"]["for_example"][0]
-
-
-def test_a_push_that_no_prior_can_predict_is_counted(record: Start) -> None:
-    recording = record()
-    driver = Drive(recording, Parts(predictions=False))
-    driver.episode(1, [1])
-    push = driver.push_message(2, 1)
-    push.length = 9.0
-    here = driver.scene_message(1, driver.random_scene())
-    driver.result(push, here, here)
-    recording.writer.close()
-    _, done, _ = to_rows(recording.writer.folder)
-    assert done.dropped == {"not predicted, and the prior cannot": 1}
 
 
 def test_numbers_of_disks_go_to_shards_of_their_own(record: Start, tmp_path: Path) -> None:
@@ -264,16 +206,6 @@ def test_the_card_tells_ranges_and_where_from(record: Start) -> None:
     assert card["fields"]["state"] == [16]
 
 
-def test_the_picture_draws_what_the_card_says(record: Start) -> None:
-    _, _, card = to_rows(drive(record))
-    figure = histograms(card["ranges"])
-    for axes, (name, spread) in zip(figure.axes, card["ranges"].items(), strict=True):
-        assert axes.get_title("left") == name.replace("_", " ")
-        assert axes.get_xlabel().startswith(f"[{spread['unit']}]")
-        (stairs,) = axes.patches
-        assert stairs.get_data().values.tolist() == spread["histogram"]["counts"]
-
-
 def test_workers_change_no_byte(record: Start, tmp_path: Path) -> None:
     """Also of pushes that are dropped or predicted, and of two numbers of disks."""
     parts = [Parts(predictions=False), Parts(disks=3), Parts(unsettled=(1,)), Parts(still=(0,))]
@@ -287,13 +219,6 @@ def test_workers_change_no_byte(record: Start, tmp_path: Path) -> None:
     assert len(files[0]) > 2 and len(files[0]) == len(files[1])
     for one, other in zip(*files, strict=True):
         assert one.name == other.name and one.read_bytes() == other.read_bytes(), one
-
-
-def test_a_recording_that_changes_meanwhile_is_refused(record: Start) -> None:
-    bag = drive(record)
-    job = BagJob(bag, "/sain", "0" * 64, {}.get)
-    with pytest.raises(DatasetError, match=r"another recording where a worker reads it.* 0000"):
-        BagRunner(RowsConfig("planar", False, False)).run(job)
 
 
 def test_a_damaged_recording_of_several_is_named(record: Start, tmp_path: Path) -> None:

@@ -1,7 +1,6 @@
 """Recordings of bodies that are no disks, and recordings from before there were such."""
 
 import json
-import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -9,7 +8,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from rosbags.typesys import get_types_from_msg
 
 from sain_bags.dataset.conversion import ConversionConfig, convert
 from sain_bags.dataset.formats.stored_rows import goal_distance, reached
@@ -18,23 +16,16 @@ from sain_bags.report.content import read_content
 from sain_bags.rows.episodes import read_episodes
 from sain_bringup.report import PlayedEpisode
 from sain_core.errors import DatasetError
-from sain_core.goal import KEEP_TOLERANCE, Goal
 from sain_core.push import BODY, make_push
 from sain_core.scene import make_scene
-from sain_core.shapes.bodies import PAPER_DISKS, Bodies
+from sain_core.shapes.bodies import Bodies
 from sain_core.shapes.library import get_shape
 from sain_core.transitions import Column, row_bodies
 from sain_model.physics.planar import PlanarPrior
-from tests.sain_bags.conftest import Messages, resting_scene
 from tests.sain_bags.dataset.conftest import read_npz
 
 POSE = (0.52, 0.01, 0.3)
 KEPT = ConversionConfig(keep_unsettled=True)
-LATER = re.compile(
-    r"^(uint32 body |GoalPose|uint32\[\] keep|float64 (keep_tol|goal_turn|speed)"
-    r"|string\[\] roles).*\n",
-    re.MULTILINE,
-)
 
 
 def scene(x: float, heading: float) -> np.ndarray:
@@ -148,15 +139,6 @@ def test_bodies_to_be_kept_are_in_rows_page_and_result(
     assert table["goal_keep"][0][1] == 0.01
 
 
-def test_a_goal_that_keeps_without_a_tolerance_has_the_planners(
-    record: Callable[..., Any], tmp_path: Path
-) -> None:
-    (episode,) = read_episodes(keeping_bag(record, 0.004, keep=np.array([1], np.uint32)))
-    assert episode.success and episode.goal.keep_tolerance == KEEP_TOLERANCE
-    (shown,) = read_content(keeping_bag(record, 0.004)).data["episodes"]
-    assert shown["keep"] == []
-
-
 def test_a_push_without_a_prediction_is_predicted_with_its_shape(
     record: Callable[..., Any], tmp_path: Path
 ) -> None:
@@ -189,17 +171,6 @@ def test_every_format_takes_them(shaped_bag: Path, tmp_path: Path) -> None:
     assert table["goal_poses"][0][:3] == list(POSE)
 
 
-def test_recordings_with_and_without_shapes_become_one_data_set(
-    shaped_bag: Path, episode_bag: Path, tmp_path: Path
-) -> None:
-    convert([shaped_bag, episode_bag], tmp_path / "both", KEPT)
-    rows = read_npz(tmp_path / "both")
-    assert set(rows[Column.SHAPES]) == {"t,disk", "disk,disk"}
-    posed = np.isfinite(rows[Column.GOAL_POSES]).any(axis=1)
-    assert posed.tolist() == [shapes == "t,disk" for shapes in rows[Column.SHAPES]]
-    assert np.isfinite(rows[Column.GOAL][~posed]).all()
-
-
 def test_shapes_that_change_within_an_episode_are_named(
     record: Callable[..., Any], tmp_path: Path
 ) -> None:
@@ -228,45 +199,3 @@ def test_episodes_and_the_page_have_bodies_and_poses(shaped_bag: Path) -> None:
     assert shown["poses"] == [{"body": 0, "x": 0.52, "y": 0.01}]
     assert [push["body"] for push in shown["pushes"]] == [0, 0]
     assert shown["pushes"][0]["moved"] == pytest.approx(0.03)
-
-
-class OldMessages(Messages):
-    """The graph's messages as they were before there were shapes."""
-
-    def __init__(self) -> None:
-        super().__init__(old=True)
-        text = self.definitions.text
-        self.definitions.text = lambda name: LATER.sub("", text(name))  # type: ignore[method-assign]
-        for name in ("Push", "Goal", "Plan", "PushResult", "WorldParameters"):
-            full = f"sain_interfaces/msg/{name}"
-            found = get_types_from_msg(self.definitions.text(full), full)
-            del self.store.fielddefs[full]
-            self.store.register(found)
-
-
-def test_older_recordings_mean_the_same(
-    record: Callable[..., Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    shards = {}
-    for age, messages in (("old", OldMessages()), ("new", Messages())):
-        recording = record(age)
-        recording.messages = messages
-        start, after = resting_scene(0.45), resting_scene(0.60)
-        recording.scene(2, 1, start)
-        goal = {"goal_id": 5, "episode_id": 2, "x": 0.8, "y": 0.0, "tolerance": 0.02}
-        recording.add("/sain/goal", "Goal", **goal)
-        recording.push(1, 2, start, after)
-        recording.writer.close()
-        bag = Bag(tmp_path / age)
-        definition = next(c.definition() for c in bag.channels if c.type.endswith("PushResult"))
-        assert ("uint32 body" in definition) == (age == "new")
-        convert([tmp_path / age], tmp_path / f"{age}-npz", KEPT)
-        shards[age] = read_npz(tmp_path / f"{age}-npz")
-        (episode,) = read_episodes(bag)
-        assert (episode.goal, episode.bodies) == (Goal.place(0.8, 0.0, 0.02), PAPER_DISKS)
-        assert len(episode.executed) == 1
-        assert read_content(bag).data["episodes"][0]["pushes"][0]["body"] == 0
-    assert list(shards["old"]) == list(shards["new"])
-    for name in set(shards["old"]) - {"bag_sha256", "log_time"}:
-        np.testing.assert_array_equal(shards["old"][name], shards["new"][name], name)
-    assert "body" not in shards["old"]

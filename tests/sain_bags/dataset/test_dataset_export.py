@@ -18,7 +18,7 @@ from sain_bags.dataset.formats import MADE, FormatName
 from sain_core.errors import ConfigError, OutputError
 from sain_core.transitions import PARTS
 from sain_model.data.dataset import load_dataset, split_by_episode
-from tests.sain_bags.dataset.formats.exported import Rows, card_of, drive, to
+from tests.sain_bags.dataset.formats.exported import card_of, drive, to
 from tests.sain_bags.driven import Drive, Parts
 
 OTHERS: list[FormatName] = [name for name in MADE if name != "npz"]
@@ -42,15 +42,6 @@ def test_the_split_is_the_one_that_train_draws(
     for part in PARTS:
         found = parquet.read_table(out / f"{part}-00000.parquet")["episode"]
         assert sorted(set(found.to_pylist())) == wanted[part]
-
-
-def test_too_few_episodes_are_all_to_train_on(record: Callable[..., Any], tmp_path: Path) -> None:
-    recording = record()
-    Drive(recording).episode(1, [1, 2])
-    recording.writer.close()
-    out = to("parquet", recording.writer.folder, tmp_path / "out")
-    assert card_of(out)["split"]["transitions"] == {"train": 2, "validation": 0, "test": 0}
-    assert [path.name for path in out.glob("*.parquet")] == ["train-00000.parquet"]
 
 
 @pytest.mark.parametrize("name", OTHERS)
@@ -106,15 +97,6 @@ def test_a_stop_while_writing_costs_nothing_and_same_recordings_give_same_bytes(
     assert contents(stopped) == contents(whole)
 
 
-def test_a_data_set_that_is_whole_is_made_again_to_the_same_bytes(
-    bag: Path, tmp_path: Path
-) -> None:
-    out = to("parquet", bag, tmp_path / "out")
-    before = contents(out)
-    (out / "train-00007.parquet").write_bytes(b"of a longer one")
-    assert contents(to("parquet", bag, out)) == before
-
-
 @pytest.mark.parametrize("name", OTHERS)
 def test_overwriting_removes_only_what_a_conversion_wrote(
     name: FormatName, record: Callable[..., Any], bag: Path, tmp_path: Path
@@ -136,22 +118,6 @@ def test_overwriting_removes_only_what_a_conversion_wrote(
     assert all((out / path).read_text() == "the only copy" for path in mine)
     to(name, bag, out, overwrite=True)
     assert set(mine) < set(contents(out)) and not list(out.glob("shard-0*"))
-
-
-@pytest.mark.parametrize("name", OTHERS)
-def test_another_format_needs_to_be_told_to_overwrite(
-    name: FormatName, bag: Path, rows: Rows, tmp_path: Path
-) -> None:
-    out = to(name, bag, tmp_path / "out")
-    (out / "notes.txt").write_text("mine")
-    before = contents(out)
-    with pytest.raises(OutputError, match=rf"format = '{name}', not 'npz'.*--overwrite"):
-        to("npz", bag, out)
-    assert contents(out) == before
-    to("npz", bag, out, overwrite=True)
-    shards = [f"shard-{index:05d}.npz" for index in range(3)]
-    assert sorted(contents(out)) == ["card.json", "conversion.json", "notes.txt", *shards]
-    assert (out / "notes.txt").read_text() == "mine"
 
 
 def test_a_full_disk_leaves_no_data_set(

@@ -29,18 +29,6 @@ def contents(folder: Path) -> dict[str, bytes]:
     return {path.name: path.read_bytes() for path in folder.iterdir()}
 
 
-def test_same_recordings_same_bytes(bag: Path, tmp_path: Path) -> None:
-    for name in ("one", "two"):
-        convert([bag], tmp_path / name)
-    assert contents(tmp_path / "one") == contents(tmp_path / "two")
-    assert sorted(contents(tmp_path / "one")) == [
-        "card.json", "conversion.json",
-        "shard-00000.npz", "shard-00001.npz", "shard-00002.npz",
-    ]  # fmt: skip
-    sizes = [len(np.load(path)["step"]) for path in sorted((tmp_path / "one").glob("*.npz"))]
-    assert sizes == [3, 3, 1]
-
-
 def test_a_stopped_conversion_goes_on_to_the_same_bytes(bag: Path, tmp_path: Path) -> None:
     convert([bag], tmp_path / "whole")
 
@@ -85,15 +73,6 @@ def test_a_conversion_that_fails_overwrites_nothing(
     assert contents(tmp_path / "out") == before
 
 
-def test_overwriting_leaves_no_shard_of_a_longer_one(
-    bag: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    convert([bag], tmp_path / "out")
-    monkeypatch.setattr(conversion, "SHARD_SIZE", 7)
-    convert([bag], tmp_path / "out", ConversionConfig(moved_only=True), overwrite=True)
-    assert [path.name for path in (tmp_path / "out").glob("*.npz")] == ["shard-00000.npz"]
-
-
 @pytest.mark.parametrize("overwrite", [False, True])
 def test_a_folder_of_something_else_is_left_alone(
     overwrite: bool, bag: Path, tmp_path: Path
@@ -103,12 +82,6 @@ def test_a_folder_of_something_else_is_left_alone(
     with pytest.raises(OutputError, match=r"no conversion.json says that a conversion made them"):
         convert([bag], tmp_path / "mine", overwrite=overwrite)
     assert contents(tmp_path / "mine") == {"shard-00000.npz": b"a collection of a week"}
-
-
-def test_a_file_in_the_folders_place_is_named(bag: Path, tmp_path: Path) -> None:
-    (tmp_path / "out").write_text("")
-    with pytest.raises(OutputError, match="out is a file; choose a folder"):
-        convert([bag], tmp_path / "out")
 
 
 @pytest.mark.parametrize(

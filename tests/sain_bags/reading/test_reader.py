@@ -6,7 +6,6 @@ from typing import Any
 
 import pytest
 
-from sain_bags.cli.info import show
 from sain_bags.reading.reader import Bag
 from sain_core.errors import DatasetError
 
@@ -28,18 +27,6 @@ def test_topics_types_counts_and_duration(episode_bag: Path) -> None:
     assert bag.topics[0].type == "sain_interfaces/msg/Goal"
     assert bag.duration == pytest.approx(1.0)
     assert bag.custom_data == {"seed": "7"}
-
-
-def test_messages_come_in_order_and_by_topic(episode_bag: Path) -> None:
-    times = [received.log_time for received in Bag(episode_bag).messages()]
-    assert times == sorted(times)
-    goals = list(Bag(episode_bag).messages(topics=["/sain/goal"]))
-    assert [received.message.goal_id for received in goals] == [2, 3]
-    assert goals[0].log_time - goals[0].publish_time == 1000
-
-
-def test_a_bare_file_is_read_too(episode_bag: Path) -> None:
-    assert Bag(episode_bag / "bag_0.mcap").message_count == 11
 
 
 @pytest.mark.parametrize("share", [0.0, 0.001, 0.1, 0.3, 0.5, 0.7, 0.9, 0.99, 0.999])
@@ -88,23 +75,3 @@ def test_unreadable_metadata_names_the_cure(episode_bag: Path) -> None:
     (episode_bag / "metadata.yaml").write_text("rosbag2: [")
     with pytest.raises(DatasetError, match="ros2 bag reindex"):
         Bag(episode_bag)
-
-
-def test_metadata_that_names_another_file_is_refused(episode_bag: Path) -> None:
-    (episode_bag / "bag_0.mcap").rename(episode_bag / "other.mcap")
-    with pytest.raises(DatasetError, match="bag_0"):
-        Bag(episode_bag)
-
-
-def test_info_shows_topics_and_episodes(episode_bag: Path) -> None:
-    from io import StringIO
-
-    from rich.console import Console
-
-    out = StringIO()
-    show(episode_bag, Console(file=out, width=120))
-    text = out.getvalue()
-    assert "11 messages" in text
-    assert "seed: 7" in text
-    assert "sain_interfaces/msg/PushResult" in text
-    assert "2 episodes, 2 pushes, goal reached in 1" in text

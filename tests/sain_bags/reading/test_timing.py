@@ -37,13 +37,6 @@ def test_rate_longest_gap_and_missing_messages(tmp_path: Path) -> None:
     assert (timings["/b"].rate, timings["/b"].longest_gap, timings["/b"].missing) == (0.0, 0.0, 0)
 
 
-def test_what_is_missing_of_several_or_unnumbered_publishers_is_not_known(tmp_path: Path) -> None:
-    numbers = {"/several": [(0, 7), (1, 500), (2, 8)], "/none": [(0, 0), (1, 0)]}
-    timings = read_timings(record(tmp_path / "bag", numbers))
-    assert timings["/several"].missing is None
-    assert timings["/none"].missing is None
-
-
 def test_info_shows_them_and_checks_only_when_asked(tmp_path: Path) -> None:
     bag = record(tmp_path / "bag", {"/a": [(0, 5), (100, 6), (400, 12)]})
     content = bytearray(bag.file.read_bytes())

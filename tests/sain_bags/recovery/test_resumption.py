@@ -42,22 +42,6 @@ def test_all_that_was_flushed_becomes_one_bag(tmp_path: Path) -> None:
     assert [path.name for path in folder.glob("*.mcap")] == ["bag_0.mcap"]
 
 
-def test_nothing_was_recorded_before(tmp_path: Path) -> None:
-    assert set_aside(tmp_path / "bag") is None
-
-
-def test_a_whole_bag_is_never_touched(tmp_path: Path) -> None:
-    folder = tmp_path / "bag"
-    record(folder, 1, 10, whole=True)
-    content = (folder / "bag_0.mcap").read_bytes()
-    with pytest.raises(OutputError, match="is no recording that was cut off"):
-        set_aside(folder)
-    assert (folder / "bag_0.mcap").read_bytes() == content
-    (tmp_path / "file").write_text("")
-    with pytest.raises(OutputError, match="is no recording that was cut off"):
-        set_aside(tmp_path / "file")
-
-
 def contents(folder: Path) -> dict[str, bytes]:
     return {
         str(path.relative_to(folder)): path.read_bytes()

@@ -1,7 +1,5 @@
 """The page in a real browser: what is drawn is what was recorded, and nothing else runs."""
 
-import math
-import re
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -15,7 +13,6 @@ from sain_bags.reading.reader import Bag
 from sain_bags.report.content import read_content
 from sain_bags.report.writing import write_page
 from tests.sain_bags.browser import Browser, opened_browser
-from tests.sain_bags.conftest import resting_scene
 from tests.sain_bags.shown import Show, recorded, shown_scenes
 
 WIDTHS, SCHEMES = (400, 1400), ("light", "dark")
@@ -73,24 +70,6 @@ def test_it_opens_without_complaint_or_request_and_fits(browser, page, width, sc
     assert browser.complaints() == [] and browser.requests() == []
 
 
-@pytest.mark.parametrize("scheme", SCHEMES)
-def test_text_can_be_read_in_light_and_dark(browser, page, scheme):
-    browser.open(page, scheme=scheme)
-
-    def brightness(selector: str, name: str) -> float:
-        script = "return getComputedStyle(document.querySelector(arguments[0]))[arguments[1]]"
-        colour = re.findall(r"[\d.]+", browser.run(script, selector, name))[:3]
-        linear = [c / 12.92 if c < 0.04 else ((c + 0.055) / 1.055) ** 2.4
-                  for c in (float(part) / 255 for part in colour)]  # fmt: skip
-        return float(np.dot([0.2126, 0.7152, 0.0722], linear))
-
-    background = brightness(".card", "backgroundColor")
-    assert (background > 0.5) == (scheme == "light")
-    for selector in ("body", ".note", "#push dt"):
-        pair = sorted([background, brightness(selector, "color")])
-        assert (pair[1] + 0.05) / (pair[0] + 0.05) > 4.5  # WCAG 2.2, 1.4.3
-
-
 def test_the_slider_shows_the_recorded_scenes(browser, bag, page):
     browser.open(page)
     scenes = shown_scenes(bag, 1)
@@ -113,31 +92,6 @@ def test_disks_and_goal_have_their_true_size(browser, bag, page):
     ring = browser.one("#view .ring")
     place = [float(ring.get_attribute(name)) for name in ("cx", "cy", "r")]
     assert place == pytest.approx([1000 * goal.x, -1000 * goal.y, 1000 * goal.tolerance], abs=0.05)
-
-
-def test_a_cube_is_drawn_as_one_wherever_it_stands(browser, record, tmp_path):
-    recording = record()
-    shapes = ["disk", "cube"]
-    recording.add("/sain/world_parameters", "WorldParameters", episode_id=1, shapes=shapes)
-    show = Show(recording)
-    show.episode(1, 2, [0.05])
-    show.episode(2, 2, [0.05])
-    recording.writer.close()
-    browser.open(page_of(tmp_path / "bag"))
-    expected = recorded(tmp_path / "bag")["push_result"][0].prediction.disks[1]
-    (corners,) = browser.all("#view .disk polygon")
-    reach = 1000 * expected.radius
-    points = [tuple(map(float, p.split(","))) for p in corners.get_attribute("points").split()]
-    square = [(x, y) for x in (-reach, reach) for y in (-reach, reach)]
-    assert np.allclose(sorted(points), square, atol=0.1)
-    (ghost,) = browser.all("#view polygon.ghost.physics")
-    move, turn = ghost.get_attribute("transform").split(" rotate(")
-    x, y = move.removeprefix("translate(").removesuffix(")").split()
-    assert [float(x), float(y)] == pytest.approx([1000 * expected.x, -1000 * expected.y], abs=0.1)
-    assert float(turn.removesuffix(")")) == pytest.approx(-math.degrees(expected.theta), abs=0.1)
-    assert len(browser.all("#view .disk circle")) == 1 and browser.complaints() == []
-    browser.all("#list button")[1].send_keys(Keys.ENTER)
-    assert not browser.all("#view .disk polygon")
 
 
 def test_an_episode_is_chosen(browser, bag, page):
@@ -171,28 +125,6 @@ def test_a_push_is_shown_with_what_was_expected(browser, bag, page):
     assert "Push 2 of 2" in facts and "Error of sain" in facts and "bullet_nominal" in facts
 
 
-def test_the_push_stays_when_the_window_changes(browser, page):
-    browser.open(page)
-    assert len(browser.all("#view .push .tool")) == 1 and browser.all("#view .ghost")
-    browser.chrome.execute_cdp_cmd(
-        "Emulation.setDeviceMetricsOverride",
-        {"width": 500, "height": 900, "deviceScaleFactor": 1, "mobile": False},
-    )
-    browser.settle()
-    (badge,) = browser.all("#view .push .badge")
-    assert badge.rect["width"] == pytest.approx(18 + 2, abs=2.5)  # as large as before
-    assert browser.all("#view .ghost") and browser.complaints() == []
-
-
-def test_a_refused_push_says_why(browser, page):
-    browser.open(page)
-    browser.all("#list button")[1].click()
-    browser.all("#pushes button")[1].click()
-    assert "refused, blocked: disk 2 is in the way" in browser.text("#push")
-    assert browser.all("#view .push .refused") and not browser.all("#view .ghost")
-    assert browser.all("#pushes tr[aria-current=true]")[0].text.startswith("2")
-
-
 def test_bars_are_the_errors(browser, bag, page):
     browser.open(page)
     found = recorded(bag)
@@ -210,22 +142,6 @@ def test_bars_are_the_errors(browser, bag, page):
         assert browser.numbers(bars, "data-error") == pytest.approx(errors, abs=1e-5)
         heights = browser.numbers(bars, "height")
         assert heights[1] / heights[0] == pytest.approx(errors[1] / errors[0], rel=0.02)
-
-
-def test_a_bar_leads_to_its_push(browser, bag, page):
-    browser.open(page)
-    browser.all("#errors .bar.physics")[1].click()
-    assert close(browser.disks(), drawn(recorded(bag)["push_result"][1].after))
-
-
-def test_planning_times_are_counted(browser, bag, page):
-    browser.open(page)
-    times = [plan.planning_time for plan in recorded(bag)["plan"]]
-    assert sum(browser.numbers("#planning .plans", "data-count")) == len(times)
-    median = 1000 * np.median(times)
-    assert f"median {median:.0f}\u202fms" in browser.text("#planning")
-    medians = browser.numbers("#distribution circle", "data-median")
-    assert len(medians) == 2 and medians[0] == pytest.approx(3 * medians[1], abs=2e-5)
 
 
 def test_it_plays_to_the_end_and_stops(browser, page):
@@ -271,26 +187,6 @@ def test_what_is_missing_is_told(browser, record, messages, tmp_path):
     assert "Messages missing\n5\n" in browser.text("#tiles")
     assert not browser.one("#episodes").is_displayed()
     assert browser.complaints() == []
-
-
-def test_what_cannot_be_told_is_not_called_none(browser, page):
-    browser.open(page)  # its messages have no numbers
-    assert "Messages missing\n–" in browser.text("#tiles")
-    assert {cell.text for cell in browser.all("#topics td:last-child")} == {"–"}
-
-
-def test_numbers_that_make_no_sense_are_drawn_without_complaint(browser, record, tmp_path):
-    recording = record()
-    scene = resting_scene(0.5)
-    scene[0, 7], scene[1, :2] = -0.08, 1e6
-    recording.add("/sain/goal", "Goal", goal_id=1, episode_id=1, x=0.5, tolerance=-1.0)
-    for stamp in range(3):
-        recording.scene(1, stamp, scene)
-    recording.push(1, 1, scene, resting_scene(0.6), location=1e9)
-    recording.writer.close()
-    browser.open(page_of(tmp_path / "bag"))
-    slide_to(browser, Keys.END)
-    assert browser.complaints() == [] and len(browser.disks()) == 2
 
 
 def test_strangers_text_stays_text(browser, record, tmp_path):

@@ -1,6 +1,5 @@
 """The figures that a person reads in the page, beside the same ones computed from the bag alone."""
 
-import json
 import re
 from collections.abc import Callable, Iterator
 from itertools import chain
@@ -12,8 +11,7 @@ from selenium.webdriver.common.keys import Keys
 
 from sain_bags.reading.reader import Bag
 from sain_bags.report.content import read_content
-from sain_bags.report.writing import bundle, write_page
-from sain_eval.plots.axes import MARKS
+from sain_bags.report.writing import write_page
 from tests.sain_bags.browser import Browser, opened_browser
 from tests.sain_bags.conftest import resting_scene
 from tests.sain_bags.expected_page import assert_shows, expected_episodes, expected_topics
@@ -213,48 +211,3 @@ def test_no_page_shows_a_number_that_is_none(browser, bag, width):
             look()
     assert browser.run("return document.documentElement.scrollWidth") <= width
     assert browser.complaints() == []
-
-
-@pytest.mark.parametrize(
-    ("bag", "sentence"),
-    [
-        (without_pushes, "This recording has no pushes. The page shows its scenes and its topics."),
-        (without_goal, "This recording has no pushes. The page shows its scenes and its topics."),
-        (only_topics, "This recording has no scenes and no pushes. The page shows its topics."),
-        (empty, "This recording has no messages."),
-        (with_pushes, ""),
-    ],
-    indirect=["bag"],
-)
-def test_a_bag_without_pushes_says_so(browser, bag, sentence):
-    browser.open(page_of(bag), 1280)
-    assert browser.text("#notice") == sentence
-    assert browser.one("#notice").is_displayed() == bool(sentence)
-    if browser.all("#list button") and sentence:
-        assert len(browser.disks()) == 2
-        assert browser.text("#verdict") == "No push was sent in this episode."
-
-
-@pytest.mark.parametrize("bag", [with_refusals], indirect=True)
-def test_the_legend_names_what_the_pictures_name_in_the_same_order(browser, bag):
-    browser.open(page_of(bag), 1280)
-    shown = browser.text("#legend").split("\n")
-    assert shown == [name for name in MARKS if name in shown] + ["paths"]
-    assert {"table", "reachable area", "other body", "push", "predicted by physics"} <= set(shown)
-    for box in ("#errors-legend", "#distribution-legend"):
-        assert browser.text(box).split("\n") == ["physics (bullet_nominal)", "planner (sain)"]
-
-
-def test_two_scripts_may_define_the_same_name(browser):
-    """The defect of old: `degrees` stood in two files, and the later one won in both."""
-    texts = {
-        "page.js": 'import { text } from "./figures.js";\nimport { turn } from "./view.js";\n'
-        "window.found = [text(Math.PI), turn([0, 0, Math.PI])];\n",
-        "figures.js": "function degrees(radians) { return (180 * radians) / Math.PI; }\n"
-        "const text = (radians) => `${degrees(radians)}°`;\nexport { text };\n",
-        "view.js": "function degrees(pose) { return (-180 * pose[2]) / Math.PI; }\n"
-        "const turn = (pose) => degrees(pose);\nexport { turn };\n",
-    }
-    browser.run(f"(0, eval)({json.dumps(bundle('page.js', texts.__getitem__))});")
-    assert browser.run("return window.found") == ["180°", -180]
-    assert browser.run("return [typeof degrees, typeof modules]") == ["undefined", "undefined"]

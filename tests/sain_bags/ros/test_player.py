@@ -6,28 +6,16 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from rcl_interfaces.srv import ListParameters
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
-from rosbags.interfaces import (
-    Qos,
-    QosDurability,
-    QosHistory,
-    QosLiveliness,
-    QosReliability,
-    QosTime,
-)
-from rosbags.rosbag2 import StoragePlugin, Writer
 from rosgraph_msgs.msg import Clock
 from std_msgs.msg import Bool, String
 
-from sain_bags.bag.metadata import INFINITE, Topic, TopicQos, read_profiles
+from sain_bags.bag.metadata import TopicQos
 from sain_bags.playing import Passage, PassageConfig, choose_topics, play
 from sain_bags.reading.reader import Bag, Raw
-from sain_bags.ros.parameter_requests import requests_served
 from sain_bags.ros.player import Player
 from sain_bags.writing.writer import BagWriter
 from sain_bringup.graph import executable
-from sain_core.errors import DatasetError
 from tests.sain_bags.conftest import SECOND, START, Messages, Recording
 
 pytestmark = pytest.mark.ros
@@ -133,40 +121,6 @@ def test_who_comes_late_gets_what_is_latched(graph, recording, player):
     assert heard == ["last"]
 
 
-def test_a_later_start_still_has_the_goal(graph, recording, player):
-    say(recording, "/goal", "here", offered_qos=(LATCHED,))
-    say(recording, "/a", "one", "two", "three")
-    bag = closed(recording)
-    heard: list[str] = []
-    for topic, qos in (("/goal", LATE), ("/a", 10)):
-        graph.bystander.create_subscription(String, topic, lambda m: heard.append(m.data), qos)
-    playing = player(bag)
-    graph.wait(lambda: not playing.unheard(), "subscribers")
-    play_all(graph, playing, bag, start=0.05)
-    graph.wait(lambda: len(heard) == 2, "goal and the last word")
-    assert sorted(heard) == ["here", "three"]
-
-
-def test_topics_move_to_a_namespace(graph, recording, player):
-    say(recording, "/sain/a", "one")
-    assert player(closed(recording), namespace="again").unheard() == ["/again/sain/a"]
-
-
-def test_types_that_are_not_here_are_left_out(graph, recording, player):
-    say(recording, "/a", "one")
-    unknown = Topic("/alien", "alien_msgs/msg/Probe", "uint8 x\n")
-    other = Topic("/other", WORD, "string data\n", "RIHS01_" + "0" * 64)
-    event = Topic("/ask/_service_event", "std_srvs/srv/Empty_Event", "uint8 x\n")
-    for topic in (unknown, other, event):
-        recording.writer.add_topic(topic)
-        recording.writer.write(topic.name, b"\0\1\0\0\1", recording.now)
-    bag = closed(recording)
-    assert player(bag).topics == {"/a"}
-    for topic in (unknown, other, event):
-        with pytest.raises(DatasetError, match="nothing is left to play"):
-            Player(choose_topics(bag, (topic.name,)), "", context=graph.context)
-
-
 def test_time_is_published_where_it_was_not_recorded(graph, recording, player):
     say(recording, "/a", *map(str, range(10)))
     bag = closed(recording)
@@ -233,68 +187,3 @@ def test_what_is_wrong_is_told_in_one_line(recording, command, arguments, messag
     done = subprocess.run([*command, str(bag.path), *arguments], capture_output=True, text=True)
     assert done.returncode == 1 and message in done.stderr
     assert len(done.stderr.splitlines()) == 1
-
-
-def test_damage_is_told(recording, command):
-    say(recording, "/a", *map(str, range(2000)))  # most of the file is their chunk
-    bag = closed(recording)
-    whole = bytearray(bag.file.read_bytes())
-    whole[len(whole) // 2] ^= 1
-    bag.file.write_bytes(whole)
-    done = subprocess.run([*command, str(bag.path), "--wait", "0"], capture_output=True, text=True)
-    assert done.returncode == 1 and "damaged or not whole" in done.stderr
-
-
-def test_the_profiles_of_a_sqlite3_bag_are_kept(
-    recording: Recording, player: Callable[..., Player], tmp_path: Path
-) -> None:
-    profile = TopicQos(durability="transient_local", depth=3, history="keep_last")
-    say(recording, "/goal", "here", offered_qos=(profile,))
-    say(recording, "/chat", "word", offered_qos=(TopicQos(reliability="best_effort"),))
-    recorded = closed(recording)
-    with Writer(tmp_path / "other", version=9, storage_plugin=StoragePlugin.SQLITE3) as writer:
-        for raw in recorded.raw_messages():
-            (topic,) = (one for one in recorded.topics if one.name == raw.topic)
-            connection = writer.add_connection(
-                raw.topic,
-                raw.type,
-                typestore=recording.messages.store,
-                offered_qos_profiles=[_qos(one) for one in read_profiles(topic.offered_qos)],
-            )
-            writer.write(connection, raw.log_time, raw.data)
-    bag = Bag(tmp_path / "other")
-    assert bag.file.suffix == ".db3"
-    node = player(bag)
-    assert node.latched == {"/goal": 3}
-    (info,) = node.get_publishers_info_by_topic("/chat")
-    assert info.qos_profile.reliability == ReliabilityPolicy.BEST_EFFORT
-
-
-def test_it_answers_what_its_parameters_are(recording: Recording, graph) -> None:
-    say(recording, "/chat", "word")
-    node = Player(choose_topics(closed(recording), ()), "", context=graph.context)
-    client = graph.bystander.create_client(ListParameters, "/player/list_parameters")
-    try:
-        with requests_served(node):
-            graph.wait(client.service_is_ready, "the player's service")
-            answer = client.call_async(ListParameters.Request())
-            graph.wait(answer.done, "its answer")
-        assert "use_sim_time" in answer.result().result.names
-    finally:
-        node.destroy_node()
-
-
-def _qos(profile: TopicQos) -> Qos:
-    """Return a profile in the words of `rosbags`."""
-    forever = QosTime(*INFINITE)
-    return Qos(
-        QosHistory[profile.history.upper()],
-        profile.depth,
-        QosReliability[profile.reliability.upper()],
-        QosDurability[profile.durability.upper()],
-        forever,
-        forever,
-        QosLiveliness.AUTOMATIC,
-        forever,
-        avoid_ros_namespace_conventions=False,
-    )

@@ -157,14 +157,6 @@ def test_a_write_that_fails_is_an_error_at_once_and_nothing_of_before_is_lost(
     wait(lambda: speaker.said > before + 50)  # who speaks goes on
 
 
-def test_a_disk_that_is_nearly_full_is_refused(speaker: Speaker, tmp_path: Path) -> None:
-    process = start(speaker, tmp_path / "bag", "--bag.min-free-space", str(1 << 60))
-    _, errors = process.communicate(timeout=60)
-    assert process.returncode == 1
-    assert "MB are left on the disk" in errors
-    assert not (tmp_path / "bag").exists()
-
-
 def test_a_recorder_that_goes_on_joins_all_parts_at_a_signal(
     speaker: Speaker, tmp_path: Path
 ) -> None:
@@ -183,19 +175,6 @@ def test_a_recorder_that_goes_on_joins_all_parts_at_a_signal(
     found = numbers(Bag(out))
     assert found == sorted(set(found)) and len(found) > 30
     assert [path.name for path in tmp_path.iterdir()] == ["bag"]
-
-
-def test_a_recorder_refuses_to_go_on_with_a_folder_of_something_else(
-    speaker: Speaker, tmp_path: Path
-) -> None:
-    thesis = tmp_path / "work" / "thesis.tex"
-    thesis.parent.mkdir()
-    thesis.write_text("the only copy")
-    process = start(speaker, thesis.parent, "--resume")
-    _, errors = process.communicate(timeout=60)
-    assert process.returncode == 1
-    assert "work is no recording that was cut off: it holds 'thesis.tex'" in errors
-    assert thesis.read_text() == "the only copy"
 
 
 def test_a_second_signal_leaves_parts_that_the_printed_command_makes_whole(

@@ -7,7 +7,6 @@ import pytest
 from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from sain_bags.reading.reader import Bag
 from sain_bags.ros.record import drain
 from sain_bags.ros.recorder import Recorder
 from sain_bags.writing.selection import Selection
@@ -61,11 +60,6 @@ def test_a_call_is_decoded_from_the_definitions_inside(recorded: Path) -> None:
     (response,) = answered.response
     assert response.error_code == ErrorCode.OK
     assert (response.model, response.kind) == ("planar", "physics")
-
-
-def test_it_stands_in_the_bag_like_any_topic(recorded: Path) -> None:
-    (topic,) = [topic for topic in Bag(recorded).topics if topic.name == EVENTS]
-    assert (topic.type, topic.messages) == (TYPE, 2)
 
 
 def test_nothing_is_published_unless_it_is_asked_for(graph: Any) -> None:

@@ -3,7 +3,6 @@
 import time
 
 import pytest
-from rcl_interfaces.srv import ListParameters
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rosbags.highlevel import AnyReader
 from rosgraph_msgs.msg import Clock
@@ -11,9 +10,7 @@ from std_msgs.msg import String
 
 from sain_bags.cli.info import warnings_about
 from sain_bags.reading.timing import read_timings
-from sain_bags.ros.endpoints import message_class
-from sain_bags.ros.record import about_silence, parse_custom_data
-from sain_core.errors import ConfigError, InvalidInputError
+from sain_bags.ros.record import about_silence
 from sain_interfaces.msg import DiskState, Scene
 from tests.sain_bags.ros.conftest import Studio
 
@@ -37,15 +34,6 @@ def test_topics_that_appear_late_are_recorded(studio: Studio) -> None:
     (scene,) = (received.message for received in bag.messages(["/late"]))
     assert (scene.scene_id, scene.disks[0].x) == (7, 0.5)
     assert {"/early", "/late", "/rosout"} <= {topic.name for topic in bag.topics}
-
-
-def test_it_answers_what_its_parameters_are(studio: Studio) -> None:
-    studio.start()
-    client = studio.player.create_client(ListParameters, "/recorder/list_parameters")
-    studio.spin_until(client.service_is_ready)
-    answer = client.call_async(ListParameters.Request())
-    studio.spin_until(answer.done)
-    assert "use_sim_time" in answer.result().result.names
 
 
 class Warnings:
@@ -123,16 +111,6 @@ def test_a_burst_is_recorded_whole_and_in_order(studio: Studio) -> None:
     assert data == [str(number) for number in range(500)]
 
 
-def test_hidden_topics_and_those_not_chosen_are_left_out(studio: Studio) -> None:
-    studio.start("/chosen")
-    topics = ("/chosen", "/other", "/_hidden")
-    publishers = [studio.player.create_publisher(String, name, LATCHED) for name in topics]
-    for publisher in publishers:
-        publisher.publish(String(data="x"))
-    studio.recorded("/chosen", 1)
-    assert [topic.name for topic in studio.end().topics] == ["/chosen"]
-
-
 def test_rosbags_finds_the_type_hash_that_it_computes_itself(studio: Studio) -> None:
     studio.start("/scene")
     studio.player.create_publisher(Scene, "/scene", LATCHED).publish(Scene(episode_id=3))
@@ -142,44 +120,6 @@ def test_rosbags_finds_the_type_hash_that_it_computes_itself(studio: Studio) -> 
             reader.deserialize(raw, connection.msgtype) for connection, _, raw in reader.messages()
         ]
     assert found.episode_id == 3
-
-
-def test_types_that_are_not_installed_are_named() -> None:
-    assert message_class("sain_interfaces/msg/Scene") is Scene
-    with pytest.raises(InvalidInputError, match="sain_interfaces/msg/Nothing is not installed"):
-        message_class("sain_interfaces/msg/Nothing")
-    with pytest.raises(InvalidInputError, match="no_such/msg/Thing is not installed"):
-        message_class("no_such/msg/Thing")
-
-
-def test_custom_data_must_be_pairs() -> None:
-    assert parse_custom_data(("a=1", "b=x=y")) == {"a": "1", "b": "x=y"}
-    with pytest.raises(ConfigError, match="'nonsense'; it must be KEY=VALUE"):
-        parse_custom_data(("nonsense",))
-
-
-def test_what_is_latched_is_recorded_once_though_it_is_subscribed_to_anew(studio: Studio) -> None:
-    studio.start()
-    studio.player.create_publisher(String, "goal", LATCHED).publish(String(data="the goal"))
-    studio.recorded("/goal", 1)
-
-    def asks_for(durability: DurabilityPolicy) -> bool:
-        found = studio.player.get_subscriptions_info_by_topic("/goal")
-        return [info.qos_profile.durability for info in found] == [durability]
-
-    passing = studio.player.create_publisher(String, "goal", 10)
-    studio.spin_until(lambda: asks_for(DurabilityPolicy.VOLATILE))
-    studio.player.destroy_publisher(passing)
-    studio.spin_until(lambda: asks_for(DurabilityPolicy.TRANSIENT_LOCAL))
-    marker = studio.player.create_publisher(String, "marker", LATCHED)
-    marker.publish(String(data="later"))
-    studio.recorded("/marker", 1)
-    for _ in range(50):  # what was latched would have come by now
-        studio.recorder.work()
-        time.sleep(0.01)
-    recorder_gaps = studio.recorder.gaps["/goal"]
-    assert [received.message.data for received in studio.end().messages(["/goal"])] == ["the goal"]
-    assert recorder_gaps.missing == 0
 
 
 def test_a_message_that_never_came_is_counted(studio: Studio) -> None:

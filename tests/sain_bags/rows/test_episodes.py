@@ -9,14 +9,13 @@ import numpy as np
 import pytest
 
 from sain_bags.reading.reader import Bag
-from sain_bags.report.content import read_content
 from sain_bags.rows.episodes import read_episodes
 from sain_bags.rows.message_fields import namespaces
 from sain_core.errors import DatasetError
 from sain_core.goal import Goal
 from sain_core.push import LOCATION
 from sain_core.scene import make_scene
-from tests.sain_bags.conftest import Messages, resting_scene
+from tests.sain_bags.conftest import resting_scene
 
 
 def test_pushes_carry_plan_outcome_and_prediction(episode_bag: Path) -> None:
@@ -89,41 +88,6 @@ def test_each_goal_of_a_row_has_its_own_part(goals_in_a_row: Bag) -> None:
         np.testing.assert_array_equal(before.final, after.start)
         assert before.interval[1] < after.interval[0]
     np.testing.assert_array_equal(episode.by_goal[0].start, episode.start)
-
-
-def test_an_episode_of_one_goal_is_its_own_part(episode_bag: Path) -> None:
-    first, second = read_episodes(Bag(episode_bag))
-    assert first.by_goal == (first,) and (first.in_a_row, second.in_a_row) == (1, 0)
-
-
-def test_the_page_has_each_goal_of_a_row(goals_in_a_row: Bag) -> None:
-    data = read_content(goals_in_a_row).data
-    assert [one["title"] for one in data["episodes"]] == [
-        "Episode 2 · goal 1 of 3", "Episode 2 · goal 2 of 3", "Episode 2 · goal 3 of 3"
-    ]  # fmt: skip
-    assert [one["outcome"] for one in data["episodes"]] == ["reached", "reached", "not reached"]
-    assert [one["poses"][0]["x"] for one in data["episodes"]] == [0.60, 0.80, 0.40]
-    assert [len(one["frames"]["poses"]) for one in data["episodes"]] == [2, 2, 2]
-    assert [one["pushes"][0]["to"] for one in data["episodes"]] == [1, 1, 1]
-    totals = data["totals"]
-    assert (totals["episodes"], totals["withGoal"], totals["reached"]) == (1, 3, 2)
-
-
-def test_a_prediction_of_before_finds_its_push_however_late(record: Callable[..., Any]) -> None:
-    recording, scene = record(), resting_scene(0.45)
-    recording.messages = Messages(old=True)
-    recording.scene(1, 1, scene)
-    recording.push(5, 1, scene, scene, predicts=False)
-    recording.scene(2, 2, scene)
-    ids, disks = {"push_id": 5, "episode_id": 1}, recording.messages.disks(scene + 0.5)
-    recording.add("/sain/physics", "PushPrediction", **ids, error_code=1, disks=disks)
-    recording.writer.close()
-    first, _ = read_episodes(Bag(recording.writer.folder))
-    assert first.pushes[0].physics is not None
-    np.testing.assert_allclose(first.pushes[0].physics, scene + 0.5)
-    assert first.goal is None
-    assert np.isnan(first.distance(first.final))
-    assert not first.success
 
 
 def test_several_graphs_in_one_bag_must_be_told_apart(record: Callable[..., Any]) -> None:

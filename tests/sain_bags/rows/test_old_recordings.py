@@ -2,20 +2,15 @@
 
 from collections.abc import Callable, Sequence
 from itertools import permutations
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
 from sain_bags.reading.reader import Bag
-from sain_bags.recovery.recovery import recover
-from sain_bags.rows import old_recordings
-from sain_bags.rows.episodes import read_episodes
 from sain_bags.rows.old_recordings import AMBIGUOUS, NO_SCENES, REPEATED, as_today
 from sain_bags.rows.recorded_push import RecordedPush
 from sain_bags.rows.results import read_results
-from tests.old_files.reading import FOLDER, KINDS
 from tests.sain_bags.conftest import Messages, resting_scene
 
 BEFORE, AFTER = resting_scene(0.45), resting_scene(0.60)
@@ -104,27 +99,3 @@ def test_a_push_and_the_scenes_around_it_come_in_any_order(order: Any, pushes: A
 def test_what_came_of_a_push_without_a_result(steps: Any, said: list[str], pushes: Any) -> None:
     unanswered = [one for one in pushes(steps) if not one.answered]
     assert [one.error_message for one in unanswered] == said
-
-
-def test_no_more_than_the_window_waits(pushes: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(old_recordings, "WINDOW", 4)
-    steps = [result(number, scene=number) for number in range(1, 21)]
-    found = pushes([*steps, prediction(1), prediction(20)])
-    assert [one.push_id for one in found] == list(range(1, 21))
-    assert [one.push_id for one in found if one.physics is not None] == [20]
-
-
-def test_what_is_as_today_stays_as_it_is(episode_bag: Path) -> None:
-    bag = Bag(episode_bag)
-    assert as_today(bag) is bag
-
-
-@pytest.mark.parametrize("kind", KINDS)
-def test_a_recovered_recording_of_before_means_the_same(kind: str, tmp_path: Path) -> None:
-    source = FOLDER / f"{kind}_bag"
-    recover(source, tmp_path / "saved")
-    for one, other in zip(read(Bag(source)), read(Bag(tmp_path / "saved")), strict=True):
-        for name, value in vars(one).items():
-            np.testing.assert_array_equal(value, vars(other)[name], name)
-    wanted, found = (read_episodes(Bag(path)) for path in (source, tmp_path / "saved"))
-    assert [len(one.pushes) for one in wanted] == [len(one.pushes) for one in found]

@@ -47,14 +47,6 @@ def test_a_simulator_that_was_started_anew_begins_other_episodes(
     assert data.episode.tolist() == [0, 0, 1, 1]
 
 
-def test_a_folder_of_bags_is_searched(record: Start, tmp_path: Path) -> None:
-    for seed, name in enumerate(("runs/b/bag", "runs/a/bag", "runs/a/longer/bag")):
-        drive(record, name, seed)
-    (tmp_path / "runs" / "notes.txt").write_text("not a bag")
-    found = [source.bag.path for source in find_sources([tmp_path / "runs"])]
-    assert found == [tmp_path / "runs" / name for name in ("a/bag", "a/longer/bag", "b/bag")]
-
-
 def test_a_bag_below_a_folder_that_was_not_closed_is_not_passed_over(
     record: Start, tmp_path: Path
 ) -> None:
@@ -68,17 +60,6 @@ def test_the_same_recording_twice_would_be_on_both_sides_of_a_split(record: Star
     bag = drive(record)
     with pytest.raises(DatasetError, match=r"bag_0.mcap are the same recording; give it once"):
         find_sources([bag, bag / "bag_0.mcap"])
-
-
-def test_a_bare_file_is_converted(record: Start, tmp_path: Path) -> None:
-    assert convert([drive(record) / "bag_0.mcap"], tmp_path / "out").transitions == 3
-
-
-def test_an_empty_bag(record: Start) -> None:
-    recording = record()
-    recording.writer.close()
-    with pytest.raises(DatasetError, match=r"no .*PushResult, .* it has no messages at all"):
-        find_sources([recording.writer.folder])
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,5 @@
 """Bags that were made elsewhere convert to the same rows, or it is said what is wrong with them."""
 
-import hashlib
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -12,7 +11,6 @@ from mcap.writer import CompressionType, IndexType
 from mcap.writer import Writer as McapWriter
 from rosbags.rosbag2 import StoragePlugin, Writer
 
-from sain_bags.bag.metadata import read_profiles
 from sain_bags.dataset.conversion import convert
 from sain_bags.reading.reader import Bag, Raw
 from sain_core.errors import DatasetError
@@ -186,13 +184,6 @@ def test_time_that_goes_backwards(bag: Path, tmp_path: Path) -> None:
     ]  # ids pair, no time
 
 
-def test_what_a_channel_offers_is_told(bag: Path) -> None:
-    topics = {topic.name: topic for topic in Bag(bag).topics}
-    (profile,) = read_profiles(topics["/sain/push"].offered_qos)
-    assert profile.reliability == "reliable"
-    assert topics["/sain/push"].type_hash.startswith("RIHS01_")
-
-
 def redefined(bag: Path, out: Path, change: Callable[[str], str], kind: str) -> Path:
     """Copy a bag with another definition of a type, under the same name."""
     ours = Bag(bag)
@@ -246,35 +237,6 @@ def test_definitions_that_are_not_this_graphs_are_named(
         convert([other], tmp_path / "out")
 
 
-def test_two_definitions_under_one_name_are_each_followed(bag: Path, tmp_path: Path) -> None:
-    """A bag of two runs with another version of the messages between: each file has its own."""
-    folder = tmp_path / "two"
-    folder.mkdir()
-    messages = list(Bag(bag).raw_messages())
-    cut = next(i for i, raw in enumerate(messages) if raw.type.endswith("/Goal") and i > 3)
-    write_mcap(folder / "two_0.mcap", messages[:cut], Bag(bag))
-    newer = Bag(bag)
-    for found in newer.channels:
-        assert found.schema is not None
-        if found.type.endswith("/Goal"):
-            found.schema.data = found.schema.data.replace(
-                b"float64 keep_tolerance", b"float64 keep_tolerance\nuint32 newer #"
-            )
-    later = [
-        raw._replace(data=raw.data + bytes(4)) if raw.type.endswith("/Goal") else raw
-        for raw in messages[cut:]
-    ]
-    write_mcap(folder / "two_1.mcap", later, newer)
-    write_metadata(folder, 9, ["two_0.mcap", "two_1.mcap"])
-    assert same(bag, folder)
-
-
-def test_a_type_that_nothing_describes(bag: Path, tmp_path: Path) -> None:
-    other = redefined(bag, tmp_path / "o.mcap", lambda _: "", "/PushResult")
-    with pytest.raises(DatasetError, match=r"o.mcap holds .*/PushResult has no push_id"):
-        convert([other], tmp_path / "out")
-
-
 def test_no_flipped_bit_in_an_index_loses_a_row(bag: Path, tmp_path: Path) -> None:
     """The indexes are what no CRC covers: what they leave out, or name wrongly, is noticed."""
     file = tmp_path / "other.mcap"
@@ -292,22 +254,3 @@ def test_no_flipped_bit_in_an_index_loses_a_row(bag: Path, tmp_path: Path) -> No
             continue
         for key in wanted.keys() - NOT_COMPARED:
             np.testing.assert_array_equal(found[key], wanted[key], key)
-
-
-def test_results_without_pushes_are_rows_all_the_same(bag: Path, tmp_path: Path) -> None:
-    messages = [raw for raw in Bag(bag).raw_messages() if raw.topic != "/sain/push"]
-    write_mcap(tmp_path / "other.mcap", messages, Bag(bag))
-    wanted, found = rows(bag), rows(tmp_path / "other.mcap")
-    for key in wanted.keys() - NOT_COMPARED:
-        np.testing.assert_array_equal(found[key], wanted[key], key)
-
-
-def test_a_hash_is_over_all_files_of_a_bag(bag: Path, tmp_path: Path) -> None:
-    messages = list(Bag(bag).raw_messages())
-    folder = tmp_path / "split"
-    folder.mkdir()
-    for name, part in (("a.mcap", messages[:10]), ("b.mcap", messages[10:])):
-        write_mcap(folder / name, part, Bag(bag))
-    write_metadata(folder, 9, ["a.mcap", "b.mcap"])
-    content = (folder / "a.mcap").read_bytes() + (folder / "b.mcap").read_bytes()
-    assert set(rows(folder)["bag_sha256"]) == {hashlib.sha256(content).hexdigest()}

@@ -1,14 +1,10 @@
 """What a recorder says is what it has done."""
 
-from io import StringIO
 from pathlib import Path
-
-import pytest
-from rich.console import Console
 
 from sain_bags.bag.metadata import Topic
 from sain_bags.writing.gaps import Gaps
-from sain_bags.writing.recording_status import RecordingStatus, StatusDisplay
+from sain_bags.writing.recording_status import RecordingStatus
 from sain_bags.writing.writer import BagConfig, BagWriter
 
 
@@ -47,25 +43,3 @@ def test_a_recorder_that_heard_nothing_does_not_call_that_complete(tmp_path: Pat
 
 def status(messages: int) -> RecordingStatus:
     return RecordingStatus(5.0, messages, 2, 0, 1_000_000, 1, ())
-
-
-@pytest.mark.parametrize(("period", "lines"), [(1e-9, 2), (0.0, 0), (1000.0, 0)])
-def test_off_a_terminal_a_line_comes_now_and_then(period: float, lines: int) -> None:
-    out = StringIO()
-    with StatusDisplay(Console(file=out, width=200), period) as display:
-        for messages in (10, 20):
-            display.show(lambda messages=messages: status(messages))
-    assert out.getvalue().count("\n") == lines
-    assert out.getvalue().count("none missing") == lines
-
-
-def test_on_a_terminal_one_line_changes_and_goes(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("sain_bags.writing.recording_status.LIVE_PERIOD", 1e-9)
-    out = StringIO()
-    console = Console(file=out, width=100, force_terminal=True)
-    with StatusDisplay(console, 0.0) as display:
-        for messages in (10, 20):
-            display.show(lambda messages=messages: status(messages))
-    assert "10 messages" in out.getvalue()
-    assert "20 messages" in out.getvalue()
-    assert "\x1b[2K" in out.getvalue()  # what was there is erased

@@ -3,22 +3,17 @@
 import errno
 import os
 from collections import Counter
-from io import StringIO
 from pathlib import Path
 
 import pytest
 import yaml
 from mcap.reader import make_reader
-from rich.console import Console
 from rosbags.highlevel import AnyReader
 
 from sain_bags.bag.metadata import Topic, TopicQos
-from sain_bags.cli.info import show
 from sain_bags.reading.reader import Bag
-from sain_bags.reading.timing import read_timings
 from sain_bags.recovery.recovery import recover
 from sain_bags.recovery.recovery_report import RecoveryOutcome
-from sain_bags.writing.gaps import MISSING_KEY
 from sain_bags.writing.split_files import SplitFile
 from sain_bags.writing.writer import BagConfig, BagWriter
 from sain_core.errors import OutputError
@@ -84,18 +79,6 @@ def test_what_is_latched_stands_at_the_head_of_each_file(tmp_path: Path) -> None
     assert writer.counts == {"/chat": 200, "/goal": 2, "/rosout": 1}  # repeats are no messages
 
 
-def test_of_several_publishers_all_that_may_be_held_is_repeated(tmp_path: Path) -> None:
-    with BagWriter(tmp_path / "bag", BagConfig(split_duration=1.0)) as writer:
-        writer.add_topic(topic("/tf_static", LATCHED))
-        for number in range(3):
-            writer.write("/tf_static", text(number), SECOND + number, SECOND, number + 1)
-        writer.add_topic(topic("/tf_static", LATCHED, publishers=2))
-        writer.write("/tf_static", text(3), SECOND + 3, SECOND, 1)
-        writer.write("/tf_static", text(4), 3 * SECOND, SECOND, 2)
-    repeated = [("/tf_static", text(number)) for number in (2, 3, 4)]
-    assert contents(tmp_path / "bag" / "bag_1.mcap") == repeated
-
-
 def test_metadata_tells_of_each_file_as_rosbag2_does(tmp_path: Path) -> None:
     record(tmp_path / "bag", BagConfig(split_duration=5.0))
     content = yaml.safe_load((tmp_path / "bag" / "metadata.yaml").read_text(encoding="utf-8"))
@@ -132,12 +115,6 @@ def test_rosbags_and_we_read_it_as_one_bag(tmp_path: Path) -> None:
     assert [(m.topic, m.message.data, m.log_time) for m in bag.messages()] == found
 
 
-def test_repeats_are_not_counted_as_gaps(tmp_path: Path) -> None:
-    record(tmp_path / "bag", BagConfig(split_duration=5.0))
-    timings = read_timings(Bag(tmp_path / "bag"))
-    assert (timings["/chat"].missing, timings["/goal"].missing) == (0, 0)
-
-
 def test_a_split_recording_that_was_killed_is_recovered(tmp_path: Path) -> None:
     record(tmp_path / "bag", BagConfig(split_duration=5.0))
     (tmp_path / "bag" / "metadata.yaml").unlink()
@@ -167,16 +144,3 @@ def test_a_disk_that_fails_while_a_file_is_ended_stops_the_recording(
     with pytest.raises(OutputError, match="Input/output error"):
         writer.close()
     assert not (tmp_path / "bag" / "metadata.yaml").exists()  # one file is not whole
-
-
-def test_info_tells_of_files_and_of_what_the_recorder_missed(tmp_path: Path) -> None:
-    with BagWriter(tmp_path / "bag", BagConfig(split_duration=5.0)) as writer:
-        writer.add_topic(topic("/several", publishers=2))
-        for number, sequence in enumerate((1, 7, 2, 9)):
-            writer.write("/several", text(number), SECOND * (10 * number + 1), sequence=sequence)
-        writer.custom_data[MISSING_KEY] = '{"/several": ">= 1"}'
-    out = StringIO()
-    show(tmp_path / "bag", Console(file=out, width=120))
-    assert "MB in 4 files" in out.getvalue()
-    (row,) = [line for line in out.getvalue().splitlines() if line.startswith("/several")]
-    assert row.split()[-2:] == [">=", "1"]

@@ -1,6 +1,5 @@
 """The node that plays episodes, with a planner and a simulator of straw."""
 
-import itertools
 from dataclasses import replace
 from io import StringIO
 from time import monotonic
@@ -119,13 +118,6 @@ def test_a_push_without_a_result_is_waited_for_in_vain_only_after_a_crash(
             play(graph, statuses, case, timeout=3.0)
 
 
-def test_plans_alone_do_not_keep_an_episode_alive(graph, monkeypatch):
-    """A simulator that hears no push leaves the planner to plan again for ever."""
-    monkeypatch.setattr(sain_bringup.ros.director, "SILENT", 0.1)
-    with pytest.raises(GraphTimeoutError, match="waited 3 s for the graph; no sign"):
-        play(graph, itertools.repeat(Plan.PUSH), supervisor=Crashed(), timeout=3.0)
-
-
 class StartingSupervisor(Supervisor):
     """A supervisor of a model that gives signs of life for a while, and is never ready."""
 
@@ -158,16 +150,3 @@ def test_a_process_that_gives_signs_of_life_is_waited_for_and_then_named_with_it
         "waited 0.5 s for the graph; still missing: model is ready; model makes no progress;"
         " the end of its log:\nmodel compiles"
     )
-
-
-def test_all_goals_reached_are_a_success(graph):
-    straw, view = play(graph, [Plan.REACHED] * 4)
-    assert len(straw.goals) == 4 and view.reached
-    assert view.summary().endswith("mm  4 of 4 goals in a row")
-
-
-@pytest.mark.parametrize("status", [Plan.REACHED, Plan.NO_PUSH])
-def test_an_episode_of_one_goal_has_one(graph, status):
-    straw, view = play(graph, [status], replace(CASE, further=()))
-    assert len(straw.goals) == 1 and view.reached == (status == Plan.REACHED)
-    assert "in a row" not in view.summary()

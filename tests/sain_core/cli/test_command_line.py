@@ -1,16 +1,11 @@
 """`| head` ends a command, and is no failure of it."""
 
 import os
-import signal
 import subprocess
 import sys
-import time
-from importlib import import_module
 from pathlib import Path
 
 import pytest
-
-from sain_core.cli.command_line import interrupts_after_imports
 
 PRINTS = """
 from dataclasses import dataclass
@@ -59,36 +54,6 @@ def test_who_reads_no_further_ends_the_command_without_an_error(work: str, code:
     _, errors = process.communicate(timeout=60)
     assert process.returncode == code, errors
     assert errors == "" or (code and "BrokenPipeError" in errors)
-
-
-SWALLOWS = """
-import os, signal, time
-try:
-    os.kill(os.getpid(), signal.SIGINT)
-    time.sleep(0.1)
-except BaseException:
-    raise ImportError("rewritten")
-WHOLE = True
-"""
-
-
-def test_an_interrupt_inside_an_import_comes_when_that_is_over(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    (tmp_path / "swallows_interrupts.py").write_text(SWALLOWS)
-    monkeypatch.syspath_prepend(tmp_path)
-    with pytest.raises(KeyboardInterrupt), interrupts_after_imports():
-        import_module("swallows_interrupts")
-        time.sleep(60)
-    assert sys.modules.pop("swallows_interrupts").WHOLE
-
-
-def test_an_interrupt_elsewhere_comes_at_once() -> None:
-    before = signal.getsignal(signal.SIGINT)
-    with pytest.raises(KeyboardInterrupt), interrupts_after_imports():
-        os.kill(os.getpid(), signal.SIGINT)
-        time.sleep(60)
-    assert signal.getsignal(signal.SIGINT) is before
 
 
 def test_an_interrupt_while_a_command_imports_ends_it_at_once(tmp_path: Path) -> None:

@@ -1,7 +1,6 @@
 """Sockets, as the system lists them: what other computers can send to."""
 
 import os
-import shutil
 import signal
 import subprocess
 import sys
@@ -9,27 +8,19 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from types import SimpleNamespace
 
 import psutil
 import pytest
 
-from sain_core.errors import OutputError
 from sain_core.guarding import lifetime
 from sain_core.guarding.lifetime import (
     PROFILES,
     RANGE,
-    check_loopback,
-    check_shared_memory,
-    ending_within,
-    stay_on_this_host,
 )
 from sain_sim.commands import sim_node
 
 pytestmark = pytest.mark.ros
 
-ROOT = Path(__file__).resolve().parents[3]
-WATCH = "exec ros2 run sain_bringup watch scene"
 SPEAK = """
 import sys, time
 import rclpy
@@ -107,37 +98,9 @@ def test_all_sockets_of_a_node_are_on_this_computer(ros_domain: int) -> None:
         assert addresses(process.pid) == {"127.0.0.1"}
 
 
-def test_so_are_those_of_a_node_that_starts_from_the_workspace_alone(ros_domain: int) -> None:
-    """Nobody needs ./env: what a ROS 2 engineer sources is enough."""
-    source = f'. "{ROOT}/ros2_ws/install/setup.bash"; {WATCH}'
-    with running("bash", "-c", source, ROS_AUTOMATIC_DISCOVERY_RANGE=None) as process:
-        assert addresses(process.pid) == {"127.0.0.1"}
-
-
 def test_the_usual_variable_opens_the_network(ros_domain: int) -> None:
     with running(*python(SPEAK), ROS_AUTOMATIC_DISCOVERY_RANGE="SUBNET") as process:
         assert "0.0.0.0" in addresses(process.pid)
-
-
-def test_a_user_s_own_profile_and_other_middleware_are_left_alone(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    for name in (RANGE, *PROFILES):
-        monkeypatch.delenv(name, raising=False)
-    monkeypatch.setenv(PROFILES[1], "/home/me/mine.xml")
-    stay_on_this_host()
-    assert RANGE not in os.environ and PROFILES[0] not in os.environ
-    monkeypatch.delenv(PROFILES[1])
-    monkeypatch.setenv("RMW_IMPLEMENTATION", "rmw_cyclonedds_cpp")
-    stay_on_this_host()
-    assert os.environ[RANGE] == "LOCALHOST" and PROFILES[0] not in os.environ
-
-
-def test_nothing_of_a_node_is_in_shared_memory(ros_domain: int) -> None:
-    """So a killed node leaves nothing there that deafens the next one."""
-    with running(*python(SPEAK)) as process:
-        addresses(process.pid)
-        assert "/dev/shm/fastrtps" not in Path(f"/proc/{process.pid}/maps").read_text()
 
 
 @pytest.mark.parametrize("discovery", [None, "LOCALHOST", "SUBNET"])
@@ -164,16 +127,6 @@ def test_a_process_that_comes_late_hears_behind_forty_others(ros_domain: int) ->
             assert listener.stdout.readline() == "heard\n"
 
 
-def test_room_for_a_few_pages_is_enough(tmp_path, monkeypatch):
-    check_shared_memory()
-    check_shared_memory(tmp_path / "not there")
-    monkeypatch.setattr(shutil, "disk_usage", lambda path: SimpleNamespace(free=16384))
-    check_shared_memory(tmp_path)
-    monkeypatch.setattr(shutil, "disk_usage", lambda path: SimpleNamespace(free=12288))
-    with pytest.raises(OutputError, match="is full, and ROS cannot start without a page there"):
-        check_shared_memory(tmp_path)
-
-
 def test_a_node_says_so_and_does_not_start(monkeypatch, capsys):
     monkeypatch.setattr(lifetime, "LEAST", 2**63)
     assert sim_node([]) == 1
@@ -194,17 +147,7 @@ def test_without_a_network_a_command_says_at_once_what_to_do():
     )
 
 
-def test_who_opens_the_network_needs_no_loopback(monkeypatch):
-    monkeypatch.setenv(RANGE, "LOCALHOST")
-    check_loopback()
-    with pytest.raises(lifetime.NoNetworkError):
-        check_loopback("203.0.113.1")  # nobody's own
-    monkeypatch.setenv(RANGE, "SUBNET")
-    check_loopback("203.0.113.1")
-
-
 STUCK = "ctypes.PyDLL(None).sleep(60)"  # holds the interpreter: no thread of Python runs meanwhile
-STUCK_AT_EXIT = f"import ctypes, atexit\natexit.register(lambda: {STUCK})\n"
 RECORD = f"""
 import ctypes, sys
 from sain_bags.commands import record
@@ -228,20 +171,6 @@ def test_what_hangs_ends_with_the_exit_code_of_what_was_done(code: int, tmp_path
         f"import ctypes\nfrom sain_core.guarding.lifetime import ending_within\n{inside}", tmp_path
     )
     assert ended == code and seconds < 20.0
-
-
-def test_what_ends_in_time_goes_on() -> None:
-    for _ in range(3):
-        with ending_within(0.2):
-            pass
-    time.sleep(0.4)  # or else this process would be gone by now
-
-
-def test_a_command_ends_although_the_interpreter_cannot(tmp_path: Path, ros_domain: int) -> None:
-    code = "import sys\nfrom sain_bringup.commands import reset\n"
-    code += "sys.argv = ['reset', '--timeout', '0.1']\nsys.exit(reset())\n"
-    ended, seconds = run(STUCK_AT_EXIT + code, tmp_path)
-    assert ended == 1 and seconds < 30.0
 
 
 def test_a_recording_is_whole_although_the_middleware_hangs(

@@ -6,7 +6,7 @@ from types import ModuleType
 
 import pytest
 
-from sain_core.errors import ConfigError, NoPushError
+from sain_core.errors import ConfigError
 from sain_core.guarding import plugins
 from sain_core.guarding.plugins import Plugins
 
@@ -34,12 +34,6 @@ def toys(monkeypatch: pytest.MonkeyPatch) -> Plugins:
         vars(entry)["dist"] = Package
     monkeypatch.setattr(plugins, "entry_points", lambda group: entries if group == GROUP else [])
     return Plugins(GROUP, "toy", ("kite",))
-
-
-def test_names_are_those_that_are_built_in_and_offered(toys: Plugins) -> None:
-    assert toys.names() == ["ball", "kite", "none", "twice"]
-    for name in ("ball", "kite"):
-        toys.check(name)
 
 
 @pytest.mark.parametrize(
@@ -75,20 +69,6 @@ def test_a_function_that_fails_names_its_package(toys: Plugins) -> None:
     message = "toy 'ball' of package their-toys 1.2 failed: ZeroDivisionError: division by zero"
     with pytest.raises(ConfigError, match=message):
         ball(0)
-
-
-def test_an_error_of_ours_stays_what_it_is(toys: Plugins) -> None:
-    def refuse() -> None:
-        raise NoPushError("none")
-
-    with pytest.raises(NoPushError):
-        toys.guarded(toys.find("ball"), refuse)()
-
-
-def test_where_nobody_offers_anything_that_is_said() -> None:
-    message = "known: none: no installed package has the entry points 'sain.nothing'"
-    with pytest.raises(ConfigError, match=message):
-        Plugins("sain.nothing", "thing").check("any")
 
 
 def test_a_package_that_offers_what_is_built_in_is_told_to_rename_it(

@@ -1,7 +1,6 @@
 """What is encoded comes back bit for bit, also through the wire format of the middleware."""
 
 import numpy as np
-import pytest
 from builtin_interfaces.msg import Time
 from hypothesis import given
 from hypothesis import strategies as st
@@ -9,14 +8,10 @@ from hypothesis.extra.numpy import arrays
 from rclpy.serialization import deserialize_message, serialize_message
 
 from sain_core import wire
-from sain_core.errors import InvalidInputError
 from sain_core.goal import BodyPose, Goal
 from sain_core.push import make_push
 from sain_core.ros import codec
-from sain_core.transitions import PushHistory
-from sain_interfaces.msg import Goal as GoalMessage
-from sain_interfaces.msg import Plan, Push, Scene
-from sain_interfaces.srv import Rollout
+from sain_interfaces.msg import Plan
 
 finite = st.floats(allow_nan=False, allow_infinity=False, width=64)
 
@@ -68,44 +63,3 @@ def test_a_plan_comes_back_bit_for_bit():
     back = wire.decode_plan(through_the_wire(plan))
     np.testing.assert_array_equal(back[0], pushes)
     np.testing.assert_array_equal(back[1], predicted)
-
-
-def test_float_arrays_are_flat_and_row_by_row_whatever_their_memory_layout():
-    values = np.arange(24.0).reshape(2, 3, 4)
-    expected = values.ravel().tolist()
-    assert codec.encode_floats(values).tolist() == expected
-    assert codec.encode_floats(np.asfortranarray(values)).tolist() == expected
-    assert codec.encode_floats(values[:, ::-1]).tolist() == values[:, ::-1].ravel().tolist()
-
-
-def test_a_rollout_reply_must_have_the_shape_that_was_asked_for():
-    response = Rollout.Response(predicted=codec.encode_floats(np.zeros((4, 3, 2, 8))))
-    back = through_the_wire(response)
-    assert wire.decode_rollout(back, (4, 3, 2)).shape == (4, 3, 2, 8)
-    with pytest.raises(InvalidInputError, match="predicted has 192 numbers; 240 were expected"):
-        wire.decode_rollout(back, (5, 3, 2))
-
-
-@pytest.mark.parametrize(
-    "message", [Scene(), Push(), GoalMessage()], ids=lambda m: type(m).__name__
-)
-def test_an_empty_message_survives_the_wire(message):
-    assert through_the_wire(message) == message
-
-
-def test_how_noisy_earlier_pushes_were_observed_comes_back():
-    scene = np.array([[0.4, 0, 0, 0, 0, 0, 8, 0.08], [0.6, 0, 0, 0, 0, 0, 8, 0.06]])
-    push, noise = make_push(0.1, 0.2, 0.05), np.array([0.001, 0.002])
-    request = Rollout.Request(disks=2)
-    for history in (PushHistory.empty(), PushHistory.empty().then(scene, push, scene, noise)):
-        codec.fill_past(request, history)
-        assert wire.decode_past(through_the_wire(request)).equals(history)
-
-
-def test_an_estimate_has_variances_and_the_time_of_its_frame():
-    scene = np.array([[0.4, 0.1, np.pi, 0, 0, 0, 8, 0.08]])
-    (pose,) = codec.encode_poses(scene, np.array([0.002]), np.array([0.1]))
-    covariance = np.reshape(pose.covariance, (6, 6))
-    np.testing.assert_allclose(np.diag(covariance), [4e-6, 4e-6, 0, 0, 0, 0.01])
-    assert pose.pose.orientation.z == pytest.approx(1.0)
-    assert codec.decode_time(codec.encode_time(2_500_000_000)) == 2.5

@@ -40,13 +40,6 @@ def test_a_viewer_shows_the_latest_array_and_nothing_else(graph, board):
     assert not rviz.problems
 
 
-def test_one_lost_array_leaves_nothing_behind(graph, board):
-    for count in (3, 1, 1):
-        board.show(cubes(count))
-    first, _, last = arrays(graph, 3)
-    assert shown([first, last]).count() == {"cubes": 1}
-
-
 def test_a_new_viewer_loses_the_markers_of_a_former_node(graph, board):
     board.show(cubes(1))
     arrays(graph, 1)

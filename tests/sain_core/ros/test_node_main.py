@@ -6,15 +6,12 @@ import signal
 import subprocess
 import sys
 import time
-from pathlib import Path
 
 import pytest
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.action import get_action_server_names_and_types_by_node
 from rclpy.node import Node
 
 from sain_core.cli.node_command import NodeCommand
-from sain_core.ros.node_main import OK, WARN, Diagnostics, node_of
 from sain_model.commands import model_node
 from sain_model.ros.model_node import ModelNode
 from sain_mppi.commands import mppi_node
@@ -89,13 +86,6 @@ def test_what_is_wrong_at_the_start_is_told_in_one_line(ros_domain, name, wrong)
     assert "Traceback" not in done.stderr
 
 
-def test_a_mistyped_key_in_a_parameter_file_is_told(ros_domain, tmp_path: Path):
-    path = tmp_path / "parameters.yaml"
-    path.write_text("/**:\n  ros__parameters:\n    real_time_facter: 1.0\n")
-    line = refused("sim_node", "--params-file", str(path))
-    assert line == ("sim_node: parameter 'real_time_facter' is unknown; near it: real_time_factor")
-
-
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_node_that_is_told_to_stop_stops_cleanly(ros_domain, number: int):
     process = subprocess.Popen(command("sim_node"), stderr=subprocess.PIPE, text=True)
@@ -152,28 +142,6 @@ def test_without_a_simulator_push_says_so(ros_domain):
     assert alone.returncode == 1
     assert "no settled scene on /sain/scene; is the simulator running?" in alone.stderr
     assert time.monotonic() > began + 0.5
-
-
-def test_a_status_is_named_after_node_and_task(graph):
-    graph.listen("/diagnostics", DiagnosticArray)
-    graph.wait(lambda: graph.bystander.count_subscribers("/diagnostics"), "who listens")
-    node = graph.add(Node("worker", namespace="lab", context=graph.context))
-    diagnostics = Diagnostics(node, "lifting", period_s=0.05)
-    graph.wait(lambda: graph.heard["/diagnostics"], "the first status")
-    (status,) = graph.heard["/diagnostics"][0].status
-    assert (status.name, status.level, status.message) == ("/lab/worker: lifting", OK, "starting")
-    diagnostics.set(WARN, "heavy", kilograms=3)
-
-    def last():
-        return graph.heard["/diagnostics"][-1].status[0]
-
-    graph.wait(lambda: last().level == WARN, "the warning")
-    assert [(pair.key, pair.value) for pair in last().values] == [("kilograms", "3")]
-
-
-@pytest.mark.parametrize("name", ["/sain/mppi_node", "/sain/mppi_node: planning"])
-def test_the_node_of_a_status_is_found_in_recordings_old_and_new(name):
-    assert node_of(DiagnosticStatus(name=name)) == "/sain/mppi_node"
 
 
 ROS_OWN = re.compile(r"/rosout|/parameter_events|/sain/\w+_node/\w+|.*/_(action|owner)/\w+")

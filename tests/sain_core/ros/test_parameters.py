@@ -53,17 +53,6 @@ def read(graph):
     return read
 
 
-def test_without_overrides_the_defaults_hold(read):
-    node, settings = read()
-    assert settings == Settings()
-    assert node.get_parameter("tool.radius").value == 0.012
-    assert node.get_parameter("samples").value == 64
-
-
-def test_defaults_may_be_given(read):
-    assert read(Settings(samples=3))[1] == Settings(samples=3)
-
-
 def test_overrides_reach_nested_settings_and_integers_will_do_for_numbers(read):
     node, settings = read(samples=8, tool__radius=0.02, tool__widths=[1, 2], gui=True)
     assert settings == Settings(samples=8, gui=True, tool=Tool(radius=0.02, widths=(1.0, 2.0)))
@@ -116,12 +105,6 @@ def test_parameters_cannot_be_changed_later(read):
 def test_what_is_wrong_is_named(read, overrides, message):
     with pytest.raises(ConfigError, match=f"^{message}"):
         read(**overrides)
-
-
-def test_ros_own_parameters_are_left_alone(read):
-    node, settings = read(use_sim_time=True)
-    assert settings == Settings()
-    assert node.get_parameter("use_sim_time").value is True
 
 
 def test_live_parameters_are_followed_and_others_refused(graph):

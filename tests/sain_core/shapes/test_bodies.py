@@ -3,24 +3,12 @@ import pytest
 
 from sain_core.errors import ConfigError, InvalidInputError, OffTableError
 from sain_core.scene import Table, make_scene
-from sain_core.shapes.bodies import Bodies, Role, check_bodies, overlap
+from sain_core.shapes.bodies import Bodies, check_bodies
 
 
 def scene(*places: tuple[float, float], radius: float = 0.08) -> np.ndarray:
     count = len(places)
     return make_scene(np.array(places), np.full(count, 8.0), np.full(count, radius))
-
-
-def test_by_default_the_roles_are_the_paper_s():
-    bodies = Bodies.named(("disk", "t", "cube"))
-    assert bodies.roles == (Role.PUSHABLE, Role.MOVABLE, Role.MOVABLE)
-    assert bodies.pushable == (0,) and bodies.fixed == () and not bodies.all_round
-    assert Bodies.disks(4).all_round
-
-
-@pytest.mark.parametrize("count", [1, 10])
-def test_one_to_ten_bodies_are_allowed(count):
-    assert len(Bodies.named(("t",) * count)) == count
 
 
 @pytest.mark.parametrize(
@@ -37,14 +25,6 @@ def test_one_to_ten_bodies_are_allowed(count):
 def test_bodies_that_cannot_be_are_refused(shapes, roles, message):
     with pytest.raises(ConfigError, match=message):
         Bodies.named(shapes, roles)
-
-
-def test_outlines_may_interlock_where_their_circles_overlap():
-    bodies = Bodies.named(("u", "bar"))
-    inside = scene((0.5, 0.0), (0.5, 0.02))  # a bar in the opening of a u
-    inside[1, 7] = 0.03
-    assert overlap(inside, bodies, 0, 1) == 0.0
-    assert check_bodies(inside, bodies, Table()) is inside
 
 
 def test_bodies_that_overlap_are_named_with_how_far():

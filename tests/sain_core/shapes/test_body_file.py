@@ -34,14 +34,6 @@ def test_everything_of_a_body_is_read(tmp_path: Path) -> None:
     assert file.called(0) == "body 0 (mug)"
 
 
-def test_shape_and_radius_suffice(tmp_path: Path) -> None:
-    file = read(tmp_path, "bodies: [{shape: disk, radius: 0.05}, {shape: disk, radius: 0.05}]")
-    assert file.bodies.has_paper_roles
-    assert file.frames == file.topics == ("", "")
-    assert file.names == ("disk", "disk_1")
-    assert not file.weighed
-
-
 @pytest.mark.parametrize(
     ("text", "message"),
     [
@@ -82,8 +74,3 @@ def test_shape_and_radius_suffice(tmp_path: Path) -> None:
 def test_what_is_wrong_is_named(tmp_path: Path, text: str, message: str) -> None:
     with pytest.raises(ConfigError, match=rf"bodies file .*bodies\.yaml.*{message}"):
         read(tmp_path, text)
-
-
-def test_a_missing_file_is_named(tmp_path: Path) -> None:
-    with pytest.raises(ConfigError, match=r"none\.yaml: No such file or directory"):
-        read_bodies(tmp_path / "none.yaml")

@@ -7,9 +7,8 @@ import pytest
 from sain_core.errors import ConfigError, InvalidInputError
 from sain_core.guarding import plugins
 from sain_core.shapes import library
-from sain_core.shapes.library import GROUP, check_shapes, get_shape, register
-from sain_core.shapes.solids import Polygon
-from tests.hexagon import HEXAGON, regular_corners
+from sain_core.shapes.library import GROUP, check_shapes, get_shape
+from tests.hexagon import HEXAGON
 
 
 @pytest.fixture
@@ -24,31 +23,11 @@ def offered(own_shapes: None, monkeypatch: pytest.MonkeyPatch) -> list[EntryPoin
     return entries
 
 
-def test_disks_of_before_are_disks():
-    assert get_shape("disk") is get_shape("three_feet") is get_shape("flat")
-    assert check_shapes(("three_feet", "cube")) == ("disk", "cube")
-
-
 def test_an_unknown_name_is_an_error_that_lists_what_is_allowed():
     with pytest.raises(ConfigError, match=r"shape is 'cone' .*; allowed: disk, cube, square, .*"):
         get_shape("cone")
     with pytest.raises(InvalidInputError, match=r"shape of body 1 is 'cone'"):
         check_shapes(("disk", "cone"))
-
-
-def test_a_registered_shape_is_found(hexagon):
-    assert get_shape("six_sided") is HEXAGON
-    get_shape("six_sided")
-    assert check_shapes(("six_sided",)) == ("six_sided",)
-    register(Polygon("six_sided", corners=regular_corners(6)))  # the same again
-
-
-@pytest.mark.parametrize("name", ["cube", "disk"])
-def test_two_shapes_cannot_share_a_name(name):
-    before = get_shape(name)
-    with pytest.raises(ConfigError, match=f"two shapes have the name '{name}'; rename one"):
-        register(Polygon(name, corners=regular_corners(6)))
-    assert get_shape(name) is before
 
 
 def test_an_installed_package_offers_its_shapes(offered):
@@ -86,11 +65,3 @@ def test_a_shape_of_two_packages_is_refused_and_names_both(offered):
     message = r"offered by the package of offering \(offering:HEXAGON\) and the package of other"
     with pytest.raises(ConfigError, match=message):
         get_shape("six_sided")
-
-
-def test_a_name_of_ours_cannot_be_offered(offered):
-    sys.modules["offering"].CUBE = Polygon("cube", corners=regular_corners(6))
-    offered.append(EntryPoint("cube", "offering:CUBE", GROUP))
-    assert get_shape("cube").symmetry < 2.0
-    with pytest.raises(ConfigError, match=r"shape is 'cub' \(did you mean 'cube'\?\); allowed"):
-        get_shape("cub")

@@ -15,7 +15,6 @@ from sain_core.shapes.outlines import (
     OUTLINES_FILE,
     Traced,
     convex_parts,
-    read_stated,
     register_outlines,
     trace,
     write_outlines,
@@ -60,22 +59,6 @@ def test_a_traced_body_is_about_its_centroid() -> None:
     assert outline_of(body.shape).perimeter > 2 * np.pi * 0.6
     assert flat_bottom(body.shape)[1].sum() == pytest.approx(1.0)
     assert len(body.shape.feet) == 3 and Bodies((body.shape,)).pushable == (0,)
-
-
-def test_equal_outlines_have_one_name_and_others_another() -> None:
-    assert trace("a", smooth()).shape == trace("a", smooth()).shape
-    assert trace("a", smooth()).shape.name != trace("a", 1.1 * smooth()[:, ::-1]).shape.name
-    clockwise = trace("a", smooth()[::-1])
-    assert clockwise.clockwise and area(clockwise.shape.outline(1.0)) > 0.0
-    assert "," not in trace("a,b|c;d", smooth()).shape.name
-
-
-def test_an_ellipse_has_its_area_and_a_circle_is_a_disk(tmp_path: Path) -> None:
-    path = tmp_path / "shapes.yaml"
-    path.write_text("shapes:\n  e: {semi_axes: [0.05, 0.08]}\n  c: {semi_axes: [0.05, 0.05]}\n")
-    bodies = read_stated(path).bodies
-    assert area(bodies["e"].shape.outline(bodies["e"].radius)) == pytest.approx(np.pi * 0.004)
-    assert bodies["c"].shape.is_round and bodies["c"].radius == 0.05
 
 
 def test_outlines_stand_beside_a_data_set(tmp_path: Path) -> None:

@@ -12,7 +12,6 @@ from sain_core.shapes.shape import distance_to_way, is_inside, outline_of
 from sain_core.types import Points
 from tests.hexagon import HEXAGON
 
-LIBRARY = library()
 SHAPES = [*map(get_shape, shape_names()), HEXAGON]
 ALL = pytest.mark.parametrize("shape", SHAPES, ids=lambda shape: shape.name)
 
@@ -46,15 +45,6 @@ def test_the_supports_lie_within_the_outline_and_about_its_centroid(shape):
     assert feet.contains(Point(0.0, 0.0))
 
 
-@pytest.mark.parametrize("shape", LIBRARY, ids=lambda shape: shape.name)
-def test_the_circumscribed_circle_of_a_library_shape_has_radius_1(shape):
-    assert shape.circumradius == pytest.approx(1.0)
-
-
-def test_a_side_of_the_cube_faces_backwards_at_one_radius():
-    assert get_shape("cube").outline(0.06)[:, 0].min() == pytest.approx(-0.06)
-
-
 @ALL
 def test_the_symmetry_is_the_smallest_turn_that_changes_nothing(shape):
     def fits(turn: float) -> bool:
@@ -84,11 +74,6 @@ def test_inertia_is_that_of_many_points_in_the_outline(shape):
     upright = DISK_HEIGHT**2 / 12
     expected = 8.0 * np.array([y_square + upright, x_square + upright, x_square + y_square])
     assert np.allclose(shape.inertia(8.0, 0.06), expected, rtol=0.005)
-
-
-def test_inertia_of_a_disk_and_of_a_block():
-    assert get_shape("disk").inertia(8.0, 0.08)[2] == pytest.approx(0.0256)  # m r^2 / 2
-    assert get_shape("cube").inertia(6.0, 0.05)[2] == pytest.approx(0.01)  # m (2 a)^2 / 6
 
 
 def test_the_shapes_of_the_paper():
@@ -128,43 +113,6 @@ def test_equal_steps_of_the_location_are_equal_steps_along_the_outline(shape):
     points, _ = outline_of(shape).at(LOCATIONS)
     along = np.unwrap([2 * pi * ring.project(Point(p), normalized=True) for p in points])
     assert np.allclose(np.diff(along), 2 * pi / 720, atol=1e-9)  # also counter-clockwise
-
-
-@OUTLINE_ALL
-def test_location_zero_is_the_leftmost_point(shape):
-    (point,), _ = outline_of(shape).at(np.zeros(1))
-    assert point[0] == pytest.approx(shape.outline(1.0)[:, 0].min(), abs=1e-6)
-
-
-def test_a_disk_drawn_with_many_corners_has_the_disk_s_locations():
-    points, normals = outline_of(get_shape("disk")).at(LOCATIONS)
-    assert np.allclose(points, -unit(LOCATIONS), atol=2e-3)
-    assert np.abs(wrap_angle(normals - LOCATIONS)).max() < 0.05
-
-
-def test_a_corner_starts_the_side_after_it():
-    square = outline_of(get_shape("square"))
-    _, normals = square.at(np.array([0.0, pi / 4 - 1e-9, pi / 4, pi / 2, pi, -pi / 2]))
-    assert np.allclose(normals, [0.0, 0.0, pi / 2, pi / 2, pi, -pi / 2])
-
-
-def test_an_outline_written_from_another_corner_has_the_same_locations():
-    shape = get_shape("t")
-    turned = type(shape)("turned", tuple(p[2:] + p[:2] for p in shape.polygons[::-1]))
-    first, second = (outline_of(one).at(LOCATIONS)[0] for one in (shape, turned))
-    assert np.allclose(first, second, atol=1e-9)
-
-
-def test_the_inner_corners_of_a_t_can_be_named():
-    shape = get_shape("t")
-    corners = shape.outline(1.0)
-    before, after = np.roll(corners, 1, axis=0), np.roll(corners, -1, axis=0)
-    turn = np.cross(np.c_[corners - before, np.zeros(8)], np.c_[after - corners, np.zeros(8)])[:, 2]
-    inner = corners[turn < 0.0]
-    assert len(inner) == 2
-    points, _ = outline_of(shape).at(np.linspace(-pi, pi, 100_001))
-    for corner in inner:
-        assert np.linalg.norm(points - corner, axis=1).min() < 1e-4
 
 
 @OUTLINE_ALL

@@ -58,12 +58,6 @@ def test_what_does_not_stand_on_three_feet_lies_flat(supports):
     assert decode_bodies(bodies(*sent)) == found
 
 
-def test_a_cube_is_a_box():
-    cube = Message(type=1, dimensions=[0.1, 0.1, 0.04], polygon=None)
-    found = decode_bodies(bodies(body("cube", radius=0.05, parts=[cube])))
-    assert found == Bodies.named(["cube"], ["pushable"])
-
-
 def test_a_shape_that_is_not_installed_is_made_of_its_parts():
     shape = Compound.of(
         "tee_of_others", *(tuple(map(tuple, p.tolist())) for p in get_shape("t").parts(1))

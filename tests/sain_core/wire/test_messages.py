@@ -38,22 +38,6 @@ def test_what_is_not_finite_is_named() -> None:
         wire.decode_goal(Message(x=float("nan"), y=0.2, tolerance=0.0, poses=[]))
 
 
-def test_floats_take_the_stated_shape_row_by_row() -> None:
-    array = wire.decode_floats([1.0, 2.0, 3.0, 4.0, 5.0, 6.0], (2, 3), "pushes")
-    np.testing.assert_array_equal(array, [[1, 2, 3], [4, 5, 6]])
-
-
-def test_a_wrong_count_says_what_was_expected() -> None:
-    message = r"pushes has 5 numbers; 6 were expected, for shape \(1, 2, 3\)"
-    with pytest.raises(InvalidInputError, match=message):
-        wire.decode_floats([0.0] * 5, (1, 2, 3), "pushes")
-
-
-def test_nan_in_an_array_says_where() -> None:
-    with pytest.raises(InvalidInputError, match=r"pushes at \(1, 0\) is nan"):
-        wire.decode_floats([0.0, 0.0, float("nan"), 0.0], (2, 2), "pushes")
-
-
 def rollout(**values: object) -> Message:
     ok = {"samples": 2, "horizon": 1, "disks": 2, "scene": [0.0] * 16, "pushes": [0.0] * 10}
     return Message(**(ok | values))
@@ -82,21 +66,6 @@ def test_a_rollout_request_is_decoded() -> None:
 def test_a_wrong_rollout_request_is_refused(values: dict[str, object], message: str) -> None:
     with pytest.raises(InvalidInputError, match=message):
         wire.decode_rollout_request(rollout(**values))
-
-
-def test_physics_may_be_left_out_of_a_prediction_request() -> None:
-    request = Message(batch=1, disks=2, scenes=[0.0] * 16, pushes=[0.0] * 5, physics_next=[])
-    assert wire.decode_predict_request(request)[2] is None
-    request.physics_next = [1.0] * 16
-    assert wire.decode_predict_request(request)[2].shape == (1, 2, 8)
-    request.physics_next = [1.0] * 15
-    with pytest.raises(InvalidInputError, match="physics_next has 15 numbers"):
-        wire.decode_predict_request(request)
-
-
-def test_a_plan_without_a_push_is_empty() -> None:
-    pushes, predicted = wire.decode_plan(Message(horizon=0, disks=2, pushes=[], predicted=[]))
-    assert (pushes.shape, predicted.shape) == ((0, PUSH_SIZE), (0, 2, 8))
 
 
 def past(**values: object) -> Message:

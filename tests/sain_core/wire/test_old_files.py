@@ -5,7 +5,6 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from sain_core.errors import DatasetError
 from sain_core.push import LENGTH, PUSH_SIZE, make_push, pushed_bodies
 from sain_core.shapes.bodies import Bodies
 from sain_core.transitions import Column, row_bodies
@@ -37,17 +36,6 @@ def test_marks_become_the_names_of_shapes() -> None:
         Bodies.named(["disk", "disk", "cube"]),
     ]
     assert "cubes" not in rows and rows[Column.ACTION][0, LENGTH] == 0.05
-
-
-@pytest.mark.parametrize("body", [np.zeros(3, int), np.array(["0", "1"]), np.zeros((2, 1), int)])
-def test_a_column_of_bodies_that_does_not_fit_is_refused(body: np.ndarray) -> None:
-    with pytest.raises(DatasetError, match=r"it should be integers of shape \(2,\)"):
-        converted_rows({**OLD, "body": body})
-
-
-def test_actions_that_are_none_stay_for_the_reader_to_refuse() -> None:
-    for action in (np.zeros(3), np.zeros((2, 6)), np.array([["a", "b", "c"]])):
-        assert converted_rows({**OLD, Column.ACTION: action})[Column.ACTION] is action
 
 
 def test_messages_get_the_fields_that_they_lack() -> None:

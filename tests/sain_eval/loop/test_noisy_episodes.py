@@ -37,7 +37,3 @@ def test_delay_alone_changes_little_and_unknown_bodies_are_pushed_too():
     unknown = play(1, unknown="mass,radius", bias="0.001,0.01")
     assert unknown.failure == ""
     assert unknown.final[0, 7] != 0.08  # what is judged is the truth
-
-
-def test_both_engines_are_seen_with_the_same_errors():
-    assert play(1, "mujoco", noise="0.005,0.035").failure == ""

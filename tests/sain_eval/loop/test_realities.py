@@ -6,7 +6,7 @@ from io import StringIO
 import pytest
 from rich.console import Console
 
-from sain_core.errors import ConfigError, DatasetError
+from sain_core.errors import DatasetError
 from sain_eval.cli.results import ResultsOptions, run
 from sain_eval.loop.results import RESULTS_FILE, SCHEMA, SceneRecord, summarise
 
@@ -93,34 +93,6 @@ def test_the_papers_numbers_are_beside_those_of_sain(tmp_path):
     assert "| `paper` | 5 cm | 4/4, 5.5 |" in lines  # the paper has no MuJoCo
 
 
-def test_models_trained_in_two_realities_share_a_row(tmp_path):
-    text = page(
-        tmp_path,
-        evaluated(tmp_path / "a", "bullet", 4, "runs/a"),
-        evaluated(tmp_path / "b", "mujoco", 3, "runs/b"),
-        names="runs/a=SAIN trained there,runs/b=SAIN trained there",
-    )
-    (row,) = [line for line in text.splitlines() if "| SAIN trained there | **" in line]
-    assert "**4/4**" in row and "**3/4**" in row
-
-
-def test_an_evaluation_of_which_nothing_is_shown_is_no_source(tmp_path):
-    before, after = (
-        evaluated(tmp_path / name, "bullet", solved) for name, solved in (("a", 1), ("b", 2))
-    )
-    text = page(tmp_path, before, after)
-    assert "**2/4**" in text and "**1/4**" not in text
-    assert text.count("# Bullet, commit") == 1
-
-
-def test_noisy_observations_are_another_reality(tmp_path):
-    noisy = {"noise": "0.005,0.035", "delay": 0.1, "frame_rate": 30.0}
-    seen = evaluated(tmp_path / "b", "bullet", 3, camera=noisy)
-    text = page(tmp_path, evaluated(tmp_path / "a", "bullet", 4), seen)
-    title = "| within | model | Bullet | Bullet, noise 0.005,0.035, delay 0.1 |"
-    assert title in text.splitlines()
-
-
 def test_a_folder_without_results_is_named(tmp_path):
     (tmp_path / "other").mkdir()
     with pytest.raises(DatasetError, match=r"other/results\.json cannot be read"):
@@ -135,8 +107,3 @@ def test_a_folder_without_results_is_named(tmp_path):
     (tmp_path / "other" / RESULTS_FILE).write_text("[" * 100_000)
     with pytest.raises(DatasetError, match="holds no results"):
         page(tmp_path, tmp_path / "other")
-
-
-def test_a_name_without_its_text_is_refused(tmp_path):
-    with pytest.raises(ConfigError, match="MODEL=TEXT"):
-        ResultsOptions(folders=(tmp_path,), names="sain")

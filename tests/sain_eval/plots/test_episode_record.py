@@ -28,8 +28,3 @@ def test_prediction_errors_are_distances(episode):
     assert episode.pushes[0].error(TARGET) == pytest.approx(0.005)
     assert episode.pushes[0].error(MID) == pytest.approx(0.0)
     assert replace(episode.pushes[0], predicted=None).error(TARGET) is None
-
-
-def test_an_episode_without_pushes_has_its_start(episode):
-    empty = replace(episode, pushes=())
-    assert len(empty.scenes) == 1

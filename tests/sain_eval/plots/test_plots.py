@@ -9,20 +9,16 @@ from math import pi
 import numpy as np
 import pytest
 
-from sain_core.errors import OutputError
 from sain_core.goal import BodyPose, Goal
-from sain_core.push import make_push, tool_start
+from sain_core.push import make_push
 from sain_core.randomness import generator
 from sain_core.scene import POSITION, THETA, make_scene
 from sain_core.shapes.bodies import Bodies
-from sain_core.shapes.library import get_shape, shape_names
 from sain_core.view.figures import new_figure, write_png
 from sain_core.view.palette import PALETTE
-from sain_core.view.scenes import LIMITS
 from sain_core.world import PushRecord
 from sain_eval.episode import EpisodeRecord
 from sain_eval.plots.axes import draw_legend
-from sain_eval.plots.library_picture import draw_library, main
 from sain_eval.plots.pictures import describe_result, draw_episode, draw_overview, draw_plan
 from sain_model.physics.planar import PlanarPrior
 from sain_mppi.config import PlannerConfig
@@ -109,15 +105,6 @@ def test_the_legend_names_all_that_is_drawn_and_nothing_else(physics):
     assert {"push", "predicted by the planner", "predicted by physics"}.isdisjoint(still)
 
 
-def test_pushes_are_numbered_where_the_tool_begins(episode):
-    axes = draw_episode(episode).axes[0]
-    badges = {text.get_text(): text.get_position() for text in axes.texts}
-    assert set(badges) == {"arm", "1", "2"}
-    for number, push in enumerate(episode.pushes, start=1):
-        start = tool_start(push.before, push.push, LIMITS)
-        assert np.hypot(*(badges[str(number)] - start)) < 0.005
-
-
 @pytest.mark.parametrize("change", ["disks", "poses", "no pushes", "no headings", "fixed"])
 def test_every_kind_of_episode_has_a_picture_and_always_the_same(episode, posed, change, tmp_path):
     free = Goal(tuple(replace(pose, heading=None) for pose in posed.goal.poses))
@@ -129,12 +116,6 @@ def test_every_kind_of_episode_has_a_picture_and_always_the_same(episode, posed,
     }.get(change, posed)
     paths = [write_png(draw_episode(one), tmp_path / name) for name in ("a.png", "b.png")]
     assert paths[0].read_bytes() == paths[1].read_bytes() and paths[0].stat().st_size > 20_000
-
-
-def test_a_picture_that_cannot_be_written_is_an_error(episode, tmp_path):
-    (tmp_path / "file").write_text("not a folder")
-    with pytest.raises(OutputError, match="file"):
-        write_png(draw_episode(episode), tmp_path / "file" / "episode.png")
 
 
 def test_nothing_is_cut_off_no_text_lies_on_another_and_letters_are_legible(episode):
@@ -160,14 +141,6 @@ def test_nothing_is_cut_off_no_text_lies_on_another_and_letters_are_legible(epis
             assert not box.count_overlaps(boxes[:place]), heads[place]
 
 
-def test_the_overview_has_each_episode_with_its_result(episode):
-    records = [replace(episode, title=f"paper {seed}") for seed in range(3)]
-    figure = draw_overview(records)
-    for axes, record in zip(figure.axes, records, strict=True):
-        texts = [text.get_text() for text in axes.texts]
-        assert f"{record.title}, tolerance 20 mm" in texts and describe_result(record) in texts
-
-
 def test_a_plan_is_explained(posed):
     bodies = Bodies.named(("t", "bar"), ("pushable", "fixed"))
     goal = Goal(posed.goal.poses[:1])
@@ -183,18 +156,3 @@ def test_a_plan_is_explained(posed):
     ]  # fmt: skip
     (fixed,) = [patch for patch in figure.axes[0].patches if patch.get_hatch()]
     np.testing.assert_allclose(fixed.get_xy()[:-1], bodies.shapes[1].placed(posed.start[1]))
-
-
-def test_the_library_has_each_shape_with_its_feet_and_its_name(tmp_path, capsys):
-    for axes in draw_library().axes:
-        shape = get_shape(axes.get_title())
-        feet, cross = (line.get_xydata() for line in axes.lines)
-        np.testing.assert_allclose(feet, shape.supports(1.0 / shape.circumradius))
-        np.testing.assert_array_equal(cross, [[0.0, 0.0]])
-    assert [axes.get_title() for axes in draw_library().axes] == shape_names()
-    assert main([str(tmp_path / "shapes.png")]) == 0
-    assert capsys.readouterr().out.strip() == str(tmp_path / "shapes.png")
-    assert main([]) == 2 and capsys.readouterr().err.startswith("usage: python -m sain_eval")
-    (tmp_path / "file").write_text("")
-    assert main([str(tmp_path / "file" / "shapes.png")]) == 1
-    assert capsys.readouterr().err.startswith("library_picture: cannot")

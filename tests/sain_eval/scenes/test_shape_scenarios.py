@@ -9,10 +9,9 @@ from sain_core.feasibility import Feasibility
 from sain_core.push import BODY, LENGTH, LOCATION, idle_pushes
 from sain_core.scene import MASS, POSITION, RADIUS, TARGET
 from sain_core.shapes.bodies import Bodies, check_bodies
-from sain_core.shapes.library import shape_names
 from sain_core.shapes.shape import is_inside
-from sain_eval.scenes.families import PoseScenario, library_shapes
-from sain_eval.scenes.placement import draw_places, has_tool_room
+from sain_eval.scenes.families import PoseScenario
+from sain_eval.scenes.placement import has_tool_room
 from sain_eval.scenes.scenarios import SCENARIOS
 
 FEASIBILITY = Feasibility()
@@ -87,27 +86,6 @@ def test_sizes_and_parameters_are_those_of_the_task(name):
         assert case.disks[:, MASS].min() >= 7.0 and case.disks[:, MASS].max() <= 9.0
 
 
-def test_pushes_grow_with_the_bodies():
-    most = {name: SCENARIOS[name].scene(0).max_pushes for name in (*POSES, *TARGETS, "streak")}
-    assert most == {
-        "box": 30, "push_t": 30, "shapes": 30, "rearrange_2": 40, "rearrange_3": 60,
-        "rearrange_4": 80, "shapes_indirect": 15, "blocked": 30, "streak": 30,
-    }  # fmt: skip
-
-
-def test_shapes_has_each_of_33_shapes_in_turn():
-    names = [SCENARIOS["shapes"].scene(seed).shapes for seed in range(34)]
-    assert names[0] == names[33] == ("disk",) and names[1] == ("cube",)
-    assert len(set(names)) == 33 and {("t",), ("star",), ("u",)} <= set(names)
-    assert set(library_shapes()) <= set(shape_names())
-
-
-def test_a_disk_has_no_heading_and_any_other_body_has_one():
-    poses = [SCENARIOS["shapes"].scene(seed).goal.poses[0] for seed in range(3)]
-    assert poses[0].heading is None
-    assert all(pose.heading is not None for pose in poses[1:])
-
-
 def test_body_0_alone_may_be_touched_where_it_pushes_another():
     for seed in SEEDS:
         case = SCENARIOS["shapes_indirect"].scene(seed)
@@ -148,10 +126,3 @@ def test_a_streak_is_many_poses_each_away_from_the_one_before():
     assert ways.min() >= 0.08
     assert has_tool_room(np.stack(places), sizes_of(case)[0], FEASIBILITY).all()
     assert len(PoseScenario("streak", "t", goals=3).scene(0).goals) == 3
-
-
-def test_ten_bodies_find_their_places():
-    sizes = np.full(10, 0.05)
-    places = draw_places(sizes, np.random.default_rng(0))
-    assert min(gaps(places, sizes)) >= 0.03
-    assert has_tool_room(places, sizes, FEASIBILITY).all()

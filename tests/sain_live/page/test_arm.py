@@ -1,6 +1,5 @@
 """Meshes of links: read once, and again when their file changes."""
 
-import os
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -11,7 +10,6 @@ import trimesh
 
 from sain_core import storage
 from sain_core.errors import ConfigError
-from sain_live.page import arm
 from sain_live.page.arm import Mesh, read_mesh
 
 GREY = (210, 212, 215)
@@ -54,11 +52,6 @@ def without_trimesh(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "trimesh", None)
 
 
-def test_parts_have_the_colours_of_their_file_or_the_one_that_is_given(two: Path) -> None:
-    assert heights(read_mesh(str(two), GREY, own=True)) == {(255, 0, 0): 0.0, (0, 0, 255): 1.0}
-    assert heights(read_mesh(f"file://{two}", GREY, own=False)) == {GREY: 0.5}
-
-
 def test_the_second_time_it_is_not_read_from_its_file(
     two: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -69,34 +62,6 @@ def test_the_second_time_it_is_not_read_from_its_file(
     for one, other in zip(first, second, strict=True):
         assert np.array_equal(one.vertices, other.vertices)
         assert np.array_equal(one.faces, other.faces)
-
-
-def test_a_file_that_has_changed_is_read_again(two: Path) -> None:
-    read_mesh(str(two), GREY, own=True)
-    two.write_text(TWO_COLOURS.replace("0 0 1", "0 0 4"))
-    os.utime(two, ns=(1, 1))
-    assert heights(read_mesh(str(two), GREY, own=True))[0, 0, 255] == 2.0
-
-
-@pytest.mark.parametrize("damage", [b"", b"PK\x03\x04 and no more", b"x" * 1000])
-def test_what_is_kept_and_damaged_is_made_anew(two: Path, cache: Path, damage: bytes) -> None:
-    first = heights(read_mesh(str(two), GREY, own=True))
-    (kept,) = cache.iterdir()
-    whole = kept.read_bytes()
-    kept.write_bytes(damage)
-    assert heights(read_mesh(str(two), GREY, own=True)) == first
-    assert kept.read_bytes() == whole
-
-
-def test_no_more_are_kept_than_a_few(
-    two: Path, cache: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(arm, "KEPT", 3)
-    for number in range(5):
-        read_mesh(str(two), (number, 0, 0), own=False)
-    assert len(list(cache.iterdir())) == 3
-    without_trimesh(monkeypatch)
-    assert heights(read_mesh(str(two), (4, 0, 0), own=False)) == {(4, 0, 0): 0.5}
 
 
 def test_parts_of_a_scene_are_where_it_has_them(tmp_path: Path) -> None:

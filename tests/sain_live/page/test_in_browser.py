@@ -16,7 +16,7 @@ from sain_core.shapes.bodies import PAPER_DISKS, Bodies
 from sain_live.page.live_page import LivePage
 from sain_live.page.scene import HANDLE
 from sain_live.page.serving import CAMERA, FIELD_OF_VIEW, LOOK_AT
-from sain_live.state import LiveArm, LiveCurves, LiveScene, LiveState
+from sain_live.state import LiveArm, LiveScene, LiveState
 from sain_sim.arm.panda import describe_arm
 from tests.sain_bags.browser import WEBGL, Browser, opened_browser
 from tests.sain_live.straw import AIM, BODIES, SCENE, Written, made_up, served
@@ -31,16 +31,6 @@ SEEN = {
 }
 JOINTS = [f"panda_joint{number}" for number in range(1, 8)]
 RAISED = (0.0, -0.8, 0.0, -2.2, 0.0, 1.5, 0.8)  # [rad]
-CHARTS = """return Object.values(window.__viserTestpoints?.uplots ?? {}).map(one => ({
-  title: one.chart.root.innerText,
-  x: one.chart.axes[0]._values, y: one.chart.axes[1]._values,
-  left: one.chart.bbox.left / devicePixelRatio,
-  drawn: one.chart.data.map(values => [...values]),
-  wide: one.chart.axes[1]._values.map(text => {
-    one.chart.ctx.font = one.chart.axes[1].font[0];
-    return one.chart.ctx.measureText(text).width / devicePixelRatio;
-  }),
-}))"""
 PLACES = """const place = one => one.getBoundingClientRect().toJSON();
 const scene = document.querySelector("canvas[data-engine]");
 const button = [...document.querySelectorAll("button")].find(one => one.innerText == "Start");
@@ -130,29 +120,6 @@ def test_on_a_phone_the_panel_is_below_the_scene_and_goals_can_be_dragged(browse
     ((aim,), *_) = orders.of("aim")
     assert (aim.poses[0].x, aim.poses[0].y) == pytest.approx((pose.x, pose.y - 0.1), abs=0.02)
     assert known.aim is orders.of("aim")[-1][0]
-
-
-def test_charts_have_numbers_that_can_be_read(browser, page):
-    known, _, page = page
-    nan = float("nan")
-    known.update(
-        curves=LiveCurves(
-            (68.0, 30.0, 2.0), (nan, 0.4, 0.3), (nan, 5.0, nan), (nan, 20_000.0, 35.0)
-        )
-    )
-    opened(browser, page, 1280, 800, phone=False)
-
-    def charts() -> list[dict[str, Any]]:
-        shown = browser.run(CHARTS)
-        return shown if len(shown) == 3 and all(one["y"] for one in shown) else []
-
-    wait(lambda: charts() and "20,000" in charts()[2]["y"], "the charts")
-    for chart in charts():
-        assert len(chart["x"]) >= 2
-        assert len(chart["y"]) >= 3
-        assert max(chart["wide"]) < chart["left"] - 10
-    assert charts()[0]["drawn"] == [[0.0, 1.0, 2.0], [68.0, 30.0, 2.0]]
-    assert "what the model predicted" in browser.run("return document.body.innerText")
 
 
 def test_the_bodies_lie_in_the_middle_of_a_table_before_a_soft_sky(browser, page):

@@ -6,15 +6,10 @@ import numpy as np
 import pytest
 from websockets.exceptions import InvalidStatus
 
-from sain_core.errors import BusyError
 from sain_core.push import make_push
-from sain_core.shapes.bodies import PAPER_DISKS
-from sain_live.page.live_page import LivePage
 from sain_live.page.serving import refusal
-from sain_live.settings import PageConfig
-from sain_live.state import Level, LiveArm, LivePlan, LiveResult, LiveScene
-from sain_sim.arm.panda import describe_arm
-from tests.sain_live.straw import AIM, BODIES, SCENE, Written, made_up, served
+from sain_live.state import Level, LivePlan, LiveResult, LiveScene
+from tests.sain_live.straw import AIM, SCENE, Written, made_up, served
 from tests.sain_live.viewer import Viewer
 
 GOAL = "/goals/0"
@@ -62,31 +57,6 @@ def test_a_goal_where_none_can_be_snaps_back_and_is_told(shown, place, words):
     viewer.wait(lambda: viewer.nodes[GOAL]["position"][:2] == (0.5, 0.2), "the goal to snap back")
     assert orders.of("aim") == []
     assert known.aim is AIM
-
-
-def test_who_leaves_while_dragging_changes_nothing(shown):
-    known, orders, page, viewer = shown
-    other = Viewer(page.server.get_port())
-    other.wait(lambda: GOAL in other.nodes and page.viewers == 2, "the second viewer")
-    other.drag(GOAL, (0.4, 0.0), release=False)
-    viewer.wait(lambda: viewer.nodes[GOAL]["position"][0] == 0.4, "the drag, as others see it")
-    other.close()
-    viewer.wait(lambda: viewer.nodes[GOAL]["position"][0] == 0.5, "the goal to snap back")
-    viewer.wait(lambda: "the viewer who dragged it left" in viewer.texts, "the words")
-    assert (orders.of("aim"), known.aim) == ([], AIM)
-
-
-def test_viewers_see_the_same_also_after_a_reload(shown):
-    _, orders, page, viewer = shown
-    others = [Viewer(page.server.get_port()) for _ in range(2)]
-    viewer.drag(GOAL, (0.4, 0.0))
-    for other in others:
-        other.wait(lambda o=other: o.nodes.get(GOAL, {}).get("position", [0])[0] == 0.4, "the drag")
-        other.close()
-    again = Viewer(page.server.get_port())
-    again.wait(lambda: again.nodes.get(GOAL, {}).get("position", [0])[0] == 0.4, "it all again")
-    again.close()
-    assert len(orders.of("aim")) == 1
 
 
 def test_settings_are_controls_and_orders(shown):
@@ -140,18 +110,6 @@ def test_buttons_are_orders(shown):
     assert (reset.scenario, reset.seed) == ("rearrange_2", 5)
 
 
-@pytest.mark.parametrize("seed", ["", "3x", "-1", "2147483648"])
-def test_a_seed_that_is_none_is_refused(shown, seed):
-    _, orders, _, viewer = shown
-    viewer.turn("seed", seed)
-    viewer.turn("Reset", True)
-    viewer.wait(lambda: "type a whole number from 0 to 2147483647" in viewer.texts, "the words")
-    viewer.turn("Next seed", True)
-    viewer.turn("loop", "Pause")
-    viewer.wait(lambda: orders.of("pause"), "what was ordered after it")
-    assert orders.of("reset") == []
-
-
 def test_the_list_of_models_shows_the_one_that_is_served(shown):
     known, orders, _, viewer = shown
     shows = viewer.controls[viewer.control("model")]
@@ -167,23 +125,6 @@ def test_the_list_of_models_shows_the_one_that_is_served(shown):
     viewer.wait(lambda: shows["value"] == "planar", "the one before")
     known.update(model="runs/mine/sain.safetensors")
     viewer.wait(lambda: shows["value"] == "runs/mine/sain.safetensors", "one that was not listed")
-
-
-def test_a_checkpoint_is_loaded_by_its_path(shown):
-    _, orders, _, viewer = shown
-    viewer.turn("Load file", True)
-    viewer.wait(lambda: "type the path of a checkpoint" in viewer.texts, "the words")
-    viewer.turn("or a file", " runs/a.safetensors ")
-    viewer.turn("Load file", True)
-    viewer.wait(lambda: orders.of("load") == [("runs/a.safetensors",)], "the order")
-
-
-def test_what_the_graph_waits_for_is_said(shown):
-    known, _, _, viewer = shown
-    known.update(starting="compiling 31 of 40 kernels")
-    viewer.wait(lambda: "compiling 31 of 40 kernels" in viewer.texts, "the words")
-    known.update(starting="")
-    viewer.wait(lambda: "kernels" not in viewer.texts, "no words any more")
 
 
 def test_texts_from_elsewhere_are_escaped(shown):
@@ -211,22 +152,6 @@ def test_plan_and_result_are_drawn_and_cleared(shown):
     viewer.wait(lambda: drawn() == wanted, "the plan")
     known.update(plan=None, result=None)
     viewer.wait(lambda: not drawn(), "an empty table")
-
-
-def test_the_arm_follows_its_joints(shown):
-    known, _, _, viewer = shown
-    known.update(arm=LiveArm(describe_arm(0.012, 0.22)), joints={"panda_joint1": 0.0})
-    joint = "/arm/panda_link1"
-    viewer.wait(lambda: joint in viewer.nodes, "the arm")
-    known.update(joints={"panda_joint1": np.pi / 2})
-    expected = pytest.approx((0.5**0.5, 0, 0, 0.5**0.5))
-    viewer.wait(lambda: viewer.nodes[joint].get("wxyz") == expected, "the joint")
-
-
-def test_an_arm_that_cannot_be_drawn_is_told(shown):
-    known, _, _, viewer = shown
-    known.update(arm=LiveArm("<robot"))
-    viewer.wait(lambda: "the arm is not drawn" in viewer.texts, "the words")
 
 
 def test_other_websites_are_kept_out(shown):
@@ -284,17 +209,3 @@ def test_nonsense_from_a_viewer_changes_nothing(shown):
     viewer.drag(GOAL, (0.4, -0.1))
     viewer.wait(lambda: orders.of("aim"), "the order")
     assert known.aim.poses[0].x == 0.4
-
-
-def test_a_port_in_use_is_an_error(shown):
-    _, orders, page, _ = shown
-    with pytest.raises(BusyError, match=f"port {page.server.get_port()} of 127.0.0.1 is in use"):
-        LivePage(made_up(), orders, PageConfig(port=page.server.get_port()))
-
-
-def test_bodies_of_the_next_episode_replace_the_others(shown):
-    known, _, _, viewer = shown
-    known.update(bodies=PAPER_DISKS, scene=None, aim=None)
-    viewer.wait(lambda: GOAL not in viewer.nodes, "no goal")
-    known.update(bodies=BODIES, scene=LiveScene(SCENE[::-1].copy(), 2, 1), aim=AIM)
-    viewer.wait(lambda: GOAL in viewer.nodes, "the goal")

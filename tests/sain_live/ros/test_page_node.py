@@ -4,11 +4,10 @@ import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
 
-from sain_core.errors import BusyError, ErrorCode
+from sain_core.errors import ErrorCode
 from sain_core.model import Model
 from sain_core.ros import codec
 from sain_interfaces.msg import Plan
-from sain_interfaces.srv import DescribeModel
 from sain_live.orders import Reset
 from sain_live.ros import tuning
 from sain_live.ros.page_node import PageNode
@@ -99,13 +98,6 @@ def test_a_goal_that_is_dragged_while_the_loop_runs_is_followed(graph, whole):
     )
 
 
-def test_one_push_is_one_push(graph, whole):
-    whole.asking.push_once()
-    graph.wait(lambda: graph.find("plan", status=Plan.EXHAUSTED), "the end")
-    graph.wait(lambda: whole.known.phase is Phase.PAUSED, "the pause")
-    assert len(graph.heard["push"]) == 1
-
-
 def test_pause_ends_the_goal(graph, whole):
     whole.asking.start()
     graph.wait(lambda: graph.heard["push"], "a push")
@@ -118,16 +110,6 @@ def test_pause_ends_the_goal(graph, whole):
     assert faults(whole) == []
 
 
-def test_a_reset_waits_for_the_push_under_way(graph, whole):
-    whole.asking.start()
-    graph.wait(lambda: graph.heard["push"], "a push")
-    whole.asking.reset(Reset("push_t", 1, world="nominal"))
-    graph.wait(lambda: whole.known.scene.episode_id == 3, "the episode")
-    graph.wait(lambda: "push_t, seed 1" in told(whole), "the line")
-    assert [shape.name for shape in whole.known.bodies.shapes] == ["t"]
-    assert (whole.known.world, whole.known.plan) == ("nominal", None)
-
-
 def test_settings_are_live_and_refusals_are_told(graph, whole):
     planner = next(node for node in graph.nodes if isinstance(node, MppiNode))
     whole.asking.set("planner.samples", 32)
@@ -137,29 +119,12 @@ def test_settings_are_live_and_refusals_are_told(graph, whole):
     assert whole.known.planner["planner.samples"] == 32
 
 
-def test_a_setting_that_others_change_is_shown(graph, whole):
-    from rclpy.parameter import Parameter
-
-    planner = next(node for node in graph.nodes if isinstance(node, MppiNode))
-    planner.set_parameters([Parameter("planner.rounds", value=1)])
-    graph.wait(lambda: whole.known.planner["planner.rounds"] == 1, "the setting")
-
-
 def test_models_are_loaded_and_those_that_are_none_are_told(graph, whole):
     whole.asking.load("identity")
     graph.wait(lambda: whole.known.model == "identity", "the model")
     whole.asking.load("nothing")
     graph.wait(lambda: "load nothing:" in told(whole), "the refusal")
     assert whole.known.model == "identity"
-
-
-def test_a_model_that_no_planner_can_wait_for_is_refused_and_the_old_one_stays(graph, whole):
-    whole.asking.load("bullet")
-    graph.wait(lambda: "load bullet: model 'bullet' takes" in told(whole), "the refusal")
-    assert "planar stays" in told(whole)
-    assert (whole.known.model, whole.known.loading) == ("planar", "")
-    described = graph.call(DescribeModel, "describe_model", DescribeModel.Request())
-    assert described.model == "planar"
 
 
 class DisksAlone(Model):
@@ -237,45 +202,6 @@ def test_a_recording_is_shown_and_cannot_be_steered(graph, alone):
     viewer.close()
     alone.asking.start()
     graph.wait(lambda: "a recording cannot be steered" in told(alone), "the words")
-
-
-def test_a_plan_that_is_told_after_the_end_does_not_undo_it(graph, alone):
-    publish = {
-        name: graph.bystander.create_publisher(type_of(name), name, 10)
-        for name in ("scene", "push_result", "plan")
-    }
-    for name, publisher in publish.items():
-        graph.wait(publisher.get_subscription_count, f"who hears {name}")
-    stamp = graph.bystander.get_clock().now().to_msg()
-    scene = codec.encode_scene(SCENE, stamp=stamp, episode_id=4, scene_id=1, settled=True)
-    publish["scene"].publish(scene)
-    graph.wait(lambda: alone.known.scene, "the scene")
-    ids = {"goal_id": 1, "episode_id": 4}
-    size = {"horizon": 1, "disks": len(SCENE), "pushes": [0.0] * 5}
-    push = Plan(**ids, **size, push_id=7, scene_id=1, status=Plan.PUSH, error_code=1)
-    push.predicted = SCENE.ravel().tolist()
-    result = type_of("push_result")(push_id=7, episode_id=4, error_code=1)
-    result.before = result.after = scene
-    publish["push_result"].publish(result)
-    graph.wait(lambda: alone.known.result, "the result")
-    publish["plan"].publish(Plan(**ids, status=Plan.REACHED, error_code=1))
-    graph.wait(lambda: alone.known.phase is Phase.REACHED, "the end")
-    publish["plan"].publish(push)
-    graph.wait(lambda: alone.known.pushes == 1, "the late plan")
-    assert alone.known.phase is Phase.REACHED and alone.known.plan is None
-
-
-def test_a_page_at_a_port_in_use_does_not_start(graph, alone):
-    with pytest.raises(BusyError, match=f"port {alone.config.port} of 127.0.0.1 is in use"):
-        graph.start(PageNode, port=alone.config.port)
-
-
-def test_who_leaves_the_graph_is_told(graph, whole):
-    graph.wait(lambda: "the planner is ready" in told(whole), "the planner")
-    graph.stop(next(node for node in graph.nodes if isinstance(node, MppiNode)))
-    graph.wait(lambda: "the planner is gone" in told(whole), "the words")
-    whole.asking.start()
-    graph.wait(lambda: "no planner answers on /sain/reach" in told(whole), "the refusal")
 
 
 def type_of(topic):

@@ -8,9 +8,7 @@ from sain_bags.report.content import read_content
 from sain_bags.rows.episodes import read_episodes
 from sain_core.errors import DatasetError
 from sain_core.scene import POSE
-from sain_live.ros import reading
 from sain_live.ros.reading import read_recording
-from sain_live.state import Phase
 from tests.sain_bags.conftest import resting_scene
 from tests.sain_bags.driven import Drive, Parts
 
@@ -36,20 +34,6 @@ def test_it_has_the_episodes_pushes_and_distances_of_the_report(episode_bag):
             assert np.allclose(scene[:, POSE], push.after[:, POSE], atol=1e-5)
 
 
-def test_each_episode_has_its_own_goal_from_its_first_moment_on(record, tmp_path):
-    recording = record(custom_data={"episodes": "anywhere:7 push_t:0"})
-    for episode in (1, 2):
-        for number in range(3):
-            recording.scene(episode, episode, resting_scene(0.4 + 0.01 * number), settled=False)
-        recording.add("/sain/goal", "Goal", goal_id=episode, episode_id=episode, x=0.1 * episode)
-        recording.scene(episode, episode, resting_scene(0.5))
-    recording.writer.close()
-    first, second = read_recording(tmp_path / "bag").chapters
-    assert (first.title, second.title) == ("Episode 1 · anywhere 7", "Episode 2 · push_t 0")
-    for chapter, x in ((first, 0.1), (second, 0.2)):
-        assert {moment.values["aim"].poses[0].x for moment in chapter.moments} == {x}
-
-
 def test_goals_in_a_row_are_chapters(record, tmp_path):
     recording = record()
     scenes = [resting_scene(x) for x in (0.4, 0.5, 0.6)]
@@ -64,14 +48,6 @@ def test_goals_in_a_row_are_chapters(record, tmp_path):
     titles = ["Episode 1 · goal 1 of 2", "Episode 1 · goal 2 of 2"]
     assert [chapter.title for chapter in chapters] == titles
     assert np.allclose([distances(one) for one in chapters], [(0.1, 0.0), (0.1, 0.0)])
-
-
-def test_no_goal_is_made_up(record, tmp_path):
-    recording = record()
-    recording.scene(1, 1, resting_scene(0.4))
-    recording.writer.close()
-    (chapter,) = read_recording(tmp_path / "bag").chapters
-    assert [moment.values["aim"] for moment in chapter.moments] == [None]
 
 
 def test_a_message_of_no_sense_is_told_and_the_rest_is_read(record, tmp_path):
@@ -93,25 +69,6 @@ def test_scenes_are_taken_from_results_where_they_were_not_recorded(record, tmp_
     assert len({chapter.at(time).values["scene"].disks[1, 0] for time in chapter.rests}) == 3
 
 
-def test_of_very_many_scenes_in_motion_some_are_left_out(
-    record,
-    tmp_path,
-    monkeypatch,
-):
-    monkeypatch.setattr(reading, "MOST", 50)
-    recording = record()
-    recording.scene(1, 1, resting_scene(0.3))
-    for number in range(300):
-        recording.scene(1, 1, resting_scene(0.3 + 0.001 * number), settled=False)
-    recording.scene(1, 2, resting_scene(0.7))
-    recording.writer.close()
-    (chapter,) = read_recording(tmp_path / "bag").chapters
-    assert 20 < len(chapter.moments) <= 52
-    places = [moment.values["scene"].disks[1, 0] for moment in chapter.moments]
-    assert (places[0], places[-1]) == (0.3, 0.7)
-    assert np.diff(places[:-1]).max() < 0.03
-
-
 def test_a_bag_without_scenes_is_refused(record, tmp_path):
     recording = record()
     recording.add("/sain/goal", "Goal", goal_id=1)
@@ -120,14 +77,3 @@ def test_a_bag_without_scenes_is_refused(record, tmp_path):
         DatasetError, match="holds no scenes that can be shown; it is no recording of the graph"
     ):
         read_recording(tmp_path / "bag")
-
-
-def test_the_last_moment_tells_that_the_goal_was_reached(record, tmp_path):
-    recording = record()
-    recording.scene(1, 1, resting_scene(0.4))
-    recording.add("/sain/goal", "Goal", goal_id=1, episode_id=1, x=0.5, tolerance=0.02)
-    recording.push(1, 1, resting_scene(0.4), resting_scene(0.5), goal_id=1)
-    recording.add("/sain/plan", "Plan", plan_id=2, episode_id=1, goal_id=1, status=2, error_code=1)
-    recording.writer.close()
-    (chapter,) = read_recording(tmp_path / "bag").chapters
-    assert chapter.moments[-1].values["phase"] is Phase.REACHED

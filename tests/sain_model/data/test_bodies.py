@@ -6,7 +6,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sain_core.errors import DatasetError
 from sain_core.push import make_stroke
 from sain_core.scene import POSITION, THETA, make_scene, unit
 from sain_core.shapes.bodies import Bodies
@@ -77,13 +76,6 @@ def test_own_pushes_show_what_a_body_is_like(data: Dataset) -> None:
     part = believed.parts[0]
     off = kind.step(part.bodies, part.state, part.action, part.given) - part.next_state
     assert np.median(np.abs(off[..., POSITION])) < 1e-4
-
-
-def test_without_names_of_bodies_there_is_nothing_to_tell_apart(data: Dataset) -> None:
-    nameless = replace(data.parts[0], object=None)
-    assert not states_bodies(Dataset((nameless,)))
-    with pytest.raises(DatasetError, match="no column object"):
-        body_names(nameless)
 
 
 def test_a_belief_of_bodies_is_trained_on_saved_and_conditioned(

@@ -1,6 +1,5 @@
 """Data sets: read, checked, mixed, split by episode, and cut into windows."""
 
-import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,20 +8,14 @@ import pytest
 import torch
 
 from sain_core.errors import DatasetError
-from sain_core.push import PushLimits, as_strokes
 from sain_core.scene import STATE_SIZE, X, Y
-from sain_core.shapes.bodies import Bodies
-from sain_core.transitions import ORIGINS, Column, PushHistory
 from sain_model.commands import evaluate, train
 from sain_model.data.dataset import Dataset, Part, load_dataset, split_by_episode
-from sain_model.data.shard import read_shard
 from sain_model.data.windows import make_windows
-from sain_model.dynamics.identify import load_recording
 from sain_model.network.interaction_network import InteractionNetwork
 from sain_model.network.settings import NetworkConfig
 from sain_model.physics.planar import PlanarPrior
 from sain_model.training.objectives import make_examples
-from tests.old_files.reading import FOLDER, KINDS, expected, five
 from tests.sain_model.rolling import EPISODES, EVERY, PUSHES, load_episodes
 
 
@@ -105,57 +98,6 @@ def test_what_is_no_shard_is_refused(dataset: Path, tmp_path: Path) -> None:
         load_dataset(cut)
 
 
-def test_the_order_of_an_episode_is_that_of_its_steps(dataset: Path, tmp_path: Path) -> None:
-    arrays = dict(np.load(dataset / "shard-0.npz"))
-    count = len(arrays["episode"])
-    np.savez(tmp_path / "a.npz", **arrays)
-    np.testing.assert_array_equal(load_dataset(tmp_path / "a.npz").alike.step, np.arange(count))
-    steps = np.arange(count)[::-1] % 6
-    np.savez(tmp_path / "b.npz", **arrays, step=steps)
-    np.testing.assert_array_equal(load_dataset(tmp_path / "b.npz").alike.step, steps)
-    np.savez(tmp_path / "c.npz", **arrays, step=steps // 2)
-    with pytest.raises(DatasetError, match="episode 0 has two pushes with step"):
-        load_dataset(tmp_path / "c.npz")
-
-
-def test_rows_name_their_bodies(dataset: Path, tmp_path: Path) -> None:
-    arrays = dict(np.load(dataset / "shard-0.npz"))
-    shapes, rows = np.array(["t,disk"] * 60), tmp_path / "shard-0.npz"
-    np.savez(rows, **arrays, shapes=shapes)  # roles are optional
-    assert load_dataset(rows).alike.bodies == Bodies.named(["t", "disk"], ["pushable", "movable"])
-    np.savez(rows, **arrays, shapes=shapes, roles=np.array(["pushable,pushable"] * 60))
-    assert load_dataset(rows).alike.bodies == Bodies.named(["t", "disk"], ["pushable", "pushable"])
-
-
-def as_stroke_rows(dataset: Path, shard: str) -> dict[str, np.ndarray]:
-    """Return the arrays of a shard with its pushes as strokes, of other episodes."""
-    with np.load(dataset / shard) as arrays:
-        rows = dict(arrays)
-    scenes = rows["state"].reshape(len(rows["state"]), 2, 8)
-    rows["action"] = as_strokes(scenes, rows["action"], PushLimits())
-    rows["episode"] = rows["episode"] + 100
-    return rows
-
-
-def test_strokes_are_a_part_of_their_own(dataset: Path, tmp_path: Path) -> None:
-    rows = as_stroke_rows(dataset, "shard-0.npz")
-    np.savez(tmp_path / "shard-0.npz", **rows)
-    data = load_dataset(tmp_path).alike
-    assert data.action.shape == (60, 8)
-    np.testing.assert_allclose(data.mirrored().mirrored().action, data.action, atol=1e-12)
-    windows = make_windows(data, 3)
-    np.testing.assert_array_equal(windows.pushes[:, 0], data.action)
-    assert windows.pushes.shape == (60, 3, 8) and (windows.pushes[~windows.known, 3] == 0.0).all()
-    assert load_recording(tmp_path)[0].action.shape == (60, 8)
-    both = load_dataset(dataset, tmp_path)
-    assert [part.action.shape for part in both.parts] == [(120, 5), (60, 8)]
-    assert len(split_by_episode(both, 0, 0.1, 0.1).train) > 100
-    with pytest.raises(DatasetError, match=r"disk, disk as pushes and as strokes; give one folder"):
-        both.alike  # noqa: B018
-    history = PushHistory(data.state[:2], data.action[:2], data.next_state[:2])
-    assert len(history.then(data.state[2], data.action[2], data.next_state[2])) == 3
-
-
 FAR = 0.45  # [m]
 
 
@@ -193,15 +135,6 @@ def test_numbers_of_disks_stay_apart_and_so_do_episodes_of_one_name(folders) -> 
     assert len(data.sources) == 3 and data.sha256 not in data.sources
     two, again = load_dataset(folders[0]).alike, load_dataset(folders[2]).alike
     np.testing.assert_array_equal(data.parts[0].state, np.concatenate([two.state, again.state]))
-
-
-def test_the_same_push_in_two_data_sets_is_refused(folders, tmp_path) -> None:
-    copy = tmp_path / "copy.npz"
-    copy.write_bytes((folders[0] / "shard-1.npz").read_bytes())
-    with pytest.raises(DatasetError, match=r"copy\.npz hold the same push; give each"):
-        load_dataset(folders[0], copy)
-    with pytest.raises(DatasetError, match="the same push"):
-        load_dataset(folders[0], folders[0])
 
 
 def single_rows(data: Dataset) -> list[Part]:
@@ -242,29 +175,6 @@ def test_disks_that_do_not_exist_change_nothing_of_those_that_do(folders) -> Non
         assert torch.allclose(of_five[:, : data.disks], said, rtol=1e-5, atol=1e-8)
         assert not padded.residual[:, data.disks :].any()
     assert examples.padded(4) is examples
-
-
-def test_fewer_transitions_are_first_episodes_of_all_parts(folders) -> None:
-    data = load_dataset(*folders)
-    whole, split = split_by_episode(data, 0, 0.1, 0.1), split_by_episode(data, 0, 0.1, 0.1, 20)
-    assert [len(split.train), len(split.test)] == [20, len(whole.test)]
-    first = sorted(set(whole.train.episode.tolist()))[: len(set(split.train.episode.tolist()))]
-    assert set(split.train.episode.tolist()) == set(first)
-    with pytest.raises(DatasetError, match="9999 transitions to train on are asked for"):
-        split_by_episode(data, 0, 0.1, 0.1, 9999)
-
-
-def test_without_a_test_part_the_card_says_what_its_errors_are_of(
-    dataset, tmp_path, capsys
-) -> None:
-    arguments = [str(dataset), "--out", str(tmp_path), "--epochs", "1", "--history", "none"]
-    assert train([*arguments, "--validation", "0.2", "--test", "0"]) == 0
-    card = json.loads((tmp_path / "sain.json").read_text())
-    assert card["data"]["episodes"] == {"train": 16, "validation": 4, "test": 0}
-    assert card["errors"]["held_out"] == "validation" and card["errors"]["episodes"] == 4
-    capsys.readouterr()
-    assert evaluate([str(dataset), "--checkpoint", str(tmp_path / "sain.safetensors")]) == 1
-    assert "learned from all of this data" in "".join(capsys.readouterr())
 
 
 def test_what_was_learned_from_among_others_is_not_evaluated_on(folders, tmp_path, capsys) -> None:
@@ -310,25 +220,3 @@ def test_no_window_spans_a_gap(tmp_path: Path) -> None:
     scenes[3, 0, X] += 1e-6
     touched = make_windows(replace(whole, state=scenes), PUSHES)
     assert touched.known[0].sum() == 3
-
-
-def test_what_has_no_long_windows_says_so(dataset: Path) -> None:
-    data = load_dataset(dataset).alike  # its pushes do not follow each other
-    assert make_windows(data, 3).known.sum() == len(data)
-    with pytest.raises(DatasetError, match="no episode has 3 successive pushes"):
-        make_windows(data, 3, whole=True)
-
-
-@pytest.mark.parametrize("kind", KINDS)
-def test_shards_mean_the_same(kind: str) -> None:
-    known, columns = expected(f"{kind}_data"), read_shard(FOLDER / f"{kind}_data/shard-00000.npz")
-    known["action"] = five(known["action"])
-    assert columns.keys() - set(ORIGINS) == known.keys()
-    for name, values in known.items():
-        np.testing.assert_array_equal(columns[Column(name)], values)
-
-
-def test_recordings_of_any_bodies_have_one_width() -> None:
-    for kind in KINDS:
-        for part in load_recording(FOLDER / f"{kind}_data"):
-            assert part.action.shape == (len(part), 5)

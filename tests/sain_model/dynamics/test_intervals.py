@@ -40,13 +40,6 @@ def test_regions_hold_as_often_as_they_say_also_where_the_spread_is_small_or_lar
     assert (off <= half.radius(half.score(*parts))).mean() == pytest.approx(0.5, abs=0.02)
 
 
-def test_few_validation_pushes_give_wide_regions_rather_than_none() -> None:
-    parts, off = draw(8, 0)
-    config = fit_disk(parts, off, level=0.9)
-    assert len(config.factors) == 1
-    assert (off <= config.radius(config.score(*parts))).all()  # 9 pushes are needed for 90 %
-
-
 def test_training_fits_them_the_card_keeps_them_and_the_report_measures_them(
     dataset: Path, tmp_path: Path
 ) -> None:
@@ -72,19 +65,6 @@ def test_training_fits_them_the_card_keeps_them_and_the_report_measures_them(
         load_dynamics(str(path))
 
 
-def test_regions_grow_with_the_elongation_of_the_supports() -> None:
-    random = np.random.default_rng(5)
-    parts = np.abs(random.normal(0.0, 1e-3, (3, 2000))) + 1e-4
-    long = random.choice([0.0, 0.4, 0.9], 2000)
-    off = np.abs(random.normal(0.0, 1.0, 2000)) * parts[0] * np.exp(1.5 * long)
-    config = fit_disk(parts, off, 0.9, long)
-    assert config.elongation == pytest.approx(1.5, abs=0.4)
-    inside = off <= config.radius(config.score(*parts, long))
-    for kind in (0.0, 0.4, 0.9):
-        assert inside[long == kind].mean() == pytest.approx(0.9, abs=0.04)
-    assert fit_disk(parts, off, 0.9).elongation == 0.0
-
-
 def factor(intervals: Intervals, logs: np.ndarray) -> float:
     """The factor of regions after pushes whose errors are larger than usual by logarithms (P,)."""
     total, count = np.array([[logs.sum()], [0.0]]), np.array([len(logs)])
@@ -102,16 +82,6 @@ def test_regions_widen_where_errors_are_larger_than_usual_and_never_shrink() -> 
     few, many = factor(intervals, large[:1]), factor(intervals, large)
     assert 1.5 < few < many < 12.0 * np.e  # the excess of each is a factor of 10 e
     assert many > 10.0
-
-
-@pytest.mark.parametrize("log", [-0.4, 0.4])
-def test_regions_follow_a_body_as_far_as_bodies_differ(log: float) -> None:
-    alike, differing = (Intervals(usual_log_std=0.8, bodies_log_std=std) for std in (0.0, 0.4))
-    few, many = factor(differing, np.full(2, log)), factor(differing, np.full(200, log))
-    assert abs(np.log(few)) < abs(np.log(many))
-    assert np.log(many) == pytest.approx(log, rel=0.1 if log < 0.0 else 0.5)
-    if log < 0.0:
-        assert factor(alike, np.full(200, log)) == 1.0
 
 
 def test_headings_have_regions_of_the_same_kind() -> None:

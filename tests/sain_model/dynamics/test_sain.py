@@ -2,18 +2,17 @@
 
 from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 import torch
 
-from sain_core.push import BODY, LENGTH, rotate_pushes
+from sain_core.push import LENGTH, rotate_pushes
 from sain_core.scene import POSITION, THETA, X, make_scene, rotate_scenes, wrap_angle
 from sain_core.shapes.bodies import Bodies
 from sain_core.transitions import PushHistory
 from sain_core.types import Pushes, Scenes
-from sain_model.data.dataset import Part, Split, load_dataset, split_by_episode
+from sain_model.data.dataset import Part
 from sain_model.dynamics.intervals import IntervalConfig, Intervals
 from sain_model.dynamics.residual import residual_model, with_intervals
 from sain_model.dynamics.sain import SainDynamics
@@ -25,8 +24,6 @@ from sain_model.network.interaction_network import InteractionNetwork, ensemble
 from sain_model.network.settings import NetworkConfig
 from sain_model.physics.parameters import PlanarConfig
 from sain_model.physics.planar import PlanarPrior
-from sain_model.training.settings import TrainingConfig
-from tests.sain_model.conftest import make_trainer
 
 Draw = Callable[[int, int], tuple[Scenes, Pushes]]
 
@@ -77,14 +74,6 @@ def test_renumbering_the_other_disks_renumbers_the_prediction(
     )
 
 
-def test_a_far_disk_changes_nothing_for_the_others(sain: SainDynamics, random_pushes: Draw) -> None:
-    scenes, pushes = random_pushes(30, 2)
-    far = scenes[:, 1:].copy()
-    far[..., X] += 2.0
-    more = sain.step(np.concatenate([scenes, far], axis=1), pushes)
-    np.testing.assert_allclose(more[:, :2], sain.step(scenes, pushes), atol=1e-6)
-
-
 def test_the_true_residual_makes_the_prediction_true(random_pushes: Draw) -> None:
     scenes, pushes = random_pushes(30, 0)
     physics = PlanarPrior().step(scenes, pushes)
@@ -97,7 +86,6 @@ def test_the_true_residual_makes_the_prediction_true(random_pushes: Draw) -> Non
 
 
 NARROW = NetworkConfig(hidden=16, message=8)
-THREE = NetworkConfig(hidden=16, message=8, members=3)
 
 
 def wild(seed: int, config: NetworkConfig = NARROW) -> InteractionNetwork:
@@ -107,11 +95,6 @@ def wild(seed: int, config: NetworkConfig = NARROW) -> InteractionNetwork:
         for parameter in network.parameters():
             parameter.copy_(0.5 * torch.randn_like(parameter))
     return network
-
-
-@pytest.fixture
-def split(dataset: Path) -> Split:
-    return split_by_episode(load_dataset(dataset), 0, 0.2, 0.2)
 
 
 @pytest.mark.parametrize("bodies", [2, 4])
@@ -131,24 +114,6 @@ def test_an_ensemble_in_one_call_is_its_members_one_by_one(bodies: int) -> None:
         many = [part[:1].expand(1100, *part.shape[1:]) for part in shared]  # more than a chunk
         torch.testing.assert_close(together(*many)[-1], alone.mean(0)[0], atol=1e-6, rtol=1e-5)
     assert (alone[0] - alone[1]).abs().max() > 1e-3
-
-
-def test_a_member_learns_what_it_would_learn_alone(split: Split, tmp_path: Path) -> None:
-    common = {"epochs": 1, "batch": 8}  # one: which epoch is best is the ensemble's question
-    lone = make_trainer(
-        split, PlanarPrior(), TrainingConfig(network=NARROW, **common), tmp_path / "1"
-    )
-    three = make_trainer(
-        split, PlanarPrior(), TrainingConfig(network=THREE, **common), tmp_path / "3"
-    )
-    start = {name: value[0].clone() for name, value in three.network.state_dict().items()}
-    lone.run()
-    three.run()
-    learned = three.network.state_dict()
-    for name, value in lone.network.state_dict().items():
-        torch.testing.assert_close(learned[name][0], value, atol=1e-5, rtol=0)
-    moved = max(float((learned[name][0] - start[name]).abs().max()) for name in start)
-    assert moved > 0.01
 
 
 def test_the_mean_is_what_step_predicts_and_the_spread_that_of_the_members(
@@ -226,22 +191,6 @@ def pushes_of(count: int) -> tuple[Scenes, Pushes]:
     lengths, body = random.uniform(0.02, 0.15, count), random.integers(2, size=count)
     pushes = np.column_stack([body, *angles, lengths, np.full(count, 0.2)])
     return np.repeat(scene[None], count, axis=0), pushes
-
-
-def test_the_pushed_body_has_the_region_of_a_mid_disk() -> None:
-    intervals = Intervals(
-        mid=IntervalConfig(scores=(1e-4,), factors=(1.0,)),
-        target=IntervalConfig(scores=(1e-4,), factors=(3.0,)),
-    )
-    shaped = residual_model(
-        pair_network(), friction_kind(PlanarPrior(), infers=False), "planar", intervals=intervals
-    )
-    scenes, pushes = pushes_of(10)
-    told = shaped.with_bodies(T_AND_STAR).predict(scenes, pushes)
-    assert told.radius is not None
-    score = 1e-4 + told.members
-    pushed = pushes[:, [BODY]] == [0, 1]
-    np.testing.assert_allclose(told.radius, np.where(pushed, 1.0, 3.0) * score)
 
 
 def test_earlier_pushes_widen_regions_in_a_world_unlike_home(shaped: SainDynamics) -> None:

@@ -70,16 +70,6 @@ def test_any_bodies_are_corrected_but_little(sain: SainDynamics, name: str) -> N
     assert ((radius > 0.0) & (radius < 0.2)).all()
 
 
-def test_friction_is_inferred_for_a_shape(sain: SainDynamics) -> None:
-    placed = sain.with_bodies(OTHERS["a T alone"])
-    pushed = pushes(6)
-    scenes = np.repeat(scene_of(1)[None], len(pushed), axis=0)
-    after = placed.physics.step(scenes, pushed, {FRICTION: np.full(len(pushed), 0.18)})
-    informed = placed.condition(PushHistory(scenes, pushed, after))
-    assert informed.value(FRICTION) == pytest.approx(0.18, rel=0.1)
-    assert informed.spread(FRICTION) < placed.spread(FRICTION)
-
-
 def test_the_card_belongs_to_the_weights() -> None:
     path = shipped_checkpoint()
     card = read_card(path)

@@ -6,16 +6,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sain_core.errors import CheckpointError, DatasetError
 from sain_core.model import IdentityPrior, Model, load_dynamics
-from sain_core.scene import POSITION, TARGET, THETA
-from sain_core.transitions import PushHistory
+from sain_core.scene import POSITION, TARGET
 from sain_core.view.palette import PALETTE
 from sain_model import commands
-from sain_model.cli import evaluate as evaluate_cli
-from sain_model.data.dataset import Dataset, Part, split_by_episode
+from sain_model.data.dataset import Dataset, Part
 from sain_model.data.windows import Windows
-from sain_model.dynamics.load import ModelCard
 from sain_model.dynamics.sain import SainDynamics
 from sain_model.evaluation.errors import (
     PUSHED,
@@ -23,20 +19,14 @@ from sain_model.evaluation.errors import (
     TARGET_MOVED,
     TARGETS,
     evaluate,
-    rank_correlation,
     shares_removed,
-    target_moved,
 )
 from sain_model.evaluation.predictors import (
     BULLET,
     FLOOR,
     MEASURED,
     NAMES,
-    PLANAR_HISTORY,
     Predictions,
-    plain,
-    predict_all,
-    roll_out,
 )
 from sain_model.evaluation.presentation import KINDS, draw_rollouts
 from sain_model.physics.planar import PlanarPrior
@@ -50,29 +40,6 @@ def test_shares_are_of_what_lies_between_the_nominal_world_and_the_floor() -> No
     assert shares_removed(means) == {"half": 0.5, "worse": -0.25}
 
 
-@pytest.mark.parametrize("floor", [5.0, 7.0, None])
-def test_without_reducible_error_there_are_no_shares(floor: float | None) -> None:
-    known = {} if floor is None else {FLOOR: floor}
-    assert shares_removed({BULLET: 5.0, "half": 3.0, **known}) == {}
-
-
-def test_a_target_moves_by_way_and_not_by_turning() -> None:
-    before = np.zeros((3, 2, 8))
-    after = before.copy()
-    after[0, TARGET, POSITION] = [0.0015, 0.0015]  # 2.1 mm
-    after[1, TARGET, THETA] = 1.0
-    after[2, 0, POSITION] = [1.0, 1.0]  # the mid disk
-    assert target_moved(before, after).tolist() == [True, False, False]
-
-
-def test_ranks_of_equal_values_are_shared_and_constants_have_none() -> None:
-    assert rank_correlation(np.array([1.0, 2.0, 9.0]), np.array([5.0, 6.0, 7.0])) == 1.0
-    assert rank_correlation(np.array([1.0, 1.0, 2.0, 2.0]), np.array([1.0, 2.0, 3.0, 4.0])) == (
-        pytest.approx(0.894, abs=1e-3)
-    )
-    assert rank_correlation(np.ones(4), np.arange(4.0)) is None
-
-
 OPTIONS = ["--epochs", "2", "--hidden", "8", "--message", "4", "--test", "0.3"]
 
 
@@ -84,11 +51,6 @@ class Oracle(Model):
 @pytest.fixture(scope="module")
 def data(tmp_path_factory: pytest.TempPathFactory) -> Part:
     return load_episodes(tmp_path_factory.mktemp("episodes"))
-
-
-def predicted(data: Part, models: dict[str, Model], steps: int) -> Predictions:
-    (found,) = predict_all(Dataset((data,)), models, steps)
-    return found
 
 
 def test_errors_after_some_pushes_are_what_they_say(data: Part) -> None:
@@ -120,18 +82,6 @@ def test_groups_are_by_contact_and_by_what_came_before(data: Part) -> None:
     assert counts["target, 3+ earlier"] == EPISODES * (PUSHES - 3)
     assert found[TARGET_MISSED]["no motion"]["p95"] < 2.0
     assert found[TARGETS]["no motion"]["agreed"] == pytest.approx(1 - moved / len(data))
-
-
-def test_history_is_of_earlier_pushes_alone(data: Part) -> None:
-    loop = predicted(data, {}, 2)
-    given = loop.by_name[PLANAR_HISTORY]
-    first = given[loop.earlier == 0]
-    np.testing.assert_allclose(first, loop.by_name[MEASURED][::PUSHES], atol=1e-12)
-    row = 4  # of episode 0: four pushes came before
-    past = PushHistory(data.state[:row], data.action[:row], data.next_state[:row])
-    conditioned = load_dynamics("planar").condition(past)
-    expected = roll_out(plain(conditioned), loop.windows.select(np.array([row])))
-    np.testing.assert_allclose(given[row], expected[0], atol=1e-9)
 
 
 def test_ratios_are_of_means_with_an_interval(data: Part) -> None:
@@ -183,25 +133,6 @@ def test_the_command_lines_make_and_compare_the_four_kinds(tmp_path: Path) -> No
     assert (tmp_path / "errors_open_loop.png").stat().st_size > 10_000
 
 
-def test_what_any_model_has_seen_is_not_evaluated_on(data: Part) -> None:
-    whole = Dataset((data,), "of these")
-
-    def card(seed: int, test: float = 0.3) -> ModelCard:
-        training = {"seed": seed, "validation": 0.1, "test": test}
-        return ModelCard("planar", {}, {}, data={"sha256": whole.sha256}, training=training)
-
-    held = evaluate_cli.unseen(whole, card(0), card(1))
-    both = [split_by_episode(whole, seed, 0.1, 0.3).test.episode for seed in (0, 1)]
-    assert set(held.episode) == set(both[0]) & set(both[1])
-    other = ModelCard("planar", {}, {}, data={"sha256": "other"})
-    assert len(evaluate_cli.unseen(whole, other)) == len(data)
-    mute = ModelCard("planar", {}, {}, data={"sha256": whole.sha256}, training={"seed": 0})
-    with pytest.raises(CheckpointError, match="which episodes of its data it has seen"):
-        evaluate_cli.unseen(whole, mute)
-    with pytest.raises(DatasetError, match="trained on all episodes between them"):
-        evaluate_cli.unseen(whole, *(card(seed, 0.1) for seed in range(6)))
-
-
 WINDOWS, STEPS = 6, 4
 
 
@@ -221,13 +152,6 @@ def figure():
     part = Part(row, np.ones((WINDOWS, 5)), row, row, episodes, episodes, none, row)
     loop = Predictions(part, windows, predictions, {}, np.zeros(WINDOWS, int))
     return draw_rollouts([loop], 0)
-
-
-def test_curves_are_the_mean_errors(figure):
-    for axes in figure.axes:
-        for place, line in enumerate(axes.lines, start=1):
-            np.testing.assert_allclose(line.get_ydata(), place * np.arange(1, STEPS + 1))
-    assert [axes.get_title("left") for axes in figure.axes] == ["target", "body 0"]
 
 
 def test_every_curve_is_in_the_legend_and_has_its_last_value(figure):

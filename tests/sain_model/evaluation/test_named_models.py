@@ -15,7 +15,6 @@ from sain_core.push import LENGTH
 from sain_model import commands
 from sain_model.evaluation.predictors import AT_ONCE
 from tests.sain_model.rolling import PUSHES, make_episodes, truth
-from tests.workspace.source_tree import setup_arguments
 
 FEW = np.arange(4 * PUSHES)  # four episodes
 
@@ -82,24 +81,3 @@ def test_what_is_not_installed_is_refused_before_anything_is_evaluated(
         "model 'forein' is unknown (did you mean 'foreign'?); known: foreign, planar_axes" in said
     )
     assert not out.exists() and foreign[0].closed
-
-
-def test_the_simulators_own_offer_is_rolled_out(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    lines = setup_arguments("sain_sim")["entry_points"]["sain.dynamics"]
-    entries = [EntryPoint(*line.split(" = "), model.GROUP) for line in lines]
-    monkeypatch.setattr(
-        plugins, "entry_points", lambda group: entries if group == model.GROUP else []
-    )
-    folder, out = make_episodes(tmp_path / "data", FEW), tmp_path / "errors.json"
-    arguments = [str(folder), "--beside", "bullet", "bullet_measured", "--out", str(out)]
-    assert commands.evaluate([*arguments, "--open-loop", "1", "2"]) == 0
-    report = json.loads(out.read_text())
-    assert set(report["refused"]) == {"bullet", "bullet_measured"}
-    for step, windows in (("1", 24), ("2", 20)):
-        rows = report["after"][step]["errors"]["target"]
-        still = rows["no motion"]["mm"][0]
-        for name in ("bullet", "bullet_measured"):
-            assert rows[name]["number"] == windows
-            assert 0.0 < rows[name]["mm"][0] < 0.5 * still

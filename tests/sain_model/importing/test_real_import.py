@@ -23,9 +23,7 @@ from sain_model.importing.files import read_recordings
 from sain_model.importing.mat_logs import MAT_HEADER
 from tests.sain_model.importing.recorded import (
     HEADER,
-    KNEE,
     PUSHES,
-    STATED,
     Recorded,
     simulate,
     write_csv,
@@ -126,17 +124,6 @@ def test_a_data_set_has_its_outlines_with_it(
         load_dataset(tmp_path / "out")
 
 
-def test_a_clockwise_outline_is_turned_round(rows: Recorded, tmp_path: Path) -> None:
-    write_stated(tmp_path)
-    npz = write_npz(tmp_path / "all.npz", rows)
-    data, printed = convert(tmp_path / "one", npz)
-    assert "runs clockwise" not in printed
-    write_stated(tmp_path, {"shapes": {**STATED["shapes"], "knee": KNEE[::-1]}})
-    other, printed = convert(tmp_path / "other", npz)
-    assert "the outline of 'knee' runs clockwise: turned round" in printed
-    np.testing.assert_allclose(poses(other, "state"), poses(data, "state"), atol=1e-9)
-
-
 def test_pushes_that_begin_inside_are_counted(rows: Recorded, tmp_path: Path) -> None:
     write_stated(tmp_path)
     inside = rows.tip_start.copy()
@@ -209,25 +196,6 @@ def test_numbers_that_cannot_be_are_refused(
 
 
 @pytest.mark.parametrize(
-    ("stated", "message"),
-    [
-        ({}, "shapes.json states no outlines; it needs shapes"),
-        ({"unit": "mm", **STATED}, "states outlines in 'mm'; give metres"),
-        ({"shapes": {"knee": [[0, 0], [0.1, 0.1], [0.1, 0], [0, 0.1]]}}, "crosses itself or enc"),
-        ({"shapes": {"knee": [[1e3 * x, 1e3 * y] for x, y in KNEE]}}, "looks like millimetres"),
-        ({"shapes": {"knee": {"semi_axes": [0.1, -0.1]}}}, "needs semi_axes: two positive"),
-        ({"shapes": {"other": KNEE}}, "shapes.json states no outline of 'knee', and it is no"),
-    ],
-)
-def test_outlines_that_cannot_be_are_refused(
-    rows: Recorded, tmp_path: Path, stated: object, message: str
-) -> None:
-    write_stated(tmp_path, stated)
-    with pytest.raises(DatasetError, match=message):
-        convert(tmp_path / "out", write_npz(tmp_path / "all.npz", rows))
-
-
-@pytest.mark.parametrize(
     ("change", "message"),
     [
         (lambda text: text.replace("theta1", "phi"), "header of .* lacks theta1; it needs object"),
@@ -247,28 +215,6 @@ def test_a_csv_that_is_none_is_refused(
     path.write_text(change(path.read_text()))  # type: ignore[operator]
     with pytest.raises(DatasetError, match=message):
         read_recordings((path,), shapes)
-
-
-def test_a_csv_of_a_spreadsheet_is_read(rows: Recorded, tmp_path: Path) -> None:
-    shapes = write_stated(tmp_path)
-    plain = write_csv(tmp_path / "plain.csv", rows)
-    lines = plain.read_text().splitlines()
-    table = [",".join(f'"{field}"' for field in line.split(",")) for line in lines]
-    other = tmp_path / "other.csv"
-    other.write_bytes(("\ufeff" + "\r\n".join([*table, ""])).encode())
-    usual, renamed = (read_recordings((path,), shapes).pushes for path in (plain, other))
-    np.testing.assert_array_equal(renamed.before, usual.before)
-    assert renamed.where(3) == f"{other} row 5" and renamed.object.tolist() == usual.object.tolist()
-
-
-def test_the_tool_s_radius_may_be_given(rows: Recorded, tmp_path: Path) -> None:
-    shapes = write_stated(tmp_path, {**STATED, "tip_radius": 0.006})
-    path = write_csv(tmp_path / "mine.csv", rows)
-    path.write_text(path.read_text().replace(",tip_radius", "").replace(",0.00475", ""))
-    assert (read_recordings((path,), shapes).pushes.tip_radius == 0.006).all()
-    assert (read_recordings((path,), shapes, 0.005).pushes.tip_radius == 0.005).all()
-    npz = write_npz(tmp_path / "all.npz", rows)
-    assert (read_recordings((npz,), write_stated(tmp_path)).pushes.tip_radius == 0.00475).all()
 
 
 def cut(path: Path) -> None:
@@ -323,16 +269,6 @@ def test_a_file_that_is_none_is_refused(
     change(path)  # type: ignore[operator]
     with pytest.raises(DatasetError, match=message):
         read_recordings((path,), shapes)
-
-
-def test_a_folder_is_read_without_files_of_another_form(rows: Recorded, tmp_path: Path) -> None:
-    write_stated(tmp_path)
-    write_npz(tmp_path / "all.npz", rows)
-    of_another_form(tmp_path / "wrenches.npz")
-    data, printed = convert(tmp_path / "out", tmp_path)
-    assert len(data) == 24 and "wrenches.npz is of another form: left out" in printed
-    with pytest.raises(DatasetError, match=r"out holds card\.json; choose a new --out"):
-        convert(tmp_path / "out", tmp_path)
 
 
 @pytest.mark.skipif("SAIN_REAL_DATA" not in os.environ, reason="SAIN_REAL_DATA names no data")

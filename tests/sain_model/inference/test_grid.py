@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from sain_core.push import LENGTH, mirror_pushes
+from sain_core.push import mirror_pushes
 from sain_core.scene import POSITION, mirror_scenes
 from sain_core.transitions import PushHistory
 from sain_core.types import Pushes, Scenes
@@ -17,7 +17,6 @@ from sain_model.physics.planar import PlanarPrior
 
 Draw = Callable[[int, int], tuple[Scenes, Pushes]]
 PRIOR = PlanarPrior()
-NOMINAL = PRIOR.config.friction
 KIND = Kind("planar", PRIOR)
 EPISODES, PUSHES = 12, 5
 FRICTIONS = np.repeat(np.geomspace(0.05, 0.3, EPISODES), PUSHES)
@@ -56,15 +55,6 @@ def test_a_few_pushes_show_the_friction_also_outside_the_default_range(
     assert conditioned.spread(FRICTION) < 0.1
 
 
-def test_pushes_that_moved_nothing_say_nothing(planar: SainDynamics, random_pushes: Draw) -> None:
-    idle = history(random_pushes, 0.2)
-    pushes = idle.action.copy()
-    pushes[:, LENGTH] = 0.0
-    conditioned = planar.condition(PushHistory(idle.state, pushes, idle.state))
-    assert conditioned.value(FRICTION) == pytest.approx(NOMINAL)
-    assert conditioned.spread(FRICTION) == pytest.approx(planar.spread(FRICTION))
-
-
 def test_the_order_of_pushes_and_a_mirror_change_nothing(
     planar: SainDynamics, random_pushes: Draw
 ) -> None:
@@ -98,25 +88,6 @@ def test_nothing_leaks_from_the_present_the_future_or_another_episode(random_pus
     assert found[row + 1] != pytest.approx(truth[row + 1], rel=1e-3)
 
 
-def test_rows_are_numbered_as_the_pushes_are() -> None:
-    episodes, steps = np.array([7, 3, 7, 3, 7]), np.array([2, 1, 0, 0, 1])
-    pairs = {
-        "earlier": ({(0, 2), (0, 4), (4, 2), (1, 3)}, Known.earlier(episodes, steps)),
-        "others": (
-            {(0, 2), (0, 4), (2, 0), (2, 4), (4, 0), (4, 2), (1, 3), (3, 1)},
-            Known.others(episodes),
-        ),
-    }
-    values = np.array([1.0, 10.0, 100.0, 1000.0, 10000.0])
-    for expected, known in pairs.values():
-        assert set(zip(known.row.tolist(), known.push.tolist(), strict=True)) == expected
-        sums = [sum(values[push] for row, push in expected if row == one) for one in range(5)]
-        np.testing.assert_array_equal(known.total(values), sums)
-        np.testing.assert_array_equal(known.gather(values[known.push]), sums)
-        some = known.of_rows(np.array([4, 0]))
-        np.testing.assert_array_equal(some.total(values), [sums[4], sums[0]])
-
-
 def test_hindsight_leaves_the_push_itself_out(random_pushes: Draw) -> None:
     curves, known = grid.curves_of(KIND, world(random_pushes)), Known.others(EPISODE)
     truth, changed = friction(curves, known), curves.copy()
@@ -125,22 +96,3 @@ def test_hindsight_leaves_the_push_itself_out(random_pushes: Draw) -> None:
     assert found[8] == pytest.approx(truth[8], rel=1e-9)
     assert found[7] > 1.01 * truth[7]
     assert found[3] == truth[3]
-
-
-def test_a_past_push_is_simulated_once(
-    planar: SainDynamics, random_pushes: Draw, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    asked: list[int] = []
-    compute = grid.curves_of
-
-    def count(kind: Kind, pushes: ObservedPushes) -> grid.Curves:
-        asked.append(len(pushes))
-        return compute(kind, pushes)
-
-    monkeypatch.setattr(grid, "curves_of", count)
-    past = history(random_pushes, 0.2)
-    for pushes in range(1, PUSHES + 1):
-        conditioned = planar.condition(past.select(slice(pushes)))
-    assert asked == [1] * PUSHES
-    again = SainDynamics(friction_belief(PRIOR)).condition(past)
-    assert again.value(FRICTION) == conditioned.value(FRICTION)

@@ -12,7 +12,7 @@ from sain_core.errors import CheckpointError, ConfigError, DatasetError
 from sain_core.model import Model, load_dynamics
 from sain_core.types import Pushes, Scenes
 from sain_model import commands
-from sain_model.cli.identify import IdentifyOptions, load_recordings, run
+from sain_model.cli.identify import IdentifyOptions, run
 from sain_model.dynamics.identify import fit_laboratory, load_recording
 from sain_model.dynamics.sain import SainDynamics
 from sain_model.inference.kinds import FRICTION, NO_AXES, read_belief
@@ -109,26 +109,9 @@ def test_recordings_of_two_laboratories_are_an_error(
     assert error.endswith("standard deviations apart; identify each laboratory by itself")
 
 
-def test_a_recording_is_given_once(recording: Path) -> None:
-    with pytest.raises(DatasetError, match="is given twice; give each recording once"):
-        load_recordings(IdentifyOptions((recording, recording)))
-
-
-def test_few_pushes_are_whole_episodes(recording: Path) -> None:
-    some = load_recordings(IdentifyOptions((recording,), pushes=2 * PUSHES + 1))
-    assert [len(part) for part in some[str(recording)]] == [2 * PUSHES]
-    with pytest.raises(DatasetError, match="has more than 3 pushes; give a larger --pushes"):
-        load_recordings(IdentifyOptions((recording,), pushes=3))
-
-
 @pytest.mark.parametrize("content", ["", "{}", '{"format": "sain-belief-2", "structures": []}'])
 def test_a_file_that_is_no_belief_is_refused(tmp_path: Path, content: str) -> None:
     path = tmp_path / "belief.json"
     path.write_text(content)
     with pytest.raises(CheckpointError, match=r"cannot be read.*ros2 run sain_model identify"):
         read_belief(path)
-
-
-def test_a_missing_belief_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(CheckpointError, match="does not exist; make it with: ros2 run"):
-        read_belief(tmp_path / "none.json")

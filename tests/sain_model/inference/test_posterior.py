@@ -8,11 +8,9 @@ import numpy as np
 import pytest
 import torch
 
-from sain_core.errors import ConfigError
 from sain_core.scene import MASS, POSITION
 from sain_core.transitions import PushHistory
 from sain_core.types import Pushes, Scenes
-from sain_model.dynamics.identify import identify
 from sain_model.dynamics.residual import residual_model
 from sain_model.dynamics.sain import SainDynamics
 from sain_model.inference.evidence import Known, ObservedPushes
@@ -120,12 +118,6 @@ def test_a_correction_that_pushes_contradict_is_dropped(
     np.testing.assert_array_equal(rollout[0, 0], informed.step(scenes[:1], pushes[:1])[0])
 
 
-def test_a_belief_is_for_the_prior_that_it_was_made_with(belief: Belief) -> None:
-    other = residual_model(InteractionNetwork(), friction_kind(PlanarPrior()), "planar")
-    with pytest.raises(ConfigError, match="the belief is for a network on another prior"):
-        other.believing(belief)
-
-
 RATIO = 1.6
 
 
@@ -196,17 +188,6 @@ def test_predictions_rest_on_the_ratio(
     assert errors[0].mean() < 0.5 * errors[1].mean()
 
 
-def test_regions_are_wider_before_the_ratio_is_told(
-    unweighed: SainDynamics, random_pushes: Draw
-) -> None:
-    unknown, history = unweighed.with_unknown_masses(), telling(random_pushes)
-    spreads = [
-        model.predict(history.state, history.action).friction[:, 1].mean()
-        for model in (unweighed, unknown, unknown.condition(history))
-    ]
-    assert spreads[2] < spreads[0] < spreads[1]
-
-
 @pytest.mark.parametrize("unknown", [False, True])
 def test_a_belief_is_read_as_it_was_written(
     weighing: Belief, tmp_path: Path, unknown: bool
@@ -217,17 +198,3 @@ def test_a_belief_is_read_as_it_was_written(
         assert (kind.name, kind.names, kind.prior) == (other.name, other.names, other.prior)
         np.testing.assert_array_equal(kind.covariance, other.covariance)
     assert (MASS_RATIO in read.likeliest.names) == unknown
-
-
-def test_recordings_of_the_same_bodies_tell_their_ratio(
-    unweighed: SainDynamics, random_pushes: Draw
-) -> None:
-    history = telling(random_pushes, count=40)
-    episodes = np.repeat(np.arange(8), 5)
-    part = ObservedPushes(history.state, history.action, history.next_state, episodes)
-    weighing = identify(unweighed.with_unknown_masses(), {"lab": [part]})
-    assert weighing.likeliest.config.mass_ratio == pytest.approx(RATIO, rel=0.05)
-    assert unweighed.believing(weighing).spread(MASS_RATIO) < 0.1
-    scenes, pushes = history.state, history.action
-    off = unweighed.believing(weighing).step(scenes, pushes) - history.next_state
-    assert np.linalg.norm(off[:, 1, POSITION], axis=-1).mean() < 0.001

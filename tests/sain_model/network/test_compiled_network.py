@@ -7,12 +7,10 @@ import numpy as np
 import pytest
 import torch
 
-from sain_core.errors import InvalidInputError
 from sain_core.model import RolloutModel
 from sain_core.push import LENGTH, PushLimits
 from sain_core.scene import POSITION, THETA, make_scene, wrap_angle
 from sain_core.types import Pushes, Scenes
-from sain_model.compute.threads import run_blocks
 from sain_model.dynamics.residual import CompiledNetwork, TorchNetwork, residual_model
 from sain_model.inference.kinds import friction_kind
 from sain_model.network.interaction_network import InteractionNetwork
@@ -100,18 +98,6 @@ def test_a_rollout_is_step_after_step_to_the_bit_on_any_number_of_threads(disks:
         numba.set_num_threads(before)
 
 
-def test_every_block_is_done_once_and_an_error_comes_through() -> None:
-    done: list[int] = []
-    run_blocks(done.append, 1000, 128)
-    assert sorted(done) == list(range(0, 1000, 128))
-
-    def fail(first: int) -> None:
-        raise InvalidInputError(f"block {first}")
-
-    with pytest.raises(InvalidInputError, match="block"):
-        run_blocks(fail, 1000, 128)
-
-
 def predict_in_child(queue: "multiprocessing.Queue[bytes]") -> None:
     scenes, pushes = batch(2, 300)
     queue.put(CompiledNetwork(network()).correct(scenes, pushes, scenes).tobytes())
@@ -127,11 +113,3 @@ def test_a_forked_process_predicts_the_same() -> None:
     there = queue.get(timeout=60)
     child.join(timeout=60)
     assert there == here
-
-
-def test_the_kernels_leave_pytorch_its_threads_and_its_network_takes_one() -> None:
-    scenes, pushes = batch(2, 20)
-    for run, threads in ((CompiledNetwork(network()), 2), (TorchNetwork(network(), "cpu"), 1)):
-        torch.set_num_threads(2)
-        run.correct(scenes, pushes, scenes)
-        assert torch.get_num_threads() == threads

@@ -1,6 +1,5 @@
 """Features: what acts between bodies, however their shapes are written, and what is believed."""
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -35,7 +34,6 @@ from sain_model.network.feature_kernels import (
     IS_TOOL,
     MIRRORED_BODY,
     MIRRORED_RELATION,
-    PLACE_FEATURES,
     PLACE_SCALE,
     SENDER,
 )
@@ -47,11 +45,9 @@ from sain_model.network.features import (
     push_frames,
 )
 from sain_model.network.interaction_network import InteractionNetwork, new_network
-from sain_model.network.settings import FRAMES, PUSH_FRAME, WORLD_FRAME, NetworkConfig
+from sain_model.network.settings import FRAMES, NetworkConfig
 from sain_model.physics.parameters import Values
-from sain_model.physics.planar import PlanarPrior
 
-Draw = Callable[[int, int], tuple[Scenes, Pushes]]
 CONFIG = NetworkConfig()
 NAMES = ("t", "right_triangle", "disk", "ellipse", "l")
 FEET = [5, 6, 16, 17, 18]  # features of where the supports are
@@ -205,22 +201,6 @@ def test_kernels_say_what_pytorch_says(frame: str) -> None:
     np.testing.assert_allclose(compiled, told, atol=2e-6)
     np.testing.assert_array_equal(compiled[::7], after[::7])
     assert np.abs(compiled - after)[..., :2].max() > 1e-3
-
-
-def test_only_the_frame_of_the_world_shows_how_a_scene_is_turned(random_pushes: Draw) -> None:
-    scenes, pushes = random_pushes(20, 0)
-    after = PlanarPrior().step(scenes, pushes)
-    turn = [rotate_scenes(scenes, 2.0), rotate_pushes(pushes, 2.0), rotate_scenes(after, 2.0)]
-    configs = [NetworkConfig(features=frame) for frame in (PUSH_FRAME, WORLD_FRAME)]
-    push, world = (features_of(scenes, pushes, after, PAPER_DISKS, one) for one in configs)
-    turned_push, turned_world = (features_of(*turn, PAPER_DISKS, one) for one in configs)
-    np.testing.assert_allclose(turned_push.bodies, push.bodies, atol=1e-5)
-    assert world.bodies.shape[-1] == BODY_FEATURES + PLACE_FEATURES
-    np.testing.assert_array_equal(world.bodies[..., :BODY_FEATURES], push.bodies)
-    np.testing.assert_array_equal(world.relations[..., :HEADINGS], push.relations[..., :HEADINGS])
-    changed = np.abs(turned_world.bodies - world.bodies).max(axis=(0, 1))
-    assert (changed[BODY_FEATURES:-2] > 0.1).all()
-    np.testing.assert_allclose(changed[-2:], 0.0, atol=1e-5)  # a disk's heading as the push sees it
 
 
 SEEING = NetworkConfig(believed=True)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from sain_core.errors import InvalidInputError
-from sain_core.push import ANGLE, BODY, LOCATION, SPEED, make_push
+from sain_core.push import ANGLE, BODY, LOCATION, SPEED
 from sain_core.scene import POSITION, THETA, make_scene, mirror_scenes, rotate_scenes, wrap_angle
 from sain_core.shapes.bodies import Bodies, Role
 from sain_core.types import Pushes, Scenes
@@ -94,19 +94,6 @@ def test_a_batch_is_a_loop_to_the_bit(names: tuple[str, ...], bottom: str) -> No
         np.testing.assert_array_equal(prior.step(scenes[one], pushes[one], own)[0], together[row])
 
 
-@pytest.mark.parametrize("names", EVERY)
-def test_a_row_is_the_prior_with_these_settings(names: tuple[str, ...]) -> None:
-    scenes, pushes = draw(20, 2)
-    values = draw_values(20, 2, 2)
-    shared = {name: value[:, 0] if value.ndim == 2 else value for name, value in values.items()}
-    together = PlanarPrior(PlanarConfig(), kinds(*names)).step(scenes, pushes, shared)
-    for row in range(20):
-        settings = {name: float(value[row]) for name, value in shared.items()}
-        prior = PlanarPrior(replace(PlanarConfig(), **settings), kinds(*names))
-        one = slice(row, row + 1)
-        np.testing.assert_array_equal(prior.step(scenes[one], pushes[one])[0], together[row])
-
-
 @ON_BOTH
 @pytest.mark.parametrize("names", EVERY)
 def test_a_turned_scene_on_a_turned_slope_ends_turned(names: tuple[str, ...], bottom: str) -> None:
@@ -189,17 +176,6 @@ def test_no_allowed_value_gives_nan(names: tuple[str, ...], bottom: str) -> None
     slowing = 9.81 * values["friction"] * values["friction_scale"].min(axis=1)
     farthest = 0.3 + 5.0 * speed**2 / slowing
     assert (np.abs(moved[..., POSITION]).max(axis=(1, 2)) < farthest).all()
-
-
-@pytest.mark.parametrize("name", ["disk", "ellipse"])
-def test_a_mass_to_one_side_turns_what_is_pushed_through_the_middle(name: str) -> None:
-    scenes = make_scene(np.array([(0.5, 0.0)]), np.array([8.0]), np.array([0.08]))[None]
-    scenes, push = np.repeat(scenes, 3, axis=0), make_push(0.0, 0.0, np.full(3, 0.05))
-    values = {"centre_y": np.array([0.0, 0.1, -0.1])}  # on the left of the push: it stays behind
-    even, left, right = PlanarPrior(PlanarConfig(), kinds(name)).step(scenes, push, values)[
-        :, 0, THETA
-    ]
-    assert left - even > 0.01 and right - even < -0.01
 
 
 def test_what_is_no_value_is_refused_by_name() -> None:

@@ -39,7 +39,7 @@ from sain_core.shapes.shape import Shape
 from sain_core.shapes.solids import Compound, Polygon
 from sain_core.types import Points, Pushes, Scenes
 from sain_model.physics.parameters import AXES
-from sain_model.physics.planar import PlanarConfig, PlanarPrior, body_table, check_batch
+from sain_model.physics.planar import PlanarConfig, PlanarPrior, check_batch
 
 BATCH = 60
 LIMITS = PushLimits()
@@ -149,16 +149,6 @@ def test_renumbering_the_bodies_renumbers_the_prediction_to_the_bit() -> None:
     )
 
 
-@dataclass(frozen=True)
-class Subdivided(Polygon):
-    """A polygon with a point in the middle of each side."""
-
-    def outline(self, radius: float) -> Points:
-        corners = super().outline(radius)
-        middles = (corners + np.roll(corners, -1, axis=0)) / 2
-        return np.stack([corners, middles], axis=1).reshape(-1, 2)
-
-
 def test_another_cut_of_the_same_outline_changes_nothing() -> None:
     left, right = ((0.0, 3.0), (2, 3), (2, 4), (0, 4)), ((2.0, 3.0), (4, 3), (4, 4), (2, 4))
     feet = get_shape("t").supports(1.0)
@@ -166,20 +156,6 @@ def test_another_cut_of_the_same_outline_changes_nothing() -> None:
     parts = prior_of(supported_by(Compound.of("cut", left, STEM, right), feet))
     scenes, pushes = draw(whole.bodies)
     close(parts.step(scenes, pushes), whole.step(scenes, pushes), 1e-5)
-
-
-def test_another_first_corner_or_more_points_on_a_side_change_nothing() -> None:
-    corners = ((1.0, 0.6), (-1.0, 0.6), (-1.0, -0.6), (1.0, -0.6))
-    first = prior_of(Polygon("box", corners=corners))
-    scenes, pushes = draw(first.bodies)
-    expected = first.step(scenes, pushes)
-    rolled = prior_of(Polygon("rolled", corners=corners[1:] + corners[:1]))
-    close(rolled.step(scenes, pushes), expected, 1e-5)
-    more = prior_of(Subdivided("more", corners=corners))
-    # Of two sides that are farthest left, the lower one's middle has location 0.
-    pushes[:, LOCATION] = wrap_angle(pushes[:, LOCATION] - 2 * np.pi * 0.3 / 6.4)
-    close(more.step(scenes, pushes), expected, 1e-5)
-    assert len(body_table(more.bodies).corners) == 4
 
 
 @pytest.mark.parametrize("config", [PlanarConfig(), AXES])
@@ -215,19 +191,6 @@ def test_a_straight_push_ends_where_mechanics_says() -> None:
     expected = 0.1 - config.clearance + slides
     np.testing.assert_allclose((after - scene)[0, 0, [X, Y]], [expected, 0.0], atol=2e-4)
     np.testing.assert_allclose(after[0, 0, THETA], 0.0, atol=1e-9)
-
-
-def test_boxes_face_to_face_move_as_one() -> None:
-    """A long row of equal boxes does not buckle: each face has two contacts."""
-    prior = replace(prior_of("square", "square", "square"), config=PlanarConfig(yield_across=1.0))
-    radius = 0.05 * np.sqrt(2.0)
-    positions = np.array([[0.3, 0.0], [0.4, 0.0], [0.5, 0.0]])
-    scene = make_scene(positions, np.full(3, 1.0), np.full(3, radius))[None]
-    after = prior.step(scene, make_push(0.0, 0.0, 0.1)[None])
-    moved = (after - scene)[0]
-    assert (moved[:, X] > 0.09).all()
-    np.testing.assert_allclose(moved[:, THETA], 0.0, atol=2e-4)
-    np.testing.assert_allclose(moved[:, Y], 0.0, atol=2e-4)
 
 
 def test_what_is_fixed_stays_and_stops_others() -> None:
@@ -286,13 +249,6 @@ def test_the_tool_touches_what_is_in_its_way_and_says_so() -> None:
     assert touched.tolist() == [[True, True, False], [True, False, False]] or touched[1, 0]
 
 
-def test_loads_obey_statics() -> None:
-    for name in ("l", "l:flat"):
-        supports = body_table(Bodies.named([name])).supports
-        assert supports[:, 2].sum() == pytest.approx(1.0)
-        np.testing.assert_allclose(supports[:, 2] @ supports[:, :2], 0.0, atol=1e-12)
-
-
 def test_what_does_not_fit_the_bodies_is_refused_by_name() -> None:
     prior = prior_of("t", "l")
     scenes, pushes = draw(prior.bodies, batch=3)
@@ -301,17 +257,6 @@ def test_what_does_not_fit_the_bodies_is_refused_by_name() -> None:
     pushes[1, BODY] = 2.0
     with pytest.raises(InvalidInputError, match="push 1 is against body 2; the scenes have bod"):
         prior.step(scenes, pushes)
-
-
-def test_the_step_is_fine_enough() -> None:
-    scenes, pushes = draw(Bodies.disks(2), batch=200)
-    pushes[:, BODY] = 0.0
-    possible = Feasibility(limits=LIMITS).assess(scenes, pushes)[1] > 0.002
-    fine = PlanarConfig(longest_step=1 / 1000)
-    after, exact = (PlanarPrior(c).step(scenes, pushes) for c in (PlanarConfig(), fine))
-    off = np.linalg.norm((after - exact)[possible][..., POSITION], axis=-1)
-    assert np.median(off) < 2e-4
-    assert np.quantile(off, 0.95) < 1e-3
 
 
 def test_pushed_disks_move_along_with_the_push_and_gain_no_energy() -> None:

@@ -175,12 +175,3 @@ def test_as_compliance_goes_to_zero_contacts_become_rigid(
     counts = soft > 1e-6  # in these pushes such a contact is made at all
     assert counts.sum() > 10
     assert np.median(off(1e-8)[counts]) < min(1e-4, 0.2 * np.median(soft[counts]))
-
-
-def test_a_push_along_the_line_through_the_centre_of_mass_does_not_turn() -> None:
-    scene = make_scene(np.array([(0.5, 0.0)]), np.array([8.0]), np.array([RADIUS]))[None]
-    scenes, pushes = np.repeat(scene, 2, axis=0), make_push([0.0, np.pi / 2], 0.0, LENGTH)
-    off = {"centre_x": np.full(2, 0.2)}
-    along, across = PlanarPrior(SLOW, Bodies.named(["disk"])).step(scenes, pushes, off)[:, 0, THETA]
-    assert along == pytest.approx(0.0, abs=1e-6)
-    assert abs(across) > 0.1

@@ -7,12 +7,10 @@ import pytest
 
 from sain_core.errors import InvalidInputError, OutOfRangeError
 from sain_core.feasibility import start_gap
-from sain_core.model import IdentityPrior
 from sain_core.push import (
     ANGLE,
     BODY,
     LENGTH,
-    LOCATION,
     SPEED,
     START,
     TIP_RADIUS,
@@ -22,7 +20,6 @@ from sain_core.push import (
     rotate_pushes,
 )
 from sain_core.scene import (
-    POSE,
     POSITION,
     THETA,
     make_scene,
@@ -32,14 +29,11 @@ from sain_core.scene import (
 )
 from sain_core.shapes.bodies import Bodies
 from sain_core.shapes.library import get_shape
-from sain_core.shapes.shape import outline_of
 from sain_core.types import Pushes, Scenes
-from sain_model.data.dataset import Part
 from sain_model.network.features import Features, network_inputs, push_frames
 from sain_model.network.settings import NetworkConfig
 from sain_model.physics.parameters import PlanarConfig
 from sain_model.physics.planar import PlanarPrior, first_touch
-from sain_model.training.objectives import make_examples
 
 LIMITS = PushLimits()
 TIP = 0.00475
@@ -93,22 +87,6 @@ def test_a_push_is_predicted_as_the_stroke_that_it_is(names: tuple[str, ...]) ->
     assert np.abs(expected - scenes)[..., POSITION].max() > 0.02
 
 
-def test_a_push_has_the_features_of_the_stroke_that_it_is() -> None:
-    """Where its tool first touches at the normal of its location: the frames are the same."""
-    scenes, pushes = draw(1, 60)
-    square, disk = bodies_of("cube"), Bodies.disks(1)
-    corner = np.abs(wrap_angle(4 * pushes[:, LOCATION])) > 2.2  # near one of the cube's four
-    pushes[corner, LOCATION] = 0.1
-    pushes[:, LENGTH] = np.maximum(pushes[:, LENGTH], 0.02)  # no miss
-    straight = pushes.copy()
-    straight[:, ANGLE] = 0.0
-    for bodies, some in ((square, pushes), (disk, straight)):
-        strokes = as_strokes(scenes, some, LIMITS, bodies)
-        after = PlanarPrior().with_bodies(bodies).step(scenes, some)
-        usual = features_of(scenes, some, after, bodies)
-        assert_same(features_of(scenes, strokes, after, bodies), usual, 1e-6)
-
-
 @pytest.mark.parametrize("names", [("disk", "disk"), ("t", "disk"), ("ellipse",)])
 def test_a_turned_stroke_ends_turned_and_looks_the_same(names: tuple[str, ...]) -> None:
     bodies = bodies_of(*names)
@@ -125,19 +103,6 @@ def test_a_turned_stroke_ends_turned_and_looks_the_same(names: tuple[str, ...]) 
         features_of(scenes, strokes, after, bodies),
         2e-4,
     )
-
-
-def test_mirror_images_of_examples_are_examples_of_the_mirror() -> None:
-    """What training adds: features, and what the network should say."""
-    scenes, _ = draw(2, 40)
-    strokes = draw_strokes(scenes)
-    after = PlanarPrior().with_bodies(Bodies.disks(2)).step(scenes, strokes)
-    after[..., POSE] += np.random.default_rng(2).uniform(-0.01, 0.01, (40, 2, 3))
-    number = np.arange(40)
-    part = Part(scenes, strokes, after, scenes, number, number, np.ones(40), after)
-    image, usual = (make_examples(some, IdentityPrior()) for some in (part.mirrored(), part))
-    for name, tensor in vars(usual.mirrored()).items():
-        np.testing.assert_allclose(getattr(image, name), tensor, atol=2e-4, err_msg=name)
 
 
 def test_the_frame_is_where_the_tool_first_touches() -> None:
@@ -177,20 +142,6 @@ def test_each_stroke_has_its_own_tool() -> None:
     np.testing.assert_allclose(told, np.concatenate(expected)[order], atol=1e-9)
 
 
-def test_gaps_are_those_to_the_outline() -> None:
-    """Along the normal of any place of an outline, and a bit inside of it."""
-    shape = get_shape("star")
-    place, inward = outline_of(shape).at(np.linspace(-3.0, 3.0, 50))
-    scene = make_scene(np.zeros((1, 2)), np.ones(1), np.array([0.06]), np.zeros(1))
-    scenes = np.broadcast_to(scene, (50, 1, 8))
-    for gap in (0.002, 0.0, -0.0004):
-        start = 0.06 * place - (gap + 0.001) * unit(inward)
-        strokes = make_stroke(start, 0.0, 0.01, tip_radius=0.001)
-        found = first_touch(scenes, strokes, Bodies((shape,))).gap
-        assert (found < gap + 1e-12).all()  # less near an inner corner
-        assert np.isclose(found, gap, atol=1e-9).mean() > 0.8
-
-
 @pytest.mark.parametrize("name", ["disk", "l"])
 def test_a_tool_that_begins_inside_a_body_is_refused(name: str) -> None:
     bodies = bodies_of(name, "disk")
@@ -203,18 +154,6 @@ def test_a_tool_that_begins_inside_a_body_is_refused(name: str) -> None:
         PlanarPrior().with_bodies(bodies).step(scenes, strokes)
     strokes[1, LENGTH] = 0.0
     PlanarPrior().with_bodies(bodies).step(scenes, strokes)  # it does not move
-
-
-def test_a_tool_that_is_measured_inside_pushes_the_body_out() -> None:
-    scene = make_scene(np.array([(0.5, 0.0)]), np.ones(1), np.array([0.06]), np.zeros(1))[None]
-    stroke = make_stroke(
-        np.array([[0.44 - TIP + 8e-4, 0.0]]), 0.0, 0.05, speed=0.02, tip_radius=TIP
-    )
-    for name in ("disk", "cube"):
-        after = PlanarPrior().with_bodies(bodies_of(name)).step(scene, stroke)
-        assert 0.0505 < after[0, 0, 0] - 0.5 < 0.055
-        frame = push_frames(scene, stroke, bodies_of(name))
-        np.testing.assert_allclose(frame[0, [LOCATION, ANGLE]], 0.0, atol=1e-9)
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
-from diagnostic_msgs.msg import DiagnosticArray
 from rcl_interfaces.srv import SetParameters
 from rclpy.parameter import Parameter
 
@@ -146,37 +145,6 @@ class Slow(Model):
         return predicted
 
 
-def test_what_was_begun_is_finished_by_the_same_model(graph, monkeypatch):
-    slow = Slow()
-    slow.may.set()  # for its start
-    models: dict[str, Any] = {"slow": slow, "fast": IdentityPrior()}
-    monkeypatch.setattr(server, "load_dynamics", models.__getitem__)
-    graph.start(ModelNode, model="slow")
-    graph.listen("/diagnostics", DiagnosticArray)
-    slow.may.clear()
-    slow.begun.clear()
-    stream = Stream(graph, 1)
-    stream.open = False
-    graph.wait(slow.begun.is_set, "the first request")
-    loaded = graph.call(LoadModel, "load_model", LoadModel.Request(model="fast"))
-    assert loaded.model == "fast"
-    stream.ask()
-    stream.ask()
-
-    def queue() -> set[str]:
-        arrays = graph.heard["/diagnostics"]
-        return {p.value for a in arrays for p in a.status[0].values if p.key == "queue"}
-
-    graph.wait(lambda: "3" in queue(), "three requests in the queue")
-    assert stream.answered == []
-    slow.may.set()
-    stream.finish()
-    answers = [future.result() for future in stream.asked]
-    assert [answer.model for answer in answers] == ["slow", "fast", "fast"]
-    moved = [answer.predicted[0] - SCENE[0, 0] for answer in answers]
-    assert moved == pytest.approx([1.0, 0.0, 0.0])
-
-
 def test_more_requests_than_may_wait_are_refused(graph, monkeypatch):
     slow = Slow()
     slow.may.set()
@@ -254,12 +222,3 @@ def test_a_model_of_no_known_name_and_one_that_predicts_nan_are_refused(graph, m
     assert ErrorCode(loaded.error_code) is ErrorCode.MODEL_UNAVAILABLE
     assert "predicts NaN or Inf" in loaded.error_message
     assert graph.call(Rollout, "rollout", request()).model == "planar"
-
-
-def test_other_parameters_stay_as_they_are(graph):
-    graph.start(ModelNode, model="planar")
-    parameter = Parameter("max_work", value=7).to_parameter_msg()
-    asked = SetParameters.Request(parameters=[parameter])
-    result = graph.call(SetParameters, "model_node/set_parameters", asked).results[0]
-    assert not result.successful
-    assert "read-only" in result.reason

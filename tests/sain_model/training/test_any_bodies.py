@@ -1,20 +1,15 @@
 """Training, fine-tuning and evaluation on pushes of any body of scenes of any shapes."""
 
-import json
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from sain_core.errors import DatasetError
-from sain_core.push import BODY, make_push
-from sain_core.scene import make_scene
-from sain_core.shapes.bodies import Bodies
+from sain_core.push import BODY
 from sain_model import commands
 from sain_model.data.dataset import load_dataset
 from sain_model.dynamics.load import load_checkpoint
-from sain_model.serving.server import load_server
-from sain_model.serving.service import ServingConfig
 from tests.sain_model.conftest import read_card
 
 SMALL = ("--hidden", "8", "--message", "4", "--members", "2", "--epochs", "2", "--batch", "16")
@@ -49,20 +44,6 @@ def test_the_card_states_errors_by_group_and_by_shape(trained: Path) -> None:
     assert total == pushed["number"]
 
 
-def test_the_checkpoint_serves_these_shapes(trained: Path) -> None:
-    server = load_server(ServingConfig(model=str(trained)))
-    bodies = Bodies.named(["bar", "t", "disk"], ["pushable"] * 3)
-    places = np.array([(0.4, 0.0), (0.6, 0.0), (0.5, 0.25)])
-    scene = make_scene(places, np.full(3, 8.0), np.full(3, 0.07), np.zeros(3))
-    pushes = make_push([[0.5, 2.0]], [[0.1, 0.0]], 0.05, body=[[1, 2]])
-    told = server.rollout(scene, pushes, bodies=bodies)
-    assert told.shape == (1, 2, 3, 8)
-    assert np.abs(told[0, 0, 1] - scene[1]).max() > 1e-3
-    regions = server.regions(scene, pushes, told, bodies=bodies)
-    assert regions is not None
-    assert (regions > 0.0).all()
-
-
 def test_fine_tuning_goes_on_with_pushes_of_any_body(
     any_bodies: Path,
     more_bodies: Path,
@@ -80,20 +61,6 @@ def test_fine_tuning_goes_on_with_pushes_of_any_body(
     again = [str(any_bodies), "--from", str(trained), "--out", str(tmp_path / "again")]
     assert commands.train(again) == 1
     assert "has learned from this data set already" in " ".join(capsys.readouterr().err.split())
-
-
-def test_evaluate_measures_what_it_has_not_seen(
-    any_bodies: Path, trained: Path, tmp_path: Path
-) -> None:
-    out = tmp_path / "errors.json"
-    told = [str(any_bodies), "--checkpoint", str(trained), "--out", str(out)]
-    assert commands.evaluate(told) == 0
-    report = json.loads(out.read_text())
-    after = read_card(trained).errors["after"]
-    found = report["after"]["1"]["errors"]["pushed"]
-    own = after["1"]["errors"]["pushed"]
-    assert own.keys() == {"SAIN", "SAIN, history", "its prior, history"}
-    assert own == {name: found[name] for name in own}
 
 
 def test_rollouts_and_what_needs_one_kind_of_scene_refuse_them(

@@ -1,14 +1,12 @@
-import json
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
-from sain_core.errors import CheckpointError, DatasetError
-from sain_model import commands
+from sain_core.errors import CheckpointError
 from sain_model.data.dataset import Split, load_dataset, split_by_episode
 from sain_model.network.settings import NetworkConfig
-from sain_model.training.learning_curve import Point, learning_curve
+from sain_model.training.learning_curve import learning_curve
 from sain_model.training.settings import TrainingConfig
 
 SIZES = (20, 60)
@@ -43,30 +41,3 @@ def test_every_size_is_learned_from_with_physics_and_without(split: Split, tmp_p
     # the fixture's truth is the planar prior but for a few millimetres
     errors = {(point.name, point.transitions): point.mean for point in points}
     assert all(errors["SAIN", size] < errors["learned only", size] for size in SIZES)
-
-
-def test_more_than_there_is_cannot_be_learned_from(split: Split, tmp_path: Path) -> None:
-    with pytest.raises(DatasetError, match=f"5000 transitions .* there are {len(split.train)}"):
-        learning_curve(split, SMALL, (20, 5000), STEPS, tmp_path)
-    assert not list(tmp_path.iterdir())
-
-
-def test_without_held_out_episodes_nothing_is_trained(dataset: Path, tmp_path: Path) -> None:
-    split = split_by_episode(load_dataset(dataset), 0, 0.2, 0.0)
-    with pytest.raises(DatasetError, match="errors need held-out episodes; give --test above 0"):
-        learning_curve(split, SMALL, SIZES, STEPS, tmp_path)
-    assert commands.learning_curve([str(dataset), "--out", str(tmp_path), "--test", "0"]) == 1
-    assert not list(tmp_path.iterdir())
-
-
-def test_the_command_writes_table_picture_and_figures(dataset: Path, tmp_path: Path) -> None:
-    out = tmp_path / "curves"
-    words = f"{dataset} --out {out} --sizes 20 60 --steps 8 --batch 16 --hidden 8 --layers 1"
-    assert commands.learning_curve([*words.split(), "--validation", "0.2"]) == 0
-    report = json.loads((out / "curves.json").read_text())
-    assert report["steps"] == STEPS
-    points = [Point(**point) for point in report["points"]]
-    table = (out / "curves.md").read_text().splitlines()
-    assert table[0] == "| predictor | none | 20 | 60 |"
-    assert len(table) == 2 + len({point.name for point in points})
-    assert (out / "curves.png").read_bytes().startswith(b"\x89PNG")

@@ -9,7 +9,7 @@ import torch
 
 from sain_core.errors import CheckpointError
 from sain_core.model import load_dynamics
-from sain_core.push import BODY, LENGTH, PushLimits, idle_pushes, make_push, pushed_bodies
+from sain_core.push import BODY, LENGTH, PushLimits, pushed_bodies
 from sain_core.scene import make_scene
 from sain_core.shapes.bodies import Bodies
 from sain_core.types import Pushes, Scenes
@@ -22,7 +22,6 @@ from sain_model.inference.kinds import FRICTION, friction_kind
 from sain_model.network import interaction_network as told
 from sain_model.network.features import push_frames
 from sain_model.network.interaction_network import InteractionNetwork, new_network
-from sain_model.physics.parameters import check_values
 from sain_model.physics.planar import PlanarConfig, PlanarPrior
 from sain_model.serving.server import load_server
 from sain_model.serving.service import ServingConfig
@@ -175,16 +174,3 @@ def test_what_cannot_be_corrected_is_refused(
     )
     assert commands.train([*arguments, "--steps-ahead", "3"]) == 1
     assert "--steps-ahead trains residuals" in " ".join(capsys.readouterr().err.split())
-
-
-def test_corrections_saturate_where_they_would_be_no_physics() -> None:
-    huge = np.random.default_rng(0).choice([-1e3, 1e3], (30, 2, told.CORRECTIONS))
-    assert (np.abs(told.saturated(huge)) <= told.MOST).all()
-    values = told.corrected_values(huge, idle_pushes(30), PlanarConfig())
-    assert len(values) == told.CORRECTIONS
-    check_values(values, 30, 2)
-    of_tool = np.zeros((2, 2, told.CORRECTIONS))
-    of_tool[:, 1, told.LENGTH] = 1.0  # counts where body 1 is pushed
-    pushes = make_push(0.0, 0.0, 0.1, body=np.arange(2))
-    first, second = told.corrected_values(of_tool, pushes, PlanarConfig())["length_offset"]
-    assert first == 0.0 and second == pytest.approx(0.005, rel=0.05)

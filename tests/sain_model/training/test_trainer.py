@@ -4,7 +4,6 @@ import json
 import math
 import os
 import signal
-import struct
 import subprocess
 import sys
 import time
@@ -17,25 +16,20 @@ import torch
 
 from sain_bringup.graph import executable
 from sain_core.cli.command_line import read_options
-from sain_core.errors import CheckpointError, ConfigError
+from sain_core.errors import ConfigError
 from sain_core.scene import POSITION, TARGET
 from sain_core.transitions import MOVED
-from sain_core.view.palette import PALETTE
 from sain_model import commands
 from sain_model.cli import train
 from sain_model.data.dataset import Split, load_dataset, split_by_episode
 from sain_model.dynamics.residual import residual_model
 from sain_model.evaluation.errors import TARGET_MOVED, TARGETS, evaluate, position_errors
-from sain_model.evaluation.predictors import BULLET, FLOOR, LEARNED, SAIN, SAIN_HISTORY
 from sain_model.inference.kinds import friction_kind
 from sain_model.network.settings import NetworkConfig
 from sain_model.physics.planar import PlanarPrior
-from sain_model.training.learning_curve import Point, draw_curves
 from sain_model.training.objectives import Examples, mixed_loss
-from sain_model.training.record import FOLDER, draw_losses, event_log
 from sain_model.training.settings import (
     ADAM,
-    HALVING_EPOCHS,
     HALVING_STEPS,
     LAMBDA,
     PAPER,
@@ -45,7 +39,6 @@ from sain_model.training.settings import (
     TrainingConfig,
     TrainOptions,
 )
-from sain_model.training.trainer import LossHistory
 from tests.sain_model.conftest import make_trainer, write_dataset
 
 SMALL = NetworkConfig(hidden=32, message=8)
@@ -77,33 +70,6 @@ def test_training_learns_a_residual(tmp_path: Path) -> None:
     assert after.mean() < 0.7 * before.mean()
     history = trainer.history
     assert history.validation[history.best] == min(history.validation)
-
-
-def test_a_killed_training_goes_on_to_the_same_weights(split: Split, tmp_path: Path) -> None:
-    config = TrainingConfig(epochs=4, batch=32, network=SMALL)
-    whole = make_trainer(split, PlanarPrior(), config, tmp_path / "whole")
-    whole.run()
-
-    class KillError(Exception):
-        pass
-
-    def kill(epoch: int, history: object) -> None:
-        if epoch == 2:
-            raise KillError
-
-    with pytest.raises(KillError):
-        make_trainer(split, PlanarPrior(), config, tmp_path / "cut").run(kill)
-    resumed = make_trainer(split, PlanarPrior(), config, tmp_path / "cut")
-    assert resumed.epoch == 2
-    resumed.run()
-    assert resumed.history == whole.history
-    for name, value in whole.network.state_dict().items():
-        assert torch.equal(resumed.network.state_dict()[name], value), name
-    with pytest.raises(CheckpointError, match="belongs to other settings or data"):
-        make_trainer(split, PlanarPrior(), replace(config, epochs=9), tmp_path / "cut")
-    (tmp_path / "cut" / "training.pt").write_bytes(b"half")
-    with pytest.raises(CheckpointError, match="is damaged"):
-        make_trainer(split, PlanarPrior(), config, tmp_path / "cut")
 
 
 def test_the_loss_is_the_papers() -> None:
@@ -156,16 +122,6 @@ TINY = NetworkConfig(hidden=8, message=4)
 @pytest.fixture
 def divided(dataset: Path) -> Split:
     return split_by_episode(load_dataset(dataset), 0, 0.2, 0.2)
-
-
-def test_the_learning_rate_falls_along_a_cosine_or_by_halves() -> None:
-    cosine = OptimizerConfig()
-    assert [cosine.rate(e, 40, 0) for e in (0, 20)] == pytest.approx([1.0, 0.5])
-    assert cosine.rate(39, 40, 0) == pytest.approx((1 + math.cos(math.pi * 39 / 40)) / 2)
-    steps = OptimizerConfig(schedule=HALVING_STEPS, halving=2500)
-    assert [steps.rate(0, 1, s) for s in (0, 2499, 2500, 7500)] == [1.0, 1.0, 0.5, 0.125]
-    epochs = OptimizerConfig(schedule=HALVING_EPOCHS, halving=2500)
-    assert [epochs.rate(e, 8000, 10**6) for e in (0, 2499, 2500, 7999)] == [1.0, 1.0, 0.5, 0.125]
 
 
 def test_adam_adds_the_l2_term_of_equation_5() -> None:
@@ -252,37 +208,6 @@ def test_the_settings_beside_a_checkpoint(dataset: Path, tmp_path: Path) -> None
     assert (tmp_path / "config.json").read_bytes() == before  # of the training that is there
 
 
-def events(folder: Path) -> list[tuple[str, int, float]]:
-    """Read what a TensorBoard would: records of 8 bytes length, 4 check, content, 4 check."""
-    from tensorboardX.proto.event_pb2 import Event
-
-    found = []
-    for path in sorted(folder.glob("events.*")):
-        content, place = path.read_bytes(), 0
-        while place < len(content):
-            (length,) = struct.unpack_from("<Q", content, place)
-            event = Event.FromString(content[place + 12 : place + 12 + length])
-            found += [(v.tag, event.step, v.simple_value) for v in event.summary.value]
-            place += 16 + length
-    return found
-
-
-def test_tensorboard_gets_the_losses(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    history, expected = LossHistory(), []
-    with event_log(tmp_path, 0) as follow:
-        for epoch, losses in enumerate(((3.0, 4.0), (2.0, 3.5)), start=1):
-            history.train.append(losses[0])
-            history.validation.append(losses[1])
-            follow(epoch, history)
-            names = ("loss/training", "loss/validation")
-            expected += [(name, epoch, loss) for name, loss in zip(names, losses, strict=True)]
-    assert events(tmp_path / FOLDER) == expected
-    monkeypatch.setitem(sys.modules, "tensorboardX", None)
-    wanted = r"pip install 'sain_model\[tensorboard\]'"
-    with pytest.raises(ConfigError, match=wanted), event_log(tmp_path, 0):
-        pass
-
-
 def test_an_ensemble_that_is_killed_in_training_ends_in_the_same_bytes(
     dataset: Path, tmp_path: Path
 ) -> None:
@@ -311,44 +236,3 @@ def test_an_ensemble_that_is_killed_in_training_ends_in_the_same_bytes(
     cards = [json.loads((tmp_path / run / "sain.json").read_text()) for run in ("whole", "cut")]
     assert cards[0]["intervals"] == cards[1]["intervals"]
     assert cards[0]["training"] == cards[1]["training"]
-
-
-def legend(figure):
-    return [text.get_text() for text in figure.legends[0].get_texts()]
-
-
-def test_losses_are_those_of_the_history():
-    history = LossHistory([3.0, 2.0, 1.5], [3.5, 2.25, 2.5], start=4.0)
-    figure = draw_losses(history)
-    (axes,) = figure.axes
-    assert (axes.get_xlabel(), axes.get_ylabel()) == ("epoch", "loss, mean over transitions")
-    assert legend(figure) == [
-        "training", "validation", "kept: epoch 2, 2.25", "validation before the training"
-    ]  # fmt: skip
-    training, validation, kept, before = axes.lines
-    np.testing.assert_array_equal(training.get_xydata(), [[1, 3.0], [2, 2.0], [3, 1.5]])
-    np.testing.assert_array_equal(validation.get_ydata(), [3.5, 2.25, 2.5])
-    np.testing.assert_array_equal(kept.get_xydata(), [[2, 2.25]])
-    assert set(before.get_ydata()) == {4.0}
-
-
-def test_every_model_of_a_learning_curve_has_its_line_in_the_legend():
-    points = [Point(BULLET, 0, 2.7, 2.6, 2.8), Point("planar", 0, 1.7, 1.6, 1.8)]
-    points += [Point(FLOOR, 0, 0.02, 0.01, 0.03)]
-    for name, mean in ((LEARNED, 4.0), (SAIN, 1.5), (SAIN_HISTORY, 0.9)):
-        points += [Point(name, size, mean, 0.9 * mean, 1.1 * mean) for size in (1000, 100)]
-    figure = draw_curves(points)
-    (axes,) = figure.axes
-    assert legend(figure) == [
-        "Bullet, nominal (f_p)", "planar", FLOOR,
-        *(f"{name}, 95 % band" for name in (LEARNED, SAIN, SAIN_HISTORY)),
-    ]  # fmt: skip
-    lines = {line.get_label(): line for line in axes.lines}
-    assert len({(line.get_color(), line.get_linestyle()) for line in axes.lines}) == len(lines)
-    assert lines[f"{SAIN}, 95 % band"].get_color() == PALETTE.predicted  # as in the report page
-    np.testing.assert_allclose(
-        lines[f"{LEARNED}, 95 % band"].get_xydata(), [[100, 4.0], [1000, 4.0]]
-    )
-    assert set(lines["planar"].get_ydata()) == {1.7}
-    assert [label.get_text() for label in axes.get_xticklabels()] == ["100", "1,000"]
-    assert axes.get_ylabel().endswith("[mm]") and axes.get_xlabel() == "training data [transitions]"

@@ -161,17 +161,6 @@ def test_random_streams_depend_on_seed_goal_and_scene_and_on_no_id_from_the_wire
         assert np.abs(other - usual).max() > 1e-3
 
 
-def test_each_push_and_each_refusal_has_a_stream_of_its_own(scene):
-    agent = planning_agent(Still(), Still(), CONFIG)
-    first = pushed(begun(agent, scene))
-    executed = PushExecuted(first.push_id, 1, scene, first.push, scene)
-    second = pushed(act(agent, executed, SceneObserved(scene, 1, 2)))
-    third = pushed(act(agent, PushEnded(second.push_id, ErrorCode.BLOCKED)))
-    streams = [decision.job.stream for decision in (first, second, third)]
-    assert [stream[1:] for stream in streams] == [(0, 0), (1, 0), (1, 1)]
-    assert len({stream[0] for stream in streams}) == 1
-
-
 @pytest.mark.parametrize("history", [True, False])
 def test_a_plan_rests_on_its_own_episode_s_pushes_and_on_none_if_so_configured(scene, history):
     model, physics = Still(), Still()
@@ -181,16 +170,6 @@ def test_a_plan_rests_on_its_own_episode_s_pushes_and_on_none_if_so_configured(s
         sent = pushed(act(agent, SceneObserved(scene, episode, 1)))
         act(agent, PushEnded(sent.push_id, ErrorCode.OK))
     assert (model.conditioned, physics.conditioned) == ([int(history), 0], [])
-
-
-def test_what_cannot_have_happened_is_left_out_of_the_history(scene, caplog):
-    model = Still()
-    agent = planning_agent(model, model, CONFIG)
-    act(agent, PushExecuted(SOMEBODY, 1, scene, PUSH, scene + 0.1))
-    assert "a push is left out of the history: " in caplog.text
-    assert "changed a mass or radius" in caplog.text
-    begun(agent, scene)
-    assert model.conditioned == [0]
 
 
 def test_physics_takes_over_with_the_same_history_and_the_decision_says_so(scene):
@@ -209,18 +188,6 @@ def work(agent, *events) -> Computation:
     return found
 
 
-def test_a_decision_that_is_no_longer_wanted_is_not_sent(agent, scene):
-    first = work(agent, GoalGiven(TASK), SceneObserved(scene, 1, 1))
-    decided = first.run()
-    assert isinstance(decided.outcome, PushDecision)
-    other = GoalGiven(replace(TASK, goal_id=2))
-    assert agent.update(other) == ()  # one job at a time
-    assert decided.outcome.job.cancelled.is_set()
-    second = work(agent, decided)
-    assert agent.pushes == 0
-    assert second.run().outcome.job.task.goal_id == 2
-
-
 def test_work_that_raised_is_a_stop_and_what_the_push_need_not_wait_for_is_not(agent, scene):
     bug = ZeroDivisionError("a bug")
     first = work(agent, GoalGiven(TASK), SceneObserved(scene, 1, 1))
@@ -231,16 +198,6 @@ def test_work_that_raised_is_a_stop_and_what_the_push_need_not_wait_for_is_not(a
     )
     assert complete.failed(bug).decision is decision
     assert agent.update(complete.failed(bug)) == agent.update(prepare.failed(bug)) == ()
-
-
-def test_nothing_is_decided_before_the_latest_plan_is_complete(agent, scene):
-    decided = work(agent, GoalGiven(TASK), SceneObserved(scene, 1, 1)).run()
-    sent, complete, _ = agent.update(decided)
-    scene[TARGET, POSITION] = PLACE
-    ended = PushEnded(sent.push_id, ErrorCode.OK)
-    assert agent.update(ended) == agent.update(SceneObserved(scene, 1, 2)) == ()
-    [stop] = agent.update(complete.run())
-    assert stop.reason is StopReason.REACHED
 
 
 def test_a_cancelled_goal_is_a_stop_once_and_nothing_follows(agent, scene):
@@ -256,12 +213,6 @@ def test_an_episode_that_begins_again_has_no_result_of_the_push_under_way(agent,
     pushed(begun(agent, scene))
     assert (act(agent, episode), agent.pushes) == (None, 0)
     pushed(act(agent, SceneObserved(scene, 1, 1)))  # the next scene to arrive is decided on
-
-
-def test_an_episode_that_is_announced_again_to_late_listeners_goes_on(agent, scene):
-    act(agent, EpisodeBegun(1, PAPER_DISKS, time=7.0))
-    pushed(begun(agent, scene))
-    assert (act(agent, EpisodeBegun(1, PAPER_DISKS, time=7.0)), agent.pushes) == (None, 1)
 
 
 def test_scenes_wait_for_the_bodies_of_their_episode(agent, scene):

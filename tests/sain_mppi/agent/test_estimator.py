@@ -7,14 +7,13 @@ from sain_core.errors import ErrorCode, OutOfRangeError
 from sain_core.goal import Goal
 from sain_core.scene import POSE, POSITION, TARGET, VELOCITY, VX, is_settled
 from sain_mppi.agent.estimator import Estimator
-from sain_mppi.agent.events import PlanJob, PushDecision, SceneObserved, Task
+from sain_mppi.agent.events import PlanJob, SceneObserved, Task
 from sain_mppi.agent.uncertainty import EstimatorConfig, Uncertainty, fuse, in_motion
 from sain_mppi.objective.problem import Problem
 
 NOISE = (0.005, 0.035)
 CONFIG = EstimatorConfig(noise="0.005,0.035")
 PERIOD = 1 / 30
-GOAL = Goal.place(0.7, 0.0)
 
 
 def noisy(scene, count, seed=0):
@@ -75,14 +74,6 @@ def test_bodies_that_still_slide_are_not_at_rest(estimator, scene):
     assert estimator.estimate() is not None
 
 
-def test_bodies_that_never_seem_to_rest_are_reported(scene, caplog):
-    estimator = Estimator(EstimatorConfig(noise="0.0001,0.0007"), 0.5, lambda: 0.0)
-    feed(estimator, noisy(scene, 400))  # fifty times as noisy as is said
-    assert estimator.estimate() is None
-    assert "do not seem to come to rest: 300 frames" in caplog.text
-    assert "estimator.noise, 0.0001,0.0007?" in caplog.text
-
-
 def test_what_a_push_should_lead_to_counts_by_its_precision(scene):
     frames = list(noisy(scene, 25))
     seen = fuse(frames, NOISE)
@@ -93,23 +84,6 @@ def test_what_a_push_should_lead_to_counts_by_its_precision(scene):
     np.testing.assert_allclose(uncertain[0], seen[0], atol=1e-6)
     both = fuse(frames, NOISE, (scene, Uncertainty(np.full(2, 0.001), np.full(2, 1e-6))))
     np.testing.assert_allclose(both[1].places, 0.001 / 2**0.5)
-
-
-def test_a_prediction_that_is_far_off_does_not_count(scene):
-    frames, far = list(noisy(scene, 25)), scene.copy()
-    far[TARGET, 0] += 0.02
-    wrong = far, Uncertainty(np.full(2, 1e-3), np.full(2, 1e-2))
-    found = fuse(frames, NOISE, wrong)
-    np.testing.assert_array_equal(found[0][TARGET], fuse(frames, NOISE)[0][TARGET])
-
-
-def test_the_probability_of_a_place_is_that_of_normal_errors():
-    sure = Uncertainty(np.full(2, 0.004), np.full(2, 0.02), 0.95)
-    assert sure.within(0, 0.0, 0.01) == pytest.approx(1 - np.exp(-0.5 * 2.5**2), abs=1e-3)
-    random = np.random.default_rng(0).normal(size=(200_000, 2)) * 0.004
-    share = np.mean(np.hypot(random[:, 0] + 0.007, random[:, 1]) <= 0.01)
-    assert sure.within(0, 0.007, 0.01) == pytest.approx(share, abs=5e-3)
-    assert sure.turned_within(0, 0.0, 0.04) == pytest.approx(0.954, abs=1e-3)
 
 
 def job(scene, std, tolerance):
@@ -133,20 +107,3 @@ def test_a_tolerance_that_noise_hides_is_refused(scene):
     with pytest.raises(OutOfRangeError, match=r"4\.0 mm .* less than 95 %; choose wider"):
         check_tolerance(job(scene, 0.004, 0.005))
     check_tolerance(job(scene, 0.001, 0.005))
-
-
-def test_an_own_push_is_learned_from_with_the_noise_of_both_scenes(estimator, scene):
-    feed(estimator, noisy(scene, 25))
-    view = estimator.estimate()
-    made = PushDecision(
-        PlanJob(Task(1, 0, GOAL, 0), view, Problem.of(scene, GOAL), 1, 0), np.ones(5), push_id=7
-    )
-    estimator.sent(made)
-    estimator.completed(made)
-    estimator.ended(7, ErrorCode.OK, 1.0)
-    feed(estimator, noisy(scene, 25, 1), scene_id=2, start=1.01)
-    after = estimator.estimate()
-    learned = estimator.executed
-    assert learned.before is view.scene
-    np.testing.assert_array_equal(learned.after, after.scene)
-    np.testing.assert_allclose(learned.noise, np.hypot(0.001, 0.002))

@@ -96,19 +96,6 @@ def test_a_push_refused_for_its_scene_waits_for_the_next_look(tracker, code) -> 
     assert job_of(tracker).refused == ()
 
 
-def test_a_late_refusal_of_a_past_scene_only_counts(tracker: GoalTracker, clock: Clock) -> None:
-    tracker.set_goal(TASK)
-    tracker.observe(view())
-    job_of(tracker)
-    tracker.sent(10, PUSH)
-    tracker.observe(view(2))
-    clock.now = 1.0
-    job = job_of(tracker)
-    tracker.ended(10, ErrorCode.STALE_SCENE)
-    assert tracker.is_current(job)
-    assert tracker.pushes == 0
-
-
 def test_a_push_that_is_never_answered_is_planned_again(tracker: GoalTracker, clock: Clock) -> None:
     tracker.set_goal(TASK)
     tracker.observe(view())
@@ -134,19 +121,4 @@ def test_a_scene_waits_for_the_result_of_the_push_before(
     tracker.observe(view(2))
     assert tracker.next_scene() is None
     tracker.ended(7, ErrorCode.OK)
-    assert job_of(tracker).observed.key == (1, 2)
-
-
-def test_a_result_that_does_not_come_is_not_waited_for_any_longer(
-    tracker: GoalTracker, clock: Clock
-) -> None:
-    tracker.set_goal(TASK)
-    tracker.observe(view())
-    job_of(tracker)
-    tracker.sent(7, PUSH)
-    tracker.observe(view(2))
-    clock.now = 0.49
-    tracker.observe(view(2))
-    assert tracker.next_scene() is None
-    clock.now = 0.51
     assert job_of(tracker).observed.key == (1, 2)

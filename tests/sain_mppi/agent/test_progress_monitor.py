@@ -43,15 +43,6 @@ def decide(decider, scene, number=0, **changes):
     return decider.decide(replace(job, **changes), generator(number))
 
 
-def test_a_push_that_leads_where_it_should_is_no_concern(scene, decider):
-    first = decide(decider, scene)
-    then = decide(decider, first.predicted, 1)
-    assert first.last_errors is None and first.warning == then.warning == ""
-    np.testing.assert_array_equal(then.last_errors, [0.0, 0.0])
-    way = np.linalg.norm((first.predicted - scene)[:, POSITION], axis=1)
-    np.testing.assert_allclose(then.last_expected, np.maximum(0.01, 0.3 * way))
-
-
 @pytest.mark.parametrize(("disk", "name"), [(MID, "mid disk"), (TARGET, "target")])
 def test_after_a_surprise_the_plan_is_wider_and_says_why(scene, decider, disk, name):
     first = decide(decider, scene)
@@ -68,15 +59,6 @@ def test_an_error_inside_the_model_s_region_is_no_surprise(scene):
         monitor.expect(scene, moved(scene, TARGET, [0.02, 0.0]), regions)
         monitor.observe(moved(scene, TARGET, [0.05, 0.0]), 1.0)
         assert bool(monitor.warning) == surprising
-
-
-def test_a_refused_push_and_a_scene_of_other_disks_are_no_surprise(scene, decider):
-    first = decide(decider, scene)
-    again = decide(decider, scene, 1, refused=(first.push,))
-    more = np.concatenate([scene, moved(scene[:1], 0, [0.0, 0.3])])
-    then = decide(decider, more, 2)
-    assert again.last_errors is None and then.last_errors is None
-    assert again.warning == then.warning == ""
 
 
 def test_pushes_that_bring_nothing_make_plans_wider_and_at_last_none(scene):

@@ -5,7 +5,6 @@ import pytest
 
 from sain_core.push import PushLimits, make_push, tool_end, tool_start
 from sain_core.scene import MID, POSITION, RADIUS, TARGET, make_scene
-from sain_core.shapes.bodies import Bodies
 from sain_core.transitions import PushHistory
 from sain_mppi.agent.estimator import BEFOREHAND, RadiusFilter, resized_push
 
@@ -45,15 +44,6 @@ def test_disks_nearer_than_their_radii_allow_are_smaller(scene):
     assert known.radii.sum() == pytest.approx(0.134, abs=5e-4)
     known.exclude_overlaps(scene, NOISE)  # apart: tells nothing
     assert known.radii.sum() == pytest.approx(0.134, abs=5e-4)
-
-
-def test_bodies_with_corners_keep_their_size(scene):
-    bodies = Bodies.named(("disk", "cube"), ())
-    known = RadiusFilter(scene[:, RADIUS], bodies)
-    near = scene.copy()
-    near[TARGET, 0] = near[MID, 0] + 0.13
-    known.exclude_overlaps(near, NOISE)
-    np.testing.assert_array_equal(known.radii, scene[:, RADIUS])
 
 
 @pytest.mark.parametrize("radius", [0.076, 0.085])

@@ -2,26 +2,21 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from sain_core.goal import Goal
-from sain_core.push import ANGLE, LENGTH, PushLimits, make_push
+from sain_core.push import LENGTH, PushLimits, make_push
 from sain_core.randomness import generator
 from sain_mppi.algorithms.sampling import (
     coloured_noise,
-    gaussian_sequences,
-    stop_early,
     weighted_mean,
 )
 from sain_mppi.algorithms.search import Search
 from sain_mppi.config import CostWeights, PlannerConfig
 from sain_mppi.objective.cost import Objective
 from sain_mppi.objective.problem import Problem
-from sain_mppi.objective.proposals import candidates, reflect
+from sain_mppi.objective.proposals import candidates
 
 LIMITS = PushLimits()
-WIDE = np.array([2.0, 1.0, 0.2])
 
 
 def objective_of(scene, x, y):
@@ -35,23 +30,6 @@ def uniform_sequences(limits, random, count, horizon):
 def assert_inside(sequences):
     for push in sequences.reshape(-1, 5):
         LIMITS.check(push)
-
-
-@given(st.floats(-50, 50), st.floats(-2, 2), st.floats(0, 3))
-def test_reflection_stays_inside_and_keeps_what_is_inside(value, low, span):
-    folded = float(reflect(np.array([value]), low, low + span)[0])
-    assert low <= folded <= low + span
-    if low <= value <= low + span:
-        assert folded == pytest.approx(value, abs=1e-9)
-
-
-def test_gaussian_samples_are_inside_and_not_on_the_bounds():
-    mean = make_push(np.pi, LIMITS.max_angle, np.full(4, LIMITS.max_length))
-    drawn = gaussian_sequences(mean, WIDE, 0.2, LIMITS, generator(0), 500)
-    assert_inside(drawn)
-    assert (np.abs(drawn[..., ANGLE]) == LIMITS.max_angle).mean() < 1e-3
-    assert (drawn[..., LENGTH] == LIMITS.max_length).mean() < 1e-3
-    assert (drawn[..., LENGTH] == 0.0).mean() < 1e-3
 
 
 def test_candidates_are_inside_the_limits(scene):
@@ -75,13 +53,6 @@ def test_the_mean_of_locations_is_taken_on_the_circle():
     sequences = make_push([[3.0], [-3.0]], [[0.1], [0.3]], [[0.05], [0.15]])
     mean = weighted_mean(sequences, np.array([0.5, 0.5]))
     np.testing.assert_allclose(mean, make_push(np.pi, 0.2, 0.1)[None])
-
-
-def test_stopping_early_leaves_only_rest_behind_the_stop():
-    drawn = stop_early(uniform_sequences(LIMITS, generator(5), 300, 6), 1.0, generator(6))
-    rests = drawn[..., LENGTH] == 0.0
-    assert (np.diff(rests.astype(int), axis=1) >= 0).all()
-    assert not rests[:, 0].any() and rests[:, -1].any() and not rests[:, -1].all()
 
 
 @pytest.mark.parametrize("length", [1, 2, 5, 6])

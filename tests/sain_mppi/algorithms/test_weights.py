@@ -5,7 +5,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sain_core.errors import OutOfRangeError
 from sain_mppi.algorithms.sampling import effective_samples, softmin_weights
 
 COSTS = st.lists(st.floats(-1e3, 1e3), min_size=1, max_size=40).map(np.array)
@@ -34,13 +33,3 @@ def test_temperature_to_zero_picks_the_cheapest(temperature):
 def test_effective_samples_lie_between_one_and_the_count(costs):
     count = effective_samples(softmin_weights(costs, 1.0))
     assert 1.0 - 1e-9 <= count <= len(costs) + 1e-9
-
-
-def test_no_finite_cost_is_an_error():
-    with pytest.raises(OutOfRangeError, match="no cost is finite"):
-        softmin_weights(np.array([np.inf, np.inf]), 1.0)
-
-
-def test_a_negative_temperature_is_an_error():
-    with pytest.raises(OutOfRangeError, match=r"temperature is -1\.0"):
-        softmin_weights(np.array([1.0]), -1.0)

@@ -7,7 +7,7 @@ import pytest
 
 from sain_core.feasibility import Feasibility
 from sain_core.goal import BodyPose, Goal
-from sain_core.push import idle_pushes, make_push, rotate_pushes
+from sain_core.push import idle_pushes, rotate_pushes
 from sain_core.randomness import generator
 from sain_core.scene import MID, POSITION, RADIUS, TARGET, rotate_scenes, unit
 from sain_core.shapes.bodies import PAPER_DISKS, Bodies
@@ -58,21 +58,6 @@ def test_position_is_the_papers_weighted_square(scene):
     assert terms["position"] == pytest.approx(10.0 * 0.01 + 100.0 * 0.04)
 
 
-def test_being_behind_the_target_is_cheaper_than_before_it(scene):
-    ahead = rest_terms(scene, np.array([0.75, 0.0]))
-    back = rest_terms(scene, scene[TARGET, POSITION] - [0.209, 0.0])
-    assert ahead["alignment"] == pytest.approx(0.0, abs=1e-9)
-    assert back["alignment"] == pytest.approx(WEIGHTS.alignment)
-    assert ahead["approach"] < back["approach"]
-
-
-def test_a_mid_disk_out_of_reach_costs(scene):
-    far = scene.copy()
-    far[MID, POSITION], far[TARGET, POSITION] = [0.74, 0.0], [0.60, 0.0]
-    goal = np.array([0.5, 0.3])
-    assert rest_terms(far, goal)["reach"] > rest_terms(scene, goal)["reach"] + 1.0
-
-
 @pytest.mark.parametrize(("y", "out"), [(0.45, 0.0), (0.52, 0.0), (0.55, 0.03), (0.60, 0.08)])
 def test_a_disk_whose_rim_gets_to_the_edge_of_the_table_costs(scene, y, out):
     after = scene.copy()
@@ -102,23 +87,6 @@ def test_a_mid_disk_that_the_tool_can_only_push_further_away_costs_unless_the_go
     asked = 0.95 - scene[MID, RADIUS] - scene[TARGET, RADIUS]
     assert around(asked, far) == pytest.approx(0.0)
     assert around(asked + 0.02, far) == pytest.approx(WEIGHTS.around * 0.02)
-
-
-def test_a_later_push_that_is_blocked_costs(scene):
-    pushes = idle_pushes(1, 2)
-    pushes[0, 1] = make_push(np.pi, 0.0, 0.1)  # the tool would start inside the target
-    terms = terms_of(scene, pushes, np.stack([[scene, scene]]), (0.5, 0.2))
-    assert terms["blocked"][0] == WEIGHTS.blocked
-    assert terms["clearance"][0] > 0.0
-
-
-def test_where_overshooting_is_for_good_the_last_millimetres_cost(scene):
-    after = scene.copy()
-    after[TARGET, POSITION] += [0.1, 0.0]
-    near, far = after[TARGET, POSITION].copy(), after[TARGET, POSITION] + [0.02, 0.0]
-    pushes = make_push(0.0, 0.0, 0.1)[None, None]
-    costs = [terms_of(scene, pushes, after[None, None], goal) for goal in (near, far)]
-    assert costs[0]["caution"][0] > 0.0 == costs[1]["caution"][0]
 
 
 def test_predictions_that_are_not_finite_cost_infinitely(scene):

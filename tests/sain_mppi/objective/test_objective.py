@@ -3,15 +3,14 @@ import pytest
 
 from sain_core.feasibility import Feasibility
 from sain_core.goal import BodyPose, Goal
-from sain_core.push import ANGLE, BODY, LENGTH, LOCATION, idle_pushes, make_push, strokes
+from sain_core.push import ANGLE, BODY, LENGTH, idle_pushes, strokes
 from sain_core.scene import POSITION, make_scene, wrap_angle
 from sain_core.shapes.bodies import Bodies
 from sain_core.types import Scene
-from sain_mppi.algorithms.sampling import weighted_mean
 from sain_mppi.config import CostWeights
 from sain_mppi.objective.cost import Objective
 from sain_mppi.objective.problem import Problem
-from sain_mppi.objective.proposals import candidates, inside_limits, uniform
+from sain_mppi.objective.proposals import candidates, uniform
 
 FEASIBILITY = Feasibility()
 PAIR = Bodies.named(("bar", "disk"), ("pushable", "pushable"))
@@ -30,14 +29,6 @@ def test_uniform_draws_are_even_along_all_outlines_together():
     assert drawn.shape == (4000, 2, 5)
     share = (drawn[..., BODY] == 1).mean()  # a bar of 5 x 1 has a perimeter of 4.71 radii
     assert share == pytest.approx(2 * np.pi / (2 * np.pi + 4.71), abs=0.02)
-
-
-def test_only_pushable_bodies_are_drawn():
-    only = Bodies.named(("bar", "disk"), ("movable", "pushable"))
-    search = objective(only)
-    drawn = [uniform(search, np.random.default_rng(0), 50, 1)]
-    drawn.append(candidates(search, np.random.default_rng(0), 50, 1))
-    assert all((some[..., BODY] == 1).all() for some in drawn)
 
 
 def test_candidates_travel_towards_the_pose_of_their_body():
@@ -69,27 +60,6 @@ def test_a_shape_that_gets_over_the_edge_of_the_table_costs(x: float, out: float
     for goal in (GOAL, Goal.place(0.4, 0.0)):
         terms = objective(goal=goal).terms(idle_pushes(1, 1), after[None, None])
         assert terms["overhang"][0] == pytest.approx(CostWeights().overhang * out)
-
-
-def test_a_shape_may_be_near_the_edge_where_its_goal_is_or_where_it_is_left():
-    near = Goal((BodyPose(0, 0.19, 0.0),))
-    after = near.placed(SCENE)
-
-    def overhang(goal: Goal, start: np.ndarray) -> float:
-        terms = objective(PAIR, goal, start).terms(idle_pushes(1, 1), after[None, None])
-        return float(terms["overhang"][0])
-
-    assert overhang(near, SCENE) == 0.0
-    assert overhang(Goal.place(0.4, 0.0), after) == 0.0
-    assert overhang(GOAL, after) == pytest.approx(5.0)  # it has a goal elsewhere
-
-
-def test_the_mean_of_pushes_is_one_against_the_body_with_most_weight():
-    pushes = make_push([[3.1], [-3.1], [0.0]], [[0.1], [0.3], [0.0]], 0.1, body=[[1], [1], [0]])
-    mean = weighted_mean(pushes, np.array([0.3, 0.3, 0.4]))
-    assert mean[0, BODY] == 1 and abs(mean[0, LOCATION]) == pytest.approx(np.pi)
-    assert mean[0, ANGLE] == pytest.approx(0.2)
-    assert (inside_limits(mean[None], FEASIBILITY.limits)[..., BODY] == 1).all()
 
 
 def test_candidates_push_through_another_body_what_the_tool_may_not_touch():

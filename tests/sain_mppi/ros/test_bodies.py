@@ -16,7 +16,6 @@ from sain_core.shapes.bodies import Bodies
 from sain_interfaces.msg import Bodies as BodiesMessage
 from sain_interfaces.msg import Goal, GoalPose, Plan
 from sain_model.physics.planar import PlanarPrior
-from sain_mppi.agent.agent import MOST_EPISODES
 from sain_mppi.ros.mppi_node import MppiNode
 from tests.rviz import shown
 from tests.sain_mppi.ros.straw import SMALL, nth_push, plan
@@ -110,29 +109,6 @@ def test_shapes_that_change_during_an_episode_are_ignored_and_reported(
     assert planner.agent.bodies == TEE
 
 
-def test_shapes_of_another_episode_change_nothing_until_its_scenes_come(
-    graph, straw, shapes, planner
-):
-    shapes(TEE)
-    straw.show(disks=SCENE)
-    graph.wait(lambda: planner.agent._episode == 1, "the scene")
-    elsewhere = Bodies.named(["l", "disk"], ["pushable", "fixed"])
-    for episode in (*range(100, 100 + MOST_EPISODES), 7):
-        shapes(elsewhere, episode_id=episode)
-        graph.wait(lambda wanted=episode: wanted in planner.agent._bodies, "the shapes")
-    assert len(planner.agent._bodies) == MOST_EPISODES + 1  # and those of this episode
-    graph.aim_at(TURN, 1)
-    pushes, predicted = wire.decode_plan(plan(graph, push_id=nth_push(graph, 1).push_id))
-    expected = PlanarPrior().with_bodies(TEE).step(SCENE[None], pushes[:1])[0]
-    np.testing.assert_array_equal(predicted[0], expected)
-    straw.show(scene_id=2, episode_id=7, disks=SCENE)
-    graph.wait(lambda: graph.find("push", episode_id=7), "a push in the other episode")
-    other = plan(graph, push_id=graph.find("push", episode_id=7)[0].push_id)
-    pushes, predicted = wire.decode_plan(other)
-    expected = PlanarPrior().with_bodies(elsewhere).step(SCENE[None], pushes[:1])[0]
-    np.testing.assert_array_equal(predicted[0], expected)
-
-
 @pytest.mark.parametrize(
     ("pose", "keep", "code", "text"),
     [
@@ -155,8 +131,3 @@ def test_a_goal_of_poses_that_cannot_be_served_says_why(
     assert (refused.status, ErrorCode(refused.error_code)) == (Plan.NO_PUSH, code)
     assert text in refused.error_message
     assert not graph.heard["push"]
-
-
-def test_a_goal_of_more_poses_than_bodies_can_be_is_not_read(graph, straw, shapes, planner):
-    graph.aiming.publish(Goal(goal_id=4, poses=[GoalPose()] * 33))
-    assert "poses has 33 elements; at most 32" in plan(graph, goal_id=4).error_message

@@ -33,13 +33,3 @@ def test_planning_that_fails_unexpectedly_is_a_plan_without_a_push(
     graph.aim(GOAL, 2)
     assert nth_push(graph, 1).scene_id == 1
     assert node.reception.figures["defects"] >= 1
-
-
-def test_a_push_is_sent_also_where_the_rest_of_its_plan_fails(graph, straw, monkeypatch):
-    node = graph.start(MppiNode, **SMALL)
-    monkeypatch.setattr(node.agent.decider, "complete", fail)
-    monkeypatch.setattr(node.agent.decider, "prepare", fail)
-    straw.show()
-    graph.aim(GOAL, 1)
-    assert plan(graph, goal_id=1).push_id == nth_push(graph, 1).push_id
-    graph.wait(lambda: node.reception.figures["defects"] == 2, "both traces")

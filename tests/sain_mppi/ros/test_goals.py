@@ -62,17 +62,6 @@ def test_a_publisher_with_the_defaults_of_ros_is_heard(graph, straw, planner):
     assert plan(graph, status=Plan.PUSH).goal_distance == pytest.approx(np.hypot(0.159, 0.05))
 
 
-def test_a_goal_that_both_subscriptions_hear_counts_once(graph, straw, planner):
-    straw.show()
-    graph.aim(GOAL, 1)
-    push = nth_push(graph, 1)
-    plan(graph, push_id=push.push_id)
-    straw.answer(push, ErrorCode.OK, before=START, after=THERE)
-    straw.show(scene_id=2, disks=THERE)
-    plan(graph, status=Plan.REACHED)
-    assert [one.status for one in graph.heard["plan"]] == [Plan.PUSH, Plan.REACHED]
-
-
 def test_a_pose_from_rviz_moves_the_target(graph, straw, planner):
     publisher = graph.bystander.create_publisher(PoseStamped, "goal_pose", 10)
     graph.wait(publisher.get_subscription_count, "who listens to poses")
@@ -124,23 +113,6 @@ def test_a_pose_that_no_body_on_the_table_has_is_refused(
     (line,) = said
     assert line.startswith("a message on goal_pose is ignored: the goal pose ") and text in line
     assert planner.agent._tracker.task is None
-
-
-def test_a_place_means_the_only_body_of_a_scene(graph, straw, planner, client):
-    alone = START[:1].copy()
-    straw.show(disks=alone)
-    graph.aim((0.5, 0.1), 1)
-    assert plan(graph, status=Plan.PUSH).goal_distance == pytest.approx(np.hypot(0.1, 0.1))
-    there = alone.copy()
-    there[0, POSITION] = 0.5, 0.1
-    straw.answer(nth_push(graph, 1), ErrorCode.OK, before=alone, after=there)
-    straw.show(scene_id=2, disks=there)
-    assert plan(graph, status=Plan.REACHED).goal_id == 1
-    handle = send(graph, client)  # the same by the action
-    graph.wait(lambda: len(graph.find("plan", status=Plan.PUSH)) == 2, "its plan")
-    second = graph.find("plan", status=Plan.PUSH)[1]
-    assert second.goal_distance == pytest.approx(np.hypot(GOAL[0] - 0.5, GOAL[1] - 0.1))
-    handle.cancel_goal_async()
 
 
 def test_the_action_tells_how_it_goes_and_how_it_ended(graph, straw, planner, client):

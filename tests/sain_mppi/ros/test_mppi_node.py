@@ -5,7 +5,7 @@ import pytest
 
 from sain_core import wire
 from sain_core.errors import ErrorCode
-from sain_core.scene import POSITION, make_scene
+from sain_core.scene import POSITION
 from sain_interfaces.msg import Plan
 from sain_model.physics.planar import PlanarPrior
 from sain_mppi.ros.mppi_node import MppiNode
@@ -72,19 +72,6 @@ def test_a_plan_says_how_the_last_push_came_out_and_looks_further_after_a_surpri
     assert made.rollouts == 2 * 96
 
 
-def test_disks_may_come_and_go_between_scenes(graph, straw, planner):
-    graph.aim(GOAL, 1)
-    third = make_scene(
-        np.array([(0.40, 0.0), (0.541, 0.0), (0.45, 0.30)]), np.full(3, 8.0), np.full(3, 0.06)
-    )
-    for number, disks in enumerate((START, third, START), start=1):
-        straw.show(scene_id=number, disks=disks)
-        push = nth_push(graph, number)
-        made = plan(graph, push_id=push.push_id)
-        assert (made.disks, made.error_code) == (len(disks), ErrorCode.OK)
-        straw.answer(push, ErrorCode.OK, before=disks, after=disks)
-
-
 def test_viewers_get_the_plan_what_else_was_tried_and_a_ghost(graph, straw, planner):
     graph.aim(GOAL, 1)
     straw.show()
@@ -99,19 +86,6 @@ def test_viewers_get_the_plan_what_else_was_tried_and_a_ghost(graph, straw, plan
         assert (ghost.pose.position.x, ghost.pose.position.y) == tuple(predicted[0, disk, POSITION])
         assert ("region", disk) not in markers  # physics tells of none
         assert len(markers["path", disk].points) == 3
-
-
-def test_a_new_episode_clears_what_is_drawn_of_the_last_plan(graph, straw, planner):
-    graph.aim(GOAL, 1, episode_id=1)
-    straw.show()
-    nth_push(graph, 1)
-    graph.wait(lambda: graph.heard["plan_markers"], "markers")
-    assert shown(graph.heard["plan_markers"]).count() == {
-        "goal": 1, "planned": 4, "others": 1, "path": 2, "push": 1, "reach": 1,
-    }  # fmt: skip
-    straw.show(episode_id=2, scene_id=2)
-    graph.wait(lambda: len(graph.heard["plan_markers"]) > 1, "that they go")
-    assert shown(graph.heard["plan_markers"]).visible == {}
 
 
 @pytest.mark.parametrize(
@@ -144,12 +118,3 @@ def test_the_number_of_pushes_is_kept_and_refused_ones_do_not_count(graph, straw
     straw.show(scene_id=2)
     assert plan(graph, scene_id=2).status == Plan.EXHAUSTED
     assert len(graph.heard["push"]) == 2
-
-
-def test_a_scene_that_holds_nan_is_ignored(graph, straw, planner):
-    broken = START.copy()
-    broken[1, 0] = np.nan
-    graph.aim(GOAL, 1)
-    straw.show(scene_id=1, disks=broken)
-    straw.show(scene_id=2)
-    assert nth_push(graph, 1).scene_id == 2

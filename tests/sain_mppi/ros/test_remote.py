@@ -1,15 +1,12 @@
 """The planner's node and its model: behind the service, silent, wrong or not there."""
 
-import re
 import time
 
 import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.node import Node
-from visualization_msgs.msg import Marker
 
-import sain_mppi.ros.remote
 from sain_core import wire
 from sain_core.errors import ErrorCode
 from sain_core.ros import codec
@@ -17,7 +14,6 @@ from sain_core.scene import POSITION
 from sain_interfaces.msg import Plan
 from sain_interfaces.srv import Rollout
 from sain_mppi.ros.mppi_node import MppiNode
-from tests.rviz import shown
 from tests.sain_mppi.ros.straw import GOAL, SMALL, START, nth_push, plan
 
 
@@ -123,35 +119,6 @@ def test_when_the_model_fails_physics_takes_over_and_says_so(graph, straw, answe
     assert not plan(graph, scene_id=2).fallback
 
 
-def test_a_model_that_is_sure_of_its_regions_gets_them_into_the_plan(graph, straw):
-    graph.start(MppiNode, dynamics="in_process", model="sain", **SMALL)
-    graph.aim(GOAL, 1)
-    straw.show()
-    made = plan(graph, push_id=nth_push(graph, 1).push_id)
-    regions = np.array(made.regions).reshape(2, 2)
-    assert (regions > 0.0).all() and (regions < 0.1).all()
-    graph.wait(lambda: graph.heard["plan_markers"], "markers")
-    markers = shown(graph.heard["plan_markers"]).visible
-    marker = markers["region", 1]
-    assert (marker.action, marker.scale.x) == (Marker.ADD, 2 * regions[0, 1])
-
-
-def test_the_planner_says_when_it_sees_its_model(graph, straw):
-    def levels():
-        statuses = [status for array in graph.heard["/diagnostics"] for status in array.status]
-        return [(s.level, s.message) for s in statuses if s.name == "/sain/mppi_node: planning"]
-
-    graph.listen("/diagnostics", DiagnosticArray)
-    node = graph.start(MppiNode, **SMALL)
-    graph.wait(lambda: len(levels()) > 1, "the planner's diagnostics")
-    assert set(levels()) == {
-        (DiagnosticStatus.WARN, "no model is ready yet: plans use physics without learning")
-    }
-    Remote(graph, still)
-    graph.wait(lambda: levels()[-1] == (DiagnosticStatus.OK, "ready"), "the planner's word")
-    assert node.remote.ready
-
-
 @pytest.fixture
 def silent(graph):
     """A service whose node is never spun: it takes requests and says nothing."""
@@ -168,17 +135,6 @@ def test_a_model_that_is_silent_is_waited_for_no_longer_than_allowed(graph, stra
     made = plan(graph, goal_id=1)
     assert (made.status, made.fallback) == (Plan.PUSH, True)
     assert made.error_message == "the model did not answer within 0.5 s"
-
-
-def test_a_silent_model_does_not_keep_a_plan_past_its_deadline(graph, straw, silent):
-    remote_planner(graph, planner__deadline=0.3, model_timeout=30.0)
-    graph.aim(GOAL, 1)
-    straw.show()
-    made = plan(graph, goal_id=1)
-    assert (made.status, made.fallback, made.dynamics) == (Plan.PUSH, True, "planar")
-    assert made.deadline == 0.3
-    waited = re.match(r"the model did not answer within (\d\.\d+)", made.error_message)
-    assert waited and 0.0 < float(waited[1]) < 0.3  # what the deadline left
 
 
 @pytest.mark.parametrize("end", ["goal", "node"])
@@ -251,14 +207,3 @@ def test_the_first_goal_waits_for_a_model_that_compiles_and_says_so(graph, straw
     made = plan(graph, goal_id=1)
     assert (made.status, made.fallback, made.dynamics) == (Plan.PUSH, False, "standing still")
     assert made.planning_time < 5.0  # it does not count what it waited
-
-
-def test_a_model_that_dies_while_it_compiles_is_waited_for_no_longer(graph, straw, monkeypatch):
-    monkeypatch.setattr(sain_mppi.ros.remote, "SILENCE", 1.0)
-    node = graph.start(MppiNode, **SMALL)
-    Starting(graph)
-    graph.wait(lambda: node.remote.starting, "the model's word")
-    graph.aim(GOAL, 1)
-    straw.show()
-    made = plan(graph, goal_id=1)
-    assert (made.status, made.fallback) == (Plan.PUSH, True)

@@ -5,11 +5,10 @@ import json
 import pytest
 
 from sain_core import wire
-from sain_core.errors import DatasetError, ErrorCode
+from sain_core.errors import ErrorCode
 from sain_interfaces.msg import Plan
 from sain_model.physics.planar import PlanarPrior
 from sain_mppi.ros.mppi_node import MppiNode
-from sain_mppi.ros.watch import Notes
 from tests.sain_mppi.ros.straw import GOAL, SMALL, START, nth_push, plan
 
 
@@ -53,21 +52,6 @@ def test_goal_pushes_and_history_go_on(graph, straw, path):
     assert made.status in (Plan.REACHED, Plan.EXHAUSTED)
     assert made.plan_id > first_plans
     assert len(graph.heard["push"]) == 2
-
-
-def test_a_goal_that_is_over_is_not_begun_again(graph, straw, path):
-    node = start(graph, path)
-    graph.aim(START[1, :2], 1)
-    straw.show()
-    assert plan(graph, goal_id=1).status == Plan.REACHED
-    graph.stop(node)
-    start(graph, path)  # which hears the latched goal again
-    for _ in range(20):
-        graph.executor.spin_once(timeout_sec=0.02)
-    straw.show(scene_id=2)
-    graph.aim(GOAL, 2)
-    assert nth_push(graph, 1).scene_id == 2
-    assert len(graph.find("plan", goal_id=1)) == 1
 
 
 def test_a_planner_that_dies_while_it_says_reached_says_it_again(graph, straw, path, monkeypatch):
@@ -116,9 +100,3 @@ def test_a_simulator_that_restarts_is_sent_another_push_at_once(graph, straw, pa
     second = graph.heard["push"][1]
     assert second.push_id != first.push_id and second.scene_id == first.scene_id
     assert plan(graph, push_id=second.push_id).error_code == ErrorCode.OK
-
-
-def test_a_damaged_file_is_refused(graph, path):
-    path.write_text('{"goal": "AAAA", "pushes": 0}')
-    with pytest.raises(DatasetError, match=r"is damaged|no message of type Goal"):
-        Notes(graph.bystander, str(path))

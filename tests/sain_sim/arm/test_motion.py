@@ -17,14 +17,12 @@ from sain_sim.arm.motion import (
     FLANGE_DROP,
     LOWER_LIMITS,
     UPPER_LIMITS,
-    Kinematics,
     MotionConfig,
     trapezoid,
 )
 from sain_sim.arm.panda import (
     BASE_FRAME,
     JOINT_NAMES,
-    TOOL_FRAME,
     ArmConfig,
     PandaModel,
     describe_arm,
@@ -61,37 +59,6 @@ def test_the_whole_described_reach_can_be_taken_low_and_raised():
     assert KINEMATICS.joints(tips).shape == (9, 60, 2, 7)
 
 
-@settings(max_examples=200, deadline=None)
-@given(
-    st.floats(0.02, 0.95),
-    st.floats(0.02, 0.95),
-    st.floats(-np.pi, np.pi),
-    st.floats(-np.pi, np.pi),
-)
-def test_an_arm_that_can_stand_at_both_ends_of_a_way_can_go_along_it(near, far, begin, end):
-    """So a way that is left out needs its ends looked at only."""
-    motion = MotionConfig()
-    raised, also_raised = (
-        np.array([radius * np.cos(bearing), radius * np.sin(bearing), motion.raised])
-        for radius, bearing in ((near, begin), (far, end))
-    )
-    low = np.array([*raised[:2], motion.tip_height])
-    for start, stop, way in (
-        (raised, also_raised, motion.arc(raised, also_raised)),
-        (raised, low, motion.line(raised, low)),
-        (low, raised, motion.line(low, raised)),
-    ):
-        if can_take(np.stack([start, stop])):
-            assert can_take(way)
-
-
-def can_take(tips) -> bool:
-    try:
-        return KINEMATICS.joints(tips).size > 0
-    except UnreachableError:
-        return False
-
-
 def test_bullet_puts_the_tip_where_the_formulas_do():
     config = ArmConfig()
     client = Client()
@@ -123,11 +90,6 @@ def test_a_pose_that_cannot_be_taken_is_named_with_its_reason(tip, reason):
     assert caught.value.code is ErrorCode.UNREACHABLE
 
 
-def test_a_pose_of_nan_is_refused():
-    with pytest.raises(UnreachableError):
-        Kinematics(-0.2, 0.22).joints(np.array([np.nan, 0.0, 0.012]))
-
-
 MOTION, SPEED = MotionConfig(), 0.2  # [m/s]
 
 
@@ -150,19 +112,6 @@ def test_a_stroke_is_straight_and_low():
     way = (tips[-1] - tips[0])[:2]
     offset = (tips - tips[0])[:, :2]
     assert np.allclose(way[0] * offset[:, 1], way[1] * offset[:, 0], atol=1e-12)
-
-
-def test_an_arc_keeps_its_distance_from_the_base():
-    tips = MOTION.arc(np.array([0.4, 0.4, 0.09]), np.array([0.3, -0.5, 0.09]))
-    distance = np.hypot(tips[:, 0], tips[:, 1])
-    low, high = sorted((np.hypot(0.4, 0.4), np.hypot(0.3, 0.5)))
-    assert distance.min() >= low - 1e-12
-    assert distance.max() <= high + 1e-12
-
-
-def test_staying_where_one_is_takes_one_tip():
-    here = np.array([0.4, 0.1, 0.09])
-    assert np.allclose(MOTION.arc(here, here), [here])
 
 
 RADIUS, LENGTH = 0.012, 0.22
@@ -200,13 +149,6 @@ def test_links_are_where_bullet_has_them(description, tmp_path):
             away = (turn.inv() * Rotation.from_quat(state[5])).magnitude()
             assert away == pytest.approx(0.0, abs=1e-5)
     client.close()
-
-
-def test_the_tool_is_where_the_planner_of_motions_has_it(description):
-    joints = np.array([0.4, 0.3, 0.0, -2.0, 0.0, 2.3, np.pi / 4])
-    place, turn = pose_of(description, joints)[TOOL_FRAME]
-    np.testing.assert_allclose(place, Kinematics(0.0, LENGTH).tips(joints), atol=1e-9)
-    np.testing.assert_allclose(turn.apply([0.0, 0.0, 1.0]), [0.0, 0.0, -1.0], atol=1e-9)
 
 
 def test_each_joint_that_moves_has_a_state_and_all_links_hang_together(description):

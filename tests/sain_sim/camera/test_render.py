@@ -1,12 +1,10 @@
 import numpy as np
 import pytest
-from shapely import LinearRing, points
 
 from sain_core.errors import ConfigError
 from sain_core.shapes.library import get_shape
 from sain_core.shapes.solids import DISK
 from sain_sim.camera.render import CameraConfig, Renderer, Window
-from sain_sim.camera.scenery import Caster, band, brightness, flat_faces, ring, table_points
 from sain_sim.world.parameters import nominal_parameters
 from sain_sim.world.workcell import WorldConfig
 from sain_sim.world.world import World
@@ -43,41 +41,6 @@ def test_the_goal_is_drawn_only_when_there_is_one(renderer):
     changed = np.abs(with_goal.astype(int) - bare).max(axis=-1) > 20
     assert 5 < changed.sum() < 400
     assert np.array_equal(renderer.picture(JOINTS, scene), bare)
-
-
-def test_a_caster_darkens_the_table_beside_it_away_from_the_light():
-    points = np.array([[[0.0, 0.0], [0.0, 0.13], [0.0, -0.13], [np.nan, np.nan]]])
-    light = (0.0, -1.0, 1.0)
-    bright = brightness(points, [Caster(0.0, 0.0, 0.1, 0.0, 0.1)], light)[0, :, 0]
-    assert bright[0] < 0.7 and bright[1] < 0.9
-    assert bright[2] == bright[3] == 1.0
-
-
-def test_rays_meet_the_table_where_the_camera_looks():
-    import pybullet
-
-    view = pybullet.computeViewMatrix([1.0, -1.0, 1.0], [0.4, 0.1, 0.0], [0.0, 0.0, 1.0])
-    projection = pybullet.computeProjectionMatrixFOV(40.0, 1.0, 0.1, 10.0)
-    points = table_points(view, projection, 101, 101)
-    assert np.allclose(points[50, 50], [0.4, 0.1], atol=1e-3)
-
-
-def test_meshes_are_round_and_whole():
-    mesh = flat_faces(get_shape(DISK).triangles(0.08))
-    corners = np.array(mesh["vertices"])
-    assert np.isclose(np.hypot(corners[:, 0], corners[:, 1]).max(), 0.08)
-    assert corners[:, 2].min() == -0.02 and corners[:, 2].max() == 0.02
-    assert max(mesh["indices"]) == len(corners) - 1
-    flat = np.array(ring(0.05, 0.01, 0.001)["vertices"])
-    distance = np.hypot(flat[:, 0], flat[:, 1])
-    assert np.allclose([distance.min(), distance.max()], [0.045, 0.055], atol=1e-5)
-
-
-def test_a_band_is_as_wide_on_each_side_of_a_corner():
-    t = get_shape(T).outline(0.1)
-    corners = np.array(band(t, 0.01, 0.001)["vertices"])[:, :2]
-    to_line = LinearRing(t).distance(points(corners))
-    assert np.allclose(to_line.max(), 0.005 * np.sqrt(2)) and to_line.min() > 0.0049
 
 
 def test_a_goal_with_a_heading_is_shown_as_the_outline_of_the_body():

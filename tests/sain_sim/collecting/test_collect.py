@@ -1,7 +1,6 @@
 import dataclasses
 import json
 import logging
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,23 +8,17 @@ import pytest
 import sain_sim.collecting.collect as collection
 import sain_sim.collecting.shards
 from sain_core.errors import (
-    BlockedError,
     ConfigError,
     DatasetError,
-    OffTableError,
     OutputError,
-    UnreachableError,
 )
-from sain_core.push import BODY
 from sain_core.randomness import generator
-from sain_core.scene import POSITION, TARGET, THETA, surface_gaps
-from sain_core.shapes.bodies import PAPER_DISKS
-from sain_core.shapes.solids import DISK
-from sain_core.transitions import COLLECTED, COLLECTION_FILE, Column, shard_path
+from sain_core.scene import POSITION, TARGET, surface_gaps
+from sain_core.transitions import COLLECTED, Column, shard_path
 from sain_core.world import DivergedError
-from sain_sim.collecting.collect import CARD_FILE, CollectConfig, account, collect
-from sain_sim.collecting.episode import EpisodeConfig, EpisodeRunner, draw_grid_push
-from sain_sim.collecting.shards import JOURNAL_FILE, CollectionJournal, PushCounts, load_shards
+from sain_sim.collecting.collect import CollectConfig, account, collect
+from sain_sim.collecting.episode import EpisodeConfig, EpisodeRunner
+from sain_sim.collecting.shards import load_shards
 from sain_sim.commands import collect as main
 from sain_sim.world.engines import MUJOCO
 from sain_sim.world.parameters import RANGES, WIDE, sample_parameters
@@ -149,34 +142,6 @@ def test_a_full_disk_keeps_what_is_whole_and_the_collection_goes_on(collected, t
     assert content(tmp_path) == content(config.out)
 
 
-def test_a_damaged_shard_is_named_and_left_alone(collected, tmp_path):
-    config, _ = collected
-    for name, data in content(config.out).items():
-        (tmp_path / name).write_bytes(data)
-    shard = shard_path(tmp_path, 0)
-    damaged = bytearray(shard.read_bytes())
-    damaged[len(damaged) // 2] ^= 4
-    shard.write_bytes(damaged)
-    with pytest.raises(DatasetError, match=r"shard-00000\.npz is not a whole .* delete it to have"):
-        collect(dataclasses.replace(config, out=tmp_path))
-    assert shard.read_bytes() == damaged
-    (tmp_path / "collection.json").write_text("{")
-    with pytest.raises(DatasetError, match=r"collection\.json is damaged"):
-        collect(dataclasses.replace(config, out=tmp_path))
-
-
-def test_wide_parameters_and_a_cube_for_a_target(tmp_path):
-    episode = EpisodeConfig(disks=3, pushes=3, target="cube", parameters="wide")
-    done = collect(CollectConfig(tmp_path, 3, seed=2, episode=episode))
-    data = load_shards(tmp_path)
-    assert done.transitions == len(data["shapes"]) > 0
-    assert set(data["shapes"]) == {"disk,cube,disk"}
-    assert not data["action"][:, BODY].any()
-    identity = json.loads((tmp_path / "collection.json").read_text())
-    assert identity["target"] == "cube" and identity["parameters"] == "wide"
-    assert (data["masses"] < 7.0).any() or (data["masses"] > 9.0).any()
-
-
 def test_wide_parameters_are_the_ranges_to_generalise_to():
     drawn = [sample_parameters(generator(0, i), 3, ranges=RANGES[WIDE]) for i in range(500)]
     masses, radii = (np.array([getattr(p, name) for p in drawn]) for name in ("masses", "radii"))
@@ -186,21 +151,6 @@ def test_wide_parameters_are_the_ranges_to_generalise_to():
     for values, low, high in spans:
         assert low <= values.min() < low + 0.05 * (high - low)
         assert high - 0.05 * (high - low) < values.max() <= high
-
-
-def test_a_cube_starts_with_a_side_to_the_mid_disk_and_room_for_its_corners():
-    table = WorldConfig().feasibility.table
-    for seed in range(30):
-        random = generator(seed, "start")
-        drawn = sample_parameters(random, 3)
-        cube = dataclasses.replace(drawn, shapes=(DISK, "cube", DISK))
-        scene = draw_start(random, cube, table)
-        corners = cube.radii[TARGET] * np.array([[1, 1], [1, -1], [-1, 1], [-1, -1]])
-        turn = scene[TARGET, THETA]
-        turned = corners @ [[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]]
-        for disk in (0, 2):
-            away = np.linalg.norm(scene[TARGET, POSITION] + turned - scene[disk, POSITION], axis=-1)
-            assert away.min() > cube.radii[disk]
 
 
 def test_missing_and_damaged_shards_are_named(tmp_path):
@@ -235,35 +185,9 @@ def test_starts_have_room_and_half_of_the_targets_at_the_mid_disk():
         draw_start(random, sample_parameters(random, 5), table, spread=0.1)
 
 
-def test_the_papers_grid_is_drawn_evenly():
-    scene, random = np.zeros((2, 8)), generator(0, "grid")
-    drawn = np.array([draw_grid_push(random, scene, PAPER_DISKS) for _ in range(3000)])
-    assert len(np.unique(drawn, axis=0)) == 105
-
-
 pytest.importorskip("mujoco", reason="MuJoCo is not installed")
 
 EPISODE = EpisodeConfig(pushes=3, floor_episodes=1, truth=TruthConfig(engine=MUJOCO))
-
-
-def test_a_collection_says_its_engine_and_repeats(tmp_path):
-    config = CollectConfig(out=tmp_path / "one", episodes=2, seed=3, episode=EPISODE)
-    collect(config)
-    collect(replace(config, out=tmp_path / "two"))
-    names = [path.name for path in sorted(config.out.iterdir())]
-    for name in names:
-        assert (tmp_path / "two" / name).read_bytes() == (config.out / name).read_bytes()
-    for file in (COLLECTION_FILE, CARD_FILE):
-        assert json.loads((config.out / file).read_text())["truth"]["engine"] == "mujoco"
-    data = load_shards(config.out)
-    before = data[Column.STATE].reshape(-1, 2, 8)
-    after, again = (data[c].reshape(-1, 2, 8) for c in (Column.NEXT_STATE, Column.FLOOR_NEXT))
-    assert np.linalg.norm((after - before)[..., POSITION], axis=-1).max() > 0.02
-    floor = np.abs(again - after)[data[Column.EPISODE] == 0][..., POSITION]
-    assert floor.max() < 2e-3  # the truth's engine repeats them, not Bullet
-    bullet = replace(EPISODE, truth=TruthConfig())
-    with pytest.raises(DatasetError, match="was collected with truth"):
-        collect(replace(config, episode=bullet))
 
 
 def test_a_push_that_diverges_ends_its_episode_and_is_not_recorded(monkeypatch, caplog):
@@ -302,47 +226,3 @@ def test_every_push_that_is_drawn_is_counted_once(tmp_path) -> None:
     card = json.loads((config.out / "card.json").read_text())
     assert card["tally"]["drawn"] == counts.drawn and card["pushes"] == 4
     assert f"{counts.blocked} blocked by another disk" in account(counts, config)[0]
-
-
-def test_the_filter_leaves_out_and_counts_what_did_not_move(tmp_path) -> None:
-    episode = EpisodeConfig(pushes=4)
-    every = collect(CollectConfig(tmp_path / "all", 3, 5, episode=episode))
-    config = CollectConfig(
-        tmp_path / "moved", 3, 5, episode=EpisodeConfig(pushes=4, moved_only=True)
-    )
-    moved = collect(config)
-    assert moved.counts == every.counts
-    assert 0 < moved.transitions == every.counts.moved < every.transitions
-    kept, data = load_shards(config.out), load_shards(tmp_path / "all")
-    for name, values in kept.items():
-        assert (values == data[name][data["moved"]]).all() or name == "floor_next"
-    assert f"left out: {every.counts.missed} that missed it" in account(moved.counts, config)[1]
-
-
-def test_refusals_are_counted_by_their_reason() -> None:
-    counts = PushCounts()
-    for error in (UnreachableError(), BlockedError(), BlockedError(), OffTableError()):
-        counts.refuse(error)
-    assert (counts.unreachable, counts.blocked, counts.refused, counts.drawn) == (1, 2, 1, 4)
-
-
-def test_a_journal_forgets_what_is_to_come_again_and_what_is_half_written(tmp_path) -> None:
-    journal = CollectionJournal(tmp_path, 0)
-    for episode in range(4):
-        journal.add(episode, PushCounts(episodes=1, moved=episode + 1))
-    whole = (tmp_path / JOURNAL_FILE).read_bytes()
-    (tmp_path / JOURNAL_FILE).write_bytes(whole[:-20])
-    resumed = CollectionJournal(tmp_path, 2)
-    assert resumed.total == PushCounts(episodes=2, moved=3)
-    for episode in (2, 3):
-        resumed.add(episode, PushCounts(episodes=1, moved=episode + 1))
-    assert (tmp_path / JOURNAL_FILE).read_bytes() == whole
-    assert resumed.total == PushCounts(episodes=4, moved=10)
-
-
-def test_a_journal_on_a_full_disk_says_so(tmp_path) -> None:
-    journal = CollectionJournal(tmp_path, 0)
-    (tmp_path / JOURNAL_FILE).unlink()
-    (tmp_path / JOURNAL_FILE).symlink_to("/dev/full")
-    with pytest.raises(OutputError, match="No space left on device"):
-        journal.add(0, PushCounts())

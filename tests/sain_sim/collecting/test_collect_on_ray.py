@@ -10,12 +10,9 @@ import tempfile
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
-from types import ModuleType, SimpleNamespace
 
 import pytest
 
-from sain_core.errors import ConfigError
-from sain_core.workers import FunctionRunner, Software, Work, start_actors
 from sain_sim.collecting.collect import CollectConfig, collect
 from sain_sim.collecting.episode import EpisodeConfig
 from sain_sim.commands import collect as main
@@ -105,13 +102,3 @@ def test_without_ray_there_is_one_clear_line(tmp_path, monkeypatch, capsys) -> N
 def test_an_address_without_a_cluster_is_refused_at_once(tmp_path, address, capsys) -> None:
     assert main(["--out", str(tmp_path), "--episodes", "1", "--ray", address]) == 1
     assert f"collect: no Ray cluster at '{address}'" in capsys.readouterr().err
-
-
-def test_machines_with_other_software_are_refused(monkeypatch) -> None:
-    actor = SimpleNamespace(software=SimpleNamespace(remote=lambda _: None))
-    cluster = ModuleType("ray")
-    cluster.remote = lambda **_: lambda runner: SimpleNamespace(remote=lambda *_: actor)
-    cluster.get = lambda references: [{"numpy": "0.1"} for _ in references]
-    cluster.exceptions = SimpleNamespace(RayTaskError=KeyError, RayError=KeyError)
-    with pytest.raises(ConfigError, match="other software the same seed may give other bytes"):
-        start_actors(cluster, 1, Work(FunctionRunner, Software((), ("numpy",)), str))

@@ -9,7 +9,6 @@ from sain_core.push import (
     LENGTH,
     LOCATION,
     PUSH_SIZE,
-    SPEED,
     PushLimits,
     pushed_bodies,
     strokes,
@@ -17,10 +16,9 @@ from sain_core.push import (
 from sain_core.scene import RADIUS, make_scene
 from sain_core.shapes.bodies import Bodies, Role
 from sain_core.transitions import Column, row_bodies
-from sain_core.wire.old_files import converted_rows
 from sain_sim.collecting.collect import CollectConfig, collect
 from sain_sim.collecting.episode import EpisodeConfig, draw_outline_push
-from sain_sim.collecting.shards import load_by_count, load_shards
+from sain_sim.collecting.shards import load_by_count
 
 MANY = EpisodeConfig(pushes=3, shapes="t, l,disk", bodies="1-3")
 
@@ -48,23 +46,6 @@ def test_rows_state_shapes_roles_and_the_body_of_the_push(collected):
     assert len(set(pushed)) > 1
 
 
-def test_speeds_are_drawn_where_a_range_is_given(tmp_path):
-    collect(CollectConfig(tmp_path, 3, 3, episode=EpisodeConfig(pushes=3, speeds="0.05-0.2")))
-    data = load_shards(tmp_path)
-    speeds, lengths = data[Column.ACTION][:, SPEED], data[Column.ACTION][:, LENGTH]
-    assert (speeds >= 0.05).all() and (speeds <= 0.2).all() and len(set(speeds)) == len(speeds)
-    assert (data[Column.DURATION] > lengths / speeds).all()
-
-
-def test_a_disk_alone_is_named_too(tmp_path):
-    alone = EpisodeConfig(pushes=1, shapes="disk,t", bodies="1")
-    collect(CollectConfig(tmp_path, 6, 1, episode=alone))
-    data = load_shards(tmp_path)
-    shapes = [bodies.shapes[0].name for bodies in row_bodies(data)]
-    assert set(shapes) == {"disk", "t"}
-    assert pushed_bodies(data[Column.ACTION]).tolist() == [0] * len(shapes)
-
-
 def test_a_push_moves_the_body_that_it_names_and_physics_predicts_it(collected):
     for count, data in load_by_count(collected).items():
         rows = np.arange(len(data[Column.ACTION]))
@@ -78,29 +59,6 @@ def test_a_push_moves_the_body_that_it_names_and_physics_predicts_it(collected):
         assert (moved[travel > 0.08] > 0.001).all()
         error = np.hypot(*(physics - after)[rows, body, :2].T)
         assert np.median(error) < 0.5 * np.median(moved)
-
-
-def test_the_same_seed_gives_the_same_bytes_also_after_a_stop(collected, tmp_path):
-    whole = {path.name: path.read_bytes() for path in collected.glob("shard-*.npz")}
-    collect(CollectConfig(tmp_path, 4, 3, episode=MANY))
-    collect(CollectConfig(tmp_path, 8, 3, episode=MANY))
-    again = {path.name: path.read_bytes() for path in tmp_path.glob("shard-*.npz")}
-    assert again == whole
-
-
-def test_a_collection_of_disks_has_no_columns_of_shapes(tmp_path):
-    collect(CollectConfig(tmp_path, 1, 3, episode=EpisodeConfig(pushes=2)))
-    data = load_shards(tmp_path)
-    assert not {Column.SHAPES, Column.ROLES} & data.keys()
-    assert row_bodies(data) == [Bodies.disks(2)] * len(data[Column.EPISODE])
-
-
-def test_older_marks_mean_the_same():
-    data = {Column.STATE: np.zeros((2, 24)), "cubes": np.array([[0, 1, 0], [0, 0, 1]], dtype=bool)}
-    assert row_bodies(converted_rows(data)) == [
-        Bodies.named(["disk", "cube", "disk"]),
-        Bodies.named(["disk", "disk", "cube"]),
-    ]
 
 
 def test_pushes_are_even_along_the_outlines_of_all_pushable_bodies():

@@ -1,6 +1,5 @@
 import os
 import signal
-import subprocess
 import time
 from dataclasses import replace
 from functools import partial
@@ -9,13 +8,10 @@ from pathlib import Path
 
 import pytest
 
-from sain_bringup.graph import executable
 from sain_core.errors import SainError
 from sain_core.workers import AHEAD, LIVES, FunctionRunner, Software, Work, run_on_processes
 from sain_sim.collecting.collect import CollectConfig, collect
 from sain_sim.collecting.episode import EpisodeConfig, EpisodeResult
-from sain_sim.collecting.shards import JOURNAL_FILE
-from sain_sim.commands import collect as main
 
 SHORT = EpisodeConfig(pushes=3)
 NO_SOFTWARE = Software((), ())
@@ -99,37 +95,3 @@ def _no_room(*_: object) -> EpisodeResult:
 
 def _refuse(job: int) -> EpisodeResult:
     raise SainError("no room")
-
-
-def children(process: int) -> list[int]:
-    return [
-        int(pid) for pid in Path(f"/proc/{process}/task/{process}/children").read_text().split()
-    ]
-
-
-def wait_for(done, what: str) -> None:
-    end = time.monotonic() + 120
-    while not done():
-        assert time.monotonic() < end, f"no {what}"
-        time.sleep(0.02)
-
-
-def test_a_collection_killed_as_a_whole_goes_on_and_leaves_no_process(whole, tmp_path) -> None:
-    _, expected = whole
-    arguments = ["--out", str(tmp_path), "--episodes", "5", "--seed", "4", "--pushes", "3"]
-    command = [
-        str(executable("sain_sim", "collect")),
-        *arguments,
-        "--workers",
-        "2",
-    ]
-    process = subprocess.Popen(command, stderr=subprocess.DEVNULL)
-    journal = tmp_path / JOURNAL_FILE
-    wait_for(lambda: journal.exists() and journal.read_text().count("\n") >= 2, "episodes")
-    workers = children(process.pid)
-    process.kill()
-    process.wait()
-    assert workers and content(tmp_path) != expected
-    wait_for(lambda: not any(Path(f"/proc/{pid}").exists() for pid in workers), "end of workers")
-    assert main(arguments) == 0
-    assert content(tmp_path) == expected

@@ -102,14 +102,6 @@ def test_flat_bodies_rest_where_they_are_and_repeat_to_the_bit(engine, bench):
     assert np.array_equal(*ends)
 
 
-def test_feet_and_bottom_turn_a_body_by_other_angles(engine, bench):
-    turns = []
-    for bottom in ("feet", "flat"):
-        with World(flat("box_2x1").on(bottom), engine=engine) as world:
-            turns.append(thrown(world, np.zeros(2), 6.0)[2] - HEADING)
-    assert turns[1] > 1.2 * turns[0]  # feet stand further out than pressure does
-
-
 @pytest.mark.parametrize("bottom", ["feet", "flat"])
 def test_a_body_turns_towards_where_its_mass_is(engine, bottom, bench):
     """A push through the middle turns the mass, which lags, to the other side."""
@@ -121,16 +113,6 @@ def test_a_body_turns_towards_where_its_mass_is(engine, bottom, bench):
             world.reset(parameters.scene(np.array([[0.48, 0.0]])))
             turns.append(world.push(bench.straight).after[0, 2])
     assert turns[0] == pytest.approx(-turns[1], abs=0.03) and turns[1] > 0.05
-
-
-def test_more_bodies_than_collision_groups_keep_their_own_tables(engine):
-    count = 20
-    parameters = WorldParameters((8.0,) * count, (0.03,) * count, ("disk:flat",) * count)
-    places = np.array([[0.3 + 0.1 * (i % 5), -0.3 + 0.15 * (i // 5)] for i in range(count)])
-    with World(parameters, engine=engine) as world:
-        world.reset(parameters.scene(places))
-        assert world.settle() and not world._cell.fallen().any()
-        np.testing.assert_allclose(world.observe()[:, :2], places, atol=1e-5)
 
 
 def test_a_rough_world_moves_no_feet_of_a_flat_bottom():

@@ -14,7 +14,6 @@ from sain_core.shapes.shape import FLAT
 from sain_sim.world.engines import MUJOCO
 from sain_sim.world.parameters import WorldParameters, nominal_parameters
 from sain_sim.world.roughness import Roughness
-from sain_sim.world.shadow import TRUE, BulletPrior
 from sain_sim.world.truth import MEASURED, TruthConfig
 from sain_sim.world.workcell import GRAVITY
 from sain_sim.world.world import World
@@ -76,19 +75,6 @@ def test_a_body_stops_as_far_as_the_friction_of_its_place_lets_it(bench):
             way = world.observe()[MID, 1]
         expected = 0.2**2 / (2.0 * factor * parameters.friction * GRAVITY)
         assert way == pytest.approx(expected, rel=0.05)
-
-
-def test_torsion_is_that_of_the_pressure_that_is_drawn():
-    turns = {}
-    for spread in (0.5, 1.0, 1.3):
-        parameters = measured(bottom=FLAT, pressures=((spread, *(1.0,) * 9),))
-        with World(parameters, engine=MUJOCO) as world:
-            world.reset(parameters.scene(PLACE))
-            world._cell._speeds[MID, 5] = 2.0  # [rad/s]
-            assert world.settle()
-            turns[spread] = world.observe()[MID, THETA]
-    for spread in (0.5, 1.3):
-        assert turns[spread] == pytest.approx(turns[1.0] / spread, rel=0.1)
 
 
 def test_uneven_pressure_turns_what_is_pushed_through_its_middle():
@@ -159,15 +145,3 @@ def test_equal_pushes_come_out_equal_and_repeats_scatter():
     assert 0.005 < np.abs(away[:, THETA]).mean() < 0.08
     other = pushed(parameters, push, PLACE + 1e-9)  # another push: another draw
     assert np.abs(other - ends[0])[POSITION].max() > 1e-5
-
-
-def test_the_floor_of_a_data_set_has_the_noise_of_outcome():
-    parameters = replace(LABS[0], effects="noise").roughen(nominal_parameters())
-    scene = parameters.scene(np.array([[0.45, 0.0], [0.62, 0.0]]))
-    push = make_push(0.0, 0.1, 0.1)
-    with World(parameters, engine=MUJOCO) as world:
-        world.reset(scene)
-        after = world.push(push).after
-    with BulletPrior(TRUE, parameters=parameters, engine=MUJOCO) as floor:
-        away = np.hypot(*(floor.predict(scene, push) - after)[:, POSITION].T)
-    assert (away > 1e-4).all() and (away < 0.02).all()

@@ -20,8 +20,7 @@ from sain_sim.world.world import World
 
 pytest.importorskip("mujoco", reason="MuJoCo is not installed")
 
-from sain_core.push import make_push
-from sain_sim.engines.mujoco_description import RIM, SERVO_STIFFNESS, TABLE, TOOL, physics_steps
+from sain_sim.engines.mujoco_description import SERVO_STIFFNESS, physics_steps
 
 NOMINAL = nominal_parameters()
 LIMIT = 1e-3  # [m]
@@ -57,44 +56,6 @@ def test_a_body_slides_straight_as_far_as_friction_lets_it(shape, bench):
         way = (world.observe() - start)[TARGET, :3]
     assert way[0] == pytest.approx(0.3**2 / (2 * 0.2 * GRAVITY), rel=0.03)
     assert np.abs(way[1:]).max() < 0.005
-
-
-def contact_frictions(world, stroke):
-    """The friction of every contact in a push, by the bits of the two sides."""
-    found = {}
-
-    def look(_):
-        cell = world._cell
-        kinds = cell._model.geom_contype
-        for pair, friction in zip(
-            cell._data.contact.geom, cell._data.contact.friction, strict=True
-        ):
-            found.setdefault(int(kinds[pair].sum()), set()).add(friction[0])
-
-    world.carry_out(stroke, Watch(look, 1))
-    return found
-
-
-def test_each_pair_has_the_friction_that_is_drawn(bench):
-    parameters = replace(NOMINAL, friction=0.11, rim_friction=0.22, tool_friction=0.33)
-    with World(parameters, engine=MUJOCO) as world:
-        world.reset(bench.touching(parameters))
-        found = contact_frictions(world, world.check(bench.straight))
-    assert found == {TABLE: {0.11}, 2 * RIM: {0.22}, TOOL + RIM: {0.33}}
-
-
-def test_the_tool_stays_within_a_millimetre_of_its_line(cell_world, bench):
-    samples = []
-    cell_world.reset(bench.touching())
-    for angle in (0.0, 0.4):
-        samples.clear()
-        cell_world.push(make_push(0.0, angle, 0.1), on_step=samples.append)
-        tool = np.array([s.tool for s in samples if s.phase == "push"])
-        line = np.array([s.commanded_tool for s in samples if s.phase == "push"])
-        along = (line[-1] - line[0]) / np.linalg.norm(line[-1] - line[0])
-        away = tool - line
-        assert np.abs(away - np.outer(away @ along, along)).max() < LIMIT
-        assert np.abs(away).max() < LIMIT
 
 
 @pytest.mark.parametrize("shapes", [("disk", "disk"), ("t", "disk"), ("cube", "t"), ("star", "l")])

@@ -6,16 +6,14 @@ from math import pi
 import numpy as np
 import pytest
 
-from sain_core.errors import BlockedError, ConfigError
+from sain_core.errors import BlockedError
 from sain_core.push import make_push
 from sain_core.scene import MID, POSITION, TARGET, THETA, is_settled, unit
-from sain_core.shapes.shape import FLAT, REGULAR_FEET
-from sain_sim.arm.motion import LOWER_LIMITS, UPPER_LIMITS
-from sain_sim.engines.bullet_cell import SLIDES
+from sain_core.shapes.shape import REGULAR_FEET
 from sain_sim.world.parameters import WorldParameters, nominal_parameters
 from sain_sim.world.roughness import PATCH_DEPTH, Roughness
 from sain_sim.world.truth import LABS, ROUGH, TILT, draw_effects, effects_of
-from sain_sim.world.workcell import GRAVITY, WorldConfig
+from sain_sim.world.workcell import GRAVITY
 from sain_sim.world.world import World
 
 MIDDLE = np.array([0.5, 0.0])
@@ -77,45 +75,6 @@ def test_a_disk_turns_towards_the_side_that_is_light():
             world.reset(scene)
             after = world.push(make_push(0.0, 0.0, 0.1)).after
         assert heading * after[MID, THETA] < -0.05  # the heavy side stays behind
-
-
-def test_a_scene_is_about_the_middles_of_the_disks():
-    parameters = rough(mass_offsets=((0.15, 0.0), (0.0, -0.12)))
-    headings = np.array([0.4, -2.0])
-    scene = parameters.scene(beside(0.2, 0.0), headings)
-    with World(parameters) as world:
-        assert np.allclose(world.reset(scene), scene, atol=1e-12)
-        body = world._cell.bodies[MID].id
-        com = np.array(world._simulation.client.getBasePositionAndOrientation(body)[0][:2])
-        assert np.allclose(com - MIDDLE, 0.15 * 0.08 * unit(np.asarray(0.4)))
-        world._simulation.client.resetBaseVelocity(body, [0.0, 0.0, 0.0], [0.0, 0.0, 2.0])
-        world._cell.steps += 1  # something happened: look at the bodies
-        spin = 2.0 * 0.15 * 0.08 * unit(np.asarray(0.4 - pi / 2))
-        assert np.allclose(world.observe()[MID, 3:5], spin)
-
-
-def test_a_disk_that_leans_on_a_near_foot_turns_less():
-    """Friction turns a spinning disk down; feet near the middle have a shorter lever."""
-    turned = []
-    for share in (0.6, 0.8):
-        feet = tuple((share, bearing) for _, bearing in REGULAR_FEET)
-        parameters = rough(feet=(feet,) * 2)
-        scene = parameters.scene(beside(0.2, 0.0))
-        with World(parameters) as world:
-            world.reset(scene)
-            body = world._cell.bodies[MID].id
-            world._simulation.client.resetBaseVelocity(body, [0.0] * 3, [0.0, 0.0, 3.0])
-            world.settle()
-            turned.append(world.observe()[MID, THETA])
-    assert turned[0] > 1.15 * turned[1] > 0.1
-
-
-def test_a_disk_on_two_feet_is_refused():
-    onesided = ((0.7, 0.0), (0.7, 0.5), (0.7, 1.0))
-    with pytest.raises(ConfigError, match="disk 0 would tip over"):
-        Roughness(feet=(onesided, REGULAR_FEET))
-    with pytest.raises(ConfigError, match="disk 1 would tip over"):
-        Roughness(feet=(REGULAR_FEET,) * 2, mass_offsets=((0.0, 0.0), (-0.6, 0.0)))
 
 
 def test_a_disk_slides_farther_where_the_table_is_smooth():
@@ -182,16 +141,6 @@ def test_a_soft_tool_lags_by_what_its_spring_gives(stiffness):
     assert np.abs(lags).max() < 0.02
 
 
-def test_the_tool_behind_a_spring_still_refuses_other_disks():
-    parameters = rough(tool_stiffness=2000.0)
-    scene = parameters.scene(beside(-0.02, 0.145))
-    with World(parameters) as world:
-        before = world.reset(scene)
-        with pytest.raises(BlockedError):
-            world.push(make_push(0.0, pi / 4, 0.15))
-        assert np.array_equal(world.observe(), before)
-
-
 def test_stock_joints_cannot_hold_an_impact():
     """The arm of the other worlds is where it should be whatever it meets; this one lags."""
     lags, gaps = [], []
@@ -206,36 +155,6 @@ def test_stock_joints_cannot_hold_an_impact():
         gaps.append(min(apart) - tool_radius - parameters.radii[MID])
     assert lags[0] < 1e-4 and 2e-3 < lags[1] < 1.5e-2
     assert min(gaps) > -1.5e-3  # it is pushed back, it does not sink into the disk
-
-
-def test_stock_joints_push_no_harder_than_franka_lets_them():
-    """Joint 6 bears 12 N m with a lever of 0.205 m: about 58 N along the reach."""
-    parameters = replace(rough(stock_joints=True), masses=(60.0, 60.0))
-    with World(parameters) as world:
-        before = world.reset(parameters.scene(beside(0.141, 0.0)))
-        after = world.push(make_push(0.0, 0.0, 0.15)).after
-    assert 0.12 * GRAVITY * 120.0 > 2 * 58.0
-    assert np.abs(after - before)[:, POSITION].max() < 0.01
-
-
-def test_a_light_pull_is_borne_whole_in_any_pose():
-    """Nothing is asked of Bullet then, so that what is called light must be."""
-    random = np.random.default_rng(0)
-    with World(rough(stock_joints=True)) as world:
-        arm, spring = world._cell.arm, world._cell.arm.spring
-        shares = []
-        for _ in range(300):
-            arm.place(random.uniform(LOWER_LIMITS, UPPER_LIMITS))
-            slides = random.uniform(-0.03, 0.03, 2)
-            for slide, shift in zip(SLIDES, slides, strict=True):
-                world._simulation.client.resetJointState(arm.body, slide, shift)
-            shift = float(np.abs(slides).sum())
-            most = spring._weakest / (spring._hang + shift)  # [N]
-            pull = unit(np.asarray(random.uniform(-pi, pi)))
-            assert spring._light(0.999 * most, shift) and not spring._light(1.001 * most, shift)
-            assert spring._share(0.999 * most * pull) == 1.0
-            shares.append(spring._share(2.0 * most * pull))
-        assert min(shares) < 1.0  # nor is it called heavy far too early
 
 
 def test_rough_rims_take_the_target_along():
@@ -278,17 +197,6 @@ def test_rough_worlds_repeat_fresh_or_used_beside_others(bench):
         assert np.array_equal(world.push(bench.straight).after, smooth)
 
 
-@pytest.mark.parametrize("full_motion", [False, True])
-def test_a_rough_push_is_the_same_watched_or_not(full_motion, bench):
-    parameters = replace(nominal_parameters(), roughness=draw_roughness(1, effects_of(ROUGH), 2))
-    ends = []
-    for observer in (None, lambda sample: None):
-        with World(parameters, WorldConfig(full_motion=full_motion)) as world:
-            world.reset(bench.touching())
-            ends.append([world.push(bench.towards(a), observer).after for a in (0.0, 0.5)])
-    assert np.array_equal(ends[0], ends[1])
-
-
 @pytest.mark.parametrize("world", LABS)
 def test_an_effect_is_the_same_alone_and_among_others_and_differs_between_labs(world):
     effects = effects_of(world)
@@ -298,28 +206,3 @@ def test_an_effect_is_the_same_alone_and_among_others_and_differs_between_labs(w
             assert np.array_equal(together.arrays()[name], value)
     assert draw_roughness(5, effects, 2, world) != together
     assert draw_roughness(4, effects, 3, world).mass_offsets[:2] == together.mass_offsets
-
-
-def test_every_value_of_a_world_is_drawn_in_one_of_them():
-    drawn = [draw_roughness(4, effects_of(world), 2, world).arrays() for world in LABS]
-    assert {*drawn[0], *drawn[1], "repeat"} == set(Roughness.__dataclass_fields__)
-
-
-def test_every_lab_stands_and_is_as_rough_as_it_says():
-    for lab in range(300):
-        drawn = draw_roughness(lab, effects_of(ROUGH), 3)
-        assert TILT[0] <= np.hypot(*np.sin(drawn.tilt)) <= TILT[1]
-        places = np.random.default_rng(lab).uniform(-1, 1, (20, 2))
-        factors = [drawn.friction_factor(*place) for place in places]
-        assert np.exp(-PATCH_DEPTH) <= min(factors) < max(factors) <= np.exp(PATCH_DEPTH)
-        # so that the least friction of any lab still holds a disk on the steepest table
-        assert 0.08 * min(factors) * min(drawn.grain**0.5, 1.0) > np.tan(TILT[1])
-
-
-def test_what_does_not_fit_the_disks_is_refused():
-    offsets = Roughness(mass_offsets=((0.1, 0.0),) * 3)
-    with pytest.raises(ConfigError, match="mass_offsets is about 3 disks, the world has 2"):
-        replace(nominal_parameters(), roughness=offsets)
-    feet = Roughness(feet=(REGULAR_FEET,) * 2)
-    with pytest.raises(ConfigError, match="what lies flat has no feet"):
-        replace(nominal_parameters().on(FLAT), roughness=feet)

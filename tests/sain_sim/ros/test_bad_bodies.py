@@ -54,9 +54,3 @@ def test_bodies_that_cannot_be_are_named(world, places, shapes, roles, size, mes
     with pytest.raises(SainError) as caught:
         reset(world, places, shapes, roles, size)
     assert message in str(caught.value)
-
-
-@pytest.mark.parametrize("count", range(1, 11))
-def test_one_to_ten_bodies_can_be(world, count):
-    row = np.stack([np.full(count, 0.45), np.linspace(-0.5, 0.5, 10)[:count]], axis=-1)
-    assert len(reset(world, row, NAMES[:count], size=0.04)) == count

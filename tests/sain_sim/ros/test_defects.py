@@ -8,8 +8,7 @@ from rclpy.node import Node
 
 from sain_core.errors import ErrorCode
 from sain_core.ros.qos import QUEUE
-from sain_interfaces.msg import Bodies, DiskState, Push, PushResult, Scene
-from sain_interfaces.srv import ResetScene
+from sain_interfaces.msg import Bodies, Push, PushResult, Scene
 from sain_sim.ros.sim_node import SimNode
 
 AHEAD = (0.0, 0.0, 0.1)
@@ -41,18 +40,6 @@ def test_a_push_that_fails_unexpectedly_is_answered_and_the_next_one_is_executed
     assert simulator.reception.figures["defects"] == 1
 
 
-def test_a_reset_that_fails_unexpectedly_is_answered(graph, simulator, monkeypatch):
-    def fail(*_):
-        raise ZeroDivisionError("in the world")
-
-    with monkeypatch.context() as patched:
-        patched.setattr(simulator.simulator, "reset", fail)
-        reply = graph.call(ResetScene, "reset_scene", ResetScene.Request())
-    assert ErrorCode(reply.error_code) is ErrorCode.INTERNAL
-    assert reply.scene == simulator.publishing.settled
-    assert graph.reset(seed=3).episode_id == 2
-
-
 def test_a_push_that_is_too_large_is_answered_without_what_is_too_large(graph, simulator):
     graph.wait(lambda: graph.pushing.get_subscription_count() == 2, "who takes a push")
     graph.pushing.publish(Push(push_id=5, source="x" * 100_000, length=0.1))
@@ -60,12 +47,6 @@ def test_a_push_that_is_too_large_is_answered_without_what_is_too_large(graph, s
     assert ErrorCode(result.error_code) is ErrorCode.INVALID
     assert result.error_message == "source has 100000 characters; at most 256 are accepted"
     assert result.push == Push(push_id=5, length=0.1)
-
-
-def test_a_hundred_thousand_disks_are_refused(graph, simulator):
-    reply = graph.call(ResetScene, "reset_scene", ResetScene.Request(disks=[DiskState()] * 100_000))
-    assert ErrorCode(reply.error_code) is ErrorCode.INVALID
-    assert reply.error_message == "disks has 100000 elements; at most 32 are accepted"
 
 
 def test_each_push_of_a_burst_is_answered(graph, simulator):

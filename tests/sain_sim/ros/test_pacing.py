@@ -1,12 +1,11 @@
 """When a camera looks at bodies at rest."""
 
-import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from sain_sim.camera.camera import Camera, WorldCameraConfig
-from sain_sim.ros.pacing import NEW, CameraTimer, Pacer
+from sain_sim.ros.pacing import CameraTimer, Pacer
 from sain_sim.world.parameters import nominal_parameters
 from sain_sim.world.world import World
 
@@ -29,14 +28,6 @@ def pacer(factor: float) -> tuple[Pacer, Wall]:
     return Pacer(factor, wall, wall.sleep), wall
 
 
-def test_as_fast_as_possible_never_sleeps_and_stands_still_when_idle() -> None:
-    pace, wall = pacer(0.0)
-    pace.follow(2.5)
-    wall.now += 10.0
-    pace.idle()
-    assert (pace.now, wall.now) == (2.5, 110.0)
-
-
 @pytest.mark.parametrize("factor", [0.5, 1.0, 4.0])
 def test_the_world_waits_for_the_wall(factor: float) -> None:
     pace, wall = pacer(factor)
@@ -44,16 +35,6 @@ def test_the_world_waits_for_the_wall(factor: float) -> None:
         pace.follow(step * 0.02)
     assert pace.now == pytest.approx(2.0)
     assert wall.now - 100.0 == pytest.approx(2.0 / factor)
-
-
-def test_idle_time_passes_with_the_wall_and_stays_passed() -> None:
-    pace, wall = pacer(2.0)
-    wall.now += 3.0
-    pace.idle()
-    assert pace.now == pytest.approx(6.0)
-    pace.follow(0.5)
-    assert pace.now == pytest.approx(6.5)
-    assert pace.now_ns == 6_500_000_000
 
 
 @given(
@@ -85,23 +66,6 @@ def looking(factor, **config):
     camera.begin(0, nominal_parameters())
     pacer = Pacer(factor, wall=lambda: 0.0)
     return camera, pacer, CameraTimer(camera, pacer, factor, idle_rate=2.0)
-
-
-def test_time_goes_on_from_frame_to_frame_as_fast_as_possible(sample):
-    camera, pacer, eye = looking(0.0)
-    assert all(eye.observe(sample) for _ in range(10))
-    times = [frame.time for frame in camera.arrived(pacer.now)]
-    np.testing.assert_allclose(times, np.arange(1, 11) / 30)
-    assert eye.timer_period == pytest.approx(1 / 150)
-
-
-def test_a_scene_that_is_not_new_any_more_is_looked_at_seldom(sample):
-    _, _, eye = looking(0.0)
-    new = round(NEW * 30)
-    assert sum(eye.observe(sample) for _ in range(new)) == new
-    assert sum(eye.observe(sample) for _ in range(750)) == 10  # in 5 s, twice a second
-    eye.renew()
-    assert eye.observe(sample)
 
 
 def test_late_frames_come_later_and_have_the_time_of_their_observation(sample):

@@ -43,12 +43,6 @@ def left(graph, tmp_path):
     return path
 
 
-def test_who_listens_is_noted_before_any_reset(graph, tmp_path):
-    path = tmp_path / "sim.json"
-    graph.start(SimNode, idle_rate=20.0, state_file=str(path))
-    graph.wait(lambda: "/sain/bystander" in json.loads(path.read_text())["listeners"], "who hears")
-
-
 def test_episode_scene_world_and_time_go_on(graph, left):
     scene = latest(graph)
     world = graph.heard["world_parameters"][-1]
@@ -110,18 +104,6 @@ def test_a_result_is_told_though_its_simulator_died_before_it_could(graph, left,
     graph.push(latest(graph), 9, PUSH)
     graph.wait(lambda: len(graph.find("push_result", push_id=9)) == 2, "another answer")
     assert graph.find("push_result", push_id=9)[1].error_code == ErrorCode.DUPLICATE_PUSH
-
-
-def test_pushes_and_resets_before_all_listen_again(graph, left):
-    state = json.loads(left.read_text())
-    left.write_text(json.dumps({**state, "listeners": ["/sain/gone_for_good"]}))
-    scene = latest(graph)
-    hear_anew(graph)
-    graph.start(SimNode, idle_rate=20.0, state_file=str(left))
-    graph.push(scene, 8, PUSH)
-    assert graph.result(8).error_code == ErrorCode.BUSY
-    assert not graph.heard["scene"]
-    assert graph.reset(seed=1).episode_id == scene.episode_id + 1
 
 
 @pytest.mark.parametrize(

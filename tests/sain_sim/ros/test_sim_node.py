@@ -8,7 +8,7 @@ from sensor_msgs.msg import JointState
 from visualization_msgs.msg import MarkerArray
 
 from sain_core import wire
-from sain_core.errors import BusyError, ErrorCode
+from sain_core.errors import ErrorCode
 from sain_core.ros import codec
 from sain_core.scene import make_scene
 from sain_interfaces.msg import Prediction
@@ -107,16 +107,6 @@ def test_a_refused_push_moves_nothing_and_says_why(graph, simulator, push, ids, 
     assert result.prediction == Prediction()
 
 
-def test_an_unreachable_push_is_refused(graph, simulator):
-    far = make_scene(np.array([(0.80, 0.0), (1.0, 0.0)]), np.full(2, 8.0), np.array([0.08, 0.06]))
-    scene = graph.reset(disks=codec.encode_disks(far))
-    graph.push(scene, 12, AHEAD)
-    result = graph.result(12)
-    assert ErrorCode(result.error_code) is ErrorCode.UNREACHABLE
-    assert "reach" in result.error_message
-    assert result.before == result.after == scene
-
-
 def test_a_push_id_works_once(graph, simulator):
     graph.push(latest(graph), 5, AHEAD)
     graph.result(5)
@@ -173,13 +163,6 @@ def test_each_episode_tells_what_its_world_is_made_of(graph, simulator):
     assert (second.world, second.friction) == (simulator.simulator.config.world, 0.3)
 
 
-def test_after_a_reset_old_scenes_are_of_an_unknown_episode(graph, simulator):
-    old = latest(graph)
-    graph.reset(seed=3)
-    graph.push(old, 21, AHEAD)
-    assert ErrorCode(graph.result(21).error_code) is ErrorCode.UNKNOWN_EPISODE
-
-
 @pytest.mark.parametrize(
     ("request_fields", "code", "text"),
     [
@@ -208,35 +191,6 @@ def test_a_wrong_reset_changes_nothing(graph, simulator, request_fields, code, t
     assert graph.result(31).error_code == ErrorCode.OK
 
 
-@pytest.mark.parametrize(
-    ("positions", "code", "text"),
-    [
-        ([(0.4, 0.0), (0.45, 0.0)], ErrorCode.INVALID, "overlap"),
-        ([(0.4, 0.0), (3.0, 0.0)], ErrorCode.OFF_TABLE, "disk 1 at (3.000, 0.000) m is off"),
-        ([(0.4, 0.0), (np.nan, 0.0)], ErrorCode.INVALID, "x of disk 1 is nan"),
-    ],
-)
-def test_a_scene_that_cannot_exist_is_not_set_up(graph, simulator, positions, code, text):
-    count = len(positions)
-    scene = make_scene(np.array(positions), np.full(count, 8.0), np.full(count, 0.06))
-    request = ResetScene.Request(disks=codec.encode_disks(scene))
-    response = graph.call(ResetScene, "reset_scene", request)
-    assert ErrorCode(response.error_code) is code
-    assert text in response.error_message
-    assert response.scene == latest(graph)
-
-
-def test_disks_that_are_given_are_taken_as_they_are(graph, simulator):
-    wanted = make_scene(
-        np.array([(0.45, 0.05), (0.60, 0.02), (0.50, -0.25)]),
-        np.array([7.5, 8.5, 7.0]),
-        np.array([0.08, 0.06, 0.055]),
-        np.array([0.3, -2.0, 1.0]),
-    )
-    message = graph.reset(disks=codec.encode_disks(wanted), shapes=["disk", "cube", "disk"])
-    np.testing.assert_allclose(wire.decode_disks(message.disks), wanted, atol=1e-9)
-
-
 def test_the_clock_never_goes_back_also_over_a_reset(graph, simulator):
     graph.listen("/clock", Clock)
     graph.push(latest(graph), 41, AHEAD)
@@ -251,11 +205,6 @@ def test_the_clock_never_goes_back_also_over_a_reset(graph, simulator):
     assert times[-1] > times[0]
     stamps = [seconds(message.header.stamp) for message in graph.heard["scene"]]
     assert stamps == sorted(stamps)
-
-
-def test_a_second_simulator_is_refused(graph, simulator):
-    with pytest.raises(BusyError, match=r"process \d+ \(.+\) publishes /sain/scene already"):
-        SimNode(context=graph.context)
 
 
 def test_its_own_clock_does_not_freeze_it(graph):

@@ -5,11 +5,9 @@ import sys
 import pytest
 
 from sain_core.errors import ConfigError
-from sain_sim.commands import collect as main
 from sain_sim.world import engines
-from sain_sim.world.engines import BULLET, ENGINES, MUJOCO, check_engine, simulation_class
-from sain_sim.world.truth import MEASURED, ROUGH, TruthConfig, check_effects, effects_of
-from sain_sim.world.workcell import Simulation
+from sain_sim.world.engines import BULLET, ENGINES, MUJOCO, check_engine
+from sain_sim.world.truth import ROUGH, TruthConfig, check_effects, effects_of
 
 MISSING = (
     "engine mujoco needs the package mujoco, which is not installed:"
@@ -25,24 +23,9 @@ def without_mujoco(monkeypatch):
     monkeypatch.setattr(engines, "find_spec", find)
 
 
-def test_an_engine_is_found_by_name(engine):
-    assert issubclass(simulation_class(engine), Simulation)
-
-
 def test_bullet_is_the_default_and_has_all_effects_of_a_rough_world():
     assert TruthConfig().engine == BULLET == next(iter(ENGINES))
     check_effects(BULLET, effects_of(ROUGH))
-
-
-def test_an_engine_without_an_effect_names_those_that_have_all():
-    check_effects(MUJOCO, effects_of(MEASURED))
-    message = "engine bullet cannot simulate pressure, soft, offset, noise; use engine mujoco, or"
-    with pytest.raises(ConfigError, match=f"{message} effects without pressure, soft, offset"):
-        TruthConfig(MEASURED)
-    with pytest.raises(ConfigError, match="bullet cannot simulate soft; use effects without"):
-        check_effects(BULLET, ("soft", "direction"))
-    with pytest.raises(ConfigError, match=r"mine cannot simulate mass; use .* effects none"):
-        check_effects("mine", ("mass",))
 
 
 def test_an_engine_that_is_not_installed_is_an_error_that_names_the_extra(without_mujoco):
@@ -52,26 +35,11 @@ def test_an_engine_that_is_not_installed_is_an_error_that_names_the_extra(withou
     check_engine(BULLET)
 
 
-def test_a_command_says_so_before_anything_is_made(without_mujoco, tmp_path, capsys):
-    out = tmp_path / "data"
-    assert main(["--out", str(out), "--engine", "mujoco"]) == 2
-    assert capsys.readouterr().err.strip().replace("\n", " ") == f"collect: {MISSING}"
-    assert not out.exists()
-
-
 def test_an_engine_that_does_not_exist_is_refused():
     with pytest.raises(ConfigError, match="engine 'ode' is unknown; known: bullet, mujoco"):
         check_engine("ode")
     with pytest.raises(ConfigError, match="engine 'ode' is unknown; known: bullet, mujoco"):
         TruthConfig(engine="ode")
-
-
-def test_a_world_in_bullet_does_not_load_mujoco(tmp_path):
-    import subprocess
-
-    program = "import sys; from sain_sim.world.world import World; from sain_sim.world.parameters"
-    program += " import nominal_parameters as n; World(n()); assert 'mujoco' not in sys.modules"
-    subprocess.run([sys.executable, "-c", program], check=True, timeout=60)
 
 
 WITHOUT_BULLET = """

@@ -10,12 +10,11 @@ from sain_core.errors import BlockedError, ConfigError, OutOfRangeError
 from sain_core.push import LENGTH, idle_pushes, make_push
 from sain_core.scene import MID, TARGET, X
 from sain_core.world import Outcome, WorldFailedError
-from sain_sim.world.engines import BULLET, OFFERED
-from sain_sim.world.own import OwnWorld, open_world
+from sain_sim.world.engines import OFFERED
+from sain_sim.world.own import open_world
 from sain_sim.world.parameters import WorldParameters
 from sain_sim.world.shadow import BulletPrior
 from sain_sim.world.truth import TruthConfig
-from sain_sim.world.world import World
 
 NAME = "stranger"
 PUSH = make_push(0.0, 0.0, 0.05)
@@ -61,12 +60,6 @@ def world(offered):
     return made
 
 
-def test_a_name_leads_to_an_engine_or_to_a_stranger_s_world(world):
-    assert isinstance(world, OwnWorld)
-    assert isinstance(open_world(WorldParameters.of_scene(SCENE), engine=BULLET), World)
-    assert TruthConfig(engine=NAME).settings()["engine"] == NAME
-
-
 def test_it_gets_scene_bodies_and_friction(world):
     world.reset(SCENE, WorldParameters.of_scene(SCENE, friction=0.2))
     start = world._world.start
@@ -92,12 +85,6 @@ def test_a_push_that_is_checked_first_does_not_arrive(world):
     assert not hasattr(world._world, "seen")
 
 
-def test_it_gets_the_scene_that_the_push_was_planned_from(world):
-    seen = SCENE + np.array([0.001, 0, 0, 0, 0, 0, 0, 0])
-    world.push(PUSH, seen=seen)
-    np.testing.assert_array_equal(world._world.seen, seen)
-
-
 @pytest.mark.parametrize(
     ("fault", "text"),
     [
@@ -111,13 +98,6 @@ def test_after_a_failure_the_bodies_are_where_they_were(world, fault, text):
         world.push(PUSH)
     world._world.fault = ""
     assert world.observe().tobytes() == world._world.observe().tobytes() == SCENE.tobytes()
-
-
-def test_a_refusal_is_its_own_error(world):
-    world._world.fault = "refuses"
-    with pytest.raises(BlockedError, match="not this one"):
-        world.push(PUSH)
-    assert world._world.observe().tobytes() == SCENE.tobytes()
 
 
 def test_what_needs_an_engine_of_ours_is_refused(offered):

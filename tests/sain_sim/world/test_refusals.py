@@ -114,9 +114,3 @@ def test_a_scene_that_cannot_be_is_refused_and_the_world_stays(
         world.reset(scene)
     assert message in str(caught.value)
     assert np.array_equal(world.observe(), before)
-
-
-def test_a_scene_with_another_number_of_disks_is_refused(world):
-    scene = nominal_parameters(3).scene(np.array([[0.4, 0.0], [0.6, 0.0], [0.4, 0.3]]))
-    with pytest.raises(InvalidInputError, match="the scene has 3 bodies; this world has 2"):
-        world.reset(scene)

@@ -1,7 +1,5 @@
 """Bodies of the library in a rough world: on their own feet, which are off."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from shapely import MultiPoint, Polygon
@@ -9,9 +7,9 @@ from shapely import MultiPoint, Polygon
 from sain_core.shapes.library import get_shape, shape_names
 from sain_core.shapes.shape import REGULAR_FEET
 from sain_sim.world.parameters import WorldParameters
-from sain_sim.world.roughness import LEAST_LOAD, Roughness, fit_shapes
+from sain_sim.world.roughness import LEAST_LOAD, fit_shapes
 from sain_sim.world.start import draw_episode
-from sain_sim.world.truth import ROUGH, TruthConfig, draw_effects, effects_of
+from sain_sim.world.truth import ROUGH, TruthConfig, draw_effects
 from sain_sim.world.world import World
 
 LABS = [TruthConfig("rough", lab=lab) for lab in range(8)]
@@ -42,16 +40,6 @@ def test_each_shape_stands_below_itself_in_every_lab(shape):
         assert 0.0 < apart.max() < 0.3  # off, and near its own
 
 
-def test_disks_and_cubes_keep_what_was_drawn():
-    for lab in range(8):
-        drawn = draw_effects(ROUGH, lab, effects_of(ROUGH), 3)["roughness"]
-        shapes = tuple(map(get_shape, ("disk", "cube", "disk")))
-        assert fit_shapes(drawn, shapes) == drawn
-        mixed = fit_shapes(drawn, (shapes[0], get_shape("t"), shapes[1]))
-        assert (mixed.feet[0], mixed.feet[2]) == (drawn.feet[0], drawn.feet[2])
-        assert mixed.feet[1] != drawn.feet[1]
-
-
 def test_the_errors_of_a_lab_are_those_of_its_disks():
     """A triangle with a disk's feet but for their size has a disk's errors."""
     drawn = draw_effects(ROUGH, 0, ("feet",), 1)["roughness"]
@@ -62,21 +50,6 @@ def test_the_errors_of_a_lab_are_those_of_its_disks():
         share = (made[0] / mine[0] - 1.0) / (disk[0] / regular[0] - 1.0)
         assert 0.0 < share <= 1.0
         assert made[1] - mine[1] == pytest.approx(share * (disk[1] - regular[1]))
-
-
-def test_mass_alone_leaves_the_feet_of_a_shape():
-    lab = replace(LABS[0], effects="mass")
-    made = world_of("bar", lab=lab).roughness
-    assert made.feet == () and made.mass_offsets != ((0.0, 0.0),)
-    loads = np.linalg.solve(
-        np.vstack([get_shape("bar").supports(1.0).T, np.ones(3)]), [*made.mass_offsets[0], 1.0]
-    )
-    assert loads.min() >= LEAST_LOAD
-
-
-def test_what_is_off_stays_off():
-    assert fit_shapes(Roughness(), (get_shape("t"),)) == Roughness()
-    assert world_of("t", lab=TruthConfig("rough", "tilt")).roughness.feet == ()
 
 
 def test_the_simulator_and_scenarios_give_a_t_its_own_feet():

@@ -2,9 +2,7 @@ import numpy as np
 import pytest
 
 from sain_core.errors import InvalidInputError, OutOfRangeError
-from sain_core.scene import MASS, RADIUS, VELOCITY, make_scene, surface_gaps
-from sain_core.shapes.shape import FLAT
-from sain_core.shapes.solids import DISK
+from sain_core.scene import make_scene, surface_gaps
 from sain_sim.world.parameters import nominal_parameters
 from sain_sim.world.start import draw_episode
 from sain_sim.world.truth import TruthConfig
@@ -27,33 +25,6 @@ def test_the_default_start_is_the_paper_s() -> None:
     assert parameters == nominal_parameters()
     assert start[0, :2].tolist() == [0.35, 0.0]
     assert surface_gaps(start)[0, 1] == pytest.approx(0.001)
-
-
-@pytest.mark.parametrize("world", ["randomised", "nominal"])
-def test_disks_that_are_given_keep_their_bodies_and_lose_their_velocities(world: str) -> None:
-    moving = GIVEN.copy()
-    moving[:, VELOCITY] = 0.3
-    parameters, start = draw_episode(0, TruthConfig(world), moving)
-    np.testing.assert_array_equal(start, GIVEN)
-    assert parameters.masses == tuple(GIVEN[:, MASS])
-    assert parameters.radii == tuple(GIVEN[:, RADIUS])
-
-
-def test_friction_is_drawn_unless_it_is_given() -> None:
-    assert draw_episode(0, TruthConfig("randomised"), GIVEN, friction=0.17)[0].friction == 0.17
-    assert 0.08 <= draw_episode(0, TruthConfig("randomised"), GIVEN)[0].friction <= 0.20
-    assert (
-        draw_episode(0, TruthConfig("nominal"), GIVEN)[0].friction == nominal_parameters().friction
-    )
-
-
-def test_bodies_stand_on_feet_unless_they_lie_flat() -> None:
-    for world in ("nominal", "randomised"):
-        truth = TruthConfig(world, bottom=FLAT)
-        parameters = draw_episode(0, truth, GIVEN, ("disk", "cube", "disk"))[0]
-        assert parameters.shapes == ("disk:flat", "cube:flat", "disk:flat")
-        assert parameters.lies_flat and parameters.bottom == FLAT
-    assert draw_episode(0, TruthConfig("nominal"), GIVEN)[0].shapes == (DISK,) * 3
 
 
 @pytest.mark.parametrize(

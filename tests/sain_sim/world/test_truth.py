@@ -1,4 +1,3 @@
-import json
 from dataclasses import replace
 
 import numpy as np
@@ -9,11 +8,8 @@ from sain_core.randomness import generator
 from sain_sim.collecting.collect import CollectConfig, collect
 from sain_sim.collecting.episode import EpisodeConfig
 from sain_sim.collecting.shards import load_shards
-from sain_sim.commands import collect as main
 from sain_sim.world.engines import BULLET, MUJOCO
-from sain_sim.world.parameters import sample_parameters
 from sain_sim.world.roughness import Roughness
-from sain_sim.world.start import draw_episode
 from sain_sim.world.truth import LABS, RIM_FRICTION, TABLE_FRICTION, TruthConfig, effects_of
 
 ROUGH = TruthConfig("rough", lab=2)
@@ -22,10 +18,6 @@ ENGINE = {"rough": BULLET, "measured": MUJOCO}
 
 def drawn(truth: TruthConfig, episode: int, count: int = 2):
     return truth.draw(generator(7, "episode", episode), count)
-
-
-def test_the_randomised_world_is_the_papers():
-    assert drawn(TruthConfig(), 3) == sample_parameters(generator(7, "episode", 3))
 
 
 def test_a_lab_stays_and_its_disks_differ():
@@ -62,13 +54,6 @@ def test_effects_that_do_not_exist_are_named(effects):
         TruthConfig("rough", effects).draw(generator(0, "x"))
 
 
-def test_the_simulator_draws_episodes_of_a_lab():
-    lab = TruthConfig("rough", lab=2, effects="tilt")
-    first, second = (draw_episode(seed, lab)[0] for seed in (0, 1))
-    assert first.roughness == second.roughness == drawn(replace(ROUGH, effects="tilt"), 0).roughness
-    assert first.masses != second.masses
-
-
 def test_a_rough_collection_says_what_is_rough_and_repeats(tmp_path):
     config = EpisodeConfig(pushes=3, floor_episodes=1, truth=ROUGH)
     runs = [CollectConfig(tmp_path / name, episodes=2, seed=1, episode=config) for name in "ab"]
@@ -86,13 +71,3 @@ def test_a_rough_collection_says_what_is_rough_and_repeats(tmp_path):
     assert floor < shadow / 3
     with pytest.raises(DatasetError, match="was collected with truth"):
         collect(replace(runs[0], episode=replace(config, truth=TruthConfig())))
-
-
-def test_the_command_collects_single_effects(tmp_path, capsys):
-    arguments = ["--out", str(tmp_path), "--episodes", "1", "--pushes", "1", "--world", "rough"]
-    assert main([*arguments, "--effects", "tilt,rims", "--lab", "4"]) == 0
-    identity = json.loads((tmp_path / "collection.json").read_text())
-    assert identity["truth"] == {"world": "rough", "effects": "tilt,rims", "lab": 4}
-    stored = {name for name in load_shards(tmp_path) if name.startswith("rough_")}
-    assert stored == {"rough_tilt"}
-    capsys.readouterr()

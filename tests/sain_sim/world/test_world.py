@@ -10,9 +10,6 @@ import numpy as np
 import pytest
 
 from sain_core.errors import (
-    BlockedError,
-    ConfigError,
-    InvalidInputError,
     SainError,
     UnreachableError,
 )
@@ -22,32 +19,20 @@ from sain_core.scene import (
     POSITION,
     RADIUS,
     TARGET,
-    VELOCITY,
     Y,
     is_settled,
-    surface_gaps,
     unit,
 )
 from sain_core.shapes.solids import DISK
 from sain_core.world import DivergedError, check_possible
 from sain_sim.world.parameters import nominal_parameters
-from sain_sim.world.shadow import DYNAMICS, Bullet, BulletPrior, load_bullet
+from sain_sim.world.shadow import DYNAMICS, Bullet, BulletPrior
 from sain_sim.world.start import paper_start
 from sain_sim.world.workcell import WorldConfig
 from sain_sim.world.world import World
 from tests.workspace.source_tree import setup_arguments
 
 FULL = WorldConfig(full_motion=True)
-
-
-def test_a_world_of_a_scene_begins_in_it(bench):
-    scene = bench.touching()
-    with World.of_scene(scene, friction=0.2) as world:
-        assert np.allclose(world.observe(), scene, atol=1e-12)
-        assert world.parameters.friction == 0.2
-    scene[:, POSITION] += 1.0
-    with pytest.raises(SainError, match="off the table"):
-        World.of_scene(scene)
 
 
 def test_a_push_moves_the_target_and_ends_at_rest(world, bench):
@@ -82,30 +67,6 @@ def test_the_tool_travels_at_the_speed_of_the_push(world, bench, speed):
     tool = np.array([sample.commanded_tool for sample in seen if sample.phase == "push"])
     steps = np.linalg.norm(np.diff(tool, axis=0), axis=1) / world.config.motion.time_step
     assert steps.max() == pytest.approx(speed, rel=0.02)
-
-
-def test_time_goes_on_over_resets(world, bench):
-    world.reset(bench.touching())
-    world.push(bench.straight)
-    time = world.time
-    world.reset(bench.touching())
-    assert world.time == time > 0.0
-
-
-def test_one_world_leaves_another_alone_to_the_bit(bench, engine):
-    worlds = (World(nominal_parameters(), engine=engine) for _ in range(3))
-    with next(worlds) as still, next(worlds) as busy:
-        still.reset(bench.touching(bearing=0.5))
-        busy.reset(bench.touching())
-        before, joints = still.observe(), still.sample().joint_positions
-        after = busy.push(bench.straight).after
-        assert np.array_equal(still.observe(), before)
-        assert np.array_equal(still.sample().joint_positions, joints)
-        assert np.array_equal(busy.observe(), after)
-        pushed = still.push(bench.straight).after
-    with next(worlds) as alone:
-        alone.reset(bench.touching(bearing=0.5))
-        assert np.array_equal(alone.push(bench.straight).after, pushed)
 
 
 def episode(world, bench, observer=None, seed=4, count=3):
@@ -156,15 +117,6 @@ def test_processes_agree_to_the_bit(engine):
     assert len(runs[0].stdout.strip()) == 2 * 2 * 8 * 8
 
 
-def test_showing_motion_without_contact_changes_nothing(bench, engine):
-    after = []
-    for config in (WorldConfig(), FULL):
-        with World(nominal_parameters(), config, engine=engine) as world:
-            world.reset(bench.touching())
-            after.append([world.push(bench.towards(a)).after for a in (0.0, 0.4)])
-    assert np.array_equal(after[0], after[1])
-
-
 @pytest.mark.parametrize("config", [WorldConfig(), FULL], ids=["short", "full"])
 def test_the_tool_follows_its_line_and_touches_the_mid_disk_alone(config, bench, engine):
     along, pushed = [], 0
@@ -191,17 +143,6 @@ def test_the_tool_follows_its_line_and_touches_the_mid_disk_alone(config, bench,
     assert np.percentile(along, 99) < 1.5e-3
 
 
-def test_samples_come_at_the_rate_asked_for_with_time_running(world, bench):
-    world.reset(bench.touching())
-    samples = []
-    world.push(bench.straight, on_step=samples.append, every=4)
-    times = np.array([sample.time for sample in samples])
-    assert np.allclose(np.diff(times), 4 / 240)
-    assert {sample.phase for sample in samples} == {"push", "settle"}
-    assert samples[0].joint_positions.shape == samples[0].joint_velocities.shape == (7,)
-    assert samples[0].scene.shape == (2, 8)
-
-
 def test_a_disk_that_falls_off_the_table_is_an_outcome(bench, engine):
     table = dataclasses.replace(WorldConfig().feasibility.table, x_max=0.66)
     feasibility = dataclasses.replace(WorldConfig().feasibility, table=table)
@@ -212,22 +153,6 @@ def test_a_disk_that_falls_off_the_table_is_an_outcome(bench, engine):
         assert outcome.fallen.any()
         assert outcome.fallen.tolist() == [False, True]
         assert outcome.settled  # what lies on the floor does not count
-
-
-def test_settling_waits_until_the_disks_are_still(world, bench):
-    world.reset(bench.touching())
-    bench.kick(world, MID, (-0.3, 0.0))
-    assert world.settle()
-    assert is_settled(world.observe())
-    assert world.observe()[MID, 0] < bench.touching()[MID, 0] - 0.02
-    assert np.abs(world.observe()[:, VELOCITY]).max() < 1e-2
-
-
-def test_disks_keep_apart(world, bench):
-    world.reset(bench.touching())
-    gaps = []
-    world.push(bench.straight, on_step=lambda s: gaps.append(surface_gaps(s.scene).min()))
-    assert min(gaps) > -1.5e-3
 
 
 def test_mirrored_pushes_have_mirrored_outcomes(world, bench):
@@ -286,17 +211,6 @@ def test_the_tool_goes_where_the_body_is_taken_to_be(world):
     assert aside[TARGET, Y] < straight[TARGET, Y] - 1e-3  # pushed on its left, it goes right
 
 
-def test_a_tool_that_would_be_lowered_into_a_body_moves_nothing(world):
-    with pytest.raises(BlockedError, match=r"lowered 5\.\d mm into a body"):
-        pushed(world, (0.02, 0.0))
-    assert world.observe().tobytes() == paper_start(world.parameters).tobytes()
-
-
-def test_what_is_seen_must_be_of_this_world(world):
-    with pytest.raises(InvalidInputError, match="for 1 bodies; this world has 2"):
-        world.push(PUSH, seen=world.observe()[:1])
-
-
 @pytest.mark.parametrize("speed", [60.0, float("nan")])
 def test_a_push_that_explodes_has_no_outcome(world, bench, speed, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)  # MuJoCo writes a log where it is
@@ -333,17 +247,6 @@ def test_every_name_is_offered_and_gives_its_kind():
             assert bullet.kind == DYNAMICS[name]
 
 
-def test_it_predicts_as_the_shadow_of_its_kind_does(bench):
-    _, start = bench.drawn(4)
-    way = start[TARGET, POSITION] - start[0, POSITION]
-    push = bench.towards(np.arctan2(way[1], way[0]))
-    for name, kind in DYNAMICS.items():
-        with load_bullet(name) as bullet, BulletPrior(kind) as shadow:
-            expected = shadow.predict(start, push)
-            assert np.array_equal(bullet.step(start[None], push[None])[0], expected)
-            assert not np.array_equal(expected, start) and bullet.refused == 0
-
-
 def test_a_push_out_of_reach_moves_nothing_and_is_counted(bench):
     near = bench.touching()
     far = near.copy()
@@ -356,8 +259,3 @@ def test_a_push_out_of_reach_moves_nothing_and_is_counted(bench):
         predicted = bullet.step(np.stack([far, near, far]), pushes)
         assert bullet.refused == 2
     assert np.array_equal(predicted, np.stack([far, expected, far]))
-
-
-def test_another_name_is_refused():
-    with pytest.raises(ConfigError, match="no dynamics 'bulet' in the simulator"):
-        load_bullet("bulet")

@@ -20,7 +20,7 @@ from tf2_msgs.msg import TFMessage
 from visualization_msgs.msg import Marker, MarkerArray
 
 from sain_core import wire
-from sain_core.errors import BusyError, ConfigError, DatasetError
+from sain_core.errors import BusyError, ConfigError
 from sain_core.ros import codec
 from sain_core.scene import POSE, VELOCITY
 from sain_vision.ros.scene_node import SceneNode
@@ -125,36 +125,12 @@ def test_viewers_see_the_bodies_where_they_are(graph, camera, tmp_path) -> None:
     assert shown["bodies", 1].type == Marker.TRIANGLE_LIST and shown["bodies", 1].points
 
 
-def test_poses_that_stop_coming_unsettle_the_scene(graph, camera, tmp_path) -> None:
-    start(graph, tmp_path, ARRAY)
-    camera.until(camera.poses, lambda: graph.find("scene", settled=True), "a scene")
-    graph.wait(lambda: not graph.heard["scene"][-1].settled, "an unsettled scene")
-    graph.wait(lambda: camera.told("s old; at most 0.5 s is allowed"), "why")
-
-
 def test_old_frames_are_named(graph, camera, tmp_path) -> None:
     start(graph, tmp_path, FRAMES)
     camera.late = 3.0
     text = "body 0 (mug), frame 'tag_7', was last seen 3.0 s ago"
     camera.until(camera.frames, lambda: camera.told(text), "the diagnostic")
     assert not graph.heard["scene"]
-
-
-def test_a_jump_is_named_and_settles_nothing(graph, camera, tmp_path) -> None:
-    start(graph, tmp_path, ARRAY, max_speed=0.2)
-    camera.until(camera.poses, lambda: graph.find("scene", settled=True), "a scene")
-    camera.places = ((0.4, 0.0), (0.6, 0.4))
-    camera.until(camera.poses, lambda: camera.told("body 1 (t) jumped by 0.300 m"), "why")
-    camera.until(camera.poses, lambda: graph.find("scene", episode_id=2, settled=True), "a scene")
-    jumped = [m for m in graph.heard["scene"] if m.disks[1].y > 0.3 and m.episode_id == 1]
-    assert jumped and not any(message.settled for message in jumped)
-
-
-def test_another_frame_is_named(graph, camera, tmp_path) -> None:
-    start(graph, tmp_path, ARRAY)
-    camera.frame = "camera"
-    text = "the poses are in frame 'camera'; they must be in 'world'"
-    camera.until(camera.poses, lambda: camera.told(text), "the diagnostic")
 
 
 def test_a_second_converter_ends(graph, tmp_path) -> None:
@@ -171,13 +147,6 @@ def test_ids_go_on_after_a_crash(graph, camera, tmp_path) -> None:
     start(graph, tmp_path, ARRAY, state_file=state)
     camera.until(camera.poses, lambda: graph.find("scene", episode_id=2, settled=True), "a scene")
     assert graph.find("scene", episode_id=2)[-1].scene_id == 2
-
-
-def test_a_damaged_state_is_named(graph, tmp_path) -> None:
-    state = tmp_path / "state.json"
-    state.write_text('{"episode_id": "many"}')
-    with pytest.raises(DatasetError, match=r"state\.json is damaged: .*; remove it"):
-        start(graph, tmp_path, ARRAY, state_file=str(state))
 
 
 def test_without_a_file_of_bodies_it_does_not_start(graph) -> None:

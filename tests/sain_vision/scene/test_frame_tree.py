@@ -17,14 +17,6 @@ def about(axis: int, angle: float) -> tuple[float, float, float, float]:
     return tuple(turn)  # type: ignore[return-value]
 
 
-def test_a_body_below_the_world_is_where_its_transform_says() -> None:
-    tree = FrameTree("world")
-    tree.take("world", "tag", (0.4, -0.1, 0.02), about(2, 2.5), 3.0)
-    pose, stamp = tree.pose("tag")
-    np.testing.assert_allclose(pose, (0.4, -0.1, 2.5))
-    assert stamp == 3.0
-
-
 def test_a_camera_that_looks_down_is_taken_into_account() -> None:
     """It hangs 1 m above (0.5, 0): its x axis along the world's, its z axis down."""
     tree = FrameTree("world")
@@ -71,20 +63,6 @@ def test_trees_that_are_none(links: list[tuple], message: str) -> None:
         tree.pose("tag")
 
 
-def test_a_frame_may_change_its_parent_later() -> None:
-    tree = FrameTree("world")
-    tree.take("map", "tag", (0.0, 0.0, 0.0), NO_TURN, 1.0)
-    tree.take("world", "tag", (0.3, 0.0, 0.0), NO_TURN, 9.0)
-    assert tree.pose("tag")[0][0] == 0.3
-
-
-def test_an_older_transform_changes_nothing() -> None:
-    tree = FrameTree("world")
-    tree.take("world", "tag", (0.3, 0.0, 0.0), NO_TURN, 2.0)
-    tree.take("world", "tag", (0.9, 0.0, 0.0), NO_TURN, 1.0)
-    assert tree.pose("tag")[0][0] == 0.3
-
-
 @pytest.mark.parametrize(
     ("turn", "message"),
     [
@@ -95,10 +73,3 @@ def test_an_older_transform_changes_nothing() -> None:
 def test_what_is_no_pose_is_refused(turn: tuple[float, ...], message: str) -> None:
     with pytest.raises(InvalidInputError, match=f"frame 'tag' .*{message}"):
         FrameTree("world").take("world", "tag", (0.0, 0.0, 0.0), turn, 1.0)
-
-
-def test_frames_do_not_grow_without_end() -> None:
-    tree = FrameTree("world")
-    with pytest.raises(InvalidInputError, match="/tf has more than 1000 frames"):
-        for number in range(1001):
-            tree.take("world", f"f{number}", (0.0, 0.0, 0.0), NO_TURN, 1.0)

@@ -36,17 +36,3 @@ def test_what_a_service_starts_exists(name, root):
         assert (root / "src" / package / "launch" / started).exists()
     else:
         assert (package, started) in EXECUTABLES
-
-
-@pytest.mark.parametrize("name", SERVICES)
-def test_services_share_network_and_recordings(name):
-    service = SERVICES[name]
-    assert service["network_mode"] == "host"
-    assert service["volumes"] == ["bags:/sain/bags"]
-
-
-def test_the_image_is_the_official_one_and_uses_the_same_set_up():
-    instructions = (DOCKER / "Dockerfile").read_text()
-    assert re.findall(r"^FROM (.*)$", instructions, re.M) == ["ros:jazzy-ros-base"]
-    assert "docker/entrypoint.sh true" in instructions
-    assert "/env" in (DOCKER / "entrypoint.sh").read_text()

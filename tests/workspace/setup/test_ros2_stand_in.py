@@ -64,22 +64,12 @@ def test_run_forwards_arguments_and_becomes_the_executable(ros2):
     assert json.loads(out) == {"pid": process.pid, "arguments": arguments, "from": "over"}
 
 
-def test_run_looks_through_every_prefix(ros2):
-    _, out, _ = finish(ros2("run", "table", "stand"))
-    assert json.loads(out)["from"] == "under"
-
-
 def test_signals_and_exit_codes_are_the_executable_s(ros2):
     process = ros2("run", "arm", "reach", "wait")
     process.stdout.readline()
     assert process.stdout.readline() == "waiting\n"
     process.send_signal(signal.SIGINT)
     assert finish(process)[0] == 42
-
-
-def test_run_prefix_puts_a_command_before_the_executable(ros2, overlay):
-    code, out, _ = finish(ros2("run", "--prefix", "echo a 'b c'", "arm", "reach", "x"))
-    assert (code, out) == (0, f"a b c {overlay}/over/lib/arm/reach x\n")
 
 
 @pytest.mark.parametrize(
@@ -121,33 +111,6 @@ def test_the_rest_gets_one_line_that_says_what_to_do(ros2, arguments, instead):
     assert instead in err
 
 
-def test_what_the_hints_name_exists(root):
-    hints = (root / "tools" / "ros2").read_text()
-    for package, executable in [
-        ("sain_bringup", "watch"),
-        ("sain_bringup", "push"),
-        ("sain_bringup", "closed_loop"),
-        ("sain_bags", "record"),
-        ("sain_bags", "info"),
-    ]:
-        assert f"ros2 run {package} {executable}" in hints
-        assert f'"{executable} = ' in (root / "src" / package / "setup.py").read_text()
-
-
-@pytest.mark.parametrize("arguments", [(), ("--help",), ("run", "--help"), ("pkg", "-h")])
-def test_help(ros2, arguments):
-    code, out, _ = finish(ros2(*arguments))
-    assert code == 0
-    assert out.startswith("usage: ros2 run")
-
-
-@pytest.mark.parametrize("arguments", [("run",), ("run", "arm"), ("run", "--prefix"), ("pkg", "x")])
-def test_incomplete_commands_show_the_usage(ros2, arguments):
-    code, _, err = finish(ros2(*arguments))
-    assert code == 2
-    assert "usage: ros2 run" in err
-
-
 def test_an_unknown_name_gets_the_nearest_one(ros2):
     assert finish(ros2("run", "arm", "reac")) == (
         1, "", "No executable found (did you mean 'reach'?)\n"
@@ -156,9 +119,3 @@ def test_an_unknown_name_gets_the_nearest_one(ros2):
         1, "", "Package 'tabel' not found (did you mean 'table'?)\n"
     )  # fmt: skip
     assert finish(ros2("run", "arm", "xyz")) == (1, "", "No executable found\n")
-
-
-def test_who_reads_no_further_ends_it_without_an_error(ros2):
-    process = ros2("pkg", "list")
-    process.stdout.close()
-    assert (process.wait(20), process.stderr.read()) == (0, "")

@@ -75,16 +75,6 @@ def test_a_missing_tool(make_checkout, tools_only, there, missing, package):
     )
 
 
-def test_a_python_without_venv_or_headers(make_checkout, tmp_path, tools_only):
-    checkout = make_checkout()
-    python = tmp_path / "python3.12"
-    python.write_text('#!/bin/sh\n[ -z "$2" ]\n')  # can run nothing but an empty program
-    python.chmod(0o755)
-    path = f"{tmp_path}:{tools_only('gcc', 'g++', 'make', 'cmake')}"
-    result = run(checkout / "env", "true", PATH=path, ROS_DISTRO=None)
-    assert_refused(checkout, result, "sudo apt install python3.12-venv python3.12-dev")
-
-
 # --- failing, being interrupted, and waiting ----------------------------------------------------
 
 

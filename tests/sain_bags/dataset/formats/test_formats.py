@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pytest
 from numpy import ndarray
 
 os.environ["HF_HUB_OFFLINE"] = "1"  # before the libraries are imported: nothing here asks a hub
@@ -60,14 +59,6 @@ def test_parquet_is_read_back_by_pandas_polars_and_datasets(
         assert set(wanted) == set(getattr(table, "column_names", None) or table.columns), name
 
 
-def test_datasets_knows_the_split_of_a_folder(bag: Path, tmp_path: Path) -> None:
-    import datasets
-
-    out = to("parquet", bag, tmp_path / "out")
-    found = datasets.load_dataset(str(out), cache_dir=str(tmp_path / "cache"))
-    assert {part: len(found[part]) for part in PARTS} == card_of(out)["split"]["transitions"]
-
-
 def test_parquet_has_the_types_and_the_card_in_its_schema(bag: Path, tmp_path: Path) -> None:
     out = to("parquet", bag, tmp_path / "out")
     schema = parquet.read_schema(out / "train-00000.parquet")
@@ -77,20 +68,6 @@ def test_parquet_has_the_types_and_the_card_in_its_schema(bag: Path, tmp_path: P
     assert schema.field("push_id").type == pyarrow.uint64()
     assert schema.field("moved").type == pyarrow.bool_()
     assert json.loads(schema.metadata[b"sain"]) == card_of(out)
-
-
-def test_parquet_goes_on_in_another_file(
-    bag: Path, rows: Rows, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    from sain_bags.dataset.formats import to_parquet
-
-    monkeypatch.setattr(to_parquet, "CHUNKS", 2)
-    out = to("parquet", bag, tmp_path / "out")
-    files = sorted(out.glob("train-*.parquet"))
-    assert len(files) == 2
-    found = np.concatenate([parquet.read_table(path)["push_id"] for path in files])
-    train = in_order(rows, card_of(out))
-    np.testing.assert_array_equal(found, train["push_id"][train["split"] == "train"])
 
 
 def test_minari_is_read_back_by_minari(bag: Path, rows: Rows, tmp_path: Path) -> None:
@@ -121,16 +98,6 @@ def test_minari_is_read_back_by_minari(bag: Path, rows: Rows, tmp_path: Path) ->
         held = minari.MinariDataset(out / "data", episode_indices=np.arange(begin, end))
         found = [number for episode in held for number in episode.infos["push_id"][1:].tolist()]
         assert found == wanted["push_id"][wanted["split"] == part].tolist()
-
-
-def test_minari_finds_a_data_set_by_its_name(
-    bag: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setenv("MINARI_DATASETS_PATH", str(tmp_path))
-    to("minari", bag, tmp_path / "pushes-v3")
-    assert minari.load_dataset("pushes-v3").id == "pushes-v3"
-    assert list(minari.list_local_datasets()) == ["pushes-v3"]
-    assert minari.MinariDataset(to("minari", bag, tmp_path / "mine") / "data").id
 
 
 def test_lerobot_is_read_back_by_lerobot(bag: Path, rows: Rows, tmp_path: Path) -> None:

@@ -63,15 +63,6 @@ def test_an_unbroken_episode_is_one_wherever_shards_end(
         np.testing.assert_array_equal(sequence[key], values, key)
 
 
-def test_another_episode_begins_another(tmp_path: Path) -> None:
-    assert lengths(stored(tmp_path, pushes([0.4, 0.5, 0.6]), pushes([0.6, 0.7], 1, [2]))) == [2, 1]
-
-
-def test_a_push_that_is_no_row_breaks_an_episode(tmp_path: Path) -> None:
-    rows = pushes([0.4, 0.5, 0.5, 0.5, 0.6], steps=[0, 1, 3, 4])
-    assert lengths(stored(tmp_path, rows)) == [2, 2]
-
-
 @pytest.mark.parametrize(("by", "expected"), [(0.0019, [4]), (0.0021, [2, 2])])
 @pytest.mark.parametrize("disk", [0, 1])
 def test_a_disk_that_lies_elsewhere_breaks_an_episode(
@@ -87,21 +78,6 @@ def test_an_episode_ends_where_the_goal_is_reached(tmp_path: Path) -> None:
     assert reached(rows).tolist() == [False, True, False, False]
     np.testing.assert_allclose(goal_distance(rows), [0.3, 0.01, 0.2, 0.3])
     assert lengths(stored(tmp_path, *cut(rows, 2))) == [2, 2]
-
-
-def test_without_a_goal_none_is_reached(tmp_path: Path) -> None:
-    rows = pushes([0.4, 0.6, 0.9])
-    rows["goal"][:], rows["tolerance"][:] = np.nan, np.nan
-    assert np.isnan(goal_distance(rows)).all()
-    assert lengths(stored(tmp_path, rows)) == [2]
-
-
-def test_only_the_episodes_of_a_part_are_streamed(tmp_path: Path) -> None:
-    told: list[int] = []
-    rows = stored(tmp_path, pushes([0.4, 0.5, 0.6]), pushes([0.6, 0.7], 1, [2]), pushes([0, 1], 2))
-    rows = StoredRows("data", 2, rows.shards, {"test": frozenset({1})}, {}, told.append)
-    assert [chunk["episode"].tolist() for chunk in rows.chunks("test")] == [[1]]
-    assert told == [0, 1, 0]
 
 
 def test_minari_terminates_at_the_goal(tmp_path: Path) -> None:

@@ -1,22 +1,17 @@
 """Of two processes that own a topic the later ends, and publishers elsewhere are reported."""
 
-import os
-import re
 import signal
 import subprocess
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
-from pathlib import Path
 
 import pytest
 import rclpy
 from rclpy.context import Context
 from rclpy.node import Node
-from rosgraph_msgs.msg import Clock
 
-from sain_core.errors import BusyError, OutputError
-from sain_core.guarding.ros import ownership
+from sain_core.errors import BusyError
 from sain_core.guarding.ros.ownership import Ownership, refuse_peers, refuse_rivals
 from sain_core.ros.qos import LATCHED
 from sain_interfaces.msg import Goal
@@ -81,25 +76,6 @@ def test_a_killed_process_owns_nothing_though_discovery_has_not_noticed(graph, n
         Ownership(node, ("aim",)).release()  # nobody has waited for its end yet
 
 
-def test_a_second_refused_takes_nothing_and_a_released_topic_is_free(node):
-    first = Ownership(node, ("aim", "/clock"))
-    with pytest.raises(BusyError, match=r"publishes /clock already.* -r /clock:=clock"):
-        Ownership(node, ("free", "/clock"))
-    Ownership(node, ("free",)).release()
-    first.release()
-    Ownership(node, ("aim", "/clock")).release()
-
-
-def test_another_domain_is_another_topic(ros_domain, node):
-    Ownership(node, ("aim",))
-    context = Context()
-    rclpy.init(context=context, domain_id=(ros_domain + 1) % 100)
-    elsewhere = Node("mine", namespace="sain", context=context)
-    Ownership(elsewhere, ("aim",)).release()
-    elsewhere.destroy_node()
-    context.try_shutdown()
-
-
 def test_a_publisher_elsewhere_is_reported(graph, node, other):
     owned = Ownership(node, ("aim",))
     node.create_publisher(Goal, "aim", 1)
@@ -108,23 +84,6 @@ def test_a_publisher_elsewhere_is_reported(graph, node, other):
     assert owned.rival().startswith("/sain/other publishes /sain/aim, too; stop it")
     other.destroy_publisher(publisher)
     graph.wait(lambda: not owned.rival(), "the end of the rival")
-
-
-def test_another_clock_is_reported_with_the_remapping_that_helps(graph, node, other):
-    owned = Ownership(node, ("/clock",))
-    other.create_publisher(Clock, "/clock", 1)
-    graph.wait(owned.rival, "its name")
-    assert re.match(r"/sain/other publishes /clock, too.* -r /clock:=clock", owned.rival())
-
-
-@pytest.mark.parametrize("what", ["FIFO", "link"])
-def test_what_is_no_regular_file_is_named(node, what, tmp_path: Path, monkeypatch):
-    monkeypatch.setattr(ownership, "private_folder", lambda: tmp_path)
-    path = tmp_path / f"domain_{node.context.get_domain_id()}.sain.aim.lock"
-    os.mkfifo(path) if what == "FIFO" else path.symlink_to(tmp_path / "victim")
-    with pytest.raises(OutputError, match=rf"cannot lock {path}: "):
-        Ownership(node, ("aim",))
-    assert not (tmp_path / "victim").exists()
 
 
 def test_a_rival_that_is_seen_late_is_refused(graph):

@@ -5,15 +5,11 @@ from geometry_msgs.msg import PoseStamped
 from rclpy.node import Node
 from shape_msgs.msg import SolidPrimitive
 
-from sain_core.errors import BusyError, ErrorCode, InvalidInputError, SainError, TooMuchWorkError
-from sain_core.guarding.ros import reception
+from sain_core.errors import BusyError, ErrorCode, SainError
 from sain_core.guarding.ros.reception import (
-    SERVICE,
     Reception,
     check_sizes,
     emptied,
-    outcome,
-    shortened,
 )
 from sain_core.ros.qos import QUEUE
 from sain_interfaces.action import Reach
@@ -58,15 +54,6 @@ def test_a_request_that_is_too_large_does_not_reach_the_callback(graph, node):
     assert "model has 10000 characters" in reply.error_message
 
 
-def test_a_reply_without_an_error_is_ok(graph, node):
-    async def describe(_, response):
-        response.model = "planar"
-
-    Reception(node).serve(LoadModel, "load_model", describe)
-    reply = graph.call(LoadModel, "load_model", LoadModel.Request())
-    assert (reply.error_code, reply.model) == (ErrorCode.OK, "planar")
-
-
 def test_a_message_that_fails_is_refused_with_the_error(graph, node):
     reception, refused = Reception(node), []
     error = ZeroDivisionError("by 0")
@@ -80,20 +67,6 @@ def test_a_message_that_fails_is_refused_with_the_error(graph, node):
         (4, "InvalidInputError"),
     ]
     assert reception.figures == {"received_push": 2, "defects": 1}
-
-
-def test_a_burst_of_requests_is_answered(graph, node):
-    Reception(node).serve(LoadModel, "load_model", fail(BusyError("later")))
-    client = graph.bystander.create_client(LoadModel, "load_model", qos_profile=SERVICE)
-    graph.wait(client.service_is_ready, "the service")
-    futures = [client.call_async(LoadModel.Request()) for _ in range(200)]
-    graph.wait(lambda: all(future.done() for future in futures), "all replies")
-    assert {future.result().error_code for future in futures} == {ErrorCode.BUSY}
-
-
-def test_the_outcome_of_work_is_its_value_or_its_error():
-    assert outcome(lambda: 3).result() == 3
-    assert isinstance(outcome(fail(KeyError("a"))).exception(), KeyError)
 
 
 LONG = "x" * 5000
@@ -128,26 +101,7 @@ def test_what_is_too_large_is_named_with_its_limit(message, text):
         check_sizes(message)
 
 
-def test_an_array_of_numbers_has_a_limit(monkeypatch):
-    monkeypatch.setattr(reception, "MOST_NUMBERS", 10)
-    check_sizes(Rollout.Request(pushes=[0.0] * 10))
-    with pytest.raises(InvalidInputError, match="pushes has 11 elements; at most 10"):
-        check_sizes(Rollout.Request(pushes=[0.0] * 11))
-
-
-def test_a_dimension_that_is_too_large_is_too_much_work():
-    with pytest.raises(TooMuchWorkError):
-        check_sizes(Rollout.Request(samples=2**31))
-
-
 def test_what_is_too_large_is_emptied_and_all_else_stays():
     message = framed(Push(push_id=7, source="me", length=0.1, disks=[DiskState()] * 33))
     assert emptied(message) == Push(push_id=7, source="me", length=0.1)
     check_sizes(message)
-
-
-def test_a_long_error_is_cut_and_says_so():
-    assert shortened("short") == "short"
-    cut = shortened(LONG)
-    assert len(cut) == reception.LONGEST_ERROR
-    assert cut.endswith("x ... (5000 characters)")
