@@ -1,8 +1,9 @@
 """Shapes and types of our own functions are checked while tests run: jaxtyping with beartype.
 
-A check costs about 30 us a call and 5 ms to make. So it is made when a function is first called.
-In each test the first calls of every function are checked, and then one of many. A function counts
-its own calls: to look them up by its code would cost more than the call.
+Checked is what has an array with a shape in its annotations: mypy sees all other types without a
+run. A check costs about 30 us a call and 5 ms to make. So it is made when a function is first
+called. In each test the first calls of every function are checked, and then one of many. A function
+counts its own calls: to look them up by its code would cost more than the call.
 
 A function inside another is made anew at each call of that, and its check with it, for 5 ms. So
 in each test the first that are made are checked, and then one of many.
@@ -17,7 +18,7 @@ from collections.abc import Callable
 from importlib.util import find_spec
 from pathlib import Path
 from types import CodeType, ModuleType
-from typing import Any, Final, Self
+from typing import Any, Final, Self, get_args
 
 import jaxtyping
 import numpy as np
@@ -28,8 +29,8 @@ PACKAGES: Final = (
     "sain_lab", "sain_gym", "sain_bringup", "sain_vision",
 )  # fmt: skip
 COMPILED: Final = "_kernels"  # modules that Numba compiles: it does not take decorated functions
-ALWAYS, SELDOM = 20, 50  # calls of a function in a test: all checked, and then one of these
-INSIDE = 3  # of the functions of one code that are made in a test inside others: all checked
+ALWAYS, SELDOM = 2, 200  # calls of a function in a test: all checked, and then one of these
+INSIDE = 1  # of the functions of one code that are made in a test inside others: all checked
 # An int will do for a float. Methods are decorated one by one, so that beartype cannot know what
 # their `Self` is; and numpy gives a scalar where an array would have no dimensions.
 ACCEPTED: Final = FrozenDict({Self: object, np.ndarray: np.ndarray | np.generic})
@@ -61,14 +62,29 @@ def decorate(*, typechecker: Any) -> Callable[[Any], Any]:
 
     def decorator(item: Any) -> Any:
         if dataclasses.is_dataclass(item):
-            item.__init__ = _checked_often_enough(item.__init__, typechecker)
-        if inspect.isfunction(item) and "<locals>" in item.__qualname__:
+            if _has_shape(item.__init__):
+                item.__init__ = _checked_often_enough(item.__init__, typechecker)
+            return item
+        if not inspect.isfunction(item) or not _has_shape(item):
+            return item
+        if "<locals>" in item.__qualname__:
             made[item.__code__] += 1
             if made[item.__code__] > INSIDE and made[item.__code__] % SELDOM:
                 return item
-        return _checked_often_enough(item, typechecker) if inspect.isfunction(item) else item
+        return _checked_often_enough(item, typechecker)
 
     return decorator
+
+
+def _has_shape(item: Any) -> bool:
+    """Tell whether an annotation names an array by its shape."""
+    return any(map(_is_shaped, getattr(item, "__annotations__", {}).values()))
+
+
+def _is_shaped(annotation: Any) -> bool:
+    if isinstance(annotation, type) and issubclass(annotation, jaxtyping.AbstractArray):
+        return True
+    return any(map(_is_shaped, get_args(annotation)))
 
 
 def _checked_often_enough(function: Any, typechecker: Any) -> Any:
