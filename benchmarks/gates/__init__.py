@@ -1,1 +1,1 @@
-"""What `benchmarks.gates` measures: structure, speed, one push, closed loops."""
+"""What `benchmarks.gates` measures: speed, one push, closed loops."""

@@ -4,10 +4,9 @@ Each figure is compared with what is allowed, and with the same figure of a base
 allowed is reached, or there is only a baseline, and it is no worse. *open*: not reached, but no
 worse than the baseline. *worse*: than the baseline, beyond its interval or the noise of a time.
 
-`structure` reads the sources, in seconds; `one_push` collects its sample below `--data` on first
-use; `speed` needs an idle machine; `graph`, played only if named, starts the whole graph. All but
-`graph` take about eight minutes on two idle cores. ``--out benchmarks/gates/baseline.json`` makes
-these figures the baseline.
+`one_push` collects its sample below `--data` on first use; `speed` needs an idle machine; `graph`,
+played only if named, starts the whole graph. All but `graph` take about eight minutes on two idle
+cores. ``--out benchmarks/gates/baseline.json`` makes these figures the baseline.
 """
 
 import sys
@@ -23,7 +22,7 @@ import tyro
 
 from benchmarks.gates.table import Baseline, Gate, print_gates, write_gates
 
-Name = Literal["structure", "speed", "one_push", "loops", "graph"]
+Name = Literal["speed", "one_push", "loops", "graph"]
 BASELINE: Final = Path(__file__).with_name("baseline.json")
 
 
@@ -31,7 +30,7 @@ BASELINE: Final = Path(__file__).with_name("baseline.json")
 class Options:
     """What to measure, and what to compare with."""
 
-    only: tuple[Name, ...] = ("structure", "speed", "one_push", "loops")
+    only: tuple[Name, ...] = ("speed", "one_push", "loops")
     """what to measure"""
     baseline: Path = BASELINE
     """figures to compare with, written by --out"""

@@ -6,7 +6,7 @@ from dataclasses import replace
 import pytest
 
 from benchmarks.gates import __main__ as gates
-from benchmarks.gates.table import Baseline, Gate, print_gates, write_gates
+from benchmarks.gates.table import Baseline, Gate, print_gates
 
 NONE = Baseline("", {})
 SOLVED = Gate("solved", 0.9, interval=(0.6, 1.0), more_is_better=True)
@@ -49,17 +49,3 @@ def play(monkeypatch: pytest.MonkeyPatch, *arguments: object) -> object:
     with pytest.raises(SystemExit) as end:
         gates.main()
     return end.value.code
-
-
-def test_structure_is_read_from_the_sources_and_compared(monkeypatch, capsys, tmp_path) -> None:
-    kept = tmp_path / "kept.json"
-    assert play(monkeypatch, "--baseline", kept, "--out", kept) == 0
-    lines = Baseline.read(kept, "structure").gates["lines of the five packages"]
-    assert lines.value > 1000 and f"{lines.value:,.0f}" in capsys.readouterr().out
-    write_gates(kept, "structure", [replace(lines, value=lines.value - 1)])
-    assert play(monkeypatch, "--baseline", kept, "--out", tmp_path / "now.json") == (
-        1 if lines.value > (lines.at_most or 0.0) else 0
-    )
-    missing = tmp_path / "none.json"
-    told = play(monkeypatch, "--baseline", missing, "--out", kept)
-    assert told == f"there is no baseline {missing}; make one: --out {missing}"
