@@ -1,4 +1,4 @@
-"""A shape that no package of the project has: what a user adds, in one place."""
+"""A shape that no package of the project has, as a user adds one; and a few of those there are."""
 
 from collections.abc import Iterator
 from math import cos, pi, sin
@@ -17,6 +17,7 @@ def regular_corners(sides: int) -> tuple[tuple[float, float], ...]:
 
 
 HEXAGON = Polygon("six_sided", corners=regular_corners(6))
+SOME = ("disk", "cube", "triangle", "t", "u", "half_ring", "star")  # round, convex, hollow, ragged
 
 
 @pytest.fixture

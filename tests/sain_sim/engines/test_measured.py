@@ -9,7 +9,7 @@ from shapely import MultiPoint, Polygon
 from sain_core.errors import ConfigError
 from sain_core.push import SPEED, make_push
 from sain_core.scene import MID, POSITION, THETA
-from sain_core.shapes.library import get_shape, shape_names
+from sain_core.shapes.library import get_shape
 from sain_core.shapes.shape import FLAT
 from sain_sim.world.engines import MUJOCO
 from sain_sim.world.parameters import WorldParameters, nominal_parameters
@@ -17,6 +17,7 @@ from sain_sim.world.roughness import Roughness
 from sain_sim.world.truth import MEASURED, TruthConfig
 from sain_sim.world.workcell import GRAVITY
 from sain_sim.world.world import World
+from tests.hexagon import SOME
 
 pytest.importorskip("mujoco", reason="MuJoCo is not installed")
 
@@ -53,7 +54,7 @@ def test_labs_differ_and_are_within_their_ranges():
         assert max(factors) / min(factors) == pytest.approx(2.0, rel=0.02)
 
 
-@pytest.mark.parametrize("name", shape_names())
+@pytest.mark.parametrize("name", SOME)
 def test_all_shapes_lie_on_supports_within_their_outline(name):
     for lab in LABS:
         made = lab.roughen(WorldParameters((8.0,), (0.06,), (name,)))

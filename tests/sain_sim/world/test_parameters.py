@@ -3,7 +3,7 @@ import pytest
 
 from sain_core.errors import ConfigError
 from sain_core.randomness import generator
-from sain_core.shapes.library import get_shape, shape_names
+from sain_core.shapes.library import get_shape
 from sain_sim.arm.client import Client
 from sain_sim.engines.bullet_bodies import Body, resting
 from sain_sim.world.parameters import (
@@ -14,6 +14,7 @@ from sain_sim.world.parameters import (
     nominal_parameters,
     sample_parameters,
 )
+from tests.hexagon import SOME
 
 
 def test_the_nominal_world_is_the_papers():
@@ -56,7 +57,7 @@ def test_parameters_that_make_no_world_are_refused(fields, message):
     assert message in str(caught.value)
 
 
-@pytest.mark.parametrize("name", shape_names())
+@pytest.mark.parametrize("name", SOME)
 def test_bullet_knows_the_mass_and_inertia_of_a_uniform_body(name):
     client, shape = Client(), get_shape(name)
     parameters = WorldParameters(masses=(7.5,), radii=(0.08,), shapes=(name,))

@@ -4,13 +4,14 @@ import numpy as np
 import pytest
 from shapely import MultiPoint, Polygon
 
-from sain_core.shapes.library import get_shape, shape_names
+from sain_core.shapes.library import get_shape
 from sain_core.shapes.shape import REGULAR_FEET
 from sain_sim.world.parameters import WorldParameters
 from sain_sim.world.roughness import LEAST_LOAD, fit_shapes
 from sain_sim.world.start import draw_episode
 from sain_sim.world.truth import ROUGH, TruthConfig, draw_effects
 from sain_sim.world.world import World
+from tests.hexagon import SOME
 
 LABS = [TruthConfig("rough", lab=lab) for lab in range(8)]
 
@@ -26,7 +27,7 @@ def places(feet) -> np.ndarray:
 
 
 @pytest.mark.parametrize(
-    "shape", [get_shape(name) for name in shape_names()[2:]], ids=lambda shape: shape.name
+    "shape", [get_shape(name) for name in SOME[2:]], ids=lambda shape: shape.name
 )
 def test_each_shape_stands_below_itself_in_every_lab(shape):
     for lab in LABS:
