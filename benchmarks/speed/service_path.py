@@ -107,30 +107,26 @@ def compare(
 
 @contextmanager
 def served(model: str) -> Iterator[RolloutModel]:
-    """Start the model's node, and yield what asks it."""
-    import rclpy
+    """Start the model's node, and yield what asks it, as the planner's node does."""
     from rclpy.executors import SingleThreadedExecutor
-    from rclpy.node import Node
 
+    from sain_core.ros.node_main import command_node
     from sain_mppi.agent.planning import Patience
     from sain_mppi.ros.remote import RemoteRollout
 
     command = ["ros2", "run", "sain_model", "model_node", "--ros-args", "-p", f"model:={model}"]
     server = subprocess.Popen(command, stderr=subprocess.DEVNULL)
-    rclpy.init()
-    node, executor = Node("asker", namespace="sain"), SingleThreadedExecutor()
-    executor.add_node(node)
-    remote = RemoteRollout(node, TIMEOUT_S, Patience())
-    spinning = Thread(target=executor.spin, daemon=True)
     try:
-        if not remote.wait_until_ready(PATIENCE_S):
-            sys.exit("no model node")
-        spinning.start()
-        yield remote
+        with command_node("asker") as node:
+            executor = SingleThreadedExecutor()
+            executor.add_node(node)
+            remote = RemoteRollout(node, TIMEOUT_S, Patience())
+            if not remote.wait_until_ready(PATIENCE_S):
+                sys.exit("no model node")
+            Thread(target=executor.spin, daemon=True).start()
+            yield remote
+            executor.shutdown()
     finally:
-        executor.shutdown()
-        node.destroy_node()
-        rclpy.try_shutdown()
         server.terminate()
         server.wait()
 
