@@ -33,13 +33,13 @@ def _record(numbers: str, integers: str = "", flags: str = "") -> np.dtype:
 BODY: Final = _record(
     # Place of the centre of mass [m], velocities [m/s, rad/s], heading, and what it has turned by.
     "x y vx vy spin cos sin turned"
-    # 1 / mass and 1 / moment of inertia, both 0 for what nothing moves.
-    " lightness turn"
+    # 1 / mass and 1 / moment of inertia, both 0 for what nothing moves; mass / moment of inertia.
+    " lightness turn swing"
     # The velocity that an impulse gives a body that creeps: a symmetric matrix of x, y and spin.
     " move_xx move_xy move_yy move_xs move_ys move_ss"
-    # The radius that corners are rounded with, that of the circumscribed circle, and the arm on
-    # which friction resists a turn on the spot [m].
-    " round reach twist"
+    # The radius that corners are rounded with, that of the circumscribed circle, the arm on which
+    # friction resists a turn on the spot [m], and by how much sooner it stops what turns.
+    " round reach twist sooner"
     # Deceleration by friction with the table, and acceleration by a slope [m/s^2].
     " slowing slope_x slope_y"
     # From the centroid to the centre of mass in the body's frame, and where the latter began [m].
@@ -76,8 +76,12 @@ CONTACT: Final = _record(
     # Friction, and factors of sticking and of slipping to both sides that follow from these.
     " grip stick slip_left slip_right"
     # Where the features are, and how far the point is from both ends of a side [m].
-    " point_x point_y corner_at_x corner_at_y face_x face_y past left",
-    integers="point_body side_body kind key pair",
+    " point_x point_y corner_at_x corner_at_y face_x face_y past left"
+    # How the bodies move before the step, to each other and turning, and when its middle is [s].
+    " going_x going_y point_spin side_spin middle",
+    integers="point_body side_body point side kind key pair",
+    # Whether the response to impulses is prepared for the step.
+    flags="ready",
 )
 KEPT: Final = _record("along across pressed", integers="key pair")  # of a contact of the last step
 
@@ -134,7 +138,7 @@ def load_bodies(states, order, table, start_x, start_y, physics, own, work):
     work.corners[TOOL].convex = True  # the tool's one corner is its axis
     for index in range(states.shape[0]):
         row, body = index + 1, order[index]
-        _load_body(bodies, row, states[body], table, body, physics, own[body])
+        _load_body(bodies[row], states[body], table, body, physics, own[body])
         _load_corners(work, row, states[body, STATE_RADIUS], table, body)
         _load_supports(work, row, states[body, STATE_RADIUS], table, body, physics, own[body])
     for row in range(bodies.shape[0]):
@@ -145,28 +149,28 @@ def load_bodies(states, order, table, start_x, start_y, physics, own, work):
 
 
 @compiled
-def _load_body(bodies, row, state, table, body, physics, own):
+def _load_body(loaded, state, table, body, physics, own):
     radius = state[STATE_RADIUS]
-    bodies[row].vx = bodies[row].vy = bodies[row].spin = bodies[row].turned = 0.0
-    bodies[row].cos, bodies[row].sin = np.cos(state[STATE_THETA]), np.sin(state[STATE_THETA])
-    bodies[row].round = table.rounding[body] * radius
+    loaded.vx = loaded.vy = loaded.spin = loaded.turned = 0.0
+    loaded.cos, loaded.sin = np.cos(state[STATE_THETA]), np.sin(state[STATE_THETA])
+    loaded.round = table.rounding[body] * radius
     # Half of the ratio goes to body 0: masses stay near those of the scene.
     root = np.sqrt(physics.mass_ratio)
     mass = state[STATE_MASS] / root if body == 0 else state[STATE_MASS] * root
     lightness = 0.0 if table.fixed[body] else 1.0 / mass
     inertia = own.inertia / DISK_INERTIA * table.inertia[body] * radius * radius
-    bodies[row].lightness, bodies[row].turn = lightness, lightness / inertia
-    bodies[row].creeps = False
-    bodies[row].slowing = own.friction_scale * physics.friction * physics.gravity
-    bodies[row].slope_x, bodies[row].slope_y = own.slope_x, own.slope_y
-    bodies[row].grain_x, bodies[row].grain_y = own.grain_x, own.grain_y
-    bodies[row].body_grip, bodies[row].tool_grip = own.disk_friction, own.tool_friction
+    loaded.lightness, loaded.turn, loaded.swing = lightness, lightness / inertia, 1.0 / inertia
+    loaded.creeps = False
+    loaded.slowing = own.friction_scale * physics.friction * physics.gravity
+    loaded.slope_x, loaded.slope_y = own.slope_x, own.slope_y
+    loaded.grain_x, loaded.grain_y = own.grain_x, own.grain_y
+    loaded.body_grip, loaded.tool_grip = own.disk_friction, own.tool_friction
     fore, left = radius * own.centre_x, radius * own.centre_y
-    bodies[row].mass_fore, bodies[row].mass_left = fore, left
-    bodies[row].reach = table.reach[body] * radius + np.sqrt(fore * fore + left * left)
-    x, y = mass_offset(bodies, row, bodies[row].cos, bodies[row].sin)
-    bodies[row].x, bodies[row].y = state[STATE_X] + x, state[STATE_Y] + y
-    bodies[row].start_x, bodies[row].start_y = bodies[row].x, bodies[row].y
+    loaded.mass_fore, loaded.mass_left = fore, left
+    loaded.reach = table.reach[body] * radius + np.sqrt(fore * fore + left * left)
+    x, y = mass_offset(loaded, loaded.cos, loaded.sin)
+    loaded.x, loaded.y = state[STATE_X] + x, state[STATE_Y] + y
+    loaded.start_x, loaded.start_y = loaded.x, loaded.y
 
 
 @compiled
@@ -205,32 +209,35 @@ def _load_supports(work, row, radius, table, body, physics, own):
 
     `foot_radius` says where those of a disk stand, `torsion` how far those of this body are spread.
     """
-    bodies, supports = work.bodies, work.supports
+    loaded = work.bodies[row]
     scale = physics.foot_radius / DISK_FEET * radius * own.torsion
-    fore, left = bodies[row].mass_fore, bodies[row].mass_left
+    fore, left = loaded.mass_fore, loaded.mass_left
     first, last = table.first_support[body], table.first_support[body + 1]
     start = work.first_support[row]
     end = start + last - first
     work.first_support[row + 1] = end
     for foot in range(start, end):
-        x, y = table.supports[first + foot - start, 0], table.supports[first + foot - start, 1]
-        supports[foot].x, supports[foot].y = scale * x - fore, scale * y - left
-        weight = table.supports[first + foot - start, 3]
+        support, given = work.supports[foot], first + foot - start
+        x, y = table.supports[given, 0], table.supports[given, 1]
+        support.x, support.y = scale * x - fore, scale * y - left
+        weight = table.supports[given, 3]
         if own.pressure != 0.0:
             weight *= max(np.sqrt(x * x + y * y), LEAST_ARM * table.reach[body]) ** own.pressure
-        supports[foot].share = weight
-    _share_load(supports, start, end)
+        support.share = weight
+    _share_load(work.supports, start, end)
     # As heavy to turn as a disk on its feet, however far this body's feet are from each other.
     heaviness = own.inertia / (physics.foot_radius * physics.foot_radius)
-    lightness = 0.0
-    if bodies[row].lightness > 0.0:
-        lightness = bodies[row].turn / bodies[row].lightness
+    lightness = loaded.swing if loaded.lightness > 0.0 else 0.0
     twist = 0.0
     for foot in range(start, end):
-        squared = supports[foot].x ** 2 + supports[foot].y ** 2
-        supports[foot].yield_ = heaviness * squared * lightness
-        twist += supports[foot].share * np.sqrt(squared)
-    bodies[row].twist = twist
+        support = work.supports[foot]
+        squared = support.x**2 + support.y**2
+        support.yield_ = heaviness * squared * lightness
+        twist += support.share * np.sqrt(squared)
+    loaded.twist = twist
+    # At its rim, friction takes this much more from what turns than from what slides, but for a
+    # factor of 2 that steps leave room for.
+    loaded.sooner = max(0.5 * twist * loaded.reach * lightness, 1.0)
 
 
 @compiled
@@ -244,102 +251,99 @@ def _share_load(supports, start, end):
     """
     total, mean_x, mean_y = 0.0, 0.0, 0.0
     for foot in range(start, end):
-        total += supports[foot].share
-        mean_x += supports[foot].share * supports[foot].x
-        mean_y += supports[foot].share * supports[foot].y
+        support = supports[foot]
+        total += support.share
+        mean_x += support.share * support.x
+        mean_y += support.share * support.y
     mean_x, mean_y = mean_x / total, mean_y / total
     xx, xy, yy = 0.0, 0.0, 0.0
     for foot in range(start, end):
-        x, y = supports[foot].x - mean_x, supports[foot].y - mean_y
-        weight = supports[foot].share
+        support = supports[foot]
+        x, y, weight = support.x - mean_x, support.y - mean_y, support.share
         xx, xy, yy = xx + weight * x * x, xy + weight * x * y, yy + weight * y * y
     scale = 1.0 / (xx * yy - xy * xy)
     inwards = 1.0
     for foot in range(start, end):
-        x, y = supports[foot].x - mean_x, supports[foot].y - mean_y
-        weight = supports[foot].share
-        supports[foot].lean_x = weight * scale * (yy * x - xy * y)
-        supports[foot].lean_y = weight * scale * (xx * y - xy * x)
-        supports[foot].share = weight / total
-        grows = -(supports[foot].lean_x * mean_x + supports[foot].lean_y * mean_y)
-        least = (LEAST_SHARE - 1.0) * supports[foot].share
+        support = supports[foot]
+        x, y, weight = support.x - mean_x, support.y - mean_y, support.share
+        support.lean_x = weight * scale * (yy * x - xy * y)
+        support.lean_y = weight * scale * (xx * y - xy * x)
+        support.share = weight / total
+        grows = -(support.lean_x * mean_x + support.lean_y * mean_y)
+        least = (LEAST_SHARE - 1.0) * support.share
         if inwards * grows < least:
             inwards = least / grows
     for foot in range(start, end):
-        grows = supports[foot].lean_x * mean_x + supports[foot].lean_y * mean_y
-        supports[foot].share -= inwards * grows
+        support = supports[foot]
+        grows = support.lean_x * mean_x + support.lean_y * mean_y
+        support.share -= inwards * grows
 
 
 @compiled
-def forget_change(bodies, body):
+def forget_change(body):
     """Let the next step of a body not be foreseen from the last one."""
-    bodies[body].change_x = bodies[body].change_y = bodies[body].change_spin = 0.0
+    body.change_x = body.change_y = body.change_spin = 0.0
 
 
 @compiled
 def forget_steps(work):
     """Clear what is kept from step to step, but for how far contacts are pressed in."""
-    bodies = work.bodies
-    for body in range(bodies.shape[0]):
-        bodies[body].grip = 0.0
-        bodies[body].stuck = False
-        bodies[body].tilt_x = bodies[body].tilt_y = 0.0
-        forget_change(bodies, body)
-    for contact in range(work.counts[0]):
-        work.contacts[contact].along = work.contacts[contact].across = 0.0
+    for row in range(work.bodies.shape[0]):
+        body = work.bodies[row]
+        body.grip = body.tilt_x = body.tilt_y = 0.0
+        body.stuck = False
+        forget_change(body)
+    for index in range(work.counts[0]):
+        work.contacts[index].along = work.contacts[index].across = 0.0
     work.counts[1] = 0
 
 
 @compiled
 def unload_bodies(states, order, work, touched):
     """Write the bodies, at rest, back to the scene, and which of them the tool has touched."""
-    bodies = work.bodies
     for index in range(states.shape[0]):
-        row, body = index + 1, order[index]
-        touched[body] = bodies[row].touched
-        _unload_place(bodies, row, states[body])
-        if bodies[row].turned != 0.0:
-            heading = states[body, STATE_THETA] + bodies[row].turned
-            states[body, STATE_THETA] = np.pi - (np.pi - heading) % (2.0 * np.pi)
+        body, state = work.bodies[index + 1], states[order[index]]
+        touched[order[index]] = body.touched
+        _unload_place(body, state)
+        if body.turned != 0.0:
+            heading = state[STATE_THETA] + body.turned
+            state[STATE_THETA] = np.pi - (np.pi - heading) % (2.0 * np.pi)
         for column in range(STATE_VX, STATE_OMEGA + 1):
-            states[body, column] = 0.0
+            state[column] = 0.0
 
 
 @compiled
-def _unload_place(bodies, row, state):
+def _unload_place(body, state):
     """Write the centroid's place; a body that did not move stays where it is, to the last bit."""
-    moved = bodies[row].x != bodies[row].start_x or bodies[row].y != bodies[row].start_y
-    if moved or bodies[row].turned != 0.0:
-        x, y = mass_offset(bodies, row, bodies[row].cos, bodies[row].sin)
-        state[STATE_X], state[STATE_Y] = bodies[row].x - x, bodies[row].y - y
+    if body.x != body.start_x or body.y != body.start_y or body.turned != 0.0:
+        x, y = mass_offset(body, body.cos, body.sin)
+        state[STATE_X], state[STATE_Y] = body.x - x, body.y - y
 
 
 @compiled
-def mass_offset(bodies, row, cos, sin):
+def mass_offset(body, cos, sin):
     """Return the way from a body's centroid to its centre of mass at a heading [m]."""
-    fore, left = bodies[row].mass_fore, bodies[row].mass_left
-    return cos * fore - sin * left, sin * fore + cos * left
+    return cos * body.mass_fore - sin * body.mass_left, sin * body.mass_fore + cos * body.mass_left
 
 
 @compiled
-def outer_speed(bodies, row):
+def outer_speed(body):
     """Return a bound on the speed of any point of a body [m/s]."""
-    sliding = np.sqrt(bodies[row].vx ** 2 + bodies[row].vy ** 2)
-    return sliding + abs(bodies[row].spin) * bodies[row].reach
+    return np.sqrt(body.vx**2 + body.vy**2) + abs(body.spin) * body.reach
 
 
 @compiled
 def keep_impulses(work):
     """Put aside the impulses of the step that is over, and how far contacts are pressed in."""
-    contacts, kept, count = work.contacts, work.kept, work.counts
-    count[1] = 0
-    for index in range(count[0]):
-        if contacts[index].along > 0.0 or contacts[index].pressed > 0.0:
-            number = count[1]
-            kept[number].along, kept[number].across = contacts[index].along, contacts[index].across
-            kept[number].pressed = contacts[index].pressed
-            kept[number].key, kept[number].pair = contacts[index].key, contacts[index].pair
-            count[1] += 1
+    number = 0
+    for index in range(work.counts[0]):
+        contact = work.contacts[index]
+        if contact.along > 0.0 or contact.pressed > 0.0:
+            kept = work.kept[number]
+            kept.along, kept.across, kept.pressed = contact.along, contact.across, contact.pressed
+            kept.key, kept.pair = contact.key, contact.pair
+            number += 1
+    work.counts[1] = number
 
 
 @compiled
@@ -348,16 +352,13 @@ def recall_impulses(work):
 
     A new contact of two bodies is pressed in as far as another one of theirs was.
     """
-    contacts, kept = work.contacts, work.kept
     for index in range(work.counts[0]):
-        contacts[index].along = contacts[index].across = contacts[index].pressed = 0.0
-        same = False
+        contact, same = work.contacts[index], False
+        contact.along = contact.across = contact.pressed = 0.0
         for number in range(work.counts[1]):
-            if kept[number].key == contacts[index].key:
-                contacts[index].along, contacts[index].across = (
-                    kept[number].along,
-                    kept[number].across,
-                )
-                contacts[index].pressed, same = kept[number].pressed, True
-            elif kept[number].pair == contacts[index].pair and not same:
-                contacts[index].pressed = max(contacts[index].pressed, kept[number].pressed)
+            kept = work.kept[number]
+            if kept.key == contact.key:
+                contact.along, contact.across, same = kept.along, kept.across, True
+                contact.pressed = kept.pressed
+            elif kept.pair == contact.pair and not same:
+                contact.pressed = max(contact.pressed, kept.pressed)

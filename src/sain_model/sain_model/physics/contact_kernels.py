@@ -26,23 +26,25 @@ def find_touching(work, horizon):
         work: scratch memory; its list of contacts is made anew, without impulses.
         horizon: no longer step than this will follow [s].
     """
-    bodies, count = work.bodies, work.counts
+    count = work.counts
     count[0] = 0
-    for second in range(1, bodies.shape[0]):
+    for second in range(1, work.bodies.shape[0]):
+        other = work.bodies[second]
         for first in range(second):
-            dx, dy = bodies[second].x - bodies[first].x, bodies[second].y - bodies[first].y
-            vx, vy = bodies[second].vx - bodies[first].vx, bodies[second].vy - bodies[first].vy
-            speed = abs(vx) + abs(vy)
-            speed += abs(bodies[first].spin) * bodies[first].reach
-            speed += abs(bodies[second].spin) * bodies[second].reach
+            body = work.bodies[first]
+            dx, dy = other.x - body.x, other.y - body.y
+            speed = abs(other.vx - body.vx) + abs(other.vy - body.vy)
+            speed += abs(body.spin) * body.reach + abs(other.spin) * other.reach
             near = NEAR + horizon * speed
-            reach = bodies[first].reach + bodies[second].reach + near
-            moves = bodies[first].lightness + bodies[second].lightness > 0.0
+            reach = body.reach + other.reach + near
+            moves = body.lightness + other.lightness > 0.0
             if moves and dx * dx + dy * dy < reach * reach:
-                if bodies[first].round > 0.0 and bodies[second].round > 0.0:
-                    _list_circles(work, first, second, dx, dy)
-                    continue
                 limit = count[0] + MOST_CONTACTS
+                if body.round > 0.0 and other.round > 0.0:  # the one corner of each
+                    gap, point = np.sqrt(dx * dx + dy * dy), work.first_corner[first]
+                    side = work.first_corner[second]
+                    _list(work, first, second, point, side, ON_CORNER, gap, 0.0, 0.0, limit)
+                    continue
                 _corners_against(work, first, second, near, True, limit)
                 if first != TOOL:
                     _corners_against(work, second, first, near, False, limit)
@@ -50,16 +52,29 @@ def find_touching(work, horizon):
 
 
 @compiled
-def _list_circles(work, first, second, dx, dy):
-    """List the contact of two round bodies, (dx, dy) apart: the one corner of each."""
-    contacts, number = work.contacts, work.counts[0]
-    point, side = work.first_corner[first], work.first_corner[second]
-    contacts[number].gap = np.sqrt(dx * dx + dy * dy)
-    contacts[number].past, contacts[number].left = 0.0, 0.0
-    contacts[number].point_body, contacts[number].side_body = first, second
-    contacts[number].kind = ON_CORNER
-    contacts[number].key = (point * work.corners.shape[0] + side) * 2 + ON_CORNER
-    work.counts[0] = number + 1
+def _list(work, point_body, side_body, point, side, kind, gap, past, left, limit):
+    """List a corner near a feature, unless there are `limit` contacts already.
+
+    Args:
+        work: scratch memory.
+        point_body: row of the body that the corner is of.
+        side_body: row of the other.
+        point: number of the corner.
+        side: number of the side, or of the corner that begins it.
+        kind: which of both.
+        gap: between them, without rounding [m].
+        past: how far the point is from the beginning of the side [m].
+        left: how far it is from its end [m].
+        limit: how many contacts there may be.
+    """
+    number = work.counts[0]
+    if number < limit:
+        contact = work.contacts[number]
+        contact.gap, contact.past, contact.left = gap, past, left
+        contact.point_body, contact.side_body = point_body, side_body
+        contact.point, contact.side, contact.kind = point, side, kind
+        contact.key = (point * work.corners.shape[0] + side) * 2 + kind
+        work.counts[0] = number + 1
 
 
 @compiled
@@ -74,19 +89,19 @@ def _corners_against(work, point_body, side_body, near, meet, limit):
         meet: whether to look at corners against corners as well.
         limit: how many contacts there may be after it.
     """
-    bodies, corners, _count = work.bodies, work.corners, work.counts
-    cos_side, sin_side = bodies[side_body].cos, bodies[side_body].sin
-    dx = bodies[point_body].x - bodies[side_body].x
-    dy = bodies[point_body].y - bodies[side_body].y
+    body, other = work.bodies[point_body], work.bodies[side_body]
+    cos_side, sin_side = other.cos, other.sin
+    dx, dy = body.x - other.x, body.y - other.y
     away_x, away_y = cos_side * dx + sin_side * dy, cos_side * dy - sin_side * dx
-    cos = bodies[point_body].cos * cos_side + bodies[point_body].sin * sin_side
-    sin = bodies[point_body].sin * cos_side - bodies[point_body].cos * sin_side
-    near += bodies[point_body].round + bodies[side_body].round  # of the points
-    reach = bodies[side_body].reach - bodies[side_body].round + near
+    cos = body.cos * cos_side + body.sin * sin_side
+    sin = body.sin * cos_side - body.cos * sin_side
+    near += body.round + other.round  # of the points
+    reach = other.reach - other.round + near
     for point in range(work.first_corner[point_body], work.first_corner[point_body + 1]):
-        x = away_x + cos * corners[point].x - sin * corners[point].y
-        y = away_y + sin * corners[point].x + cos * corners[point].y
-        if x * x + y * y < reach * reach and corners[point].convex:
+        corner_of = work.corners[point]
+        x = away_x + cos * corner_of.x - sin * corner_of.y
+        y = away_y + sin * corner_of.x + cos * corner_of.y
+        if x * x + y * y < reach * reach and corner_of.convex:
             nearest, inside, corner, hole = _nearest(work, side_body, x, y)
             if inside:
                 list_way_out(work, point_body, side_body, point, x, y, cos, sin, hole, limit)
@@ -107,18 +122,18 @@ def _nearest(work, side_body, x, y):
         side that the point is behind, or a concave corner. A convex corner as near as `CROSSED`,
         and the concave corner if it is the nearest feature; -1 if there is none.
     """
-    corners = work.corners
     nearest, inside, corner, hole = np.inf, False, -1, -1
     for side in range(work.first_corner[side_body], work.first_corner[side_body + 1]):
-        along, off = seen_from(corners, side, x, y)
+        here = work.corners[side]
+        along, off = seen_from(here, x, y)
         squared = along * along + off * off
-        if squared < CROSSED * CROSSED and corners[side].convex:
+        if squared < CROSSED * CROSSED and here.convex:
             corner = side
-        if along < 0.0 or corners[side].length == 0.0:
+        if along < 0.0 or here.length == 0.0:
             if squared < nearest:
-                nearest, inside = squared, not corners[side].convex
+                nearest, inside = squared, not here.convex
                 hole = side if inside else -1
-        elif along <= corners[side].length and off * off < nearest:
+        elif along <= here.length and off * off < nearest:
             nearest, inside, hole = off * off, off < 0.0, -1
     return np.sqrt(nearest), inside, corner, hole
 
@@ -126,29 +141,25 @@ def _nearest(work, side_body, x, y):
 @compiled
 def _list_in_front(work, point_body, side_body, point, x, y, cos, sin, near, meet, limit):
     """List the features of an outline that a point (x, y) outside of it is in front of."""
-    corners, contacts, count = work.corners, work.contacts, work.counts
+    corners = work.corners
     first, last = work.first_corner[side_body], work.first_corner[side_body + 1]
     own_first, own_last = work.first_corner[point_body], work.first_corner[point_body + 1]
-    along, _ = seen_from(corners, last - 1, x, y)
+    along, _ = seen_from(corners[last - 1], x, y)
     past = along >= corners[last - 1].length  # the end of the side before
     for side in range(first, last):
-        along, off = seen_from(corners, side, x, y)
-        length = corners[side].length
+        here = corners[side]
+        along, off = seen_from(here, x, y)
+        length = here.length
         kind = ON_SIDE if 0.0 <= along <= length and off >= 0.0 and length > 0.0 else NOTHING
         ends = length == 0.0 or (past and along < 0.0)
-        if meet and ends and corners[side].convex:
-            dx, dy = x - corners[side].x, y - corners[side].y
+        if meet and ends and here.convex:
+            dx, dy = x - here.x, y - here.y
             here_x, here_y = -(cos * dx + sin * dy), sin * dx - cos * dy
             if _is_beyond(corners, point, own_first, own_last, here_x, here_y):
                 kind, off = ON_CORNER, np.sqrt(dx * dx + dy * dy)
-        if kind != NOTHING and off < near and count[0] < limit:
-            number = count[0]
-            contacts[number].gap = off
-            contacts[number].past, contacts[number].left = along, length - along
-            contacts[number].point_body, contacts[number].side_body = point_body, side_body
-            contacts[number].kind = kind
-            contacts[number].key = (point * corners.shape[0] + side) * 2 + kind
-            count[0] = number + 1
+        if kind != NOTHING and off < near:
+            rest = length - along
+            _list(work, point_body, side_body, point, side, kind, off, along, rest, limit)
         past = along > length
 
 
@@ -164,30 +175,27 @@ def _is_beyond(corners, point, first, last, x, y):
 @compiled
 def _place_features(work):
     """Place the listed features in the world: corner, what it is near, and the normal between."""
-    bodies, corners, contacts = work.bodies, work.corners, work.contacts
-    total = corners.shape[0]
+    bodies = work.bodies
     for index in range(work.counts[0]):
-        point_body, side_body = contacts[index].point_body, contacts[index].side_body
-        first, second = min(point_body, side_body), max(point_body, side_body)
-        contacts[index].pair = first * bodies.shape[0] + second
-        pair = contacts[index].key // 2
-        point, side = pair // total, pair % total
-        x, y = corners[point].x, corners[point].y
-        cos, sin = bodies[point_body].cos, bodies[point_body].sin
-        point_x, point_y = cos * x - sin * y, sin * x + cos * y
-        contacts[index].point_x, contacts[index].point_y = point_x, point_y
-        x, y = corners[side].x, corners[side].y
-        cos, sin = bodies[side_body].cos, bodies[side_body].sin
-        corner_x, corner_y = cos * x - sin * y, sin * x + cos * y
-        contacts[index].corner_at_x, contacts[index].corner_at_y = corner_x, corner_y
-        x, y = corners[side].side_y, -corners[side].side_x
-        nx, ny = cos * x - sin * y, sin * x + cos * y
-        distance = contacts[index].gap
-        if contacts[index].kind == ON_CORNER and distance > 0.0:
-            nx = (bodies[point_body].x + point_x - bodies[side_body].x - corner_x) / distance
-            ny = (bodies[point_body].y + point_y - bodies[side_body].y - corner_y) / distance
-        contacts[index].face_x, contacts[index].face_y = nx, ny
-        contacts[index].gap = distance - bodies[point_body].round - bodies[side_body].round
+        contact = work.contacts[index]
+        first = min(contact.point_body, contact.side_body)
+        contact.pair = first * bodies.shape[0] + max(contact.point_body, contact.side_body)
+        body, other = bodies[contact.point_body], bodies[contact.side_body]
+        corner, side = work.corners[contact.point], work.corners[contact.side]
+        contact.point_x, contact.point_y = _in_world(body, corner.x, corner.y)
+        contact.corner_at_x, contact.corner_at_y = _in_world(other, side.x, side.y)
+        nx, ny = _in_world(other, side.side_y, -side.side_x)
+        if contact.kind == ON_CORNER and contact.gap > 0.0:
+            nx = (body.x + contact.point_x - other.x - contact.corner_at_x) / contact.gap
+            ny = (body.y + contact.point_y - other.y - contact.corner_at_y) / contact.gap
+        contact.face_x, contact.face_y = nx, ny
+        contact.gap -= body.round + other.round
+
+
+@compiled
+def _in_world(body, x, y):
+    """Return a vector of a body's frame in the world's."""
+    return body.cos * x - body.sin * y, body.sin * x + body.cos * y
 
 
 # --- overlaps: corners that have crossed, and sides that corners went through -------------------
@@ -200,7 +208,7 @@ def list_crossing(work, point_body, side_body, point, corner, x, y, cos, sin, li
     Separating axes of two wedges are the normals of their sides, but those into which the other
     wedge dips. When none of them parts the wedges, the one with the least overlap does.
     """
-    corners, contacts, count = work.corners, work.contacts, work.counts
+    corners = work.corners
     back = _side_before(work, side_body, corner)
     own_back = _side_before(work, point_body, point)
     dx, dy = x - corners[corner].x, y - corners[corner].y
@@ -223,16 +231,10 @@ def list_crossing(work, point_body, side_body, point, corner, x, y, cos, sin, li
             by = -(sin * corners[own_back].side_x + cos * corners[own_back].side_y)
         if min(nx * ax + ny * ay, nx * bx + ny * by) >= 0.0 and apart > widest:
             widest, best, swapped = apart, side, own
-    number = count[0]
     if best >= 0 and widest < 0.0:
-        contacts[number].gap = widest
-        contacts[number].past, contacts[number].left = 0.0, np.inf
-        contacts[number].point_body = side_body if swapped else point_body
-        contacts[number].side_body = point_body if swapped else side_body
-        contacts[number].kind = ON_SIDE
-        which = corner if swapped else point
-        contacts[number].key = (which * corners.shape[0] + best) * 2 + ON_SIDE
-        count[0] = min(number + 1, limit)
+        if swapped:
+            point_body, side_body, point = side_body, point_body, corner
+        _list(work, point_body, side_body, point, best, ON_SIDE, widest, 0.0, np.inf, limit)
 
 
 @compiled
@@ -250,9 +252,10 @@ def list_way_out(work, point_body, side_body, point, x, y, cos, sin, hole, limit
         second = _side_before(work, side_body, hole)
         first = last
     for side in range(first, last):
-        along, off = seen_from(corners, side, x, y)
-        if 0.0 <= along <= corners[side].length and off <= 0.0:
-            nx, ny = corners[side].side_y, -corners[side].side_x
+        here = corners[side]
+        along, off = seen_from(here, x, y)
+        if 0.0 <= along <= here.length and off <= 0.0:
+            nx, ny = here.side_y, -here.side_x
             nx, ny = cos * nx + sin * ny, cos * ny - sin * nx  # in the frame of the point's body
             dips = -(nx * corners[point].side_x + ny * corners[point].side_y)
             dips = max(dips, nx * corners[own_back].side_x + ny * corners[own_back].side_y)
@@ -266,15 +269,10 @@ def list_way_out(work, point_body, side_body, point, x, y, cos, sin, hole, limit
 @compiled
 def _list_inside(work, point_body, side_body, point, side, x, y, limit):
     """List a side that a point is behind; none where its number is negative."""
-    corners, contacts, count = work.corners, work.contacts, work.counts
-    number = count[0]
-    along, off = seen_from(corners, max(side, 0), x, y)
-    contacts[number].gap = off
-    contacts[number].past, contacts[number].left = along, corners[max(side, 0)].length - along
-    contacts[number].point_body, contacts[number].side_body = point_body, side_body
-    contacts[number].kind = ON_SIDE
-    contacts[number].key = (point * corners.shape[0] + side) * 2 + ON_SIDE
-    count[0] = min(number + (1 if side >= 0 else 0), limit)
+    if side >= 0:
+        along, off = seen_from(work.corners[side], x, y)
+        rest = work.corners[side].length - along
+        _list(work, point_body, side_body, point, side, ON_SIDE, off, along, rest, limit)
 
 
 @compiled
@@ -285,11 +283,10 @@ def _side_before(work, body, corner):
 
 
 @compiled
-def seen_from(corners, side, x, y):
-    """Return how far along a side [m] a point lies, and how far in front of it."""
-    dx, dy = x - corners[side].x, y - corners[side].y
-    along = dx * corners[side].side_x + dy * corners[side].side_y
-    return along, dx * corners[side].side_y - dy * corners[side].side_x
+def seen_from(corner, x, y):
+    """Return how far along the side from a corner [m] a point lies, and how far in front of it."""
+    dx, dy = x - corner.x, y - corner.y
+    return dx * corner.side_x + dy * corner.side_y, dx * corner.side_y - dy * corner.side_x
 
 
 # --- where the tool first touches a body ----------------------------------------------------------

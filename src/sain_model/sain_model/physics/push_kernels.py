@@ -120,43 +120,36 @@ def calm_time(bodies, tool_speed, physics):
     """
     step = physics.longest_step
     for row in range(1, bodies.shape[0]):
-        slowing = bodies[row].slowing
-        stop = outer_speed(bodies, row) / (slowing * spin_share(bodies, row))
-        if stop > 0.0 and tool_speed > slowing * physics.longest_step:
-            if bodies[row].spin != 0.0:
-                stop = physics.longest_step * max(STOP_SHARE * stop, STOP_STEP)
-            step = min(step, stop)
+        body = bodies[row]
+        if tool_speed > body.slowing * physics.longest_step:
+            stop = outer_speed(body) / (body.slowing * body.sooner)
+            if stop > 0.0:
+                if body.spin != 0.0:
+                    stop = physics.longest_step * max(STOP_SHARE * stop, STOP_STEP)
+                step = min(step, stop)
     return step
 
 
 @compiled
-def spin_share(bodies, row):
-    """Return by how much sooner friction stops what is light to turn, at least 1.
+def carry(body, step):
+    """Move a body on by one step [s] with the mean of its velocities before and after.
 
-    At its rim, it takes this much more from the turning of a body than from its sliding, but for a
-    factor of 2 that steps leave room for.
+    Returns:
+        A bound on its speed after the step [m/s].
     """
-    if bodies[row].lightness == 0.0:
-        return 1.0
-    at_rim = bodies[row].twist * bodies[row].reach * bodies[row].turn / bodies[row].lightness
-    return max(0.5 * at_rim, 1.0)
-
-
-@compiled
-def carry(bodies, row, step):
-    """Move a body on by one step [s] with the mean of its velocities before and after."""
-    if outer_speed(bodies, row) < STILL:
-        bodies[row].vx = bodies[row].vy = bodies[row].spin = 0.0
-    bodies[row].x += step * 0.5 * (bodies[row].vx + bodies[row].before_vx)
-    bodies[row].y += step * 0.5 * (bodies[row].vy + bodies[row].before_vy)
-    angle = step * 0.5 * (bodies[row].spin + bodies[row].before_spin)
+    speed = outer_speed(body)
+    if speed < STILL:
+        speed = body.vx = body.vy = body.spin = 0.0
+    body.x += step * 0.5 * (body.vx + body.before_vx)
+    body.y += step * 0.5 * (body.vy + body.before_vy)
+    angle = step * 0.5 * (body.spin + body.before_spin)
     if angle != 0.0:
-        cos, sin = bodies[row].cos, bodies[row].sin
         keep = 1.0 - 0.5 * angle * angle
-        cos, sin = keep * cos - angle * sin, keep * sin + angle * cos
+        cos, sin = keep * body.cos - angle * body.sin, keep * body.sin + angle * body.cos
         scale = 1.5 - 0.5 * (cos * cos + sin * sin)  # Newton's step towards a length of 1
-        bodies[row].turned += angle
-        bodies[row].cos, bodies[row].sin = scale * cos, scale * sin
+        body.turned += angle
+        body.cos, body.sin = scale * cos, scale * sin
+    return speed
 
 
 @compiled
@@ -169,32 +162,30 @@ def advance(work, tool_speed, physics, step):
         physics: for the heights at which forces act.
         step: duration [s].
     """
-    bodies = work.bodies
-    for row in range(1, bodies.shape[0]):
-        bodies[row].before_vx, bodies[row].before_vy = bodies[row].vx, bodies[row].vy
-        bodies[row].before_spin = bodies[row].spin
-        work.bodies[row].grip = 0.0
-        work.bodies[row].stuck = False
-        if bodies[row].lightness == 0.0:
+    for row in range(1, work.bodies.shape[0]):
+        body = work.bodies[row]
+        body.before_vx, body.before_vy, body.before_spin = body.vx, body.vy, body.spin
+        body.grip, body.stuck = 0.0, False
+        if body.lightness == 0.0:
             continue
-        bodies[row].vx += step * bodies[row].slope_x
-        bodies[row].vy += step * bodies[row].slope_y
-        less = bodies[row].slowing * step
-        if outer_speed(bodies, row) > 2.0 * less * spin_share(bodies, row):
+        body.vx += step * body.slope_x
+        body.vy += step * body.slope_y
+        less = body.slowing * step
+        if outer_speed(body) > 2.0 * less * body.sooner:
             brake(work, row, less, physics, step)
         else:
-            work.bodies[row].grip = less
-            bodies[row].held_x = bodies[row].held_y = bodies[row].held_spin = 0.0
+            body.grip = less
+            body.held_x = body.held_y = body.held_spin = 0.0
     solve_impulses(work, tool_speed)
     note_lean(work, physics, step)
     part_overlaps(work)
     fastest = 0.0
-    for row in range(1, bodies.shape[0]):
-        carry(bodies, row, step)
-        bodies[row].change_x = (bodies[row].vx - bodies[row].before_vx) / step
-        bodies[row].change_y = (bodies[row].vy - bodies[row].before_vy) / step
-        bodies[row].change_spin = (bodies[row].spin - bodies[row].before_spin) / step
-        fastest = max(fastest, outer_speed(bodies, row))
+    for row in range(1, work.bodies.shape[0]):
+        body = work.bodies[row]
+        fastest = max(fastest, carry(body, step))
+        body.change_x = (body.vx - body.before_vx) / step
+        body.change_y = (body.vy - body.before_vy) / step
+        body.change_spin = (body.spin - body.before_spin) / step
     press_in(work, step)
     return fastest
 
@@ -240,10 +231,11 @@ def creeps(bodies, speed, physics):
     if physics.tool_compliance > 0.0 or physics.body_compliance > 0.0 or speed > FAST:
         return False
     for row in range(1, bodies.shape[0]):
-        if bodies[row].lightness > 0.0:
-            if bodies[row].slope_x != 0.0 or bodies[row].slope_y != 0.0:
+        body = bodies[row]
+        if body.lightness > 0.0:
+            if body.slope_x != 0.0 or body.slope_y != 0.0:
                 return False
-            if speed * speed > 2.0 * CREEP * bodies[row].slowing:
+            if speed * speed > 2.0 * CREEP * body.slowing:
                 return False
     return True
 
@@ -260,15 +252,15 @@ def creep(push, distance, physics, work):
         physics: numbers of the push, a `PUSH_ROW`.
         work: scratch memory, with the bodies.
     """
-    bodies = work.bodies
+    bodies, tool = work.bodies, work.bodies[TOOL]
     way_x, way_y, length, speed = np.cos(push[2]), np.sin(push[2]), push[3], push[4]
     longest = CREEP_STEP / LONGEST_STEP * physics.longest_step / speed
     for row in range(bodies.shape[0]):
         bodies[row].creep_x, bodies[row].creep_y = speed * way_x, speed * way_y
         bodies[row].creep_spin = 0.0
-    bodies[TOOL].vx, bodies[TOOL].vy = speed * way_x, speed * way_y
+    tool.vx, tool.vy = speed * way_x, speed * way_y
     while distance < length:
-        bodies[TOOL].x, bodies[TOOL].y = push[0] + distance * way_x, push[1] + distance * way_y
+        tool.x, tool.y = push[0] + distance * way_x, push[1] + distance * way_y
         rest = (length - distance) / speed
         keep_impulses(work)
         find_touching(work, min(longest, rest))
@@ -287,12 +279,11 @@ def creep(push, distance, physics, work):
         note_lean(work, physics, step)
         part_overlaps(work)
         for row in range(1, bodies.shape[0]):
-            if outer_speed(bodies, row) > STILL:
-                bodies[row].creep_x, bodies[row].creep_y = bodies[row].vx, bodies[row].vy
-                bodies[row].creep_spin = bodies[row].spin
-            bodies[row].before_vx, bodies[row].before_vy = bodies[row].vx, bodies[row].vy
-            bodies[row].before_spin = bodies[row].spin
-            carry(bodies, row, step)
+            body = bodies[row]
+            if outer_speed(body) > STILL:
+                body.creep_x, body.creep_y, body.creep_spin = body.vx, body.vy, body.spin
+            body.before_vx, body.before_vy, body.before_spin = body.vx, body.vy, body.spin
+            carry(body, step)
         press_in(work, step)
         distance += step * speed if step < rest else length
 
@@ -312,12 +303,12 @@ def push_bodies(states, order, push, table, physics, own, work, touched):
         touched: (N,) bool, receives which bodies the tool touched.
     """
     load_bodies(states, order, table, push[0], push[1], physics, own, work)
-    bodies = work.bodies
+    tool = work.bodies[TOOL]
     way_x, way_y, length, fastest_tool = np.cos(push[2]), np.sin(push[2]), push[3], push[4]
     distance = first_touch_of(work, way_x, way_y)
     if distance >= length:
         return
-    if creeps(bodies, fastest_tool, physics):
+    if creeps(work.bodies, fastest_tool, physics):
         creep(push, distance, physics, work)
         unload_bodies(states, order, work, touched)
         return
@@ -325,13 +316,13 @@ def push_bodies(states, order, push, table, physics, own, work, touched):
     time = time_of(profile, distance)
     for _ in range(MOST_STEPS + int(STEPS_OF_PUSH * profile.end / physics.longest_step)):
         speed = tool_speed(profile, time)
-        bodies[TOOL].x, bodies[TOOL].y = push[0] + distance * way_x, push[1] + distance * way_y
-        bodies[TOOL].vx, bodies[TOOL].vy = speed * way_x, speed * way_y
+        tool.x, tool.y = push[0] + distance * way_x, push[1] + distance * way_y
+        tool.vx, tool.vy = speed * way_x, speed * way_y
         step = plan_step(work, fastest_tool, physics, until_kink(profile, time))
         prepare_impulses(work, step, physics)
         time += step
         distance, speed = travelled(profile, time), tool_speed(profile, time)
-        bodies[TOOL].vx, bodies[TOOL].vy = speed * way_x, speed * way_y
+        tool.vx, tool.vy = speed * way_x, speed * way_y
         fastest = advance(work, fastest_tool, physics, step)
         if fastest == 0.0 and time >= profile.end - 1e-9:
             break

@@ -26,90 +26,89 @@ def brake(work, row, slowing, physics, step):
         physics: for the heights at which forces act.
         step: duration [s].
     """
-    bodies = work.bodies
-    vx = bodies[row].vx + 0.5 * step * bodies[row].change_x
-    vy = bodies[row].vy + 0.5 * step * bodies[row].change_y
-    spin = bodies[row].spin + 0.5 * step * bodies[row].change_spin
+    body = work.bodies[row]
+    vx = body.vx + 0.5 * step * body.change_x
+    vy = body.vy + 0.5 * step * body.change_y
+    spin = body.spin + 0.5 * step * body.change_spin
     # What slides straight on evenly loaded supports goes on straight, to the last bit.
-    straight = spin == 0.0 and bodies[row].tilt_x == 0.0 and bodies[row].tilt_y == 0.0
+    straight = spin == 0.0 and body.tilt_x == 0.0 and body.tilt_y == 0.0
     turns = 0.0 if straight else 1.0
     x, y = _pull_back(work, row, vx, vy, spin, slowing, turns, physics)
     # Braking acts below the centre of mass, a push mostly above: both load what is in front.
     arm = physics.middle_height / (physics.gravity * step)
-    _slow_down(
-        work, row, arm * x + bodies[row].tilt_x, arm * y + bodies[row].tilt_y, slowing, turns
-    )
+    _slow_down(work, row, arm * x + body.tilt_x, arm * y + body.tilt_y, slowing, turns)
 
 
 @compiled
 def _pull_back(work, row, vx, vy, spin, slowing, turns, physics):
     """Write what friction takes from each support under a whole load; return its mean [m/s]."""
-    supports, bodies = work.supports, work.bodies
-    cos, sin = bodies[row].cos, bodies[row].sin
+    body = work.bodies[row]
+    cos, sin = body.cos, body.sin
     mean_x, mean_y = 0.0, 0.0
-    grain_x, grain_y = grain_of(bodies, row, physics)
+    grain_x, grain_y = grain_of(body, physics)
     axes_yield = turns * physics.axes_yield
     across_yield = turns * (1.0 / physics.yield_across - 1.0)
     for foot in range(work.first_support[row], work.first_support[row + 1]):
-        arm_x = cos * supports[foot].x - sin * supports[foot].y
-        arm_y = sin * supports[foot].x + cos * supports[foot].y
-        supports[foot].arm_x, supports[foot].arm_y = arm_x, arm_y
+        support = work.supports[foot]
+        arm_x = cos * support.x - sin * support.y
+        arm_y = sin * support.x + cos * support.y
+        support.arm_x, support.arm_y = arm_x, arm_y
         x, y = vx - spin * arm_y, vy + spin * arm_x
-        supports[foot].limit = x * x + y * y < (SLOW * slowing) ** 2
+        support.limit = x * x + y * y < (SLOW * slowing) ** 2
         squared = arm_x * arm_x + arm_y * arm_y
         if squared > 0.0:
             # A solver gives way to where a support is lighter to move: across its arm.
             if axes_yield > 0.0:
-                light = axes_yield * supports[foot].yield_ / squared
+                light = axes_yield * support.yield_ / squared
                 x /= 1.0 + light * arm_y * arm_y
                 y /= 1.0 + light * arm_x * arm_x
             if across_yield > 0.0:
-                light = across_yield * supports[foot].yield_
+                light = across_yield * support.yield_
                 less = light / (1.0 + light) * (arm_x * y - arm_y * x) / squared
                 x, y = x + less * arm_y, y - less * arm_x
         # Friction never turns a support back: below `slowing` it falls linearly.
         share = slowing / max(np.sqrt(x * x + y * y), slowing)
         x, y = (1.0 + grain_x) * x + grain_y * y, grain_y * x + (1.0 - grain_x) * y
-        supports[foot].pull_x, supports[foot].pull_y = share * x, share * y
-        mean_x += supports[foot].share * share * x
-        mean_y += supports[foot].share * share * y
+        support.pull_x, support.pull_y = share * x, share * y
+        mean_x += support.share * share * x
+        mean_y += support.share * share * y
     return mean_x, mean_y
 
 
 @compiled
-def grain_of(bodies, row, physics):
+def grain_of(body, physics):
     """Return how friction has directions in the world: along x and y, and along the diagonals."""
-    cos, sin = bodies[row].cos, bodies[row].sin
+    cos, sin = body.cos, body.sin
     cos, sin = cos * cos - sin * sin, 2.0 * cos * sin
-    x = cos * bodies[row].grain_x - sin * bodies[row].grain_y
-    y = sin * bodies[row].grain_x + cos * bodies[row].grain_y
+    x = cos * body.grain_x - sin * body.grain_y
+    y = sin * body.grain_x + cos * body.grain_y
     return x + physics.table_grain_x, y + physics.table_grain_y
 
 
 @compiled
 def _slow_down(work, row, shift_x, shift_y, slowing, turns):
     """Take from a body what its supports have found, loaded as its weight acts at a shift [m]."""
-    supports, bodies = work.supports, work.bodies
+    body = work.bodies[row]
     first, last = work.first_support[row], work.first_support[row + 1]
-    cos, sin = bodies[row].cos, bodies[row].sin
+    cos, sin = body.cos, body.sin
     fore, left = cos * shift_x + sin * shift_y, cos * shift_y - sin * shift_x
-    lean = _lean(supports, first, last, fore, left)
+    lean = _lean(work.supports, first, last, fore, left)
     total_x, total_y, across = 0.0, 0.0, 0.0
     for foot in range(first, last):
-        grows = supports[foot].lean_x * fore + supports[foot].lean_y * left
-        load = supports[foot].share + lean * grows
-        if supports[foot].limit == 0.0:
-            x, y = load * supports[foot].pull_x, load * supports[foot].pull_y
+        support = work.supports[foot]
+        load = support.share + lean * (support.lean_x * fore + support.lean_y * left)
+        if support.limit == 0.0:
+            x, y = load * support.pull_x, load * support.pull_y
             total_x += x
             total_y += y
-            across += supports[foot].arm_x * y - supports[foot].arm_y * x
+            across += support.arm_x * y - support.arm_y * x
         else:
-            work.bodies[row].stuck = True
-            supports[foot].limit = load * slowing
-            supports[foot].held_x = supports[foot].held_y = 0.0
-    bodies[row].vx -= total_x
-    bodies[row].vy -= total_y
-    bodies[row].spin -= turns * across * bodies[row].turn / bodies[row].lightness
+            body.stuck = True
+            support.limit = load * slowing
+            support.held_x = support.held_y = 0.0
+    body.vx -= total_x
+    body.vy -= total_y
+    body.spin -= turns * across * body.swing
 
 
 @compiled
@@ -117,9 +116,10 @@ def _lean(supports, first, last, fore, left):
     """Return the share of a shift of the load [m] at which the first support lifts off, or 1."""
     lean = 1.0
     for foot in range(first, last):
-        grows = supports[foot].lean_x * fore + supports[foot].lean_y * left
-        if supports[foot].share + lean * grows < 0.0:
-            lean = -supports[foot].share / grows
+        support = supports[foot]
+        grows = support.lean_x * fore + support.lean_y * left
+        if support.share + lean * grows < 0.0:
+            lean = -support.share / grows
     return lean
 
 
@@ -141,24 +141,25 @@ def resist(work, row, physics, tool_speed, step):
         tool_speed: [m/s].
         step: duration [s].
     """
-    bodies, supports = work.bodies, work.supports
+    body = work.bodies[row]
     first, last = work.first_support[row], work.first_support[row + 1]
-    cos, sin = bodies[row].cos, bodies[row].sin
-    fore = cos * bodies[row].tilt_x + sin * bodies[row].tilt_y
-    left = cos * bodies[row].tilt_y - sin * bodies[row].tilt_x
-    lean = _lean(supports, first, last, fore, left)
-    vx, vy, spin = bodies[row].creep_x, bodies[row].creep_y, bodies[row].creep_spin
-    size = np.sqrt(vx * vx + vy * vy + (spin * bodies[row].twist) ** 2)
+    cos, sin = body.cos, body.sin
+    fore = cos * body.tilt_x + sin * body.tilt_y
+    left = cos * body.tilt_y - sin * body.tilt_x
+    lean = _lean(work.supports, first, last, fore, left)
+    vx, vy, spin = body.creep_x, body.creep_y, body.creep_spin
+    size = np.sqrt(vx * vx + vy * vy + (spin * body.twist) ** 2)
     scale = max(LEAST_CREEP * tool_speed / size, 1.0)
     least = LEAST_SLIDE * scale * size
     xx, xy, yy, xs, ys, ss = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    grain_x, grain_y = grain_of(bodies, row, physics)
+    grain_x, grain_y = grain_of(body, physics)
     for foot in range(first, last):
-        arm_x = cos * supports[foot].x - sin * supports[foot].y
-        arm_y = sin * supports[foot].x + cos * supports[foot].y
+        support = work.supports[foot]
+        arm_x = cos * support.x - sin * support.y
+        arm_y = sin * support.x + cos * support.y
         x, y = scale * (vx - spin * arm_y), scale * (vy + spin * arm_x)
-        load = supports[foot].share
-        load += lean * (supports[foot].lean_x * fore + supports[foot].lean_y * left)
+        load = support.share
+        load += lean * (support.lean_x * fore + support.lean_y * left)
         drag = load / max(np.sqrt(x * x + y * y), least)
         drag_xx, drag_xy, drag_yy = drag * (1.0 + grain_x), drag * grain_y, drag * (1.0 - grain_x)
         drag_xs = drag_xy * arm_x - drag_xx * arm_y
@@ -166,47 +167,46 @@ def resist(work, row, physics, tool_speed, step):
         xx, xy, yy = xx + drag_xx, xy + drag_xy, yy + drag_yy
         xs, ys = xs + drag_xs, ys + drag_ys
         ss += drag_ys * arm_x - drag_xs * arm_y
-    _invert(bodies, row, xx, xy, yy, xs, ys, ss, bodies[row].lightness / bodies[row].slowing / step)
+    _invert(body, xx, xy, yy, xs, ys, ss, body.lightness / body.slowing / step)
 
 
 @compiled
-def _invert(bodies, row, xx, xy, yy, xs, ys, ss, scale):
+def _invert(body, xx, xy, yy, xs, ys, ss, scale):
     """Let a body answer to impulses with the inverse of a symmetric matrix, scaled."""
     first, second, third = yy * ss - ys * ys, xs * ys - xy * ss, xy * ys - xs * yy
-    bodies[row].creeps = True
+    body.creeps = True
     scale /= xx * first + xy * second + xs * third
-    bodies[row].move_xx, bodies[row].move_xy = scale * first, scale * second
-    bodies[row].move_xs = scale * third
-    bodies[row].move_yy = scale * (xx * ss - xs * xs)
-    bodies[row].move_ys = scale * (xs * xy - xx * ys)
-    bodies[row].move_ss = scale * (xx * yy - xy * xy)
+    body.move_xx, body.move_xy = scale * first, scale * second
+    body.move_xs = scale * third
+    body.move_yy = scale * (xx * ss - xs * xs)
+    body.move_ys = scale * (xs * xy - xx * ys)
+    body.move_ss = scale * (xx * yy - xy * xy)
 
 
 @compiled
 def hold_supports(work, row):
     """Let the table hold slow supports of a body back, each by Coulomb's law."""
-    supports, bodies = work.supports, work.bodies
-    turn = bodies[row].turn / bodies[row].lightness
+    body = work.bodies[row]
+    vx, vy, spin, turn = body.vx, body.vy, body.spin, body.swing
     change = 0.0
     for foot in range(work.first_support[row], work.first_support[row + 1]):
-        limit = supports[foot].limit
+        support = work.supports[foot]
+        limit = support.limit
         if limit > 0.0:
-            arm_x, arm_y = supports[foot].arm_x, supports[foot].arm_y
-            x = bodies[row].vx - bodies[row].spin * arm_y
-            y = bodies[row].vy + bodies[row].spin * arm_x
+            arm_x, arm_y = support.arm_x, support.arm_y
+            x, y = vx - spin * arm_y, vy + spin * arm_x
             # Across its arm a support is lighter to move than along it.
             less = turn * (arm_x * y - arm_y * x) / (1.0 + turn * (arm_x**2 + arm_y**2))
             x, y = x + less * arm_y, y - less * arm_x
-            x, y = supports[foot].held_x - x, supports[foot].held_y - y
+            x, y = support.held_x - x, support.held_y - y
             size = np.sqrt(x * x + y * y)
             if size > limit:
                 x, y = x * limit / size, y * limit / size
-            dx, dy = x - supports[foot].held_x, y - supports[foot].held_y
-            supports[foot].held_x, supports[foot].held_y = x, y
-            bodies[row].vx += dx
-            bodies[row].vy += dy
-            bodies[row].spin += turn * (arm_x * dy - arm_y * dx)
+            dx, dy = x - support.held_x, y - support.held_y
+            support.held_x, support.held_y = x, y
+            vx, vy, spin = vx + dx, vy + dy, spin + turn * (arm_x * dy - arm_y * dx)
             change = max(change, abs(dx), abs(dy))
+    body.vx, body.vy, body.spin = vx, vy, spin
     return change
 
 
@@ -243,7 +243,7 @@ def slide_on(slide, turn, grip, ratio):
 
 
 @compiled
-def hold_back(work, row):
+def hold_back(body):
     """Let the table hold a slow body back as far as friction can, against what pushes it.
 
     Sticking and creeping cannot be told from the velocity before the step: this is solved along
@@ -253,44 +253,40 @@ def hold_back(work, row):
     Returns:
         The change of velocity that this made [m/s].
     """
-    bodies = work.bodies
-    grip = bodies[row].grip
-    twist = bodies[row].twist
-    turn_grip = twist * bodies[row].turn / bodies[row].lightness
-    x = bodies[row].held_x - bodies[row].vx
-    y = bodies[row].held_y - bodies[row].vy
-    spin = bodies[row].held_spin - bodies[row].spin
+    held_x, held_y, held_spin = body.held_x, body.held_y, body.held_spin
+    if body.vx == 0.0 and body.vy == 0.0 and body.spin == 0.0:  # it is held already
+        return 0.0
+    x, y, spin = held_x - body.vx, held_y - body.vy, held_spin - body.spin
+    grip, turn_grip = body.grip, body.twist * body.swing
     slide, turn = np.sqrt(x * x + y * y), abs(spin) / turn_grip
     if slide * slide + turn * turn > grip * grip:
-        ratio = 1.0 / (twist * turn_grip)
+        ratio = 1.0 / (body.twist * turn_grip)
         more = slide_on(slide, turn, grip, ratio)
         x, y, spin = x / (1.0 + more), y / (1.0 + more), spin / (1.0 + ratio * more)
-    change_x, change_y, change_spin = (
-        x - bodies[row].held_x,
-        y - bodies[row].held_y,
-        spin - bodies[row].held_spin,
-    )
-    bodies[row].vx += change_x
-    bodies[row].vy += change_y
-    bodies[row].spin += change_spin
-    bodies[row].held_x, bodies[row].held_y, bodies[row].held_spin = x, y, spin
-    return max(abs(change_x), abs(change_y), abs(change_spin) * bodies[row].reach)
+    body.held_x, body.held_y, body.held_spin = x, y, spin
+    x, y, spin = x - held_x, y - held_y, spin - held_spin
+    body.vx += x
+    body.vy += y
+    body.spin += spin
+    return max(abs(x), abs(y), abs(spin) * body.reach)
 
 
 @compiled
 def note_lean(work, physics, step):
     """Note how the contacts of this step shift the load of each body on its supports."""
-    bodies, contacts = work.bodies, work.contacts
+    bodies = work.bodies
     for row in range(bodies.shape[0]):
         bodies[row].tilt_x = bodies[row].tilt_y = 0.0
     for index in range(work.counts[0]):
-        point, side = work.contacts[index].point_body, work.contacts[index].side_body
-        height = physics.tool_height if point == TOOL else physics.disk_height
-        arm = (height - physics.middle_height) / (physics.gravity * step)
-        along, across = arm * contacts[index].along, arm * contacts[index].across
-        nx, ny = contacts[index].normal_x, contacts[index].normal_y
-        px, py = along * nx - across * ny, along * ny + across * nx
-        bodies[point].tilt_x += px * bodies[point].lightness
-        bodies[point].tilt_y += py * bodies[point].lightness
-        bodies[side].tilt_x -= px * bodies[side].lightness
-        bodies[side].tilt_y -= py * bodies[side].lightness
+        contact = work.contacts[index]
+        if contact.along > 0.0:
+            point, side = bodies[contact.point_body], bodies[contact.side_body]
+            height = physics.tool_height if contact.point_body == TOOL else physics.disk_height
+            arm = (height - physics.middle_height) / (physics.gravity * step)
+            along, across = arm * contact.along, arm * contact.across
+            nx, ny = contact.normal_x, contact.normal_y
+            px, py = along * nx - across * ny, along * ny + across * nx
+            point.tilt_x += px * point.lightness
+            point.tilt_y += py * point.lightness
+            side.tilt_x -= px * side.lightness
+            side.tilt_y -= py * side.lightness
