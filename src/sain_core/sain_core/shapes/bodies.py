@@ -93,7 +93,7 @@ class Bodies:
 
     def fitted(self, count: int) -> "Bodies":
         """Return these bodies for a scene of so many: the paper's disks fit any number."""
-        return Bodies.disks(count) if self.are_paper_disks and len(self) != count else self
+        return _disks(count) if self.are_paper_disks and len(self) != count else self
 
     def __len__(self) -> int:
         """Return the number of bodies."""
@@ -145,6 +145,7 @@ def _paper_roles(count: int) -> tuple[Role, ...]:
     return (Role.PUSHABLE, *(Role.MOVABLE,) * (count - 1))
 
 
+_disks = lru_cache(Bodies.disks)
 PAPER_DISKS: Final = Bodies.disks(MOST_BODIES)  # as many of them as a scene has bodies
 
 

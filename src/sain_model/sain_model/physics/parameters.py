@@ -4,8 +4,9 @@ To add one, enter it here and in `PlanarConfig`, and use it in the solver, where
 What a prior is given is checked here, once.
 """
 
-from collections.abc import Mapping
+from collections.abc import Hashable, Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any, Final, Literal, NamedTuple
 
 import numpy as np
@@ -49,7 +50,7 @@ def check_batch(scenes: np.ndarray, pushes: np.ndarray, bodies: Bodies = PAPER_D
 
 
 def _check_pushed(pushed: np.ndarray, count: int) -> None:
-    wrong = ~np.isin(pushed, np.arange(count))
+    wrong = ~((pushed >= 0) & (pushed < count) & (pushed == np.floor(pushed)))
     if wrong.any():
         index = int(np.argmax(wrong))
         raise InvalidInputError(
@@ -239,7 +240,7 @@ def parameter(name: str, default: float) -> Any:
     return option(default, one.meaning, unit=one.unit, minimum=one.least, maximum=one.most)
 
 
-def rows_of(config: object, values: Values, batch: int, bodies: int) -> tuple[ndarray, ndarray]:
+def rows_of(config: Hashable, values: Values, batch: int, bodies: int) -> tuple[ndarray, ndarray]:
     """Return what the solver reads for each push: `PUSH_ROW` (B,), and `BODY_ROW` (B, N).
 
     Args:
@@ -248,15 +249,22 @@ def rows_of(config: object, values: Values, batch: int, bodies: int) -> tuple[nd
         batch: B.
         bodies: N.
     """
-    pushes, own = np.empty(batch, PUSH_ROW), np.empty((batch, bodies), BODY_ROW)
-    pushes[:] = tuple(getattr(config, name) for name in OF_PUSHES)
-    own[:] = tuple(getattr(config, name) for name in OF_BODIES)
+    row_of_push, row_of_body = _settings(config)
+    pushes, own = np.full(batch, row_of_push), np.full((batch, bodies), row_of_body)
     for name, value in values.items():
         if name in OF_PUSHES:
             pushes[name] = value
         else:
             own[name] = value if value.ndim == 2 else value[:, None]
     return pushes, own
+
+
+@lru_cache
+def _settings(config: Hashable) -> tuple[np.void, np.void]:
+    """Return one row of a push and one of a body, with a prior's settings."""
+    pushes = np.array(tuple(getattr(config, name) for name in OF_PUSHES), PUSH_ROW)
+    own = np.array(tuple(getattr(config, name) for name in OF_BODIES), BODY_ROW)
+    return pushes[()], own[()]
 
 
 def check_values(values: Values, batch: int, bodies: int) -> None:

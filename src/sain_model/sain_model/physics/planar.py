@@ -281,7 +281,7 @@ class PlanarPrior(Model):
         physics, own = rows_of(config, values, batch, count)
         if is_stroke(pushes):
             check_starts(scenes, pushes, bodies)
-        limits = PushLimits(tool_radius=config.tool_radius, clearance=config.clearance)
+        limits = _limits(config.tool_radius, config.clearance)
         physics["tool_radius"] = tip_radii(pushes, limits)
         ways = tool_ways(scenes, pushes, limits, bodies, physics)
         table, pushed = body_table(bodies), pushed_bodies(pushes)
@@ -290,6 +290,12 @@ class PlanarPrior(Model):
         after[idle] = scenes[idle]
         after[..., MASS:] = scenes[..., MASS:]
         return after, touched
+
+
+@lru_cache
+def _limits(tool_radius: float, clearance: float) -> PushLimits:
+    """Return the limits of a tool; kept, since checking them takes as long as some pushes."""
+    return PushLimits(tool_radius=tool_radius, clearance=clearance)
 
 
 def step_knowing(prior: Model, scenes: Scenes, pushes: Pushes, values: Values | None) -> Scenes:
