@@ -260,11 +260,11 @@ def rows_of(config: Hashable, values: Values, batch: int, bodies: int) -> tuple[
 
 
 @lru_cache
-def _settings(config: Hashable) -> tuple[np.void, np.void]:
+def _settings(config: Hashable) -> tuple[ndarray, ndarray]:
     """Return one row of a push and one of a body, with a prior's settings."""
     pushes = np.array(tuple(getattr(config, name) for name in OF_PUSHES), PUSH_ROW)
     own = np.array(tuple(getattr(config, name) for name in OF_BODIES), BODY_ROW)
-    return pushes[()], own[()]
+    return pushes, own
 
 
 def check_values(values: Values, batch: int, bodies: int) -> None:
