@@ -14,7 +14,7 @@ setup(
         ("share/ament_index/resource_index/packages", [f"resource/{package_name}"]),
         (f"share/{package_name}", ["package.xml"]),
     ],
-    install_requires=["jaxtyping", "numpy", "rich", "tyro"],
+    install_requires=["jaxtyping", "matplotlib", "numpy", "rich", "torch", "tyro"],
     zip_safe=False,
     entry_points={
         "console_scripts": ["lab = sain_lab.commands:lab"],

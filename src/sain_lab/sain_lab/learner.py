@@ -35,8 +35,9 @@ from sain_core.push import pushed_bodies
 from sain_core.scene import POSITION, THETA, wrap_angle
 from sain_core.transitions import MOVED, PushHistory
 from sain_core.types import Scene
-from sain_lab.judging.events import Event
-from sain_lab.judging.judge import Judge
+from sain_lab.bodies import BodyBeliever
+from sain_lab.judging.events import CHANGED, FAILED, TRAINED, TRAINING, Event
+from sain_lab.judging.judge import RECENT, Judge
 from sain_lab.keeping.laboratory import PHYSICS, PLANAR, OpenLaboratory
 from sain_lab.keeping.results import Result, history_of, why_not
 from sain_lab.physics import Believer
@@ -49,6 +50,7 @@ from sain_model.inference.kinds import write_belief
 MOST_PUSHES: Final = 20  # of an episode that its model is conditioned on, as the agent has it
 FIRST_TRAINING: Final = 50  # pushes
 GROWTH: Final = 1.5  # of the number of pushes from one training to the next
+RECENT_PUSHES: Final = 12  # that show whether the table has changed
 MOST_JUMP: Final = (0.003, 0.05)  # [m], [rad], that a body may move between two pushes
 
 
@@ -86,11 +88,14 @@ class Learner:
         """
         self.laboratory, self._trains = laboratory, trains
         self._shipped, self._planar = load_shipped(), planar()
-        self.believer = Believer(self._shipped)
+        self.believer, self.bodies = Believer(self._shipped), BodyBeliever()
         self.judge = Judge()
         self.pushes = 0
         self._seen: set[str] = set()
-        self._trained_at = self._stated = 0
+        self._trained_at = self._stated = self._since = 0  # pushes then
+        self._unnamed = 0  # pushes of bodies without a name, which networks learn from
+        self._pending = False  # a training was begun
+        self._recent: deque[Result] = deque(maxlen=RECENT_PUSHES)
         self._episode = ""  # the running one
         self._latest: deque[Result] = deque()  # its pushes that a model is conditioned on
         self._last: Scene | None = None  # where it is now
@@ -98,7 +103,7 @@ class Learner:
         self._networks: dict[str, SainDynamics] = {}
         for record in laboratory.records():
             self._take(record)
-        self._settle(tuple(self.judge.decide()))
+        self._settle()
         self._publish()
 
     @classmethod
@@ -114,7 +119,9 @@ class Learner:
     @property
     def model(self) -> SainDynamics:
         """What is in service, for an episode that begins; see `sain_core.model.Model`."""
-        return self._contender(self.judge.service)
+        model = self._contender(self.judge.service)
+        assert model is not None
+        return model
 
     @property
     def model_name(self) -> str:
@@ -139,7 +146,7 @@ class Learner:
         errors, turns = self._predict(result)
         record = {"kind": "push", **result.record(), "errors": errors, "turns": turns}
         self._append(record)
-        decided = self._settle(tuple(self.judge.decide()))
+        decided = self._settle()
         self._publish()
         return Lesson(True, "", errors, turns, (*decided, *self._train_if_due()))
 
@@ -190,19 +197,28 @@ class Learner:
             self._stated = record["pushes"]
         elif record["kind"] == "event":
             self.judge.take(record)
-            if record["event"] == "training":
+            if record["event"] in (TRAINING, TRAINED, FAILED):
+                self._pending = record["event"] == TRAINING
+            if self._pending:
                 self._trained_at = record["pushes"]
-            if record["event"] == "table changed":
-                self.believer.forget(record["about"]["keep"])
+            if record["event"] == CHANGED:
+                self._begin_anew(record["about"]["keep"], record["about"]["anchor"])
+
+    def _begin_anew(self, keep: int, anchor: Mapping[str, float]) -> None:
+        """Leave pushes out that are older than a change of the table."""
+        self.believer.forget(max(keep - len(self._latest), 0), anchor)
+        self._since = self._trained_at = max(self.pushes - keep, 0)
 
     def _learn(self, record: Mapping[str, Any]) -> None:
         result = Result.of_record(record)
         self._seen |= {result.identity, result.digest}
         self._note(result)
         self._latest.append(result)
+        self._recent.append(result)
         while len(self._latest) > MOST_PUSHES:
-            self.believer.add(self._latest.popleft())
+            self._believe(self._latest.popleft())
         self.pushes += 1
+        self._unnamed += not result.object
         self.judge.update(record["errors"])
 
     def _note(self, result: Result) -> None:
@@ -215,8 +231,11 @@ class Learner:
 
     def _end_episode(self) -> None:
         while self._latest:
-            self.believer.add(self._latest.popleft())
+            self._believe(self._latest.popleft())
         self._episode, self._last = "", None
+
+    def _believe(self, result: Result) -> None:
+        (self.bodies if result.object else self.believer).add(result)
 
     # --- what is seen -----------------------------------------------------------------------------
 
@@ -240,7 +259,10 @@ class Learner:
         turns: dict[str, float] = {}
         for name in self.judge.contenders:
             try:
-                model = self._contender(name).with_bodies(result.own_bodies).condition(history)
+                contender = self._contender(name, result)
+                if contender is None:
+                    continue
+                model = contender.with_bodies(result.own_bodies).condition(history)
                 after = model.step(result.before[None], result.push[None])[0]
             except SainError:
                 continue  # this one says nothing about such bodies
@@ -248,7 +270,11 @@ class Learner:
                 errors[name], turns[name] = prediction_error(after, result)
         return errors, turns
 
-    def _contender(self, name: str) -> SainDynamics:
+    def _contender(self, name: str, result: Result | None = None) -> SainDynamics | None:
+        if result is not None and result.object:
+            return {PLANAR: self._planar, PHYSICS: self.bodies.model(result)}.get(name)
+        if name == RECENT:
+            return self.believer.recent(self._recent)
         if name == PLANAR:
             return self._planar
         if name == PHYSICS:
@@ -264,40 +290,52 @@ class Learner:
     def _event(self, kind: str, text: str, **about: Any) -> Event:
         return Event(kind, text, self.pushes, time.time(), about)
 
-    def _settle(self, decided: tuple[tuple[str, str, dict[str, Any]], ...]) -> tuple[Event, ...]:
-        events = tuple(self._event(kind, text, **about) for kind, text, about in decided)
-        for event in events:
-            self._append(event.record())
-        return events
+    def _settle(self) -> tuple[Event, ...]:
+        """Decide until nothing follows any more."""
+        events: list[Event] = []
+        while (decision := self.judge.decide()) is not None:
+            kind, text, about = decision
+            if kind == CHANGED:
+                about = about | {"anchor": self.believer.values}
+            events.append(self._event(kind, text, **about))
+            self._append(events[-1].record())
+        return tuple(events)
 
     def _publish(self) -> None:
         """Write what others load, where it has changed."""
-        changed = self.believer.update()
+        named = self.bodies.update()
+        changed = self.believer.update() or named
         if changed:
-            write_belief(self.laboratory.belief_path, self.believer.belief)
+            belief = self.bodies.belief() if named else self.believer.belief
+            write_belief(self.laboratory.belief_path, belief)
             if self.pushes > self._stated:
-                values = self.believer.parameters
+                values = (self.bodies if named else self.believer).parameters
                 record = {"kind": "belief", "pushes": self.pushes, "parameters": values}
                 self._append(record)
         service = self.judge.service
+        self.laboratory.keep_models({service, self.judge.candidate})
         changed = (changed and service == PHYSICS) or service != self.laboratory.manifest.service
         self.laboratory.state(service=service, generation=self.generation + changed)
 
     def _train_if_due(self) -> tuple[Event, ...]:
-        due = max(FIRST_TRAINING, GROWTH * self._trained_at)
-        if not self._trains or self._training is not None or self.pushes < due:
+        if self._training is not None or not self._trains or self._unnamed < FIRST_TRAINING:
             return self.poll()
-        event = self._event("training", f"a network is trained on {self.pushes} pushes")
+        own, before = self.pushes - self._since, self._trained_at - self._since
+        if not self._pending and own < max(FIRST_TRAINING, GROWTH * before):
+            return ()
+        event = self._event(TRAINING, f"a network is trained on {own} pushes")
         self._append(event.record())
-        self._training = Training.start(self.laboratory, self.pushes)
+        self._training = Training.start(self.laboratory, self._since, self.pushes)
         return (event,)
 
     def _finish(self, training: Training) -> tuple[Event, ...]:
         if problem := training.problem:
-            event = self._event("training failed", problem)
+            event = self._event(FAILED, problem)
+        elif training.since != self._since:
+            event = self._event(FAILED, "the table has changed meanwhile")
         else:
-            text = f"a network was trained on {training.pushes} pushes"
-            event = self._event("trained", text, model=training.service)
+            text = f"a network was trained on {training.pushes - training.since} pushes"
+            event = self._event(TRAINED, text, model=training.service)
         self._append(event.record())
         return (event,)
 

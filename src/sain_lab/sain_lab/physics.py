@@ -1,35 +1,51 @@
-"""What is believed of the physics of a laboratory, from its latest pushes: the one inference.
+"""What is believed of the physics of a laboratory: the one inference, from the latest pushes.
 
-A window of pushes is fitted anew when episodes have ended, from the values found before. So cost
-and memory stay flat, and what is old is forgotten.
+A window of pushes is fitted anew when an episode has ended, from the values found before: few steps
+are enough. So cost and memory stay flat, and what is old is forgotten. Two kinds of physics
+compete. The one with the larger evidence predicts; the other is fitted when the pushes have grown
+by half.
+
+All shared parameters are known then: an episode's own pushes show its friction alone. That is as
+accurate as to infer all of them again, and takes a tenth of the time.
 """
 
 from collections import deque
-from collections.abc import Iterable, Sequence
-from dataclasses import replace
-from typing import Final
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Final
 
 import numpy as np
 
 from sain_core.shapes.bodies import Bodies
 from sain_lab.keeping.results import Result, history_of
-from sain_model.dynamics.identify import identify
-from sain_model.dynamics.sain import SainDynamics
+from sain_model.dynamics.identify import MOST_ODDS, STEPS, fit_laboratory, identified
+from sain_model.dynamics.sain import PHYSICS, Origin, SainDynamics
 from sain_model.inference.evidence import ObservedPushes
-from sain_model.inference.kinds import Belief, written_kind
+from sain_model.inference.gauss_newton import Fit
+from sain_model.inference.kinds import Belief, Kind, laboratory_kinds, written_kind
+from sain_model.physics.planar import PlanarPrior
 
-WINDOW: Final = 400  # pushes that the belief is inferred from
+WINDOW: Final = 300  # pushes that the belief is inferred from
+FEWEST: Final = 5  # pushes that a belief is inferred from
+AGAIN: Final = 3  # steps of a fit that starts from the one before
+GROWTH: Final = 1.5  # of the pushes, after which all kinds are compared again
+RULED_OUT: Final = -10.0  # logarithm of the odds of kinds that do not predict
+
+WIDE: Final = 0.5  # spread of what a changed table may have become
+
+Values = Mapping[str, float]
+Parameters = dict[str, tuple[float, float]]  # values and spreads by name
 
 
-def observed(results: Iterable[Result]) -> list[ObservedPushes]:
-    """Return pushes for inference, those of the same bodies together; episodes count from 0."""
+def observed(results: Iterable[Result]) -> tuple[list[ObservedPushes], list[str]]:
+    """Return pushes for inference, those of the same bodies together, and names of the episodes."""
     groups: dict[tuple[Bodies, int], list[tuple[Result, int]]] = {}
     numbers: dict[str, int] = {}
-    for count, one in enumerate(results):
-        name = one.episode or f"\0{count}"
-        number = numbers.setdefault(name, len(numbers))
+    for one in results:
+        number = numbers.setdefault(one.episode or one.identity, len(numbers))
         groups.setdefault((one.own_bodies, len(one.push)), []).append((one, number))
-    return [_joined(bodies, some) for (bodies, _), some in groups.items()]
+    parts = [_joined(bodies, some) for (bodies, _), some in groups.items()]
+    return parts, list(numbers)
 
 
 def _joined(bodies: Bodies, some: Sequence[tuple[Result, int]]) -> ObservedPushes:
@@ -39,45 +55,160 @@ def _joined(bodies: Bodies, some: Sequence[tuple[Result, int]]) -> ObservedPushe
     return ObservedPushes(*arrays, episodes, bodies, history.noise)
 
 
+@dataclass
+class _Fitted:
+    """A kind, and the latest fit of it."""
+
+    kind: Kind
+    fit: Fit | None = None
+    episodes: tuple[str, ...] = ()
+
+    def update(self, parts: list[ObservedPushes], episodes: list[str]) -> None:
+        """Fit it anew, from where it is."""
+        steps = STEPS if self.fit is None else AGAIN
+        self.fit = fit_laboratory(self.kind, parts, self._start(episodes), steps)
+        self.episodes = tuple(episodes)
+
+    def _start(self, episodes: list[str]) -> np.ndarray | None:
+        """Return vectors z of these episodes; new ones have the mean of the others."""
+        if self.fit is None:
+            return None
+        places = dict(zip(self.episodes, self.fit.places, strict=True))
+        mean = self.fit.places.mean(axis=0)
+        start = np.stack([places.get(name, mean) for name in episodes])
+        start[:, ~self.kind.of_episode] = mean[~self.kind.of_episode]
+        return start
+
+    @property
+    def evidence(self) -> float:
+        """The logarithm of its evidence; lowest where it was not fitted."""
+        return -np.inf if self.fit is None else float(self.fit.log_evidence[0])
+
+
 class Believer:
     """Keeps a window of pushes, and what they say."""
 
     def __init__(self, base: SainDynamics) -> None:
         """Begin with what the shipped model believes."""
         self._base = base
-        self.belief: Belief = base.belief
         self.window: deque[Result] = deque(maxlen=WINDOW)
+        self.belief: Belief = base.belief
+        self.parameters: Parameters = {}
+        self._kinds: list[_Fitted] = []
+        self._best: Kind | None = None  # as it is believed now, with all parameters
+        self._anchor: Values = {}  # where the search begins after the table has changed
+        self._compared = 0  # pushes when all kinds were fitted last
+        self._total = 0  # pushes taken
         self._stale = False
 
     def add(self, result: Result) -> None:
         """Take a push that no running episode conditions on."""
         self.window.append(result)
+        self._total += 1
         self._stale = True
 
-    def forget(self, keep: int) -> None:
-        """Keep the latest pushes only: the table has changed."""
+    def forget(self, keep: int, anchor: Values) -> None:
+        """Keep the latest pushes only, and go on from these values: the table has changed."""
         self.window = deque(list(self.window)[-keep:] if keep else (), maxlen=WINDOW)
-        self._stale = True
+        self._anchor = dict(anchor)
+        self._kinds, self._compared, self._stale = [], 0, True
 
     def update(self) -> bool:
         """Infer anew where there are new pushes; return whether anything changed."""
         if not self._stale:
             return False
         self._stale = False
-        if not self.window:
-            self.belief = self._base.belief
-            return True
-        found = identify(self._base, {"laboratory": observed(self.window)})
-        self.belief = replace(found, card={"pushes": len(self.window)})
+        if len(self.window) < FEWEST:
+            changed = self.belief is not self._base.belief
+            self.belief, self.parameters = self._base.belief, {}
+            return changed
+        self._fit()
         return True
 
+    def _fit(self) -> None:
+        parts, episodes = observed(self.window)
+        flat = all(part.bodies.lie_flat for part in parts)
+        kinds = [anchored(kind, self._anchor) for kind in self._candidates(flat)]
+        if [one.kind.name for one in self._kinds] != [kind.name for kind in kinds]:
+            self._kinds, self._compared = [_Fitted(kind) for kind in kinds], 0
+        best = max(self._kinds, key=lambda one: one.evidence)
+        if self._total >= GROWTH * self._compared:
+            self._compared = self._total
+            for one in self._kinds:
+                one.update(parts, episodes)
+        else:
+            best.update(parts, episodes)
+        self._conclude(parts)
+
+    def _conclude(self, parts: list[ObservedPushes]) -> None:
+        fits = [one.fit for one in self._kinds if one.fit is not None]
+        best = max(self._kinds, key=lambda one: one.evidence)
+        found = identified(fits, -MOST_ODDS, {"laboratory": parts})
+        kinds = [
+            # a kind that was not fitted just now is compared by what it was
+            replace(kind, log_odds=0.0 if one is best else -MOST_ODDS)
+            for kind, one in zip(found.kinds, self._kinds, strict=True)
+        ]
+        self._best = next(kind for kind in kinds if kind.log_odds == 0.0)
+        self.parameters = parameters_of(self._best)
+        trained = self._base.belief.trained
+        settled = [kind.settled() for kind in kinds]
+        if not any(kind.corrected for kind in settled):
+            settled.append(replace(trained, log_odds=-MOST_ODDS))
+        self.belief = Belief(tuple(settled), -MOST_ODDS, {"pushes": len(self.window)})
+
+    def _candidates(self, flat: bool) -> list[Kind]:
+        return laboratory_kinds(self._base.belief, flat)
+
+    def recent(self, latest: Sequence[Result]) -> SainDynamics | None:
+        """Return physics that the latest pushes alone may have moved from what is believed.
+
+        It is what predicts better once the table has changed. None: there is no belief yet.
+        """
+        if self._best is None or not latest or self.belief is self._base.belief:
+            return None
+        kind = replace(self._best, covariance=WIDE**2 * np.eye(len(self._best.names)))
+        parts, episodes = observed(latest)
+        start = np.zeros((len(episodes), len(kind.names)))
+        found = fit_laboratory(kind, parts, start, AGAIN)
+        place = found.places.mean(axis=0)
+        place[kind.of_episode] = found.places[-1][kind.of_episode]
+        moved = replace(kind, prior=kind.at(place), covariance=np.eye(len(kind.names)))
+        return physics_model(Belief((replace(moved.settled(), log_odds=0.0),)))
+
     @property
-    def parameters(self) -> dict[str, tuple[float, float]]:
-        """Values and spreads of the likeliest physics, as `written_kind` has them, by name."""
-        parts = written_kind(self.belief.likeliest)["parameters"]
-        return {part["name"]: (part["mean"], part["spread"]) for part in parts}
+    def values(self) -> Values:
+        """The values of all parameters that are believed, by name."""
+        return {name: value for name, (value, _) in self.parameters.items()}
 
     @property
     def model(self) -> SainDynamics:
-        """The physics as it is believed now, with the shipped network where that holds."""
-        return self._base.believing(self.belief)
+        """The physics as it is believed now; before the first fit the shipped model."""
+        return self._base if self.belief is self._base.belief else physics_model(self.belief)
+
+
+def anchored(kind: Kind, values: Values) -> Kind:
+    """Return a kind that is likely to have these values, but for what each episode has its own."""
+    if not values or not isinstance(kind.prior, PlanarPrior):
+        return kind
+    known = {name: value for name, value in values.items() if name in kind.names}
+    config = replace(kind.config, **known)
+    deviations = np.where(kind.of_episode, 1.0, WIDE)
+    return replace(
+        kind, prior=replace(kind.prior, config=config), covariance=np.diag(deviations**2)
+    )
+
+
+def parameters_of(kind: Kind) -> Parameters:
+    """Return values and spreads of a kind's parameters, as `written_kind` has them."""
+    parts: list[dict[str, Any]] = written_kind(kind)["parameters"]
+    return {part["name"]: (part["mean"], part["spread"]) for part in parts}
+
+
+def physics_model(belief: Belief) -> SainDynamics:
+    """Return physics without a network, of the kinds that are not ruled out."""
+    kinds = tuple(kind for kind in belief.kinds if kind.log_odds > RULED_OUT)
+    first = replace(kinds[0], corrected=True)  # there is no network that could correct it
+    return SainDynamics(
+        replace(belief, kinds=(first, *kinds[1:])), origin=Origin(PHYSICS, "laboratory")
+    )

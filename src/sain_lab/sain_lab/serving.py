@@ -3,6 +3,7 @@
 from pathlib import Path
 
 from sain_lab.keeping.laboratory import PLANAR, PREFIX, Laboratory
+from sain_lab.physics import physics_model
 from sain_model.dynamics.load import load_checkpoint, load_shipped
 from sain_model.dynamics.priors import make_prior
 from sain_model.dynamics.sain import PHYSICS as PHYSICS_KIND
@@ -27,9 +28,8 @@ def in_service(laboratory: Laboratory) -> SainDynamics:
         return load_checkpoint(laboratory.model_path(manifest.service))
     if manifest.service == PLANAR:
         return planar()
-    base = load_shipped()
     path = laboratory.belief_path
-    return base.believing(read_belief(path)) if path.exists() else base
+    return physics_model(read_belief(path)) if path.exists() else load_shipped()
 
 
 def model_name(path: Path) -> str:

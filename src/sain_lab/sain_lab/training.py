@@ -1,41 +1,66 @@
 """Trains a network of a laboratory, in a process of its own: one thread, lowest priority.
 
-``python -m sain_lab.training LABORATORY PUSHES`` reads the log as it is, and writes a checkpoint.
+``python -m sain_lab.training LABORATORY SINCE PUSHES`` reads the log as it is, and writes a
+checkpoint: the residual of the believed physics, from the shipped network on. An episode's other
+pushes show its friction, as in ``sain_model train``.
 """
 
+import hashlib
 import os
+import resource
 import subprocess
 import sys
+import tempfile
+from collections import deque
+from collections.abc import Iterable
+from dataclasses import replace
+from itertools import islice
 from pathlib import Path
-from typing import Final, Self
+from typing import TYPE_CHECKING, Final, Self
 
+import numpy as np
+
+from sain_core.errors import SainError
 from sain_lab.keeping.laboratory import MODELS, Laboratory
+from sain_lab.keeping.results import Result
 
-LONGEST: Final = 60.0  # [s] of a training
+if TYPE_CHECKING:
+    from sain_model.data.dataset import Dataset
+    from sain_model.inference.kinds import Kind
+    from sain_model.training.settings import TrainingConfig
+
+LONGEST: Final = 60  # [s] of processor time; a training that takes longer is ended
+NICE: Final = 19
 THREADS: Final = ("OMP_NUM_THREADS", "NUMBA_NUM_THREADS", "MKL_NUM_THREADS")
+MOST_PUSHES: Final = 3000  # the latest, that are learned from
+STEPS: Final = 1200  # of the optimizer: 25 s
+MOST_EPOCHS: Final = 100
+PATIENCE: Final = 25  # epochs
+VALIDATION: Final = 0.2  # of the episodes
 
 
 class Training:
     """A training under way."""
 
-    def __init__(self, process: subprocess.Popen[str], laboratory: Path, pushes: int) -> None:
+    def __init__(self, process: "subprocess.Popen[str]", since: int, pushes: int) -> None:
         """Follow this process."""
-        self._process, self._laboratory, self.pushes = process, laboratory, pushes
-        self.service = f"{MODELS}/{pushes:06d}"
+        self._process, self.since, self.pushes = process, since, pushes
+        self.service = service_of(pushes)
 
     @classmethod
-    def start(cls, laboratory: Laboratory, pushes: int) -> Self:
-        """Start to train on the first pushes of a laboratory."""
-        command = [sys.executable, "-m", "sain_lab.training", str(laboratory.path), str(pushes)]
+    def start(cls, laboratory: Laboratory, since: int, pushes: int) -> Self:
+        """Start to train on the pushes of a laboratory behind the first, up to a number."""
+        words = str(laboratory.path), str(since), str(pushes)
+        command = [sys.executable, "-m", "sain_lab.training", *words]
         process = subprocess.Popen(
-            ["nice", "-n", "19", *command],
+            ["nice", "-n", str(NICE), *command],
             stdin=subprocess.DEVNULL,
             stdout=subprocess.DEVNULL,
             stderr=subprocess.PIPE,
             text=True,
             env=os.environ | dict.fromkeys(THREADS, "1"),
         )
-        return cls(process, laboratory.path, pushes)
+        return cls(process, since, pushes)
 
     @property
     def running(self) -> bool:
@@ -45,10 +70,12 @@ class Training:
     @property
     def problem(self) -> str:
         """Why there is no network; empty: there is."""
-        if self._process.returncode == 0:
+        code = self._process.returncode
+        if code == 0:
             return ""
         _, errors = self._process.communicate()
-        return (errors.strip().splitlines() or [f"exit code {self._process.returncode}"])[-1][-300:]
+        ended = f"the training ended with code {code}"
+        return (errors.strip().splitlines() or [ended])[-1][-300:]
 
     def wait(self) -> None:
         """Wait for its end."""
@@ -58,13 +85,102 @@ class Training:
         """Stop it; no network is written."""
         if self.running:
             self._process.kill()
-        self._process.wait()
+        self._process.communicate()
 
 
-def main(path: str, pushes: str) -> int:
+def service_of(pushes: int) -> str:
+    """Return the folder of a network, below the laboratory, by what it was trained on."""
+    return f"{MODELS}/{pushes:06d}"
+
+
+def train(laboratory: Laboratory, since: int, pushes: int) -> Path:
+    """Train on the pushes of a laboratory from one number to another; return the checkpoint.
+
+    Raises:
+        SainError: too few episodes, or the laboratory is damaged.
+    """
+    from sain_model.data.dataset import split_by_episode
+    from sain_model.dynamics.load import save_checkpoint
+    from sain_model.dynamics.residual import module_of
+    from sain_model.inference.kinds import read_belief
+    from sain_model.training.fit import Parent, fit
+    from sain_model.training.record import make_card
+    from sain_model.training.settings import TrainOptions
+
+    parent = Parent.load("sain")
+    kind = replace(read_belief(laboratory.belief_path).likeliest, corrected=True)
+    data = data_of(latest(laboratory, since, pushes))
+    config = settings(parent.settings, kind, len(data))
+    split = split_by_episode(data, config.seed, config.validation, 0.0)
+    with tempfile.TemporaryDirectory() as state:
+        model, histories = fit(split, kind, config, Path(state), start=parent.sain)
+    path = laboratory.model_path(service_of(pushes))
+    options = TrainOptions(dataset=(laboratory.path,), out=path.parent, training=config)
+    card = make_card(options, data, split, model, histories, {}, parent.card)
+    save_checkpoint(path, module_of(model), card)
+    return path
+
+
+def settings(like: "TrainingConfig", kind: "Kind", pushes: int) -> "TrainingConfig":
+    """Return the settings of a training on so many pushes, on the network of a parent."""
+    from sain_model.network.settings import PLANAR, PLANAR_AXES
+    from sain_model.training.settings import LossConfig
+
+    steps = max(2 * pushes // like.batch, 1)  # with mirror images
+    return replace(
+        like,
+        prior=PLANAR_AXES if kind.has_axes else PLANAR,
+        epochs=min(max(STEPS // steps, 1), MOST_EPOCHS),
+        patience=PATIENCE,
+        weight_decay=0.01,
+        validation=VALIDATION,
+        test=0.0,
+        loss=LossConfig(position_scale=0.0002, heading_scale=0.01),
+    )
+
+
+def latest(laboratory: Laboratory, since: int, pushes: int) -> list[Result]:
+    """Return the latest pushes of a laboratory between two numbers, of bodies without a name."""
+    found: deque[Result] = deque(maxlen=MOST_PUSHES)
+    for record in islice(_pushes(laboratory), since, pushes):
+        result = Result.of_record(record)
+        if not result.object:
+            found.append(result)
+    return list(found)
+
+
+def _pushes(laboratory: Laboratory) -> Iterable[dict[str, object]]:
+    return (record for record in laboratory.records() if record["kind"] == "push")
+
+
+def data_of(results: list[Result]) -> "Dataset":
+    """Return results as a data set to train on."""
+    from sain_lab.physics import observed
+    from sain_model.data.dataset import Dataset, Part
+
+    digest = hashlib.sha256("".join(one.digest for one in results).encode()).hexdigest()
+    parts = []
+    for some in observed(results)[0]:
+        unknown = np.full(len(some), np.nan)
+        nothing = np.full(some.state.shape, np.nan)
+        arrays = some.state, some.action, some.next_state, some.state  # no prediction is needed
+        steps = np.arange(len(some))
+        parts.append(Part(*arrays, some.episode, steps, unknown, nothing, some.bodies))
+    return Dataset(tuple(parts), digest)
+
+
+def main(path: str, since: str, pushes: str) -> int:
     """Train, and return the exit code."""
-    sys.stderr.write(f"no network is trained on {pushes} pushes of {path} yet\n")
-    return 1
+    resource.setrlimit(resource.RLIMIT_CPU, (LONGEST, LONGEST))
+    import torch
+
+    torch.set_num_threads(1)
+    try:
+        train(Laboratory(Path(path)), int(since), int(pushes))
+    except SainError as error:
+        sys.stderr.write(f"{error}\n")
+        return 1
+    return 0
 
 
 if __name__ == "__main__":

@@ -1,6 +1,7 @@
 """``sain lab``: list, show, add to, export and forget laboratories."""
 
-from collections.abc import Iterator
+from collections import Counter
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final, Literal
@@ -11,12 +12,16 @@ from rich.console import Console
 from sain_core.cli.terminal import FittingTable, make_table
 from sain_core.config import Config, option, required
 from sain_core.errors import ConfigError
+from sain_lab.judging.events import NOT_LEARNED
 
 if TYPE_CHECKING:
     from sain_lab.judging.curves import Curves
+    from sain_lab.judging.events import Event
     from sain_lab.keeping.laboratory import Laboratory
+    from sain_lab.keeping.results import Result
+    from sain_lab.learner import Learner
 
-Action = Literal["list", "show", "add", "export", "forget"]
+Action = Literal["list", "show", "add", "replay", "export", "forget"]
 SHOWN: Final = 12  # events
 
 
@@ -25,24 +30,34 @@ class LabOptions(Config):
     """Look at a laboratory (what was learned where a table stands), and handle it.
 
     list: all laboratories of this user. show NAME: parameters, errors, events.
-    add NAME RECORDING...: learn from bags or data sets. export NAME: belief and checkpoint for a
-    robot without the laboratory. forget NAME: remove it for good. NAME is a name, or a path with a
-    slash.
+    add NAME RECORDING...: learn from bags or data sets. replay RECORDING...: stream recorded pushes
+    as if they happened now, and draw the chart. export NAME: belief and checkpoint for a robot
+    without the laboratory. forget NAME: remove it for good. NAME is a name, or a path with a slash.
     """
 
     action: Annotated[Action, tyro.conf.Positional] = required("what to do")
     names: Annotated[tuple[str, ...], tyro.conf.Positional] = option(
-        (), "the laboratory; with add, then bags, MCAP files or folders of shards"
+        (), "the laboratory; with add and replay, bags, MCAP files or folders of shards"
     )
-    out: Path = option(Path(), "export: folder for belief.json and sain.safetensors")
-    train: bool = option(True, "add: train networks on the way")
+    out: Path = option(
+        Path(), "folder: export for belief.json and sain.safetensors; show and replay for chart.png"
+    )
+    train: bool = option(True, "add, replay: train networks on the way")
+    laboratory: str = option("", "replay: laboratory that is kept; empty: none is")
+    order: str = option("time", "replay: order of the pushes", choices=("time", "random"))
+    shape: str = option("", "replay: these bodies only, with commas; empty: all")
+    surface: str = option("", "replay: these surfaces only, with commas; empty: all")
 
     def __post_init__(self) -> None:
         """Check that there are as many names as the action needs."""
         super().__post_init__()
-        count = {"list": (0, 0), "add": (2, 10**6)}.get(self.action, (1, 1))
+        count = {"list": (0, 0), "add": (2, 10**6), "replay": (1, 10**6)}.get(self.action, (1, 1))
         if not count[0] <= len(self.names) <= count[1]:
-            needs = {"list": "no name", "add": "a laboratory and at least one recording"}
+            needs = {
+                "list": "no name",
+                "add": "a laboratory and at least one recording",
+                "replay": "at least one recording",
+            }
             wanted = needs.get(self.action, "one laboratory")
             given = " ".join(self.names) or "none"
             raise ConfigError(f"{self.action} needs {wanted}; given: {given}")
@@ -64,7 +79,9 @@ def run(options: LabOptions, console: Console) -> None:
         case "forget":
             console.print(f"removed {forget(options.names[0])}")
         case "show":
-            show(Laboratory.named(options.names[0]), console)
+            show(Laboratory.named(options.names[0]), console, options.out)
+        case "replay":
+            replay(options, console)
         case "export":
             export(Laboratory.named(options.names[0]), options.out, console)
         case "add":
@@ -92,8 +109,8 @@ def show_list(console: Console) -> None:
         console.print(f"no laboratories in {data_folder()}")
 
 
-def show(laboratory: "Laboratory", console: Console) -> None:
-    """Print parameters, errors and events of a laboratory."""
+def show(laboratory: "Laboratory", console: Console, out: Path) -> None:
+    """Print parameters, errors and events of a laboratory; draw the chart where it is asked for."""
     from sain_lab.judging.curves import read_curves
 
     curves = read_curves(laboratory)
@@ -103,6 +120,12 @@ def show(laboratory: "Laboratory", console: Console) -> None:
         console.print(table, soft_wrap=True)
     if laboratory.recordings:
         console.print(f"recordings: {', '.join(laboratory.recordings)}", soft_wrap=True)
+    if out != Path() and curves.pushes:
+        from sain_core.view.figures import write_png
+        from sain_lab.judging.chart import draw_curves
+
+        path = write_png(draw_curves(curves, laboratory.name), out / "chart.png")
+        console.print(f"{path}: errors and parameters", soft_wrap=True)
 
 
 def tables(curves: "Curves") -> Iterator[FittingTable]:
@@ -145,23 +168,51 @@ def export(laboratory: "Laboratory", out: Path, console: Console) -> None:
 
 def add(options: LabOptions, console: Console) -> None:
     """Learn from recordings."""
-    from collections import Counter
-
     from sain_lab.keeping.recordings import read_recording
     from sain_lab.learner import Learner
 
     with Learner.named(options.names[0], options.train) as learner:
         for name in options.names[1:]:
-            reasons: Counter[str] = Counter()
-            for result in read_recording(Path(name)):
-                lesson = learner.observe(result)
-                reasons[lesson.reason] += 1
-                for event in lesson.events:
-                    console.print(f"{event.pushes}: {event.kind}: {event.text}", soft_wrap=True)
-            learner.end_episode()
-            for event in learner.wait():
-                console.print(f"{event.pushes}: {event.kind}: {event.text}", soft_wrap=True)
+            learn(learner, read_recording(Path(name)), name, console)
             learner.laboratory.link(Path(name))
-            console.print(f"{name}: learned from {reasons.pop('', 0)} pushes", soft_wrap=True)
-            for reason, count in reasons.items():
-                console.print(f"  left out: {count}, {reason}", soft_wrap=True)
+
+
+def learn(
+    learner: "Learner", results: "Iterable[Result]", name: str, console: Console, wait: bool = False
+) -> None:
+    """Learn from results, and print what happens; with `wait` trainings end before the next."""
+    reasons: Counter[str] = Counter()
+
+    def say(events: "Iterable[Event]") -> None:
+        for event in events:
+            if event.kind != NOT_LEARNED:
+                console.print(f"{event.pushes}: {event.kind}: {event.text}", soft_wrap=True)
+
+    for result in results:
+        lesson = learner.observe(result)
+        reasons[lesson.reason] += 1
+        say(lesson.events)
+        if wait:
+            say(learner.wait())
+    learner.end_episode()
+    say(learner.wait())
+    console.print(f"{name}: learned from {reasons.pop('', 0)} pushes", soft_wrap=True)
+    for reason, count in reasons.most_common():
+        console.print(f"  left out: {count}, {reason}", soft_wrap=True)
+
+
+def replay(options: LabOptions, console: Console) -> None:
+    """Stream recorded pushes through a learner as if they happened now."""
+    from sain_core.storage import scratch_folder
+    from sain_lab.keeping.recordings import chosen, read_recording
+    from sain_lab.learner import Learner
+
+    with scratch_folder("replay") as scratch:
+        name = options.laboratory or str(Path(scratch) / "replay")
+        with Learner.named(name, options.train) as learner:
+            for path in options.names:
+                results = read_recording(Path(path))
+                some = chosen(results, options.shape, options.surface, options.order)
+                learn(learner, some, path, console, wait=True)
+            out = Path("results/replay") if options.out == Path() else options.out
+            show(learner.laboratory, console, out)

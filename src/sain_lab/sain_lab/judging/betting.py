@@ -8,45 +8,54 @@ reaches W with a probability of at most 1 / W (Ville 1939; Waudby-Smith and Ramd
 """
 
 from collections import deque
-from dataclasses import dataclass, field
 from typing import Final
 
 import numpy as np
 
 CERTAIN: Final = 20.0  # wealth: at most 5 % of candidates that are no better ever reach it
-MOST_BET: Final = 0.9
+ALARM: Final = 30.0  # likewise of a bet that resets: by chance once in 30 pushes at worst
+BETS: Final = np.array([0.2, 0.5, 0.9])  # a third of the first money each
+DAMPING: Final = 0.25  # share of the median that a score is bounded by
 SCALE: Final = 100  # pushes that the median is of
 LEAST: Final = 0.05  # [mm], of the median: smaller errors do not matter
 
 
-@dataclass
 class Bet:
     """The wealth of who bets that one predictor errs less than another.
 
     Attributes:
-        resets: whether the wealth is never below 1, so that a change is noticed soon. It then
-            reaches W by chance once in W pushes or less often.
-        wealth: now.
+        resets: whether the wealth is never below 1 before a push, so that a change is noticed soon.
         pushes: since the start.
+        growing: pushes since it was 1 or below: what is better has been so for about as long.
     """
 
-    resets: bool = False
-    wealth: float = 1.0
-    pushes: int = 0
-    _sum: float = 0.0
-    _squares: float = 1.0
-    _sizes: deque[float] = field(default_factory=lambda: deque(maxlen=SCALE))
+    def __init__(self, resets: bool = False, wealth: float = 1.0) -> None:
+        """Begin with this wealth."""
+        self.resets = resets
+        self.pushes = self.growing = 0
+        self._wealths = np.full(len(BETS), wealth)
+        self._sizes: deque[float] = deque(maxlen=SCALE)
+
+    def heir(self) -> "Bet":
+        """Return the bet on the successor of the first: trained the same way, on more pushes.
+
+        It inherits half of the certainty at most, and has to earn the rest.
+        """
+        return Bet(self.resets, min(max(self.wealth, 1.0), CERTAIN / 2.0))
+
+    @property
+    def wealth(self) -> float:
+        """The wealth now."""
+        return float(self._wealths.mean())
 
     def update(self, first: float, second: float) -> float:
         """Take the errors [mm] of both on one push; return the wealth after it."""
         both = first + second
         median = float(np.median(self._sizes)) if self._sizes else both
-        score = (second - first) / (both + max(median, LEAST))
-        bet = min(max(self._sum / self._squares, 0.0), MOST_BET)
-        start = max(self.wealth, 1.0) if self.resets else self.wealth
-        self.wealth = start * (1.0 + bet * score)
-        self._sum += score
-        self._squares += score**2
+        score = (second - first) / (both + max(DAMPING * median, LEAST))
+        start = np.maximum(self._wealths, 1.0) if self.resets else self._wealths
+        self._wealths = start * (1.0 + BETS * score)
+        self.growing = self.growing + 1 if self.wealth > 1.0 else 0
         self._sizes.append(both)
         self.pushes += 1
         return self.wealth
@@ -54,4 +63,4 @@ class Bet:
     @property
     def is_certain(self) -> bool:
         """Whether the first errs less beyond chance."""
-        return self.wealth >= CERTAIN
+        return self.wealth >= (ALARM if self.resets else CERTAIN)

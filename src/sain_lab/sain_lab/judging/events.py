@@ -2,7 +2,11 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, Self
+from typing import Any, Final, Self
+
+TRAINING, TRAINED, FAILED = "training", "trained", "training failed"
+LOADED, DROPPED, CHANGED = "loaded", "dropped", "table changed"
+NOT_LEARNED: Final = "not learned"
 
 
 @dataclass(frozen=True)
@@ -10,8 +14,7 @@ class Event:
     """A decision, or something that was noticed.
 
     Attributes:
-        kind: "loaded", "dropped", "trained", "training failed", "table changed", "new body" or
-            "not learned".
+        kind: one of those above.
         text: for people.
         pushes: learned from so far.
         time: seconds since 1970.

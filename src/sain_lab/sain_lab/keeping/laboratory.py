@@ -212,6 +212,12 @@ class OpenLaboratory(Laboratory):
         lines = list(dict.fromkeys([*self.recordings, str(recording.resolve())]))
         write_whole(self.path / RECORDINGS, ("\n".join(lines) + "\n").encode())
 
+    def keep_models(self, services: set[str]) -> None:
+        """Remove all networks but those in these folders, as far as that is possible."""
+        for folder in (self.path / MODELS).glob("*"):
+            if f"{MODELS}/{folder.name}" not in {*services, self.manifest.service}:
+                shutil.rmtree(folder, ignore_errors=True)
+
     def close(self) -> None:
         """Write the manifest, and let another process have the laboratory."""
         self.state()

@@ -1,20 +1,24 @@
 """Recordings as results: bags, MCAP files and data sets, the same way as live results."""
 
 import hashlib
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
 from sain_bags.dataset.conversion import ConversionConfig, convert
 from sain_core.errors import DatasetError
+from sain_core.push import BODY
+from sain_core.randomness import generator
 from sain_core.shapes.bodies import bodies_named
 from sain_core.storage import scratch_folder
 from sain_core.transitions import SHAPED, Column, Columns
 from sain_lab.keeping.results import Result
 from sain_model.data.dataset import shard_paths
 from sain_model.data.shard import NO_STEP, read_shard
+
+RANDOM: Final = "random"  # an order of pushes
 
 
 def read_recording(path: Path) -> Iterator[Result]:
@@ -33,6 +37,30 @@ def read_recording(path: Path) -> Iterator[Result]:
         yield from read_data_set(Path(scratch) / "rows")
 
 
+def chosen(results: Iterable[Result], shapes: str, surfaces: str, order: str) -> Iterator[Result]:
+    """Yield the results of bodies and surfaces by name, with commas; empty: of all.
+
+    Raises:
+        DatasetError: there are none.
+    """
+    bodies, tables = ({word for word in text.split(",") if word} for text in (shapes, surfaces))
+    found: set[str] = set()
+    some = []
+    for one in results:
+        name = one.object or one.own_bodies.shapes[int(one.push[BODY])].name
+        found.add(" on ".join(filter(None, (name, one.surface))))
+        if (not bodies or name in bodies) and (not tables or one.surface in tables):
+            some.append(one)
+    if not some:
+        raise DatasetError(
+            f"no push of {shapes or 'any body'} on {surfaces or 'any surface'};"
+            f" recorded are: {', '.join(sorted(found))}"
+        )
+    if order == RANDOM:
+        some = [some[row] for row in generator(0, "replay").permutation(len(some))]
+    yield from some
+
+
 def read_data_set(path: Path) -> Iterator[Result]:
     """Yield the results of a folder of shards, or of one shard, episode by episode.
 
@@ -49,7 +77,7 @@ def read_data_set(path: Path) -> Iterator[Result]:
 
 def _order(columns: Columns) -> np.ndarray:
     steps = columns[Column.STEP]
-    if (steps == NO_STEP).any():
+    if (steps == NO_STEP).any() or (columns[Column.OBJECT] != "").all():
         return np.arange(len(steps))
     return np.lexsort((steps, columns[Column.EPISODE]))
 
@@ -61,11 +89,12 @@ def _result(columns: Columns, row: int, source: str) -> Result:
         "object": str(columns[Column.OBJECT][row]),
         "surface": str(columns[Column.SURFACE][row]),
     }
+    episode = f"{source}/{columns[Column.EPISODE][row]}"
     return Result(
         before,
         columns[Column.ACTION][row],
         columns[Column.NEXT_STATE][row],
         bodies_named(shapes, roles, len(before)),
-        f"{source}/{columns[Column.EPISODE][row]}",
+        "" if about["object"] else episode,  # a robot's pushes of named bodies stand alone
         **about,
     )

@@ -87,9 +87,16 @@ def fit_recordings(kinds: Sequence[Kind], recordings: Recordings) -> list[Fit]:
     return fits
 
 
-def fit_laboratory(kind: Kind, parts: Parts) -> Fit:
-    """Return the parameters that explain the pushes of a laboratory best."""
+def fit_laboratory(
+    kind: Kind, parts: Parts, start: Places | None = None, steps: int = STEPS
+) -> Fit:
+    """Return the parameters that explain the pushes of a laboratory best.
+
+    The search starts from vectors z of the episodes; None: from what a grid shows.
+    """
     count = count_episodes(parts)
+    if start is not None:
+        return fit(kind, parts, start, np.zeros(count, np.int64), steps)
     totals = sum(
         Known.of_episodes(part.episode, count).total(curves_of(kind, part)) for part in parts
     )
@@ -113,12 +120,18 @@ def over_bodies(kind: Kind, parts: Parts) -> tuple[Kind, Places]:
     """
     count = count_episodes(parts)
     places = fit(kind, parts, np.zeros((count, len(kind.names))), np.arange(count), STEPS).places
-    prior, away = kind.at(places.mean(axis=0)), places - places.mean(axis=0)
+    return of_another_body(kind, places), places - places.mean(axis=0)
+
+
+def of_another_body(kind: Kind, places: Places) -> Kind:
+    """Return a kind with what vectors z of bodies show of one that was not pushed yet."""
+    count = len(places)
+    prior = kind.at(places.mean(axis=0))
     if count < FEW_BODIES:
-        return replace(kind, prior=prior), away
+        return replace(kind, prior=prior)
     scatter = np.hypot(places.std(axis=0, ddof=1), LEAST_SPREAD)
     covariance = np.diag(scatter**2) * (1.0 + 1.0 / count)
-    return replace(kind, prior=prior, covariance=covariance), away
+    return replace(kind, prior=prior, covariance=covariance)
 
 
 def identified(fits: Sequence[Fit], network_log_odds: float, recordings: Recordings) -> Belief:

@@ -53,6 +53,19 @@ BODY_ON_SURFACE: Final = (  # what pushes show of a body on a surface, and of wh
     "tip_x",
     "tip_y",
 )
+OF_TABLE: Final = (  # what many pushes show besides: of a table, and of a robot that is not exact
+    "slope_x",
+    "slope_y",
+    "table_grain_x",
+    "table_grain_y",
+    "centre_x",
+    "centre_y",
+    "torsion",
+    "tool_compliance",
+    "length_offset",
+    "angle_offset",
+    "location_offset",
+)
 ACROSS: Final = "yield_across"
 ALONG_AXES: Final = "axes_yield"
 POINTS: Final = {FRICTION: 61, MASS_RATIO: 17}  # of a grid, for parameters that have one
@@ -198,14 +211,24 @@ class Kind:
         """Predict pushes, each with values of its own of some parameters."""
         return step_knowing(self.prior.with_bodies(bodies), scenes, pushes, values)
 
-    def inferring(self, name: str) -> Self:
-        """Return this kind where pushes also show the parameter of this name."""
-        if name in self.names or not self.names:
+    def inferring(self, *names: str) -> Self:
+        """Return this kind where pushes also show the parameters of these names."""
+        new = [name for name in names if name not in self.names]
+        if not new or not self.names:
             return self
         count = len(self.names)
-        covariance = np.eye(count + 1)
+        covariance = np.eye(count + len(new))
         covariance[:count, :count] = self.covariance
-        return replace(self, names=(*self.names, name), covariance=covariance)
+        return replace(self, names=(*self.names, *new), covariance=covariance)
+
+    def settled(self) -> Self:
+        """Return this kind where an episode's pushes show what has a grid alone.
+
+        So it is once many pushes have shown all else.
+        """
+        columns = [self.names.index(name) for name in self.on_grid]
+        covariance = self.covariance[np.ix_(columns, columns)]
+        return replace(self, names=tuple(self.on_grid), covariance=covariance)
 
 
 @dataclass(frozen=True, eq=False)
@@ -307,6 +330,23 @@ def default_belief(prior: PlanarPrior) -> Belief:
         only_flat=True,
     )
     return Belief((first, Kind(NO_AXES, other, (*LABORATORY, ACROSS), wide), flat))
+
+
+def laboratory_kinds(belief: Belief, flat: bool) -> list[Kind]:
+    """Return the kinds that the pushes of a laboratory are explained by.
+
+    They have all parameters that many pushes show, which all episodes share.
+
+    Args:
+        belief: as `default_belief` has it.
+        flat: whether all bodies lie flat.
+    """
+    shared = [replace(kind, of_bodies=False) for kind in belief.kinds]
+    if flat:
+        shared = [kind for kind in shared if not kind.has_axes]
+        more = (*OF_TABLE, "disk_friction", "inertia", "speed_factor")
+        return [kind.inferring(*(more if kind.only_flat else OF_TABLE)) for kind in shared]
+    return [kind.inferring(*OF_TABLE) for kind in shared if not kind.only_flat]
 
 
 def _value(parameter: Parameter, base: float, z: Float[ndarray, "R"]) -> Scalars:
