@@ -32,11 +32,13 @@ from benchmarks.faults.surroundings import (
 )
 from benchmarks.faults.table import Row, show, write_page
 from sain_bags.reading.reader import Bag
-from sain_bringup.graph import RECORDER
+from sain_bringup.graph import LEARNER, MODEL, RECORDER, GraphOptions
 from sain_core.ros.node_main import ros_context
+from sain_lab.keeping.laboratory import Laboratory
 
 RESULTS_KEPT: Final = 60.0  # [s], of actions
 STOPPED: Final = 10.0  # [s]
+LEARNING: Final = (LEARNER, MODEL)  # processes that are struck while a learner is at work
 KINDS: Final = ("kill", "stop", "datagrams", "clock", "memory", "disk", "messages", "files")
 
 
@@ -58,7 +60,7 @@ class Options:
     """hostile ones"""
     only: tuple[str, ...] = KINDS
     """kinds of faults"""
-    parts: tuple[str, ...] = PARTS
+    parts: tuple[str, ...] = (*PARTS, LEARNER)
     """processes to kill and to stop"""
     page: Path | None = None
     """Markdown page to write"""
@@ -73,7 +75,9 @@ def strikes(
     """Kill or stop each process in turn."""
     for name in parts:
         place = folder / f"{kind}_{name}"
-        with graph(place) as running:
+        laboratory = place / "laboratory" if name in LEARNING else None
+        options = GraphOptions(bag=place / "bag", learn=str(laboratory or ""))
+        with graph(place, options) as running:
             striking = Strikes(running, kill if kind == "kill" else stop, name, seed)
             striking.repeat(tries)
         observed = running.observed
@@ -81,8 +85,17 @@ def strikes(
         if lost:
             print(f"{name}: {observed.twice} executed twice, {observed.broken} broken", flush=True)
         lost += lost_rows(Bag(place / "bag"), observed, striking.spared if name == RECORDER else [])
+        if laboratory is not None:
+            lost += learned_twice(laboratory)
         word = "SIGKILL" if kind == "kill" else f"SIGSTOP for {STOPPED:g} s"
         yield Row(f"{word}: {name}", tries, striking.survived, lost, striking.recoveries)
+
+
+def learned_twice(path: Path) -> int:
+    """Return how many pushes are in a laboratory more than once; raises where it is not whole."""
+    digests = [one["digest"] for one in Laboratory(path).records() if one["kind"] == "push"]
+    print(f"{path}: {len(digests)} pushes were learned from", flush=True)
+    return len(digests) - len(set(digests))
 
 
 def kill(process: int) -> None:

@@ -17,7 +17,11 @@ setup(
     install_requires=["jaxtyping", "matplotlib", "numpy", "rich", "torch", "tyro"],
     zip_safe=False,
     entry_points={
-        "console_scripts": ["lab = sain_lab.commands:lab"],
+        "console_scripts": [
+            "lab = sain_lab.commands:lab",
+            "learner_node = sain_lab.commands:learner_node",
+            "teach = sain_lab.commands:teach",
+        ],
         "sain.dynamics": ["lab = sain_lab.serving:load_in_service"],
     },
 )

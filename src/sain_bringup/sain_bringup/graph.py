@@ -26,6 +26,7 @@ from sain_core.model import check_model_name
 from sain_core.shapes.body_file import read_bodies
 from sain_core.shapes.shape import BOTTOMS, FEET
 from sain_core.world import MASSES, ObservationConfig, changed_settings
+from sain_lab.keeping.laboratory import laboratory_path
 from sain_model.compute.kernel_store import compile_visibly
 from sain_sim.world.engines import DEFAULT_ENGINE, ENGINE_HELP, check_engine
 
@@ -40,10 +41,12 @@ SCENES: Final = "scenes"
 MODEL: Final = "model"
 PLANNER: Final = "planner"
 RECORDER: Final = "recorder"
+LEARNER: Final = "learner"
 PAGE: Final = "page"
 FLUSH_PERIOD: Final = "0.25"  # [s], at most so much is lost with the recorder
 UNWATCHED: Final = {lifetime.SOCKET: "", lifetime.TIMEOUT: ""}  # a driver may wait for its arm
 POLL: Final = 0.02  # [s] between looks at the processes
+SHIPPED: Final = "sain"  # model
 
 
 @dataclass(frozen=True)
@@ -54,9 +57,16 @@ class GraphConfig(Config):
     bottom: str = option(
         FEET, "what bodies stand on: three feet, or a flat bottom", choices=BOTTOMS
     )
-    model: str = option("sain", "name of a model (sain, planar, identity) or path of a checkpoint")
+    model: str = option(
+        SHIPPED, "name of a model (sain, planar, identity, lab:NAME) or path of a checkpoint"
+    )
     belief: str = option(
         "", "file of `sain_model identify`, with which each episode begins; empty: none"
+    )
+    learn: str = option(
+        "",
+        "laboratory to learn in while the graph works: a name, or a path with a '/'; its model is"
+        " served. Empty: nothing is learned",
     )
     seed: int = option(0, "of the first scene and of the planner", minimum=0)
     camera: Annotated[ObservationConfig, tyro.conf.arg(name="")] = ObservationConfig()
@@ -70,6 +80,13 @@ class GraphConfig(Config):
         super().__post_init__()
         check_model_name(self.model)
         check_engine(self.engine)
+        if self.learn:
+            laboratory_path(self.learn)
+            if self.model != SHIPPED or self.belief:
+                raise ConfigError(
+                    f"--learn {self.learn} serves the model of that laboratory; leave out --model"
+                    " and --belief"
+                )
         if self.params_file is not None:
             _check_parameter_file(self.params_file)
 
@@ -249,6 +266,9 @@ def graph_commands(
     planner |= {"dynamics": "service", **seed, **simulated}
     model |= {"model": options.model, **simulated}
     commands = {MODEL: node("sain_model", "model_node", **model)}
+    if options.learn:
+        noise = {"noise": options.camera.noise} if options.robot else {}
+        commands[LEARNER] = node("sain_lab", "learner_node", **learner_of(options), **noise)
     commands |= options.more_commands(ros)
     if options.bag is not None:
         about = [f"{key}={value}" for key, value in (custom_data or {}).items()]
@@ -261,6 +281,11 @@ def graph_commands(
         commands[SIMULATOR] = node("sain_sim", "sim_node", **seed, **simulator)
     commands[PLANNER] = node("sain_mppi", "mppi_node", **planner)
     return commands
+
+
+def learner_of(options: GraphConfig) -> dict[str, str]:
+    """Return parameters of the learner, which runs in another folder."""
+    return {"laboratory": str(laboratory_path(options.learn).absolute())}
 
 
 def _robot_commands(

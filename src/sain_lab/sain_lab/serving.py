@@ -28,6 +28,11 @@ def in_service(laboratory: Laboratory) -> SainDynamics:
         return load_checkpoint(laboratory.model_path(manifest.service))
     if manifest.service == PLANAR:
         return planar()
+    return believed(laboratory)
+
+
+def believed(laboratory: Laboratory) -> SainDynamics:
+    """Return the physics as it is believed; raises `CheckpointError`."""
     path = laboratory.belief_path
     return physics_model(read_belief(path)) if path.exists() else load_shipped()
 

@@ -79,6 +79,9 @@ class Orders(Protocol):
     def load(self, model: str) -> None:
         """Serve another model."""
 
+    def learn(self, learns: bool) -> None:
+        """Learn from pushes, or not."""
+
 
 def planner_settings(
     config: Config = PlannerConfig(), prefix: str = PREFIX

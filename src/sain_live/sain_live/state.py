@@ -18,6 +18,7 @@ from numpy import ndarray
 from sain_core.goal import Goal, Judgement
 from sain_core.shapes.bodies import PAPER_DISKS, Bodies
 from sain_core.types import Pushes, Scene, Scenes
+from sain_core.wire.learning import Learned
 
 LOG_LINES: Final = 200  # that are kept
 LONGEST_LINE: Final = 400  # characters of one
@@ -135,6 +136,8 @@ class LiveState:
     arm: LiveArm | None = None
     joints: Mapping[str, float] = field(default_factory=dict)
     curves: LiveCurves = LiveCurves()
+    learned: Learned | None = None  # by the learner of a laboratory; None: there is none
+    learns: bool | None = None  # whether it learns from pushes now; None: it does not answer
     phase: Phase = Phase.WAITING
     why: str = ""  # it is in this phase
     pushes: int = 0  # sent for the goal

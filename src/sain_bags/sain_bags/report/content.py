@@ -13,6 +13,7 @@ from sain_bags.reading.timing import BINS, TopicTiming, read_timings
 from sain_bags.report.drawn import as_json
 from sain_bags.report.episode_content import describe_episode, outcome
 from sain_bags.report.gathering import Gathered, Limits, Progress, gather, graphs
+from sain_bags.report.learning import describe_learning
 from sain_bags.report.pushes import models, rounded, target_error
 from sain_bags.report.titles import episode_titles
 from sain_core.view.scenes import stage
@@ -70,6 +71,7 @@ def read_content(bag: Bag, limits: Limits = Limits(), progress: Progress = lambd
         ],
         "planning": _planning(found),
         "errors": _errors(found),
+        "learning": describe_learning(bag),
     }
     pushes = sum(len(one.episode.executed) for one in found)
     return Content(data, len(found), pushes)

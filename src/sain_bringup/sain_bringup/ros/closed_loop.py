@@ -16,6 +16,7 @@ from sain_bags.bag.metadata import describe_recording
 from sain_bringup.display import Display
 from sain_bringup.graph import (
     EPISODES_KEY,
+    LEARNER,
     MODEL,
     NAMESPACE_KEY,
     PLANNER,
@@ -217,8 +218,9 @@ def play(
         for name, command in commands.items():
             again = restart_command(name, command)
             supervisor.start(name, command, patient=name == RECORDER, again=again)
+        awaited = (SIMULATOR, MODEL, PLANNER, RECORDER, *((LEARNER,) if graph.learn else ()))
         director.wait_for_graph(
-            lambda: supervisor.starting((SIMULATOR, MODEL, PLANNER, RECORDER)),
+            lambda: supervisor.starting(awaited),
             lambda missing: display.status(waiting_for(missing)),
         )
     for number, plan in enumerate(plans, start=1):

@@ -11,10 +11,11 @@ from numpy import ndarray
 from sain_core.randomness import Interval, bootstrap_mean, bootstrap_ratio, generator
 from sain_lab.judging.events import Event
 from sain_lab.keeping.laboratory import PHYSICS, PLANAR, Laboratory
-from sain_lab.keeping.log import Record
+from sain_lab.keeping.log import LogTail, Record
 
 SERVICE: Final = "in service"
 WINDOW: Final = 50  # pushes of a running mean
+SCENES: Final = {"before", "push", "after", "noise", "digest"}  # what no curve needs of a record
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,6 +63,21 @@ class Curves:
 def read_curves(laboratory: Laboratory) -> Curves:
     """Return the curves of a laboratory; raises `DatasetError`."""
     return curves_of(laboratory.records())
+
+
+class CurveReader:
+    """The curves of a laboratory in which somebody learns."""
+
+    def __init__(self, laboratory: Laboratory) -> None:
+        """Begin with the log as it is."""
+        self._tail = LogTail(laboratory.log_path)
+        self._records: list[Record] = []  # without scenes
+
+    def read(self) -> Curves:
+        """Return the curves as they are now; raises as `LogTail.read`."""
+        for record in self._tail.read():
+            self._records.append({key: record[key] for key in record.keys() - SCENES})
+        return curves_of(self._records)
 
 
 def curves_of(records: Iterable[Record]) -> Curves:

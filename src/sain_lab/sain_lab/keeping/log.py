@@ -83,6 +83,30 @@ def _check_first(path: Path, record: Record) -> None:
         raise DatasetError(f"{path} has the format {found!r}; this version reads {FORMAT!r}")
 
 
+class LogTail:
+    """Reads what its owner appends to a log, as it comes."""
+
+    def __init__(self, path: Path) -> None:
+        """Begin before the first record."""
+        self._path, self._place = path, 0
+
+    def read(self) -> Iterator[Record]:
+        """Yield the records that came since the last time.
+
+        Raises:
+            OSError, UntrustedFileError: the log cannot be read.
+        """
+        with open_regular(self._path) as file:
+            file.seek(self._place)
+            while line := file.readline(LONGEST_LINE + 1):
+                record = decoded(line)
+                if record is None:
+                    return  # it is being written
+                self._place += len(line)
+                if record["kind"] != "log":
+                    yield record
+
+
 class LogWriter:
     """Appends records; each is on the disk when `append` returns."""
 

@@ -49,6 +49,7 @@ class ChartsView:
             self._planning = self._chart(gui, "planning time of each push [ms]", 1)
             gui.add_html(legend())
             self._log = gui.add_html("")
+        self.panel = panel
         panel.dock_left()
         panel.set_width(WIDTH)
 

@@ -52,6 +52,7 @@ class ControlsView:
             self._add_episode(config)
         with self._gui.add_folder("Model"):
             self._add_model()
+            self._add_learning()
 
     def show(self, known: LiveState) -> None:
         """Show how the loop is doing, and the model that is served or on its way."""
@@ -63,6 +64,9 @@ class ControlsView:
             self._model.options = (*self._models, model)
         if self._model.value != model:
             self._model.value = model
+        self._learns.visible = known.learns is not None
+        if known.learns is not None and self._learns.value != known.learns:
+            self._learns.value = known.learns
 
     def _add_buttons(self) -> None:
         orders = {
@@ -113,6 +117,16 @@ class ControlsView:
         button = self._gui.add_button("Load file", icon=viser.Icon.DOWNLOAD)
         button.on_click(self._guarded(lambda: self._load(path.value.strip())))
         self._model.on_update(self._on_model)
+
+    def _add_learning(self) -> None:
+        self._learns = self._gui.add_checkbox(
+            "learn from pushes", False, visible=False, hint="off: the model stays as it is"
+        )
+        self._learns.on_update(self._on_learns)
+
+    def _on_learns(self, event: viser.GuiEvent[Any]) -> None:
+        if event.client is not None:
+            self._orders.learn(event.target.value)
 
     def _load(self, path: str) -> None:
         if not path:

@@ -11,6 +11,7 @@ from sain_live.orders import Orders
 from sain_live.page.arm import ArmView
 from sain_live.page.charts import ChartsView
 from sain_live.page.controls import ControlsView, PlannerForm
+from sain_live.page.learning import LearningView
 from sain_live.page.playing import PlayingView
 from sain_live.page.scene import GoalsView, SceneView
 from sain_live.page.serving import open_server
@@ -67,11 +68,15 @@ class LivePage:
             with tabs.add_tab("Planner", viser.Icon.ADJUSTMENTS):
                 controls.append(PlannerForm(server, known, orders))
         self.goals = GoalsView(server, known, orders)
+        charts = ChartsView(server)
+        with charts.panel.add_tab("Learning", viser.Icon.SCHOOL):
+            learning = LearningView(server.gui)
         self._views: tuple[PagePart, ...] = (
             SceneView(server),
             self.goals,
             ArmView(server),
-            ChartsView(server),
+            charts,
+            learning,
             *controls,
         )
         self.updates = 0  # sent

@@ -76,6 +76,10 @@ class Asking:
         """Serve another model."""
         self._put(lambda: self._tuning.load(model))
 
+    def learn(self, learns: bool) -> None:
+        """Learn from pushes, or not."""
+        self._put(lambda: self._tuning.learn(learns))
+
     def _put(self, order: Callable[[], None]) -> None:
         self._orders.put(order)
         self._guard.trigger()

@@ -18,9 +18,11 @@ from sain_core.scene import STATE_SIZE
 from sain_core.shapes.bodies import Bodies as CoreBodies
 from sain_core.types import Scene as SceneArray
 from sain_core.wire.bodies import decode_bodies
+from sain_core.wire.learning import decode_learning
 from sain_interfaces.msg import (
     Bodies,
     Goal,
+    Learning,
     Plan,
     PushResult,
     Scene,
@@ -45,6 +47,7 @@ PLAIN: Final = {
     "model_node": "model",
     "sim_node": "simulator",
     "scene_node": "scenes",
+    "learner_node": "learner",
 }
 
 
@@ -191,10 +194,19 @@ class Hearing:
             "plan": (Plan, self._on_plan),
             "push_result": (PushResult, self._on_result),
             "world_parameters": (WorldParameters, self._on_world),
+            "learning": (Learning, self._on_learning),
             "robot_description": (String, self._on_description),
             "/tf_static": (TFMessage, self._on_fixed_frames),
             "/diagnostics": (DiagnosticArray, Health(known).hear),
         }
+
+    def _on_learning(self, message: Learning) -> None:
+        before, learned = self._known.learned, decode_learning(message)
+        self._known.update(learned=learned)
+        known = set(before.events) if before is not None else set(learned.events[:-1])
+        for event in learned.events:
+            if event not in known:
+                self._known.tell(Level.NOTE, f"learner, push {event[0]}: {event[1]}: {event[2]}")
 
     def _on_scene(self, message: Scene) -> None:
         time = codec.decode_time(message.header.stamp)

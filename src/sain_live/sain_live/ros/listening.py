@@ -91,6 +91,7 @@ QOS: Final[dict[str, tuple[QoSProfile, ...]]] = {
     "shapes": (LATCHED,),
     "goal": (LATCHED_QUEUE, RELIABLE),  # as the planner: the same one twice is no harm
     "push_result": (QUEUE,),
+    "learning": (LATCHED,),
     "world_parameters": (LATCHED,),
     "robot_description": (LATCHED,),
     "/tf_static": (LATCHED_QUEUE,),

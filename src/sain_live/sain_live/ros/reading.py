@@ -19,7 +19,7 @@ from sain_live.state import Level, LiveState, LogLine
 
 SHOWN: Final = (
     "bodies", "scene", "aim", "joints", "curves", "phase", "why", "pushes", "model", "engine",
-    "world", "lines", "result", "plan",
+    "world", "lines", "result", "plan", "learned",
 )  # fmt: skip
 NOTED: Final = ("scene", "goal", "plan", "push_result")
 MOST: Final = 20_000  # moments that are kept; of more, every second, fourth, ... in motion

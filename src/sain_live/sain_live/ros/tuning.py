@@ -16,6 +16,8 @@ from sain_live.state import Level, LiveState
 from sain_model.compute.kernel_store import describe_compilation
 
 PLANNER: Final = "mppi_node"
+LEARNER: Final = "learner_node"
+LEARNS: Final = "learns"  # its parameter
 LOOK_AROUND: Final = 0.5  # [s]
 
 
@@ -29,6 +31,8 @@ class Tuning:
         self._describe = node.create_client(DescribeModel, "describe_model")
         self._set = node.create_client(SetParameters, f"{PLANNER}/set_parameters")
         self._get = node.create_client(GetParameters, f"{PLANNER}/get_parameters")
+        self._set_learner = node.create_client(SetParameters, f"{LEARNER}/set_parameters")
+        self._get_learner = node.create_client(GetParameters, f"{LEARNER}/get_parameters")
         self._names = [name for _, name, _, _ in planner_settings()]
         self._wanted: dict[str, Any] = {}  # parameters to set
         self._setting = self._got = self._described = False
@@ -88,6 +92,23 @@ class Tuning:
 
         self._load_model.call_async(LoadModel.Request(model=model)).add_done_callback(on_reply)
 
+    def learn(self, learns: bool) -> None:
+        """Learn from pushes, or not; the learner's own events tell what came of it."""
+        if self._set_learner.service_is_ready():
+            parameter = Parameter(LEARNS, value=learns).to_parameter_msg()
+            self._set_learner.call_async(SetParameters.Request(parameters=[parameter]))
+
+    def _look_for_learner(self) -> None:
+        """Ask a learner that is new whether it learns."""
+        if not self._get_learner.service_is_ready():
+            if self._known.learns is not None:
+                self._known.update(learns=None)
+        elif self._known.learns is None:
+            asked = self._get_learner.call_async(GetParameters.Request(names=[LEARNS]))
+            asked.add_done_callback(
+                lambda done: self._known.update(learns=done.result().values[0].bool_value)
+            )
+
     def _look_around(self) -> None:
         """Ask who is new what the page should know; tell who comes and goes."""
         clients = (self._get, self._describe)
@@ -99,6 +120,7 @@ class Tuning:
                 kind = Level.NOTE if there else Level.FAULT
                 self._known.tell(kind, f"{name} is {'ready' if there else 'gone'}")
         self._look_what_starts()
+        self._look_for_learner()
         if not self._get.service_is_ready():
             self._got = self._setting = False  # a planner that ended answers nothing any more
         elif not self._got:
@@ -128,6 +150,10 @@ class Tuning:
         self._known.update(planner=dict(zip(self._names, values, strict=False)))
 
     def _on_parameters(self, event: ParameterEvent) -> None:
+        if event.node == self._node.resolve_topic_name(LEARNER):
+            for one in (*event.new_parameters, *event.changed_parameters):
+                if one.name == LEARNS:
+                    self._known.update(learns=bool(one.value.bool_value))
         if event.node != self._node.resolve_topic_name(PLANNER):
             return
         changed = {

@@ -134,4 +134,4 @@ function bottomAxis(svg, steps, x, height, width, unit) {
   svg.append(draw("text", { x: width - 8, y: height - 3, "text-anchor": "end" }, unit));
 }
 
-export { drawDistance, drawDistribution, drawErrors, drawPlanning };
+export { BOTTOM, LEFT, TOP, bottomAxis, canvas, drawDistance, drawDistribution, drawErrors, drawPlanning, levels };

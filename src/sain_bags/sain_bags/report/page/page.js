@@ -5,6 +5,7 @@ import { find, onWidth } from "./elements.js";
 import { Episodes } from "./episodes.js";
 import { counted, milliseconds } from "./figures.js";
 import { showHeader } from "./header.js";
+import { showLearning } from "./learning.js";
 import { seriesLegend } from "./legend.js";
 import { showTopics } from "./topics.js";
 
@@ -27,6 +28,7 @@ const data = JSON.parse(find("data").textContent);
 showHeader(data);
 showTopics(data);
 showFigures(data);
+showLearning(data);
 if (data.episodes.length) {
   find("episodes").hidden = false;
   new Episodes(data);

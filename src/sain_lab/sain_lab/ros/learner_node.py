@@ -1,0 +1,177 @@
+"""The learner of a graph: results come in, and what is in service goes to the model's node.
+
+Nothing on the way from a scene to a push waits for it. Its work runs on a thread of a process of
+low priority; when it is dead, the graph goes on with the model that it has.
+"""
+
+import os
+from concurrent.futures import Future
+from time import monotonic
+from typing import Any, Final
+from uuid import uuid4
+
+from rclpy.node import Node
+
+from sain_core import wire
+from sain_core.errors import ConfigError, ErrorCode
+from sain_core.guarding.ros.reception import Reception, shortened
+from sain_core.guarding.ros.state_file import StateFile
+from sain_core.ros.node_main import ERROR, NAMESPACE, OK, WARN, Diagnostics
+from sain_core.ros.parameters import LiveParameters, read_parameters
+from sain_core.ros.qos import LATCHED_QUEUE, QUEUE, LatchedTopic, steady_timer
+from sain_core.ros.worker import Worker
+from sain_core.shapes.bodies import PAPER_DISKS
+from sain_core.shapes.bodies import Bodies as Shapes
+from sain_core.wire.bodies import decode_bodies
+from sain_interfaces.msg import Bodies, Learning, PushResult
+from sain_interfaces.srv import LoadModel
+from sain_lab.judging.curves import CurveReader
+from sain_lab.judging.events import Event
+from sain_lab.keeping.results import Result
+from sain_lab.learner import Learner, Lesson
+from sain_lab.ros.messages import encode_learning
+from sain_lab.settings import LearnerConfig
+
+LOOK: Final = 0.5  # [s] between looks for trainings that ended, and for the model's node
+AGAIN: Final = 5.0  # [s] after the model's node refused
+MOST_WAITING: Final = 1000  # results; more are not learned from
+MOST_EPISODES: Final = 16  # whose bodies are kept
+BOTH_ENDS: Final = 2**0.5  # of a way that was observed, over the noise of one scene
+
+
+class LearnerNode(Node):
+    """Learns from results in one laboratory."""
+
+    def __init__(self, **options: Any) -> None:
+        """Open the laboratory, and read what was learned before."""
+        super().__init__("learner_node", namespace=NAMESPACE, **options)
+        self.config = read_parameters(self, LearnerConfig)
+        if not self.config.laboratory:
+            raise ConfigError("laboratory is empty; give a name, for example laboratory:=my_table")
+        os.nice(self.config.nice)
+        self.reception = Reception(self)
+        self.diagnostics = Diagnostics(self, "learning", more=lambda: self.reception.figures)
+        self.worker = Worker(self, "learning")
+        self.learner = Learner.named(self.config.laboratory, self.config.trains)
+        self.curves = CurveReader(self.learner.laboratory)
+        self._run = self._name_of_run()
+        self._bodies: dict[int, Shapes] = {}
+        self._again = 0.0  # when it may be asked next [s]
+        self._loaded = -1  # generation that the model's node was asked to load
+        self._asked: Future[Any] | None = None
+        self.topic = LatchedTopic(self, Learning, "learning")
+        self._load_model = self.create_client(LoadModel, "load_model")
+        LiveParameters(self, self.config, self._on_settings)
+        self.reception.listen(Bodies, "shapes", self._on_bodies, LATCHED_QUEUE)
+        self.reception.listen(PushResult, "push_result", self._on_result, QUEUE)
+        steady_timer(self, LOOK, self._look)
+        self._publish()
+        self.ready = f"learns in {self.learner.laboratory.path}, after {self.learner.pushes} pushes"
+
+    def _name_of_run(self) -> str:
+        """Return the name below which this run's episodes are kept; a restart has the same."""
+        file = StateFile(self, self.config.state_file)
+        name = str(file.read().get("run", "")) or uuid4().hex[:12]
+        file.write(run=name)
+        return name
+
+    def _on_settings(self, config: LearnerConfig) -> None:
+        self.config = config
+        self.get_logger().info(f"{'learns' if config.learns else 'does not learn'} from now on")
+
+    def _on_bodies(self, message: Bodies) -> None:
+        self._bodies[message.episode_id] = decode_bodies(message)
+        while len(self._bodies) > MOST_EPISODES:
+            del self._bodies[next(iter(self._bodies))]
+
+    def _on_result(self, message: PushResult) -> None:
+        if not self.config.learns or message.error_code != ErrorCode.OK:
+            return
+        if self.worker.pending >= MOST_WAITING:
+            self.get_logger().warning(
+                f"push {message.push_id} is not learned from: {MOST_WAITING} others wait",
+                throttle_duration_sec=5.0,
+            )
+            return
+        result = self._decoded(message)
+        self.worker.submit(lambda: self.learner.observe(result), self._on_lesson)
+
+    def _decoded(self, message: PushResult) -> Result:
+        before = wire.decode_disks(message.before.disks, "before")
+        noise = None
+        if self.config.place_noise > 0.0:
+            noise = before[:, 0] * 0.0 + BOTH_ENDS * self.config.place_noise
+        return Result(
+            before,
+            wire.decode_push(message.push),
+            wire.decode_disks(message.after.disks, "after"),
+            self._bodies.get(message.episode_id, PAPER_DISKS).fitted(len(before)),
+            f"{self._run}/{message.episode_id}",
+            noise=noise,
+            time=self.get_clock().now().nanoseconds * 1e-9,
+        )
+
+    def _on_lesson(self, done: "Future[Lesson]") -> None:
+        if (error := done.exception()) is not None:
+            text = f"{type(error).__name__}: {shortened(str(error))}"
+            self.diagnostics.set(ERROR, f"a push was not learned from: {text}")
+            self.get_logger().error(f"a push was not learned from: {text}")
+            return
+        self._on_events(done.result().events)
+
+    def _on_events(self, events: tuple[Event, ...]) -> None:
+        for event in events:
+            self.get_logger().info(f"{event.kind}: {event.text}")
+        self._publish()
+
+    def _look(self) -> None:
+        if not self.worker.pending:
+            self.worker.submit(self.learner.poll, self._on_polled)
+        self._serve()
+
+    def _on_polled(self, done: "Future[tuple[Event, ...]]") -> None:
+        if (error := done.exception()) is not None:
+            self.diagnostics.set(ERROR, f"a training was lost: {shortened(str(error))}")
+        elif done.result():
+            self._on_events(done.result())
+
+    def _serve(self) -> None:
+        """Ask the model's node to load what is in service, where that has changed."""
+        generation = self.learner.generation
+        asked = self._asked is not None and not self._asked.done()
+        if asked and not self._load_model.service_is_ready():  # it ended before it could answer
+            self._asked, self._loaded = None, -1
+        if asked or generation == self._loaded or not self._load_model.service_is_ready():
+            return
+        if monotonic() < self._again:
+            return
+        self._loaded = generation
+        self._asked = self._load_model.call_async(LoadModel.Request(model=self.learner.model_name))
+        self._asked.add_done_callback(self._on_loaded)
+
+    def _on_loaded(self, done: Any) -> None:
+        reply = done.result()
+        if reply.error_code == ErrorCode.OK:
+            return
+        self._loaded, self._again = -1, monotonic() + AGAIN  # a busy machine may be too slow once
+        text = f"{reply.model} stays in service: {shortened(reply.error_message)}"
+        self.diagnostics.set(WARN, text)
+        self.get_logger().warning(text)
+
+    def _publish(self) -> None:
+        learner = self.learner
+        message = encode_learning(
+            self.curves.read(),
+            stamp=self.get_clock().now().to_msg(),
+            laboratory=learner.laboratory.name,
+            service=learner.judge.service,
+            waiting=self.worker.pending,
+        )
+        self.topic.publish(message)
+        figures = {"pushes": learner.pushes, "service": message.service}
+        self.diagnostics.set(OK, "learning" if self.config.learns else "not learning", **figures)
+
+    def destroy_node(self) -> None:
+        """Finish the push that is being learned from, and close the laboratory."""
+        self.worker.close(self.learner.close)
+        super().destroy_node()

@@ -1,0 +1,201 @@
+"""A teaching: so many pushes of a teacher, scene after scene, and what they brought."""
+
+from collections.abc import Callable, Generator, Iterable, Mapping
+from contextlib import closing
+from dataclasses import dataclass, field, replace
+from itertools import count
+from typing import Any, Final, Protocol
+
+import numpy as np
+
+from sain_core.errors import NoPushError
+from sain_core.scene import is_settled
+from sain_core.transitions import PushHistory
+from sain_core.types import PushArray, Scene
+from sain_core.world import AnyWorld
+from sain_eval.scenes.families import ScenarioScene
+from sain_eval.scenes.scenarios import draw_scene
+from sain_lab.keeping.results import Result
+from sain_lab.learner import Learner, prediction_error
+from sain_lab.teaching.information import Certainty, Work, expected_error
+from sain_lab.teaching.teacher import Teacher, TeachingConfig, imagined_work
+from sain_model.dynamics.sain import SainDynamics
+from sain_mppi.agent.agent import Agent, AgentConfig
+from sain_mppi.agent.events import Task
+from sain_mppi.agent.play import Sight, play
+from sain_sim.world.own import open_world
+from sain_sim.world.truth import TruthConfig
+from sain_sim.world.workcell import WorldConfig
+
+NEVER: Final = 1e-4, 1e-3  # [m], [rad], tolerances that a push meets only by chance
+OTHERS: Final = 500_000  # between the seeds of scenes that are taught in, and imagined
+PATIENCE: Final = 10  # scenes in a row without a possible push
+
+Room = tuple[AnyWorld[Any], ScenarioScene]
+Rooms = Generator[Room, None, None]
+Model = Callable[[], SainDynamics]
+
+
+class Settings(Protocol):
+    """What a teaching is told."""
+
+    laboratory: str
+    pushes: int
+    scenario: str
+    seed: int
+    per_scene: int
+    truth: TruthConfig
+
+
+@dataclass(frozen=True)
+class Taught:
+    """What a teaching brought.
+
+    Attributes:
+        kind: of physics that is the likeliest.
+        pushes: that were made.
+        parameters: by name, value and spread before and after.
+        errors: [mm] of the later half of the pushes, with what was believed at first and then;
+            None: there are none.
+        expected: [mm], error of plans from uncertain parameters, now and after as many pushes more.
+    """
+
+    kind: str
+    pushes: int
+    parameters: Mapping[str, tuple[tuple[float, float], tuple[float, float]]]
+    errors: tuple[float, float] | None
+    expected: tuple[float, float]
+
+
+@dataclass
+class Teaching:
+    """Pushes of a teacher, and the errors of what was believed on each.
+
+    Attributes:
+        model: returns the physics as it is believed now.
+        take: learns from a result.
+        work: pushes of typical plans.
+        errors: [mm] of each push, with what was believed at first and then.
+    """
+
+    model: Model
+    take: Callable[[Result], None]
+    work: Work
+    errors: list[tuple[float, float]] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        """Keep what is believed at first."""
+        self._first = self.model()
+
+    def run(self, rooms: Rooms, settings: Settings) -> Taught:
+        """Make the pushes, in one room after another.
+
+        Raises:
+            NoPushError: no push is possible in several rooms, or there is none any more.
+        """
+        with closing(rooms):
+            why = self._visit(rooms, settings)
+        if len(self.errors) < settings.pushes:
+            raise NoPushError(f"{len(self.errors)} of {settings.pushes} pushes were made: {why}")
+        return self._concluded()
+
+    def _visit(self, rooms: Iterable[Room], settings: Settings) -> str:
+        """Make the pushes; return why there were no more."""
+        without, why, agent = 0, "", AgentConfig(seed=settings.seed)
+        for number, (world, case) in enumerate(rooms):
+            before, left = len(self.errors), settings.pushes - len(self.errors)
+            teacher = Teacher(self.model, self.work, TeachingConfig(seed=settings.seed))
+            sight = _Watched(world, self, case, f"teaching {settings.seed}/{number}")
+            task = Task(1, 0, case.goal.within(*NEVER), min(settings.per_scene, left))
+            why = play(Agent(teacher, agent), sight, [task], case.bodies).failure
+            without = 0 if len(self.errors) > before else without + 1
+            if len(self.errors) >= settings.pushes or without >= PATIENCE:
+                break
+        return why
+
+    def judge(self, result: Result, history: PushHistory) -> None:
+        """Take the errors on a push that nothing was learned from yet, and learn from it."""
+        both = []
+        for model in (self._first, self.model()):
+            conditioned = model.with_bodies(result.own_bodies).condition(history)
+            after = conditioned.step(result.before[None], result.push[None])[0]
+            both.append(prediction_error(after, result)[0])
+        self.errors.append((both[0], both[1]))
+        self.take(result)
+
+    def _concluded(self) -> Taught:
+        empty = PushHistory.empty(len(self.work.bodies))
+        before, after = (
+            Certainty.of(model, self.work.bodies, empty) for model in (self._first, self.model())
+        )
+        needs, was = self.work.needs(after), before.named
+        half = np.array(self.errors[len(self.errors) // 2 :])
+        more = after.doubled(before)
+        return Taught(
+            after.kind.name,
+            len(self.errors),
+            {name: (was.get(name, value), value) for name, value in after.named.items()},
+            (float(half[:, 0].mean()), float(half[:, 1].mean())) if len(half) else None,
+            (1e3 * expected_error(after, needs), 1e3 * expected_error(more, needs)),
+        )
+
+
+class _Watched(Sight):
+    """A world whose pushes are judged and learned from."""
+
+    def __init__(
+        self, world: AnyWorld[Any], teaching: Teaching, case: ScenarioScene, episode: str
+    ) -> None:
+        super().__init__(world)
+        self._teaching, self._case, self._episode = teaching, case, episode
+        self._history = PushHistory.empty(len(case.disks))
+
+    def push(self, push: PushArray, seen: Scene) -> Scene:
+        """Execute a push, and learn from it."""
+        before = self.world.observe()
+        after = super().push(push, seen)
+        if is_settled(after):
+            result = Result(before, push, after, self._case.bodies, self._episode)
+            self._teaching.judge(result, self._history)
+            self._history = self._history.then(before, push, after)
+        return after
+
+
+def scene_of(settings: Settings, seed: int) -> ScenarioScene:
+    """Return a scene of the scenario in its world, with the bodies that it has there."""
+    case = draw_scene(settings.scenario, seed).within(settings.truth)
+    return replace(case, shapes=case.parameters().shapes)
+
+
+def work_of(settings: Settings, model: SainDynamics) -> Work:
+    """Return pushes of plans for the scenario, as a model imagines them."""
+    first = settings.seed + OTHERS
+    cases = [scene_of(settings, first + number) for number in range(TeachingConfig().plans)]
+    alike = [case for case in cases if case.bodies == cases[0].bodies]
+    return imagined_work(alike, model, AgentConfig())
+
+
+def teach_in_world(settings: Settings) -> Taught:
+    """Teach in a simulated world.
+
+    Raises:
+        SainError: no push is possible, or the laboratory cannot be opened.
+    """
+    with Learner.named(settings.laboratory) as learner:
+        model = lambda: learner.believer.model  # noqa: E731
+        teaching = Teaching(model, learner.observe, work_of(settings, model()))
+        taught = teaching.run(_simulated(settings, learner), settings)
+        learner.wait()
+        return taught
+
+
+def _simulated(settings: Settings, learner: Learner) -> Rooms:
+    """Yield worlds with scenes of the scenario."""
+    for seed in count(settings.seed):
+        case = scene_of(settings, seed)
+        with open_world(case.parameters(), WorldConfig(), engine=case.truth.engine) as world:
+            world.reset(case.disks)
+            try:
+                yield world, case
+            finally:
+                learner.end_episode()

@@ -1,0 +1,151 @@
+"""The learner of a graph: it hears results, serves what it has learned, and says what it does."""
+
+import hashlib
+import json
+import shutil
+
+import numpy as np
+import pytest
+import safetensors.numpy
+
+from sain_core.errors import ConfigError, ErrorCode
+from sain_core.push import LENGTH, PushLimits
+from sain_core.ros import codec
+from sain_core.ros.qos import LATCHED, QUEUE
+from sain_core.scene import make_scene
+from sain_core.wire.learning import decode_learning
+from sain_interfaces.msg import Learning, PushResult
+from sain_lab.keeping.laboratory import Laboratory, OpenLaboratory
+from sain_lab.ros.learner_node import LearnerNode
+from sain_model.dynamics.load import card_path, load_shipped, shipped_checkpoint
+from sain_model.physics.parameters import TEXTBOOK
+from sain_model.physics.planar import PlanarPrior
+from sain_model.ros.model_node import ModelNode
+
+SCENE = make_scene(
+    np.array([(0.42, 0.0), (0.56, 0.02)]), np.array([8.0, 8.0]), np.array([0.08, 0.06])
+)
+TRUTH = PlanarPrior(TEXTBOOK)
+
+
+def results(count, episode=1, seed=0):
+    """Return results of pushes that were made one after the other."""
+    pushes = PushLimits().sample(np.random.default_rng(seed), count)
+    pushes[:, LENGTH] = 0.03 + pushes[:, LENGTH] / 3
+    scene, found = SCENE, []
+    for number, push in enumerate(pushes):
+        after = TRUTH.step(scene[None], push[None])[0]
+        found.append(result(push, after, episode, number + 1, scene))
+        scene = after
+    return found
+
+
+def result(push, after, episode, number, before):
+    stamp = codec.encode_time(0)
+    ids = {"episode_id": episode, "scene_id": number}
+    return PushResult(
+        push_id=number,
+        episode_id=episode,
+        error_code=ErrorCode.OK,
+        push=codec.encode_push(push, stamp=stamp, push_id=number, source="test", **ids),
+        before=codec.encode_scene(before, stamp=stamp, settled=True, **ids),
+        after=codec.encode_scene(after, stamp=stamp, settled=True, **ids),
+    )
+
+
+@pytest.fixture
+def sending(graph):
+    graph.heard["learning"] = []
+    graph.bystander.create_subscription(
+        Learning, "learning", graph.heard["learning"].append, LATCHED
+    )
+    return graph.bystander.create_publisher(PushResult, "push_result", QUEUE)
+
+
+def send(graph, sending, learner, messages):
+    graph.wait(lambda: sending.get_subscription_count() > 1, "the learner")
+    for message in messages:
+        sending.publish(message)
+    graph.wait(lambda: graph.heard["learning"], "a message of the learner")
+
+
+def test_what_is_learned_is_served_and_said(graph, sending, tmp_path):
+    path = tmp_path / "lab"
+    service = graph.start(ModelNode, model="planar")
+    learner = graph.start(LearnerNode, laboratory=str(path), trains=False)
+    first, second = results(5), results(1, episode=2, seed=1)
+    send(graph, sending, learner, [*first, *first, *second])  # five come twice
+    graph.wait(lambda: graph.heard["learning"][-1].pushes == 6, "six pushes")
+    graph.wait(lambda: learner._loaded == learner.learner.generation > 0, "a belief")
+    graph.wait(lambda: not service.loader.pending and not learner.worker.pending, "the model")
+    assert service.service.description.model == f"lab:{path}"
+    learned = decode_learning(graph.heard["learning"][-1])
+    assert (learned.laboratory, learned.service, learned.pushes) == ("lab", "physics", 6)
+    assert [curve.name for curve in learned.errors] == ["planar", "physics", "in service"]
+    friction = next(one for one in learned.parameters if one.name == "tool_friction")
+    low, high = friction.values[-1, 1:]
+    assert low < TEXTBOOK.tool_friction < high
+
+
+def test_what_cannot_be_learned_from_is_said(graph, sending, tmp_path):
+    learner = graph.start(LearnerNode, laboratory=str(tmp_path / "lab"), trains=False)
+    first, _, second = results(3)  # begins elsewhere than where the first one led
+    invalid, refused = results(2, episode=7)
+    invalid.after.disks[0].x = np.nan
+    refused.error_code = int(ErrorCode.BLOCKED)
+    send(graph, sending, learner, [invalid, refused, first, second])
+    graph.wait(lambda: graph.heard["learning"][-1].events, "an event")
+    last = decode_learning(graph.heard["learning"][-1])
+    assert last.pushes == 1
+    ((_, kind, text),) = last.events
+    assert kind == "not learned" and "somebody moved it" in text
+
+
+def test_the_switch_stops_the_learning(graph, sending, tmp_path):
+    learner = graph.start(LearnerNode, laboratory=str(tmp_path / "lab"), learns=False)
+    send(graph, sending, learner, results(2))
+    for _ in range(20):
+        graph.executor.spin_once(timeout_sec=0.05)
+    assert learner.learner.pushes == 0
+
+
+def test_a_network_that_got_worse_is_dropped_and_that_is_said(graph, sending, tmp_path):
+    path, service = tmp_path / "lab", "models/000001"
+    with OpenLaboratory(path) as laboratory:
+        plant(laboratory.path / service)
+        about = {"service": service}
+        event = {"event": "loaded", "text": "planted", "pushes": 0, "time": 0.0, "about": about}
+        laboratory.append({"kind": "event", **event})
+        laboratory.state(service=service)
+    server = graph.start(ModelNode, model=f"lab:{path}")
+    learner = graph.start(LearnerNode, laboratory=str(path), trains=False)
+    assert learner.learner.judge.service == service
+    send(graph, sending, learner, results(15))
+    graph.wait(lambda: not learner.worker.pending, "all pushes")
+    graph.wait(lambda: graph.heard["learning"][-1].service == "physics", "the drop")
+    assert "dropped" in [event.kind for event in graph.heard["learning"][-1].events]
+    assert Laboratory(path).manifest.service == "physics"
+    shipped = load_shipped().origin.model_hash
+    graph.wait(lambda: server.service.description.model_hash == shipped, "the physics")
+
+
+def plant(folder):
+    """Write the shipped network with weights that make it worse."""
+    folder.mkdir(parents=True)
+    source, path = shipped_checkpoint(), folder / "sain.safetensors"
+    tensors = safetensors.numpy.load_file(source)
+    random = np.random.default_rng(0)
+    worse = {
+        k: v + 0.3 * random.standard_normal(v.shape).astype(v.dtype) for k, v in tensors.items()
+    }
+    content = safetensors.numpy.save(worse)
+    path.write_bytes(content)
+    shutil.copyfile(card_path(source), card_path(path))
+    card = json.loads(card_path(path).read_text())
+    card["weights_sha256"] = hashlib.sha256(content).hexdigest()
+    card_path(path).write_text(json.dumps(card))
+
+
+def test_a_laboratory_needs_a_name(graph):
+    with pytest.raises(ConfigError, match="laboratory is empty; give a name"):
+        graph.start(LearnerNode)
