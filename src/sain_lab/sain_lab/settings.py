@@ -1,10 +1,16 @@
-"""The settings of the learner's node."""
+"""The settings of the learner's node, and of teaching."""
 
 from dataclasses import dataclass
+from typing import Final
 
 from sain_core.config import Config, option
 from sain_core.world import ObservationConfig
+from sain_eval.scenes.scenarios import OFFERED, SCENARIOS
 from sain_lab.keeping.laboratory import laboratory_path
+from sain_sim.world.engines import DEFAULT_ENGINE, ENGINE_HELP
+from sain_sim.world.truth import ALL, TRUTHS, TruthConfig
+
+GRAPH: Final = "graph"  # in place of a world
 
 
 @dataclass(frozen=True)
@@ -36,3 +42,39 @@ class LearnerConfig(Config):
     def place_noise(self) -> float:
         """The standard deviation of a place [m]."""
         return ObservationConfig(noise=self.noise).noise_std[0]
+
+
+@dataclass(frozen=True)
+class TeachSettings(Config):
+    """Where, how much and for which plans is taught."""
+
+    laboratory: str = option("my_table", "name of the laboratory, or a path with a '/'")
+    pushes: int = option(25, "number of pushes", minimum=1, maximum=10_000)
+    scenario: str = option(
+        "anywhere", f"whose plans count: {', '.join(SCENARIOS)}, or of an installed package"
+    )
+    world: str = option(
+        GRAPH, f"{', '.join(TRUTHS)}, without ROS; graph: what runs", choices=(GRAPH, *TRUTHS)
+    )
+    engine: str = option(DEFAULT_ENGINE, ENGINE_HELP)
+    effects: str = option(
+        ALL, "effects of a rough or measured world: all, none, or a list with commas"
+    )
+    lab: int = option(0, "number of a rough or measured world", minimum=0)
+    seed: int = option(0, "of scenes and pushes", minimum=0)
+    per_scene: int = option(
+        8, "pushes in a scene before it is reset, where there is a simulator", minimum=1
+    )
+
+    def __post_init__(self) -> None:
+        """Check the fields, the scenario, the world and the laboratory's name."""
+        super().__post_init__()
+        OFFERED.check(self.scenario)
+        laboratory_path(self.laboratory)
+        _ = self.truth
+
+    @property
+    def truth(self) -> TruthConfig:
+        """The simulated world."""
+        world = TRUTHS[0] if self.world == GRAPH else self.world
+        return TruthConfig(world, self.effects, self.lab, self.engine)

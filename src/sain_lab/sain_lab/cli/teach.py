@@ -1,72 +1,43 @@
 """``sain teach``: pushes that inform most, in a simulated world or on the graph that runs."""
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 from rich.console import Console
 
 from sain_core.cli.terminal import make_table
-from sain_core.config import Config, option
-from sain_eval.scenes.scenarios import OFFERED, SCENARIOS
-from sain_lab.keeping.laboratory import laboratory_path
-from sain_sim.world.engines import DEFAULT_ENGINE, ENGINE_HELP
-from sain_sim.world.truth import ALL, TRUTHS, TruthConfig
+from sain_core.config import option
+from sain_lab.settings import GRAPH, TeachSettings
 
 if TYPE_CHECKING:
     from sain_lab.teaching.lesson_plan import Taught
 
-GRAPH: Final = "graph"  # in place of a world
-
 
 @dataclass(frozen=True)
-class TeachOptions(Config):
+class TeachOptions(TeachSettings):
     """Make the pushes that inform most about the plans of a scenario, and learn from them.
 
     With --world the pushes are made in a simulated world, without ROS. Without it they are made on
     the graph that runs, which `graph --learn` has started with this laboratory, while no goal is
     followed. Each push leaves all bodies in reach. Prints the parameters with their spreads, the
-    error before and after, and what as many pushes more would bring.
+    error before and after, and what as many pushes more would bring; writes a chart.
     """
 
-    laboratory: str = option("my_table", "name of the laboratory, or a path with a '/'")
-    pushes: int = option(25, "number of pushes", minimum=1, maximum=10_000)
-    scenario: str = option(
-        "anywhere", f"whose plans count: {', '.join(SCENARIOS)}, or of an installed package"
-    )
-    world: str = option(
-        GRAPH, f"{', '.join(TRUTHS)}, without ROS; graph: what runs", choices=(GRAPH, *TRUTHS)
-    )
-    engine: str = option(DEFAULT_ENGINE, ENGINE_HELP)
-    effects: str = option(
-        ALL, "effects of a rough or measured world: all, none, or a list with commas"
-    )
-    lab: int = option(0, "number of a rough or measured world", minimum=0)
-    seed: int = option(0, "of scenes and pushes", minimum=0)
-    per_scene: int = option(
-        8, "pushes in a scene before it is reset, where there is a simulator", minimum=1
-    )
-
-    def __post_init__(self) -> None:
-        """Check the fields, the scenario, the world and the laboratory's name."""
-        super().__post_init__()
-        OFFERED.check(self.scenario)
-        laboratory_path(self.laboratory)
-        _ = self.truth
-
-    @property
-    def truth(self) -> TruthConfig:
-        """The simulated world."""
-        world = TRUTHS[0] if self.world == GRAPH else self.world
-        return TruthConfig(world, self.effects, self.lab, self.engine)
+    out: Path = option(Path("teaching.png"), "file for the chart")
 
 
 def run(options: TeachOptions, console: Console) -> None:
-    """Teach, and print what was learned.
+    """Teach, print what was learned, and write the chart.
 
     Raises:
         SainError: no push is possible; the laboratory is open elsewhere, or damaged; nobody
             answers on the graph.
     """
+    from sain_core.view.figures import write_png
+    from sain_lab.judging.chart import draw_curves
+    from sain_lab.judging.curves import read_curves
+    from sain_lab.keeping.laboratory import Laboratory
     from sain_model.compute.kernel_store import compile_visibly
 
     compile_visibly(console)
@@ -79,6 +50,9 @@ def run(options: TeachOptions, console: Console) -> None:
 
         taught = teach_in_world(options)
     show(taught, console)
+    laboratory = Laboratory.named(options.laboratory)
+    path = write_png(draw_curves(read_curves(laboratory), laboratory.name), options.out)
+    console.print(f"chart: {path}", soft_wrap=True)
 
 
 def show(taught: "Taught", console: Console) -> None:

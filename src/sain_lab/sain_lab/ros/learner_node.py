@@ -58,7 +58,7 @@ class LearnerNode(Node):
         self._bodies: dict[int, Shapes] = {}
         self._again = 0.0  # when it may be asked next [s]
         self._loaded = -1  # generation that the model's node was asked to load
-        self._asked: Future[Any] | None = None
+        self._asked: Any = None  # the answer that is waited for
         self.topic = LatchedTopic(self, Learning, "learning")
         self._load_model = self.create_client(LoadModel, "load_model")
         LiveParameters(self, self.config, self._on_settings)
@@ -146,7 +146,8 @@ class LearnerNode(Node):
         if monotonic() < self._again:
             return
         self._loaded = generation
-        self._asked = self._load_model.call_async(LoadModel.Request(model=self.learner.model_name))
+        request = LoadModel.Request(model=self.learner.model_name)
+        self._asked = self._load_model.call_async(request)
         self._asked.add_done_callback(self._on_loaded)
 
     def _on_loaded(self, done: Any) -> None:

@@ -4,7 +4,7 @@ from collections.abc import Callable, Generator, Iterable, Mapping
 from contextlib import closing
 from dataclasses import dataclass, field, replace
 from itertools import count
-from typing import Any, Final, Protocol
+from typing import Any, Final
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from sain_eval.scenes.families import ScenarioScene
 from sain_eval.scenes.scenarios import draw_scene
 from sain_lab.keeping.results import Result
 from sain_lab.learner import Learner, prediction_error
+from sain_lab.settings import TeachSettings
 from sain_lab.teaching.information import Certainty, Work, expected_error
 from sain_lab.teaching.teacher import Teacher, TeachingConfig, imagined_work
 from sain_model.dynamics.sain import SainDynamics
@@ -24,7 +25,6 @@ from sain_mppi.agent.agent import Agent, AgentConfig
 from sain_mppi.agent.events import Task
 from sain_mppi.agent.play import Sight, play
 from sain_sim.world.own import open_world
-from sain_sim.world.truth import TruthConfig
 from sain_sim.world.workcell import WorldConfig
 
 NEVER: Final = 1e-4, 1e-3  # [m], [rad], tolerances that a push meets only by chance
@@ -34,17 +34,6 @@ PATIENCE: Final = 10  # scenes in a row without a possible push
 Room = tuple[AnyWorld[Any], ScenarioScene]
 Rooms = Generator[Room, None, None]
 Model = Callable[[], SainDynamics]
-
-
-class Settings(Protocol):
-    """What a teaching is told."""
-
-    laboratory: str
-    pushes: int
-    scenario: str
-    seed: int
-    per_scene: int
-    truth: TruthConfig
 
 
 @dataclass(frozen=True)
@@ -79,7 +68,7 @@ class Teaching:
     """
 
     model: Model
-    take: Callable[[Result], None]
+    take: Callable[[Result], object]
     work: Work
     errors: list[tuple[float, float]] = field(default_factory=list)
 
@@ -87,7 +76,7 @@ class Teaching:
         """Keep what is believed at first."""
         self._first = self.model()
 
-    def run(self, rooms: Rooms, settings: Settings) -> Taught:
+    def run(self, rooms: Rooms, settings: TeachSettings) -> Taught:
         """Make the pushes, in one room after another.
 
         Raises:
@@ -99,7 +88,7 @@ class Teaching:
             raise NoPushError(f"{len(self.errors)} of {settings.pushes} pushes were made: {why}")
         return self._concluded()
 
-    def _visit(self, rooms: Iterable[Room], settings: Settings) -> str:
+    def _visit(self, rooms: Iterable[Room], settings: TeachSettings) -> str:
         """Make the pushes; return why there were no more."""
         without, why, agent = 0, "", AgentConfig(seed=settings.seed)
         for number, (world, case) in enumerate(rooms):
@@ -161,13 +150,13 @@ class _Watched(Sight):
         return after
 
 
-def scene_of(settings: Settings, seed: int) -> ScenarioScene:
+def scene_of(settings: TeachSettings, seed: int) -> ScenarioScene:
     """Return a scene of the scenario in its world, with the bodies that it has there."""
     case = draw_scene(settings.scenario, seed).within(settings.truth)
     return replace(case, shapes=case.parameters().shapes)
 
 
-def work_of(settings: Settings, model: SainDynamics) -> Work:
+def work_of(settings: TeachSettings, model: SainDynamics) -> Work:
     """Return pushes of plans for the scenario, as a model imagines them."""
     first = settings.seed + OTHERS
     cases = [scene_of(settings, first + number) for number in range(TeachingConfig().plans)]
@@ -175,7 +164,7 @@ def work_of(settings: Settings, model: SainDynamics) -> Work:
     return imagined_work(alike, model, AgentConfig())
 
 
-def teach_in_world(settings: Settings) -> Taught:
+def teach_in_world(settings: TeachSettings) -> Taught:
     """Teach in a simulated world.
 
     Raises:
@@ -189,7 +178,7 @@ def teach_in_world(settings: Settings) -> Taught:
         return taught
 
 
-def _simulated(settings: Settings, learner: Learner) -> Rooms:
+def _simulated(settings: TeachSettings, learner: Learner) -> Rooms:
     """Yield worlds with scenes of the scenario."""
     for seed in count(settings.seed):
         case = scene_of(settings, seed)

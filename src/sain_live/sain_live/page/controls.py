@@ -119,7 +119,7 @@ class ControlsView:
         self._model.on_update(self._on_model)
 
     def _add_learning(self) -> None:
-        self._learns = self._gui.add_checkbox(
+        self._learns: Any = self._gui.add_checkbox(
             "learn from pushes", False, visible=False, hint="off: the model stays as it is"
         )
         self._learns.on_update(self._on_learns)
