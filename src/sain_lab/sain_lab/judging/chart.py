@@ -48,8 +48,8 @@ def _draw_errors(axes: Axes, curves: Curves, title: str) -> None:
     for kind, colour in MARKS.items():
         places = [one.pushes for one in curves.events if one.kind == kind]
         for number, place in enumerate(places):
-            said = {} if number else {"label": kind}
-            axes.axvline(place, color=colour, linewidth=0.9, linestyle=":", **said)
+            label = "_nolegend_" if number else kind
+            axes.axvline(place, color=colour, linewidth=0.9, linestyle=":", label=label)
     axes.legend(frameon=False, fontsize=TEXT - 1, ncols=3, loc="upper right")
 
 
