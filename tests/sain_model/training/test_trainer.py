@@ -2,11 +2,6 @@
 
 import json
 import math
-import os
-import signal
-import subprocess
-import sys
-import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,7 +9,6 @@ import numpy as np
 import pytest
 import torch
 
-from sain_bringup.graph import executable
 from sain_core.cli.command_line import read_options
 from sain_core.errors import ConfigError
 from sain_core.scene import POSITION, TARGET
@@ -208,31 +202,28 @@ def test_the_settings_beside_a_checkpoint(dataset: Path, tmp_path: Path) -> None
     assert (tmp_path / "config.json").read_bytes() == before  # of the training that is there
 
 
-def test_an_ensemble_that_is_killed_in_training_ends_in_the_same_bytes(
-    dataset: Path, tmp_path: Path
-) -> None:
-    options = ["--epochs", "12", "--hidden", "8", "--message", "4", "--batch", "4"]
-    options += ["--members", "2"]
-    assert commands.train([str(dataset), "--out", str(tmp_path / "whole"), *options]) == 0
-    cut = tmp_path / "cut"
-    command = [str(executable("sain_model", "train")), str(dataset), "--out", str(cut)]
-    child = subprocess.Popen(
-        [*command, *options],
-        env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
-        stdout=subprocess.DEVNULL,
-        start_new_session=True,
-    )
-    while not (cut / "training.pt").exists():
-        assert child.poll() is None
-        time.sleep(0.005)
-    os.killpg(child.pid, signal.SIGKILL)
-    assert child.wait() == -signal.SIGKILL
-    assert not (cut / "sain.safetensors").exists()
-    done = len(torch.load(cut / "training.pt", weights_only=True)["train"])
-    assert 1 <= done < 12
-    assert commands.train([str(dataset), "--out", str(cut), *options]) == 0
-    whole = (tmp_path / "whole" / "sain.safetensors").read_bytes()
-    assert (cut / "sain.safetensors").read_bytes() == whole
-    cards = [json.loads((tmp_path / run / "sain.json").read_text()) for run in ("whole", "cut")]
-    assert cards[0]["intervals"] == cards[1]["intervals"]
-    assert cards[0]["training"] == cards[1]["training"]
+def test_a_killed_training_goes_on_to_the_same_weights(split: Split, tmp_path: Path) -> None:
+    config = TrainingConfig(epochs=4, batch=32, network=SMALL)
+    whole = make_trainer(split, PlanarPrior(), config, tmp_path / "whole")
+    whole.run()
+
+    class KillError(Exception):
+        pass
+
+    def kill(epoch: int, history: object) -> None:
+        if epoch == 2:
+            raise KillError
+
+    with pytest.raises(KillError):
+        make_trainer(split, PlanarPrior(), config, tmp_path / "cut").run(kill)
+    resumed = make_trainer(split, PlanarPrior(), config, tmp_path / "cut")
+    assert resumed.epoch == 2
+    resumed.run()
+    assert resumed.history == whole.history
+    for name, value in whole.network.state_dict().items():
+        assert torch.equal(resumed.network.state_dict()[name], value), name
+    with pytest.raises(CheckpointError, match="belongs to other settings or data"):
+        make_trainer(split, PlanarPrior(), replace(config, epochs=9), tmp_path / "cut")
+    (tmp_path / "cut" / "training.pt").write_bytes(b"half")
+    with pytest.raises(CheckpointError, match="is damaged"):
+        make_trainer(split, PlanarPrior(), config, tmp_path / "cut")
