@@ -7,6 +7,7 @@ The planner brings targets to goals of `anywhere` within 0.5 cm, with the model 
 laboratory. Every push is predicted by planar physics, by the shipped model, and by the model in
 service, all with the earlier pushes of the episode, before it is learned from. A training ends
 `TRAINING` pushes after it began, as on a robot that needs 6 s a push. What was stopped goes on.
+`--stream` takes the pushes of an earlier run, whose planner had another model, in place of playing.
 """
 
 import argparse
@@ -28,6 +29,7 @@ from sain_core.transitions import PushHistory
 from sain_core.types import PredictedScenes, PushArray, PushSequences, Scene
 from sain_eval.scenes.families import ScenarioScene
 from sain_eval.scenes.scenarios import draw_scene
+from sain_lab.keeping.laboratory import Laboratory
 from sain_lab.keeping.results import Result
 from sain_lab.learner import Learner, Lesson, prediction_error
 from sain_model.compute.kernel_store import compile_kernels
@@ -123,6 +125,26 @@ class Work:
                     print(f"{self.name} scene {seed}: {error}", flush=True)
             seed += 1
 
+    def stream(self, results: Iterator[Result], most: int) -> None:
+        """Learn from pushes that were made before, as if they were made now."""
+        episode, history = "", PushHistory.empty()
+        for number, result in enumerate(results):
+            if number < len(self.rows):
+                continue
+            if len(self.rows) >= most:
+                return
+            if result.episode != episode:
+                episode, history = result.episode, PushHistory.empty(len(result.before))
+            self.learn(result, history)
+            history = history.then(result.before, result.push, result.after)
+
+    def learn(self, result: Result, history: PushHistory) -> None:
+        """Learn from a push, and keep what was measured of it."""
+        model = self.shipped.with_bodies(result.own_bodies).condition(history)
+        shipped = prediction_error(model.step(result.before[None], result.push[None])[0], result)
+        lesson = self.learner.observe(result)
+        self.take(lesson, shipped[0], int(result.episode.rpartition("/")[2]))
+
     def take(self, lesson: Lesson, shipped: float, seed: int) -> None:
         """Keep what was measured of a push."""
         service = lesson.errors.get(self.learner.judge.service, float("nan"))
@@ -154,14 +176,17 @@ class Watched(Sight):
         """Execute a push, and learn from it."""
         before = self.world.observe()
         after = super().push(push, seen)
-        work, seed = self._work, self._case.seed
-        result = Result(before, push, after, self._bodies, f"{work.name}/{seed}")
-        model = work.shipped.with_bodies(self._bodies).condition(self._history)
-        shipped = prediction_error(model.step(before[None], push[None])[0], result)[0]
-        lesson = work.learner.observe(result)
-        work.take(lesson, shipped, seed)
+        episode = f"{self._work.name}/{self._case.seed}"
+        self._work.learn(Result(before, push, after, self._bodies, episode), self._history)
         self._history = self._history.then(before, push, after)
         return after
+
+
+def pushes_of(path: Path) -> Iterator[Result]:
+    """Yield the pushes of a laboratory."""
+    for record in Laboratory(path).records():
+        if record["kind"] == "push":
+            yield Result.of_record(record)
 
 
 def figures_of(name: str, rows: list[dict[str, Any]]) -> Iterator[tuple[Figure, Interval]]:
@@ -220,12 +245,17 @@ def main() -> None:
     parser.add_argument("--out", type=Path, required=True)
     parser.add_argument("--lab", choices=(*LABS, SHIFTED))
     parser.add_argument("--pushes", type=int, default=PUSHES)
+    parser.add_argument("--stream", type=Path, help="laboratory whose pushes are learned from anew")
     options = parser.parse_args()
     options.out.mkdir(parents=True, exist_ok=True)
     if options.lab:
         compile_kernels()
         with Learner.named(str((options.out / options.lab).absolute())) as learner:
-            Work(options.lab, options.out, learner).run(options.pushes)
+            work = Work(options.lab, options.out, learner)
+            if options.stream:
+                work.stream(pushes_of(options.stream), options.pushes)
+            else:
+                work.run(options.pushes)
         return
     figures, intervals = [], {}
     for name in (*LABS, SHIFTED):

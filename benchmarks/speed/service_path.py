@@ -8,6 +8,8 @@
    it. First pushes of episodes have a figure of their own, from the goal on: nothing was planned
    before. Once as fast as the arm can be simulated, and once in real time, which leaves the planner
    the time of a push.
+3. The same loop in real time with a learner at work, and without, in turns: the path from scene to
+   push must not wait for it.
 """
 
 import os
@@ -42,6 +44,8 @@ REAL_TIME = "/**/sim_node:\n  ros__parameters:\n    real_time_factor: 1.0\n"
 LATENCY = "settled scene to push"
 FIRST = "goal to first push"
 
+Times = dict[str, np.ndarray]  # [ms]
+
 
 @dataclass(frozen=True)
 class Options:
@@ -55,6 +59,10 @@ class Options:
     """plans from each scene, of which the fastest counts"""
     model: str = "sain"
     """name or checkpoint"""
+    only: tuple[str, ...] = ("service", "loops", "learner")
+    """parts to measure"""
+    turns: int = 2
+    """of the loop with a learner and without"""
     out: Path | None = None
     """write the figures to this JSON file"""
 
@@ -131,12 +139,13 @@ def served(model: str) -> Iterator[RolloutModel]:
         server.wait()
 
 
-def closed_loop(scenario: str, episodes: int, real_time: bool) -> list[Figure]:
-    """Play episodes on the whole graph, and read latencies and planning times from the bag."""
+def played(scenario: str, episodes: int, real_time: bool, learn: str = "") -> Times:
+    """Play episodes on the whole graph; return latencies and planning times from the bag."""
     with tempfile.TemporaryDirectory(prefix="sain-bench-") as folder:
         out = Path(folder) / "run"
         command = ["ros2", "run", "sain_bringup", "closed_loop", "--scenario", scenario]
         command += ["--episodes", str(episodes), "--no-video", "--out", str(out)]
+        command += ["--learn", learn] if learn else []
         if real_time:
             settings = Path(folder) / "real_time.yaml"
             settings.write_text(REAL_TIME)
@@ -144,9 +153,13 @@ def closed_loop(scenario: str, episodes: int, real_time: bool) -> list[Figure]:
         done = subprocess.run(command, capture_output=True, text=True, check=False)
         if not (out / "bag" / "metadata.yaml").is_file():
             sys.exit(f"the closed loop did not run:\n{done.stdout}\n{done.stderr}")
-        times = read(Bag(out / "bag"))
+        return read(Bag(out / "bag"))
+
+
+def closed_loop(scenario: str, episodes: int, real_time: bool) -> list[Figure]:
+    """Return figures of a closed loop."""
     figures = []
-    for name, values in times.items():
+    for name, values in played(scenario, episodes, real_time).items():
         p50, p95 = np.percentile(values, [50, 95])
         at_most = MOST_MS[scenario] if name == LATENCY and real_time else None
         pace = "real time" if real_time else "fast"
@@ -156,7 +169,24 @@ def closed_loop(scenario: str, episodes: int, real_time: bool) -> list[Figure]:
     return figures
 
 
-def read(bag: Bag) -> dict[str, np.ndarray]:
+def with_a_learner(options: Options) -> list[Figure]:
+    """Play with a learner and without, in turns; the laboratory keeps its pushes."""
+    found: dict[str, list[np.ndarray]] = {"without": [], "with": []}
+    with tempfile.TemporaryDirectory(prefix="sain-bench-") as folder:
+        for _ in range(options.turns):
+            for name, values in found.items():
+                learn = str(Path(folder) / "laboratory") if name == "with" else ""
+                values.append(played("anywhere", options.episodes, True, learn)[LATENCY])
+    late = {name: float(np.percentile(np.concatenate(some), 95)) for name, some in found.items()}
+    count = sum(map(len, found["with"]))
+    return [
+        Figure(f"anywhere, real time: {LATENCY}, p95 without a learner", late["without"], "ms"),
+        Figure(f"... with a learner, {count} pushes", late["with"], "ms"),
+        Figure("... with / without", late["with"] / late["without"], "", at_most=1.1),
+    ]
+
+
+def read(bag: Bag) -> Times:
     """Return latencies and planning times [ms], one for each push."""
     settled: dict[tuple[int, int], int] = {}
     begun: dict[int, tuple[int, int]] = {}  # the first scene of an episode, and when its goal came
@@ -182,12 +212,14 @@ def read(bag: Bag) -> dict[str, np.ndarray]:
 def main() -> None:
     """Measure what the service costs a plan."""
     options = tyro.cli(Options, description=__doc__)
-    figures = service_and_process(options)
-    for scenario in MOST_MS:
+    figures = service_and_process(options) if "service" in options.only else []
+    for scenario in MOST_MS if "loops" in options.only else ():
         few = scenario == "rearrange_4"  # these take many pushes
         episodes = -(-options.episodes // 3) if few else options.episodes
         figures += closed_loop(scenario, episodes, real_time=False)
         figures += closed_loop(scenario, episodes, real_time=True)
+    if "learner" in options.only:
+        figures += with_a_learner(options)
     figures.append(Figure("load average meanwhile", os.getloadavg()[0], ""))
     report("Service path, default settings", figures, options.out)
 

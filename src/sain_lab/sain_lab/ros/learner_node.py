@@ -5,11 +5,13 @@ low priority; when it is dead, the graph goes on with the model that it has.
 """
 
 import os
+from collections import deque
 from concurrent.futures import Future
 from time import monotonic
 from typing import Any, Final
 from uuid import uuid4
 
+import numpy as np
 from rclpy.node import Node
 
 from sain_core import wire
@@ -31,10 +33,12 @@ from sain_lab.keeping.results import Result
 from sain_lab.learner import Learner, Lesson
 from sain_lab.ros.messages import encode_learning
 from sain_lab.settings import LearnerConfig
+from sain_model.compute.threads import one_numba_thread
 
 LOOK: Final = 0.5  # [s] between looks for trainings that ended, and for the model's node
 AGAIN: Final = 5.0  # [s] after the model's node refused
 MOST_WAITING: Final = 1000  # results; more are not learned from
+LAST: Final = 0.5  # [s], for what waits when the graph ends
 MOST_EPISODES: Final = 16  # whose bodies are kept
 BOTH_ENDS: Final = 2**0.5  # of a way that was observed, over the noise of one scene
 
@@ -56,6 +60,7 @@ class LearnerNode(Node):
         self.curves = CurveReader(self.learner.laboratory)
         self._run = self._name_of_run()
         self._bodies: dict[int, Shapes] = {}
+        self._waiting: deque[Result] = deque()
         self._again = 0.0  # when it may be asked next [s]
         self._loaded = -1  # generation that the model's node was asked to load
         self._asked: Any = None  # the answer that is waited for
@@ -94,13 +99,19 @@ class LearnerNode(Node):
             )
             return
         result = self._decoded(message)
-        self.worker.submit(lambda: self.learner.observe(result), self._on_lesson)
+        self._waiting.append(result)
+        self.worker.submit(self._learn, self._on_lesson)
+
+    def _learn(self) -> Lesson:
+        """Learn from the result that waits longest; on the worker's thread."""
+        with one_numba_thread():
+            return self.learner.observe(self._waiting.popleft())
 
     def _decoded(self, message: PushResult) -> Result:
         before = wire.decode_disks(message.before.disks, "before")
         noise = None
         if self.config.place_noise > 0.0:
-            noise = before[:, 0] * 0.0 + BOTH_ENDS * self.config.place_noise
+            noise = np.full(len(before), BOTH_ENDS * self.config.place_noise)
         return Result(
             before,
             wire.decode_push(message.push),
@@ -172,7 +183,16 @@ class LearnerNode(Node):
         figures = {"pushes": learner.pushes, "service": message.service}
         self.diagnostics.set(OK, "learning" if self.config.learns else "not learning", **figures)
 
+    def _end(self) -> None:
+        """Learn from what still waits, as far as there is time, and close the laboratory."""
+        enough = monotonic() + LAST
+        try:
+            while self._waiting and monotonic() < enough:
+                self._learn()
+        finally:
+            self.learner.close()
+
     def destroy_node(self) -> None:
-        """Finish the push that is being learned from, and close the laboratory."""
-        self.worker.close(self.learner.close)
+        """Learn from what waits, and close the laboratory."""
+        self.worker.close(self._end)
         super().destroy_node()

@@ -23,6 +23,7 @@ from sain_lab.teaching.teacher import Teacher, TeachingConfig, imagined_work
 from sain_model.dynamics.sain import SainDynamics
 from sain_mppi.agent.agent import Agent, AgentConfig
 from sain_mppi.agent.events import Task
+from sain_mppi.agent.planning import Decider
 from sain_mppi.agent.play import Sight, play
 from sain_sim.world.own import open_world
 from sain_sim.world.workcell import WorldConfig
@@ -64,12 +65,14 @@ class Teaching:
         model: returns the physics as it is believed now.
         take: learns from a result.
         work: pushes of typical plans.
+        decider: makes what chooses the pushes.
         errors: [mm] of each push, with what was believed at first and then.
     """
 
     model: Model
     take: Callable[[Result], object]
     work: Work
+    decider: Callable[[Model, Work, TeachingConfig], Decider] = Teacher
     errors: list[tuple[float, float]] = field(default_factory=list)
 
     def __post_init__(self) -> None:
@@ -83,20 +86,20 @@ class Teaching:
             NoPushError: no push is possible in several rooms, or there is none any more.
         """
         with closing(rooms):
-            why = self._visit(rooms, settings)
+            why = self.visit(rooms, settings)
         if len(self.errors) < settings.pushes:
             raise NoPushError(f"{len(self.errors)} of {settings.pushes} pushes were made: {why}")
         return self._concluded()
 
-    def _visit(self, rooms: Iterable[Room], settings: TeachSettings) -> str:
+    def visit(self, rooms: Iterable[Room], settings: TeachSettings) -> str:
         """Make the pushes; return why there were no more."""
         without, why, agent = 0, "", AgentConfig(seed=settings.seed)
         for number, (world, case) in enumerate(rooms):
             before, left = len(self.errors), settings.pushes - len(self.errors)
-            teacher = Teacher(self.model, self.work, TeachingConfig(seed=settings.seed))
+            chooser = self.decider(self.model, self.work, TeachingConfig(seed=settings.seed))
             sight = _Watched(world, self, case, f"teaching {settings.seed}/{number}")
             task = Task(1, 0, case.goal.within(*NEVER), min(settings.per_scene, left))
-            why = play(Agent(teacher, agent), sight, [task], case.bodies).failure
+            why = play(Agent(chooser, agent), sight, [task], case.bodies).failure
             without = 0 if len(self.errors) > before else without + 1
             if len(self.errors) >= settings.pushes or without >= PATIENCE:
                 break
@@ -173,18 +176,25 @@ def teach_in_world(settings: TeachSettings) -> Taught:
     with Learner.named(settings.laboratory) as learner:
         model = lambda: learner.believer.model  # noqa: E731
         teaching = Teaching(model, learner.observe, work_of(settings, model()))
-        taught = teaching.run(_simulated(settings, learner), settings)
+        taught = teaching.run(_learned_between(rooms_of(settings), learner), settings)
         learner.wait()
         return taught
 
 
-def _simulated(settings: TeachSettings, learner: Learner) -> Rooms:
-    """Yield worlds with scenes of the scenario."""
+def rooms_of(settings: TeachSettings) -> Rooms:
+    """Yield simulated worlds with scenes of the scenario."""
     for seed in count(settings.seed):
         case = scene_of(settings, seed)
         with open_world(case.parameters(), WorldConfig(), engine=case.truth.engine) as world:
             world.reset(case.disks)
+            yield world, case
+
+
+def _learned_between(rooms: Rooms, learner: Learner) -> Rooms:
+    """Yield rooms; an episode ends with each."""
+    with closing(rooms):
+        for room in rooms:
             try:
-                yield world, case
+                yield room
             finally:
                 learner.end_episode()

@@ -34,7 +34,7 @@ function showLearning({ learning }) {
   find("learning").hidden = false;
   find("learning-note").textContent = `${learning.laboratory}: ${learning.pushes} pushes; in service: ${learning.service}`;
   onWidth(find("learning-errors"), (width) => drawErrors(find("learning-errors"), width, learning));
-  const text = (row) => (row ? `${row[0]} [${row[1]}, ${row[2]}]` : "–");
+  const text = (row) => { const [value, low, high] = (row ?? []).map((v) => v === null ? "–" : Number(v.toPrecision(3))); return row ? `${value} [${low}, ${high}]` : "–"; };
   find("learning-parameters").append(...learning.parameters.map(({ name, unit, rows }) =>
     make("tr", {}, ...[name, unit, text(rows[0]), text(rows.at(-1))].map((cell) => make("td", {}, cell)))));
   find("learning-events").append(...learning.events.map(([pushes, kind, what]) => make("li", {}, `${pushes}: ${kind}: ${what}`)));
