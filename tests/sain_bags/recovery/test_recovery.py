@@ -2,6 +2,7 @@
 
 import errno
 import os
+import time
 import tracemalloc
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,10 +13,11 @@ from mcap.reader import make_reader
 from mcap.records import DataEnd
 from mcap.stream_reader import StreamReader
 from mcap.writer import Writer as McapWriter
-from rosbags.rosbag2 import Reader
+from rosbags.rosbag2 import Reader, StoragePlugin, Writer
+from rosbags.typesys import Stores, get_typestore
 
 from sain_bags import commands
-from sain_bags.bag.metadata import Topic, TopicQos
+from sain_bags.bag.metadata import Topic, TopicQos, read_metadata
 from sain_bags.cli.recover import describe
 from sain_bags.reading.reader import Bag
 from sain_bags.recovery.recovery import recover
@@ -306,3 +308,41 @@ def test_a_chunk_that_contradicts_the_file_is_skipped(zstd_bag: Original, tmp_pa
     place = zstd_bag.ends[2][0]
     mixed = zstd_bag.content[:place] + stale + zstd_bag.content[place:]
     assert recovered(mixed, tmp_path) == (RecoveryOutcome.LOSSY, zstd_bag.messages)
+
+
+def test_a_bag_made_elsewhere_is_saved_too(tmp_path: Path) -> None:
+    store = get_typestore(Stores.ROS2_JAZZY)
+    with Writer(tmp_path / "bag", version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+        connection = writer.add_connection("/chat", "std_msgs/msg/String", typestore=store)
+        for number in range(50):
+            writer.write(connection, 1000 + number, bytes([0, 1, 0, 0, number]))
+    report = recover(tmp_path / "bag", tmp_path / "out")
+    assert report.outcome == RecoveryOutcome.LOSSLESS
+    with Reader(tmp_path / "bag") as old, Reader(tmp_path / "out") as new:
+        assert [(time, data) for _, time, data in new.messages()] == [
+            (time, data) for _, time, data in old.messages()
+        ]
+        assert new.connections[0].msgdef == old.connections[0].msgdef
+
+
+def test_many_channels_are_recovered_in_seconds(tmp_path: Path) -> None:
+    """It took the square of their number: more than 120 s."""
+    path, count = tmp_path / "many.mcap", 20_000
+    with path.open("wb") as stream:
+        writer = McapWriter(stream, chunk_size=4096)
+        writer.start()
+        schema = writer.register_schema("std_msgs/msg/String", "ros2msg", TEXT.encode())
+        for number in range(count):
+            about = {"of": str(number)}
+            channel = writer.register_channel(f"/t{number % 5000}", "cdr", schema, about)
+            if number % 2 == 0:
+                writer.add_message(channel, number, bytes(4), number)
+    content = path.read_bytes()
+    path.write_bytes(content[: int(0.9 * len(content))])
+    began = time.process_time()
+    report = recover(path, tmp_path / "saved")
+    assert time.process_time() - began < 30.0
+    assert report.messages > 5000
+    assert len(saved(tmp_path / "saved" / "saved_0.mcap")) == report.messages
+    topics = read_metadata(tmp_path / "saved")["topics_with_message_count"]
+    assert (len(topics), sum(topic["message_count"] for topic in topics)) == (5000, report.messages)

@@ -10,7 +10,7 @@ import pytest
 import yaml
 from mcap.exceptions import EndOfFile
 from mcap.reader import make_reader
-from mcap.records import Message
+from mcap.records import Chunk, DataEnd, Message
 from mcap.stream_reader import StreamReader
 from rosbags.highlevel import AnyReader
 from rosbags.interfaces import QosDurability, QosReliability
@@ -273,3 +273,12 @@ def test_what_a_recording_says_of_itself_survives_it(tmp_path: Path) -> None:
     saved = Bag(tmp_path / "saved")
     assert saved.custom_data == {"seed": "7", "recovered": "with losses, from bag"}
     assert saved.metadata["ros_distro"] == "kilted"
+
+
+def test_chunks_and_data_section_carry_crcs(episode_bag: Path) -> None:
+    with (episode_bag / "bag_0.mcap").open("rb") as stream:
+        records = list(StreamReader(stream, emit_chunks=True, validate_crcs=True).records)
+    assert all(record.uncompressed_crc for record in records if isinstance(record, Chunk))
+    assert [record.data_section_crc != 0 for record in records if isinstance(record, DataEnd)] == [
+        True
+    ]

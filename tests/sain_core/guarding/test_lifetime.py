@@ -186,3 +186,20 @@ def test_a_recording_is_whole_although_the_middleware_hangs(
         assert recorder.wait(timeout=20) == 0
     assert 3.0 < time.monotonic() - start < 10.0  # it did hang
     assert (tmp_path / "bag/metadata.yaml").exists()
+
+
+def test_nothing_of_a_node_is_in_shared_memory(ros_domain: int) -> None:
+    """So a killed node leaves nothing there that deafens the next one."""
+    with running(*python(SPEAK)) as process:
+        addresses(process.pid)
+        assert "/dev/shm/fastrtps" not in Path(f"/proc/{process.pid}/maps").read_text()
+
+
+STUCK_AT_EXIT = f"import ctypes, atexit\natexit.register(lambda: {STUCK})\n"
+
+
+def test_a_command_ends_although_the_interpreter_cannot(tmp_path: Path, ros_domain: int) -> None:
+    code = "import sys\nfrom sain_bringup.commands import reset\n"
+    code += "sys.argv = ['reset', '--timeout', '0.1']\nsys.exit(reset())\n"
+    ended, seconds = run(STUCK_AT_EXIT + code, tmp_path)
+    assert ended == 1 and seconds < 30.0

@@ -3,11 +3,13 @@
 import pytest
 
 from sain_core.errors import (
+    BusyError,
     DuplicatePushError,
     InvalidInputError,
     StaleSceneError,
     UnknownEpisodeError,
 )
+from sain_core.guarding import session as module
 from sain_core.guarding.session import Session
 
 
@@ -54,3 +56,23 @@ def test_an_id_works_once_also_when_it_was_refused_or_episodes_ago(session) -> N
     for push_id in (1, 2):
         with pytest.raises(DuplicatePushError, match=f"push {push_id} came before"):
             session.admit(push_id, *ids(session))
+
+
+def test_one_push_at_a_time(session) -> None:
+    session.admit(1, 1, 1)
+    with pytest.raises(BusyError, match="push 1 is under way; send push 2 anew later"):
+        session.admit(2, 1, 1)
+    with pytest.raises(BusyError, match="push 1 is under way; reset when it has ended"):
+        session.begin_episode()
+    session.finish(executed=True)
+    assert not session.busy
+
+
+def test_memory_is_bounded_and_what_is_forgotten_is_stale_anyway(session, monkeypatch) -> None:
+    monkeypatch.setattr(module, "REMEMBERED_PUSHES", 3)
+    for push_id in range(1, 6):
+        session.admit(push_id, *ids(session))
+        session.finish(executed=True)
+    with pytest.raises(StaleSceneError):
+        session.admit(1, 1, 1)
+    assert len(session._seen) <= 3

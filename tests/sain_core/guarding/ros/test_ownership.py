@@ -1,17 +1,20 @@
 """Of two processes that own a topic the later ends, and publishers elsewhere are reported."""
 
+import os
 import signal
 import subprocess
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 
 import pytest
 import rclpy
 from rclpy.context import Context
 from rclpy.node import Node
 
-from sain_core.errors import BusyError
+from sain_core.errors import BusyError, OutputError
+from sain_core.guarding.ros import ownership
 from sain_core.guarding.ros.ownership import Ownership, refuse_peers, refuse_rivals
 from sain_core.ros.qos import LATCHED
 from sain_interfaces.msg import Goal
@@ -98,3 +101,13 @@ def test_a_rival_that_is_seen_late_is_refused(graph):
     expected = "/sain/first and /sain/second publish /sain/aim, so another graph is running already"
     with pytest.raises(BusyError, match=expected):
         refuse_rivals(first, ("aim",))
+
+
+@pytest.mark.parametrize("what", ["FIFO", "link"])
+def test_what_is_no_regular_file_is_named(node, what, tmp_path: Path, monkeypatch):
+    monkeypatch.setattr(ownership, "private_folder", lambda: tmp_path)
+    path = tmp_path / f"domain_{node.context.get_domain_id()}.sain.aim.lock"
+    os.mkfifo(path) if what == "FIFO" else path.symlink_to(tmp_path / "victim")
+    with pytest.raises(OutputError, match=rf"cannot lock {path}: "):
+        Ownership(node, ("aim",))
+    assert not (tmp_path / "victim").exists()

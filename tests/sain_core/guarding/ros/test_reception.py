@@ -5,7 +5,8 @@ from geometry_msgs.msg import PoseStamped
 from rclpy.node import Node
 from shape_msgs.msg import SolidPrimitive
 
-from sain_core.errors import BusyError, ErrorCode, SainError
+from sain_core.errors import BusyError, ErrorCode, InvalidInputError, SainError, TooMuchWorkError
+from sain_core.guarding.ros import reception
 from sain_core.guarding.ros.reception import (
     Reception,
     check_sizes,
@@ -105,3 +106,15 @@ def test_what_is_too_large_is_emptied_and_all_else_stays():
     message = framed(Push(push_id=7, source="me", length=0.1, disks=[DiskState()] * 33))
     assert emptied(message) == Push(push_id=7, source="me", length=0.1)
     check_sizes(message)
+
+
+def test_an_array_of_numbers_has_a_limit(monkeypatch):
+    monkeypatch.setattr(reception, "MOST_NUMBERS", 10)
+    check_sizes(Rollout.Request(pushes=[0.0] * 10))
+    with pytest.raises(InvalidInputError, match="pushes has 11 elements; at most 10"):
+        check_sizes(Rollout.Request(pushes=[0.0] * 11))
+
+
+def test_a_dimension_that_is_too_large_is_too_much_work():
+    with pytest.raises(TooMuchWorkError):
+        check_sizes(Rollout.Request(samples=2**31))
