@@ -23,12 +23,14 @@ from sain_core.errors import ConfigError, UntrustedFileError
 from sain_core.guarding import lifetime
 from sain_core.guarding.untrusted import read_yaml
 from sain_core.model import check_model_name
-from sain_core.shapes.body_file import read_bodies
+from sain_core.shapes.body_file import read_bodies, write_tagged_bodies
 from sain_core.shapes.shape import BOTTOMS, FEET
 from sain_core.world import MASSES, ObservationConfig, changed_settings
 from sain_lab.keeping.laboratory import laboratory_path
 from sain_model.compute.kernel_store import compile_visibly
 from sain_sim.world.engines import DEFAULT_ENGINE, ENGINE_HELP, check_engine
+from sain_sim.world.start import draw_episode
+from sain_sim.world.truth import TruthConfig
 
 NAMESPACE: Final = "sain"  # as `sain_core.ros.node_main` has it, which needs rclpy
 RECORDINGS: Final = Path("bags")
@@ -38,6 +40,9 @@ ELSEWHERE: Final = "elsewhere"  # the robot that is started by somebody else
 SIMULATOR: Final = "simulator"
 ROBOT: Final = "robot"
 SCENES: Final = "scenes"
+TAGS: Final = "tags"
+SEEN_NOISE: Final = "0.0005,0.005"  # [m], [rad], of poses from tags
+SEEN_BODIES: Final = "bodies.yaml"  # in the folder of states
 MODEL: Final = "model"
 PLANNER: Final = "planner"
 RECORDER: Final = "recorder"
@@ -70,6 +75,9 @@ class GraphConfig(Config):
     )
     seed: int = option(0, "of the first scene and of the planner", minimum=0)
     camera: Annotated[ObservationConfig, tyro.conf.arg(name="")] = ObservationConfig()
+    see: str = option(
+        "", "what the scenes are made of; tags: a simulated camera's images", choices=("", TAGS)
+    )
     gui: bool = option(False, "show the simulator's window, in real time")
     params_file: Path | None = option(
         None, "ROS parameters for the nodes (YAML), on top of their defaults"
@@ -87,6 +95,8 @@ class GraphConfig(Config):
                     f"--learn {self.learn} serves the model of that laboratory; leave out --model"
                     " and --belief"
                 )
+        if self.see and not self.camera.is_exact:
+            raise ConfigError("--see has the errors of its images; --noise and the like are others")
         if self.params_file is not None:
             _check_parameter_file(self.params_file)
 
@@ -119,6 +129,8 @@ class GraphOptions(GraphConfig):
     @property
     def observed(self) -> ObservationConfig:
         """What planner and model have to be told of observations."""
+        if self.see:
+            return replace(self.camera, noise=SEEN_NOISE)
         bodies = None if self.bodies is None else read_bodies(self.bodies)
         if bodies is None or bodies.weighed or MASSES in self.camera.unknown_names:
             return self.camera
@@ -139,9 +151,11 @@ class GraphOptions(GraphConfig):
         """Check that robot and bodies belong together, and that no option is the simulator's."""
         if self.bodies is not None and not self.robot:
             raise ConfigError("--bodies is for a robot; give --robot, too")
-        if self.robot and (self.gui or self.engine != DEFAULT_ENGINE or self.bottom != FEET):
+        if self.robot and (
+            self.see or self.gui or self.engine != DEFAULT_ENGINE or self.bottom != FEET
+        ):
             raise ConfigError(
-                "--robot replaces the simulator; --gui, --engine and --bottom are its"
+                "--robot replaces the simulator; --see, --gui, --engine and --bottom are its"
             )
         try:
             words = shlex.split(self.robot)
@@ -247,7 +261,10 @@ def graph_commands(
     simulator = {"bullet.full_motion": "true"} if full_motion else {}
     simulator |= options.simulator
     told = changed_settings(options.observed)
-    simulator |= {f"camera.{name}": str(value) for name, value in told.items()}
+    if options.see:
+        simulator |= {"scenes": "false", "bullet.wait_at_home": "true"}
+    else:
+        simulator |= {f"camera.{name}": str(value) for name, value in told.items()}
     planner = {f"estimator.{name}": str(value) for name, value in told.items()}
     if options.gui:
         simulator |= {"gui": "true", "real_time_factor": "1.0"}
@@ -279,6 +296,10 @@ def graph_commands(
         commands |= _robot_commands(options, ros, node)
     else:
         commands[SIMULATOR] = node("sain_sim", "sim_node", **seed, **simulator)
+    if options.see:
+        given = {"bodies": str(write_seen_bodies(options, states)), **simulated}
+        commands[TAGS] = command_of_node("sain_vision", "tag_node", ros, **given)
+        commands[SCENES] = node("sain_vision", "scene_node", **given, noise=SEEN_NOISE)
     commands[PLANNER] = node("sain_mppi", "mppi_node", **planner)
     return commands
 
@@ -299,6 +320,16 @@ def _robot_commands(
     if options.robot != ELSEWHERE:
         commands[ROBOT] = [*shlex.split(options.robot), "--ros-args", *ros]
     return commands
+
+
+def write_seen_bodies(options: GraphOptions, folder: Path) -> Path:
+    """Write the file of the bodies that the simulator begins with; return its path."""
+    truth = TruthConfig(engine=options.engine, bottom=options.bottom)
+    parameters, scene = draw_episode(options.seed, truth, None, (), 0.0)
+    path = folder.absolute() / SEEN_BODIES
+    path.parent.mkdir(parents=True, exist_ok=True)
+    write_tagged_bodies(path, scene, parameters.bodies)
+    return path
 
 
 def ros_arguments(arguments: Sequence[str]) -> list[str]:

@@ -14,6 +14,9 @@ sim_node: Final = NodeCommand(
     publishes=(
         "scene",
         "push_result",
+        "camera/color/image_raw",
+        "camera/color/camera_info",
+        "camera/aligned_depth_to_color/image_raw",
         "shapes",
         "world_parameters",
         "joint_states",

@@ -46,3 +46,10 @@ def test_the_strongest_request_that_all_publishers_serve(
 ) -> None:
     found = adapt(offers)
     assert (found.reliability, found.durability) == request_
+
+
+def test_images_are_recorded_only_where_asked_for():
+    types = ["sensor_msgs/msg/Image"]
+    assert not Selection().wants("/camera", types)
+    assert Selection(images=True).wants("/camera", types)
+    assert Selection({"/camera"}).wants("/camera", types)

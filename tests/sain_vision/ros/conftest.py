@@ -16,7 +16,6 @@ from vision_msgs.msg import Detection3DArray
 from sain_core.ros import codec
 from sain_core.ros.qos import LATCHED
 from sain_vision.optics import CameraModel
-from sain_vision.ros.images import encode_image
 from tests.sain_vision.pictures import CAMERA
 
 PERIOD = 0.08  # [s]
@@ -62,7 +61,7 @@ class CameraTopics:
                     k=self.camera.matrix.ravel(),
                 )
             )
-        self.images.publish(encode_image(picture, self.encoding, header))
+        self.images.publish(codec.encode_image(picture, self.encoding, header))
 
     def until(self, picture: np.ndarray, done: Any, what: str) -> None:
         """Publish one image again and again until something is so."""

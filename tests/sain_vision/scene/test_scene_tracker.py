@@ -211,7 +211,7 @@ def test_no_scene_before_each_body_was_seen() -> None:
     lab = Laboratory()
     lab.look(20, hidden=(1,))
     assert not lab.tracker.ready
-    assert lab.tracker.problem == "body 1 (target) is not seen"
+    assert lab.tracker.problem == "body 1 (target) has not been seen yet"
     lab.look(10)
     assert lab.tracker.settled and lab.ids == (1, 1)
 

@@ -38,7 +38,7 @@ QUIET_PASSES: Final = 5  # without a message: nothing more is on its way
 class RecordOptions(Config):
     """Record a running graph to a bag (rosbag2 layout, MCAP).
 
-    All topics are recorded, also those that appear later, with the definitions of their messages;
+    All topics but images are recorded, also those that appear later, with their definitions;
     service calls where introspection is on. Ctrl-C ends the recording and makes the bag whole.
     """
 
@@ -50,6 +50,7 @@ class RecordOptions(Config):
         (), "topics to record, with their full names; none: all that are not hidden"
     )
     include_hidden: bool = option(False, "record hidden topics, too")
+    images: bool = option(False, "record images, too: tens of megabytes a second")
     custom_data: Annotated[tuple[str, ...], tyro.conf.arg(metavar="KEY=VALUE ...")] = option(
         (), "what the bag should say about itself"
     )
@@ -139,7 +140,7 @@ def record(
 
     started = time.monotonic()
     custom_data = parse_custom_data(options.custom_data)
-    selection = Selection(frozenset(options.topics), options.include_hidden)
+    selection = Selection(frozenset(options.topics), options.include_hidden, options.images)
     stop = StopSignal()
     with (
         ExitStack() as afterwards,  # once the bag is closed

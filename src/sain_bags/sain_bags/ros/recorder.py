@@ -124,7 +124,7 @@ class Recorder(Node):
             for name in sorted(self.awaited):
                 self.get_logger().warning(f"{name} was asked for, and nobody publishes it")
         for name, types in self.get_topic_names_and_types():
-            if not self._selection.wants(name):
+            if not self._selection.wants(name, types):
                 continue
             count = self.count_publishers(name)
             if is_revision or count != self._counts.get(name, 0):

@@ -7,6 +7,7 @@ from typing import Final
 from sain_bags.bag.metadata import TopicQos
 
 DEPTH: Final = 2000  # messages a burst may hold before the recorder falls behind
+IMAGES: Final = frozenset({"sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage"})
 SERVICE_EVENT: Final = "/_service_event"  # ends the names of the topics of service introspection
 
 
@@ -16,14 +17,18 @@ class Selection:
 
     chosen: Collection[str] = ()  # full names; none: all
     hidden: bool = False  # also those that are hidden
+    images: bool = False  # also images
 
-    def wants(self, topic: str) -> bool:
-        """Return whether to record a topic.
+    def wants(self, topic: str, types: Collection[str] = ()) -> bool:
+        """Return whether to record a topic of these types.
 
-        A chosen one, or any that is not hidden; service calls are hidden and recorded too.
+        A chosen one, or any that is not hidden and no image, which a camera takes only while
+        somebody subscribes; service calls are hidden and recorded too.
         """
         if self.chosen:
             return topic in self.chosen
+        if not self.images and not IMAGES.isdisjoint(types):
+            return False
         return self.hidden or topic.endswith(SERVICE_EVENT) or not is_hidden(topic)
 
 

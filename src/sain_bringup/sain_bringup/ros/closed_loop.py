@@ -16,13 +16,9 @@ from sain_bags.bag.metadata import describe_recording
 from sain_bringup.display import Display
 from sain_bringup.graph import (
     EPISODES_KEY,
-    LEARNER,
-    MODEL,
     NAMESPACE_KEY,
-    PLANNER,
     RECORDER,
     RECORDINGS,
-    SIMULATOR,
     GraphConfig,
     GraphOptions,
     graph_commands,
@@ -119,7 +115,10 @@ def describe(plans: Sequence[EpisodePlan], options: ClosedLoopOptions) -> str:
     what = ", ".join(f"{count} × {name}" for name, count in counts.items())
     engine = "" if options.engine == BULLET else f" in {options.engine}"
     engine += "" if options.bottom == FEET else f" on {options.bottom} bottoms"
-    seen = "".join(f", {name} {value}" for name, value in changed_settings(options.camera).items())
+    by = f", seen by {options.see}" if options.see else ""
+    seen = by + "".join(
+        f", {name} {value}" for name, value in changed_settings(options.camera).items()
+    )
     return f"{what}, to {1e3 * options.tolerance:g} mm, with {options.model}{engine}{seen}"
 
 
@@ -207,7 +206,8 @@ def play(
 
     plans = episode_plans(options)
     with display.stage("starting the graph", "simulator, model, planner and recorder are up"):
-        director = Director(check, options.timeout, supervisor)
+        sight = folder / "logs" if options.see else None
+        director = Director(check, options.timeout, supervisor, sight)
         episodes = " ".join(f"{plan.scenario}:{plan.seed}" for plan in plans)
         namespace = director.get_namespace()
         about = {EPISODES_KEY: episodes, NAMESPACE_KEY: namespace, "model": options.model}
@@ -218,9 +218,8 @@ def play(
         for name, command in commands.items():
             again = restart_command(name, command)
             supervisor.start(name, command, patient=name == RECORDER, again=again)
-        awaited = (SIMULATOR, MODEL, PLANNER, RECORDER, *((LEARNER,) if graph.learn else ()))
         director.wait_for_graph(
-            lambda: supervisor.starting(awaited),
+            lambda: supervisor.starting(tuple(commands)),
             lambda missing: display.status(waiting_for(missing)),
         )
     for number, plan in enumerate(plans, start=1):

@@ -5,6 +5,7 @@ from collections import deque
 from collections.abc import Callable
 from dataclasses import replace
 from math import inf
+from pathlib import Path
 from typing import Any, Final
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
@@ -15,6 +16,7 @@ from sain_bringup.display import EpisodeView
 from sain_bringup.graph import PLANNER
 from sain_bringup.processes import Supervisor
 from sain_bringup.ros.progress import LOST, SERVER_PARTS, Missing, Progress, distance, missing_parts
+from sain_bringup.ros.sight import Sight
 from sain_core.errors import ErrorCode, ModelUnavailableError, SainError, error_from_reply
 from sain_core.guarding.ros.ownership import refuse_peers, refuse_rivals
 from sain_core.ros.codec import encode_disks, encode_goal
@@ -41,12 +43,17 @@ class Director(Node):
     """Plays episodes. All waiting is done in `wait`, which looks after the graph meanwhile."""
 
     def __init__(
-        self, check: Callable[[], None], timeout: float, supervisor: Supervisor | None = None
+        self,
+        check: Callable[[], None],
+        timeout: float,
+        supervisor: Supervisor | None = None,
+        sight: Path | None = None,
     ) -> None:
         """Join the graph. Wait for any one thing no longer than the timeout [s].
 
         While waiting, `check` is called again and again; it raises when the graph is broken. It
-        may have the supervisor restart processes of the graph.
+        may have the supervisor restart processes of the graph. Where bodies are seen by a camera,
+        `sight` is a folder for their files.
         """
         super().__init__("closed_loop", namespace=NAMESPACE, parameter_overrides=[SIMULATED])
         self._joined = time.monotonic()
@@ -63,6 +70,7 @@ class Director(Node):
         for topic, kind in (("plan", Plan), ("push_result", PushResult)):
             self.create_subscription(kind, topic, self._on_news, RELIABLE)
         self.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, RELIABLE)
+        self._sight = None if sight is None else Sight(self, sight)
         self._executor = SingleThreadedExecutor()
         self._executor.add_node(self)
 
@@ -112,7 +120,7 @@ class Director(Node):
         return f"; {process} makes no progress{words}" if words else ""
 
     def _missing(self) -> list[Missing]:
-        missing = missing_parts(self, self._servers.values())
+        missing = missing_parts(self, self._servers.values(), self._sight is not None)
         if not self._planner_ready:  # what this node sees of the model, the planner may not yet
             missing.append(Missing(PLANNER, "the planner sees the model"))
         return missing
@@ -238,7 +246,11 @@ class Director(Node):
         )
         scene = self.call("reset_scene", request).scene
         view.at(distance(case, scene))
-        return int(scene.episode_id)
+        if (sight := self._sight) is None:
+            return int(scene.episode_id)
+        sight.show(case)
+        self.wait(lambda: sight.episode_id > 0, lambda: "the bodies are not seen at rest")
+        return sight.episode_id
 
     def _give_goal(self, case: ScenarioScene, episode_id: int) -> Goal:
         self._goals += 1

@@ -9,7 +9,7 @@ from rclpy.client import Client
 from rclpy.node import Node
 
 from sain_bringup.display import EpisodeView
-from sain_bringup.graph import MODEL, PLANNER, RECORDER, SIMULATOR
+from sain_bringup.graph import MODEL, PLANNER, RECORDER, SCENES, SIMULATOR, TAGS
 from sain_core.errors import ErrorCode
 from sain_core.wire import decode_disks
 from sain_eval.scenes.families import ScenarioScene
@@ -18,6 +18,7 @@ from sain_interfaces.srv import DescribeModel, ResetScene, Rollout
 from sain_model import commands as commands_of_model
 from sain_mppi import commands as commands_of_mppi
 from sain_sim import commands as commands_of_sim
+from sain_vision import commands as commands_of_vision
 
 LOST: Final = 5.0  # [s] after which what was not heard has got lost, where a process has crashed
 
@@ -102,6 +103,8 @@ PROCESSES: Final = {  # by the name of the node in each
     "model_node": MODEL,
     "mppi_node": PLANNER,
     "recorder": RECORDER,
+    "tag_node": TAGS,
+    "scene_node": SCENES,
 }
 NODES: Final = {
     "sim_node": commands_of_sim.sim_node,
@@ -114,9 +117,25 @@ SERVER_PARTS: Final = {  # that the director asks
     "rollout": Rollout,
     "describe_model": DescribeModel,
 }
-PUBLISHED: Final = {name: node.publishes for name, node in NODES.items()} | {
-    "closed_loop": ("goal",)
+SEEING: Final = {
+    "tag_node": commands_of_vision.tag_node,
+    "scene_node": commands_of_vision.scene_node,
 }
+SEEN: Final = ("scene", "shapes")  # by the node that sees the bodies, if there is one
+IMAGES: Final = "camera/"  # topics that are sent only where somebody asks for them
+
+
+def published_topics(see: bool) -> dict[str, tuple[str, ...]]:
+    """Return what each node of a graph publishes, whose scenes come from images or not."""
+    nodes = {**NODES, **(SEEING if see else {})}
+    topics = {name: set(node.publishes) for name, node in nodes.items()}
+    if see:
+        topics["sim_node"] -= set(SEEN)
+    kept = {
+        name: tuple(sorted(one for one in some if not one.startswith(IMAGES)))
+        for name, some in topics.items()
+    }
+    return kept | {"closed_loop": ("goal",)}
 
 
 class Missing(NamedTuple):
@@ -126,7 +145,7 @@ class Missing(NamedTuple):
     what: str
 
 
-def missing_parts(node: Node, clients: Iterable[Client]) -> list[Missing]:
+def missing_parts(node: Node, clients: Iterable[Client], see: bool = False) -> list[Missing]:
     """Return everything that the graph still lacks, as this node sees it."""
     parts = [
         Missing(
@@ -135,11 +154,11 @@ def missing_parts(node: Node, clients: Iterable[Client]) -> list[Missing]:
         for client in clients
         if not client.service_is_ready()
     ]
-    return [*parts, *_missing_topics(node)]
+    return [*parts, *_missing_topics(node, see)]
 
 
-def _missing_topics(node: Node) -> Iterator[Missing]:
-    for publisher, topics in PUBLISHED.items():
+def _missing_topics(node: Node, see: bool) -> Iterator[Missing]:
+    for publisher, topics in published_topics(see).items():
         for topic in topics:
             name = node.resolve_topic_name(topic)
             publishers = {info.node_name for info in node.get_publishers_info_by_topic(name)}

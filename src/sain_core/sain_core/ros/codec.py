@@ -12,6 +12,7 @@ import numpy as np
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Point, Point32, Polygon, Pose, PoseWithCovariance, Quaternion
 from nav_msgs.msg import MapMetaData, OccupancyGrid
+from sensor_msgs.msg import Image
 from shape_msgs.msg import SolidPrimitive
 from std_msgs.msg import Header
 
@@ -54,6 +55,22 @@ def decode_time(stamp: Any) -> float:
 def header(stamp: Time) -> Header:
     """Return a header in the frame ``world``."""
     return Header(stamp=stamp, frame_id=WORLD_FRAME)
+
+
+def encode_image(pixels: np.ndarray, encoding: str, header: Header) -> Image:
+    """Return an image (height, width) or (height, width, channels) as a message."""
+    rows = np.ascontiguousarray(pixels)
+    data = array("B")
+    data.frombytes(rows.data.cast("B"))  # a list would take a second
+    height, width = rows.shape[:2]
+    return Image(
+        header=header,
+        height=height,
+        width=width,
+        encoding=encoding,
+        step=rows.strides[0],
+        data=data,
+    )
 
 
 def encode_disks(scene: Scene) -> list[DiskState]:

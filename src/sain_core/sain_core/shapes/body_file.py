@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
+import yaml
 from jaxtyping import Float
 from numpy import ndarray
 
@@ -22,7 +23,7 @@ from sain_core.guarding.untrusted import (
     MOST_RADIUS,
     read_yaml,
 )
-from sain_core.scene import DISK_HEIGHT, NOMINAL_MASS, POSE, make_scene
+from sain_core.scene import DISK_HEIGHT, MASS, NOMINAL_MASS, POSE, RADIUS, make_scene
 from sain_core.shapes.bodies import Bodies
 from sain_core.types import Points, Scene
 
@@ -159,6 +160,27 @@ def parse_bodies(content: Any) -> BodyFile:
         topics=tuple(topics),
         weighed=None not in masses,
     )
+
+
+def write_tagged_bodies(path: Path, scene: Scene, bodies: Bodies) -> None:
+    """Write the file of bodies (N, 8) of which each has the tag with its own number in the middle.
+
+    It is as sizes and masses are known in a simulator.
+    """
+    rows = [
+        {
+            "name": f"body_{body}",
+            "shape": shape.name,
+            "role": str(role),
+            "radius": float(state[RADIUS]),
+            "mass": float(state[MASS]),
+            "tags": body,
+        }
+        for body, (shape, role, state) in enumerate(
+            zip(bodies.shapes, bodies.roles, scene, strict=True)
+        )
+    ]
+    path.write_text(yaml.safe_dump({"bodies": rows}, sort_keys=False))
 
 
 def _check_unique(key: str, values: Sequence[Any]) -> None:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import Final, NamedTuple
 
 import numpy as np
-from jaxtyping import Float, UInt8
+from jaxtyping import Bool, Float, Int, UInt8
 from numpy import ndarray
 
 from sain_core.config import Config, option
@@ -40,6 +40,10 @@ from sain_sim.camera.scenery import (
 from sain_sim.world.workcell import Sample, WorldConfig
 
 Image = UInt8[ndarray, "height width 3"]
+Depth = Float[ndarray, "height width"]  # [m]
+Identities = Int[ndarray, "height width"]
+NEAR: Final = 0.1  # [m]
+FAR: Final = 10.0  # [m]
 
 SKY: Final = np.array([[0.80, 0.86, 0.92], [0.97, 0.97, 0.96]])  # upper and lower edge
 HAND_CLEARANCE: Final = 0.11  # [m], from the stick's tip up to the fingers
@@ -105,7 +109,7 @@ class Renderer(Closeable):
         self._goals: dict[float, int] = {}
         self._kinematics = Kinematics(-table.height, arm.tool_length)
         self._projection = self._client.computeProjectionMatrixFOV(
-            camera.field_of_view, camera.width / camera.height, 0.1, 10.0
+            camera.field_of_view, camera.width / camera.height, NEAR, FAR
         )
         self._ring = self._mark = _UNMADE
         self.pixels = Pixels(0, 0)  # of the last picture
@@ -182,15 +186,30 @@ class Renderer(Closeable):
     ) -> Image:
         """Return an image (height, width, 3) of what `show` moves."""
         self.show(joints, scene, goal, goal_radius)
-        camera = self.camera
-        times = camera.oversampling
-        width, height = camera.width * times, camera.height * times
-        _, _, pixels, _, bodies = self._client.getCameraImage(
+        camera, times = self.camera, self.camera.oversampling
+        colours, _, bodies = self.draw(camera.width * times, camera.height * times)
+        body = bodies[..., None]
+        target = self._disks[min(TARGET, len(self._disks) - 1)]
+        ring = self._ring if goal is not None else _UNMADE - 1
+        self.pixels = Pixels(int((body == target).sum()), int((body == ring).sum()))
+        image = _average(colours, times)
+        on_table = _average(body == self._table_top, times)
+        shade = 1 - on_table * (
+            1 - brightness(self._points, self._casters(joints, scene), camera.light)
+        )
+        return np.asarray((image * shade).round(), dtype=np.uint8)
+
+    def draw(self, width: int, height: int) -> tuple[Image, Depth, Identities]:
+        """Return colours, distances along the optical axis [m] and bodies, as `show` left all.
+
+        Without shadows. Where there is nothing, the distance is `FAR` and the body is -1.
+        """
+        _, _, pixels, depth, bodies = self._client.getCameraImage(
             width,
             height,
             viewMatrix=self._view,
             projectionMatrix=self._projection,
-            lightDirection=camera.light,
+            lightDirection=self.camera.light,
             lightColor=[1.0, 0.99, 0.97],
             lightAmbientCoeff=0.60,
             lightDiffuseCoeff=0.42,
@@ -198,17 +217,15 @@ class Renderer(Closeable):
             shadow=0,
             renderer=self._client.ER_TINY_RENDERER,
         )
-        colors = np.reshape(np.asarray(pixels, dtype=np.uint8), (height, width, 4))[..., :3]
-        body = np.reshape(np.asarray(bodies), (height, width, 1))
-        target = self._disks[min(TARGET, len(self._disks) - 1)]
-        ring = self._ring if goal is not None else _UNMADE - 1
-        self.pixels = Pixels(int((body == target).sum()), int((body == ring).sum()))
-        image = _average(np.where(body >= 0, colors, _sky(height)), times)
-        on_table = _average(body == self._table_top, times)
-        shade = 1 - on_table * (
-            1 - brightness(self._points, self._casters(joints, scene), camera.light)
-        )
-        return np.asarray((image * shade).round(), dtype=np.uint8)
+        colours = np.reshape(np.asarray(pixels, dtype=np.uint8), (height, width, 4))[..., :3]
+        body = np.reshape(np.asarray(bodies), (height, width))
+        buffer = np.reshape(np.asarray(depth, dtype=np.float64), (height, width))
+        distance = FAR * NEAR / (FAR - (FAR - NEAR) * buffer)
+        return np.where(body[..., None] >= 0, colours, _sky(height)), distance, body
+
+    def shows_arm(self, bodies: Identities) -> Bool[ndarray, "height width"]:
+        """Return which pixels show the arm, of the bodies that `draw` returns."""
+        return np.asarray(bodies == self._arm)
 
     def _casters(self, joints: Joints, scene: Scene) -> list[Caster]:
         """Return what throws a shadow: the disks, the stick and the hand above it."""

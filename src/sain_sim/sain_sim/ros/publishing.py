@@ -21,6 +21,8 @@ from sain_interfaces.msg import Bodies, Prediction, Push, PushResult, WorldParam
 from sain_interfaces.msg import Scene as SceneMessage
 from sain_interfaces.srv import ResetScene
 from sain_sim.arm.panda import JOINT_NAMES
+from sain_sim.camera.image_camera import Shot
+from sain_sim.ros.camera_topics import CameraTopics
 from sain_sim.ros.simulator import SHADOW_MODEL, Pushed, Simulator
 from sain_sim.ros.transforms import Transforms, frame_prefix
 from sain_sim.world.workcell import Sample
@@ -37,8 +39,10 @@ class Publishing:
         self._session = session
         self._clock = node.create_publisher(Clock, "/clock", RELIABLE)
         # Before the scene's: a planner that sees scenes can see that there are shapes to wait for.
-        self._shapes = LatchedTopic(node, Bodies, "shapes")
-        self._scene = node.create_publisher(SceneMessage, "scene", RELIABLE)
+        self._shapes = LatchedTopic(node, Bodies, "shapes") if simulator.config.scenes else None
+        self._scene = None
+        if simulator.config.scenes:
+            self._scene = node.create_publisher(SceneMessage, "scene", RELIABLE)
         self._result = node.create_publisher(PushResult, "push_result", QUEUE)
         self._joints = node.create_publisher(JointState, "joint_states", RELIABLE)
         self._markers = MarkerBoard(node, "markers")
@@ -47,6 +51,9 @@ class Publishing:
         prefix = frame_prefix(node, config.frame_prefix)
         self._transforms = Transforms(node, config.bullet, prefix)
         self._transforms.describe(self.now())
+        self.images = CameraTopics(node, config.images, prefix)
+        self.images.describe(self.now())
+        self._next_shot = 0.0  # [s], simulated
         self._diagnostics = Diagnostics(
             node, "simulation", now=self.now, more=lambda: reception.figures
         )
@@ -77,6 +84,18 @@ class Publishing:
         if (timer := self._simulator.camera_timer) is not None:
             timer.observe_moving(sample)
             self._frames(settled=False)
+        now = self._simulator.pacer.now
+        if self.images.wanted and now >= self._next_shot:
+            self.shot(self._simulator.shoot(sample), self.now())
+
+    def shot(self, shot: Shot, stamp: Time) -> None:
+        """Publish images that were taken at a time."""
+        self._next_shot = self._simulator.pacer.now + 1.0 / self._simulator.config.images.rate
+        self.images.publish(shot, stamp)
+
+    def tick(self) -> None:
+        """Publish the simulated time."""
+        self._clock.publish(Clock(clock=self.now()))
 
     def frame(self) -> None:
         """Publish what the camera sees of the settled world, if it is time for a frame."""
@@ -94,7 +113,7 @@ class Publishing:
 
     def _state(self, sample: Sample, scene: SceneMessage) -> None:
         """Publish time, joints, frames and markers, and the scene unless a camera sees it."""
-        self._clock.publish(Clock(clock=self.now()))
+        self.tick()
         stamp = scene.header.stamp
         joints = JointState(header=codec.header(stamp), name=list(JOINT_NAMES))
         joints.position = codec.encode_floats(sample.joint_positions)
@@ -106,24 +125,25 @@ class Publishing:
         things: list[Thing] = [table_top(table), *bodies_in(sample.scene, bodies)]
         tool = tool_marker(sample.tool.tolist(), stamp)
         self._markers.show([*markers_of(things, stamp), tool])
-        if self._simulator.camera is None:
+        if self._simulator.camera is None and self._scene is not None:
             self._scene.publish(scene)
 
     def _frames(self, settled: bool) -> None:
         """Publish what has arrived from the camera by now, and the time."""
-        self._clock.publish(Clock(clock=self.now()))
+        self.tick()
         camera, now = self._simulator.camera, self._simulator.pacer.now
         for frame in () if camera is None else camera.arrived(now):
             stamp = codec.encode_time(round(1e9 * frame.time))
-            self._scene.publish(self._encode(frame.scene, stamp, settled))
+            if self._scene is not None:
+                self._scene.publish(self._encode(frame.scene, stamp, settled))
 
     def episode(self, begun: ResetScene.Request) -> None:
         """Publish shape and role of each body of an episode, and the parameters of its world."""
         simulator, episode_id = self._simulator, self._session.episode_id
         parameters, radii = simulator.parameters, simulator.radii
-        self._shapes.publish(
-            codec.encode_bodies(parameters.bodies, radii, stamp=self.now(), episode_id=episode_id)
-        )
+        ids = {"stamp": self.now(), "episode_id": episode_id}
+        if self._shapes is not None:
+            self._shapes.publish(codec.encode_bodies(parameters.bodies, radii, **ids))
         self._world.publish(
             WorldParameters(
                 header=self._header(),

@@ -3,6 +3,7 @@
 from concurrent.futures import Future
 from typing import Any
 
+from builtin_interfaces.msg import Time
 from rclpy.node import Node
 
 from sain_core import wire
@@ -12,10 +13,12 @@ from sain_core.guarding.ros.reception import Reception, emptied, introspect, sho
 from sain_core.guarding.session import Session
 from sain_core.ros.node_main import NAMESPACE
 from sain_core.ros.parameters import read_parameters
-from sain_core.ros.qos import QUEUE, steady_timer
+from sain_core.ros.qos import QUEUE, RELIABLE, steady_timer
 from sain_core.ros.worker import Worker
 from sain_interfaces.msg import Push, PushResult
+from sain_interfaces.msg import Scene as SceneMessage
 from sain_interfaces.srv import ResetScene
+from sain_sim.camera.image_camera import Shot
 from sain_sim.ros.pacing import Pacer
 from sain_sim.ros.publishing import Publishing
 from sain_sim.ros.resumption import Resumption
@@ -23,7 +26,8 @@ from sain_sim.ros.simulator import Pushed, Simulator, SimulatorConfig
 from sain_sim.world.workcell import Sample
 
 LOOK_AGAIN = 0.1  # [s] between looks for those who listened before a crash
-OWNED = ("scene", "shapes", "push_result", "/clock")
+OWNED = ("push_result", "/clock")
+SCENES = ("scene", "shapes")  # owned by a node that sees the bodies, if there is one
 LOOK_FOR_RIVALS = 0.5  # [s] between looks for other publishers of these
 
 
@@ -34,7 +38,7 @@ class SimNode(Node):
         """Build the worlds and start the first episode."""
         super().__init__("sim_node", namespace=NAMESPACE, **options)
         config = read_parameters(self, SimulatorConfig)
-        self.ownership = Ownership(self, OWNED)
+        self.ownership = Ownership(self, (*SCENES, *OWNED) if config.scenes else OWNED)
         self._closing, self.counts = False, {"executed": 0, "refused": 0}
         self.session, self.pacer = Session(), Pacer(config.real_time_factor)
         self.worker = Worker(self, "physics")
@@ -46,6 +50,9 @@ class SimNode(Node):
         reception.listen(Push, "push", self._on_push, QUEUE, self._refuse)
         resetting = reception.serve(ResetScene, "reset_scene", self._on_reset)
         introspect(self, resetting, config.service_introspection)
+        if not config.scenes:
+            reception.listen(SceneMessage, "scene", self._on_scene, RELIABLE)
+        steady_timer(self, 1 / config.images.rate / (config.real_time_factor or 1), self._on_image)
         steady_timer(self, 1 / config.idle_rate, self._on_idle)
         steady_timer(self, LOOK_FOR_RIVALS, self._report)
         if (timer := self.simulator.camera_timer) is not None:
@@ -162,6 +169,37 @@ class SimNode(Node):
         """Take and publish a frame of bodies at rest."""
         if not self.session.busy:
             self.publishing.frame()
+
+    def _on_scene(self, message: SceneMessage) -> None:
+        """Take up the ids of the scenes that somebody else publishes: pushes have these."""
+        ids = message.episode_id, message.scene_id
+        if not self.session.busy and ids != (self.session.episode_id, self.session.scene_id):
+            self.session.go_on_from(*ids)
+            self.publishing.take(self.publishing.sample)
+
+    def _on_image(self) -> None:
+        """Take images of bodies at rest, if somebody wants any; time goes on meanwhile."""
+        busy = self.session.busy or self.worker.pending or self.resumption.waits
+        if busy or not self.publishing.images.wanted:
+            return
+        config = self.simulator.config
+        if config.real_time_factor > 0.0:
+            self.pacer.idle()
+        else:
+            self.pacer.skip(1.0 / config.images.rate)
+        self.publishing.tick()
+        sample, stamp = self.publishing.sample, self.publishing.now()
+        self.worker.submit(
+            lambda: self.simulator.shoot(sample), lambda done: self._on_shot(done, stamp)
+        )
+
+    def _on_shot(self, done: "Future[Shot]", stamp: Time) -> None:
+        error = done.exception()
+        if isinstance(error, SainError):
+            text = f"no images: {shortened(str(error))}"
+            self.get_logger().error(text, throttle_duration_sec=10.0)
+        else:
+            self.publishing.shot(done.result(), stamp)
 
     def _on_idle(self) -> None:
         if self.resumption.waits:

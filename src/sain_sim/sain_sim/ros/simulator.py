@@ -9,10 +9,12 @@ import numpy as np
 
 from sain_core.config import option
 from sain_core.errors import InvalidInputError, SainError
+from sain_core.randomness import generator
 from sain_core.scene import RADIUS
 from sain_core.types import PushArray, Scene
 from sain_core.world import Outcome
 from sain_sim.camera.camera import Camera, WorldCameraConfig
+from sain_sim.camera.image_camera import ImageCamera, ImageCameraConfig, Shot
 from sain_sim.camera.render import Window
 from sain_sim.ros.pacing import CameraTimer, Pacer
 from sain_sim.world.engines import BULLET
@@ -56,7 +58,11 @@ class SimulatorConfig(TruthConfig):
     )
     state_file: str = option("", "file to resume from after a crash; empty: none")
     bullet: WorldConfig = WorldConfig()
+    scenes: bool = option(
+        True, "publish `scene` and `shapes`; false: a node that sees the bodies publishes them"
+    )
     camera: WorldCameraConfig = WorldCameraConfig()
+    images: ImageCameraConfig = ImageCameraConfig()
 
 
 @dataclass(frozen=True)
@@ -88,6 +94,8 @@ class Simulator:
         self.shadow = BulletPrior("nominal", config.bullet) if config.shadow else None
         self.camera = None if config.camera.is_exact else Camera(config.camera)
         self.camera_timer: CameraTimer | None = None
+        self._images: ImageCamera | None = None
+        self._shots = 0
         if self.camera is not None:
             self.camera_timer = CameraTimer(
                 self.camera, pacer, config.real_time_factor, config.idle_rate
@@ -129,6 +137,8 @@ class Simulator:
             self.window.open(self.world.sample(), parameters.shapes, self.config.bullet)
         if self.camera is not None:
             self.camera.begin(seed, parameters)
+        self._close_images()
+        self._seed, self._shots = seed, 0
         if self.shadow is not None:
             self.shadow.truth = parameters  # for the shapes, which the nominal world shares
         return self.observe()
@@ -171,9 +181,30 @@ class Simulator:
         except SainError as error:
             return error
 
+    def shoot(self, sample: Sample) -> Shot:
+        """Return images of a world, as its camera takes them."""
+        if self._images is None:  # nobody has wanted any in this episode so far
+            bullet = self.config.bullet
+            self._images = ImageCamera(
+                self.config.images,
+                sample.scene,
+                self.parameters.shapes,
+                bullet.feasibility.table,
+                bullet.arm,
+            )
+        self._shots += 1
+        random = generator(self._seed, "images", self._shots)
+        return self._images.take(sample.joint_positions, sample.scene, random)
+
+    def _close_images(self) -> None:
+        if self._images is not None:
+            self._images.close()
+            self._images = None
+
     def close(self) -> None:
         """Close the worlds."""
         self.world.close()
+        self._close_images()
         if self.window is not None:
             self.window.close()
         if self.shadow is not None:

@@ -39,6 +39,9 @@ class WorldConfig(Config):
     motion: MotionConfig = MotionConfig()
     arm: ArmConfig = ArmConfig()
     feasibility: Feasibility = Feasibility()
+    wait_at_home: bool = option(
+        False, "move the arm away after each push, so that a camera sees the bodies"
+    )
     full_motion: bool = option(
         False, "show the arm's ways out of contact too; they take simulated time"
     )

@@ -1,4 +1,4 @@
-"""``sensor_msgs/Image`` to arrays and back."""
+"""``sensor_msgs/Image`` to arrays; back: `sain_core.ros.codec.encode_image`."""
 
 from typing import Any, Final
 
@@ -6,8 +6,6 @@ import cv2
 import numpy as np
 from jaxtyping import Float, UInt8
 from numpy import ndarray
-from sensor_msgs.msg import Image
-from std_msgs.msg import Header
 
 from sain_core.errors import InvalidInputError
 
@@ -29,7 +27,6 @@ DEPTHS: Final = {"16UC1": ("u2", 1e-3), "mono16": ("u2", 1e-3), "32FC1": ("f4", 
 """Types of depth images, with the size of their unit [m]."""
 
 Grey = UInt8[ndarray, "height width"]
-Colour = UInt8[ndarray, "height width 3"]
 Depth = Float[ndarray, "height width"]
 
 
@@ -77,12 +74,3 @@ def _rows(message: Any, size: int) -> UInt8[ndarray, "height bytes"]:
         )
     data = np.frombuffer(message.data, dtype=np.uint8).reshape(height, step)
     return data[:, : width * size]
-
-
-def encode_image(pixels: ndarray, encoding: str, header: Header) -> Image:
-    """Return an image as a message."""
-    data = np.ascontiguousarray(pixels)
-    message = Image(header=header, height=data.shape[0], width=data.shape[1], encoding=encoding)
-    message.step = data.strides[0]
-    message._data.frombytes(data.tobytes())  # setting a list takes a second
-    return message

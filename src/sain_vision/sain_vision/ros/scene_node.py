@@ -1,7 +1,6 @@
 """The node of scenes: poses of bodies, however they were found, become `scene` and `shapes`."""
 
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -19,15 +18,15 @@ from sain_core.guarding.ros.state_file import StateFile, id_in
 from sain_core.ros import codec
 from sain_core.ros.markers import MarkerBoard, markers_of
 from sain_core.ros.node_main import ERROR, NAMESPACE, OK, WARN, Diagnostics
-from sain_core.ros.parameters import read_parameters
+from sain_core.ros.parameters import LiveParameters, read_parameters
 from sain_core.ros.qos import LATCHED_QUEUE, QUEUE, RELIABLE, TRANSFORMS, LatchedTopic, steady_timer
 from sain_core.scene import Table
-from sain_core.shapes.body_file import read_bodies
 from sain_core.view.scenes import bodies_in, table_top
 from sain_core.view.things import Thing
 from sain_interfaces.msg import Bodies, Push, PushResult
 from sain_interfaces.msg import Scene as SceneMessage
 from sain_vision.detection.sighting import Sighting
+from sain_vision.ros.body_parameter import followed, read_body_file
 from sain_vision.ros.detections import decode_detections, encode_sightings
 from sain_vision.ros.settings import SceneNodeConfig
 from sain_vision.scene.body_track import Observed
@@ -50,9 +49,7 @@ class SceneNode(Node):
         """Read the bodies and wait for poses."""
         super().__init__("scene_node", namespace=NAMESPACE, **options)
         self.config = config = read_parameters(self, SceneNodeConfig)
-        if not config.bodies:
-            raise ConfigError("parameter 'bodies' is empty; give the YAML file of the bodies")
-        self.bodies = read_bodies(Path(config.bodies).expanduser())
+        self.bodies = read_body_file(config.bodies)
         self.state = StateFile(self, config.state_file)
         ids = self._ids_left()
         self.ownership = Ownership(self, OWNED)
@@ -66,9 +63,20 @@ class SceneNode(Node):
         self._listen()
         steady_timer(self, LOOK, self._on_look)
         steady_timer(self, LOOK_FOR_RIVALS, self._look_for_rivals)
+        LiveParameters(self, config, followed(self, self._use))
         self.ready = f"{len(self.bodies.names)} bodies, {self.source}"
         if not self.bodies.weighed:
             self.ready += "; not all masses are known: give planner and model unknown:=mass"
+
+    def _use(self, config: SceneNodeConfig) -> None:
+        """Follow the bodies that another file states, from a new episode on."""
+        bodies = read_body_file(config.bodies)
+        if (bodies.frames, bodies.topics) != (self.bodies.frames, self.bodies.topics):
+            raise ConfigError("its frames and topics differ; start the node anew")
+        self._unsettle()
+        ids = self.tracker.episode_id, self.tracker.scene_id
+        self.config, self.bodies = config, bodies
+        self.tracker = SceneTracker(bodies, config, ids)
 
     def _ids_left(self) -> tuple[int, int]:
         """Return the ids of the process before; 0: there was none."""

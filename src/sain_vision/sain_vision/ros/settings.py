@@ -13,7 +13,7 @@ BODIES = "YAML file of the bodies: shape, role, radius, mass, and how each is fo
 class CameraInputConfig(Config):
     """Which images are used."""
 
-    bodies: str = option("", BODIES)
+    bodies: str = option("", BODIES, live=True)
     frame: str = option("world", "frame of the poses, with the table at z = 0 and z up")
     max_age: float = option(0.5, "age above which images are not used", unit="s", minimum=0.02)
 
@@ -29,7 +29,7 @@ class TagNodeConfig(CameraInputConfig):
 class SceneNodeConfig(TrackingConfig):
     """What the node of scenes reads, and how often it publishes."""
 
-    bodies: str = option("", BODIES)
+    bodies: str = option("", BODIES, live=True)
     frame: str = option("world", "frame of the poses, whose z axis points up")
     rate: float = option(30.0, "most scenes per second", unit="Hz", minimum=1.0, maximum=240.0)
     state_file: str = option("", "file that keeps the ids, so that none is used twice; empty: none")

@@ -144,13 +144,13 @@ class SceneTracker:
             self._age = self._age_of(max(stamps), now)
         body = int(np.argmin(stamps))
         if not self._age and self._age_of(stamps[body], now):
-            self._age = f"{self._bodies.called(body)} {self._last_seen(stamps[body], now)}"
+            self._age = f"{self._bodies.called(body)} {self._last_seen(body, now)}"
 
-    @staticmethod
-    def _last_seen(stamp: float, now: float) -> str:
-        if np.isfinite(stamp):
-            return f"was last seen {now - stamp:.1f} s ago; it is held where it was"
-        return "is not seen"
+    def _last_seen(self, body: int, now: float) -> str:
+        track = self._tracks[body]
+        if np.isfinite(track.stamp):
+            return f"was last seen {now - track.stamp:.1f} s ago; it is held where it was"
+        return "has not been seen since the last push" if track else "has not been seen yet"
 
     def sent(self, push_id: int, episode_id: int, scene_id: int, now: float) -> None:
         """Take note of a push: until its result, its scene is not settled."""

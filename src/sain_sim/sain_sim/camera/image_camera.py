@@ -1,0 +1,190 @@
+"""A camera that takes images of a world, colour and depth, with the errors of a real one.
+
+Bullet's software renderer draws arm, table and bodies of any engine's world; tags are painted on
+the bodies' tops. Lens, blur, exposure and noise follow.
+"""
+
+from dataclasses import dataclass
+from typing import Final, NamedTuple
+
+import cv2
+import numpy as np
+from jaxtyping import Float, UInt8, UInt16
+from numpy import ndarray
+
+from sain_core.config import option
+from sain_core.scene import DISK_HEIGHT, POSE, Table
+from sain_core.types import Scene
+from sain_sim.arm.client import Closeable
+from sain_sim.arm.motion import Joints
+from sain_sim.arm.panda import ArmConfig
+from sain_sim.camera.decals import paint_tag
+from sain_sim.camera.render import CameraConfig, Renderer
+
+MILLIMETRES: Final = 1000.0
+MOST_DEPTH: Final = 6.0  # [m], of a depth camera
+
+Matrix = Float[ndarray, "3 3"]
+
+
+@dataclass(frozen=True)
+class ImageCameraConfig(CameraConfig):
+    """A camera over the table, by default as a RealSense D435's colour camera."""
+
+    width: int = option(1280, "of the image", unit="px", minimum=64, maximum=4096)
+    height: int = option(720, "of the image", unit="px", minimum=64, maximum=4096)
+    eye: tuple[float, float, float] = option((1.15, 0.0, 0.95), "where it stands", unit="m")
+    focus: tuple[float, float, float] = option((0.55, 0.0, 0.0), "what it looks at", unit="m")
+    field_of_view: float = option(43.0, "vertical", unit="deg", minimum=5.0, maximum=120.0)
+    oversampling: int = option(1, "not used: images have a camera's noise", minimum=1, maximum=1)
+    rate: float = option(
+        10.0, "images per second, while somebody subscribes", unit="Hz", minimum=0.1, maximum=60.0
+    )
+    detail: float = option(
+        0.5, "share of the size in which all but tags is drawn", minimum=0.1, maximum=1.0
+    )
+    tag_size: float = option(
+        0.04, "side of the tag on each body, whose number is the body's; 0: none", unit="m",
+        minimum=0.0, maximum=0.2,
+    )  # fmt: skip
+    noise: float = option(
+        3.0, "standard deviation of a pixel's brightness, of 255", minimum=0.0, maximum=100.0
+    )
+    blur: float = option(
+        0.7, "standard deviation of the blur", unit="px", minimum=0.0, maximum=10.0
+    )
+    exposure: float = option(1.0, "factor of the brightness", minimum=0.05, maximum=10.0)
+    distortion: tuple[float, float, float, float, float] = option(
+        (0.0, 0.0, 0.0, 0.0, 0.0), "of the lens, as plumb_bob: k1, k2, p1, p2, k3"
+    )
+    depth_noise: float = option(
+        0.001, "standard deviation of a distance", unit="m", minimum=0.0, maximum=0.1
+    )
+    misplaced: tuple[float, float, float] = option(
+        (0.0, 0.0, 0.0), "by how much the place on /tf_static is wrong", unit="m"
+    )
+    misturned: tuple[float, float, float] = option(
+        (0.0, 0.0, 0.0), "by how much its turn is wrong, about the camera's axes", unit="rad"
+    )
+
+    @property
+    def matrix(self) -> Matrix:
+        """Focal lengths and principal point [px], from the centre of the upper left pixel."""
+        focal = self.height / 2 / np.tan(np.radians(self.field_of_view) / 2)
+        across, down = (self.width - 1) / 2, (self.height - 1) / 2
+        return np.array([[focal, 0.0, across], [0.0, focal, down], [0.0, 0.0, 1.0]])
+
+    @property
+    def rotation(self) -> Matrix:
+        """From the optical frame (x right, y down, z ahead) to the world."""
+        ahead = np.subtract(self.focus, self.eye)
+        ahead /= np.linalg.norm(ahead)
+        right = np.cross(ahead, (0.0, 0.0, 1.0))
+        right /= np.linalg.norm(right)
+        return np.stack([right, np.cross(ahead, right), ahead], axis=1)
+
+    @property
+    def stated_pose(self) -> tuple[Matrix, Float[ndarray, "3"]]:
+        """Rotation and place as the calibration has them: wrong by what the settings say."""
+        error, _ = cv2.Rodrigues(np.array(self.misturned))
+        return self.rotation @ error, np.add(self.eye, self.misplaced)
+
+
+class Shot(NamedTuple):
+    """What a camera takes at one moment.
+
+    Attributes:
+        colour: red, green, blue.
+        depth: along the optical axis [mm]; 0: unknown.
+    """
+
+    colour: UInt8[ndarray, "height width 3"]
+    depth: UInt16[ndarray, "height width"]
+
+
+class _Ideal(NamedTuple):
+    """A shot through the lens, without noise."""
+
+    colour: Float[ndarray, "height width 3"]
+    depth: Float[ndarray, "height width"]
+
+
+class ImageCamera(Closeable):
+    """Takes images of a Panda, a table and N bodies."""
+
+    def __init__(
+        self,
+        config: ImageCameraConfig,
+        scene: Scene,
+        shapes: tuple[str, ...],
+        table: Table = Table(),
+        arm: ArmConfig = ArmConfig(),
+    ) -> None:
+        """Build what will be seen: bodies of these shapes, as large as in a scene (N, 8).
+
+        Raises:
+            ConfigError: PyBullet, which draws, is not installed.
+        """
+        self.config = config
+        self._renderer = Renderer(scene, shapes, config, table, arm)
+        self._size = config.width, config.height
+        world = np.column_stack([np.eye(3)[:, :2], (0.0, 0.0, DISK_HEIGHT) - np.array(config.eye)])
+        self._plane = config.matrix @ config.rotation.T @ world
+        self._lens = _lens_map(config)
+        self._key = b""
+        self._ideal: _Ideal | None = None
+
+    def take(self, joints: Joints, scene: Scene, random: np.random.Generator) -> Shot:
+        """Return an image of the arm with joints (7,) and of the bodies (N, 8)."""
+        key = joints.tobytes() + scene[:, POSE].tobytes()
+        if key != self._key or self._ideal is None:  # a world at rest is drawn once
+            self._key, self._ideal = key, self._draw(joints, scene)
+        config, (colour, depth) = self.config, self._ideal
+        if config.noise > 0.0:
+            noise = random.standard_normal(depth.shape, dtype=np.float32)
+            colour = colour + np.float32(config.noise) * noise[..., None]
+        if config.depth_noise > 0.0:
+            noise = random.standard_normal(depth.shape, dtype=np.float32)
+            depth = depth + np.float32(config.depth_noise) * noise
+        known = (depth > 0.0) & (depth < MOST_DEPTH)
+        millimetres = np.where(known, MILLIMETRES * depth + 0.5, 0.0).astype(np.uint16)
+        return Shot(np.clip(colour + 0.5, 0, 255).astype(np.uint8), millimetres)
+
+    def _draw(self, joints: Joints, scene: Scene) -> _Ideal:
+        config, (width, height) = self.config, self._size
+        self._renderer.show(joints, scene)
+        small = round(config.detail * width), round(config.detail * height)
+        drawn, distances, bodies = self._renderer.draw(*small)
+        colour = cv2.resize(drawn.astype(np.float32), self._size, interpolation=cv2.INTER_LINEAR)
+        arm = self._renderer.shows_arm(bodies).astype(np.uint8)
+        hidden = np.asarray(cv2.resize(arm, self._size, interpolation=cv2.INTER_NEAREST)) > 0
+        depth = cv2.resize(
+            distances.astype(np.float32), self._size, interpolation=cv2.INTER_NEAREST
+        )
+        if config.tag_size > 0.0:
+            for body, pose in enumerate(scene[:, POSE]):
+                paint_tag(colour, body, config.tag_size, self._plane, pose, hidden)
+        if self._lens is not None:
+            colour = cv2.remap(colour, *self._lens, cv2.INTER_LINEAR)
+            depth = cv2.remap(depth, *self._lens, cv2.INTER_NEAREST)
+        if config.blur > 0.0:
+            colour = cv2.GaussianBlur(colour, (0, 0), config.blur)
+        return _Ideal(np.float32(config.exposure) * np.asarray(colour), np.asarray(depth))
+
+    def close(self) -> None:
+        """Close the renderer."""
+        self._renderer.close()
+
+
+def _lens_map(config: ImageCameraConfig) -> tuple[ndarray, ndarray] | None:
+    """Return where in an image without distortion each pixel looks; None: there is none."""
+    if not any(config.distortion):
+        return None
+    grid = np.stack(np.meshgrid(np.arange(config.width), np.arange(config.height)), axis=-1)
+    flat = cv2.undistortPoints(
+        grid.reshape(-1, 1, 2).astype(np.float64),
+        config.matrix,
+        np.array(config.distortion),
+        P=config.matrix,
+    ).reshape(config.height, config.width, 2)
+    return flat[..., 0].astype(np.float32), flat[..., 1].astype(np.float32)

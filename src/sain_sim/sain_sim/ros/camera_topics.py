@@ -1,0 +1,86 @@
+"""A camera's topics, as realsense2_camera names them, and its frame on ``/tf_static``."""
+
+from typing import Final
+
+import numpy as np
+from builtin_interfaces.msg import Time
+from geometry_msgs.msg import Quaternion, TransformStamped, Vector3
+from rclpy.node import Node
+from sensor_msgs.msg import CameraInfo, Image
+from tf2_msgs.msg import TFMessage
+
+from sain_core.ros import codec
+from sain_core.ros.qos import LATCHED, RELIABLE
+from sain_sim.camera.image_camera import ImageCameraConfig, Matrix, Shot
+
+COLOUR: Final = "camera/color/image_raw"
+INFO: Final = "camera/color/camera_info"
+DEPTH: Final = "camera/aligned_depth_to_color/image_raw"
+OPTICAL_FRAME: Final = "camera_color_optical_frame"
+
+
+class CameraTopics:
+    """Publishes images, and tells whether anybody hears them."""
+
+    def __init__(self, node: Node, config: ImageCameraConfig, frame_prefix: str) -> None:
+        """Create the publishers."""
+        self._config, self._frame = config, frame_prefix + OPTICAL_FRAME
+        self._colour = node.create_publisher(Image, COLOUR, RELIABLE)
+        self._info = node.create_publisher(CameraInfo, INFO, RELIABLE)
+        self._depth = node.create_publisher(Image, DEPTH, RELIABLE)
+        self._static = node.create_publisher(TFMessage, "/tf_static", LATCHED)
+
+    @property
+    def wanted(self) -> bool:
+        """Whether somebody subscribes to images."""
+        return any(one.get_subscription_count() for one in (self._colour, self._depth))
+
+    def describe(self, stamp: Time) -> None:
+        """Publish where the camera is, as its calibration has it."""
+        rotation, place = self._config.stated_pose
+        x, y, z = place.tolist()
+        one = TransformStamped(header=codec.header(stamp), child_frame_id=self._frame)
+        one.transform.translation = Vector3(x=x, y=y, z=z)
+        one.transform.rotation = _quaternion(rotation)
+        self._static.publish(TFMessage(transforms=[one]))
+
+    def publish(self, shot: Shot, stamp: Time) -> None:
+        """Publish images that were taken at a time, with their calibration."""
+        header = codec.header(stamp)
+        header.frame_id = self._frame
+        matrix = self._config.matrix
+        projection = np.column_stack([matrix, np.zeros(3)])
+        self._info.publish(
+            CameraInfo(
+                header=header,
+                width=self._config.width,
+                height=self._config.height,
+                distortion_model="plumb_bob",
+                d=list(self._config.distortion),
+                k=matrix.ravel(),
+                r=np.eye(3).ravel(),
+                p=projection.ravel(),
+            )
+        )
+        for publisher, pixels, encoding in (
+            (self._colour, shot.colour, "rgb8"),
+            (self._depth, shot.depth, "16UC1"),
+        ):
+            if publisher.get_subscription_count():
+                publisher.publish(codec.encode_image(pixels, encoding, header))
+
+
+def _quaternion(rotation: Matrix) -> Quaternion:
+    """Return the turn of a matrix (3, 3)."""
+    (a, b, c), (d, e, f), (g, h, i) = rotation.tolist()
+    # It is the eigenvector of this matrix for the largest eigenvalue (Bar-Itzhack 2000).
+    balance = np.array(
+        [
+            [a - e - i, b + d, c + g, h - f],
+            [b + d, e - a - i, f + h, c - g],
+            [c + g, f + h, i - a - e, d - b],
+            [h - f, c - g, d - b, a + e + i],
+        ]
+    )
+    x, y, z, w = np.linalg.eigh(balance)[1][:, -1].tolist()
+    return Quaternion(x=x, y=y, z=z, w=w)
