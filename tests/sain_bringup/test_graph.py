@@ -90,19 +90,19 @@ def test_a_robot_takes_the_place_of_the_simulator(tmp_path: Path) -> None:
     seen = ObservationConfig(noise="0.001,0.01")
     options = GraphOptions(robot="python3 'my driver.py' -v", bodies=bodies, camera=seen)
     commands = graph_commands(options, ["-r", "__ns:=/lab"], tmp_path)
-    assert list(commands) == ["model", "poses", "robot", "planner"]
+    assert list(commands) == ["model", "scenes", "robot", "planner"]
     assert commands["robot"] == [
         "python3", "my driver.py", "-v", "--ros-args", "-r", "__ns:=/lab",
     ]  # fmt: skip
-    assert {f"bodies:={bodies}", "noise:=0.001,0.01"} <= set(commands["poses"])
+    assert {f"bodies:={bodies}", "noise:=0.001,0.01"} <= set(commands["scenes"])
     assert {"estimator.noise:=0.001,0.01", "estimator.unknown:=mass"} <= set(commands["planner"])
     assert "unknown:=mass" in commands["model"]
     assert not any("use_sim_time:=true" in command for command in commands.values())
     assert restart_command("robot", commands["robot"]) == []
-    assert restart_command("poses", commands["poses"]) == commands["poses"]
+    assert restart_command("scenes", commands["scenes"]) == commands["poses"]
     bodies.write_text(ROBOT % ", mass: 8.0")
     known = graph_commands(replace(options, robot="elsewhere"), [], tmp_path)
-    assert list(known) == ["model", "poses", "planner"]
+    assert list(known) == ["model", "scenes", "planner"]
     assert "estimator.unknown:=mass" not in known["planner"]
 
 
@@ -110,7 +110,7 @@ def test_a_robot_takes_the_place_of_the_simulator(tmp_path: Path) -> None:
     ("change", "message"),
     [
         ({"bodies": Path("b.yaml")}, "--bodies is for a robot; give --robot, too"),
-        ({"robot": "python3", "gui": True}, "--robot replaces the simulator; --gui, --engine"),
+        ({"robot": "python3", "gui": True}, "--robot replaces the simulator; --see, --gui"),
         ({"robot": "python3", "engine": "mujoco"}, "--robot replaces the simulator"),
         ({"robot": "no_such_driver"}, "there is no command 'no_such_driver'"),
         ({"robot": "python3 '"}, "No closing quotation"),

@@ -1,4 +1,4 @@
-"""A camera's topics, as realsense2_camera names them, and its frame on ``/tf_static``."""
+"""A camera's topics, as realsense2_camera names them, and its frame."""
 
 from typing import Final
 
@@ -7,10 +7,9 @@ from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Quaternion, TransformStamped, Vector3
 from rclpy.node import Node
 from sensor_msgs.msg import CameraInfo, Image
-from tf2_msgs.msg import TFMessage
 
 from sain_core.ros import codec
-from sain_core.ros.qos import LATCHED, RELIABLE
+from sain_core.ros.qos import RELIABLE
 from sain_sim.camera.image_camera import ImageCameraConfig, Matrix, Shot
 
 COLOUR: Final = "camera/color/image_raw"
@@ -28,21 +27,20 @@ class CameraTopics:
         self._colour = node.create_publisher(Image, COLOUR, RELIABLE)
         self._info = node.create_publisher(CameraInfo, INFO, RELIABLE)
         self._depth = node.create_publisher(Image, DEPTH, RELIABLE)
-        self._static = node.create_publisher(TFMessage, "/tf_static", LATCHED)
 
     @property
     def wanted(self) -> bool:
         """Whether somebody subscribes to images."""
         return any(one.get_subscription_count() for one in (self._colour, self._depth))
 
-    def describe(self, stamp: Time) -> None:
-        """Publish where the camera is, as its calibration has it."""
+    def transform(self, stamp: Time) -> TransformStamped:
+        """Return where the camera is, as its calibration has it."""
         rotation, place = self._config.stated_pose
         x, y, z = place.tolist()
         one = TransformStamped(header=codec.header(stamp), child_frame_id=self._frame)
         one.transform.translation = Vector3(x=x, y=y, z=z)
         one.transform.rotation = _quaternion(rotation)
-        self._static.publish(TFMessage(transforms=[one]))
+        return one
 
     def publish(self, shot: Shot, stamp: Time) -> None:
         """Publish images that were taken at a time, with their calibration."""

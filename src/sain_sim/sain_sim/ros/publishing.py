@@ -50,9 +50,8 @@ class Publishing:
         config = simulator.config
         prefix = frame_prefix(node, config.frame_prefix)
         self._transforms = Transforms(node, config.bullet, prefix)
-        self._transforms.describe(self.now())
         self.images = CameraTopics(node, config.images, prefix)
-        self.images.describe(self.now())
+        self._transforms.describe(self.now(), self.images.transform(self.now()))
         self._next_shot = 0.0  # [s], simulated
         self._diagnostics = Diagnostics(
             node, "simulation", now=self.now, more=lambda: reception.figures

@@ -37,12 +37,13 @@ class Transforms:
         self._last: tuple[bytes, bytes, int] | None = None  # poses, and how many listen
         self._stamp_ns = -1
 
-    def describe(self, stamp: Time) -> None:
-        """Publish the arm's description, and the frames that never move."""
+    def describe(self, stamp: Time, camera: TransformStamped) -> None:
+        """Publish the arm's description, and the frames that never move, with a camera's."""
         self._said.publish(String(data=self._description))
         base = Vector3(z=self._base_height)
         fixed = [self._transform(codec.WORLD_FRAME, self._prefix + BASE_FRAME, base, stamp)]
         fixed += [self._link(link, 0.0, stamp) for link in self._fixed]
+        fixed.append(camera)  # in one message: late subscribers with a short queue hear only one
         self._static.publish(TFMessage(transforms=fixed))
 
     def publish(self, sample: Sample, now_ns: int) -> None:

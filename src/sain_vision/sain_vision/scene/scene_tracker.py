@@ -143,7 +143,7 @@ class SceneTracker:
         if np.isfinite(stamps).any():
             self._age = self._age_of(max(stamps), now)
         body = int(np.argmin(stamps))
-        if not self._age and self._age_of(stamps[body], now):
+        if not (self._age or self._under_way) and self._age_of(stamps[body], now):
             self._age = f"{self._bodies.called(body)} {self._last_seen(body, now)}"
 
     def _last_seen(self, body: int, now: float) -> str:
