@@ -99,7 +99,7 @@ def test_a_robot_takes_the_place_of_the_simulator(tmp_path: Path) -> None:
     assert "unknown:=mass" in commands["model"]
     assert not any("use_sim_time:=true" in command for command in commands.values())
     assert restart_command("robot", commands["robot"]) == []
-    assert restart_command("scenes", commands["scenes"]) == commands["poses"]
+    assert restart_command("scenes", commands["scenes"]) == commands["scenes"]
     bodies.write_text(ROBOT % ", mass: 8.0")
     known = graph_commands(replace(options, robot="elsewhere"), [], tmp_path)
     assert list(known) == ["model", "scenes", "planner"]
