@@ -10,7 +10,7 @@ import pytest
 import torch
 
 from sain_core.cli.command_line import read_options
-from sain_core.errors import ConfigError
+from sain_core.errors import CheckpointError, ConfigError
 from sain_core.scene import POSITION, TARGET
 from sain_core.transitions import MOVED
 from sain_model import commands
