@@ -10,7 +10,7 @@ setup(
     maintainer="SAIN maintainers",
     maintainer_email="sain@example.org",
     packages=find_packages(),
-    package_data={"sain_arm": ["robots/*.yaml"]},
+    package_data={"sain_arm": ["robots/*.yaml", "robots/bodies/*.yaml"]},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{package_name}"]),
         (f"share/{package_name}", ["package.xml"]),

@@ -24,6 +24,7 @@ setup(
         "console_scripts": [
             "closed_loop = sain_bringup.commands:closed_loop",
             "graph = sain_bringup.commands:graph",
+            "laboratory = sain_bringup.commands:laboratory",
             "goal = sain_bringup.commands:goal",
             "push = sain_bringup.commands:push",
             "reset = sain_bringup.commands:reset",

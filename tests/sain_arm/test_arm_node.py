@@ -21,7 +21,7 @@ from sain_mppi.agent.goal_tracker import LOOK_AGAIN
 from sain_vision.ros.scene_node import SceneNode
 
 BODIES = str(Path(__file__).with_name("bodies.yaml"))
-PLACE = (0.5, 0.0, 0.0, 0.5, 0.25, 0.0)
+PLACE = (0.5, 0.0, 0.0, 0.5, 0.13, 0.0)
 
 
 class Laboratory:
@@ -42,7 +42,9 @@ class Laboratory:
         graph.bystander.create_timer(0.05, lambda: self._beat(publisher))
         server = {"pace": 2.0, "place": PLACE} | server
         self.server = graph.start(TrajectoryServer, robot="ur5", bodies=BODIES, **server)
-        self.arm = graph.start(ArmNode, robot="ur5", **arm)
+        patient = {"enable_timeout": 1.0, "joints_timeout": 2.0}  # a busy machine is no fault
+        arm = {"robot": "ur5"} | patient | arm
+        self.arm = graph.start(ArmNode, **arm)
         graph.start(SceneNode, bodies=BODIES, max_speed=1.5)
         graph.wait(lambda: graph.heard["reach_table"], "the table of reach")
         graph.wait(lambda: graph.find("scene", settled=True), "a settled scene")
@@ -92,7 +94,7 @@ def test_pushes_are_made_and_answered(graph: Any, make: Any) -> None:
     lab = make()
     lab.enabled = True
     first = lab.scene.scene_id
-    for number, push in enumerate([(0.0, 0.0, 0.06), (2.0, 0.3, 0.05)]):
+    for number, push in enumerate([(0.0, 0.0, 0.06), (-2.0, 0.3, 0.05)]):
         result = lab.execute(push)
         assert result.error_code == ErrorCode.OK, result.error_message
         assert (result.before.scene_id, result.after.scene_id) == (
@@ -105,3 +107,105 @@ def test_pushes_are_made_and_answered(graph: Any, make: Any) -> None:
     report = lab.server.cell.report
     assert (report.limits, report.contacts) == ({}, {})
     assert report.tool > 0
+
+
+def test_a_push_is_refused_with_the_code_of_its_reason(graph: Any, make: Any) -> None:
+    lab = make()
+    lab.enabled = True
+    for push, ids, code, text in (
+        ((0.0, 0.0, 0.9), {}, ErrorCode.OUT_OF_RANGE, "push length is 0.9"),
+        ((0.0, 0.0, 0.1), {"scene_id": 99}, ErrorCode.STALE_SCENE, "planned from scene 99"),
+        ((0.0, 0.0, 0.1), {"episode_id": 99}, ErrorCode.UNKNOWN_EPISODE, "for episode 99"),
+        ((-1.5708, 0.0, 0.05), {}, ErrorCode.BLOCKED, "pass another body"),
+    ):
+        result = graph.result(lab.push(push, **ids))
+        assert result.error_code == code, result.error_message
+        assert text in result.error_message
+        assert result.before == result.after
+    first, second = lab.push(), lab.push()
+    assert graph.result(second).error_code == ErrorCode.BUSY
+    assert graph.result(first).error_code == ErrorCode.OK
+
+
+def test_without_the_enable_signal_nothing_moves(graph: Any, make: Any) -> None:
+    lab = make()
+    before = lab.joints()
+    result = graph.result(lab.push())
+    assert result.error_code == ErrorCode.BUSY
+    assert "nobody publishes true on /sain/enable" in result.error_message
+    np.testing.assert_allclose(lab.joints(), before, atol=1e-3)
+
+
+def test_a_stroke_whose_enable_signal_is_lost_stops_and_counts(graph: Any, make: Any) -> None:
+    lab = make(pace=0.5)  # a slow stroke, so that it is met
+    lab.enabled = True
+    push_id = lab.push((0.0, 0.0, 0.12))
+    graph.wait(lambda: lab.arm.phase == "pushes" and lab.server.cell.report.tool > 20, "contact")
+    lab.enabled = False
+    graph.wait(lambda: not lab.arm.enable.alive and not lab.server.controller.busy, "the stop")
+    stopped = lab.server.cell.tip
+    result = graph.result(push_id)
+    assert result.error_code == ErrorCode.OK
+    assert moved(result)[0] > 0.001
+    graph.wait(lambda: lab.arm.phase == "rests", "the end")
+    np.testing.assert_allclose(lab.server.cell.tip, stopped, atol=0.02)  # it brakes
+    lab.enabled = True
+    again = lab.execute((3.0, 0.0, 0.05))  # it lifts off first
+    assert again.error_code == ErrorCode.OK, again.error_message
+
+
+@pytest.mark.parametrize(
+    ("every", "at", "code"), [(2, 0.35, ErrorCode.OK), (1, 0.2, ErrorCode.CANCELLED)]
+)
+def test_a_controller_that_aborts(
+    graph: Any, make: Any, every: int, at: float, code: ErrorCode
+) -> None:
+    """In a stroke: the tool retreats, and the push counts. In an approach: nothing was pushed."""
+    lab = make(controller__abort_at=at, controller__abort_every=every)
+    lab.enabled = True
+    result = graph.result(lab.push((0.0, 0.0, 0.12)))
+    assert result.error_code == code, result.error_message
+    if code == ErrorCode.OK:
+        assert lab.server.cell.tip[2] > 0.05
+        assert 0.0 < moved(result)[0] < 0.1
+    else:
+        assert "protective stop" in result.error_message
+        assert moved(result).max() < 1e-3
+
+
+def test_a_controller_that_answers_twice_is_not_believed(graph: Any, make: Any) -> None:
+    """Its first answers come before the arm has moved."""
+    lab = make(twice=True)
+    lab.enabled = True
+    result = lab.execute()
+    for answer in graph.heard["push_result"]:
+        before, _, after = wire.decode_result(answer)
+        pushed = np.abs(after - before)[:, :2].max() > 1e-3
+        assert pushed == (answer.error_code == ErrorCode.OK), answer.error_message
+    assert len(graph.find("push_result", push_id=result.push_id)) == 1
+
+
+def test_a_dry_run_shows_the_way_and_moves_nothing(graph: Any, make: Any) -> None:
+    lab = make({"dry_run": True})
+    before = lab.joints()
+    result = graph.result(lab.push())
+    assert result.error_code == ErrorCode.CANCELLED
+    assert "the way is possible; nothing was moved" in result.error_message
+    graph.wait(lambda: graph.heard["ghost"], "the ghost")
+    tip = next(m for m in graph.heard["ghost"][-1].markers if m.ns == "tip" and m.id == 1)
+    assert min(point.z for point in tip.points) == pytest.approx(0.01, abs=1e-3)
+    np.testing.assert_allclose(lab.joints(), before, atol=1e-3)
+
+
+def test_a_controller_that_is_not_there_is_named(graph: Any, make: Any, tmp_path: Path) -> None:
+    from sain_arm.robot.robot import SHIPPED
+
+    file = tmp_path / "other.yaml"
+    text = (SHIPPED / "ur5.yaml").read_text()
+    file.write_text(text.replace("scaled_joint_trajectory_controller", "other_controller"))
+    lab = make({"robot": str(file)})
+    lab.enabled = True
+    result = graph.result(lab.push())
+    assert result.error_code == ErrorCode.BUSY
+    text = "no controller serves /other_controller/follow_joint_trajectory; is it active?"
+    assert text in result.error_message

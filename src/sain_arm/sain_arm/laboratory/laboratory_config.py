@@ -50,6 +50,6 @@ class ServerConfig(Config):
     )
     noise: str = option("0,0", "noise of the published poses: METRES,RADIANS")
     poses: bool = option(True, "publish the poses of the bodies; false: a camera sees them")
-    twice: bool = option(False, "answer each goal twice, as a fault")
+    twice: bool = option(False, "answer each goal twice, first at once: a fault")
     cell: CellConfig = CellConfig()
     controller: ControllerConfig = ControllerConfig()

@@ -20,7 +20,7 @@ Tips = Float[ndarray, "T 3"]  # [m] in the world
 
 CLOSE: Final = 3e-5  # [m], error of the tip
 UPRIGHT: Final = 1e-3  # [rad], error of the tool's direction
-STEPS: Final = 12  # of the solver for the next point of a way
+STEPS: Final = 30  # of the solver for the next point of a way
 FIRST_STEPS: Final = 80  # and for its first point
 JUMP: Final = 0.35  # [rad], of a joint between two points of a way: more is another branch
 POSTURE_COST: Final = 1e-3  # of an angle away from home; 1 is that of a metre

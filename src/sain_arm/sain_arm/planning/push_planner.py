@@ -94,7 +94,7 @@ class PushPlanner:
         if tip[2] >= self.config.raised:
             return self._timed(np.stack([tip, tip]), np.stack([joints, joints]))
         way = self._line(tip, np.array([*tip[:2], self.config.raised]))
-        return self._timed(way, self.kinematics.follow(joints, way))
+        return self._timed(way, _begun_at(joints, self.kinematics.follow(joints, way)))
 
     def _check_workspace(self, stroke: Stroke) -> None:
         """Check that both ends of a stroke are in the workspace box, which is convex."""
@@ -157,8 +157,10 @@ class PushPlanner:
             )
         ]
         ways = [self._line(*ends) for ends in pairwise(points)]
-        joints = self.kinematics.follow(seed, np.concatenate(ways))
-        parts = np.split(joints, np.cumsum([len(way) for way in ways])[:-1])
+        line = np.concatenate([ways[0], *(way[1:] for way in ways[1:])])
+        joints = self.kinematics.follow(seed, line)
+        ends = np.cumsum([0, *(len(way) - 1 for way in ways)])
+        parts = [joints[first : last + 1] for first, last in pairwise(ends)]
         share = self._way(ways[1], parts[1], stroke.speed).speed_share(self.robot)
         if share < LEAST_SHARE:
             raise UnreachableError(
@@ -166,8 +168,9 @@ class PushPlanner:
                 f" {stroke.speed:g} m/s is asked for"
             )
         pushes = {stroke.body}
-        for part, allowed in zip(parts, (set(), pushes, pushes, pushes), strict=True):
-            self._check_contacts(part, allowed)
+        self._check_contacts(parts[0], set(), beside=stroke.body)
+        for part in parts[1:]:
+            self._check_contacts(part, pushes)
         robot = self.robot
         margin = float(np.minimum(joints - robot.lower, robot.upper - joints).min())
         lower, push, withdraw, lift = parts
@@ -190,7 +193,7 @@ class PushPlanner:
         lift = np.stack([joints, joints])
         if tip[2] < self.config.raised:
             way = self._line(tip, np.array([*tip[:2], self.config.raised]))
-            lift = self.kinematics.follow(joints, way)
+            lift = _begun_at(joints, self.kinematics.follow(joints, way))
             self._check_contacts(lift, None)
             parts.append(self._moved(lift))
         parts.append(self._travel(lift[-1], lower[0]))
@@ -205,7 +208,7 @@ class PushPlanner:
         first, last = self.arm.tips(np.stack([start, end]))
         error: SainError
         try:
-            joints = self.kinematics.follow(start, self._arc(first, last))
+            joints = _begun_at(start, self.kinematics.follow(start, self._arc(first, last)))
             rest = end - joints[-1]
             if np.abs(rest).max() < SAME:  # of the posture, at the same place
                 joints += np.linspace(0.0, 1.0, len(joints))[:, None] * rest
@@ -225,15 +228,19 @@ class PushPlanner:
         self._check_contacts(joints, set())
         return self._moved(joints)
 
-    def _check_contacts(self, joints: Joints, allowed: set[int] | None) -> None:
-        """Check that nothing touches along joints (T, J) but the tool the allowed bodies.
+    def _check_contacts(
+        self, joints: Joints, allowed: set[int] | None, beside: int | None = None
+    ) -> None:
+        """Check that nothing comes near along joints (T, J) but the tool to the allowed bodies.
 
-        None: the tool may touch any body, as when it lifts off after a stop.
+        None: the tool may touch any body, as when it lifts off after a stop. The body beside which
+        it is lowered may be near, as far as it is not touched.
         """
         for row in joints:
             for contact in self.arm.contacts(row):
-                touches = contact.is_tool and contact.body is not None
-                if not (touches and (allowed is None or contact.body in allowed)):
+                body = contact.body if contact.is_tool else None
+                fine = body is not None and (allowed is None or body in allowed)
+                if not fine and not (body is not None and body == beside and contact.gap > 0.0):
                     raise _refusal(contact)
 
     def _line(self, start: ndarray, end: ndarray) -> Tips:
@@ -270,6 +277,21 @@ class PushPlanner:
         travel = np.concatenate([[0.0], np.cumsum(steps)])
         speed = self.config.travel_speed if speed is None else speed
         return Way(travel[keep], joints[keep], speed, self.config.acceleration)
+
+
+def _begun_at(start: Vector, joints: Joints) -> Joints:
+    """Return a way (T, J) that begins exactly where the joints (J,) are.
+
+    Raises:
+        UnreachableError: they are elsewhere, as with a tool that leans.
+    """
+    rest = start - joints[0]
+    if np.abs(rest).max() > SAME:
+        raise UnreachableError(
+            f"the tool does not point down: a joint is {np.abs(rest).max():.2f} rad from where it"
+            " would; bring the arm home"
+        )
+    return joints + np.linspace(1.0, 0.0, len(joints))[:, None] * rest
 
 
 def _refusal(contact: Contact) -> SainError:

@@ -11,12 +11,14 @@ from sain_core.errors import SainError, UnreachableError
 from sain_core.push import DEFAULT_SPEED
 from sain_core.reach import ReachTable
 
-CELL: Final = 0.03  # [m]
+CELLS: Final = 40  # along the shorter side of the workspace
+FINEST, COARSEST = 0.01, 0.025  # [m], side of a cell
 POINTS: Final = 5  # of the lowering
+SINGULAR: Final = 0.02  # of the largest singular value
 SIDES: Final = ((1, 0), (-1, 0), (0, 1), (0, -1))
 
 
-def table_of_reach(planner: PushPlanner, cell: float = CELL) -> ReachTable:
+def table_of_reach(planner: PushPlanner) -> ReachTable:
     """Return the squares in which the tool can stand, lowered and raised, in the branch of home.
 
     At each corner the arm keeps its limits, touches nothing, and could move the tool at the default
@@ -27,6 +29,7 @@ def table_of_reach(planner: PushPlanner, cell: float = CELL) -> ReachTable:
     """
     robot = planner.robot
     (left, right), (bottom, top) = robot.workspace[:2]
+    cell = float(np.clip(min(right - left, top - bottom) / CELLS, FINEST, COARSEST))
     counts = np.array([int((right - left) / cell), int((top - bottom) / cell)]) + 1
     corner = np.array([left, bottom])
     stands = np.zeros(counts, dtype=bool)
@@ -66,7 +69,8 @@ def _joints_at(planner: PushPlanner, place: np.ndarray, near: Vector) -> Vector 
     if arm.contacts(ways[0]) or arm.contacts(ways[-1]):
         return None
     arm.set_joints(ways[-1])
-    rates = np.linalg.pinv(arm.jacobian()[:5])[:, :2] * DEFAULT_SPEED
+    # An arm of five joints cannot tilt the tool sideways: what is nearly singular does not count.
+    rates = np.linalg.pinv(arm.jacobian()[:5], rcond=SINGULAR)[:, :2] * DEFAULT_SPEED
     if (np.linalg.norm(rates, axis=1) > arm.robot.velocity).any():
         return None
     return np.asarray(ways[0])

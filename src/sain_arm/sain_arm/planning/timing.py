@@ -20,7 +20,7 @@ Times = Float[ndarray, "_"]
 
 GRID: Final = 200  # places along a way
 SHARE: Final = 0.95  # of the limits that is used
-BEND_SHARE: Final = 0.5  # of the accelerations, for bends; the rest changes the speed
+BEND_SHARE: Final = 0.5  # of the accelerations, at most, for bends; the rest changes the speed
 PERIOD: Final = 0.02  # [s] between points of a trajectory
 SHORTEST: Final = 1e-6  # [m], below which nothing moves
 
@@ -100,15 +100,16 @@ class Way:
         with np.errstate(divide="ignore"):
             most = (SHARE * robot.velocity / slope).min(axis=1)
             bends = np.sqrt((BEND_SHARE * robot.acceleration / bend).min(axis=1))
-            push = ((1.0 - BEND_SHARE) * SHARE * robot.acceleration / slope).min(axis=1)
         speed = np.minimum(np.minimum(most, bends), self.speed)
+        with np.errstate(divide="ignore"):
+            left = SHARE * robot.acceleration - bend * speed[:, None] ** 2  # after the bends
+            push = (left / slope).min(axis=1)
         speed = _swept(speed, np.minimum(push, self.acceleration), length / (GRID - 1))
         steps = 2.0 * (length / (GRID - 1)) / (speed[1:] + speed[:-1])
         times = np.concatenate([[0.0], np.cumsum(steps)])
         count = max(int(np.ceil(times[-1] / PERIOD)), 2)
         sampled = np.linspace(0.0, times[-1], count + 1)
-        travel = _travelled(sampled, times, places, speed)
-        rate = np.interp(travel, places, speed)
+        travel, rate = _travelled(sampled, times, places, speed)
         rate[[0, -1]] = 0.0
         return Trajectory(sampled, spline(travel), spline(travel, 1) * rate[:, None])
 
@@ -132,9 +133,10 @@ def _swept(speed: Scalars, push: Scalars, step: float) -> Scalars:
     return speed
 
 
-def _travelled(sampled: Times, times: Times, places: Times, speed: Times) -> Times:
-    """Return the travel at times: with constant acceleration between the places of a grid."""
+def _travelled(sampled: Times, times: Times, places: Times, speed: Times) -> tuple[Times, Times]:
+    """Return travel and speed at times: with constant acceleration between the places of a grid."""
     index = np.clip(np.searchsorted(times, sampled, side="right") - 1, 0, len(times) - 2)
     since, step = sampled - times[index], times[index + 1] - times[index]
     gain = (speed[index + 1] - speed[index]) / step
-    return np.minimum(places[index] + speed[index] * since + 0.5 * gain * since**2, places[-1])
+    travel = places[index] + speed[index] * since + 0.5 * gain * since**2
+    return np.minimum(travel, places[-1]), speed[index] + gain * since

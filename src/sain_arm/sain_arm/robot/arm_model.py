@@ -34,12 +34,14 @@ class Contact:
         second: another link, the table or a body.
         body: which body it is.
         is_tool: whether the link is the rod.
+        gap: between them [m]; below 0 they overlap.
     """
 
     first: str
     second: str
     body: int | None
     is_tool: bool
+    gap: float
 
 
 class ArmModel:
@@ -128,7 +130,8 @@ class ArmModel:
                 continue
             others = [name for name in things if name not in links] or links[1:]
             body = int(others[0].removeprefix(BODY)) if others[0].startswith(BODY) else None
-            found.append(Contact(links[0], others[0], body, links[0] == ROD))
+            is_tool = links[0] == ROD
+            found.append(Contact(links[0], others[0], body, is_tool, float(contact.dist)))
         return found
 
     @property

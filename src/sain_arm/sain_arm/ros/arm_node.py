@@ -40,6 +40,7 @@ from sain_core.shapes.bodies import Bodies
 
 LOOK: Final = 0.02  # [s] between looks at the enable signal
 WAIT: Final = 1.0  # [s] for the enable signal, the controller or the arm, before a push is refused
+ARRIVED: Final = 0.02  # [rad], of a joint from the end of its goal
 MOVED: Final = 0.005  # [m], of a body since the push was planned
 
 
@@ -62,6 +63,7 @@ class ArmNode(Node):
         self.phase = "finds out where it reaches"
         self._has_reach = False
         self._order: PushOrder | None = None
+        self._arriving: tuple[Vector, Callable[[Ending], None], float] | None = None
         self._asked = 0.0  # when the push came [s], of a steady clock
         self._planner: PushPlanner | None = None
         self._planned_for: tuple[Bodies, tuple[float, ...]] | None = None
@@ -141,11 +143,36 @@ class ArmNode(Node):
     # --- motion ---------------------------------------------------------------------------------
 
     def _send(self, trajectory: Trajectory, then: Callable[[Ending], None]) -> None:
-        """Send a goal, if the arm may move."""
-        if self.enable.alive:
-            self.client.send(trajectory, then)
-        else:
+        """Send a goal, if the arm may move; `then` is called when the arm is where that ends."""
+        if not self.enable.alive:
             then(Ending(Ended.REJECTED, "the arm is not enabled"))
+            return
+        end = trajectory.positions[-1]
+        self.client.send(trajectory, lambda ending: self._on_ended(end, then, ending))
+
+    def _on_ended(self, end: Vector, then: Callable[[Ending], None], ending: Ending) -> None:
+        if ending.how is Ended.SUCCEEDED:
+            self._arriving = end, then, monotonic() + WAIT
+            self._try_arriving()
+        else:
+            then(ending)
+
+    def _try_arriving(self) -> None:
+        """Believe that a goal has succeeded once the joints say so, too."""
+        if self._arriving is None:
+            return
+        end, then, latest = self._arriving
+        try:
+            off = float(np.abs(self.joints.current - end).max())
+        except BusyError:
+            off = np.inf
+        if off <= ARRIVED:
+            self._arriving = None
+            then(Ending(Ended.SUCCEEDED))
+        elif monotonic() > latest:
+            self._arriving = None
+            text = f"called successful, but a joint is {off:.3f} rad from its end"
+            then(Ending(Ended.ABORTED, text))
 
     def _on_approached(self, plan: PushPlan, ending: Ending) -> None:
         order = self._order
@@ -227,6 +254,7 @@ class ArmNode(Node):
         if self.client.busy and not self.enable.alive:
             self.client.cancel()
         self._try()
+        self._try_arriving()
         self._try_retreat()
         self._report()
 

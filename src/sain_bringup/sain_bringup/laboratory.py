@@ -1,0 +1,90 @@
+"""``ros2 run sain_bringup laboratory``: the graph of a robot, with an arm in a test laboratory."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Final
+
+from rich.console import Console
+
+from sain_arm.robot.robot import SHIPPED, read_robot
+from sain_bringup.graph import ELSEWHERE, ROBOT, GraphConfig, GraphOptions
+from sain_bringup.graph import run as run_graph
+from sain_core.cli.command_line import command_of_node, executable
+from sain_core.config import option
+from sain_core.errors import ConfigError
+from sain_core.shapes.body_file import read_bodies
+
+SERVER: Final = "laboratory"
+ENABLE: Final = "enable"
+POSES: Final = "poses"
+
+
+@dataclass(frozen=True)
+class LaboratoryOptions(GraphConfig):
+    """Start what an owner of a robot starts, with a simulated arm and table in place of it.
+
+    A trajectory server moves the arm in MuJoCo, with physics that no model of SAIN has; `arm_node`
+    pushes with it. Goals come as `goal` and RViz send them. The arm may move until Ctrl-C.
+    """
+
+    robot: str = option("ur5", "YAML file of the robot, or the name of a shipped one")
+    bodies: Path = option(SHIPPED / "bodies" / "t.yaml", "YAML file of the bodies")
+    see: str = option(POSES, "how bodies are seen: their poses are published", choices=(POSES,))
+    pace: float = option(
+        1.0, "how many times as fast as the wall clock it runs", minimum=0.05, maximum=20.0
+    )
+    enable: bool = option(True, "let the arm move; else start `sain_arm enable` for that")
+    record: bool = option(True, "record all topics")
+    bag: Path | None = option(
+        None, "folder to make for the recording; by default bags/<date>-<time>"
+    )
+
+    def __post_init__(self) -> None:
+        """Check the fields, and both files."""
+        super().__post_init__()
+        read_bodies(self.bodies)
+        radius, assumed = read_robot(self.robot).tool_radius, 0.012
+        if radius != assumed and self.params_file is None:
+            raise ConfigError(
+                f"the tool of {self.robot!r} has a radius of {radius} m, and planner and model"
+                f" assume {assumed} m; give feasibility.limits.tool_radius in a --params-file"
+            )
+
+
+@dataclass(frozen=True)
+class _Graph(GraphOptions):
+    """The graph of a robot that is started here, too."""
+
+    laboratory: LaboratoryOptions = LaboratoryOptions()
+
+    def more_commands(self, ros: Sequence[str]) -> dict[str, list[str]]:
+        """Return the commands of the laboratory, of the arm's driver and of who enables it."""
+        own = self.laboratory
+        bodies = str(own.bodies.absolute())
+        server = command_of_node(
+            "sain_arm", "trajectory_server", ros, robot=own.robot, bodies=bodies, pace=own.pace
+        )
+        arm = command_of_node("sain_arm", "arm_node", ros, robot=own.robot)
+        commands = {SERVER: server, ROBOT: arm}
+        if own.enable:
+            commands[ENABLE] = [str(executable("sain_arm", "enable")), "--ros-args", *ros]
+        return commands
+
+
+def run(options: LaboratoryOptions, console: Console) -> int:
+    """Run it until it is interrupted, or a process ends; return the exit code.
+
+    Raises:
+        SainError: a package is not installed, or a log cannot be written.
+    """
+    common = {item.name: getattr(options, item.name) for item in fields(GraphConfig)}
+    graph = _Graph(
+        **common,
+        robot=ELSEWHERE,
+        bodies=options.bodies,
+        record=options.record,
+        bag=options.bag,
+        laboratory=options,
+    )
+    return run_graph(graph, console)

@@ -1,0 +1,163 @@
+"""Laws of planned ways: continuous, within limits, straight; and only the tool touches."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from sain_arm.laboratory.cell import Cell
+from sain_arm.planning.push_planner import PushPlan, PushPlanner
+from sain_arm.planning.timing import Trajectory
+from sain_core.errors import BlockedError, SainError, UnreachableError
+from sain_core.feasibility import Stroke
+from sain_core.scene import make_scene, unit
+from sain_core.types import Scene
+from tests.sain_arm.conftest import Planned
+
+
+def scene_of(planned: Planned, first: Any, second: Any) -> Scene:
+    """A T and a disk."""
+    return make_scene(np.array([first, second]), np.array([0.5, 0.5]), np.array(planned.radii))
+
+
+def random_push(planned: Planned, seed: int) -> tuple[Stroke, Scene]:
+    """Draw a push through the middle of the T, in reach, with the disk elsewhere."""
+    random = np.random.default_rng(seed)
+    radius = planned.radii[0]
+    while True:
+        place = planned.place(random, radius + 0.02)
+        heading = random.uniform(-np.pi, np.pi)
+        away, way = radius + 0.02, unit(np.asarray(heading))
+        start = place - away * way
+        end = start + random.uniform(0.02, radius) * way
+        other = planned.place(random, 0.0)
+        clear = np.linalg.norm(other - place) > 2 * radius + planned.radii[1]
+        if clear and planned.reach.contains(np.stack([start, end])).all():
+            return Stroke(start, end, heading, 0.2, 0), scene_of(planned, place, other)
+
+
+def sampled(trajectory: Trajectory) -> tuple[np.ndarray, np.ndarray]:
+    """The joints and their speeds each millisecond."""
+    times = np.arange(0.0, trajectory.duration, 1e-3)
+    rows = [trajectory.at(time) for time in times]
+    return np.array([row[0] for row in rows]), np.array([row[1] for row in rows])
+
+
+def check_limits(planned: Planned, plan: PushPlan) -> None:
+    robot = planned.robot
+    for part in (plan.approach, plan.stroke):
+        joints, speeds = sampled(part)
+        assert (joints >= robot.lower - 1e-6).all()
+        assert (joints <= robot.upper + 1e-6).all()
+        assert (np.abs(speeds) <= robot.velocity).all()
+        assert (np.abs(np.diff(joints, axis=0)) <= 1e-3 * robot.velocity).all()  # no jump
+        steps = np.diff(part.velocities, axis=0) / np.diff(part.times)[:, None]
+        assert (np.abs(steps) <= robot.acceleration).all()
+        assert not part.velocities[[0, -1]].any()
+
+
+def test_ways_of_random_pushes(planned: Planned) -> None:
+    """Each begins where the one before ended."""
+    joints, refused = planned.robot.home, []
+    for seed in range(8):
+        stroke, scene = random_push(planned, seed)
+        try:
+            plan = planned.planner.plan(stroke, scene, joints)
+        except SainError as error:
+            refused.append(error)
+            continue
+        np.testing.assert_allclose(plan.approach.positions[0], joints, atol=1e-9)
+        np.testing.assert_allclose(plan.approach.positions[-1], plan.stroke.positions[0], atol=1e-6)
+        check_limits(planned, plan)
+        begin, end = plan.pushing
+        times = np.linspace(begin, end, 40)
+        tips = planned.planner.arm.tips(np.array([plan.stroke.at(time)[0] for time in times]))
+        way = unit(np.asarray(stroke.heading))
+        across = (tips[:, :2] - stroke.start) @ np.array([-way[1], way[0]])
+        along = (tips[:, :2] - stroke.start) @ way
+        assert np.abs(across).max() < 5e-4
+        assert np.ptp(tips[:, 2]) < 5e-4
+        assert along[-1] == pytest.approx(stroke.length, abs=5e-4)
+        if stroke.length > 0.05:
+            cruise = np.diff(along) / np.diff(times)
+            assert cruise.max() == pytest.approx(stroke.speed, rel=0.05)
+        joints = plan.stroke.positions[-1]
+    assert len(refused) <= 1, refused
+
+
+def test_only_the_tool_touches_in_a_simulation_of_its_own(ur5: Planned) -> None:
+    from sain_core.shapes.body_file import parse_bodies
+
+    shapes = zip(("t:flat", "disk:flat"), ur5.radii, strict=True)
+    file = parse_bodies(
+        {"bodies": [{"shape": shape, "radius": radius} for shape, radius in shapes]}
+    )
+    cell = Cell(ur5.robot, file)
+    for seed in range(3):
+        stroke, scene = random_push(ur5, seed)
+        cell.home()
+        cell.place(scene[:, :3])
+        plan = ur5.planner.plan(stroke, scene, cell.joints)
+        for part in (plan.approach, plan.stroke):
+            began = cell.time
+            while cell.time < began + part.duration:
+                cell.step(*part.at(cell.time - began))
+    assert (cell.report.limits, cell.report.contacts) == ({}, {})
+
+
+def test_a_body_in_the_way_of_the_lowered_tool_is_named(ur5: Planned) -> None:
+    stroke, scene = random_push(ur5, 0)
+    scene[1, :2] = stroke.start
+    with pytest.raises(BlockedError, match="the tool would touch body 1 on its way"):
+        ur5.planner.plan(stroke, scene, ur5.robot.home)
+
+
+@pytest.mark.parametrize(
+    ("start", "speed", "text"),
+    [
+        ((1.5, 0.0), 0.2, r"would stroke at x = 1.500 m; the workspace allows 0.16 to 1 m"),
+        ((0.97, 0.55), 0.2, r"no inverse kinematics at \(0.970, 0.550, 0.060\) m"),
+        ((0.5, 0.0), 40.0, r"the joints allow \d\.\d+ m/s in this stroke; 40 m/s is asked for"),
+    ],
+)
+def test_what_the_arm_cannot_do_is_refused(
+    ur5: Planned, start: Any, speed: float, text: str
+) -> None:
+    start = np.array(start)
+    stroke = Stroke(start, start + np.array([0.02, 0.0]), 0.0, speed, 0)
+    with pytest.raises(UnreachableError, match=text):
+        ur5.planner.plan(stroke, scene_of(ur5, (0.5, 0.4), (0.4, -0.4)), ur5.robot.home)
+
+
+def test_from_another_posture_of_the_arm_a_push_is_still_planned(ur5: Planned) -> None:
+    """The other elbow: the way goes over in joint space."""
+    stroke, scene = random_push(ur5, 2)
+    other = ur5.robot.home + np.array([0.0, 0.9, -1.8, 0.9, 0.0, 0.0])
+    check_limits(ur5, ur5.planner.plan(stroke, scene, other))
+
+
+def test_a_retreat_goes_straight_up(planned: Planned) -> None:
+    stroke, scene = random_push(planned, 1)
+    plan = planned.planner.plan(stroke, scene, planned.robot.home)
+    low = plan.stroke.at(plan.pushing[1] / 2)[0]
+    tips = planned.planner.arm.tips(planned.planner.retreat(low).positions)
+    assert np.ptp(tips[:, :2], axis=0).max() < 5e-4
+    assert tips[-1, 2] == pytest.approx(planned.planner.config.raised, abs=5e-4)
+
+
+def test_the_table_of_reach_holds_for_other_places_too(planned: Planned) -> None:
+    """Of pushes whose way lies in the table at most one in twenty is refused."""
+    planner, refused = PushPlanner(planned.robot), 0
+    for seed in range(40):
+        random = np.random.default_rng(100 + seed)
+        while True:
+            start, heading = planned.place(random, 0.0), random.uniform(-np.pi, np.pi)
+            way = unit(np.asarray(heading))
+            if planned.reach.covers(start, way, np.asarray(0.06)):
+                break
+        try:
+            stroke = Stroke(start, start + 0.06 * way, heading, 0.2, 0)
+            planner.plan(stroke, np.zeros((0, 8)), planned.robot.home)
+        except SainError:
+            refused += 1
+    assert refused <= 2
