@@ -6,10 +6,8 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
 BAGS = (
-    "metadata: aliases", "metadata: wrong kinds", "chunk: 4 GB", "chunk: 2^64 - 1", "chunk: listed",
-    "chunk: false count", "schema: recursive", "schema: wide", "schema: 10^6", "schema: huge",
-    "message: long", "sqlite3: endless", "rosbag2: packed", "file: fifo", "file: zero",
-    "messages mutated",
+    "metadata: aliases", "chunk: 4 GB", "chunk: false count", "schema: recursive", "message: long",
+    "sqlite3: endless", "rosbag2: packed", "file: fifo", "messages mutated",
 )  # fmt: skip
 
 
