@@ -7,7 +7,7 @@ import pytest
 from benchmarks.faults import surroundings
 from benchmarks.faults.graph_faults import disks, strikes
 from benchmarks.faults.table import Row, write_page
-from sain_bringup.graph import SIMULATOR
+from sain_bringup.graph import LEARNER, SIMULATOR
 
 pytestmark = pytest.mark.system
 as_root = pytest.mark.skipif(os.geteuid() != 0, reason="only root mounts disks")
@@ -18,6 +18,11 @@ def test_a_process_is_stopped_and_the_graph_goes_on(tmp_path):
     assert row.fault.endswith(f": {SIMULATOR}")
     assert (row.tries, row.survived, row.lost) == (1, 1, 0), row
     assert 0.0 < row.recoveries[0] < 60.0
+
+
+def test_a_learner_is_killed_and_its_laboratory_is_whole(tmp_path):
+    (row,) = strikes(tmp_path, "kill", 1, seed=0, parts=[LEARNER])
+    assert (row.tries, row.survived, row.lost) == (1, 1, 0), row
 
 
 def test_lost_and_late_datagrams_change_nothing(tmp_path):

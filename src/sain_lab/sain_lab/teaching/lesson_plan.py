@@ -16,7 +16,7 @@ from sain_core.world import AnyWorld
 from sain_eval.scenes.families import ScenarioScene
 from sain_eval.scenes.scenarios import draw_scene
 from sain_lab.keeping.results import Result
-from sain_lab.learner import Learner, prediction_error
+from sain_lab.learner import MOST_PUSHES, Learner, prediction_error
 from sain_lab.settings import TeachSettings
 from sain_lab.teaching.information import Certainty, Work, expected_error
 from sain_lab.teaching.teacher import Teacher, TeachingConfig, imagined_work
@@ -66,6 +66,7 @@ class Teaching:
         take: learns from a result.
         work: pushes of typical plans.
         decider: makes what chooses the pushes.
+        believed: whether `model` has learned from the last scene's pushes when the teaching ends.
         errors: [mm] of each push, with what was believed at first and then.
     """
 
@@ -73,11 +74,13 @@ class Teaching:
     take: Callable[[Result], object]
     work: Work
     decider: Callable[[Model, Work, TeachingConfig], Decider] = Teacher
+    believed: bool = False
     errors: list[tuple[float, float]] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         """Keep what is believed at first."""
         self._first = self.model()
+        self._last = PushHistory.empty(len(self.work.bodies))  # of the last scene
 
     def run(self, rooms: Rooms, settings: TeachSettings) -> Taught:
         """Make the pushes, in one room after another.
@@ -113,13 +116,15 @@ class Teaching:
             after = conditioned.step(result.before[None], result.push[None])[0]
             both.append(prediction_error(after, result)[0])
         self.errors.append((both[0], both[1]))
+        arrays = result.before, result.push, result.after
+        self._last = history.then(*arrays).latest(MOST_PUSHES)
         self.take(result)
 
     def _concluded(self) -> Taught:
         empty = PushHistory.empty(len(self.work.bodies))
-        before, after = (
-            Certainty.of(model, self.work.bodies, empty) for model in (self._first, self.model())
-        )
+        bodies, last = self.work.bodies, empty if self.believed else self._last
+        before = Certainty.of(self._first, bodies, empty)
+        after = Certainty.of(self.model(), bodies, last)
         needs, was = self.work.needs(after), before.named
         half = np.array(self.errors[len(self.errors) // 2 :])
         more = after.doubled(before)
@@ -175,7 +180,8 @@ def teach_in_world(settings: TeachSettings) -> Taught:
     """
     with Learner.named(settings.laboratory) as learner:
         model = lambda: learner.believer.model  # noqa: E731
-        teaching = Teaching(model, learner.observe, work_of(settings, model()))
+        work = work_of(settings, model())
+        teaching = Teaching(model, learner.observe, work, believed=True)
         taught = teaching.run(_learned_between(rooms_of(settings), learner), settings)
         learner.wait()
         return taught
