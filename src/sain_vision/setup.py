@@ -14,12 +14,14 @@ setup(
         ("share/ament_index/resource_index/packages", [f"resource/{package_name}"]),
         (f"share/{package_name}", ["package.xml"]),
     ],
-    install_requires=["jaxtyping", "numpy", "opencv-python-headless"],
+    install_requires=["jaxtyping", "numpy", "opencv-python-headless", "pyyaml", "rich", "scipy"],
     zip_safe=False,
     entry_points={
         "console_scripts": [
             "tag_node = sain_vision.commands:tag_node",
             "scene_node = sain_vision.commands:scene_node",
+            "calibrate_camera = sain_vision.commands:calibrate_camera",
+            "print = sain_vision.commands:print_tags",
         ],
     },
 )

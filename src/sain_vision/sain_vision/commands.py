@@ -2,6 +2,7 @@
 
 from typing import Final
 
+from sain_core.cli.command_line import Command
 from sain_core.cli.node_command import NodeCommand
 
 tag_node: Final = NodeCommand(
@@ -25,3 +26,5 @@ scene_node: Final = NodeCommand(
     subscribes=("detections", "poses", "/tf", "/tf_static", "push", "push_result"),
     example="bodies:=bodies.yaml",
 )
+calibrate_camera: Final = Command("sain_vision calibrate_camera", "ros.calibrate_camera", ros=True)
+print_tags: Final = Command("sain_vision print", "cli.print_tags")

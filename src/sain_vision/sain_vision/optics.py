@@ -11,6 +11,7 @@ import cv2
 import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
+from scipy.spatial.transform import Rotation
 
 from sain_core.errors import InvalidInputError
 
@@ -122,13 +123,11 @@ def check_calibration(
         )
 
 
+def turn_of(rotation: Matrix) -> Float[ndarray, "4"]:
+    """Return the unit quaternion x y z w of a matrix (3, 3)."""
+    return Rotation.from_matrix(rotation).as_quat()
+
+
 def rotation_of(turn: Float[ndarray, "4"]) -> Matrix:
     """Return the matrix (3, 3) of a unit quaternion x y z w."""
-    x, y, z, w = turn.tolist()
-    return np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
-        ]
-    )
+    return Rotation.from_quat(turn).as_matrix()

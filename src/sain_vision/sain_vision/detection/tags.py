@@ -28,7 +28,6 @@ FAMILIES: Final = {
     "16h5": cv2.aruco.DICT_APRILTAG_16h5,
 }
 SMALLEST: Final = 10  # [px], side of a tag whose bits can be read
-SMOOTHING: Final = (3, 3)  # [px]
 Grey = UInt8[ndarray, "height width"]
 Corners = Float[ndarray, "4 2"]  # [px]: upper left, upper right, lower right, lower left
 
@@ -72,8 +71,7 @@ class TagFinder:
 
     def find(self, image: Grey) -> dict[int, list[Corners]]:
         """Return the corners of each tag that an image shows, by its number."""
-        smooth = cv2.GaussianBlur(image, SMOOTHING, 0)  # noise breaks the contours of small tags
-        corners, numbers, _ = self._detector.detectMarkers(smooth)
+        corners, numbers, _ = self._detector.detectMarkers(image)
         found: dict[int, list[Corners]] = defaultdict(list)
         if numbers is None:
             return found

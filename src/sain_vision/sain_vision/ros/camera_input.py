@@ -2,10 +2,12 @@
 
 from collections.abc import Callable
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from builtin_interfaces.msg import Time
+from geometry_msgs.msg import Quaternion, TransformStamped, Vector3
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import CameraInfo, Image
@@ -14,7 +16,8 @@ from tf2_msgs.msg import TFMessage
 from sain_core.errors import InvalidInputError
 from sain_core.guarding.ros.reception import Reception
 from sain_core.ros import codec
-from sain_core.ros.qos import LATCHED_QUEUE, TRANSFORMS
+from sain_core.ros.qos import LATCHED, LATCHED_QUEUE, TRANSFORMS
+from sain_vision.extrinsics_file import read_extrinsics
 from sain_vision.optics import CameraModel, check_calibration, rotation_of
 from sain_vision.ros.settings import CameraInputConfig
 from sain_vision.scene.frame_tree import FrameTree
@@ -37,12 +40,15 @@ class CameraInput:
         config: CameraInputConfig,
         on_image: OnImage,
         refuse: Callable[[Any, BaseException], None],
+        placed: bool = True,
     ) -> None:
         """Hear images and calibrations on two topics; where the camera is, from /tf.
 
-        `refuse` is called with each message that is not used, and why.
+        `refuse` is called with each message that is not used, and why. Of a camera that is not
+        `placed` the pose is not needed, and the model has none.
         """
         self._node, self._max_age, self._on_image = node, config.max_age, on_image
+        self._placed = placed
         self._image_topic, self._info_topic = topics
         self._tree = FrameTree(config.frame)
         self._info: CameraInfo | None = None
@@ -94,6 +100,9 @@ class CameraInput:
                 f"the image is {message.width} x {message.height} px and its calibration is for"
                 f" {self._model.width} x {self._model.height} px; both must be of one camera"
             )
+        if not self._placed:
+            self._on_image(message, self._model)
+            return
         place, turn, _ = self._tree.transform(message.header.frame_id)
         self._on_image(message, self._model.moved(rotation_of(turn), place))
 
@@ -105,3 +114,26 @@ class CameraInput:
             )
         if age < -self._max_age:
             raise InvalidInputError(f"the image is stamped {-age:.1f} s in the future; {FUTURE}")
+
+
+class CameraPlace:
+    """Publishes where a camera is, as the file of its calibration has it."""
+
+    def __init__(self, node: Node, path: str) -> None:
+        """Publish it; without a path nothing: somebody else does.
+
+        Raises:
+            ConfigError: the file cannot be used.
+        """
+        self._publisher = None
+        if not path:
+            return
+        pose = read_extrinsics(Path(path).expanduser())
+        (x, y, z), (a, b, c, d) = pose.place.tolist(), pose.turn.tolist()
+        one = TransformStamped(child_frame_id=pose.frame)
+        one.header = codec.header(node.get_clock().now().to_msg())
+        one.header.frame_id = pose.parent
+        one.transform.translation = Vector3(x=x, y=y, z=z)
+        one.transform.rotation = Quaternion(x=a, y=b, z=c, w=d)
+        self._publisher = node.create_publisher(TFMessage, "/tf_static", LATCHED)
+        self._publisher.publish(TFMessage(transforms=[one]))

@@ -6,6 +6,7 @@ from sain_core.config import Config, option
 from sain_vision.detection.tags import TagConfig
 from sain_vision.scene.body_track import TrackingConfig
 
+COLOUR_TOPICS = ("camera/color/image_raw", "camera/color/camera_info")
 BODIES = "YAML file of the bodies: shape, role, radius, mass, and how each is found"
 
 
@@ -19,7 +20,16 @@ class CameraInputConfig(Config):
 
 
 @dataclass(frozen=True)
-class TagNodeConfig(CameraInputConfig):
+class SeeingConfig(CameraInputConfig):
+    """What a node reads that sees bodies."""
+
+    extrinsics: str = option(
+        "", "file of `calibrate_camera`, whose pose goes to /tf_static; empty: it comes from there"
+    )
+
+
+@dataclass(frozen=True)
+class TagNodeConfig(SeeingConfig):
     """What the node of tags reads."""
 
     tags: TagConfig = TagConfig()

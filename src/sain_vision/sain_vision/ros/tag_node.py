@@ -18,12 +18,10 @@ from sain_vision.detection.overlay import draw_overlay
 from sain_vision.detection.tags import TagFinder, TagLocator
 from sain_vision.optics import CameraModel
 from sain_vision.ros.body_parameter import followed, read_body_file
-from sain_vision.ros.camera_input import CameraInput
+from sain_vision.ros.camera_input import CameraInput, CameraPlace
 from sain_vision.ros.detections import encode_sightings
 from sain_vision.ros.images import decode_grey
-from sain_vision.ros.settings import TagNodeConfig
-
-TOPICS = ("camera/color/image_raw", "camera/color/camera_info")
+from sain_vision.ros.settings import COLOUR_TOPICS, TagNodeConfig
 
 
 class TagNode(Node):
@@ -40,7 +38,10 @@ class TagNode(Node):
         self.diagnostics = Diagnostics(self, "tags", more=lambda: reception.figures)
         self.detections = self.create_publisher(Detection3DArray, "detections", RELIABLE)
         self.overlay = self.create_publisher(Image, "camera/overlay", RELIABLE)
-        self.input = CameraInput(self, reception, TOPICS, config, self._on_image, self._ignore)
+        self.place = CameraPlace(self, config.extrinsics)
+        self.input = CameraInput(
+            self, reception, COLOUR_TOPICS, config, self._on_image, self._ignore
+        )
         self.diagnostics.set(WARN, self.input.missing)
         LiveParameters(self, config, followed(self, self._use))
         count = sum(map(len, self.bodies.tags))

@@ -1,0 +1,67 @@
+"""``sain print``: PDF sheets of tags and boards with true size."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from rich.console import Console
+
+from sain_core.config import Config, option
+from sain_core.errors import ConfigError
+from sain_core.storage import write_whole
+from sain_vision.detection.board import Board
+from sain_vision.detection.tags import FAMILIES
+from sain_vision.printing.pdf import pdf_of
+from sain_vision.printing.sheets import PAPERS, board_sheet, tag_sheets
+
+MOST: Final = 200  # tags in a file
+
+
+@dataclass(frozen=True)
+class PrintOptions(Config):
+    """Write a PDF of tags for bodies, or of the board that calibrates a camera, with true size.
+
+    Print it at 100 %, on matt paper, and measure the ruler at its foot.
+    """
+
+    out: Path = option(Path("tags.pdf"), "file to write")
+    tags: str = option("0-9", "numbers of the tags: 3, 0-9 or 1,4,7-8")
+    size: float = option(
+        0.04, "side of a tag's black square", unit="m", minimum=0.005, maximum=0.25
+    )
+    family: str = option("36h11", "AprilTag family", choices=tuple(FAMILIES))
+    paper: str = option("a4", "size of the sheets", choices=tuple(PAPERS))
+    board: bool = option(False, "write the board instead")
+
+
+def run(options: PrintOptions, console: Console) -> None:
+    """Write the file.
+
+    Raises:
+        SainError: numbers that cannot be, or a file that cannot be written.
+    """
+    if options.board:
+        pages = [board_sheet(Board(), options.paper)]
+    else:
+        numbers = read_numbers(options.tags)
+        pages = tag_sheets(options.family, numbers, options.size, options.paper)
+    write_whole(options.out, pdf_of(pages))
+    console.print(f"{options.out}: {len(pages)} pages; print at 100 %, then measure the ruler")
+
+
+def read_numbers(text: str) -> list[int]:
+    """Return the numbers that a text names.
+
+    Raises:
+        ConfigError: it is none, or names too many.
+    """
+    numbers: list[int] = []
+    try:
+        for part in text.split(","):
+            first, _, last = part.partition("-")
+            numbers += range(int(first), int(last or first) + 1)
+    except ValueError as error:
+        raise ConfigError(f"tags is {text!r}; allowed: numbers as in 1,4,7-8") from error
+    if not 1 <= len(numbers) <= MOST:
+        raise ConfigError(f"tags is {text!r}, {len(numbers)} tags; allowed: 1 to {MOST}")
+    return numbers

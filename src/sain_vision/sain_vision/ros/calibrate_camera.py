@@ -1,0 +1,122 @@
+"""``sain calibrate_camera``: where a camera is, from looks at a board on the table."""
+
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import rclpy
+from rclpy.node import Node
+from rich.console import Console
+from sensor_msgs.msg import Image
+
+from sain_core.config import Config, option
+from sain_core.errors import InvalidInputError, SainError
+from sain_core.guarding.ros.reception import Reception
+from sain_core.ros.node_main import command_node
+from sain_vision.detection.board import Board
+from sain_vision.detection.calibration import FEWEST_TAGS, CalibrationConfig, Look, calibrate
+from sain_vision.detection.tags import TagConfig, TagFinder
+from sain_vision.extrinsics_file import Extrinsics, write_extrinsics
+from sain_vision.optics import CameraModel, turn_of
+from sain_vision.ros.camera_input import CameraInput
+from sain_vision.ros.images import decode_grey
+from sain_vision.ros.settings import COLOUR_TOPICS, CameraInputConfig
+
+PATIENCE = 5.0  # [s] for an image
+
+
+@dataclass(frozen=True)
+class CalibrateOptions(Config):
+    """Find out where a camera is, from ten looks at a board that lies flat on the table.
+
+    `sain print --board` writes the board. In the first look its origin lies at a known place of
+    the world; then it lies anywhere, near all corners of the image. The result is a file for
+    `tag_node`. A bad one is refused.
+    """
+
+    out: Path = option(Path("camera.yaml"), "file to write")
+    origin: tuple[float, float, float] = option(
+        (0.4, 0.0, 0.0), "of the board in the first look: x [m], y [m] and turn [rad] in the world"
+    )
+    interval: float = option(
+        0.0, "time between looks; 0: Enter takes one", unit="s", minimum=0.0, maximum=60.0
+    )
+    board: Board = Board()
+    quality: CalibrationConfig = CalibrationConfig()
+
+
+class _Watcher:
+    """Takes the next image of a camera on request."""
+
+    def __init__(self, node: Node) -> None:
+        self._node = node
+        self.problem = ""
+        self._latest: tuple[Image, CameraModel] | None = None
+        self._input = CameraInput(
+            node, Reception(node), COLOUR_TOPICS, CameraInputConfig(), self._on_image,
+            self._ignore, placed=False,
+        )  # fmt: skip
+
+    def next_image(self) -> tuple[Image, CameraModel]:
+        """Return the next image.
+
+        Raises:
+            InvalidInputError: none comes, or what comes is not used, and why.
+        """
+        self._latest, self.problem = None, ""
+        end = time.monotonic() + PATIENCE
+        while self._latest is None:
+            if time.monotonic() > end:
+                raise InvalidInputError(self.problem or self._input.missing)
+            rclpy.spin_once(self._node, timeout_sec=0.05)
+        return self._latest
+
+    def _on_image(self, message: Image, camera: CameraModel) -> None:
+        self._latest = message, camera
+
+    def _ignore(self, message: Any, error: BaseException) -> None:
+        self.problem = str(error)
+
+
+def run(options: CalibrateOptions, console: Console) -> None:
+    """Take looks and write the file.
+
+    Raises:
+        SainError: no images, too few tags, or a bad result.
+    """
+    finder = TagFinder(TagConfig(family=options.board.family))
+    looks: list[Look] = []
+    with command_node("calibrate_camera") as node:
+        watcher = _Watcher(node)
+        while len(looks) < options.quality.looks:
+            number = len(looks) + 1
+            where = "with its origin at its place" if number == 1 else "somewhere else"
+            _wait(options, console, f"look {number} of {options.quality.looks}: board {where}")
+            message, camera = watcher.next_image()
+            points, pixels = options.board.common(finder.find(decode_grey(message)))
+            console.print(f"  {len(points) // 4} of {len(options.board.corners())} tags")
+            if len(points) >= 4 * FEWEST_TAGS:
+                looks.append(Look(points, pixels))
+    frame = message.header.frame_id
+    made = calibrate(camera, looks, np.array(options.origin), options.quality)
+    pose = Extrinsics(frame, "world", made.camera.place, turn_of(made.camera.rotation))
+    about = {"error_mm": round(made.error, 3), "bias_mm": [round(one, 3) for one in made.bias]}
+    write_extrinsics(options.out, pose, about)
+    console.print(
+        f"places on the table are exact to {made.error:.2f} mm (p95), the first board is off by"
+        f" {made.bias[0]:.2f}, {made.bias[1]:.2f} mm\n{options.out}: give it to tag_node as"
+        f" extrinsics:={options.out.absolute()}"
+    )
+
+
+def _wait(options: CalibrateOptions, console: Console, text: str) -> None:
+    if options.interval > 0.0:
+        console.print(text)
+        time.sleep(options.interval)
+        return
+    try:
+        console.input(f"{text}, then Enter ")
+    except EOFError as error:
+        raise SainError("there is no terminal to wait for Enter; give --interval") from error
