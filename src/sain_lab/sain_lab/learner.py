@@ -166,7 +166,8 @@ class Learner:
 
     def end_episode(self) -> None:
         """Let the belief take all pushes: nothing conditions on the running episode any more."""
-        self._end_episode()
+        if self._latest:
+            self._append({"kind": "end"})
         self._publish()
 
     def close(self) -> None:
@@ -193,6 +194,8 @@ class Learner:
         """Take a record that is in the log: the only way in which anything here changes."""
         if record["kind"] == "push":
             self._learn(record)
+        elif record["kind"] == "end":
+            self._end_episode()
         elif record["kind"] == "belief":
             self._stated = record["pushes"]
         elif record["kind"] == "event":

@@ -14,6 +14,7 @@ import numpy as np
 
 CERTAIN: Final = 20.0  # wealth: at most 5 % of candidates that are no better ever reach it
 ALARM: Final = 30.0  # likewise of a bet that resets: by chance once in 30 pushes at worst
+GROWN: Final = 2.0  # a wealth that is no longer small
 BETS: Final = np.array([0.2, 0.5, 0.9])  # a third of the first money each
 DAMPING: Final = 0.25  # share of the median that a score is bounded by
 SCALE: Final = 100  # pushes that the median is of
@@ -26,13 +27,14 @@ class Bet:
     Attributes:
         resets: whether the wealth is never below 1 before a push, so that a change is noticed soon.
         pushes: since the start.
-        growing: pushes since it was 1 or below: what is better has been so for about as long.
+        growing: pushes since it was small: the first has been better for about as long.
     """
 
-    def __init__(self, resets: bool = False, wealth: float = 1.0) -> None:
-        """Begin with this wealth."""
-        self.resets = resets
-        self.pushes = self.growing = 0
+    def __init__(self, resets: bool = False, wealth: float = 1.0, alarm: float = ALARM) -> None:
+        """Begin with this wealth; one that resets is certain at `alarm`."""
+        self.resets, self.pushes = resets, 0
+        self._enough = alarm if resets else CERTAIN
+        self.growing = 0
         self._wealths = np.full(len(BETS), wealth)
         self._sizes: deque[float] = deque(maxlen=SCALE)
 
@@ -55,7 +57,7 @@ class Bet:
         score = (second - first) / (both + max(DAMPING * median, LEAST))
         start = np.maximum(self._wealths, 1.0) if self.resets else self._wealths
         self._wealths = start * (1.0 + BETS * score)
-        self.growing = self.growing + 1 if self.wealth > 1.0 else 0
+        self.growing = self.growing + 1 if self.wealth > GROWN else 0
         self._sizes.append(both)
         self.pushes += 1
         return self.wealth
@@ -63,4 +65,4 @@ class Bet:
     @property
     def is_certain(self) -> bool:
         """Whether the first errs less beyond chance."""
-        return self.wealth >= (ALARM if self.resets else CERTAIN)
+        return self.wealth >= self._enough

@@ -15,6 +15,7 @@ Decision = tuple[str, str, dict[str, Any]]  # kind and text of an event, and mor
 
 
 RECENT: Final = "recent"  # physics by the latest pushes alone: it notices a change
+SUSPECTED: Final = 8.0  # wealth: to begin anew from what is believed costs little
 
 
 class Judge:
@@ -25,7 +26,7 @@ class Judge:
         self.service: str = PHYSICS
         self.candidate = ""
         self._begin()
-        self.changed = Bet(resets=True)  # that the latest pushes alone predict better
+        self.changed = Bet(resets=True, alarm=SUSPECTED)  # that the latest pushes predict better
 
     def _begin(self) -> None:
         self.worse = Bet(resets=True)  # that physics errs less than the network in service
@@ -100,4 +101,4 @@ class Judge:
             if kind == LOADED and proven is not None:
                 self.better[PHYSICS] = proven.heir()
             if kind == CHANGED:
-                self.changed = Bet(resets=True)
+                self.changed = Bet(resets=True, alarm=SUSPECTED)

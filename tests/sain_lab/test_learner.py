@@ -1,0 +1,177 @@
+"""A learner on a table whose parameters it does not know."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from sain_core.errors import ErrorCode
+from sain_core.model import load_dynamics
+from sain_lab.judging.curves import read_curves
+from sain_lab.judging.events import CHANGED, DROPPED, LOADED, NOT_LEARNED
+from sain_lab.keeping.laboratory import LOG, MANIFEST, Laboratory
+from sain_lab.keeping.log import read_log
+from sain_lab.learner import Learner
+from tests.sain_lab.table import TRUE, SmallTable
+
+PUSHES = 40
+
+
+@pytest.fixture(scope="module")
+def taught(tmp_path_factory):
+    """The folder of a laboratory that saw many pushes, those, and what the learner said."""
+    path, table = tmp_path_factory.mktemp("labs") / "small", SmallTable()
+    results = [table.push() for _ in range(PUSHES)]
+    with Learner.named(str(path), trains=False) as learner:
+        lessons = [learner.observe(one) for one in results]
+        learner.end_episode()
+    return path, results, lessons
+
+
+def test_the_next_push_is_predicted_better_the_more_was_learned(taught):
+    _, _, lessons = taught
+    late = lessons[PUSHES // 2 :]
+    mean = {name: np.mean([one.errors[name] for one in late]) for name in ("planar", "physics")}
+    assert mean["physics"] < 0.5 * mean["planar"]
+
+
+def test_true_parameters_lie_within_what_is_believed(taught):
+    path, _, _ = taught
+    values = read_curves(Laboratory(path)).parameters
+    for name in ("slope_x", "length_offset"):
+        first, last = values[name][0], values[name][-1]
+        assert abs(last[1] - getattr(TRUE, name)) < 4.0 * last[2], name
+        assert last[2] < 0.7 * first[2], name
+
+
+def test_the_model_has_a_name_everywhere(taught):
+    path, results, _ = taught
+    one = results[-1]
+    with Learner.named(str(path), trains=False) as learner:
+        own = learner.model.step(one.before[None], one.push[None])
+        assert learner.model_name == f"lab:{path}"
+    model = load_dynamics(f"lab:{path}")
+    np.testing.assert_array_equal(model.step(one.before[None], one.push[None]), own)
+    np.testing.assert_array_equal(
+        load_dynamics(str(path)).step(one.before[None], one.push[None]), own
+    )
+
+
+def test_nothing_is_learned_twice_live_or_after_a_kill(taught, tmp_path):
+    """Cut the log between records and inside of them: pushes that are given again fill it up."""
+    path, results, _ = taught
+    content = (path / LOG).read_bytes()
+    manifest = (path / MANIFEST).read_text()
+    ends = [place for record, place in read_log(path / LOG) if record["kind"] == "push"]
+    for size in (ends[0] - 1, ends[3], ends[3] + 7, ends[11] + 1):
+        copy = tmp_path / str(size)
+        copy.mkdir()
+        (copy / MANIFEST).write_text(
+            manifest.replace(f'"log_bytes": {len(content)}', '"log_bytes": 0')
+        )
+        (copy / LOG).write_bytes(content[:size])
+        kept = sum(end <= size for end in ends)
+        with Learner.named(str(copy), trains=False) as learner:
+            assert learner.pushes == kept
+            learned = [learner.observe(one).learned for one in results[: kept + 3]]
+        assert learned == [False] * kept + [True] * 3
+        digests = [r["digest"] for r in Laboratory(copy).records() if r["kind"] == "push"]
+        assert digests == [one.digest for one in results[: kept + 3]]
+
+
+def test_a_push_is_predicted_before_it_is_learned_from(taught, tmp_path):
+    """The errors of the first pushes do not depend on those that follow."""
+    _, results, lessons = taught
+    with Learner.named(str(tmp_path / "again"), trains=False) as learner:
+        again = [learner.observe(one) for one in results[:8]]
+    assert [one.errors for one in again] == [one.errors for one in lessons[:8]]
+
+
+def bad(result, **changes):
+    return replace(result, identity="bad", **changes)
+
+
+def moved(scene, **where):
+    other = scene.copy()
+    for (body, column), value in where.get("at", {}).items():
+        other[body, column] += value
+    return other
+
+
+@pytest.mark.parametrize(
+    ("make", "reason"),
+    [
+        (lambda r: bad(r, after=r.after * np.nan), "NaN or Inf"),
+        (lambda r: bad(r, push=np.array([0, 0, 0, np.inf, 0.2])), "finite"),
+        (lambda r: bad(r, before=moved(r.before, at={(1, 0): 0.01})), "somebody moved it"),
+        (lambda r: bad(r, before=moved(r.before, at={(0, 2): 0.5})), "somebody moved it"),
+        (lambda r: bad(r, code=ErrorCode.BLOCKED), "refused: BLOCKED"),
+        (lambda r: bad(r, after=moved(r.after, at={(0, 3): 0.2})), "not at rest"),
+        (lambda r: bad(r, after=moved(r.after, at={(1, 0): 3.0})), "a body moved 3"),
+        (lambda r: bad(r, after=r.after[:1]), "shape"),
+    ],
+)
+def test_what_cannot_be_is_not_learned_from_and_said(tmp_path, make, reason):
+    table = SmallTable()
+    with Learner.named(str(tmp_path / "lab"), trains=False) as learner:
+        learner.observe(table.push())
+        lesson = learner.observe(make(table.push()))
+        assert not lesson.learned
+        assert reason in lesson.reason
+        assert [event.kind for event in lesson.events] == [NOT_LEARNED]
+        assert learner.pushes == 1
+    events = read_curves(Laboratory(tmp_path / "lab")).events
+    assert reason in events[-1].text
+
+
+def test_a_planted_network_is_dropped_within_30_pushes(tmp_path):
+    table = SmallTable()
+    with Learner.named(str(tmp_path / "lab"), trains=False) as learner:
+        for _ in range(30):
+            learner.observe(table.push())
+        plant(learner, "models/000030")
+        assert learner.model.network is not None
+        kinds = []
+        while DROPPED not in kinds:
+            kinds += [event.kind for event in learner.observe(table.push()).events]
+            assert learner.pushes <= 60
+        assert learner.judge.service == "physics"
+        assert learner.model.network is None
+    with Learner.named(str(tmp_path / "lab"), trains=False) as learner:
+        assert learner.judge.service == "physics"
+
+
+def plant(learner, service):
+    """Put the shipped network, which does not belong to this table, made worse, into service."""
+    from sain_model.dynamics.load import parse_card, save_checkpoint, shipped_checkpoint
+    from sain_model.dynamics.residual import module_of
+
+    shipped = load_dynamics("sain")
+    module = module_of(shipped)
+    for value in module.dynamics.parameters():
+        value.data.mul_(1.5)
+    card = parse_card(shipped_checkpoint(), shipped.origin.card)
+    save_checkpoint(learner.laboratory.model_path(service), module, card)
+    for kind in ("trained", LOADED):
+        about = {"model": service, "service": service}
+        learner._append(learner._event(kind, "planted", **about).record())
+    learner._publish()
+
+
+def test_a_table_that_changes_is_noticed_and_old_pushes_are_left_out(tmp_path):
+    table, kinds, errors = SmallTable(pushes=5), [], []
+    with Learner.named(str(tmp_path / "lab"), trains=False) as learner:
+        before = [learner.observe(table.push()).errors["physics"] for _ in range(60)]
+        table.world = replace(table.world, config=replace(TRUE, friction=2 * TRUE.friction))
+        for _ in range(55):
+            lesson = learner.observe(table.push())
+            kinds += [event.kind for event in lesson.events]
+            errors.append(lesson.errors["physics"])
+        assert kinds == [CHANGED]
+        assert len(learner.believer.window) < 60
+    assert np.mean(errors[40:]) < 1.1 * np.mean(before[30:])
+
+
+def test_a_table_that_stays_is_left_alone(taught):
+    _, _, lessons = taught
+    assert [event.kind for one in lessons for event in one.events] == []
