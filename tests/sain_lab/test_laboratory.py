@@ -1,6 +1,8 @@
 """A laboratory's folder: whole at any moment, for one learner, and clear about what is wrong."""
 
+import errno
 import json
+import os
 
 import numpy as np
 import pytest
@@ -92,3 +94,29 @@ def test_forget_removes_it_unless_somebody_learns_there(tmp_path):
         forget(str(path))
     forget(str(path))
     assert not path.exists()
+
+
+def test_a_full_disk_is_said_and_leaves_the_log_whole(tmp_path, monkeypatch):
+    path = tmp_path / "log"
+    writer = LogWriter(path)
+    writer.append({"kind": "push", "number": 0})
+    write = os.pwrite
+
+    def half(file, content, place):
+        if len(content) < 4:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        return write(file, content[: len(content) // 2], place)
+
+    with monkeypatch.context() as patch, pytest.raises(OutputError, match="No space left"):
+        patch.setattr(os, "pwrite", half)
+        writer.append({"kind": "push", "number": 1})
+    writer.append({"kind": "push", "number": 2})
+    writer.close()
+    assert [record["number"] for record, _ in read_log(path)] == [0, 2]
+
+
+def test_what_cannot_be_written_is_said(tmp_path):
+    blocked = tmp_path / "file"
+    blocked.write_text("")
+    with pytest.raises(OutputError, match="cannot write"):
+        OpenLaboratory(blocked / "mine")
