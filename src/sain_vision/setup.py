@@ -19,6 +19,7 @@ setup(
     entry_points={
         "console_scripts": [
             "tag_node = sain_vision.commands:tag_node",
+            "outline_node = sain_vision.commands:outline_node",
             "scene_node = sain_vision.commands:scene_node",
             "calibrate_camera = sain_vision.commands:calibrate_camera",
             "print = sain_vision.commands:print_tags",

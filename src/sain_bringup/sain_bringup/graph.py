@@ -262,7 +262,7 @@ def graph_commands(
     simulator |= options.simulator
     told = changed_settings(options.observed)
     if options.see:
-        simulator |= {"scenes": "false", "bullet.wait_at_home": "true"}
+        simulator |= {"scenes": "false", "bullet.wait_aside": "true"}
     else:
         simulator |= {f"camera.{name}": str(value) for name, value in told.items()}
     planner = {f"estimator.{name}": str(value) for name, value in told.items()}

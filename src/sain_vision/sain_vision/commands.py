@@ -15,6 +15,22 @@ tag_node: Final = NodeCommand(
     subscribes=("camera/color/image_raw", "camera/color/camera_info", "/tf", "/tf_static"),
     example="bodies:=bodies.yaml",
 )
+outline_node: Final = NodeCommand(
+    "sain_vision outline_node",
+    about="Finds bodies without tags in a depth camera's images, by their outlines, and publishes"
+    " their poses with covariance. The arm may hide a part of a body.",
+    node="ros.outline_node:OutlineNode",
+    settings="ros.settings:OutlineNodeConfig",
+    publishes=("detections", "camera/outlines", "/diagnostics"),
+    subscribes=(
+        "camera/aligned_depth_to_color/image_raw",
+        "camera/color/camera_info",
+        "plan",
+        "/tf",
+        "/tf_static",
+    ),
+    example="bodies:=bodies.yaml",
+)
 scene_node: Final = NodeCommand(
     "sain_vision scene_node",
     about="Makes scenes of the poses of bodies: with ids, velocities and whether all rest. Poses"

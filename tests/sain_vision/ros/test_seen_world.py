@@ -20,7 +20,7 @@ SMALL = {"shadow": False, "images__detail": 0.25, "images__rate": 5.0}
 
 @pytest.fixture
 def simulator(graph) -> SimNode:
-    return graph.start(SimNode, scenes=False, bullet__wait_at_home=True, **SMALL)
+    return graph.start(SimNode, scenes=False, bullet__wait_aside=True, **SMALL)
 
 
 def test_images_are_taken_only_while_somebody_subscribes(graph, simulator) -> None:

@@ -126,7 +126,7 @@ class ImageCamera(Closeable):
             ConfigError: PyBullet, which draws, is not installed.
         """
         self.config = config
-        self._renderer = Renderer(scene, shapes, config, table, arm)
+        self._renderer = Renderer(scene, shapes, config, table, arm, marked=False)
         self._size = config.width, config.height
         world = np.column_stack([np.eye(3)[:, :2], (0.0, 0.0, DISK_HEIGHT) - np.array(config.eye)])
         self._plane = config.matrix @ config.rotation.T @ world

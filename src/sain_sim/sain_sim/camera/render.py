@@ -89,10 +89,12 @@ class Renderer(Closeable):
         table: Table = Table(),
         arm: ArmConfig = ArmConfig(),
         gui: bool = False,
+        marked: bool = True,
     ) -> None:
         """Build everything that will be seen, with as many and as large disks as a scene (N, 8).
 
-        All shapes are disks if None. With `gui` a window opens; `show` moves what is in it.
+        All shapes are disks if None. With `gui` a window opens; `show` moves what is in it. Where
+        they are `marked`, bodies show how they are turned.
         """
         self.camera = camera
         self._client = Client(gui)
@@ -103,7 +105,7 @@ class Renderer(Closeable):
         shapes = shapes or (DISK,) * len(scene)
         colours = colours_of(Bodies.named(shapes))
         self._disks = [
-            build_disk(self._client, colour, shape, float(state[RADIUS]))
+            build_disk(self._client, colour, shape, float(state[RADIUS]), marked)
             for colour, shape, state in zip(colours, shapes, scene, strict=True)
         ]
         self._goals: dict[float, int] = {}

@@ -116,14 +116,17 @@ def build_table(client: Client, table: Table) -> int:
     return _show_shape(client, center, TOP_COLOR, client.GEOM_BOX, halfExtents=top)
 
 
-def build_disk(client: Client, colour: str, shape: str, radius: float) -> int:
-    """Build a disk with a mark on its top that shows how it is turned."""
+def build_disk(client: Client, colour: str, shape: str, radius: float, marked: bool = True) -> int:
+    """Build a body, with a mark on its top that shows how it is turned, or without."""
     visual = client.createVisualShape(
         client.GEOM_MESH,
         rgbaColor=rgba(PALETTE.named(colour)),
         specularColor=[0.3, 0.3, 0.3],
         **flat_faces(get_shape(shape).triangles(radius)),
     )
+    if not marked:
+        bare: int = client.createMultiBody(0.0, -1, visual)
+        return bare
     mark = client.createVisualShape(
         client.GEOM_BOX,
         halfExtents=[radius * 0.25, 0.005, 0.0006],

@@ -28,6 +28,7 @@ from sain_sim.world.roughness import QUIET
 GRAVITY: Final = 9.81  # [m/s^2]
 SAG: Final = 0.0002  # [m], by which a flat bottom sinks into the table under its weight
 FALLEN_HEIGHT: Final = -0.01  # [m], a body whose middle is lower has left the table
+ASIDE: Final = (0.03, -0.35)  # [m], above where it hides no body from a camera in front of it
 HOME: Final = (0.35, 0.0)  # [m], above where the tool waits for the first push
 STEPS_PER_LOOK: Final = 6  # between two tests whether the disks are settled
 
@@ -39,8 +40,8 @@ class WorldConfig(Config):
     motion: MotionConfig = MotionConfig()
     arm: ArmConfig = ArmConfig()
     feasibility: Feasibility = Feasibility()
-    wait_at_home: bool = option(
-        False, "move the arm away after each push, so that a camera sees the bodies"
+    wait_aside: bool = option(
+        False, "move the arm beside its base after each push, so that a camera sees all bodies"
     )
     full_motion: bool = option(
         False, "show the arm's ways out of contact too; they take simulated time"
@@ -279,7 +280,8 @@ class Simulation(Closeable):
     def __init__(self, config: WorldConfig) -> None:
         """Start an engine for worlds of this configuration."""
         self.config = config
-        self.home = config.kinematics.joints(np.array([*HOME, config.motion.raised]))
+        place = ASIDE if config.wait_aside else HOME
+        self.home = config.kinematics.joints(np.array([*place, config.motion.raised]))
 
     @abstractmethod
     def resting(self, scene: Scene, parameters: WorldParameters) -> Any:

@@ -20,7 +20,7 @@ from sain_sim.world.engines import DEFAULT_ENGINE, simulation_class
 from sain_sim.world.parameters import NOMINAL_FRICTION, WorldParameters, on_a_grid
 from sain_sim.world.truth import check_roughness
 from sain_sim.world.workcell import (
-    HOME,
+    ASIDE,
     CellState,
     Observer,
     Route,
@@ -281,8 +281,8 @@ class World(CheckedWorld):
             lower, lift = motion.line(above_start, tips[0]), motion.line(tips[-1], above_end)
         else:  # an arm that reaches both ends of these ways reaches all of them
             approach, lower, lift = above_start[None], tips[:1], above_end[None]
-        if self.config.wait_at_home:
-            home = np.array([*HOME, motion.raised])
+        if self.config.wait_aside:
+            home = np.array([*ASIDE, motion.raised])
             back = motion.arc(above_end, home) if self.config.full_motion else home[None]
             lift = np.concatenate([lift, back])
         ways = (approach, lower, tips, lift)

@@ -3,10 +3,12 @@
 from dataclasses import dataclass
 
 from sain_core.config import Config, option
+from sain_vision.detection.outlines import OutlineConfig
 from sain_vision.detection.tags import TagConfig
 from sain_vision.scene.body_track import TrackingConfig
 
 COLOUR_TOPICS = ("camera/color/image_raw", "camera/color/camera_info")
+DEPTH_TOPICS = ("camera/aligned_depth_to_color/image_raw", "camera/color/camera_info")
 BODIES = "YAML file of the bodies: shape, role, radius, mass, and how each is found"
 
 
@@ -33,6 +35,17 @@ class TagNodeConfig(SeeingConfig):
     """What the node of tags reads."""
 
     tags: TagConfig = TagConfig()
+
+
+@dataclass(frozen=True)
+class OutlineNodeConfig(SeeingConfig):
+    """What the node of outlines reads."""
+
+    search_period: float = option(
+        1.0, "time between searches of the whole image for bodies that are lost", unit="s",
+        minimum=0.1,
+    )  # fmt: skip
+    outlines: OutlineConfig = OutlineConfig()
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,267 @@
+"""Bodies without tags: the edges of their tops in a depth image, and known outlines laid onto them.
+
+The table's plane is known. What is as high as a body's top is top, what is higher is the arm or a
+hand. The edge between top and table belongs to a body; an edge towards the arm does not, so the
+rest of a body under the arm still fits. Touching bodies share an edge line: each takes what is near
+to where it was last.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import cv2
+import numpy as np
+from jaxtyping import Bool, Float
+from numpy import ndarray
+
+from sain_core.config import Config, option
+from sain_core.scene import wrap_angle
+from sain_core.shapes.body_file import BodyFile
+from sain_vision.detection.planar_fit import turned
+from sain_vision.detection.sighting import Sighting
+from sain_vision.optics import CameraModel
+
+ROUNDS: Final = 20  # of laying an outline onto edges
+GATES: Final = (0.03, 0.006)  # [m], from an outline to edges that count: at first, at last
+NEAR: Final = 0.005  # [m], from a place of the outline to an edge that shows it
+ARM: Final = 9  # [px], about the arm, where no edge is believed
+FEWEST: Final = 25  # pixels of an edge
+HEADINGS: Final = 24  # tried where nothing is known
+MARKS: Final = 96  # places along an outline
+ANY_TURN: Final = np.pi**2 / 3  # [rad^2], variance of a heading of which nothing is known
+
+Marks = Float[ndarray, "M 2"]  # [m], along an outline
+Places = Float[ndarray, "E 2"]  # [m], of edges
+Depth = Float[ndarray, "height width"]
+Pose = Float[ndarray, "3"]
+
+
+@dataclass(frozen=True)
+class OutlineConfig(Config):
+    """How outlines are found, and what of them is believed."""
+
+    height_error: float = option(
+        0.006, "largest error of a height", unit="m", minimum=0.001, maximum=0.05
+    )
+    edge_noise: float = option(
+        0.002, "standard deviation of an edge's place", unit="m", minimum=0.0001, maximum=0.02
+    )
+    max_misfit: float = option(
+        0.003, "root mean square distance of edges, above which a body is not published", unit="m"
+    )
+    least_share: float = option(
+        0.4, "share of an outline that must be seen", minimum=0.1, maximum=1.0
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Edges:
+    """Edges of tops: places (E, 2) [m], pixels (E, 2) and the size of a pixel there [m]."""
+
+    places: Places
+    pixels: Float[ndarray, "E 2"]
+    grain: float
+
+
+class OutlineFinder:
+    """Finds bodies by their outlines. Not for use by two threads."""
+
+    def __init__(self, bodies: BodyFile, config: OutlineConfig) -> None:
+        """Know the outlines."""
+        self._bodies, self._config = bodies, config
+        self._outlines = [
+            _marked(shape.outline(radius))
+            for shape, radius in zip(bodies.bodies.shapes, bodies.radii, strict=True)
+        ]
+        self._camera: CameraModel | None = None
+        self._rays = np.zeros((0, 0, 3))
+
+    def find(
+        self,
+        depth: Depth,
+        camera: CameraModel,
+        known: Mapping[int, Sequence[Pose]],
+        everywhere: bool = True,
+    ) -> tuple[list[Sighting], list[str]]:
+        """Return the bodies in a depth image [m], and in words why others are not among them.
+
+        Bodies are looked for at known poses first: where they were, or should be after a push.
+        The others, and those that are not found there, are looked for everywhere, which takes long.
+        """
+        points = camera.place + depth[..., None] * self._rays_of(camera)
+        sightings: list[Sighting] = []
+        problems = []
+        taken: list[tuple[Pose, float]] = []
+        order = sorted(range(len(self._bodies.names)), key=lambda body: body not in known)
+        edges = {height: self._edges(points, height) for height in set(self._bodies.heights)}
+        for body in order:
+            seen = edges[self._bodies.heights[body]]
+            found = self._place(body, seen, known.get(body, ()), taken)
+            if found is None and everywhere:
+                starts = self._starts(body, seen, taken)
+                found = self._place(body, seen, starts, taken)
+            if found is None:
+                problems.append(f"{self._bodies.called(body)} is not seen")
+                continue
+            sightings.append(found)
+            radius = self._bodies.radii[body] * self._bodies.bodies.shapes[body].circumradius
+            taken.append((found.pose, 0.5 * radius))
+        return sightings, problems
+
+    def _rays_of(self, camera: CameraModel) -> Float[ndarray, "height width 3"]:
+        before = self._camera
+        if before is None or not _is_same(before, camera):
+            grid = np.stack(np.meshgrid(np.arange(camera.width), np.arange(camera.height)), axis=-1)
+            flat = camera.rays(grid.reshape(-1, 2).astype(np.float64))
+            self._camera, self._rays = camera, flat.reshape(camera.height, camera.width, 3)
+        return self._rays
+
+    def _edges(self, points: Float[ndarray, "height width 3"], height: float) -> _Edges:
+        """Return the edges of tops at a height [m], but for those at the arm and the image's."""
+        heights, error = np.nan_to_num(points[..., 2], nan=-1.0), self._config.height_error
+        top = (np.abs(heights - height) < error).astype(np.uint8)
+        top = cv2.morphologyEx(top, cv2.MORPH_CLOSE, np.ones((3, 3), np.uint8))
+        hidden = _widened(heights > max(self._bodies.heights) + 2 * error)
+        unknown = _widened(heights < -0.5)
+        contours, _ = cv2.findContours(top, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+        rows = [one[:, 0] for one in contours if len(one) >= FEWEST]
+        pixels = np.concatenate(rows) if rows else np.zeros((0, 2), dtype=int)
+        across, down = pixels[:, 0], pixels[:, 1]
+        high, wide = heights.shape
+        inside = (across > 0) & (down > 0) & (across < wide - 1) & (down < high - 1)
+        clear = inside & ~hidden[down, across] & ~unknown[down, across]
+        pixels, across, down = pixels[clear], across[clear], down[clear]
+        places = points[down, across, :2]
+        finite = np.isfinite(places).all(axis=1)
+        grain = 0.0
+        if self._camera is not None and finite.any():
+            reach = np.linalg.norm(points[down, across][finite] - self._camera.place, axis=1)
+            grain = float(np.median(reach)) / float(self._camera.matrix[0, 0])
+        return _Edges(places[finite], pixels[finite].astype(np.float64), grain)
+
+    def _place(
+        self,
+        body: int,
+        edges: _Edges,
+        starts: Sequence[Pose],
+        taken: Sequence[tuple[Pose, float]],
+    ) -> Sighting | None:
+        """Return the body at the pose that fits the edges best; None: none does."""
+        if len(edges.places) < FEWEST:
+            return None
+        best: tuple[float, Sighting] | None = None
+        for start in starts:
+            fitted = self._fit(body, edges, start)
+            if fitted is None:
+                continue
+            misfit, sighting = fitted
+            if any(np.hypot(*(sighting.pose - pose)[:2]) < least for pose, least in taken):
+                continue
+            rating = misfit - 0.01 * sighting.score
+            if best is None or rating < best[0]:
+                best = rating, sighting
+        return None if best is None else best[1]
+
+    def _starts(self, body: int, edges: _Edges, taken: list[tuple[Pose, float]]) -> list[Pose]:
+        """Return poses to begin with: in the middle of each group of edges, at all headings."""
+        free = np.ones(len(edges.places), dtype=bool)
+        for pose, least in taken:
+            free &= np.linalg.norm(edges.places - pose[:2], axis=1) > 2.2 * least
+        if free.sum() < FEWEST:
+            return []
+        reach = self._bodies.radii[body]
+        middles: list[Float[ndarray, "2"]] = []
+        left = edges.places[free]
+        while len(left) >= FEWEST and len(middles) < 2 * len(self._bodies.names):
+            near = np.linalg.norm(left - left[0], axis=1) < 2.5 * reach
+            low, high = left[near].min(axis=0), left[near].max(axis=0)
+            middles.append((low + high) / 2)
+            left = left[~near]
+        round_body = self._bodies.bodies.shapes[body].is_round
+        turns = [0.0] if round_body else np.arange(HEADINGS) * 2 * np.pi / HEADINGS
+        return [np.array([*middle, turn]) for middle in middles for turn in turns]
+
+    def _fit(self, body: int, edges: _Edges, start: Pose) -> tuple[float, Sighting] | None:
+        """Return the misfit [m] and the sighting of a body near a pose; None: it is not there."""
+        config, marks = self._config, self._outlines[body]
+        shape = self._bodies.bodies.shapes[body]
+        pose, information, errors = start.copy(), np.eye(3), np.zeros(0)
+        used: Bool[ndarray, "E"] = np.zeros(len(edges.places), dtype=bool)
+        prior = np.diag([0.0, 0.0, config.edge_noise**2 / ANY_TURN])
+        for turn in range(ROUNDS):
+            gate = max(GATES[0] * 0.7**turn, GATES[1])
+            placed, normals = _placed(marks, pose)
+            nearest, distances = _nearest(placed, edges.places)
+            used = distances < gate
+            if used.sum() < FEWEST:
+                return None
+            off = edges.places[used] - placed[nearest[used]]
+            normal = normals[nearest[used]]
+            # The middle of an edge's pixel is half a pixel inside of the edge.
+            errors = (off * normal).sum(axis=1) + edges.grain / 2
+            arm = placed[nearest[used]] - pose[:2]
+            turning = arm[:, 0] * normal[:, 1] - arm[:, 1] * normal[:, 0]
+            turning *= not shape.is_round  # its heading cannot be seen
+            gradient = np.column_stack([normal, turning])
+            information = gradient.T @ gradient + prior
+            step = np.linalg.solve(information, gradient.T @ errors)
+            pose = pose + step
+            if turn > 8 and np.abs(step).max() < 1e-5:
+                break
+        misfit = float(np.sqrt(np.mean(errors**2)))
+        placed, _ = _placed(marks, pose)
+        seen = _nearest(edges.places[used], placed)[1] < NEAR
+        share = float(seen.mean())
+        if misfit > config.max_misfit or share < config.least_share:
+            return None
+        pose[2] = wrap_angle(pose[2])
+        # Neighbouring pixels err alike: each mark of the outline counts once.
+        often = max(1.0, used.sum() / MARKS)
+        covariance = often * config.edge_noise**2 * np.linalg.inv(information)
+        outline = edges.pixels[used][None]
+        return misfit, Sighting(body, pose, covariance, outline, share)
+
+
+def _marked(outline: Float[ndarray, "O 2"]) -> tuple[Marks, Marks]:
+    """Return places (M, 2) at even distances along a closed outline, and outward normals there."""
+    ways = np.roll(outline, -1, axis=0) - outline
+    lengths = np.linalg.norm(ways, axis=1)
+    along = np.cumsum(lengths) - lengths
+    spots = (np.arange(MARKS) + 0.5) / MARKS * lengths.sum()
+    side = np.searchsorted(along, spots, side="right") - 1
+    share = (spots - along[side]) / lengths[side]
+    places = outline[side] + share[:, None] * ways[side]
+    normals = np.stack([ways[side, 1], -ways[side, 0]], axis=1) / lengths[side, None]
+    signed = float((outline[:, 0] * ways[:, 1] - outline[:, 1] * ways[:, 0]).sum())
+    return places, normals if signed > 0 else -normals
+
+
+def _placed(marks: tuple[Marks, Marks], pose: Pose) -> tuple[Marks, Marks]:
+    heading = float(pose[2])
+    return turned(marks[0], heading) + pose[:2], turned(marks[1], heading)
+
+
+def _nearest(places: Float[ndarray, "A 2"], to: Float[ndarray, "B 2"]) -> tuple[ndarray, ndarray]:
+    """Return for each of some points which place is nearest, and how far it is [m]."""
+    if not len(places):
+        return np.zeros(len(to), dtype=int), np.full(len(to), np.inf)
+    apart = np.linalg.norm(to[:, None] - places, axis=2)
+    nearest = apart.argmin(axis=1)
+    return nearest, apart[np.arange(len(to)), nearest]
+
+
+def _widened(mask: Bool[ndarray, "height width"]) -> Bool[ndarray, "height width"]:
+    grown = cv2.dilate(mask.astype(np.uint8), np.ones((ARM, ARM), np.uint8))
+    return np.asarray(grown) > 0
+
+
+def _is_same(one: CameraModel, other: CameraModel) -> bool:
+    pairs = (
+        (one.matrix, other.matrix),
+        (one.distortion, other.distortion),
+        (one.rotation, other.rotation),
+        (one.place, other.place),
+    )
+    same = all(np.array_equal(a, b) for a, b in pairs)
+    return same and (one.width, one.height) == (other.width, other.height)

@@ -1,0 +1,100 @@
+"""The node that finds bodies without tags: depth images in, poses with covariance out."""
+
+from time import monotonic, perf_counter
+from typing import Any
+
+import cv2
+import numpy as np
+from rclpy.node import Node
+from sensor_msgs.msg import Image
+from vision_msgs.msg import Detection3DArray
+
+from sain_core.guarding.ros.reception import Reception, shortened
+from sain_core.ros import codec
+from sain_core.ros.node_main import NAMESPACE, OK, WARN, Diagnostics
+from sain_core.ros.parameters import LiveParameters, read_parameters
+from sain_core.ros.qos import RELIABLE
+from sain_core.scene import POSE, STATE_SIZE
+from sain_interfaces.msg import Plan
+from sain_vision.detection.outlines import Depth, OutlineFinder, Pose
+from sain_vision.detection.overlay import draw_overlay
+from sain_vision.optics import CameraModel
+from sain_vision.ros.body_parameter import followed, read_body_file
+from sain_vision.ros.camera_input import CameraInput, CameraPlace
+from sain_vision.ros.detections import encode_sightings
+from sain_vision.ros.images import decode_depth
+from sain_vision.ros.settings import DEPTH_TOPICS, OutlineNodeConfig
+
+FARTHEST = 3.0  # [m], that is black in the overlay
+
+
+class OutlineNode(Node):
+    """Publishes the bodies without tags whose tops a depth image shows."""
+
+    def __init__(self, **options: Any) -> None:
+        """Read the bodies and wait for images."""
+        super().__init__("outline_node", namespace=NAMESPACE, **options)
+        config = read_parameters(self, OutlineNodeConfig)
+        self._use(config)
+        cv2.setNumThreads(1)
+        self.reception = reception = Reception(self)
+        self.diagnostics = Diagnostics(self, "outlines", more=lambda: reception.figures)
+        self.detections = self.create_publisher(Detection3DArray, "detections", RELIABLE)
+        self.overlay = self.create_publisher(Image, "camera/outlines", RELIABLE)
+        self.place = CameraPlace(self, config.extrinsics)
+        hear = self._on_image, self._ignore
+        self.input = CameraInput(self, reception, DEPTH_TOPICS, config, *hear)
+        reception.listen(Plan, "plan", self._on_plan, RELIABLE)
+        self.diagnostics.set(WARN, self.input.missing)
+        LiveParameters(self, config, followed(self, self._use))
+        self.ready = f"outlines of {len(self.bodies.names)} bodies"
+
+    def _use(self, config: OutlineNodeConfig) -> None:
+        """Look for the bodies that a file states."""
+        self.config, self.bodies = config, read_body_file(config.bodies)
+        self.finder = OutlineFinder(self.bodies, config.outlines)
+        self.last: dict[int, Pose] = {}
+        self.planned: dict[int, Pose] = {}
+        self.next_search = 0.0  # [s]
+
+    def _on_plan(self, message: Plan) -> None:
+        """Take note of where the push that was sent should lead the bodies."""
+        self.planned = {}
+        count = len(self.bodies.names)
+        if message.status == Plan.PUSH and message.disks == count and message.horizon > 0:
+            scene = np.array(message.predicted[: count * STATE_SIZE]).reshape(count, STATE_SIZE)
+            if np.isfinite(scene).all():
+                self.planned = dict(enumerate(scene[:, POSE]))
+
+    def _on_image(self, message: Image, camera: CameraModel) -> None:
+        begun, depth = perf_counter(), decode_depth(message)
+        known = {
+            body: [poses[body] for poses in (self.last, self.planned) if body in poses]
+            for body in range(len(self.bodies.names))
+        }
+        search = monotonic() >= self.next_search
+        sightings, problems = self.finder.find(depth, camera, known, everywhere=search)
+        if search:
+            self.next_search = monotonic() + self.config.search_period
+        self.last |= {one.body: one.pose for one in sightings}
+        self.detections.publish(
+            encode_sightings(sightings, self.bodies, self.config.frame, message.header.stamp)
+        )
+        if self.overlay.get_subscription_count():
+            picture = draw_overlay(_grey(depth), sightings, self.bodies, camera)
+            self.overlay.publish(codec.encode_image(picture, "bgr8", message.header))
+        took = f"{1e3 * (perf_counter() - begun):.0f} ms"
+        figures = {"bodies_seen": len(sightings), "time": took}
+        if problems:
+            self.diagnostics.set(WARN, "; ".join(problems), **figures)
+        else:
+            self.diagnostics.set(OK, "finds outlines", **figures)
+
+    def _ignore(self, message: Any, error: BaseException) -> None:
+        self.diagnostics.set(WARN, shortened(str(error)))
+
+
+def _grey(depth: Depth) -> np.ndarray:
+    """Return depth [m] as brightness, near is bright."""
+    share = 1.0 - np.nan_to_num(depth, nan=FARTHEST) / FARTHEST
+    return np.asarray(255 * np.clip(share, 0.0, 1.0), dtype=np.uint8)

@@ -1,0 +1,61 @@
+"""From depth images on topics to poses of bodies without tags."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from sensor_msgs.msg import Image
+from tf2_msgs.msg import TFMessage
+from vision_msgs.msg import Detection3DArray
+
+from sain_core.randomness import generator
+from sain_core.ros import codec
+from sain_core.ros.qos import LATCHED
+from sain_core.scene import POSE
+from sain_sim.camera.image_camera import ImageCamera
+from sain_sim.ros.camera_topics import CameraTopics
+from sain_vision.ros.images import decode_depth
+from sain_vision.ros.outline_node import OutlineNode
+from tests.sain_vision.detection.test_outlines import AWAY, CONFIG, SHAPES, START
+
+BODIES = """
+bodies:
+  - {name: puck, shape: disk, radius: 0.07}
+  - {name: tee, shape: "t:flat", radius: 0.1}
+"""
+
+
+def test_depth_images_become_poses(graph, tmp_path: Path) -> None:
+    path = tmp_path / "bodies.yaml"
+    path.write_text(BODIES)
+    with ImageCamera(CONFIG, START, SHAPES) as camera:
+        shot = camera.take(AWAY, START, generator(0, "test"))
+    graph.start(OutlineNode, bodies=str(path), max_age=5.0)
+    graph.listen("detections", Detection3DArray)
+    graph.listen("camera/outlines", Image)
+    node = graph.bystander
+    topics = CameraTopics(node, CONFIG, "")
+    static = node.create_publisher(TFMessage, "/tf_static", LATCHED)
+    static.publish(TFMessage(transforms=[topics.transform(codec.encode_time(0))]))
+
+    def found() -> bool:
+        topics.publish(shot, node.get_clock().now().to_msg())
+        for _ in range(20):
+            graph.executor.spin_once(timeout_sec=0.02)
+        return any(len(m.detections) == 2 for m in graph.heard["detections"])
+
+    graph.wait(found, "both bodies")
+    message = next(m for m in graph.heard["detections"] if len(m.detections) == 2)
+    for one in message.detections:
+        place = one.results[0].pose.pose.position
+        truth = START[["puck", "tee"].index(one.id), POSE]
+        assert np.hypot(place.x - truth[0], place.y - truth[1]) < 0.0025
+    graph.wait(lambda: found() and graph.heard["camera/outlines"], "the overlay")
+
+
+@pytest.mark.parametrize("encoding", ["16UC1", "32FC1"])
+def test_depths_of_both_encodings_are_metres(encoding: str) -> None:
+    depth = np.array([[0.5, 0.0], [1.25, 2.0]])
+    pixels = {"16UC1": (1000 * depth).astype("<u2"), "32FC1": depth.astype("<f4")}[encoding]
+    message = codec.encode_image(pixels, encoding, codec.header(codec.encode_time(0)))
+    np.testing.assert_allclose(decode_depth(message), [[0.5, np.nan], [1.25, 2.0]])
