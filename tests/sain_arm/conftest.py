@@ -21,7 +21,7 @@ class Planned:
         self.robot: Robot = read_robot(name)
         self.radii = (0.035, 0.03) if name == "so101" else (0.09, 0.05)
         self.planner = PushPlanner(self.robot, BODIES, self.radii)
-        self.reach: ReachTable = table_of_reach(PushPlanner(self.robot))
+        self.reach: ReachTable = reach_of(name)
 
     def place(self, random: np.random.Generator, room: float) -> np.ndarray:
         """Draw a place (2,) so far inside of the reach."""
@@ -30,6 +30,11 @@ class Planned:
         inside = places[self.reach.room(places) >= room]
         assert len(inside), f"nothing is {room} m inside of the reach"
         return inside[0]
+
+
+@cache
+def reach_of(name: str) -> ReachTable:
+    return table_of_reach(PushPlanner(read_robot(name)))
 
 
 @cache

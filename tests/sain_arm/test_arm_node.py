@@ -12,13 +12,16 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool
 from visualization_msgs.msg import MarkerArray
 
+from sain_arm.ros import arm_node
 from sain_arm.ros.arm_node import ArmNode
+from sain_arm.ros.enabling import cancel_all
 from sain_arm.ros.trajectory_server import TrajectoryServer
 from sain_core import wire
 from sain_core.errors import ErrorCode
 from sain_core.ros.qos import LATCHED, RELIABLE
 from sain_mppi.agent.goal_tracker import LOOK_AGAIN
 from sain_vision.ros.scene_node import SceneNode
+from tests.sain_arm.conftest import reach_of
 
 BODIES = str(Path(__file__).with_name("bodies.yaml"))
 PLACE = (0.5, 0.0, 0.0, 0.5, 0.13, 0.0)
@@ -42,7 +45,7 @@ class Laboratory:
         graph.bystander.create_timer(0.05, lambda: self._beat(publisher))
         server = {"pace": 2.0, "place": PLACE} | server
         self.server = graph.start(TrajectoryServer, robot="ur5", bodies=BODIES, **server)
-        patient = {"enable_timeout": 1.0, "joints_timeout": 2.0}  # a busy machine is no fault
+        patient = {"enable_timeout": 1.0, "joints_timeout": 2.0, "patience": 15.0}  # it is busy
         arm = {"robot": "ur5"} | patient | arm
         self.arm = graph.start(ArmNode, **arm)
         graph.start(SceneNode, bodies=BODIES, max_speed=1.5)
@@ -78,7 +81,10 @@ class Laboratory:
 
 
 @pytest.fixture
-def make(graph: Any) -> Any:
+def make(graph: Any, monkeypatch: pytest.MonkeyPatch) -> Any:
+    reach = reach_of("ur5")  # takes seconds: before the clocks of nodes run
+    monkeypatch.setattr(arm_node, "table_of_reach", lambda planner: reach)
+
     def make(arm: dict[str, Any] | None = None, **server: Any) -> Laboratory:
         return Laboratory(graph, arm or {}, server)
 
@@ -137,7 +143,7 @@ def test_without_the_enable_signal_nothing_moves(graph: Any, make: Any) -> None:
 
 
 def test_a_stroke_whose_enable_signal_is_lost_stops_and_counts(graph: Any, make: Any) -> None:
-    lab = make(pace=0.5)  # a slow stroke, so that it is met
+    lab = make(pace=1.0)
     lab.enabled = True
     push_id = lab.push((0.0, 0.0, 0.12))
     graph.wait(lambda: lab.arm.phase == "pushes" and lab.server.cell.report.tool > 20, "contact")
@@ -209,3 +215,15 @@ def test_a_controller_that_is_not_there_is_named(graph: Any, make: Any, tmp_path
     assert result.error_code == ErrorCode.BUSY
     text = "no controller serves /other_controller/follow_joint_trajectory; is it active?"
     assert text in result.error_message
+
+
+def test_who_releases_the_arm_stops_the_controller_itself(graph: Any, make: Any) -> None:
+    """As if `arm_node` were dead: it still has its signal."""
+    lab = make()
+    lab.enabled = True
+    push_id = lab.push((0.0, 0.0, 0.12))
+    graph.wait(lambda: lab.arm.phase == "pushes" and lab.server.cell.report.tool > 20, "contact")
+    answer = cancel_all(graph.bystander, lab.server.robot.controller)
+    graph.wait(answer.done, "the answer of the controller")
+    assert len(answer.result().goals_canceling) == 1
+    assert graph.result(push_id).error_code == ErrorCode.OK

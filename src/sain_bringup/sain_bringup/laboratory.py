@@ -68,7 +68,8 @@ class _Graph(GraphOptions):
         arm = command_of_node("sain_arm", "arm_node", ros, robot=own.robot)
         commands = {SERVER: server, ROBOT: arm}
         if own.enable:
-            commands[ENABLE] = [str(executable("sain_arm", "enable")), "--ros-args", *ros]
+            enable = [str(executable("sain_arm", "enable")), "--robot", own.robot]
+            commands[ENABLE] = [*enable, "--ros-args", *ros]
         return commands
 
 
@@ -78,7 +79,8 @@ def run(options: LaboratoryOptions, console: Console) -> int:
     Raises:
         SainError: a package is not installed, or a log cannot be written.
     """
-    common = {item.name: getattr(options, item.name) for item in fields(GraphConfig)}
+    names = [item.name for item in fields(GraphConfig) if item.name != "see"]
+    common = {name: getattr(options, name) for name in names}
     graph = _Graph(
         **common,
         robot=ELSEWHERE,

@@ -1,0 +1,51 @@
+"""The laboratory as a person starts it: the graph of a robot, and no simulator of ours in it."""
+
+import signal
+import subprocess
+import time
+from pathlib import Path
+
+import pytest
+import rclpy
+from rclpy.node import Node
+
+from sain_core.cli.command_line import executable
+
+SIMULATORS = {"/clock", "/sain/world_parameters", "/sain/joint_states", "/sain/robot_description"}
+ROBOTS = {"/joint_states", "/sain/enable", "/sain/reach_table", "/sain/push", "/sain/push_result"}
+
+
+def topics(node: Node) -> set[str]:
+    return {name for name, _ in node.get_topic_names_and_types()}
+
+
+@pytest.mark.system
+def test_a_goal_is_reached_without_any_topic_of_the_simulator(
+    ros_domain: int, tmp_path: Path
+) -> None:
+    bag = tmp_path / "bag"
+    laboratory = [str(executable("sain_bringup", "laboratory")), "--model", "planar"]
+    laboratory += ["--robot", "ur5", "--pace", "2.0", "--bag", str(bag)]
+    context = rclpy.Context()
+    rclpy.init(context=context, domain_id=ros_domain)
+    node = Node("bystander", context=context)
+    with subprocess.Popen(laboratory, stdout=subprocess.PIPE, text=True) as running:
+        try:
+            end = time.monotonic() + 120.0
+            while not topics(node) >= ROBOTS:
+                assert time.monotonic() < end, topics(node)
+                assert running.poll() is None
+                time.sleep(0.2)
+            goal = [str(executable("sain_bringup", "goal")), "0.6", "0.1", "--body", "0"]
+            done = subprocess.run(
+                [*goal, "--timeout", "60"], capture_output=True, text=True, timeout=250
+            )
+            assert done.returncode == 0, done.stderr + done.stdout
+            assert topics(node) & SIMULATORS == set()
+        finally:
+            running.send_signal(signal.SIGINT)
+            said = running.communicate(timeout=60)[0]
+            node.destroy_node()
+            context.try_shutdown()
+    assert running.returncode == 0, said
+    assert (bag / "metadata.yaml").exists()
