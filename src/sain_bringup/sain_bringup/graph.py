@@ -41,7 +41,10 @@ SIMULATOR: Final = "simulator"
 ROBOT: Final = "robot"
 SCENES: Final = "scenes"
 TAGS: Final = "tags"
-SEEN_NOISE: Final = "0.0005,0.005"  # [m], [rad], of poses from tags
+OUTLINES: Final = "outlines"
+SEEN_NOISE: Final = {TAGS: "0.0005,0.005", OUTLINES: "0.001,0.01"}  # [m], [rad], of poses
+SEEING: Final = {TAGS: "tag_node", OUTLINES: "outline_node"}  # nodes
+DEPTH_IMAGES: Final = {"images.width": "640", "images.height": "480", "images.detail": "1.0"}
 SEEN_BODIES: Final = "bodies.yaml"  # in the folder of states
 MODEL: Final = "model"
 PLANNER: Final = "planner"
@@ -76,7 +79,10 @@ class GraphConfig(Config):
     seed: int = option(0, "of the first scene and of the planner", minimum=0)
     camera: Annotated[ObservationConfig, tyro.conf.arg(name="")] = ObservationConfig()
     see: str = option(
-        "", "what the scenes are made of; tags: a simulated camera's images", choices=("", TAGS)
+        "",
+        "what the scenes are made of: tags in a simulated camera's images, or outlines in its depth"
+        " images; empty: the simulator's own",
+        choices=("", *SEEN_NOISE),
     )
     gui: bool = option(False, "show the simulator's window, in real time")
     params_file: Path | None = option(
@@ -130,7 +136,7 @@ class GraphOptions(GraphConfig):
     def observed(self) -> ObservationConfig:
         """What planner and model have to be told of observations."""
         if self.see:
-            return replace(self.camera, noise=SEEN_NOISE)
+            return replace(self.camera, noise=SEEN_NOISE[self.see])
         bodies = None if self.bodies is None else read_bodies(self.bodies)
         if bodies is None or bodies.weighed or MASSES in self.camera.unknown_names:
             return self.camera
@@ -263,6 +269,7 @@ def graph_commands(
     told = changed_settings(options.observed)
     if options.see:
         simulator |= {"scenes": "false", "bullet.wait_aside": "true"}
+        simulator |= DEPTH_IMAGES if options.see == OUTLINES else {}
     else:
         simulator |= {f"camera.{name}": str(value) for name, value in told.items()}
     planner = {f"estimator.{name}": str(value) for name, value in told.items()}
@@ -298,8 +305,9 @@ def graph_commands(
         commands[SIMULATOR] = node("sain_sim", "sim_node", **seed, **simulator)
     if options.see:
         given = {"bodies": str(write_seen_bodies(options, states)), **simulated}
-        commands[TAGS] = command_of_node("sain_vision", "tag_node", ros, **given)
-        commands[SCENES] = node("sain_vision", "scene_node", **given, noise=SEEN_NOISE)
+        spread = SEEN_NOISE[options.see]
+        commands[options.see] = command_of_node("sain_vision", SEEING[options.see], ros, **given)
+        commands[SCENES] = node("sain_vision", "scene_node", **given, noise=spread)
     commands[PLANNER] = node("sain_mppi", "mppi_node", **planner)
     return commands
 

@@ -16,6 +16,7 @@ from geometry_msgs.msg import (
     TransformStamped,
     Vector3,
 )
+from rclpy.parameter import Parameter
 from tf2_msgs.msg import TFMessage
 from visualization_msgs.msg import Marker, MarkerArray
 
@@ -152,3 +153,16 @@ def test_ids_go_on_after_a_crash(graph, camera, tmp_path) -> None:
 def test_without_a_file_of_bodies_it_does_not_start(graph) -> None:
     with pytest.raises(ConfigError, match="parameter 'bodies' is empty; give the YAML file"):
         graph.start(SceneNode)
+
+
+def test_other_bodies_begin_another_episode(graph, camera, tmp_path) -> None:
+    node = start(graph, tmp_path, ARRAY)
+    camera.until(camera.poses, lambda: graph.find("scene", settled=True), "a scene")
+    other = tmp_path / "other.yaml"
+    other.write_text("bodies: [{shape: disk, radius: 0.05}]")
+    assert node.set_parameters([Parameter("bodies", value=str(other))])[0].successful
+    camera.places = PLACES[:1]
+    camera.until(camera.poses, lambda: graph.find("scene", episode_id=2, settled=True), "a scene")
+    assert len(graph.find("scene", episode_id=2)[-1].disks) == 1
+    graph.wait(lambda: graph.find("shapes", episode_id=2), "its shapes")
+    assert len(graph.find("shapes", episode_id=2)[-1].bodies) == 1

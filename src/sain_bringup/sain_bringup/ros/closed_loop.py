@@ -206,7 +206,7 @@ def play(
 
     plans = episode_plans(options)
     with display.stage("starting the graph", "simulator, model, planner and recorder are up"):
-        sight = folder / "logs" if options.see else None
+        sight = (folder / "logs", options.see) if options.see else None
         director = Director(check, options.timeout, supervisor, sight)
         episodes = " ".join(f"{plan.scenario}:{plan.seed}" for plan in plans)
         namespace = director.get_namespace()

@@ -47,13 +47,13 @@ class Director(Node):
         check: Callable[[], None],
         timeout: float,
         supervisor: Supervisor | None = None,
-        sight: Path | None = None,
+        sight: tuple[Path, str] | None = None,
     ) -> None:
         """Join the graph. Wait for any one thing no longer than the timeout [s].
 
         While waiting, `check` is called again and again; it raises when the graph is broken. It
         may have the supervisor restart processes of the graph. Where bodies are seen by a camera,
-        `sight` is a folder for their files.
+        `sight` is a folder for their files, and by what they are seen.
         """
         super().__init__("closed_loop", namespace=NAMESPACE, parameter_overrides=[SIMULATED])
         self._joined = time.monotonic()
@@ -70,7 +70,7 @@ class Director(Node):
         for topic, kind in (("plan", Plan), ("push_result", PushResult)):
             self.create_subscription(kind, topic, self._on_news, RELIABLE)
         self.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, RELIABLE)
-        self._sight = None if sight is None else Sight(self, sight)
+        self._sight = None if sight is None else Sight(self, *sight)
         self._executor = SingleThreadedExecutor()
         self._executor.add_node(self)
 
@@ -120,7 +120,9 @@ class Director(Node):
         return f"; {process} makes no progress{words}" if words else ""
 
     def _missing(self) -> list[Missing]:
-        missing = missing_parts(self, self._servers.values(), self._sight is not None)
+        missing = missing_parts(
+            self, self._servers.values(), self._sight.see if self._sight else ""
+        )
         if not self._planner_ready:  # what this node sees of the model, the planner may not yet
             missing.append(Missing(PLANNER, "the planner sees the model"))
         return missing

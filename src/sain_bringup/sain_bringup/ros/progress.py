@@ -9,7 +9,16 @@ from rclpy.client import Client
 from rclpy.node import Node
 
 from sain_bringup.display import EpisodeView
-from sain_bringup.graph import MODEL, PLANNER, RECORDER, SCENES, SIMULATOR, TAGS
+from sain_bringup.graph import (
+    MODEL,
+    OUTLINES,
+    PLANNER,
+    RECORDER,
+    SCENES,
+    SEEING,
+    SIMULATOR,
+    TAGS,
+)
 from sain_core.errors import ErrorCode
 from sain_core.wire import decode_disks
 from sain_eval.scenes.families import ScenarioScene
@@ -104,6 +113,7 @@ PROCESSES: Final = {  # by the name of the node in each
     "mppi_node": PLANNER,
     "recorder": RECORDER,
     "tag_node": TAGS,
+    "outline_node": OUTLINES,
     "scene_node": SCENES,
 }
 NODES: Final = {
@@ -117,17 +127,19 @@ SERVER_PARTS: Final = {  # that the director asks
     "rollout": Rollout,
     "describe_model": DescribeModel,
 }
-SEEING: Final = {
-    "tag_node": commands_of_vision.tag_node,
-    "scene_node": commands_of_vision.scene_node,
-}
 SEEN: Final = ("scene", "shapes")  # by the node that sees the bodies, if there is one
 IMAGES: Final = "camera/"  # topics that are sent only where somebody asks for them
 
 
-def published_topics(see: bool) -> dict[str, tuple[str, ...]]:
+def seeing_nodes(see: str) -> tuple[str, ...]:
+    """Return the nodes that make the scenes, by what they see; empty: the simulator does."""
+    return (SEEING[see], "scene_node") if see else ()
+
+
+def published_topics(see: str) -> dict[str, tuple[str, ...]]:
     """Return what each node of a graph publishes, whose scenes come from images or not."""
-    nodes = {**NODES, **(SEEING if see else {})}
+    seeing = [getattr(commands_of_vision, name) for name in seeing_nodes(see)]
+    nodes = {**NODES, **{one.subcommand: one for one in seeing}}
     topics = {name: set(node.publishes) for name, node in nodes.items()}
     if see:
         topics["sim_node"] -= set(SEEN)
@@ -145,7 +157,7 @@ class Missing(NamedTuple):
     what: str
 
 
-def missing_parts(node: Node, clients: Iterable[Client], see: bool = False) -> list[Missing]:
+def missing_parts(node: Node, clients: Iterable[Client], see: str = "") -> list[Missing]:
     """Return everything that the graph still lacks, as this node sees it."""
     parts = [
         Missing(
@@ -157,7 +169,7 @@ def missing_parts(node: Node, clients: Iterable[Client], see: bool = False) -> l
     return [*parts, *_missing_topics(node, see)]
 
 
-def _missing_topics(node: Node, see: bool) -> Iterator[Missing]:
+def _missing_topics(node: Node, see: str) -> Iterator[Missing]:
     for publisher, topics in published_topics(see).items():
         for topic in topics:
             name = node.resolve_topic_name(topic)

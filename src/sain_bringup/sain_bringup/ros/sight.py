@@ -1,30 +1,29 @@
 """Episodes of a graph whose scenes come from images: its nodes are given the bodies of each one."""
 
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.parameter_client import AsyncParameterClient
 
+from sain_bringup.ros.progress import seeing_nodes
 from sain_core.errors import SainError
 from sain_core.ros.qos import RELIABLE
 from sain_core.shapes.body_file import write_tagged_bodies
 from sain_eval.scenes.families import ScenarioScene
 from sain_interfaces.msg import Scene
-from sain_vision.commands import scene_node, tag_node
-
-SEEING: Final = tuple(command.subcommand for command in (tag_node, scene_node))
 
 
 class Sight:
     """What a director does beyond resets where bodies are seen. All calls return at once."""
 
-    def __init__(self, node: Node, folder: Path) -> None:
-        """Write files of bodies into a folder."""
+    def __init__(self, node: Node, folder: Path, see: str) -> None:
+        """Write files of bodies into a folder, for the nodes that see them in this way."""
+        self.see = see
         self._folder, self._count = folder, 0
         self._clients = [
-            AsyncParameterClient(node, node.resolve_topic_name(name)) for name in SEEING
+            AsyncParameterClient(node, node.resolve_topic_name(name)) for name in seeing_nodes(see)
         ]
         self._replies: list[Any] = []
         self._latest = self._before = self._episode = 0

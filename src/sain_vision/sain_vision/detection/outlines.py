@@ -12,7 +12,7 @@ from typing import Final
 
 import cv2
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
 from sain_core.config import Config, option
@@ -28,6 +28,8 @@ NEAR: Final = 0.005  # [m], from a place of the outline to an edge that shows it
 ARM: Final = 9  # [px], about the arm, where no edge is believed
 FEWEST: Final = 25  # pixels of an edge
 HEADINGS: Final = 24  # tried where nothing is known
+SURE: Final = 0.7  # share of an outline that must be seen where nothing is known
+SPOTS: Final = 8  # parts of touching bodies that are tried
 MARKS: Final = 96  # places along an outline
 ANY_TURN: Final = np.pi**2 / 3  # [rad^2], variance of a heading of which nothing is known
 
@@ -57,10 +59,18 @@ class OutlineConfig(Config):
 
 @dataclass(frozen=True, eq=False)
 class _Edges:
-    """Edges of tops: places (E, 2) [m], pixels (E, 2) and the size of a pixel there [m]."""
+    """Edges of tops.
+
+    Attributes:
+        places: (E, 2) [m].
+        pixels: (E, 2).
+        groups: (E,), the same number for those of one top, or of some that touch.
+        grain: size of a pixel there [m].
+    """
 
     places: Places
     pixels: Float[ndarray, "E 2"]
+    groups: Int[ndarray, "E"]
     grain: float
 
 
@@ -100,7 +110,7 @@ class OutlineFinder:
             found = self._place(body, seen, known.get(body, ()), taken)
             if found is None and everywhere:
                 starts = self._starts(body, seen, taken)
-                found = self._place(body, seen, starts, taken)
+                found = self._place(body, seen, starts, taken, SURE)
             if found is None:
                 problems.append(f"{self._bodies.called(body)} is not seen")
                 continue
@@ -127,18 +137,19 @@ class OutlineFinder:
         contours, _ = cv2.findContours(top, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
         rows = [one[:, 0] for one in contours if len(one) >= FEWEST]
         pixels = np.concatenate(rows) if rows else np.zeros((0, 2), dtype=int)
+        groups = np.repeat(np.arange(len(rows)), [len(one) for one in rows])
         across, down = pixels[:, 0], pixels[:, 1]
         high, wide = heights.shape
         inside = (across > 0) & (down > 0) & (across < wide - 1) & (down < high - 1)
         clear = inside & ~hidden[down, across] & ~unknown[down, across]
-        pixels, across, down = pixels[clear], across[clear], down[clear]
+        pixels, across, down, groups = pixels[clear], across[clear], down[clear], groups[clear]
         places = points[down, across, :2]
         finite = np.isfinite(places).all(axis=1)
         grain = 0.0
         if self._camera is not None and finite.any():
             reach = np.linalg.norm(points[down, across][finite] - self._camera.place, axis=1)
             grain = float(np.median(reach)) / float(self._camera.matrix[0, 0])
-        return _Edges(places[finite], pixels[finite].astype(np.float64), grain)
+        return _Edges(places[finite], pixels[finite].astype(np.float64), groups[finite], grain)
 
     def _place(
         self,
@@ -146,8 +157,12 @@ class OutlineFinder:
         edges: _Edges,
         starts: Sequence[Pose],
         taken: Sequence[tuple[Pose, float]],
+        least_share: float = 0.0,
     ) -> Sighting | None:
-        """Return the body at the pose that fits the edges best; None: none does."""
+        """Return the body at the pose that fits the edges best; None: none does.
+
+        So much of its outline must be seen, at least.
+        """
         if len(edges.places) < FEWEST:
             return None
         best: tuple[float, Sighting] | None = None
@@ -156,6 +171,8 @@ class OutlineFinder:
             if fitted is None:
                 continue
             misfit, sighting = fitted
+            if sighting.score < least_share:
+                continue
             if any(np.hypot(*(sighting.pose - pose)[:2]) < least for pose, least in taken):
                 continue
             rating = misfit - 0.01 * sighting.score
@@ -165,19 +182,20 @@ class OutlineFinder:
 
     def _starts(self, body: int, edges: _Edges, taken: list[tuple[Pose, float]]) -> list[Pose]:
         """Return poses to begin with: in the middle of each group of edges, at all headings."""
-        free = np.ones(len(edges.places), dtype=bool)
-        for pose, least in taken:
-            free &= np.linalg.norm(edges.places - pose[:2], axis=1) > 2.2 * least
-        if free.sum() < FEWEST:
-            return []
-        reach = self._bodies.radii[body]
+        reach = self._bodies.radii[body] * self._bodies.bodies.shapes[body].circumradius
         middles: list[Float[ndarray, "2"]] = []
-        left = edges.places[free]
-        while len(left) >= FEWEST and len(middles) < 2 * len(self._bodies.names):
-            near = np.linalg.norm(left - left[0], axis=1) < 2.5 * reach
-            low, high = left[near].min(axis=0), left[near].max(axis=0)
+        for group in np.unique(edges.groups):
+            own = edges.places[edges.groups == group]
+            for pose, least in taken:
+                own = own[np.linalg.norm(own - pose[:2], axis=1) > 2.2 * least]
+            if len(own) < FEWEST:
+                continue
+            low, high = own.min(axis=0), own.max(axis=0)
             middles.append((low + high) / 2)
-            left = left[~near]
+            if (high - low).max() > 2.5 * reach:  # some that touch: a part of them
+                spots = own[:: max(1, len(own) // SPOTS)]
+                parts = [own[np.linalg.norm(own - spot, axis=1) < reach] for spot in spots]
+                middles += [part.mean(axis=0) for part in parts]
         round_body = self._bodies.bodies.shapes[body].is_round
         turns = [0.0] if round_body else np.arange(HEADINGS) * 2 * np.pi / HEADINGS
         return [np.array([*middle, turn]) for middle in middles for turn in turns]

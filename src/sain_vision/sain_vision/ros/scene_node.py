@@ -71,8 +71,11 @@ class SceneNode(Node):
     def _use(self, config: SceneNodeConfig) -> None:
         """Follow the bodies that another file states, from a new episode on."""
         bodies = read_body_file(config.bodies)
-        if (bodies.frames, bodies.topics) != (self.bodies.frames, self.bodies.topics):
-            raise ConfigError("its frames and topics differ; start the node anew")
+        sources = [
+            (any(one.frames), tuple(filter(None, one.topics))) for one in (bodies, self.bodies)
+        ]
+        if sources[0] != sources[1]:
+            raise ConfigError("poses come from elsewhere; start the node anew")
         self._unsettle()
         ids = self.tracker.episode_id, self.tracker.scene_id
         self.config, self.bodies = config, bodies
