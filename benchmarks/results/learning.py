@@ -205,7 +205,7 @@ def figures_of(name: str, rows: list[dict[str, Any]]) -> Iterator[tuple[Figure, 
         return
     for count, targets in TARGETS.items():
         some = slice(count, count + NEXT)
-        if len(rows) < count + NEXT // 2:
+        if len(rows) < count + NEXT // 3:
             continue
         most = targets[name.startswith(MEASURED)]
         found = ratio(service, planar, some)
