@@ -75,7 +75,8 @@ class Camera:
 
         def sent() -> bool:
             send()
-            self.graph.executor.spin_once(timeout_sec=0.02)
+            for _ in range(10):  # all nodes have their turn before the next poses
+                self.graph.executor.spin_once(timeout_sec=0.002)
             return bool(done())
 
         self.graph.wait(sent, what)

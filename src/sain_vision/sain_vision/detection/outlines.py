@@ -30,6 +30,7 @@ FEWEST: Final = 25  # pixels of an edge
 HEADINGS: Final = 24  # tried where nothing is known
 SURE: Final = 0.7  # share of an outline that must be seen where nothing is known
 SPOTS: Final = 8  # parts of touching bodies that are tried
+MOST: Final = 160  # pixels of edges that are fitted: more are not more exact, and take longer
 MARKS: Final = 96  # places along an outline
 ANY_TURN: Final = np.pi**2 / 3  # [rad^2], variance of a heading of which nothing is known
 
@@ -204,17 +205,21 @@ class OutlineFinder:
         """Return the misfit [m] and the sighting of a body near a pose; None: it is not there."""
         config, marks = self._config, self._outlines[body]
         shape = self._bodies.bodies.shapes[body]
+        reach = self._bodies.radii[body] * shape.circumradius + GATES[0]
+        around = np.flatnonzero(np.linalg.norm(edges.places - start[:2], axis=1) < 1.5 * reach)
+        around = around[:: max(1, len(around) // MOST)]
+        places, pixels = edges.places[around], edges.pixels[around]
         pose, information, errors = start.copy(), np.eye(3), np.zeros(0)
-        used: Bool[ndarray, "E"] = np.zeros(len(edges.places), dtype=bool)
+        used: Bool[ndarray, "E"] = np.zeros(len(places), dtype=bool)
         prior = np.diag([0.0, 0.0, config.edge_noise**2 / ANY_TURN])
         for turn in range(ROUNDS):
             gate = max(GATES[0] * 0.7**turn, GATES[1])
             placed, normals = _placed(marks, pose)
-            nearest, distances = _nearest(placed, edges.places)
+            nearest, distances = _nearest(placed, places)
             used = distances < gate
             if used.sum() < FEWEST:
                 return None
-            off = edges.places[used] - placed[nearest[used]]
+            off = places[used] - placed[nearest[used]]
             normal = normals[nearest[used]]
             # The middle of an edge's pixel is half a pixel inside of the edge.
             errors = (off * normal).sum(axis=1) + edges.grain / 2
@@ -229,7 +234,7 @@ class OutlineFinder:
                 break
         misfit = float(np.sqrt(np.mean(errors**2)))
         placed, _ = _placed(marks, pose)
-        seen = _nearest(edges.places[used], placed)[1] < NEAR
+        seen = _nearest(places[used], placed)[1] < NEAR
         share = float(seen.mean())
         if misfit > config.max_misfit or share < config.least_share:
             return None
@@ -237,7 +242,7 @@ class OutlineFinder:
         # Neighbouring pixels err alike: each mark of the outline counts once.
         often = max(1.0, used.sum() / MARKS)
         covariance = often * config.edge_noise**2 * np.linalg.inv(information)
-        outline = edges.pixels[used][None]
+        outline = pixels[used][None]
         return misfit, Sighting(body, pose, covariance, outline, share)
 
 
