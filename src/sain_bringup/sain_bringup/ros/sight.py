@@ -7,6 +7,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.parameter_client import AsyncParameterClient
 
+from sain_bringup.graph import SEEN_BODIES
 from sain_bringup.ros.progress import seeing_nodes
 from sain_core.errors import SainError
 from sain_core.ros.qos import RELIABLE
@@ -34,7 +35,8 @@ class Sight:
         """Have the nodes look for the bodies of a case, which lie on the table by now."""
         self._count += 1
         path = (self._folder / f"bodies_{self._count}.yaml").absolute()
-        write_tagged_bodies(path, case.disks, case.bodies)
+        for one in (path, self._folder / SEEN_BODIES):  # the latter for a node that is restarted
+            write_tagged_bodies(one, case.disks, case.bodies)
         self._episode, self._answered = 0, False
         given = [Parameter("bodies", value=str(path))]
         self._replies = [client.set_parameters(given) for client in self._clients]
