@@ -39,7 +39,7 @@ def test_a_push_starts_from_a_scene_that_was_seen(graph, simulator, tmp_path: Pa
     start = simulator.simulator.world.observe()
     path = tmp_path / "bodies.yaml"
     write_tagged_bodies(path, start, world.bodies)
-    clock = {"use_sim_time": True, "bodies": str(path)}
+    clock = {"use_sim_time": True, "bodies": str(path), "max_age": 20.0}
     graph.start(TagNode, **clock)
     graph.start(SceneNode, noise="0.0005,0.005", **clock)
     graph.listen("detections", Detection3DArray)

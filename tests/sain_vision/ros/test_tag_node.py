@@ -34,8 +34,9 @@ def bodies(tmp_path: Path) -> str:
 
 
 def test_images_become_a_settled_scene(graph, camera_topics, bodies, picture) -> None:
-    graph.start(TagNode, bodies=bodies)
-    graph.start(SceneNode, bodies=bodies, noise="0.0005,0.005")
+    patient = {"bodies": bodies, "max_age": 20.0}  # also on a machine that is busy
+    graph.start(TagNode, **patient)
+    graph.start(SceneNode, noise="0.0005,0.005", **patient)
     graph.listen("camera/overlay", Image)
     camera_topics.place()
     camera_topics.until(picture, lambda: graph.find("scene", settled=True), "a scene")
