@@ -26,7 +26,7 @@ REQUIRED = {  # arguments without which nothing else is reported
     "learn": ["--out", "o"],
     "train": ["data", "--out", "o"],
     "learning_curve": ["data", "--out", "o"], "identify": ["data"],
-    "real_import": ["data", "--out", "o"],
+    "real_import": ["data", "--out", "o"], "lab": ["list"],
 }  # fmt: skip
 HEAVY = {"torch", "pybullet", "numba", "rclpy", "matplotlib"}
 INTERRUPT = """

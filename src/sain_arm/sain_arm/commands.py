@@ -16,7 +16,7 @@ arm_node: Final = NodeCommand(
     subscribes=("push", "scene", "shapes", "enable", "/joint_states"),
     example="robot:=ur5",
 )
-enable: Final = Command("sain_arm enable", "ros.enabling", ros=True)
+enable: Final = Command("sain_arm enable", "ros.enable", ros=True)
 trajectory_server: Final = NodeCommand(
     "sain_arm trajectory_server",
     about="A laboratory in place of a robot: moves the arm of a YAML file in MuJoCo, with bodies on"

@@ -1,21 +1,17 @@
-"""``ros2 run sain_arm enable``: lets the arm move for as long as this runs.
+"""Who lets the arm move: a heartbeat on ``enable``, and what ends it.
 
-The signal is a heartbeat: `std_msgs/Bool`, true, on ``enable``. A pendant's or a safety relay's
-node may publish it in place of this command. At its end this command also cancels all goals of the
-controller itself: `arm_node`, which does so too, may be dead.
+The signal is `std_msgs/Bool`, true. A pendant's or a safety relay's node may publish it in place of
+``ros2 run sain_arm enable``.
 """
 
 import time
-from dataclasses import dataclass
+from collections.abc import Callable
 from typing import Any, Final
 
 from action_msgs.srv import CancelGoal
 from rclpy.node import Node
-from rich.console import Console
 from std_msgs.msg import Bool
 
-from sain_arm.robot.robot import read_robot
-from sain_core.config import Config, option
 from sain_core.ros.node_main import command_node, spin_until
 from sain_core.ros.qos import RELIABLE, steady_timer
 
@@ -41,36 +37,24 @@ class EnableWatch:
         return time.monotonic() < self._until
 
 
-@dataclass(frozen=True)
-class EnableOptions(Config):
-    """Let the arm move until Ctrl-C."""
+def publish_heartbeat(seconds: float, controller: str, say: Callable[[str], None]) -> None:
+    """Let the arm move for a time [s], 0: until the process is interrupted.
 
-    robot: str = option("", "its file or name: at the end its controller's goals are cancelled")
-    seconds: float = option(0.0, "end after this time; 0: on Ctrl-C", unit="s", minimum=0.0)
-
-
-def run(options: EnableOptions, console: Console) -> int:
-    """Publish the heartbeat until the end."""
-    controller = read_robot(options.robot).controller if options.robot else ""
+    At the end all goals of the controller are cancelled; empty: of none. `say` is given the topic.
+    """
     with command_node("enable") as node:
         publisher = node.create_publisher(Bool, "enable", RELIABLE)
         steady_timer(node, PERIOD, lambda: publisher.publish(Bool(data=True)))
-        console.print(f"the arm may move: {publisher.topic_name}. Ctrl-C stops it.")
+        say(publisher.topic_name)
         try:
-            _wait(node, options.seconds)
+            spin_until(node, lambda: False, seconds or float("inf"))
         finally:
             publisher.publish(Bool(data=False))
             if controller:
                 spin_until(node, cancel_all(node, controller).done, LONGEST)
-    return 0
 
 
 def cancel_all(node: Node, controller: str) -> Any:
     """Ask a controller to cancel every goal, whoever sent it; return the answer to come."""
     name = f"/{controller.strip('/')}/follow_joint_trajectory/_action/cancel_goal"
     return node.create_client(CancelGoal, name).call_async(CancelGoal.Request())  # no id: all
-
-
-def _wait(node: Node, seconds: float) -> None:
-    """Spin for a time [s]; 0: for ever."""
-    spin_until(node, lambda: False, seconds or float("inf"))
