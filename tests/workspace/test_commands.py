@@ -69,8 +69,12 @@ def said(text: str) -> str:
 
 
 def entry(package: str, name: str) -> Command | NodeCommand:
-    found = getattr(import_module(f"{package}.commands"), name)
-    assert isinstance(found, Command | NodeCommand)
+    commands = vars(import_module(f"{package}.commands")).values()
+    (found,) = [
+        one
+        for one in commands
+        if isinstance(one, Command | NodeCommand) and one.name == f"{package} {name}"
+    ]
     return found
 
 

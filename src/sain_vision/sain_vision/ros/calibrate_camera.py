@@ -3,28 +3,17 @@
 import time
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-import rclpy
-from rclpy.node import Node
 from rich.console import Console
-from sensor_msgs.msg import Image
 
 from sain_core.config import Config, option
-from sain_core.errors import InvalidInputError, SainError
-from sain_core.guarding.ros.reception import Reception
-from sain_core.ros.node_main import command_node
+from sain_core.errors import SainError
 from sain_vision.detection.board import Board
 from sain_vision.detection.calibration import FEWEST_TAGS, CalibrationConfig, Look, calibrate
 from sain_vision.detection.tags import TagConfig, TagFinder
 from sain_vision.extrinsics_file import Extrinsics, write_extrinsics
-from sain_vision.optics import CameraModel, turn_of
-from sain_vision.ros.camera_input import CameraInput
-from sain_vision.ros.images import decode_grey
-from sain_vision.ros.settings import COLOUR_TOPICS, CameraInputConfig
-
-PATIENCE = 5.0  # [s] for an image
+from sain_vision.optics import turn_of
 
 
 @dataclass(frozen=True)
@@ -47,49 +36,20 @@ class CalibrateOptions(Config):
     quality: CalibrationConfig = CalibrationConfig()
 
 
-class _Watcher:
-    """Takes the next image of a camera on request."""
-
-    def __init__(self, node: Node) -> None:
-        self._node = node
-        self.problem = ""
-        self._latest: tuple[Image, CameraModel] | None = None
-        self._input = CameraInput(
-            node, Reception(node), COLOUR_TOPICS, CameraInputConfig(), self._on_image,
-            self._ignore, placed=False,
-        )  # fmt: skip
-
-    def next_image(self) -> tuple[Image, CameraModel]:
-        """Return the next image.
-
-        Raises:
-            InvalidInputError: none comes, or what comes is not used, and why.
-        """
-        self._latest, self.problem = None, ""
-        end = time.monotonic() + PATIENCE
-        while self._latest is None:
-            if time.monotonic() > end:
-                raise InvalidInputError(self.problem or self._input.missing)
-            rclpy.spin_once(self._node, timeout_sec=0.05)
-        return self._latest
-
-    def _on_image(self, message: Image, camera: CameraModel) -> None:
-        self._latest = message, camera
-
-    def _ignore(self, message: Any, error: BaseException) -> None:
-        self.problem = str(error)
-
-
 def run(options: CalibrateOptions, console: Console) -> None:
     """Take looks and write the file.
 
     Raises:
         SainError: no images, too few tags, or a bad result.
     """
+    from sain_core.ros.node_main import command_node
+    from sain_vision.ros.image_watcher import ImageWatcher
+    from sain_vision.ros.images import decode_grey
+
     finder = TagFinder(TagConfig(family=options.board.family))
     looks: list[Look] = []
     with command_node("calibrate_camera") as node:
-        watcher = _Watcher(node)
+        watcher = ImageWatcher(node)
         while len(looks) < options.quality.looks:
             number = len(looks) + 1
             where = "with its origin at its place" if number == 1 else "somewhere else"
