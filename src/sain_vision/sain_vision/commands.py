@@ -43,4 +43,4 @@ scene_node: Final = NodeCommand(
     example="bodies:=bodies.yaml",
 )
 calibrate_camera: Final = Command("sain_vision calibrate_camera", "ros.calibrate_camera", ros=True)
-print_tags: Final = Command("sain_vision print", "cli.print_tags")
+print: Final = Command("sain_vision print", "cli.print_tags")  # noqa: A001 - its name
