@@ -8,7 +8,7 @@ import pytest
 from sain_arm.planning.push_planner import PushPlanner
 from sain_arm.planning.reach import table_of_reach
 from sain_arm.robot.robot import Robot, read_robot, shipped
-from sain_core.reach import ReachTable
+from sain_core.feasibility import ReachTable
 from sain_core.shapes.bodies import Bodies
 
 BODIES = Bodies.named(["t:flat", "disk:flat"])

@@ -3,9 +3,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sain_core.feasibility import Feasibility, reachable
+from sain_core.feasibility import Feasibility, Reach, reachable
 from sain_core.push import PushLimits, mirror_pushes, tool_end, tool_start
-from sain_core.reach import Reach
 from sain_core.scene import POSITION, RADIUS, make_scene, mirror_scenes
 from sain_core.types import Scene
 

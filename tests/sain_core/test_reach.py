@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from sain_core.errors import InvalidInputError
-from sain_core.reach import Reach, ReachTable
+from sain_core.feasibility import Reach, ReachTable
 from sain_core.scene import unit
 
 CELL = 0.01

@@ -9,10 +9,9 @@ from numpy import ndarray
 from shapely import Point, contains_xy
 
 from sain_core.config import option
-from sain_core.feasibility import Feasibility
+from sain_core.feasibility import Feasibility, Reach
 from sain_core.model import RolloutModel
 from sain_core.push import PushLimits, tool_start
-from sain_core.reach import Reach
 from sain_core.scene import Table
 from sain_core.shapes.bodies import PAPER_DISKS, Bodies
 from sain_core.types import Mask, Points, Pushes, Scenes

@@ -7,12 +7,11 @@ import numpy as np
 import pytest
 
 from sain_core.errors import ModelUnavailableError, NoPushError
-from sain_core.feasibility import Feasibility
+from sain_core.feasibility import Feasibility, Reach
 from sain_core.goal import Goal
 from sain_core.model import IdentityPrior
 from sain_core.push import ANGLE, LENGTH, LOCATION
 from sain_core.randomness import generator
-from sain_core.reach import Reach
 from sain_core.scene import MASS, make_scene, unit
 from sain_mppi.algorithms import ALGORITHMS
 from sain_mppi.config import PlannerConfig

@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from sain_core.errors import ErrorCode, UnreachableError
+from sain_core.feasibility import Reach
 from sain_core.push import TOOL_RADIUS
-from sain_core.reach import Reach
 from sain_sim.arm.client import Client
 from sain_sim.arm.motion import (
     FLANGE_DROP,

@@ -8,8 +8,8 @@ import numpy as np
 from sain_arm.planning.push_planner import PushPlanner
 from sain_arm.robot.robot import Vector
 from sain_core.errors import SainError, UnreachableError
+from sain_core.feasibility import ReachTable
 from sain_core.push import DEFAULT_SPEED
-from sain_core.reach import ReachTable
 
 CELLS: Final = 40  # along the shorter side of the workspace
 FINEST, COARSEST = 0.01, 0.025  # [m], side of a cell

@@ -28,7 +28,7 @@ from sain_arm.ros.ghost import Ghost
 from sain_arm.ros.joint_listener import JointListener
 from sain_arm.ros.trajectory_client import Ended, Ending, TrajectoryClient
 from sain_core.errors import BusyError, CancelledError, SainError, StaleSceneError
-from sain_core.reach import ReachTable
+from sain_core.feasibility import ReachTable
 from sain_core.ros import codec
 from sain_core.ros.node_main import ERROR, NAMESPACE, OK, WARN, Diagnostics
 from sain_core.ros.parameters import read_parameters

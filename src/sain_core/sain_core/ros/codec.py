@@ -16,9 +16,9 @@ from sensor_msgs.msg import Image
 from shape_msgs.msg import SolidPrimitive
 from std_msgs.msg import Header
 
+from sain_core.feasibility import ReachTable
 from sain_core.goal import BodyPose, Goal
 from sain_core.push import BODY, PUSH_NAMES
-from sain_core.reach import ReachTable
 from sain_core.scene import DISK_HEIGHT, STATE_NAMES, THETA, X, Y
 from sain_core.shapes.bodies import Bodies
 from sain_core.shapes.shape import Shape, Solid

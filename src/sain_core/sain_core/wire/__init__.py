@@ -16,10 +16,10 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from sain_core.errors import InvalidInputError
+from sain_core.feasibility import ReachTable
 from sain_core.goal import KEEP_TOLERANCE, TOLERANCE, TURN_PER_METRE, BodyPose, Goal
 from sain_core.guarding.untrusted import MOST_BODIES
 from sain_core.push import BODY, DEFAULT_SPEED, PUSH_NAMES, PUSH_SIZE, SPEED
-from sain_core.reach import ReachTable
 from sain_core.scene import STATE_NAMES, STATE_SIZE
 from sain_core.transitions import PushHistory
 from sain_core.types import (

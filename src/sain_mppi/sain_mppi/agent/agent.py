@@ -10,11 +10,10 @@ from typing import Final
 
 from sain_core.config import Config, live_group, option
 from sain_core.errors import CancelledError, ErrorCode, InvalidInputError, SainError
-from sain_core.feasibility import Feasibility
+from sain_core.feasibility import Feasibility, Reach
 from sain_core.model import RolloutModel
 from sain_core.push import push_ids
 from sain_core.randomness import generator
-from sain_core.reach import Reach
 from sain_core.shapes.bodies import PAPER_DISKS, Bodies
 from sain_core.transitions import PushHistory
 from sain_core.wire.bodies import check_unchanged
