@@ -2,11 +2,11 @@ import pytest
 
 from sain_core.errors import ErrorCode, SainError, error_from_reply, error_reply
 
-KINDS = SainError.__subclasses__()
+KINDS = [one for one in SainError.__subclasses__() if one.__module__ == "sain_core.errors"]
 
 
 def test_every_code_but_the_first_two_has_one_error() -> None:
-    codes = sorted(kind.code for kind in KINDS if kind.__module__ == "sain_core.errors")
+    codes = sorted(kind.code for kind in KINDS)
     assert codes == sorted(set(ErrorCode) - {ErrorCode.UNKNOWN, ErrorCode.OK, ErrorCode.INTERNAL})
 
 

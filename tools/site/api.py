@@ -40,7 +40,7 @@ PACKAGES: Final = {
     ),
     "sain_lab": (
         "Laboratories: what is learned where a table stands.",
-        ("learner", "results", "laboratory", "curves"),
+        ("learner", "keeping.results", "keeping.laboratory", "judging.curves"),
     ),
     "sain_pusht": (
         "gym-pusht as a world, and models of it.",

@@ -50,7 +50,7 @@ def test_out_of_reach_is_refused_as_unreachable(world):
     with pytest.raises(SainError) as caught:
         world.push(make_push(pi, 0.0, 0.1))
     assert caught.value.code is ErrorCode.UNREACHABLE
-    assert "leaves the arm's reach of 0.2 to 0.74 m" in str(caught.value)
+    assert "leaves the arm's reach: 0.2 to 0.74 m" in str(caught.value)
     assert np.array_equal(world.observe(), world.observe())
     assert np.allclose(world.observe(), scene, atol=1e-12)
 
