@@ -16,7 +16,15 @@ from sain_core.config import Config, show_value
 from sain_mppi.agent.agent import MppiConfig
 
 PAGE = Path(__file__).parents[1] / "docs/reference/parameters.md"
-PACKAGES = ("sain_sim", "sain_vision", "sain_arm", "sain_model", "sain_mppi", "sain_lab", "sain_live")
+PACKAGES = (
+    "sain_sim",
+    "sain_vision",
+    "sain_arm",
+    "sain_model",
+    "sain_mppi",
+    "sain_lab",
+    "sain_live",
+)
 INTRODUCTION = """# Parameters
 
 For users of the nodes. This page lists every ROS parameter. `tools/parameters.py` makes it from the
