@@ -77,7 +77,7 @@ def test_what_is_learned_is_served_and_said(graph, sending, tmp_path):
     send(graph, sending, learner, [*first, *first, *second])  # five come twice
     graph.wait(lambda: graph.heard["learning"][-1].pushes == 6, "six pushes")
     graph.wait(lambda: learner._loaded == learner.learner.generation > 0, "a belief")
-    graph.wait(lambda: not service.loader.pending and not learner.worker.pending, "the model")
+    graph.wait(lambda: learner._asked.done() and not learner.worker.pending, "the model")
     assert service.service.description.model == f"lab:{path}"
     learned = decode_learning(graph.heard["learning"][-1])
     assert (learned.laboratory, learned.service, learned.pushes) == ("lab", "physics", 6)
