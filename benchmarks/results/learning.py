@@ -26,16 +26,17 @@ from sain_core.randomness import Interval, bootstrap_ratio, generator
 from sain_core.shapes.bodies import Bodies
 from sain_core.storage import write_json
 from sain_core.transitions import PushHistory
-from sain_core.types import PredictedScenes, PushArray, PushSequences, Scene
+from sain_core.types import PredictedScenes, PushSequences, Scene
 from sain_eval.scenes.families import ScenarioScene
 from sain_eval.scenes.scenarios import draw_scene
 from sain_lab.keeping.laboratory import Laboratory
 from sain_lab.keeping.results import Result
 from sain_lab.learner import Learner, Lesson, prediction_error
+from sain_lab.teaching.lesson_plan import Watched
 from sain_model.compute.kernel_store import compile_kernels
 from sain_mppi.agent.agent import AgentConfig, planning_agent
 from sain_mppi.agent.events import Task
-from sain_mppi.agent.play import Sight, play
+from sain_mppi.agent.play import play
 from sain_sim.world.engines import BULLET, MUJOCO
 from sain_sim.world.own import open_world
 from sain_sim.world.truth import MEASURED, ROUGH, TruthConfig
@@ -117,7 +118,7 @@ class Work:
                 world.reset(case.disks)
                 agent = planning_agent(InService(self.learner), planar, config)
                 goal = case.goal.within(TOLERANCE, 5 * TOLERANCE)
-                watched = Watched(world, self, case, parameters.bodies)
+                watched = Watched(world, self.learn, parameters.bodies, f"{self.name}/{case.seed}")
                 most = min(case.max_pushes, pushes - len(self.rows))
                 try:
                     play(agent, watched, [Task(1, 0, goal, most)], parameters.bodies)
@@ -162,24 +163,6 @@ class Work:
             file.write(json.dumps(row) + "\n")
         for event in events:
             print(f"{self.name} {len(self.rows)}: {event}", flush=True)
-
-
-class Watched(Sight):
-    """A world whose pushes are learned from."""
-
-    def __init__(self, world: Any, work: Work, case: ScenarioScene, bodies: Bodies) -> None:
-        super().__init__(world)
-        self._work, self._case, self._bodies = work, case, bodies
-        self._history = PushHistory.empty(len(case.disks))
-
-    def push(self, push: PushArray, seen: Scene) -> Scene:
-        """Execute a push, and learn from it."""
-        before = self.world.observe()
-        after = super().push(push, seen)
-        episode = f"{self._work.name}/{self._case.seed}"
-        self._work.learn(Result(before, push, after, self._bodies, episode), self._history)
-        self._history = self._history.then(before, push, after)
-        return after
 
 
 def pushes_of(path: Path) -> Iterator[Result]:

@@ -19,9 +19,9 @@ from sain_bringup.interrupts import Interrupts, Stopped
 from sain_bringup.processes import UNHURRIED, Supervisor
 from sain_core.cli.command_line import command_of_node, executable, split_ros_arguments
 from sain_core.config import Config, option
-from sain_core.errors import ConfigError, UntrustedFileError
+from sain_core.errors import ConfigError
 from sain_core.guarding import lifetime
-from sain_core.guarding.untrusted import read_yaml
+from sain_core.guarding.untrusted import read_user_yaml
 from sain_core.model import check_model_name
 from sain_core.shapes.body_file import read_bodies, write_tagged_bodies
 from sain_core.shapes.shape import BOTTOMS, FEET
@@ -266,18 +266,18 @@ def graph_commands(
     """
     simulator = {"bullet.full_motion": "true"} if full_motion else {}
     simulator |= options.simulator
-    told = changed_settings(options.observed)
+    given = changed_settings(options.observed)
     if options.see:
         simulator |= {"scenes": "false", "bullet.wait_aside": "true"}
         simulator |= DEPTH_IMAGES if options.see == OUTLINES else {}
     else:
-        simulator |= {f"camera.{name}": str(value) for name, value in told.items()}
-    planner = {f"estimator.{name}": str(value) for name, value in told.items()}
+        simulator |= {f"camera.{name}": str(value) for name, value in given.items()}
+    planner = {f"estimator.{name}": str(value) for name, value in given.items()}
     if options.gui:
         simulator |= {"gui": "true", "real_time_factor": "1.0"}
     model = {"belief": str(Path(options.belief).absolute())} if options.belief else {}
-    if "unknown" in told:
-        model["unknown"] = told["unknown"]
+    if "unknown" in given:
+        model["unknown"] = given["unknown"]
     seed = {"seed": str(options.seed)}
 
     def node(package: str, name: str, **parameters: str) -> list[str]:
@@ -360,12 +360,7 @@ def restart_command(name: str, command: Sequence[str]) -> list[str]:
 
 
 def _check_parameter_file(path: Path) -> None:
-    try:
-        content = read_yaml(path)
-    except OSError as error:
-        raise ConfigError(f"--params-file {path}: {error.strerror or error}") from error
-    except UntrustedFileError as error:
-        raise ConfigError(f"--params-file {path} is not read: {error}") from error
+    content = read_user_yaml(path, "--params-file")
     nodes = content if isinstance(content, dict) else {}
     if not nodes or not all(
         isinstance(node, dict) and "ros__parameters" in node for node in nodes.values()

@@ -13,6 +13,7 @@ from sain_bringup.graph import run as run_graph
 from sain_core.cli.command_line import command_of_node, executable
 from sain_core.config import option
 from sain_core.errors import ConfigError
+from sain_core.push import PushLimits
 from sain_core.shapes.body_file import read_bodies
 
 SERVER: Final = "laboratory"
@@ -44,7 +45,7 @@ class LaboratoryOptions(GraphConfig):
         """Check the fields, and both files."""
         super().__post_init__()
         read_bodies(self.bodies)
-        radius, assumed = read_robot(self.robot).tool_radius, 0.012
+        radius, assumed = read_robot(self.robot).tool_radius, PushLimits().tool_radius
         if radius != assumed and self.params_file is None:
             raise ConfigError(
                 f"the tool of {self.robot!r} has a radius of {radius} m, and planner and model"

@@ -126,6 +126,18 @@ def check_field(field_name: str, item: "dataclasses.Field[Any]", value: Any) -> 
             raise ConfigError(f"{name} is {number}{unit}; it must be at most {high}{unit}")
 
 
+def check_number(name: str, value: Any, low: float, high: float, unit: str = "") -> float:
+    """Return a number that a user's file gives.
+
+    Raises:
+        ConfigError: it is none, or not between `low` and `high`.
+    """
+    is_number = isinstance(value, int | float) and not isinstance(value, bool)
+    if not (is_number and isfinite(value) and low <= value <= high):
+        raise ConfigError(f"{name} is {value!r}; allowed: {low:g} to {high:g} {unit}".rstrip())
+    return float(value)
+
+
 class FieldSetting(NamedTuple):
     """One field of settings or of settings nested in them."""
 

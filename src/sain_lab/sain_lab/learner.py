@@ -46,8 +46,8 @@ from sain_lab.training import Training
 from sain_model.dynamics.load import load_checkpoint, load_shipped
 from sain_model.dynamics.sain import SainDynamics
 from sain_model.inference.kinds import write_belief
+from sain_mppi.agent.agent import MOST_PUSHES
 
-MOST_PUSHES: Final = 20  # of an episode that its model is conditioned on, as the agent has it
 FIRST_TRAINING: Final = 50  # pushes
 GROWTH: Final = 1.5  # of the number of pushes from one training to the next
 RECENT_PUSHES: Final = 12  # that show whether the table has changed
@@ -335,7 +335,7 @@ class Learner:
         if problem := training.problem:
             event = self._event(FAILED, problem)
         elif training.since != self._since:
-            event = self._event(FAILED, "the table has changed meanwhile")
+            event = self._event(FAILED, "the table has changed during this time")
         else:
             text = f"a network was trained on {training.pushes - training.since} pushes"
             event = self._event(TRAINED, text, model=training.service)

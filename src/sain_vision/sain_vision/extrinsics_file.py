@@ -9,8 +9,8 @@ import yaml
 from jaxtyping import Float
 from numpy import ndarray
 
-from sain_core.errors import ConfigError, UntrustedFileError
-from sain_core.guarding.untrusted import read_yaml
+from sain_core.errors import ConfigError
+from sain_core.guarding.untrusted import read_user_yaml
 from sain_core.storage import write_whole
 from sain_core.wire import Turn, check_pose
 
@@ -56,12 +56,7 @@ def read_extrinsics(path: Path) -> Extrinsics:
     Raises:
         ConfigError: naming the file and what is wrong.
     """
-    try:
-        content = read_yaml(path)
-    except OSError as error:
-        raise ConfigError(f"calibration {path}: {error.strerror or error}") from error
-    except UntrustedFileError as error:
-        raise ConfigError(f"calibration {path} is not read: {error}") from error
+    content = read_user_yaml(path, "calibration")
     if not isinstance(content, Mapping) or any(key not in content for key in KEYS):
         raise ConfigError(f"calibration {path} must have {', '.join(KEYS)}")
     place, turn = content["place"], content["turn"]

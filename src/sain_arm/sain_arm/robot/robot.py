@@ -11,8 +11,6 @@ joints that move; what else the URDF has is fixed at 0.
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from difflib import get_close_matches
-from math import isfinite
 from pathlib import Path
 from typing import Any, Final
 
@@ -21,8 +19,10 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from sain_arm.robot.urdf import AXES, Urdf, UrdfJoint
-from sain_core.errors import ConfigError, UntrustedFileError
-from sain_core.guarding.untrusted import read_yaml
+from sain_core.config import check_number
+from sain_core.errors import ConfigError
+from sain_core.guarding.plugins import did_you_mean
+from sain_core.guarding.untrusted import read_user_yaml
 
 Joints = Float[ndarray, "_ J"]  # each way has its own number of points
 Vector = Float[ndarray, "J"]
@@ -84,14 +84,7 @@ def read_robot(name: str) -> Robot:
     if not name:
         raise ConfigError(f"robot is empty; give a YAML file, or one of {', '.join(shipped())}")
     path = SHIPPED / f"{name}.yaml" if name in shipped() else Path(name).expanduser()
-    try:
-        content = read_yaml(path)
-    except OSError as error:
-        raise ConfigError(
-            f"robot file {path}: {error.strerror or error}; shipped are {', '.join(shipped())}"
-        ) from error
-    except UntrustedFileError as error:
-        raise ConfigError(f"robot file {path} is not read: {error}") from error
+    content = read_user_yaml(path, "robot file", f"; shipped are {', '.join(shipped())}")
     try:
         return parse_robot(content, path.stem, path.parent)
     except ConfigError as error:
@@ -157,8 +150,7 @@ class _Section:
             raise ConfigError(f"{what} must have keys: {', '.join(allowed)}")
         for key in content:
             if key not in allowed:
-                near = get_close_matches(str(key), allowed, n=1)
-                hint = f" (did you mean {near[0]!r}?)" if near else ""
+                hint = did_you_mean(str(key), allowed)
                 raise ConfigError(
                     f"{self._within(name)}unknown key {key!r}{hint}; allowed: {', '.join(allowed)}"
                 )
@@ -181,24 +173,17 @@ class _Section:
         return value
 
     def number(self, key: str, default: float | None, low: float, high: float) -> float:
-        return _number(self._called(key), self.given.get(key, default), low, high)
+        return check_number(self._called(key), self.given.get(key, default), low, high)
 
     def pair(self, key: str, default: tuple[float, float]) -> tuple[float, float]:
         """Return a range of two numbers, the lower one first."""
         name, value = self._called(key), self.given.get(key, default)
         if not isinstance(value, list | tuple) or len(value) != 2:
             raise ConfigError(f"{name} is {value!r}; it must be [lowest, highest]")
-        low, high = (_number(name, one, -1e3, 1e3) for one in value)
+        low, high = (check_number(name, one, -1e3, 1e3) for one in value)
         if low >= high:
             raise ConfigError(f"{name} is {value!r}; the first number must be the lower one")
         return low, high
-
-
-def _number(name: str, value: Any, low: float, high: float) -> float:
-    fits = isinstance(value, int | float) and not isinstance(value, bool)
-    if not (fits and isfinite(value) and low <= value <= high):
-        raise ConfigError(f"{name} is {value!r}; allowed: {low:g} to {high:g}")
-    return float(value)
 
 
 def _home(given: Any, chain: tuple[UrdfJoint, ...]) -> dict[str, float]:
@@ -207,7 +192,7 @@ def _home(given: Any, chain: tuple[UrdfJoint, ...]) -> dict[str, float]:
     home = _Section("home", given, names).given
     if missing := [name for name in names if name not in home]:
         raise ConfigError(f"home has no {', '.join(missing)}; all of these move the tool")
-    return {name: _number(f"home.{name}", home[name], -1e3, 1e3) for name in names}
+    return {name: check_number(f"home.{name}", home[name], -1e3, 1e3) for name in names}
 
 
 def _bounds(joint: UrdfJoint, position: _Section) -> tuple[float, float]:
@@ -238,5 +223,5 @@ def _per_joint(
         value = given.get(joint, default)
         if value is None:
             raise ConfigError(f"joint {joint!r} has no {key} limit in the URDF; give limits.{key}")
-        found.append(_number(f"limits.{key} of {joint!r}", value, 1e-3, most))
+        found.append(check_number(f"limits.{key} of {joint!r}", value, 1e-3, most))
     return found

@@ -18,7 +18,7 @@ from typing import Any, Final
 
 import yaml
 
-from sain_core.errors import OutputError, UntrustedFileError
+from sain_core.errors import ConfigError, OutputError, UntrustedFileError
 
 PARTIAL: Final = ".partial"  # suffix of what is not whole yet
 
@@ -231,6 +231,25 @@ LOADER: Final[Any] = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 def read_yaml(path: Path) -> Any:
     """Return the content of a YAML file; raises as `parse_yaml` and `read_regular`."""
     return parse_yaml(read_regular_text(path, YAML_BYTES))
+
+
+def read_user_yaml(path: Path, what: str, known: str = "") -> Any:
+    """Return the content of a YAML file that a user gives.
+
+    Args:
+        path: of the file.
+        what: the file is called in errors.
+        known: added where it cannot be read: what could be given in its place.
+
+    Raises:
+        ConfigError: naming the file and what is wrong.
+    """
+    try:
+        return read_yaml(path)
+    except OSError as error:
+        raise ConfigError(f"{what} {path}: {error.strerror or error}{known}") from error
+    except UntrustedFileError as error:
+        raise ConfigError(f"{what} {path} is not read: {error}") from error
 
 
 def parse_yaml(text: str) -> Any:

@@ -5,8 +5,6 @@ And by what a body is recognised: tags on its top, a frame on ``/tf``, or a topi
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from difflib import get_close_matches
-from math import isfinite
 from pathlib import Path
 from typing import Any, Final
 
@@ -15,13 +13,15 @@ import yaml
 from jaxtyping import Float
 from numpy import ndarray
 
-from sain_core.errors import ConfigError, UntrustedFileError
+from sain_core.config import check_number
+from sain_core.errors import ConfigError
+from sain_core.guarding.plugins import did_you_mean
 from sain_core.guarding.untrusted import (
     LEAST_RADIUS,
     LONGEST_NAME,
     MOST_BODIES,
     MOST_RADIUS,
-    read_yaml,
+    read_user_yaml,
 )
 from sain_core.scene import DISK_HEIGHT, MASS, NOMINAL_MASS, POSE, RADIUS, make_scene
 from sain_core.shapes.bodies import Bodies
@@ -111,12 +111,7 @@ def read_bodies(path: Path) -> BodyFile:
     Raises:
         ConfigError: naming the file, the body and what is wrong.
     """
-    try:
-        content = read_yaml(path)
-    except OSError as error:
-        raise ConfigError(f"bodies file {path}: {error.strerror or error}") from error
-    except UntrustedFileError as error:
-        raise ConfigError(f"bodies file {path} is not read: {error}") from error
+    content = read_user_yaml(path, "bodies file")
     try:
         return parse_bodies(content)
     except ConfigError as error:
@@ -144,7 +139,9 @@ def parse_bodies(content: Any) -> BodyFile:
     masses = [_mass(row.get("mass", UNKNOWN), number) for number, row in enumerate(rows)]
     radii, heights = (
         tuple(
-            _number(row.get(key, DISK_HEIGHT), f"{key} of body {number}", "m", LEAST_RADIUS, most)
+            check_number(
+                f"{key} of body {number}", row.get(key, DISK_HEIGHT), LEAST_RADIUS, most, "m"
+            )
             for number, row in enumerate(rows)
         )
         for key, most in (("radius", MOST_RADIUS), ("height", MOST_HEIGHT))
@@ -212,12 +209,12 @@ def _tag(row: Any, what: str) -> Tag:
     number = given["id"]
     if not isinstance(number, int) or isinstance(number, bool) or not 0 <= number <= LAST_TAG:
         raise ConfigError(f"{what} has the id {number!r}; allowed: 0 to {LAST_TAG}")
-    size = _number(given.get("size", TAG_SIZE), f"size of {what}", "m", *TAG_SIZES)
+    size = check_number(f"size of {what}", given.get("size", TAG_SIZE), *TAG_SIZES, "m")
     x, y = (
-        _number(given.get(key, 0.0), f"{key} of {what}", "m", -MOST_RADIUS, MOST_RADIUS)
+        check_number(f"{key} of {what}", given.get(key, 0.0), -MOST_RADIUS, MOST_RADIUS, "m")
         for key in "xy"
     )
-    angle = _number(given.get("angle", 0.0), f"angle of {what}", "rad", -7.0, 7.0)
+    angle = check_number(f"angle of {what}", given.get("angle", 0.0), -7.0, 7.0, "rad")
     return Tag(number, size, x, y, angle)
 
 
@@ -228,8 +225,7 @@ def _check_keys(
         raise ConfigError(f"{what} is {row!r}; it must have keys: {', '.join(keys)}")
     for key in row:
         if key not in keys:
-            near = get_close_matches(str(key), keys, n=1)
-            hint = f" (did you mean {near[0]!r}?)" if near else ""
+            hint = did_you_mean(str(key), keys)
             raise ConfigError(f"{what} has the key {key!r}{hint}; allowed: {', '.join(keys)}")
     for key in needed:
         if key not in row:
@@ -249,11 +245,4 @@ def _text(row: Mapping[str, Any], key: str, body: int) -> str:
 def _mass(value: Any, body: int) -> float | None:
     if value == UNKNOWN:
         return None
-    return _number(value, f"mass of body {body}", "kg", 0.001, MOST_MASS)
-
-
-def _number(value: Any, what: str, unit: str, low: float, high: float) -> float:
-    number = isinstance(value, int | float) and not isinstance(value, bool)
-    if not (number and isfinite(value) and low <= value <= high):
-        raise ConfigError(f"{what} is {value!r}; allowed: {low:g} to {high:g} {unit}")
-    return float(value)
+    return check_number(f"mass of body {body}", value, 0.001, MOST_MASS, "kg")

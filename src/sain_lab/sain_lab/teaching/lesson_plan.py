@@ -10,18 +10,19 @@ import numpy as np
 
 from sain_core.errors import NoPushError
 from sain_core.scene import is_settled
+from sain_core.shapes.bodies import Bodies
 from sain_core.transitions import PushHistory
 from sain_core.types import PushArray, Scene
 from sain_core.world import AnyWorld
 from sain_eval.scenes.families import ScenarioScene
 from sain_eval.scenes.scenarios import draw_scene
 from sain_lab.keeping.results import Result
-from sain_lab.learner import MOST_PUSHES, Learner, prediction_error
+from sain_lab.learner import Learner, prediction_error
 from sain_lab.settings import TeachSettings
 from sain_lab.teaching.information import Certainty, Work, expected_error
 from sain_lab.teaching.teacher import Teacher, TeachingConfig, imagined_work
 from sain_model.dynamics.sain import SainDynamics
-from sain_mppi.agent.agent import Agent, AgentConfig
+from sain_mppi.agent.agent import MOST_PUSHES, Agent, AgentConfig
 from sain_mppi.agent.events import Task
 from sain_mppi.agent.planning import Decider
 from sain_mppi.agent.play import Sight, play
@@ -100,7 +101,8 @@ class Teaching:
         for number, (world, case) in enumerate(rooms):
             before, left = len(self.errors), settings.pushes - len(self.errors)
             chooser = self.decider(self.model, self.work, TeachingConfig(seed=settings.seed))
-            sight = _Watched(world, self, case, f"teaching {settings.seed}/{number}")
+            episode = f"teaching {settings.seed}/{number}"
+            sight = Watched(world, self.judge, case.bodies, episode)
             task = Task(1, 0, case.goal.within(*NEVER), min(settings.per_scene, left))
             why = play(Agent(chooser, agent), sight, [task], case.bodies).failure
             without = 0 if len(self.errors) > before else without + 1
@@ -137,23 +139,28 @@ class Teaching:
         )
 
 
-class _Watched(Sight):
+class Watched(Sight):
     """A world whose pushes are judged and learned from."""
 
     def __init__(
-        self, world: AnyWorld[Any], teaching: Teaching, case: ScenarioScene, episode: str
+        self,
+        world: AnyWorld[Any],
+        learn: Callable[[Result, PushHistory], None],
+        bodies: Bodies,
+        episode: str,
     ) -> None:
+        """Call `learn` with each push of an episode that ends at rest, and those before it."""
         super().__init__(world)
-        self._teaching, self._case, self._episode = teaching, case, episode
-        self._history = PushHistory.empty(len(case.disks))
+        self._learn, self._bodies, self._episode = learn, bodies, episode
+        self._history = PushHistory.empty(len(world.observe()))
 
     def push(self, push: PushArray, seen: Scene) -> Scene:
         """Execute a push, and learn from it."""
         before = self.world.observe()
         after = super().push(push, seen)
         if is_settled(after):
-            result = Result(before, push, after, self._case.bodies, self._episode)
-            self._teaching.judge(result, self._history)
+            result = Result(before, push, after, self._bodies, self._episode)
+            self._learn(result, self._history)
             self._history = self._history.then(before, push, after)
         return after
 

@@ -11,10 +11,9 @@ from sain_core.errors import NoPushError, SainError
 from sain_core.feasibility import Feasibility
 from sain_core.model import Model
 from sain_core.scene import MASS, POSITION, RADIUS, unit
-from sain_core.types import Mask, PushArray, Pushes, Scene, Scenes
+from sain_core.types import Mask, PushArray, Pushes, Scene
 from sain_core.world import Outcome
 from sain_eval.scenes.families import ScenarioScene
-from sain_eval.scenes.scenarios import draw_scene
 from sain_lab.teaching.information import Answers, Certainty, Work, answers, gains, variance_of
 from sain_model.dynamics.sain import SainDynamics
 from sain_mppi.agent.agent import AgentConfig, planning_agent
@@ -140,16 +139,4 @@ def imagined_work(cases: list[ScenarioScene], model: Model, config: AgentConfig)
             pushes.append(record.push)
     if not scenes:
         raise SainError("no plan was found in any scene of the scenario")
-    return Work(bodies, stacked(scenes), np.stack(pushes))
-
-
-def stacked(scenes: list[Scene]) -> Scenes:
-    """Return scenes (N, 8) as one array (B, N, 8)."""
-    return np.stack(scenes)
-
-
-def scenes_of(scenario: str, count: int, seed: int) -> list[ScenarioScene]:
-    """Return scenes of a scenario that have the bodies of the first one."""
-    first = draw_scene(scenario, seed)
-    drawn = (draw_scene(scenario, seed + number) for number in range(count))
-    return [case for case in drawn if case.bodies == first.bodies]
+    return Work(bodies, np.stack(scenes), np.stack(pushes))

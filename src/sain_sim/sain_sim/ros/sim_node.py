@@ -178,7 +178,7 @@ class SimNode(Node):
             self.publishing.take(self.publishing.sample)
 
     def _on_image(self) -> None:
-        """Take images of bodies at rest, if somebody wants any; time goes on meanwhile."""
+        """Take images of bodies at rest, if somebody wants any; time goes on."""
         busy = self.session.busy or self.worker.pending or self.resumption.waits
         if busy or not self.publishing.images.wanted:
             return

@@ -20,6 +20,7 @@ from sain_core.ros.qos import LATCHED, LATCHED_QUEUE, TRANSFORMS
 from sain_vision.extrinsics_file import read_extrinsics
 from sain_vision.optics import CameraModel, check_calibration, rotation_of
 from sain_vision.ros.settings import CameraInputConfig
+from sain_vision.ros.transforms import take_transforms
 from sain_vision.scene.frame_tree import FrameTree
 from sain_vision.scene.scene_tracker import FUTURE
 
@@ -80,11 +81,7 @@ class CameraInput:
         self._model = CameraModel(*size, matrix, lens, np.eye(3), np.zeros(3))
 
     def _on_tf(self, message: TFMessage, static: bool = False) -> None:
-        for one in message.transforms:
-            place, turn = one.transform.translation, one.transform.rotation
-            stamp = np.inf if static else codec.decode_time(one.header.stamp)
-            given = (place.x, place.y, place.z), (turn.x, turn.y, turn.z, turn.w)
-            self._tree.take(one.header.frame_id, one.child_frame_id, *given, stamp)
+        take_transforms(self._tree, message, static)
 
     def _on_frame(self, message: Image) -> None:
         self._check_time(codec.decode_time(message.header.stamp))

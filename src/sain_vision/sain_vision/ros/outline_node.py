@@ -7,23 +7,20 @@ import cv2
 import numpy as np
 from rclpy.node import Node
 from sensor_msgs.msg import Image
-from vision_msgs.msg import Detection3DArray
 
 from sain_core.guarding.ros.reception import Reception, shortened
-from sain_core.ros import codec
-from sain_core.ros.node_main import NAMESPACE, OK, WARN, Diagnostics
+from sain_core.ros.node_main import NAMESPACE, WARN
 from sain_core.ros.parameters import LiveParameters, read_parameters
 from sain_core.ros.qos import RELIABLE
 from sain_core.scene import POSE, STATE_SIZE
 from sain_interfaces.msg import Plan
 from sain_vision.detection.outlines import Depth, OutlineFinder, Pose
-from sain_vision.detection.overlay import draw_overlay
 from sain_vision.optics import CameraModel
 from sain_vision.ros.body_parameter import followed, read_body_file
 from sain_vision.ros.camera_input import CameraInput, CameraPlace
-from sain_vision.ros.detections import encode_sightings
 from sain_vision.ros.images import decode_depth
 from sain_vision.ros.settings import DEPTH_TOPICS, OutlineNodeConfig
+from sain_vision.ros.sighting_output import SightingOutput
 
 FARTHEST = 3.0  # [m], that is black in the overlay
 
@@ -38,9 +35,8 @@ class OutlineNode(Node):
         self._use(config)
         cv2.setNumThreads(1)
         self.reception = reception = Reception(self)
-        self.diagnostics = Diagnostics(self, "outlines", more=lambda: reception.figures)
-        self.detections = self.create_publisher(Detection3DArray, "detections", RELIABLE)
-        self.overlay = self.create_publisher(Image, "camera/outlines", RELIABLE)
+        self.output = SightingOutput(self, reception, "outlines", "camera/outlines")
+        self.diagnostics = self.output.diagnostics
         self.place = CameraPlace(self, config.extrinsics)
         hear = self._on_image, self._ignore
         self.input = CameraInput(self, reception, DEPTH_TOPICS, config, *hear)
@@ -73,22 +69,13 @@ class OutlineNode(Node):
             for body in range(len(self.bodies.names))
         }
         search = monotonic() >= self.next_search
-        sightings, problems = self.finder.find(depth, camera, known, everywhere=search)
+        found = self.finder.find(depth, camera, known, everywhere=search)
         if search:
             self.next_search = monotonic() + self.config.search_period
-        self.last |= {one.body: one.pose for one in sightings}
-        self.detections.publish(
-            encode_sightings(sightings, self.bodies, self.config.frame, message.header.stamp)
+        self.last |= {one.body: one.pose for one in found[0]}
+        self.output.publish(
+            message, camera, self.bodies, self.config.frame, found, lambda: _grey(depth), begun
         )
-        if self.overlay.get_subscription_count():
-            picture = draw_overlay(_grey(depth), sightings, self.bodies, camera)
-            self.overlay.publish(codec.encode_image(picture, "bgr8", message.header))
-        took = f"{1e3 * (perf_counter() - begun):.0f} ms"
-        figures = {"bodies_seen": len(sightings), "time": took}
-        if problems:
-            self.diagnostics.set(WARN, "; ".join(problems), **figures)
-        else:
-            self.diagnostics.set(OK, "finds outlines", **figures)
 
     def _ignore(self, message: Any, error: BaseException) -> None:
         self.diagnostics.set(WARN, shortened(str(error)))

@@ -29,6 +29,7 @@ from sain_vision.detection.sighting import Sighting
 from sain_vision.ros.body_parameter import followed, read_body_file
 from sain_vision.ros.detections import decode_detections, encode_sightings
 from sain_vision.ros.settings import SceneNodeConfig
+from sain_vision.ros.transforms import take_transforms
 from sain_vision.scene.body_track import Observed
 from sain_vision.scene.frame_tree import FrameTree
 from sain_vision.scene.scene_tracker import SceneTracker
@@ -151,11 +152,7 @@ class SceneNode(Node):
             )
 
     def _on_tf(self, message: TFMessage, static: bool = False) -> None:
-        for one in message.transforms:
-            place, turn = one.transform.translation, one.transform.rotation
-            stamp = np.inf if static else codec.decode_time(one.header.stamp)
-            given = (place.x, place.y, place.z), (turn.x, turn.y, turn.z, turn.w)
-            self.tree.take(one.header.frame_id, one.child_frame_id, *given, stamp)
+        take_transforms(self.tree, message, static)
         if static:
             return
         framed = [body for body, frame in enumerate(self.bodies.frames) if frame]

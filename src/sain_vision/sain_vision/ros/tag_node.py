@@ -6,22 +6,18 @@ from typing import Any
 import cv2
 from rclpy.node import Node
 from sensor_msgs.msg import Image
-from vision_msgs.msg import Detection3DArray
 
 from sain_core.errors import ConfigError
 from sain_core.guarding.ros.reception import Reception, shortened
-from sain_core.ros import codec
-from sain_core.ros.node_main import NAMESPACE, OK, WARN, Diagnostics
+from sain_core.ros.node_main import NAMESPACE, WARN
 from sain_core.ros.parameters import LiveParameters, read_parameters
-from sain_core.ros.qos import RELIABLE
-from sain_vision.detection.overlay import draw_overlay
 from sain_vision.detection.tags import TagFinder, TagLocator
 from sain_vision.optics import CameraModel
 from sain_vision.ros.body_parameter import followed, read_body_file
 from sain_vision.ros.camera_input import CameraInput, CameraPlace
-from sain_vision.ros.detections import encode_sightings
 from sain_vision.ros.images import decode_grey
 from sain_vision.ros.settings import COLOUR_TOPICS, TagNodeConfig
+from sain_vision.ros.sighting_output import SightingOutput
 
 
 class TagNode(Node):
@@ -35,9 +31,8 @@ class TagNode(Node):
         cv2.setNumThreads(1)  # more threads wait for each other on images of this size
         self.finder = TagFinder(config.tags)
         self.reception = reception = Reception(self)
-        self.diagnostics = Diagnostics(self, "tags", more=lambda: reception.figures)
-        self.detections = self.create_publisher(Detection3DArray, "detections", RELIABLE)
-        self.overlay = self.create_publisher(Image, "camera/overlay", RELIABLE)
+        self.output = SightingOutput(self, reception, "tags", "camera/overlay")
+        self.diagnostics = self.output.diagnostics
         self.place = CameraPlace(self, config.extrinsics)
         self.input = CameraInput(
             self, reception, COLOUR_TOPICS, config, self._on_image, self._ignore
@@ -58,20 +53,10 @@ class TagNode(Node):
     def _on_image(self, message: Image, camera: CameraModel) -> None:
         begun = perf_counter()
         grey = decode_grey(message)
-        sightings, problems = self.locator.locate(self.finder.find(grey), camera)
-        header = message.header
-        self.detections.publish(
-            encode_sightings(sightings, self.bodies, self.config.frame, header.stamp)
+        found = self.locator.locate(self.finder.find(grey), camera)
+        self.output.publish(
+            message, camera, self.bodies, self.config.frame, found, lambda: grey, begun
         )
-        if self.overlay.get_subscription_count():
-            picture = draw_overlay(grey, sightings, self.bodies, camera)
-            self.overlay.publish(codec.encode_image(picture, "bgr8", header))
-        took = f"{1e3 * (perf_counter() - begun):.0f} ms"
-        figures = {"bodies_seen": len(sightings), "time": took}
-        if problems:
-            self.diagnostics.set(WARN, "; ".join(problems), **figures)
-        else:
-            self.diagnostics.set(OK, "finds tags", **figures)
 
     def _ignore(self, message: Any, error: BaseException) -> None:
         self.diagnostics.set(WARN, shortened(str(error)))

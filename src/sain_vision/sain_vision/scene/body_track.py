@@ -124,7 +124,7 @@ class BodyTrack:
         covariance = self._config.noise_covariance if seen.covariance is None else seen.covariance
         sample = _Sample(stamp, self.continued(seen.pose, self._last), covariance)
         if self._known and stamp - self.stamp > self._config.max_age:
-            self._known.clear()  # nobody knows how it moved meanwhile
+            self._known.clear()  # nobody knows how it moved
         jump = self._jump(self._known[-1], sample) if self._known else ""
         if not jump:
             self._take(sample)

@@ -2,7 +2,7 @@
 
 An episode is a time in which bodies were followed without a jump. A scene is what rests between
 two pushes; its number goes up with each executed push, and when somebody moved a body. A body that
-is not seen is held where it was, and nothing is settled meanwhile.
+is not seen is held where it was, and nothing is settled during this time.
 """
 
 from collections import OrderedDict, deque
