@@ -1,6 +1,7 @@
 """The driver of an arm over DDS, against the trajectory server: its side of the contract."""
 
 from pathlib import Path
+from threading import Event
 from typing import Any
 
 import numpy as np
@@ -49,7 +50,6 @@ class Laboratory:
         arm = {"robot": "ur5"} | patient | arm
         self.arm = graph.start(ArmNode, **arm)
         graph.start(SceneNode, bodies=BODIES, max_speed=1.5)
-        graph.wait(lambda: graph.heard["reach_table"], "the table of reach")
         graph.wait(lambda: graph.find("scene", settled=True), "a settled scene")
         self.ids = iter(range(1, 1000))
 
@@ -86,7 +86,9 @@ def make(graph: Any, monkeypatch: pytest.MonkeyPatch) -> Any:
     monkeypatch.setattr(arm_node, "table_of_reach", lambda planner: reach)
 
     def make(arm: dict[str, Any] | None = None, **server: Any) -> Laboratory:
-        return Laboratory(graph, arm or {}, server)
+        lab = Laboratory(graph, arm or {}, server)
+        graph.wait(lambda: graph.heard["reach_table"], "the table of reach")
+        return lab
 
     return make
 
@@ -131,6 +133,18 @@ def test_a_push_is_refused_with_the_code_of_its_reason(graph: Any, make: Any) ->
     first, second = lab.push(), lab.push()
     assert graph.result(second).error_code == ErrorCode.BUSY
     assert graph.result(first).error_code == ErrorCode.OK
+
+
+def test_a_push_waits_for_the_table_of_reach(graph: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    reach, found = reach_of("ur5"), Event()
+    monkeypatch.setattr(arm_node, "table_of_reach", lambda planner: found.wait(60.0) and reach)
+    monkeypatch.setattr(arm_node, "WAIT", 30.0)
+    lab = Laboratory(graph, {}, {})
+    lab.enabled = True
+    push_id = lab.push()
+    graph.wait(lambda: lab.arm.phase == "waits", "the push")
+    found.set()
+    assert graph.result(push_id).error_code == ErrorCode.OK
 
 
 def test_without_the_enable_signal_nothing_moves(graph: Any, make: Any) -> None:

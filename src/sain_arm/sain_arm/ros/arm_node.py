@@ -276,7 +276,9 @@ class ArmNode(Node):
         reach = done.result()  # what is wrong with the robot's file ends the node
         self.driver.feasibility = replace(self.driver.feasibility, reach=reach)
         self.reach_publisher.publish(codec.encode_reach(reach, self.get_clock().now().to_msg()))
-        self._has_reach, self.phase = True, "rests"
+        self._has_reach = True
+        if self._order is None:  # a push may wait for it
+            self.phase = "rests"
         self.get_logger().info(f"{self.robot.name} reaches {reach.describe()}")
 
     def destroy_node(self) -> None:
