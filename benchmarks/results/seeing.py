@@ -15,12 +15,13 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from benchmarks.report import Figure, report
+from sain_core.camera.image_camera import ImageCameraConfig
 from sain_core.randomness import generator
 from sain_core.scene import POSE, RADIUS, make_scene, wrap_angle
 from sain_core.shapes.bodies import Bodies
 from sain_core.shapes.body_file import BodyFile, Tag
 from sain_core.types import Scene
-from sain_sim.camera.image_camera import ImageCamera, ImageCameraConfig
+from sain_sim.camera.render import image_camera
 from sain_vision.detection.outlines import OutlineConfig, OutlineFinder
 from sain_vision.detection.sighting import Sighting
 from sain_vision.detection.tags import TagConfig, TagFinder, TagLocator
@@ -102,7 +103,7 @@ def measure_tags(options: Options) -> tuple[str, Errors, int]:
     finder = TagFinder(settings)
     locator = TagLocator(bodies_with_tags(("disk",) * count, options.size), settings)
     errors, every = [], list(scenes(options))
-    with ImageCamera(config, every[0], ("disk",) * count) as camera:
+    with image_camera(config, every[0], ("disk",) * count) as camera:
         for scene in every:
             shot = camera.take(AWAY, scene, random)
             grey = np.asarray(cv2.cvtColor(shot.colour, cv2.COLOR_RGB2GRAY))
@@ -129,7 +130,7 @@ def measure_outlines(options: Options) -> tuple[str, Errors, int]:
     errors, every = [], [scene[[0, 5]] for scene in scenes(options)]
     for scene in every:
         scene[:, RADIUS] = RADII
-    with ImageCamera(config, every[0], shapes) as camera:
+    with image_camera(config, every[0], shapes) as camera:
         for scene in every:
             depth = camera.take(AWAY, scene, random).depth * 1e-3
             found, _ = finder.find(np.where(depth > 0.0, depth, np.nan), model, {})

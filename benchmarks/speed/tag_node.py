@@ -21,14 +21,15 @@ from vision_msgs.msg import Detection3DArray
 from benchmarks.report import Figure, report
 from benchmarks.results.seeing import AWAY, scenes
 from benchmarks.results.seeing import Options as SeeingOptions
+from sain_core.camera.image_camera import ImageCameraConfig, Shot
 from sain_core.cli.command_line import command_of_node
 from sain_core.randomness import generator
+from sain_core.ros.camera_topics import CameraTopics
 from sain_core.ros.node_main import ros_context
 from sain_core.ros.qos import LATCHED, RELIABLE
 from sain_core.shapes.bodies import Bodies
 from sain_core.shapes.body_file import write_tagged_bodies
-from sain_sim.camera.image_camera import ImageCamera, ImageCameraConfig, Shot
-from sain_sim.ros.camera_topics import CameraTopics
+from sain_sim.camera.render import image_camera
 
 NAMESPACE = "tag_benchmark"
 PERIOD = 0.1  # [s]
@@ -83,7 +84,7 @@ def take(folder: Path) -> tuple[list[Shot], Path]:
     count, random = len(scene), generator(0, "tag_node")
     path = folder / "bodies.yaml"
     write_tagged_bodies(path, scene, Bodies.named(("disk",) * count))
-    with ImageCamera(ImageCameraConfig(), scene, ("disk",) * count) as camera:
+    with image_camera(ImageCameraConfig(), scene, ("disk",) * count) as camera:
         return [camera.take(AWAY, scene, random) for _ in range(8)], path
 
 

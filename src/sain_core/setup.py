@@ -20,6 +20,7 @@ setup(
         "joblib",
         "matplotlib",
         "numpy",
+        "opencv-python-headless",
         "pillow",
         "pyyaml",
         "rich",

@@ -17,7 +17,6 @@ setup(
     install_requires=[
         "jaxtyping",
         "numpy",
-        "opencv-python-headless",
         "pybullet",
         "rich",
         "shapely",

@@ -90,7 +90,7 @@ def test_a_robot_takes_the_place_of_the_simulator(tmp_path: Path) -> None:
     seen = ObservationConfig(noise="0.001,0.01")
     options = GraphOptions(robot="python3 'my driver.py' -v", bodies=bodies, camera=seen)
     commands = graph_commands(options, ["-r", "__ns:=/lab"], tmp_path)
-    assert list(commands) == ["model", "scenes", "robot", "planner"]
+    assert list(commands) == ["model", "robot", "scenes", "planner"]
     assert commands["robot"] == [
         "python3", "my driver.py", "-v", "--ros-args", "-r", "__ns:=/lab",
     ]  # fmt: skip
@@ -106,11 +106,24 @@ def test_a_robot_takes_the_place_of_the_simulator(tmp_path: Path) -> None:
     assert "estimator.unknown:=mass" not in known["planner"]
 
 
+def test_a_robot_sees_by_a_camera(tmp_path: Path) -> None:
+    bodies = tmp_path / "bodies.yaml"
+    bodies.write_text(ROBOT % ", tags: 1")
+    options = GraphOptions(robot="elsewhere", bodies=bodies, see="tags")
+    commands = graph_commands(options, [], tmp_path)
+    assert list(commands) == ["model", "tags", "scenes", "planner"]
+    assert f"bodies:={bodies}" in commands["tags"]
+    assert {f"bodies:={bodies}", "noise:=0.0005,0.005"} <= set(commands["scenes"])
+    assert "estimator.noise:=0.0005,0.005" in commands["planner"]
+    assert not any("use_sim_time:=true" in command for command in commands.values())
+
+
 @pytest.mark.parametrize(
     ("change", "message"),
     [
         ({"bodies": Path("b.yaml")}, "--bodies is for a robot; give --robot, too"),
-        ({"robot": "python3", "gui": True}, "--robot replaces the simulator; --see, --gui"),
+        ({"robot": "python3", "gui": True}, "--robot replaces the simulator; leave out --gui"),
+        ({"robot": "python3", "see": "tags"}, "--see tags needs the bodies of the robot"),
         ({"robot": "python3", "engine": "mujoco"}, "--robot replaces the simulator"),
         ({"robot": "no_such_driver"}, "there is no command 'no_such_driver'"),
         ({"robot": "python3 '"}, "No closing quotation"),

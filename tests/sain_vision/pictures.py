@@ -5,9 +5,9 @@ from collections.abc import Iterable
 import cv2
 import numpy as np
 
+from sain_core.camera.decals import paint_tag
 from sain_core.shapes.bodies import Bodies
 from sain_core.shapes.body_file import BodyFile, Tag
-from sain_sim.camera.decals import paint_tag
 from sain_vision.optics import CameraModel
 
 SIZE = 0.04  # [m], of a tag
@@ -62,7 +62,7 @@ def take(
     picture = np.full((camera.height, camera.width, 3), 180.0)
     hidden = np.zeros(picture.shape[:2], dtype=bool)
     for number, pose in tags:
-        paint_tag(picture, number, SIZE, plane_of(camera), pose, hidden)
+        paint_tag(picture, Tag(number, SIZE), plane_of(camera), pose, hidden)
     seen = distorted(picture[..., 0], camera)
     seen = cv2.GaussianBlur(seen, (0, 0), blur) if blur else seen
     seen = seen + noise * random.standard_normal(seen.shape)

@@ -12,7 +12,11 @@ from rclpy.node import Node
 from sain_core.cli.command_line import executable
 
 SIMULATORS = {"/clock", "/sain/world_parameters", "/sain/joint_states", "/sain/robot_description"}
-ROBOTS = {"/joint_states", "/sain/enable", "/sain/reach_table", "/sain/push", "/sain/push_result"}
+ROBOTS = {
+    "/sain/camera/color/image_raw", "/sain/camera/color/camera_info",
+    "/sain/camera/aligned_depth_to_color/image_raw", "/joint_states", "/tf_static",
+    "/sain/enable", "/sain/reach_table", "/sain/push", "/sain/push_result",
+}  # fmt: skip
 
 
 def topics(node: Node) -> set[str]:
@@ -20,12 +24,12 @@ def topics(node: Node) -> set[str]:
 
 
 @pytest.mark.system
-def test_a_goal_is_reached_without_any_topic_of_the_simulator(
+def test_a_goal_is_reached_by_images_without_any_topic_of_the_simulator(
     ros_domain: int, tmp_path: Path
 ) -> None:
     bag = tmp_path / "bag"
     laboratory = [str(executable("sain_bringup", "laboratory")), "--model", "planar"]
-    laboratory += ["--robot", "ur5", "--pace", "2.0", "--bag", str(bag)]
+    laboratory += ["--robot", "ur5", "--see", "tags", "--bag", str(bag)]
     context = rclpy.Context()
     rclpy.init(context=context, domain_id=ros_domain)
     node = Node("bystander", context=context)
@@ -38,7 +42,7 @@ def test_a_goal_is_reached_without_any_topic_of_the_simulator(
                 time.sleep(0.2)
             goal = [str(executable("sain_bringup", "goal")), "0.6", "0.1", "--body", "0"]
             done = subprocess.run(
-                [*goal, "--timeout", "60"], capture_output=True, text=True, timeout=250
+                [*goal, "--timeout", "120"], capture_output=True, text=True, timeout=250
             )
             assert done.returncode == 0, done.stderr + done.stdout
             assert topics(node) & SIMULATORS == set()

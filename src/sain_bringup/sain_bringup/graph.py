@@ -80,8 +80,8 @@ class GraphConfig(Config):
     camera: Annotated[ObservationConfig, tyro.conf.arg(name="")] = ObservationConfig()
     see: str = option(
         "",
-        "what the scenes are made of: tags in a simulated camera's images, or outlines in its depth"
-        " images; empty: the simulator's own",
+        "what the scenes are made of: tags in a camera's images, or outlines in its depth images;"
+        " empty: the simulator's own scenes, or poses of a robot's bodies",
         choices=("", *SEEN_NOISE),
     )
     gui: bool = option(False, "show the simulator's window, in real time")
@@ -101,7 +101,7 @@ class GraphConfig(Config):
                     f"--learn {self.learn} serves the model of that laboratory; leave out --model"
                     " and --belief"
                 )
-        if self.see and not self.camera.is_exact:
+        if self.see in SEEN_NOISE and not self.camera.is_exact:
             raise ConfigError("--see has the errors of its images; --noise and the like are others")
         if self.params_file is not None:
             _check_parameter_file(self.params_file)
@@ -135,12 +135,16 @@ class GraphOptions(GraphConfig):
     @property
     def observed(self) -> ObservationConfig:
         """What planner and model have to be told of observations."""
-        if self.see:
-            return replace(self.camera, noise=SEEN_NOISE[self.see])
+        camera = replace(self.camera, noise=self.pose_noise)
         bodies = None if self.bodies is None else read_bodies(self.bodies)
-        if bodies is None or bodies.weighed or MASSES in self.camera.unknown_names:
-            return self.camera
-        return replace(self.camera, unknown=",".join((*self.camera.unknown_names, MASSES)))
+        if bodies is None or bodies.weighed or MASSES in camera.unknown_names:
+            return camera
+        return replace(camera, unknown=",".join((*camera.unknown_names, MASSES)))
+
+    @property
+    def pose_noise(self) -> str:
+        """Standard deviation of the poses that scenes are made of: METRES,RADIANS."""
+        return SEEN_NOISE[self.see] if self.see else self.camera.noise
 
     @property
     def simulator(self) -> dict[str, str]:
@@ -157,12 +161,12 @@ class GraphOptions(GraphConfig):
         """Check that robot and bodies belong together, and that no option is the simulator's."""
         if self.bodies is not None and not self.robot:
             raise ConfigError("--bodies is for a robot; give --robot, too")
-        if self.robot and (
-            self.see or self.gui or self.engine != DEFAULT_ENGINE or self.bottom != FEET
-        ):
+        if self.robot and (self.gui or self.engine != DEFAULT_ENGINE or self.bottom != FEET):
             raise ConfigError(
-                "--robot replaces the simulator; --see, --gui, --engine and --bottom are its"
+                "--robot replaces the simulator; leave out --gui, --engine and --bottom"
             )
+        if self.robot and self.see and self.bodies is None:
+            raise ConfigError(f"--see {self.see} needs the bodies of the robot; give --bodies")
         try:
             words = shlex.split(self.robot)
         except ValueError as error:
@@ -267,7 +271,7 @@ def graph_commands(
     simulator = {"bullet.full_motion": "true"} if full_motion else {}
     simulator |= options.simulator
     given = changed_settings(options.observed)
-    if options.see:
+    if options.see and not options.robot:
         simulator |= {"scenes": "false", "bullet.wait_aside": "true"}
         simulator |= DEPTH_IMAGES if options.see == OUTLINES else {}
     else:
@@ -282,8 +286,9 @@ def graph_commands(
 
     def node(package: str, name: str, **parameters: str) -> list[str]:
         files = [] if options.params_file is None else ["--params-file", str(options.params_file)]
-        state = str(states.absolute() / f"{name}.json")
-        return command_of_node(package, name, [*ros, *files], **parameters, state_file=state)
+        if name not in SEEING.values():  # which remember nothing
+            parameters["state_file"] = str(states.absolute() / f"{name}.json")
+        return command_of_node(package, name, [*ros, *files], **parameters)
 
     # The simulator's time is in all headers; with a robot it is the wall clock's.
     simulated = {} if options.robot else {"use_sim_time": "true"}
@@ -300,14 +305,11 @@ def graph_commands(
         recorder = [str(executable("sain_bags", "record")), "--out", str(options.bag), *data]
         commands[RECORDER] = [*recorder, "--bag.flush-period", FLUSH_PERIOD, "--ros-args", *ros]
     if options.robot:
-        commands |= _robot_commands(options, ros, node)
+        if options.robot != ELSEWHERE:
+            commands[ROBOT] = [*shlex.split(options.robot), "--ros-args", *ros]
     else:
         commands[SIMULATOR] = node("sain_sim", "sim_node", **seed, **simulator)
-    if options.see:
-        given = {"bodies": str(write_seen_bodies(options, states)), **simulated}
-        spread = SEEN_NOISE[options.see]
-        commands[options.see] = command_of_node("sain_vision", SEEING[options.see], ros, **given)
-        commands[SCENES] = node("sain_vision", "scene_node", **given, noise=spread)
+    commands |= _seeing_commands(options, node, states, simulated)
     commands[PLANNER] = node("sain_mppi", "mppi_node", **planner)
     return commands
 
@@ -317,16 +319,18 @@ def learner_of(options: GraphConfig) -> dict[str, str]:
     return {"laboratory": str(laboratory_path(options.learn).absolute())}
 
 
-def _robot_commands(
-    options: GraphOptions, ros: Sequence[str], node: Callable[..., list[str]]
+def _seeing_commands(
+    options: GraphOptions, node: Callable[..., list[str]], states: Path, simulated: dict[str, str]
 ) -> dict[str, list[str]]:
-    """Return the commands of a robot's driver, and of the node that makes scenes of poses."""
+    """Return the commands of the node that sees bodies, and of the one that makes scenes."""
+    if options.bodies is None and not options.see:
+        return {}
+    bodies = write_seen_bodies(options, states) if options.bodies is None else options.bodies
+    given = {"bodies": str(bodies.absolute()), **simulated}
     commands = {}
-    if options.bodies is not None:
-        given = {"bodies": str(options.bodies.absolute()), "noise": options.camera.noise}
-        commands[SCENES] = node("sain_vision", "scene_node", **given)
-    if options.robot != ELSEWHERE:
-        commands[ROBOT] = [*shlex.split(options.robot), "--ros-args", *ros]
+    if options.see:
+        commands[options.see] = node("sain_vision", SEEING[options.see], **given)
+    commands[SCENES] = node("sain_vision", "scene_node", **given, noise=options.pose_noise)
     return commands
 
 

@@ -8,7 +8,15 @@ from typing import Final
 from rich.console import Console
 
 from sain_arm.robot.robot import SHIPPED, read_robot
-from sain_bringup.graph import ELSEWHERE, ROBOT, GraphConfig, GraphOptions
+from sain_bringup.graph import (
+    DEPTH_IMAGES,
+    ELSEWHERE,
+    OUTLINES,
+    ROBOT,
+    SEEN_NOISE,
+    GraphConfig,
+    GraphOptions,
+)
 from sain_bringup.graph import run as run_graph
 from sain_core.cli.command_line import command_of_node, executable
 from sain_core.config import option
@@ -31,7 +39,11 @@ class LaboratoryOptions(GraphConfig):
 
     robot: str = option("ur5", "YAML file of the robot, or the name of a shipped one")
     bodies: Path = option(SHIPPED / "bodies" / "t.yaml", "YAML file of the bodies")
-    see: str = option(POSES, "how bodies are seen: their poses are published", choices=(POSES,))
+    see: str = option(
+        POSES,
+        "how bodies are seen: their poses are published, or by tags or outlines in images",
+        choices=(POSES, *SEEN_NOISE),
+    )
     pace: float = option(
         1.0, "how many times as fast as the wall clock it runs", minimum=0.05, maximum=20.0
     )
@@ -63,9 +75,10 @@ class _Graph(GraphOptions):
         """Return the commands of the laboratory, of the arm's driver and of who enables it."""
         own = self.laboratory
         bodies = str(own.bodies.absolute())
-        server = command_of_node(
-            "sain_arm", "trajectory_server", ros, robot=own.robot, bodies=bodies, pace=own.pace
-        )
+        given = {"robot": own.robot, "bodies": bodies, "pace": own.pace}
+        given |= {"poses": "false"} if self.see else {}
+        given |= DEPTH_IMAGES if self.see == OUTLINES else {}
+        server = command_of_node("sain_arm", "trajectory_server", ros, **given)
         arm = command_of_node("sain_arm", "arm_node", ros, robot=own.robot)
         commands = {SERVER: server, ROBOT: arm}
         if own.enable:
@@ -84,6 +97,7 @@ def run(options: LaboratoryOptions, console: Console) -> int:
     common = {name: getattr(options, name) for name in names}
     graph = _Graph(
         **common,
+        see="" if options.see == POSES else options.see,
         robot=ELSEWHERE,
         bodies=options.bodies,
         record=options.record,

@@ -6,9 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from sain_core.camera.image_camera import ImageCamera, ImageCameraConfig
 from sain_core.scene import DISK_HEIGHT, POSE, make_scene, wrap_angle
 from sain_core.shapes.bodies import Bodies
-from sain_sim.camera.image_camera import ImageCamera, ImageCameraConfig
+from sain_sim.camera.render import image_camera
 from sain_vision.detection.outlines import OutlineConfig, OutlineFinder
 from sain_vision.optics import CameraModel
 from tests.sain_vision.pictures import file_of
@@ -27,7 +28,7 @@ CAMERA = CameraModel(640, 480, CONFIG.matrix, np.zeros(5), *CONFIG.stated_pose)
 
 @pytest.fixture(scope="module")
 def camera() -> Iterator[ImageCamera]:
-    with ImageCamera(CONFIG, START, SHAPES) as made:
+    with image_camera(CONFIG, START, SHAPES) as made:
         yield made
 
 

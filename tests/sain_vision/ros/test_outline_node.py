@@ -10,10 +10,10 @@ from vision_msgs.msg import Detection3DArray
 
 from sain_core.randomness import generator
 from sain_core.ros import codec
+from sain_core.ros.camera_topics import CameraTopics
 from sain_core.ros.qos import LATCHED
 from sain_core.scene import POSE
-from sain_sim.camera.image_camera import ImageCamera
-from sain_sim.ros.camera_topics import CameraTopics
+from sain_sim.camera.render import image_camera
 from sain_vision.ros.images import decode_depth
 from sain_vision.ros.outline_node import OutlineNode
 from tests.sain_vision.detection.test_outlines import AWAY, CONFIG, SHAPES, START
@@ -28,7 +28,7 @@ bodies:
 def test_depth_images_become_poses(graph, tmp_path: Path) -> None:
     path = tmp_path / "bodies.yaml"
     path.write_text(BODIES)
-    with ImageCamera(CONFIG, START, SHAPES) as camera:
+    with image_camera(CONFIG, START, SHAPES) as camera:
         shot = camera.take(AWAY, START, generator(0, "test"))
     graph.start(OutlineNode, bodies=str(path), max_age=5.0)
     graph.listen("detections", Detection3DArray)

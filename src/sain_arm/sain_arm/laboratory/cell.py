@@ -17,7 +17,7 @@ from sain_arm.robot.arm_model import BODY, TABLE, ArmModel, solid_geoms
 from sain_arm.robot.robot import Robot, Vector
 from sain_arm.robot.urdf import ROD, TIP
 from sain_core.randomness import generator
-from sain_core.scene import DISK_HEIGHT, VELOCITY, is_settled, wrap_angle
+from sain_core.scene import DISK_HEIGHT, POSE, VELOCITY, is_settled, wrap_angle
 from sain_core.shapes.body_file import BodyFile, Poses
 from sain_core.types import Scene
 
@@ -83,18 +83,25 @@ class Cell:
 
     def home(self) -> None:
         """Put the arm at home, at rest."""
-        self.data.qpos[self._positions] = self.robot.home
+        self.set(self.data, self.robot.home, self.observe()[:, POSE])
         self.data.qvel[self._speeds] = 0.0
         mujoco.mj_forward(self.model, self.data)
 
     def place(self, poses: Poses) -> None:
         """Put the bodies to poses (N, 3), at rest."""
-        for joint, (x, y, theta) in zip(self._free, poses, strict=True):
-            start, speed = self.model.jnt_qposadr[joint], self.model.jnt_dofadr[joint]
-            turn = [np.cos(theta / 2), 0.0, 0.0, np.sin(theta / 2)]
-            self.data.qpos[start : start + 7] = [x, y, DISK_HEIGHT / 2, *turn]
+        self.set(self.data, self.joints, poses)
+        for joint in self._free:
+            speed = self.model.jnt_dofadr[joint]
             self.data.qvel[speed : speed + 6] = 0.0
         mujoco.mj_forward(self.model, self.data)
+
+    def set(self, data: Any, joints: Vector, poses: Poses) -> None:
+        """Write joints (J,) and poses (N, 3) of bodies that lie on the table to data."""
+        data.qpos[self._positions] = joints
+        for joint, (x, y, theta) in zip(self._free, poses, strict=True):
+            start = self.model.jnt_qposadr[joint]
+            turn = [np.cos(theta / 2), 0.0, 0.0, np.sin(theta / 2)]
+            data.qpos[start : start + 7] = [x, y, DISK_HEIGHT / 2, *turn]
 
     def observe(self) -> Scene:
         """Return the bodies (N, 8) as they are."""

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 
+from sain_core.camera.image_camera import ImageCameraConfig
 from sain_core.config import Config, option
 
 
@@ -51,5 +52,6 @@ class ServerConfig(Config):
     noise: str = option("0,0", "noise of the published poses: METRES,RADIANS")
     poses: bool = option(True, "publish the poses of the bodies; false: a camera sees them")
     twice: bool = option(False, "answer each goal twice, first at once: a fault")
+    images: ImageCameraConfig = ImageCameraConfig()
     cell: CellConfig = CellConfig()
     controller: ControllerConfig = ControllerConfig()

@@ -1,4 +1,4 @@
-"""A laboratory in place of a robot: serves FollowJointTrajectory, and shows the bodies' poses."""
+"""A laboratory in place of a robot: serves FollowJointTrajectory, with a camera over the table."""
 
 from pathlib import Path
 from time import monotonic
@@ -19,6 +19,7 @@ from sain_arm.laboratory.controller import Controller, Ending
 from sain_arm.laboratory.laboratory_config import ServerConfig
 from sain_arm.planning.timing import Trajectory
 from sain_arm.robot.robot import Robot, read_robot
+from sain_arm.ros.laboratory_camera import LaboratoryCamera
 from sain_core.errors import ConfigError
 from sain_core.randomness import generator
 from sain_core.ros import codec
@@ -67,6 +68,7 @@ class TrajectoryServer(Node):
         )
         if config.twice:
             self._hasty = ActionServer(self, FollowJointTrajectory, name, self._answer_at_once)
+        self.camera = LaboratoryCamera(self, self.cell, config.images, config.cell.seed)
         self.diagnostics = Diagnostics(self, "laboratory")
         self.diagnostics.set(OK, "runs")
         steady_timer(self, TICK, self._tick)
@@ -178,6 +180,11 @@ class TrajectoryServer(Node):
             turned = Quaternion(z=float(np.sin(half)), w=float(np.cos(half)))
             message.poses.append(Pose(position=Point(x=x, y=y), orientation=turned))
         return message
+
+    def destroy_node(self) -> None:
+        """End the camera, too."""
+        self.camera.close()
+        super().destroy_node()
 
 
 def _places(given: tuple[float, ...], count: int, robot: Robot) -> np.ndarray:

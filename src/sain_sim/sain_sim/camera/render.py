@@ -10,13 +10,15 @@ from dataclasses import dataclass
 from typing import Final, NamedTuple
 
 import numpy as np
-from jaxtyping import Bool, Float, Int, UInt8
+from jaxtyping import Float, Int, UInt8
 from numpy import ndarray
 
+from sain_core.camera.image_camera import Drawing, ImageCamera, ImageCameraConfig
 from sain_core.config import Config, option
 from sain_core.push import TOOL_RADIUS
 from sain_core.scene import DISK_HEIGHT, POSITION, RADIUS, TARGET, THETA, Table, X, Y
 from sain_core.shapes.bodies import Bodies
+from sain_core.shapes.body_file import Tag
 from sain_core.shapes.solids import DISK
 from sain_core.types import Points, Scene
 from sain_core.view.scenes import colours_of
@@ -225,9 +227,11 @@ class Renderer(Closeable):
         distance = FAR * NEAR / (FAR - (FAR - NEAR) * buffer)
         return np.where(body[..., None] >= 0, colours, _sky(height)), distance, body
 
-    def shows_arm(self, bodies: Identities) -> Bool[ndarray, "height width"]:
-        """Return which pixels show the arm, of the bodies that `draw` returns."""
-        return np.asarray(bodies == self._arm)
+    def drawing(self, joints: Joints, scene: Scene, width: int, height: int) -> Drawing:
+        """Return what an `ImageCamera` sees of an arm with joints (7,) and of bodies (N, 8)."""
+        self.show(joints, scene)
+        colours, distances, bodies = self.draw(width, height)
+        return Drawing(colours, distances, np.asarray(bodies == self._arm))
 
     def _casters(self, joints: Joints, scene: Scene) -> list[Caster]:
         """Return what throws a shadow: the disks, the stick and the hand above it."""
@@ -240,6 +244,34 @@ class Renderer(Closeable):
     def close(self) -> None:
         """Close the renderer's client."""
         self._client.close()
+
+
+def image_camera(
+    config: ImageCameraConfig,
+    scene: Scene,
+    shapes: tuple[str, ...],
+    table: Table = Table(),
+    arm: ArmConfig = ArmConfig(),
+) -> ImageCamera:
+    """Return a camera over a Panda and bodies of these shapes, as large as in a scene (N, 8).
+
+    Each body has the tag with its own number in the middle.
+
+    Raises:
+        ConfigError: PyBullet, which draws, is not installed.
+    """
+    place = CameraConfig(
+        width=config.width,
+        height=config.height,
+        eye=config.eye,
+        focus=config.focus,
+        field_of_view=config.field_of_view,
+        light=config.light,
+    )
+    size = config.tag_size
+    tags = [(Tag(body, size),) if size > 0.0 else () for body in range(len(scene))]
+    renderer = Renderer(scene, shapes, place, table, arm, marked=False)
+    return ImageCamera(config, renderer, tags)
 
 
 def _sky(height: int) -> ndarray:

@@ -6,10 +6,12 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
 
+from sain_core.camera.image_camera import Shot
 from sain_core.errors import ErrorCode, SainError, error_reply
 from sain_core.guarding.ros.reception import Reception, shortened
 from sain_core.guarding.session import Session
 from sain_core.ros import codec
+from sain_core.ros.camera_topics import CameraTopics
 from sain_core.ros.markers import MarkerBoard, markers_of, tool_marker
 from sain_core.ros.node_main import ERROR, OK, WARN, Diagnostics
 from sain_core.ros.qos import LATCHED, QUEUE, RELIABLE, LatchedTopic
@@ -21,8 +23,6 @@ from sain_interfaces.msg import Bodies, Prediction, Push, PushResult, WorldParam
 from sain_interfaces.msg import Scene as SceneMessage
 from sain_interfaces.srv import ResetScene
 from sain_sim.arm.panda import JOINT_NAMES
-from sain_sim.camera.image_camera import Shot
-from sain_sim.ros.camera_topics import CameraTopics
 from sain_sim.ros.simulator import SHADOW_MODEL, Pushed, Simulator
 from sain_sim.ros.transforms import Transforms, frame_prefix
 from sain_sim.world.workcell import Sample

@@ -7,6 +7,7 @@ from builtin_interfaces.msg import Time
 from rclpy.node import Node
 
 from sain_core import wire
+from sain_core.camera.image_camera import Shot
 from sain_core.errors import BusyError, CancelledError, SainError
 from sain_core.guarding.ros.ownership import Ownership
 from sain_core.guarding.ros.reception import Reception, emptied, introspect, shortened
@@ -18,7 +19,6 @@ from sain_core.ros.worker import Worker
 from sain_interfaces.msg import Push, PushResult
 from sain_interfaces.msg import Scene as SceneMessage
 from sain_interfaces.srv import ResetScene
-from sain_sim.camera.image_camera import Shot
 from sain_sim.ros.pacing import Pacer
 from sain_sim.ros.publishing import Publishing
 from sain_sim.ros.resumption import Resumption

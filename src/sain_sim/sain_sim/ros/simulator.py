@@ -7,6 +7,7 @@ from time import perf_counter
 
 import numpy as np
 
+from sain_core.camera.image_camera import ImageCamera, ImageCameraConfig, Shot
 from sain_core.config import option
 from sain_core.errors import InvalidInputError, SainError
 from sain_core.randomness import generator
@@ -14,8 +15,7 @@ from sain_core.scene import RADIUS
 from sain_core.types import PushArray, Scene
 from sain_core.world import Outcome
 from sain_sim.camera.camera import Camera, WorldCameraConfig
-from sain_sim.camera.image_camera import ImageCamera, ImageCameraConfig, Shot
-from sain_sim.camera.render import Window
+from sain_sim.camera.render import Window, image_camera
 from sain_sim.ros.pacing import CameraTimer, Pacer
 from sain_sim.world.engines import BULLET
 from sain_sim.world.own import open_world
@@ -185,7 +185,7 @@ class Simulator:
         """Return images of a world, as its camera takes them."""
         if self._images is None:  # nobody has wanted any in this episode so far
             bullet = self.config.bullet
-            self._images = ImageCamera(
+            self._images = image_camera(
                 self.config.images,
                 sample.scene,
                 self.parameters.shapes,

@@ -8,9 +8,9 @@ from geometry_msgs.msg import Quaternion, TransformStamped, Vector3
 from rclpy.node import Node
 from sensor_msgs.msg import CameraInfo, Image
 
+from sain_core.camera.image_camera import ImageCameraConfig, Matrix, Shot
 from sain_core.ros import codec
 from sain_core.ros.qos import RELIABLE
-from sain_sim.camera.image_camera import ImageCameraConfig, Matrix, Shot
 
 COLOUR: Final = "camera/color/image_raw"
 INFO: Final = "camera/color/camera_info"
@@ -21,7 +21,7 @@ OPTICAL_FRAME: Final = "camera_color_optical_frame"
 class CameraTopics:
     """Publishes images, and tells whether anybody hears them."""
 
-    def __init__(self, node: Node, config: ImageCameraConfig, frame_prefix: str) -> None:
+    def __init__(self, node: Node, config: ImageCameraConfig, frame_prefix: str = "") -> None:
         """Create the publishers."""
         self._config, self._frame = config, frame_prefix + OPTICAL_FRAME
         self._colour = node.create_publisher(Image, COLOUR, RELIABLE)

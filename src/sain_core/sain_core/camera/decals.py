@@ -12,6 +12,8 @@ import numpy as np
 from jaxtyping import Bool, Float, UInt8
 from numpy import ndarray
 
+from sain_core.shapes.body_file import Tag
+
 MODULES: Final = 8  # along the side of a tag of family 36h11, with its black border
 QUIET: Final = 1  # modules of white paper around it
 TEXELS: Final = 12  # for each module
@@ -31,23 +33,20 @@ def tag_texture(number: int) -> UInt8[ndarray, "T T"]:
 
 def paint_tag(
     picture: Painting,
-    number: int,
-    size: float,
+    tag: Tag,
     plane: Homography,
     pose: Float[ndarray, "3"],
     hidden: Bool[ndarray, "height width"],
 ) -> None:
-    """Paint a tag of a size [m] into a picture, in place, but for pixels that are hidden.
+    """Paint the tag of a body into a picture, in place, but for pixels that are hidden.
 
-    The homography maps places [m] in the plane of the tag to pixels; the pose is x, y and heading.
+    The homography maps places [m] in the plane of the tag to pixels; the pose of the body is x, y
+    and heading.
     """
-    texture = tag_texture(number)
-    x, y, heading = pose.tolist()
-    cosine, sine = np.cos(heading), np.sin(heading)
-    scale, middle = size / (MODULES * TEXELS), (len(texture) - 1) / 2
+    texture = tag_texture(tag.number)
+    scale, middle = tag.size / (MODULES * TEXELS), (len(texture) - 1) / 2
     on_paper = scale * np.array([[1.0, 0.0, -middle], [0.0, -1.0, middle], [0.0, 0.0, 1 / scale]])
-    placed = np.array([[cosine, -sine, x], [sine, cosine, y], [0.0, 0.0, 1.0]])
-    to_pixels = plane @ placed @ on_paper
+    to_pixels = plane @ _placed(*pose.tolist()) @ _placed(tag.x, tag.y, tag.angle) @ on_paper
     window = _window(to_pixels, len(texture), picture.shape[1], picture.shape[0])
     if window is None:
         return
@@ -64,6 +63,11 @@ def paint_tag(
     part = picture[top:bottom, left:right]
     share = np.where(hidden[top:bottom, left:right], 0.0, inside)[..., None]
     part[:] = (1.0 - share) * part + share * (drawn / np.maximum(inside, 1e-6))[..., None]
+
+
+def _placed(x: float, y: float, heading: float) -> Homography:
+    cosine, sine = np.cos(heading), np.sin(heading)
+    return np.array([[cosine, -sine, x], [sine, cosine, y], [0.0, 0.0, 1.0]])
 
 
 def _window(

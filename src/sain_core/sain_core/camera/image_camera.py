@@ -1,25 +1,23 @@
 """A camera that takes images of a world, colour and depth, with the errors of a real one.
 
-Bullet's software renderer draws arm, table and bodies of any engine's world; tags are painted on
-the bodies' tops. Lens, blur, exposure and noise follow.
+A renderer, which is given, draws arm, table and bodies; tags are painted on the bodies' tops. Lens,
+blur, exposure and noise follow. So the camera is the same in all engines.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple, Protocol, Self
 
 import cv2
 import numpy as np
-from jaxtyping import Float, UInt8, UInt16
+from jaxtyping import Bool, Float, UInt8, UInt16
 from numpy import ndarray
 
-from sain_core.config import option
-from sain_core.scene import DISK_HEIGHT, POSE, Table
+from sain_core.camera.decals import paint_tag
+from sain_core.config import Config, option
+from sain_core.scene import DISK_HEIGHT, POSE
+from sain_core.shapes.body_file import Tag
 from sain_core.types import Scene
-from sain_sim.arm.client import Closeable
-from sain_sim.arm.motion import Joints
-from sain_sim.arm.panda import ArmConfig
-from sain_sim.camera.decals import paint_tag
-from sain_sim.camera.render import CameraConfig, Renderer
 
 MILLIMETRES: Final = 1000.0
 MOST_DEPTH: Final = 6.0  # [m], of a depth camera
@@ -28,7 +26,7 @@ Matrix = Float[ndarray, "3 3"]
 
 
 @dataclass(frozen=True)
-class ImageCameraConfig(CameraConfig):
+class ImageCameraConfig(Config):
     """A camera over the table, by default as a RealSense D435's colour camera."""
 
     width: int = option(1280, "of the image", unit="px", minimum=64, maximum=4096)
@@ -36,7 +34,7 @@ class ImageCameraConfig(CameraConfig):
     eye: tuple[float, float, float] = option((1.15, 0.0, 0.95), "where it stands", unit="m")
     focus: tuple[float, float, float] = option((0.55, 0.0, 0.0), "what it looks at", unit="m")
     field_of_view: float = option(43.0, "vertical", unit="deg", minimum=5.0, maximum=120.0)
-    oversampling: int = option(1, "not used: images have a camera's noise", minimum=1, maximum=1)
+    light: tuple[float, float, float] = option((0.6, -1.2, 2.4), "where light is from", unit="m")
     rate: float = option(
         10.0, "images per second, while somebody subscribes", unit="Hz", minimum=0.1, maximum=60.0
     )
@@ -90,6 +88,32 @@ class ImageCameraConfig(CameraConfig):
         return self.rotation @ error, np.add(self.eye, self.misplaced)
 
 
+class Drawing(NamedTuple):
+    """What a renderer draws: without lens, blur and noise.
+
+    Attributes:
+        colour: red, green, blue.
+        depth: along the optical axis [m].
+        hides: where something is before the bodies' tops, such as the arm.
+    """
+
+    colour: UInt8[ndarray, "height width 3"]
+    depth: Float[ndarray, "height width"]
+    hides: Bool[ndarray, "height width"]
+
+
+class ImageRenderer(Protocol):
+    """Draws a world as an `ImageCameraConfig` has it, but without the errors of a camera."""
+
+    def drawing(self, joints: Any, scene: Scene, width: int, height: int) -> Drawing:
+        """Return the arm with joints (J,), table and bodies (N, 8), in so many pixels."""
+        ...
+
+    def close(self) -> None:
+        """Close what it holds; doing it twice is fine."""
+        ...
+
+
 class Shot(NamedTuple):
     """What a camera takes at one moment.
 
@@ -109,24 +133,15 @@ class _Ideal(NamedTuple):
     depth: Float[ndarray, "height width"]
 
 
-class ImageCamera(Closeable):
-    """Takes images of a Panda, a table and N bodies."""
+class ImageCamera:
+    """Takes images of an arm, a table and N bodies. Not for use by two threads."""
 
     def __init__(
-        self,
-        config: ImageCameraConfig,
-        scene: Scene,
-        shapes: tuple[str, ...],
-        table: Table = Table(),
-        arm: ArmConfig = ArmConfig(),
+        self, config: ImageCameraConfig, renderer: ImageRenderer, tags: Sequence[Sequence[Tag]]
     ) -> None:
-        """Build what will be seen: bodies of these shapes, as large as in a scene (N, 8).
-
-        Raises:
-            ConfigError: PyBullet, which draws, is not installed.
-        """
+        """Take what a renderer draws, with tags on each body; the camera closes the renderer."""
         self.config = config
-        self._renderer = Renderer(scene, shapes, config, table, arm, marked=False)
+        self._renderer, self._tags = renderer, tags
         self._size = config.width, config.height
         world = np.column_stack([np.eye(3)[:, :2], (0.0, 0.0, DISK_HEIGHT) - np.array(config.eye)])
         self._plane = config.matrix @ config.rotation.T @ world
@@ -134,8 +149,8 @@ class ImageCamera(Closeable):
         self._key = b""
         self._ideal: _Ideal | None = None
 
-    def take(self, joints: Joints, scene: Scene, random: np.random.Generator) -> Shot:
-        """Return an image of the arm with joints (7,) and of the bodies (N, 8)."""
+    def take(self, joints: ndarray, scene: Scene, random: np.random.Generator) -> Shot:
+        """Return an image of the arm with joints (J,) and of the bodies (N, 8)."""
         key = joints.tobytes() + scene[:, POSE].tobytes()
         if key != self._key or self._ideal is None:  # a world at rest is drawn once
             self._key, self._ideal = key, self._draw(joints, scene)
@@ -150,20 +165,20 @@ class ImageCamera(Closeable):
         millimetres = np.where(known, MILLIMETRES * depth + 0.5, 0.0).astype(np.uint16)
         return Shot(np.clip(colour + 0.5, 0, 255).astype(np.uint8), millimetres)
 
-    def _draw(self, joints: Joints, scene: Scene) -> _Ideal:
+    def _draw(self, joints: ndarray, scene: Scene) -> _Ideal:
         config, (width, height) = self.config, self._size
-        self._renderer.show(joints, scene)
         small = round(config.detail * width), round(config.detail * height)
-        drawn, distances, bodies = self._renderer.draw(*small)
-        colour = cv2.resize(drawn.astype(np.float32), self._size, interpolation=cv2.INTER_LINEAR)
-        arm = self._renderer.shows_arm(bodies).astype(np.uint8)
-        hidden = np.asarray(cv2.resize(arm, self._size, interpolation=cv2.INTER_NEAREST)) > 0
-        depth = cv2.resize(
-            distances.astype(np.float32), self._size, interpolation=cv2.INTER_NEAREST
+        drawn = self._renderer.drawing(joints, scene, *small)
+        colour = cv2.resize(
+            drawn.colour.astype(np.float32), self._size, interpolation=cv2.INTER_LINEAR
         )
-        if config.tag_size > 0.0:
-            for body, pose in enumerate(scene[:, POSE]):
-                paint_tag(colour, body, config.tag_size, self._plane, pose, hidden)
+        hides, depth = (
+            np.asarray(cv2.resize(one, self._size, interpolation=cv2.INTER_NEAREST))
+            for one in (drawn.hides.astype(np.uint8), drawn.depth.astype(np.float32))
+        )
+        for pose, tags in zip(scene[:, POSE], self._tags, strict=True):
+            for tag in tags:
+                paint_tag(colour, tag, self._plane, pose, hides > 0)
         if self._lens is not None:
             colour = cv2.remap(colour, *self._lens, cv2.INTER_LINEAR)
             depth = cv2.remap(depth, *self._lens, cv2.INTER_NEAREST)
@@ -174,6 +189,14 @@ class ImageCamera(Closeable):
     def close(self) -> None:
         """Close the renderer."""
         self._renderer.close()
+
+    def __enter__(self) -> Self:
+        """Return the camera itself."""
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Close it."""
+        self.close()
 
 
 def _lens_map(config: ImageCameraConfig) -> tuple[ndarray, ndarray] | None:
