@@ -20,6 +20,7 @@ import tyro
 from rich.console import Console
 
 from benchmarks.faults import hostile_files
+from benchmarks.faults.arm_faults import arm_faults
 from benchmarks.faults.hostile_files import run_files
 from benchmarks.faults.hostile_messages import flood_node
 from benchmarks.faults.running import PARTS, Strikes, graph, lost_rows, own_domain
@@ -39,7 +40,7 @@ from sain_lab.keeping.laboratory import Laboratory
 RESULTS_KEPT: Final = 60.0  # [s], of actions
 STOPPED: Final = 10.0  # [s]
 LEARNING: Final = (LEARNER, MODEL)  # processes that are struck while a learner is at work
-KINDS: Final = ("kill", "stop", "datagrams", "clock", "memory", "disk", "messages", "files")
+KINDS: Final = ("kill", "stop", "datagrams", "clock", "memory", "disk", "messages", "files", "arm")
 
 
 @dataclass(frozen=True)
@@ -58,6 +59,10 @@ class Options:
     """to each topic, service and action, hostile ones"""
     files: int = 1000
     """hostile ones"""
+    arm: int = 20
+    """of a table with a robot arm, each"""
+    arm_only: str = ""
+    """words in the names of those faults; empty: all of them"""
     only: tuple[str, ...] = KINDS
     """kinds of faults"""
     parts: tuple[str, ...] = (*PARTS, LEARNER)
@@ -124,6 +129,7 @@ def measure(options: Options, folder: Path) -> Iterator[Row]:
         "memory": lambda: memory(folder, options.episodes),
         "disk": lambda: disks(folder, options.disks),
         "messages": lambda: messages(options.messages, options.seed),
+        "arm": lambda: arm_faults(folder, options.arm, options.arm_only),
         "files": lambda: files(folder, options.files, options.seed),
     }
     for kind in options.only:

@@ -15,13 +15,15 @@ from sain_core.storage import git_commit, processor, write_whole
 HEAD: Final = ("Fault", "Tries", "Survived", "Lost", "Recovery: longest", "99 %")
 ABOUT: Final = """# Faults
 
-For users who rely on the graph. The faults below were made while it played `anywhere` episodes.
-`make faults` measures them and writes this page.
+For users who rely on the graph. The faults below were made while it played `anywhere` episodes;
+those at the end while a UR5 in the laboratory brought a T to goals. `make faults` measures them and
+writes this page.
 
 * **Survived**: the episode continued to its end.
 * **Lost**: pushes that were executed twice, pushes that did not begin where the last one ended,
-  and results that are not in the bag. Results are not counted from 1 s before the recorder was
-  killed or stopped until it records again.
+  and results that are not in the bag. With the arm: pushes that count and were not made, or were
+  made and do not count; limits that were broken; motion without the enable signal. Results are not
+  counted from 1 s before the recorder was killed or stopped until it records again.
 * **Recovery**: time from the fault until a push was executed with all processes running again.
 """
 

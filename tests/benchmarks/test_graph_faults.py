@@ -5,6 +5,7 @@ import os
 import pytest
 
 from benchmarks.faults import surroundings
+from benchmarks.faults.arm_faults import arm_faults
 from benchmarks.faults.graph_faults import disks, strikes
 from benchmarks.faults.table import Row, write_page
 from sain_bringup.graph import LEARNER, SIMULATOR
@@ -23,6 +24,12 @@ def test_a_process_is_stopped_and_the_graph_goes_on(tmp_path):
 def test_a_learner_is_killed_and_its_laboratory_is_whole(tmp_path):
     (row,) = strikes(tmp_path, "kill", 1, seed=0, parts=[LEARNER])
     assert (row.tries, row.survived, row.lost) == (1, 1, 0), row
+
+
+def test_an_arm_without_its_enable_signal_rests_and_goes_on_with_it(tmp_path):
+    (row,) = arm_faults(tmp_path, 1, only="enable signal is lost")
+    assert (row.tries, row.survived, row.lost) == (1, 1, 0), row
+    assert row.recoveries[0] > 4.0
 
 
 def test_lost_and_late_datagrams_change_nothing(tmp_path):

@@ -93,9 +93,14 @@ def run(options: LaboratoryOptions, console: Console) -> int:
     Raises:
         SainError: a package is not installed, or a log cannot be written.
     """
+    return run_graph(graph_options(options), console)
+
+
+def graph_options(options: LaboratoryOptions) -> GraphOptions:
+    """Return the graph of a robot, with the processes of its laboratory."""
     names = [item.name for item in fields(GraphConfig) if item.name != "see"]
     common = {name: getattr(options, name) for name in names}
-    graph = _Graph(
+    return _Graph(
         **common,
         see="" if options.see == POSES else options.see,
         robot=ELSEWHERE,
@@ -104,4 +109,3 @@ def run(options: LaboratoryOptions, console: Console) -> int:
         bag=options.bag,
         laboratory=options,
     )
-    return run_graph(graph, console)

@@ -1,0 +1,395 @@
+"""Faults of a table with a robot arm: its camera, its controller, its bodies and its processes.
+
+The laboratory's arm and table are nodes of this process, so what is really moved is known here.
+Driver, planner, model, scenes and enable signal are the processes that an owner of a robot runs.
+"""
+
+import os
+import random
+import signal
+import time
+from collections import Counter, defaultdict, deque
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+from dataclasses import replace
+from functools import partial
+from math import inf
+from pathlib import Path
+from threading import Thread, Timer
+from typing import Any, Final
+
+import numpy as np
+from nav_msgs.msg import OccupancyGrid
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.parameter import Parameter
+from std_msgs.msg import Bool
+from vision_msgs.msg import Detection3DArray
+
+from benchmarks.faults.running import own_domain
+from benchmarks.faults.table import Row
+from sain_arm.laboratory.controller import Ending
+from sain_arm.ros.trajectory_server import TrajectoryServer
+from sain_bringup.children import ProcessDiedError
+from sain_bringup.graph import (
+    MODEL,
+    PLANNER,
+    RECORDER,
+    ROBOT,
+    SCENES,
+    UNWATCHED,
+    graph_commands,
+    restart_command,
+    ros_arguments,
+)
+from sain_bringup.laboratory import ENABLE, SERVER, LaboratoryOptions, graph_options
+from sain_bringup.processes import UNHURRIED, RestartConfig, Supervisor
+from sain_core import wire
+from sain_core.errors import ErrorCode
+from sain_core.ros import codec
+from sain_core.ros.node_main import ros_context
+from sain_core.ros.qos import LATCHED, QUEUE, RELIABLE, steady_timer
+from sain_core.scene import POSITION, THETA
+from sain_core.shapes.body_file import read_bodies
+from sain_core.world import ObservationConfig
+from sain_interfaces.msg import Goal, GoalPose, Plan, PushResult
+from sain_vision.detection.sighting import Sighting
+from sain_vision.ros.detections import encode_sightings
+
+NEVER: Final = RestartConfig(crashes=10**9)
+ENDING: Final = (ROBOT, ENABLE)  # processes whose death ends the graph, and stops the arm
+PACE: Final = 2.0
+FRAME: Final = 1.0 / 30.0  # [s]
+LASTING: Final = 5.0  # [s] that a fault of the camera lasts
+LATE: Final = 1.0  # [s], of frames
+NOISE: Final = (0.0005, 0.005)  # [m], [rad]
+TOLERANCE: Final = 0.01  # [m]
+PLACES: Final = ((0.45, -0.2), (0.65, 0.2))  # [m], corners of where goals are
+FAR: Final = 0.12  # [m], of a goal from where the body is
+LONGEST: Final = 150.0  # [s] for one goal
+ENDED: Final = (Plan.REACHED, Plan.NO_PUSH, Plan.EXHAUSTED)
+REACHED: Final = "reached"
+END: Final = "the graph ended: "
+DISABLED: Final = 0.8  # [s] from the last signal to rest: the time-out, a cancel, the brake
+MOVES: Final = 0.05  # [rad/s], of a joint
+SHIFT: Final = 0.06  # [m], by a hand
+TOUCHED: Final = 0.003  # [m], of a body that was pushed
+LOW: Final = 0.02  # [m], of a tip that may push
+EMPTY: Final = np.zeros((0, 0, 2))
+
+
+class Table(TrajectoryServer):
+    """Arm, bodies and camera, with faults on demand; it takes note of what must not happen."""
+
+    def __init__(self, bodies: Path, twice: bool = False) -> None:
+        """Set the table."""
+        given = {"robot": "ur5", "bodies": str(bodies), "pace": PACE, "poses": False}
+        given |= {"twice": twice}
+        super().__init__(parameter_overrides=[Parameter(k, value=v) for k, v in given.items()])
+        self.file = read_bodies(bodies)
+        self.todo: deque[Callable[[], None]] = deque()
+        self.wrong: list[str] = []
+        self.results: list[tuple[float, PushResult]] = []
+        self.enabled_at = self.dark_until = self.late_until = self.covered_until = 0.0
+        self.struck_by_hand = False
+        self._frames: deque[tuple[float, Detection3DArray]] = deque()
+        self._lowered = self.by_hand = self.pushes = False
+        self._touched = 0
+        self._before = self.cell.observe()
+        self._sees = self.create_publisher(Detection3DArray, "detections", RELIABLE)
+        self.create_subscription(Bool, "enable", self._on_enable, RELIABLE)
+        self.create_subscription(PushResult, "push_result", self._on_result, QUEUE)
+        self.reaches = False  # the driver has said where
+        self.create_subscription(OccupancyGrid, "reach_table", self._on_reach, LATCHED)
+        self.plans: dict[int, list[Plan]] = defaultdict(list)
+        self.create_subscription(Plan, "plan", self._on_plan, QUEUE)
+        self.goal = self.create_publisher(Goal, "goal", LATCHED)
+        steady_timer(self, FRAME, self._see)
+
+    @property
+    def moves(self) -> bool:
+        """Whether a joint of the arm moves."""
+        return float(np.abs(self.cell.velocities).max()) > MOVES
+
+    @property
+    def executed(self) -> list[tuple[float, PushResult]]:
+        """Results of pushes that were made, and when they came [s]."""
+        return [one for one in self.results if one[1].error_code == ErrorCode.OK]
+
+    @property
+    def broken(self) -> list[str]:
+        """What the laboratory has counted that must not be."""
+        report = self.cell.report
+        return [f"limit of {name}" for name in report.limits] + [
+            f"contact of {names}" for names in report.contacts if not self.struck_by_hand
+        ]
+
+    # --- faults, to be done on the executor's thread ---------------------------------------------
+
+    def abort(self) -> None:
+        """Stop as a robot does that was touched."""
+        self.controller.stop(self.cell.time)
+        self._end(Ending.ABORTED, "protective stop")
+
+    def move_by_hand(self) -> None:
+        """Take the body away from the tool and put it down beside it."""
+        poses = self.cell.observe()[:, : THETA + 1].copy()
+        away = poses[0, :2] - self.cell.tip[:2]
+        poses[0, :2] += SHIFT * away / max(float(np.linalg.norm(away)), 1e-6)
+        self.by_hand = self.struck_by_hand = True
+        self.cell.place(poses)
+
+    # --- what is seen ----------------------------------------------------------------------------
+
+    def _see(self) -> None:
+        now = time.monotonic()
+        poses = self.cell.observe()[:, : THETA + 1]
+        spread = np.array([NOISE[0], NOISE[0], NOISE[1]])
+        seen = [
+            Sighting(body, pose + spread * self._random.normal(size=3), np.diag(spread**2), EMPTY)
+            for body, pose in enumerate(poses)
+            if now > self.covered_until
+        ]
+        stamp = self.get_clock().now().to_msg()
+        due = now + (LATE if now < self.late_until else 0.0)
+        if now > self.dark_until:
+            self._frames.append((due, encode_sightings(seen, self.file, "world", stamp)))
+        while self._frames and self._frames[0][0] <= now:
+            self._sees.publish(self._frames.popleft()[1])
+
+    # --- what must not happen --------------------------------------------------------------------
+
+    def _tick(self) -> None:
+        while self.todo:
+            self.todo.popleft()()
+        super()._tick()
+        touched, self._touched = self._touched, self.cell.report.tool
+        low = bool(self.cell.tip[2] < LOW)
+        self.pushes = low and self._touched > touched and self.controller.busy
+        self._lowered |= low
+        since = time.monotonic() - self.enabled_at
+        if self.moves and since > DISABLED and "moved" not in " ".join(self.wrong[-1:]):
+            self.wrong.append(f"the arm moved {since:.1f} s after the last enable signal")
+
+    def _on_reach(self, message: OccupancyGrid) -> None:
+        self.reaches = True
+
+    def _on_plan(self, message: Plan) -> None:
+        self.plans[message.goal_id].append(message)
+
+    def _on_enable(self, message: Any) -> None:
+        self.enabled_at = time.monotonic() if message.data else self.enabled_at
+
+    def _on_result(self, message: PushResult) -> None:
+        """Hold what the driver says of a push against what the arm has done."""
+        executed = message.error_code == ErrorCode.OK
+        if executed and any(one.push_id == message.push_id for _, one in self.executed):
+            self.wrong.append(f"push {message.push_id} has two results")
+        self.results.append((time.monotonic(), message))
+        now = self.cell.observe()
+        moved = float(np.linalg.norm((now - self._before)[:, POSITION], axis=1).max())
+        if executed and not self._lowered:
+            self.wrong.append(f"push {message.push_id} counts, and the tool was never lowered")
+        if executed and len(message.after.disks) == len(now):
+            off = np.linalg.norm((wire.decode_disks(message.after.disks) - now)[:, POSITION])
+            if off > TOUCHED and not self.by_hand:
+                self.wrong.append(f"push {message.push_id} led {1e3 * off:.0f} mm off the truth")
+        if not executed and moved > TOUCHED and not self.by_hand:
+            self.wrong.append(f"push {message.push_id} is refused, and moved {1e3 * moved:.0f} mm")
+        self._before, self._lowered, self.by_hand = now, False, False
+
+
+class Hall:
+    """A table with the processes of its graph. Use it as a context manager."""
+
+    def __init__(self, folder: Path, twice: bool = False) -> None:
+        """Start all in a domain of its own."""
+        self._stack = ExitStack()
+        self._folder, self._twice = folder, twice
+        self.random = random.Random(str(folder.name))
+        self._goals = 0
+
+    def __enter__(self) -> "Hall":
+        """Start, and wait until a goal can be given."""
+        stack = self._stack
+        stack.enter_context(own_domain())
+        stack.enter_context(ros_context())
+        options = LaboratoryOptions(model="planar", bag=self._folder / "bag")
+        self.table = Table(options.bodies, self._twice)
+        executor = SingleThreadedExecutor()
+        executor.add_node(self.table)
+        thread = Thread(target=executor.spin, daemon=True)
+        stack.callback(self.table.destroy_node)
+        stack.callback(thread.join, 5.0)
+        stack.callback(executor.shutdown, 5.0)
+        thread.start()
+        self.supervisor = stack.enter_context(Supervisor(self._folder, UNHURRIED, NEVER))
+        seen = ObservationConfig(noise=",".join(map(str, NOISE)))
+        graph = replace(graph_options(options), camera=seen)
+        commands = graph_commands(graph, ros_arguments(()), self._folder)
+        del commands[SERVER]  # it is in this process
+        for name, command in commands.items():
+            variables = UNWATCHED if name == ROBOT else {}
+            again = restart_command(name, command)
+            self.supervisor.start(name, command, variables, name == RECORDER, again)
+        nodes = (MODEL, PLANNER, SCENES)
+        self.wait(lambda: self.table.reaches and not self.supervisor.starting(nodes), LONGEST)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """End all."""
+        self.end_processes()
+        self._stack.close()
+
+    def end_processes(self) -> None:
+        """End the processes, and leave the table."""
+        self.supervisor.close_files(UNHURRIED.interrupt)
+        self.supervisor.stop()
+
+    def process(self, name: str) -> int:
+        """Return the number of a process."""
+        return next(c.process.pid for c in self.supervisor.children if c.name == name)
+
+    def wait(self, done: Callable[[], Any], longest: float) -> bool:
+        """Look after the processes until something is so; return whether it is, in time [s]."""
+        end = time.monotonic() + longest
+        while not (so := done()) and time.monotonic() < end:
+            self.supervisor.check()
+            time.sleep(0.02)
+        return bool(so)
+
+    def reach(self, strike: Callable[[], None], when: Callable[[], bool]) -> tuple[str, float]:
+        """Give a goal and strike once; return how that ended, and the time [s] to the next push.
+
+        Raises:
+            ProcessDiedError: a process ended that is not started anew.
+        """
+        table = self.table
+        goal = self._far_goal()
+        table.goal.publish(goal)
+        plans = table.plans[goal.goal_id]
+
+        def over() -> bool:
+            return any(plan.status in ENDED for plan in plans)
+
+        if not self.wait(lambda: when() or over(), LONGEST):
+            return f"no moment to strike in {LONGEST:g} s", inf
+        struck, clock = time.monotonic(), time.time()
+        strike()
+        wake = struck + LASTING  # the last plan may be one from before the fault
+        self.wait(lambda: time.monotonic() > wake and over(), LONGEST)
+        made = [
+            at for at, one in table.executed if codec.decode_time(one.push.header.stamp) > clock
+        ]
+        recovery = min(made, default=inf) - struck
+        ends = [plan for plan in plans if plan.status in ENDED]
+        if not ends:
+            return f"no end in {LONGEST:g} s", recovery
+        if ends[-1].status == Plan.REACHED:
+            off = float(np.hypot(*(table.cell.observe()[0, POSITION] - [goal.x, goal.y])))
+            far = off > TOLERANCE + 3.0 * NOISE[0] and not table.by_hand
+            return (f"called reached {1e3 * off:.0f} mm away" if far else REACHED), recovery
+        return f"ended: {ends[-1].error_message or 'no push is left'}", recovery
+
+    def _far_goal(self) -> Goal:
+        at = self.table.cell.observe()[0, POSITION]
+        x, y = at
+        while np.hypot(x - at[0], y - at[1]) < FAR:
+            x, y = (self.random.uniform(*both) for both in zip(*PLACES, strict=True))
+        self._goals += 1
+        pose = GoalPose(body=0, x=x, y=y, tolerance=TOLERANCE)
+        stamp = self.table.get_clock().now().to_msg()
+        return Goal(
+            header=codec.header(stamp), goal_id=self._goals, x=x, y=y, tolerance=TOLERANCE,
+            max_pushes=40, poses=[pose],
+        )  # fmt: skip
+
+
+def kill(name: str) -> Callable[[Hall], None]:
+    """Return what kills a process."""
+    return lambda hall: os.kill(hall.process(name), signal.SIGKILL)
+
+
+def pause(name: str) -> Callable[[Hall], None]:
+    """Return what stops a process for some time."""
+
+    def stop(hall: Hall) -> None:
+        process = hall.process(name)
+        os.kill(process, signal.SIGSTOP)
+        Timer(LASTING, os.kill, (process, signal.SIGCONT)).start()
+
+    return stop
+
+
+def soon(hall: Hall) -> Callable[[], bool]:
+    """Return what comes true at a random time, whatever the arm does then."""
+    due = time.monotonic() + hall.random.uniform(0.1, 4.0)
+    return lambda: time.monotonic() > due
+
+
+def in_stroke(hall: Hall) -> Callable[[], bool]:
+    """Return what is true while the tool pushes a body."""
+    return lambda: hall.table.pushes
+
+
+def at_table(fault: Callable[[Table], None]) -> Callable[[Hall], None]:
+    """Return what does something to the table on its own thread."""
+    return lambda hall: hall.table.todo.append(lambda: fault(hall.table))
+
+
+def until(name: str) -> Callable[[Hall], None]:
+    """Return what begins a fault of the camera that ends by itself."""
+    return at_table(lambda table: setattr(table, name, time.monotonic() + LASTING))
+
+
+FAULTS: Final[dict[str, tuple[Callable[[Hall], Callable[[], bool]], Callable[[Hall], None]]]] = {
+    f"camera dark for {LASTING:g} s": (soon, until("dark_until")),
+    f"frames {LATE:g} s late for {LASTING:g} s": (soon, until("late_until")),
+    f"body covered for {LASTING:g} s": (soon, until("covered_until")),
+    "a hand moves the body in a stroke": (in_stroke, at_table(Table.move_by_hand)),
+    "the controller aborts a stroke": (in_stroke, at_table(Table.abort)),
+    "the controller answers twice": (in_stroke, lambda hall: None),
+    f"the enable signal is lost in a stroke for {LASTING:g} s": (in_stroke, pause(ENABLE)),
+    **{f"SIGKILL: {name}": (soon, kill(name)) for name in (SCENES, MODEL, PLANNER)},
+    **{f"SIGKILL: {name} in a stroke": (in_stroke, kill(name)) for name in ENDING},
+}
+TWICE: Final = "the controller answers twice"
+
+
+def arm_faults(folder: Path, tries: int, only: str = "") -> Iterator[Row]:
+    """Do each fault so often, one goal each."""
+    for number, fault in enumerate(FAULTS):
+        if only in fault:
+            yield _row(folder / f"arm_{number}", fault, tries)
+
+
+def _row(folder: Path, fault: str, tries: int) -> Row:
+    when, strike = FAULTS[fault]
+    outcomes: list[str] = []
+    wrong: list[str] = []
+    recoveries: list[float] = []
+    while len(outcomes) < tries:
+        with Hall(folder / f"{len(outcomes)}", fault == TWICE) as hall:
+            try:
+                while len(outcomes) < tries:
+                    outcome, recovery = hall.reach(partial(strike, hall), when(hall))
+                    outcomes.append(outcome)
+                    recoveries.append(recovery)
+                    print(f"{fault}: {outcome}, {recovery:.1f} s", *hall.table.wrong, flush=True)
+            except ProcessDiedError as error:
+                outcomes.append(f"{END}{error.reason.splitlines()[0]}")
+                print(f"{fault}: {outcomes[-1]}", flush=True)
+                hall.end_processes()
+                time.sleep(DISABLED)
+                if hall.table.moves:
+                    hall.table.wrong.append("the arm moves after the end of the graph")
+            wrong += hall.table.wrong + hall.table.broken
+    good = (REACHED, *(f"{END}{name} was killed by SIGKILL" for name in ENDING))
+    survived = [one for one in outcomes if one in good]
+    others = Counter(one for one in outcomes if one not in survived)
+    notes = [f"{one} ({count})" for one, count in (others + Counter(wrong)).items()]
+    ended = sum(one != REACHED for one in survived)
+    notes += (
+        [f"the graph ended with the reason, and the arm stood still ({ended})"] if ended else []
+    )
+    row = Row(fault, tries, len(survived), len(wrong), recoveries)
+    return replace(row, note="; ".join(notes))
