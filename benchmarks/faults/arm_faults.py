@@ -213,7 +213,7 @@ class Hall:
         stack = self._stack
         stack.enter_context(own_domain())
         stack.enter_context(ros_context())
-        options = LaboratoryOptions(model="planar", bag=self._folder / "bag")
+        options = LaboratoryOptions(model="planar", page=False, bag=self._folder / "bag")
         self.table = Table(options.bodies, self._twice)
         executor = SingleThreadedExecutor()
         executor.add_node(self.table)

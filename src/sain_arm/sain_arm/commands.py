@@ -23,6 +23,6 @@ trajectory_server: Final = NodeCommand(
     " a table, and serves FollowJointTrajectory. It delays, tolerates and aborts as asked.",
     node="ros.trajectory_server:TrajectoryServer",
     settings="laboratory.laboratory_config:ServerConfig",
-    publishes=("/joint_states", "poses", "laboratory", "/diagnostics"),
+    publishes=("/joint_states", "/robot_description", "poses", "laboratory", "/diagnostics"),
     example="robot:=ur5",
 )

@@ -153,6 +153,11 @@ class GraphOptions(GraphConfig):
         defaults = {"engine": DEFAULT_ENGINE, "bottom": FEET}
         return {name: value for name, value in given.items() if value != defaults[name]}
 
+    @property
+    def planner(self) -> dict[str, str]:
+        """Parameters of the planner that differ from their defaults."""
+        return {}
+
     def more_commands(self, ros: Sequence[str]) -> dict[str, list[str]]:
         """Return commands of more processes, by name; `ros` are arguments for every node."""
         return {}
@@ -276,7 +281,7 @@ def graph_commands(
         simulator |= DEPTH_IMAGES if options.see == OUTLINES else {}
     else:
         simulator |= {f"camera.{name}": str(value) for name, value in given.items()}
-    planner = {f"estimator.{name}": str(value) for name, value in given.items()}
+    planner = options.planner | {f"estimator.{name}": str(value) for name, value in given.items()}
     if options.gui:
         simulator |= {"gui": "true", "real_time_factor": "1.0"}
     model = {"belief": str(Path(options.belief).absolute())} if options.belief else {}

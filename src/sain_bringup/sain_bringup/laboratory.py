@@ -12,6 +12,7 @@ from sain_bringup.graph import (
     DEPTH_IMAGES,
     ELSEWHERE,
     OUTLINES,
+    PAGE,
     ROBOT,
     SEEN_NOISE,
     GraphConfig,
@@ -20,7 +21,6 @@ from sain_bringup.graph import (
 from sain_bringup.graph import run as run_graph
 from sain_core.cli.command_line import command_of_node, executable
 from sain_core.config import option
-from sain_core.errors import ConfigError
 from sain_core.push import PushLimits
 from sain_core.shapes.body_file import read_bodies
 
@@ -48,6 +48,8 @@ class LaboratoryOptions(GraphConfig):
         1.0, "how many times as fast as the wall clock it runs", minimum=0.05, maximum=20.0
     )
     enable: bool = option(True, "let the arm move; else start `sain_arm enable` for that")
+    page: bool = option(True, "serve the live page, with the camera's picture")
+    port: int = option(8080, "of the page", minimum=1, maximum=65535)
     record: bool = option(True, "record all topics")
     bag: Path | None = option(
         None, "folder to make for the recording; by default bags/<date>-<time>"
@@ -57,12 +59,7 @@ class LaboratoryOptions(GraphConfig):
         """Check the fields, and both files."""
         super().__post_init__()
         read_bodies(self.bodies)
-        radius, assumed = read_robot(self.robot).tool_radius, PushLimits().tool_radius
-        if radius != assumed and self.params_file is None:
-            raise ConfigError(
-                f"the tool of {self.robot!r} has a radius of {radius} m, and planner and model"
-                f" assume {assumed} m; give feasibility.limits.tool_radius in a --params-file"
-            )
+        read_robot(self.robot)
 
 
 @dataclass(frozen=True)
@@ -70,6 +67,13 @@ class _Graph(GraphOptions):
     """The graph of a robot that is started here, too."""
 
     laboratory: LaboratoryOptions = LaboratoryOptions()
+
+    @property
+    def planner(self) -> dict[str, str]:
+        """Parameters of the planner: the tool of the robot."""
+        radius = read_robot(self.laboratory.robot).tool_radius
+        differs = radius != PushLimits().tool_radius
+        return {"feasibility.limits.tool_radius": str(radius)} if differs else {}
 
     def more_commands(self, ros: Sequence[str]) -> dict[str, list[str]]:
         """Return the commands of the laboratory, of the arm's driver and of who enables it."""
@@ -81,6 +85,8 @@ class _Graph(GraphOptions):
         server = command_of_node("sain_arm", "trajectory_server", ros, **given)
         arm = command_of_node("sain_arm", "arm_node", ros, robot=own.robot)
         commands = {SERVER: server, ROBOT: arm}
+        if own.page:
+            commands[PAGE] = command_of_node("sain_live", "page_node", ros, port=own.port)
         if own.enable:
             enable = [str(executable("sain_arm", "enable")), "--robot", own.robot]
             commands[ENABLE] = [*enable, "--ros-args", *ros]

@@ -12,7 +12,7 @@ from threading import Event
 from typing import Any, Final
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, UInt8
 from numpy import ndarray
 
 from sain_core.goal import Goal, Judgement
@@ -23,6 +23,9 @@ from sain_core.wire.learning import Learned
 LOG_LINES: Final = 200  # that are kept
 LONGEST_LINE: Final = 400  # characters of one
 MOST_POINTS: Final = 400  # of a chart
+
+
+FixedPose = tuple[tuple[float, float, float], tuple[float, float, float, float]]
 
 
 class Level(StrEnum):
@@ -117,11 +120,25 @@ class LiveCurves:
 
 @dataclass(frozen=True, eq=False)
 class LiveArm:
-    """The arm: its URDF, and the pose (x y z, quaternion w x y z) of its root in the world."""
+    """The arm.
+
+    Attributes:
+        description: URDF.
+        frames: pose (x y z, quaternion w x y z) of what is fixed in the world, by its name; where
+            the root is not among them, it is the world.
+    """
 
     description: str
-    place: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    turn: tuple[float, float, float, float] = (1.0, 0.0, 0.0, 0.0)
+    frames: Mapping[str, FixedPose] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, eq=False)
+class GhostLine:
+    """A line (M, 3) [m] where the arm will go, with its width [m] and colour."""
+
+    points: Float[ndarray, "M 3"]
+    width: float
+    colour: tuple[int, int, int]
 
 
 @dataclass(eq=False)
@@ -129,11 +146,14 @@ class LiveState:
     """All that is known. `changed` is set after each change, `log` is appended to."""
 
     scene: LiveScene | None = None
+    epoch: float = 0.0  # [s], of the clock in the scenes, when the page heard the first of them
     bodies: Bodies = PAPER_DISKS
     aim: Goal | None = None
     plan: LivePlan | None = None
     result: LiveResult | None = None
     arm: LiveArm | None = None
+    ghost: tuple[GhostLine, ...] = ()  # the way of the push that the arm plans or makes
+    picture: UInt8[ndarray, "H W 3"] | None = None  # of the camera, with what was found
     joints: Mapping[str, float] = field(default_factory=dict)
     curves: LiveCurves = LiveCurves()
     learned: Learned | None = None  # by the learner of a laboratory; None: there is none
@@ -158,6 +178,11 @@ class LiveState:
             setattr(self, name, value)
         self.changed.set()
 
+    @property
+    def time(self) -> float:
+        """The time [s] of the latest scene: simulated, or of a robot since the page listens."""
+        return 0.0 if self.scene is None else self.scene.time - self.epoch
+
     def judge(self, scene: Scene) -> Judgement | None:
         """Judge a scene; None: there is no goal, or the scene is of another."""
         aim, bodies, count = self.aim, self.bodies, len(scene)
@@ -171,7 +196,7 @@ class LiveState:
         text = text if len(text) <= LONGEST_LINE else text[: LONGEST_LINE - 1] + "…"
         if self.log and (self.log[-1].kind, self.log[-1].text) == (kind, text):
             return
-        self.log.append(LogLine(0.0 if self.scene is None else self.scene.time, kind, text))
+        self.log.append(LogLine(self.time, kind, text))
         self.lines += 1
         self.changed.set()
 

@@ -3,14 +3,18 @@
 import numpy as np
 import pytest
 from builtin_interfaces.msg import Time
-from sensor_msgs.msg import JointState
+from geometry_msgs.msg import Point, TransformStamped
+from sensor_msgs.msg import Image, JointState
+from std_msgs.msg import String
+from tf2_msgs.msg import TFMessage
+from visualization_msgs.msg import Marker, MarkerArray
 
 from sain_core.errors import InvalidInputError
 from sain_core.ros import codec
 from sain_core.scene import make_scene
 from sain_core.shapes.bodies import Bodies
 from sain_live.ros.hearing import Hearing
-from sain_live.state import LiveState
+from sain_live.state import LiveScene, LiveState
 
 SCENE = make_scene(np.array([(0.4, 0.0), (0.6, 0.2)]), np.full(2, 8.0), np.full(2, 0.06))
 TEE, BOX = Bodies.named(["t", "disk"]), Bodies.named(["box_3x2", "disk"])
@@ -55,3 +59,59 @@ def test_joints_of_unequal_lengths_are_refused(known, hearing):
     with pytest.raises(InvalidInputError, match="3 names and 2 positions; allowed: as many"):
         hearing._on_joints(wrong)
     assert known.joints == {"a": 0.5}
+
+
+def fixed(child, x):
+    frame = TransformStamped(child_frame_id=child)
+    frame.header.frame_id = "world"
+    frame.transform.translation.x = x
+    return frame
+
+
+def test_the_arm_stands_on_its_root_and_not_on_the_camera(known, hearing):
+    hear = {topic: take for topic, (_, take) in hearing.handlers.items()}
+    hear["/tf_static"](TFMessage(transforms=[fixed("camera_link", 1.5)]))
+    hear["/robot_description"](String(data="<robot/>"))
+    hear["/tf_static"](TFMessage(transforms=[fixed("base", 0.3)]))
+    places = {name: place[0] for name, (place, _) in known.arm.frames.items()}
+    assert places == {"camera_link": 1.5, "base": 0.3}
+
+
+def test_a_way_becomes_lines_and_the_next_one_replaces_it(known, hearing):
+    def way(*xs):
+        points = [Point(x=float(x)) for x in xs]
+        strip = Marker(type=Marker.LINE_STRIP, points=points)
+        strip.scale.x, strip.color.r = 0.004, 1.0
+        return MarkerArray(markers=[Marker(action=Marker.DELETEALL), strip])
+
+    hearing._on_ghost(way(0, 1, 2))
+    (line,) = known.ghost
+    assert (line.points[:, 0].tolist(), line.width, line.colour) == ([0, 1, 2], 0.004, (255, 0, 0))
+    with pytest.raises(InvalidInputError, match="NaN or Inf"):
+        hearing._on_ghost(way(0, np.nan))
+    hearing._on_ghost(way(5, 6))
+    assert known.ghost[0].points[:, 0].tolist() == [5, 6]
+
+
+def test_a_picture_is_made_small_and_has_its_colours(known, hearing):
+    pixels = np.zeros((20, 1280, 3), np.uint8)
+    pixels[..., 0] = 200  # blue
+    picture = Image(height=20, width=1280, encoding="bgr8", data=pixels.tobytes())
+    hearing.on_picture(picture)
+    assert known.picture.shape == (10, 640, 3) and known.picture[0, 0].tolist() == [0, 0, 200]
+    picture.height = 30
+    with pytest.raises(InvalidInputError, match="1280 x 30 px"):
+        hearing.on_picture(picture)
+
+
+def test_the_time_of_a_robot_begins_with_the_page(known, hearing):
+    for seconds in (1_795_716_544, 1_795_716_554):
+        message = scene(1, seconds % 100)
+        message.header.stamp = Time(sec=seconds)
+        hearing._early = None
+        hearing._see(hearing_scene(message))
+    assert known.time == 10.0
+
+
+def hearing_scene(message):
+    return LiveScene(SCENE, 1, message.scene_id, True, codec.decode_time(message.header.stamp))

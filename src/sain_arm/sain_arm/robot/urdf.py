@@ -182,6 +182,17 @@ class Urdf:
         return path
 
 
+def visible(description: str) -> str:
+    """Return a description whose links look as they collide, for viewers."""
+    robot = ElementTree.fromstring(description)
+    for link in robot.findall("link"):
+        if link.find("visual") is None:
+            for collision in link.findall("collision"):
+                visual = ElementTree.SubElement(link, "visual")
+                visual.extend(collision)
+    return ElementTree.tostring(robot, encoding="unicode")
+
+
 def resolve(name: str, beside: Path) -> Path:
     """Return the file of a path, ``file://`` or ``package://`` address.
 

@@ -19,13 +19,14 @@ from sain_arm.laboratory.controller import Controller, Ending
 from sain_arm.laboratory.laboratory_config import ServerConfig
 from sain_arm.planning.timing import Trajectory
 from sain_arm.robot.robot import Robot, read_robot
+from sain_arm.robot.urdf import visible
 from sain_arm.ros.laboratory_camera import LaboratoryCamera
 from sain_core.errors import ConfigError
 from sain_core.randomness import generator
 from sain_core.ros import codec
 from sain_core.ros.node_main import NAMESPACE, OK, Diagnostics
 from sain_core.ros.parameters import read_parameters
-from sain_core.ros.qos import RELIABLE, steady_timer
+from sain_core.ros.qos import RELIABLE, LatchedTopic, steady_timer
 from sain_core.scene import THETA
 from sain_core.shapes.body_file import read_bodies
 from sain_core.world import ObservationConfig
@@ -56,6 +57,8 @@ class TrajectoryServer(Node):
         self._goal: tuple[ServerGoalHandle, Future] | None = None
         self._states = self.create_publisher(JointState, "/joint_states", RELIABLE)
         self._poses = self.create_publisher(PoseArray, "poses", RELIABLE) if config.poses else None
+        self._description = LatchedTopic(self, String, "/robot_description")
+        self._description.publish(String(data=visible(self.robot.description)))
         self._status = self.create_publisher(String, "laboratory", RELIABLE)
         name = f"/{self.robot.controller.strip('/')}/follow_joint_trajectory"
         self._server = ActionServer(

@@ -180,9 +180,8 @@ class ArmView:
         root = next((name for name in links if name not in children), None)
         if root is None:
             raise ConfigError("its description has no link that hangs on no other")
-        self._root = self._scene.add_frame(
-            "/arm", show_axes=False, position=arm.place, wxyz=arm.turn
-        )
+        place, turn = arm.frames.get(root, ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0)))
+        self._root = self._scene.add_frame("/arm", show_axes=False, position=place, wxyz=turn)
         colours = dict(_named_colours(robot))
         self._hang(root, "/arm", links, joints, colours)
 

@@ -187,7 +187,7 @@ def status_text(known: LiveState) -> str:
     facts = [("model", known.model or "-"), ("engine", known.engine or "-")]
     facts += [("world", known.world or "-")]
     if known.scene is not None:
-        facts.insert(0, ("episode", f"{known.scene.episode_id}, {known.scene.time:.0f} s"))
+        facts.insert(0, ("episode", f"{known.scene.episode_id}, {known.time:.0f} s"))
     if away := distance_text(known):
         facts[1:1] = [("to the goal", away), ("pushes", str(known.pushes))]
     rows = "".join(

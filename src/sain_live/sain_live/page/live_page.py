@@ -12,6 +12,7 @@ from sain_live.page.arm import ArmView
 from sain_live.page.charts import ChartsView
 from sain_live.page.controls import ControlsView, PlannerForm
 from sain_live.page.learning import LearningView
+from sain_live.page.picture import PictureView
 from sain_live.page.playing import PlayingView
 from sain_live.page.scene import GoalsView, SceneView
 from sain_live.page.serving import open_server
@@ -71,12 +72,15 @@ class LivePage:
         charts = ChartsView(server)
         with charts.panel.add_tab("Learning", viser.Icon.SCHOOL):
             learning = LearningView(server.gui)
+        with charts.panel.add_tab("Camera", viser.Icon.CAMERA):
+            picture = PictureView(server.gui)
         self._views: tuple[PagePart, ...] = (
             SceneView(server),
             self.goals,
             ArmView(server),
             charts,
             learning,
+            picture,
             *controls,
         )
         self.updates = 0  # sent

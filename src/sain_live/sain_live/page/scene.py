@@ -14,9 +14,10 @@ from sain_core.view.scenes import bodies_in, goal_marks, plan_things, prediction
 from sain_core.view.things import GoalMark, Look, Thing
 from sain_live.orders import FEASIBILITY, Orders, check_aim
 from sain_live.page.things import LOW, ThingsView, draw_goal, heading_of, sky, upright
-from sain_live.state import Level, LivePlan, LiveResult, LiveState
+from sain_live.state import GhostLine, Level, LivePlan, LiveResult, LiveState
 
 FEW: Final = 6  # other sequences that are shown, the cheapest
+GHOST_WIDTH: Final = 0.004  # [m], at most: these lines are not transparent
 
 
 class SceneView:
@@ -27,6 +28,7 @@ class SceneView:
         server.scene.set_background_image(sky(256), format="png")
         self._view = ThingsView(server.scene)
         self._view.show("stage", stage(FEASIBILITY))
+        self._server, self._ghost = server, list[Any]()
         self._shown: dict[str, tuple[Any, ...]] = {}
 
     def show(self, known: LiveState) -> None:
@@ -41,6 +43,22 @@ class SceneView:
         if self._is_new("result", known.result):
             result = known.result
             self._view.show("result", [] if result is None else _result(result, bodies))
+
+        if self._is_new("ghost", known.ghost):
+            self._draw_ghost(known.ghost)
+
+    def _draw_ghost(self, lines: tuple[GhostLine, ...]) -> None:
+        for node in self._ghost:
+            node.remove()
+        self._ghost = [
+            self._server.scene.add_line_segments(
+                f"/ghost/{number}",
+                np.stack([line.points[:-1], line.points[1:]], axis=1),
+                line.colour,
+                thickness=min(line.width, GHOST_WIDTH),
+            )
+            for number, line in enumerate(lines)
+        ]
 
     def _is_new(self, name: str, *now: object) -> bool:
         """Whether something is not what it was at the last call."""

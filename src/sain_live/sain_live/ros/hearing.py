@@ -6,9 +6,10 @@ from typing import Any, Final
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray
-from sensor_msgs.msg import JointState
+from sensor_msgs.msg import Image, JointState
 from std_msgs.msg import String
 from tf2_msgs.msg import TFMessage
+from visualization_msgs.msg import Marker, MarkerArray
 
 from sain_core import wire
 from sain_core.errors import ErrorCode, InvalidInputError
@@ -31,6 +32,8 @@ from sain_interfaces.msg import (
 from sain_live.orders import first_aim
 from sain_live.state import (
     MOST_POINTS,
+    FixedPose,
+    GhostLine,
     Level,
     LiveArm,
     LiveCurves,
@@ -48,6 +51,7 @@ PLAIN: Final = {
     "sim_node": "simulator",
     "scene_node": "scenes",
     "learner_node": "learner",
+    "arm_node": "arm",
 }
 
 
@@ -152,6 +156,10 @@ MOST_SHAPES: Final = 16  # episodes whose shapes are kept until their scenes com
 Take = Callable[[Any], None]
 RECENT: Final = 5.0  # [s]
 WORLD: Final = "world"
+WALL_CLOCK: Final = 1e8  # [s]; no simulation is so long
+MOST_FRAMES: Final = 100
+MOST_MARKERS: Final = 100
+LARGEST_PICTURE: Final = 640  # pixels, its width
 LONGEST_DESCRIPTION: Final = 4_000_000  # characters of a URDF
 ENDED: Final = {Plan.REACHED: Phase.REACHED, Plan.EXHAUSTED: Phase.PAUSED}
 SILENT: Final = (ErrorCode.OK, ErrorCode.UNKNOWN, ErrorCode.CANCELLED)
@@ -185,10 +193,11 @@ class Hearing:
         self._goal_id: int | None = None  # that the pushes are counted of
         self._early: LiveScene | None = None  # whose bodies are not known yet
         self._settled: LiveScene | None = None
-        self._root: tuple[Any, ...] = ()  # place and turn of the arm's, once they are known
+        self._frames: dict[str, FixedPose] = {}  # that hang on the world
         self.handlers: Mapping[str, tuple[type, Take]] = {
             "scene": (Scene, self._on_scene),
             "joint_states": (JointState, self._on_joints),
+            "/joint_states": (JointState, self._on_joints),  # a robot's
             "shapes": (Bodies, self._on_bodies),
             "goal": (Goal, self._on_goal),
             "plan": (Plan, self._on_plan),
@@ -196,6 +205,8 @@ class Hearing:
             "world_parameters": (WorldParameters, self._on_world),
             "learning": (Learning, self._on_learning),
             "robot_description": (String, self._on_description),
+            "/robot_description": (String, self._on_description),
+            "ghost": (MarkerArray, self._on_ghost),
             "/tf_static": (TFMessage, self._on_fixed_frames),
             "/diagnostics": (DiagnosticArray, Health(known).hear),
         }
@@ -229,6 +240,8 @@ class Hearing:
             self._begin(seen)
         if seen.settled:
             self._settled = seen
+        if before is None and seen.time > WALL_CLOCK:
+            known.update(epoch=seen.time)
         known.update(scene=seen)
         aim = None if known.aim is None else known.aim.fitted(len(seen.disks))
         if aim is None or any(pose.body >= len(seen.disks) for pose in aim.poses):
@@ -271,17 +284,48 @@ class Hearing:
         if len(message.data) > LONGEST_DESCRIPTION:
             known.tell(Level.FAULT, f"the arm is not drawn: {len(message.data)} characters of URDF")
         elif known.arm is None or known.arm.description != message.data:
-            known.update(arm=LiveArm(message.data, *self._root))
+            known.update(arm=LiveArm(message.data, self._frames))
 
     def _on_fixed_frames(self, message: TFMessage) -> None:
-        """Take where the arm's root stands: the first frame that hangs on the world."""
-        for frame in message.transforms:
+        """Take what stands in the world: the arm's root, perhaps a camera."""
+        found = dict(self._frames)
+        for frame in message.transforms[:MOST_FRAMES]:
             if frame.header.frame_id.rpartition("/")[2] == WORLD:
                 place, turn = frame.transform.translation, frame.transform.rotation
-                self._root = (place.x, place.y, place.z), (turn.w, turn.x, turn.y, turn.z)
-                if (arm := self._known.arm) is not None:
-                    self._known.update(arm=LiveArm(arm.description, *self._root))
-                return
+                pose = (place.x, place.y, place.z), (turn.w, turn.x, turn.y, turn.z)
+                found[frame.child_frame_id.rpartition("/")[2]] = pose
+        if found == self._frames or len(found) > MOST_FRAMES:
+            return
+        self._frames = found
+        if (arm := self._known.arm) is not None:
+            self._known.update(arm=LiveArm(arm.description, found))
+
+    def _on_ghost(self, message: MarkerArray) -> None:
+        """Take the lines of a way; an empty one after them forgets them."""
+        lines = []
+        for marker in message.markers[:MOST_MARKERS]:
+            points = np.array([(p.x, p.y, p.z) for p in marker.points[:MOST_POINTS]])
+            if marker.type != Marker.LINE_STRIP or len(points) < 2:
+                continue
+            colour = [marker.color.r, marker.color.g, marker.color.b]
+            if not (np.isfinite(points).all() and np.isfinite([*colour, marker.scale.x]).all()):
+                raise InvalidInputError(f"line {marker.ns} {marker.id} has NaN or Inf")
+            red, green, blue = np.clip(np.multiply(colour, 255.0), 0, 255).astype(int).tolist()
+            lines.append(GhostLine(points, marker.scale.x, (red, green, blue)))
+        self._known.update(ghost=tuple(lines))
+
+    def on_picture(self, message: Image) -> None:
+        """Take what the camera saw, made so small that a browser gets it quickly."""
+        height, width = message.height, message.width
+        if message.encoding not in ("bgr8", "rgb8") or len(message.data) != 3 * height * width:
+            raise InvalidInputError(
+                f"an image of {width} x {height} px in {message.encoding!r} with"
+                f" {len(message.data)} bytes; allowed: bgr8, rgb8"
+            )
+        pixels = np.frombuffer(message.data, dtype=np.uint8).reshape(height, width, 3)
+        step = max(1, -(-width // LARGEST_PICTURE))
+        picture = pixels[::step, ::step, :: -1 if message.encoding == "bgr8" else 1]
+        self._known.update(picture=np.ascontiguousarray(picture))
 
     def _on_goal(self, message: Goal) -> None:
         known = self._known

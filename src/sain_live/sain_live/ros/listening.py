@@ -12,12 +12,14 @@ from rclpy.callback_groups import CallbackGroup
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from rclpy.subscription import Subscription
+from sensor_msgs.msg import Image
 
 from sain_core.guarding.ros.reception import Reception
 from sain_core.ros.qos import LATCHED, LATCHED_QUEUE, QUEUE, RELIABLE
 from sain_live.ros.hearing import Hearing
 from sain_live.state import LiveState
 
+PICTURE: Final = "camera/overlay"
 LATEST: Final = QoSProfile(depth=1)
 
 
@@ -85,8 +87,11 @@ class Polling:
 
 
 RATE: Final = 60.0  # [Hz], looks for new scenes and joints
-POLLED: Final = ("scene", "joint_states")
-UNLIMITED: Final = "robot_description"  # longer than texts elsewhere may be: it has its own limit
+POLLED: Final = ("scene", "joint_states", "/joint_states")
+UNLIMITED: Final = (
+    "robot_description",
+    "/robot_description",
+)  # longer than texts elsewhere may be: it has its own limit
 QOS: Final[dict[str, tuple[QoSProfile, ...]]] = {
     "shapes": (LATCHED,),
     "goal": (LATCHED_QUEUE, RELIABLE),  # as the planner: the same one twice is no harm
@@ -94,6 +99,8 @@ QOS: Final[dict[str, tuple[QoSProfile, ...]]] = {
     "learning": (LATCHED,),
     "world_parameters": (LATCHED,),
     "robot_description": (LATCHED,),
+    "/robot_description": (LATCHED,),
+    "ghost": (LATCHED,),
     "/tf_static": (LATCHED_QUEUE,),
 }
 
@@ -106,14 +113,16 @@ class Listening:
         self._lock = Lock()  # scenes come on a thread of their own
         reception = Reception(node)
         self._polling = Polling(node, reception, RATE)
-        hearing = Hearing(known, lambda: bool(node.count_publishers("shapes")))
+        self._node, self._reception = node, reception
+        self._picture: Subscription | None = None
+        self._hearing = hearing = Hearing(known, lambda: bool(node.count_publishers("shapes")))
         for topic, (kind, callback) in hearing.handlers.items():
             take = self._locked(callback)
             if topic in POLLED:
                 self._polling.listen(kind, topic, take)
                 continue
             for qos in QOS.get(topic, (RELIABLE,)):
-                if topic == UNLIMITED:
+                if topic in UNLIMITED:
                     node.create_subscription(kind, topic, take, qos)
                 else:
                     reception.listen(kind, topic, take, qos)
@@ -122,6 +131,15 @@ class Listening:
     def close(self) -> None:
         """Listen no more."""
         self._polling.close()
+
+    def watch_camera(self, viewed: bool) -> None:
+        """Take pictures while somebody views the page: nobody else makes the effort then."""
+        if viewed and self._picture is None:
+            take = self._locked(self._hearing.on_picture)
+            self._picture = self._reception.listen(Image, PICTURE, take, LATEST)
+        elif not viewed and self._picture is not None:
+            self._node.destroy_subscription(self._picture)
+            self._picture = None
 
     def _locked(self, callback: Callable[[Any], None]) -> Callable[[Any], None]:
         def take(message: Any) -> None:

@@ -51,6 +51,7 @@ class PageNode(Node):
         self._parts += [listening, self.page]
         self._reset_to = self.config.scenario
         steady_timer(self, LOOK, self._begin)
+        steady_timer(self, LOOK, lambda: listening.watch_camera(self.page.viewers > 0))
 
     def _show_recording(self) -> None:
         self.get_logger().info(f"reading {self.config.bag}")

@@ -16,6 +16,7 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from rclpy.service import Service
 from rclpy.service_introspection import ServiceIntrospectionState
+from rclpy.subscription import Subscription
 
 from sain_core.errors import ErrorCode, InvalidInputError, SainError, TooMuchWorkError, error_reply
 from sain_core.guarding.untrusted import LONGEST_NAME, MOST_BODIES, MOST_CORNERS, MOST_PARTS
@@ -184,13 +185,13 @@ class Reception:
         callback: Callable[[Any], None],
         qos: QoSProfile,
         refuse: Refuse | None = None,
-    ) -> None:
+    ) -> Subscription:
         """Subscribe; `refuse` answers a message that is too large or that fails the callback.
 
         Without it, why the message is ignored is logged.
         """
         handle = self.guarded(topic, callback, refuse or self._ignore(topic))
-        self._node.create_subscription(kind, topic, handle, qos)
+        return self._node.create_subscription(kind, topic, handle, qos)
 
     def guarded(
         self, name: str, callback: Callable[[Any], None], refuse: Refuse
