@@ -138,7 +138,6 @@ def test_a_push_is_refused_with_the_code_of_its_reason(graph: Any, make: Any) ->
 def test_a_push_waits_for_the_table_of_reach(graph: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     reach, found = reach_of("ur5"), Event()
     monkeypatch.setattr(arm_node, "table_of_reach", lambda planner: found.wait(60.0) and reach)
-    monkeypatch.setattr(arm_node, "WAIT", 30.0)
     lab = Laboratory(graph, {}, {})
     lab.enabled = True
     push_id = lab.push()

@@ -40,6 +40,7 @@ from sain_core.shapes.bodies import Bodies
 
 LOOK: Final = 0.02  # [s] between looks at the enable signal
 WAIT: Final = 1.0  # [s] for the enable signal, the controller or the arm, before a push is refused
+FINDING: Final = 40.0  # [s] for the table of reach; a planner waits for 60
 ARRIVED: Final = 0.02  # [rad], of a joint from the end of its goal
 MOVED: Final = 0.005  # [m], of a body since the push was planned
 
@@ -93,7 +94,7 @@ class ArmNode(Node):
         try:
             joints = self._ready()
         except BusyError as error:
-            if monotonic() > self._asked + WAIT:
+            if monotonic() > self._asked + (WAIT if self._has_reach else FINDING):
                 self._give_up(error)
             return
         self.phase = "plans"

@@ -29,6 +29,7 @@ from sain_interfaces.msg import Push, PushResult, Scene
 
 AFTER: Final = 0.4  # [s], from the end of a push to the scene that shows what it led to
 LONGEST: Final = 45.0  # [s] that bodies may move after a push; the planner waits for 60
+PAUSE: Final = 10.0  # [s] between lines of the log that say the same
 LOOK: Final = 0.5  # [s] between looks for rivals, and for bodies that do not come to rest
 
 
@@ -130,8 +131,10 @@ class PushDriver:
     def _refuse(self, message: Push, error: BaseException) -> None:
         code, text = error_reply(error)
         self.counts["refused"] += 1
-        self._node.get_logger().warning(
-            f"push {message.push_id} from {emptied(message).source!r} refused: {shortened(text)}"
+        warn_of_refusal(
+            self._node,
+            code,
+            f"push {message.push_id} from {emptied(message).source!r} refused: {shortened(text)}",
         )
         scene = self._scene or Scene()
         self._answer(message, code, shortened(text), scene, scene)
@@ -179,6 +182,14 @@ class PushDriver:
                 duration=max(ended - self._began, 0.0) if executed else 0.0,
             )
         )
+
+
+def warn_of_refusal(node: Node, code: int, text: str) -> None:
+    """Log that a push was refused; that a robot is busy, which goes on, only now and then."""
+    if code == ErrorCode.BUSY:
+        node.get_logger().warning(text, throttle_duration_sec=PAUSE)
+    else:
+        node.get_logger().warning(text)
 
 
 def is_at_rest(scene: Scene) -> bool:

@@ -13,6 +13,7 @@ from sain_core.model import as_observed, load_dynamics
 from sain_core.ros.codec import decode_time
 from sain_core.ros.node_main import NAMESPACE, OK, WARN, Diagnostics
 from sain_core.ros.parameters import LiveParameters, read_parameters
+from sain_core.ros.push_driver import warn_of_refusal
 from sain_core.ros.qos import LATCHED, LATCHED_QUEUE, QUEUE, RELIABLE
 from sain_core.scene import is_settled
 from sain_core.wire.bodies import decode_bodies
@@ -144,7 +145,8 @@ class MppiNode(Node):
         if message.error_code == ErrorCode.OK:
             self.notes.add_result(message, self.agent.pushes)
         elif self.agent.pushes < sent:  # an own one
-            self.get_logger().warning(f"push {message.push_id} refused: {message.error_message}")
+            text = f"push {message.push_id} refused: {message.error_message}"
+            warn_of_refusal(self, message.error_code, text)
             self.notes.count(self.agent.pushes)
 
     def destroy_node(self) -> None:
