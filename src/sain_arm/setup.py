@@ -15,7 +15,7 @@ setup(
         ("share/ament_index/resource_index/packages", [f"resource/{package_name}"]),
         (f"share/{package_name}", ["package.xml"]),
     ],
-    install_requires=["jaxtyping", "numpy", "rich", "scipy"],
+    install_requires=["jaxtyping", "numpy", "opencv-python-headless", "rich", "scipy"],
     extras_require={"arm": ["example-robot-data", "mink", "mujoco"]},
     zip_safe=False,
     entry_points={
