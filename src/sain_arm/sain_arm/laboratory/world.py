@@ -65,9 +65,10 @@ class LaboratoryWorld:
             WorldFailedError: the controller gave up.
         """
         before, began = self.observe(), self.cell.time
+        base = before if seen is None else seen
         try:
-            stroke = checked_stroke(push, before, True, self._feasibility, self._bodies.bodies)
-            plan = self._planner.plan(stroke, before, self.cell.joints)
+            stroke = checked_stroke(push, base, True, self._feasibility, self._bodies.bodies)
+            plan = self._planner.plan(stroke, base, self.cell.joints)
         except SainError as error:
             self.refused.append(f"{type(error).__name__}: {error}")
             raise
@@ -76,6 +77,16 @@ class LaboratoryWorld:
             self._follow(part)
         settled = self._settle()
         return Outcome(before, self.observe(), self.cell.time - began, settled)
+
+    def clear_view(self, scene: Scene) -> None:
+        """Bring the arm home above the bodies of a scene (N, 8), out of a camera's sight."""
+        self._follow(self._planner.home(scene, self.cell.joints))
+
+    def rest(self, duration: float) -> None:
+        """Let time pass [s] while the arm holds still."""
+        end = self.cell.time + duration
+        while self.cell.time < end:
+            self.cell.step(*self._controller.target(self.cell.time))
 
     def _follow(self, trajectory: Trajectory) -> None:
         self._controller.start(trajectory, self.cell.time)

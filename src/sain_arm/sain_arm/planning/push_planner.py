@@ -96,6 +96,18 @@ class PushPlanner:
         way = self._line(tip, np.array([*tip[:2], self.config.raised]))
         return self._timed(way, _begun_at(joints, self.kinematics.follow(joints, way)))
 
+    def home(self, scene: Scene, joints: Vector) -> Trajectory:
+        """Return the way above bodies (N, 8) from where the arm has joints (J,) to its home.
+
+        Raises:
+            UnreachableError: there is none.
+            BlockedError: a body is in the way.
+        """
+        self.arm.place(scene)
+        parts = self._lifted(joints)
+        start = parts[-1].positions[-1] if parts else joints
+        return Trajectory.joined([*parts, self._travel(start, self.robot.home)])
+
     def _check_workspace(self, stroke: Stroke) -> None:
         """Check that both ends of a stroke are in the workspace box, which is convex."""
         low, high = self.robot.workspace.T
@@ -188,17 +200,19 @@ class PushPlanner:
 
     def _approach(self, joints: Vector, lower: Joints) -> Trajectory:
         """Return the way from joints (J,) to the end of the lowering (T, J): up, across, down."""
-        parts = []
+        parts = self._lifted(joints)
+        start = parts[-1].positions[-1] if parts else joints
+        return Trajectory.joined([*parts, self._travel(start, lower[0]), self._moved(lower)])
+
+    def _lifted(self, joints: Vector) -> list[Trajectory]:
+        """Return the way straight up to above all bodies from joints (J,); none: it is there."""
         tip = self.arm.tip(joints)
-        lift = np.stack([joints, joints])
-        if tip[2] < self.config.raised:
-            way = self._line(tip, np.array([*tip[:2], self.config.raised]))
-            lift = _begun_at(joints, self.kinematics.follow(joints, way))
-            self._check_contacts(lift, None)
-            parts.append(self._moved(lift))
-        parts.append(self._travel(lift[-1], lower[0]))
-        parts.append(self._moved(lower))
-        return Trajectory.joined(parts)
+        if tip[2] >= self.config.raised:
+            return []
+        way = self._line(tip, np.array([*tip[:2], self.config.raised]))
+        lift = _begun_at(joints, self.kinematics.follow(joints, way))
+        self._check_contacts(lift, None)
+        return [self._moved(lift)]
 
     def _travel(self, start: Vector, end: Vector) -> Trajectory:
         """Return the way above all bodies from joints (J,) to others.

@@ -20,6 +20,8 @@ from sain_core.shapes.body_file import Tag
 from sain_core.types import Scene
 
 MILLIMETRES: Final = 1000.0
+DIGITS: Final = 5  # of places [m] and angles [rad] that a picture shows
+SHIFTS: Final = 1 << 18  # of noise, from image to image
 MOST_DEPTH: Final = 6.0  # [m], of a depth camera
 
 Matrix = Float[ndarray, "3 3"]
@@ -127,10 +129,44 @@ class Shot(NamedTuple):
 
 
 class _Ideal(NamedTuple):
-    """A shot through the lens, without noise."""
+    """A shot through the lens, without noise; where no depth is known, it is 0 [mm]."""
 
-    colour: Float[ndarray, "height width 3"]
+    colour: UInt8[ndarray, "height width 3"]
     depth: Float[ndarray, "height width"]
+
+
+class _Grain(NamedTuple):
+    """Noise of more pixels than an image has: each image has a part of it, for drawing takes long.
+
+    Attributes:
+        brighter: (P, 3) what is added to colours.
+        darker: (P, 3) what is taken from them; added to brighter colours it would overflow.
+        nearer: (P,) what is taken from distances [mm].
+    """
+
+    brighter: UInt8[ndarray, "P 3"]
+    darker: UInt8[ndarray, "P 3"]
+    nearer: Float[ndarray, "P"]
+
+    @classmethod
+    def drawn(cls, config: ImageCameraConfig, random: np.random.Generator) -> Self:
+        """Draw it."""
+        count = config.width * config.height + SHIFTS
+        levels = (config.noise * random.standard_normal(count, dtype=np.float32)).round()
+        levels = np.repeat(levels[:, None], 3, axis=1)
+        nearer = random.standard_normal(count, dtype=np.float32)
+        return cls(
+            np.clip(levels, 0, 255).astype(np.uint8),
+            np.clip(-levels, 0, 255).astype(np.uint8),
+            np.float32(MILLIMETRES * config.depth_noise) * nearer,
+        )
+
+    def part(self, random: np.random.Generator, size: tuple[int, int]) -> list[ndarray]:
+        """Return the same for an image of a width and height, from anywhere."""
+        width, height = size
+        start = int(random.integers(SHIFTS))
+        parts = (one[start : start + width * height] for one in self)
+        return [one.reshape(height, width, *one.shape[1:]) for one in parts]
 
 
 class ImageCamera:
@@ -148,22 +184,20 @@ class ImageCamera:
         self._lens = _lens_map(config)
         self._key = b""
         self._ideal: _Ideal | None = None
+        self._grain: _Grain | None = None
 
     def take(self, joints: ndarray, scene: Scene, random: np.random.Generator) -> Shot:
         """Return an image of the arm with joints (J,) and of the bodies (N, 8)."""
-        key = joints.tobytes() + scene[:, POSE].tobytes()
+        key = joints.round(DIGITS).tobytes() + scene[:, POSE].round(DIGITS).tobytes()
         if key != self._key or self._ideal is None:  # a world at rest is drawn once
             self._key, self._ideal = key, self._draw(joints, scene)
-        config, (colour, depth) = self.config, self._ideal
-        if config.noise > 0.0:
-            noise = random.standard_normal(depth.shape, dtype=np.float32)
-            colour = colour + np.float32(config.noise) * noise[..., None]
-        if config.depth_noise > 0.0:
-            noise = random.standard_normal(depth.shape, dtype=np.float32)
-            depth = depth + np.float32(config.depth_noise) * noise
-        known = (depth > 0.0) & (depth < MOST_DEPTH)
-        millimetres = np.where(known, MILLIMETRES * depth + 0.5, 0.0).astype(np.uint16)
-        return Shot(np.clip(colour + 0.5, 0, 255).astype(np.uint8), millimetres)
+        colour, depth = self._ideal
+        if self._grain is None:
+            self._grain = _Grain.drawn(self.config, random)
+        brighter, darker, nearer = self._grain.part(random, self._size)
+        seen = cv2.subtract(cv2.add(colour, brighter), darker)
+        millimetres = np.where(depth > 0.0, depth - nearer, 0.0).astype(np.uint16)
+        return Shot(np.asarray(seen), millimetres)
 
     def _draw(self, joints: ndarray, scene: Scene) -> _Ideal:
         config, (width, height) = self.config, self._size
@@ -184,7 +218,10 @@ class ImageCamera:
             depth = cv2.remap(depth, *self._lens, cv2.INTER_NEAREST)
         if config.blur > 0.0:
             colour = cv2.GaussianBlur(colour, (0, 0), config.blur)
-        return _Ideal(np.float32(config.exposure) * np.asarray(colour), np.asarray(depth))
+        colour = np.clip(np.float32(config.exposure) * np.asarray(colour) + 0.5, 0, 255)
+        known = (np.asarray(depth) > 0.0) & (np.asarray(depth) < MOST_DEPTH)
+        millimetres = np.where(known, np.float32(MILLIMETRES) * depth + 0.5, 0.0)
+        return _Ideal(colour.astype(np.uint8), millimetres)
 
     def close(self) -> None:
         """Close the renderer."""

@@ -1,0 +1,257 @@
+"""A robot arm that sees by images alone: bodies are pushed to goals in the laboratory.
+
+    ./env python -m benchmarks.results.seen_arms --see tags --task push_t [--episodes 100]
+
+Images, detection, scenes, planning, the arm's way, its controller and MuJoCo are the parts that run
+in the graph; there are no topics in between and no wall clock. Goals are judged by the simulation,
+not by what was seen. Episodes that are in the file already are not played again.
+"""
+
+import json
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import tyro
+
+from benchmarks.results.arms import LEAST_WAY, MOST_PUSHES, ROOM, draw_pose
+from benchmarks.results.seeing import model_of
+from sain_arm.laboratory.laboratory_config import CellConfig
+from sain_arm.laboratory.sight import LaboratoryView
+from sain_arm.laboratory.world import LaboratoryWorld
+from sain_arm.planning.push_planner import PushPlanner
+from sain_arm.planning.reach import table_of_reach
+from sain_arm.robot.robot import SHIPPED, Robot, read_robot
+from sain_bringup.graph import OUTLINES, SEEN_NOISE, TAGS
+from sain_core.camera.image_camera import ImageCamera, ImageCameraConfig
+from sain_core.config import Config, option
+from sain_core.errors import ErrorCode, SainError
+from sain_core.feasibility import Feasibility
+from sain_core.goal import BodyPose, Goal
+from sain_core.randomness import generator
+from sain_core.scene import POSE, POSITION, RADIUS, TARGET, wrap_angle
+from sain_core.shapes.body_file import BodyFile, parse_bodies, read_bodies
+from sain_core.types import PushArray, Scene
+from sain_eval.loop.closed_loop import agent_maker, play_goals
+from sain_eval.scenes.scenarios import SCENARIOS
+from sain_mppi.agent.agent import AgentConfig
+from sain_mppi.agent.play import Sight
+from sain_mppi.agent.uncertainty import EstimatorConfig
+from sain_vision.detection.outlines import OutlineConfig, OutlineFinder
+from sain_vision.detection.sighting import Sighting
+from sain_vision.detection.tags import TagConfig, TagFinder, TagLocator
+from sain_vision.scene.body_track import Observed, TrackingConfig
+from sain_vision.scene.scene_tracker import SceneTracker
+
+ANYWHERE = "anywhere"
+PUSH_T = "push_t"
+LATENCY = 0.06  # [s], from an image to the pose in it
+HIDDEN = 1.0  # [s] without a scene at rest, after which the arm goes out of sight
+PATIENCE = 5.0  # [s], then nothing is seen
+
+
+@dataclass(frozen=True)
+class SeenArmsOptions(Config):
+    """Let a robot push bodies that it sees in images."""
+
+    see: str = option(TAGS, "what is looked for in images", choices=tuple(SEEN_NOISE))
+    task: str = option(PUSH_T, "what is pushed where", choices=(PUSH_T, ANYWHERE))
+    robot: str = option("ur5", "name or file of the robot")
+    episodes: int = option(100, "how many", minimum=1)
+    model: str = option("planar", "what the planner predicts with")
+    tolerance: float = option(0.01, "of a goal", unit="m", minimum=0.001)
+    turn: float = option(0.05, "of the heading of a T's goal", unit="rad", minimum=0.01)
+    out: Path = option(Path("results/seen_arms.json"), "file of the results")
+
+
+class ImageSight(Sight):
+    """Sees a laboratory by its camera's images alone. Its time is the laboratory's."""
+
+    world: LaboratoryWorld
+
+    def __init__(self, world: LaboratoryWorld, bodies: BodyFile, see: str, seed: int) -> None:
+        """Stand over the table."""
+        super().__init__(world)
+        config = ImageCameraConfig()
+        if see == OUTLINES:
+            config = replace(config, width=640, height=480, detail=1.0)
+        view = LaboratoryView(world.cell, config)
+        self._camera = ImageCamera(config, view, bodies.tags)
+        self._model, self._period = model_of(config), 1.0 / config.rate
+        self._random = generator(seed, "images")
+        self._outlines = OutlineFinder(bodies, OutlineConfig()) if see == OUTLINES else None
+        self._tags = TagFinder(TagConfig()), TagLocator(bodies, TagConfig())
+        self._last: dict[int, np.ndarray] = {}
+        self._pushes = self.cleared = 0
+        self.tracker = SceneTracker(bodies, TrackingConfig(noise=SEEN_NOISE[see]))
+
+    @property
+    def time(self) -> float:
+        """Time of the laboratory [s]."""
+        return self.world.cell.time
+
+    def look(self) -> Iterator[tuple[Scene, float]]:
+        """Yield scenes at rest, one of each image; none comes if nothing rests."""
+        while self._await_rest():
+            yield self.tracker.scene(), self.tracker.stamp
+
+    def push(self, push: PushArray, seen: Scene) -> Scene:
+        """Push; return the scene that is seen next, at rest."""
+        self._pushes += 1
+        ids, tracker = (self.tracker.episode_id, self.tracker.scene_id), self.tracker
+        tracker.sent(self._pushes, *ids, self.time)
+        try:
+            self.world.push(push, seen=seen)
+        except SainError:
+            tracker.answered(self._pushes, int(ErrorCode.BLOCKED), self.time)
+            raise
+        tracker.answered(self._pushes, int(ErrorCode.OK), self.time)
+        self._await_rest()
+        return tracker.scene()
+
+    def _await_rest(self) -> bool:
+        """Take images until bodies rest; the arm goes home where it may hide some."""
+        began, may_hide = self.time, True
+        while self.time < began + PATIENCE:
+            self._take()
+            if self.tracker.settled:
+                return True
+            if may_hide and self.time > began + HIDDEN:
+                may_hide, self.cleared = False, self.cleared + 1
+                self.world.clear_view(self.world.observe())
+        return False
+
+    def _take(self) -> None:
+        self.world.rest(self._period)
+        cell, stamp = self.world.cell, self.time
+        shot = self._camera.take(cell.joints, cell.observe(), self._random)
+        seen = {
+            one.body: Observed(one.pose, one.covariance)
+            for one in self._found(shot.colour, shot.depth)
+        }
+        self.tracker.observe(seen, stamp, stamp + LATENCY)
+
+    def _found(self, colour: np.ndarray, depth: np.ndarray) -> list[Sighting]:
+        if self._outlines is None:
+            finder, locator = self._tags
+            grey = np.asarray(cv2.cvtColor(colour, cv2.COLOR_RGB2GRAY))
+            return locator.locate(finder.find(grey), self._model)[0]
+        metres = np.where(depth > 0, depth * 1e-3, np.nan)
+        known = {body: [pose] for body, pose in self._last.items()}
+        found = self._outlines.find(metres, self._model, known)[0]
+        self._last |= {one.body: one.pose for one in found}
+        return found
+
+
+def main(options: SeenArmsOptions) -> None:
+    """Play all episodes; write the file after each."""
+    cv2.setNumThreads(1)
+    found: dict[str, Any] = json.loads(options.out.read_text()) if options.out.exists() else {}
+    name = f"{options.robot} {options.task} {options.see}"
+    rows = found.setdefault(name, {"settings": repr(options), "episodes": []})["episodes"]
+    robot = read_robot(options.robot)
+    limits = replace(Feasibility().limits, tool_radius=robot.tool_radius)
+    feasibility = Feasibility(limits=limits, reach=table_of_reach(PushPlanner(robot)))
+    estimator = EstimatorConfig(noise=SEEN_NOISE[options.see], unknown="mass")
+    config = AgentConfig(feasibility=feasibility, estimator=estimator)
+    for seed, bodies, poses, goal in cases(options, robot, config):
+        if seed in [row["seed"] for row in rows]:
+            continue
+        rows.append(play_episode(robot, bodies, poses, goal, config, seed, options))
+        found[name]["summary"] = summary_of(rows)
+        options.out.parent.mkdir(parents=True, exist_ok=True)
+        options.out.write_text(json.dumps(found, indent=1) + "\n")
+        print(json.dumps(rows[-1]), flush=True)
+    print(name, json.dumps(found[name]["summary"]), flush=True)
+
+
+def cases(
+    options: SeenArmsOptions, robot: Robot, config: AgentConfig
+) -> Iterator[tuple[int, BodyFile, np.ndarray, BodyPose]]:
+    """Yield seeds, bodies, their poses (N, 3) and goals, all within the arm's reach."""
+    for seed in range(options.episodes) if options.task == PUSH_T else ():
+        bodies = read_bodies(SHIPPED / "bodies" / "t.yaml")
+        random = generator(seed, "arms", robot.name)
+        start, goal = draw_pose(random, bodies, config), draw_pose(random, bodies, config)
+        while np.hypot(*(goal - start)[:2]) < LEAST_WAY:
+            goal = draw_pose(random, bodies, config)
+        x, y, heading = goal.tolist()
+        yield seed, bodies, start[None], BodyPose(0, x, y, heading, options.tolerance, options.turn)
+    count = seed = 0
+    while options.task == ANYWHERE and count < options.episodes:
+        case, seed = SCENARIOS[ANYWHERE].scene(seed), seed + 1
+        (target,) = case.goals[0].poses
+        places = np.concatenate([case.disks[:, POSITION], [[target.x, target.y]]])
+        room = [*case.disks[:, RADIUS], case.disks[TARGET, RADIUS]]
+        if (config.feasibility.reach.room(places) < np.array(room) + ROOM).any():
+            continue
+        count += 1
+        rows = [
+            {"shape": "disk:flat", "radius": float(row[RADIUS]), "role": str(role)}
+            | ({"tags": body} if options.see == TAGS else {})
+            for body, (row, role) in enumerate(
+                zip(case.disks, case.parameters().bodies.roles, strict=True)
+            )
+        ]
+        goal_pose = replace(target, tolerance=options.tolerance)
+        yield case.seed, parse_bodies({"bodies": rows}), case.disks[:, POSE], goal_pose
+
+
+def play_episode(
+    robot: Robot,
+    bodies: BodyFile,
+    poses: np.ndarray,
+    goal: BodyPose,
+    config: AgentConfig,
+    seed: int,
+    options: SeenArmsOptions,
+) -> dict[str, Any]:
+    """Return what came of one episode."""
+    world = LaboratoryWorld(robot, bodies, config.feasibility, CellConfig(seed=seed))
+    world.reset(bodies.scene(poses))
+    sight = ImageSight(world, bodies, options.see, seed)
+    began, wall = sight.time, time.monotonic()
+    agent = agent_maker(options.model, config)(SCENARIOS[options.task].scene(seed))
+    played = play_goals(agent, sight, [Goal((goal,))], bodies.bodies, MOST_PUSHES)
+    pose = world.observe()[goal.body, POSE]
+    off = float(np.hypot(pose[0] - goal.x, pose[1] - goal.y))
+    turn = 0.0 if goal.heading is None else float(wrap_angle(np.asarray(pose[2] - goal.heading)))
+    report = world.cell.report
+    return {
+        "seed": seed,
+        "solved": not played.failure and off <= goal.tolerance and abs(turn) <= options.turn,
+        "failure": played.failure,
+        "off_mm": round(1e3 * off, 2),
+        "turn": round(abs(turn), 4),
+        "pushes": world.pushes,
+        "refused": list(world.refused),
+        "hidden": sight.cleared,
+        "limits": dict(report.limits),
+        "contacts": dict(report.contacts),
+        "time": round(sight.time - began, 2),
+        "wall": round(time.monotonic() - wall, 1),
+    }
+
+
+def summary_of(rows: list[dict[str, Any]]) -> dict[str, Any]:
+    """Return the figures of all episodes."""
+    pushes, refused = (sum(row["pushes"] for row in rows), sum(len(r["refused"]) for r in rows))
+    times = [row["time"] for row in rows if row["solved"]]
+    return {
+        "solved": sum(row["solved"] for row in rows),
+        "of": len(rows),
+        "pushes": pushes,
+        "refused_share": round(refused / max(pushes + refused, 1), 4),
+        "hidden": sum(row["hidden"] for row in rows),
+        "broken_limits": sum(sum(row["limits"].values()) for row in rows),
+        "other_contacts": sum(sum(row["contacts"].values()) for row in rows),
+        "median_time": round(float(np.median(times)), 1) if times else None,
+    }
+
+
+if __name__ == "__main__":
+    main(tyro.cli(SeenArmsOptions, description=__doc__))
