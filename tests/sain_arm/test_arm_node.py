@@ -240,3 +240,17 @@ def test_who_releases_the_arm_stops_the_controller_itself(graph: Any, make: Any)
     graph.wait(answer.done, "the answer of the controller")
     assert len(answer.result().goals_canceling) == 1
     assert graph.result(push_id).error_code == ErrorCode.OK
+
+
+def test_the_arm_goes_home_where_it_may_hide_a_body(graph: Any, make: Any) -> None:
+    lab = make()
+    lab.enabled = True
+    push_id = lab.push()
+    graph.wait(lambda: lab.arm.phase == "pushes", "the stroke")
+    poses, lab.server._poses = lab.server._poses, None
+    home = lab.arm.robot.home
+    graph.wait(lambda: np.abs(lab.joints() - home).max() < 0.02, "the arm at home")
+    lab.server._poses = poses
+    assert graph.result(push_id).error_code == ErrorCode.OK
+    report = lab.server.cell.report
+    assert (report.limits, report.contacts) == ({}, {})

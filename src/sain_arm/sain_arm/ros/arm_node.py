@@ -42,6 +42,7 @@ LOOK: Final = 0.02  # [s] between looks at the enable signal
 WAIT: Final = 1.0  # [s] for the enable signal, the controller or the arm, before a push is refused
 FINDING: Final = 40.0  # [s] for the table of reach; a planner waits for 60
 ARRIVED: Final = 0.02  # [rad], of a joint from the end of its goal
+HIDES: Final = 1.5  # [s] after a stroke without a scene at rest: the arm may hide a body
 MOVED: Final = 0.005  # [m], of a body since the push was planned
 
 
@@ -66,6 +67,7 @@ class ArmNode(Node):
         self._order: PushOrder | None = None
         self._arriving: tuple[Vector, Callable[[Ending], None], float] | None = None
         self._asked = 0.0  # when the push came [s], of a steady clock
+        self._may_hide = False  # a body from the camera, after a stroke
         self._planner: PushPlanner | None = None
         self._planned_for: tuple[Bodies, tuple[float, ...]] | None = None
         self.reach_publisher = LatchedTopic(self, OccupancyGrid, "reach_table")
@@ -83,6 +85,7 @@ class ArmNode(Node):
     def _begin(self, order: PushOrder) -> None:
         """Take a push; it waits a little for what it needs, so that nobody asks without end."""
         self._order, self._asked = order, monotonic()
+        self._may_hide = False
         self.phase = "waits"
         self._try()
 
@@ -194,6 +197,7 @@ class ArmNode(Node):
     def _on_stroked(self, ending: Ending) -> None:
         if ending.how is Ended.SUCCEEDED:
             self._conclude()
+            self._may_hide = True
         elif ending.how is Ended.REJECTED or self._has_not_begun():
             self._give_up(CancelledError(f"{ending}; the tool had not touched the body yet"))
         else:
@@ -239,6 +243,34 @@ class ArmNode(Node):
             self.get_logger().error(f"no retreat: {ending}")
         self._conclude()
 
+    def _try_home(self) -> None:
+        """Go home above the bodies where none comes to rest: the arm may hide one."""
+        scene, planner = self.driver.scene, self._planner
+        if not self._may_hide or self.phase != "rests" or self.driver.waited < HIDES:
+            return
+        self._may_hide = False
+        if scene is None or planner is None or self.client.busy or not self.joints.still:
+            return
+        joints = self.joints.current
+        self.phase = "goes home"
+        self.worker.submit(lambda: planner.home(scene, joints), self._go_home)
+
+    def _go_home(self, done: "Future[Trajectory]") -> None:
+        if self.phase != "goes home":
+            return
+        if (error := done.exception()) is not None:
+            self.driver.reception.log_defect(error)
+            self.get_logger().warning(f"a body may be hidden by the arm, which stays: {error}")
+            self.phase = "rests"
+            return
+        self._send(done.result(), self._on_home)
+
+    def _on_home(self, ending: Ending) -> None:
+        if ending.how is not Ended.SUCCEEDED:
+            self.get_logger().error(f"the arm is not home: {ending}")
+        if self.phase == "goes home":
+            self.phase = "rests"
+
     def _conclude(self) -> None:
         """End a push that was executed."""
         self.phase, self._order = "rests", None
@@ -257,6 +289,7 @@ class ArmNode(Node):
         self._try()
         self._try_arriving()
         self._try_retreat()
+        self._try_home()
         self._report()
 
     def _report(self) -> None:

@@ -82,6 +82,11 @@ class PushDriver:
         return self._before is not None
 
     @property
+    def waited(self) -> float:
+        """How long [s] after a stroke no scene at rest has come; 0: none is waited for."""
+        return max(self._now() - self._ended, 0.0) if self.busy else 0.0
+
+    @property
     def scene(self) -> SceneArray | None:
         """The bodies (N, 8) as they were seen last."""
         return None if self._scene is None else wire.decode_disks(self._scene.disks)
