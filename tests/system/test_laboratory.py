@@ -24,12 +24,14 @@ def topics(node: Node) -> set[str]:
 
 
 @pytest.mark.system
-def test_a_goal_is_reached_by_images_without_any_topic_of_the_simulator(
-    ros_domain: int, tmp_path: Path
+@pytest.mark.parametrize(("see", "pace"), [("tags", "1.0"), ("poses", "2.0")])
+def test_a_goal_is_reached_without_any_topic_of_the_simulator(
+    ros_domain: int, tmp_path: Path, see: str, pace: str
 ) -> None:
     bag = tmp_path / "bag"
     laboratory = [str(executable("sain_bringup", "laboratory")), "--model", "planar"]
-    laboratory += ["--robot", "ur5", "--see", "tags", "--bag", str(bag)]
+    laboratory += ["--robot", "ur5", "--see", see, "--pace", pace, "--no-page"]
+    laboratory += ["--bag", str(bag)]
     context = rclpy.Context()
     rclpy.init(context=context, domain_id=ros_domain)
     node = Node("bystander", context=context)

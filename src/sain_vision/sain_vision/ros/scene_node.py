@@ -106,7 +106,7 @@ class SceneNode(Node):
                 hear = partial(self._on_pose, body)
                 reception.listen(PoseStamped, topic, hear, CAMERA, self._ignore)
         reception.listen(Detection3DArray, "detections", self._on_detections, CAMERA, self._ignore)
-        if not any((*bodies.frames, *bodies.topics, *bodies.tags)):
+        if not any((*bodies.frames, *bodies.topics)):
             self.source = f"detections or poses on {self.resolve_topic_name('poses')}"
             reception.listen(PoseArray, "poses", self._on_poses, CAMERA, self._ignore)
 
