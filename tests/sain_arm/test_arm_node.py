@@ -192,6 +192,18 @@ def test_a_controller_that_aborts(
         assert moved(result).max() < 1e-3
 
 
+def test_states_from_before_an_abort_do_not_tell_that_nothing_moved(graph: Any, make: Any) -> None:
+    lab = make(controller__abort_at=0.5, controller__abort_every=2)
+    lab.enabled = True
+    push_id = lab.push((0.0, 0.0, 0.12))
+    graph.wait(lambda: lab.arm.phase == "pushes", "the stroke")
+    known = {sub.topic_name: sub for sub in lab.arm.subscriptions}
+    lab.arm.destroy_subscription(known["/joint_states"])  # states are late from here on
+    result = graph.result(push_id)
+    assert result.error_code == ErrorCode.OK, result.error_message
+    assert moved(result)[0] > 0.003
+
+
 def test_a_controller_that_answers_twice_is_not_believed(graph: Any, make: Any) -> None:
     """Its first answers come before the arm has moved."""
     lab = make(twice=True)

@@ -66,7 +66,8 @@ class ArmNode(Node):
         self._has_reach = False
         self._order: PushOrder | None = None
         self._arriving: tuple[Vector, Callable[[Ending], None], float] | None = None
-        self._asked = 0.0  # when the push came [s], of a steady clock
+        self._asked = 0.0  # when the push came, or the stroke ended [s], of a steady clock
+        self._broken_off = Ending(Ended.LOST), 0.0  # how a stroke ended too early, and when [s]
         self._may_hide = False  # a body from the camera, after a stroke
         self._planner: PushPlanner | None = None
         self._planned_for: tuple[Bodies, tuple[float, ...]] | None = None
@@ -198,16 +199,21 @@ class ArmNode(Node):
         if ending.how is Ended.SUCCEEDED:
             self._conclude()
             self._may_hide = True
-        elif ending.how is Ended.REJECTED or self._has_not_begun():
-            self._give_up(CancelledError(f"{ending}; the tool had not touched the body yet"))
+        elif ending.how is Ended.REJECTED:
+            self._give_up(_untouched(ending))
         else:
-            self.get_logger().warning(f"{ending}; bodies may have moved")
-            self._retreat()
+            self.phase, self._asked, self._broken_off = "stops", monotonic(), (ending, self._now())
+
+    def _now(self) -> float:
+        return float(self.get_clock().now().nanoseconds * 1e-9)
 
     def _has_not_begun(self) -> bool:
-        """Tell whether the tool is known to be nearer to its start than the body was."""
-        order = self._order
-        if order is None or self._planner is None:
+        """Tell whether the tool is known to be nearer to its start than the body was.
+
+        A state of the joints from before the end of the goal does not tell.
+        """
+        order, (_, since) = self._order, self._broken_off
+        if order is None or self._planner is None or self.joints.stamp < since:
             return False
         try:
             tip = self._planner.arm.tip(self.joints.current)
@@ -217,17 +223,18 @@ class ArmNode(Node):
         low = tip[2] < self.config.motion.raised - 1e-3
         return bool(low and way < 0.5 * self.driver.feasibility.limits.clearance)
 
-    def _retreat(self) -> None:
-        """Lift the tool once the arm rests; without the enable signal it stays where it is."""
-        self.phase = "stops"
-        self._asked = monotonic()
-
     def _try_retreat(self) -> None:
+        """Lift the tool once the arm rests; without the enable signal it stays where it is."""
         if self.phase != "stops" or self.client.busy:
             return
         late = monotonic() > self._asked + WAIT
-        if not late and not self.joints.still:
+        ending, since = self._broken_off
+        if not late and not (self.joints.still and self.joints.stamp >= since):
             return
+        if self._has_not_begun():
+            self._give_up(_untouched(ending))
+            return
+        self.get_logger().warning(f"{ending}; bodies may have moved")
         try:
             assert self._planner is not None
             way = self._planner.retreat(self.joints.current)
@@ -274,7 +281,7 @@ class ArmNode(Node):
     def _conclude(self) -> None:
         """End a push that was executed."""
         self.phase, self._order = "rests", None
-        self.driver.finish(float(self.get_clock().now().nanoseconds * 1e-9))
+        self.driver.finish(self._now())
 
     def _give_up(self, error: BaseException) -> None:
         """End a push by which no body was moved."""
@@ -321,3 +328,7 @@ class ArmNode(Node):
         self.worker.close()
         super().destroy_node()
         self.driver.ownership.release()
+
+
+def _untouched(ending: Ending) -> CancelledError:
+    return CancelledError(f"{ending}; the tool had not touched the body yet")

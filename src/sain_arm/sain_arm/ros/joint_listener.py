@@ -8,6 +8,7 @@ from sensor_msgs.msg import JointState
 
 from sain_arm.robot.robot import Robot, Vector
 from sain_core.errors import BusyError
+from sain_core.ros import codec
 
 STILL: Final = 0.02  # [rad/s]
 
@@ -19,6 +20,7 @@ class JointListener:
         """Take states for current that came within so long [s]."""
         self._robot, self._max_age = robot, max_age
         self._heard = -np.inf
+        self.stamp = -np.inf  # [s], of the latest state, by the clock of whoever measures it
         self._positions: Vector | None = None
         self._speed = 0.0
 
@@ -33,6 +35,7 @@ class JointListener:
             moved = np.abs(values - self._positions).max() / max(now - self._heard, 1e-3)
             self._speed = max(moved, 0.5 * self._speed)  # a message alone is no rest
         self._positions, self._heard = values, now
+        self.stamp = codec.decode_time(message.header.stamp)
 
     @property
     def current(self) -> Vector:
