@@ -22,6 +22,7 @@ setup(
             "outline_node = sain_vision.commands:outline_node",
             "scene_node = sain_vision.commands:scene_node",
             "calibrate_camera = sain_vision.commands:calibrate_camera",
+            "new_shape = sain_vision.commands:new_shape",
             "print = sain_vision.commands:print",
         ],
     },

@@ -6,16 +6,21 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sain_core.errors import DatasetError
+from sain_core.errors import ConfigError, DatasetError, InvalidInputError
 from sain_core.scene import unit
 from sain_core.shapes.bodies import Bodies
-from sain_core.shapes.library import get_shape
+from sain_core.shapes.library import (
+    check_shapes,
+    get_shape,
+    outline_folder,
+    register_outlines,
+    shape_names,
+)
 from sain_core.shapes.outlines import (
     FINEST,
     OUTLINES_FILE,
     Traced,
     convex_parts,
-    register_outlines,
     trace,
     write_outlines,
 )
@@ -76,3 +81,48 @@ def test_outlines_stand_beside_a_data_set(tmp_path: Path) -> None:
     path.write_text(json.dumps(good)[:-9])
     with pytest.raises(DatasetError, match=r"outlines\.json is damaged"):
         register_outlines(tmp_path)
+
+
+def comb(teeth: int) -> list[list[float]]:
+    """Return the outline of a comb: it has about a convex part for each tooth."""
+    top = [(0.01 * n, 0.05 if n % 2 else 0.02) for n in range(2 * teeth)]
+    return [list(p) for p in [(0.0, 0.0), (0.01 * (2 * teeth - 1), 0.0), *top[::-1]]]
+
+
+def test_an_outline_file_is_a_shape_by_its_path_and_by_its_name(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path))
+    file = outline_folder() / "comb.yaml"
+    file.parent.mkdir(parents=True)
+    file.write_text(json.dumps({"shapes": {"comb": comb(4)}}))
+    shape = get_shape("comb")
+    assert isinstance(shape, Traced) and len(shape.parts(1.0)) > 1
+    assert get_shape(str(file)) == get_shape(shape.name) == shape
+    assert get_shape("comb:flat").lies_flat and "comb" in shape_names()
+    assert Bodies.named(("comb:flat", "disk")).shapes[0].name == f"{shape.name}:flat"
+    with pytest.raises(InvalidInputError, match="shape of body 0 is a path"):
+        check_shapes([str(file)])
+    with pytest.raises(ConfigError, match="shape is 'comb-000000'"):
+        get_shape("comb-000000")
+
+
+@pytest.mark.parametrize(
+    ("content", "text"),
+    [
+        ("[", "cannot be read"),
+        ("shapes: {}", "states no outlines"),
+        ("shapes: {a: {semi_axes: [1, 2]}, b: {semi_axes: [1, 2]}}", "'a' has a radius of"),
+        ("shapes: {a: {semi_axes: [0.1, 0.2]}, b: {semi_axes: [0.1, 0.1]}}", "states 2 shapes"),
+        (json.dumps({"shapes": {"comb": comb(20)}}), "convex parts; allowed: 64 and 12"),
+    ],
+)
+def test_an_outline_file_that_cannot_be_used_is_named(
+    tmp_path: Path, content: str, text: str
+) -> None:
+    path = tmp_path / "mine.yaml"
+    path.write_text(content)
+    with pytest.raises(ConfigError, match=r"shape '.*mine\.yaml' is not read: .*" + text):
+        get_shape(str(path))
+    with pytest.raises(ConfigError, match=r"gone\.yaml.* is not read"):
+        get_shape(str(tmp_path / "gone.yaml"))

@@ -4,18 +4,26 @@
 Other packages offer shapes through entry points, which lead to instances of their name::
 
     entry_points={"sain.shapes": ["my_hexagon = my_package:HEXAGON"]}
+
+Users state outlines in files, one shape in each, as `read_stated` reads them. They are given by
+path; those in `outline_folder` by name.
 """
 
+import os
+import re
 from collections.abc import Iterable
-from functools import cache
+from functools import cache, lru_cache
 from itertools import pairwise
 from math import cos, pi, sin
+from pathlib import Path
 from typing import Final
 
 import numpy as np
 
-from sain_core.errors import ConfigError, InvalidInputError
+from sain_core.errors import ConfigError, DatasetError, InvalidInputError
 from sain_core.guarding.plugins import Plugins, did_you_mean
+from sain_core.guarding.untrusted import MOST_PARTS
+from sain_core.shapes.outlines import HASH, Traced, read_stated, stored_outlines
 from sain_core.shapes.shape import FLAT, FLAT_MARK, Pair, Shape
 from sain_core.shapes.solids import CUBE, DISK, Compound, Disk
 
@@ -116,6 +124,9 @@ def library() -> tuple[Shape, ...]:
 
 
 GROUP: Final = "sain.shapes"
+OUTLINES: Final = (".yaml", ".json")
+PLAIN: Final = re.compile(r"[\w.-]{1,64}")  # name of an outline file
+MOST_OUTLINE: Final = 64  # corners
 ALIKE: Final = 0.7  # of the letters: `disk` is no slip of `half_disk`
 FORMER: Final = {"three_feet": DISK, "flat": DISK}  # names of disks in recordings of before
 OFFERED: Final = Plugins(GROUP, "shape")
@@ -142,7 +153,8 @@ def register(shape: Shape) -> None:
 def shape_names() -> list[str]:
     """Return the names of all shapes."""
     _load_library()
-    return list(_shapes)
+    own = (path.stem for path in outline_folder().glob(f"*{OUTLINES[0]}"))
+    return list(dict.fromkeys((*_shapes, *sorted(own))))
 
 
 def get_shape(name: str, body: int | None = None) -> Shape:
@@ -160,6 +172,8 @@ def get_shape(name: str, body: int | None = None) -> Shape:
             load()
     if name in _shapes:
         return _shapes[name]
+    if (own := _own(name)) is not None:
+        return own
     if name in _failed:
         raise ConfigError(_failed[name])
     what = "shape" if body is None else f"shape of body {body}"
@@ -168,11 +182,77 @@ def get_shape(name: str, body: int | None = None) -> Shape:
 
 
 def check_shapes(names: Iterable[str]) -> tuple[str, ...]:
-    """Return names of shapes as they are today; raise `InvalidInputError` where one is unknown."""
+    """Return names of shapes as they are today; raise `InvalidInputError` where one is unknown.
+
+    Names come from others: a path is none.
+    """
+    given = tuple(names)
+    for body, name in enumerate(given):
+        if "/" in name:
+            raise InvalidInputError(f"shape of body {body} is a path, {name!r}; give a name")
     try:
-        return tuple(get_shape(name, body).name for body, name in enumerate(names))
+        return tuple(get_shape(name, body).name for body, name in enumerate(given))
     except ConfigError as error:
         raise InvalidInputError(str(error)) from error
+
+
+def outline_folder() -> Path:
+    """Return the folder with this user's outlines, by their names."""
+    home = os.environ.get("XDG_DATA_HOME") or Path.home() / ".local" / "share"
+    return Path(home) / "sain" / "shapes"
+
+
+def register_outlines(folder: Path) -> None:
+    """Let the shapes of a data set be found by their names; nothing where it has no outlines.
+
+    Raises:
+        DatasetError: its file is damaged.
+    """
+    for shape in stored_outlines(folder):
+        try:
+            register(shape)
+        except ConfigError as error:
+            raise DatasetError(f"the outlines in {folder} cannot be used: {error}") from error
+
+
+def _own(name: str) -> Shape | None:
+    """Return the shape of a user's outline file; None: there is none of this name.
+
+    Raises:
+        ConfigError: there is a file, and it cannot be used.
+    """
+    if "/" in name or name.endswith(OUTLINES):
+        return _read(name, Path(name).expanduser())
+    for stem in (name, name[: -HASH - 1]):  # as it is called, or as messages and files have it
+        path = outline_folder() / f"{stem}{OUTLINES[0]}"
+        if PLAIN.fullmatch(stem) and path.is_file():
+            shape = _read(name, path)
+            return shape if name in (stem, shape.name) else None  # another one since
+    return None
+
+
+def _read(name: str, path: Path) -> Shape:
+    try:
+        return _read_outline(path, path.stat().st_mtime_ns)
+    except (OSError, DatasetError) as error:
+        raise ConfigError(f"shape {name!r} is not read: {error}") from error
+
+
+@lru_cache(maxsize=64)
+def _read_outline(path: Path, _changed: int) -> Shape:
+    """Return the only shape of a file; raises `DatasetError`."""
+    bodies = read_stated(path).bodies
+    if len(bodies) != 1:
+        raise DatasetError(f"{path} states {len(bodies)} shapes; it must state one")
+    (shape,) = (body.shape for body in bodies.values())
+    if isinstance(shape, Traced):
+        corners, parts = len(shape.corners), len(shape.parts(1.0))
+        if corners > MOST_OUTLINE or parts > MOST_PARTS:
+            raise DatasetError(
+                f"the outline of {path} has {corners} corners and {parts} convex parts; allowed:"
+                f" {MOST_OUTLINE} and {MOST_PARTS}"
+            )
+    return _shapes.setdefault(shape.name, shape)
 
 
 @cache

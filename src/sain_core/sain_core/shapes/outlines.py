@@ -26,9 +26,8 @@ from sain_core.guarding.untrusted import (
     read_yaml,
 )
 from sain_core.scene import unit
-from sain_core.shapes.library import get_shape, register
 from sain_core.shapes.shape import FEET, Pair, Ring, Shape
-from sain_core.shapes.solids import DISK, TOLERANCE, Prism, balanced_feet, centroid
+from sain_core.shapes.solids import DISK, TOLERANCE, Disk, Prism, balanced_feet, centroid
 from sain_core.storage import write_json
 from sain_core.types import Points
 
@@ -180,7 +179,7 @@ def _stated(what: str, name: str, stated: object) -> BodyOutline:
             raise DatasetError(f"{what} needs {SEMI_AXES}: two positive numbers [m]")
         if axes[0] == axes[1]:
             _check_size(what, float(axes[0]))
-            return BodyOutline(get_shape(DISK), float(axes[0]), (0.0, 0.0))
+            return BodyOutline(Disk(DISK), float(axes[0]), (0.0, 0.0))
         stretch = np.sqrt(2 * pi / (ELLIPSE * sin(2 * pi / ELLIPSE)))  # to the ellipse's area
         return trace(name, stretch * axes * unit(np.arange(ELLIPSE) * 2 * pi / ELLIPSE), what)
     return trace(name, _numbers(what, stated), what)
@@ -255,18 +254,17 @@ def write_outlines(folder: Path, shapes: Iterable[Shape]) -> None:
     write_json(folder / OUTLINES_FILE, {UNIT: RADII, SHAPES: traced})
 
 
-def register_outlines(folder: Path) -> None:
-    """Let the shapes of a data set be found by their names; nothing where it has no outlines.
+def stored_outlines(folder: Path) -> tuple[Traced, ...]:
+    """Return the shapes of a data set; none where it has no outlines.
 
     Raises:
         DatasetError: its file is damaged.
     """
     path = folder / OUTLINES_FILE
     if not path.exists():
-        return
+        return ()
     try:
-        for shape in _stored(read_regular_text(path)):
-            register(shape)
+        return _stored(read_regular_text(path))
     except (OSError, ValueError, TypeError, KeyError, AttributeError, ConfigError) as error:
         raise DatasetError(f"{path} is damaged: {error}") from error
 

@@ -11,7 +11,7 @@ from sain_core.guarding.untrusted import BODIES, LARGEST_NUMBER
 from sain_core.push import BODY, PUSH_SIZE, STROKE_SIZE, check_predictable, is_stroke
 from sain_core.scene import MASS, RADIUS, STATE_SIZE
 from sain_core.shapes.bodies import Bodies, as_names
-from sain_core.shapes.outlines import register_outlines
+from sain_core.shapes.library import register_outlines
 from sain_core.storage import read_arrays
 from sain_core.transitions import (
     FLAT,

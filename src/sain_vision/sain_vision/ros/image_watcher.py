@@ -19,14 +19,16 @@ PATIENCE: Final = 5.0  # [s] for an image
 class ImageWatcher:
     """Takes the next image of a camera on request."""
 
-    def __init__(self, node: Node) -> None:
-        """Listen to the colour camera."""
+    def __init__(
+        self, node: Node, topics: tuple[str, str] = COLOUR_TOPICS, placed: bool = False
+    ) -> None:
+        """Listen to a camera, whose pose comes from /tf if it is to be `placed`."""
         self._node = node
         self.problem = ""
         self._latest: tuple[Image, CameraModel] | None = None
         self._input = CameraInput(
-            node, Reception(node), COLOUR_TOPICS, CameraInputConfig(), self._on_image,
-            self._ignore, placed=False,
+            node, Reception(node), topics, CameraInputConfig(), self._on_image, self._ignore,
+            placed=placed,
         )  # fmt: skip
 
     def next_image(self) -> tuple[Image, CameraModel]:

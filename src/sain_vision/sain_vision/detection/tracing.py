@@ -1,0 +1,157 @@
+"""The outline of an object without a tag, from one look: what stands on the table, in depth.
+
+The top ends where half of a pixel is top. The rays there meet the plane of the top, so that the
+outline is as exact as the camera's pose, not as a single distance.
+"""
+
+from dataclasses import dataclass
+from typing import Final
+
+import cv2
+import numpy as np
+from jaxtyping import Bool, Float, UInt8
+from numpy import ndarray
+
+from sain_core.config import Config, option
+from sain_core.errors import InvalidInputError
+from sain_core.guarding.untrusted import MOST_PARTS
+from sain_core.shapes.library import MOST_OUTLINE
+from sain_core.shapes.outlines import convex_parts
+from sain_core.types import Points
+from sain_vision.optics import CameraModel
+
+FINER: Final = 4  # times as many pixels as the image has, for the edge of the top
+SMALLEST: Final = 100  # pixels of a top
+EDGE: Final = 0.95  # of an object's heights, that its top is as high as
+SPREAD: Final = 6.0  # median errors of a height that one of the top may have: 4 standard deviations
+FINEST_ERROR: Final = 0.001  # [m], of a height
+TOLERANCES: Final = (0.0005, 0.001, 0.0015, 0.002, 0.003, 0.005)  # [m], of corners left out
+
+Depth = Float[ndarray, "height width"]
+
+
+@dataclass(frozen=True)
+class TracingConfig(Config):
+    """Which object is traced, and how."""
+
+    lowest: float = option(
+        0.008, "height above the table below which nothing counts", unit="m", minimum=0.002
+    )
+    highest: float = option(0.3, "height above which it is the arm or a hand", unit="m")
+    height_error: float = option(0.006, "largest error of a height", unit="m", minimum=0.001)
+
+
+@dataclass(frozen=True, eq=False)
+class TracedTop:
+    """The top of an object.
+
+    Attributes:
+        outline: (M, 2) [m] in the world, counter-clockwise.
+        height: of the top over the table [m].
+        tolerance: within which corners were left out [m].
+    """
+
+    outline: Points
+    height: float
+    tolerance: float
+
+
+def trace_top(
+    depth: Depth,
+    camera: CameraModel,
+    near: Float[ndarray, "2"] | None,
+    config: TracingConfig = TracingConfig(),
+) -> TracedTop:
+    """Return the top of the object in a depth image [m] that is nearest to a place, or largest.
+
+    Raises:
+        InvalidInputError: nothing stands there, or it is cut by the image's edge.
+    """
+    grid = np.stack(np.meshgrid(np.arange(camera.width), np.arange(camera.height)), axis=-1)
+    rays = camera.rays(grid.reshape(-1, 2).astype(np.float64)).reshape(*depth.shape, 3)
+    points = camera.place + depth[..., None] * rays
+    heights = np.nan_to_num(points[..., 2], nan=-1.0)
+    stands = (heights > config.lowest) & (heights < config.highest)
+    mask = _chosen(stands, points[..., :2], near)
+    height, error = float(np.quantile(heights[mask], EDGE)), config.height_error
+    upper = heights[mask & (abs(heights - height) < error)]
+    height = float(np.median(upper))
+    # Sides that the camera sees are no top: the error that is allowed is that of this image.
+    error = float(np.clip(SPREAD * np.median(abs(upper - height)), FINEST_ERROR, error))
+    outline, tolerance = _simplified(
+        camera.on_plane(_edge(mask & (abs(heights - height) < error)), height)
+    )
+    return TracedTop(outline, height, tolerance)
+
+
+def _chosen(
+    stands: Bool[ndarray, "height width"],
+    places: Float[ndarray, "height width 2"],
+    near: Float[ndarray, "2"] | None,
+) -> Bool[ndarray, "height width"]:
+    """Return the pixels of one object that is wholly in the image."""
+    count, labels, figures, _ = cv2.connectedComponentsWithStats(stands.astype(np.uint8))
+    high, wide = stands.shape
+    whole: list[tuple[float, int]] = []
+    cut = 0
+    for label in range(1, count):
+        left, top, width, height, area = figures[label]
+        if area < SMALLEST:
+            continue
+        if left == 0 or top == 0 or left + width == wide or top + height == high:
+            cut += 1
+            continue
+        middle = np.median(places[labels == label], axis=0)
+        rank = -float(area) if near is None else float(np.hypot(*(middle - near)))
+        whole.append((rank, label))
+    if not whole:
+        more = f"; {cut} that the image's edge cuts do not count" if cut else ""
+        raise InvalidInputError(
+            f"no object stands on the table in the image{more}: lay it into the middle, away from"
+            " the arm, and check the camera's pose"
+        )
+    return np.asarray(labels == min(whole)[1])
+
+
+def _edge(top: Bool[ndarray, "height width"]) -> Float[ndarray, "P 2"]:
+    """Return the edge (P, 2) [px] of the largest part of a mask, finer than its pixels."""
+    smooth = cv2.GaussianBlur(top.astype(np.float32), (0, 0), 1.0)
+    high, wide = top.shape
+    fine = cv2.resize(smooth, (FINER * wide, FINER * high), interpolation=cv2.INTER_LINEAR)
+    contours, _ = cv2.findContours(
+        (fine > 0.5).astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE
+    )
+    line = max(contours, key=cv2.contourArea)[:, 0].astype(np.float64)
+    return np.asarray((line + 0.5) / FINER - 0.5)
+
+
+def _simplified(outline: Float[ndarray, "P 2"]) -> tuple[Float[ndarray, "M 2"], float]:
+    """Return an outline with few corners, as shapes may have, and how far others were off [m]."""
+    from shapely import Polygon, get_parts
+
+    parts = get_parts(Polygon(outline).buffer(0.0))
+    ring = max(parts, key=lambda part: part.area)
+    for tolerance in TOLERANCES:
+        coarse = ring.simplify(tolerance)
+        corners = np.array(coarse.exterior.coords)[:-1]
+        corners = corners if coarse.exterior.is_ccw else corners[::-1]
+        if len(corners) <= MOST_OUTLINE and len(convex_parts(corners)) <= MOST_PARTS:
+            return corners, tolerance
+    raise InvalidInputError(
+        f"the outline has {len(corners)} corners even where {1e3 * tolerance:g} mm are left out: is"
+        " it one object, and does the depth have much noise?"
+    )
+
+
+def draw_top(
+    picture: UInt8[ndarray, "height width 3"], top: TracedTop, camera: CameraModel, text: str
+) -> None:
+    """Draw an outline into a picture, with its centre and a text."""
+    rim = np.column_stack([top.outline, np.full(len(top.outline), top.height)])
+    pixels = camera.project(rim)
+    fixed = (8 * pixels).round().astype(np.int32)
+    cv2.polylines(picture, [fixed], True, (60, 220, 60), 1, cv2.LINE_AA, 3)
+    for x, y in pixels.round().astype(int).tolist():
+        cv2.circle(picture, (x, y), 2, (40, 160, 255), -1)
+    x, y = pixels.min(axis=0).astype(int).tolist()
+    cv2.putText(picture, text, (x, max(y - 8, 12)), cv2.FONT_HERSHEY_SIMPLEX, 0.5, (60, 220, 60), 1)

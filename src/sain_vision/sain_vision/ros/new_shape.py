@@ -1,0 +1,177 @@
+"""``sain new_shape``: the outline of an object without a tag, from one look at it."""
+
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any, Final
+
+import cv2
+import numpy as np
+import tyro
+import yaml
+from rich.console import Console
+
+from sain_core.config import Config, option
+from sain_core.errors import ConfigError, InvalidInputError, SainError
+from sain_core.shapes.library import PLAIN, outline_folder, shape_names
+from sain_core.shapes.outlines import METRES, SHAPES, UNIT, BodyOutline, trace
+from sain_core.storage import write_whole
+from sain_vision.detection.tracing import TracedTop, TracingConfig, draw_top, trace_top
+from sain_vision.extrinsics_file import read_extrinsics
+from sain_vision.look_files import read_camera, read_depth, read_picture
+from sain_vision.optics import CameraModel, rotation_of
+
+FARTHEST: Final = 3.0  # [m], that is black in a picture of depth
+SCALE: Final = 2  # times as large a picture is shown
+
+
+@dataclass(frozen=True)
+class NewShapeOptions(Config):
+    """Make a shape of an object on the table, from a look of a depth camera.
+
+    The object lies alone in the image, wholly visible, the arm away. Without files the look comes
+    from the camera's topics. The command writes a picture and asks, then writes the outline. After
+    that its name is a shape, wherever shapes are named.
+    """
+
+    name: Annotated[str, tyro.conf.Positional] = option("", "of the shape")
+    near: tuple[float, float] | None = option(
+        None, "place of the object, x and y; without it, the largest", unit="m"
+    )
+    depth: Path | None = option(None, "depth image: PNG of 16 bits, in mm; needs info, extrinsics")
+    info: Path | None = option(None, "calibration of the camera, as camera_calibration writes it")
+    extrinsics: Path | None = option(None, "file of calibrate_camera; without it, from /tf")
+    image: Path | None = option(None, "colour image that fits the depth image, for the picture")
+    frames: int = option(10, "depth images that are averaged", minimum=1, maximum=100)
+    out: Path | None = option(None, "file to write; by default NAME.yaml among this user's shapes")
+    yes: bool = option(False, "write without asking")
+    tracing: TracingConfig = TracingConfig()
+
+    def __post_init__(self) -> None:
+        """Check the fields, and that the name is free."""
+        super().__post_init__()
+        if not PLAIN.fullmatch(self.name):
+            raise ConfigError(
+                f"name is {self.name!r}; allowed: letters, digits, '_', '-' and '.', up to 64"
+            )
+        if self.name in shape_names():
+            raise ConfigError(f"there is a shape {self.name!r}; remove its file, or take another")
+        if self.depth is not None and None in (self.info, self.extrinsics):
+            raise ConfigError("--depth needs --info and --extrinsics: where the camera was")
+
+    @property
+    def path(self) -> Path:
+        """The file to write."""
+        return self.out or outline_folder() / f"{self.name}.yaml"
+
+
+def run(options: NewShapeOptions, console: Console) -> None:
+    """Look, show and write.
+
+    Raises:
+        SainError: no look, no object, or the user does not confirm.
+    """
+    depth, camera, picture = _look(options)
+    if depth.shape != (camera.height, camera.width) or depth.shape != picture.shape[:2]:
+        sizes = f"{depth.shape[1]} x {depth.shape[0]}, {picture.shape[1]} x {picture.shape[0]}"
+        raise InvalidInputError(
+            f"the images are {sizes} px and the calibration is for {camera.width} x"
+            f" {camera.height} px; all must be of one size"
+        )
+    near = None if options.near is None else np.array(options.near)
+    top = trace_top(depth, camera, near, options.tracing)
+    body = trace(options.name, top.outline)
+    what = describe(top, body)
+    draw_top(picture, top, camera, options.name)
+    shown = options.path.with_suffix(".png")
+    large = cv2.resize(picture, None, fx=SCALE, fy=SCALE, interpolation=cv2.INTER_LINEAR)
+    write_whole(shown, cv2.imencode(".png", large)[1].tobytes())
+    console.print(f"{options.name}: {what}\npicture: {shown}", highlight=False)
+    _confirm(options, console)
+    write_whole(options.path, content_of(options.name, top, body).encode())
+    row = f"name: {options.name}, shape: '{_shape(options)}:flat', radius: {body.radius:.4f}"
+    console.print(
+        f"{options.path}\nin a file of bodies:  - {{{row}, height: {top.height:.3f}}}",
+        highlight=False,
+        soft_wrap=True,
+    )
+
+
+def describe(top: TracedTop, body: BodyOutline) -> str:
+    """Return what a shape is, in words."""
+    box = cv2.minAreaRect(top.outline.astype(np.float32))[1]
+    long, short = sorted((1e3 * side for side in box), reverse=True)
+    return (
+        f"{long:.0f} x {short:.0f} mm, {1e3 * top.height:.0f} mm high, radius"
+        f" {1e3 * body.radius:.1f} mm, {len(top.outline)} corners within"
+        f" {1e3 * top.tolerance:g} mm, {len(body.shape.parts(1.0))} convex parts"
+    )
+
+
+def content_of(name: str, top: TracedTop, body: BodyOutline) -> str:
+    """Return the file of an outline, about its centroid."""
+    corners = (top.outline - np.array(body.centre)).round(5).tolist()
+    about = {UNIT: METRES, "height": round(top.height, 4), "radius": round(body.radius, 5)}
+    return yaml.safe_dump({SHAPES: {name: corners}, **about}, sort_keys=False)
+
+
+def _shape(options: NewShapeOptions) -> str:
+    return options.name if options.out is None else str(options.out.absolute())
+
+
+def _confirm(options: NewShapeOptions, console: Console) -> None:
+    if options.yes:
+        return
+    try:
+        answer = console.input("Does the line follow its edge? Enter writes the shape, n does not ")
+    except EOFError as error:
+        raise SainError("there is no terminal to confirm; look at the picture, give --yes") from (
+            error
+        )
+    if answer.strip():
+        raise SainError("nothing was written; turn the object, or move the camera, and look again")
+
+
+def _look(options: NewShapeOptions) -> tuple[np.ndarray, CameraModel, np.ndarray]:
+    """Return depth [m], the camera at its place, and a picture in blue, green and red."""
+    if options.depth is not None:
+        assert options.info is not None and options.extrinsics is not None
+        depth = read_depth(options.depth)
+        picture = _grey(depth) if options.image is None else read_picture(options.image)
+        return depth, read_camera(options.info, options.extrinsics), picture
+    from sain_core.ros.node_main import command_node
+    from sain_vision.ros.image_watcher import ImageWatcher
+    from sain_vision.ros.images import decode_depth, decode_grey
+    from sain_vision.ros.settings import DEPTH_TOPICS
+
+    depths: list[np.ndarray] = []
+    with command_node("new_shape") as node:
+        watcher = ImageWatcher(node, DEPTH_TOPICS, placed=options.extrinsics is None)
+        while len(depths) < options.frames:
+            message, camera = watcher.next_image()
+            depths.append(decode_depth(message))
+        depth = averaged(depths)
+        picture = _grey(depth)
+        with suppress(InvalidInputError):  # depth alone is a picture, too
+            grey = decode_grey(ImageWatcher(node).next_image()[0])
+            picture = (
+                cv2.cvtColor(grey, cv2.COLOR_GRAY2BGR) if grey.shape == depth.shape else picture
+            )
+    if options.extrinsics is not None:
+        pose = read_extrinsics(options.extrinsics)
+        camera = camera.moved(rotation_of(pose.turn), pose.place)
+    return depth, camera, picture if options.image is None else read_picture(options.image)
+
+
+def averaged(depths: Sequence[Any]) -> np.ndarray:
+    """Return the median of depth images [m]; NaN where most have none."""
+    stack = np.stack(depths)
+    seen = np.isfinite(stack).mean(axis=0) > 0.5
+    return np.where(seen, np.nanmedian(np.where(seen, stack, 0.0), axis=0), np.nan)
+
+
+def _grey(depth: np.ndarray) -> np.ndarray:
+    share = 1.0 - np.nan_to_num(depth, nan=FARTHEST) / FARTHEST
+    grey = np.asarray(255 * np.clip(share, 0.0, 1.0), dtype=np.uint8)
+    return np.asarray(cv2.cvtColor(grey, cv2.COLOR_GRAY2BGR))

@@ -1,0 +1,107 @@
+"""From one look at an object without a tag to a shape that is found by its name."""
+
+import io
+import os
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+import yaml
+from rich.console import Console
+from shapely import Polygon, affinity
+
+from sain_core.errors import ConfigError, SainError
+from sain_core.randomness import generator
+from sain_core.scene import RADIUS
+from sain_core.shapes.body_file import parse_bodies
+from sain_core.shapes.library import get_shape
+from sain_sim.camera.render import image_camera
+from sain_vision.detection.outlines import OutlineConfig, OutlineFinder
+from sain_vision.extrinsics_file import Extrinsics, write_extrinsics
+from sain_vision.optics import turn_of
+from sain_vision.ros.new_shape import NewShapeOptions, run
+from tests.sain_vision.detection.test_outlines import AWAY, CAMERA, CONFIG, SHAPES, START
+
+T = 1  # the body that is looked at
+
+
+@pytest.fixture(scope="module")
+def depth() -> np.ndarray:
+    config, random = replace(CONFIG, depth_noise=0.0003), generator(0, "look")
+    with image_camera(config, START, SHAPES) as camera:
+        return camera.take(AWAY, START, random).depth
+
+
+@pytest.fixture
+def look(tmp_path: Path, depth: np.ndarray, monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
+    """Files of a look, as options of the command."""
+    monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path))
+    rotation, place = CONFIG.stated_pose
+    pose = Extrinsics("camera", "world", place, turn_of(rotation))
+    write_extrinsics(tmp_path / "camera.yaml", pose, {})
+    info = {
+        "image_width": CONFIG.width,
+        "image_height": CONFIG.height,
+        "camera_matrix": {"data": CONFIG.matrix.ravel().tolist()},
+        "distortion_model": "plumb_bob",
+        "distortion_coefficients": {"data": [0.0] * 5},
+    }
+    (tmp_path / "info.yaml").write_text(yaml.safe_dump(info))
+    cv2.imwrite(str(tmp_path / "depth.png"), depth)
+    near = tuple(START[T, :2].tolist())
+    files = {"extrinsics": tmp_path / "camera.yaml", "depth": tmp_path / "depth.png"}
+    return {"name": "mine", "near": near, "yes": True, "info": tmp_path / "info.yaml", **files}
+
+
+def test_one_look_makes_a_shape_that_is_found_by_its_name(
+    look: dict[str, Any], tmp_path: Path, depth: np.ndarray, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run(NewShapeOptions(**look), Console(width=200))
+    said = capsys.readouterr().out
+    row = yaml.safe_load(said[said.index("{name") :])
+    bodies = parse_bodies({"bodies": [row]})
+    assert bodies.radii[0] == pytest.approx(START[T, RADIUS], abs=0.003)
+    shape = get_shape("mine:flat")
+    mine, true = (
+        Polygon(one.outline(radius))
+        for one, radius in ((shape, bodies.radii[0]), (get_shape("t"), START[T, RADIUS]))
+    )
+    placed = affinity.rotate(true, START[T, 2], origin=(0, 0), use_radians=True)
+    assert mine.intersection(placed).area / mine.union(placed).area > 0.94
+    picture = cv2.imread(str(next(tmp_path.rglob("mine.png"))))
+    assert picture.shape == (2 * CONFIG.height, 2 * CONFIG.width, 3)
+    metres = np.where(depth > 0, depth * 1e-3, np.nan)
+    (found,), _ = OutlineFinder(bodies, OutlineConfig()).find(metres, CAMERA, {})
+    np.testing.assert_allclose(found.pose[:2], START[T, :2], atol=0.0025)
+
+
+@pytest.mark.parametrize(
+    ("change", "text"),
+    [
+        ({"name": "a/b"}, "name is 'a/b'; allowed: letters"),
+        ({"name": "disk"}, "there is a shape 'disk'"),
+        ({"info": None}, "--depth needs --info and --extrinsics"),
+        ({"yes": False}, "there is no terminal to confirm"),
+        ({"depth": Path(os.devnull)}, "image /dev/null is not read"),
+        ({"depth": Path(__file__)}, "is no image that OpenCV reads"),
+        ({"info": Path(__file__)}, "camera info"),
+    ],
+)
+def test_what_cannot_be_used_is_said(
+    look: dict[str, Any],
+    monkeypatch: pytest.MonkeyPatch,
+    change: dict[str, Any],
+    text: str,
+) -> None:
+    monkeypatch.setattr("sys.stdin", io.StringIO())  # there is no terminal
+    with pytest.raises((ConfigError, SainError), match=text):
+        run(NewShapeOptions(**(look | change)), Console())
+
+
+def test_an_empty_table_has_no_shape(look: dict[str, Any], depth: np.ndarray) -> None:
+    cv2.imwrite(str(look["depth"]), np.full_like(depth, 5000))
+    with pytest.raises(SainError, match="no object stands on the table"):
+        run(NewShapeOptions(**look), Console())
