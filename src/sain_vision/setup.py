@@ -14,7 +14,16 @@ setup(
         ("share/ament_index/resource_index/packages", [f"resource/{package_name}"]),
         (f"share/{package_name}", ["package.xml"]),
     ],
-    install_requires=["jaxtyping", "numpy", "opencv-python-headless", "pyyaml", "rich", "scipy"],
+    install_requires=[
+        "jaxtyping",
+        "numpy",
+        "opencv-python-headless",
+        "pyyaml",
+        "rich",
+        "scipy",
+        "shapely",
+        "tyro",
+    ],
     zip_safe=False,
     entry_points={
         "console_scripts": [
