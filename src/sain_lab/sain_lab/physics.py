@@ -15,10 +15,18 @@ from dataclasses import dataclass, replace
 from typing import Any, Final
 
 import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
 
 from sain_core.shapes.bodies import Bodies
 from sain_lab.keeping.results import Result, history_of
-from sain_model.dynamics.identify import MOST_ODDS, STEPS, fit_laboratory, identified
+from sain_model.dynamics.identify import (
+    LEAST_SPREAD,
+    MOST_ODDS,
+    STEPS,
+    fit_laboratory,
+    identified,
+)
 from sain_model.dynamics.sain import PHYSICS, Origin, SainDynamics
 from sain_model.inference.evidence import ObservedPushes
 from sain_model.inference.gauss_newton import Fit
@@ -28,9 +36,12 @@ from sain_model.physics.planar import PlanarPrior
 WINDOW: Final = 300  # pushes that the belief is inferred from
 FEWEST: Final = 5  # pushes that a belief is inferred from
 AGAIN: Final = 3  # steps of a fit that starts from the one before
+ENOUGH: Final = 0.05  # share of new pushes after which it is inferred again
 GROWTH: Final = 1.5  # of the pushes, after which all kinds are compared again
 RULED_OUT: Final = -10.0  # logarithm of the odds of kinds that do not predict
-
+FEW: Final = 4  # episodes that show how much theirs differ
+SURE: Final = 5.0  # standard deviations: a larger difference between episodes is a jump
+LEAST_JUMP: Final = 0.4  # [spreads], smaller ones do not matter
 WIDE: Final = 0.5  # spread of what a changed table may have become
 
 Values = Mapping[str, float]
@@ -99,25 +110,25 @@ class Believer:
         self._anchor: Values = {}  # where the search begins after the table has changed
         self._compared = 0  # pushes when all kinds were fitted last
         self._total = 0  # pushes taken
-        self._stale = False
+        self._new = 0  # pushes that it was not inferred from
 
     def add(self, result: Result) -> None:
         """Take a push that no running episode conditions on."""
         self.window.append(result)
         self._total += 1
-        self._stale = True
+        self._new += 1
 
     def forget(self, keep: int, anchor: Values) -> None:
         """Keep the latest pushes only, and go on from these values: the table has changed."""
         self.window = deque(list(self.window)[-keep:] if keep else (), maxlen=WINDOW)
         self._anchor = dict(anchor)
-        self._kinds, self._compared, self._stale = [], 0, True
+        self._kinds, self._compared, self._new = [], 0, max(len(self.window), 1)
 
     def update(self) -> bool:
-        """Infer anew where there are new pushes; return whether anything changed."""
-        if not self._stale:
+        """Infer anew where there are enough new pushes; return whether anything changed."""
+        if not self._new or self._new < ENOUGH * len(self.window):
             return False
-        self._stale = False
+        self._new = 0
         if len(self.window) < FEWEST:
             changed = self.belief is not self._base.belief
             self.belief, self.parameters = self._base.belief, {}
@@ -143,6 +154,7 @@ class Believer:
     def _conclude(self, parts: list[ObservedPushes]) -> None:
         fits = [one.fit for one in self._kinds if one.fit is not None]
         best = max(self._kinds, key=lambda one: one.evidence)
+        fits = [self._of_now(one) for one in fits]
         found = identified(fits, -MOST_ODDS, {"laboratory": parts})
         kinds = [
             # a kind that was not fitted just now is compared by what it was
@@ -156,6 +168,14 @@ class Believer:
         if not any(kind.corrected for kind in settled):
             settled.append(replace(trained, log_odds=-MOST_ODDS))
         self.belief = Belief(tuple(settled), -MOST_ODDS, {"pushes": len(self.window)})
+
+    def _of_now(self, found: Fit) -> Fit:
+        """Return a fit where what episodes have of their own is as it is since it has jumped."""
+        places = found.places.copy()
+        for column in np.flatnonzero(found.kind.of_episode):
+            first = latest_run(places[:, column])
+            places[:first, column] = places[first:, column].mean()
+        return replace(found, places=places)
 
     def _candidates(self, flat: bool) -> list[Kind]:
         return laboratory_kinds(self._base.belief, flat)
@@ -185,6 +205,20 @@ class Believer:
     def model(self) -> SainDynamics:
         """The physics as it is believed now; before the first fit the shipped model."""
         return self._base if self.belief is self._base.belief else physics_model(self.belief)
+
+
+def latest_run(values: Float[ndarray, "C"]) -> int:
+    """Return from which episode on values are about one mean: after the jump, if there was any."""
+    count = len(values)
+    surest, first = SURE, 0
+    for split in range(FEW, count - 1):
+        before, after = values[:split], values[split:]
+        apart = abs(after.mean() - before.mean())
+        scatter = np.hypot(before.std(ddof=1), LEAST_SPREAD)
+        sure = apart / (scatter * np.sqrt(1.0 / len(before) + 1.0 / len(after)))
+        if sure > surest and apart > LEAST_JUMP:
+            surest, first = sure, split
+    return first
 
 
 def anchored(kind: Kind, values: Values) -> Kind:

@@ -1,8 +1,10 @@
 """Trains a network of a laboratory, in a process of its own: one thread, lowest priority.
 
 ``python -m sain_lab.training LABORATORY SINCE PUSHES`` reads the log as it is, and writes a
-checkpoint: the residual of the believed physics, from the shipped network on. An episode's other
-pushes show its friction, as in ``sain_model train``.
+checkpoint: the residual of the believed physics. An episode's other pushes show its friction, as in
+``sain_model train``. The network sees places and headings in the world, which the shipped one does
+not: on few pushes most of what physics leaves depends on them. An ensemble of small networks, each
+on episodes drawn with replacement, keeps to what many pushes agree on.
 """
 
 import hashlib
@@ -33,8 +35,10 @@ LONGEST: Final = 60  # [s] of processor time; a training that takes longer is en
 NICE: Final = 19
 THREADS: Final = ("OMP_NUM_THREADS", "NUMBA_NUM_THREADS", "MKL_NUM_THREADS")
 MOST_PUSHES: Final = 3000  # the latest, that are learned from
-STEPS: Final = 1200  # of the optimizer: 25 s
-MOST_EPOCHS: Final = 100
+STEPS: Final = 1200  # of the optimizer
+MOST_EPOCHS: Final = 60
+MEMBERS: Final = 8
+BATCH: Final = 64  # pushes
 PATIENCE: Final = 25  # epochs
 VALIDATION: Final = 0.2  # of the episodes
 
@@ -103,38 +107,45 @@ def train(laboratory: Laboratory, since: int, pushes: int) -> Path:
     from sain_model.dynamics.load import save_checkpoint
     from sain_model.dynamics.residual import module_of
     from sain_model.inference.kinds import read_belief
-    from sain_model.training.fit import Parent, fit
+    from sain_model.training.fit import fit
     from sain_model.training.record import make_card
     from sain_model.training.settings import TrainOptions
 
-    parent = Parent.load("sain")
     kind = replace(read_belief(laboratory.belief_path).likeliest, corrected=True)
     data = data_of(latest(laboratory, since, pushes))
-    config = settings(parent.settings, kind, len(data))
+    config = settings(kind, len(data))
     split = split_by_episode(data, config.seed, config.validation, 0.0)
     with tempfile.TemporaryDirectory() as state:
-        model, histories = fit(split, kind, config, Path(state), start=parent.sain)
+        model, histories = fit(split, kind, config, Path(state))
     path = laboratory.model_path(service_of(pushes))
     options = TrainOptions(dataset=(laboratory.path,), out=path.parent, training=config)
-    card = make_card(options, data, split, model, histories, {}, parent.card)
+    card = make_card(options, data, split, model, histories, {})
     save_checkpoint(path, module_of(model), card)
     return path
 
 
-def settings(like: "TrainingConfig", kind: "Kind", pushes: int) -> "TrainingConfig":
-    """Return the settings of a training on so many pushes, on the network of a parent."""
-    from sain_model.network.settings import PLANAR, PLANAR_AXES
-    from sain_model.training.settings import LossConfig
+def settings(kind: "Kind", pushes: int) -> "TrainingConfig":
+    """Return the settings of a training on so many pushes."""
+    from sain_model.network.settings import (
+        BOOTSTRAP,
+        PLANAR,
+        PLANAR_AXES,
+        WORLD_FRAME,
+        NetworkConfig,
+    )
+    from sain_model.training.settings import LossConfig, TrainingConfig
 
-    steps = max(2 * pushes // like.batch, 1)  # with mirror images
-    return replace(
-        like,
+    network = NetworkConfig(hidden=32, message=16, features=WORLD_FRAME, members=MEMBERS)
+    return TrainingConfig(
         prior=PLANAR_AXES if kind.has_axes else PLANAR,
-        epochs=min(max(STEPS // steps, 1), MOST_EPOCHS),
+        epochs=min(max(STEPS * BATCH // pushes, 1), MOST_EPOCHS),
         patience=PATIENCE,
-        weight_decay=0.01,
+        batch=BATCH,
+        weight_decay=1.0,
         validation=VALIDATION,
         test=0.0,
+        diversity=BOOTSTRAP,
+        network=network,
         loss=LossConfig(position_scale=0.0002, heading_scale=0.01),
     )
 

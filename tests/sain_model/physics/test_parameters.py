@@ -51,7 +51,7 @@ def draw_values(count: int, bodies: int, seed: int = 0) -> dict[str, np.ndarray]
         usual = getattr(PlanarConfig(), one.name)
         spread = 0.2 if one.name in WIDE else one.spread
         away = random.normal(0.0, spread, shape)
-        if one.name.endswith("_offset") or one.name.startswith("slope"):
+        if "_offset" in one.name or one.name.startswith("slope"):
             away *= 0.1
         drawn = usual * np.exp(away) if one.logarithm else usual + away
         values[one.name] = np.clip(drawn, one.least, one.most)
@@ -109,6 +109,12 @@ def test_a_turned_scene_on_a_turned_slope_ends_turned(names: tuple[str, ...], bo
     cos, sin = np.cos(2.0 * angle), np.sin(2.0 * angle)
     x, y = values["table_grain_x"], values["table_grain_y"]
     turned |= {"table_grain_x": cos * x - sin * y, "table_grain_y": sin * x + cos * y}
+    for offset in ("length_offset", "angle_offset", "location_offset"):
+        for order in (1, 2):
+            cos, sin = np.cos(order * angle), np.sin(order * angle)
+            names_of_both = f"{offset}_cos{order}", f"{offset}_sin{order}"
+            x, y = (values[name] for name in names_of_both)
+            turned |= dict(zip(names_of_both, (cos * x - sin * y, sin * x + cos * y), strict=True))
     other = pushes.copy()  # a place on an outline turns with the body, one on a disk does not
     round_ones = np.array([name == "disk" for name in names])[pushes[:, BODY].astype(int)]
     other[round_ones, LOCATION] = wrap_angle(other[round_ones, LOCATION] + angle)
@@ -120,7 +126,8 @@ def test_a_mirrored_scene_ends_mirrored(names: tuple[str, ...]) -> None:
     scenes, pushes = draw(30, 5)
     values, prior = draw_values(30, 2, 5), PlanarPrior(PlanarConfig(), kinds(*names))
     odd = ("slope_y", "centre_y", "angle_offset", "location_offset", "tip_y")
-    odd += ("grain_y", "table_grain_y")
+    odd += ("grain_y", "table_grain_y", "length_offset_sin1", "length_offset_sin2")
+    odd += tuple(f"{one}_offset_cos{order}" for one in ("angle", "location") for order in (1, 2))
     mirrored = values | {name: -values[name] for name in odd}
     other = pushes.copy()
     other[:, BODY] = pushes[:, BODY] = 0.0  # a disk

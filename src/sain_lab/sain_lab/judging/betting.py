@@ -1,10 +1,11 @@
 """Which of two predictors errs less: a test that stays valid when it is looked at after each push.
 
 A gambler bets on each push, before it, that the first errs less. With errors a and b, the score of
-a push is s = (b - a) / (a + b + m), where m is the median of earlier a + b: between -1 and 1, in
-proportion to the difference where errors are usual, and bounded where one is huge. The wealth is
-the product of 1 + bet * s. Where the first is not better, no rule of bets makes it grow: it ever
-reaches W with a probability of at most 1 / W (Ville 1939; Waudby-Smith and Ramdas 2024).
+a push is s = (b - a) / (|b - a| + 3 m), where m is the median of earlier differences |b - a|: from
+-1 to 1. So a small difference that comes again and again counts, and one huge error does not decide
+alone. The wealth is the product of 1 + bet * s. Where the first is not better, no rule of bets
+makes it grow: it ever reaches W with a probability of at most 1 / W (Ville 1939; Waudby-Smith and
+Ramdas 2024). What errs less often and, in sum, more is not certain either.
 """
 
 from collections import deque
@@ -16,9 +17,9 @@ CERTAIN: Final = 20.0  # wealth: at most 5 % of candidates that are no better ev
 ALARM: Final = 30.0  # likewise of a bet that resets: by chance once in 30 pushes at worst
 GROWN: Final = 2.0  # a wealth that is no longer small
 BETS: Final = np.array([0.2, 0.5, 0.9])  # a third of the first money each
-DAMPING: Final = 0.25  # share of the median that a score is bounded by
+DAMPING: Final = 3.0  # medians of the differences: one as large scores a quarter
 SCALE: Final = 100  # pushes that the median is of
-LEAST: Final = 0.05  # [mm], of the median: smaller errors do not matter
+LEAST: Final = 0.01  # [mm], of the median: smaller differences do not matter
 
 
 class Bet:
@@ -36,14 +37,17 @@ class Bet:
         self._enough = alarm if resets else CERTAIN
         self.growing = 0
         self._wealths = np.full(len(BETS), wealth)
-        self._sizes: deque[float] = deque(maxlen=SCALE)
+        self._differences: deque[float] = deque(maxlen=SCALE)
+        self._gain = 0.0  # sum of the differences [mm]
 
     def heir(self) -> "Bet":
-        """Return the bet on the successor of the first: trained the same way, on more pushes.
+        """Return the bet on the successor of the first: made the same way, from more pushes.
 
-        It inherits half of the certainty at most, and has to earn the rest.
+        What was won goes on, so that a way of making predictors is judged; losses do not.
         """
-        return Bet(self.resets, min(max(self.wealth, 1.0), CERTAIN / 2.0))
+        heir = Bet(self.resets, max(self.wealth, 1.0), self._enough)
+        heir._differences, heir._gain = self._differences.copy(), max(self._gain, 0.0)
+        return heir
 
     @property
     def wealth(self) -> float:
@@ -52,17 +56,18 @@ class Bet:
 
     def update(self, first: float, second: float) -> float:
         """Take the errors [mm] of both on one push; return the wealth after it."""
-        both = first + second
-        median = float(np.median(self._sizes)) if self._sizes else both
-        score = (second - first) / (both + max(DAMPING * median, LEAST))
+        gain = second - first
+        usual = float(np.median(self._differences)) if self._differences else abs(gain)
+        score = gain / (abs(gain) + DAMPING * max(usual, LEAST))
         start = np.maximum(self._wealths, 1.0) if self.resets else self._wealths
         self._wealths = start * (1.0 + BETS * score)
         self.growing = self.growing + 1 if self.wealth > GROWN else 0
-        self._sizes.append(both)
+        self._differences.append(abs(gain))
+        self._gain += gain
         self.pushes += 1
         return self.wealth
 
     @property
     def is_certain(self) -> bool:
         """Whether the first errs less beyond chance."""
-        return self.wealth >= self._enough
+        return self.wealth >= self._enough and (self.resets or self._gain > 0.0)

@@ -22,7 +22,14 @@ from sain_core.push import TOOL_RADIUS
 from sain_core.shapes.bodies import Bodies
 from sain_core.storage import write_json
 from sain_core.types import Pushes, Scalars, Scenes
-from sain_model.physics.parameters import BY_NAME, TEXTBOOK, Parameter, PlanarConfig, Values
+from sain_model.physics.parameters import (
+    BY_HEADING,
+    BY_NAME,
+    TEXTBOOK,
+    Parameter,
+    PlanarConfig,
+    Values,
+)
 from sain_model.physics.planar import PlanarPrior, step_knowing
 
 FRICTION: Final = "friction"
@@ -65,6 +72,7 @@ OF_TABLE: Final = (  # what many pushes show besides: of a table, and of a robot
     "length_offset",
     "angle_offset",
     "location_offset",
+    *BY_HEADING,
 )
 ACROSS: Final = "yield_across"
 ALONG_AXES: Final = "axes_yield"
@@ -161,12 +169,16 @@ class Kind:
     @cached_property
     def grid(self) -> Places:
         """The G places of the grid; parameters without one stay at 0."""
+        columns = [self.names.index(name) for name in self.on_grid]
         axes = [
-            np.linspace(-REACH, REACH, POINTS[name]) * deviation if name in POINTS else np.zeros(1)
-            for name, deviation in zip(self.names, self.deviations, strict=True)
+            np.linspace(-REACH, REACH, POINTS[self.names[column]]) * self.deviations[column]
+            for column in columns
         ]
         mesh = np.meshgrid(*axes, indexing="ij")
-        return np.stack([axis.ravel() for axis in mesh], axis=-1) if axes else np.zeros((1, 0))
+        places = np.zeros((mesh[0].size if mesh else 1, len(self.names)))
+        for column, axis in zip(columns, mesh, strict=True):
+            places[:, column] = axis.ravel()
+        return places
 
     @cached_property
     def grid_log_prior(self) -> Float[ndarray, "G"]:

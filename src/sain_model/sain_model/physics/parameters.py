@@ -111,6 +111,8 @@ class Parameter(NamedTuple):
     most: float
 
 
+HARMONICS: Final = (("cos", 1), ("sin", 1), ("cos", 2), ("sin", 2))  # by which offsets differ
+
 PARAMETERS: Final = (
     Parameter("friction", "friction with the table", "", "episode", 0.5, True, 0.005, 10.0),
     Parameter(
@@ -223,8 +225,22 @@ PARAMETERS: Final = (
         "location_offset", "how far around the body it starts, its heading kept",
         "rad", "tool", 0.02, False, -0.5, 0.5,
     ),
+    *(
+        Parameter(
+            f"{offset}_{wave}{order}",
+            f"likewise, times the {wave} of {order} x the heading of the tool in the world",
+            unit, "tool", spread, False, -most, most,
+        )
+        for offset, unit, spread, most in (
+            ("length_offset", "m", 0.0007, 0.02),
+            ("angle_offset", "rad", 0.007, 0.2),
+            ("location_offset", "rad", 0.007, 0.2),
+        )
+        for wave, order in HARMONICS
+    ),
 )  # fmt: skip
 BY_NAME: Final = {parameter.name: parameter for parameter in PARAMETERS}
+BY_HEADING: Final = tuple(name for name in BY_NAME if "_offset_" in name)
 
 # The same in all rows, but for the radius of the tool: a stroke has its own.
 SETTINGS: Final = ("gravity", "tool_radius", "acceleration", "longest_step")
@@ -342,6 +358,18 @@ class PlanarConfig(Config):
     length_offset: float = parameter("length_offset", 0.0)
     angle_offset: float = parameter("angle_offset", 0.0)
     location_offset: float = parameter("location_offset", 0.0)
+    length_offset_cos1: float = parameter("length_offset_cos1", 0.0)
+    length_offset_sin1: float = parameter("length_offset_sin1", 0.0)
+    length_offset_cos2: float = parameter("length_offset_cos2", 0.0)
+    length_offset_sin2: float = parameter("length_offset_sin2", 0.0)
+    angle_offset_cos1: float = parameter("angle_offset_cos1", 0.0)
+    angle_offset_sin1: float = parameter("angle_offset_sin1", 0.0)
+    angle_offset_cos2: float = parameter("angle_offset_cos2", 0.0)
+    angle_offset_sin2: float = parameter("angle_offset_sin2", 0.0)
+    location_offset_cos1: float = parameter("location_offset_cos1", 0.0)
+    location_offset_sin1: float = parameter("location_offset_sin1", 0.0)
+    location_offset_cos2: float = parameter("location_offset_cos2", 0.0)
+    location_offset_sin2: float = parameter("location_offset_sin2", 0.0)
     longest_step: float = option(
         0.02, "of time; all limits of steps scale with it", unit="s", minimum=1e-4, maximum=0.1
     )

@@ -31,11 +31,18 @@ from sain_core.scene import MASS, OVERLAP_TOLERANCE, POSITION
 from sain_core.shapes.bodies import PAPER_DISKS, Bodies
 from sain_core.shapes.shape import REGULAR_FEET, Shape, feet_places
 from sain_core.shapes.solids import flat_bottom
-from sain_core.types import Indices, Mask, Points, Pushes, Scenes
+from sain_core.types import Angles, Indices, Mask, Points, Pushes, Scenes
 from sain_model.compute.compiling import plain
 from sain_model.compute.kernel_store import compile_visibly
 from sain_model.compute.threads import even_blocks, run_blocks
-from sain_model.physics.parameters import PlanarConfig, Values, check_batch, check_values, rows_of
+from sain_model.physics.parameters import (
+    HARMONICS,
+    PlanarConfig,
+    Values,
+    check_batch,
+    check_values,
+    rows_of,
+)
 from sain_model.physics.push_kernels import CHUNK, push_bodies_block
 from sain_model.physics.touch_kernels import (
     DISTANCE,
@@ -50,6 +57,7 @@ Touched = Bool[ndarray, "B N"]
 Ways = Float[ndarray, "B 5"]  # start of the tool [m], heading [rad], way [m], speed [m/s]
 
 SHARE: Final = 2  # column of a support, after its x and y
+WAVES: Final = {"cos": np.cos, "sin": np.sin}
 STRAIGHT: Final = 1e-9  # [rad], a corner that turns less is a point in the middle of a side
 
 
@@ -103,19 +111,34 @@ def tool_ways(
 ) -> Ways:
     """Return the ways of the tool, with the offsets of `physics` (B,), the numbers of the pushes.
 
-    An offset of the location keeps the heading, and a stroke's start, which it states. A push of no
-    length stays one, and none becomes shorter than that.
+    An offset is a mean, and harmonics of the heading in the world: a robot is not equally exact in
+    all directions. That of the location keeps the heading, and a stroke's start, which it states. A
+    push of no length stays one, and none becomes shorter than that.
     """
-    length = np.maximum(pushes[:, LENGTH] + physics["length_offset"], 0.0)
-    length[pushes[:, LENGTH] == 0.0] = 0.0
     start, heading = strokes(scenes, pushes, limits, bodies)
-    if physics["location_offset"].any():
-        around = pushes.copy()
-        around[:, LOCATION] += physics["location_offset"]
-        start, _ = strokes(scenes, around, limits, bodies)
+    further, left, around = (
+        _offset(physics, name, heading)
+        for name in ("length_offset", "angle_offset", "location_offset")
+    )
+    length = np.maximum(pushes[:, LENGTH] + further, 0.0)
+    length[pushes[:, LENGTH] == 0.0] = 0.0
+    if around.any():
+        moved = pushes.copy()
+        moved[:, LOCATION] += around
+        start, _ = strokes(scenes, moved, limits, bodies)
     start = start + np.column_stack([physics["tip_x"], physics["tip_y"]])
-    heading = heading + physics["angle_offset"]
-    return np.column_stack([start, heading, length, pushes[:, SPEED] * physics["speed_factor"]])
+    speed = pushes[:, SPEED] * physics["speed_factor"]
+    return np.column_stack([start, heading + left, length, speed])
+
+
+def _offset(physics: ndarray, name: str, heading: Angles) -> Float[ndarray, "B"]:
+    """Return an offset of the tool at headings (B,): a mean, and harmonics of the heading."""
+    total = physics[name]
+    for wave, order in HARMONICS:
+        height = physics[f"{name}_{wave}{order}"]
+        if height.any():
+            total = total + height * WAVES[wave](order * heading)
+    return total
 
 
 def nearest_first(scenes: Scenes, pushed: Indices) -> Int[ndarray, "B N"]:
