@@ -41,6 +41,7 @@ from sain_eval.scenes.scenarios import SCENARIOS
 from sain_mppi.agent.agent import AgentConfig
 from sain_mppi.agent.play import Sight
 from sain_mppi.agent.uncertainty import EstimatorConfig
+from sain_vision.detection.arm_mask import ArmMask
 from sain_vision.detection.outlines import OutlineConfig, OutlineFinder
 from sain_vision.detection.sighting import Sighting
 from sain_vision.detection.tags import TagConfig, TagFinder, TagLocator
@@ -84,6 +85,7 @@ class ImageSight(Sight):
         self._model, self._period = model_of(config), 1.0 / config.rate
         self._random = generator(seed, "images")
         self._outlines = OutlineFinder(bodies, OutlineConfig()) if see == OUTLINES else None
+        self._mask = ArmMask(world.cell.robot)
         self._tags = TagFinder(TagConfig()), TagLocator(bodies, TagConfig())
         self._last: dict[int, np.ndarray] = {}
         self._pushes = self.cleared = 0
@@ -142,7 +144,8 @@ class ImageSight(Sight):
             return locator.locate(finder.find(grey), self._model)[0]
         metres = np.where(depth > 0, depth * 1e-3, np.nan)
         known = {body: [pose] for body, pose in self._last.items()}
-        found = self._outlines.find(metres, self._model, known)[0]
+        arm = self._mask.draw(self.world.cell.joints, self._model)
+        found = self._outlines.find(metres, self._model, known, arm=arm)[0]
         self._last |= {one.body: one.pose for one in found}
         return found
 

@@ -147,6 +147,11 @@ class GraphOptions(GraphConfig):
         return SEEN_NOISE[self.see] if self.see else self.camera.noise
 
     @property
+    def arm(self) -> str:
+        """YAML file or name of the robot arm that a camera may see; empty: it is not known."""
+        return ""
+
+    @property
     def simulator(self) -> dict[str, str]:
         """Parameters of the simulator that differ from their defaults."""
         given = {"engine": self.engine, "bottom": self.bottom}
@@ -334,7 +339,8 @@ def _seeing_commands(
     given = {"bodies": str(bodies.absolute()), **simulated}
     commands = {}
     if options.see:
-        commands[options.see] = node("sain_vision", SEEING[options.see], **given)
+        arm = {"robot": options.arm} if options.arm and options.see == OUTLINES else {}
+        commands[options.see] = node("sain_vision", SEEING[options.see], **given, **arm)
     commands[SCENES] = node("sain_vision", "scene_node", **given, noise=options.pose_noise)
     return commands
 

@@ -75,6 +75,11 @@ class _Graph(GraphOptions):
         differs = radius != PushLimits().tool_radius
         return {"feasibility.limits.tool_radius": str(radius)} if differs else {}
 
+    @property
+    def arm(self) -> str:
+        """The robot."""
+        return self.laboratory.robot
+
     def more_commands(self, ros: Sequence[str]) -> dict[str, list[str]]:
         """Return the commands of the laboratory, of the arm's driver and of who enables it."""
         own = self.laboratory

@@ -26,6 +26,7 @@ outline_node: Final = NodeCommand(
         "camera/aligned_depth_to_color/image_raw",
         "camera/color/camera_info",
         "plan",
+        "/joint_states",
         "/tf",
         "/tf_static",
     ),

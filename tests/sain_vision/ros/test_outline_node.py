@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from diagnostic_msgs.msg import DiagnosticArray
 from sensor_msgs.msg import Image
 from tf2_msgs.msg import TFMessage
 from vision_msgs.msg import Detection3DArray
@@ -30,7 +31,8 @@ def test_depth_images_become_poses(graph, tmp_path: Path) -> None:
     path.write_text(BODIES)
     with image_camera(CONFIG, START, SHAPES) as camera:
         shot = camera.take(AWAY, START, generator(0, "test"))
-    graph.start(OutlineNode, bodies=str(path), max_age=5.0)
+    graph.start(OutlineNode, bodies=str(path), max_age=5.0, robot="ur5")
+    graph.listen("/diagnostics", DiagnosticArray)
     graph.listen("detections", Detection3DArray)
     graph.listen("camera/outlines", Image)
     node = graph.bystander
@@ -51,6 +53,8 @@ def test_depth_images_become_poses(graph, tmp_path: Path) -> None:
         truth = START[["puck", "tee"].index(one.id), POSE]
         assert np.hypot(place.x - truth[0], place.y - truth[1]) < 0.0025
     graph.wait(lambda: found() and graph.heard["camera/outlines"], "the overlay")
+    said = [one.message for m in graph.heard["/diagnostics"] for one in m.status]
+    assert any("masked by its height alone: no /joint_states" in text for text in said)
 
 
 @pytest.mark.parametrize("encoding", ["16UC1", "32FC1"])

@@ -94,18 +94,20 @@ class OutlineFinder:
         camera: CameraModel,
         known: Mapping[int, Sequence[Pose]],
         everywhere: bool = True,
+        arm: Bool[ndarray, "height width"] | None = None,
     ) -> tuple[list[Sighting], list[str]]:
         """Return the bodies in a depth image [m], and in words why others are not among them.
 
         Bodies are looked for at known poses first: where they were, or should be after a push.
         The others, and those that are not found there, are looked for everywhere, which takes long.
+        Nothing is seen where the arm is; without its mask, that is what is higher than all tops.
         """
         points = camera.place + depth[..., None] * self._rays_of(camera)
         sightings: list[Sighting] = []
         problems = []
         taken: list[tuple[Pose, float]] = []
         order = sorted(range(len(self._bodies.names)), key=lambda body: body not in known)
-        edges = {height: self._edges(points, height) for height in set(self._bodies.heights)}
+        edges = {height: self._edges(points, height, arm) for height in set(self._bodies.heights)}
         for body in order:
             seen = edges[self._bodies.heights[body]]
             found = self._place(body, seen, known.get(body, ()), taken)
@@ -128,20 +130,27 @@ class OutlineFinder:
             self._camera, self._rays = camera, flat.reshape(camera.height, camera.width, 3)
         return self._rays
 
-    def _edges(self, points: Float[ndarray, "height width 3"], height: float) -> _Edges:
+    def _edges(
+        self,
+        points: Float[ndarray, "height width 3"],
+        height: float,
+        arm: Bool[ndarray, "height width"] | None,
+    ) -> _Edges:
         """Return the edges of tops at a height [m], but for those at the arm and the image's."""
         heights, error = np.nan_to_num(points[..., 2], nan=-1.0), self._config.height_error
         top = (np.abs(heights - height) < error).astype(np.uint8)
         top = cv2.morphologyEx(top, cv2.MORPH_CLOSE, np.ones((3, 3), np.uint8))
-        hidden = _widened(heights > max(self._bodies.heights) + 2 * error)
+        # A hand has no known geometry: what is high hides, too.
+        high = heights > max(self._bodies.heights) + 2 * error
+        hidden = _widened(high if arm is None else high | arm)
         unknown = _widened(heights < -0.5)
         contours, _ = cv2.findContours(top, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
         rows = [one[:, 0] for one in contours if len(one) >= FEWEST]
         pixels = np.concatenate(rows) if rows else np.zeros((0, 2), dtype=int)
         groups = np.repeat(np.arange(len(rows)), [len(one) for one in rows])
         across, down = pixels[:, 0], pixels[:, 1]
-        high, wide = heights.shape
-        inside = (across > 0) & (down > 0) & (across < wide - 1) & (down < high - 1)
+        tall, wide = heights.shape
+        inside = (across > 0) & (down > 0) & (across < wide - 1) & (down < tall - 1)
         clear = inside & ~hidden[down, across] & ~unknown[down, across]
         pixels, across, down, groups = pixels[clear], across[clear], down[clear], groups[clear]
         places = points[down, across, :2]

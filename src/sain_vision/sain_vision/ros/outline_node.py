@@ -6,7 +6,7 @@ from typing import Any
 import cv2
 import numpy as np
 from rclpy.node import Node
-from sensor_msgs.msg import Image
+from sensor_msgs.msg import Image, JointState
 
 from sain_core.guarding.ros.reception import Reception, shortened
 from sain_core.ros.node_main import NAMESPACE, WARN
@@ -16,6 +16,7 @@ from sain_core.scene import POSE, STATE_SIZE
 from sain_interfaces.msg import Plan
 from sain_vision.detection.outlines import Depth, OutlineFinder, Pose
 from sain_vision.optics import CameraModel
+from sain_vision.ros.arm_watch import ArmWatch
 from sain_vision.ros.body_parameter import followed, read_body_file
 from sain_vision.ros.camera_input import CameraInput, CameraPlace
 from sain_vision.ros.images import decode_depth
@@ -38,6 +39,9 @@ class OutlineNode(Node):
         self.output = SightingOutput(self, reception, "outlines", "camera/outlines")
         self.diagnostics = self.output.diagnostics
         self.place = CameraPlace(self, config.extrinsics)
+        self.arm = ArmWatch(config.robot, config.max_age) if config.robot else None
+        if self.arm is not None:
+            reception.listen(JointState, "/joint_states", self.arm.listen, RELIABLE)
         hear = self._on_image, self._ignore
         self.input = CameraInput(self, reception, DEPTH_TOPICS, config, *hear)
         reception.listen(Plan, "plan", self._on_plan, RELIABLE)
@@ -69,7 +73,9 @@ class OutlineNode(Node):
             for body in range(len(self.bodies.names))
         }
         search = monotonic() >= self.next_search
-        found = self.finder.find(depth, camera, known, everywhere=search)
+        arm, problem = (None, "") if self.arm is None else self.arm.mask(camera)
+        found = self.finder.find(depth, camera, known, everywhere=search, arm=arm)
+        found[1].extend(filter(None, [problem]))
         if search:
             self.next_search = monotonic() + self.config.search_period
         self.last |= {one.body: one.pose for one in found[0]}

@@ -41,6 +41,9 @@ class TagNodeConfig(SeeingConfig):
 class OutlineNodeConfig(SeeingConfig):
     """What the node of outlines reads."""
 
+    robot: str = option(
+        "", "YAML file or name of the robot, whose arm hides bodies; empty: what is high is the arm"
+    )
     search_period: float = option(
         1.0, "time between searches of the whole image for bodies that are lost", unit="s",
         minimum=0.1,

@@ -1,0 +1,30 @@
+"""Where an image shows the robot's arm: its own geometry, at its own joints."""
+
+from typing import Final
+
+from jaxtyping import Bool
+from numpy import ndarray
+
+from sain_arm.robot.arm_model import ArmModel
+from sain_arm.robot.robot import Robot, Vector
+from sain_arm.robot.silhouette import Silhouettes
+from sain_vision.optics import CameraModel
+
+MARGIN: Final = 3  # [px] about the arm, for errors of the calibration and of its joints
+
+
+class ArmMask:
+    """The convex hulls of an arm's links and tool, as a camera sees them."""
+
+    def __init__(self, robot: Robot) -> None:
+        """Know the arm of this robot."""
+        self._arm = ArmModel(robot)
+        model = self._arm.model
+        links = [geom for geom in range(model.ngeom) if model.geom_bodyid[geom] > 0]
+        self._silhouettes = Silhouettes(model, links)
+
+    def draw(self, joints: Vector, camera: CameraModel) -> Bool[ndarray, "height width"]:
+        """Return which pixels of a camera may show the arm with joints (J,)."""
+        self._arm.set_joints(joints)
+        size = camera.width, camera.height
+        return self._silhouettes.draw(self._arm.data, camera.project, *size, MARGIN)
