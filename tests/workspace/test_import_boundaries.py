@@ -17,7 +17,7 @@ MAY_IMPORT = {
     "sain_model": {"sain_core"},
     "sain_mppi": {"sain_core"},
     "sain_bags": {"sain_core"},
-    "sain_vision": {"sain_core"},
+    "sain_vision": {"sain_core", "sain_arm"},
     "sain_eval": {"sain_core", "sain_sim", "sain_model", "sain_mppi", "sain_bags"},
     "sain_lab": BELOW,
     "sain_gym": BELOW | {"sain_lab"},
