@@ -10,6 +10,7 @@ not by what was seen. Episodes that are in the file already are not played again
 import json
 import time
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -23,13 +24,13 @@ from benchmarks.results.seeing import model_of
 from sain_arm.laboratory.laboratory_config import CellConfig
 from sain_arm.laboratory.sight import LaboratoryView
 from sain_arm.laboratory.world import LaboratoryWorld
-from sain_arm.planning.push_planner import PushPlanner
+from sain_arm.planning.push_planner import ASIDE, PushPlanner
 from sain_arm.planning.reach import table_of_reach
 from sain_arm.robot.robot import SHIPPED, Robot, read_robot
 from sain_bringup.graph import OUTLINES, SEEN_NOISE, TAGS
 from sain_core.camera.image_camera import ImageCamera, ImageCameraConfig
 from sain_core.config import Config, option
-from sain_core.errors import ErrorCode, SainError
+from sain_core.errors import BlockedError, ErrorCode, SainError, UnreachableError
 from sain_core.feasibility import Feasibility
 from sain_core.goal import BodyPose, Goal
 from sain_core.randomness import generator
@@ -51,8 +52,8 @@ from sain_vision.scene.scene_tracker import SceneTracker
 ANYWHERE = "anywhere"
 PUSH_T = "push_t"
 LATENCY = 0.06  # [s], from an image to the pose in it
-HIDDEN = 1.0  # [s] without a scene at rest, after which the arm goes out of sight
-PATIENCE = 5.0  # [s], then nothing is seen
+HIDDEN = 1.5  # [s] without a scene at rest, after which the arm goes out of sight
+PATIENCE = 12.0  # [s], then nothing is seen
 
 
 @dataclass(frozen=True)
@@ -117,14 +118,15 @@ class ImageSight(Sight):
 
     def _await_rest(self) -> bool:
         """Take images until bodies rest; the arm goes home where it may hide some."""
-        began, may_hide = self.time, True
+        began, turns = self.time, list(ASIDE)
         while self.time < began + PATIENCE:
             self._take()
             if self.tracker.settled:
                 return True
-            if may_hide and self.time > began + HIDDEN:
-                may_hide, self.cleared = False, self.cleared + 1
-                self.world.clear_view(self.world.observe())
+            if turns and self.time > began + HIDDEN * (1 + len(ASIDE) - len(turns)):
+                self.cleared += 1
+                with suppress(UnreachableError, BlockedError):
+                    self.world.clear_view(self.world.observe(), turns.pop(0))
         return False
 
     def _take(self) -> None:

@@ -77,3 +77,21 @@ def test_what_is_not_there_is_not_found(camera: ImageCamera) -> None:
     sightings, problems = finder.find(look(camera, bare), CAMERA, {1: [START[1, POSE]]})
     assert [one.body for one in sightings] == [0]
     assert problems == ["body 1 (body_1) is not seen"]
+
+
+def test_one_straight_edge_is_no_body() -> None:
+    above = replace(CAMERA, rotation=np.diag([1.0, -1.0, -1.0]), place=np.array([0.5, 0.0, 1.0]))
+    depth = np.full((480, 640), np.nan)
+    depth[:, 300:340] = 1.0
+    depth[:240, 300:340] -= DISK_HEIGHT  # of a board no other edge is seen
+    x, y = above.on_plane(np.array([[320.0, 239.5]]), DISK_HEIGHT)[0]
+    square = replace(
+        file_of(
+            (),
+        ),
+        bodies=Bodies.named(("square",)),
+        radii=(0.1,),
+    )
+    finder = OutlineFinder(square, OutlineConfig(least_share=0.1))
+    sightings, problems = finder.find(depth, above, {0: [np.array([x, y + 0.0707, 0.0])]})
+    assert (sightings, len(problems)) == ([], 1)

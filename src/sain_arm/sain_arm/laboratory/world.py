@@ -78,9 +78,9 @@ class LaboratoryWorld:
         settled = self._settle()
         return Outcome(before, self.observe(), self.cell.time - began, settled)
 
-    def clear_view(self, scene: Scene) -> None:
-        """Bring the arm home above the bodies of a scene (N, 8), out of a camera's sight."""
-        self._follow(self._planner.home(scene, self.cell.joints))
+    def clear_view(self, scene: Scene, turn: float) -> None:
+        """Bring the arm home, turned [rad], above the bodies of a scene (N, 8), out of sight."""
+        self._follow(self._planner.home(scene, self.cell.joints, turn))
 
     def rest(self, duration: float) -> None:
         """Let time pass [s] while the arm holds still."""

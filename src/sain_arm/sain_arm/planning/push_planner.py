@@ -25,6 +25,7 @@ from sain_core.scene import unit
 from sain_core.shapes.bodies import Bodies
 from sain_core.types import Scene
 
+ASIDE: Final = (0.0, 1.2, -1.2)  # [rad], turns at home, one of which hides no body from a camera
 SPACING: Final = 0.01  # [m] between points of a way
 ENOUGH: Final = 0.15  # [rad], margin with which the present branch is kept without a search
 BRANCHES: Final = 6  # drawn at random
@@ -96,8 +97,10 @@ class PushPlanner:
         way = self._line(tip, np.array([*tip[:2], self.config.raised]))
         return self._timed(way, _begun_at(joints, self.kinematics.follow(joints, way)))
 
-    def home(self, scene: Scene, joints: Vector) -> Trajectory:
+    def home(self, scene: Scene, joints: Vector, turn: float = 0.0) -> Trajectory:
         """Return the way above bodies (N, 8) from where the arm has joints (J,) to its home.
+
+        There the first joint is turned by an angle [rad], as far as it goes.
 
         Raises:
             UnreachableError: there is none.
@@ -106,7 +109,9 @@ class PushPlanner:
         self.arm.place(scene)
         parts = self._lifted(joints)
         start = parts[-1].positions[-1] if parts else joints
-        return Trajectory.joined([*parts, self._travel(start, self.robot.home)])
+        end = self.robot.home.copy()
+        end[0] = np.clip(end[0] + turn, self.robot.lower[0], self.robot.upper[0])
+        return Trajectory.joined([*parts, self._travel(start, end)])
 
     def _check_workspace(self, stroke: Stroke) -> None:
         """Check that both ends of a stroke are in the workspace box, which is convex."""

@@ -19,7 +19,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool
 
 from sain_arm.planning.arm_config import ArmConfig
-from sain_arm.planning.push_planner import PushPlan, PushPlanner
+from sain_arm.planning.push_planner import ASIDE, PushPlan, PushPlanner
 from sain_arm.planning.reach import table_of_reach
 from sain_arm.planning.timing import Trajectory
 from sain_arm.robot.robot import Vector, read_robot
@@ -68,7 +68,7 @@ class ArmNode(Node):
         self._arriving: tuple[Vector, Callable[[Ending], None], float] | None = None
         self._asked = 0.0  # when the push came, or the stroke ended [s], of a steady clock
         self._broken_off = Ending(Ended.LOST), 0.0  # how a stroke ended too early, and when [s]
-        self._may_hide = False  # a body from the camera, after a stroke
+        self._turns = list[float]()  # at home, that are left to try where the arm hides a body
         self._planner: PushPlanner | None = None
         self._planned_for: tuple[Bodies, tuple[float, ...]] | None = None
         self.reach_publisher = LatchedTopic(self, OccupancyGrid, "reach_table")
@@ -86,7 +86,7 @@ class ArmNode(Node):
     def _begin(self, order: PushOrder) -> None:
         """Take a push; it waits a little for what it needs, so that nobody asks without end."""
         self._order, self._asked = order, monotonic()
-        self._may_hide = False
+        self._turns = []
         self.phase = "waits"
         self._try()
 
@@ -198,7 +198,7 @@ class ArmNode(Node):
     def _on_stroked(self, ending: Ending) -> None:
         if ending.how is Ended.SUCCEEDED:
             self._conclude()
-            self._may_hide = True
+            self._turns = list(ASIDE)
         elif ending.how is Ended.REJECTED:
             self._give_up(_untouched(ending))
         else:
@@ -253,14 +253,14 @@ class ArmNode(Node):
     def _try_home(self) -> None:
         """Go home above the bodies where none comes to rest: the arm may hide one."""
         scene, planner = self.driver.scene, self._planner
-        if not self._may_hide or self.phase != "rests" or self.driver.waited < HIDES:
+        tried = len(ASIDE) - len(self._turns)
+        if not self._turns or self.phase != "rests" or self.driver.waited < HIDES * (tried + 1):
             return
-        self._may_hide = False
         if scene is None or planner is None or self.client.busy or not self.joints.still:
             return
-        joints = self.joints.current
+        joints, turn = self.joints.current, self._turns.pop(0)
         self.phase = "goes home"
-        self.worker.submit(lambda: planner.home(scene, joints), self._go_home)
+        self.worker.submit(lambda: planner.home(scene, joints, turn), self._go_home)
 
     def _go_home(self, done: "Future[Trajectory]") -> None:
         if self.phase != "goes home":

@@ -32,6 +32,7 @@ SURE: Final = 0.7  # share of an outline that must be seen where nothing is know
 SPOTS: Final = 8  # parts of touching bodies that are tried
 MOST: Final = 160  # pixels of edges that are fitted: more are not more exact, and take longer
 MARKS: Final = 96  # places along an outline
+LEAST: Final = 0.01  # share of the edges' pixels that must tell of each direction
 ANY_TURN: Final = np.pi**2 / 3  # [rad^2], variance of a heading of which nothing is known
 
 Marks = Float[ndarray, "M 2"]  # [m], along an outline
@@ -237,6 +238,8 @@ class OutlineFinder:
             turning *= not shape.is_round  # its heading cannot be seen
             gradient = np.column_stack([normal, turning])
             information = gradient.T @ gradient + prior
+            if np.linalg.eigvalsh(information[:2, :2])[0] < LEAST * used.sum():
+                return None  # one straight edge: the body may lie anywhere along it
             step = np.linalg.solve(information, gradient.T @ errors)
             pose = pose + step
             if turn > 8 and np.abs(step).max() < 1e-5:
