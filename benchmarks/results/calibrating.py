@@ -27,14 +27,13 @@ from sain_core.randomness import generator
 from sain_core.ros.camera_topics import CameraTopics
 from sain_core.ros.node_main import NAMESPACE
 from sain_core.scene import DISK_HEIGHT, make_scene
-from sain_core.shapes.body_file import Tag
+from sain_core.shapes.body_file import Tag, parse_bodies
 from sain_core.types import Scene
 from sain_vision.detection.board import Board
 from sain_vision.detection.tags import TagConfig, TagFinder, TagLocator
 from sain_vision.extrinsics_file import read_extrinsics
 from sain_vision.optics import CameraModel, rotation_of
 from sain_vision.ros import calibrate_camera
-from tests.sain_vision.pictures import file_of
 
 FIRST = (0.45, -0.1, 0.0)  # pose of the board in the first look
 PERIOD = 0.2  # [s], between images
@@ -111,7 +110,7 @@ def calibrated(options: Options, config: ImageCameraConfig, folder: Path) -> Cam
     thread = threading.Thread(target=executor.spin, daemon=True)
     thread.start()
 
-    def wait(_: object, console: Console, text: str) -> None:
+    def wait(options: calibrate_camera.CalibrateOptions, console: Console, text: str) -> None:
         console.print(text)
         if "somewhere else" in text:
             node.turn_board()
@@ -131,9 +130,11 @@ def calibrated(options: Options, config: ImageCameraConfig, folder: Path) -> Cam
 def tag_errors(camera: CameraModel, config: ImageCameraConfig, seed: int) -> np.ndarray:
     """Return errors (E, 4) of tags of 40 mm all over the table, by a camera at a believed pose."""
     random, settings, errors = generator(seed, "tags"), TagConfig(), []
-    tags = tuple((Tag(body),) for body in range(6))
-    taker = ImageCamera(config, Paper(), tags)
-    finder, locator = TagFinder(settings), TagLocator(file_of(*tags), settings)
+    bodies = parse_bodies(
+        {"bodies": [{"shape": "disk", "radius": 0.06, "tags": body} for body in range(6)]}
+    )
+    taker = ImageCamera(config, Paper(), bodies.tags)
+    finder, locator = TagFinder(settings), TagLocator(bodies, settings)
     for _ in range(20):
         poses = random.uniform([0.3, -0.4, -np.pi], [0.85, 0.4, np.pi], (6, 3))
         if min(np.hypot(*(a - b)[:2]) for i, a in enumerate(poses) for b in poses[:i]) < 0.08:

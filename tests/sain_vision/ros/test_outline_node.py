@@ -9,6 +9,7 @@ from sensor_msgs.msg import Image
 from tf2_msgs.msg import TFMessage
 from vision_msgs.msg import Detection3DArray
 
+from sain_core.errors import InvalidInputError
 from sain_core.randomness import generator
 from sain_core.ros import codec
 from sain_core.ros.camera_topics import CameraTopics
@@ -63,3 +64,21 @@ def test_depths_of_both_encodings_are_metres(encoding: str) -> None:
     pixels = {"16UC1": (1000 * depth).astype("<u2"), "32FC1": depth.astype("<f4")}[encoding]
     message = codec.encode_image(pixels, encoding, codec.header(codec.encode_time(0)))
     np.testing.assert_allclose(decode_depth(message), [[0.5, np.nan], [1.25, 2.0]])
+
+
+@pytest.mark.parametrize(
+    ("change", "text"),
+    [
+        ({"encoding": "8UC1"}, "the depth image has the encoding '8UC1'; allowed: 16UC1"),
+        ({"height": 0}, "the image is 2 x 0 px; it must have pixels"),
+        ({"height": 3}, "it must have 3 rows of at least 4"),
+        ({"step": 2}, "in rows of 2; it must have 2 rows of at least 4"),
+    ],
+)
+def test_a_depth_image_that_is_not_one_is_refused(change: dict[str, object], text: str) -> None:
+    pixels = np.ones((2, 2), dtype="<u2")
+    message = codec.encode_image(pixels, "16UC1", codec.header(codec.encode_time(0)))
+    for name, value in change.items():
+        setattr(message, name, value)
+    with pytest.raises(InvalidInputError, match=text):
+        decode_depth(message)
