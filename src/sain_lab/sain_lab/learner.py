@@ -36,7 +36,7 @@ from sain_core.scene import POSITION, THETA, wrap_angle
 from sain_core.transitions import MOVED, PushHistory
 from sain_core.types import Scene
 from sain_lab.bodies import BodyBeliever
-from sain_lab.judging.events import CHANGED, FAILED, TRAINED, TRAINING, Event
+from sain_lab.judging.events import CHANGED, FAILED, JUMPED, TRAINED, TRAINING, Event
 from sain_lab.judging.judge import RECENT, Judge
 from sain_lab.keeping.laboratory import PHYSICS, PLANAR, OpenLaboratory
 from sain_lab.keeping.results import Result, history_of, why_not
@@ -45,7 +45,7 @@ from sain_lab.serving import model_name, planar
 from sain_lab.training import Training
 from sain_model.dynamics.load import load_checkpoint, load_shipped
 from sain_model.dynamics.sain import SainDynamics
-from sain_model.inference.kinds import write_belief
+from sain_model.inference.kinds import FRICTION, write_belief
 from sain_mppi.agent.agent import MOST_PUSHES
 
 FIRST_TRAINING: Final = 50  # pushes
@@ -95,6 +95,7 @@ class Learner:
         self._trained_at = self._stated = self._since = 0  # pushes then
         self._unnamed = 0  # pushes of bodies without a name, which networks learn from
         self._pending = False  # a training was begun
+        self._jumped = False  # it was said that friction has jumped
         self._recent: deque[Result] = deque(maxlen=RECENT_PUSHES)
         self._episode = ""  # the running one
         self._latest: deque[Result] = deque()  # its pushes that a model is conditioned on
@@ -148,7 +149,8 @@ class Learner:
         self._append(record)
         decided = self._settle()
         self._publish()
-        return Lesson(True, "", errors, turns, (*decided, *self._train_if_due()))
+        noticed = self._notice_jump()
+        return Lesson(True, "", errors, turns, (*decided, *noticed, *self._train_if_due()))
 
     def poll(self) -> tuple[Event, ...]:
         """Take a training that has ended; return what follows from it."""
@@ -204,6 +206,7 @@ class Learner:
                 self._pending = record["event"] == TRAINING
             if self._pending:
                 self._trained_at = record["pushes"]
+            self._jumped = record["event"] == JUMPED or self._jumped
             if record["event"] == CHANGED:
                 self._begin_anew(record["about"]["keep"], record["about"]["anchor"])
 
@@ -303,6 +306,18 @@ class Learner:
             events.append(self._event(kind, text, **about))
             self._append(events[-1].record())
         return tuple(events)
+
+    def _notice_jump(self) -> tuple[Event, ...]:
+        """Say once that friction has jumped; the belief has counted with it already."""
+        before = self.believer.jumped
+        if not before or self._jumped:
+            self._jumped = bool(before)
+            return ()
+        now = self.believer.values[FRICTION]
+        text = f"friction with the table is {now:.3g}; it was {before:.3g}"
+        event = self._event(JUMPED, text, before=before, now=now)
+        self._append(event.record())
+        return (event,)
 
     def _publish(self) -> None:
         """Write what others load, where it has changed."""

@@ -30,18 +30,24 @@ from sain_model.dynamics.identify import (
 from sain_model.dynamics.sain import PHYSICS, Origin, SainDynamics
 from sain_model.inference.evidence import ObservedPushes
 from sain_model.inference.gauss_newton import Fit
-from sain_model.inference.kinds import Belief, Kind, laboratory_kinds, written_kind
+from sain_model.inference.kinds import (
+    FRICTION,
+    Belief,
+    Kind,
+    laboratory_kinds,
+    written_kind,
+)
 from sain_model.physics.planar import PlanarPrior
 
 WINDOW: Final = 300  # pushes that the belief is inferred from
 FEWEST: Final = 5  # pushes that a belief is inferred from
-AGAIN: Final = 3  # steps of a fit that starts from the one before
+AGAIN: Final = 10  # most steps of a fit that starts from the one before
+LATEST: Final = 3  # likewise of a fit to the latest pushes alone
 ENOUGH: Final = 0.05  # share of new pushes after which it is inferred again
 GROWTH: Final = 1.5  # of the pushes, after which all kinds are compared again
 RULED_OUT: Final = -10.0  # logarithm of the odds of kinds that do not predict
-FEW: Final = 4  # episodes that show how much theirs differ
-SURE: Final = 5.0  # standard deviations: a larger difference between episodes is a jump
-LEAST_JUMP: Final = 0.4  # [spreads], smaller ones do not matter
+FEW: Final = 6  # episodes that show how much theirs differ
+JUMPS: Final = 3.0  # logarithm of the odds, beforehand, that no episode differs from those before
 WIDE: Final = 0.5  # spread of what a changed table may have become
 
 Values = Mapping[str, float]
@@ -111,6 +117,7 @@ class Believer:
         self._compared = 0  # pushes when all kinds were fitted last
         self._total = 0  # pushes taken
         self._new = 0  # pushes that it was not inferred from
+        self.jumped = 0.0  # what friction was before it jumped, within the window; 0: it did not
 
     def add(self, result: Result) -> None:
         """Take a push that no running episode conditions on."""
@@ -154,6 +161,7 @@ class Believer:
     def _conclude(self, parts: list[ObservedPushes]) -> None:
         fits = [one.fit for one in self._kinds if one.fit is not None]
         best = max(self._kinds, key=lambda one: one.evidence)
+        self.jumped = 0.0
         fits = [self._of_now(one) for one in fits]
         found = identified(fits, -MOST_ODDS, {"laboratory": parts})
         kinds = [
@@ -173,8 +181,10 @@ class Believer:
         """Return a fit where what episodes have of their own is as it is since it has jumped."""
         places = found.places.copy()
         for column in np.flatnonzero(found.kind.of_episode):
-            first = latest_run(places[:, column])
-            places[:first, column] = places[first:, column].mean()
+            if first := latest_run(places[:, column]):
+                before = found.kind.values(places[:first].mean(axis=0, keepdims=True))
+                self.jumped = float(before[FRICTION][0])
+                places[:first, column] = places[first:, column].mean()
         return replace(found, places=places)
 
     def _candidates(self, flat: bool) -> list[Kind]:
@@ -190,7 +200,7 @@ class Believer:
         kind = replace(self._best, covariance=WIDE**2 * np.eye(len(self._best.names)))
         parts, episodes = observed(latest)
         start = np.zeros((len(episodes), len(kind.names)))
-        found = fit_laboratory(kind, parts, start, AGAIN)
+        found = fit_laboratory(kind, parts, start, LATEST)
         place = found.places.mean(axis=0)
         place[kind.of_episode] = found.places[-1][kind.of_episode]
         moved = replace(kind, prior=kind.at(place), covariance=np.eye(len(kind.names)))
@@ -208,16 +218,19 @@ class Believer:
 
 
 def latest_run(values: Float[ndarray, "C"]) -> int:
-    """Return from which episode on values are about one mean: after the jump, if there was any."""
-    count = len(values)
-    surest, first = SURE, 0
+    """Return from which episode on values are about one mean: after the jump, if there was any.
+
+    Two means with one scatter have to explain the values far better than one (Schwarz 1978).
+    """
+    count, floor = len(values), len(values) * LEAST_SPREAD**2
+    best, first = JUMPS + 2.0 * np.log(max(count, 1)), 0
     for split in range(FEW, count - 1):
-        before, after = values[:split], values[split:]
-        apart = abs(after.mean() - before.mean())
-        scatter = np.hypot(before.std(ddof=1), LEAST_SPREAD)
-        sure = apart / (scatter * np.sqrt(1.0 / len(before) + 1.0 / len(after)))
-        if sure > surest and apart > LEAST_JUMP:
-            surest, first = sure, split
+        parts = values[:split], values[split:]
+        apart = sum(part.var() * len(part) for part in parts)
+        together = values.var() * count
+        gain = 0.5 * count * np.log((together + floor) / (apart + floor))
+        if gain > best:
+            best, first = gain, split
     return first
 
 

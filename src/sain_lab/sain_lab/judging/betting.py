@@ -27,17 +27,25 @@ class Bet:
 
     Attributes:
         resets: whether the wealth is never below 1 before a push, so that a change is noticed soon.
+        worth: share of the usual error that a difference has to be to matter.
         pushes: since the start.
         growing: pushes since it was small: the first has been better for about as long.
     """
 
-    def __init__(self, resets: bool = False, wealth: float = 1.0, alarm: float = ALARM) -> None:
+    def __init__(
+        self,
+        resets: bool = False,
+        wealth: float = 1.0,
+        alarm: float = ALARM,
+        worth: float = 0.0,
+    ) -> None:
         """Begin with this wealth; one that resets is certain at `alarm`."""
-        self.resets, self.pushes = resets, 0
+        self.resets, self.worth, self.pushes = resets, worth, 0
         self._enough = alarm if resets else CERTAIN
         self.growing = 0
         self._wealths = np.full(len(BETS), wealth)
         self._differences: deque[float] = deque(maxlen=SCALE)
+        self._errors: deque[float] = deque(maxlen=SCALE)
         self._gain = 0.0  # sum of the differences [mm]
 
     def heir(self) -> "Bet":
@@ -45,7 +53,7 @@ class Bet:
 
         What was won goes on, so that a way of making predictors is judged; losses do not.
         """
-        heir = Bet(self.resets, max(self.wealth, 1.0), self._enough)
+        heir = Bet(self.resets, max(self.wealth, 1.0), self._enough, self.worth)
         heir._differences, heir._gain = self._differences.copy(), max(self._gain, 0.0)
         return heir
 
@@ -57,8 +65,10 @@ class Bet:
     def update(self, first: float, second: float) -> float:
         """Take the errors [mm] of both on one push; return the wealth after it."""
         gain = second - first
+        self._errors.append(second)
         usual = float(np.median(self._differences)) if self._differences else abs(gain)
-        score = gain / (abs(gain) + DAMPING * max(usual, LEAST))
+        usual = max(usual, self.worth * float(np.median(self._errors)), LEAST)
+        score = gain / (abs(gain) + DAMPING * usual)
         start = np.maximum(self._wealths, 1.0) if self.resets else self._wealths
         self._wealths = start * (1.0 + BETS * score)
         self.growing = self.growing + 1 if self.wealth > GROWN else 0

@@ -6,6 +6,7 @@ from typing import Any, Final, Self
 
 TRAINING, TRAINED, FAILED = "training", "trained", "training failed"
 LOADED, DROPPED, CHANGED = "loaded", "dropped", "table changed"
+JUMPED: Final = "friction changed"
 NOT_LEARNED: Final = "not learned"
 
 

@@ -15,7 +15,8 @@ Decision = tuple[str, str, dict[str, Any]]  # kind and text of an event, and mor
 
 
 RECENT: Final = "recent"  # physics by the latest pushes alone: it notices a change
-SUSPECTED: Final = 8.0  # wealth: to begin anew from what is believed costs little
+WORTH: Final = 0.5  # share of the error: a smaller gain is no change of the table
+SUSPECTED: Final = 20.0  # wealth: to begin anew from what is believed costs little
 
 
 class Judge:
@@ -26,7 +27,7 @@ class Judge:
         self.service: str = PHYSICS
         self.candidate = ""
         self._begin()
-        self.changed = Bet(resets=True, alarm=SUSPECTED)  # that the latest pushes predict better
+        self.changed = _of_change()
 
     def _begin(self) -> None:
         self.worse = Bet(resets=True)  # that physics errs less than the network in service
@@ -101,4 +102,9 @@ class Judge:
             if kind == LOADED and proven is not None:
                 self.better[PHYSICS] = proven.heir()
             if kind == CHANGED:
-                self.changed = Bet(resets=True, alarm=SUSPECTED)
+                self.changed = _of_change()
+
+
+def _of_change() -> Bet:
+    """Return the bet that the latest pushes alone predict much better."""
+    return Bet(resets=True, alarm=SUSPECTED, worth=WORTH)
