@@ -23,6 +23,7 @@ from benchmarks.report import Figure, report
 from sain_core.errors import SainError
 from sain_core.model import RolloutModel, load_dynamics
 from sain_core.randomness import Interval, bootstrap_ratio, generator
+from sain_core.scene import POSITION
 from sain_core.shapes.bodies import Bodies
 from sain_core.storage import write_json
 from sain_core.transitions import PushHistory
@@ -172,6 +173,22 @@ def pushes_of(path: Path) -> Iterator[Result]:
             yield Result.of_record(record)
 
 
+def with_noise(results: Iterator[Result], deviation: float) -> Iterator[Result]:
+    """Yield results whose places [m] were seen with noise, those of a scene once."""
+    random, seen = generator(0, "noise"), ("", np.empty(0))
+    for one in results:
+        before, after = one.before.copy(), one.after.copy()
+        shape = before[:, POSITION].shape
+        if one.episode == seen[0]:
+            before[:, POSITION] = seen[1]
+        else:
+            before[:, POSITION] += random.normal(0.0, deviation, shape)
+        after[:, POSITION] += random.normal(0.0, deviation, shape)
+        seen = one.episode, after[:, POSITION]
+        noise = np.full(len(before), deviation * 2**0.5)
+        yield replace(one, before=before, after=after, noise=noise, identity="")
+
+
 def figures_of(name: str, rows: list[dict[str, Any]]) -> Iterator[tuple[Figure, Interval]]:
     """Yield the figures of a laboratory with their intervals."""
     rows = [row for row in rows if not row["reason"] and PLANAR in row["errors"]]
@@ -229,6 +246,7 @@ def main() -> None:
     parser.add_argument("--lab", choices=(*LABS, SHIFTED))
     parser.add_argument("--pushes", type=int, default=PUSHES)
     parser.add_argument("--stream", type=Path, help="laboratory whose pushes are learned from anew")
+    parser.add_argument("--noise", type=float, default=0.0, help="of places that are streamed [m]")
     options = parser.parse_args()
     options.out.mkdir(parents=True, exist_ok=True)
     if options.lab:
@@ -236,7 +254,10 @@ def main() -> None:
         with Learner.named(str((options.out / options.lab).absolute())) as learner:
             work = Work(options.lab, options.out, learner)
             if options.stream:
-                work.stream(pushes_of(options.stream), options.pushes)
+                results = pushes_of(options.stream)
+                if options.noise:
+                    results = with_noise(results, options.noise)
+                work.stream(results, options.pushes)
             else:
                 work.run(options.pushes)
         return
