@@ -1,11 +1,12 @@
 """Which of two predictors errs less: a test that stays valid when it is looked at after each push.
 
 A gambler bets on each push, before it, that the first errs less. With errors a and b, the score of
-a push is s = (b - a) / (|b - a| + 3 m), where m is the median of earlier differences |b - a|: from
--1 to 1. So a small difference that comes again and again counts, and one huge error does not decide
-alone. The wealth is the product of 1 + bet * s. Where the first is not better, no rule of bets
-makes it grow: it ever reaches W with a probability of at most 1 / W (Ville 1939; Waudby-Smith and
-Ramdas 2024). What errs less often and, in sum, more is not certain either.
+a push is s = (b - a) / (|b - a| + 3 m), from -1 to 1, where m is the median of earlier differences
+|b - a|, or that of earlier errors a if it is smaller. So a small difference that comes again and
+again counts, and one huge error does not decide alone. The wealth is the product of 1 + bet * s.
+Where the first is not better, no rule of bets makes it grow: it ever reaches W with a probability
+of at most 1 / W (Ville 1939; Waudby-Smith and Ramdas 2024). What errs less often and, in sum, more
+is not certain either.
 """
 
 from collections import deque
@@ -17,9 +18,9 @@ CERTAIN: Final = 20.0  # wealth: at most 5 % of candidates that are no better ev
 ALARM: Final = 30.0  # likewise of a bet that resets: by chance once in 30 pushes at worst
 GROWN: Final = 2.0  # a wealth that is no longer small
 BETS: Final = np.array([0.2, 0.5, 0.9])  # a third of the first money each
-DAMPING: Final = 3.0  # medians of the differences: one as large scores a quarter
-SCALE: Final = 100  # pushes that the median is of
-LEAST: Final = 0.01  # [mm], of the median: smaller differences do not matter
+DAMPING: Final = 3.0  # medians: a difference as large as one scores a quarter
+SCALE: Final = 100  # pushes that medians are of
+LEAST: Final = 0.01  # [mm], of a median: smaller differences do not matter
 
 
 class Bet:
@@ -27,7 +28,7 @@ class Bet:
 
     Attributes:
         resets: whether the wealth is never below 1 before a push, so that a change is noticed soon.
-        worth: share of the usual error that a difference has to be to matter.
+        worth: share of the usual error below which a difference matters little.
         pushes: since the start.
         growing: pushes since it was small: the first has been better for about as long.
     """
@@ -54,7 +55,8 @@ class Bet:
         What was won goes on, so that a way of making predictors is judged; losses do not.
         """
         heir = Bet(self.resets, max(self.wealth, 1.0), self._enough, self.worth)
-        heir._differences, heir._gain = self._differences.copy(), max(self._gain, 0.0)
+        heir._differences, heir._errors = self._differences.copy(), self._errors.copy()
+        heir._gain = max(self._gain, 0.0)
         return heir
 
     @property
@@ -65,14 +67,17 @@ class Bet:
     def update(self, first: float, second: float) -> float:
         """Take the errors [mm] of both on one push; return the wealth after it."""
         gain = second - first
-        self._errors.append(second)
-        usual = float(np.median(self._differences)) if self._differences else abs(gain)
-        usual = max(usual, self.worth * float(np.median(self._errors)), LEAST)
+        usual = abs(gain)
+        if self._differences:
+            error = float(np.median(self._errors))
+            usual = max(min(float(np.median(self._differences)), error), self.worth * error)
+        usual = max(usual, LEAST)
         score = gain / (abs(gain) + DAMPING * usual)
         start = np.maximum(self._wealths, 1.0) if self.resets else self._wealths
         self._wealths = start * (1.0 + BETS * score)
         self.growing = self.growing + 1 if self.wealth > GROWN else 0
         self._differences.append(abs(gain))
+        self._errors.append(first)
         self._gain += gain
         self.pushes += 1
         return self.wealth
