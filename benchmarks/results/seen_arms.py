@@ -64,7 +64,7 @@ class SeenArmsOptions(Config):
     task: str = option(PUSH_T, "what is pushed where", choices=(PUSH_T, ANYWHERE))
     robot: str = option("ur5", "name or file of the robot")
     episodes: int = option(100, "how many", minimum=1)
-    model: str = option("planar", "what the planner predicts with")
+    model: str = option("sain", "what the planner predicts with")
     tolerance: float = option(0.01, "of a goal", unit="m", minimum=0.001)
     turn: float = option(0.05, "of the heading of a T's goal", unit="rad", minimum=0.01)
     out: Path = option(Path("results/seen_arms.json"), "file of the results")
