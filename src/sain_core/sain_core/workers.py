@@ -273,6 +273,7 @@ def _end_with_owner(owner: int) -> None:
 
 LOCAL: Final = "local"
 AUTO: Final = "auto"
+SLOW: Final = "timed out during startup"  # in the words of Ray
 KNOCK_SECONDS: Final = 10.0
 RETRIES: Final = 2  # of a job whose worker died
 STORE_BYTES: Final = 100_000_000  # for results on their way
@@ -317,7 +318,7 @@ def ray_cluster(address: str, workers: int) -> Iterator[ModuleType]:
             raise ConfigError(f"--ray needs Ray, which is not installed: {INSTALL}") from None
         try:
             try:
-                ray.init(**_settings(address, workers, folder))
+                _join(ray, _settings(address, workers, folder))
                 cpus = int(ray.cluster_resources().get("CPU", 0))
             except (ConnectionError, TimeoutError, ValueError, RuntimeError) as error:
                 raise ConfigError(f"no Ray cluster at {address!r}: {error}") from error
@@ -328,6 +329,25 @@ def ray_cluster(address: str, workers: int) -> Iterator[ModuleType]:
             yield ray
         finally:
             ray.shutdown()
+
+
+def _join(ray: Any, settings: dict[str, Any]) -> None:
+    """Start or join a cluster; where a busy machine takes more than Ray's 30 s, once again.
+
+    Raises:
+        TimeoutError: it was not up in time.
+    """
+    for left in (1, 0):
+        try:
+            ray.init(**settings)
+        except Exception as error:  # Ray has no class of its own for it
+            if SLOW not in str(error):
+                raise
+            ray.shutdown()
+            if not left:
+                raise TimeoutError(str(error)) from error
+        else:
+            return
 
 
 def _knock(address: str) -> None:

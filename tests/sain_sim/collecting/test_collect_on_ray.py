@@ -13,6 +13,7 @@ from pathlib import Path
 
 import pytest
 
+from sain_core.storage import scratch_folder
 from sain_sim.collecting.collect import CollectConfig, collect
 from sain_sim.collecting.episode import EpisodeConfig
 from sain_sim.commands import collect as main
@@ -25,6 +26,7 @@ NAMES = ("TMPDIR", "RAY_AUTH_MODE", "RAY_AUTH_TOKEN", "RAY_USAGE_STATS_ENABLED")
 @pytest.fixture
 def elsewhere(tmp_path, monkeypatch) -> Iterator[Path]:
     """A home and a folder for temporary files where everything that is written can be seen."""
+    scratch_folder("own").cleanup()  # what this process keeps to its end is not to be there
     with tempfile.TemporaryDirectory(prefix="t-", dir="/tmp") as folder:  # sockets: short paths
         monkeypatch.setenv("HOME", str(tmp_path))
         monkeypatch.setattr(tempfile, "tempdir", folder)
