@@ -86,7 +86,7 @@ class Table(TrajectoryServer):
         given |= {"twice": twice}
         super().__init__(parameter_overrides=[Parameter(k, value=v) for k, v in given.items()])
         self.file = read_bodies(bodies)
-        self.todo: deque[Callable[[], None]] = deque()
+        self.orders: deque[Callable[[], None]] = deque()
         self.wrong: list[str] = []
         self.results: list[tuple[float, PushResult]] = []
         self.enabled_at = self.dark_until = self.late_until = self.covered_until = 0.0
@@ -159,8 +159,8 @@ class Table(TrajectoryServer):
     # --- what must not happen --------------------------------------------------------------------
 
     def _tick(self) -> None:
-        while self.todo:
-            self.todo.popleft()()
+        while self.orders:
+            self.orders.popleft()()
         super()._tick()
         touched, self._touched = self._touched, self.cell.report.tool
         low = bool(self.cell.tip[2] < LOW)
@@ -333,7 +333,7 @@ def in_stroke(hall: Hall) -> Callable[[], bool]:
 
 def at_table(fault: Callable[[Table], None]) -> Callable[[Hall], None]:
     """Return what does something to the table on its own thread."""
-    return lambda hall: hall.table.todo.append(lambda: fault(hall.table))
+    return lambda hall: hall.table.orders.append(lambda: fault(hall.table))
 
 
 def until(name: str) -> Callable[[Hall], None]:

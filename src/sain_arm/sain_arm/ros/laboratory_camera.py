@@ -1,6 +1,7 @@
 """The camera over the laboratory's table: topics as of a real one, images on their own thread."""
 
 from concurrent.futures import Future
+from functools import cached_property
 
 from builtin_interfaces.msg import Time
 from rclpy.node import Node
@@ -18,7 +19,7 @@ from sain_core.scene import DISK_HEIGHT
 
 
 class LaboratoryCamera:
-    """Publishes images while somebody subscribes; the simulation goes on meanwhile."""
+    """Publishes images while somebody subscribes; the simulation goes on during this time."""
 
     def __init__(self, node: Node, cell: Cell, config: ImageCameraConfig, seed: int) -> None:
         """Stand over the table of a cell, and tell where."""
@@ -28,8 +29,7 @@ class LaboratoryCamera:
                     f"{cell.bodies.called(body)} has a height of {height:g} m; bodies of the"
                     f" laboratory are {DISK_HEIGHT:g} m high, and tags lie on their tops"
                 )
-        self._node, self._cell = node, cell
-        self._camera = ImageCamera(config, LaboratoryView(cell, config), cell.bodies.tags)
+        self._node, self._cell, self._config = node, cell, config
         self._random = generator(seed, "images")
         self._topics = CameraTopics(node, config)
         self._static = node.create_publisher(TFMessage, "/tf_static", LATCHED)
@@ -37,6 +37,12 @@ class LaboratoryCamera:
         self._static.publish(TFMessage(transforms=[self._topics.transform(stamp)]))
         self._worker, self._is_busy = Worker(node, "camera"), False
         steady_timer(node, 1.0 / config.rate, self._look)
+
+    @cached_property
+    def _camera(self) -> ImageCamera:
+        """The camera, made on its thread with the first image: most laboratories take none."""
+        view = LaboratoryView(self._cell, self._config)
+        return ImageCamera(self._config, view, self._cell.bodies.tags)
 
     def _look(self) -> None:
         if self._is_busy or not self._topics.wanted:
