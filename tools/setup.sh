@@ -1,47 +1,62 @@
-# Sourced by ./env when something has to be made: the virtual environment, the workspace or both.
+# Sourced by ./env when a part of the environment is missing or old: brings uv, installs the groups that are
+# needed, builds the messages, registers the packages for `ros2 run`, compiles the kernels.
 #
-# What is half-made has no recipe file, so the next run makes it anew; a lock lets one set-up run at a time.
-# shellcheck shell=bash disable=SC2154  # the paths are set by recipe.sh
+# What is half-made has no stamp, so the next run makes it again; a lock lets one set-up run at a time.
+# uv cannot do three things: choose PyTorch's build (the machine's pip settings do), build messages (CMake does),
+# and take one folder out of a wheel that does not fit the Python (PyBullet's data above Python 3.11).
+# shellcheck shell=bash disable=SC2154  # root, venv, stamps, ros and groups are set by ./env
 
-logs=$workspace/log/setup
-fonts=$venv/matplotlib # what Matplotlib knows of fonts; looking them up takes seconds
-lock="" # without the kind and .txt: where the versions of this Python stand
-
-# shellcheck source=tools/jobs.sh
-source "$root/tools/jobs.sh"
-# shellcheck source=tools/activation.sh
-source "$root/tools/activation.sh"
+logs=$root/ros2_ws/log/setup
+uv_version=0.13.9
+declare -A job_pid=() job_label=() job_started=()
+if [[ ${LC_ALL:-${LC_CTYPE:-${LANG:-}}} == *[Uu][Tt][Ff]* ]]; then tick="✓"; else tick="ok"; fi
 
 set_up() {
-  local makes_environment="" usual_seconds=25 package_count
+  local python
   require_usable_path
   require_compilers
   find_python
-  export MPLCONFIGDIR=$fonts
-  unset PYTHONDONTWRITEBYTECODE # what is imported here need not be compiled when it is used
+  # what is imported here need not be compiled when it is used
+  unset PYTHONDONTWRITEBYTECODE
   trap on_interrupt INT TERM HUP
-  take_lock
-  if environment_is_ready && workspace_is_ready; then return; fi # made while this run waited
+  exec 9>"$root/ros2_ws/.setup.lock"
+  if ! flock -n 9; then
+    say "Another ./env is setting up this checkout; waiting for it."
+    flock 9
+  fi
   SECONDS=0
   mkdir -p "$logs"
   rm -f "$logs"/*.log
-  package_count=$(find "$root/src" -mindepth 2 -maxdepth 2 -name package.xml | wc -l)
-  if ! environment_is_ready; then
-    makes_environment=yes
-    usual_seconds=140
-    if [[ -f $venv/recipe ]]; then
-      say "$(paint 1 "The requirements changed"): bringing $venv up to date."
-    else
-      say "$(paint 1 "Setting up SAIN") in $venv (only this once)."
-    fi
-    install_packages
+  if [[ -f $stamps/base && $(<"$stamps/base") == "$root $ros "* ]]; then
+    say "Bringing $venv up to date."
+  else
+    say "Setting up SAIN in $venv (only this once, about a minute)."
+    run_job venv "Python environment" make_venv
   fi
-  if ! workspace_is_ready; then start_job build "Workspace ($package_count packages)" build_workspace; fi
-  if [[ $makes_environment ]]; then finish_environment; else start_job kernels "Kernels" compile_kernels; fi
-  await_jobs build kernels
-  clear_line
-  if [[ $makes_environment ]]; then say "Ready in $SECONDS s."; fi
+  use_settings_of_pip
+  if ! is_made base "$packages_now"; then
+    rm -f "$stamps/base" "$stamps/messages"
+    run_job packages "Packages" install_base
+    start_job messages "Messages" build_messages src/sain_interfaces
+    start_job missing "Messages that have no wheel" build_missing
+    start_job torch "PyTorch and the kernels" install_torch
+    await_jobs
+    stamp messages "$messages_now"
+    stamp base "$packages_now"
+  elif ! is_made messages "$messages_now"; then
+    run_job missing "Messages that have no wheel" build_missing
+    run_job messages "Messages" build_messages src/sain_interfaces
+    stamp messages "$messages_now"
+  fi
+  for group in "${groups[@]}"; do
+    is_made "$group" "$packages_now" || run_job "$group" "Packages: $group" install_group "$group"
+  done
+  say "Ready in $SECONDS s."
+  trap - INT TERM HUP
+  exec 9>&- # lets the next one in
 }
+
+stamp() { mkdir -p "$stamps" && echo "$2" >"$stamps/$1"; } # PART FROM
 
 # --- refusals: one line each, before anything is touched ----------------------------------------------
 
@@ -53,21 +68,20 @@ refuse() {
 require_usable_path() {
   local odd=$'[][:space:]"\'`$:;&|<>()*?[{}!#~%^\\]'
   if [[ $root =~ $odd ]]; then
-    refuse "cannot work in '$root': colcon and virtual environments need a path without spaces or special characters; move the checkout."
+    refuse "cannot work in '$root': CMake and virtual environments need a path without spaces or special characters; move the checkout."
   fi
   [[ -w $root ]] || refuse "cannot write to '$root', where the environment is made."
-}
-
-require_tool() { # COMMAND PACKAGE
-  command -v "$1" >/dev/null || refuse "needs $1 to build the workspace: sudo apt install $2"
+  for group in "${groups[@]}"; do
+    [[ $group == base ]] || grep -q "^$group = \[" "$root/pyproject.toml" ||
+      refuse "there is no group '$group'; pyproject.toml has test, lint, docs, lerobot, ray, robots and peers."
+  done
 }
 
 require_compilers() {
-  require_tool gcc build-essential
-  require_tool g++ build-essential
-  require_tool make build-essential
-  require_tool cmake cmake
-  if [[ $(ros_kind) == system ]]; then require_tool colcon python3-colcon-common-extensions; fi
+  local tool
+  for tool in gcc g++ make cmake; do
+    command -v "$tool" >/dev/null || refuse "needs $tool to build the messages: sudo apt install build-essential cmake"
+  done
 }
 
 # Sets `python` to an interpreter that can make an environment and has the headers to compile against.
@@ -75,7 +89,7 @@ find_python() {
   local candidate candidates="python3.11 python3.12 python3.13" found=""
   local probe='import ensurepip, os, sys, sysconfig
 sys.exit(not os.path.exists(sysconfig.get_path("include") + "/Python.h"))'
-  if [[ $(ros_kind) == system ]]; then candidates=python3.12; fi # the one that Jazzy is compiled for
+  if [[ $ros == system ]]; then candidates=python3.12; fi # the one that Jazzy is compiled for
   for candidate in ${SAIN_PYTHON:-$candidates}; do
     if "$candidate" -c "$probe" &>/dev/null; then
       python=$(command -v "$candidate")
@@ -88,115 +102,63 @@ sys.exit(not os.path.exists(sysconfig.get_path("include") + "/Python.h"))'
   refuse "needs $candidate: sudo apt install $candidate $candidate-venv $candidate-dev"
 }
 
-take_lock() {
-  exec 9>"$workspace/.setup.lock"
-  if ! flock -n 9; then
-    say "Another ./env is setting up this checkout; waiting for it."
-    flock 9
-  fi
-}
-
-# --- what happens when it does not go well ------------------------------------------------------------
-
-on_interrupt() {
-  trap '' INT TERM HUP
-  say "Interrupted; clearing up. The next ./env starts again."
-  abandon
-  exit 130
-}
-
-abandon() {
-  end_jobs
-  environment_is_ready || rm -rf "$venv"
-}
-
-# --- the environment ----------------------------------------------------------------------------------
-
-install_packages() {
-  local fresh="" libraries
-  recipe_of_this_run=$(environment_recipe)
-  # An environment of the same place and kind is brought up to date; anything else is made anew.
-  if [[ ! -f $venv/recipe || $(head -n 1 "$venv/recipe") != "$(head -n 1 <<<"$recipe_of_this_run")" ]]; then
-    fresh=yes
-    start_job venv "Python environment" make_venv
-    await_jobs venv
-  fi
-  rm -f "$venv/recipe"
-  libraries=("$venv"/lib/python3.*)
-  lock=$root/requirements/lock-${libraries[0]##*python}
-  if [[ $(ros_kind) == system ]]; then
-    usual_seconds=300
-    start_job python "Numba and the tools" install_beside_ros
-  elif [[ $fresh ]]; then
-    start_job ros "ROS 2 Jazzy" install_locked_ros
-    start_job python "Numba and the tools" install_locked_python
-    await_jobs ros
-  else
-    start_job python "ROS 2 Jazzy, Numba and the tools" update_locked
-  fi
-  await_jobs python
-  start_job torch "PyTorch" install_torch # goes on while the workspace is built
-}
+# --- packages -----------------------------------------------------------------------------------------
 
 make_venv() {
   local flags=()
-  if [[ $(ros_kind) == system ]]; then flags=(--system-site-packages); fi
+  if [[ $ros == system ]]; then flags=(--system-site-packages); fi
   rm -rf "$venv"
-  "$python" -m venv "${flags[@]}" "$venv" && install -r "$root/requirements/pip.txt"
+  "$python" -m venv "${flags[@]}" "$venv" &&
+    "$venv/bin/python" -m pip install --disable-pip-version-check --no-input --quiet "uv==$uv_version"
 }
 
-# Python compiles what it imports when it first does; compiling all of it here would only take time.
-install() {
-  "$venv/bin/python" -m pip install --disable-pip-version-check --no-input --no-compile --progress-bar off "$@"
+# uv reads no settings of pip: where pip finds packages, uv has to find them, too.
+use_settings_of_pip() {
+  local settings
+  settings=$("$venv/bin/python" -m pip config list 2>/dev/null || true)
+  setting() { sed -nE "s/^(global|install|:env:)\.$1='(.*)'$/\2/p" <<<"$settings" | tail -n 1; }
+  export UV_DEFAULT_INDEX=${UV_DEFAULT_INDEX:-$(setting index-url)} UV_FIND_LINKS=${UV_FIND_LINKS:-$(setting find-links)}
+  export SSL_CERT_FILE=${SSL_CERT_FILE:-$(setting cert)}
+  [[ $UV_DEFAULT_INDEX ]] || unset UV_DEFAULT_INDEX
+  [[ $UV_FIND_LINKS ]] || unset UV_FIND_LINKS
+  [[ $SSL_CERT_FILE ]] || unset SSL_CERT_FILE
 }
 
-# Two pips side by side must not look at what the other one is unpacking, hence --ignore-installed.
-install_locked_ros() { install --ignore-installed --no-deps -r "$lock-ros.txt" && mend_wheels; }
+install() { (cd "$root" && "$venv/bin/uv" pip install --python "$venv/bin/python" "$@"); }
 
-install_locked_python() { install --ignore-installed --no-deps -r "$lock-python.txt" && install_arms; }
-
-update_locked() { install --no-deps -r "$lock-ros.txt" -r "$lock-python.txt" && install_arms && mend_wheels; }
-
-install_beside_ros() {
-  (cd "$root/requirements" && install -c jazzy-constraints.txt -r python.in && install --no-deps -r as_is.txt) &&
-    install_arms
+install_base() {
+  if [[ $ros == system ]]; then
+    # Jazzy's own message modules are compiled against NumPy 1.26.
+    install --no-config -c <(echo "numpy<2") -r pyproject.toml --group graph
+  else
+    install -c requirements.txt -r pyproject.toml --group ros --group graph && mend_wheels
+  fi && install_bullet_data && "$venv/bin/python" "$root/tools/register.py" "$venv"
 }
-
-# Descriptions and meshes of arms are data in large wheels: only their folders are taken out. PyBullet has no
-# wheel above Python 3.11 (the engine there is MuJoCo); example-robot-data unpacks 40 robots, 414 MB.
-install_arms() {
-  local robots=cmeel.prefix/share/example-robot-data/robots
-  unpack_from_wheel bullet.txt pybullet_data &&
-    unpack_from_wheel robots.txt $robots/{panda_description,so_arm_description,xarm_description} \
-      $robots/ur_description/{urdf,meshes/ur5/collision}
-}
-
-unpack_from_wheel() { # REQUIREMENTS FOLDER...
-  local wheel
-  if [[ -d $(site_packages)/$2 ]]; then return; fi
-  wheel=$(mktemp -d)
-  "$venv/bin/python" -m pip download --disable-pip-version-check --no-input --progress-bar off --dest "$wheel" \
-    --no-deps --only-binary=:all: --implementation cp --python-version 3.11 --abi cp311 --abi none \
-    --platform manylinux_2_17_x86_64 --platform manylinux2014_x86_64 --platform any -r "$root/requirements/$1" &&
-    "$venv/bin/python" -c 'import sys, zipfile
-folders = tuple(f"{folder}/" for folder in sys.argv[3:])
-with zipfile.ZipFile(sys.argv[1]) as wheel:
-    wheel.extractall(sys.argv[2], [name for name in wheel.namelist() if name.startswith(folders)])' \
-      "$wheel"/*.whl "$(site_packages)" "${@:2}"
-  rm -rf "$wheel"
-  [[ -d $(site_packages)/$2 ]]
-}
-
-site_packages() { echo "$venv"/lib/python3.*/site-packages; }
 
 install_torch() {
-  local constraints=()
-  if [[ $(ros_kind) == system ]]; then
-    constraints=(-c "$root/requirements/jazzy-constraints.txt")
-  else
-    constraints=(-c "$lock-ros.txt" -c "$lock-python.txt")
-  fi
-  install "${constraints[@]}" -r "$root/requirements/torch.txt"
+  if [[ $ros == wheels ]]; then install --no-config -c requirements.txt --group torch || return; fi
+  # All that shipped commands run, on all cores; none is compiled later, while somebody waits.
+  in_environment python -m sain_model.cli.kernels &&
+    in_environment python -c 'import matplotlib.pyplot, mujoco, pybullet_data, rclpy, rosbags, scipy, shapely, tyro'
+}
+
+install_group() { # GROUP
+  install -c requirements.txt --group "$1" || return
+  # It asks for one certain build of PyTorch; LeRobot imports it and its data sets do without.
+  if [[ $1 == test || $1 == lerobot ]]; then install --no-config --no-deps torchvision==0.25.0 || return; fi
+  stamp "$1" "$packages_now"
+}
+
+# PyBullet has no wheel above Python 3.11 (the engine there is MuJoCo); its description of the Panda is data.
+install_bullet_data() {
+  local wheel site
+  site=$(echo "$venv"/lib/python3.*/site-packages)
+  if [[ -d $site/pybullet_data ]]; then return; fi
+  wheel=$(mktemp -d)
+  install --quiet --target "$wheel" --no-deps --python-version 3.11 --python-platform x86_64-manylinux_2_28 pybullet==3.2.7 &&
+    mv "$wheel/pybullet_data" "$site"
+  rm -rf "$wheel"
+  [[ -d $site/pybullet_data ]]
 }
 
 # The message wheels' CMake files name the header folders of the machine that built them.
@@ -209,122 +171,86 @@ mend_wheels() {
     -e "s#/opt/python/[^/;\"]+/include/python3\.[0-9]+#$include#g"
 }
 
-finish_environment() {
-  await_jobs torch
-  start_job kernels "Kernels of physics and network" compile_kernels
-  start_job check "Check that everything imports" check_imports
-  await_jobs check
-  if [[ $(ros_kind) == wheels ]]; then ln -sfn ../../tools/ros2 "$venv/bin/ros2"; fi
-  echo "$recipe_of_this_run" >"$venv/recipe"
+# --- messages -----------------------------------------------------------------------------------------
+
+in_environment() { SAIN_SETTING_UP=yes "$root/env" "$@"; }
+
+# Into the virtual environment, which is an ament prefix.
+build_messages() { # FOLDER
+  local python_only=OFF build
+  build=$venv/build/$(basename "$1")
+  if [[ $ros == wheels ]]; then python_only=ON; fi
+  if [[ -f $build/install_manifest.txt ]]; then xargs rm -f <"$build/install_manifest.txt"; fi
+  rm -rf "$build"
+  in_environment cmake -S "$root/$1" -B "$build" -DCMAKE_INSTALL_PREFIX="$venv" -DPYTHON_ONLY=$python_only \
+    -DBUILD_TESTING=OFF -DPython3_EXECUTABLE="$venv/bin/python" &&
+    in_environment make --no-print-directory -C "$build" "-j$(nproc)" install
 }
 
-check_imports() {
-  if [[ $(ros_kind) == wheels ]]; then eval "$(declare -f prepend; wheels_activation)"; fi
-  "$venv/bin/python" -c 'import matplotlib.pyplot, mujoco, numba, pybullet_data, rclpy, rosbags, scipy, torch'
-}
-
-# All that shipped commands run, on all cores; none is compiled later, while somebody waits.
-compile_kernels() {
-  if [[ $(ros_kind) == wheels ]]; then eval "$(declare -f prepend; wheels_activation)"; fi
-  PYTHONPATH=$root/src/sain_core:$root/src/sain_model "$venv/bin/python" -m sain_model.cli.kernels
-}
-
-# --- the workspace ------------------------------------------------------------------------------------
-
-build_workspace() {
-  local recipe base selection=() underlay=()
-  recipe=$(workspace_recipe)
-  cd "$workspace" || return
-  if [[ -f install/recipe && $(head -n 1 install/recipe) == "$(head -n 1 <<<"$recipe")" ]]; then
-    mapfile -t selection < <(changed_packages)
-    forget "${selection[@]}"
-    selection=(--packages-select "${selection[@]}")
-  else
-    rm -rf build install
-  fi
-  if [[ $(ros_kind) == wheels ]]; then
-    underlay=(-u PYTHONPATH -u COLCON_PREFIX_PATH AMENT_PREFIX_PATH="$venv" CMAKE_PREFIX_PATH="$venv"
-      LD_LIBRARY_PATH="$(wheel_libraries)" _ROS_WHEELS_BOOTSTRAP_COMPLETE=1)
-  fi
-  read -ra base <<<"--base-paths src $(missing_packages)"
-  # Executables get the interpreter that runs colcon, so that has to be the environment's. Make gets a job
-  # for each core, whatever else keeps them busy: PyTorch is unpacked meanwhile.
-  PATH=$venv/bin:$PATH
-  env "${underlay[@]}" PYTHONUNBUFFERED=1 MAKEFLAGS="-j$(nproc)" "$venv/bin/python" "$(command -v colcon)" \
-    --log-base log build --symlink-install "${base[@]}" --event-handlers console_direct+ "${selection[@]}" \
-    --cmake-args -DBUILD_TESTING=OFF "-DPython3_EXECUTABLE=$venv/bin/python" &&
-    write_launchers && write_activation && echo "$recipe" >install/recipe
-}
-
-# The executables that setuptools writes import for a tenth of a second before any code of ours runs, and a
-# Ctrl-C then leaves a traceback. These end quietly from their first line on.
-write_launchers() {
-  local entries package name module function
-  write_launcher sain_core.cli.program main "$venv/bin/sain" || return
-  for entries in build/*/*.egg-info/entry_points.txt; do
-    package=${entries#build/} && package=${package%%/*}
-    while IFS=' =:' read -r name module function; do
-      write_launcher "$module" "$function" "install/$package/lib/$package/$name" || return
-    done < <(sed -n '/^\[console_scripts\]/,/^$/{/ = /p}' "$entries")
+# Message packages of a full ROS that have no wheel are built beside ours, where nothing else has them.
+build_missing() {
+  local package
+  if [[ $ros == system ]]; then return; fi
+  for package in control_msgs tf2_msgs vision_msgs; do
+    if [[ -d $venv/build/$package || ! -e $venv/share/$package ]]; then build_messages "tools/missing/$package" || return; fi
   done
 }
 
-write_launcher() { # MODULE FUNCTION FILE
-  printf '%s\n' "#!$venv/bin/python" '# Written by tools/setup.sh.' 'if __name__ == "__main__":' \
-    '    import os, signal, sys' \
-    '    signal.signal(signal.SIGINT, lambda *_: os._exit(130))' \
-    "    from $1 import $2" \
-    '    signal.signal(signal.SIGINT, signal.default_int_handler)' \
-    "    sys.exit($2())" \
-    >"$3" && chmod +x "$3"
+# --- jobs: in the background, watched, ended together, explained when they fail -----------------------
+
+say() { printf '%s\n' "$1" >&2; }
+
+# A process group of its own lets everything that a job started be ended with it.
+start_job() { # NAME LABEL FUNCTION [ARGS]
+  set -m
+  "${@:3}" >"$logs/$1.log" 2>&1 </dev/null 9>&- &
+  set +m
+  job_pid[$1]=$!
+  job_label[$1]=$2
+  job_started[$1]=$SECONDS
 }
 
-# The packages whose part of the recipe differs from what was built, one a line.
-changed_packages() {
-  diff install/recipe <(workspace_recipe) | sed -nE 's#^[<>] [^ ]+  (\.|\.\./tools/missing)/([^/]+)/.*#\2#p' | sort -u
-}
-
-# Takes packages out of the recipe of what is built. A Python package's products go too, or an executable
-# that is no more would stay; those of the interfaces stay, to be built upon, unless one of them is no more.
-forget() { # PACKAGE...
-  local package file gone
-  for package in "$@"; do
-    gone=
-    while read -r file; do
-      if [[ ! -e src/$file ]]; then gone=yes; fi
-    done < <(sed -nE "s#^[^ ]+  \./($package/.*)#\1#p" install/recipe)
-    sed -i -E "\#  (\.|\.\./tools/missing)/$package/#d" install/recipe
-    if [[ -f src/$package/CMakeLists.txt && ! $gone ]]; then continue; fi
-    rm -rf "build/$package" "install/$package"
+await_jobs() {
+  local name
+  while [[ ${#job_pid[@]} -gt 0 ]]; do
+    for name in "${!job_pid[@]}"; do
+      kill -0 "${job_pid[$name]}" 2>/dev/null || finish_job "$name"
+    done
+    sleep 0.1
   done
 }
 
-# --- how far it is ------------------------------------------------------------------------------------
+run_job() {
+  start_job "$@"
+  await_jobs
+}
 
-# Packages fetched, unpacked and built, and kernels compiled, each weighed by its usual share of the time.
-percent_done() {
-  local wanted fetched unpacked percent
-  if [[ $makes_environment ]]; then
-    wanted=$(cat "$lock"-*.txt 2>/dev/null | grep -c == || true)
-    if ((wanted == 0)); then wanted=330; fi # before it is clear which Python it is
-    fetched=$(cat "$logs"/{ros,python,torch}.log 2>/dev/null | grep -c '^Collecting' || true)
-    unpacked=$(find "$venv"/lib/python*/site-packages -maxdepth 1 -name '*.dist-info' 2>/dev/null | wc -l)
-    percent=$((2 + (12 * fetched + 20 * unpacked) / wanted + 44 * $(percent_built) / 100 + 20 * $(percent_compiled) / 100))
+finish_job() { # NAME
+  local pid=${job_pid[$1]}
+  unset "job_pid[$1]"
+  if wait "$pid"; then
+    say "$(printf '  %s %-40s%4d s' "$tick" "${job_label[$1]}" $((SECONDS - job_started[$1])))"
   else
-    percent=$((80 * $(percent_built) / 100 + 20 * $(percent_compiled) / 100))
+    say "Failed: ${job_label[$1]}. The end of $logs/$1.log:"
+    tail -n 15 "$logs/$1.log" | sed 's/^/    /' >&2
+    end_jobs
+    exit 1
   fi
-  echo $((percent > 98 ? 98 : percent))
 }
 
-percent_compiled() {
-  sed -nE 's/^compiling ([0-9]+) of ([0-9]+) .*/\1 \2/p; s/^kernels are .*/1 1/p' "$logs/kernels.log" 2>/dev/null |
-    awk 'END {print NR ? int(100 * $1 / $2) : 0}'
+end_jobs() {
+  local pid
+  for pid in "${job_pid[@]}"; do
+    kill -TERM -- "-$pid" 2>/dev/null || true
+    wait "$pid" 2>/dev/null || true
+  done
+  job_pid=()
 }
 
-# The messages take about as long as all the Python packages, and make counts its steps in percent.
-percent_built() {
-  local made finished
-  made=$(grep -oE '^\[ *[0-9]+%' "$logs/build.log" 2>/dev/null | tail -n 1 | tr -dc 0-9)
-  finished=$(grep -c '^Finished <<<' "$logs/build.log" 2>/dev/null || true)
-  echo $((${made:-0} / 2 + 50 * ${finished:-0} / (package_count + 1)))
+on_interrupt() {
+  trap '' INT TERM HUP
+  say "Interrupted; clearing up. The next ./env starts again."
+  end_jobs
+  [[ -f $stamps/base ]] || rm -rf "$venv"
+  exit 130
 }

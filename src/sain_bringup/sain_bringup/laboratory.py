@@ -56,10 +56,9 @@ class LaboratoryOptions(GraphConfig):
     )
 
     def __post_init__(self) -> None:
-        """Check the fields, and both files."""
+        """Check the fields, and the bodies; `run` reads the robot, whose files may be elsewhere."""
         super().__post_init__()
         read_bodies(self.bodies)
-        read_robot(self.robot)
 
 
 @dataclass(frozen=True)
@@ -102,8 +101,9 @@ def run(options: LaboratoryOptions, console: Console) -> int:
     """Run it until it is interrupted, or a process ends; return the exit code.
 
     Raises:
-        SainError: a package is not installed, or a log cannot be written.
+        SainError: the robot's files or a package are not there, or a log cannot be written.
     """
+    read_robot(options.robot)
     return run_graph(graph_options(options), console)
 
 
