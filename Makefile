@@ -2,9 +2,10 @@
 
 .DEFAULT_GOAL := help
 LINTERS := lint-types lint-style lint-imports lint-prose lint-shell lint-docker
-.PHONY: help demo live docs test lint $(LINTERS) format bench table faults real clean
+.PHONY: help demo live docs test lint $(LINTERS) format bench table faults real lock outdated clean
 
-SHELL_SCRIPTS := env .ci/run tools/recipe.sh tools/setup.sh tools/jobs.sh tools/activation.sh tools/browser.sh docker/entrypoint.sh
+SHELL_SCRIPTS := env .ci/run tools/setup.sh tools/browser.sh docker/entrypoint.sh
+GROUPS := ros graph test lint docs
 
 help: ## this list
 	@grep -hE '^[a-z]+:.*## ' $(MAKEFILE_LIST) | awk -F ':.*## ' '{ printf "  make %-8s %s\n", $$1, $$2 }'
@@ -25,7 +26,7 @@ test: ## every test; a part of them with ARGS="tests/sain_core -k wrap"
 	@./env python -m pytest $(ARGS)
 
 lint: ## style, types, import boundaries, prose, shell scripts, Docker files
-	@./env true
+	@./env --with lint --with test true
 	@$(MAKE) --no-print-directory --jobs=2 --keep-going --output-sync=target $(LINTERS)
 
 lint-types: ; @./env mypy
@@ -63,7 +64,13 @@ faults: ## docs/reference/faults.md: what the graph makes of killed nodes, lost 
 real: ## docs/reference/real.md and its pictures: errors on the real pushes at DATA=PATH; takes an hour, and continues after a stop
 	@./env python -m benchmarks.real $(if $(DATA),--data "$(DATA)") $(ARGS)
 
+lock: ## requirements.txt from pyproject.toml, for Python 3.11 to 3.13
+	@./env uv pip compile --quiet --universal --python-version 3.11 $(addprefix --group ,$(GROUPS)) pyproject.toml -o requirements.txt
+
+outdated: ## the installed versions for which there are newer ones
+	@./env --with test --with lint --with docs uv pip list --outdated
+
 clean: ## removes the environment and all that was built; bags stay
-	rm -rf .venv ros2_ws/build ros2_ws/install ros2_ws/log
+	rm -rf .venv ros2_ws/build ros2_ws/install ros2_ws/log ros2_ws/.setup.lock
 	rm -rf src/sain_model/sain_model/__pycache__/kernels
 	rm -rf .mypy_cache .pytest_cache .ruff_cache .import_linter_cache .hypothesis

@@ -20,12 +20,13 @@ def make_checkout(tmp_path: Path):
 
     def make(name: str = "checkout") -> Path:
         checkout = tmp_path / name
-        (checkout / "src").mkdir(parents=True)
+        shutil.copytree(ROOT / "src/sain_interfaces", checkout / "src/sain_interfaces")
         (checkout / "ros2_ws").mkdir()
         (checkout / "ros2_ws" / "src").symlink_to("../src")
         shutil.copy2(ROOT / "env", checkout / "env")
-        for folder in ("tools", "requirements"):
-            shutil.copytree(ROOT / folder, checkout / folder)
+        for name in ("pyproject.toml", "requirements.txt"):
+            shutil.copy2(ROOT / name, checkout / name)
+        shutil.copytree(ROOT / "tools", checkout / "tools")
         return checkout
 
     return make

@@ -1,6 +1,8 @@
-"""What the packages under src/ say of themselves and import, read without running them."""
+"""What the project and its packages state and import, read without running them."""
 
 import ast
+import re
+import tomllib
 import xml.etree.ElementTree as ElementTree
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,7 +11,8 @@ from tests.paths import ROOT
 
 SOURCE = ROOT / "src"
 PACKAGES = tuple(sorted(path.parent.name for path in SOURCE.glob("*/package.xml")))
-PYTHON_PACKAGES = tuple(name for name in PACKAGES if (SOURCE / name / "setup.py").exists())
+PYTHON_PACKAGES = tuple(name for name in PACKAGES if (SOURCE / name / name).is_dir())
+PYPROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())
 
 
 @dataclass(frozen=True)
@@ -53,31 +56,24 @@ def depends(package: str) -> set[str]:
     return {element.text for tag in tags for element in manifest(package).findall(tag)}
 
 
-def setup_arguments(package: str) -> dict[str, object]:
-    """The literal arguments of setup() in a package's setup.py."""
-    tree = ast.parse((SOURCE / package / "setup.py").read_text())
-    call = next(
-        node
-        for node in ast.walk(tree)
-        if isinstance(node, ast.Call) and getattr(node.func, "id", "") == "setup"
-    )
-    arguments = {}
-    for keyword in call.keywords:
-        try:
-            arguments[keyword.arg] = ast.literal_eval(keyword.value)
-        except ValueError:
-            arguments[keyword.arg] = ast.unparse(keyword.value)
-    return arguments
+def names(requirements: list) -> set[str]:
+    """The distributions that requirements name; included groups are left out."""
+    texts = [line for line in requirements if isinstance(line, str)]
+    return {re.match(r"[\w.-]+", text)[0] for text in texts}
 
 
-def requirements_of(package: str) -> set[str]:
-    """The distributions that a package needs, those of its optional extras too."""
-    arguments = setup_arguments(package)
-    extras = arguments.get("extras_require", {}).values()
-    return {*arguments["install_requires"], *(name for names in extras for name in names)}
+def required() -> set[str]:
+    """The distributions that `pip install .` brings."""
+    return names(PYPROJECT["project"]["dependencies"])
+
+
+def optional() -> set[str]:
+    """The distributions that extras and groups bring."""
+    lists = [*PYPROJECT["project"]["optional-dependencies"].values()]
+    lists += PYPROJECT["dependency-groups"].values()
+    return set().union(*map(names, lists)) - required()
 
 
 def console_scripts(package: str) -> dict[str, str]:
     """Executable -> module:function."""
-    lines = setup_arguments(package).get("entry_points", {}).get("console_scripts", [])
-    return {name.strip(): target.strip() for name, target in (line.split("=") for line in lines)}
+    return PYPROJECT["project"]["entry-points"].get(package, {})

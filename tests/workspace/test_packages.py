@@ -9,17 +9,18 @@ import pytest
 from tests.paths import ROOT
 from tests.workspace.source_tree import (
     PACKAGES,
+    PYPROJECT,
     PYTHON_PACKAGES,
     SOURCE,
     console_scripts,
     depends,
     imports_of,
     manifest,
-    requirements_of,
-    setup_arguments,
+    optional,
+    required,
 )
 
-VERSION = "0.1.0"
+VERSION = PYPROJECT["project"]["version"]
 SCRIPTS = [
     (p, name, target) for p in PYTHON_PACKAGES for name, target in console_scripts(p).items()
 ]
@@ -31,7 +32,7 @@ DISTRIBUTION_OF = {
     "pybullet_data": "pybullet",
     "yaml": "pyyaml",
 }
-DATA = {"example-robot-data"}  # nothing to import
+DOUBTFUL = {"python3-gymnasium-pip", "python3-mujoco-pip", "python3-torch"}  # of one package alone
 KEY_OF = {  # the rosdep keys of distributions, in rosdep/python.yaml of ros/rosdistro
     "gymnasium": "python3-gymnasium-pip",
     "h5py": "python3-h5py",
@@ -67,22 +68,17 @@ def test_manifest(package):
     assert root.findtext("license") == "Apache-2.0"
     assert root.findtext("description").strip()
     assert "@" in root.find("maintainer").get("email")
-    build_type = "ament_python" if package in PYTHON_PACKAGES else "ament_cmake"
-    assert root.findtext("export/build_type") == build_type
+    assert root.findtext("export/build_type") == "ament_cmake"
 
 
 @pytest.mark.parametrize("package", PYTHON_PACKAGES)
-def test_setup_files(package):
-    folder = SOURCE / package
-    arguments = setup_arguments(package)
-    assert arguments["version"] == VERSION
-    assert arguments["license"] == "Apache-2.0"
-    assert (folder / "resource" / package).exists()
-    assert (folder / package / "__init__.py").exists()
-    scripts = f"$base/lib/{package}"
-    assert (folder / "setup.cfg").read_text() == (
-        f"[develop]\nscript_dir={scripts}\n[install]\ninstall_scripts={scripts}\n"
-    )
+def test_every_package_is_in_the_wheel_and_in_a_colcon_workspace(package):
+    setuptools = PYPROJECT["tool"]["setuptools"]
+    assert setuptools["package-dir"][package] == f"src/{package}/{package}"
+    assert f"src/{package}" in setuptools["packages"]["find"]["where"]
+    assert (SOURCE / package / package / "__init__.py").exists()
+    lines = (SOURCE / package / "CMakeLists.txt").read_text().splitlines()
+    assert lines[1] == f"project({package} NONE)" and "register.cmake" in lines[-1]
 
 
 @pytest.mark.parametrize("package", PYTHON_PACKAGES)
@@ -98,20 +94,20 @@ def distributions_of(package):
     return {DISTRIBUTION_OF.get(m, m) for m in modules if not ROS_MODULE.fullmatch(m)}
 
 
-@pytest.mark.parametrize("package", PYTHON_PACKAGES)
-def test_other_imports_are_declared_in_setup_py(package):
-    assert requirements_of(package) - DATA == distributions_of(package)
+def test_what_is_imported_is_asked_for_and_nothing_else():
+    used = set().union(*map(distributions_of, PYTHON_PACKAGES))
+    assert used - required() - optional() - {"torchvision"} == set(), "imported, but not in pyproject.toml"
+    assert required() - used == set(), "asked for by pip install ., but not imported"
 
 
 @pytest.mark.parametrize("package", PYTHON_PACKAGES)
 def test_other_imports_are_declared_in_package_xml(package):
-    used, required = distributions_of(package), set(setup_arguments(package)["install_requires"])
+    used = distributions_of(package)
     elements = manifest(package).findall("exec_depend")
     keys = {e.text: e.get("condition") for e in elements if not ROS_MODULE.fullmatch(e.text)}
-    assert keys == {
-        KEY_OF[name]: None if name in required else "$SAIN_EXTRAS == all"
-        for name in used & set(KEY_OF)
-    }
+    assert {key for name, key in KEY_OF.items() if name in used} == set(keys)
+    optional_keys = {key for name, key in KEY_OF.items() if name in used - required()}
+    assert {key for key, condition in keys.items() if condition} <= optional_keys | DOUBTFUL
     named = WITHOUT_KEY.search((SOURCE / package / "package.xml").read_text())
     assert (named[1].split(", ") if named else []) == sorted(used - set(KEY_OF))
 
@@ -119,9 +115,8 @@ def test_other_imports_are_declared_in_package_xml(package):
 def test_the_page_installs_what_has_no_rosdep_key():
     page = (ROOT / "docs/reference/dependencies.md").read_text()
     lines = re.findall(r"^pip install ([^#\n]*)", page, re.MULTILINE)
-    required = {name for p in PYTHON_PACKAGES for name in setup_arguments(p)["install_requires"]}
-    used = {name for p in PYTHON_PACKAGES for name in distributions_of(p)} - set(KEY_OF)
-    assert [line.split() for line in lines] == [sorted(used & required), sorted(used - required)]
+    used = set().union(*map(distributions_of, PYTHON_PACKAGES)) - set(KEY_OF)
+    assert {name for line in lines for name in line.split()} == used
 
 
 @pytest.mark.parametrize(("package", "name", "target"), SCRIPTS)

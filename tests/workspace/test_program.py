@@ -1,50 +1,64 @@
 """`sain` without ROS: what `pip install .` installs, and what is said when more is asked."""
 
+import os
+import re
+import shutil
 import subprocess
 import sys
-from importlib.metadata import Distribution
 from pathlib import Path
-from zipfile import ZipFile
 
 import pytest
 
-ROOT = Path(__file__).parents[2]
+from tests.paths import ROOT
+from tests.workspace.source_tree import PYPROJECT
+
+VERSION = PYPROJECT["project"]["version"]
 
 
 @pytest.fixture(scope="module")
-def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The wheel of a copy of the checkout: a build leaves files beside what it builds."""
-    folder = tmp_path_factory.mktemp("wheel")
+def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The environment that `pip install .` makes of a clone, its dependencies resolved by pip."""
+    folder = tmp_path_factory.mktemp("installed")
     tracked = subprocess.run(["git", "ls-files"], cwd=ROOT, capture_output=True, text=True)
-    listed = folder / "listed"
-    listed.write_text("\n".join(n for n in tracked.stdout.splitlines() if (ROOT / n).exists()))
-    copy = folder / "copy"
-    copy.mkdir()
-    archive = folder / "all.tar"
-    subprocess.run(["tar", "cf", archive, "-T", listed], cwd=ROOT, check=True)
-    subprocess.run(["tar", "xf", archive], cwd=copy, check=True)
-    command = [sys.executable, "-m", "pip", "wheel", "--no-deps", "--no-build-isolation", "-q"]
-    subprocess.run([*command, "-w", folder, copy], check=True)
-    return next(folder.glob("sain-*.whl"))
+    for name in filter(lambda name: (ROOT / name).is_file(), tracked.stdout.splitlines()):
+        (folder / "clone" / name).parent.mkdir(parents=True, exist_ok=True)
+        shutil.copy(ROOT / name, folder / "clone" / name)
+    subprocess.run([sys.executable, "-m", "venv", folder / "empty"], check=True)
+    command = [folder / "empty/bin/pip", "install", "--quiet", folder / "clone"]
+    subprocess.run(command, check=True, env=bare_environment(), cwd=folder)
+    return folder / "empty/bin"
 
 
-def test_the_wheel_has_every_part_that_needs_no_ros(wheel: Path, tmp_path: Path) -> None:
-    with ZipFile(wheel) as archive:
-        archive.extractall(tmp_path)
-    for path in (
-        "sain_model/checkpoints/sain.safetensors",
-        "sain_sim/engines/bullet_cell.py",
-        "sain_gym/push_env.py",
-        "sain_pusht/pusht.safetensors",
-    ):
-        assert (tmp_path / path).exists(), path
-    (info,) = tmp_path.glob("sain-*.dist-info")
-    entries = {(entry.group, entry.name) for entry in Distribution.at(info).entry_points}
-    assert ("console_scripts", "sain") in entries
-    assert {("sain.dynamics", name) for name in ("planar", "checkpoint", "bullet")} <= entries
-    required = Distribution.at(info).requires or []
-    pinned = [line for line in required if "extra ==" not in line]
-    assert all("==" in line for line in pinned), pinned
+def bare_environment() -> dict[str, str]:
+    """The environment's variables without those of ./env."""
+    own = ("PYTHON", "VIRTUAL_ENV", "LD_LIBRARY", "AMENT", "CMAKE", "ROS", "_ROS", "RMW", "COLCON")
+    return {key: value for key, value in os.environ.items() if not key.startswith(own)}
+
+
+def run_installed(installed: Path, folder: Path, *command: str) -> str:
+    done = subprocess.run(
+        [installed / command[0], *command[1:]],
+        cwd=folder, env=bare_environment(), capture_output=True, text=True,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    return done.stdout + done.stderr
+
+
+@pytest.mark.timeout(900)
+def test_pip_install_is_enough_for_the_readme(installed: Path, tmp_path: Path) -> None:
+    """As a person does it: version, help, the README's Python, collect, train, evaluate."""
+    assert run_installed(installed, tmp_path, "sain", "--version") == f"sain {VERSION}\n"
+    assert "sain COMMAND" in run_installed(installed, tmp_path, "sain", "--help")
+    readme = (ROOT / "README.md").read_text()
+    code = re.search(r"```python\n(.*?)```", readme, re.DOTALL)[1]
+    prints = re.search(r"It prints `([^`]*)`", readme)[1]
+    assert run_installed(installed, tmp_path, "python", "-c", code).splitlines()[-1] == prints
+    run_installed(installed, tmp_path, "sain", "collect", "--episodes", "4", "--out", "data")
+    run_installed(
+        installed, tmp_path, "sain", "train", "data", "--epochs", "1", "--out", "runs/mine"
+    )
+    one = ("--scenes", "1", "--scenario", "paper", "--controllers", "sain", "--out", "results")
+    assert "paper" in run_installed(installed, tmp_path, "sain", "evaluate", *one)
 
 
 def run_without_ros(arguments: list[str], folder: Path) -> subprocess.CompletedProcess[str]:

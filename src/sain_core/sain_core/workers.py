@@ -278,7 +278,7 @@ KNOCK_SECONDS: Final = 10.0
 RETRIES: Final = 2  # of a job whose worker died
 STORE_BYTES: Final = 100_000_000  # for results on their way
 TOKEN: Final = secrets.token_hex(32)  # of clusters on this machine
-INSTALL: Final = 'pip install "sain_core[ray]", or pip install ray'
+INSTALL: Final = 'pip install ".[ray]" in the checkout, or pip install ray'
 
 
 @contextmanager

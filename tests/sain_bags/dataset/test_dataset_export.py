@@ -146,7 +146,7 @@ def test_a_library_that_is_missing_is_named_before_anything_is_read(
     monkeypatch.setitem(sys.modules, library, None)
     monkeypatch.delitem(sys.modules, f"sain_bags.dataset.formats.to_{name}", raising=False)
     with pytest.raises(
-        ConfigError, match=rf"--format {name} needs {library}.*pip install 'sain_bags\[{name}\]'"
+        ConfigError, match=rf"--format {name} needs {library}.*pip install '.\[{name}\]'"
     ):
         to(name, bag, tmp_path / "out")
     assert not (tmp_path / "out").exists()

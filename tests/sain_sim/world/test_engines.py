@@ -11,7 +11,7 @@ from sain_sim.world.truth import ROUGH, TruthConfig, check_effects, effects_of
 
 MISSING = (
     "engine mujoco needs the package mujoco, which is not installed:"
-    ' pip install "sain_sim[mujoco]", or pip install mujoco'
+    ' pip install ".[mujoco]" in the checkout, or pip install mujoco'
 )
 
 
@@ -74,4 +74,4 @@ def test_without_pybullet_mujoco_is_the_engine_and_what_brings_it_is_told():
     assert engine == "mujoco"
     assert 0.06 < float(moved) < 0.15  # [m], about as far as the tool travelled
     assert "needs the package pybullet, which is not installed" in refusal
-    assert "./env pip install -r requirements/bullet.txt" in refusal
+    assert "pip install pybullet==" in refusal

@@ -1,92 +1,47 @@
-"""`./env` notices what has to be rebuilt, and rebuilds no more than that."""
+"""`./env` notices what has to be made again, and makes no more than that."""
 
+import subprocess
 from pathlib import Path
 
 import pytest
 
 from tests.workspace.command import run
 
-MISSING = ("tf2_msgs", "vision_msgs")
+PROBE = '"$(sed -n "/^packages_now=/p;/^messages_now=/p" {env})"; echo "$packages_now"; echo "$messages_now"'
 
 
-def recipe_of(checkout: Path) -> str:
-    script = f"root={checkout}; . {checkout}/tools/recipe.sh; workspace_recipe"
-    return run("bash", "-euc", script).stdout
+@pytest.fixture
+def checkout(make_checkout) -> Path:
+    return make_checkout()
+
+
+def made_from(checkout: Path) -> list[str]:
+    """What packages and messages would be made from."""
+    script = f"root={checkout}; ros=wheels; eval " + PROBE.format(env=checkout / "env")
+    return run("bash", "-euc", script).stdout.splitlines()
 
 
 @pytest.mark.parametrize(
-    ("path", "rebuilds"),
+    ("path", "packages", "messages"),
     [
-        ("src/a/msg/A.msg", True),
-        ("src/a/srv/A.srv", True),
-        ("src/a/package.xml", True),
-        ("src/a/setup.py", True),
-        ("src/a/setup.cfg", True),
-        ("src/a/CMakeLists.txt", True),
-        ("src/a/resource/a", True),
-        ("requirements/ros.in", True),
-        ("requirements/python.in", False),
-        ("src/a/a/node.py", False),
-        ("src/a/launch/a.launch.py", False),
-        ("src/a/config/a.yaml", False),
-        ("src/a/config/a.rviz", False),
-        ("tools/missing/tf2_msgs/msg/A.msg", True),
+        ("pyproject.toml", True, False),
+        ("requirements.txt", True, False),
+        ("src/sain_interfaces/msg/Push.msg", False, True),
+        ("src/sain_interfaces/msg/New.msg", False, True),
+        ("src/sain_interfaces/CMakeLists.txt", False, True),
+        ("tools/missing/tf2_msgs/msg/TFMessage.msg", False, True),
+        ("tools/missing/tf2_msgs/CMakeLists.txt", False, True),
+        ("tools/messages.cmake", False, True),
+        ("src/sain_core/sain_core/scene.py", False, False),
     ],
 )
-def test_edits_that_need_a_rebuild(make_checkout, path, rebuilds):
-    checkout = make_checkout()
-    file = checkout / path
-    file.parent.mkdir(parents=True, exist_ok=True)
-    file.write_text("before\n")
-    before = recipe_of(checkout)
-    assert before == recipe_of(checkout) != ""
-    file.write_text("after\n")
-    assert (recipe_of(checkout) != before) == rebuilds
-
-
-@pytest.mark.parametrize(
-    ("path", "rebuilds"),
-    [("src/a/launch/b.launch.py", True), ("src/a/config/b.rviz", True), ("src/a/a/node.py", False)],
-)
-def test_new_files_that_need_a_rebuild(make_checkout, path, rebuilds):
-    checkout = make_checkout()
-    before = recipe_of(checkout)
-    (checkout / path).parent.mkdir(parents=True)
-    (checkout / path).touch()
-    assert (recipe_of(checkout) != before) == rebuilds
-
-
-def test_only_packages_that_changed_are_rebuilt(make_checkout):
-    checkout = make_checkout()
-    for package in ("edited", "kept", "removed"):
-        (checkout / "src" / package).mkdir()
-        (checkout / "src" / package / "setup.py").write_text("before\n")
-    (checkout / "ros2_ws/install").mkdir()
-    (checkout / "ros2_ws/install/recipe").write_text(recipe_of(checkout))
-    (checkout / "src/edited/setup.py").write_text("after\n")
-    (checkout / "src/removed/setup.py").unlink()
-    (checkout / "tools/missing/tf2_msgs/package.xml").write_text("after\n")
-    (checkout / "src/added").mkdir()
-    (checkout / "src/added/setup.py").touch()
-    sources = f"root={checkout}; . $root/tools/recipe.sh; . $root/tools/setup.sh"
-    result = run("bash", "-uc", f"{sources}; cd $workspace; changed_packages")
-    assert result.stdout.split() == ["added", "edited", "removed", "tf2_msgs"]
-
-
-@pytest.mark.parametrize(
-    ("sourced", "installed", "built"),
-    [(False, False, True), (False, True, False), (True, False, False)],
-)
-def test_missing_messages_are_built_only_where_there_are_none(
-    make_checkout, sourced, installed, built
-):
-    checkout = make_checkout()
-    for package in MISSING if installed else ():
-        (checkout / ".venv/share" / package).mkdir(parents=True)
-    script = f"root={checkout}; . $root/tools/recipe.sh; workspace_recipe"
-    prefix = "/opt/ros/jazzy" if sourced else None
-    found = run("bash", "-euc", script, ROS_DISTRO="jazzy", AMENT_PREFIX_PATH=prefix).stdout
-    assert [f"{package}/package.xml" in found for package in MISSING] == [built, built]
+def test_what_an_edit_makes_again(checkout, path, packages, messages):
+    before = made_from(checkout)
+    assert len(before) == 2 and before == made_from(checkout)
+    (checkout / path).parent.mkdir(parents=True, exist_ok=True)
+    with (checkout / path).open("a") as file:
+        file.write("# edited\n")
+    assert [a != b for a, b in zip(before, made_from(checkout), strict=True)] == [packages, messages]
 
 
 @pytest.mark.parametrize(
@@ -100,6 +55,29 @@ def test_missing_messages_are_built_only_where_there_are_none(
     ],
 )
 def test_a_sourced_jazzy_install_is_used(root, distribution, prefixes, kind):
-    script = f"root={root}; . $root/tools/recipe.sh; ros_kind"
+    script = f"eval \"$(sed -n '/^ros=wheels/,/^if/p' {root}/env)\"; echo $ros"
     result = run("bash", "-euc", script, ROS_DISTRO=distribution, AMENT_PREFIX_PATH=prefixes)
-    assert result.stdout == f"{kind}\n"
+    assert result.stdout == f"{kind}\n", result.stderr
+
+
+@pytest.mark.parametrize(
+    ("command", "group"),
+    [
+        ("python -m pytest tests", "test"),
+        ("ruff check", "lint"),
+        ("ros2 run sain_bringup laboratory --robot ur5", "robots"),
+        ("ros2 run sain_bringup graph --robot=so101", "robots"),
+        ("sain to_dataset bag --format lerobot --out d", "lerobot"),
+        ("sain collect --ray auto --out d", "ray"),
+        ("ros2 run sain_sim sim_node", ""),
+        ("--with docs true", "docs"),
+    ],
+)
+def test_a_command_brings_the_group_that_it_needs(root, command, group):
+    text = (root / "env").read_text()
+    part = text[text.index("declare -A group_of") : text.index("# Files by name")]
+    script = f"{part}\necho ${{groups[@]:1}}"
+    done = subprocess.run(
+        ["bash", "-euc", script, "_", *command.split()], capture_output=True, text=True
+    )
+    assert set(done.stdout.split()) == ({group} if group else set()), done.stderr

@@ -1,44 +1,34 @@
-"""The pinned requirements: exact, locked, and enough for what the code imports."""
+"""The lock: exact, for every Python, of all groups, and without the name of a host."""
 
 import re
-from pathlib import Path
 
 import pytest
 
 from tests.paths import ROOT
-from tests.workspace.source_tree import PYTHON_PACKAGES, requirements_of
+from tests.workspace.source_tree import PYPROJECT, names
 
-REQUIREMENTS = ROOT / "requirements"
-PYTHONS = ("3.11", "3.12", "3.13")
-
-
-def pins(path: Path) -> dict[str, str]:
-    """Name -> version, with names as the index compares them."""
-    lines = [line.split("#")[0].strip() for line in path.read_text().splitlines()]
-    wanted = [re.fullmatch(r"([\w.-]+)==([\w.]+)", line) for line in lines if line]
-    assert None not in wanted, f"{path.name}: every line must read name==version"
-    return {re.sub(r"[-_.]+", "-", match[1]).lower(): match[2] for match in wanted}
+LOCK = (ROOT / "requirements.txt").read_text()
+LINE = re.compile(r"^([\w.-]+)==(\S+)(?: ; (.+))?$", re.MULTILINE)
+LOCKED = {match[1].lower() for match in LINE.finditer(LOCK)}
+UNLOCKED = set(PYPROJECT["tool"]["uv"]["exclude-dependencies"]) | {"torch"}
 
 
-def locks(python: str) -> dict[str, dict[str, str]]:
-    """What is locked for a Python, by kind."""
-    return {kind: pins(REQUIREMENTS / f"lock-{python}-{kind}.txt") for kind in ("ros", "python")}
+def test_every_line_pins_a_version_and_names_no_host():
+    lines = [line for line in LOCK.splitlines() if line and not line.lstrip().startswith("#")]
+    assert [line for line in lines if not LINE.fullmatch(line)] == []
+    assert "://" not in LOCK
 
 
-def locked(python: str) -> dict[str, str]:
-    both = locks(python)
-    return both["ros"] | both["python"]
+@pytest.mark.parametrize("group", ["project", *PYPROJECT["dependency-groups"]])
+def test_what_is_asked_for_is_locked(group):
+    asked = PYPROJECT["dependency-groups"].get(group) or PYPROJECT["project"]["dependencies"]
+    assert {re.sub(r"[-_.]+", "-", name).lower() for name in names(asked)} - LOCKED - UNLOCKED == set()
 
 
-@pytest.mark.parametrize("python", PYTHONS)
-@pytest.mark.parametrize("file", ["ros.in", "python.in", "as_is.txt"])
-def test_what_is_asked_for_is_what_is_locked(file, python):
-    asked, found = pins(REQUIREMENTS / file), locked(python)
-    assert {name: found.get(name) for name in asked} == asked, "run tools/lock.py"
-
-
-@pytest.mark.parametrize("package", PYTHON_PACKAGES)
-def test_what_a_package_needs_is_pinned(package):
-    files = ("ros.in", "python.in", "bullet.txt", "robots.txt", "as_is.txt", "torch.txt")
-    pinned = {name for file in files for name in pins(REQUIREMENTS / file)}
-    assert {name.lower() for name in requirements_of(package)} <= pinned
+def test_what_is_pinned_is_locked_with_that_version():
+    lists = [PYPROJECT["project"]["dependencies"], *PYPROJECT["dependency-groups"].values()]
+    lists.append(PYPROJECT["tool"]["uv"]["override-dependencies"])
+    pins = [re.match(r"([\w.-]+)==([\w.]+)", str(line)) for one in lists for line in one]
+    locked = {(match[1].lower(), match[2]) for match in LINE.finditer(LOCK)}
+    named = {(re.sub(r"[-_.]+", "-", pin[1]).lower(), pin[2]) for pin in pins if pin}
+    assert {pin for pin in named if pin[0] not in UNLOCKED} - locked == set(), "run make lock"

@@ -10,6 +10,7 @@ import sys
 import textwrap
 from collections.abc import Iterator
 from importlib import import_module
+from importlib.metadata import version
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Final
@@ -26,6 +27,9 @@ WIDEST: Final = 100  # columns of the help
 def main(arguments: list[str] | None = None) -> int:
     """Run the subcommand that the arguments begin with, by default those of the process."""
     given = sys.argv[1:] if arguments is None else arguments
+    if given == ["--version"]:
+        sys.stdout.write(f"{PROGRAM} {version(PROGRAM)}\n")
+        return 0
     if not given or given[0] in ("-h", "--help"):
         with end_with_the_reader():
             sys.stdout.write("\n".join(help_lines()) + "\n")
@@ -64,6 +68,7 @@ def find_commands() -> dict[str, Command | NodeCommand]:
 def help_lines() -> Iterator[str]:
     """Yield the lines of the help: every command with what it does."""
     yield f"usage: {PROGRAM} COMMAND [OPTIONS]"
+    yield f"       {PROGRAM} --version"
     yield ""
     yield f"{PROGRAM} COMMAND --help has the options. ros2 run PACKAGE NAME starts the same."
     commands = find_commands()

@@ -61,7 +61,7 @@ def event_log(folder: Path, done: int) -> Iterator[Progress]:
     except ImportError:
         raise ConfigError(
             "--tensorboard needs tensorboardX, which is not installed; install it with"
-            " pip install 'sain_model[tensorboard]', or leave --tensorboard out"
+            " pip install '.[tensorboard]' in the checkout, or leave --tensorboard out"
         ) from None
     writer: Any
     with SummaryWriter(str(folder / FOLDER), purge_step=done + 1) as writer:

@@ -244,7 +244,7 @@ class TrainOptions(Config):
         " empty: none",
     )
     tensorboard: bool = option(
-        False, "write the losses for TensorBoard too; needs the extra sain_model[tensorboard]"
+        False, "write the losses for TensorBoard too; needs pip install '.[tensorboard]'"
     )
     training: TrainingConfig = TrainingConfig()
     rollout: RolloutConfig = RolloutConfig()

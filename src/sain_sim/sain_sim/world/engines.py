@@ -33,12 +33,12 @@ ENGINES: Final = {
     BULLET: EngineEntry(
         "sain_sim.engines.bullet_cell:BulletSimulation",
         "pybullet",
-        "./env pip install -r requirements/bullet.txt (above Python 3.11 it compiles for minutes)",
+        "pip install pybullet==3.2.7 (above Python 3.11 it compiles for ten minutes)",
     ),
     MUJOCO: EngineEntry(
         "sain_sim.engines.mujoco_cell:MujocoSimulation",
         "mujoco",
-        'pip install "sain_sim[mujoco]", or pip install mujoco',
+        'pip install ".[mujoco]" in the checkout, or pip install mujoco',
     ),
 }
 # PyBullet has no wheel above Python 3.11, where the set-up leaves it out.

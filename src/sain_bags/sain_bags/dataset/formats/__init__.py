@@ -44,6 +44,6 @@ def find_format(name: FormatName) -> Write | None:
     except ImportError as error:
         raise ConfigError(
             f"--format {name} needs {error.name or error}, which is not installed; install it with"
-            f" pip install 'sain_bags[{name}]', or choose --format {SHARDS}"
+            f" pip install '.[{name}]' in the checkout, or choose --format {SHARDS}"
         ) from error
     return write
