@@ -15,8 +15,10 @@ def test_colcon_builds_the_packages_and_ros2_runs_them(tmp_path: Path) -> None:
     assert done.returncode == 0, done.stdout + done.stderr
     start = f". {tmp_path}/install/setup.sh && ros2 run sain_sim sim_node --help && which -a python"
     start += " && python -c 'import sain_sim, importlib.metadata as m; print(sain_sim.__file__);"
-    start += " print({e.name for e in m.entry_points(group=\"sain.dynamics\")})'"
-    started = subprocess.run(["sh", "-c", start], capture_output=True, text=True, env={**os.environ})
+    start += ' print({e.name for e in m.entry_points(group="sain.dynamics")})\''
+    started = subprocess.run(
+        ["sh", "-c", start], capture_output=True, text=True, env={**os.environ}
+    )
     assert started.returncode == 0, started.stderr
     assert "usage: ros2 run sain_sim sim_node" in started.stdout
     assert f"{tmp_path}/install/sain_sim/lib/python3" in started.stdout

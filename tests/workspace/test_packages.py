@@ -96,7 +96,9 @@ def distributions_of(package):
 
 def test_what_is_imported_is_asked_for_and_nothing_else():
     used = set().union(*map(distributions_of, PYTHON_PACKAGES))
-    assert used - required() - optional() - {"torchvision"} == set(), "imported, but not in pyproject.toml"
+    assert used - required() - optional() - {"torchvision"} == set(), (
+        "imported, but not in pyproject.toml"
+    )
     assert required() - used == set(), "asked for by pip install ., but not imported"
 
 

@@ -7,7 +7,8 @@ import pytest
 
 from tests.workspace.command import run
 
-PROBE = '"$(sed -n "/^packages_now=/p;/^messages_now=/p" {env})"; echo "$packages_now"; echo "$messages_now"'
+PROBE = '"$(sed -n "/^packages_now=/p;/^messages_now=/p" {env})"'
+PROBE += '; echo "$packages_now"; echo "$messages_now"'
 
 
 @pytest.fixture
@@ -41,7 +42,10 @@ def test_what_an_edit_makes_again(checkout, path, packages, messages):
     (checkout / path).parent.mkdir(parents=True, exist_ok=True)
     with (checkout / path).open("a") as file:
         file.write("# edited\n")
-    assert [a != b for a, b in zip(before, made_from(checkout), strict=True)] == [packages, messages]
+    assert [a != b for a, b in zip(before, made_from(checkout), strict=True)] == [
+        packages,
+        messages,
+    ]
 
 
 @pytest.mark.parametrize(

@@ -22,7 +22,9 @@ def test_every_line_pins_a_version_and_names_no_host():
 @pytest.mark.parametrize("group", ["project", *PYPROJECT["dependency-groups"]])
 def test_what_is_asked_for_is_locked(group):
     asked = PYPROJECT["dependency-groups"].get(group) or PYPROJECT["project"]["dependencies"]
-    assert {re.sub(r"[-_.]+", "-", name).lower() for name in names(asked)} - LOCKED - UNLOCKED == set()
+    assert {
+        re.sub(r"[-_.]+", "-", name).lower() for name in names(asked)
+    } - LOCKED - UNLOCKED == set()
 
 
 def test_what_is_pinned_is_locked_with_that_version():

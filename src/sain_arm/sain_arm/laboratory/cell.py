@@ -154,7 +154,9 @@ class Cell:
     def _built(self, arm: ArmModel, config: CellConfig) -> Any:
         spec = mujoco.MjSpec.from_string(self.robot.description)
         spec.option.timestep = STEP
-        spec.option.jacobian = mujoco.mjtJacobian.mjJAC_DENSE  # as sain_sim.engines.mujoco_description
+        spec.option.jacobian = (
+            mujoco.mjtJacobian.mjJAC_DENSE
+        )  # as sain_sim.engines.mujoco_description
         spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
         spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
         spec.option.impratio = 10.0

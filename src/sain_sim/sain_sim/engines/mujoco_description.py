@@ -81,8 +81,8 @@ def describe_world(config: WorldConfig, parameters: WorldParameters, home: Joint
 
 def _set_options(spec: Any, config: WorldConfig, parameters: WorldParameters) -> None:
     option = spec.option
-    # Sparse ones, the default above 60 degrees of freedom (nine bodies), give wrong accelerations in
-    # MuJoCo 4.0.0 (its issue 3767).
+    # Sparse ones, the default above 60 degrees of freedom (nine bodies), give wrong accelerations
+    # in MuJoCo 4.0.0 (its issue 3767).
     option.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
     option.gravity = parameters.roughness.gravity(GRAVITY)
     option.timestep = config.motion.time_step / physics_steps(config.motion.time_step)
