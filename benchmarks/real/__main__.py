@@ -19,7 +19,8 @@ from benchmarks.real.pushes import PushTable, read_pushes
 from benchmarks.real.rows import Row, fixed_rows, published_rows
 from benchmarks.real.trees import Trees
 from sain_core.errors import DatasetError, SainError
-from sain_core.storage import git_commit, make_folder, processor, write_json
+from sain_core.output import claim_folder, write_json
+from sain_core.provenance import git_commit, processor
 from sain_model.importing.real_pushes import FOUND_AT
 
 RESULTS: Final = "results.json"
@@ -51,7 +52,7 @@ def main() -> int:
     console = Console(stderr=True)
     try:
         if not options.again:
-            make_folder(options.work)
+            claim_folder(options.work)
             write_json(options.work / RESULTS, computed(options, console))
         results = read_results(options.work / RESULTS)
         for path in pictures.draw_all(results, options.media):

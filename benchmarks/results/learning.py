@@ -22,10 +22,10 @@ import numpy as np
 from benchmarks.report import Figure, report
 from sain_core.errors import SainError
 from sain_core.model import RolloutModel, load_dynamics
+from sain_core.output import write_json
 from sain_core.randomness import Interval, bootstrap_ratio, generator
 from sain_core.scene import POSITION
 from sain_core.shapes.bodies import Bodies
-from sain_core.storage import write_json
 from sain_core.transitions import PushHistory
 from sain_core.types import PredictedScenes, PushSequences, Scene
 from sain_eval.scenes.families import ScenarioScene

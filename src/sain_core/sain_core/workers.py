@@ -29,7 +29,7 @@ from joblib.externals.loky.process_executor import BrokenProcessPool, ProcessPoo
 
 from sain_core.config import Config, option
 from sain_core.errors import ConfigError, SainError
-from sain_core.storage import versions
+from sain_core.provenance import versions
 
 Job = TypeVar("Job")
 Done = TypeVar("Done")

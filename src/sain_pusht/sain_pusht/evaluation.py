@@ -14,10 +14,11 @@ from rich.console import Console
 
 from sain_core.cli.command_line import silent_interrupts
 from sain_core.config import option
+from sain_core.output import claim_folder, write_whole
+from sain_core.provenance import ros2_command
 from sain_core.randomness import bootstrap_mean, generator
 from sain_core.scene import make_scene
 from sain_core.shapes.library import get_shape
-from sain_core.storage import make_folder, ros2_command, write_whole
 from sain_core.view.film import gif_of
 from sain_core.view.image import TopPicture
 from sain_core.view.scenes import bodies_in, goal_marks
@@ -110,7 +111,7 @@ def run(options: PushtOptions, console: Console) -> None:
     with silent_interrupts():  # what is missing should not wait for the first episode
         make_env(MOST_STEPS)
         _load(options.model)
-    folder, seeds = make_folder(options.out), range(options.seed, options.seed + options.episodes)
+    folder, seeds = claim_folder(options.out), range(options.seed, options.seed + options.episodes)
     settings = {"planner": dataclasses.asdict(options.planner)}
     journal = Journal(folder, settings, PushtRecord)
     jobs = [

@@ -13,8 +13,9 @@ from rich.console import Console
 
 from sain_core.config import Config, option, required
 from sain_core.model import Model
+from sain_core.output import claim_folder
+from sain_core.provenance import ros2_command
 from sain_core.scene import POSITION, THETA, wrap_angle
-from sain_core.storage import make_folder, ros2_command
 from sain_core.types import Mask
 from sain_model.network.settings import PLANAR, PUSH_FRAME, NetworkConfig
 from sain_model.training.settings import NOTHING, LossConfig, TrainingConfig
@@ -62,7 +63,7 @@ def run(options: LearnOptions, console: Console) -> None:
     from sain_pusht.identification import textbook
     from sain_pusht.model import CHECKPOINT, GYRATION
 
-    out = make_folder(options.out)
+    out = claim_folder(options.out)
 
     def say(text: str) -> None:
         console.print(text, highlight=False)

@@ -17,7 +17,7 @@ from sain_bags.dataset.formats import SHARDS, find_format
 from sain_bags.dataset.formats.sharding import write_shard
 from sain_core.errors import DatasetError, OutputError
 from sain_core.guarding.untrusted import read_json
-from sain_core.storage import remove_partial, write_json
+from sain_core.output import claim_folder, write_json
 from sain_core.transitions import (
     PARTS,
     SEED,
@@ -120,7 +120,6 @@ class DatasetFolder:
         write_json(self.path / CARD_FILE, card)
 
     def _remove_gathered(self) -> None:
-        remove_partial(self.path / GATHERED, SHARD_PATTERN)
         remove_files(self.path / GATHERED, SHARD_PATTERN, self.path)
 
     def _claim(self) -> None:
@@ -131,8 +130,7 @@ class DatasetFolder:
                 clear(self.path, self._found.get("format", SHARDS))
             for name in (CARD_FILE, PICTURE_FILE):
                 remove_files(self.path, name, self.path)
-            for name in (CARD_FILE, PICTURE_FILE, IDENTITY_FILE, SHARD_PATTERN):
-                remove_partial(self.path, name)
+            claim_folder(self.path, (CARD_FILE, PICTURE_FILE, IDENTITY_FILE, SHARD_PATTERN))
         except OSError as error:
             raise OutputError(f"cannot clear {self.path}: {error.strerror or error}") from error
         write_json(self.path / IDENTITY_FILE, self._identity)

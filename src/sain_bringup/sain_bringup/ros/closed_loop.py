@@ -29,8 +29,9 @@ from sain_bringup.interrupts import Interrupts, Stopped
 from sain_bringup.processes import UNHURRIED, Supervisor
 from sain_core.config import option
 from sain_core.errors import OutputError, SainError
+from sain_core.output import claim_folder
+from sain_core.provenance import provenance
 from sain_core.shapes.shape import FEET
-from sain_core.storage import make_folder, provenance
 from sain_core.world import changed_settings
 from sain_eval.scenes.scenarios import OFFERED, SCENARIOS, draw_scene
 from sain_model.compute.kernel_store import (
@@ -153,7 +154,7 @@ def make_output_folder(options: ClosedLoopOptions) -> Path:
     folder = options.out or RECORDINGS / time.strftime("closed_loop-%Y%m%d-%H%M%S")
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise OutputError(f"{folder} exists; results are never overwritten, choose another --out")
-    return make_folder(folder)
+    return claim_folder(folder)
 
 
 def what_is_left(folder: Path, episodes: int) -> str:

@@ -10,7 +10,8 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TimeRemaining
 
 from sain_core.cli.terminal import markdown_table
 from sain_core.config import Config, option, required
-from sain_core.storage import make_folder, ros2_command, write_json, write_whole
+from sain_core.output import claim_folder, write_json, write_whole
+from sain_core.provenance import ros2_command
 
 if TYPE_CHECKING:
     from sain_eval.calibrate import Calibration
@@ -54,7 +55,7 @@ def run(options: CalibrateOptions, console: Console) -> None:
     """
     from sain_eval.calibrate import calibrate
 
-    out = make_folder(options.out)
+    out = claim_folder(options.out)
     data = _data(options, console)
     with _bar(console) as bar:
         task = bar.add_task("fit", total=options.steps, score=float("nan"))

@@ -13,7 +13,8 @@ from sain_core.cli.command_line import silent_interrupts
 from sain_core.config import option
 from sain_core.errors import ConfigError
 from sain_core.goal import MOST_TOLERANCE, MOST_TURN
-from sain_core.storage import make_folder, ros2_command
+from sain_core.output import claim_folder
+from sain_core.provenance import ros2_command
 from sain_core.workers import WorkerOptions
 from sain_core.world import observation_settings
 from sain_eval.episode import Tolerance
@@ -226,7 +227,7 @@ def evaluate(options: EvaluateOptions, command: str, console: Console) -> list[S
         for name in dict.fromkeys(name for part in options.parts for name in part.controllers):
             # a bad name should not wait for its first scene
             agent_maker(name, options.agent, options.belief)
-    journal = Journal(make_folder(options.out), options.settings(), SceneRecord)
+    journal = Journal(claim_folder(options.out), options.settings(), SceneRecord)
     jobs = jobs_of(options, journal.done)
     play(run_jobs(jobs, options), len(jobs), journal, console)
     planned = options.planned()

@@ -9,7 +9,7 @@ from rich.console import Console
 
 from sain_core.config import Config, option, required
 from sain_core.errors import ConfigError
-from sain_core.storage import make_folder, write_whole
+from sain_core.output import claim_folder, write_whole
 
 
 @dataclass(frozen=True)
@@ -52,6 +52,6 @@ def run(options: ResultsOptions, console: Console) -> None:
     from sain_eval.loop.results_page import read_results, results_page
 
     page = results_page([read_results(folder) for folder in options.folders], options.name_of)
-    make_folder(options.out.parent)
+    claim_folder(options.out.parent)
     write_whole(options.out, page.encode())
     console.print(str(options.out), markup=False, highlight=False, soft_wrap=True)

@@ -14,9 +14,10 @@ import numpy as np
 
 from sain_core.errors import OutOfRangeError, OutputError, UntrustedFileError
 from sain_core.guarding.untrusted import parse_json, read_regular_text
+from sain_core.output import append_json, write_whole
+from sain_core.provenance import git_commit, processor, system, versions
 from sain_core.randomness import Interval, bootstrap_mean, generator
 from sain_core.scene import POSITION, THETA, wrap_angle
-from sain_core.storage import append_json, git_commit, processor, system, versions, write_whole
 from sain_core.transitions import MOVED
 from sain_core.types import Scene
 from sain_core.world import PushRecord

@@ -10,8 +10,8 @@ from typing import Any, Final
 from rich.console import Console
 
 from sain_core.cli.terminal import FittingTable, markdown_table
+from sain_core.output import write_whole
 from sain_core.shapes.solids import DISK
-from sain_core.storage import write_whole
 from sain_eval.loop.closed_loop import BASELINES
 from sain_eval.loop.results import SceneRecord, summarise
 

@@ -159,10 +159,10 @@ def _interval(mean: float, low: float, high: float) -> str:
 
 def export(laboratory: "Laboratory", out: Path, console: Console) -> None:
     """Write what a robot without the laboratory needs."""
-    from sain_core.storage import make_folder
+    from sain_core.output import claim_folder
     from sain_lab.keeping.exporting import export_laboratory
 
-    for path, use in export_laboratory(laboratory, make_folder(out)):
+    for path, use in export_laboratory(laboratory, claim_folder(out)):
         console.print(f"{path}: {use}", soft_wrap=True)
 
 
@@ -203,7 +203,7 @@ def learn(
 
 def replay(options: LabOptions, console: Console) -> None:
     """Stream recorded pushes through a learner as if they happened now."""
-    from sain_core.storage import scratch_folder
+    from sain_core.scratch import scratch_folder
     from sain_lab.keeping.recordings import chosen, read_recording
     from sain_lab.learner import Learner
 

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from sain_core.errors import DatasetError, OutputError
-from sain_core.storage import write_whole
+from sain_core.output import write_whole
 from sain_lab.keeping.laboratory import BELIEF, Laboratory
 from sain_model.dynamics.load import card_path
 

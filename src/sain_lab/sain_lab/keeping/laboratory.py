@@ -22,7 +22,7 @@ from typing import Any, Final, Self
 from sain_core.errors import BusyError, ConfigError, DatasetError, OutputError, SainError
 from sain_core.guarding.locks import LockedError, lock_file
 from sain_core.guarding.untrusted import read_json, read_regular_text
-from sain_core.storage import remove_partial, write_json, write_whole
+from sain_core.output import claim_folder, write_json, write_whole
 from sain_lab.keeping.log import LogWriter, Record, read_log
 
 FORMAT: Final = "sain-laboratory-1"
@@ -177,8 +177,7 @@ class OpenLaboratory(Laboratory):
         try:
             if not (path / MANIFEST).exists():
                 _write_manifest(path, Manifest(path.name, time.time()))
-            for name in (MANIFEST, BELIEF, RECORDINGS):
-                remove_partial(path, name)
+            claim_folder(path, (MANIFEST, BELIEF, RECORDINGS))
             super().__init__(path)
             self._log = LogWriter(self.log_path)
         except OSError as error:

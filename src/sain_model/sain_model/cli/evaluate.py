@@ -13,8 +13,9 @@ from rich.console import Console
 from sain_core.config import Config, option, required
 from sain_core.errors import CheckpointError, DatasetError
 from sain_core.model import Model
+from sain_core.output import write_json, write_whole
+from sain_core.provenance import ros2_command
 from sain_core.push import LENGTH
-from sain_core.storage import ros2_command, write_json, write_whole
 from sain_core.transitions import draw_parts
 from sain_core.types import Mask
 from sain_model.network.settings import STEPS

@@ -11,7 +11,7 @@ from rich.console import Console
 from sain_core.cli.terminal import FittingTable, make_table
 from sain_core.config import Config, option, required
 from sain_core.errors import ConfigError, DatasetError
-from sain_core.storage import ros2_command
+from sain_core.provenance import ros2_command
 from sain_core.world import MASSES, unknown_names
 
 if TYPE_CHECKING:

@@ -9,7 +9,8 @@ from rich.console import Console
 
 from sain_core.cli.terminal import make_table, markdown_table
 from sain_core.config import Config, option, required
-from sain_core.storage import ros2_command, write_json, write_whole
+from sain_core.output import write_json, write_whole
+from sain_core.provenance import ros2_command
 from sain_model.training.settings import TrainingConfig
 
 if TYPE_CHECKING:

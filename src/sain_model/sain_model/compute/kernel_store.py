@@ -27,7 +27,7 @@ import sain_core
 from sain_core.cli.terminal import WaitingLine
 from sain_core.errors import ModelUnavailableError
 from sain_core.guarding.lifetime import alive
-from sain_core.storage import cache_folder
+from sain_core.scratch import cache_folder
 
 if TYPE_CHECKING:
     from rich.console import Console

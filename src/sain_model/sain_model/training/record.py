@@ -15,7 +15,8 @@ from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemaini
 from rich.progress import Progress as Bars
 
 from sain_core.errors import ConfigError
-from sain_core.storage import processor, ros2_command, system, versions, write_whole
+from sain_core.output import write_whole
+from sain_core.provenance import processor, ros2_command, system, versions
 from sain_core.view.figures import TEXT, new_figure, style_axes
 from sain_core.view.palette import PALETTE
 from sain_model.data.dataset import Dataset, Split

@@ -20,8 +20,8 @@ from torch import Tensor
 
 from sain_core.errors import CheckpointError
 from sain_core.guarding.untrusted import read_regular
+from sain_core.output import write_whole
 from sain_core.randomness import generator
-from sain_core.storage import write_whole
 from sain_model.compute.threads import settle_threads
 from sain_model.network.interaction_network import InteractionNetwork
 from sain_model.network.settings import BOOTSTRAP

@@ -21,7 +21,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TimeR
 from sain_core.config import option
 from sain_core.errors import DatasetError
 from sain_core.guarding.untrusted import read_json
-from sain_core.storage import remove_partial, write_json
+from sain_core.output import claim_folder, write_json
 from sain_core.transitions import (
     COLLECTION_FILE,
     SHARD_PATTERN,
@@ -91,9 +91,8 @@ def collect(
         SainError: an episode cannot be run.
     """
     folder = config.out
+    claim_folder(folder, (COLLECTION_FILE, CARD_FILE, JOURNAL_FILE, SHARD_PATTERN))
     _claim(folder, config)
-    for name in (COLLECTION_FILE, CARD_FILE, JOURNAL_FILE, SHARD_PATTERN):
-        remove_partial(folder, name)
     writer = ShardWriter(folder, config.episode.counts)
     first = writer.first
     progress(first, writer.shards * SHARD_SIZE)

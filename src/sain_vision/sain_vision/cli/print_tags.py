@@ -8,7 +8,7 @@ from rich.console import Console
 
 from sain_core.config import Config, option
 from sain_core.errors import ConfigError
-from sain_core.storage import write_whole
+from sain_core.output import write_whole
 from sain_vision.detection.board import Board
 from sain_vision.detection.tags import FAMILIES
 from sain_vision.printing.pdf import pdf_of

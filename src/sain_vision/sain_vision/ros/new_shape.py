@@ -14,9 +14,9 @@ from rich.console import Console
 
 from sain_core.config import Config, option
 from sain_core.errors import ConfigError, InvalidInputError, SainError
+from sain_core.output import write_whole
 from sain_core.shapes.library import PLAIN, outline_folder, shape_names
 from sain_core.shapes.outlines import METRES, SHAPES, UNIT, BodyOutline, trace
-from sain_core.storage import write_whole
 from sain_vision.detection.tracing import TracedTop, TracingConfig, draw_top, trace_top
 from sain_vision.extrinsics_file import read_extrinsics
 from sain_vision.look_files import read_camera, read_depth, read_picture

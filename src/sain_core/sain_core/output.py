@@ -1,0 +1,262 @@
+"""What commands write: nothing that is not ours is replaced or removed.
+
+A folder that SAIN writes to has a manifest, ``.sain-files``. It names each file that SAIN wrote
+there with its SHA-256, as ``sha256sum`` does; or with the word ``grows`` where content is appended
+or another program writes. A file that is named, and was not changed since, is ours. It may be
+replaced and removed. All else needs ``--overwrite`` to be replaced, and is never removed.
+
+A command calls `claim_folder` or `claim_file` at its start, with all names that it will write. So
+it is refused before the work, not after it.
+"""
+
+import hashlib
+import json
+import os
+import re
+import stat
+import tempfile
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import IO, Any, Final
+
+from sain_core.errors import OutputError
+from sain_core.guarding.untrusted import KINDS, PARTIAL, read_regular
+
+MANIFEST: Final = ".sain-files"
+HEADER: Final = b"# What SAIN wrote here. Files that are not named, or were changed, it leaves.\n"
+GROWS: Final = "grows"  # in place of a hash
+LINE: Final = re.compile(rf"^([0-9a-f]{{64}}|{GROWS})  (.+)$", re.MULTILINE)
+LEFT_OVER: Final = re.compile(rf"\..+\.\d+{re.escape(PARTIAL)}")  # by a killed `write_file`
+PROBE_BYTES: Final = 1 << 16
+OVERWRITE_HELP: Final = "replace files that SAIN did not write, or that were changed since"
+
+_ours: Final[set[Path]] = set()  # what this process wrote, or claimed with `overwrite`
+
+
+def claim_folder(folder: Path, names: Iterable[str] = (), overwrite: bool = False) -> Path:
+    """Make a folder and check that these files can be written to it; return its path.
+
+    Args:
+        folder: for a command's results.
+        names: of the files to come, below the folder; or patterns of names.
+        overwrite: whether files of others may be replaced.
+
+    Raises:
+        OutputError: it is no folder, cannot be written, or a name is taken by a file of others, a
+            folder, a link or a device; or the disk is full.
+    """
+    with _writing(folder):
+        _make_folder(folder)
+        _probe(folder)
+        for name in names:
+            for path in folder.glob(name) if "*" in name else [folder / name]:
+                _claim(path, overwrite)
+            for path in folder.glob(f".{name}.[0-9]*{PARTIAL}"):
+                remove(path)
+        _append_line(folder)
+    return folder
+
+
+def claim_file(path: Path, overwrite: bool = False) -> Path:
+    """Check that a file can be written, and make its folder; raises as `claim_folder`."""
+    with _writing(path):
+        _claim(path, overwrite)
+        _make_folder(path.parent)
+        _probe(path.parent)
+    return path
+
+
+def write_file(path: Path, write: Callable[[IO[bytes]], object]) -> None:
+    """Let write fill a file of a temporary name, and rename it when it is safe on the disk.
+
+    What was at the path before stays whole until then.
+
+    Raises:
+        OutputError: it would replace what is not ours, the folder cannot be written, or the disk is
+            full.
+    """
+    partial = path.with_name(f".{path.name}.{os.getpid()}{PARTIAL}")
+    with _writing(path):
+        _claim(path)
+        _make_folder(path.parent)
+        partial.unlink(missing_ok=True)
+        try:
+            with partial.open("xb") as file:
+                write(file)
+                file.flush()
+                os.fsync(file.fileno())
+            _sign(path, _digest(partial))  # first, so that a kill leaves no file without its line
+            _check_kind(path)
+            partial.replace(path)
+        finally:
+            with suppress(OSError):
+                partial.unlink(missing_ok=True)
+
+
+def write_whole(path: Path, content: bytes) -> Path:
+    """Write a file, as `write_file` does; return its path."""
+    write_file(path, lambda file: file.write(content))
+    return path
+
+
+def write_json(path: Path, content: Any) -> Path:
+    """Write what JSON can hold, as `write_file` does; return its path."""
+    return write_whole(path, (json.dumps(content, indent=2) + "\n").encode())
+
+
+def append_json(path: Path, content: Any) -> None:
+    """Append a line of JSON to a file; raises `OutputError`."""
+    with _writing(path):
+        _claim(path)
+        if GROWS not in _signed(path.parent).get(path.name, ()):
+            _sign(path, GROWS)
+        flags = os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_NOFOLLOW
+        with os.fdopen(os.open(path, flags, 0o666), "a", encoding="utf-8") as file:
+            file.write(json.dumps(content) + "\n")
+
+
+def sign(path: Path, grows: bool = False) -> None:
+    """Name a file of ours, which another library writes, in the manifest of its folder.
+
+    Args:
+        path: of the file.
+        grows: it is written further, so its content does not count.
+    """
+    with _writing(path):
+        _sign(path, GROWS if grows else _digest(path))
+
+
+def _sign(path: Path, digest: str) -> None:
+    if (path.parent / MANIFEST).exists():
+        _append_line(path.parent, f"{digest}  {path.name}\n")
+    _ours.add(path.absolute())
+
+
+def is_ours(path: Path) -> bool:
+    """Return True if SAIN wrote this regular file and it was not changed since."""
+    if path.absolute() in _ours or LEFT_OVER.fullmatch(path.name):
+        return True
+    signed = _signed(path.parent).get(path.name, set())
+    return GROWS in signed or bool(signed and _digest(path) in signed)
+
+
+def remove(path: Path) -> None:
+    """Remove a file of ours, or a folder with a manifest in which all is ours.
+
+    What does not exist is no error.
+
+    Raises:
+        OutputError: a link leads there, or it is or holds something that SAIN did not write; then
+            nothing is removed.
+    """
+    with _writing(path, "remove"):
+        _check_no_link(path)
+        if os.path.lexists(path):
+            for one in [*_removable(path)]:
+                one.rmdir() if one.is_dir() else one.unlink()
+                _ours.discard(one.absolute())
+
+
+def _removable(path: Path) -> Iterator[Path]:
+    """Yield all that is removed with a path, in that order; raises `OutputError`."""
+    if not stat.S_ISDIR(path.lstat().st_mode):
+        _check_kind(path)
+        if path.name != MANIFEST and not is_ours(path):
+            raise OutputError(
+                f"nothing is removed: SAIN did not write {path}, or it was changed since;"
+                " move it elsewhere, or remove it yourself"
+            )
+    elif not _check_kind(path / MANIFEST):
+        raise OutputError(
+            f"nothing is removed: {path} has no {MANIFEST}, so SAIN did not make it;"
+            " remove it yourself"
+        )
+    else:
+        entries = sorted(path.iterdir(), key=lambda one: one.name == MANIFEST)  # that last
+        for entry in entries:
+            yield from _removable(entry)
+    yield path
+
+
+def _check_no_link(path: Path) -> None:
+    whole = path.absolute()
+    for one in [*reversed(whole.parents), whole]:
+        if one.is_symlink():
+            raise OutputError(
+                f"{path} is not removed: {one} is a symbolic link; give the path without links"
+            )
+
+
+def _claim(path: Path, overwrite: bool = False) -> None:
+    """Check that a path is free, or a regular file that may be replaced."""
+    if not _check_kind(path):
+        return
+    if overwrite:
+        _ours.add(path.absolute())
+    elif not is_ours(path):
+        named = path.name in _signed(path.parent)
+        reason = "was changed since SAIN wrote it" if named else "exists, and SAIN did not write it"
+        raise OutputError(f"{path} {reason}; --overwrite replaces it, or choose another --out")
+
+
+def _check_kind(path: Path) -> bool:
+    """Return True if a path is a regular file, False if it is free; else raise `OutputError`."""
+    try:
+        mode = path.lstat().st_mode
+    except FileNotFoundError:
+        return False
+    kind = "a symbolic link" if stat.S_ISLNK(mode) else KINDS.get(stat.S_IFMT(mode))
+    if kind:
+        raise OutputError(f"{path} is {kind}, which is never replaced; name a file")
+    return True
+
+
+def _make_folder(folder: Path) -> None:
+    """Make a folder, and those above it that are missing, each with a manifest."""
+    if folder.exists() or folder.is_symlink():
+        if not folder.is_dir():
+            raise OutputError(f"{folder} is not a folder; choose another --out")
+        return
+    _make_folder(folder.parent)
+    folder.mkdir(exist_ok=True)
+    _append_line(folder)
+
+
+def _probe(folder: Path) -> None:
+    with tempfile.TemporaryFile(dir=folder) as probe:
+        probe.write(os.urandom(PROBE_BYTES))
+
+
+def _append_line(folder: Path, line: str = "") -> None:
+    flags = os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_NOFOLLOW | os.O_NONBLOCK
+    _check_kind(folder / MANIFEST)
+    with os.fdopen(os.open(folder / MANIFEST, flags, 0o666), "ab") as manifest:
+        manifest.write(line.encode() if manifest.tell() else HEADER + line.encode())
+
+
+def _signed(folder: Path) -> dict[str, set[str]]:
+    """Return the hashes under which a folder's manifest names its files."""
+    signed: dict[str, set[str]] = {}
+    path = folder / MANIFEST
+    if _check_kind(path):
+        for digest, name in LINE.findall(read_regular(path).decode(errors="replace")):
+            signed.setdefault(name, set()).add(digest)
+    return signed
+
+
+def _digest(path: Path) -> str:
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+@contextmanager
+def _writing(
+    path: Path, verb: str = "write", advice: str = "; choose another --out"
+) -> Iterator[None]:
+    try:
+        yield
+    except OutputError:
+        raise
+    except OSError as error:
+        raise OutputError(f"cannot {verb} {path}: {error.strerror or error}{advice}") from error
