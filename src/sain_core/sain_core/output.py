@@ -1,9 +1,10 @@
 """What commands write: nothing that is not ours is replaced or removed.
 
 A folder that SAIN writes to has a manifest, ``.sain-files``. It names each file that SAIN wrote
-there with its SHA-256, as ``sha256sum`` does; or with the word ``grows`` where content is appended
-or another program writes. A file that is named, and was not changed since, is ours. It may be
-replaced and removed. All else needs ``--overwrite`` to be replaced, and is never removed.
+there or below with its SHA-256, as ``sha256sum`` does; or, with the word ``grows``, a file or a
+pattern of files that grow or that a child process writes. The nearest manifest above a file counts.
+A file that is named, and was not changed since, is ours: it may be replaced and removed. All else
+needs ``--overwrite`` to be replaced, and is never removed.
 
 A command calls `claim_folder` or `claim_file` at its start, with all names that it will write. So
 it is refused before the work, not after it.
@@ -17,6 +18,7 @@ import stat
 import tempfile
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
+from fnmatch import fnmatchcase as fnmatch
 from pathlib import Path
 from typing import IO, Any, Final
 
@@ -54,8 +56,8 @@ def claim_folder(folder: Path, names: Iterable[str] = (), overwrite: bool = Fals
             for path in folder.glob(name) if "*" in name else [folder / name]:
                 _claim(path, overwrite)
             for path in folder.glob(f".{name}.[0-9]*{PARTIAL}"):
-                remove(path)
-        _append_line(folder)
+                remove(path.parent.resolve() / path.name)
+        _append(folder / MANIFEST)
     return folder
 
 
@@ -110,35 +112,35 @@ def append_json(path: Path, content: Any) -> None:
     """Append a line of JSON to a file; raises `OutputError`."""
     with _no_os_error(path):
         _claim(path)
-        if GROWS not in _signed(path.parent).get(path.name, ()):
-            _sign(path, GROWS)
+        _sign(path, GROWS)
         flags = os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_NOFOLLOW
         with os.fdopen(os.open(path, flags, 0o666), "a", encoding="utf-8") as file:
             file.write(json.dumps(content) + "\n")
 
 
 def sign(path: Path, grows: bool = False) -> None:
-    """Name a file of ours, which another library writes, in the manifest of its folder.
+    """Name a file of ours, which another library writes, in the nearest manifest above.
 
     Args:
-        path: of the file.
-        grows: it is written further, so its content does not count.
+        path: of the file; if it grows, its name may be a pattern.
+        grows: it is still written, so its content does not count.
     """
     with _no_os_error(path):
         _sign(path, GROWS if grows else _digest(path))
 
 
 def _sign(path: Path, digest: str) -> None:
-    if (path.parent / MANIFEST).exists():
-        _append_line(path.parent, f"{digest}  {path.name}\n")
     _ours.add(path.absolute())
+    manifest, name = _manifest_of(path)
+    if manifest is not None and digest not in _signatures(path):
+        _append(manifest, f"{digest}  {name}\n")
 
 
 def is_ours(path: Path) -> bool:
     """Return True if SAIN wrote this regular file and it was not changed since."""
     if path.absolute() in _ours or LEFT_OVER.fullmatch(path.name):
         return True
-    signed = _signed(path.parent).get(path.name, set())
+    signed = _signatures(path)
     return GROWS in signed or bool(signed and _digest(path) in signed)
 
 
@@ -168,10 +170,10 @@ def _removable(path: Path) -> Iterator[Path]:
                 f"nothing is removed: SAIN did not write {path}, or it was changed since;"
                 " move it elsewhere, or remove it yourself"
             )
-    elif not _check_kind(path / MANIFEST):
+    elif not _is_our_folder(path):
         raise OutputError(
-            f"nothing is removed: {path} has no {MANIFEST}, so SAIN did not make it;"
-            " remove it yourself"
+            f"nothing is removed: SAIN did not make {path}, no {MANIFEST} names it;"
+            " move it elsewhere, or remove it yourself"
         )
     else:
         entries = sorted(path.iterdir(), key=lambda one: one.name == MANIFEST)  # that last
@@ -196,9 +198,11 @@ def _claim(path: Path, overwrite: bool = False) -> None:
     if overwrite:
         _ours.add(path.absolute())
     elif not is_ours(path):
-        named = path.name in _signed(path.parent)
-        reason = "was changed since SAIN wrote it" if named else "exists, and SAIN did not write it"
-        raise OutputError(f"{path} {reason}; --overwrite replaces it, or choose another --out")
+        changed = bool(_signatures(path))
+        reason = "was changed since" if changed else "exists, and no run of"
+        raise OutputError(
+            f"{path} {reason} SAIN wrote it; --overwrite replaces it, or choose another --out"
+        )
 
 
 def _check_kind(path: Path) -> bool:
@@ -221,7 +225,7 @@ def _make_folder(folder: Path) -> None:
         return
     _make_folder(folder.parent)
     folder.mkdir(exist_ok=True)
-    _append_line(folder)
+    _append(folder / MANIFEST)
 
 
 def _probe(folder: Path) -> None:
@@ -229,21 +233,44 @@ def _probe(folder: Path) -> None:
         probe.write(os.urandom(PROBE_BYTES))
 
 
-def _append_line(folder: Path, line: str = "") -> None:
+def _append(manifest: Path, line: str = "") -> None:
+    _check_kind(manifest)
     flags = os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_NOFOLLOW | os.O_NONBLOCK
-    _check_kind(folder / MANIFEST)
-    with os.fdopen(os.open(folder / MANIFEST, flags, 0o666), "ab") as manifest:
-        manifest.write(line.encode() if manifest.tell() else HEADER + line.encode())
+    with os.fdopen(os.open(manifest, flags, 0o666), "ab") as file:
+        file.write(line.encode() if file.tell() else HEADER + line.encode())
 
 
-def _signed(folder: Path) -> dict[str, set[str]]:
-    """Return the hashes under which a folder's manifest names its files."""
-    signed: dict[str, set[str]] = {}
-    path = folder / MANIFEST
-    if _check_kind(path):
-        for digest, name in LINE.findall(read_regular(path).decode(errors="replace")):
-            signed.setdefault(name, set()).add(digest)
-    return signed
+def _manifest_of(path: Path) -> tuple[Path | None, str]:
+    """Return the nearest manifest above a path, and how it names the path."""
+    whole = path.absolute()
+    for folder in whole.parents:
+        if _check_kind(folder / MANIFEST):
+            return folder / MANIFEST, whole.relative_to(folder).as_posix()
+    return None, ""
+
+
+def _signatures(path: Path) -> set[str]:
+    """Return the hashes, or `GROWS`, with which the nearest manifest names a file."""
+    manifest, name = _manifest_of(path)
+    lines = _lines(manifest) if manifest else ()
+    return {
+        digest for digest, one in lines if one == name or (digest == GROWS and fnmatch(name, one))
+    }
+
+
+def _is_our_folder(path: Path) -> bool:
+    """Return True if a folder has a manifest, or the nearest one above names something in it."""
+    if _check_kind(path / MANIFEST):
+        return True
+    manifest, name = _manifest_of(path)
+    return manifest is not None and any(
+        one.startswith(f"{name}/") or (digest == GROWS and fnmatch(name, one))
+        for digest, one in _lines(manifest)
+    )
+
+
+def _lines(manifest: Path) -> list[tuple[str, str]]:
+    return LINE.findall(read_regular(manifest).decode(errors="replace"))
 
 
 def _digest(path: Path) -> str:
