@@ -34,7 +34,7 @@ PROBE_BYTES: Final = 1 << 16
 OTHER: Final = "; choose another --out"
 OVERWRITE_HELP: Final = "replace what others wrote there, or a run with other settings"
 
-_ours: Final[set[Path]] = set()  # what this process wrote, or claimed with `overwrite`
+_ours: Final[dict[Path, str]] = {}  # hashes of what this process wrote; `GROWS`: it may overwrite
 
 
 def claim_folder(folder: Path, names: Iterable[str] = (), overwrite: bool = False) -> Path:
@@ -130,7 +130,7 @@ def sign(path: Path, grows: bool = False) -> None:
 
 
 def _sign(path: Path, digest: str) -> None:
-    _ours.add(path.absolute())
+    _ours[path.absolute()] = digest
     manifest, name = _manifest_of(path)
     if manifest is not None and digest not in _signatures(path):
         _append(manifest, f"{digest}  {name}\n")
@@ -138,10 +138,10 @@ def _sign(path: Path, digest: str) -> None:
 
 def is_ours(path: Path) -> bool:
     """Return True if SAIN wrote this regular file and it was not changed since."""
-    if path.absolute() in _ours or LEFT_OVER.fullmatch(path.name):
+    signed = {*_signatures(path), _ours.get(path.absolute(), "")}
+    if GROWS in signed or LEFT_OVER.fullmatch(path.name):
         return True
-    signed = _signatures(path)
-    return GROWS in signed or bool(signed and _digest(path) in signed)
+    return signed != {""} and _digest(path) in signed
 
 
 def remove(path: Path) -> None:
@@ -158,7 +158,7 @@ def remove(path: Path) -> None:
         if os.path.lexists(path):
             for one in [*_removable(path)]:
                 one.rmdir() if one.is_dir() else one.unlink()
-                _ours.discard(one.absolute())
+                _ours.pop(one.absolute(), None)
 
 
 def _removable(path: Path) -> Iterator[Path]:
@@ -196,7 +196,7 @@ def _claim(path: Path, overwrite: bool = False) -> None:
     if not _check_kind(path):
         return
     if overwrite:
-        _ours.add(path.absolute())
+        _ours[path.absolute()] = GROWS
     elif not is_ours(path):
         changed = bool(_signatures(path))
         reason = "was changed since" if changed else "exists, and no run of"

@@ -62,7 +62,7 @@ def made(synthetic_pushes: PushTable, half: Half, tmp_path_factory: pytest.TempP
 
 def arguments(folder: Path) -> list[str]:
     page, media = folder / "real.md", folder / "media"
-    return ["--work", str(folder / "work"), "--page", str(page), "--media", str(media)]
+    return ["--out", str(folder / "work"), "--page", str(page), "--media", str(media)]
 
 
 def results_of(folder: Path) -> dict:

@@ -9,7 +9,7 @@ from typing import Any, Final
 from sain_bags.dataset.formats import MADE, FormatName, StoredRows, Write
 from sain_core.errors import OutputError
 from sain_core.guarding.untrusted import PARTIAL
-from sain_core.output import claim_file, is_ours, remove, sign
+from sain_core.output import MANIFEST, claim_file, is_ours, remove, sign
 
 EXPORT: Final = f".export{PARTIAL}"  # where it stands until it is whole
 DISKS: Final = "disks-"  # with a number: folders of data sets, where numbers of disks differ
@@ -71,9 +71,9 @@ def remove_files(folder: Path, pattern: str, top: Path) -> None:
     for path in filter(is_ours, sorted(folder.glob(pattern))):
         remove(path)
         for parent in path.parents:
-            if parent == top or any(parent.iterdir()):
+            if parent == top or {one.name for one in parent.iterdir()} - {MANIFEST}:
                 break
-            parent.rmdir()
+            remove(parent)
 
 
 @contextmanager
