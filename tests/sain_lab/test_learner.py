@@ -154,7 +154,7 @@ def plant(learner, service):
     save_checkpoint(learner.laboratory.model_path(service), module, card)
     for kind in ("trained", LOADED):
         about = {"model": service, "service": service}
-        learner._append(learner._event(kind, "planted", **about).record())
+        learner._log(kind, "planted", **about)
     learner._publish()
 
 
