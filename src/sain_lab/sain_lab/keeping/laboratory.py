@@ -393,7 +393,8 @@ def _read_manifest(path: Path) -> Manifest:
         known = ", ".join(laboratory_names()) or "none"
         raise DatasetError(f"there is no laboratory at {path}; known: {known}") from None
     except (OSError, ValueError, LookupError, TypeError, AttributeError) as error:
-        raise DatasetError(f"{path / MANIFEST} is damaged: {error}; copy it again") from error
+        reason = f"it has no {error}" if isinstance(error, KeyError) else error
+        raise DatasetError(f"{path / MANIFEST} is damaged: {reason}; copy it again") from error
     if manifest is None:
         raise DatasetError(
             f"laboratory {path} has the format {found!r}; this version reads {FORMAT!r}"
