@@ -29,7 +29,8 @@ GROWS: Final = "grows"  # in place of a hash
 LINE: Final = re.compile(rf"^([0-9a-f]{{64}}|{GROWS})  (.+)$", re.MULTILINE)
 LEFT_OVER: Final = re.compile(rf"\..+\.\d+{re.escape(PARTIAL)}")  # by a killed `write_file`
 PROBE_BYTES: Final = 1 << 16
-OVERWRITE_HELP: Final = "replace files that SAIN did not write, or that were changed since"
+OTHER: Final = "; choose another --out"
+OVERWRITE_HELP: Final = "replace what others wrote there, or a run with other settings"
 
 _ours: Final[set[Path]] = set()  # what this process wrote, or claimed with `overwrite`
 
@@ -46,7 +47,7 @@ def claim_folder(folder: Path, names: Iterable[str] = (), overwrite: bool = Fals
         OutputError: it is no folder, cannot be written, or a name is taken by a file of others, a
             folder, a link or a device; or the disk is full.
     """
-    with _writing(folder):
+    with _no_os_error(folder, "write to", OTHER):
         _make_folder(folder)
         _probe(folder)
         for name in names:
@@ -60,7 +61,7 @@ def claim_folder(folder: Path, names: Iterable[str] = (), overwrite: bool = Fals
 
 def claim_file(path: Path, overwrite: bool = False) -> Path:
     """Check that a file can be written, and make its folder; raises as `claim_folder`."""
-    with _writing(path):
+    with _no_os_error(path, advice=OTHER):
         _claim(path, overwrite)
         _make_folder(path.parent)
         _probe(path.parent)
@@ -77,7 +78,7 @@ def write_file(path: Path, write: Callable[[IO[bytes]], object]) -> None:
             full.
     """
     partial = path.with_name(f".{path.name}.{os.getpid()}{PARTIAL}")
-    with _writing(path):
+    with _no_os_error(path):
         _claim(path)
         _make_folder(path.parent)
         partial.unlink(missing_ok=True)
@@ -107,7 +108,7 @@ def write_json(path: Path, content: Any) -> Path:
 
 def append_json(path: Path, content: Any) -> None:
     """Append a line of JSON to a file; raises `OutputError`."""
-    with _writing(path):
+    with _no_os_error(path):
         _claim(path)
         if GROWS not in _signed(path.parent).get(path.name, ()):
             _sign(path, GROWS)
@@ -123,7 +124,7 @@ def sign(path: Path, grows: bool = False) -> None:
         path: of the file.
         grows: it is written further, so its content does not count.
     """
-    with _writing(path):
+    with _no_os_error(path):
         _sign(path, GROWS if grows else _digest(path))
 
 
@@ -150,7 +151,7 @@ def remove(path: Path) -> None:
         OutputError: a link leads there, or it is or holds something that SAIN did not write; then
             nothing is removed.
     """
-    with _writing(path, "remove"):
+    with _no_os_error(path, "remove"):
         _check_no_link(path)
         if os.path.lexists(path):
             for one in [*_removable(path)]:
@@ -251,9 +252,7 @@ def _digest(path: Path) -> str:
 
 
 @contextmanager
-def _writing(
-    path: Path, verb: str = "write", advice: str = "; choose another --out"
-) -> Iterator[None]:
+def _no_os_error(path: Path, verb: str = "write", advice: str = "") -> Iterator[None]:
     try:
         yield
     except OutputError:

@@ -27,7 +27,7 @@ from sain_bringup.graph import (
 )
 from sain_bringup.interrupts import Interrupts, Stopped
 from sain_bringup.processes import UNHURRIED, Supervisor
-from sain_core.config import option
+from sain_core.config import MOST_SEED, option
 from sain_core.errors import OutputError, SainError
 from sain_core.output import claim_folder
 from sain_core.provenance import provenance
@@ -62,7 +62,9 @@ class ClosedLoopOptions(GraphConfig):
         None,
         f"one of {', '.join(SCENARIOS)}, or of an installed package; by default those of the demo",
     )
-    seed: int = option(0, "seed of the first episode; the next one has the next seed", minimum=0)
+    seed: int = option(
+        0, "seed of the first episode; the next one has the next seed", minimum=0, maximum=MOST_SEED
+    )
     tolerance: float = option(
         0.02,
         "largest distance from the goal that counts as reached",

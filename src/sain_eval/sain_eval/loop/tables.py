@@ -22,6 +22,7 @@ HEADER: Final = (
 TABLE_FILE: Final = "table.md"
 SHAPE_TABLE_FILE: Final = "table_per_shape.md"
 FAILURES_FILE: Final = "failures.md"
+TABLES: Final = (TABLE_FILE, SHAPE_TABLE_FILE, FAILURES_FILE)
 MOST_FAILURES: Final = 40  # that are printed
 SHAPES_SCENARIO: Final = "shapes"  # has another shape for each seed
 
