@@ -152,7 +152,7 @@ class Learner:
         with self._lock:
             self.waiting.append(result)
             if not why_not(result):
-                self.laboratory.receive(result.record())
+                self.laboratory.receive({"kind": "push", **result.record()})
 
     def received(self) -> Iterator[Result]:
         """Yield what waits, one after another, to be observed."""

@@ -32,9 +32,10 @@ class LabOptions(Config):
     """Look at a laboratory (what was learned where a table stands), and handle it.
 
     list: all laboratories of this user. show NAME: parameters, errors, events.
-    add NAME RECORDING...: learn from bags or data sets; without any from what waits. replay RECORDING...: stream recorded pushes
-    as if they happened now, and draw the chart. export NAME: belief and checkpoint for a robot
-    without the laboratory. forget NAME: remove it for good. NAME is a name, or a path with a slash.
+    add NAME RECORDING...: learn from bags or data sets; without any, from pushes that wait. replay
+    RECORDING...: stream recorded pushes as if they happened now, and draw the chart. export NAME:
+    belief and checkpoint for a robot without the laboratory. forget NAME: remove it for good. NAME
+    is a name, or a path with a slash.
     """
 
     action: Annotated[Action, tyro.conf.Positional] = required("what to do")

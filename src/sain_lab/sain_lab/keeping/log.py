@@ -124,7 +124,7 @@ def _missing(line: bytes) -> str:
     """Return what is missing with a damaged line."""
     pushes = max(line.count(word) for word in OF_A_PUSH)
     if pushes == 0:
-        return "a decision, a belief or the end of an episode is missing"
+        return "no push is missing, but a decision, a belief or the end of an episode"
     return "1 push is missing" if pushes == 1 else f"{pushes} pushes are missing"
 
 
