@@ -299,6 +299,9 @@ def forget(name: str) -> Path:
 
 def _make(path: Path) -> None:
     try:
+        for one in (path, *path.parents):
+            if one.exists() and not one.is_dir():
+                raise OutputError(f"cannot write {path}: {one} is no folder")
         if path.exists() and not (path / MANIFEST).exists():
             others = [
                 one.name

@@ -67,7 +67,6 @@ class LearnerNode(Node):
         self._load_model = self.create_client(LoadModel, "load_model")
         LiveParameters(self, self.config, self._on_settings)
         self.reception.listen(Bodies, "shapes", self._on_bodies, LATCHED_QUEUE)
-        self._results = self.reception.listen(PushResult, "push_result", self._on_result, QUEUE)
         steady_timer(self, LOOK, self._look)
         for text in self.learner.laboratory.damage:
             self.get_logger().warning(text)
@@ -77,6 +76,8 @@ class LearnerNode(Node):
         self._publish()
         self.ready = f"learns in {self.learner.laboratory.path}, after {self.learner.pushes} pushes"
         self.ready += f"; {waiting} more were received before" if waiting else ""
+        # Last: what is delivered to a node that is interrupted in its start is lost.
+        self._results = self.reception.listen(PushResult, "push_result", self._on_result, QUEUE)
 
     def _name_of_run(self) -> str:
         """Return the name below which this run's episodes are kept; a restart has the same."""
