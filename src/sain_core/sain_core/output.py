@@ -70,6 +70,12 @@ def claim_file(path: Path, overwrite: bool = False) -> Path:
     return path
 
 
+def check_new(folder: Path) -> None:
+    """Check that nothing is where a folder is to be made; raises `OutputError`."""
+    if os.path.lexists(folder):
+        raise OutputError(f"{folder} exists; a bag is never overwritten, choose another --out")
+
+
 def write_file(path: Path, write: Callable[[IO[bytes]], object]) -> None:
     """Let write fill a file of a temporary name, and rename it when it is safe on the disk.
 
