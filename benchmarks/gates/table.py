@@ -132,7 +132,6 @@ def write_gates(path: Path, group: str, gates: Iterable[Gate]) -> None:
         "load": round(os.getloadavg()[0], 1),
     }
     rows = [_stated(gate) for gate in gates]
-    path.parent.mkdir(parents=True, exist_ok=True)
     write_json(path, {**_read(path), group: {"made": made, "gates": rows}})
 
 

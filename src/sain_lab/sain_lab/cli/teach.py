@@ -25,7 +25,7 @@ class TeachOptions(TeachSettings):
     error before and after, and what as many pushes more would bring; writes a chart.
     """
 
-    out: Path = option(Path("teaching.png"), "file for the chart")
+    out: Path = option(Path("results/teaching.png"), "file for the chart")
     overwrite: bool = option(False, OVERWRITE_HELP)
 
 
