@@ -9,7 +9,7 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
-from sain_core.storage import write_json
+from sain_core.output import write_json
 
 
 @dataclass(frozen=True)

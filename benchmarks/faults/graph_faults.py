@@ -34,6 +34,7 @@ from benchmarks.faults.surroundings import (
 from benchmarks.faults.table import Row, show, write_page
 from sain_bags.reading.reader import Bag
 from sain_bringup.graph import LEARNER, MODEL, RECORDER, GraphOptions
+from sain_core.output import claim_file
 from sain_core.ros.node_main import ros_context
 from sain_lab.keeping.laboratory import Laboratory
 
@@ -69,6 +70,8 @@ class Options:
     """processes to kill and to stop"""
     page: Path | None = None
     """Markdown page to write"""
+    overwrite: bool = False
+    """replace a page that others wrote, such as docs/reference/faults.md"""
     rows: Path | None = None
     """JSON lines that rows are added to; the page has all that are there, also from before"""
     seed: int = 0
@@ -174,6 +177,8 @@ def main() -> None:
     """Measure, print and write."""
     options = tyro.cli(Options, description=__doc__)
     console, rows = Console(), []
+    if options.page is not None:
+        claim_file(options.page, options.overwrite)
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         if options.only == ("_memory",):

@@ -10,7 +10,8 @@ import numpy as np
 from rich.console import Console
 
 from sain_core.cli.terminal import FittingTable
-from sain_core.storage import git_commit, processor, write_whole
+from sain_core.output import write_whole
+from sain_core.provenance import git_commit, processor
 
 HEAD: Final = ("Fault", "Tries", "Survived", "Lost", "Recovery: longest", "99 %")
 ABOUT: Final = """# Faults

@@ -12,7 +12,8 @@ from typing import Any, Final, Self
 from rich.console import Console
 from rich.table import Table
 
-from sain_core.storage import git_commit, processor, versions, write_json
+from sain_core.output import write_json
+from sain_core.provenance import git_commit, processor, versions
 
 PACKAGES: Final = ("numpy", "numba", "torch", "pybullet", "mujoco", "sain_core")
 OK, OPEN, WORSE = "ok", "open", "worse"
@@ -131,7 +132,6 @@ def write_gates(path: Path, group: str, gates: Iterable[Gate]) -> None:
         "load": round(os.getloadavg()[0], 1),
     }
     rows = [_stated(gate) for gate in gates]
-    path.parent.mkdir(parents=True, exist_ok=True)
     write_json(path, {**_read(path), group: {"made": made, "gates": rows}})
 
 

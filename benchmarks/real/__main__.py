@@ -19,7 +19,8 @@ from benchmarks.real.pushes import PushTable, read_pushes
 from benchmarks.real.rows import Row, fixed_rows, published_rows
 from benchmarks.real.trees import Trees
 from sain_core.errors import DatasetError, SainError
-from sain_core.storage import git_commit, make_folder, processor, write_json
+from sain_core.output import claim_file, claim_folder, write_json
+from sain_core.provenance import git_commit, processor
 from sain_model.importing.real_pushes import FOUND_AT
 
 RESULTS: Final = "results.json"
@@ -32,13 +33,15 @@ class Options:
     data: Path | None = None
     """recordings, as `ros2 run sain_model real_import` reads them"""
     again: bool = False
-    """make page and pictures again, from the results in the folder of work; computes nothing"""
-    work: Path = Path("results/real")
-    """folder of what is computed; an interrupted run continues with it"""
-    page: Path = Path("docs/reference/real.md")
-    """Markdown page to write"""
-    media: Path = Path("docs/media")
-    """folder of its pictures"""
+    """make page and pictures again, from the results in the folder; computes nothing"""
+    out: Path = Path("results/real")
+    """folder of results, page and pictures; an interrupted run continues with it"""
+    page: Path | None = None
+    """Markdown page to write in place of real.md in that folder"""
+    media: Path | None = None
+    """folder of its pictures; by default that of the page"""
+    overwrite: bool = False
+    """replace what others wrote there, such as docs/reference/real.md"""
     cases: tuple[str, ...] = ()
     """only those whose names begin like one of these: folds, train, object, surface; none: all"""
     seed: int = 0
@@ -49,18 +52,22 @@ def main() -> int:
     """Compute what is not kept, measure it, and write page and pictures."""
     options = tyro.cli(Options, description=__doc__)
     console = Console(stderr=True)
+    written = options.page or options.out / "real.md"
+    media = options.media or written.parent
     try:
+        claim_folder(options.out, (RESULTS,), options.overwrite)
+        claim_file(written, options.overwrite)
+        claim_folder(media, pictures.NAMES, options.overwrite)
         if not options.again:
-            make_folder(options.work)
-            write_json(options.work / RESULTS, computed(options, console))
-        results = read_results(options.work / RESULTS)
-        for path in pictures.draw_all(results, options.media):
+            write_json(options.out / RESULTS, computed(options, console))
+        results = read_results(options.out / RESULTS)
+        for path in pictures.draw_all(results, media):
             console.print(f"wrote {path}", markup=False, highlight=False, soft_wrap=True)
-        page.write(results, options.page, options.media)
+        page.write(results, written, media)
     except SainError as error:
         print(f"error: {error}", file=sys.stderr)
         return 1
-    console.print(f"wrote {options.page}", markup=False, highlight=False, soft_wrap=True)
+    console.print(f"wrote {written}", markup=False, highlight=False, soft_wrap=True)
     return 0
 
 
@@ -72,9 +79,9 @@ def computed(options: Options, console: Console) -> Figures:
     """
     if options.data is None:
         raise DatasetError(f"real pushes are needed: make real DATA=PATH; {FOUND_AT}")
-    pushes = read_pushes(options.data, options.work)
-    kept = Kept(options.work / "predictions")
-    cases, rows = all_cases(pushes, options.seed), all_rows(pushes, options.work, options.seed)
+    pushes = read_pushes(options.data, options.out)
+    kept = Kept(options.out / "predictions")
+    cases, rows = all_cases(pushes, options.seed), all_rows(pushes, options.out, options.seed)
     if options.cases:
         cases = [case for case in cases if case.key.startswith(("folds", *options.cases))]
 

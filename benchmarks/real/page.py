@@ -8,7 +8,7 @@ from typing import Any, Final
 from benchmarks.real.measures import Figures
 from benchmarks.real.pictures import own_counts
 from benchmarks.real.rows import LEVELS, STATED
-from sain_core.storage import write_whole
+from sain_core.output import write_whole
 
 OURS: Final = ("sain", "identified", "learned")  # rows of the sentence above the first table
 SOURCE: Final = (

@@ -1,6 +1,6 @@
 """The pictures of docs/reference/real.md, from the file of results alone."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Final
 
@@ -27,21 +27,24 @@ COLOURS: Final = {
 }
 DASHED: Final = ("sim_quadratic", "sim_poly4", "trees_on_identified")  # of others
 NOT_DRAWN: Final = ("still", "shipped", "shipped_physics")
+NAMES: Final = tuple(
+    f"real_{name}.png" for name in ("objects", "angles", "own", "field", "pushes", "regions")
+)
 UNITS: Final = {"mm": "position error [mm]", "degrees": "heading error [degrees]"}
 PARTS: Final = ("nominal", "identified", "sain")  # whose residuals are drawn
 
 
 def draw_all(results: Figures, folder: Path) -> list[Path]:
     """Draw what results have, as PNG files in a folder, and return their paths."""
-    pictures: Mapping[str, Callable[[Figures], Figure | None]] = {
-        "real_objects": by_object,
-        "real_angles": by_angle,
-        "real_own": by_own_pushes,
-        "real_field": residual_field,
-        "real_pushes": six_pushes,
-        "real_regions": calibration,
-    }
-    drawn = ((folder / f"{name}.png", draw(results)) for name, draw in pictures.items())
+    drawers: tuple[Callable[[Figures], Figure | None], ...] = (
+        by_object,
+        by_angle,
+        by_own_pushes,
+        residual_field,
+        six_pushes,
+        calibration,
+    )
+    drawn = ((folder / name, draw(results)) for name, draw in zip(NAMES, drawers, strict=True))
     return [write_png(figure, path) for path, figure in drawn if figure is not None]
 
 

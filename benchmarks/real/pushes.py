@@ -1,6 +1,5 @@
 """The pushes of a data set of single bodies as flat arrays: what rows of the tables learn from."""
 
-import shutil
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
@@ -20,7 +19,7 @@ from sain_core.storage import read_arrays
 from sain_core.types import Angles, Indices, Mask, Points, Scalars
 from sain_model.data.dataset import Dataset, Part, load_dataset
 from sain_model.dynamics.identify import on_surfaces
-from sain_model.importing.data_set import import_pushes, write_imported
+from sain_model.importing.data_set import claim_data_set, import_pushes, write_imported
 from sain_model.importing.files import read_recordings
 from sain_model.network.feature_kernels import MASS_MIDDLE
 from sain_model.physics.planar import first_touch
@@ -227,7 +226,7 @@ def read_pushes(path: Path, work: Path) -> PushTable:
     """
     folder = work / "data"
     imported = import_pushes(read_recordings([path]), MASS_MIDDLE, skip_bad=True)
-    shutil.rmtree(folder, ignore_errors=True)
+    claim_data_set(folder, overwrite=False)
     write_imported(folder, imported, {"sources": [str(path)]})
     pushes = push_table(load_dataset(folder))
     return replace(pushes, published=dict(published(path, pushes)))

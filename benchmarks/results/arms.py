@@ -25,6 +25,7 @@ from sain_core.config import Config, option
 from sain_core.errors import ConfigError
 from sain_core.feasibility import Feasibility
 from sain_core.goal import BodyPose, Goal
+from sain_core.output import OVERWRITE_HELP, claim_folder, write_json
 from sain_core.randomness import generator
 from sain_core.scene import unit
 from sain_core.shapes.body_file import BodyFile, parse_bodies
@@ -50,15 +51,16 @@ class ArmsOptions(Config):
     tolerance: float = option(0.01, "of a goal", unit="m", minimum=0.001)
     turn: float = option(0.05, "of a goal's heading", unit="rad", minimum=0.01)
     out: Path = option(Path("results/arms.json"), "file of the results")
+    overwrite: bool = option(False, OVERWRITE_HELP)
 
 
 def main(options: ArmsOptions) -> None:
     """Play all episodes; write the file after each robot. Others stay in it."""
+    claim_folder(options.out.parent, (options.out.name,), options.overwrite)
     found: dict[str, Any] = json.loads(options.out.read_text()) if options.out.exists() else {}
     for name in options.robots:
         found[name] = play_robot(name, options)
-        options.out.parent.mkdir(parents=True, exist_ok=True)
-        options.out.write_text(json.dumps(found, indent=2) + "\n")
+        write_json(options.out, found)
         summary = {key: value for key, value in found[name].items() if key != "episodes"}
         print(name, json.dumps(summary), flush=True)
 

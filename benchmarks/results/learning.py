@@ -22,10 +22,10 @@ import numpy as np
 from benchmarks.report import Figure, report
 from sain_core.errors import SainError
 from sain_core.model import RolloutModel, load_dynamics
+from sain_core.output import claim_folder, write_json
 from sain_core.randomness import Interval, bootstrap_ratio, generator
 from sain_core.scene import POSITION
 from sain_core.shapes.bodies import Bodies
-from sain_core.storage import write_json
 from sain_core.transitions import PushHistory
 from sain_core.types import PredictedScenes, PushSequences, Scene
 from sain_eval.scenes.families import ScenarioScene
@@ -248,7 +248,7 @@ def main() -> None:
     parser.add_argument("--stream", type=Path, help="laboratory whose pushes are learned from anew")
     parser.add_argument("--noise", type=float, default=0.0, help="of places that are streamed [m]")
     options = parser.parse_args()
-    options.out.mkdir(parents=True, exist_ok=True)
+    claim_folder(options.out, ("intervals.json",))
     if options.lab:
         compile_kernels()
         with Learner.named(str((options.out / options.lab).absolute())) as learner:

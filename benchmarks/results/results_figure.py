@@ -13,6 +13,7 @@ import numpy as np
 import tyro
 from matplotlib.axes import Axes
 
+from sain_core.output import claim_file
 from sain_core.view.figures import TEXT, new_figure, style_axes, write_png
 from sain_core.view.palette import PALETTE
 from sain_eval.loop.results import wilson_interval
@@ -51,15 +52,18 @@ class Result:
 class Command:
     """What to draw."""
 
-    page: Path = Path("docs/reference/results.md")
+    page: Path = Path("results/results.md")
     """The page that `make table` writes."""
-    out: Path = Path("docs/media/results.png")
+    out: Path = Path("results/results.png")
     """A PNG."""
+    overwrite: bool = False
+    """Replace what others wrote there, such as docs/media/results.png."""
 
 
 def main() -> None:
     """Draw what the overview of the page of results has in numbers."""
     command = tyro.cli(Command, description=main.__doc__)
+    claim_file(command.out, command.overwrite)
     results = [
         one for one in read_overview(command.page.read_text()) if one.scenes >= FEWEST_SCENES
     ]

@@ -33,6 +33,7 @@ from sain_core.config import Config, option
 from sain_core.errors import BlockedError, ErrorCode, SainError, UnreachableError
 from sain_core.feasibility import Feasibility
 from sain_core.goal import BodyPose, Goal
+from sain_core.output import OVERWRITE_HELP, claim_folder, write_json
 from sain_core.randomness import generator
 from sain_core.scene import POSE, POSITION, RADIUS, TARGET, wrap_angle
 from sain_core.shapes.body_file import BodyFile, parse_bodies, read_bodies
@@ -68,6 +69,7 @@ class SeenArmsOptions(Config):
     tolerance: float = option(0.01, "of a goal", unit="m", minimum=0.001)
     turn: float = option(0.05, "of the heading of a T's goal", unit="rad", minimum=0.01)
     out: Path = option(Path("results/seen_arms.json"), "file of the results")
+    overwrite: bool = option(False, OVERWRITE_HELP)
 
 
 class ImageSight(Sight):
@@ -155,6 +157,7 @@ class ImageSight(Sight):
 def main(options: SeenArmsOptions) -> None:
     """Play all episodes; write the file after each."""
     cv2.setNumThreads(1)
+    claim_folder(options.out.parent, (options.out.name,), options.overwrite)
     found: dict[str, Any] = json.loads(options.out.read_text()) if options.out.exists() else {}
     name = f"{options.robot} {options.task} {options.see}"
     rows = found.setdefault(name, {"settings": repr(options), "episodes": []})["episodes"]
@@ -168,8 +171,7 @@ def main(options: SeenArmsOptions) -> None:
             continue
         rows.append(play_episode(robot, bodies, poses, goal, config, seed, options))
         found[name]["summary"] = summary_of(rows)
-        options.out.parent.mkdir(parents=True, exist_ok=True)
-        options.out.write_text(json.dumps(found, indent=1) + "\n")
+        write_json(options.out, found)
         print(json.dumps(rows[-1]), flush=True)
     print(name, json.dumps(found[name]["summary"]), flush=True)
 

@@ -17,8 +17,9 @@ import numpy as np
 from rich.console import Console
 
 from sain_core.model import load_dynamics
+from sain_core.output import write_json
 from sain_core.scene import STATE_SIZE
-from sain_core.storage import write_arrays, write_json
+from sain_core.storage import write_arrays
 from sain_core.transitions import COLLECTION_FILE, Column, Columns, shard_path
 from sain_model.cli.evaluate import unseen
 from sain_model.compute.threads import settle_threads

@@ -18,8 +18,8 @@ import numpy as np
 from benchmarks.report import Figure, report
 from benchmarks.results.learning import LABS, pushes_of
 from sain_core.feasibility import Feasibility
+from sain_core.output import write_json
 from sain_core.randomness import bootstrap_ratio, generator
-from sain_core.storage import write_json
 from sain_core.transitions import PushHistory
 from sain_eval.loop.closed_loop import RandomDecider
 from sain_lab.keeping.results import Result

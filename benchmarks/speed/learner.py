@@ -8,7 +8,6 @@ again and again with other digits, and opened.
 
 import argparse
 import resource
-import shutil
 import time
 from dataclasses import replace
 from itertools import cycle, islice
@@ -17,6 +16,7 @@ from typing import Final
 
 from benchmarks.report import Figure, report
 from benchmarks.results.learning import pushes_of
+from sain_core.output import remove
 from sain_lab.keeping.laboratory import PHYSICS, PLANAR, OpenLaboratory
 from sain_lab.learner import Learner
 from sain_lab.training import LONGEST, Training
@@ -46,7 +46,7 @@ def main() -> None:
     options = parser.parse_args()
     compile_kernels()
     folder = (options.out / "laboratory").absolute()
-    shutil.rmtree(folder, ignore_errors=True)
+    remove(folder)
     fill(folder, options.like)
     start = time.perf_counter()
     with Learner(OpenLaboratory(folder), trains=False) as learner:

@@ -1,6 +1,5 @@
-"""Temporary folders that end with their process, in whatever way it ends."""
+"""Arrays in npz files: whole, or an error that names the file."""
 
-import os
 import resource
 import subprocess
 import sys
@@ -9,9 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sain_core import storage
 from sain_core.errors import DatasetError
-from sain_core.guarding import untrusted
 from sain_core.storage import read_arrays, write_arrays
 
 ARRAYS = {
@@ -106,75 +103,3 @@ def test_a_full_disk_leaves_the_file_before_whole(tmp_path: Path) -> None:
     assert done.stdout == f"cannot write {path}: File too large\n", done.stderr
     assert len(read_arrays(path)["state"]) == 1_000
     assert list(tmp_path.iterdir()) == [path]
-
-
-HOLD = (
-    "from sain_core.storage import scratch_folder; import sys;"
-    " held = scratch_folder('shape'); print(held.name, flush=True); sys.stdin.read()"
-)
-ENDS = {"at its end": True, "when it is killed": False}
-
-
-def start(temporary: Path) -> tuple["subprocess.Popen[str]", Path]:
-    """Return a process that holds a scratch folder, and that folder's process-wide parent."""
-    process = subprocess.Popen(
-        [sys.executable, "-c", HOLD],
-        env={**os.environ, "TMPDIR": str(temporary)},
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        text=True,
-    )
-    assert process.stdout is not None
-    return process, Path(process.stdout.readline().strip()).parent
-
-
-@pytest.mark.parametrize("how", ENDS)
-def test_a_folder_goes_with_its_process(tmp_path: Path, how: str) -> None:
-    process, folder = start(tmp_path)
-    old = folder.stat().st_mtime - 2.0 * storage.YOUNG
-    os.utime(folder, (old, old))
-    storage._remove_abandoned(tmp_path)
-    assert folder.is_dir(), "its process lives"
-    if ENDS[how]:
-        process.communicate("")
-        assert not folder.exists()
-    else:
-        process.kill()
-        process.wait()
-        storage._remove_abandoned(tmp_path)
-        assert not folder.exists()
-
-
-@pytest.mark.parametrize("what", ["FIFO", "link", "file"])
-def test_what_others_put_among_the_temporary_folders_is_ignored(tmp_path: Path, what: str) -> None:
-    planted, victim = tmp_path / f"{storage.PREFIX}x", tmp_path / "victim"
-    victim.mkdir()
-    {
-        "FIFO": lambda: os.mkfifo(planted),
-        "link": lambda: planted.symlink_to(victim),
-        "file": lambda: planted.write_text("x"),
-    }[what]()
-    os.utime(planted, (0.0, 0.0), follow_symlinks=False)
-    process, folder = start(tmp_path)  # its first folder looks for abandoned ones
-    assert folder.is_dir()
-    assert planted.is_symlink() or planted.exists()
-    assert victim.is_dir()
-    process.communicate("")
-
-
-def test_the_private_folder_is_nobody_elses(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    folder = untrusted.private_folder()
-    assert folder.stat().st_uid == os.getuid()
-    assert not folder.stat().st_mode & 0o022
-    monkeypatch.setenv("TMPDIR", str(tmp_path))
-    assert untrusted.private_folder() == folder, "the same in all processes"
-    mine = tmp_path / "mine"
-    mine.mkdir(mode=0o700)
-    assert untrusted._is_private(mine, os.getuid())
-    assert not untrusted._is_private(mine, os.getuid() + 1)
-    (tmp_path / "link").symlink_to(mine)
-    assert not untrusted._is_private(tmp_path / "link", os.getuid())
-    mine.chmod(0o777)
-    assert not untrusted._is_private(mine, os.getuid())

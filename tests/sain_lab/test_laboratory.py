@@ -3,43 +3,110 @@
 import errno
 import json
 import os
+import re
+from contextlib import suppress
+from io import StringIO
 
 import numpy as np
 import pytest
+from rich.console import Console
 
-from sain_core.errors import BusyError, DatasetError, OutputError
+from sain_core.errors import BusyError, DatasetError, OutputError, SainError
+from sain_lab.cli.lab import LabOptions, run
 from sain_lab.keeping.laboratory import LOG, MANIFEST, Laboratory, OpenLaboratory, forget
-from sain_lab.keeping.log import LogWriter, read_log
+from sain_lab.keeping.log import LogReader, LogWriter
+from sain_lab.learner import Learner
+from tests.sain_lab.table import SmallTable
+
+EVENT = {"event": "loaded", "text": "", "pushes": 0, "time": 0.0}
 
 
-def test_a_log_that_is_cut_anywhere_keeps_every_whole_record(tmp_path):
+def sain_lab(action, *names, **options):
+    """Return what the command prints."""
+    printed = StringIO()
+    run(LabOptions(action, names, **options), Console(file=printed, width=200))
+    return printed.getvalue()
+
+
+@pytest.fixture
+def log(tmp_path):
+    """The path of a log with three records."""
     path = tmp_path / "log"
     writer = LogWriter(path)
     for number in range(3):
-        writer.append({"kind": "push", "number": number, "text": "é" * number})
+        writer.append({"kind": "push", "number": number, "digest": "", "text": "é" * number})
     writer.close()
-    content = path.read_bytes()
-    ends = [place for _, place in read_log(path)]
+    return path
+
+
+def numbers(path):
+    return [record["number"] for record in LogReader(path).read()]
+
+
+def test_a_log_that_is_cut_anywhere_keeps_every_whole_record(log):
+    content, reader = log.read_bytes(), LogReader(log)
+    ends = [reader.place for _ in reader.read()]
     for size in range(len(content) + 1):
-        path.write_bytes(content[:size])
-        again = LogWriter(path)
+        log.write_bytes(content[:size])
+        again = LogWriter(log)
         again.append({"kind": "push", "number": 9})
         again.close()
-        kept = [record["number"] for record, _ in read_log(path)]
-        assert kept == [*range(sum(end <= size for end in ends)), 9], size
+        assert numbers(log) == [*range(sum(end <= size for end in ends)), 9], size
 
 
-def test_a_bit_that_flips_before_the_last_record_is_an_error(tmp_path):
+def test_a_bit_that_flips_anywhere_is_named_and_the_file_is_not_rewritten(log):
+    """Flip a bit of each byte: at most two lines are lost, said, and nothing is cut off."""
+    content = log.read_bytes()
+    first = content.index(b"\n") + 1
+    for place in range(len(content)):
+        damaged = bytearray(content)
+        damaged[place] ^= 1
+        log.write_bytes(damaged)
+        writer = LogWriter(log)
+        writer.append({"kind": "push", "number": 9})
+        writer.close()
+        assert log.read_bytes()[: len(content)] == damaged, place
+        reader = LogReader(log)
+        kept = [record["number"] for record in reader.read()]
+        assert kept[-1] == 9 and len(kept) >= 2, place
+        assert any(f"of {log} is damaged (CRC); " in text for text in reader.damage), place
+        missing = sum(int(n) for text in reader.damage for n in re.findall(r"(\d) push", text))
+        assert missing == (4 - len(kept) if place >= first else missing), reader.damage
+
+
+def test_a_file_of_something_else_is_not_made_a_log(tmp_path):
     path = tmp_path / "log"
-    writer = LogWriter(path)
-    for number in range(3):
-        writer.append({"kind": "push", "number": number})
-    writer.close()
-    content = bytearray(path.read_bytes())
-    content[len(content) // 2] ^= 1
-    path.write_bytes(content)
-    with pytest.raises(DatasetError, match=r"line \d does not have its checksum"):
-        list(read_log(path))
+    path.write_text("my diary")
+    with pytest.raises(DatasetError, match="is no log of a laboratory from byte 0 on; move it"):
+        LogWriter(path)
+    assert path.read_text() == "my diary"
+
+
+@pytest.mark.parametrize(
+    ("record", "reason"),
+    [
+        ({"kind": "push"}, "it has no 'before'); 1 push is missing"),
+        ({"kind": "event", "event": "loaded"}, "it has no 'text'); no push is missing"),
+        ({"kind": "event", **EVENT, "about": {"service": "../x"}}, "service is '../x'"),
+        ({"kind": "event", **EVENT, "about": {}}, "it has no 'service'"),
+        ({"kind": "event", **EVENT, "about": 3}, "is damaged"),
+        ({"kind": "event", **EVENT, "about": {}, "pushes": -1}, "pushes is -1"),
+        ({"kind": "belief", "pushes": 1, "parameters": {"luck": [1, 2]}}, "it has no 'luck'"),
+        ({"kind": "belief", "pushes": 1, "parameters": {"friction": [1]}}, "is damaged"),
+        ({"kind": "belief", "pushes": 1, "parameters": []}, "is damaged"),
+        ({"kind": "dream"}, "its kind 'dream' is not of this version"),
+        ({"kind": ["push"]}, "it has no kind"),
+    ],
+)
+def test_a_record_without_what_its_kind_needs_is_named_and_left_out(tmp_path, record, reason):
+    path, table = tmp_path / "lab", SmallTable()
+    with OpenLaboratory(path) as laboratory:
+        push = {"kind": "push", "errors": {}, "turns": {}}
+        for line in (push | table.push().record(), record, push | table.push().record()):
+            laboratory.append(line)
+    text = sain_lab("show", str(path))
+    assert "2 pushes" in text
+    assert f"line 3 of {path / LOG} is damaged" in text and reason in text
 
 
 def test_one_process_has_a_laboratory(tmp_path):
@@ -84,16 +151,98 @@ def test_a_folder_of_something_else_is_left_alone(tmp_path):
     with pytest.raises(OutputError, match="is no laboratory"):
         OpenLaboratory(tmp_path)
     with pytest.raises(DatasetError, match="no laboratory"):
-        forget(str(tmp_path))
+        sain_lab("forget", str(tmp_path))
     assert (tmp_path / "thesis.tex").exists()
+
+
+def files(path):
+    return sorted(str(one.relative_to(path)) for one in path.rglob("*"))
+
+
+def of_a_stranger(path):
+    """Make a laboratory with a folder of the user's own among the networks."""
+    OpenLaboratory(path).close()
+    (path / "models" / "mine").mkdir(parents=True)
+    (path / "models" / "mine" / "weights").touch()
+    return path
+
+
+def linked_models(path):
+    """Make a laboratory whose networks are behind a link."""
+    OpenLaboratory(path).close()
+    (path.parent / "elsewhere" / "000050").mkdir(parents=True)
+    (path.parent / "elsewhere" / "000050" / "weights").touch()
+    (path / "models").symlink_to(path.parent / "elsewhere")
+    return path
+
+
+def behind_a_link(path):
+    """Make a laboratory, and a link to it."""
+    OpenLaboratory(path).close()
+    (path.parent / "link").symlink_to(path)
+    return path.parent / "link"
+
+
+def with_a_manifest_alone(path):
+    """Make a folder that has a file with the name of a laboratory's manifest."""
+    path.mkdir()
+    (path / MANIFEST).write_text("{}")
+    return path
+
+
+def with_a_copied_manifest(path):
+    """Make a folder with a whole manifest that SAIN did not write there."""
+    OpenLaboratory(path.parent / "other").close()
+    path.mkdir()
+    (path / MANIFEST).write_bytes((path.parent / "other" / MANIFEST).read_bytes())
+    (path / "thesis.tex").touch()
+    return path
+
+
+@pytest.mark.parametrize(
+    ("make", "reason"),
+    [
+        (of_a_stranger, "nothing is removed"),
+        (linked_models, "is a symbolic link"),
+        (behind_a_link, "is a symbolic link"),
+        (with_a_manifest_alone, "is damaged: it has no 'format'"),
+        (with_a_copied_manifest, "nothing is removed"),
+    ],
+)
+def test_what_is_not_ours_is_neither_forgotten_nor_removed_by_a_learner(tmp_path, make, reason):
+    path = make(tmp_path / "lab")
+    before = files(tmp_path)
+    with pytest.raises(SainError, match=reason):
+        sain_lab("forget", str(path))
+    assert files(tmp_path) == before
+    with suppress(SainError):
+        Learner.named(str(path)).close()
+    assert set(files(tmp_path)) >= set(before)
 
 
 def test_forget_removes_it_unless_somebody_learns_there(tmp_path):
     path = tmp_path / "old"
     with OpenLaboratory(path), pytest.raises(BusyError, match="learns there"):
         forget(str(path))
-    forget(str(path))
+    assert f"removed {path}" in sain_lab("forget", str(path))
     assert not path.exists()
+
+
+@pytest.mark.parametrize("name", ["belief.json", "chart.png"])
+def test_files_of_others_are_not_written_over(tmp_path, name):
+    path, out = tmp_path / "lab", tmp_path / "out"
+    with Learner.named(str(path), trains=False) as learner:
+        table = SmallTable()
+        for _ in range(7):
+            learner.observe(table.push())
+    out.mkdir()
+    (out / name).write_text("mine")
+    action = "export" if name == "belief.json" else "show"
+    with pytest.raises(OutputError, match=f"{name} exists, and SAIN did not write it"):
+        sain_lab(action, str(path), out=out)
+    assert files(out) == [name] and (out / name).read_text() == "mine"
+    assert name in sain_lab(action, str(path), out=out, overwrite=True)
+    assert name in sain_lab(action, str(path), out=out)
 
 
 def test_a_full_disk_is_said_and_leaves_the_log_whole(tmp_path, monkeypatch):
@@ -112,11 +261,11 @@ def test_a_full_disk_is_said_and_leaves_the_log_whole(tmp_path, monkeypatch):
         writer.append({"kind": "push", "number": 1})
     writer.append({"kind": "push", "number": 2})
     writer.close()
-    assert [record["number"] for record, _ in read_log(path)] == [0, 2]
+    assert numbers(path) == [0, 2]
 
 
 def test_what_cannot_be_written_is_said(tmp_path):
     blocked = tmp_path / "file"
     blocked.write_text("")
-    with pytest.raises(OutputError, match="cannot write"):
+    with pytest.raises(OutputError, match="mine: .*file is no folder"):
         OpenLaboratory(blocked / "mine")

@@ -10,7 +10,7 @@ from sain_core.model import load_dynamics
 from sain_lab.judging.curves import read_curves
 from sain_lab.judging.events import CHANGED, DROPPED, JUMPED, LOADED, NOT_LEARNED
 from sain_lab.keeping.laboratory import LOG, MANIFEST, Laboratory
-from sain_lab.keeping.log import read_log
+from sain_lab.keeping.log import LogReader
 from sain_lab.learner import Learner
 from tests.sain_lab.table import TRUE, SmallTable
 
@@ -62,7 +62,8 @@ def test_nothing_is_learned_twice_live_or_after_a_kill(taught, tmp_path):
     path, results, _ = taught
     content = (path / LOG).read_bytes()
     manifest = (path / MANIFEST).read_text()
-    ends = [place for record, place in read_log(path / LOG) if record["kind"] == "push"]
+    log = LogReader(path / LOG)
+    ends = [log.place for record in log.read() if record["kind"] == "push"]
     for size in (ends[0] - 1, ends[3], ends[3] + 7, ends[11] + 1):
         copy = tmp_path / str(size)
         copy.mkdir()
@@ -154,7 +155,7 @@ def plant(learner, service):
     save_checkpoint(learner.laboratory.model_path(service), module, card)
     for kind in ("trained", LOADED):
         about = {"model": service, "service": service}
-        learner._append(learner._event(kind, "planted", **about).record())
+        learner._log(kind, "planted", **about)
     learner._publish()
 
 

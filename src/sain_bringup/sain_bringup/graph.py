@@ -18,7 +18,7 @@ from sain_bringup.children import ProcessDiedError
 from sain_bringup.interrupts import Interrupts, Stopped
 from sain_bringup.processes import UNHURRIED, Supervisor
 from sain_core.cli.command_line import command_of_node, executable, split_ros_arguments
-from sain_core.config import Config, option
+from sain_core.config import MOST_SEED, Config, option
 from sain_core.errors import ConfigError
 from sain_core.guarding import lifetime
 from sain_core.guarding.untrusted import read_user_yaml
@@ -76,7 +76,7 @@ class GraphConfig(Config):
         "laboratory to learn in while the graph works: a name, or a path with a '/'; its model is"
         " served. Empty: nothing is learned",
     )
-    seed: int = option(0, "of the first scene and of the planner", minimum=0)
+    seed: int = option(0, "of the first scene and of the planner", minimum=0, maximum=MOST_SEED)
     camera: Annotated[ObservationConfig, tyro.conf.arg(name="")] = ObservationConfig()
     see: str = option(
         "",

@@ -23,7 +23,7 @@ from sain_bringup.movie import (
     episode_moments,
 )
 from sain_core.cli.terminal import FittingTable
-from sain_core.storage import write_json, write_whole
+from sain_core.output import write_json, write_whole
 from sain_core.view.scenes import goal_marks
 from sain_eval.episode import EpisodeRecord
 from sain_eval.scenes.scenarios import draw_scene

@@ -13,12 +13,14 @@ import dataclasses
 from collections.abc import Iterator, Mapping
 from dataclasses import MISSING, dataclass, field
 from math import isfinite
-from typing import Any, Literal, NamedTuple, TypeVar, get_args, get_origin, get_type_hints
+from typing import Any, Final, Literal, NamedTuple, TypeVar, get_args, get_origin, get_type_hints
 
 from sain_core.errors import ConfigError
 
 T = TypeVar("T")
 C = TypeVar("C", bound="Config")
+
+MOST_SEED: Final = 2**31 - 1  # so that it, and those counted on from it, fit in messages and rows
 
 
 def option(

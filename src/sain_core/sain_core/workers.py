@@ -18,8 +18,10 @@ from concurrent.futures import FIRST_COMPLETED, Future, wait
 from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass
 from importlib.util import find_spec
+from multiprocessing import resource_tracker
 from multiprocessing.util import Finalize
 from pathlib import Path
+from queue import Empty
 from threading import Thread
 from time import sleep
 from types import ModuleType
@@ -29,7 +31,7 @@ from joblib.externals.loky.process_executor import BrokenProcessPool, ProcessPoo
 
 from sain_core.config import Config, option
 from sain_core.errors import ConfigError, SainError
-from sain_core.storage import versions
+from sain_core.provenance import versions
 
 Job = TypeVar("Job")
 Done = TypeVar("Done")
@@ -202,7 +204,8 @@ class Processes(Generic[Job, Done]):
 
     def submit(self, job: Job) -> "Future[Done]":
         """Give a job to a worker that is free, as soon as one is."""
-        future: Future[Done] = self._executor.submit(_do, job)
+        with _interrupts_kept():  # the first job starts the processes
+            future: Future[Done] = self._executor.submit(_do, job)
         self._running[future] = job
         return future
 
@@ -239,7 +242,21 @@ class Processes(Generic[Job, Done]):
 
     def close(self) -> None:
         """End the workers, also in the middle of a job."""
+        with suppress(Empty):  # loky's thread ends with a traceback on jobs that wait still
+            while self._running:
+                self._executor._work_ids.get_nowait()
         self._executor.shutdown(kill_workers=bool(self._running))
+
+
+@contextmanager
+def _interrupts_kept() -> Iterator[None]:
+    """Let Ctrl-C wait; processes that start during that never receive it, from the first moment."""
+    resource_tracker.ensure_running()  # its start would let Ctrl-C through
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 _start: Callable[[], Runner[Any, Any]]  # of this process, which is a worker
@@ -250,7 +267,6 @@ def _begin(start: Callable[[], Runner[Any, Any]], owner: int) -> None:
     """Get ready, in a worker."""
     global _start
     _start = start
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the owner, who ends us
     Thread(target=_end_with_owner, args=(owner,), daemon=True).start()
 
 

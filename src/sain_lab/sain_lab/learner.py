@@ -10,48 +10,47 @@
         learner.model, learner.model_name                # a model; "lab:PATH" for `load_model`
 
 1. A push is predicted by all contenders before anything is learned from it, with the episode's
-   earlier pushes as in deployment: `planar`, `physics` (as believed), the network in service, and
-   a candidate. The push and its errors are one record of the log.
-2. The belief takes a push when no running episode conditions on it any more: when another episode
-   has begun, or when it is older than the latest `MOST_PUSHES` of its own. Until then
-   `model.condition(history)` counts it, and nothing counts it twice.
+   earlier pushes as in deployment: `planar`, `physics` (as believed), `shipped`, the network in
+   service, and a candidate. The push and its errors are one record of the log.
+2. The state takes the record (`sain_lab.state`): beliefs and bets change.
 3. A network is trained in a process of its own (`sain_lab.training`) when the pushes have grown by
-   half since the last one. It becomes the candidate, goes into service when it errs less beyond
-   chance on pushes that it has not seen, and out when it errs more (`sain_lab.judging.betting`).
+   half since the last one. It becomes the candidate, and is judged on the pushes that came while it
+   was trained. It goes into service when it errs less beyond chance on pushes that it has not
+   seen, and out when it errs more (`sain_lab.judging.betting`).
 
-All state is in the log: a learner that opens a laboratory reads it, and goes on.
+All state is in the log: a learner that opens a laboratory reads it, goes on with a training that
+was begun, and finds in `waiting` what was received and not learned from.
 """
 
 import time
 from collections import deque
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from threading import Lock
 from typing import Any, Final, Self
 
 import numpy as np
 
-from sain_core.errors import SainError
+from sain_core.errors import CheckpointError, OutputError, SainError
 from sain_core.push import pushed_bodies
 from sain_core.scene import POSITION, THETA, wrap_angle
 from sain_core.transitions import MOVED, PushHistory
 from sain_core.types import Scene
-from sain_lab.bodies import BodyBeliever
-from sain_lab.judging.events import CHANGED, FAILED, JUMPED, TRAINED, TRAINING, Event
+from sain_lab.judging import events
+from sain_lab.judging.events import Event
 from sain_lab.judging.judge import RECENT, Judge
-from sain_lab.keeping.laboratory import PHYSICS, PLANAR, OpenLaboratory
-from sain_lab.keeping.results import Result, history_of, why_not
+from sain_lab.keeping.laboratory import PHYSICS, PLANAR, SHIPPED, OpenLaboratory, service_of
+from sain_lab.keeping.results import Result, why_not
 from sain_lab.physics import Believer
 from sain_lab.serving import model_name, planar
+from sain_lab.state import Job, State
 from sain_lab.training import Training
 from sain_model.dynamics.load import load_checkpoint, load_shipped
 from sain_model.dynamics.sain import SainDynamics
 from sain_model.inference.kinds import FRICTION, write_belief
-from sain_mppi.agent.agent import MOST_PUSHES
 
 FIRST_TRAINING: Final = 50  # pushes
 GROWTH: Final = 1.5  # of the number of pushes from one training to the next
-RECENT_PUSHES: Final = 12  # that show whether the table has changed
-MOST_JUMP: Final = (0.003, 0.05)  # [m], [rad], that a body may move between two pushes
 
 
 @dataclass(frozen=True)
@@ -74,7 +73,12 @@ class Lesson:
 
 
 class Learner:
-    """Learns in one laboratory. Pure Python; every call returns within a second."""
+    """Learns in one laboratory. Pure Python; a call returns within seconds.
+
+    Attributes:
+        laboratory: where all of it is kept.
+        waiting: results that were received, in order, and not observed yet.
+    """
 
     def __init__(self, laboratory: OpenLaboratory, trains: bool = True) -> None:
         """Go on where the log ends.
@@ -88,29 +92,38 @@ class Learner:
         """
         self.laboratory, self._trains = laboratory, trains
         self._shipped, self._planar = load_shipped(), planar()
-        self.believer, self.bodies = Believer(self._shipped), BodyBeliever()
-        self.judge = Judge()
-        self.pushes = 0
-        self._seen: set[str] = set()
-        self._trained_at = self._stated = self._since = 0  # pushes then
-        self._unnamed = 0  # pushes of bodies without a name, which networks learn from
-        self._pending = False  # a training was begun
-        self._jumped = False  # it was said that friction has jumped
-        self._recent: deque[Result] = deque(maxlen=RECENT_PUSHES)
-        self._episode = ""  # the running one
-        self._latest: deque[Result] = deque()  # its pushes that a model is conditioned on
-        self._last: Scene | None = None  # where it is now
+        self._state = State(self._shipped)
         self._training: Training | None = None
         self._networks: dict[str, SainDynamics] = {}
         for record in laboratory.records():
-            self._take(record)
+            self._state.take(record)
+        self._lock = Lock()  # of what waits: it is received on another thread
+        self.waiting = deque(
+            one for one in laboratory.waiting() if one.identity not in self._state.seen
+        )
+        self._failed = False  # something that was received is left to the next learner
+        self._next("")
         self._settle()
-        self._publish()
 
     @classmethod
     def named(cls, name: str, trains: bool = True) -> Self:
         """Return the learner of a laboratory by name or path; it is made where there is none."""
         return cls(OpenLaboratory.named(name), trains)
+
+    @property
+    def pushes(self) -> int:
+        """The number of pushes that were learned from."""
+        return self._state.pushes
+
+    @property
+    def judge(self) -> Judge:
+        """Who is in service, and the bets."""
+        return self._state.judge
+
+    @property
+    def believer(self) -> Believer:
+        """What is believed of the physics."""
+        return self._state.believer
 
     @property
     def generation(self) -> int:
@@ -129,6 +142,23 @@ class Learner:
         """The name by which another process loads what is in service."""
         return model_name(self.laboratory.path)
 
+    def receive(self, result: Result) -> None:
+        """Keep a result, over a kill too, until `observe` has it; on any thread.
+
+        Raises:
+            OutputError: the disk is full; the result waits in memory.
+        """
+        result = result.identified()
+        with self._lock:
+            self.waiting.append(result)
+            if not why_not(result):
+                self.laboratory.receive({"kind": "push", **result.record()})
+
+    def received(self) -> Iterator[Result]:
+        """Yield what waits, one after another, to be observed."""
+        while self.waiting:
+            yield self.waiting[0]
+
     def observe(self, result: Result) -> Lesson:
         """Learn from a result.
 
@@ -136,39 +166,47 @@ class Learner:
             OutputError: the disk is full; nothing was learned, and the laboratory is whole.
         """
         result = result.identified()
-        if {result.identity, result.digest} & self._seen:
-            return Lesson(False, "it was learned from before")
-        if reason := why_not(result) or self._why_not_here(result):
-            event = self._event("not learned", reason, id=result.identity)
-            self._append(event.record())
-            if not why_not(result):
-                self._note(result)
-            return Lesson(False, reason, events=(event,))
-        errors, turns = self._predict(result)
-        record = {"kind": "push", **result.record(), "errors": errors, "turns": turns}
-        self._append(record)
-        decided = self._settle()
-        self._publish()
-        noticed = self._notice_jump()
-        return Lesson(True, "", errors, turns, (*decided, *noticed, *self._train_if_due()))
+        try:
+            ended = self.poll()
+            lesson = self._learn(result)
+        except BaseException:
+            self._failed = True
+            raise
+        finally:
+            self._next(result.identity)
+        return replace(lesson, events=(*ended, *lesson.events))
+
+    def _next(self, identity: str) -> None:
+        """Let others wait no longer for a result; forget what was received once all is learned."""
+        with self._lock:
+            if self.waiting and self.waiting[0].identity == identity:
+                self.waiting.popleft()
+            if not self.waiting and not self._failed:
+                self.laboratory.learned_all()
 
     def poll(self) -> tuple[Event, ...]:
-        """Take a training that has ended; return what follows from it."""
-        training = self._training
-        if training is None or training.running:
+        """Begin the training that is due, or take one that has ended; return what follows."""
+        job = self._state.training
+        if job is None or (self._training is not None and self._training.running):
             return ()
+        if self._training is None and not self._has_network(job):
+            if self._trains:
+                self._training = Training.start(self.laboratory, job.since, job.pushes)
+            return ()
+        problem = self._training.problem if self._training else ""
         self._training = None
-        return self._finish(training)
+        return (self._finish(job, problem), *self._settle())
 
     def wait(self) -> tuple[Event, ...]:
         """Wait for a training under way; return what follows from it."""
+        begun = self.poll()
         if self._training is not None:
             self._training.wait()
-        return self.poll()
+        return (*begun, *self.poll())
 
     def end_episode(self) -> None:
         """Let the belief take all pushes: nothing conditions on the running episode any more."""
-        if self._latest:
+        if self._state.conditions:
             self._append({"kind": "end"})
         self._publish()
 
@@ -186,176 +224,195 @@ class Learner:
         """Close it."""
         self.close()
 
-    # --- what the log says ------------------------------------------------------------------------
-
     def _append(self, record: dict[str, Any]) -> None:
         self.laboratory.append(record)
-        self._take(record)
+        self._state.take(record)
 
-    def _take(self, record: Mapping[str, Any]) -> None:
-        """Take a record that is in the log: the only way in which anything here changes."""
-        if record["kind"] == "push":
-            self._learn(record)
-        elif record["kind"] == "end":
-            self._end_episode()
-        elif record["kind"] == "belief":
-            self._stated = record["pushes"]
-        elif record["kind"] == "event":
-            self.judge.take(record)
-            if record["event"] in (TRAINING, TRAINED, FAILED):
-                self._pending = record["event"] == TRAINING
-            if self._pending:
-                self._trained_at = record["pushes"]
-            self._jumped = record["event"] == JUMPED or self._jumped
-            if record["event"] == CHANGED:
-                self._begin_anew(record["about"]["keep"], record["about"]["anchor"])
+    def _log(self, kind: str, text: str, **about: Any) -> Event:
+        event = Event(kind, text, self.pushes, time.time(), about)
+        self._append(event.record())
+        return event
 
-    def _begin_anew(self, keep: int, anchor: Mapping[str, float]) -> None:
-        """Leave pushes out that are older than a change of the table."""
-        self.believer.forget(max(keep - len(self._latest), 0), anchor)
-        self._since = self._trained_at = max(self.pushes - keep, 0)
+    # --- one result -------------------------------------------------------------------------------
 
-    def _learn(self, record: Mapping[str, Any]) -> None:
-        result = Result.of_record(record)
-        self._seen |= {result.identity, result.digest}
-        self._note(result)
-        self._latest.append(result)
-        self._recent.append(result)
-        while len(self._latest) > MOST_PUSHES:
-            self._believe(self._latest.popleft())
-        self.pushes += 1
-        self._unnamed += not result.object
-        self.judge.update(record["errors"])
+    def _learn(self, result: Result) -> Lesson:
+        for name in (result.identity, result.digest):
+            if reason := self._state.seen.get(name):
+                return Lesson(False, reason)
+        if reason := why_not(result):
+            return Lesson(False, reason, events=(self._left_out(result, reason),))
+        if reason := self._state.why_not(result):
+            place = {"episode": result.episode, "after": result.after.tolist()}
+            return Lesson(False, reason, events=(self._left_out(result, reason, **place),))
+        errors, turns, problems = self._predict(result)
+        self._append({"kind": "push", **result.record(), "errors": errors, "turns": turns})
+        decided = (*problems, *self._settle(), *self._notice_jump())
+        return Lesson(True, "", errors, turns, (*decided, *self._train_if_due()))
 
-    def _note(self, result: Result) -> None:
-        """Take note of a push of the running episode; the belief takes those that ran out."""
-        episode = result.episode or result.identity
-        if episode != self._episode:
-            self._end_episode()
-            self._episode = episode
-        self._last = result.after
+    def _left_out(self, result: Result, reason: str, **place: Any) -> Event:
+        return self._log(events.NOT_LEARNED, reason, id=result.identity, **place)
 
-    def _end_episode(self) -> None:
-        while self._latest:
-            self._believe(self._latest.popleft())
-        self._episode, self._last = "", None
-
-    def _believe(self, result: Result) -> None:
-        (self.bodies if result.object else self.believer).add(result)
-
-    # --- what is seen -----------------------------------------------------------------------------
-
-    def _why_not_here(self, result: Result) -> str:
-        if self._last is None or not result.episode or result.episode != self._episode:
-            return ""
-        if self._latest and self._latest[-1].own_bodies != result.own_bodies:
-            return "its bodies are others than before in this episode"
-        return _jump(self._last, result)
-
-    def _history(self, result: Result) -> PushHistory:
-        latest = list(self._latest) if result.episode == self._episode else []
-        if not latest or len(latest[0].push) != len(result.push):
-            return PushHistory.empty(len(result.before))
-        return history_of(latest)
-
-    def _predict(self, result: Result) -> tuple[dict[str, float], dict[str, float]]:
+    def _predict(
+        self, result: Result
+    ) -> tuple[dict[str, float], dict[str, float], tuple[Event, ...]]:
         """Return the errors of all contenders on a push that nothing was learned from."""
-        history = self._history(result)
+        history = self._state.history(result)
         errors: dict[str, float] = {}
         turns: dict[str, float] = {}
+        problems: list[Event] = []
         for name in self.judge.contenders:
             try:
-                contender = self._contender(name, result)
-                if contender is None:
-                    continue
-                model = contender.with_bodies(result.own_bodies).condition(history)
-                after = model.step(result.before[None], result.push[None])[0]
-            except SainError:
-                continue  # this one says nothing about such bodies
-            if np.isfinite(after).all():
-                errors[name], turns[name] = prediction_error(after, result)
-        return errors, turns
+                model = self._contender(name, result)
+                if model is not None:
+                    errors[name], turns[name] = error_of(model, result, history)
+            except SainError as error:
+                problems += self._not_predicted(name, error)
+        return errors, turns, tuple(problems)
+
+    def _not_predicted(self, name: str, error: SainError) -> Iterator[Event]:
+        """Log why a contender did not predict, each reason once; leave a lost network out."""
+        text = f"{name} did not predict a push: {error}"
+        lost = isinstance(error, CheckpointError)
+        if lost and name == self.judge.service:
+            yield self._log(events.DROPPED, text, service=PHYSICS)
+        elif lost and name == self.judge.candidate:
+            yield self._log(events.LEFT_OUT, text, model=name)
+        elif text not in self._state.problems:
+            yield self._log(events.NOT_PREDICTED, text)
 
     def _contender(self, name: str, result: Result | None = None) -> SainDynamics | None:
-        if result is not None and result.object:
-            return {PLANAR: self._planar, PHYSICS: self.bodies.model(result)}.get(name)
-        if name == RECENT:
-            return self.believer.recent(self._recent)
         if name == PLANAR:
             return self._planar
+        if result is not None and result.object:
+            return self._state.bodies.model(result) if name == PHYSICS else None
         if name == PHYSICS:
             return self.believer.model
+        if name == RECENT:
+            return self.believer.recent(self._state.recent)
+        if name == SHIPPED:
+            return self._shipped
         if name not in self._networks:
-            keep = {one for one in self.judge.contenders if one in self._networks}
-            self._networks = {one: self._networks[one] for one in keep}
             self._networks[name] = load_checkpoint(self.laboratory.model_path(name))
         return self._networks[name]
 
-    # --- what is decided --------------------------------------------------------------------------
-
-    def _event(self, kind: str, text: str, **about: Any) -> Event:
-        return Event(kind, text, self.pushes, time.time(), about)
+    # --- what follows -----------------------------------------------------------------------------
 
     def _settle(self) -> tuple[Event, ...]:
-        """Decide until nothing follows any more."""
-        events: list[Event] = []
+        """Decide until nothing follows any more, and write what others load."""
+        found: list[Event] = []
         while (decision := self.judge.decide()) is not None:
             kind, text, about = decision
-            if kind == CHANGED:
+            if kind == events.CHANGED:
                 about = about | {"anchor": self.believer.values}
-            events.append(self._event(kind, text, **about))
-            self._append(events[-1].record())
-        return tuple(events)
+            found.append(self._log(kind, text, **about))
+        return (*found, *self._publish())
 
     def _notice_jump(self) -> tuple[Event, ...]:
         """Say once that friction has jumped; the belief has counted with it already."""
         before = self.believer.jumped
-        if not before or self._jumped:
-            self._jumped = bool(before)
+        if not before or self._state.jumped:
+            self._state.jumped = bool(before)
             return ()
         now = self.believer.values[FRICTION]
         text = f"friction with the table is {now:.3g}; it was {before:.3g}"
-        event = self._event(JUMPED, text, before=before, now=now)
-        self._append(event.record())
-        return (event,)
+        return (self._log(events.JUMPED, text, before=before, now=now),)
 
-    def _publish(self) -> None:
-        """Write what others load, where it has changed."""
-        named = self.bodies.update()
-        changed = self.believer.update() or named
+    def _publish(self) -> tuple[Event, ...]:
+        """Write what others load, where it has changed; remove networks of no use any more."""
+        state, service = self._state, self.judge.service
+        named = state.bodies.update()
+        changed = state.believer.update() or named
         if changed:
-            belief = self.bodies.belief() if named else self.believer.belief
+            belief = state.bodies.belief() if named else state.believer.belief
             write_belief(self.laboratory.belief_path, belief)
-            if self.pushes > self._stated:
-                values = (self.bodies if named else self.believer).parameters
-                record = {"kind": "belief", "pushes": self.pushes, "parameters": values}
-                self._append(record)
-        service = self.judge.service
-        self.laboratory.keep_models({service, self.judge.candidate})
-        changed = (changed and service == PHYSICS) or service != self.laboratory.manifest.service
-        self.laboratory.state(service=service, generation=self.generation + changed)
+            if state.pushes > state.stated:
+                values = (state.bodies if named else state.believer).parameters
+                self._append({"kind": "belief", "pushes": state.pushes, "parameters": values})
+        changed = changed and service == PHYSICS
+        if changed or service != self.laboratory.manifest.service:
+            self.laboratory.state(service=service, generation=self.generation + 1)
+        return self._remove_networks()
+
+    def _remove_networks(self) -> tuple[Event, ...]:
+        """Remove networks that are neither in service nor to be judged."""
+        used = {self.judge.service, self.judge.candidate}
+        used |= {self._state.training.service} if self._state.training else set()
+        found = []
+        for name in sorted(self._state.networks - used):
+            self._networks.pop(name, None)
+            self._state.networks.discard(name)
+            try:
+                self.laboratory.remove_network(name)
+            except OutputError as error:
+                if str(error) not in self._state.problems:
+                    found.append(self._log(events.NOT_REMOVED, str(error), model=name))
+        return tuple(found)
 
     def _train_if_due(self) -> tuple[Event, ...]:
-        if self._training is not None or not self._trains or self._unnamed < FIRST_TRAINING:
-            return self.poll()
-        own, before = self.pushes - self._since, self._trained_at - self._since
-        if not self._pending and own < max(FIRST_TRAINING, GROWTH * before):
+        state = self._state
+        if state.training is not None or not self._trains or state.unnamed < FIRST_TRAINING:
             return ()
-        event = self._event(TRAINING, f"a network is trained on {own} pushes")
-        self._append(event.record())
-        self._training = Training.start(self.laboratory, self._since, self.pushes)
-        return (event,)
+        own, before = state.pushes - state.since, state.trained_at - state.since
+        if own < max(FIRST_TRAINING, GROWTH * before):
+            return ()
+        service, text = service_of(state.pushes), f"a network is trained on {own} pushes"
+        begun = self._log(events.TRAINING, text, model=service, since=state.since)
+        try:
+            self.laboratory.check_network(service)
+        except OutputError as error:
+            return begun, self._log(events.FAILED, str(error))
+        return (begun, *self.poll())
 
-    def _finish(self, training: Training) -> tuple[Event, ...]:
-        if problem := training.problem:
-            event = self._event(FAILED, problem)
-        elif training.since != self._since:
-            event = self._event(FAILED, "the table has changed during this time")
-        else:
-            text = f"a network was trained on {training.pushes - training.since} pushes"
-            event = self._event(TRAINED, text, model=training.service)
-        self._append(event.record())
-        return (event,)
+    def _has_network(self, job: Job) -> bool:
+        """Return True if a training had ended when the learner was killed."""
+        try:
+            self._contender(job.service)
+        except CheckpointError:
+            return False
+        return True
+
+    def _finish(self, job: Job, problem: str) -> Event:
+        """Make a trained network the candidate, judged on the pushes that came since."""
+        if not problem and job.since != self._state.since:
+            problem = "the table has changed during this time"
+        if problem:
+            return self._log(events.FAILED, problem)
+        try:
+            model = self._contender(job.service)
+            assert model is not None
+        except CheckpointError as error:
+            return self._log(events.FAILED, str(error))
+        unseen = [self._unseen_error(model, *one) for one in self._state.unseen]
+        failed = unseen.count(None)
+        text = (
+            f"a network was trained on {job.pushes - job.since} pushes, and judged on the"
+            f" {len(unseen)} since" + (f", of which it does not predict {failed}" if failed else "")
+        )
+        return self._log(events.TRAINED, text, model=job.service, unseen=unseen)
+
+    @staticmethod
+    def _unseen_error(model: SainDynamics, result: Result, history: PushHistory) -> float | None:
+        try:
+            return None if result.object else error_of(model, result, history)[0]
+        except SainError:
+            return None  # counted in the event
+
+
+class NotFiniteError(SainError):
+    """A prediction that has NaN or Inf."""
+
+
+def error_of(model: SainDynamics, result: Result, history: PushHistory) -> tuple[float, float]:
+    """Return the errors of a model on a push, as `prediction_error`.
+
+    Raises:
+        SainError: it does not predict it.
+    """
+    conditioned = model.with_bodies(result.own_bodies).condition(history)
+    after = conditioned.step(result.before[None], result.push[None])[0]
+    if not np.isfinite(after).all():
+        raise NotFiniteError("the prediction has NaN or Inf")
+    return prediction_error(after, result)
 
 
 def prediction_error(after: Scene, result: Result) -> tuple[float, float]:
@@ -369,19 +426,3 @@ def prediction_error(after: Scene, result: Result) -> tuple[float, float]:
     places = 1e3 * np.hypot(*off[:, POSITION].T)
     turns = np.degrees(np.abs(wrap_angle(off[:, THETA])))
     return float(places.mean()), float(turns.mean())
-
-
-def _jump(last: Scene, result: Result) -> str:
-    """Return which body is elsewhere than the last push left it; empty: none is."""
-    before = result.before
-    way = np.hypot(*(before - last)[:, POSITION].T)
-    turn = np.abs(wrap_angle(before[:, THETA] - last[:, THETA]))
-    noise = 0.0 if result.noise is None else 3.0 * result.noise
-    jumped = (way > MOST_JUMP[0] + noise) | (turn > MOST_JUMP[1] + noise / before[:, 7])
-    if not jumped.any():
-        return ""
-    body = int(np.argmax(jumped))
-    return (
-        f"body {body} is {1e3 * way[body]:.1f} mm and {np.degrees(turn[body]):.1f} degrees from"
-        " where the last push left it: somebody moved it"
-    )

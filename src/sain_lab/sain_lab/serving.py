@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from sain_lab.keeping.laboratory import PLANAR, PREFIX, Laboratory
+from sain_lab.keeping.laboratory import PLANAR, PREFIX, SHIPPED, Laboratory
 from sain_lab.physics import physics_model
 from sain_model.dynamics.load import load_checkpoint, load_shipped
 from sain_model.dynamics.priors import make_prior
@@ -28,6 +28,8 @@ def in_service(laboratory: Laboratory) -> SainDynamics:
         return load_checkpoint(laboratory.model_path(manifest.service))
     if manifest.service == PLANAR:
         return planar()
+    if manifest.service == SHIPPED:
+        return load_shipped()
     return believed(laboratory)
 
 

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import Final
 
-from sain_core.config import Config, option
+from sain_core.config import MOST_SEED, Config, option
 from sain_core.world import ObservationConfig
 from sain_eval.scenes.scenarios import OFFERED, SCENARIOS
 from sain_lab.keeping.laboratory import laboratory_path
@@ -61,7 +61,7 @@ class TeachSettings(Config):
         ALL, "effects of a rough or measured world: all, none, or a list with commas"
     )
     lab: int = option(0, "number of a rough or measured world", minimum=0)
-    seed: int = option(0, "of scenes and pushes", minimum=0)
+    seed: int = option(0, "of scenes and pushes", minimum=0, maximum=MOST_SEED)
     per_scene: int = option(
         8, "pushes in a scene before it is reset, where there is a simulator", minimum=1
     )

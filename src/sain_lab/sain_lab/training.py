@@ -1,6 +1,7 @@
 """Trains a network of a laboratory, in a process of its own: one thread, lowest priority.
 
-``python -m sain_lab.training LABORATORY SINCE PUSHES`` reads the log as it is, and writes a
+``python -m sain_lab.training LABORATORY SINCE PUSHES`` ends with its standard input: so it ends
+with the process that started it, however that ends. It reads the log as it is, and writes a
 checkpoint: the residual of the believed physics. An episode's other pushes show its friction, as in
 ``sain_model train``. The network sees places and headings in the world, which the shipped one does
 not: on few pushes most of what physics leaves depends on them. An ensemble of small networks, each
@@ -18,12 +19,13 @@ from collections.abc import Iterable
 from dataclasses import replace
 from itertools import islice
 from pathlib import Path
+from threading import Thread
 from typing import TYPE_CHECKING, Final, Self
 
 import numpy as np
 
 from sain_core.errors import SainError
-from sain_lab.keeping.laboratory import MODELS, Laboratory
+from sain_lab.keeping.laboratory import Laboratory, service_of
 from sain_lab.keeping.results import Result
 
 if TYPE_CHECKING:
@@ -46,10 +48,9 @@ VALIDATION: Final = 0.2  # of the episodes
 class Training:
     """A training under way."""
 
-    def __init__(self, process: "subprocess.Popen[str]", since: int, pushes: int) -> None:
+    def __init__(self, process: "subprocess.Popen[str]") -> None:
         """Follow this process."""
-        self._process, self.since, self.pushes = process, since, pushes
-        self.service = service_of(pushes)
+        self._process = process
 
     @classmethod
     def start(cls, laboratory: Laboratory, since: int, pushes: int) -> Self:
@@ -58,13 +59,13 @@ class Training:
         command = [sys.executable, "-m", "sain_lab.training", *words]
         process = subprocess.Popen(
             ["nice", "-n", str(NICE), *command],
-            stdin=subprocess.DEVNULL,
+            stdin=subprocess.PIPE,  # which ends with this process
             stdout=subprocess.DEVNULL,
             stderr=subprocess.PIPE,
             text=True,
             env=os.environ | dict.fromkeys(THREADS, "1"),
         )
-        return cls(process, since, pushes)
+        return cls(process)
 
     @property
     def running(self) -> bool:
@@ -74,10 +75,9 @@ class Training:
     @property
     def problem(self) -> str:
         """Why there is no network; empty: there is."""
-        code = self._process.returncode
-        if code == 0:
-            return ""
         _, errors = self._process.communicate()
+        if (code := self._process.returncode) == 0:
+            return ""
         ended = f"the training ended with code {code}"
         return (errors.strip().splitlines() or [ended])[-1][-300:]
 
@@ -90,11 +90,6 @@ class Training:
         if self.running:
             self._process.kill()
         self._process.communicate()
-
-
-def service_of(pushes: int) -> str:
-    """Return the folder of a network, below the laboratory, by what it was trained on."""
-    return f"{MODELS}/{pushes:06d}"
 
 
 def train(laboratory: Laboratory, since: int, pushes: int) -> Path:
@@ -180,9 +175,16 @@ def data_of(results: list[Result]) -> "Dataset":
     return Dataset(tuple(parts), digest)
 
 
+def _end_with_input() -> None:
+    """Wait for the end of standard input, and end this process."""
+    sys.stdin.buffer.read()
+    os._exit(1)
+
+
 def main(path: str, since: str, pushes: str) -> int:
     """Train, and return the exit code."""
     resource.setrlimit(resource.RLIMIT_CPU, (LONGEST, LONGEST))
+    Thread(target=_end_with_input, daemon=True).start()
     import torch
 
     torch.set_num_threads(1)

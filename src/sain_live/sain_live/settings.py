@@ -7,7 +7,7 @@ from contextlib import closing
 from dataclasses import dataclass
 from typing import Final
 
-from sain_core.config import Config, option
+from sain_core.config import MOST_SEED, Config, option
 from sain_core.errors import BusyError, ConfigError
 from sain_eval.scenes.scenarios import OFFERED
 
@@ -27,7 +27,7 @@ class PageConfig(Config):
         NO_SCENARIO,
         "scenario to reset the scene to, once the simulator is there; empty: leave it",
     )
-    seed: int = option(0, "of that scene", minimum=0, maximum=2**31 - 1)
+    seed: int = option(0, "of that scene", minimum=0, maximum=MOST_SEED)
     bag: str = option(
         NO_BAG, "folder of a recording to play, in place of the graph; empty: the graph"
     )

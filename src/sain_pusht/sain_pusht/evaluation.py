@@ -13,11 +13,12 @@ from PIL import Image
 from rich.console import Console
 
 from sain_core.cli.command_line import silent_interrupts
-from sain_core.config import option
+from sain_core.config import MOST_SEED, option
+from sain_core.output import OVERWRITE_HELP, claim_folder, write_whole
+from sain_core.provenance import ros2_command
 from sain_core.randomness import bootstrap_mean, generator
 from sain_core.scene import make_scene
 from sain_core.shapes.library import get_shape
-from sain_core.storage import make_folder, ros2_command, write_whole
 from sain_core.view.film import gif_of
 from sain_core.view.image import TopPicture
 from sain_core.view.scenes import bodies_in, goal_marks
@@ -27,6 +28,7 @@ from sain_eval.episode import Tolerance
 from sain_eval.loop.closed_loop import EpisodeOutcome
 from sain_eval.loop.evaluation import SOURCES, EpisodeDone, play, run_on
 from sain_eval.loop.results import (
+    RESULT_FILES,
     Journal,
     SceneRecord,
     interval_row,
@@ -37,6 +39,7 @@ from sain_eval.loop.results import (
 from sain_eval.loop.tables import (
     FAILURES_FILE,
     TABLE_FILE,
+    TABLES,
     failures_page,
     results_table,
     show_failures,
@@ -73,8 +76,14 @@ class PushtOptions(WorkerOptions):
         Path("results/pusht"),
         "folder for results.json, table.md, episodes.jsonl and episode.gif; made if need be",
     )
+    overwrite: bool = option(False, OVERWRITE_HELP)
     episodes: int = option(500, "episodes to play", minimum=1)
-    seed: int = option(0, "seed of the first episode; the next ones have the next seeds", minimum=0)
+    seed: int = option(
+        0,
+        "seed of the first episode; the next ones have the next seeds",
+        minimum=0,
+        maximum=MOST_SEED,
+    )
     model: str = option(
         "pusht",
         "what plans: pusht, the shipped model; prior, its physics alone; oracle, gym-pusht's own"
@@ -107,12 +116,13 @@ class PushtJob:
 
 def run(options: PushtOptions, console: Console) -> None:
     """Play what is left, write the results, and print them as tables."""
+    folder = claim_folder(options.out, (*RESULT_FILES, *TABLES, FILM_FILE), options.overwrite)
     with silent_interrupts():  # what is missing should not wait for the first episode
         make_env(MOST_STEPS)
         _load(options.model)
-    folder, seeds = make_folder(options.out), range(options.seed, options.seed + options.episodes)
+    seeds = range(options.seed, options.seed + options.episodes)
     settings = {"planner": dataclasses.asdict(options.planner)}
-    journal = Journal(folder, settings, PushtRecord)
+    journal = Journal(folder, settings, PushtRecord, options.overwrite)
     jobs = [
         PushtJob(seed, options.model, options.planner)
         for seed in seeds

@@ -13,8 +13,9 @@ from rich.console import Console
 
 from sain_core.config import Config, option, required
 from sain_core.model import Model
+from sain_core.output import OVERWRITE_HELP, claim_folder
+from sain_core.provenance import ros2_command
 from sain_core.scene import POSITION, THETA, wrap_angle
-from sain_core.storage import make_folder, ros2_command
 from sain_core.types import Mask
 from sain_model.network.settings import PLANAR, PUSH_FRAME, NetworkConfig
 from sain_model.training.settings import NOTHING, LossConfig, TrainingConfig
@@ -41,6 +42,7 @@ class LearnOptions(Config):
     """
 
     out: Path = required("folder for the checkpoint; made if need be")
+    overwrite: bool = option(False, OVERWRITE_HELP)
     random_episodes: int = option(250, "episodes of random pushes", minimum=20)
     played_episodes: int = option(150, "episodes that the agent plays", minimum=1)
     epochs: int = option(40, "passes over the data", minimum=1)
@@ -56,13 +58,15 @@ def run(options: LearnOptions, console: Console) -> None:
     from sain_model.dynamics.residual import residual_model
     from sain_model.inference.kinds import friction_kind
     from sain_model.network.interaction_network import new_network
+    from sain_model.training.fit import STATES
     from sain_model.training.objectives import SinglePushes
     from sain_model.training.record import environment
     from sain_model.training.trainer import Trainer
     from sain_pusht.identification import textbook
     from sain_pusht.model import CHECKPOINT, GYRATION
 
-    out = make_folder(options.out)
+    names = CHECKPOINT.name, CHECKPOINT.with_suffix(".json").name, STATES[0]
+    out = claim_folder(options.out, names, options.overwrite)
 
     def say(text: str) -> None:
         console.print(text, highlight=False)
@@ -80,7 +84,7 @@ def run(options: LearnOptions, console: Console) -> None:
     kind = friction_kind(fitted.prior, infers=False)
     network = new_network(config.network, config.seed)
     objective = SinglePushes(far, kind, config)
-    Trainer(network, objective, config, out / "training.pt").run(
+    Trainer(network, objective, config, out / STATES[0], overwrite=options.overwrite).run(
         lambda epoch, past: say(f"epoch {epoch}: {past.train[-1]:.3f} {past.validation[-1]:.3f}")
     )
     sain = residual_model(network, kind, PLANAR)

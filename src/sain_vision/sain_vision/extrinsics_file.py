@@ -11,7 +11,7 @@ from numpy import ndarray
 
 from sain_core.errors import ConfigError
 from sain_core.guarding.untrusted import read_user_yaml
-from sain_core.storage import write_whole
+from sain_core.output import write_whole
 from sain_core.wire import Turn, check_pose
 
 KEYS = ("frame", "parent", "place", "turn")

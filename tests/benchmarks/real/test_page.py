@@ -62,7 +62,7 @@ def made(synthetic_pushes: PushTable, half: Half, tmp_path_factory: pytest.TempP
 
 def arguments(folder: Path) -> list[str]:
     page, media = folder / "real.md", folder / "media"
-    return ["--work", str(folder / "work"), "--page", str(page), "--media", str(media)]
+    return ["--out", str(folder / "work"), "--page", str(page), "--media", str(media)]
 
 
 def results_of(folder: Path) -> dict:
@@ -105,3 +105,18 @@ def test_without_data_the_command_says_where_they_come_from(tmp_path, monkeypatc
         assert "PlanarManipulationToolBox" in error
         assert "DATA=" in error or "nothing" in error
     assert not (tmp_path / "real.md").exists()
+
+
+def test_a_page_of_others_stays_and_by_default_all_is_written_below_out(
+    made, tmp_path, monkeypatch, capsys
+):
+    (tmp_path / "real.md").write_text("the project's page")
+    given = ["real", "--out", str(made / "work"), "--again"]
+    monkeypatch.setattr(sys, "argv", [*given, "--page", str(tmp_path / "real.md")])
+    assert command.main() == 1
+    assert "real.md exists, and no run of SAIN wrote it; --overwrite" in capsys.readouterr().err
+    assert (tmp_path / "real.md").read_text() == "the project's page"
+    monkeypatch.setattr(sys, "argv", given)
+    assert command.main() == 0
+    assert (made / "work" / "real.md").read_text().startswith("# Real pushes")
+    assert (made / "work" / "real_objects.png").exists()

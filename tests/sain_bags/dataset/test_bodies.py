@@ -164,7 +164,7 @@ def test_a_push_without_a_prediction_is_predicted_with_its_shape(
 def test_every_format_takes_them(shaped_bag: Path, tmp_path: Path) -> None:
     import pyarrow.parquet
 
-    for name in ("parquet", "minari", "lerobot"):
+    for name in ("parquet", "lerobot"):
         convert([shaped_bag], tmp_path / name, replace(KEPT, format=name))
     table = pyarrow.parquet.read_table(next((tmp_path / "parquet").glob("*.parquet"))).to_pydict()
     assert table["shapes"] == ["t,disk"] * 2

@@ -10,12 +10,12 @@ import pytest
 
 os.environ["HF_HUB_OFFLINE"] = "1"  # before the libraries are imported: nothing here asks a hub
 
-import minari
 from pyarrow import parquet
 
 from sain_bags.dataset import dataset_folder
 from sain_bags.dataset.formats import MADE, FormatName
 from sain_core.errors import ConfigError, OutputError
+from sain_core.output import MANIFEST
 from sain_core.transitions import PARTS
 from sain_model.data.dataset import load_dataset, split_by_episode
 from tests.sain_bags.dataset.formats.exported import card_of, drive, to
@@ -25,7 +25,7 @@ OTHERS: list[FormatName] = [name for name in MADE if name != "npz"]
 
 
 def contents(folder: Path) -> dict[str, bytes]:
-    files = (path for path in folder.rglob("*") if path.is_file())
+    files = (path for path in folder.rglob("*") if path.is_file() and path.name != MANIFEST)
     return {str(path.relative_to(folder)): path.read_bytes() for path in files}
 
 
@@ -61,8 +61,6 @@ def test_numbers_of_disks_become_data_sets_of_their_own(
         part = out / f"disks-{disks}"
         if name == "parquet":
             states = parquet.read_table(next(part.iterdir()))["state"][0].as_py()
-        elif name == "minari":
-            states = minari.MinariDataset(part / "data")[0].observations[0]
         else:
             from sain_bags.dataset.formats.to_lerobot import STATE, LeRobotDataset
 
@@ -86,7 +84,7 @@ def test_a_stop_while_writing_costs_nothing_and_same_recordings_give_same_bytes(
     assert not (stopped / "card.json").exists()
     assert not any(path for pattern in MADE[name] for path in stopped.glob(pattern))
     gathered = {path: path.stat().st_mtime_ns for path in (stopped / ".rows").iterdir()}
-    assert len(gathered) == 3
+    assert len(gathered) == 3 + 1  # with their manifest
     (stopped / ".export.partial").mkdir()  # of one that was killed
     (stopped / ".export.partial" / "data").write_bytes(b"half")
 
@@ -97,7 +95,7 @@ def test_a_stop_while_writing_costs_nothing_and_same_recordings_give_same_bytes(
     assert contents(stopped) == contents(whole)
 
 
-@pytest.mark.parametrize("name", ["parquet", "minari"])
+@pytest.mark.parametrize("name", ["parquet", "lerobot"])
 def test_overwriting_removes_only_what_a_conversion_wrote(
     name: FormatName, record: Callable[..., Any], bag: Path, tmp_path: Path
 ) -> None:
@@ -132,12 +130,10 @@ def test_a_full_disk_leaves_no_data_set(
     with pytest.raises(OutputError, match=r"cannot write .*No space left on device"):
         to("parquet", bag, tmp_path / "out")
     monkeypatch.undo()
-    assert list((tmp_path / "out").iterdir()) == []  # nor anything else
+    assert [path.name for path in (tmp_path / "out").iterdir()] == [MANIFEST]
 
 
-@pytest.mark.parametrize(
-    ("name", "library"), [("parquet", "pyarrow"), ("minari", "h5py"), ("lerobot", "lerobot")]
-)
+@pytest.mark.parametrize(("name", "library"), [("parquet", "pyarrow"), ("lerobot", "lerobot")])
 def test_a_library_that_is_missing_is_named_before_anything_is_read(
     name: FormatName, library: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, bag: Path
 ) -> None:

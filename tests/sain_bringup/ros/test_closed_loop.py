@@ -1,11 +1,17 @@
 """What makes no sense is refused in one line before anything starts."""
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
-from sain_bringup.ros.closed_loop import ClosedLoopOptions, episode_plans, make_output_folder
+from sain_bringup.ros.closed_loop import (
+    ClosedLoopOptions,
+    episode_plans,
+    make_output_folder,
+    what_is_left,
+)
 from sain_core.errors import ConfigError, OutputError
 
 DEMO = ClosedLoopOptions()
@@ -48,5 +54,24 @@ def test_results_are_never_overwritten(tmp_path: Path) -> None:
     out = tmp_path / "a" / "b"
     assert make_output_folder(replace(DEMO, out=out)) == out
     (out / "bag").mkdir()
-    with pytest.raises(OutputError, match="never overwritten"):
+    (out / "bag" / "bag_0.mcap").write_bytes(b"recorded")
+    with pytest.raises(OutputError, match=r"has bag, and a run needs an empty folder.*--overwrite"):
         make_output_folder(replace(DEMO, out=out))
+    (out / "bag" / "notes.txt").write_text("mine")
+    with pytest.raises(OutputError, match=r"nothing is removed: SAIN did not write .*notes\.txt"):
+        make_output_folder(replace(DEMO, out=out, overwrite=True))
+    (out / "bag" / "notes.txt").unlink()
+    assert make_output_folder(replace(DEMO, out=out, overwrite=True)) == out
+    assert not (out / "bag").exists()
+
+
+def test_without_an_episode_only_what_the_run_wrote_is_removed(tmp_path: Path) -> None:
+    out = make_output_folder(replace(DEMO, out=tmp_path / "out"))
+    (out / "logs").mkdir()
+    (out / "logs" / "planner.log").write_text("failed")
+    (out / "mine.txt").write_text("the only copy")
+    assert re.search(r"nothing is removed: .*mine\.txt", what_is_left(out, 0))
+    assert (out / "mine.txt").exists() and (out / "logs" / "planner.log").exists()
+    (out / "mine.txt").unlink()
+    assert what_is_left(out, 0) == f"No episode was played, so {out} was removed."
+    assert not out.exists()

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from sain_core import storage
+from sain_core import scratch
 from sain_core.errors import ConfigError
 from sain_live.page.arm import Mesh, read_mesh
 
@@ -31,9 +31,9 @@ MATERIALS = "newmtl red\nKd 1 0 0\nnewmtl blue\nKd 0 0 1\n"
 @pytest.fixture(autouse=True)
 def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
-    storage.cache_folder.cache_clear()
+    scratch.cache_folder.cache_clear()
     yield tmp_path / "cache" / "sain" / "meshes"
-    storage.cache_folder.cache_clear()
+    scratch.cache_folder.cache_clear()
 
 
 @pytest.fixture

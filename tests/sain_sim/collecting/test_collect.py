@@ -12,6 +12,7 @@ from sain_core.errors import (
     DatasetError,
     OutputError,
 )
+from sain_core.output import MANIFEST
 from sain_core.randomness import generator
 from sain_core.scene import POSITION, TARGET, surface_gaps
 from sain_core.transitions import COLLECTED, Column, shard_path
@@ -41,7 +42,9 @@ def collected(tmp_path_factory):
 
 
 def content(folder) -> dict[str, bytes]:
-    return {path.name: path.read_bytes() for path in sorted(folder.iterdir())}
+    return {
+        path.name: path.read_bytes() for path in sorted(folder.iterdir()) if path.name != MANIFEST
+    }
 
 
 def test_every_column_is_as_the_schema_has_it(collected):
@@ -105,7 +108,7 @@ def test_what_no_collection_made_is_left_alone(collected, tmp_path, name, capsys
     (tmp_path / name).write_bytes(b"a conversion")
     assert main(["--out", str(tmp_path), "--episodes", "1"]) == 1
     said = " ".join(capsys.readouterr().err.split())
-    assert f"holds {name} and no collection.json: no collection made it" in said
+    assert f"{name} exists, and no run of SAIN wrote it; --overwrite replaces it" in said
     assert content(tmp_path) == {name: b"a conversion"}
 
 

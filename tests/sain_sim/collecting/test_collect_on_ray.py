@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from sain_core.storage import scratch_folder
+from sain_core.scratch import scratch_folder
 from sain_sim.collecting.collect import CollectConfig, collect
 from sain_sim.collecting.episode import EpisodeConfig
 from sain_sim.commands import collect as main

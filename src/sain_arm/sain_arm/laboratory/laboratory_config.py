@@ -3,14 +3,14 @@
 from dataclasses import dataclass
 
 from sain_core.camera.image_camera import ImageCameraConfig
-from sain_core.config import Config, option
+from sain_core.config import MOST_SEED, Config, option
 
 
 @dataclass(frozen=True)
 class CellConfig(Config):
     """What is drawn for an episode."""
 
-    seed: int = option(0, "of friction, centres of mass and noise", minimum=0)
+    seed: int = option(0, "of friction, centres of mass and noise", minimum=0, maximum=MOST_SEED)
     table_friction: tuple[float, float] = option((0.15, 0.35), "of bodies on the table")
     tool_friction: tuple[float, float] = option((0.1, 0.3), "of bodies and tool")
     off_centre: float = option(

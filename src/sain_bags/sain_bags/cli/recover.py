@@ -14,6 +14,7 @@ from sain_bags.recovery.recovery_report import RecoveryOutcome, Report
 from sain_bags.recovery.sidecar import read_sidecar
 from sain_core.config import Config, required
 from sain_core.errors import DatasetError
+from sain_core.output import check_new
 
 LISTED: Final = 20  # losses that are printed one by one
 
@@ -83,6 +84,7 @@ def run(options: RecoverOptions, console: Console) -> int:
         DatasetError: there is no MCAP file at the source.
         OutputError: the new folder exists, or the source or the disk cannot be used.
     """
+    check_new(options.out)
     try:
         total = sum(path.stat().st_size for path in read_sidecar(options.bag).files)
     except OSError as error:

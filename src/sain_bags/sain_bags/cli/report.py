@@ -12,7 +12,7 @@ from sain_bags.report.content import read_content
 from sain_bags.report.gathering import Limits, messages_to_read
 from sain_bags.report.writing import write_page
 from sain_core.config import Config, option, required
-from sain_core.errors import OutputError
+from sain_core.output import OVERWRITE_HELP, claim_file
 
 
 @dataclass(frozen=True)
@@ -28,7 +28,7 @@ class ReportOptions(Config):
         "the file to write; by default report.html beside the bag's folder, or the MCAP file's name"
         " with .html",
     )
-    overwrite: bool = option(False, "replace a file that exists")
+    overwrite: bool = option(False, OVERWRITE_HELP)
     frames: int = option(
         Limits.frames,
         "most scenes in motion of an episode; of more, every second, fourth, ... is shown",
@@ -55,10 +55,7 @@ def run(options: ReportOptions, console: Console) -> None:
         OutputError: the file is there, or cannot be written.
     """
     out = options.out or default_path(options.bag)
-    if out.is_dir():
-        raise OutputError(f"{out} is a folder; --out names the file to write")
-    if out.exists() and not options.overwrite:
-        raise OutputError(f"{out} exists; --overwrite replaces it")
+    claim_file(out, options.overwrite)
     bag = Bag(options.bag)
     limits = Limits(options.frames, options.episodes)
     with Progress(console=console, transient=True) as progress:

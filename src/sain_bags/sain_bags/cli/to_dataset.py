@@ -15,6 +15,7 @@ from sain_bags.dataset.conversion import ConversionConfig, Converted, convert
 from sain_bags.dataset.dataset_folder import CARD_FILE, PICTURE_FILE
 from sain_core.config import option, required
 from sain_core.guarding.untrusted import read_json
+from sain_core.output import OVERWRITE_HELP
 from sain_core.workers import WorkerOptions
 
 if TYPE_CHECKING:
@@ -32,7 +33,7 @@ class ToDatasetOptions(WorkerOptions):
         "bags, MCAP files, or folders with bags below them"
     )
     out: Path = required("a new or empty folder, or that of a conversion")
-    overwrite: bool = option(False, "replace what a conversion made there")
+    overwrite: bool = option(False, OVERWRITE_HELP)
     conversion: ConversionConfig = field(default_factory=ConversionConfig)
 
 

@@ -1,15 +1,15 @@
 """A data set in a format other than npz: written completely, then moved into place."""
 
 import os
-import shutil
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, Final
 
 from sain_bags.dataset.formats import MADE, FormatName, StoredRows, Write
 from sain_core.errors import OutputError
 from sain_core.guarding.untrusted import PARTIAL
+from sain_core.output import MANIFEST, claim_file, is_ours, remove, sign
 
 EXPORT: Final = f".export{PARTIAL}"  # where it stands until it is whole
 DISKS: Final = "disks-"  # with a number: folders of data sets, where numbers of disks differ
@@ -52,36 +52,40 @@ def put_in_place(folder: Path, name: FormatName) -> None:
         for path in filter(Path.is_file, partial.rglob("*")):
             place = folder / path.relative_to(partial)
             place.parent.mkdir(parents=True, exist_ok=True)
+            claim_file(place)
             path.replace(place)
-        shutil.rmtree(partial)
+            sign(place)
+        remove(partial)
 
 
 def clear(folder: Path, name: FormatName) -> None:
     """Remove the files of a data set in a format, and nothing else; raises `OutputError`."""
     with _writing(folder):
-        for pattern in MADE[name]:
+        for pattern in MADE.get(name, ()):
             for place in (folder, *folder.glob(f"{DISKS}[0-9]*")):
                 remove_files(place, pattern, folder)
 
 
 def remove_files(folder: Path, pattern: str, top: Path) -> None:
-    """Remove the files of a pattern, and the folders up to `top` that are empty then."""
-    for path in sorted(folder.glob(pattern)):
-        path.unlink()
+    """Remove our files of a pattern, and the folders up to `top` that are empty then."""
+    for path in filter(is_ours, sorted(folder.glob(pattern))):
+        remove(path)
         for parent in path.parents:
-            if parent == top or any(parent.iterdir()):
+            if parent == top or {one.name for one in parent.iterdir()} - {MANIFEST}:
                 break
-            parent.rmdir()
+            remove(parent)
 
 
 @contextmanager
 def _removed_after_error(partial: Path) -> Iterator[None]:
     """Begin without what an earlier run left, and leave nothing after an error or a stop."""
-    shutil.rmtree(partial, ignore_errors=True)
+    sign(partial / "*", grows=True)
+    remove(partial)
     try:
         yield
     except BaseException:
-        shutil.rmtree(partial, ignore_errors=True)
+        with suppress(OutputError):
+            remove(partial)
         raise
 
 

@@ -13,11 +13,11 @@ from typing import Any, Final
 import numpy as np
 
 from sain_bags.dataset.dataset_export import clear, export, put_in_place, remove_files
-from sain_bags.dataset.formats import SHARDS, find_format
+from sain_bags.dataset.formats import MADE, SHARDS, find_format
 from sain_bags.dataset.formats.sharding import write_shard
 from sain_core.errors import DatasetError, OutputError
 from sain_core.guarding.untrusted import read_json
-from sain_core.storage import remove_partial, write_json
+from sain_core.output import MANIFEST, claim_folder, write_json
 from sain_core.transitions import (
     PARTS,
     SEED,
@@ -63,7 +63,10 @@ class DatasetFolder:
         self._overwrite, self._claimed = overwrite, False
         self._shards: dict[int, list[Path]] = {}  # by the number of disks
         self._counts: Counter[tuple[int, int]] = Counter()  # rows, by that and episode
+        self._names = (CARD_FILE, PICTURE_FILE, IDENTITY_FILE, SHARD_PATTERN)
         self._found = found = _read_identity(path)
+        if path.exists():
+            claim_folder(path, (*self._names, *MADE[identity["format"]]), overwrite)
         if found is not None and found != identity and not overwrite:
             raise OutputError(
                 f"{path} holds another conversion ({_difference(found, identity)}); choose another"
@@ -113,14 +116,13 @@ class DatasetFolder:
                 put_in_place(self.path, self._identity["format"])
             except Exception:
                 self._remove_gathered()
-                if [path.name for path in self.path.iterdir()] == [IDENTITY_FILE]:
+                if {path.name for path in self.path.iterdir()} <= {IDENTITY_FILE, MANIFEST}:
                     remove_files(self.path, IDENTITY_FILE, self.path)
                 raise
             self._remove_gathered()
         write_json(self.path / CARD_FILE, card)
 
     def _remove_gathered(self) -> None:
-        remove_partial(self.path / GATHERED, SHARD_PATTERN)
         remove_files(self.path / GATHERED, SHARD_PATTERN, self.path)
 
     def _claim(self) -> None:
@@ -129,10 +131,9 @@ class DatasetFolder:
                 self._remove_gathered()
             if self._overwrite and self._found is not None:
                 clear(self.path, self._found.get("format", SHARDS))
+            claim_folder(self.path, self._names, self._overwrite)
             for name in (CARD_FILE, PICTURE_FILE):
                 remove_files(self.path, name, self.path)
-            for name in (CARD_FILE, PICTURE_FILE, IDENTITY_FILE, SHARD_PATTERN):
-                remove_partial(self.path, name)
         except OSError as error:
             raise OutputError(f"cannot clear {self.path}: {error.strerror or error}") from error
         write_json(self.path / IDENTITY_FILE, self._identity)
@@ -143,7 +144,7 @@ def _read_identity(folder: Path) -> CardContent | None:
     """Return the identity of the conversion in a folder; None: the folder is new or empty."""
     path = folder / IDENTITY_FILE
     try:
-        if not folder.exists() or not any(folder.iterdir()):
+        if not folder.exists() or {one.name for one in folder.iterdir()} <= {MANIFEST}:
             return None
         content = read_json(path)
     except NotADirectoryError as error:

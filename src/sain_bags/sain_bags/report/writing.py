@@ -15,7 +15,7 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any, Final
 
-from sain_core.storage import write_whole
+from sain_core.output import write_whole
 from sain_core.view.palette import BODIES, DARK, PALETTE
 
 SCRIPT: Final = "page.js"

@@ -19,7 +19,7 @@ from sain_bags.ros.recorder import Recorder
 from sain_core.errors import OutputError, SainError
 from sain_core.guarding import lifetime
 from sain_core.guarding.untrusted import read_json
-from sain_core.storage import write_json
+from sain_core.output import write_json
 
 SILENCE: Final = 5.0  # [s] after which nothing seems to be said
 REST: Final = 0.5  # [s] from the first message until the other topics are known, too

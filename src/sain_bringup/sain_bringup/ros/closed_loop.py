@@ -1,6 +1,5 @@
 """``ros2 run sain_bringup closed_loop``: the whole graph, from a clean start to a report."""
 
-import shutil
 import sys
 import time
 from collections import Counter
@@ -27,10 +26,12 @@ from sain_bringup.graph import (
 )
 from sain_bringup.interrupts import Interrupts, Stopped
 from sain_bringup.processes import UNHURRIED, Supervisor
-from sain_core.config import option
+from sain_core.config import MOST_SEED, option
 from sain_core.errors import OutputError, SainError
+from sain_core.guarding.untrusted import PARTIAL
+from sain_core.output import MANIFEST, claim_folder, remove, sign
+from sain_core.provenance import provenance
 from sain_core.shapes.shape import FEET
-from sain_core.storage import make_folder, provenance
 from sain_core.world import changed_settings
 from sain_eval.scenes.scenarios import OFFERED, SCENARIOS, draw_scene
 from sain_model.compute.kernel_store import (
@@ -43,6 +44,12 @@ from sain_sim.world.engines import BULLET
 
 DEMO: Final = (("anywhere", 3), ("paper", 1), ("push_t", 1))
 BAG: Final = "bag"  # folder of the recording
+LOGS: Final = "logs"
+WRITTEN_BY_NODES: Final = (
+    *(f"{LOGS}/{name}" for name in ("*.log", "*.json", "*.yaml", f".*{PARTIAL}")),
+    *(f"{BAG}/{name}" for name in (f"{BAG}_*.mcap", "metadata.yaml", ".*.part*", ".*.reserve")),
+    f"{BAG}/.nodes.json",
+)
 
 
 @dataclass(frozen=True)
@@ -61,7 +68,9 @@ class ClosedLoopOptions(GraphConfig):
         None,
         f"one of {', '.join(SCENARIOS)}, or of an installed package; by default those of the demo",
     )
-    seed: int = option(0, "seed of the first episode; the next one has the next seed", minimum=0)
+    seed: int = option(
+        0, "seed of the first episode; the next one has the next seed", minimum=0, maximum=MOST_SEED
+    )
     tolerance: float = option(
         0.02,
         "largest distance from the goal that counts as reached",
@@ -72,6 +81,7 @@ class ClosedLoopOptions(GraphConfig):
     out: Path | None = option(
         None, "folder to make for the results; by default bags/closed_loop-<date>-<time>"
     )
+    overwrite: bool = option(False, "remove the results of an earlier run there first")
     video: bool = option(True, "render the moving picture at the end")
     timeout: float = option(
         60.0,
@@ -151,16 +161,27 @@ def make_output_folder(options: ClosedLoopOptions) -> Path:
         OutputError: it exists and is not empty, or cannot be written.
     """
     folder = options.out or RECORDINGS / time.strftime("closed_loop-%Y%m%d-%H%M%S")
-    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-        raise OutputError(f"{folder} exists; results are never overwritten, choose another --out")
-    return make_folder(folder)
+    if options.overwrite:
+        remove(folder)
+    claim_folder(folder)
+    if others := [path.name for path in folder.iterdir() if path.name != MANIFEST]:
+        raise OutputError(
+            f"{folder} has {min(others)}, and a run needs an empty folder: choose another --out, or"
+            " --overwrite, which removes the results of an earlier run"
+        )
+    for pattern in WRITTEN_BY_NODES:
+        sign(folder / pattern, grows=True)
+    return folder
 
 
 def what_is_left(folder: Path, episodes: int) -> str:
     """Return what became of the results of a run that failed; without an episode there are none."""
     if episodes:
         return f"{describe_recording(folder / BAG)} It is in {folder / BAG}/."
-    shutil.rmtree(folder, ignore_errors=True)
+    try:
+        remove(folder)
+    except OutputError as error:
+        return f"No episode was played. {error}"
     return f"No episode was played, so {folder} was removed."
 
 
@@ -170,7 +191,7 @@ def play_and_report(
     """Play the episodes and write the results; return whether all reached the goal."""
     display.headline(describe(episode_plans(options), options), folder)
     compile_first(display)
-    with Supervisor(folder / "logs", tell=display.note) as supervisor:
+    with Supervisor(folder / LOGS, tell=display.note) as supervisor:
 
         def check() -> None:
             interrupts.check()
@@ -206,7 +227,7 @@ def play(
 
     plans = episode_plans(options)
     with display.stage("starting the graph", "simulator, model, planner and recorder are up"):
-        sight = (folder / "logs", options.see) if options.see else None
+        sight = (folder / LOGS, options.see) if options.see else None
         director = Director(check, options.timeout, supervisor, sight)
         episodes = " ".join(f"{plan.scenario}:{plan.seed}" for plan in plans)
         namespace = director.get_namespace()
@@ -214,7 +235,7 @@ def play(
         about |= provenance("sain_bringup")
         graph = options.graph(folder / BAG)
         ros = ros_arguments(sys.argv[1:])
-        commands = graph_commands(graph, ros, folder / "logs", about, full_motion=True)
+        commands = graph_commands(graph, ros, folder / LOGS, about, full_motion=True)
         for name, command in commands.items():
             again = restart_command(name, command)
             supervisor.start(name, command, patient=name == RECORDER, again=again)

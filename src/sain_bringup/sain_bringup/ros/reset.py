@@ -7,7 +7,7 @@ from rich.console import Console
 from rich.markup import escape
 
 from sain_bringup.ros.push import SilentSimulatorError
-from sain_core.config import Config, option
+from sain_core.config import MOST_SEED, Config, option
 from sain_core.errors import ErrorCode
 from sain_core.scene import POSITION
 from sain_core.wire import decode_disks
@@ -24,7 +24,7 @@ SERVICE: Final = "reset_scene"
 class ResetOptions(Config):
     """Begin another episode in the simulator, and print where its bodies are."""
 
-    seed: int = option(0, "of the episode", minimum=0, maximum=2**32 - 1)
+    seed: int = option(0, "of the episode", minimum=0, maximum=MOST_SEED)
     timeout: float = option(10.0, "longest wait for the simulator", unit="s", minimum=0.0)
 
 

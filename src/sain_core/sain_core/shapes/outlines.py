@@ -25,10 +25,10 @@ from sain_core.guarding.untrusted import (
     read_regular_text,
     read_yaml,
 )
+from sain_core.output import write_json
 from sain_core.scene import unit
 from sain_core.shapes.shape import FEET, Pair, Ring, Shape
 from sain_core.shapes.solids import DISK, TOLERANCE, Disk, Prism, balanced_feet, centroid
-from sain_core.storage import write_json
 from sain_core.types import Points
 
 OUTLINES_FILE: Final = "outlines.json"

@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from sain_core.storage import write_whole
+from sain_core.output import write_whole
 from sain_core.view.palette import PALETTE
 
 DOTS_PER_INCH: Final = 160

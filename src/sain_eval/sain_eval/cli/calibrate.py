@@ -9,8 +9,9 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TimeRemainingColumn
 
 from sain_core.cli.terminal import markdown_table
-from sain_core.config import Config, option, required
-from sain_core.storage import make_folder, ros2_command, write_json, write_whole
+from sain_core.config import MOST_SEED, Config, option, required
+from sain_core.output import OVERWRITE_HELP, claim_folder, write_json, write_whole
+from sain_core.provenance import ros2_command
 
 if TYPE_CHECKING:
     from sain_eval.calibrate import Calibration
@@ -33,7 +34,7 @@ class CalibrateOptions(Config):
         None, "a shard *.npz or a folder of them; none: collect episodes into OUT/data first"
     )
     episodes: int = option(200, "episodes to collect when no data set is given", minimum=1)
-    collection_seed: int = option(1000, "seed of the collection", minimum=0)
+    collection_seed: int = option(1000, "seed of the collection", minimum=0, maximum=MOST_SEED)
     workers: int = option(1, "processes that collect", minimum=1, maximum=4096)
     fit_share: float = option(
         0.25,
@@ -42,7 +43,8 @@ class CalibrateOptions(Config):
         maximum=0.9,
     )
     steps: int = option(30, "largest number of steps of the fit", minimum=1)
-    seed: int = option(0, "seed of the choice of episodes", minimum=0)
+    seed: int = option(0, "seed of the choice of episodes", minimum=0, maximum=MOST_SEED)
+    overwrite: bool = option(False, OVERWRITE_HELP)
     axes: bool = option(False, "fit the prior whose friction depends on the world's axes")
 
 
@@ -54,7 +56,7 @@ def run(options: CalibrateOptions, console: Console) -> None:
     """
     from sain_eval.calibrate import calibrate
 
-    out = make_folder(options.out)
+    out = claim_folder(options.out, ("calibration.md", "calibration.json"), options.overwrite)
     data = _data(options, console)
     with _bar(console) as bar:
         task = bar.add_task("fit", total=options.steps, score=float("nan"))

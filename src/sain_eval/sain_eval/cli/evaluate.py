@@ -10,17 +10,18 @@ import tyro
 from rich.console import Console
 
 from sain_core.cli.command_line import silent_interrupts
-from sain_core.config import option
+from sain_core.config import MOST_SEED, option
 from sain_core.errors import ConfigError
 from sain_core.goal import MOST_TOLERANCE, MOST_TURN
-from sain_core.storage import make_folder, ros2_command
+from sain_core.output import OVERWRITE_HELP, claim_folder
+from sain_core.provenance import ros2_command
 from sain_core.workers import WorkerOptions
 from sain_core.world import observation_settings
 from sain_eval.episode import Tolerance
 from sain_eval.loop.closed_loop import agent_maker
 from sain_eval.loop.evaluation import EpisodeJob, play, run_jobs
-from sain_eval.loop.results import Journal, SceneRecord, summarise, write_results
-from sain_eval.loop.tables import FAILURES_FILE, show_failures, show_summary, write_tables
+from sain_eval.loop.results import RESULT_FILES, Journal, SceneRecord, summarise, write_results
+from sain_eval.loop.tables import FAILURES_FILE, TABLES, show_failures, show_summary, write_tables
 from sain_eval.scenes.scenarios import OFFERED, SCENARIOS
 from sain_model.compute.kernel_store import compile_visibly
 from sain_mppi.agent.agent import AgentConfig
@@ -97,12 +98,18 @@ class EvaluateOptions(WorkerOptions):
         Path("results/evaluation"),
         "folder for results.json, table.md, episodes.jsonl and pictures; made if need be",
     )
+    overwrite: bool = option(False, OVERWRITE_HELP)
     scenario: str = option(
         "anywhere",
         f"one or more, with commas, of {', '.join(SCENARIOS)}, or of installed packages",
     )
     scenes: int = option(40, "scenes of each scenario", minimum=1)
-    seed: int = option(0, "seed of the first scene; the next scenes have the next seeds", minimum=0)
+    seed: int = option(
+        0,
+        "seed of the first scene; the next scenes have the next seeds",
+        minimum=0,
+        maximum=MOST_SEED,
+    )
     controllers: str = option(
         "null,straight,planar",
         "with commas: null, straight, random, oracle, or a model that MPPI plans with: planar,"
@@ -221,12 +228,14 @@ def evaluate(options: EvaluateOptions, command: str, console: Console) -> list[S
         OutputError: the folder cannot be written or holds other results.
         CheckpointError: a controller's model cannot be loaded.
     """
+    pictures = [one.picture.name for one in jobs_of(options, set()) if one.picture]
+    claim_folder(options.out, (*RESULT_FILES, *TABLES, *pictures), options.overwrite)
+    journal = Journal(options.out, options.settings(), SceneRecord, options.overwrite)
     compile_visibly(console)  # neither the first plan nor each worker
     with silent_interrupts():
         for name in dict.fromkeys(name for part in options.parts for name in part.controllers):
             # a bad name should not wait for its first scene
             agent_maker(name, options.agent, options.belief)
-    journal = Journal(make_folder(options.out), options.settings(), SceneRecord)
     jobs = jobs_of(options, journal.done)
     play(run_jobs(jobs, options), len(jobs), journal, console)
     planned = options.planned()

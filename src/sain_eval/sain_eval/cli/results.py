@@ -9,7 +9,7 @@ from rich.console import Console
 
 from sain_core.config import Config, option, required
 from sain_core.errors import ConfigError
-from sain_core.storage import make_folder, write_whole
+from sain_core.output import OVERWRITE_HELP, claim_file, write_whole
 
 
 @dataclass(frozen=True)
@@ -19,7 +19,8 @@ class ResultsOptions(Config):
     folders: Annotated[tuple[Path, ...], tyro.conf.Positional] = required(
         "the --out folders of evaluations; of two with the same cell, the later one counts"
     )
-    out: Path = option(Path("docs/reference/results.md"), "the page to write")
+    out: Path = option(Path("results/results.md"), "the page to write")
+    overwrite: bool = option(False, OVERWRITE_HELP)
     names: str = option(
         "", "names of models in the page, with commas: runs/here/sain.safetensors=SAIN trained here"
     )
@@ -51,7 +52,7 @@ def run(options: ResultsOptions, console: Console) -> None:
     """
     from sain_eval.loop.results_page import read_results, results_page
 
+    claim_file(options.out, options.overwrite)
     page = results_page([read_results(folder) for folder in options.folders], options.name_of)
-    make_folder(options.out.parent)
     write_whole(options.out, page.encode())
     console.print(str(options.out), markup=False, highlight=False, soft_wrap=True)

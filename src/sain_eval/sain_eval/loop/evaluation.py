@@ -16,7 +16,7 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 
-from sain_core.storage import write_whole
+from sain_core.output import write_whole
 from sain_core.workers import FunctionRunner, Job, Software, Work, WorkerOptions, run_on_workers
 from sain_eval.episode import Tolerance, tightest
 from sain_eval.loop.closed_loop import EpisodeOutcome, agent_maker, run_episode

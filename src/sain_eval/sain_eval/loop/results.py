@@ -14,9 +14,10 @@ import numpy as np
 
 from sain_core.errors import OutOfRangeError, OutputError, UntrustedFileError
 from sain_core.guarding.untrusted import parse_json, read_regular_text
+from sain_core.output import append_json, write_whole
+from sain_core.provenance import git_commit, processor, system, versions
 from sain_core.randomness import Interval, bootstrap_mean, generator
 from sain_core.scene import POSITION, THETA, wrap_angle
-from sain_core.storage import append_json, git_commit, processor, system, versions, write_whole
 from sain_core.transitions import MOVED
 from sain_core.types import Scene
 from sain_core.world import PushRecord
@@ -29,6 +30,7 @@ TURNED: Final = 0.02  # [rad], as little as `MOVED` at the rim of a body of 0.1 
 SCHEMA: Final = "sain-results-1"
 RESULTS_FILE: Final = "results.json"
 JOURNAL_FILE: Final = "episodes.jsonl"
+RESULT_FILES: Final = (RESULTS_FILE, JOURNAL_FILE)
 PACKAGES: Final = ("numpy", "scipy", "numba", "torch", "pybullet", "sain_core")
 
 
@@ -251,8 +253,12 @@ class Journal(Generic[Record]):
     The first line holds the settings. A last line cut off by a crash is dropped.
     """
 
-    def __init__(self, folder: Path, settings: dict[str, Any], kind: type[Record]) -> None:
+    def __init__(
+        self, folder: Path, settings: dict[str, Any], kind: type[Record], overwrite: bool = False
+    ) -> None:
         """Open the journal in a folder; its records are of this kind.
+
+        With `overwrite`, one of other settings, or a damaged one, is begun anew.
 
         Raises:
             OutputError: it was kept with other settings, is damaged or cannot be written.
@@ -261,7 +267,7 @@ class Journal(Generic[Record]):
         self.records: list[Record] = []
         self._kind = kind
         try:
-            self._read(json.loads(json.dumps(settings)))  # tuples become lists, as in the file
+            self._read(json.loads(json.dumps(settings)), overwrite)  # with lists for tuples
         except OSError as error:
             raise OutputError(f"cannot use {self.path}: {error.strerror or error}") from error
         except UntrustedFileError as error:
@@ -277,11 +283,11 @@ class Journal(Generic[Record]):
         append_json(self.path, [dataclasses.asdict(record) for record in records])
         self.records += records
 
-    def _read(self, settings: dict[str, Any]) -> None:
+    def _read(self, settings: dict[str, Any], overwrite: bool) -> None:
         text = read_regular_text(self.path) if self.path.exists() else ""
         *lines, cut_off = text.split("\n")
         if not lines:
-            self.path.write_text(json.dumps({"settings": settings}) + "\n")
+            self._begin(settings)
             return
         try:
             kept = parse_json(lines[0])["settings"]
@@ -289,16 +295,25 @@ class Journal(Generic[Record]):
             episodes = [parse_json(line) for line in lines[1:]]
             self.records = [self._record(item) for episode in episodes for item in episode]
         except (ValueError, KeyError, TypeError, AttributeError) as error:
-            raise OutputError(
-                f"{self.path} is damaged ({error}); remove it or choose another --out"
-            ) from error
-        if differing:
+            if not overwrite:
+                raise OutputError(
+                    f"{self.path} is damaged ({error}); --overwrite begins anew, or choose another"
+                    " --out"
+                ) from error
+            differing = ["line"]
+        if differing and not overwrite:
             raise OutputError(
                 f"{self.path} was made with another {', '.join(sorted(differing))};"
-                " use the same, remove it or choose another --out"
+                " use the same, --overwrite, or choose another --out"
             )
-        if cut_off:
-            self.path.write_text("\n".join(lines) + "\n")
+        if differing:
+            self._begin(settings)
+        elif cut_off:
+            write_whole(self.path, ("\n".join(lines) + "\n").encode())
+
+    def _begin(self, settings: dict[str, Any]) -> None:
+        self.records = []
+        write_whole(self.path, (json.dumps({"settings": settings}) + "\n").encode())
 
     def _record(self, item: dict[str, Any]) -> Record:
         lists = {name: tuple(value) for name, value in item.items() if isinstance(value, list)}

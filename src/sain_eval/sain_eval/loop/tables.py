@@ -10,8 +10,8 @@ from typing import Any, Final
 from rich.console import Console
 
 from sain_core.cli.terminal import FittingTable, markdown_table
+from sain_core.output import write_whole
 from sain_core.shapes.solids import DISK
-from sain_core.storage import write_whole
 from sain_eval.loop.closed_loop import BASELINES
 from sain_eval.loop.results import SceneRecord, summarise
 
@@ -22,6 +22,7 @@ HEADER: Final = (
 TABLE_FILE: Final = "table.md"
 SHAPE_TABLE_FILE: Final = "table_per_shape.md"
 FAILURES_FILE: Final = "failures.md"
+TABLES: Final = (TABLE_FILE, SHAPE_TABLE_FILE, FAILURES_FILE)
 MOST_FAILURES: Final = 40  # that are printed
 SHAPES_SCENARIO: Final = "shapes"  # has another shape for each seed
 

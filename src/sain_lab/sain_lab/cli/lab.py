@@ -12,6 +12,7 @@ from rich.console import Console
 from sain_core.cli.terminal import FittingTable, make_table
 from sain_core.config import Config, option, required
 from sain_core.errors import ConfigError
+from sain_core.output import OVERWRITE_HELP
 from sain_lab.judging.events import NOT_LEARNED
 
 if TYPE_CHECKING:
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
 
 Action = Literal["list", "show", "add", "replay", "export", "forget"]
 SHOWN: Final = 12  # events
+CHART: Final = "chart.png"
 
 
 @dataclass(frozen=True)
@@ -30,9 +32,10 @@ class LabOptions(Config):
     """Look at a laboratory (what was learned where a table stands), and handle it.
 
     list: all laboratories of this user. show NAME: parameters, errors, events.
-    add NAME RECORDING...: learn from bags or data sets. replay RECORDING...: stream recorded pushes
-    as if they happened now, and draw the chart. export NAME: belief and checkpoint for a robot
-    without the laboratory. forget NAME: remove it for good. NAME is a name, or a path with a slash.
+    add NAME RECORDING...: learn from bags or data sets; without any, from pushes that wait. replay
+    RECORDING...: stream recorded pushes as if they happened now, and draw the chart. export NAME:
+    belief and checkpoint for a robot without the laboratory. forget NAME: remove it for good. NAME
+    is a name, or a path with a slash.
     """
 
     action: Annotated[Action, tyro.conf.Positional] = required("what to do")
@@ -47,15 +50,16 @@ class LabOptions(Config):
     order: str = option("time", "replay: order of the pushes", choices=("time", "random"))
     shape: str = option("", "replay: these bodies only, with commas; empty: all")
     surface: str = option("", "replay: these surfaces only, with commas; empty: all")
+    overwrite: bool = option(False, OVERWRITE_HELP)
 
     def __post_init__(self) -> None:
         """Check that there are as many names as the action needs."""
         super().__post_init__()
-        count = {"list": (0, 0), "add": (2, 10**6), "replay": (1, 10**6)}.get(self.action, (1, 1))
+        count = {"list": (0, 0), "add": (1, 10**6), "replay": (1, 10**6)}.get(self.action, (1, 1))
         if not count[0] <= len(self.names) <= count[1]:
             needs = {
                 "list": "no name",
-                "add": "a laboratory and at least one recording",
+                "add": "a laboratory, and recordings",
                 "replay": "at least one recording",
             }
             wanted = needs.get(self.action, "one laboratory")
@@ -64,6 +68,13 @@ class LabOptions(Config):
         if self.action == "export" and self.out == Path():
             raise ConfigError("export needs --out, a folder")
 
+    @property
+    def chart_folder(self) -> Path:
+        """The folder for the chart; the empty path: none is drawn."""
+        if self.action == "replay" and self.out == Path():
+            return Path("results/replay")
+        return self.out if self.action in ("show", "replay") else Path()
+
 
 def run(options: LabOptions, console: Console) -> None:
     """Do what is asked for.
@@ -71,19 +82,22 @@ def run(options: LabOptions, console: Console) -> None:
     Raises:
         DatasetError, BusyError, OutputError, CheckpointError: see `sain_lab.keeping.laboratory`.
     """
+    from sain_core.output import claim_folder
     from sain_lab.keeping.laboratory import Laboratory, forget
 
+    if options.chart_folder != Path():
+        claim_folder(options.chart_folder, (CHART,), options.overwrite)
     match options.action:
         case "list":
             show_list(console)
         case "forget":
             console.print(f"removed {forget(options.names[0])}")
         case "show":
-            show(Laboratory.named(options.names[0]), console, options.out)
+            show(Laboratory.named(options.names[0]), console, options.chart_folder)
         case "replay":
             replay(options, console)
         case "export":
-            export(Laboratory.named(options.names[0]), options.out, console)
+            export(Laboratory.named(options.names[0]), options, console)
         case "add":
             add(options, console)
 
@@ -97,8 +111,9 @@ def show_list(console: Console) -> None:
     for name in laboratory_names():
         try:
             one = Laboratory.named(name)
-            pushes = sum(record["kind"] == "push" for record in one.records())
-            rows.append((name, str(pushes), one.manifest.service, f"{one.bytes / 1e6:.1f} MB"))
+            pushes = str(sum(record["kind"] == "push" for record in one.records()))
+            pushes += f"; {len(one.damage)} lines of the log are damaged" if one.damage else ""
+            rows.append((name, pushes, one.manifest.service, f"{one.bytes / 1e6:.1f} MB"))
         except SainError as error:
             rows.append((name, "", str(error), ""))
     if rows:
@@ -115,6 +130,11 @@ def show(laboratory: "Laboratory", console: Console, out: Path) -> None:
 
     curves = read_curves(laboratory)
     console.print(f"{laboratory.path}: {curves.pushes} pushes", soft_wrap=True)
+    if waiting := sum(1 for _ in laboratory.waiting()):
+        how = f"`sain lab add {laboratory.path}` learns from them"
+        console.print(f"{waiting} pushes were received and wait: {how}", soft_wrap=True)
+    for text in laboratory.damage:
+        console.print(text, soft_wrap=True)
     console.print(f"in service: {laboratory.manifest.service}")
     for table in tables(curves):
         console.print(table, soft_wrap=True)
@@ -124,7 +144,7 @@ def show(laboratory: "Laboratory", console: Console, out: Path) -> None:
         from sain_core.view.figures import write_png
         from sain_lab.judging.chart import draw_curves
 
-        path = write_png(draw_curves(curves, laboratory.name), out / "chart.png")
+        path = write_png(draw_curves(curves, laboratory.name), out / CHART)
         console.print(f"{path}: errors and parameters", soft_wrap=True)
 
 
@@ -157,13 +177,31 @@ def _interval(mean: float, low: float, high: float) -> str:
     return f"{mean:.2f} [{low:.2f}, {high:.2f}]"
 
 
-def export(laboratory: "Laboratory", out: Path, console: Console) -> None:
-    """Write what a robot without the laboratory needs."""
-    from sain_core.storage import make_folder
-    from sain_lab.keeping.exporting import export_laboratory
+def export(laboratory: "Laboratory", options: LabOptions, console: Console) -> None:
+    """Write what a robot without the laboratory needs: the belief, and the network in service.
 
-    for path, use in export_laboratory(laboratory, make_folder(out)):
-        console.print(f"{path}: {use}", soft_wrap=True)
+    Raises:
+        DatasetError: nothing was learned yet.
+        OutputError: the folder cannot be written, or a file there is not ours.
+    """
+    from sain_core.errors import DatasetError
+    from sain_core.guarding.untrusted import read_regular
+    from sain_core.output import claim_folder, write_whole
+    from sain_model.dynamics.load import card_path
+
+    files: list[tuple[Path, str]] = []
+    if laboratory.belief_path.exists():
+        use = "evaluate --controllers sain --belief {}, or the parameter belief"
+        files.append((laboratory.belief_path, use))
+    if laboratory.manifest.has_network:
+        weights = laboratory.model_path(laboratory.manifest.service)
+        files += [(card_path(weights), "its card"), (weights, "evaluate --controllers {}")]
+    if not files:
+        raise DatasetError(f"laboratory {laboratory.path} has learned nothing yet")
+    claim_folder(options.out, [source.name for source, _ in files], options.overwrite)
+    for source, use in files:
+        path = write_whole(options.out / source.name, read_regular(source))
+        console.print(f"{path}: {use.format(path)}", soft_wrap=True)
 
 
 def add(options: LabOptions, console: Console) -> None:
@@ -172,6 +210,10 @@ def add(options: LabOptions, console: Console) -> None:
     from sain_lab.learner import Learner
 
     with Learner.named(options.names[0], options.train) as learner:
+        for text in learner.laboratory.damage:
+            console.print(text, soft_wrap=True)
+        if learner.waiting or not options.names[1:]:
+            learn(learner, learner.received(), "received before", console)
         for name in options.names[1:]:
             learn(learner, read_recording(Path(name)), name, console)
             learner.laboratory.link(Path(name))
@@ -203,7 +245,7 @@ def learn(
 
 def replay(options: LabOptions, console: Console) -> None:
     """Stream recorded pushes through a learner as if they happened now."""
-    from sain_core.storage import scratch_folder
+    from sain_core.scratch import scratch_folder
     from sain_lab.keeping.recordings import chosen, read_recording
     from sain_lab.learner import Learner
 
@@ -214,5 +256,4 @@ def replay(options: LabOptions, console: Console) -> None:
                 results = read_recording(Path(path))
                 some = chosen(results, options.shape, options.surface, options.order)
                 learn(learner, some, path, console, wait=True)
-            out = Path("results/replay") if options.out == Path() else options.out
-            show(learner.laboratory, console, out)
+            show(learner.laboratory, console, options.chart_folder)

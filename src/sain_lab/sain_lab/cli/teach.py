@@ -8,6 +8,7 @@ from rich.console import Console
 
 from sain_core.cli.terminal import make_table
 from sain_core.config import option
+from sain_core.output import OVERWRITE_HELP, claim_file
 from sain_lab.settings import GRAPH, TeachSettings
 
 if TYPE_CHECKING:
@@ -24,7 +25,8 @@ class TeachOptions(TeachSettings):
     error before and after, and what as many pushes more would bring; writes a chart.
     """
 
-    out: Path = option(Path("teaching.png"), "file for the chart")
+    out: Path = option(Path("results/teaching.png"), "file for the chart")
+    overwrite: bool = option(False, OVERWRITE_HELP)
 
 
 def run(options: TeachOptions, console: Console) -> None:
@@ -40,6 +42,7 @@ def run(options: TeachOptions, console: Console) -> None:
     from sain_lab.keeping.laboratory import Laboratory
     from sain_model.compute.kernel_store import compile_visibly
 
+    claim_file(options.out, options.overwrite)
     compile_visibly(console)
     if options.world == GRAPH:
         from sain_lab.ros.teaching import teach_on_graph

@@ -66,8 +66,8 @@ def _draw_parameters(axes: Axes, curves: Curves) -> None:
     sharpest = sorted(shares, key=lambda name: shares[name][-1])[:MOST_PARAMETERS]
     colours = (PALETTE.physics, PALETTE.predicted, PALETTE.goal, PALETTE.alarm, PALETTE.mid)
     for name, colour in zip(sharpest, (*colours, PALETTE.soft), strict=False):
-        pushes = np.concatenate([[0.0], curves.parameters[name][:, 0]])
-        spread = np.concatenate([[1.0], shares[name]])
+        pushes = np.concatenate([[0.0], curves.parameters[name][:, 0], [curves.pushes]])
+        spread = np.concatenate([[1.0], shares[name], shares[name][-1:]])
         axes.step(pushes, spread, where="post", color=colour, label=name, linewidth=1.2)
     axes.set_ylim(0.0, 1.1)
     if sharpest:

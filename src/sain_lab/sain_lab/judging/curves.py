@@ -10,8 +10,8 @@ from numpy import ndarray
 
 from sain_core.randomness import Interval, bootstrap_mean, bootstrap_ratio, generator
 from sain_lab.judging.events import Event
-from sain_lab.keeping.laboratory import PHYSICS, PLANAR, Laboratory
-from sain_lab.keeping.log import LogTail, Record
+from sain_lab.keeping.laboratory import PHYSICS, PLANAR, Laboratory, check_record
+from sain_lab.keeping.log import LogReader, Record
 
 SERVICE: Final = "in service"
 WINDOW: Final = 50  # pushes of a running mean
@@ -41,13 +41,6 @@ class Curves:
         """The number of pushes M."""
         return len(self.errors[SERVICE])
 
-    def running(self, name: str, window: int = WINDOW) -> Float[ndarray, "M"]:
-        """Return the mean error of the latest pushes, so many at most, after each push."""
-        values = self.errors[name]
-        return np.array(
-            [np.nanmean(values[max(i + 1 - window, 0) : i + 1]) for i in range(len(values))]
-        )
-
     def interval(self, name: str, first: int, last: int) -> Interval:
         """Return the mean error over pushes first to last with its 95 % interval."""
         values = self.errors[name][first:last]
@@ -70,12 +63,12 @@ class CurveReader:
 
     def __init__(self, laboratory: Laboratory) -> None:
         """Begin with the log as it is."""
-        self._tail = LogTail(laboratory.log_path)
+        self._log = LogReader(laboratory.log_path, check_record)
         self._records: list[Record] = []  # without scenes
 
     def read(self) -> Curves:
-        """Return the curves as they are now; raises as `LogTail.read`."""
-        for record in self._tail.read():
+        """Return the curves as they are now; raises `DatasetError`."""
+        for record in self._log.read():
             self._records.append({key: record[key] for key in record.keys() - SCENES})
         return curves_of(self._records)
 

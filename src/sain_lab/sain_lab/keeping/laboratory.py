@@ -4,15 +4,16 @@
     pushes.log         every push that was learned from, and every decision (`sain_lab.keeping.log`)
     belief.json        what is believed of the physics, as ``sain_model identify`` writes it
     models/000100/     a network trained on the first 100 pushes, with its card
+    waiting.log        pushes that were received, until they are in the log
     recordings.txt     where recordings lie that were added
 
 The log is the truth: all else can be made from it again, or is a file that is whole or absent. So a
-kill at any moment leaves the laboratory whole. One process may write it at a time.
+kill at any moment leaves the laboratory whole. One process may write it at a time. What SAIN did
+not write in the folder stays as it is (`sain_core.output`).
 """
 
 import os
 import re
-import shutil
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -22,16 +23,23 @@ from typing import Any, Final, Self
 from sain_core.errors import BusyError, ConfigError, DatasetError, OutputError, SainError
 from sain_core.guarding.locks import LockedError, lock_file
 from sain_core.guarding.untrusted import read_json, read_regular_text
-from sain_core.storage import remove_partial, write_json, write_whole
-from sain_lab.keeping.log import LogWriter, Record, read_log
+from sain_core.output import MANIFEST as SIGNED
+from sain_core.output import claim_folder, is_ours, remove, sign, write_json, write_whole
+from sain_lab.judging import events
+from sain_lab.judging.events import Event
+from sain_lab.keeping.log import LogReader, LogWriter, Record
+from sain_lab.keeping.results import Result
+from sain_model.physics.parameters import BY_NAME
 
 FORMAT: Final = "sain-laboratory-1"
 PREFIX: Final = "lab:"
 NAME: Final = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,63}")
 MANIFEST, LOG, BELIEF = "laboratory.json", "pushes.log", "belief.json"
-MODELS, RECORDINGS, LOCK = "models", "recordings.txt", ".lock"
+MODELS, WAITING, RECORDINGS, LOCK = "models", "waiting.log", "recordings.txt", ".lock"
 PHYSICS: Final = "physics"  # in service in place of a network: as it is believed
 PLANAR: Final = "planar"  # likewise: with values of no laboratory
+SHIPPED: Final = "shipped"  # likewise: the model that comes with SAIN
+NETWORK: Final = re.compile(rf"{MODELS}/\d+")  # the folder of a network
 
 
 def data_folder() -> Path:
@@ -63,6 +71,11 @@ def laboratory_names() -> list[str]:
     return sorted(path.parent.name for path in folder.glob(f"*/{MANIFEST}"))
 
 
+def service_of(pushes: int) -> str:
+    """Return the folder of a network, below the laboratory, by what it was trained on."""
+    return f"{MODELS}/{pushes:06d}"
+
+
 @dataclass(frozen=True)
 class Manifest:
     """What a laboratory states of itself.
@@ -71,7 +84,8 @@ class Manifest:
         name: of it.
         made: seconds since 1970.
         log_bytes: its log is at least as long.
-        service: `PHYSICS`, `PLANAR`, or the folder of the network in service, below the laboratory.
+        service: `PHYSICS`, `PLANAR`, `SHIPPED`, or the folder of the network in service, below the
+            laboratory.
         generation: how often what is in service has changed.
     """
 
@@ -84,7 +98,7 @@ class Manifest:
     @property
     def has_network(self) -> bool:
         """Whether a network of this laboratory is in service."""
-        return self.service not in (PHYSICS, PLANAR)
+        return self.service not in (PHYSICS, PLANAR, SHIPPED)
 
 
 class Laboratory:
@@ -98,6 +112,7 @@ class Laboratory:
         """
         self.path = path
         self.manifest = _read_manifest(path)
+        self.damage: list[str] = []  # a sentence for each damaged line that was read
         self._check_whole()
 
     @classmethod
@@ -132,9 +147,18 @@ class Laboratory:
         return sum(path.stat().st_size for path in self.path.rglob("*") if path.is_file())
 
     def records(self) -> Iterator[Record]:
-        """Yield the records of the log; raises `DatasetError`."""
-        for record, _ in read_log(self.log_path):
-            yield record
+        """Yield the records of the log; raises `DatasetError`. `damage` says what is missing."""
+        yield from self._read(self.log_path)
+
+    def waiting(self) -> Iterator[Result]:
+        """Yield results that were received, and may not be in the log yet; as `records`."""
+        if (self.path / WAITING).exists():
+            yield from map(Result.of_record, self._read(self.path / WAITING))
+
+    def _read(self, path: Path) -> Iterator[Record]:
+        reader = LogReader(path, check_record)
+        yield from reader.read()
+        self.damage += [text for text in reader.damage if text not in self.damage]
 
     def model_path(self, service: str) -> Path:
         """Return the checkpoint in a folder of a network."""
@@ -177,10 +201,10 @@ class OpenLaboratory(Laboratory):
         try:
             if not (path / MANIFEST).exists():
                 _write_manifest(path, Manifest(path.name, time.time()))
-            for name in (MANIFEST, BELIEF, RECORDINGS):
-                remove_partial(path, name)
             super().__init__(path)
             self._log = LogWriter(self.log_path)
+            self._waiting = LogWriter(path / WAITING, durable=False)
+            _sign(path)
         except OSError as error:
             os.close(self._lock)
             if isinstance(error, SainError):
@@ -212,16 +236,32 @@ class OpenLaboratory(Laboratory):
         lines = list(dict.fromkeys([*self.recordings, str(recording.resolve())]))
         write_whole(self.path / RECORDINGS, ("\n".join(lines) + "\n").encode())
 
-    def keep_models(self, services: set[str]) -> None:
-        """Remove all networks but those in these folders, as far as that is possible."""
-        for folder in (self.path / MODELS).glob("*"):
-            if f"{MODELS}/{folder.name}" not in {*services, self.manifest.service}:
-                shutil.rmtree(folder, ignore_errors=True)
+    def receive(self, record: Record) -> None:
+        """Keep a push until `learned_all`, over a kill too; raises `OutputError`."""
+        self._waiting.append(record)
+
+    def learned_all(self) -> None:
+        """Remove what was received: it is in the log. A file with damage stays."""
+        if not any(str(self.path / WAITING) in text for text in self.damage):
+            self._waiting.clear()
+
+    def check_network(self, service: str) -> None:
+        """Check that a network can be written to this folder; raises `OutputError`."""
+        for path in (self.path / MODELS, self.path / service):
+            if path.is_symlink():
+                raise OutputError(f"{path} is a symbolic link; a network is written to a folder")
+        if (self.path / service).exists():
+            raise OutputError(f"{self.path / service} exists, and is of no training; move it away")
+
+    def remove_network(self, service: str) -> None:
+        """Remove the folder of a network; raises `OutputError`, see `sain_core.output.remove`."""
+        remove(self.path.resolve() / service)
 
     def close(self) -> None:
         """Write the manifest, and let another process have the laboratory."""
         self.state()
         self._log.close()
+        self._waiting.close()
         os.close(self._lock)
 
     def __enter__(self) -> Self:
@@ -239,38 +279,108 @@ def forget(name: str) -> Path:
     Raises:
         DatasetError: there is none.
         BusyError: a learner has it.
-        OutputError: it cannot be removed.
+        OutputError: something in it is not ours, or a link leads there: nothing is removed.
     """
     path = laboratory_path(name)
-    if not (path / MANIFEST).exists():
-        raise DatasetError(f"there is no laboratory at {path}")
+    _read_manifest(path)
+    if not (path / LOCK).exists():
+        remove(path)
+        return path
     try:
         lock = lock_file(path / LOCK, "forget")
-        try:
-            (path / MANIFEST).unlink()  # from here on it is none
-            shutil.rmtree(path)
-        finally:
-            os.close(lock)
     except LockedError as error:
         raise BusyError(f"laboratory {path} is open: process {error.holder} learns there") from None
-    except OSError as error:
-        raise OutputError(f"cannot remove {path}: {error.strerror or error}") from error
+    try:
+        remove(path)
+    finally:
+        os.close(lock)
     return path
 
 
 def _make(path: Path) -> None:
     try:
+        for one in (path, *path.parents):
+            if one.exists() and not one.is_dir():
+                raise OutputError(f"cannot write {path}: {one} is no folder")
         if path.exists() and not (path / MANIFEST).exists():
-            others = [one.name for one in path.iterdir() if one.name not in (LOCK, LOG)]
+            others = [
+                one.name
+                for one in path.iterdir()
+                if one.name not in (LOCK, SIGNED) and not is_ours(one)
+            ]
             if others:
                 raise OutputError(
                     f"{path} is no laboratory: it has {sorted(others)[0]} and no {MANIFEST}"
                 )
-        path.mkdir(parents=True, exist_ok=True)
+        claim_folder(path)
     except OSError as error:
         if isinstance(error, SainError):
             raise
         raise OutputError(f"cannot write {path}: {error.strerror or error}") from error
+
+
+def _sign(path: Path) -> None:
+    """Name the files of a laboratory that was opened as ours: they are written again and again."""
+    for name in (MANIFEST, LOG, WAITING, LOCK):
+        sign(path / name, grows=True)
+    claim_folder(path, (MANIFEST, BELIEF, RECORDINGS))
+
+
+def check_record(record: Record) -> None:
+    """Check that a record of a log has what its kind needs.
+
+    Raises:
+        SainError, LookupError, TypeError, ValueError: it has not.
+    """
+    match record["kind"]:
+        case "push":
+            Result.of_record(record)
+            for name in ("errors", "turns"):
+                _check_numbers(record.get(name, {}))
+        case "belief":
+            _check_count(record["pushes"])
+            for name, pair in record["parameters"].items():
+                value, spread = pair
+                _check_numbers({BY_NAME[name].name: value, f"spread of {name}": spread})
+        case "event":
+            _check_event(Event.of_record(record))
+        case "end":
+            pass
+        case kind:
+            raise ValueError(f"its kind {kind!r} is not of this version")
+
+
+def _check_event(event: Event) -> None:
+    _check_count(event.pushes)
+    _check_numbers({"time": event.time})
+    about = dict(event.about)
+    service, model = about.get("service", PHYSICS), about.get("model", f"{MODELS}/0")
+    if service not in (PHYSICS, PLANAR, SHIPPED) and not NETWORK.fullmatch(service):
+        raise ValueError(f"service is {service!r}")
+    if not NETWORK.fullmatch(model):
+        raise ValueError(f"model is {model!r}")
+    match event.kind:
+        case events.LOADED | events.DROPPED:
+            _ = about["service"]
+        case events.TRAINED | events.LEFT_OUT:
+            _ = about["model"]
+            errors = [error for error in about.get("unseen", ()) if error is not None]
+            _check_numbers({f"error {place}": error for place, error in enumerate(errors)})
+        case events.CHANGED:
+            _ = about["service"]
+            _check_count(about["keep"])
+            _check_numbers(about["anchor"])
+
+
+def _check_numbers(numbers: dict[str, float]) -> None:
+    for name, value in numbers.items():
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            raise TypeError(f"{name} is {value!r}, not a number")
+
+
+def _check_count(count: int) -> None:
+    if type(count) is not int or count < 0:
+        raise TypeError(f"pushes is {count!r}, not a number of pushes")
 
 
 def _write_manifest(path: Path, manifest: Manifest) -> None:
@@ -286,7 +396,8 @@ def _read_manifest(path: Path) -> Manifest:
         known = ", ".join(laboratory_names()) or "none"
         raise DatasetError(f"there is no laboratory at {path}; known: {known}") from None
     except (OSError, ValueError, LookupError, TypeError, AttributeError) as error:
-        raise DatasetError(f"{path / MANIFEST} is damaged: {error}; copy it again") from error
+        reason = f"it has no {error}" if isinstance(error, KeyError) else error
+        raise DatasetError(f"{path / MANIFEST} is damaged: {reason}; copy it again") from error
     if manifest is None:
         raise DatasetError(
             f"laboratory {path} has the format {found!r}; this version reads {FORMAT!r}"
@@ -300,6 +411,6 @@ def _manifest(content: dict[str, Any]) -> Manifest:
     for name, value in vars(manifest).items():
         if type(value) is not type(right[name]):
             raise TypeError(f"{name} is {value!r}")
-    if manifest.has_network and not re.fullmatch(rf"{MODELS}/\d+", manifest.service):
+    if manifest.has_network and not NETWORK.fullmatch(manifest.service):
         raise ValueError(f"service is {manifest.service!r}")
     return manifest

@@ -2,25 +2,29 @@
 
 A line is the CRC-32 of a JSON text in eight hexadecimal digits, a space, and that text. Where a
 process was killed, the last line may be cut off: it counts for nothing, and the next owner of the
-laboratory removes it. A damaged line before the last is an error.
+laboratory removes it. A damaged line stays in the file: it is named, and the lines after it count.
 """
 
 import json
 import os
+import re
 import zlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from pathlib import Path
-from typing import Any, Final
+from typing import IO, Any, Final
 
-from sain_core.errors import DatasetError, OutputError, UntrustedFileError
+from sain_core.errors import DatasetError, OutputError, SainError, UntrustedFileError
 from sain_core.guarding.untrusted import MIB, open_regular, parse_json
 
 FORMAT: Final = "sain-laboratory-log-1"
 MOST_BYTES: Final = 4096 * MIB  # of a log; 10,000 pushes have 10
 LONGEST_LINE: Final = MIB  # [bytes]; a push of two bodies has 1,000
+OF_A_PUSH: Final = (b'"kind":"push"', b'"digest":', b'"before":')  # a flipped bit leaves two
+BEGINNING: Final = re.compile(rb"[0-9a-f]{0,8}|[0-9a-f]{8} (\{.*)?", re.DOTALL)  # of a line
 
 Record = dict[str, Any]
+FIRST: Final[Record] = {"kind": "log", "format": FORMAT}
 
 
 def encoded(record: Record) -> bytes:
@@ -29,109 +33,141 @@ def encoded(record: Record) -> bytes:
     return b"%08x %s\n" % (zlib.crc32(text), text)
 
 
-def decoded(line: bytes) -> Record | None:
-    """Return the record of a line; None: it is not whole.
+def decoded(line: bytes) -> Record:
+    """Return the record of a line.
 
     Raises:
-        UntrustedFileError: it is whole, and no record.
+        UntrustedFileError, ValueError: it does not have its checksum, or is no record.
     """
-    if not line.endswith(b"\n") or line[8:9] != b" ":
-        return None
     text = line[9:-1]
-    if line[:8] != b"%08x" % zlib.crc32(text):
-        return None
+    if not line.endswith(b"\n") or line[:9] != b"%08x " % zlib.crc32(text):
+        raise UntrustedFileError("CRC")
     content = parse_json(text.decode())
-    if not isinstance(content, dict) or "kind" not in content:
-        raise UntrustedFileError("it is no record: it has no kind")
+    if not isinstance(content, dict) or not isinstance(content.get("kind"), str):
+        raise UntrustedFileError("no record: it has no kind")
     return content
 
 
-def read_log(path: Path) -> Iterator[tuple[Record, int]]:
-    """Yield the records of a log, and the place [bytes] where each ends.
+class LogReader:
+    """Reads a log, and later what its owner has appended.
 
-    Raises:
-        DatasetError: no such file, of another version, too large, or a line is damaged.
+    Attributes:
+        place: where the last line ends that was read [bytes].
+        damage: a sentence for each damaged line so far.
     """
-    try:
-        with open_regular(path) as file:
-            size = os.fstat(file.fileno()).st_size
-            if size > MOST_BYTES:
-                raise DatasetError(f"{path} has {size:,} bytes; allowed: {MOST_BYTES:,}")
-            place = number = 0
-            while line := file.readline(LONGEST_LINE + 1):
-                record = decoded(line)
-                if record is None:
-                    if place + len(line) == size and len(line) <= LONGEST_LINE:
-                        return  # cut off
-                    raise DatasetError(
-                        f"{path} is damaged: line {number + 1} does not have its checksum; copy the"
-                        " laboratory again, or keep the lines before it"
-                    )
-                place, number = place + len(line), number + 1
-                if number == 1:
-                    _check_first(path, record)
-                    continue
-                yield record, place
-    except FileNotFoundError:
-        raise DatasetError(f"{path} does not exist; the laboratory was copied in part") from None
-    except (OSError, UntrustedFileError, UnicodeDecodeError) as error:
-        raise DatasetError(f"{path} cannot be read: {error}") from error
 
-
-def _check_first(path: Path, record: Record) -> None:
-    if (found := record.get("format")) != FORMAT:
-        raise DatasetError(f"{path} has the format {found!r}; this version reads {FORMAT!r}")
-
-
-class LogTail:
-    """Reads what its owner appends to a log, as it comes."""
-
-    def __init__(self, path: Path) -> None:
-        """Begin before the first record."""
-        self._path, self._place = path, 0
+    def __init__(self, path: Path, check: Callable[[Record], object] = lambda _: None) -> None:
+        """Begin before the first line; `check` raises where a record lacks what its kind needs."""
+        self._path, self._check, self._lines = path, check, 0
+        self.place = 0
+        self.damage: list[str] = []
 
     def read(self) -> Iterator[Record]:
-        """Yield the records that came since the last time.
+        """Yield the records since the last time.
 
         Raises:
-            OSError, UntrustedFileError: the log cannot be read.
+            DatasetError: no such file, of another version, or too large.
         """
-        with open_regular(self._path) as file:
-            file.seek(self._place)
-            while line := file.readline(LONGEST_LINE + 1):
-                record = decoded(line)
-                if record is None:
-                    return  # it is being written
-                self._place += len(line)
-                if record["kind"] != "log":
-                    yield record
+        try:
+            with open_regular(self._path) as file:
+                self._check_size(os.fstat(file.fileno()).st_size)
+                file.seek(self.place)
+                while (line := _next_line(file)) and not _is_cut_off(line):
+                    self.place, self._lines = file.tell(), self._lines + 1
+                    if record := self._record(line):
+                        yield record
+        except FileNotFoundError:
+            raise DatasetError(
+                f"{self._path} does not exist; the laboratory was copied in part"
+            ) from None
+        except (OSError, UntrustedFileError) as error:
+            raise DatasetError(f"{self._path} cannot be read: {error}") from error
+
+    def _check_size(self, size: int) -> None:
+        if size > MOST_BYTES:
+            raise DatasetError(f"{self._path} has {size:,} bytes; allowed: {MOST_BYTES:,}")
+
+    def _record(self, line: bytes) -> Record | None:
+        """Return the record of a line; None: the line is damaged, or states the format."""
+        try:
+            record = decoded(line)
+            if record["kind"] != "log":
+                self._check(record)
+                return record
+        except (SainError, LookupError, TypeError, ValueError, AttributeError) as error:
+            reason = f"it has no {error}" if isinstance(error, KeyError) else error
+            self.damage.append(
+                f"line {self._lines} of {self._path} is damaged ({reason}); {_missing(line)}"
+            )
+            return None
+        if (found := record.get("format")) != FORMAT:
+            raise DatasetError(
+                f"{self._path} has the format {found!r}; this version reads {FORMAT!r}"
+            )
+        return None
+
+
+def _next_line(file: IO[bytes]) -> bytes:
+    """Return the next line; of one that is too long the end, which is no record either."""
+    line = file.readline(LONGEST_LINE)
+    while len(line) == LONGEST_LINE and not line.endswith(b"\n"):
+        line = file.readline(LONGEST_LINE)
+    return line
+
+
+def _is_cut_off(line: bytes) -> bool:
+    """Return True if the end of a line was never written, and not its last byte damaged."""
+    return not line.endswith(b"\n") and line[:8] != b"%08x" % zlib.crc32(line[9:-1])
+
+
+def _missing(line: bytes) -> str:
+    """Return what is missing with a damaged line."""
+    pushes = max(line.count(word) for word in OF_A_PUSH)
+    if pushes == 0:
+        return "no push is missing, but a decision, a belief or the end of an episode"
+    return "1 push is missing" if pushes == 1 else f"{pushes} pushes are missing"
 
 
 class LogWriter:
     """Appends records; each is on the disk when `append` returns."""
 
-    def __init__(self, path: Path) -> None:
-        """Go on behind the last whole line; begin the log where there is none.
+    def __init__(self, path: Path, durable: bool = True) -> None:
+        """Go on behind the last line that is not cut off; begin the log where there is none.
+
+        Args:
+            path: of the log.
+            durable: whether a record outlives the machine, and not the process alone.
 
         Raises:
             OutputError: the file cannot be written.
-            DatasetError: the log is damaged.
+            DatasetError: it is no log, or one of another version.
         """
-        self._path = path
-        if not path.exists() or path.stat().st_size == 0:
-            self.size = 0
-        else:
-            self.size = len(_first_line(path))
-            for _, place in read_log(path):
-                self.size = place
+        self._path, self._durable = path, durable
+        self.size = self._end() if path.exists() else 0
         try:
-            flags = os.O_WRONLY | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW
+            flags = os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW
             self._file = os.open(path, flags, 0o644)
             os.ftruncate(self._file, self.size)
+            if self.size and os.pread(self._file, 1, self.size - 1) != b"\n":
+                self.size += os.pwrite(self._file, b"\n", self.size)
         except OSError as error:
             raise OutputError(f"cannot write {path}: {error.strerror or error}") from error
         if self.size == 0:
-            self.append({"kind": "log", "format": FORMAT})
+            self.append(FIRST)
+
+    def _end(self) -> int:
+        """Return where the lines end that stay."""
+        reader = LogReader(self._path)
+        for _ in reader.read():
+            pass
+        with open_regular(self._path) as file:
+            file.seek(reader.place)
+            if not BEGINNING.fullmatch(file.read(LONGEST_LINE + 1)):
+                raise DatasetError(
+                    f"{self._path} is no log of a laboratory from byte {reader.place} on; move it"
+                    " away, or copy the laboratory again"
+                )
+        return reader.place
 
     def append(self, record: Record) -> None:
         """Append a record: whole, or not at all.
@@ -146,24 +182,21 @@ class LogWriter:
             written = 0
             while written < len(line):
                 written += os.pwrite(self._file, line[written:], self.size + written)
-            os.fdatasync(self._file)
+            if self._durable:
+                os.fdatasync(self._file)
         except OSError as error:
             with suppress(OSError):
                 os.ftruncate(self._file, self.size)
             raise OutputError(f"cannot write {self._path}: {error.strerror or error}") from error
         self.size += len(line)
 
+    def clear(self) -> None:
+        """Remove all records, which count elsewhere."""
+        if self.size > len(encoded(FIRST)):
+            os.ftruncate(self._file, 0)
+            self.size = 0
+            self.append(FIRST)
+
     def close(self) -> None:
         """Close the file."""
         os.close(self._file)
-
-
-def _first_line(path: Path) -> bytes:
-    """Return the first line of a log, empty where it was cut off."""
-    with open_regular(path) as file:
-        line = file.readline(LONGEST_LINE)
-    record = decoded(line)
-    if record is None:
-        return b""
-    _check_first(path, record)
-    return line

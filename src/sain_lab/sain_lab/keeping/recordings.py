@@ -11,8 +11,8 @@ from sain_bags.dataset.conversion import ConversionConfig, convert
 from sain_core.errors import DatasetError
 from sain_core.push import BODY
 from sain_core.randomness import generator
+from sain_core.scratch import scratch_folder
 from sain_core.shapes.bodies import bodies_named
-from sain_core.storage import scratch_folder
 from sain_core.transitions import SHAPED, Column, Columns
 from sain_lab.keeping.results import Result
 from sain_model.data.dataset import shard_paths

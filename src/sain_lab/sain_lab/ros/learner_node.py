@@ -5,7 +5,6 @@ low priority; when it is dead, the graph goes on with the model that it has.
 """
 
 import os
-from collections import deque
 from concurrent.futures import Future
 from time import monotonic
 from typing import Any, Final
@@ -15,7 +14,7 @@ import numpy as np
 from rclpy.node import Node
 
 from sain_core import wire
-from sain_core.errors import ConfigError, ErrorCode
+from sain_core.errors import ConfigError, ErrorCode, OutputError
 from sain_core.guarding.ros.reception import Reception, shortened
 from sain_core.guarding.ros.state_file import StateFile
 from sain_core.ros.node_main import ERROR, NAMESPACE, OK, WARN, Diagnostics
@@ -29,6 +28,7 @@ from sain_interfaces.msg import Bodies, Learning, PushResult
 from sain_interfaces.srv import LoadModel
 from sain_lab.judging.curves import CurveReader
 from sain_lab.judging.events import Event
+from sain_lab.keeping.laboratory import WAITING
 from sain_lab.keeping.results import Result
 from sain_lab.learner import Learner, Lesson
 from sain_lab.ros.messages import encode_learning
@@ -37,7 +37,6 @@ from sain_model.compute.threads import one_numba_thread
 
 LOOK: Final = 0.5  # [s] between looks for trainings that ended, and for the model's node
 AGAIN: Final = 5.0  # [s] after the model's node refused
-MOST_WAITING: Final = 1000  # results; more are not learned from
 LAST: Final = 0.5  # [s], for what waits when the graph ends
 MOST_EPISODES: Final = 16  # whose bodies are kept
 BOTH_ENDS: Final = 2**0.5  # of a way that was observed, over the noise of one scene
@@ -60,18 +59,25 @@ class LearnerNode(Node):
         self.curves = CurveReader(self.learner.laboratory)
         self._run = self._name_of_run()
         self._bodies: dict[int, Shapes] = {}
-        self._waiting: deque[Result] = deque()
         self._again = 0.0  # when it may be asked next [s]
         self._loaded = -1  # generation that the model's node was asked to load
         self._asked: Any = None  # the answer that is waited for
+        self._closed = False
         self.topic = LatchedTopic(self, Learning, "learning")
         self._load_model = self.create_client(LoadModel, "load_model")
         LiveParameters(self, self.config, self._on_settings)
         self.reception.listen(Bodies, "shapes", self._on_bodies, LATCHED_QUEUE)
-        self.reception.listen(PushResult, "push_result", self._on_result, QUEUE)
         steady_timer(self, LOOK, self._look)
+        for text in self.learner.laboratory.damage:
+            self.get_logger().warning(text)
+        waiting = len(self.learner.waiting)
+        for _ in range(waiting):
+            self.worker.submit(self._learn, self._on_lesson)
         self._publish()
         self.ready = f"learns in {self.learner.laboratory.path}, after {self.learner.pushes} pushes"
+        self.ready += f"; {waiting} more were received before" if waiting else ""
+        # Last: what is delivered to a node that is interrupted in its start is lost.
+        self._results = self.reception.listen(PushResult, "push_result", self._on_result, QUEUE)
 
     def _name_of_run(self) -> str:
         """Return the name below which this run's episodes are kept; a restart has the same."""
@@ -92,20 +98,16 @@ class LearnerNode(Node):
     def _on_result(self, message: PushResult) -> None:
         if not self.config.learns or message.error_code != ErrorCode.OK:
             return
-        if self.worker.pending >= MOST_WAITING:
-            self.get_logger().warning(
-                f"push {message.push_id} is not learned from: {MOST_WAITING} others wait",
-                throttle_duration_sec=5.0,
-            )
-            return
-        result = self._decoded(message)
-        self._waiting.append(result)
+        try:
+            self.learner.receive(self._decoded(message))
+        except OutputError as error:
+            self.get_logger().error(f"a crash now would lose push {message.push_id}: {error}")
         self.worker.submit(self._learn, self._on_lesson)
 
     def _learn(self) -> Lesson:
         """Learn from the result that waits longest; on the worker's thread."""
         with one_numba_thread():
-            return self.learner.observe(self._waiting.popleft())
+            return self.learner.observe(self.learner.waiting[0])
 
     def _decoded(self, message: PushResult) -> Result:
         before = wire.decode_disks(message.before.disks, "before")
@@ -185,14 +187,22 @@ class LearnerNode(Node):
 
     def _end(self) -> None:
         """Learn from what still waits, as far as there is time, and close the laboratory."""
-        enough = monotonic() + LAST
+        enough, path = monotonic() + LAST, self.learner.laboratory.path
         try:
-            while self._waiting and monotonic() < enough:
+            while self.learner.waiting and monotonic() < enough:
                 self._learn()
+            if count := len(self.learner.waiting):
+                self.get_logger().warning(
+                    f"{count} pushes wait in {path / WAITING}: the next learner begins with them,"
+                    f" or `sain lab add {self.config.laboratory}`"
+                )
         finally:
             self.learner.close()
 
     def destroy_node(self) -> None:
-        """Learn from what waits, and close the laboratory."""
+        """Take what was delivered, learn from what waits, and close the laboratory."""
+        while not self._closed and (taken := self._results.handle.take_message(PushResult, False)):
+            self._results.callback(taken[0])
+        self._closed = True
         self.worker.close(self._end)
         super().destroy_node()

@@ -6,7 +6,7 @@ from typing import Final
 
 import numpy as np
 
-from sain_core.config import Config, option
+from sain_core.config import MOST_SEED, Config, option
 from sain_core.errors import NoPushError, SainError
 from sain_core.feasibility import Feasibility
 from sain_core.model import Model
@@ -34,7 +34,7 @@ class TeachingConfig(Config):
 
     draws: int = option(256, "pushes that one is chosen from", minimum=8, maximum=100_000)
     plans: int = option(12, "scenes of the scenario that plans are imagined in", minimum=1)
-    seed: int = option(0, "of draws and of imagined scenes", minimum=0)
+    seed: int = option(0, "of draws and of imagined scenes", minimum=0, maximum=MOST_SEED)
 
 
 class Teacher(Decider):

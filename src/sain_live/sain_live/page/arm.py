@@ -18,7 +18,9 @@ import numpy as np
 import viser
 
 from sain_core.errors import ConfigError, SainError
-from sain_core.storage import cache_folder, make_folder, read_arrays, write_arrays
+from sain_core.output import claim_folder, remove
+from sain_core.scratch import cache_folder
+from sain_core.storage import read_arrays, write_arrays
 from sain_live.page.things import Quaternion, Vector, about, of_angles, turned
 from sain_live.state import Level, LiveArm, LiveState
 
@@ -59,7 +61,7 @@ def read_mesh(filename: str, colour: Colour, own: bool) -> list[Mesh]:
         return _from_arrays(read_arrays(kept))
     meshes = list(_read(path, colour, own))
     with suppress(SainError, OSError):  # a full disk: it is read the next time, too
-        make_folder(kept.parent)
+        claim_folder(kept.parent)
         _forget_old(kept.parent)
         write_arrays(kept, _to_arrays(meshes), deflate_numbers=False)
     return meshes
@@ -76,7 +78,7 @@ def _place(path: Path, colour: Colour, own: bool) -> Path:
 def _forget_old(folder: Path) -> None:
     kept = sorted(folder.glob("*.npz"), key=lambda one: one.stat().st_mtime_ns)
     for path in kept[: max(len(kept) - KEPT + 1, 0)]:
-        path.unlink(missing_ok=True)
+        remove(path)
 
 
 def _to_arrays(meshes: list[Mesh]) -> dict[str, np.ndarray]:

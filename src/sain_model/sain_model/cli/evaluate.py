@@ -10,11 +10,12 @@ import numpy as np
 import tyro
 from rich.console import Console
 
-from sain_core.config import Config, option, required
+from sain_core.config import MOST_SEED, Config, option, required
 from sain_core.errors import CheckpointError, DatasetError
 from sain_core.model import Model
+from sain_core.output import OVERWRITE_HELP, claim_file, write_json, write_whole
+from sain_core.provenance import ros2_command
 from sain_core.push import LENGTH
-from sain_core.storage import ros2_command, write_json, write_whole
 from sain_core.transitions import draw_parts
 from sain_core.types import Mask
 from sain_model.network.settings import STEPS
@@ -45,9 +46,10 @@ class EvaluateModelOptions(Config):
         STEPS, "numbers of pushes after which errors of rollouts are taken; none: no rollouts"
     )
     out: Path = option(
-        Path("evaluation.json"), "file for the errors; a table and a picture go beside it"
+        Path("results/evaluation.json"), "file for the errors; a table and a picture go beside it"
     )
-    seed: int = option(0, "seed of the bootstrap", minimum=0)
+    overwrite: bool = option(False, OVERWRITE_HELP)
+    seed: int = option(0, "seed of the bootstrap", minimum=0, maximum=MOST_SEED)
 
 
 def run(options: EvaluateModelOptions, console: Console) -> None:
@@ -65,6 +67,8 @@ def run(options: EvaluateModelOptions, console: Console) -> None:
     from sain_model.evaluation.predictors import followed, predict_all, refusals
 
     torch.set_num_threads(1)
+    for path in (options.out, *_open_loop_files(options)):
+        claim_file(path, options.overwrite)
     path = options.checkpoint or shipped_checkpoint()
     data = load_dataset(options.dataset)
     with _models(options) as (models, physics):
@@ -144,9 +148,15 @@ def _write(
         f" nothing: {count}\n"
         for name, count in refused.items()
     )
-    stem = options.out.stem
-    write_whole(options.out.with_name(f"{stem}_open_loop.md"), text.encode())
-    save_rollout_plot(options.out.with_name(f"{stem}_open_loop.png"), predictions, options.seed)
+    table, picture = _open_loop_files(options)
+    write_whole(table, text.encode())
+    save_rollout_plot(picture, predictions, options.seed)
+
+
+def _open_loop_files(options: EvaluateModelOptions) -> list[Path]:
+    """Return the files of table and picture, if rollouts are asked for."""
+    stem = options.out.with_suffix("")
+    return [Path(f"{stem}_open_loop{end}") for end in (".md", ".png")] if options.open_loop else []
 
 
 def _show(errors: "Figures", refused: dict[str, int], console: Console) -> None:

@@ -11,7 +11,8 @@ from rich.console import Console
 from sain_core.cli.terminal import FittingTable, make_table
 from sain_core.config import Config, option, required
 from sain_core.errors import ConfigError, DatasetError
-from sain_core.storage import ros2_command
+from sain_core.output import OVERWRITE_HELP, claim_file
+from sain_core.provenance import ros2_command
 from sain_core.world import MASSES, unknown_names
 
 if TYPE_CHECKING:
@@ -30,7 +31,8 @@ class IdentifyOptions(Config):
     datasets: Annotated[tuple[Path, ...], tyro.conf.Positional] = required(
         "folders of shards *.npz, each a recording of the laboratory"
     )
-    out: Path = option(Path("belief.json"), "file for the belief")
+    out: Path = option(Path("runs/belief.json"), "file for the belief")
+    overwrite: bool = option(False, OVERWRITE_HELP)
     model: str = option("sain", "model that it is for: sain, or the path of a checkpoint")
     pushes: int = option(0, "largest number of pushes of each recording; 0: all", minimum=0)
     unknown: str = option(
@@ -56,6 +58,7 @@ def run(options: IdentifyOptions, console: Console) -> None:
     )
     from sain_model.dynamics.sain import SainDynamics
 
+    claim_file(options.out, options.overwrite)
     if states_bodies(load_dataset(shard_paths(options.datasets[0])[0])):
         _write(options, identify_bodies(load_dataset(*options.datasets)), console)
         return

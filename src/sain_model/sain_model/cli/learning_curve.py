@@ -9,7 +9,8 @@ from rich.console import Console
 
 from sain_core.cli.terminal import make_table, markdown_table
 from sain_core.config import Config, option, required
-from sain_core.storage import ros2_command, write_json, write_whole
+from sain_core.output import OVERWRITE_HELP, claim_folder, write_json, write_whole
+from sain_core.provenance import ros2_command
 from sain_model.training.settings import TrainingConfig
 
 if TYPE_CHECKING:
@@ -25,6 +26,7 @@ class LearningCurveOptions(Config):
 
     dataset: Annotated[Path, tyro.conf.Positional] = required("a shard *.npz, or a folder of them")
     out: Path = required("folder for curves.json, curves.md, curves.png and the state")
+    overwrite: bool = option(False, OVERWRITE_HELP)
     sizes: tuple[int, ...] = option(
         (100, 300, 1000, 3000), "numbers of transitions to train on", minimum=1
     )
@@ -45,6 +47,7 @@ def run(options: LearningCurveOptions, console: Console) -> None:
     from sain_model.training.learning_curve import draw_curves, learning_curve
 
     torch.set_num_threads(1)
+    claim_folder(options.out, ("curves.json", "curves.md", "curves.png"), options.overwrite)
     config = options.training
     data = load_dataset(options.dataset)
     split = split_by_episode(data, config.seed, config.validation, config.test)

@@ -12,6 +12,7 @@ from rich.console import Console
 
 from sain_core.config import Config, option, required
 from sain_core.guarding.untrusted import read_regular
+from sain_core.output import OVERWRITE_HELP
 from sain_core.transitions import Column
 from sain_model.network.settings import MASS_MIDDLE
 
@@ -34,6 +35,7 @@ class RealImportOptions(Config):
         "files of pushes, or folders of them"
     )
     out: Path = required("new folder for the data set")
+    overwrite: bool = option(False, OVERWRITE_HELP)
     shapes: Path | None = option(
         None,
         "JSON or YAML file of the outlines [m]; by default shapes.json or shapes.yaml beside the"
@@ -62,9 +64,10 @@ def run(options: RealImportOptions, console: Console) -> None:
         OutputError: the folder cannot be written.
     """
     from sain_core.cli.terminal import WaitingLine
-    from sain_model.importing.data_set import import_pushes, write_imported
+    from sain_model.importing.data_set import claim_data_set, import_pushes, write_imported
     from sain_model.importing.files import read_recordings
 
+    claim_data_set(options.out, options.overwrite)
     found = read_recordings(options.paths, options.shapes, options.tip_radius)
     with WaitingLine(Console(stderr=True)) as line:
 

@@ -6,11 +6,12 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import field, make_dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING
 
 from rich.console import Console
 
 from sain_core.errors import ConfigError
+from sain_core.output import claim_folder
 from sain_model.network.settings import PARAMETERS, STEPS
 from sain_model.training.settings import (
     DEFAULT,
@@ -23,8 +24,6 @@ from sain_model.training.settings import (
 if TYPE_CHECKING:
     from sain_model.data.dataset import Dataset
     from sain_model.training.trainer import LossHistory, Progress
-
-LOSSES: Final = ("loss.png", "rollout_loss.png")
 
 
 def options(arguments: Sequence[str]) -> type[TrainOptions]:
@@ -73,9 +72,16 @@ def run(options: TrainOptions, console: Console) -> None:
     from sain_model.evaluation.predictors import NAMES
     from sain_model.evaluation.presentation import error_tables
     from sain_model.training.fit import Parent, fit, gain_line, identified_kind, trained_kind
-    from sain_model.training.record import draw_losses, make_card, own_errors
+    from sain_model.training.record import (
+        PICTURES,
+        draw_losses,
+        make_card,
+        own_errors,
+        written_names,
+    )
 
     torch.set_num_threads(1)
+    claim_folder(options.out, written_names(options.name), options.overwrite)
     parent = Parent.load(options.parent) if options.parent else None
     kind = None
     if parent:
@@ -99,8 +105,9 @@ def run(options: TrainOptions, console: Console) -> None:
         options.rollout,
         parent.sain if parent else None,
         partial(_show, options, data, console),
+        options.overwrite,
     )
-    for history, name in zip(histories, LOSSES, strict=False):
+    for history, name in zip(histories, PICTURES, strict=False):
         write_png(draw_losses(history), options.out / name)
     name = NAMES[model.origin.kind]
     errors = evaluate(split.held_out, {name: model}, STEPS)

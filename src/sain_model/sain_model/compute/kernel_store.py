@@ -12,7 +12,6 @@ import hashlib
 import os
 import platform
 import re
-import shutil
 import subprocess
 import sys
 import tempfile
@@ -25,9 +24,10 @@ from typing import TYPE_CHECKING, Final
 
 import sain_core
 from sain_core.cli.terminal import WaitingLine
-from sain_core.errors import ModelUnavailableError
+from sain_core.errors import ModelUnavailableError, OutputError
 from sain_core.guarding.lifetime import alive
-from sain_core.storage import cache_folder
+from sain_core.output import claim_folder, remove, sign
+from sain_core.scratch import cache_folder
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -89,7 +89,7 @@ def compile_kernels(report: Report | None = None) -> None:
         if not kernels_are_ready():
             _compile(tell)
             _remove_outdated()
-            _stamp().touch()
+            _sign_kernels()
 
 
 # --- what is to be compiled -----------------------------------------------------------------------
@@ -198,12 +198,20 @@ def _lock_file() -> Path:
 def _remove_outdated() -> None:
     """Remove kernels of earlier sources, and nothing else: others may keep theirs here, too."""
     folders = module_folders()
-    ours = re.compile(rf"({'|'.join(folders)})-[0-9a-f]{{{HASH_LENGTH}}}")
-    for path in kernel_folder().iterdir():
-        if ours.fullmatch(path.name) and path not in folders.values():
-            shutil.rmtree(path, ignore_errors=True)
-        elif re.fullmatch(rf"complete-[0-9a-f]{{{HASH_LENGTH}}}", path.name):
-            path.unlink(missing_ok=True)
+    ours = re.compile(rf"({'|'.join([*folders, 'complete'])})-[0-9a-f]{{{HASH_LENGTH}}}")
+    for path in kernel_folder().resolve().iterdir():
+        if ours.fullmatch(path.name) and path.name not in {one.name for one in folders.values()}:
+            with suppress(OutputError):  # of others, or made before there were manifests
+                remove(path)
+
+
+def _sign_kernels() -> None:
+    """Name in the manifest what this process has had compiled."""
+    claim_folder(kernel_folder())
+    for folder in module_folders().values():
+        sign(folder / "*.nb[ic]", grows=True)
+    _stamp().touch()
+    sign(_stamp())
 
 
 # --- how it gets there ----------------------------------------------------------------------------
@@ -213,7 +221,7 @@ def _remove_outdated() -> None:
 def _alone(tell: Callable[[], None]) -> Iterator[None]:
     """Wait until no other process compiles, and keep others from it."""
     kernel_folder().mkdir(parents=True, exist_ok=True)
-    with _lock_file().open("w") as lock:
+    with _lock_file().open("a") as lock:
         while True:
             try:
                 fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)

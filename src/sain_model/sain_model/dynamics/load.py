@@ -20,8 +20,8 @@ from sain_core.config import typed_settings
 from sain_core.errors import CheckpointError, UntrustedFileError
 from sain_core.guarding.untrusted import parse_json, read_regular
 from sain_core.model import Model
+from sain_core.output import write_json, write_whole
 from sain_core.shapes.shape import BOTTOMS
-from sain_core.storage import write_json, write_whole
 from sain_model.dynamics.identify import with_all_parameters
 from sain_model.dynamics.intervals import Intervals
 from sain_model.dynamics.parameter_correction import correcting_model

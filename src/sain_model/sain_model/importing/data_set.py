@@ -18,12 +18,14 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from sain_core.errors import DatasetError
+from sain_core.output import claim_folder, remove, write_json
+from sain_core.provenance import provenance
 from sain_core.push import make_stroke
 from sain_core.scene import MASS, POSITION, RADIUS, STATE_SIZE, THETA, unit, wrap_angle
 from sain_core.shapes.bodies import Bodies
 from sain_core.shapes.outlines import OUTLINES_FILE, write_outlines
 from sain_core.shapes.shape import FLAT
-from sain_core.storage import make_folder, provenance, write_arrays, write_json
+from sain_core.storage import write_arrays
 from sain_core.transitions import (
     MOVED,
     SHARD_PATTERN,
@@ -239,17 +241,20 @@ def _places(groups: Int[ndarray, "M"]) -> Int[ndarray, "M"]:
     return places
 
 
+def claim_data_set(folder: Path, overwrite: bool) -> None:
+    """Make the folder of a data set, without an earlier one; raises `OutputError`."""
+    names = CARD_FILE, OUTLINES_FILE, SHARD_PATTERN
+    claim_folder(folder, names, overwrite)
+    for path in [path for name in names for path in folder.glob(name)]:
+        remove(path)
+
+
 def write_imported(folder: Path, made: Imported, card: dict[str, Any]) -> int:
     """Write shards, outlines and, last, the card; return the number of shards.
 
     Raises:
         OutputError: the folder cannot be written.
-        DatasetError: it holds another data set.
     """
-    make_folder(folder)
-    for name in (CARD_FILE, OUTLINES_FILE, SHARD_PATTERN):
-        if others := sorted(folder.glob(name)):
-            raise DatasetError(f"{folder} holds {others[0].name}; choose a new --out")
     write_outlines(folder, [some.shapes[0] for some in made.bodies.values()])
     firsts = range(0, len(made.groups), SHARD_SIZE)
     for index, first in enumerate(firsts):

@@ -18,9 +18,9 @@ from sain_core.config import typed_settings
 from sain_core.errors import CheckpointError
 from sain_core.guarding.untrusted import read_json
 from sain_core.model import Model
+from sain_core.output import write_json
 from sain_core.push import TOOL_RADIUS
 from sain_core.shapes.bodies import Bodies
-from sain_core.storage import write_json
 from sain_core.types import Pushes, Scalars, Scenes
 from sain_model.physics.parameters import (
     BY_HEADING,

@@ -59,6 +59,7 @@ Show = Callable[[str, int, int], AbstractContextManager[Progress]]
 
 PUSHES: Final = "training"  # names of files: of the state
 ROLLOUTS: Final = "rollouts"
+STATES: Final = (f"{PUSHES}.pt", f"{ROLLOUTS}.pt")
 
 
 def trained_kind(config: TrainingConfig) -> Kind:
@@ -109,6 +110,7 @@ def fit(
     rollout: RolloutConfig = RolloutConfig(),
     start: SainDynamics | None = None,
     show: Show = lambda name, epochs, done: nullcontext(lambda epoch, history: None),
+    overwrite: bool = False,
 ) -> tuple[SainDynamics, list[LossHistory]]:
     """Train on single pushes, then on rollouts if wanted, and fit the regions of predictions.
 
@@ -120,6 +122,7 @@ def fit(
         rollout: how training goes on with rollouts.
         start: whose weights it starts from, and keeps if no epoch is better; None: new ones.
         show: shows the training while it runs.
+        overwrite: replace a state of other settings or data.
 
     Raises:
         CheckpointError: the state in the folder is damaged or of other settings or data.
@@ -138,7 +141,7 @@ def fit(
     histories = []
     for name, objective, settings in stages:
         keeps = start is not None and name == PUSHES
-        trainer = Trainer(network, objective, settings, folder / f"{name}.pt", keeps)
+        trainer = Trainer(network, objective, settings, folder / f"{name}.pt", keeps, overwrite)
         with show(name, settings.epochs, trainer.epoch) as progress:
             trainer.run(progress)
         histories.append(trainer.history)

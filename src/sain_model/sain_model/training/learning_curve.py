@@ -12,7 +12,7 @@ from matplotlib.ticker import FuncFormatter, NullLocator
 
 from sain_core.errors import CheckpointError
 from sain_core.guarding.untrusted import read_json
-from sain_core.storage import write_json
+from sain_core.output import write_json
 from sain_core.view.figures import TEXT, new_figure, style_axes
 from sain_core.view.palette import PALETTE
 from sain_model.data.dataset import Split, check_held_out, limit_training

@@ -15,20 +15,24 @@ from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemaini
 from rich.progress import Progress as Bars
 
 from sain_core.errors import ConfigError
-from sain_core.storage import processor, ros2_command, system, versions, write_whole
+from sain_core.output import write_whole
+from sain_core.provenance import processor, ros2_command, system, versions
 from sain_core.view.figures import TEXT, new_figure, style_axes
 from sain_core.view.palette import PALETTE
 from sain_model.data.dataset import Dataset, Split
-from sain_model.dynamics.load import ModelCard
+from sain_model.dynamics.load import SUFFIX, ModelCard
 from sain_model.dynamics.priors import prior_settings
 from sain_model.dynamics.sain import RECURRENT, RESIDUAL, SainDynamics
 from sain_model.evaluation.errors import THIRDS, Figures
 from sain_model.evaluation.predictors import HISTORY, PRIOR, PRIOR_HISTORY
 from sain_model.inference.kinds import FRICTION, Kind, written_kind
+from sain_model.training.fit import STATES
 from sain_model.training.settings import TrainOptions
 from sain_model.training.trainer import LossHistory, Progress
 
 FOLDER: Final = "tensorboard"  # below the training's folder
+SETTINGS: Final = "config.json"
+PICTURES: Final = ("loss.png", "rollout_loss.png")
 
 
 @contextmanager
@@ -180,7 +184,12 @@ def save_settings(command: TrainOptions, data: Dataset) -> None:
         "command": ros2_command("sain_model", "train"),
     }
     text = json.dumps(settings, indent=2, default=str) + "\n"
-    write_whole(command.out / "config.json", text.encode())
+    write_whole(command.out / SETTINGS, text.encode())
+
+
+def written_names(name: str) -> list[str]:
+    """Return the files that a training of this name writes."""
+    return [f"{name}{SUFFIX}", f"{name}.json", SETTINGS, *PICTURES, *STATES]
 
 
 def draw_losses(history: LossHistory) -> Figure:

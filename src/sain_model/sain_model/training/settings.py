@@ -16,7 +16,8 @@ from typing import TYPE_CHECKING, Annotated, Final, Literal
 
 import tyro
 
-from sain_core.config import Config, option, required
+from sain_core.config import MOST_SEED, Config, option, required
+from sain_core.output import OVERWRITE_HELP
 from sain_core.transitions import SHARES, TEST, VALIDATION
 from sain_model.network.settings import (
     BOOTSTRAP,
@@ -90,7 +91,12 @@ class OptimizerConfig(Config):
 class TrainingConfig(Config):
     """What a network learns from, and how."""
 
-    seed: int = option(0, "seed; the same seed, data and settings give the same weights", minimum=0)
+    seed: int = option(
+        0,
+        "seed; the same seed, data and settings give the same weights",
+        minimum=0,
+        maximum=MOST_SEED,
+    )
     validation: float = option(
         SHARES[VALIDATION],
         "share of the episodes that select the best epoch",
@@ -232,6 +238,7 @@ class TrainOptions(Config):
     )
     out: Path = required("folder for checkpoint, card, loss curve and settings")
     name: str = option("sain", "name of the checkpoint")
+    overwrite: bool = option(False, OVERWRITE_HELP)
     parent: Annotated[str | None, tyro.conf.arg(name="from", metavar="CHECKPOINT")] = option(
         None, "fine-tune a checkpoint: sain (shipped), or a path; its settings stay"
     )

@@ -20,8 +20,8 @@ from torch import Tensor
 
 from sain_core.errors import CheckpointError
 from sain_core.guarding.untrusted import read_regular
+from sain_core.output import write_whole
 from sain_core.randomness import generator
-from sain_core.storage import write_whole
 from sain_model.compute.threads import settle_threads
 from sain_model.network.interaction_network import InteractionNetwork
 from sain_model.network.settings import BOOTSTRAP
@@ -144,10 +144,12 @@ class Trainer:
         config: TrainingConfig,
         path: Path,
         keeps_start: bool = False,
+        overwrite: bool = False,
     ) -> None:
         """Resume from the file at `path` where there is one.
 
-        With `keeps_start`, the weights stay as they are if no epoch is better.
+        With `keeps_start`, the weights stay as they are if no epoch is better. With `overwrite`, a
+        file of other settings or data is replaced.
 
         Raises:
             CheckpointError: the file is damaged or of other settings or data.
@@ -163,7 +165,11 @@ class Trainer:
         self.history = LossHistory(start=self._validate() if keeps_start else None)
         self._best = self._weights()
         if path.exists():
-            self._resume()
+            try:
+                self._resume()
+            except CheckpointError:
+                if not overwrite:
+                    raise
 
     @property
     def epoch(self) -> int:
@@ -241,12 +247,12 @@ class Trainer:
             identity = state["identity"]
         except Exception as error:
             raise CheckpointError(
-                f"{self._path} is damaged: {error}; remove it to start anew"
+                f"{self._path} is damaged: {error}; --overwrite starts anew"
             ) from error
         if identity != self._identity:
             raise CheckpointError(
-                f"{self._path} belongs to other settings or data; choose another folder or"
-                " remove it"
+                f"{self._path} belongs to other settings or data; choose another --out, or"
+                " --overwrite"
             )
         self.network.load_state_dict(state["network"])
         self._optimizer.load_state_dict(state["optimizer"])

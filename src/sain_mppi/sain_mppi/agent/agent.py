@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import Final
 
-from sain_core.config import Config, live_group, option
+from sain_core.config import MOST_SEED, Config, live_group, option
 from sain_core.errors import CancelledError, ErrorCode, InvalidInputError, SainError
 from sain_core.feasibility import Feasibility, Reach
 from sain_core.model import RolloutModel
@@ -59,7 +59,9 @@ class AgentConfig(Config):
     """How the agent decides, wherever it runs."""
 
     prior: str = option("planar", "name of the prior that replaces a failed model")
-    seed: int = option(0, "seed; the same seed and scenes give the same plans", minimum=0)
+    seed: int = option(
+        0, "seed; the same seed and scenes give the same plans", minimum=0, maximum=MOST_SEED
+    )
     history: bool = option(True, "infer friction from the earlier pushes of the episode")
     planner: PlannerConfig = live_group(PlannerConfig())
     goal_tracker: GoalTrackerConfig = GoalTrackerConfig()

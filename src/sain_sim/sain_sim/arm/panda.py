@@ -16,7 +16,7 @@ from typing import Final, NamedTuple
 import pybullet_data
 
 from sain_core.config import Config, option
-from sain_core.storage import scratch_folder
+from sain_core.scratch import scratch_folder
 from sain_sim.arm.client import Client
 from sain_sim.arm.motion import FLANGE_DROP, JOINT_COUNT
 

@@ -18,10 +18,10 @@ from rich.logging import RichHandler
 from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TimeRemainingColumn
 
-from sain_core.config import option
+from sain_core.config import MOST_SEED, option
 from sain_core.errors import DatasetError
 from sain_core.guarding.untrusted import read_json
-from sain_core.storage import remove_partial, write_json
+from sain_core.output import OVERWRITE_HELP, claim_folder, remove, write_json
 from sain_core.transitions import (
     COLLECTION_FILE,
     SHARD_PATTERN,
@@ -41,6 +41,7 @@ from sain_sim.collecting.shards import (
 from sain_sim.world.engines import DEFAULT_ENGINE, modules_of
 
 CARD_FILE: Final = "card.json"
+ANOTHER: Final = "; collect into another folder, or --overwrite"
 CONVERSION_FILE: Final = "conversion.json"  # of a converted data set
 
 LATER: Final = (
@@ -64,8 +65,9 @@ class CollectConfig(WorkerOptions):
 
     out: Path = option(Path("data"), "folder for the shards")
     episodes: int = option(5000, "number of episodes", minimum=1)
-    seed: int = option(0, "seed; the same seed gives the same bytes", minimum=0)
+    seed: int = option(0, "seed; the same seed gives the same bytes", minimum=0, maximum=MOST_SEED)
     episode: EpisodeConfig = EpisodeConfig()
+    overwrite: bool = option(False, OVERWRITE_HELP)
 
 
 class Collected(NamedTuple):
@@ -92,8 +94,6 @@ def collect(
     """
     folder = config.out
     _claim(folder, config)
-    for name in (COLLECTION_FILE, CARD_FILE, JOURNAL_FILE, SHARD_PATTERN):
-        remove_partial(folder, name)
     writer = ShardWriter(folder, config.episode.counts)
     first = writer.first
     progress(first, writer.shards * SHARD_SIZE)
@@ -132,34 +132,46 @@ def _identity(config: CollectConfig) -> dict[str, Any]:
 
 def _claim(folder: Path, config: CollectConfig) -> None:
     """Make the folder ours: new, or one of the same settings."""
-    path = folder / COLLECTION_FILE
-    if path.exists():
-        former = _read_identity(path)
-        wanted = _identity(config)
-        for name in {**wanted, **former}:
+    names = COLLECTION_FILE, CARD_FILE, JOURNAL_FILE, SHARD_PATTERN, CONVERSION_FILE
+    claim_folder(folder, names, config.overwrite)
+    if not _continues(folder, config):
+        for path in [path for name in names for path in folder.glob(name)]:
+            remove(path)
+        write_json(folder / COLLECTION_FILE, _identity(config))
+
+
+def _continues(folder: Path, config: CollectConfig) -> bool:
+    """Return True if a folder has a collection of the same settings, False to begin one.
+
+    Raises:
+        DatasetError: it has another data set, which is not to be overwritten.
+    """
+    others = [*folder.glob(SHARD_PATTERN), *folder.glob(CARD_FILE), *folder.glob(CONVERSION_FILE)]
+    path, wanted = folder / COLLECTION_FILE, _identity(config)
+    try:
+        if not path.exists() and others:
+            raise DatasetError(f"{folder} has {others[0].name} and no {COLLECTION_FILE}{ANOTHER}")
+        former = _read_identity(path) if path.exists() else {}
+        for name in {**wanted, **former} if former else ():
             if former.get(name) != wanted.get(name):
                 raise DatasetError(
                     f"{folder} was collected with {name} = {former.get(name)!r},"
-                    f" not {wanted.get(name)!r};"
-                    " use the same settings to go on, or another folder"
+                    f" not {wanted.get(name)!r}; use the same settings to go on{ANOTHER}"
                 )
-        return
-    for pattern in (SHARD_PATTERN, CARD_FILE, CONVERSION_FILE):
-        if others := sorted(folder.glob(pattern)):
-            raise DatasetError(
-                f"{folder} holds {others[0].name} and no {COLLECTION_FILE}: no collection made it;"
-                " collect into another folder"
-            )
-    write_json(path, _identity(config))
+    except DatasetError:
+        if not config.overwrite:
+            raise
+        return False
+    return bool(former)
 
 
 def _read_identity(path: Path) -> dict[str, Any]:
     try:
         content = read_json(path)
     except (OSError, ValueError) as error:
-        raise DatasetError(f"{path} is damaged: {error}; collect into another folder") from error
+        raise DatasetError(f"{path} is damaged: {error}{ANOTHER}") from error
     if not isinstance(content, dict):
-        raise DatasetError(f"{path} holds no settings; collect into another folder")
+        raise DatasetError(f"{path} holds no settings{ANOTHER}")
     return content
 
 

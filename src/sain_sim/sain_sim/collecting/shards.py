@@ -10,8 +10,9 @@ import numpy as np
 
 from sain_core.errors import BlockedError, DatasetError, SainError, UnreachableError
 from sain_core.guarding.untrusted import parse_json, read_regular
+from sain_core.output import append_json, write_whole
 from sain_core.scene import STATE_SIZE
-from sain_core.storage import append_json, read_arrays, write_arrays, write_whole
+from sain_core.storage import read_arrays, write_arrays
 from sain_core.transitions import (
     NEEDED,
     SHARD_PATTERN,

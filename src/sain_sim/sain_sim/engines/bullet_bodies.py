@@ -16,8 +16,8 @@ from numpy import ndarray
 from shapely import Polygon as Ring
 
 from sain_core.scene import DISK_HEIGHT, THETA, X, Y
+from sain_core.scratch import scratch_folder
 from sain_core.shapes.shape import Pair, Shape, Solid, Vector, prism_surface
-from sain_core.storage import scratch_folder
 from sain_core.types import Points
 from sain_sim.arm.client import Client
 from sain_sim.world.parameters import FOOT_RADIUS, WorldParameters

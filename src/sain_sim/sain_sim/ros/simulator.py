@@ -8,7 +8,7 @@ from time import perf_counter
 import numpy as np
 
 from sain_core.camera.image_camera import ImageCamera, ImageCameraConfig, Shot
-from sain_core.config import option
+from sain_core.config import MOST_SEED, option
 from sain_core.errors import InvalidInputError, SainError
 from sain_core.randomness import generator
 from sain_core.scene import RADIUS
@@ -32,7 +32,7 @@ SHADOW_MODEL = "bullet_nominal"
 class SimulatorConfig(TruthConfig):
     """What is simulated, and how it is displayed."""
 
-    seed: int = option(0, "seed of the first episode", minimum=0)
+    seed: int = option(0, "seed of the first episode", minimum=0, maximum=MOST_SEED)
     real_time_factor: float = option(
         0.0, "simulated time over wall time; 0: as fast as possible", minimum=0.0, maximum=100.0
     )

@@ -8,7 +8,7 @@ from rich.console import Console
 
 from sain_core.config import Config, option
 from sain_core.errors import ConfigError
-from sain_core.storage import write_whole
+from sain_core.output import OVERWRITE_HELP, claim_file, write_whole
 from sain_vision.detection.board import Board
 from sain_vision.detection.tags import FAMILIES
 from sain_vision.printing.pdf import pdf_of
@@ -24,7 +24,8 @@ class PrintOptions(Config):
     Print it at 100 %, on matt paper, and measure the ruler at its foot.
     """
 
-    out: Path = option(Path("tags.pdf"), "file to write")
+    out: Path = option(Path("results/tags.pdf"), "file to write")
+    overwrite: bool = option(False, OVERWRITE_HELP)
     tags: str = option("0-9", "numbers of the tags: 3, 0-9 or 1,4,7-8")
     size: float = option(
         0.04, "side of a tag's black square", unit="m", minimum=0.005, maximum=0.25
@@ -40,6 +41,7 @@ def run(options: PrintOptions, console: Console) -> None:
     Raises:
         SainError: numbers that cannot be, or a file that cannot be written.
     """
+    claim_file(options.out, options.overwrite)
     if options.board:
         pages = [board_sheet(Board(), options.paper)]
     else:

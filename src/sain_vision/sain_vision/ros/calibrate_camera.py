@@ -9,6 +9,7 @@ from rich.console import Console
 
 from sain_core.config import Config, option
 from sain_core.errors import SainError
+from sain_core.output import OVERWRITE_HELP, claim_file
 from sain_vision.detection.board import Board
 from sain_vision.detection.calibration import FEWEST_TAGS, CalibrationConfig, Look, calibrate
 from sain_vision.detection.tags import TagConfig, TagFinder
@@ -25,7 +26,8 @@ class CalibrateOptions(Config):
     `tag_node`. A bad one is refused.
     """
 
-    out: Path = option(Path("camera.yaml"), "file to write")
+    out: Path = option(Path("runs/camera.yaml"), "file to write")
+    overwrite: bool = option(False, OVERWRITE_HELP)
     origin: tuple[float, float, float] = option(
         (0.4, 0.0, 0.0), "of the board in the first look: x [m], y [m] and turn [rad] in the world"
     )
@@ -46,6 +48,7 @@ def run(options: CalibrateOptions, console: Console) -> None:
     from sain_vision.ros.image_watcher import ImageWatcher
     from sain_vision.ros.images import decode_grey
 
+    claim_file(options.out, options.overwrite)
     finder = TagFinder(TagConfig(family=options.board.family))
     looks: list[Look] = []
     with command_node("calibrate_camera") as node:

@@ -14,9 +14,9 @@ from rich.console import Console
 
 from sain_core.config import Config, option
 from sain_core.errors import ConfigError, InvalidInputError, SainError
+from sain_core.output import OVERWRITE_HELP, claim_file, write_whole
 from sain_core.shapes.library import PLAIN, outline_folder, shape_names
 from sain_core.shapes.outlines import METRES, SHAPES, UNIT, BodyOutline, trace
-from sain_core.storage import write_whole
 from sain_vision.detection.tracing import TracedTop, TracingConfig, draw_top, trace_top
 from sain_vision.extrinsics_file import read_extrinsics
 from sain_vision.look_files import read_camera, read_depth, read_picture
@@ -45,6 +45,7 @@ class NewShapeOptions(Config):
     image: Path | None = option(None, "colour image that fits the depth image, for the picture")
     frames: int = option(10, "depth images that are averaged", minimum=1, maximum=100)
     out: Path | None = option(None, "file to write; by default NAME.yaml among this user's shapes")
+    overwrite: bool = option(False, OVERWRITE_HELP)
     yes: bool = option(False, "write without asking")
     tracing: TracingConfig = TracingConfig()
 
@@ -72,6 +73,9 @@ def run(options: NewShapeOptions, console: Console) -> None:
     Raises:
         SainError: no look, no object, or the user does not confirm.
     """
+    shown = options.path.with_suffix(".png")
+    for path in (options.path, shown):
+        claim_file(path, options.overwrite)
     depth, camera, picture = _look(options)
     if depth.shape != (camera.height, camera.width) or depth.shape != picture.shape[:2]:
         sizes = f"{depth.shape[1]} x {depth.shape[0]}, {picture.shape[1]} x {picture.shape[0]}"
@@ -84,7 +88,6 @@ def run(options: NewShapeOptions, console: Console) -> None:
     body = trace(options.name, top.outline)
     what = describe(top, body)
     draw_top(picture, top, camera, options.name)
-    shown = options.path.with_suffix(".png")
     large = cv2.resize(picture, None, fx=SCALE, fy=SCALE, interpolation=cv2.INTER_LINEAR)
     write_whole(shown, cv2.imencode(".png", large)[1].tobytes())
     console.print(f"{options.name}: {what}\npicture: {shown}", highlight=False)

@@ -10,7 +10,6 @@ from numpy import ndarray
 
 os.environ["HF_HUB_OFFLINE"] = "1"  # before the libraries are imported: nothing here asks a hub
 
-import minari
 import pandas
 import polars
 import pyarrow
@@ -68,36 +67,6 @@ def test_parquet_has_the_types_and_the_card_in_its_schema(bag: Path, tmp_path: P
     assert schema.field("push_id").type == pyarrow.uint64()
     assert schema.field("moved").type == pyarrow.bool_()
     assert json.loads(schema.metadata[b"sain"]) == card_of(out)
-
-
-def test_minari_is_read_back_by_minari(bag: Path, rows: Rows, tmp_path: Path) -> None:
-    out = to("minari", bag, tmp_path / "out")
-    wanted = in_order(rows, card_of(out))
-    data = minari.MinariDataset(out / "data")
-    first = 0
-    for episode in data:
-        part = slice(first, first := first + len(episode))
-        assert_same(episode.observations[:-1], wanted["state"][part], "observations")
-        assert_same(episode.observations[-1:], wanted["next_state"][part][-1:], "the last one")
-        assert_same(episode.actions, wanted["action"][part], "actions")
-        target, goal = wanted["next_state"][part][:, 8:10], wanted["goal"][part]
-        np.testing.assert_allclose(episode.rewards, -np.hypot(*(target - goal).T), rtol=1e-14)
-        assert not episode.terminations.any()
-        assert episode.truncations.tolist() == [*[False] * (len(episode) - 1), True]
-        assert episode.infos.keys() == rows.keys() - {"state", "action"}
-        for key, values in episode.infos.items():
-            assert len(values) == len(episode) + 1, key
-            texts = [text.decode() for text in values[1:]] if values.dtype == object else values[1:]
-            assert_same(texts, wanted[key][part], key)
-        assert all(data.observation_space.contains(state) for state in episode.observations)
-        assert all(data.action_space.contains(push) for push in episode.actions)
-    assert first == data.total_steps == len(rows["episode"])
-    assert data.total_episodes == 2 * EPISODES  # the unsettled push breaks each in two
-    splits = data.storage.metadata["splits"]
-    for part, (begin, end) in splits.items():
-        held = minari.MinariDataset(out / "data", episode_indices=np.arange(begin, end))
-        found = [number for episode in held for number in episode.infos["push_id"][1:].tolist()]
-        assert found == wanted["push_id"][wanted["split"] == part].tolist()
 
 
 def test_lerobot_is_read_back_by_lerobot(bag: Path, rows: Rows, tmp_path: Path) -> None:

@@ -2,14 +2,12 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 
 from sain_bags.dataset.formats.sharding import Columns
 from sain_bags.dataset.formats.stored_rows import StoredRows, goal_distance, reached
-from sain_core.push import BODY, PUSH_NAMES
 from sain_core.storage import write_arrays
 from sain_core.transitions import shard_path
 
@@ -78,21 +76,3 @@ def test_an_episode_ends_where_the_goal_is_reached(tmp_path: Path) -> None:
     assert reached(rows).tolist() == [False, True, False, False]
     np.testing.assert_allclose(goal_distance(rows), [0.3, 0.01, 0.2, 0.3])
     assert lengths(stored(tmp_path, *cut(rows, 2))) == [2, 2]
-
-
-def test_minari_terminates_at_the_goal(tmp_path: Path) -> None:
-    from minari import MinariDataset
-
-    from sain_bags.dataset.formats.to_minari import write
-
-    rows = pushes([0.4, 0.6, 0.89, 0.7, 0.6]) | {"action": np.zeros((4, 5))}
-    spread: dict[str, Any] = {"minimum": -4.0, "maximum": 4.0}
-    source = stored(tmp_path, rows)
-    card = {"ranges": dict.fromkeys(PUSH_NAMES, spread)}
-    parts = dict(source.parts, validation=frozenset())
-    write(StoredRows("data", 2, source.shards, parts, card), tmp_path / "out")
-    data = MinariDataset(tmp_path / "out" / "data")
-    ends = [(e.terminations.tolist(), e.truncations.tolist()) for e in data]
-    assert ends == [([False, True], [False, False]), ([False, False], [False, True])]
-    assert (data.action_space.low[1:] <= -4.0).all() and (data.action_space.high[1:] >= 4.0).all()
-    assert (data.action_space.low[BODY], data.action_space.high[BODY]) == (0.0, 1.0)

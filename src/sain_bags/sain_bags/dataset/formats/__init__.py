@@ -14,7 +14,7 @@ from sain_bags.dataset.formats.stored_rows import StoredRows
 from sain_core.errors import ConfigError
 from sain_core.transitions import PARTS, SHARD_PATTERN
 
-FormatName = Literal["npz", "parquet", "minari", "lerobot"]
+FormatName = Literal["npz", "parquet", "lerobot"]
 Write = Callable[[StoredRows, Path], None]  # rows into a folder that does not exist yet
 
 SHARDS: Final = "npz"  # the format that rows are gathered in
@@ -22,7 +22,6 @@ CHUNK: Final = "chunk-[0-9][0-9][0-9]/file-[0-9][0-9][0-9].parquet"
 MADE: Final[dict[FormatName, tuple[str, ...]]] = {  # patterns of all files of a data set
     SHARDS: (SHARD_PATTERN,),
     "parquet": tuple(f"{part}-{5 * '[0-9]'}.parquet" for part in PARTS),
-    "minari": ("data/main_data.hdf5", "data/metadata.json"),
     "lerobot": (
         f"data/{CHUNK}",
         f"meta/episodes/{CHUNK}",

@@ -1,0 +1,191 @@
+"""Nothing is ever deleted or replaced that is not ours."""
+
+import os
+import stat
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from sain_core import output
+from sain_core.errors import OutputError
+from sain_core.output import (
+    MANIFEST,
+    append_json,
+    claim_file,
+    claim_folder,
+    remove,
+    sign,
+    write_json,
+    write_whole,
+)
+
+MINE = "the only copy"
+
+
+def next_run() -> None:
+    """Forget what this process wrote, as another process does not know it."""
+    output._ours.clear()
+
+
+@pytest.fixture
+def ours(tmp_path: Path) -> Path:
+    """A folder that a run of ours made: a file, a file that grows, and a folder below."""
+    folder = claim_folder(tmp_path / "ours", ["a.json"])
+    write_json(folder / "a.json", 1)
+    append_json(folder / "log.jsonl", 1)
+    write_json(folder / "below" / "b.json", 2)
+    next_run()
+    return folder
+
+
+def test_a_second_run_replaces_what_the_first_one_wrote(ours: Path) -> None:
+    append_json(ours / "log.jsonl", 2)
+    next_run()
+    claim_folder(ours, ["a.json", "log.jsonl", "below/b.json"])
+    write_json(ours / "a.json", 3)
+    assert (ours / "a.json").read_text() == "3\n"
+    assert (ours / "log.jsonl").read_text() == "1\n2\n"
+
+
+@pytest.mark.parametrize("name", ["a.json", "below/b.json", "new.json"])
+def test_what_a_user_wrote_or_changed_needs_overwrite(ours: Path, name: str) -> None:
+    (ours / name).write_text(MINE)
+    reason = "exists, and no run of" if name == "new.json" else "was changed since"
+    for refused in (
+        lambda: claim_folder(ours, [name]),
+        lambda: claim_file(ours / name),
+        lambda: write_json(ours / name, 4),
+        lambda: append_json(ours / name, 4),
+    ):
+        with pytest.raises(OutputError, match=rf"{name} {reason} SAIN wrote it; --overwrite"):
+            refused()
+    assert (ours / name).read_text() == MINE
+    claim_folder(ours, [name], overwrite=True)
+    assert (ours / name).read_text() == MINE, "claiming alone writes nothing"
+    write_json(ours / name, 4)
+    next_run()
+    claim_folder(ours, [name])
+
+
+def test_in_a_folder_of_the_user_no_manifest_appears_beside_a_single_file(tmp_path: Path) -> None:
+    write_whole(claim_file(tmp_path / "page.html"), b"1")
+    assert [one.name for one in tmp_path.iterdir()] == ["page.html"]
+    next_run()
+    with pytest.raises(OutputError, match="--overwrite"):
+        claim_file(tmp_path / "page.html")
+
+
+def test_a_pattern_finds_what_is_in_the_way(tmp_path: Path) -> None:
+    (tmp_path / "shard-00007.npz").write_text(MINE)
+    with pytest.raises(OutputError, match=r"shard-00007\.npz exists"):
+        claim_folder(tmp_path, ["shard-*.npz"])
+    assert [one.name for one in tmp_path.iterdir()] == ["shard-00007.npz"]
+
+
+def device(path: Path) -> None:
+    """Make one like /dev/null; the real one is never touched."""
+    if os.geteuid() != 0:
+        pytest.skip("only root makes devices")
+    os.mknod(path, stat.S_IFCHR | 0o666, os.makedev(1, 3))
+
+
+SPECIAL: dict[str, Callable[[Path], object]] = {
+    "a FIFO": os.mkfifo,
+    "a device": device,
+    "a folder": Path.mkdir,
+    "a symbolic link": lambda path: path.symlink_to(path.parent / "victim"),
+}
+
+
+@pytest.mark.parametrize("kind", SPECIAL)
+@pytest.mark.parametrize("overwrite", [False, True])
+def test_devices_links_and_folders_are_never_replaced(
+    kind: str, overwrite: bool, tmp_path: Path
+) -> None:
+    (tmp_path / "victim").write_text(MINE)
+    SPECIAL[kind](tmp_path / "x")
+    before = (tmp_path / "x").lstat()
+    for refused in (
+        lambda: claim_file(tmp_path / "x", overwrite),
+        lambda: claim_folder(tmp_path, ["x"], overwrite),
+        lambda: write_whole(tmp_path / "x", b"new"),
+        lambda: append_json(tmp_path / "x", 1),
+    ):
+        with pytest.raises(OutputError, match=rf"x is {kind}, which is never replaced"):
+            refused()
+    after = (tmp_path / "x").lstat()
+    assert (after.st_ino, after.st_mode) == (before.st_ino, before.st_mode)
+    assert (tmp_path / "victim").read_text() == MINE
+
+
+def test_what_is_no_folder_is_no_place_for_results(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text(MINE)
+    (tmp_path / "dangling").symlink_to(tmp_path / "nowhere")
+    os.mkfifo(tmp_path / "fifo")
+    for name in ("file", "dangling", "fifo"):
+        with pytest.raises(OutputError, match=f"{name} is not a folder; choose another --out"):
+            claim_folder(tmp_path / name)
+        with pytest.raises(OutputError, match=f"{name}"):
+            claim_file(tmp_path / name / "results.json")
+    assert not (tmp_path / "nowhere").exists()
+
+
+def test_a_manifest_that_is_a_link_is_not_followed(tmp_path: Path) -> None:
+    (tmp_path / "victim").write_text(MINE)
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / MANIFEST).symlink_to(tmp_path / "victim")
+    with pytest.raises(OutputError, match="is a symbolic link"):
+        claim_folder(tmp_path / "out", ["a.json"])
+    assert (tmp_path / "victim").read_text() == MINE
+
+
+def test_a_folder_of_ours_is_removed_whole(ours: Path) -> None:
+    (ours / ".a.json.77.partial").write_text("half")  # of a run that was killed
+    remove(ours)
+    assert not ours.exists()
+    remove(ours)  # nothing is there
+
+
+@pytest.mark.parametrize("name", ["notes.txt", "below/notes.txt", "a.json", "mine/notes.txt"])
+def test_a_folder_with_something_else_stays_whole(ours: Path, name: str) -> None:
+    (ours / name).parent.mkdir(exist_ok=True)
+    (ours / name).write_text(MINE)
+    strange = "mine" if name == "mine/notes.txt" else name
+    with pytest.raises(OutputError, match=rf"nothing is removed: SAIN did not .*{strange}"):
+        remove(ours)
+    assert (ours / name).read_text() == MINE
+    assert (ours / "log.jsonl").exists() and (ours / "below" / "b.json").exists()
+
+
+def test_a_folder_of_others_is_not_removed(tmp_path: Path) -> None:
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(OutputError, match=r"SAIN did not make .*empty"):
+        remove(tmp_path / "empty")
+    assert (tmp_path / "empty").exists()
+
+
+def test_links_are_not_followed_when_something_is_removed(ours: Path, tmp_path: Path) -> None:
+    (tmp_path / "link").symlink_to(ours)
+    for path in (tmp_path / "link", tmp_path / "link" / "a.json", tmp_path / "link" / "below"):
+        with pytest.raises(OutputError, match=r"link is a symbolic link; give the path without"):
+            remove(path)
+    (tmp_path / "victim").write_text(MINE)
+    (ours / "to_victim").symlink_to(tmp_path / "victim")
+    with pytest.raises(OutputError, match="to_victim is a symbolic link"):
+        remove(ours)
+    assert (ours / "a.json").exists() and (tmp_path / "victim").read_text() == MINE
+
+
+def test_what_child_processes_write_is_named_by_patterns(tmp_path: Path) -> None:
+    folder = claim_folder(tmp_path / "ours")
+    sign(folder / "logs" / "*.log", grows=True)
+    (folder / "logs").mkdir()
+    (folder / "logs" / "node.log").write_text("1")
+    (folder / "logs" / "notes.txt").write_text(MINE)
+    next_run()
+    with pytest.raises(OutputError, match=r"SAIN did not write .*notes\.txt"):
+        remove(folder)
+    (folder / "logs" / "notes.txt").unlink()
+    remove(folder)
+    assert not folder.exists()
