@@ -8,6 +8,7 @@ import os
 import re
 import stat
 import time
+from collections.abc import Iterable
 from contextlib import suppress
 from io import BufferedReader
 from math import isinf
@@ -103,6 +104,51 @@ def too_long(number: str) -> UntrustedFileError:
     return UntrustedFileError(f"a number has {len(number):,} digits; allowed: {DIGITS}")
 
 
+def shown(value: object, most: int = 60) -> str:
+    """Return a value of a file as an error shows it: on one line, its end cut off."""
+    text = repr(value)
+    return text if len(text) <= most else f"{text[:most]}..."
+
+
+def listed(names: Iterable[str], most: int = 20) -> str:
+    """Return names as an error lists them: the first ones, and how many more there are."""
+    names = list(names)
+    more = f" and {len(names) - most} more" if len(names) > most else ""
+    return ", ".join(shown(name)[1:-1] for name in names[:most]) + more
+
+
+def one_line(text: object, most: int = 800) -> str:
+    """Return the text of an error on one line, its end cut off."""
+    line = " ".join(str(text).split())
+    return line if len(line) <= most else f"{line[:most]}..."
+
+
+def check_ros_name(what: str, name: str) -> str:
+    """Return a name of a topic, a service or an action that a user's file gives.
+
+    Raises:
+        ConfigError: ROS does not allow it.
+    """
+    if not ROS_NAME.fullmatch(name) or len(name) > LONGEST_ROS_NAME:
+        raise ConfigError(
+            f"{what} is {shown(name)}; a name in ROS has letters of a to z, digits and '_' in parts"
+            f" that '/' divides and no digit begins, at most {LONGEST_ROS_NAME} characters"
+        )
+    return name
+
+
+def user_path(text: str) -> Path:
+    """Return the path that a user wrote; ``~name`` stays as it is where there is no such user."""
+    return Path(os.path.expanduser(text))  # noqa: PTH111 - Path.expanduser raises RuntimeError
+
+
+def reason_of(error: Exception) -> str:
+    """Return why a file cannot be read, without its name."""
+    return one_line(getattr(error, "strerror", None) or error)
+
+
+ROS_NAME: Final = re.compile(r"(~/|/)?[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*")
+LONGEST_ROS_NAME: Final = 200  # characters; 255 with what ROS adds
 KINDS: Final = {
     stat.S_IFDIR: "a folder",
     stat.S_IFIFO: "a FIFO",
