@@ -98,7 +98,7 @@ def test_a_wrong_file_is_refused_with_what_is_allowed(
         ('type="prismatic"', 'type="floating"', "joint 'lift' is 'floating'; allowed: revolute, prismatic"),
         (CYLINDER, "", "no link of two.urdf has a collision geometry"),
         ('<cylinder radius="0.03" length="0.1"/>', '<mesh filename="gone.stl"/>', "link 'base' has the collision mesh 'gone.stl': .*gone.stl: No such file"),
-        ('<cylinder radius="0.03" length="0.1"/>', '<mesh filename="two.yaml"/>', "two.yaml: a collision mesh must be .stl or .obj; convert it: assimp export two.yaml two.stl"),
+        ('<cylinder radius="0.03" length="0.1"/>', '<mesh filename="two.yaml"/>', "two.yaml: a collision mesh must be .stl, .obj or .dae; convert it: assimp export two.yaml two.stl"),
         (' velocity="1.5"', "", "joint 'turn' has no velocity limit in the URDF; give limits.velocity"),
         ('velocity="1.5"', 'velocity="fast"', "joint 'turn' has <limit velocity='fast'>; allowed: a number from 0"),
         ('velocity="1.5"', 'velocity="0"', "joint 'turn' has no velocity limit in the URDF; give limits.velocity"),
@@ -131,7 +131,8 @@ def test_a_wrong_file_is_refused_with_what_is_allowed(
         ('<cylinder radius="0.03" length="0.1"/>', '<cone radius="0.03"/>', "link 'base' has nothing in <geometry>; allowed: one of box"),
         ('<link name="hand"/>', '<link name="hand"><xacro:gripper xmlns:xacro="http://www.ros.org/wiki/xacro"/></link>', "two.urdf is xacro; expand it: `xacro two.urdf > "),
         ('<link name="hand"/>', '<link name="hand"/><xacro:gripper/>', "two.urdf is xacro; expand it: `xacro two.urdf > "),
-        ('<robot name="two">', '<!DOCTYPE r [<!ENTITY a "b">]><robot name="two">', "two.urdf has a DOCTYPE or an entity; neither is read"),
+        ('<robot name="two">', '<!DOCTYPE r [<!ENTITY a "b">]><robot name="two">', "two.urdf has a DOCTYPE; none is read"),
+        (URDF, " ", "two.urdf is empty; if xacro wrote it, read its error"),
         ('<robot name="two">', '<robot name="two"><broken>', "two.urdf is no XML: mismatched tag"),
     ],
 )  # fmt: skip
@@ -146,7 +147,7 @@ def test_a_urdf_that_cannot_be_planned_for_is_refused(
 def test_what_is_not_used_may_be_anything(tmp_path: Path) -> None:
     wheel = """<link name="wheel"/><joint name="roll" type="continuous"><parent link="base"/>
       <child link="wheel"/><axis xyz="0 0 0"/><limit lower="-1e16" upper="1e16" velocity="inf"/>
-    </joint><gazebo><plugin path="$(find x)"/></gazebo></robot>"""
+    </joint><gazebo><sensor:camera/><plugin path="$(find x)"/></gazebo></robot>"""
     visual = '<visual><geometry><mesh filename="gone.dae" scale="x"/></geometry></visual>'
     urdf = URDF.replace("</robot>", wheel).replace(CYLINDER, CYLINDER + visual)
     assert read_robot(str(write(tmp_path, urdf))).joints == ("turn", "lift")
@@ -198,6 +199,24 @@ def obj(corners: np.ndarray) -> bytes:
     return "\n".join([*rows, *("f {} {} {}".format(*face + 1) for face in FACES)]).encode()
 
 
+def dae(corners: np.ndarray) -> bytes:
+    """Return it in centimetres, in a node that turns and moves it."""
+    turned = corners[:, [1, 2, 0]] * 50 - 1  # the node scales, then moves, then turns it back
+    numbers = " ".join(f"{one:.9g}" for one in turned.ravel())
+    return f"""<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema"><asset>
+      <unit name="centimeter" meter="0.01"/><up_axis>Y_UP</up_axis></asset>
+      <library_geometries><geometry id="wedge"><mesh>
+        <source id="p"><float_array id="pa" count="12">{numbers}</float_array></source>
+        <source id="n"><float_array id="na" count="3">7 7 7</float_array></source>
+        <vertices id="v"><input semantic="POSITION" source="#p"/></vertices>
+      </mesh></geometry></library_geometries>
+      <library_visual_scenes><visual_scene id="s"><node>
+        <matrix>0 0 1 0 1 0 0 0 0 1 0 0 0 0 0 1</matrix><node>
+          <translate>2 2 2</translate><rotate>0 0 2 360</rotate><scale>2 2 2</scale>
+          <instance_geometry url="#wedge"/></node></node>
+      </visual_scene></library_visual_scenes></COLLADA>""".encode()
+
+
 def with_mesh(folder: Path, name: str, content: bytes, scale: str = "1 1 1") -> Path:
     (folder / name).parent.mkdir(parents=True, exist_ok=True)
     (folder / name).write_bytes(content)
@@ -207,7 +226,7 @@ def with_mesh(folder: Path, name: str, content: bytes, scale: str = "1 1 1") -> 
 
 @pytest.mark.parametrize(
     ("name", "content"),
-    [("part.stl", stl_binary), ("part.STL", stl_text), ("part.obj", obj)],
+    [("part.stl", stl_binary), ("part.STL", stl_text), ("part.obj", obj), ("part.dae", dae)],
 )
 def test_a_mesh_is_read_in_every_form(tmp_path: Path, name: str, content: Any) -> None:
     arm = ArmModel(read_robot(str(with_mesh(tmp_path, name, content(WEDGE)))))
@@ -234,6 +253,27 @@ def test_meshes_of_one_name_and_of_two_scales_are_told_apart(tmp_path: Path) -> 
 
 
 @pytest.mark.parametrize(
+    ("old", "new", "text"),
+    [
+        (b"<COLLADA", b"<!DOCTYPE x><COLLADA", "has a DOCTYPE"),
+        (b"</COLLADA>", b"", "is no XML: no element found"),
+        (b"#wedge", b"#gone", "it has no corners"),
+        (b"2 2 2</translate", b"2 2</translate", "it has 2 numbers where 3 belong together"),
+        (b"2 2 2</translate", b"2 two 2</translate", "a text has no numbers"),
+        (b"instance_geometry", b"instance_node", "it has <instance_node>, which is not read"),
+        (b'meter="0.01"', b'meter=" "', "it has 0 numbers where 1 belong together"),
+        (b'meter="0.01"', b'meter="1"', "10 x 20 x 30 m; allowed"),
+    ],
+)
+def test_a_collada_file_is_refused_with_its_reason(
+    tmp_path: Path, old: bytes, new: bytes, text: str
+) -> None:
+    path = with_mesh(tmp_path, "part.dae", dae(WEDGE).replace(old, new))
+    with pytest.raises(ConfigError, match=f"link 'base' has the collision mesh 'part.dae'.*{text}"):
+        read_robot(str(path))
+
+
+@pytest.mark.parametrize(
     ("content", "scale", "text"),
     [
         (b"", "1 1 1", "it is no STL: its header states 0 triangles"),
@@ -243,8 +283,8 @@ def test_meshes_of_one_name_and_of_two_scales_are_told_apart(tmp_path: Path) -> 
         (stl_text(WEDGE[[0, 1, 2, 0]]), "1 1 1", "all its corners lie in one plane"),
         (stl_binary(WEDGE * [1, np.nan, 1]), "1 1 1", "a corner has NaN, or a number beyond 1e.09"),
         (stl_text(WEDGE).replace(b"0.3", b"high"), "1 1 1", "a corner is no number"),
-        (stl_binary(WEDGE * 1000), "1 1 1", '300 m wide; allowed: 10 m; of a mesh in millimetres the scale is "0.001 0.001 0.001"'),
-        (stl_binary(WEDGE), "1 1 0", "0.2 m wide"),
+        (stl_binary(WEDGE * 1000), "1 1 1", '100 x 200 x 300 m; allowed: 1e-06 to 10 m; of a mesh in millimetres the scale is "0.001 0.001 0.001"'),
+        (stl_binary(WEDGE), "1 1 0", "of 0.1 x 0.2 x 0 m; allowed"),
         (b"version https://git-lfs.github.com/spec/v1\noid sha256:12\nsize 9\n" * 2, "1 1 1", "it is no STL"),
     ],
 )  # fmt: skip

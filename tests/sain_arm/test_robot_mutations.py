@@ -17,7 +17,7 @@ from sain_arm.robot.arm_model import ArmModel
 from sain_arm.robot.robot import read_robot
 from sain_core.errors import SainError
 
-MUTATIONS = 800
+MUTATIONS = 700
 LONGEST = 1000  # characters of an error
 SLOWEST = 5.0  # [s]
 BAD = (
@@ -35,7 +35,7 @@ URDF = """<?xml version="1.0"?>
       <inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial>
     <collision><origin xyz="0 0 0" rpy="0 0 0"/><geometry><cylinder radius="0.03" length="0.1"/></geometry></collision>
   </link>
-  <link name="fore"><collision><geometry><box size="0.1 0.1 0.1"/></geometry></collision></link>
+  <link name="fore"><collision><geometry><mesh filename="bent.dae"/></geometry></collision></link>
   <link name="hand"><collision><geometry><sphere radius="0.02"/></geometry></collision></link>
   <joint name="turn" type="revolute">
     <parent link="base"/><child link="upper"/><origin xyz="0 0 0.1" rpy="0 0 0"/><axis xyz="0 0 1"/>
@@ -66,6 +66,13 @@ def stl(triangles: np.ndarray) -> bytes:
 
 TETRAHEDRON = np.array([[0, 0, 0], [0.1, 0, 0], [0, 0.1, 0], [0, 0, 0.1]])
 PART = stl(TETRAHEDRON[[(0, 1, 2), (0, 1, 3), (0, 2, 3), (1, 2, 3)]])
+
+
+DAE = """<COLLADA><asset><unit meter="0.1"/></asset><library_geometries><geometry id="g"><mesh>
+<source id="p"><float_array id="a" count="12">0 0 0 1 0 0 0 1 0 0 0 1</float_array></source>
+<vertices id="v"><input semantic="POSITION" source="#p"/></vertices></mesh></geometry></library_geometries>
+<library_visual_scenes><visual_scene id="s"><node><matrix>1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1</matrix>
+<rotate>0 0 1 90</rotate><instance_geometry url="#g"/></node></visual_scene></library_visual_scenes></COLLADA>"""
 
 
 def bent_xml(draw: random.Random) -> bytes:
@@ -145,12 +152,14 @@ MUTATE: list[tuple[str, Callable[[random.Random], bytes]]] = [
     ("two.yaml", bent_yaml),
     ("two.yaml", lambda draw: cut(YAML.encode(), draw)),
     ("part.stl", lambda draw: cut(PART, draw)),
+    ("bent.dae", lambda draw: cut(DAE.encode(), draw)),
 ]
 
 
 def write_good(folder: Path) -> Path:
     (folder / "two.urdf").write_text(URDF)
     (folder / "part.stl").write_bytes(PART)
+    (folder / "bent.dae").write_text(DAE)
     path = folder / "two.yaml"
     path.write_text(YAML)
     return path

@@ -1,20 +1,24 @@
 """Reads the convex hull of a mesh: MuJoCo collides with no more of it.
 
-STL, binary and as text, and OBJ. MuJoCo itself reads no STL as text, and stops at 200,000 faces.
+STL, binary and as text, OBJ, and COLLADA (DAE), whose unit counts and whose up axis does not, as in
+RViz. MuJoCo itself reads no STL as text and no DAE, and stops at 200,000 faces.
 """
 
 import re
 from functools import lru_cache
 from pathlib import Path
 from typing import Final
+from xml.etree.ElementTree import Element
 
 import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 from scipy.spatial import ConvexHull, QhullError
+from scipy.spatial.transform import Rotation
 
+from sain_arm.robot.urdf_file import tree_of
 from sain_core.errors import UntrustedFileError
-from sain_core.guarding.untrusted import MIB, read_regular
+from sain_core.guarding.untrusted import MIB, one_line, read_regular
 
 Corners = Float[ndarray, "V 3"]
 
@@ -31,7 +35,7 @@ def mesh_corners(path: Path) -> Corners:
     """Return the corners (V, 3) of the triangles of a mesh, in the unit of its file.
 
     Raises:
-        UntrustedFileError: it is no STL or OBJ, has NaN, or encloses nothing.
+        UntrustedFileError: it is no STL, OBJ or DAE, has NaN, or encloses nothing.
         OSError: it does not exist, or cannot be read.
     """
     return _corners(path, path.stat().st_mtime_ns)
@@ -62,9 +66,11 @@ def _corners(path: Path, time: int) -> Corners:
         corners = _from_text(OBJ.findall(content))
     elif kind == ".stl":
         corners = _stl(content)
+    elif kind == ".dae":
+        corners = _collada(content)
     else:
         raise UntrustedFileError(
-            f"a collision mesh must be .stl or .obj; convert it: assimp export {path.name}"
+            f"a collision mesh must be .stl, .obj or .dae; convert it: assimp export {path.name}"
             f" {path.stem}.stl"
         )
     if not len(corners):
@@ -91,6 +97,74 @@ def _stl(content: bytes) -> Corners:
         f"it is no STL: its header states {count:,} triangles, which are {size:,} bytes; it has"
         f" {len(content):,}"
     )
+
+
+def _collada(content: bytes) -> Corners:
+    """Return the corners of the geometries of a scene, where its nodes place them."""
+    root = tree_of(content.decode(errors="replace"))
+    shapes = {shape.get("id"): _positions(shape) for shape in root.iter("geometry")}
+    unit = root.find("asset/unit")
+    scale = 1.0 if unit is None else float(_row(unit.get("meter", "1"), 1)[0])
+    found, places = [np.empty((0, 3))], [(scene, np.eye(4)) for scene in root.iter("visual_scene")]
+    while places:
+        node, place = places.pop()
+        for part in node:
+            if part.tag in NODE_MOVES:
+                place = place @ NODE_MOVES[part.tag](part.text or "")
+            elif part.tag == "node":
+                places.append((part, place))
+            elif part.tag == "instance_geometry":
+                corners = shapes.get(part.get("url", "").removeprefix("#"), found[0])
+                found.append(corners @ place[:3, :3].T + place[:3, 3])
+            elif part.tag in ("instance_node", "instance_controller"):
+                raise UntrustedFileError(f"it has <{part.tag}>, which is not read")
+    return scale * np.concatenate(found)
+
+
+def _positions(shape: Element) -> Corners:
+    """Return the corners of a geometry in its own frame."""
+    arrays = {
+        source.get("id"): source.findtext("float_array", "") for source in shape.iter("source")
+    }
+    inputs = [part for part in shape.iterfind("mesh/vertices/input")
+              if part.get("semantic") == "POSITION"]  # fmt: skip
+    text = " ".join(arrays.get(part.get("source", "").removeprefix("#"), "") for part in inputs)
+    return _row(text).reshape(-1, 3) if text.strip() else np.empty((0, 3))
+
+
+def _row(text: str, multiple: int = 3) -> Float[ndarray, "N"]:
+    """Return the numbers of a text, so many or a multiple of it."""
+    try:
+        numbers = np.array(text.split(), dtype=np.float64)
+    except ValueError as error:
+        raise UntrustedFileError(f"a text has no numbers ({one_line(error, 80)})") from error
+    if len(numbers) % multiple or not len(numbers):
+        raise UntrustedFileError(f"it has {len(numbers)} numbers where {multiple} belong together")
+    return numbers
+
+
+def _matrix(text: str) -> ndarray:
+    return _row(text, 16)[:16].reshape(4, 4)
+
+
+def _moved(text: str) -> ndarray:
+    move = np.eye(4)
+    move[:3, 3] = _row(text)[:3]
+    return move
+
+
+def _scaled(text: str) -> ndarray:
+    return np.diag([*_row(text)[:3], 1.0])
+
+
+def _rotated(text: str) -> ndarray:
+    turn = np.eye(4)
+    *axis, degrees = _row(text, 4)[:4]
+    turn[:3, :3] = Rotation.from_rotvec(np.radians(degrees) * np.array(axis)).as_matrix()
+    return turn
+
+
+NODE_MOVES: Final = {"matrix": _matrix, "translate": _moved, "scale": _scaled, "rotate": _rotated}
 
 
 def _from_text(rows: list[tuple[bytes, bytes, bytes]]) -> Corners:

@@ -21,6 +21,7 @@ from sain_arm.robot.urdf_file import (
     LONGEST,
     MOVING,
     RATE,
+    SHORTEST,
     check_part,
     has_mass,
     parse_urdf,
@@ -282,10 +283,10 @@ class Urdf:
             width = np.ptp(mesh_corners(path) * written(mesh, "scale"), axis=0)
         except (OSError, UntrustedFileError, ValueError) as error:
             raise ConfigError(f"{what}: {path}: {reason_of(error)}") from error
-        if width.max() > LONGEST or not width.min() > 0.0:
+        if width.max() > LONGEST or not width.min() > SHORTEST:
             raise ConfigError(
-                f"{what}, {width.max():.4g} m wide; allowed: {LONGEST:g} m; of a mesh in"
-                ' millimetres the scale is "0.001 0.001 0.001"'
+                f"{what} of {' x '.join(f'{one:.4g}' for one in width)} m; allowed: {SHORTEST:g} to"
+                f' {LONGEST:g} m; of a mesh in millimetres the scale is "0.001 0.001 0.001"'
             )
         return path
 
@@ -311,7 +312,8 @@ def resolve(name: str, beside: Path) -> Path:
     """
     if name.startswith("package://"):
         package, _, rest = name.removeprefix("package://").partition("/")
-        around = [folder for folder in beside.resolve().parents if folder.name == package]
+        place = beside.resolve()
+        around = [folder for folder in (place, *place.parents) if folder.name == package]
         for folder in (*(share / package for share in _shares()), *around):
             if package and folder.is_dir():
                 return folder / rest

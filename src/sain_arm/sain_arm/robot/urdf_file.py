@@ -8,10 +8,11 @@ import xml.etree.ElementTree as ElementTree
 from math import pi
 from pathlib import Path
 from typing import Final, NamedTuple
+from xml.parsers import expat
 
 import numpy as np
 
-from sain_core.errors import ConfigError
+from sain_core.errors import ConfigError, UntrustedFileError
 from sain_core.guarding.untrusted import MIB, read_regular_text, reason_of, shown
 
 URDF_BYTES: Final = 4 * MIB
@@ -19,6 +20,7 @@ MOVING: Final = ("revolute", "prismatic")
 KINDS: Final = (*MOVING, "continuous", "fixed", "floating", "planar")
 GEOMETRIES: Final = ("box", "capsule", "cylinder", "mesh", "sphere")
 LONGEST: Final = 10.0  # [m], of an arm and its parts; beyond it the file is in millimetres
+SHORTEST: Final = 1e-6  # [m], likewise
 TURNS: Final = 4 * pi  # [rad], of an angle; beyond it the file is in degrees
 DEGREES: Final = ": are these degrees?"
 LEAST_MOMENT: Final = 1e-12  # [kg m^2]
@@ -38,7 +40,7 @@ class Numbers(NamedTuple):
 MILLIMETRES: Final = ": are these millimetres?"
 LENGTH: Final = Numbers(1, -LONGEST, LONGEST, "0", "m", MILLIMETRES)
 ANGLE: Final = Numbers(1, -TURNS, TURNS, "0", "rad", DEGREES)
-SIZE: Final = Numbers(1, 1e-6, LONGEST, None, "m", MILLIMETRES)
+SIZE: Final = Numbers(1, SHORTEST, LONGEST, None, "m", MILLIMETRES)
 RATE: Final = Numbers(1, 0.0, 1e12, "0")
 MOMENT: Final = Numbers(1, -1e6, 1e6, "0", "kg m^2")
 NUMBERS: Final[dict[str, dict[str, Numbers]]] = {  # of attributes, by the elements they are in
@@ -72,19 +74,38 @@ def parse_urdf(path: Path) -> ElementTree.Element:
         text = read_regular_text(path, URDF_BYTES)
     except (OSError, ValueError) as error:
         raise ConfigError(f"urdf {path}: {reason_of(error)}") from error
-    if "<!DOCTYPE" in text or "<!ENTITY" in text:
-        raise ConfigError(f"urdf {path} has a DOCTYPE or an entity; neither is read")
+    if not text.strip():
+        raise ConfigError(f"urdf {path} is empty; if xacro wrote it, read its error")
     try:
-        robot = ElementTree.fromstring(text)
-    except ElementTree.ParseError as error:
-        if "<xacro:" in text:
-            raise ConfigError(xacro_advice(path)) from error
-        raise ConfigError(f"urdf {path} is no XML: {error}") from error
-    if any("xacro" in str(element.tag) for element in robot.iter()):
+        robot = tree_of(text)
+    except UntrustedFileError as error:
+        raise ConfigError(f"urdf {path} {error}") from error
+    if any(element.tag.startswith("xacro:") for element in robot.iter()):
         raise ConfigError(xacro_advice(path))
     if robot.tag != "robot":
         raise ConfigError(f"urdf {path} is {shown(robot.tag)}; it must be <robot>")
     return _kept(robot)
+
+
+def tree_of(text: str) -> ElementTree.Element:
+    """Return the tree of an XML text; names keep their prefixes, declared or not, as in ROS.
+
+    Raises:
+        UntrustedFileError: it is no XML, or has a DOCTYPE.
+    """
+    builder, parser = ElementTree.TreeBuilder(), expat.ParserCreate()
+    parser.StartElementHandler, parser.EndElementHandler = builder.start, builder.end
+    parser.CharacterDataHandler, parser.buffer_text = builder.data, True
+    parser.StartDoctypeDeclHandler = _refuse_doctype
+    try:
+        parser.Parse(text, True)
+    except expat.ExpatError as error:
+        raise UntrustedFileError(f"is no XML: {error}") from error
+    return builder.close()
+
+
+def _refuse_doctype(*_: object) -> None:
+    raise UntrustedFileError("has a DOCTYPE; none is read")
 
 
 def _kept(element: ElementTree.Element) -> ElementTree.Element:
