@@ -29,7 +29,7 @@ LEAST_MOMENT: Final = 1e-12  # [kg m^2]
 class Numbers(NamedTuple):
     """What an attribute may hold: how many numbers, their range, and what stands for none."""
 
-    count: int
+    many: int
     low: float
     high: float
     default: str | None = None
@@ -45,14 +45,14 @@ RATE: Final = Numbers(1, 0.0, 1e12, "0")
 MOMENT: Final = Numbers(1, -1e6, 1e6, "0", "kg m^2")
 NUMBERS: Final[dict[str, dict[str, Numbers]]] = {  # of attributes, by the elements they are in
     "origin": {
-        "xyz": LENGTH._replace(count=3, default="0 0 0"),
-        "rpy": ANGLE._replace(count=3, default="0 0 0"),
+        "xyz": LENGTH._replace(many=3, default="0 0 0"),
+        "rpy": ANGLE._replace(many=3, default="0 0 0"),
     },
     "axis": {"xyz": Numbers(3, -1e6, 1e6, "1 0 0")},
     "dynamics": {"damping": RATE, "friction": RATE},
     "mass": {"value": Numbers(1, 0.0, 1e5, None, "kg")},
     "inertia": dict.fromkeys(("ixx", "iyy", "izz", "ixy", "ixz", "iyz"), MOMENT),
-    "box": {"size": SIZE._replace(count=3)},
+    "box": {"size": SIZE._replace(many=3)},
     "cylinder": {"radius": SIZE, "length": SIZE},
     "capsule": {"radius": SIZE, "length": SIZE},
     "sphere": {"radius": SIZE},
@@ -158,17 +158,17 @@ def read_numbers(
         numbers = [float(word) for word in (text or "").split()]
     except ValueError:
         numbers = []
-    if len(numbers) == allowed.count and all(allowed.low <= one <= allowed.high for one in numbers):
+    if len(numbers) == allowed.many and all(allowed.low <= one <= allowed.high for one in numbers):
         return numbers
     has = (
         f"<{element.tag} {key}={shown(text)}>"
         if text is not None
         else f"<{element.tag}> without {key}"
     )
-    many = "a number" if allowed.count == 1 else f"{allowed.count} numbers"
-    far = len(numbers) == allowed.count and max(map(abs, numbers)) > allowed.high
+    amount = "a number" if allowed.many == 1 else f"{allowed.many} numbers"
+    far = len(numbers) == allowed.many and max(map(abs, numbers)) > allowed.high
     raise ConfigError(
-        f"{what} has {has}; allowed: {many} from {allowed.low:.4g} to {allowed.high:.4g}"
+        f"{what} has {has}; allowed: {amount} from {allowed.low:.4g} to {allowed.high:.4g}"
         f" {allowed.unit}".rstrip()
         + allowed.hint * far
     )

@@ -312,7 +312,7 @@ LOADER: Final[Any] = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 DUMPER: Final[Any] = getattr(yaml, "CSafeDumper", yaml.SafeDumper)  # ten times as fast
 
 
-class _Loader(LOADER):  # type: ignore[misc]
+class _Loader(LOADER):
     """Reads numbers as YAML 1.2 does, and refuses a key that is given twice."""
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> Any:
@@ -335,7 +335,7 @@ class _Loader(LOADER):  # type: ignore[misc]
         return int(node.value, 16 if node.value.startswith("0x") else 10)
 
 
-class _Dumper(DUMPER):  # type: ignore[misc]
+class _Dumper(DUMPER):
     """Quotes a text that `_Loader` would take for a number."""
 
 
@@ -420,12 +420,12 @@ def _check_events(text: str) -> None:
     for count, event in enumerate(yaml.parse(text, LOADER), 1):
         limit("values", count, YAML_EVENTS)
         if isinstance(event, yaml.AliasEvent) or getattr(event, "anchor", None):
-            line = event.start_mark.line + 1
+            line = _line_of(event)
             raise UntrustedFileError(
                 f"it has an anchor or an alias in line {line}; neither is read"
             )
         if (tag := getattr(event, "tag", None)) not in (None, "!", OPENCV[1]):
-            line = event.start_mark.line + 1
+            line = _line_of(event)
             raise UntrustedFileError(
                 f"it has the tag {shown(tag)} in line {line}; tags are not read"
             )
@@ -437,6 +437,10 @@ def _check_events(text: str) -> None:
             depth -= 1
         elif isinstance(event, yaml.ScalarEvent) and _is_long_number(event):
             raise too_long(event.value)
+
+
+def _line_of(event: yaml.Event) -> int:
+    return event.start_mark.line + 1 if event.start_mark else 0
 
 
 def _is_long_number(event: yaml.ScalarEvent) -> bool:
