@@ -35,7 +35,6 @@ DISTRIBUTION_OF = {
 DOUBTFUL = {"python3-gymnasium-pip", "python3-mujoco-pip", "python3-torch"}  # of one package alone
 KEY_OF = {  # the rosdep keys of distributions, in rosdep/python.yaml of ros/rosdistro
     "gymnasium": "python3-gymnasium-pip",
-    "h5py": "python3-h5py",
     "joblib": "python3-joblib",
     "matplotlib": "python3-matplotlib",
     "mcap-ros2-support": "mcap-ros2-support",

@@ -16,6 +16,7 @@ from math import isfinite
 from typing import Any, Final, Literal, NamedTuple, TypeVar, get_args, get_origin, get_type_hints
 
 from sain_core.errors import ConfigError
+from sain_core.guarding.untrusted import shown
 
 T = TypeVar("T")
 C = TypeVar("C", bound="Config")
@@ -136,7 +137,7 @@ def check_number(name: str, value: Any, low: float, high: float, unit: str = "")
     """
     is_number = isinstance(value, int | float) and not isinstance(value, bool)
     if not (is_number and isfinite(value) and low <= value <= high):
-        raise ConfigError(f"{name} is {value!r}; allowed: {low:g} to {high:g} {unit}".rstrip())
+        raise ConfigError(f"{name} is {shown(value)}; allowed: {low:g} to {high:g} {unit}".rstrip())
     return float(value)
 
 

@@ -5,12 +5,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import yaml
 from jaxtyping import Float
 from numpy import ndarray
 
 from sain_core.errors import ConfigError
-from sain_core.guarding.untrusted import read_user_yaml
+from sain_core.guarding.untrusted import dump_yaml, read_user_yaml
 from sain_core.output import write_whole
 from sain_core.wire import Turn, check_pose
 
@@ -47,7 +46,7 @@ def write_extrinsics(path: Path, pose: Extrinsics, about: Mapping[str, Any]) -> 
         "turn": pose.turn.tolist(),
         **about,
     }
-    write_whole(path, yaml.safe_dump(content, sort_keys=False).encode())
+    write_whole(path, dump_yaml(content).encode())
 
 
 def read_extrinsics(path: Path) -> Extrinsics:

@@ -38,7 +38,7 @@ def test_everything_of_a_body_is_read(tmp_path: Path) -> None:
     ("text", "message"),
     [
         ("bodies: []", "it must have a list 'bodies' of 1 to 32 bodies"),
-        ("- 1", "it must have a list 'bodies'"),
+        ("- 1", r"is not read: it has \[1\]; it must have keys"),
         ("bodies: [3]", "body 0 is 3; it must have keys: name, shape"),
         ("bodies: [{shape: disk}]", "body 0 has no radius; it needs shape and radius"),
         (
@@ -67,6 +67,21 @@ def test_everything_of_a_body_is_read(tmp_path: Path) -> None:
             "bodies: [{shape: disk, radius: 0.1, frame: a}, {shape: t, radius: 0.1, frame: a}]",
             "two bodies have the frame 'a'",
         ),
+        (
+            "bodies:\n- {shape: disk, radius: 0.08, tags: 3, radius: 0.05}",
+            "line 2: the key 'radius' is given twice; remove one",
+        ),
+        ("bodies: [{shape: disk, radius: 1:30}]", "radius of body 0 is '1:30'; allowed: 0.001"),
+        (
+            "bodies: [{shape: disk, radius: 0.1, topic: a b}]",
+            "topic of body 0 is 'a b'; a name in ROS has letters",
+        ),
+        ("bodies: [{shape: disk, radius: 0.1, topic: 3d/pose}]", "topic of body 0 is '3d/pose'; "),
+        ("bodies: [{shape: disk, radius: 0.1, topic: a/}]", "topic of body 0 is 'a/'; "),
+        ("bodies: [{shape: disk, radius: 0.1, topic: a//b}]", "topic of body 0 is 'a//b'; "),
+        ("bodies: [{shape: disk, radius: 0.1, frame: /a}]", "frame of body 0 is '/a'; it must not"),
+        ("bodies: [{shape: disk, radius: 0.1, frame: a b}]", "frame of body 0 is 'a b'; it must"),
+        ("", "is not read: it is empty"),
         ("bodies: &a [*a]", "is not read: it has an anchor or an alias"),
         ("bodies: !!python/object:os.system []", "is not read: it has the tag"),
     ],
@@ -74,3 +89,8 @@ def test_everything_of_a_body_is_read(tmp_path: Path) -> None:
 def test_what_is_wrong_is_named(tmp_path: Path, text: str, message: str) -> None:
     with pytest.raises(ConfigError, match=rf"bodies file .*bodies\.yaml.*{message}"):
         read(tmp_path, text)
+
+
+def test_radius_and_mass_may_have_an_exponent(tmp_path: Path) -> None:
+    bodies = read(tmp_path, "bodies: [{shape: disk, radius: 8e-2, mass: 1e0, topic: /mocap/a_1}]")
+    assert (bodies.radii, bodies.masses, bodies.topics) == ((0.08,), (1.0,), ("/mocap/a_1",))

@@ -1,10 +1,12 @@
 """Cost terms: what they punish, and that most of them do not care which way is north."""
 
 from dataclasses import replace
+from importlib.metadata import EntryPoint
 
 import numpy as np
 import pytest
 
+from sain_core.errors import ConfigError
 from sain_core.feasibility import Feasibility
 from sain_core.goal import BodyPose, Goal
 from sain_core.push import idle_pushes, rotate_pushes
@@ -12,6 +14,7 @@ from sain_core.randomness import generator
 from sain_core.scene import MID, POSITION, RADIUS, TARGET, rotate_scenes, unit
 from sain_core.shapes.bodies import PAPER_DISKS, Bodies
 from sain_mppi.config import CostWeights
+from sain_mppi.objective import cost
 from sain_mppi.objective.cost import Objective, pose_distance, total_cost
 from sain_mppi.objective.problem import Problem
 
@@ -118,3 +121,44 @@ def test_any_body_that_the_tool_may_not_touch_is_pushed_by_another(scene):
     mirrored = Objective(problem, WEIGHTS).terms(pushes, after[..., ::-1, :])
     for name in ("position", "distance", "alignment", "approach", "caution", "reach"):
         np.testing.assert_allclose(mirrored[name], terms[name], err_msg=name)
+
+
+def offer(monkeypatch, function):
+    """Let a package offer a cost term, and count it."""
+    entry = EntryPoint("mine", "my_parts:mine", "sain.costs")
+    monkeypatch.setattr(cost, "find_cost", lambda name: (entry, function))
+    monkeypatch.setattr(cost, "further_terms", lambda more: [("mine", 1.0)])
+
+
+@pytest.mark.parametrize(
+    ("value", "moving", "text"),
+    [
+        (np.nan, True, "cost 'mine' of the package of my_parts: it is NaN for all 64 samples; it"),
+        (np.inf, True, "it is NaN or infinite for all 64 samples; it must return finite numbers"),
+        (np.nan, False, "it is NaN for doing nothing; it must return finite numbers"),
+    ],
+)
+def test_a_cost_of_ones_own_that_is_never_finite_is_named(
+    scene, dynamics, monkeypatch, value, moving, text
+):
+    def mine(rollout, objective):
+        is_idle = ~rollout.moving.any(axis=1)
+        return np.where(is_idle == (not moving), value, 0.0)
+
+    offer(monkeypatch, mine)
+    objective = Objective(problem_of(scene, Goal.place(0.5, 0.25)), WEIGHTS)
+    pushes = FEASIBILITY.limits.sample(generator(0), 64).reshape(64, 1, 5)
+    predicted = dynamics.rollout(scene, pushes)
+    with pytest.raises(ConfigError, match=text):
+        objective.rest_cost()
+        objective.terms(pushes, predicted)
+
+
+def test_a_cost_of_ones_own_may_forbid_some_samples(scene, dynamics, monkeypatch):
+    def mine(rollout, objective):
+        return np.where(np.arange(len(rollout.pushes)) % 2, np.inf, 0.0)
+
+    offer(monkeypatch, mine)
+    pushes = FEASIBILITY.limits.sample(generator(0), 64).reshape(64, 1, 5)
+    terms = terms_of(scene, pushes, dynamics.rollout(scene, pushes), (0.5, 0.25))
+    assert np.isinf(total_cost(terms)).sum() == 32

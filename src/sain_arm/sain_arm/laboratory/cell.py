@@ -13,7 +13,7 @@ import mujoco
 import numpy as np
 
 from sain_arm.laboratory.laboratory_config import CellConfig
-from sain_arm.robot.arm_model import BODY, TABLE, ArmModel, solid_geoms
+from sain_arm.robot.arm_model import BODY, TABLE, ArmModel, robot_spec, solid_geoms
 from sain_arm.robot.robot import Robot, Vector
 from sain_arm.robot.urdf import ROD, TIP
 from sain_core.randomness import generator
@@ -152,7 +152,7 @@ class Cell:
                 self.report.contacts[" and ".join(names)] += 1
 
     def _built(self, arm: ArmModel, config: CellConfig) -> Any:
-        spec = mujoco.MjSpec.from_string(self.robot.description)
+        spec = robot_spec(self.robot)
         spec.option.timestep = STEP
         spec.option.jacobian = (
             mujoco.mjtJacobian.mjJAC_DENSE

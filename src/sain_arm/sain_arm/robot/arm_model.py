@@ -4,6 +4,7 @@ The model has the arm's joints alone. Bodies are mocap bodies that are placed be
 """
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, Final
 
 import mujoco
@@ -11,8 +12,11 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
+from sain_arm.robot.mesh import mesh_hull
 from sain_arm.robot.robot import Joints, Robot, Vector
 from sain_arm.robot.urdf import ROD, TIP
+from sain_core.errors import ConfigError
+from sain_core.guarding.untrusted import one_line
 from sain_core.scene import DISK_HEIGHT, POSITION, THETA
 from sain_core.shapes.bodies import Bodies
 from sain_core.shapes.shape import Shape, Solid, prism_surface
@@ -50,7 +54,7 @@ class ArmModel:
     def __init__(self, robot: Robot, bodies: Bodies | None = None, radii: tuple[float, ...] = ()):
         """Build the model; without bodies there is the table alone."""
         self.robot = robot
-        spec = mujoco.MjSpec.from_string(robot.description)
+        spec = robot_spec(robot)
         spec.worldbody.add_geom(
             name=TABLE, type=mujoco.mjtGeom.mjGEOM_PLANE, size=[3.0, 3.0, 0.1], margin=GAP
         )
@@ -59,7 +63,7 @@ class ArmModel:
             body = spec.worldbody.add_body(name=f"{BODY}{index}", mocap=True)
             for geom in solid_geoms(spec, body, shape, radius):
                 geom.margin = GAP
-        self.model = spec.compile()
+        self.model = compiled(robot, spec)
         self.data = mujoco.MjData(self.model)
         names = [self.model.joint(index).name for index in range(self.model.njnt)]
         self.order = np.array([names.index(name) for name in robot.joints])
@@ -167,6 +171,33 @@ class ArmModel:
             if 0 not in bodies and not any(name.startswith(BODY) for name in names):
                 pairs.add((min(bodies), max(bodies)))
         return pairs
+
+
+def robot_spec(robot: Robot) -> Any:
+    """Return the specification of a robot; its meshes are the corners that `mesh_corners` reads.
+
+    Raises:
+        ConfigError: MuJoCo takes it for no robot.
+    """
+    try:
+        spec = mujoco.MjSpec.from_string(robot.description)
+        for mesh in spec.meshes:
+            mesh.uservert, mesh.file = mesh_hull(Path(mesh.file)).ravel(), ""
+    except (ValueError, OSError) as error:
+        raise _refusal(robot, error) from error
+    return spec
+
+
+def compiled(robot: Robot, spec: Any) -> Any:
+    """Return the model of a specification with a robot; raises as `robot_spec`."""
+    try:
+        return spec.compile()
+    except ValueError as error:
+        raise _refusal(robot, error) from error
+
+
+def _refusal(robot: Robot, error: Exception) -> ConfigError:
+    return ConfigError(f"robot {robot.name!r} is refused by MuJoCo: {one_line(error)}")
 
 
 def solid_geoms(spec: Any, body: Any, shape: Shape, radius: float) -> list[Any]:

@@ -5,8 +5,8 @@
     controller: joint_trajectory_controller
     home: {joint_1: 0.0, joint_2: -1.2, joint_3: 1.5}
 
-`KEYS` has all that may stand in it. Angles are in rad, lengths in m, times in s. ``home`` names the
-joints that move; what else the URDF has is fixed at 0.
+`KEYS` has all that may stand in it. Angles are in rad, lengths in m, times in s. ``home`` has the
+joints that move, by name or in their order from the base; what else the URDF has is fixed at 0.
 """
 
 from collections.abc import Mapping
@@ -19,10 +19,18 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from sain_arm.robot.urdf import AXES, Urdf, UrdfJoint
+from sain_arm.robot.urdf_file import DEGREES, TURNS
 from sain_core.config import check_number
 from sain_core.errors import ConfigError
 from sain_core.guarding.plugins import did_you_mean
-from sain_core.guarding.untrusted import read_user_yaml
+from sain_core.guarding.untrusted import (
+    check_ros_name,
+    listed,
+    one_line,
+    read_user_yaml,
+    shown,
+    user_path,
+)
 
 Joints = Float[ndarray, "_ J"]  # each way has its own number of points
 Vector = Float[ndarray, "J"]
@@ -83,12 +91,12 @@ def read_robot(name: str) -> Robot:
     """
     if not name:
         raise ConfigError(f"robot is empty; give a YAML file, or one of {', '.join(shipped())}")
-    path = SHIPPED / f"{name}.yaml" if name in shipped() else Path(name).expanduser()
+    path = SHIPPED / f"{name}.yaml" if name in shipped() else user_path(name)
     content = read_user_yaml(path, "robot file", f"; shipped are {', '.join(shipped())}")
     try:
         return parse_robot(content, path.stem, path.parent)
     except ConfigError as error:
-        raise ConfigError(f"robot file {path}: {error}") from error
+        raise ConfigError(one_line(f"robot file {path}: {error}")) from error
 
 
 def shipped() -> tuple[str, ...]:
@@ -103,8 +111,8 @@ def parse_robot(content: Any, name: str, beside: Path) -> Robot:
     base, limits = (_Section(key, rows.given.get(key, {})) for key in ("base", "limits"))
     space = _Section("workspace", rows.given.get("workspace", {}))
     axis = tool.given.get("axis", "z")
-    if axis not in AXES:
-        raise ConfigError(f"tool.axis is {axis!r}; allowed: {', '.join(AXES)}")
+    if not isinstance(axis, str) or axis not in AXES:
+        raise ConfigError(f"tool.axis is {shown(axis)}; allowed: {', '.join(AXES)}")
     frame = tool.text("frame")
     length, radius = tool.number("rod", 0.0, 0.0, 1.0), tool.number("radius", None, 0.001, 0.05)
     urdf = Urdf(rows.text("urdf"), beside)
@@ -117,7 +125,10 @@ def parse_robot(content: Any, name: str, beside: Path) -> Robot:
     values = np.array([home[joint] for joint in joints])
     for joint, value, (low, high) in zip(joints, values, bounds, strict=True):
         if not low <= value <= high:
-            raise ConfigError(f"home of joint {joint!r} is {value:g}; allowed: {low:g} to {high:g}")
+            raise ConfigError(
+                f"home of joint {joint!r} is {value:g}; allowed: {low:g} to {high:g}"
+                + (DEGREES if abs(value) > TURNS else "")
+            )
     velocity = _per_joint(limits, "velocity", FASTEST, [joint.velocity for joint in chain], joints)
     usual = [value / START_TIME for value in velocity]
     acceleration = _per_joint(limits, "acceleration", STRONGEST, usual, joints)
@@ -134,7 +145,7 @@ def parse_robot(content: Any, name: str, beside: Path) -> Robot:
         np.array(velocity),
         np.array(acceleration),
         radius,
-        rows.text("controller"),
+        check_ros_name("controller", rows.text("controller")),
         np.array(stands[:2]),
         np.array([space.pair(key, (-FAR, FAR)) for key in KEYS["workspace"]]),
     )
@@ -146,13 +157,14 @@ class _Section:
     def __init__(self, name: str, content: Any, allowed: tuple[str, ...] = ()) -> None:
         allowed = allowed or KEYS[name]
         if not isinstance(content, Mapping):
-            what = f"{name} is {content!r}; it" if name else "it"
+            what = f"{name} is {shown(content)}; it" if name else "it"
             raise ConfigError(f"{what} must have keys: {', '.join(allowed)}")
         for key in content:
             if key not in allowed:
                 hint = did_you_mean(str(key), allowed)
                 raise ConfigError(
-                    f"{self._within(name)}unknown key {key!r}{hint}; allowed: {', '.join(allowed)}"
+                    f"{self._within(name)}unknown key {shown(key)}{hint};"
+                    f" allowed: {listed(allowed)}"
                 )
         for key in NEEDED.get(name, ()):
             if key not in content:
@@ -169,7 +181,7 @@ class _Section:
     def text(self, key: str) -> str:
         value = self.given[key]
         if not isinstance(value, str) or not value:
-            raise ConfigError(f"{self._called(key)} is {value!r}; it must be a text")
+            raise ConfigError(f"{self._called(key)} is {shown(value)}; it must be a text")
         return value
 
     def number(self, key: str, default: float | None, low: float, high: float) -> float:
@@ -179,7 +191,7 @@ class _Section:
         """Return a range of two numbers, the lower one first."""
         name, value = self._called(key), self.given.get(key, default)
         if not isinstance(value, list | tuple) or len(value) != 2:
-            raise ConfigError(f"{name} is {value!r}; it must be [lowest, highest]")
+            raise ConfigError(f"{name} is {shown(value)}; it must be [lowest, highest]")
         low, high = (check_number(name, one, -1e3, 1e3) for one in value)
         if low >= high:
             raise ConfigError(f"{name} is {value!r}; the first number must be the lower one")
@@ -189,16 +201,23 @@ class _Section:
 def _home(given: Any, chain: tuple[UrdfJoint, ...]) -> dict[str, float]:
     """Return the angle of each joint of the chain to the tool, in the order of the chain."""
     names = tuple(joint.name for joint in chain)
+    if isinstance(given, list):
+        if len(given) != len(names):
+            raise ConfigError(f"home has {len(given)} numbers; these joints move: {listed(names)}")
+        given = dict(zip(names, given, strict=True))
     home = _Section("home", given, names).given
     if missing := [name for name in names if name not in home]:
-        raise ConfigError(f"home has no {', '.join(missing)}; all of these move the tool")
+        raise ConfigError(f"home has no {listed(missing)}; all of these move the tool")
     return {name: check_number(f"home.{name}", home[name], -1e3, 1e3) for name in names}
 
 
 def _bounds(joint: UrdfJoint, position: _Section) -> tuple[float, float]:
     if joint.name in position.given:
-        return position.pair(joint.name, (0.0, 0.0))
-    if joint.lower is None or joint.upper is None or joint.lower >= joint.upper:
+        low, high = position.pair(joint.name, (0.0, 0.0))
+        if joint.kind != "prismatic" and max(-low, high) > TURNS:
+            raise ConfigError(f"limits.position.{joint.name} is [{low:g}, {high:g}]{DEGREES}")
+        return low, high
+    if joint.lower is None or joint.upper is None:
         raise ConfigError(
             f"joint {joint.name!r} is {joint.kind} and has no limits in the URDF; give them as"
             f" limits: {{position: {{{joint.name}: [-3.1, 3.1]}}}}"

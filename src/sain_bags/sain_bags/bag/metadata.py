@@ -7,7 +7,6 @@ from functools import lru_cache
 from pathlib import Path, PurePath
 from typing import Any, Final
 
-import yaml
 from mcap.records import Metadata, Statistics
 from rosbags.interfaces import Qos
 from rosbags.rosbag2.metadata import parse_qos
@@ -17,10 +16,9 @@ from sain_bags.bag.parts import earlier, mcap_files
 from sain_bags.mcap import integrity
 from sain_bags.mcap.integrity import rescue
 from sain_core.errors import DatasetError
-from sain_core.guarding.untrusted import parse_yaml, read_yaml
+from sain_core.guarding.untrusted import dump_yaml, parse_yaml, read_yaml
 
 LAYOUT_VERSION: Final = 9
-DUMPER: Final[Any] = getattr(yaml, "CSafeDumper", yaml.SafeDumper)  # the first is ten times as fast
 METADATA_FILE: Final = integrity.METADATA_FILE
 METADATA_ROOT: Final = "rosbag2_bagfile_information"
 METADATA_RECORD: Final = "rosbag2"  # by this name a file's record of the same content is found
@@ -82,7 +80,7 @@ class Topic:
 
     def qos_text(self) -> str:
         """Return the offered profiles as the text that a channel's metadata holds."""
-        return yaml.safe_dump([qos.as_record() for qos in self.offered_qos], sort_keys=False)
+        return dump_yaml([qos.as_record() for qos in self.offered_qos])
 
 
 @dataclass(frozen=True)
@@ -156,7 +154,7 @@ def as_topic_qos(qos: Qos) -> TopicQos:
 
 def metadata_record(metadata: Mapping[str, Any]) -> dict[str, str]:
     """Return the content of a file's record `METADATA_RECORD`, as rosbag2 writes it."""
-    return {METADATA_KEY: yaml.safe_dump(dict(metadata), sort_keys=False)}
+    return {METADATA_KEY: dump_yaml(dict(metadata))}
 
 
 def read_record(record: Metadata) -> dict[str, Any]:
@@ -171,7 +169,7 @@ def write_metadata(folder: Path, metadata: Mapping[str, Any]) -> None:
     """Write ``metadata.yaml``, whole or not at all."""
     content = {METADATA_ROOT: dict(metadata)}
     part = folder / f".{METADATA_FILE}.part"
-    part.write_text(yaml.dump(content, Dumper=DUMPER, sort_keys=False), encoding="utf-8")
+    part.write_text(dump_yaml(content), encoding="utf-8")
     part.replace(folder / METADATA_FILE)
 
 

@@ -8,8 +8,11 @@ import os
 import re
 import stat
 import time
+from collections import Counter
+from collections.abc import Iterable
 from contextlib import suppress
 from io import BufferedReader
+from itertools import islice
 from math import isinf
 from pathlib import Path
 from stat import S_IMODE, S_ISDIR
@@ -103,6 +106,51 @@ def too_long(number: str) -> UntrustedFileError:
     return UntrustedFileError(f"a number has {len(number):,} digits; allowed: {DIGITS}")
 
 
+def shown(value: object, most: int = 60) -> str:
+    """Return a value of a file as an error shows it: on one line, its end cut off."""
+    text = repr(value)
+    return text if len(text) <= most else f"{text[:most]}..."
+
+
+def listed(names: Iterable[str], most: int = 20) -> str:
+    """Return names as an error lists them: the first ones, and how many more there are."""
+    names = list(names)
+    more = f" and {len(names) - most} more" if len(names) > most else ""
+    return ", ".join(shown(name)[1:-1] for name in names[:most]) + more
+
+
+def one_line(text: object, most: int = 800) -> str:
+    """Return the text of an error on one line, its end cut off."""
+    line = " ".join(str(text).split())
+    return line if len(line) <= most else f"{line[:most]}..."
+
+
+def check_ros_name(what: str, name: str) -> str:
+    """Return a name of a topic, a service or an action that a user's file gives.
+
+    Raises:
+        ConfigError: ROS does not allow it.
+    """
+    if not ROS_NAME.fullmatch(name) or len(name) > LONGEST_ROS_NAME:
+        raise ConfigError(
+            f"{what} is {shown(name)}; a name in ROS has letters of a to z, digits and '_' in parts"
+            f" that '/' divides and no digit begins, at most {LONGEST_ROS_NAME} characters"
+        )
+    return name
+
+
+def user_path(text: str) -> Path:
+    """Return the path that a user wrote; ``~name`` stays as it is where there is no such user."""
+    return Path(os.path.expanduser(text))  # noqa: PTH111 - Path.expanduser raises RuntimeError
+
+
+def reason_of(error: Exception) -> str:
+    """Return why a file cannot be read, without its name."""
+    return one_line(getattr(error, "strerror", None) or error)
+
+
+ROS_NAME: Final = re.compile(r"(~/|/)?[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*")
+LONGEST_ROS_NAME: Final = 200  # characters; 255 with what ROS adds
 KINDS: Final = {
     stat.S_IFDIR: "a folder",
     stat.S_IFIFO: "a FIFO",
@@ -153,10 +201,15 @@ def read_regular(path: Path, limit: int = WHOLE_BYTES) -> bytes:
 
 def read_regular_text(path: Path, limit: int = WHOLE_BYTES) -> str:
     """Return the text of a file; raises as `read_regular`, and where it is not UTF-8."""
+    content = read_regular(path, limit)
     try:
-        return read_regular(path, limit).decode()
+        return content.decode()
     except UnicodeDecodeError as error:
-        raise UntrustedFileError(f"it is not UTF-8 ({error.reason})") from error
+        line = content.count(b"\n", 0, error.start) + 1
+        raise UntrustedFileError(
+            f"it is not UTF-8: line {line} has the byte {content[error.start]:#04x};"
+            " save it as UTF-8"
+        ) from error
 
 
 SURROGATE: Final = re.compile(r"\\u[dD][89a-fA-F]")
@@ -175,10 +228,15 @@ def parse_json(text: str) -> Any:
     """
     limit("bytes", len(text), JSON_BYTES)
     limit("values", sum(text.count(sign) for sign in ",[{"), JSON_ITEMS)
+    text = text.removeprefix("\ufeff")  # some editors begin a file with it
     try:
-        content = json.loads(text, parse_int=_integer, parse_float=_number)
+        content = json.loads(
+            text, parse_int=_integer, parse_float=_number, object_pairs_hook=_object
+        )
     except RecursionError:
         raise too_deep() from None
+    except _TwiceError as error:
+        raise UntrustedFileError(error.text(text)) from None
     except UntrustedFileError:
         raise
     except ValueError as error:
@@ -186,6 +244,25 @@ def parse_json(text: str) -> Any:
     _limit_depth(content)
     if SURROGATE.search(text):
         _refuse_half_characters(content)
+    return content
+
+
+class _TwiceError(Exception):
+    """A key of a JSON object that is given twice; json does not say where."""
+
+    def text(self, text: str) -> str:
+        """Return the error, with the lines of a document that have such a key."""
+        (key,) = self.args
+        found = re.finditer(re.escape(json.dumps(key, ensure_ascii=False)) + r"\s*:", text)
+        lines = [str(text.count("\n", 0, one.start()) + 1) for one in islice(found, 9)]
+        where = f" (lines with it: {', '.join(dict.fromkeys(lines))})" if lines else ""
+        return f"the key {shown(key)} is given twice{where}; remove one"
+
+
+def _object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    content = dict(pairs)
+    if len(content) != len(pairs):
+        raise _TwiceError(Counter(key for key, _ in pairs).most_common(1)[0][0])
     return content
 
 
@@ -224,8 +301,58 @@ def _refuse_half_characters(content: Any) -> None:
         raise UntrustedFileError("a text is no Unicode: it has half a character") from error
 
 
-NUMBERS: Final = ("tag:yaml.org,2002:int", "tag:yaml.org,2002:float")
+TAG: Final = "tag:yaml.org,2002:"
+NUMBERS: Final = {  # as in YAML 1.2 and JSON: 1e0 is a number, 010 is ten, 1:30 and 1_000 are none
+    f"{TAG}int": r"[-+]?[0-9]+|0x[0-9a-fA-F]+",
+    f"{TAG}float": r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?"
+    r"|[-+]?\.(inf|Inf|INF)|\.(nan|NaN|NAN|Nan)",
+}
+OPENCV: Final = "%YAML:1.0", f"{TAG}opencv-matrix"  # how OpenCV begins a file, and tags a matrix
 LOADER: Final[Any] = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+DUMPER: Final[Any] = getattr(yaml, "CSafeDumper", yaml.SafeDumper)  # ten times as fast
+
+
+class _Loader(LOADER):
+    """Reads numbers as YAML 1.2 does, and refuses a key that is given twice."""
+
+    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> Any:
+        size = len(node.value)
+        mapping = super().construct_mapping(node, deep=deep)
+        if len(mapping) == size == len(node.value):
+            return mapping
+        seen = set[Any]()
+        for key_node, _ in node.value:
+            key = self.construct_object(key_node, deep=True)
+            if key in seen:
+                line = key_node.start_mark.line + 1
+                raise UntrustedFileError(
+                    f"line {line}: the key {shown(key)} is given twice; remove one"
+                )
+            seen.add(key)
+        raise UntrustedFileError("it has a merge key (<<); it is not read")
+
+    def construct_yaml_int(self, node: yaml.ScalarNode) -> int:
+        return int(node.value, 16 if node.value.startswith("0x") else 10)
+
+
+class _Dumper(DUMPER):
+    """Quotes a text that `_Loader` would take for a number."""
+
+
+for _kind in (_Loader, _Dumper):
+    _kind.yaml_implicit_resolvers = {
+        first: [one for one in pairs if one[0] not in NUMBERS]
+        for first, pairs in LOADER.yaml_implicit_resolvers.items()
+    }
+    for _tag, _pattern in NUMBERS.items():
+        _kind.add_implicit_resolver(_tag, re.compile(f"({_pattern})$"), list("-+.0123456789"))
+_Loader.add_constructor(f"{TAG}int", _Loader.construct_yaml_int)
+_Loader.add_constructor(OPENCV[1], _Loader.construct_yaml_map)
+
+
+def dump_yaml(content: Any) -> str:
+    """Return the YAML text of a content that `parse_yaml` reads as it was."""
+    return str(yaml.dump(content, Dumper=_Dumper, sort_keys=False))
 
 
 def read_yaml(path: Path) -> Any:
@@ -233,7 +360,7 @@ def read_yaml(path: Path) -> Any:
     return parse_yaml(read_regular_text(path, YAML_BYTES))
 
 
-def read_user_yaml(path: Path, what: str, known: str = "") -> Any:
+def read_user_yaml(path: Path, what: str, known: str = "") -> dict[Any, Any]:
     """Return the content of a YAML file that a user gives.
 
     Args:
@@ -242,14 +369,18 @@ def read_user_yaml(path: Path, what: str, known: str = "") -> Any:
         known: added where it cannot be read: what could be given in its place.
 
     Raises:
-        ConfigError: naming the file and what is wrong.
+        ConfigError: naming the file and what is wrong; its content is no mapping.
     """
     try:
-        return read_yaml(path)
-    except OSError as error:
-        raise ConfigError(f"{what} {path}: {error.strerror or error}{known}") from error
+        content = read_yaml(path)
     except UntrustedFileError as error:
         raise ConfigError(f"{what} {path} is not read: {error}") from error
+    except (OSError, ValueError) as error:  # the second: a zero byte in the path
+        raise ConfigError(f"{what} {path}: {reason_of(error)}{known}") from error
+    if not isinstance(content, dict):
+        found = "it is empty" if content is None else f"it has {shown(content)}"
+        raise ConfigError(f"{what} {path} is not read: {found}; it must have keys and values")
+    return content
 
 
 def parse_yaml(text: str) -> Any:
@@ -259,13 +390,25 @@ def parse_yaml(text: str) -> Any:
         UntrustedFileError: it is no YAML, has anchors, aliases or tags, or exceeds a limit.
     """
     limit("bytes", len(text), YAML_BYTES)
+    if text.startswith(OPENCV[0]):
+        text = f"#{text}"  # a comment: its version is wrong
     try:
         _check_events(text)
-        return yaml.load(text, LOADER)  # it is a safe one
+        return yaml.load(text, _Loader)  # it is a safe one
     except UntrustedFileError:
         raise
+    except yaml.MarkedYAMLError as error:
+        mark, problem = (
+            error.problem_mark or error.context_mark,
+            str(error.problem or error.context),
+        )
+        if problem.startswith("but "):
+            problem = f"{error.context} {problem}"
+        line = "" if mark is None else f"line {mark.line + 1}, column {mark.column + 1}: "
+        hint = "; indent with spaces, no tabs" if "\t" in text else ""
+        raise UntrustedFileError(one_line(f"{line}{problem}{hint}")) from error
     except yaml.YAMLError as error:
-        raise UntrustedFileError(" ".join(str(error).split())) from error
+        raise UntrustedFileError(one_line(error)) from error
     except RecursionError:
         raise too_deep() from None
     except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
@@ -277,9 +420,15 @@ def _check_events(text: str) -> None:
     for count, event in enumerate(yaml.parse(text, LOADER), 1):
         limit("values", count, YAML_EVENTS)
         if isinstance(event, yaml.AliasEvent) or getattr(event, "anchor", None):
-            raise UntrustedFileError("it has an anchor or an alias; neither is read")
-        if (tag := getattr(event, "tag", None)) not in (None, "!"):
-            raise UntrustedFileError(f"it has the tag {str(tag)[:40]!r}; tags are not read")
+            line = _line_of(event)
+            raise UntrustedFileError(
+                f"it has an anchor or an alias in line {line}; neither is read"
+            )
+        if (tag := getattr(event, "tag", None)) not in (None, "!", OPENCV[1]):
+            line = _line_of(event)
+            raise UntrustedFileError(
+                f"it has the tag {shown(tag)} in line {line}; tags are not read"
+            )
         if isinstance(event, yaml.CollectionStartEvent):
             depth += 1
             if depth > DEPTH:
@@ -290,11 +439,15 @@ def _check_events(text: str) -> None:
             raise too_long(event.value)
 
 
+def _line_of(event: yaml.Event) -> int:
+    return event.start_mark.line + 1 if event.start_mark else 0
+
+
 def _is_long_number(event: yaml.ScalarEvent) -> bool:
-    if len(event.value) <= DIGITS:
+    is_plain = event.implicit[0]
+    if len(event.value) <= DIGITS or not is_plain:
         return False
-    resolver = yaml.resolver.Resolver()
-    return resolver.resolve(yaml.ScalarNode, event.value, event.implicit) in NUMBERS
+    return any(re.fullmatch(pattern, event.value) for pattern in NUMBERS.values())
 
 
 class TimeAllowance:

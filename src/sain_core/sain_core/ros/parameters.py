@@ -26,7 +26,7 @@ from rclpy.parameter import Parameter
 
 from sain_core.config import Config, check_field, settings_of, with_settings
 from sain_core.errors import ConfigError, UntrustedFileError
-from sain_core.guarding.untrusted import YAML_BYTES, read_regular
+from sain_core.guarding.untrusted import read_yaml
 
 OPTION: Final = "--params-file"
 
@@ -35,13 +35,13 @@ def check_parameter_files(arguments: Sequence[str] | None) -> None:
     """Check the files that arguments name, or those of the process; rcl waits for any FIFO.
 
     Raises:
-        ConfigError: one is no regular file, or too large.
+        ConfigError: one is no regular file, too large, or no YAML; a key is given twice.
     """
     for option, name in pairwise(sys.argv if arguments is None else arguments):
         if option != OPTION:
             continue
         try:
-            read_regular(Path(name), YAML_BYTES)
+            read_yaml(Path(name))
         except UntrustedFileError as error:
             raise ConfigError(f"{OPTION} {name} is not read: {error}") from error
         except OSError:

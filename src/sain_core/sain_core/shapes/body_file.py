@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-import yaml
 from jaxtyping import Float
 from numpy import ndarray
 
@@ -21,7 +20,10 @@ from sain_core.guarding.untrusted import (
     LONGEST_NAME,
     MOST_BODIES,
     MOST_RADIUS,
+    check_ros_name,
+    dump_yaml,
     read_user_yaml,
+    shown,
 )
 from sain_core.scene import DISK_HEIGHT, MASS, NOMINAL_MASS, POSE, RADIUS, make_scene
 from sain_core.shapes.bodies import Bodies
@@ -130,6 +132,14 @@ def parse_bodies(content: Any) -> BodyFile:
         for key in ("frame", "topic", "shape", "role", "name")
     )
     tags = [_tags(row.get("tags", []), number) for number, row in enumerate(rows)]
+    for number, (frame, topic) in enumerate(zip(frames, topics, strict=True)):
+        if frame.startswith("/") or any(sign.isspace() for sign in frame):
+            raise ConfigError(
+                f"frame of body {number} is {shown(frame)}; it must not have spaces or begin with"
+                " '/'"
+            )
+        if topic:
+            check_ros_name(f"topic of body {number}", topic)
     _check_unique("frame", frames)
     _check_unique("topic", topics)
     _check_unique("name", names)
@@ -177,7 +187,7 @@ def write_tagged_bodies(path: Path, scene: Scene, bodies: Bodies) -> None:
             zip(bodies.shapes, bodies.roles, scene, strict=True)
         )
     ]
-    path.write_text(yaml.safe_dump({"bodies": rows}, sort_keys=False))
+    path.write_text(dump_yaml({"bodies": rows}))
 
 
 def _check_unique(key: str, values: Sequence[Any]) -> None:

@@ -341,11 +341,21 @@ def find_cost(name: str) -> tuple[EntryPoint, Cost]:
 
 
 def _further(name: str, rollout: Rollout, objective: Objective) -> Scalars:
-    """Return the term (K,) of a package, unweighted; raise `ConfigError` for another shape."""
+    """Return the term (K,) of a package, unweighted.
+
+    Raises:
+        ConfigError: it has another shape, or is finite for no prediction that is finite.
+    """
     entry, cost = find_cost(name)
     values, right = np.asarray(cost(rollout, objective), dtype=np.float64), (len(rollout.pushes),)
     if values.shape != right:
         raise COSTS.wrong(entry, f"it returned the shape {values.shape}; it must be {right}")
+    possible = np.isfinite(rollout.after).all(axis=(1, 2, 3))
+    is_judged = len(values) > 1 or not rollout.moving.any()  # one sequence may be impossible
+    if is_judged and possible.any() and not np.isfinite(values[possible]).any():
+        kind = "NaN" if np.isnan(values[possible]).all() else "NaN or infinite"
+        what = f"all {len(values)} samples" if rollout.moving.any() else "doing nothing"
+        raise COSTS.wrong(entry, f"it is {kind} for {what}; it must return finite numbers")
     return values
 
 

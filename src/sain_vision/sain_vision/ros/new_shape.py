@@ -9,11 +9,11 @@ from typing import Annotated, Any, Final
 import cv2
 import numpy as np
 import tyro
-import yaml
 from rich.console import Console
 
 from sain_core.config import Config, option
 from sain_core.errors import ConfigError, InvalidInputError, SainError
+from sain_core.guarding.untrusted import dump_yaml
 from sain_core.output import OVERWRITE_HELP, claim_file, write_whole
 from sain_core.shapes.library import PLAIN, outline_folder, shape_names
 from sain_core.shapes.outlines import METRES, SHAPES, UNIT, BodyOutline, trace
@@ -116,7 +116,7 @@ def content_of(name: str, top: TracedTop, body: BodyOutline) -> str:
     """Return the file of an outline, about its centroid."""
     corners = (top.outline - np.array(body.centre)).round(5).tolist()
     about = {UNIT: METRES, "height": round(top.height, 4), "radius": round(body.radius, 5)}
-    return yaml.safe_dump({SHAPES: {name: corners}, **about}, sort_keys=False)
+    return dump_yaml({SHAPES: {name: corners}, **about})
 
 
 def _shape(options: NewShapeOptions) -> str:
