@@ -299,4 +299,4 @@ def _is_same(one: CameraModel, other: CameraModel) -> bool:
         (one.place, other.place),
     )
     same = all(np.array_equal(a, b) for a, b in pairs)
-    return same and (one.width, one.height) == (other.width, other.height)
+    return same and (one.width, one.height, one.lens) == (other.width, other.height, other.lens)

@@ -269,12 +269,17 @@ class TagLocator:
         height, pixels = self._bodies.heights[body], corners.reshape(-1, 2)
         places = camera.on_plane(pixels, height)
         name = self._bodies.called(body)
-        if not np.isfinite(places).all():
+        if not np.isfinite(camera.slopes(pixels)).all():
+            return None, (
+                f"{name} is seen where the distortion of the camera's lens cannot be inverted; move"
+                " it to the image's middle, or calibrate with looks at the image's edge"
+            )
+        spreads = camera.spread_on_plane(pixels, height)
+        if not (np.isfinite(places).all() and np.isfinite(spreads).all()):
             return None, (
                 f"{name} is seen where the camera does not look down onto the table; check the"
                 " camera's pose on /tf_static"
             )
-        spreads = camera.spread_on_plane(pixels, height)
         covariances = self._config.corner_noise**2 * spreads @ spreads.transpose(0, 2, 1)
         fit = fit_pose(np.concatenate([tag.corners() for tag in tags]), places, covariances)
         if fit.misfit > self._config.max_misfit:
