@@ -95,5 +95,5 @@ def _check_header(path: Path, data: UInt8[ndarray, "B"]) -> None:
         raise ConfigError(f"{path} is no image that OpenCV reads; give a PNG") from error
     if width * height > IMAGE_PIXELS:
         raise ConfigError(
-            f"image {path} announces {width} x {height} px; at most {IMAGE_PIXELS:,} pixels are read"
+            f"image {path} announces {width} x {height} px; at most {IMAGE_PIXELS:,} are read"
         )

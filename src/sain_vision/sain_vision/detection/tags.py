@@ -18,13 +18,15 @@ from numpy import ndarray
 
 from sain_core.camera.decals import FAMILIES, tag_family
 from sain_core.config import Config, option
+from sain_core.errors import ConfigError
 from sain_core.shapes.body_file import BodyFile, Tag
 from sain_vision.detection.planar_fit import fit_pose
 from sain_vision.detection.sides import brightness, refine_corners
 from sain_vision.detection.sighting import Sighting
-from sain_vision.optics import CameraModel
+from sain_vision.optics import CameraModel, PlanePoints
 
-SMALLEST: Final = 10  # [px], side of a tag whose bits can be read
+SMALLEST: Final = 10  # [px], side of a tag whose bits can be read in a sharp image
+READABLE: Final = 16  # [px], the same with the blur of usual lenses
 WINDOWS: Final = (17, 7, 41)
 """Sides [px] of the areas with whose mean brightness a pixel is compared. A shadow or a dark
 neighbour spoils a tag in some of them, not in all."""
@@ -97,7 +99,7 @@ class TagFinder:
 
 
 def _dark_squares(image: Grey, window: int) -> tuple[Squares, int, int]:
-    """Return dark areas with four corners, the largest first; how many areas are there, and read."""
+    """Return dark areas with four corners, how many areas there are, and how many were read."""
     dark = cv2.adaptiveThreshold(
         image, 1, cv2.ADAPTIVE_THRESH_MEAN_C, cv2.THRESH_BINARY_INV, window, DARKER
     )
@@ -237,7 +239,19 @@ class TagLocator:
     """From the corners of tags to the poses of the bodies that carry them."""
 
     def __init__(self, bodies: BodyFile, config: TagConfig) -> None:
-        """Know which body has which tags."""
+        """Take the tags of bodies.
+
+        Raises:
+            ConfigError: a body has a tag that the family lacks.
+        """
+        count = len(tag_family(config.family))
+        for body, tags in enumerate(bodies.tags):
+            for tag in tags:
+                if tag.number >= count:
+                    raise ConfigError(
+                        f"{bodies.called(body)} has tag {tag.number}; family {config.family} has"
+                        f" the tags 0 to {count - 1}"
+                    )
         self._bodies, self._config = bodies, config
         self._bias = np.diag(np.square([config.place_bias, config.place_bias, config.turn_bias]))
 
@@ -245,7 +259,8 @@ class TagLocator:
         self, found: Mapping[int, Sequence[Corners]], camera: CameraModel
     ) -> tuple[list[Sighting], list[str]]:
         """Return the bodies whose tags were found, and in words what is wrong with others."""
-        sightings, problems = [], []
+        sightings: list[Sighting] = []
+        problems = self._too_small(found, camera)
         for body, tags in enumerate(self._bodies.tags):
             seen = [tag for tag in tags if tag.number in found]
             twice = [tag.number for tag in seen if len(found[tag.number]) > 1]
@@ -262,6 +277,23 @@ class TagLocator:
                 else:
                     problems.append(problem)
         return sightings, problems
+
+    def _too_small(self, found: Mapping[int, Sequence[Corners]], camera: CameraModel) -> list[str]:
+        """Return which tags are not found, and too small to be read in the image's middle."""
+        middle = np.array([[camera.width / 2, camera.height / 2]])
+        problems = []
+        for body, tags in enumerate(self._bodies.tags):
+            spread = camera.spread_on_plane(middle, self._bodies.heights[body])[0]
+            (a, b), (c, d) = spread.tolist()
+            grain = abs(a * d - b * c) ** 0.5  # [m/px]; NaN: no table there
+            small = [t for t in tags if t.number not in found and t.size < READABLE * grain]
+            if small:
+                problems.append(
+                    f"tag {small[0].number} of {self._bodies.called(body)} has"
+                    f" {small[0].size / grain:.0f} px along its side in this camera's images;"
+                    f" {READABLE} px are needed: print it larger, or move the camera nearer"
+                )
+        return problems
 
     def _fit(
         self, body: int, tags: Sequence[Tag], corners: Float[ndarray, "T 4 2"], camera: CameraModel
@@ -285,8 +317,18 @@ class TagLocator:
         if fit.misfit > self._config.max_misfit:
             return None, (
                 f"the tags of {name} do not fit its file by {fit.misfit:.0f} standard deviations;"
-                f" at most {self._config.max_misfit:g} is allowed: check size, place and height of"
-                f" {', '.join(f'tag {tag.number}' for tag in tags)}, and the camera's pose"
+                f" at most {self._config.max_misfit:g} is allowed: {_sizes(tags, places)}; check"
+                " size, place and height, and the camera's pose"
             )
         score = len(tags) / len(self._bodies.tags[body])
         return Sighting(body, fit.pose, fit.covariance + self._bias, corners, score), ""
+
+
+def _sizes(tags: Sequence[Tag], places: PlanePoints) -> str:
+    """Return in words how large tags seem, whose corners are seen at places (4 T, 2)."""
+    corners = places.reshape(len(tags), 4, 2)
+    sides = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).mean(axis=1)
+    return ", ".join(
+        f"tag {tag.number} seems {1e3 * side:.1f} mm large, and is {1e3 * tag.size:g} mm"
+        for tag, side in zip(tags, sides.tolist(), strict=True)
+    )

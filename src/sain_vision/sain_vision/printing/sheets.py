@@ -60,7 +60,8 @@ def tag_sheets(family: str, numbers: Sequence[int], size: float, paper: str) -> 
     columns = int((width - 2 * MARGIN) // cell)
     rows = int((height - 2 * MARGIN - FOOT) // cell)
     if columns < 1 or rows < 1:
-        most = (min(width, height) - 2 * MARGIN - FOOT - LETTERS - 3.0) / (1 + 2 / MODULES[family])
+        room = min(width, height - FOOT) - 2 * MARGIN - LETTERS - 3.0
+        most = room / (1 + 2 / MODULES[family])
         raise ConfigError(f"size is {size:g} m; on {paper} at most {most / 1000:.3f} m has room")
     pages = []
     for first in range(0, len(numbers), columns * rows):
@@ -70,7 +71,9 @@ def tag_sheets(family: str, numbers: Sequence[int], size: float, paper: str) -> 
             y = height - MARGIN - (place // columns + 1) * cell + LETTERS + 3.0
             draw_tag(page, family, number, x + quiet, y + quiet, side)
             _draw_frame(page, x, y, side + 2 * quiet)
-            page.text(x, y - LETTERS - 1.0, LETTERS, f"{family} {number}: {side:g} mm")
+            label = f"{family} {number}: {side:g} mm, x ->"  # the direction of its x axis
+            letters = min(LETTERS, 1.8 * cell / len(label))
+            page.text(x, y - letters - 1.0, letters, label)
         _draw_ruler(page)
         pages.append(page)
     return pages
