@@ -57,12 +57,13 @@ def take(
     random: np.random.Generator,
     blur: float = 0.8,
     noise: float = 4.0,
+    size: float = SIZE,
 ) -> np.ndarray:
     """Return a grey picture (height, width) of tags, each with its number and pose (3,)."""
     picture = np.full((camera.height, camera.width, 3), 180.0)
     hidden = np.zeros(picture.shape[:2], dtype=bool)
     for number, pose in tags:
-        paint_tag(picture, Tag(number, SIZE), plane_of(camera), pose, hidden)
+        paint_tag(picture, Tag(number, size), plane_of(camera), pose, hidden)
     seen = distorted(picture[..., 0], camera)
     seen = cv2.GaussianBlur(seen, (0, 0), blur) if blur else seen
     seen = seen + noise * random.standard_normal(seen.shape)

@@ -1,6 +1,8 @@
 """A look of a camera in files: depth as a PNG, its calibration, and where the camera was."""
 
+import warnings
 from collections.abc import Mapping
+from io import BytesIO
 from pathlib import Path
 from typing import Any, Final
 
@@ -8,15 +10,19 @@ import cv2
 import numpy as np
 from jaxtyping import Float, UInt8
 from numpy import ndarray
+from PIL import Image
 
 from sain_core.errors import ConfigError, InvalidInputError, UntrustedFileError
 from sain_core.guarding.untrusted import read_regular, read_user_yaml
 from sain_vision.extrinsics_file import read_extrinsics
-from sain_vision.optics import CameraModel, check_calibration, rotation_of
+from sain_vision.optics import CameraModel, calibrated, rotation_of
 
 IMAGE_BYTES: Final = 50_000_000
+IMAGE_PIXELS: Final = 50_000_000
 MILLIMETRE: Final = 1e-3  # [m], unit of depth images
-INFO: Final = ("image_width", "image_height", "camera_matrix", "distortion_coefficients")
+INFO: Final = (
+    "image_width", "image_height", "camera_matrix", "distortion_model", "distortion_coefficients",
+)  # fmt: skip
 
 
 def read_depth(path: Path) -> Float[ndarray, "height width"]:
@@ -45,6 +51,11 @@ def read_camera(info: Path, extrinsics: Path) -> CameraModel:
     Raises:
         ConfigError: one of them cannot be used.
     """
+    if info.is_file() and info.open("rb").read(6) == b"%YAML:":
+        raise ConfigError(
+            f"camera info {info} is a file of OpenCV's (%YAML:1.0); give the one that"
+            " camera_calibration writes (ost.yaml)"
+        )
     content = read_user_yaml(info, "camera info")
     if not isinstance(content, Mapping) or any(key not in content for key in INFO):
         raise ConfigError(f"camera info {info} must have {', '.join(INFO)}")
@@ -52,12 +63,11 @@ def read_camera(info: Path, extrinsics: Path) -> CameraModel:
         size = int(content["image_width"]), int(content["image_height"])
         matrix = np.array(content["camera_matrix"]["data"], dtype=np.float64).reshape(3, 3)
         lens = np.array(content["distortion_coefficients"]["data"], dtype=np.float64).ravel()
-        check_calibration(*size, matrix, str(content.get("distortion_model", "")), lens)
+        camera = calibrated(*size, matrix, str(content["distortion_model"]), lens)
     except (TypeError, KeyError, ValueError, InvalidInputError) as error:
         raise ConfigError(f"camera info {info} cannot be used: {error}") from error
     pose = read_extrinsics(extrinsics)
-    lens = lens if lens.any() else np.zeros(5)
-    return CameraModel(*size, matrix, lens, rotation_of(pose.turn), pose.place)
+    return camera.moved(rotation_of(pose.turn), pose.place)
 
 
 def _read_image(path: Path, how: int) -> Any:
@@ -67,7 +77,23 @@ def _read_image(path: Path, how: int) -> Any:
         raise ConfigError(f"image {path}: {error.strerror or error}") from error
     except UntrustedFileError as error:
         raise ConfigError(f"image {path} is not read: {error}") from error
-    pixels = cv2.imdecode(data, how) if len(data) else None
+    _check_header(path, data)
+    pixels = cv2.imdecode(data, how)
     if pixels is None:
         raise ConfigError(f"{path} is no image that OpenCV reads; give a PNG")
     return pixels
+
+
+def _check_header(path: Path, data: UInt8[ndarray, "B"]) -> None:
+    """Check how many pixels a file announces, before any is decoded."""
+    try:
+        with warnings.catch_warnings(action="ignore"):
+            width, height = Image.open(BytesIO(data)).size
+    except Image.DecompressionBombError as error:
+        raise ConfigError(f"image {path} is not read: {error}") from error
+    except (OSError, ValueError, SyntaxError) as error:
+        raise ConfigError(f"{path} is no image that OpenCV reads; give a PNG") from error
+    if width * height > IMAGE_PIXELS:
+        raise ConfigError(
+            f"image {path} announces {width} x {height} px; at most {IMAGE_PIXELS:,} are read"
+        )

@@ -5,23 +5,29 @@ camera's optical frame has x right, y down and z ahead (REP-103).
 """
 
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Final
 
-import cv2
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from numpy import ndarray
 from scipy.spatial.transform import Rotation
 
 from sain_core.errors import InvalidInputError
 
-MODELS: Final = {"plumb_bob": (4, 5), "rational_polynomial": (8, 12, 14)}
-"""Models of distortion that are used, with how many numbers each has."""
+LENSES: Final = {"plumb_bob": (5, 4), "rational_polynomial": (8,), "equidistant": (4,)}
+"""Models of distortion, as ``CameraInfo`` names them, with how many numbers each has."""
 
+WIDEST: Final = np.radians(89.5)  # from the optical axis to a ray
+FOCAL: Final = (0.05, 100.0)  # lengths, in widths of the image: of a fisheye and of a telescope
+FLAT: Final = 0.05
+ROUND_TRIP: Final = 0.01  # [px], from a pixel to its ray and back
+ROUNDS: Final = 8  # of Newton's method, which converges in two or three
 GRAZING: Final = 0.1  # sine of the smallest angle between a ray and the plane
 STEP: Final = 0.5  # [px] over which a derivative is a difference
 
 Pixels = Float[ndarray, "P 2"]
+Slopes = Float[ndarray, "P 2"]  # x / z and y / z of rays in the optical frame
 PlanePoints = Float[ndarray, "P 2"]  # [m]
 WorldPoints = Float[ndarray, "P 3"]  # [m]
 Matrix = Float[ndarray, "3 3"]
@@ -34,10 +40,11 @@ class CameraModel:
     Attributes:
         width: of its images [px].
         height: of its images [px].
-        matrix: (3, 3) focal lengths and principal point [px].
+        matrix: (3, 3) focal lengths, skew and principal point [px].
         distortion: (D,) of the lens, as OpenCV has it; zeros: none.
         rotation: (3, 3) from its optical frame to the world.
         place: (3,) [m] in the world.
+        lens: model of the distortion, of `LENSES`.
     """
 
     width: int
@@ -46,14 +53,62 @@ class CameraModel:
     distortion: Float[ndarray, "D"]
     rotation: Matrix
     place: Float[ndarray, "3"]
+    lens: str = "plumb_bob"
+
+    def slopes(self, pixels: Pixels) -> Slopes:
+        """Return the slopes (P, 2) of the rays of pixels; NaN where the lens has no inverse.
+
+        That is where the distortion is not monotone, or where the way to the slope and back to the
+        pixel misses it by more than `ROUND_TRIP`.
+        """
+        wanted = np.column_stack([pixels, np.ones(len(pixels))]) @ np.linalg.inv(self.matrix).T
+        target = wanted[:, :2]
+        slopes, bent = _radii(self.lens, tuple(self.distortion.tolist()))
+        radius = np.linalg.norm(target, axis=1)
+        share = np.interp(radius, bent, slopes) / np.maximum(radius, 1e-12)
+        found = target * np.where(radius > 1e-9, share, 1.0)[:, None]
+        for _ in range(ROUNDS):
+            off = target - self._bend(found)
+            if not (np.abs(off) > 1e-12).any():
+                break
+            right, down, area = self._gradient(found)
+            steps = np.stack([_cross(off, down), _cross(right, off)], axis=1)
+            found = found + steps / np.where(area > 0.0, area, np.nan)[:, None]
+        missed = (target - self._bend(found)) @ self.matrix[:2, :2].T
+        good = (np.linalg.norm(missed, axis=1) < ROUND_TRIP) & self._in_sight(found)
+        return np.where(good[:, None], found, np.nan)
+
+    def _in_sight(self, slopes: Slopes) -> Bool[ndarray, "P"]:
+        """Return which slopes the lens shows, and shows once."""
+        widest = _radii(self.lens, tuple(self.distortion.tolist()))[0][-1]
+        return (np.linalg.norm(slopes, axis=1) <= widest) & (self._gradient(slopes)[2] > 0.0)
+
+    def _bend(self, slopes: Slopes) -> Slopes:
+        """Return where slopes (P, 2) are seen, in focal lengths from the principal point."""
+        x, y = slopes.T
+        square = x**2 + y**2
+        straight = slopes * _stretch(self.lens, self.distortion, np.sqrt(square))[:, None]
+        if self.lens == "equidistant":
+            return straight
+        p1, p2 = self.distortion[2:4]
+        across = 2 * p1 * x * y + p2 * (square + 2 * x**2)
+        return straight + np.stack([across, p1 * (square + 2 * y**2) + 2 * p2 * x * y], axis=1)
+
+    def _gradient(self, slopes: Slopes) -> tuple[Slopes, Slopes, Float[ndarray, "P"]]:
+        """Return the derivatives of `_bend` by either slope, and their determinant.
+
+        It is positive up to the fold of the lens, beyond which it shows places a second time.
+        """
+        step = 1e-6 * (1.0 + np.linalg.norm(slopes, axis=1))[:, None]
+        right, down = (
+            (self._bend(slopes + step * way) - self._bend(slopes - step * way)) / (2 * step)
+            for way in np.eye(2)
+        )
+        return right, down, _cross(right, down)
 
     def rays(self, pixels: Pixels) -> WorldPoints:
-        """Return the directions (P, 3) in the world in which pixels (P, 2) look."""
-        flat = cv2.undistortPoints(
-            np.ascontiguousarray(pixels, dtype=np.float64)[:, None],
-            self.matrix,
-            self.distortion,
-        )[:, 0]
+        """Return the directions (P, 3) in the world in which pixels look; NaN as `slopes`."""
+        flat = self.slopes(pixels)
         return np.asarray(np.column_stack([flat, np.ones(len(flat))]) @ self.rotation.T)
 
     def on_plane(self, pixels: Pixels, height: float) -> PlanePoints:
@@ -72,54 +127,115 @@ class CameraModel:
         ]
         return np.stack(columns, axis=2)
 
-    def project(self, points: WorldPoints) -> Pixels:
-        """Return where places (P, 3) [m] in the world are seen; behind the camera: NaN."""
+    def project(self, points: WorldPoints, rim: bool = False) -> Pixels:
+        """Return where places (P, 3) [m] in the world are seen; NaN: behind the camera.
+
+        Beyond what the lens can see they are NaN, too, or, if asked for, at its rim.
+        """
         local = (points - self.place) @ self.rotation
-        ahead = np.where(local[:, 2] > 1e-6, local[:, 2], np.nan)
-        seen, _ = cv2.projectPoints(
-            np.ascontiguousarray(local / ahead[:, None])[:, None],
-            np.zeros(3),
-            np.zeros(3),
-            self.matrix,
-            self.distortion,
-        )
-        return np.asarray(seen[:, 0])
+        flat = local[:, :2] / np.where(local[:, 2:] > 1e-6, local[:, 2:], np.nan)
+        if rim:
+            widest = _radii(self.lens, tuple(self.distortion.tolist()))[0][-1]
+            flat = flat / np.maximum(np.linalg.norm(flat, axis=1, keepdims=True) / widest, 1.0)
+        else:
+            flat = np.where(self._in_sight(flat)[:, None], flat, np.nan)
+        bent = self._bend(flat)
+        return np.asarray(np.column_stack([bent, np.ones(len(bent))]) @ self.matrix[:2].T)
 
     def moved(self, rotation: Matrix, place: Float[ndarray, "3"]) -> "CameraModel":
         """Return the same camera at another pose in the world."""
         return replace(self, rotation=rotation, place=place)
 
 
-def check_calibration(
+def _cross(one: Slopes, other: Slopes) -> Float[ndarray, "P"]:
+    return np.asarray(one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0])
+
+
+def _stretch(
+    lens: str, distortion: Float[ndarray, "D"], radius: Float[ndarray, "P"]
+) -> Float[ndarray, "P"]:
+    """Return by which factor the lens moves rays of slopes away from the principal point."""
+    if lens == "equidistant":
+        angle = np.arctan(radius)
+        even = np.polynomial.polynomial.polyval(angle**2, np.append(1.0, distortion))
+        return np.asarray(even * np.where(radius > 1e-9, angle / np.maximum(radius, 1e-9), 1.0))
+    k1, k2, _, _, k3, k4, k5, k6 = np.pad(distortion, (0, 8 - len(distortion)))
+    above, below = (
+        np.polynomial.polynomial.polyval(radius**2, [1.0, *ks])
+        for ks in ((k1, k2, k3), (k4, k5, k6))
+    )
+    return np.asarray(above / np.where(below > 0.0, below, np.nan))
+
+
+@lru_cache
+def _radii(
+    lens: str, distortion: tuple[float, ...]
+) -> tuple[Float[ndarray, "R"], Float[ndarray, "R"]]:
+    """Return slopes, and where they are seen, up to where the distortion is no longer monotone.
+
+    A lens that shows a ray `FLAT` times as far off for each radian as in its middle counts as such.
+    """
+    angles = np.linspace(0.0, WIDEST, 4096)
+    slopes = np.tan(angles)
+    bent = slopes * _stretch(lens, np.array(distortion), slopes)
+    falls = np.flatnonzero(~(np.diff(bent) > FLAT * angles[1]))
+    end = falls[0] + 1 if len(falls) else len(slopes)
+    return slopes[:end], bent[:end]
+
+
+def calibrated(
     width: int, height: int, matrix: Matrix, model: str, distortion: Float[ndarray, "D"]
-) -> None:
-    """Check what a ``CameraInfo`` states.
+) -> CameraModel:
+    """Return the camera that a calibration of raw images states, at no place yet.
 
     Raises:
         InvalidInputError: naming what is wrong.
     """
     if not (np.isfinite(matrix).all() and np.isfinite(distortion).all()):
         raise InvalidInputError("the camera's calibration has NaN or Inf; all must be finite")
-    if matrix[0, 0] <= 0.0 or matrix[1, 1] <= 0.0:
+    if not matrix.any():
         raise InvalidInputError(
-            f"the camera's focal lengths are {matrix[0, 0]:g} and {matrix[1, 1]:g} px; both must"
-            " be positive: is the camera calibrated?"
+            "the camera is not calibrated, K is all zeros: calibrate first, with"
+            " `ros2 run camera_calibration cameracalibrator`"
         )
-    if not (0.0 <= matrix[0, 2] <= width and 0.0 <= matrix[1, 2] <= height):
+    _check_matrix(width, height, matrix)
+    ideal = not distortion.any()
+    if model not in LENSES and not (ideal and not model):
         raise InvalidInputError(
-            f"the camera's principal point is ({matrix[0, 2]:g}, {matrix[1, 2]:g}) px; it must be"
-            f" within its {width} x {height} px"
+            f"the camera's distortion model is {model!r}; allowed: {', '.join(LENSES)}"
         )
-    if not distortion.any():
-        return
-    if model not in MODELS:
+    lens = model or "plumb_bob"
+    if len(distortion) not in LENSES[lens] and not (ideal and lens != "equidistant"):
         raise InvalidInputError(
-            f"the camera's distortion model is {model!r}; allowed: {', '.join(MODELS)}"
+            f"the distortion {lens} has {len(distortion)} numbers; allowed:"
+            f" {' or '.join(map(str, LENSES[lens]))}"
         )
-    if len(distortion) not in MODELS[model]:
+    numbers = np.zeros(5) if ideal and lens != "equidistant" else distortion
+    return CameraModel(width, height, matrix, numbers, np.eye(3), np.zeros(3), lens)
+
+
+def _check_matrix(width: int, height: int, matrix: Matrix) -> None:
+    """Check the camera's matrix K; raises `InvalidInputError`."""
+    if width < 1 or height < 1:
         raise InvalidInputError(
-            f"the distortion {model} has {len(distortion)} numbers; allowed:"
-            f" {', '.join(map(str, MODELS[model]))}"
+            f"the camera's calibration is for {width} x {height} px; both must be positive"
+        )
+    (fx, _, cx), (shear, fy, cy), last = matrix.tolist()
+    if last != [0.0, 0.0, 1.0] or shear != 0.0:
+        raise InvalidInputError(
+            f"the camera's K has the last row {last} and {shear:g} below fx; these must be 0 0 1"
+            " and 0: is K transposed, as MATLAB's IntrinsicMatrix?"
+        )
+    low, high = (share * width for share in FOCAL)
+    if not (low <= fx <= high and low <= fy <= high):
+        raise InvalidInputError(
+            f"the camera's focal lengths are {fx:g} and {fy:g} px; for images of {width} px both"
+            f" must be {low:g} to {high:g}: is the camera calibrated, in px?"
+        )
+    if not (0.0 <= cx <= width and 0.0 <= cy <= height):
+        raise InvalidInputError(
+            f"the camera's principal point is ({cx:g}, {cy:g}) px; it must be within its"
+            f" {width} x {height} px"
         )
 
 

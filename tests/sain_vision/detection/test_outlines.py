@@ -95,3 +95,19 @@ def test_one_straight_edge_is_no_body() -> None:
     finder = OutlineFinder(square, OutlineConfig(least_share=0.1))
     sightings, problems = finder.find(depth, above, {0: [np.array([x, y + 0.0707, 0.0])]})
     assert (sightings, len(problems)) == ([], 1)
+
+
+def test_an_image_full_of_edges_is_searched_in_time_and_says_so(camera: ImageCamera) -> None:
+    """Bodies lie among small blocks of their height; a search of all blocks takes minutes."""
+    depth, rows, columns = look(camera, START), *np.mgrid[:480, :640]
+    grid = np.stack(np.meshgrid(np.arange(640), np.arange(480)), axis=-1).reshape(-1, 2)
+    rays = CAMERA.rays(grid.astype(float)).reshape(480, 640, 3)
+    blocks = (rows % 26 < 12) & (columns % 26 < 12) & (columns < 160)
+    depth[blocks] = ((DISK_HEIGHT - CAMERA.place[2]) / rays[..., 2])[blocks]
+    three = replace(
+        file_of((), (), ()), bodies=Bodies.named((*SHAPES, "square")), radii=(*RADII, 0.2)
+    )
+    sightings, problems = OutlineFinder(three, OutlineConfig()).find(depth, CAMERA, {})
+    assert np.hypot(*errors(sightings, START)[:, :2].T).max() < 0.0025
+    assert problems[0] == "body 2 (body_2) is not seen"
+    assert "candidate outlines, more than can be tried in time: only the 16 largest" in problems[1]

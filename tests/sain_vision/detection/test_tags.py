@@ -1,15 +1,19 @@
 """Poses of bodies from pictures of their tags: exact, lawful, and nothing where it is wrong."""
 
+import time
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from sain_core.camera.decals import FAMILIES
+from sain_core.errors import ConfigError
 from sain_core.scene import wrap_angle
 from sain_core.shapes.body_file import Tag
 from sain_vision.detection.sighting import Sighting
 from sain_vision.detection.tags import TagConfig, TagFinder, TagLocator
 from sain_vision.optics import CameraModel
+from sain_vision.printing.sheets import tag_modules
 from tests.sain_vision.pictures import CAMERA, file_of, take
 
 UNBIASED = {"place_bias": 0.0, "turn_bias": 0.0, "corner_noise": 0.03}
@@ -111,3 +115,99 @@ def test_what_is_wrong_is_named_and_not_published(file, shown, camera, text) -> 
 def test_tags_that_nobody_has_are_nobody(picture: np.ndarray) -> None:
     found, problems = locate(picture, file_of((Tag(77),)))
     assert (found, problems) == ({}, [])
+
+
+def drawn(number: int, family: str = "36h11", module: int = 10) -> np.ndarray:
+    """Return a grey picture of a tag with paper around it, as `sain print` draws it."""
+    paper = np.pad(tag_modules(family, number), 4)
+    return np.where(np.kron(paper, np.ones((module, module))) > 0, 0, 255).astype(np.uint8)
+
+
+def test_tags_are_the_way_up_that_apriltag_publishes() -> None:
+    """Code word and bit places of tag36h11 number 0, of AprilRobotics/apriltag, tag36h11.c."""
+    code, rows = 0x0000000D7E00984B, np.ones((8, 8), dtype=bool)
+    x = [1, 2, 3, 4, 5, 2, 3, 4, 3, 6, 6, 6, 6, 6, 5, 5, 5, 4]
+    y = [1, 1, 1, 1, 1, 2, 2, 2, 3, 1, 2, 3, 4, 5, 2, 3, 4, 3]
+    across, down = x + [7 - one for one in x], y + [7 - one for one in y]
+    for bit, place in enumerate(zip(down, across, strict=True)):
+        rows[place] = not (code >> (35 - bit)) & 1
+    np.testing.assert_array_equal(tag_modules("36h11", 0), rows)
+    ((corners,),) = TagFinder(TagConfig()).find(drawn(0)).values()
+    np.testing.assert_allclose(corners, [(40, 40), (120, 40), (120, 120), (40, 120)], atol=1.0)
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+@pytest.mark.parametrize("turn", range(4))
+def test_each_turn_of_a_tag_is_read_as_such(family: str, turn: int) -> None:
+    picture = np.ascontiguousarray(np.rot90(drawn(7, family), turn))
+    ((number, (corners,)),) = TagFinder(TagConfig(family=family)).find(picture).items()
+    assert number == 7
+    way = (corners[1] - corners[0]) / np.linalg.norm(corners[1] - corners[0])
+    np.testing.assert_allclose(way, [(1, 0), (0, -1), (-1, 0), (0, 1)][turn], atol=0.02)
+
+
+def test_small_and_blurred_tags_are_read_and_none_is_misread() -> None:
+    random, shown, read = np.random.default_rng(4), 0, 0
+    for blur in (0.0, 0.8):
+        places = [(x, y) for x in (0.3, 0.45, 0.6) for y in (-0.2, 0.0, 0.2)]
+        tags = {
+            int(number): np.array([*place, random.uniform(-3, 3)])
+            for number, place in zip(random.choice(587, 9, replace=False), places, strict=True)
+        }
+        found = TagFinder(TagConfig()).find(
+            take(CAMERA, tags.items(), random, blur=blur, size=0.03)
+        )
+        assert set(found) <= set(tags)
+        shown, read = shown + len(tags), read + len(found)
+    assert read == shown
+
+
+SQUARES = np.tile(np.pad(np.zeros((9, 9), np.uint8), 3, constant_values=255), (48, 85))
+RANDOM = np.random.default_rng(0)
+CROWDED = {
+    "noise": RANDOM.integers(0, 255, (720, 1280), dtype=np.uint8),
+    "noise 640": RANDOM.integers(0, 255, (640, 640), dtype=np.uint8),
+    "chess": ((np.indices((720, 1280)) // 12).sum(axis=0) % 2 * 255).astype(np.uint8),
+    "squares": SQUARES,
+}
+
+
+@pytest.mark.parametrize("name", CROWDED)
+def test_a_crowded_image_is_read_in_time_and_its_largest_squares_are(name: str) -> None:
+    finder, picture = TagFinder(TagConfig()), CROWDED[name].copy()
+    picture[100:260, 100:260] = drawn(5)
+    finder.find(picture)
+    begun = time.process_time()
+    found = finder.find(picture)
+    assert (
+        time.process_time() - begun < 1.5
+    )  # it took 5 to 8 s; 0.1 to 0.3 s where nothing else runs
+    assert 5 in found
+    assert any("more than can be read in time: only the 200 largest" in p for p in finder.problems)
+
+
+@pytest.mark.parametrize(
+    ("picture", "text"),
+    [
+        (np.ascontiguousarray(drawn(5)[:, ::-1]), "the image shows tags mirrored"),
+        (drawn(5, "25h9"), "the tags in the image are of family 25h9; tags.family is 36h11"),
+        (drawn(5, "16h5"), "the tags in the image are of family 16h5; tags.family is 36h11"),
+    ],
+)
+def test_tags_that_are_none_of_the_family_are_named(picture: np.ndarray, text: str) -> None:
+    finder = TagFinder(TagConfig())
+    assert not finder.find(picture) and text in finder.problems[0]
+
+
+def test_tags_that_the_camera_cannot_read_or_the_family_lacks_are_named() -> None:
+    tiny = file_of((Tag(0, size=0.01),))
+    found, problems = locate(take(CAMERA, [], np.random.default_rng(0)), tiny)
+    assert not found and "tag 0 of body 0 (body_0) has 9 px along its side" in problems[0]
+    with pytest.raises(ConfigError, match=r"has tag 30; family 16h5 has the tags 0 to 29"):
+        TagLocator(file_of((Tag(30),)), TagConfig(family="16h5"))
+
+
+def test_a_tag_of_another_size_is_named_with_the_size_that_it_seems_to_have() -> None:
+    picture = take(CAMERA, [(0, POSES[0])], np.random.default_rng(0))
+    _, (problem,) = locate(picture, file_of((Tag(0, size=0.03),)))
+    assert "tag 0 seems 40.0 mm large, and is 30 mm" in problem

@@ -28,6 +28,7 @@ class CameraTopics:
     def __init__(self, graph: Any, camera: CameraModel = CAMERA) -> None:
         self.graph, self.camera, node = graph, camera, graph.bystander
         self.late, self.calibrated, self.encoding = 0.0, True, "mono8"
+        self.changes: dict[str, Any] = {}  # of the calibration
         for topic, kind in (("/diagnostics", DiagnosticArray), ("detections", Detection3DArray)):
             graph.listen(topic, kind)
         self.images = node.create_publisher(Image, "camera/color/image_raw", 1)
@@ -51,16 +52,14 @@ class CameraTopics:
         header = codec.header(codec.encode_time(now - round(1e9 * self.late)))
         header.frame_id = FRAME
         if self.calibrated:
-            self.infos.publish(
-                CameraInfo(
-                    header=header,
-                    width=self.camera.width,
-                    height=self.camera.height,
-                    distortion_model="plumb_bob",
-                    d=self.camera.distortion.tolist(),
-                    k=self.camera.matrix.ravel(),
-                )
-            )
+            stated = {
+                "width": self.camera.width,
+                "height": self.camera.height,
+                "distortion_model": "plumb_bob",
+                "d": self.camera.distortion.tolist(),
+                "k": self.camera.matrix.ravel(),
+            }
+            self.infos.publish(CameraInfo(header=header, **(stated | self.changes)))
         self.images.publish(codec.encode_image(picture, self.encoding, header))
 
     def until(self, picture: np.ndarray, done: Any, what: str) -> None:

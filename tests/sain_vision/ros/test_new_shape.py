@@ -2,6 +2,9 @@
 
 import io
 import os
+import re
+import struct
+import zlib
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -26,6 +29,13 @@ from sain_vision.ros.new_shape import NewShapeOptions, run
 from tests.sain_vision.detection.test_outlines import AWAY, CAMERA, CONFIG, SHAPES, START
 
 T = 1  # the body that is looked at
+
+
+def png(width: int, height: int) -> bytes:
+    """Return a PNG that announces more pixels than it has."""
+    chunk = b"IHDR" + struct.pack(">II5B", width, height, 16, 0, 0, 0, 0)
+    whole = struct.pack(">I", 13) + chunk + struct.pack(">I", zlib.crc32(chunk))
+    return b"\x89PNG\r\n\x1a\n" + whole + struct.pack(">I", 0) + b"IDAT"
 
 
 @pytest.fixture(scope="module")
@@ -88,17 +98,49 @@ def test_one_look_makes_a_shape_that_is_found_by_its_name(
         ({"depth": Path(os.devnull)}, "image /dev/null is not read"),
         ({"depth": Path(__file__)}, "is no image that OpenCV reads"),
         ({"info": Path(__file__)}, "camera info"),
+        ({"info": "%YAML:1.0\n---\n"}, r"is a file of OpenCV's \(%YAML:1.0\); give the one that"),
+        ({"info": "image_width: 640"}, "must have image_width, .*, distortion_model"),
+        ({"depth": png(60_000, 60_000)}, "is not read: Image size .3600000000 pixels. exceeds"),
+        ({"depth": png(9_000, 9_000)}, "announces 9000 x 9000 px; at most 50,000,000 are read"),
     ],
 )
 def test_what_cannot_be_used_is_said(
     look: dict[str, Any],
     monkeypatch: pytest.MonkeyPatch,
+    tmp_path: Path,
     change: dict[str, Any],
     text: str,
 ) -> None:
+    for key, content in change.items():
+        if key in ("info", "depth") and isinstance(content, str | bytes):
+            change = {key: tmp_path / f"other_{key}"}
+            change[key].write_bytes(content if isinstance(content, bytes) else content.encode())
     monkeypatch.setattr("sys.stdin", io.StringIO())  # there is no terminal
     with pytest.raises((ConfigError, SainError), match=text):
         run(NewShapeOptions(**(look | change)), Console())
+
+
+def test_a_fisheye_without_distortion_is_a_fisheye(
+    look: dict[str, Any], tmp_path: Path, depth: np.ndarray, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A box of 100 x 60 mm, 0.9 m below and well off the middle, where a pinhole is 7 mm off."""
+    down = np.array([[0.0, -1, 0], [-1, 0, 0], [0, 0, -1]])
+    write_extrinsics(
+        look["extrinsics"], Extrinsics("c", "world", np.array([0.5, 0, 0.9]), turn_of(down)), {}
+    )
+    across, along = np.meshgrid(np.arange(640) - 319.5, np.arange(480) - 239.5)
+    angle = np.hypot(across, along) / 500
+    slope = np.tan(angle) / angle / 500
+    x, y = 0.5 - 0.86 * slope * along, -0.86 * slope * across
+    box = (abs(x - 0.75) < 0.05) & (abs(y - 0.25) < 0.03)
+    cv2.imwrite(str(look["depth"]), np.where(box, 860, 900).astype(np.uint16))
+    info = yaml.safe_load(look["info"].read_text())
+    info["camera_matrix"]["data"] = [500.0, 0, 319.5, 0, 500, 239.5, 0, 0, 1]
+    info |= {"distortion_model": "equidistant", "distortion_coefficients": {"data": [0.0] * 4}}
+    look["info"].write_text(yaml.safe_dump(info))
+    run(NewShapeOptions(**(look | {"near": (0.75, 0.25)})), Console(width=200))
+    long, short = map(int, re.search(r"(\d+) x (\d+) mm", capsys.readouterr().out).groups())
+    assert abs(long - 100) <= 2 and abs(short - 60) <= 2
 
 
 def test_an_empty_table_has_no_shape(look: dict[str, Any], depth: np.ndarray) -> None:

@@ -4,7 +4,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from sensor_msgs.msg import Image
+from rclpy.parameter import Parameter
+from sensor_msgs.msg import Image, RegionOfInterest
 
 from sain_core import wire
 from sain_core.errors import ConfigError
@@ -59,6 +60,12 @@ def test_images_become_a_settled_scene(graph, camera_topics, bodies, picture) ->
         ({"late": 3.0}, "the image is 3.0 s old; at most 0.5 s is allowed"),
         ({"calibrated": False}, "there is no calibration on /sain/camera/color/camera_info"),
         ({"frame": "elsewhere"}, "frame 'camera_color_optical_frame' was never seen on /tf"),
+        ({"changes": {"k": np.zeros(9)}}, "K is all zeros: calibrate first"),
+        ({"changes": {"binning_x": 2, "binning_y": 2}}, "states a binning of 2 x 2; only 1 x 1"),
+        (
+            {"changes": {"roi": RegionOfInterest(x_offset=8, width=640, height=480)}},
+            "a region of interest of 640 x 480 px at (8, 0); only the whole of 1280 x 720",
+        ),
         ({"width": 640}, "the image is 1280 x 720 px and its calibration is for 640 x 720 px"),
     ],
 )
@@ -92,3 +99,14 @@ def test_encodings_of_one_grey_are_one_image(encoding: str, channels: int) -> No
     message = Image(height=3, width=4, encoding=encoding, step=padded.shape[1])
     message.data = padded.ravel().tolist()
     np.testing.assert_array_equal(decode_grey(message), grey)
+
+
+def test_rectified_images_are_refused_where_their_lens_is_stated(
+    graph, camera_topics, bodies, picture
+) -> None:
+    remapped = ["--ros-args", "-r", "camera/color/image_raw:=camera/color/image_rect"]
+    given = [Parameter("bodies", value=bodies)]
+    graph.add(TagNode(context=graph.context, cli_args=remapped, parameter_overrides=given))
+    camera_topics.place()
+    text = "image_rect are rectified, and raw ones are needed: K and D are used, not P and R"
+    camera_topics.until(picture, lambda: camera_topics.says(text), "the diagnostic")

@@ -1,4 +1,4 @@
-"""Tags on the tops of bodies: painted into a picture, as exact as a print and smooth at the edges.
+"""AprilTags as AprilTag's own pictures show them, painted into a picture as exact as a print.
 
 Bullet's renderer takes one texel for each pixel, so a textured tag of 35 pixels has corners that
 are off by half a pixel. Here a tag is drawn four times as large and averaged.
@@ -14,7 +14,11 @@ from numpy import ndarray
 
 from sain_core.shapes.body_file import Tag
 
-MODULES: Final = 8  # along the side of a tag of family 36h11, with its black border
+FAMILIES: Final = {
+    "36h11": cv2.aruco.DICT_APRILTAG_36h11,
+    "25h9": cv2.aruco.DICT_APRILTAG_25h9,
+    "16h5": cv2.aruco.DICT_APRILTAG_16h5,
+}
 QUIET: Final = 1  # modules of white paper around it
 TEXELS: Final = 12  # for each module
 TIMES: Final = 4  # as large a tag is drawn before it is averaged
@@ -23,12 +27,24 @@ Homography = Float[ndarray, "3 3"]
 Painting = Float[ndarray, "height width 3"]
 
 
+@lru_cache
+def tag_family(name: str) -> Bool[ndarray, "T M M"]:
+    """Return which modules of each tag of a family are black, upright, from the upper left one on.
+
+    Upright is as in the pictures of AprilRobotics/apriltag-imgs. OpenCV has its tags upside down.
+    """
+    family = cv2.aruco.getPredefinedDictionary(FAMILIES[name])
+    side = family.markerSize + 2
+    every = range(len(family.bytesList))
+    drawn = np.stack([cv2.aruco.generateImageMarker(family, number, side) for number in every])
+    return np.asarray(drawn[:, ::-1, ::-1] == 0)
+
+
 @lru_cache(maxsize=64)
 def tag_texture(number: int) -> UInt8[ndarray, "T T"]:
-    """Return the picture of a tag with the paper around it."""
-    family = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11)
-    tag = cv2.aruco.generateImageMarker(family, number, MODULES * TEXELS)
-    return np.pad(np.asarray(tag), QUIET * TEXELS, constant_values=255)
+    """Return the picture of a tag of family 36h11 with the paper around it."""
+    paper = np.pad(~tag_family("36h11")[number], QUIET, constant_values=True)
+    return np.kron(paper, np.ones((TEXELS, TEXELS), bool)).astype(np.uint8) * np.uint8(255)
 
 
 def paint_tag(
@@ -44,7 +60,7 @@ def paint_tag(
     and heading.
     """
     texture = tag_texture(tag.number)
-    scale, middle = tag.size / (MODULES * TEXELS), (len(texture) - 1) / 2
+    scale, middle = tag.size / (len(texture) - 2 * QUIET * TEXELS), (len(texture) - 1) / 2
     on_paper = scale * np.array([[1.0, 0.0, -middle], [0.0, -1.0, middle], [0.0, 0.0, 1 / scale]])
     to_pixels = plane @ _placed(*pose.tolist()) @ _placed(tag.x, tag.y, tag.angle) @ on_paper
     window = _window(to_pixels, len(texture), picture.shape[1], picture.shape[0])

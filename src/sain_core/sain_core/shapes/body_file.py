@@ -42,7 +42,7 @@ MOST_HEIGHT: Final = 0.5  # [m]
 TAG_SIZE: Final = 0.04  # [m], where a file gives none
 TAG_SIZES: Final = (0.005, 0.5)  # [m]
 MOST_TAGS: Final = 32  # of a body
-LAST_TAG: Final = 1023
+LAST_TAG: Final = 586  # of family 36h11, the largest
 
 
 @dataclass(frozen=True)
@@ -54,7 +54,7 @@ class Tag:
         size: side of its black square [m].
         x: of its centre, in the body's frame [m].
         y: likewise [m].
-        angle: of its x axis, likewise [rad]; its x axis points right where its number is upright.
+        angle: of its x axis, likewise [rad]; it points right where AprilTag's picture is upright.
     """
 
     number: int

@@ -1,20 +1,23 @@
 """``sain print``: PDF sheets of tags and boards with true size."""
 
+import re
+from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
 from rich.console import Console
 
+from sain_core.camera.decals import FAMILIES, tag_family
 from sain_core.config import Config, option
 from sain_core.errors import ConfigError
 from sain_core.output import OVERWRITE_HELP, claim_file, write_whole
 from sain_vision.detection.board import Board
-from sain_vision.detection.tags import FAMILIES
 from sain_vision.printing.pdf import pdf_of
 from sain_vision.printing.sheets import PAPERS, board_sheet, tag_sheets
 
 MOST: Final = 200  # tags in a file
+RANGE: Final = re.compile(r"([0-9]{1,99})(?:-([0-9]{1,99}))?")
 
 
 @dataclass(frozen=True)
@@ -45,25 +48,32 @@ def run(options: PrintOptions, console: Console) -> None:
     if options.board:
         pages = [board_sheet(Board(), options.paper)]
     else:
-        numbers = read_numbers(options.tags)
+        numbers = read_numbers(options.tags, len(tag_family(options.family)))
         pages = tag_sheets(options.family, numbers, options.size, options.paper)
     write_whole(options.out, pdf_of(pages))
     console.print(f"{options.out}: {len(pages)} pages; print at 100 %, then measure the ruler")
 
 
-def read_numbers(text: str) -> list[int]:
-    """Return the numbers that a text names.
+def read_numbers(text: str, count: int) -> list[int]:
+    """Return the numbers that a text names, of a family of so many tags.
 
     Raises:
-        ConfigError: it is none, or names too many.
+        ConfigError: it names none, one twice, too many, or one that the family lacks.
     """
     numbers: list[int] = []
-    try:
-        for part in text.split(","):
-            first, _, last = part.partition("-")
-            numbers += range(int(first), int(last or first) + 1)
-    except ValueError as error:
-        raise ConfigError(f"tags is {text!r}; allowed: numbers as in 1,4,7-8") from error
-    if not 1 <= len(numbers) <= MOST:
+    for part in text.split(","):
+        match = RANGE.fullmatch(part.strip())
+        first, last = (int(match[1]), int(match[2] or match[1])) if match else (0, -1)
+        if first > last:
+            raise ConfigError(
+                f"tags is {text!r}; allowed: numbers and upward ranges, as in 1,4,7-8"
+            )
+        if last >= count:
+            raise ConfigError(f"tags is {text!r}; the family has the tags 0 to {count - 1}")
+        numbers += range(first, last + 1)
+    twice = [number for number, often in Counter(numbers).items() if often > 1]
+    if twice:
+        raise ConfigError(f"tags is {text!r}, which has tag {twice[0]} twice; give each once")
+    if len(numbers) > MOST:
         raise ConfigError(f"tags is {text!r}, {len(numbers)} tags; allowed: 1 to {MOST}")
     return numbers

@@ -1,5 +1,6 @@
 """Where an image shows the robot's arm: its own geometry, at its own joints."""
 
+from functools import partial
 from typing import Final
 
 from jaxtyping import Bool
@@ -27,4 +28,5 @@ class ArmMask:
         """Return which pixels of a camera may show the arm with joints (J,)."""
         self._arm.set_joints(joints)
         size = camera.width, camera.height
-        return self._silhouettes.draw(self._arm.data, camera.project, *size, MARGIN)
+        project = partial(camera.project, rim=True)
+        return self._silhouettes.draw(self._arm.data, project, *size, MARGIN)

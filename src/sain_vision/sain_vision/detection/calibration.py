@@ -112,9 +112,13 @@ def _check_looks(camera: CameraModel, looks: Sequence[Look], config: Calibration
 def _start(camera: CameraModel, look: Look, board: Pose) -> CameraModel:
     """Return the camera as the first look alone has it."""
     placed = _on_table(look.points, board)
-    ok, turn, shift = cv2.solvePnP(
-        placed, look.pixels, camera.matrix, camera.distortion, flags=cv2.SOLVEPNP_IPPE
-    )
+    slopes = camera.slopes(look.pixels)
+    if not np.isfinite(slopes).all():
+        raise InvalidInputError(
+            "the camera's lens has no inverse where the first look shows the board; lay it nearer"
+            " to the image's middle, and check the camera's own calibration"
+        )
+    ok, turn, shift = cv2.solvePnP(placed, slopes, np.eye(3), None, flags=cv2.SOLVEPNP_IPPE)
     rotation = cv2.Rodrigues(turn)[0].T
     start = camera.moved(np.asarray(rotation), -np.asarray(rotation @ shift)[:, 0])
     if not ok or start.place[2] <= 0.0 or not np.isfinite(start.place).all():

@@ -30,6 +30,9 @@ FEWEST: Final = 25  # pixels of an edge
 HEADINGS: Final = 24  # tried where nothing is known
 SURE: Final = 0.7  # share of an outline that must be seen where nothing is known
 SPOTS: Final = 8  # parts of touching bodies that are tried
+MOST_GROUPS: Final = 16  # of edges, in which a lost body is looked for
+MOST_FITS: Final = 10  # of a lost body's outline
+COARSE: Final = 48  # edges and marks that are compared before a fit
 MOST: Final = 160  # pixels of edges that are fitted: more are not more exact, and take longer
 MARKS: Final = 96  # places along an outline
 LEAST: Final = 0.01  # share of the edges' pixels that must tell of each direction
@@ -100,7 +103,8 @@ class OutlineFinder:
         """Return the bodies in a depth image [m], and in words why others are not among them.
 
         Bodies are looked for at known poses first: where they were, or should be after a push.
-        The others, and those that are not found there, are looked for everywhere, which takes long.
+        The others, and those that are not found there, are looked for everywhere, which takes long,
+        but no longer than `MOST_GROUPS` and `MOST_FITS` allow.
         Nothing is seen where the arm is; without its mask, that is what is higher than all tops.
         """
         points = camera.place + depth[..., None] * self._rays_of(camera)
@@ -121,6 +125,12 @@ class OutlineFinder:
             sightings.append(found)
             radius = self._bodies.radii[body] * self._bodies.bodies.shapes[body].circumradius
             taken.append((found.pose, 0.5 * radius))
+        groups = max(len(np.unique(one.groups)) for one in edges.values())
+        if problems and everywhere and groups > MOST_GROUPS:
+            problems.append(
+                f"the image has {groups} candidate outlines, more than can be tried in time: only"
+                f" the {MOST_GROUPS} largest were"
+            )
         return sightings, problems
 
     def _rays_of(self, camera: CameraModel) -> Float[ndarray, "height width 3"]:
@@ -192,24 +202,46 @@ class OutlineFinder:
         return None if best is None else best[1]
 
     def _starts(self, body: int, edges: _Edges, taken: list[tuple[Pose, float]]) -> list[Pose]:
-        """Return poses to begin with: in the middle of each group of edges, at all headings."""
+        """Return the poses to begin with whose outlines are nearest to edges, from all headings.
+
+        The outline's middle is laid onto that of each group of edges, of the `MOST_GROUPS` largest.
+        """
         reach = self._bodies.radii[body] * self._bodies.bodies.shapes[body].circumradius
-        middles: list[Float[ndarray, "2"]] = []
-        for group in np.unique(edges.groups):
+        round_body = self._bodies.bodies.shapes[body].is_round
+        turns = np.zeros(1) if round_body else np.arange(HEADINGS) * 2 * np.pi / HEADINGS
+        marks = np.stack([turned(self._outlines[body][0], turn) for turn in turns.tolist()])
+        middle = (marks.min(axis=1) + marks.max(axis=1)) / 2  # (T, 2)
+        starts: list[tuple[float, Pose]] = []
+        for own in self._groups(edges, reach, taken):
+            places = (own.min(axis=0) + own.max(axis=0)) / 2 - middle
+            few = own[:: max(1, len(own) // COARSE)]
+            apart = np.linalg.norm(
+                few[:, None, None] - (marks + places[:, None])[:, :: MARKS // COARSE], axis=3
+            )  # (E, T, M)
+            far = apart.min(axis=0).mean(axis=1) + apart.min(axis=2).mean(axis=0)
+            starts += [
+                (float(misfit), np.array([*place, turn]))
+                for misfit, place, turn in zip(far, places, turns, strict=True)
+            ]
+        return [pose for _, pose in sorted(starts, key=lambda one: one[0])[:MOST_FITS]]
+
+    def _groups(
+        self, edges: _Edges, reach: float, taken: list[tuple[Pose, float]]
+    ) -> list[Float[ndarray, "P 2"]]:
+        """Return edges that may show a body of a circumradius [m]: groups, or parts of them."""
+        found: list[Float[ndarray, "P 2"]] = []
+        counts = np.bincount(edges.groups, minlength=1)
+        for group in np.argsort(-counts)[:MOST_GROUPS].tolist():
             own = edges.places[edges.groups == group]
             for pose, least in taken:
                 own = own[np.linalg.norm(own - pose[:2], axis=1) > 2.2 * least]
-            if len(own) < FEWEST:
+            if len(own) < FEWEST or np.ptp(own, axis=0).max() < SURE * reach:
                 continue
-            low, high = own.min(axis=0), own.max(axis=0)
-            middles.append((low + high) / 2)
-            if (high - low).max() > 2.5 * reach:  # some that touch: a part of them
-                spots = own[:: max(1, len(own) // SPOTS)]
-                parts = [own[np.linalg.norm(own - spot, axis=1) < reach] for spot in spots]
-                middles += [part.mean(axis=0) for part in parts]
-        round_body = self._bodies.bodies.shapes[body].is_round
-        turns = [0.0] if round_body else np.arange(HEADINGS) * 2 * np.pi / HEADINGS
-        return [np.array([*middle, turn]) for middle in middles for turn in turns]
+            found.append(own)
+            if np.ptp(own, axis=0).max() > 2.5 * reach:  # some that touch: a part of them
+                spots = own[:: max(1, len(own) // SPOTS)][:SPOTS]
+                found += [own[np.linalg.norm(own - spot, axis=1) < reach] for spot in spots]
+        return found[:MOST_GROUPS]
 
     def _fit(self, body: int, edges: _Edges, start: Pose) -> tuple[float, Sighting] | None:
         """Return the misfit [m] and the sighting of a body near a pose; None: it is not there."""
@@ -299,4 +331,4 @@ def _is_same(one: CameraModel, other: CameraModel) -> bool:
         (one.place, other.place),
     )
     same = all(np.array_equal(a, b) for a, b in pairs)
-    return same and (one.width, one.height) == (other.width, other.height)
+    return same and (one.width, one.height, one.lens) == (other.width, other.height, other.lens)

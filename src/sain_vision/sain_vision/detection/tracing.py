@@ -78,9 +78,13 @@ def trace_top(
     height = float(np.median(upper))
     # Sides that the camera sees are no top: the error that is allowed is that of this image.
     error = float(np.clip(SPREAD * np.median(abs(upper - height)), FINEST_ERROR, error))
-    outline, tolerance = _simplified(
-        camera.on_plane(_edge(mask & (abs(heights - height) < error)), height)
-    )
+    edge = camera.on_plane(_edge(mask & (abs(heights - height) < error)), height)
+    if not np.isfinite(edge).all():
+        raise InvalidInputError(
+            "the object lies where the camera does not look down onto the table, or where the"
+            " distortion of its lens cannot be inverted; lay it into the middle of the image"
+        )
+    outline, tolerance = _simplified(edge)
     return TracedTop(outline, height, tolerance)
 
 

@@ -3,14 +3,13 @@
 from collections.abc import Sequence
 from typing import Final
 
-import cv2
 import numpy as np
 from jaxtyping import Bool
 from numpy import ndarray
 
+from sain_core.camera.decals import tag_family
 from sain_core.errors import ConfigError
 from sain_vision.detection.board import Board
-from sain_vision.detection.tags import FAMILIES
 from sain_vision.printing.pdf import Page
 
 PAPERS: Final = {"a4": (210.0, 297.0), "a3": (297.0, 420.0), "letter": (215.9, 279.4)}  # [mm]
@@ -22,17 +21,15 @@ LETTERS: Final = 3.0  # [mm], their height
 
 
 def tag_modules(family: str, number: int) -> Bool[ndarray, "M M"]:
-    """Return which modules of a tag are black, from the upper left one on.
+    """Return which modules of a tag are black, upright, from the upper left one on.
 
     Raises:
         ConfigError: the family has no such tag.
     """
-    dictionary = cv2.aruco.getPredefinedDictionary(FAMILIES[family])
-    count = len(dictionary.bytesList)
-    if not 0 <= number < count:
-        raise ConfigError(f"family {family} has no tag {number}; allowed: 0 to {count - 1}")
-    picture = cv2.aruco.generateImageMarker(dictionary, number, MODULES[family])
-    return np.asarray(picture) == 0
+    tags = tag_family(family)
+    if not 0 <= number < len(tags):
+        raise ConfigError(f"family {family} has no tag {number}; allowed: 0 to {len(tags) - 1}")
+    return tags[number]
 
 
 def draw_tag(page: Page, family: str, number: int, x: float, y: float, size: float) -> None:
@@ -63,7 +60,8 @@ def tag_sheets(family: str, numbers: Sequence[int], size: float, paper: str) -> 
     columns = int((width - 2 * MARGIN) // cell)
     rows = int((height - 2 * MARGIN - FOOT) // cell)
     if columns < 1 or rows < 1:
-        most = (min(width, height) - 2 * MARGIN - FOOT - LETTERS - 3.0) / (1 + 2 / MODULES[family])
+        room = min(width, height - FOOT) - 2 * MARGIN - LETTERS - 3.0
+        most = room / (1 + 2 / MODULES[family])
         raise ConfigError(f"size is {size:g} m; on {paper} at most {most / 1000:.3f} m has room")
     pages = []
     for first in range(0, len(numbers), columns * rows):
@@ -73,7 +71,9 @@ def tag_sheets(family: str, numbers: Sequence[int], size: float, paper: str) -> 
             y = height - MARGIN - (place // columns + 1) * cell + LETTERS + 3.0
             draw_tag(page, family, number, x + quiet, y + quiet, side)
             _draw_frame(page, x, y, side + 2 * quiet)
-            page.text(x, y - LETTERS - 1.0, LETTERS, f"{family} {number}: {side:g} mm")
+            label = f"{family} {number}: {side:g} mm, x ->"  # the direction of its x axis
+            letters = min(LETTERS, 1.8 * cell / len(label))
+            page.text(x, y - letters - 1.0, letters, label)
         _draw_ruler(page)
         pages.append(page)
     return pages

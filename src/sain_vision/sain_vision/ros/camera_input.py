@@ -18,7 +18,7 @@ from sain_core.guarding.ros.reception import Reception
 from sain_core.ros import codec
 from sain_core.ros.qos import LATCHED, LATCHED_QUEUE, TRANSFORMS
 from sain_vision.extrinsics_file import read_extrinsics
-from sain_vision.optics import CameraModel, check_calibration, rotation_of
+from sain_vision.optics import CameraModel, calibrated, rotation_of
 from sain_vision.ros.settings import CameraInputConfig
 from sain_vision.ros.transforms import take_transforms
 from sain_vision.scene.frame_tree import FrameTree
@@ -73,12 +73,11 @@ class CameraInput:
         if message == self._info:
             return
         self._info, self._model = message, None
+        _check_raw(message, self._node.resolve_topic_name(self._image_topic))
         matrix = np.array(message.k, dtype=np.float64).reshape(3, 3)
         distortion = np.array(message.d, dtype=np.float64)
         size = int(message.width), int(message.height)
-        check_calibration(*size, matrix, message.distortion_model, distortion)
-        lens = distortion if distortion.any() else np.zeros(5)
-        self._model = CameraModel(*size, matrix, lens, np.eye(3), np.zeros(3))
+        self._model = calibrated(*size, matrix, message.distortion_model, distortion)
 
     def _on_tf(self, message: TFMessage, static: bool = False) -> None:
         take_transforms(self._tree, message, static)
@@ -111,6 +110,33 @@ class CameraInput:
             )
         if age < -self._max_age:
             raise InvalidInputError(f"the image is stamped {-age:.1f} s in the future; {FUTURE}")
+
+
+def _check_raw(message: CameraInfo, topic: str) -> None:
+    """Check that K and D of a calibration fit the images on a topic.
+
+    Raises:
+        InvalidInputError: they are binned, a part of the sensor's image, or rectified.
+    """
+    binning, roi = (message.binning_x, message.binning_y), message.roi
+    if max(binning) > 1:
+        raise InvalidInputError(
+            f"the calibration states a binning of {binning[0]} x {binning[1]}; only 1 x 1 is"
+            " used: publish whole images, and calibrate them"
+        )
+    part = (roi.x_offset, roi.y_offset, roi.width, roi.height)
+    if any(part) and part != (0, 0, message.width, message.height):
+        raise InvalidInputError(
+            f"the calibration states a region of interest of {roi.width} x {roi.height} px at"
+            f" ({roi.x_offset}, {roi.y_offset}); only the whole of {message.width} x"
+            f" {message.height} px is used: publish whole images, and calibrate them"
+        )
+    same = list(message.k) == [message.p[index] for index in (0, 1, 2, 4, 5, 6, 8, 9, 10)]
+    if "rect" in topic.rpartition("/")[2] and not (same and not any(message.d)):
+        raise InvalidInputError(
+            f"the images on {topic} are rectified, and raw ones are needed: K and D are used, not"
+            " P and R. Remap to the topic that ends in image_raw"
+        )
 
 
 class CameraPlace:

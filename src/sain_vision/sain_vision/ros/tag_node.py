@@ -53,10 +53,14 @@ class TagNode(Node):
     def _on_image(self, message: Image, camera: CameraModel) -> None:
         begun = perf_counter()
         grey = decode_grey(message)
-        found = self.locator.locate(self.finder.find(grey), camera)
+        sightings, problems = self.locator.locate(self.finder.find(grey), camera)
+        problems += self.finder.problems
+        if self.finder.problems:
+            self.get_logger().warning("; ".join(self.finder.problems), once=True)
         self.output.publish(
-            message, camera, self.bodies, self.config.frame, found, lambda: grey, begun
-        )
+            message, camera, self.bodies, self.config.frame, (sightings, problems), lambda: grey,
+            begun,
+        )  # fmt: skip
 
     def _ignore(self, message: Any, error: BaseException) -> None:
         self.diagnostics.set(WARN, shortened(str(error)))

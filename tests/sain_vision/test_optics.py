@@ -1,0 +1,132 @@
+"""Lenses of every model: to pixels and back, and calibrations that are not used."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from sain_core.errors import InvalidInputError
+from sain_vision.optics import CameraModel, calibrated
+
+WIDTH, HEIGHT = 1280, 960
+K = np.array([[840.0, 0, 639.5], [0, 850.0, 479.5], [0, 0, 1]])
+GRID = np.stack(np.meshgrid(np.linspace(0, WIDTH - 1, 33), np.linspace(0, HEIGHT - 1, 25)), -1)
+PIXELS = GRID.reshape(-1, 2)
+LENSES = {
+    "plumb_bob": (0.5, 0.5, 0.01, 0.01, 0.3),
+    "rational_polynomial": (1.0, 0.3, 0.005, 0.005, 0.1, 1.0, 0.4, 0.1),
+    "equidistant": (0.1, 0.05, 0.02, 0.01),
+}
+C1 = [0.929988205433, 0.165922805667, 0, 0, 0.002885974478, 1.331432461739, 0.435830116272,
+      0.027607271448]  # fmt: skip
+
+
+def camera_of(lens: str, numbers: Any, focal: float = 840.0, skew: float = 0.0) -> CameraModel:
+    matrix = np.array([[focal, skew, 639.5], [0, focal, 479.5], [0, 0, 1.0]])
+    camera = calibrated(WIDTH, HEIGHT, matrix, lens, np.array(numbers, dtype=float))
+    return camera.moved(np.eye(3), np.zeros(3))
+
+
+@pytest.mark.parametrize("lens", LENSES)
+def test_a_pixel_comes_back_to_itself_or_is_refused(lens: str) -> None:
+    """Random lenses, some of which no calibration would give: never a ray of another pixel."""
+    random, used = np.random.default_rng(0), []
+    for _ in range(100):
+        numbers = random.uniform(-1, 1, len(LENSES[lens])) * LENSES[lens]
+        camera = camera_of(lens, numbers, random.uniform(300, 1500), random.uniform(-10, 10))
+        rays = camera.rays(PIXELS)
+        good = np.isfinite(rays).all(axis=1)
+        off = np.linalg.norm(camera.project(3.0 * rays[good]) - PIXELS[good], axis=1)
+        assert off.max(initial=0.0) < 0.01
+        used.append(good.mean())
+    assert np.mean(used) > 0.5
+
+
+@pytest.mark.parametrize("lens", LENSES)
+def test_a_place_comes_back_to_itself_or_is_not_seen(lens: str) -> None:
+    random, used = np.random.default_rng(1), []
+    for _ in range(50):
+        camera = camera_of(lens, random.uniform(-1, 1, len(LENSES[lens])) * LENSES[lens])
+        places = np.column_stack([random.uniform(-3, 3, (200, 2)), np.ones(200)])
+        pixels = camera.project(places)
+        rays = camera.rays(np.nan_to_num(pixels, nan=-1e6))
+        good = np.isfinite(pixels).all(axis=1) & np.isfinite(rays).all(axis=1)
+        assert np.abs(rays[good] - places[good]).max(initial=0.0) < 0.001
+        again = camera.project(rays[good])
+        assert np.linalg.norm(again - pixels[good], axis=1).max(initial=0.0) < 0.01
+        used.append(good.mean())
+    assert np.mean(used) > 0.2
+
+
+@pytest.mark.parametrize(
+    ("lens", "numbers", "focal"),
+    [
+        ("plumb_bob", [0.0] * 5, 840),
+        ("plumb_bob", [-0.3, 0.09, 0, 0, 0], 840),
+        ("rational_polynomial", [0.9, 0.17, 0, 0, 0.003, 1.3, 0.43, 0.03], 660),
+        ("rational_polynomial", C1, 664),
+        ("equidistant", [0.0] * 4, 600),
+        ("equidistant", [1e-9, 0, 0, 0], 600),
+    ],
+)
+def test_rays_are_those_of_the_lens_own_formula(lens: str, numbers: list, focal: float) -> None:
+    """Each formula as its source has it, written once more: OpenCV's manual, and r = f * angle."""
+    camera = camera_of(lens, numbers, focal, skew=5.0)
+    r = np.linspace(0.01, 1.1, 40)
+    k = [*numbers, *[0.0] * 8]
+    if lens == "equidistant":
+        bent = np.arctan(r) * (1 + k[0] * np.arctan(r) ** 2)
+    else:
+        bent = r * (1 + k[0] * r**2 + k[1] * r**4 + k[4] * r**6)
+        bent /= 1 + k[5] * r**2 + k[6] * r**4 + k[7] * r**6
+    angle = 0.7
+    x, y = bent * np.cos(angle), bent * np.sin(angle)
+    pixels = np.column_stack([focal * x + 5.0 * y + 639.5, focal * y + 479.5])
+    rays = camera.rays(pixels)
+    right = np.column_stack([r * np.cos(angle), r * np.sin(angle)])
+    np.testing.assert_allclose(rays[:, :2], right, rtol=1e-6)
+
+
+def test_beyond_the_fold_of_a_lens_nothing_is_seen() -> None:
+    camera = camera_of("plumb_bob", [-0.3, 0, 0, 0, 0], 900)  # folds at a slope of 1.05
+    assert np.isnan(camera.project(np.array([[1.3, 0.0, 1.0]]))).all()
+    assert np.isfinite(camera.project(np.array([[1.0, 0.0, 1.0]]))).all()
+    far = np.array([[639.5 + 900 * 0.75, 479.5]])  # the fold is at 0.70
+    assert np.isnan(camera.rays(far)).any()
+
+
+def edited(*changes: tuple[int, int, float]) -> np.ndarray:
+    matrix = K.copy()
+    for row, column, value in changes:
+        matrix[row, column] = value
+    return matrix
+
+
+@pytest.mark.parametrize(
+    ("matrix", "lens", "numbers", "text"),
+    [
+        (np.zeros((3, 3)), "plumb_bob", 5, "not calibrated, K is all zeros: calibrate first"),
+        (K.T, "plumb_bob", 5, r"last row \[639.5, 479.5, 1.0\] .* is K transposed"),
+        (edited((2, 2, 2.0)), "plumb_bob", 5, "these must be 0 0 1"),
+        (edited((1, 0, 3.0)), "plumb_bob", 5, "3 below fx"),
+        (edited((0, 0, np.nan)), "plumb_bob", 5, "NaN or Inf"),
+        (edited((0, 0, -840.0)), "plumb_bob", 5, "focal lengths are -840 and 850 px"),
+        (edited((0, 0, 4.2), (1, 1, 4.2)), "plumb_bob", 5, "is the camera calibrated, in px"),
+        (edited((0, 2, 1300.0)), "plumb_bob", 5, r"principal point is \(1300, 479.5\) px"),
+        (K, "fisheye", 4, "is 'fisheye'; allowed: plumb_bob, rational_polynomial, equidistant"),
+        (K, "", 5, "is ''; allowed"),
+        (K, "plumb_bob", 8, "plumb_bob has 8 numbers; allowed: 5 or 4"),
+        (K, "rational_polynomial", 14, "has 14 numbers; allowed: 8"),
+        (K, "equidistant", 5, "equidistant has 5 numbers; allowed: 4"),
+    ],
+)
+def test_what_a_calibration_may_not_be(matrix, lens: str, numbers: int, text: str) -> None:
+    with pytest.raises(InvalidInputError, match=text):
+        calibrated(WIDTH, HEIGHT, matrix, lens, np.full(numbers, 0.01))
+
+
+def test_a_fisheye_without_its_numbers_is_refused() -> None:
+    with pytest.raises(InvalidInputError, match="equidistant has 0 numbers; allowed: 4"):
+        calibrated(WIDTH, HEIGHT, K, "equidistant", np.zeros(0))
+    with pytest.raises(InvalidInputError, match="equidistant has 5 numbers"):
+        calibrated(WIDTH, HEIGHT, K, "equidistant", np.zeros(5))
