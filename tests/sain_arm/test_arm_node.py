@@ -2,6 +2,7 @@
 
 from pathlib import Path
 from threading import Event
+from time import monotonic
 from typing import Any
 
 import numpy as np
@@ -15,7 +16,7 @@ from visualization_msgs.msg import MarkerArray
 
 from sain_arm.ros import arm_node
 from sain_arm.ros.arm_node import ArmNode
-from sain_arm.ros.enabling import cancel_all
+from sain_arm.ros.enabling import Enabled, cancel_all
 from sain_arm.ros.trajectory_server import TrajectoryServer
 from sain_core import wire
 from sain_core.errors import ErrorCode
@@ -46,7 +47,8 @@ class Laboratory:
         graph.bystander.create_timer(0.05, lambda: self._beat(publisher))
         server = {"pace": 2.0, "place": PLACE} | server
         self.server = graph.start(TrajectoryServer, robot="ur5", bodies=BODIES, **server)
-        patient = {"enable_timeout": 1.0, "joints_timeout": 2.0, "patience": 15.0}  # it is busy
+        patient = {"enable_timeout": 1.0, "joints_timeout": 2.0, "patience": 15.0}
+        patient["scene_timeout"] = 5.0  # one thread does all
         arm = {"robot": "ur5"} | patient | arm
         self.arm = graph.start(ArmNode, **arm)
         graph.start(SceneNode, bodies=BODIES, max_speed=1.5)
@@ -161,7 +163,12 @@ def test_a_stroke_whose_enable_signal_is_lost_stops_and_counts(graph: Any, make:
     push_id = lab.push((0.0, 0.0, 0.12))
     graph.wait(lambda: lab.arm.phase == "pushes" and lab.server.cell.report.tool > 20, "contact")
     lab.enabled = False
-    graph.wait(lambda: not lab.arm.enable.alive and not lab.server.controller.busy, "the stop")
+    graph.wait(
+        lambda: (
+            lab.arm.enable.state(monotonic()) is not Enabled.YES and not lab.server.controller.busy
+        ),
+        "the stop",
+    )
     stopped = lab.server.cell.tip
     result = graph.result(push_id)
     assert result.error_code == ErrorCode.OK
