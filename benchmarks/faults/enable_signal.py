@@ -2,7 +2,7 @@
 
     ./env python -m benchmarks.faults.enable_signal --tries 50
 
-Driver, laboratory and converter are processes; both publishers and the pushes are this one.
+Driver, laboratory and converter have one executor; both publishers and the pushes another one.
 """
 
 import random
@@ -11,7 +11,7 @@ from collections import Counter
 from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import dataclass
-from subprocess import DEVNULL, Popen
+from threading import Thread
 from typing import Any, Final
 
 import numpy as np
@@ -20,25 +20,34 @@ from action_msgs.msg import GoalStatusArray
 from nav_msgs.msg import OccupancyGrid
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
+from rclpy.parameter import Parameter
 from rclpy.timer import Timer
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool
 
 from benchmarks.faults.running import own_domain
 from sain_arm.robot.robot import SHIPPED
-from sain_core.cli.command_line import command_of_node
+from sain_arm.ros.arm_node import ArmNode
+from sain_arm.ros.trajectory_server import TrajectoryServer
 from sain_core.errors import ErrorCode
 from sain_core.push import make_push
 from sain_core.ros import codec
 from sain_core.ros.node_main import NAMESPACE, ros_context
 from sain_core.ros.qos import LATCHED, RELIABLE
 from sain_interfaces.msg import Push, PushResult, Scene
+from sain_vision.ros.scene_node import SceneNode
 
 PERIODS: Final = (0.05, 0.1, 0.3, 1.0)  # [s] between two that are false
 BRAKES: Final = 0.5  # [s]
 MOVES: Final = 0.05  # [rad/s], of a joint
 GAP: Final = 0.02  # [s], from a message to its callback: a goal of this time was under way
 LONGEST: Final = 300.0  # [s]
+PATIENT: Final[dict[str, Any]] = {  # the machine may be busy
+    "enable_timeout": 1.0,
+    "joints_timeout": 2.0,
+    "scene_timeout": 5.0,
+    "patience": 15.0,
+}
 ACTION: Final = "/scaled_joint_trajectory_controller/follow_joint_trajectory"
 
 
@@ -132,15 +141,21 @@ def main() -> None:
     with ExitStack() as stack:
         stack.enter_context(own_domain())
         stack.enter_context(ros_context())
+        robot = SingleThreadedExecutor()
         bodies = str(SHIPPED / "bodies" / "t.yaml")
-        for command in (
-            command_of_node("sain_arm", "trajectory_server", robot="ur5", bodies=bodies),
-            command_of_node("sain_arm", "arm_node", robot="ur5"),
-            command_of_node("sain_vision", "scene_node", bodies=bodies),
+        for kind, given in (
+            (TrajectoryServer, {"robot": "ur5", "bodies": bodies, "pace": 2.0}),
+            (ArmNode, {"robot": "ur5"} | PATIENT),
+            (SceneNode, {"bodies": bodies, "max_speed": 1.5, "max_age": 2.0}),
         ):
-            process = Popen(command, stdout=DEVNULL, stderr=DEVNULL)
-            stack.callback(process.wait, 20.0)
-            stack.callback(process.terminate)
+            parameters = [Parameter(name, value=value) for name, value in given.items()]
+            node = kind(parameter_overrides=parameters)
+            robot.add_node(node)
+            stack.callback(node.destroy_node)
+        thread = Thread(target=robot.spin, daemon=True)
+        stack.callback(thread.join, 20.0)
+        stack.callback(robot.shutdown, 20.0)
+        thread.start()
         owner, pendant = Owner(), Pendant()
         executor = SingleThreadedExecutor()
         for node in (owner, pendant):
@@ -178,6 +193,7 @@ def one_try(
     pendant.release()
     restless = time.monotonic() + 3.5  # a false that may be one of a slow row
     wait(executor, lambda: time.monotonic() > restless)
+    print(f"{number + 1}: {code}, {len(late)} late goals", flush=True)
     if late:
         return f"WRONG: {len(late)} goals began after false ({period} s apart); result {code}"
     if ran > BRAKES:
