@@ -38,6 +38,6 @@ def test_tags_too_small_for_the_camera_are_named_with_their_pixels(tmp_path: Pat
     path.write_text(yaml.safe_dump(content))
     with pytest.raises(ConfigError) as refused:
         run(LaboratoryOptions(robot="ur5", bodies=path, see="tags"), Console())
-    text = "tag 1 of body 0 (T) is too small for the camera: with its side of 10 mm it is 7"
+    text = "tag 1 of body 0 (T) is too small for the camera: with its side of 10 mm it is 8"
     assert str(refused.value).startswith(text)
     assert "px wide, and 10 px are needed; give --bodies with larger tags" in str(refused.value)
