@@ -47,6 +47,7 @@ WAIT: Final = 1.0  # [s] for the enable signal, the controller or the arm, befor
 FINDING: Final = 40.0  # [s] for the table of reach; a planner waits for 60
 ARRIVED: Final = 0.02  # [rad], of a joint from the end of its goal
 HIDES: Final = 1.5  # [s] after a stroke without a scene at rest: the arm may hide a body
+LOOKS: Final = 2  # before a goal is sent: by the second, what came before the first is taken
 LAG: Final = 0.3  # [s] by which joints, and states of them, may be behind a goal
 
 
@@ -86,6 +87,8 @@ class ArmNode(Node):
         self._arriving: tuple[Vector, Callable[[Ending], None], float] | None = None
         self._asked = 0.0  # when the push came, or the stroke ended [s], of a steady clock
         self._broken_off = Ending(Ended.LOST), 0.0  # how a stroke ended too early, and when [s]
+        self._pending: Callable[[], None] | None = None  # sends a goal, after so many looks
+        self._looks = 0
         self._doubt: CancelledError | None = None  # that the stroke has moved a body
         self._froze = -np.inf  # when joints' states lagged behind a goal [s], of a steady clock
         self._disputers = list[str]()  # nodes that publish the enable signal, and disagree
@@ -133,7 +136,7 @@ class ArmNode(Node):
         missing = self.client.missing or self._disabled() or self._frozen()
         if missing and not self.config.dry_run:
             raise BusyError(missing)
-        if self.client.busy or not self.joints.still:
+        if self._busy or not self.joints.still:
             raise BusyError("the arm still moves")
         return joints
 
@@ -160,26 +163,46 @@ class ArmNode(Node):
         elif order.stroke.length == 0.0:
             self._conclude()
         else:
-            self._touch(plan.approach, Phase.APPROACHES, partial(self._on_approached, plan))
+            self.phase = Phase.APPROACHES
+            self._send(plan.approach, partial(self._on_approached, plan), touches=True)
 
     # --- motion ---------------------------------------------------------------------------------
 
-    def _touch(self, trajectory: Trajectory, phase: Phase, then: Callable[[Ending], None]) -> None:
-        """Send a goal that leads to a body, if all bodies are seen where they were."""
-        try:
-            self.driver.check_stroke()
-        except SainError as error:
-            self._give_up(error)
-            return
-        self.phase = phase
-        self._send(trajectory, then)
+    def _send(
+        self, trajectory: Trajectory, then: Callable[[Ending], None], touches: bool = False
+    ) -> None:
+        """Send a goal, if the arm may move; `then` is called when the arm is where that ends.
 
-    def _send(self, trajectory: Trajectory, then: Callable[[Ending], None]) -> None:
-        """Send a goal, if the arm may move; `then` is called when the arm is where that ends."""
+        First all messages that have come are taken. One that `touches` leads to a body: all bodies
+        must be seen where they were.
+        """
+        self._pending, self._looks = partial(self._send_now, trajectory, then, touches), LOOKS
+
+    def _try_sending(self) -> None:
+        if self._pending is not None:
+            self._looks -= 1
+            if self._looks <= 0:
+                send, self._pending = self._pending, None
+                send()
+
+    def _send_now(
+        self, trajectory: Trajectory, then: Callable[[Ending], None], touches: bool
+    ) -> None:
         if stopped := self._stopped():
             then(Ending(Ended.REJECTED, stopped))
             return
+        try:
+            if touches:
+                self.driver.check_stroke()
+        except SainError as error:
+            self._give_up(error)
+            return
         self.client.send(trajectory, partial(self._on_ended, trajectory, monotonic(), then))
+
+    @property
+    def _busy(self) -> bool:
+        """Whether a goal is under way, or about to be."""
+        return self.client.busy or self._pending is not None
 
     def _on_ended(
         self, trajectory: Trajectory, sent: float, then: Callable[[Ending], None], ending: Ending
@@ -264,7 +287,8 @@ class ArmNode(Node):
         if ending.how is not Ended.SUCCEEDED:
             self._give_up(CancelledError(f"{ending}; the tool had not come to the body yet"))
             return
-        self._touch(plan.stroke, Phase.PUSHES, self._on_stroked)
+        self.phase = Phase.PUSHES
+        self._send(plan.stroke, self._on_stroked, touches=True)
 
     def _on_stroked(self, ending: Ending) -> None:
         if ending.how is Ended.SUCCEEDED:
@@ -297,7 +321,7 @@ class ArmNode(Node):
 
     def _try_retreat(self) -> None:
         """Lift the tool once the arm rests; without the enable signal it stays where it is."""
-        if self.phase != Phase.STOPS or self.client.busy:
+        if self.phase != Phase.STOPS or self._busy:
             return
         late = monotonic() > self._asked + WAIT
         ending, since = self._broken_off
@@ -329,7 +353,7 @@ class ArmNode(Node):
         tried = len(ASIDE) - len(self._turns)
         if not self._turns or self.phase != Phase.RESTS or self.driver.waited < HIDES * (tried + 1):
             return
-        if scene is None or planner is None or self.client.busy or not self.joints.still:
+        if scene is None or planner is None or self._busy or not self.joints.still:
             return
         if self._stopped() or self._frozen():
             return
@@ -368,6 +392,7 @@ class ArmNode(Node):
     def _look(self) -> None:
         if self.client.busy and (why := self._stopped()):
             self.client.cancel(why)
+        self._try_sending()
         self._try()
         self._try_arriving()
         self._try_retreat()
