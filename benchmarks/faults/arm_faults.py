@@ -214,7 +214,7 @@ class Hall:
         stack.enter_context(own_domain())
         stack.enter_context(ros_context())
         options = LaboratoryOptions(model="planar", page=False, bag=self._folder / "bag")
-        self.table = Table(options.bodies, self._twice)
+        self.table = Table(options.bodies_file, self._twice)
         executor = SingleThreadedExecutor()
         executor.add_node(self.table)
         thread = Thread(target=executor.spin, daemon=True)

@@ -1,25 +1,34 @@
+# ruff: noqa: E501 - a case is a line
 """The driver of an arm over DDS, against the trajectory server: its side of the contract."""
 
+from copy import deepcopy
+from functools import partial
 from pathlib import Path
 from threading import Event
+from time import monotonic
 from typing import Any
 
 import numpy as np
 import pytest
+from control_msgs.action import FollowJointTrajectory
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseArray
 from nav_msgs.msg import OccupancyGrid
+from rclpy.node import Node
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool
 from visualization_msgs.msg import MarkerArray
 
+from sain_arm.planning.timing import Trajectory
 from sain_arm.ros import arm_node
 from sain_arm.ros.arm_node import ArmNode
-from sain_arm.ros.enabling import cancel_all
+from sain_arm.ros.enabling import Enabled, cancel_all
+from sain_arm.ros.trajectory_client import encode
 from sain_arm.ros.trajectory_server import TrajectoryServer
 from sain_core import wire
 from sain_core.errors import ErrorCode
 from sain_core.ros.qos import LATCHED, RELIABLE
+from sain_interfaces.msg import Scene
 from sain_mppi.agent.goal_tracker import LOOK_AGAIN
 from sain_vision.ros.scene_node import SceneNode
 from tests.sain_arm.conftest import reach_of
@@ -46,10 +55,12 @@ class Laboratory:
         graph.bystander.create_timer(0.05, lambda: self._beat(publisher))
         server = {"pace": 2.0, "place": PLACE} | server
         self.server = graph.start(TrajectoryServer, robot="ur5", bodies=BODIES, **server)
-        patient = {"enable_timeout": 1.0, "joints_timeout": 2.0, "patience": 15.0}  # it is busy
+        patient = {"enable_timeout": 2.0, "joints_timeout": 2.0, "patience": 15.0}
+        patient["scene_timeout"] = 5.0  # one thread does all
         arm = {"robot": "ur5"} | patient | arm
         self.arm = graph.start(ArmNode, **arm)
-        graph.start(SceneNode, bodies=BODIES, max_speed=1.5)
+        self.converter = graph.start(SceneNode, bodies=BODIES, max_speed=1.5)
+        self.scenes = graph.bystander.create_publisher(Scene, "scene", RELIABLE)
         graph.wait(lambda: graph.find("scene", settled=True), "a settled scene")
         self.ids = iter(range(1, 1000))
 
@@ -73,8 +84,24 @@ class Laboratory:
             self.graph.wait(lambda n=seen: len(self.graph.heard["scene"]) > n + 3, "other scenes")
         return result
 
+    def approach(self, push: Any = (0.0, 0.0, 0.06)) -> int:
+        """Push as a planner does, and return as soon as the arm approaches."""
+        while True:
+            push_id, find = self.push(push), self.graph.find
+            answered = partial(find, "push_result", push_id=push_id)
+            begun = lambda: self.arm.phase == "approaches"  # noqa: E731
+            self.graph.wait(lambda: begun() or answered(), "the approach")  # noqa: B023
+            if not answered():
+                return int(push_id)
+
     def settle(self, scene_id: int) -> None:
         self.graph.wait(lambda: self.scene.scene_id >= scene_id, f"scene {scene_id}")
+
+    def report(self) -> str:
+        """What the driver says on /diagnostics now."""
+        statuses = [one.status[0] for one in self.graph.heard["/diagnostics"]]
+        mine = [one for one in statuses if one.name.startswith("/sain/arm_node")]
+        return mine[-1].message if mine else ""
 
     def joints(self) -> np.ndarray:
         return np.array(self.graph.heard["/joint_states"][-1].position)
@@ -146,6 +173,127 @@ def test_a_push_waits_for_the_table_of_reach(graph: Any, monkeypatch: pytest.Mon
     assert graph.result(push_id).error_code == ErrorCode.OK
 
 
+@pytest.mark.parametrize(
+    ("values", "text"),
+    [
+        (None, "scene has 0 disks; it needs at least 1"),
+        ({"x": np.nan}, "x of disk 0 is nan; must be finite"),
+        ({"radius": -0.1}, "radius of body 0 is -0.1 m; allowed: 0.001 to 0.5 m"),
+    ],
+)
+def test_a_bad_scene_is_named_once_and_moves_nothing(
+    graph: Any, make: Any, capfd: Any, values: dict[str, float] | None, text: str
+) -> None:
+    lab = make()
+    lab.enabled = True
+    graph.wait(lambda: lab.arm.driver.scene is not None, "a good scene")
+    bad = deepcopy(lab.scene)
+    for disk in bad.disks:
+        for name, value in (values or {}).items():
+            setattr(disk, name, value)
+    bad.disks = bad.disks if values else []
+    for _ in range(10):
+        lab.scenes.publish(bad)
+        graph.executor.spin_once(timeout_sec=0.05)
+    graph.wait(lambda: text in lab.report(), "the report")
+    assert lab.arm.driver.scene.shape == (2, 8)
+    lines = [one for one in capfd.readouterr().err.splitlines() if "[WARN]" in one]
+    ignored = [one for one in lines if "arm_node]: a message on scene is ignored: " in one]
+    assert len(ignored) == 1 and text in ignored[0]
+    push_id = lab.approach()
+    graph.stop(lab.converter)  # from here on no good one comes
+    bad.header.stamp = graph.bystander.get_clock().now().to_msg()
+    lab.scenes.publish(bad)
+    before = lab.server.cell.observe()
+    result = graph.result(push_id)
+    assert result.error_code == ErrorCode.STALE_SCENE, result.error_message
+    assert f"the latest scene was refused: {text}" in result.error_message
+    np.testing.assert_allclose(lab.server.cell.observe(), before, atol=1e-4)
+
+
+def test_two_that_disagree_about_the_enable_signal_are_named_and_nothing_moves(
+    graph: Any, make: Any
+) -> None:
+    lab = make()
+    lab.enabled = True
+    graph.wait(lambda: lab.arm.enable.state(monotonic()) is Enabled.YES, "the enable signal")
+    pendant = graph.add(Node("pendant", namespace="sain", context=graph.context))
+    publisher = pendant.create_publisher(Bool, "enable", RELIABLE)
+    publisher.publish(Bool(data=False))
+    graph.wait(lambda: lab.arm.enable.state(monotonic()) is not Enabled.YES, "false to count")
+    pendant.create_timer(0.5, lambda: publisher.publish(Bool(data=False)))
+    before = lab.joints()
+    result = graph.result(lab.push())
+    assert result.error_code == ErrorCode.BUSY
+    text = "not enabled: /sain/bystander and /sain/pendant disagree on /sain/enable"
+    assert text in result.error_message
+    assert text in lab.report()
+    np.testing.assert_allclose(lab.joints(), before, atol=1e-3)
+
+
+class Frozen:
+    """A publisher of joints' states whose positions stay as they were."""
+
+    def __init__(self, publisher: Any, positions: list[float]) -> None:
+        self.publisher, self.positions = publisher, positions
+
+    def publish(self, message: JointState) -> None:
+        message.position = self.positions
+        self.publisher.publish(message)
+
+
+def test_a_push_is_made_where_its_body_was_moved_though_the_joints_states_are_frozen(
+    graph: Any, make: Any
+) -> None:
+    lab = make()
+    lab.enabled = True
+    push_id = lab.push((0.0, 0.0, 0.1))
+    graph.wait(lambda: lab.arm.phase == "pushes", "the stroke")
+    lab.server._states = Frozen(lab.server._states, lab.joints().tolist())
+    result = graph.result(push_id)
+    assert result.error_code == ErrorCode.OK, result.error_message
+    assert moved(result)[0] > 0.02
+    lab.settle(result.after.scene_id)
+    again = graph.result(lab.push())  # the arm is not where its joints are said to be
+    assert again.error_code == ErrorCode.BUSY
+    assert "/joint_states did not follow the arm's last goal" in again.error_message
+
+
+def test_states_of_joints_that_cannot_be_stop_the_arm(graph: Any, make: Any) -> None:
+    lab = make()
+    lab.enabled = True
+    push_id = lab.approach((0.0, 0.0, 0.1))
+    lab.server._states = Frozen(lab.server._states, np.degrees(lab.joints()).tolist())
+    result = graph.result(push_id)
+    assert result.error_code == ErrorCode.CANCELLED
+    assert "it looks like degrees" in result.error_message
+    assert "looks like degrees" in lab.report()
+    assert moved(result).max() < 1e-3
+    assert not lab.server.controller.busy
+
+
+def test_a_trajectory_that_cannot_be_is_rejected_with_the_reason(graph: Any, make: Any) -> None:
+    lab = make()
+    server, robot = lab.server, lab.server.robot
+    home = server.cell.joints
+    good = encode(Trajectory(np.array([0.0, 1.0]), np.stack([home] * 2), np.zeros((2, 6))), robot)
+    assert server._problem(FollowJointTrajectory.Goal(trajectory=good)) == ""
+    for change, text in (
+        (lambda m: m.points[1].positions.__setitem__(2, np.nan), "position of joint elbow_joint in point 1 is nan rad; allowed"),
+        (lambda m: m.points[0].positions.__setitem__(0, 1e300), "position of joint shoulder_pan_joint in point 0 is 1e+300 rad"),
+        (lambda m: m.points[1].velocities.__setitem__(0, np.inf), "velocity of joint shoulder_pan_joint in point 1 is inf rad/s"),
+        (lambda m: setattr(m.points[1], "positions", [0.0]), "point 1 has 1 positions; 6 are needed"),
+        (lambda m: setattr(m.points[0], "velocities", []), "point 0 has 0 velocities; 6 are needed"),
+        (lambda m: setattr(m.points[0].time_from_start, "sec", -1), "its times do not increase from 0 s on"),
+        (lambda m: setattr(m, "points", m.points[:1]), "it has 1 points; at least 2"),
+        (lambda m: setattr(m, "joint_names", ["elbow"]), "its joints are elbow; allowed: shoulder_pan_joint"),
+    ):  # fmt: skip
+        message = deepcopy(good)
+        change(message)
+        problem = server._problem(FollowJointTrajectory.Goal(trajectory=message))
+        assert text in problem, problem
+
+
 def test_without_the_enable_signal_nothing_moves(graph: Any, make: Any) -> None:
     lab = make()
     before = lab.joints()
@@ -156,12 +304,17 @@ def test_without_the_enable_signal_nothing_moves(graph: Any, make: Any) -> None:
 
 
 def test_a_stroke_whose_enable_signal_is_lost_stops_and_counts(graph: Any, make: Any) -> None:
-    lab = make(pace=1.0)
+    lab = make({"enable_timeout": 1.0}, pace=1.0)
     lab.enabled = True
     push_id = lab.push((0.0, 0.0, 0.12))
     graph.wait(lambda: lab.arm.phase == "pushes" and lab.server.cell.report.tool > 20, "contact")
     lab.enabled = False
-    graph.wait(lambda: not lab.arm.enable.alive and not lab.server.controller.busy, "the stop")
+    graph.wait(
+        lambda: (
+            lab.arm.enable.state(monotonic()) is not Enabled.YES and not lab.server.controller.busy
+        ),
+        "the stop",
+    )
     stopped = lab.server.cell.tip
     result = graph.result(push_id)
     assert result.error_code == ErrorCode.OK

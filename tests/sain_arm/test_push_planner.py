@@ -161,3 +161,13 @@ def test_the_table_of_reach_holds_for_other_places_too(planned: Planned) -> None
         except SainError:
             refused += 1
     assert refused <= 2
+
+
+def test_a_tool_that_stopped_at_the_table_lifts_off(ur5: Planned) -> None:
+    """As after a stop while it was lowered: where it brakes it may touch the table."""
+    stroke, scene = random_push(ur5, 0)
+    low = ur5.planner.plan(stroke, scene, ur5.robot.home).approach.positions[-1]
+    tip = ur5.planner.arm.tip(low)
+    touching = ur5.planner.kinematics.follow(low, np.array([tip, [*tip[:2], 0.0005]]))[-1]
+    plan = ur5.planner.plan(stroke, scene, touching)
+    np.testing.assert_allclose(plan.approach.positions[0], touching, atol=1e-9)

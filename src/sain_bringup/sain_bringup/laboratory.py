@@ -5,8 +5,10 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Final
 
+import numpy as np
 from rich.console import Console
 
+from sain_arm.planning.reach import fitting_place
 from sain_arm.robot.robot import SHIPPED, read_robot
 from sain_bringup.graph import (
     DEPTH_IMAGES,
@@ -15,14 +17,18 @@ from sain_bringup.graph import (
     PAGE,
     ROBOT,
     SEEN_NOISE,
+    TAGS,
     GraphConfig,
     GraphOptions,
 )
 from sain_bringup.graph import run as run_graph
+from sain_core.camera.image_camera import ImageCameraConfig
 from sain_core.cli.command_line import command_of_node, executable
 from sain_core.config import option
+from sain_core.errors import ConfigError, OutOfRangeError
 from sain_core.push import PushLimits
-from sain_core.shapes.body_file import read_bodies
+from sain_core.shapes.body_file import BodyFile, read_bodies
+from sain_vision.detection.tags import SMALLEST
 
 SERVER: Final = "laboratory"
 ENABLE: Final = "enable"
@@ -38,7 +44,9 @@ class LaboratoryOptions(GraphConfig):
     """
 
     robot: str = option("ur5", "YAML file of the robot, or the name of a shipped one")
-    bodies: Path = option(SHIPPED / "bodies" / "t.yaml", "YAML file of the bodies")
+    bodies: Path | None = option(
+        None, "YAML file of the bodies; by default a T that the robot can push"
+    )
     see: str = option(
         POSES,
         "how bodies are seen: their poses are published, or by tags or outlines in images",
@@ -58,7 +66,13 @@ class LaboratoryOptions(GraphConfig):
     def __post_init__(self) -> None:
         """Check the fields, and the bodies; `run` reads the robot, whose files may be elsewhere."""
         super().__post_init__()
-        read_bodies(self.bodies)
+        read_bodies(self.bodies_file)
+
+    @property
+    def bodies_file(self) -> Path:
+        """The file of the bodies."""
+        own = SHIPPED / "bodies" / f"{Path(self.robot).stem}.yaml"
+        return self.bodies or (own if own.exists() else SHIPPED / "bodies" / "t.yaml")
 
 
 @dataclass(frozen=True)
@@ -66,6 +80,7 @@ class _Graph(GraphOptions):
     """The graph of a robot that is started here, too."""
 
     laboratory: LaboratoryOptions = LaboratoryOptions()
+    place: tuple[float, ...] = ()  # x, y, heading of each body; none: in a row
 
     @property
     def planner(self) -> dict[str, str]:
@@ -82,8 +97,9 @@ class _Graph(GraphOptions):
     def more_commands(self, ros: Sequence[str]) -> dict[str, list[str]]:
         """Return the commands of the laboratory, of the arm's driver and of who enables it."""
         own = self.laboratory
-        bodies = str(own.bodies.absolute())
+        bodies = str(own.bodies_file.absolute())
         given = {"robot": own.robot, "bodies": bodies, "pace": own.pace}
+        given |= {"place": list(self.place)} if self.place else {}
         given |= {"poses": "false"} if self.see else {}
         given |= DEPTH_IMAGES if self.see == OUTLINES else {}
         server = command_of_node("sain_arm", "trajectory_server", ros, **given)
@@ -102,12 +118,55 @@ def run(options: LaboratoryOptions, console: Console) -> int:
 
     Raises:
         SainError: the robot's files or a package are not there, or a log cannot be written.
+        ConfigError: a body that the robot cannot push, or whose tags its camera cannot read.
     """
-    read_robot(options.robot)
-    return run_graph(graph_options(options), console)
+    place = fitting_start(options)
+    if options.see == TAGS and options.params_file is None:
+        check_tags(read_bodies(options.bodies_file), place)
+    return run_graph(graph_options(options, place), console)
 
 
-def graph_options(options: LaboratoryOptions) -> GraphOptions:
+def fitting_start(options: LaboratoryOptions) -> tuple[float, ...]:
+    """Return x, y, heading of a body that the arm could not push in the middle; of others nothing.
+
+    Raises:
+        ConfigError: one that may be pushed is too large for the robot's reach.
+    """
+    robot, bodies = read_robot(options.robot), read_bodies(options.bodies_file)
+    reach = PushLimits().clearance + robot.tool_radius
+    pushable = max(bodies.bodies.pushable, key=lambda body: bodies.radii[body])
+    radius = bodies.radii[pushable]
+    try:
+        place = fitting_place(robot, radius * bodies.bodies.shapes[pushable].circumradius + reach)
+    except OutOfRangeError as error:
+        raise ConfigError(
+            f"{bodies.called(pushable)} is too large, with a radius of {radius:g} m: {error}; give"
+            " --bodies with a smaller one"
+        ) from error
+    return () if place is None or len(bodies.names) > 1 else (*place.tolist(), 0.0)
+
+
+def check_tags(bodies: BodyFile, place: tuple[float, ...]) -> None:
+    """Raise `ConfigError` where the camera shows a tag too small; bodies are at places."""
+    camera = ImageCameraConfig()
+    x, y = place[:2] or camera.focus[:2]
+    for body, tags in enumerate(bodies.tags):
+        for tag in tags:
+            places = tag.corners() + np.array([x, y])
+            corners = np.insert(places, 2, bodies.heights[body], axis=1)
+            seen = (corners - camera.eye) @ camera.rotation @ camera.matrix.T
+            pixels = seen[:, :2] / seen[:, 2:]
+            side = float(np.linalg.norm(pixels - np.roll(pixels, 1, axis=0), axis=1).mean())
+            if side < SMALLEST:
+                raise ConfigError(
+                    f"tag {tag.number} of {bodies.called(body)} is too small for the camera: with"
+                    f" its side of {1e3 * tag.size:g} mm it is {side:.1f} px wide, and"
+                    f" {SMALLEST} px are needed; give --bodies with larger tags, a --params-file"
+                    " with a larger images.width and images.height, or --see poses"
+                )
+
+
+def graph_options(options: LaboratoryOptions, place: tuple[float, ...] = ()) -> GraphOptions:
     """Return the graph of a robot, with the processes of its laboratory."""
     names = [item.name for item in fields(GraphConfig) if item.name != "see"]
     common = {name: getattr(options, name) for name in names}
@@ -115,8 +174,9 @@ def graph_options(options: LaboratoryOptions) -> GraphOptions:
         **common,
         see="" if options.see == POSES else options.see,
         robot=ELSEWHERE,
-        bodies=options.bodies,
+        bodies=options.bodies_file,
         record=options.record,
         bag=options.bag,
         laboratory=options,
+        place=place,
     )

@@ -104,6 +104,17 @@ def test_it_brings_the_target_to_the_goal_and_stops(agent, scene, dynamics):
     assert 1 <= agent.pushes == number - 1
 
 
+def test_a_goal_that_was_reached_is_over_whatever_happens_to_the_bodies(agent, scene):
+    there = replace(TASK, goal=Goal.place(*scene[TARGET, POSITION]))
+    assert stopped(begun(agent, scene, there)).reason is StopReason.REACHED
+    moved = scene.copy()
+    moved[TARGET, POSITION] = PLACE
+    for ids in ((1, 2), (2, 3)):  # by hand, and by a reset
+        assert act(agent, SceneObserved(moved, *ids), TimePassed()) is None
+    again = replace(TASK, goal_id=2, goal=Goal.place(*scene[TARGET, POSITION]))
+    pushed(act(agent, GoalGiven(again)))
+
+
 def test_goal_and_scene_come_in_any_order_and_an_unsettled_scene_is_not_decided_on(agent, scene):
     assert act(agent, TimePassed(), GoalGiven(TASK), SceneObserved(scene, 1, 1, False)) is None
     assert pushed(act(agent, SceneObserved(scene, 1, 2))).job.observed.key == (1, 2)

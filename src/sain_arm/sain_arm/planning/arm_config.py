@@ -41,6 +41,9 @@ class ArmConfig(Config):
     joints_timeout: float = option(
         0.5, "age above which joint states are not used", unit="s", minimum=0.05
     )
+    scene_timeout: float = option(
+        0.5, "age above which no push is made from a scene", unit="s", minimum=0.05, maximum=5.0
+    )
     patience: float = option(
         5.0, "that a goal may take longer than planned", unit="s", minimum=0.5, maximum=15.0
     )

@@ -252,13 +252,13 @@ class PushPlanner:
     ) -> None:
         """Check that nothing comes near along joints (T, J) but the tool to the allowed bodies.
 
-        None: the tool may touch any body, as when it lifts off after a stop. The body beside which
+        None: the tool may touch anything, as when it lifts off after a stop. The body beside which
         it is lowered may be near, as far as it is not touched.
         """
         for row in joints:
             for contact in self.arm.contacts(row):
                 body = contact.body if contact.is_tool else None
-                fine = body is not None and (allowed is None or body in allowed)
+                fine = contact.is_tool if allowed is None else body in allowed
                 if not fine and not (body is not None and body == beside and contact.gap > 0.0):
                     raise _refusal(contact)
 

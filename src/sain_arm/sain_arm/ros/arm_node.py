@@ -2,13 +2,16 @@
 
 A push is planned and checked as a whole, on a thread of its own. Then two goals are sent. The
 approach touches nothing. Before the stroke the bodies must be where they were. If the stroke is
-aborted, bodies may have moved: the arm retreats, and the push counts as executed. Without the
-enable signal a goal is cancelled, and nothing more is sent.
+aborted, bodies may have moved: the arm retreats, and the push counts as executed, unless tool and
+bodies are seen where they were. Without the enable signal or the joints' states a goal is
+cancelled, and nothing more is sent.
 """
 
 from collections.abc import Callable
 from concurrent.futures import Future
 from dataclasses import replace
+from enum import StrEnum
+from functools import partial
 from time import monotonic
 from typing import Any, Final
 
@@ -23,19 +26,20 @@ from sain_arm.planning.push_planner import ASIDE, PushPlan, PushPlanner
 from sain_arm.planning.reach import table_of_reach
 from sain_arm.planning.timing import Trajectory
 from sain_arm.robot.robot import Vector, read_robot
-from sain_arm.ros.enabling import EnableWatch
+from sain_arm.ros.enabling import Enabled, EnableGate, Signal
 from sain_arm.ros.ghost import Ghost
 from sain_arm.ros.joint_listener import JointListener
 from sain_arm.ros.trajectory_client import Ended, Ending, TrajectoryClient
-from sain_core.errors import BusyError, CancelledError, SainError, StaleSceneError
+from sain_core.errors import BusyError, CancelledError, SainError
 from sain_core.feasibility import ReachTable
+from sain_core.guarding.ros.ownership import publishers
 from sain_core.ros import codec
 from sain_core.ros.node_main import ERROR, NAMESPACE, OK, WARN, Diagnostics
 from sain_core.ros.parameters import read_parameters
 from sain_core.ros.push_driver import PushDriver, PushOrder
 from sain_core.ros.qos import RELIABLE, LatchedTopic, steady_timer
 from sain_core.ros.worker import Worker
-from sain_core.scene import POSITION, RADIUS, unit
+from sain_core.scene import RADIUS, unit
 from sain_core.shapes.bodies import Bodies
 
 LOOK: Final = 0.02  # [s] between looks at the enable signal
@@ -43,7 +47,22 @@ WAIT: Final = 1.0  # [s] for the enable signal, the controller or the arm, befor
 FINDING: Final = 40.0  # [s] for the table of reach; a planner waits for 60
 ARRIVED: Final = 0.02  # [rad], of a joint from the end of its goal
 HIDES: Final = 1.5  # [s] after a stroke without a scene at rest: the arm may hide a body
-MOVED: Final = 0.005  # [m], of a body since the push was planned
+LOOKS: Final = 2  # before a goal is sent: by the second, what came before the first is taken
+LAG: Final = 0.3  # [s] by which joints, and states of them, may be behind a goal
+
+
+class Phase(StrEnum):
+    """What the arm does."""
+
+    STARTS = "finds out where it reaches"
+    RESTS = "rests"
+    WAITS = "waits"
+    PLANS = "plans"
+    APPROACHES = "approaches"
+    PUSHES = "pushes"
+    STOPS = "stops"
+    RETREATS = "retreats"
+    GOES_HOME = "goes home"
 
 
 class ArmNode(Node):
@@ -56,25 +75,30 @@ class ArmNode(Node):
         self.robot = robot = read_robot(config.robot)
         limits = replace(config.feasibility.limits, tool_radius=robot.tool_radius)
         feasibility = replace(config.feasibility, limits=limits)
-        self.driver = PushDriver(self, self._begin, feasibility)
+        self.driver = PushDriver(self, self._begin, feasibility, config.scene_timeout)
         self.client = TrajectoryClient(self, robot, config.patience)
         self.joints = JointListener(robot, config.joints_timeout)
-        self.enable = EnableWatch(config.enable_timeout)
+        self.enable = EnableGate(config.enable_timeout)
         self.worker = Worker(self, "planning")
         self.ghost = Ghost(self)
-        self.phase = "finds out where it reaches"
+        self.phase = Phase.STARTS
         self._has_reach = False
         self._order: PushOrder | None = None
         self._arriving: tuple[Vector, Callable[[Ending], None], float] | None = None
         self._asked = 0.0  # when the push came, or the stroke ended [s], of a steady clock
         self._broken_off = Ending(Ended.LOST), 0.0  # how a stroke ended too early, and when [s]
+        self._pending: Callable[[], None] | None = None  # sends a goal, after so many looks
+        self._looks = 0
+        self._doubt: CancelledError | None = None  # that the stroke has moved a body
+        self._froze = -np.inf  # when joints' states lagged behind a goal [s], of a steady clock
+        self._disputers = list[str]()  # nodes that publish the enable signal, and disagree
         self._turns = list[float]()  # at home, that are left to try where the arm hides a body
         self._planner: PushPlanner | None = None
         self._planned_for: tuple[Bodies, tuple[float, ...]] | None = None
         self.reach_publisher = LatchedTopic(self, OccupancyGrid, "reach_table")
         listen = self.driver.reception.listen
         listen(JointState, "/joint_states", self.joints.listen, RELIABLE)
-        listen(Bool, "enable", self.enable.listen, RELIABLE)
+        listen(Bool, "enable", self._on_enable, RELIABLE)
         figures = self.driver.reception
         self.diagnostics = Diagnostics(self, "arm", more=lambda: figures.figures)
         steady_timer(self, LOOK, self._look)
@@ -85,15 +109,15 @@ class ArmNode(Node):
 
     def _begin(self, order: PushOrder) -> None:
         """Take a push; it waits a little for what it needs, so that nobody asks without end."""
-        self._order, self._asked = order, monotonic()
+        self._order, self._asked, self._doubt = order, monotonic(), None
         self._turns = []
-        self.phase = "waits"
+        self.phase = Phase.WAITS
         self._try()
 
     def _try(self) -> None:
         """Plan the push that waits, once all is there; refuse it if that does not come."""
         order = self._order
-        if order is None or self.phase != "waits":
+        if order is None or self.phase != Phase.WAITS:
             return
         try:
             joints = self._ready()
@@ -101,7 +125,7 @@ class ArmNode(Node):
             if monotonic() > self._asked + (WAIT if self._has_reach else FINDING):
                 self._give_up(error)
             return
-        self.phase = "plans"
+        self.phase = Phase.PLANS
         self.worker.submit(lambda: self._plan(order, joints), self._take_plan)
 
     def _ready(self) -> Vector:
@@ -109,13 +133,10 @@ class ArmNode(Node):
         if not self._has_reach:
             raise BusyError("the arm's reach is being found out")
         joints = self.joints.current
-        if not self.config.dry_run:
-            if missing := self.client.missing:
-                raise BusyError(missing)
-            if not self.enable.alive:
-                topic = self.resolve_topic_name("enable")
-                raise BusyError(f"the arm is not enabled: nobody publishes true on {topic}")
-        if self.client.busy or not self.joints.still:
+        missing = self.client.missing or self._disabled() or self._frozen()
+        if missing and not self.config.dry_run:
+            raise BusyError(missing)
+        if self._busy or not self.joints.still:
             raise BusyError("the arm still moves")
         return joints
 
@@ -142,25 +163,106 @@ class ArmNode(Node):
         elif order.stroke.length == 0.0:
             self._conclude()
         else:
-            self.phase = "approaches"
-            self._send(plan.approach, lambda ending: self._on_approached(plan, ending))
+            self.phase = Phase.APPROACHES
+            self._send(plan.approach, partial(self._on_approached, plan), touches=True)
 
     # --- motion ---------------------------------------------------------------------------------
 
-    def _send(self, trajectory: Trajectory, then: Callable[[Ending], None]) -> None:
-        """Send a goal, if the arm may move; `then` is called when the arm is where that ends."""
-        if not self.enable.alive:
-            then(Ending(Ended.REJECTED, "the arm is not enabled"))
-            return
-        end = trajectory.positions[-1]
-        self.client.send(trajectory, lambda ending: self._on_ended(end, then, ending))
+    def _send(
+        self, trajectory: Trajectory, then: Callable[[Ending], None], touches: bool = False
+    ) -> None:
+        """Send a goal, if the arm may move; `then` is called when the arm is where that ends.
 
-    def _on_ended(self, end: Vector, then: Callable[[Ending], None], ending: Ending) -> None:
+        First all messages that have come are taken. One that `touches` leads to a body: all bodies
+        must be seen where they were.
+        """
+        self._pending, self._looks = partial(self._send_now, trajectory, then, touches), LOOKS
+
+    def _try_sending(self) -> None:
+        if self._pending is not None:
+            self._looks -= 1
+            if self._looks <= 0:
+                send, self._pending = self._pending, None
+                send()
+
+    def _send_now(
+        self, trajectory: Trajectory, then: Callable[[Ending], None], touches: bool
+    ) -> None:
+        if stopped := self._stopped():
+            then(Ending(Ended.REJECTED, stopped))
+            return
+        try:
+            if touches:
+                self.driver.check_stroke()
+        except SainError as error:
+            self._give_up(error)
+            return
+        self.client.send(trajectory, partial(self._on_ended, trajectory, monotonic(), then))
+
+    @property
+    def _busy(self) -> bool:
+        """Whether a goal is under way, or about to be."""
+        return self.client.busy or self._pending is not None
+
+    def _on_ended(
+        self, trajectory: Trajectory, sent: float, then: Callable[[Ending], None], ending: Ending
+    ) -> None:
+        if ending.how is not Ended.REJECTED:
+            self._note_frozen(trajectory, sent)
         if ending.how is Ended.SUCCEEDED:
-            self._arriving = end, then, monotonic() + WAIT
+            self._arriving = trajectory.positions[-1], then, monotonic() + WAIT
             self._try_arriving()
         else:
             then(ending)
+
+    def _note_frozen(self, trajectory: Trajectory, sent: float) -> None:
+        """Take note of joints' states that do not follow a goal, which was sent at a time [s]."""
+        now = monotonic()
+        seen, meant = max(self.joints.changed - sent, 0.0), max(now - sent - LAG, 0.0)
+        if seen < meant:
+            off = np.abs(trajectory.at(meant)[0] - trajectory.at(seen)[0]).max()
+            self._froze = now if off > ARRIVED else self._froze
+
+    def _frozen(self) -> str:
+        """Return in words that the joints' states did not follow a goal; empty: they do."""
+        if self.joints.changed >= self._froze:
+            return ""
+        return (
+            "/joint_states did not follow the arm's last goal, and have not changed since: where"
+            " the arm is is not known; check who publishes them, then start arm_node anew"
+        )
+
+    def _stopped(self) -> str:
+        """Return why the arm may not move now; empty: it may."""
+        try:
+            len(self.joints.current)
+        except BusyError as error:
+            return str(error)
+        return self._disabled()
+
+    def _disabled(self) -> str:
+        """Return why the arm is not enabled; empty: it is."""
+        now, topic = monotonic(), self.resolve_topic_name("enable")
+        state = self.enable.state(now)
+        if state is Enabled.YES:
+            return ""
+        if self._disputers and self.enable.is_disputed(now):
+            return (
+                f"the arm is not enabled: {' and '.join(self._disputers)} disagree on {topic};"
+                " all must publish true"
+            )
+        return f"the arm is not enabled: {state.value} on {topic}"
+
+    def _on_enable(self, message: Bool) -> None:
+        topic, now = self.resolve_topic_name("enable"), monotonic()
+        count = self.count_publishers(topic)
+        self.enable.update(Signal(message.data, now, count))
+        if message.data:
+            return
+        if self.enable.is_disputed(now) and len(self._disputers) != count:
+            self._disputers = sorted(publishers(self, topic, 0.0))
+            self.get_logger().warning(self._disabled())
+        self.client.cancel(self._disabled())
 
     def _try_arriving(self) -> None:
         """Believe that a goal has succeeded once the joints say so, too."""
@@ -185,15 +287,8 @@ class ArmNode(Node):
         if ending.how is not Ended.SUCCEEDED:
             self._give_up(CancelledError(f"{ending}; the tool had not come to the body yet"))
             return
-        scene = self.driver.scene
-        if scene is not None and len(scene) == len(order.scene):
-            apart = np.linalg.norm(scene[:, POSITION] - order.scene[:, POSITION], axis=1)
-            if apart.max() > MOVED:
-                text = f"body {int(np.argmax(apart))} was moved by {1e3 * apart.max():.0f} mm"
-                self._give_up(StaleSceneError(f"{text} while the arm approached"))
-                return
-        self.phase = "pushes"
-        self._send(plan.stroke, self._on_stroked)
+        self.phase = Phase.PUSHES
+        self._send(plan.stroke, self._on_stroked, touches=True)
 
     def _on_stroked(self, ending: Ending) -> None:
         if ending.how is Ended.SUCCEEDED:
@@ -202,13 +297,14 @@ class ArmNode(Node):
         elif ending.how is Ended.REJECTED:
             self._give_up(_untouched(ending))
         else:
-            self.phase, self._asked, self._broken_off = "stops", monotonic(), (ending, self._now())
+            self.phase, self._asked = Phase.STOPS, monotonic()
+            self._broken_off = ending, self._now()
 
     def _now(self) -> float:
         return float(self.get_clock().now().nanoseconds * 1e-9)
 
-    def _has_not_begun(self) -> bool:
-        """Tell whether the tool is known to be nearer to its start than the body was.
+    def _seems_untouched(self) -> bool:
+        """Tell whether the joints' states have the tool nearer to its start than the body was.
 
         A state of the joints from before the end of the goal does not tell.
         """
@@ -225,24 +321,25 @@ class ArmNode(Node):
 
     def _try_retreat(self) -> None:
         """Lift the tool once the arm rests; without the enable signal it stays where it is."""
-        if self.phase != "stops" or self.client.busy:
+        if self.phase != Phase.STOPS or self._busy:
             return
         late = monotonic() > self._asked + WAIT
         ending, since = self._broken_off
         if not late and not (self.joints.still and self.joints.stamp >= since):
             return
-        if self._has_not_begun():
-            self._give_up(_untouched(ending))
-            return
+        if self._seems_untouched():
+            self._doubt = _untouched(ending)
         self.get_logger().warning(f"{ending}; bodies may have moved")
         try:
+            if frozen := self._frozen():
+                raise BusyError(frozen)
             assert self._planner is not None
             way = self._planner.retreat(self.joints.current)
         except SainError as error:
             self.get_logger().error(f"no retreat: {error}")
             self._conclude()
             return
-        self.phase = "retreats"
+        self.phase = Phase.RETREATS
         self._send(way, self._on_retreated)
 
     def _on_retreated(self, ending: Ending) -> None:
@@ -254,45 +351,48 @@ class ArmNode(Node):
         """Go home above the bodies where none comes to rest: the arm may hide one."""
         scene, planner = self.driver.scene, self._planner
         tried = len(ASIDE) - len(self._turns)
-        if not self._turns or self.phase != "rests" or self.driver.waited < HIDES * (tried + 1):
+        if not self._turns or self.phase != Phase.RESTS or self.driver.waited < HIDES * (tried + 1):
             return
-        if scene is None or planner is None or self.client.busy or not self.joints.still:
+        if scene is None or planner is None or self._busy or not self.joints.still:
+            return
+        if self._stopped() or self._frozen():
             return
         joints, turn = self.joints.current, self._turns.pop(0)
-        self.phase = "goes home"
+        self.phase = Phase.GOES_HOME
         self.worker.submit(lambda: planner.home(scene, joints, turn), self._go_home)
 
     def _go_home(self, done: "Future[Trajectory]") -> None:
-        if self.phase != "goes home":
+        if self.phase != Phase.GOES_HOME:
             return
         if (error := done.exception()) is not None:
             self.driver.reception.log_defect(error)
             self.get_logger().warning(f"a body may be hidden by the arm, which stays: {error}")
-            self.phase = "rests"
+            self.phase = Phase.RESTS
             return
         self._send(done.result(), self._on_home)
 
     def _on_home(self, ending: Ending) -> None:
         if ending.how is not Ended.SUCCEEDED:
             self.get_logger().error(f"the arm is not home: {ending}")
-        if self.phase == "goes home":
-            self.phase = "rests"
+        if self.phase == Phase.GOES_HOME:
+            self.phase = Phase.RESTS
 
     def _conclude(self) -> None:
         """End a push that was executed."""
-        self.phase, self._order = "rests", None
-        self.driver.finish(self._now())
+        self.phase, self._order = Phase.RESTS, None
+        self.driver.finish(self._now(), self._doubt)
 
     def _give_up(self, error: BaseException) -> None:
         """End a push by which no body was moved."""
-        self.phase, self._order = "rests", None
+        self.phase, self._order = Phase.RESTS, None
         self.driver.refuse(error)
 
     # --- looking after it -----------------------------------------------------------------------
 
     def _look(self) -> None:
-        if self.client.busy and not self.enable.alive:
-            self.client.cancel()
+        if self.client.busy and (why := self._stopped()):
+            self.client.cancel(why)
+        self._try_sending()
         self._try()
         self._try_arriving()
         self._try_retreat()
@@ -300,15 +400,14 @@ class ArmNode(Node):
         self._report()
 
     def _report(self) -> None:
-        counts = self.driver.counts
+        problem = self.driver.reception.trouble or self.client.missing
+        if not self.config.dry_run:
+            problem = problem or self._frozen() or self._disabled()
         if rival := self.driver.rival:
-            self.diagnostics.set(ERROR, rival, **counts)
-        elif missing := self.client.missing:
-            self.diagnostics.set(WARN, missing, **counts)
-        elif not self.enable.alive and not self.config.dry_run:
-            self.diagnostics.set(WARN, "not enabled: the arm does not move", **counts)
+            self.diagnostics.set(ERROR, rival, **self.driver.counts)
         else:
-            self.diagnostics.set(OK, self.phase, **counts)
+            level = WARN if problem else OK
+            self.diagnostics.set(level, problem or self.phase, **self.driver.counts)
 
     def _find_reach(self) -> ReachTable:
         return table_of_reach(PushPlanner(self.robot, config=self.config.motion))
@@ -319,7 +418,7 @@ class ArmNode(Node):
         self.reach_publisher.publish(codec.encode_reach(reach, self.get_clock().now().to_msg()))
         self._has_reach = True
         if self._order is None:  # a push may wait for it
-            self.phase = "rests"
+            self.phase = Phase.RESTS
         self.get_logger().info(f"{self.robot.name} reaches {reach.describe()}")
 
     def destroy_node(self) -> None:

@@ -4,8 +4,10 @@ The signal is `std_msgs/Bool`, true. A pendant's or a safety relay's node may pu
 ``ros2 run sain_arm enable``.
 """
 
-import time
 from collections.abc import Callable
+from dataclasses import dataclass
+from enum import Enum
+from math import inf
 from typing import Any, Final
 
 from action_msgs.srv import CancelGoal
@@ -16,25 +18,68 @@ from sain_core.ros.node_main import command_node, spin_until
 from sain_core.ros.qos import RELIABLE, steady_timer
 
 PERIOD: Final = 0.1  # [s]
+HOLD: Final = 0.3  # [s] for which only true must come
+LONGEST_HOLD: Final = 3.0  # [s] that false counts, where several publish
+SLOWER: Final = 1.5  # times as long as between two that are false
 LONGEST: Final = 1.0  # [s] that an answer of the controller is waited for
 
 
-class EnableWatch:
-    """Whether somebody lets the arm move: the latest signal is true, and recent."""
+class Enabled(Enum):
+    """Whether the arm may move, and why not."""
+
+    SILENT = "nobody publishes true"
+    DENIED = "false is published"
+    WAITING = f"only true must come for {HOLD:g} s"
+    YES = "enabled"
+
+
+@dataclass(frozen=True)
+class Signal:
+    """A message on ``enable``, when it came [s], and how many publishers there were."""
+
+    enabled: bool
+    time: float
+    publishers: int = 1
+
+
+class EnableGate:
+    """Lets the arm move while all signals are true: one that is false counts at once, and holds.
+
+    It holds until only true has come for `HOLD`. Who of several publishes false is not visible,
+    so with several it holds for longer than the time between two of them.
+    """
 
     def __init__(self, timeout: float) -> None:
         """Believe a signal for so long [s]."""
         self._timeout = timeout
-        self._until = 0.0
+        self._since = self._true = -inf  # the first and the latest of an unbroken row of true
+        self._false = self._held = -inf  # the latest false, and until when it counts
+        self._any_true, self._several = -inf, False
 
-    def listen(self, message: Bool) -> None:
-        """Take a signal; false disables at once."""
-        self._until = time.monotonic() + self._timeout if message.data else 0.0
+    def update(self, signal: Signal) -> None:
+        """Take a signal."""
+        now = signal.time
+        if signal.enabled:
+            if now > self._true + self._timeout:
+                self._since = now
+            self._true = self._any_true = now
+            return
+        self._several = signal.publishers > 1
+        gap = min(SLOWER * (now - self._false), LONGEST_HOLD) if self._several else 0.0
+        self._held, self._false, self._true = now + max(gap, HOLD), now, -inf
 
-    @property
-    def alive(self) -> bool:
-        """Whether the arm may move now."""
-        return time.monotonic() < self._until
+    def state(self, now: float) -> Enabled:
+        """Return whether the arm may move at a time [s]."""
+        if now < self._held:
+            return Enabled.DENIED
+        if now > self._true + self._timeout:
+            return Enabled.SILENT
+        return Enabled.YES if now >= self._since + HOLD else Enabled.WAITING
+
+    def is_disputed(self, now: float) -> bool:
+        """Tell whether one of several publishers says true, and another one false."""
+        recent = now - LONGEST_HOLD
+        return self._several and self._false > recent and self._any_true > recent
 
 
 def publish_heartbeat(seconds: float, controller: str, say: Callable[[str], None]) -> None:

@@ -55,7 +55,7 @@ class TrajectoryClient:
         self._handle: Any = None
         self._then: Callable[[Ending], None] | None = None
         self._due = 0.0
-        self._cancelled = False
+        self._cancelled, self._why = False, ""
         steady_timer(node, LOOK, self._look)
 
     @property
@@ -78,17 +78,17 @@ class TrajectoryClient:
         assert not self.busy
         self._goal += 1
         number = self._goal
-        self._then, self._handle, self._cancelled = then, None, False
+        self._then, self._handle, self._cancelled, self._why = then, None, False, ""
         self._due = monotonic() + trajectory.duration + self._patience
         goal = FollowJointTrajectory.Goal(trajectory=encode(trajectory, self._robot))
         sent = self._client.send_goal_async(goal)
         sent.add_done_callback(lambda future: self._on_accepted(number, future.result()))
 
-    def cancel(self) -> None:
+    def cancel(self, why: str = "") -> None:
         """Have the controller stop; the goal ends as it says, or as lost."""
         if not self.busy or self._cancelled:
             return
-        self._cancelled = True
+        self._cancelled, self._why = True, why
         self._due = min(self._due, monotonic() + self._patience)
         if self._handle is not None:
             self._handle.cancel_goal_async()
@@ -114,7 +114,7 @@ class TrajectoryClient:
         if answer.status == GoalStatus.STATUS_SUCCEEDED and result.error_code == result.SUCCESSFUL:
             self._end(Ending(Ended.SUCCEEDED))
         elif answer.status == GoalStatus.STATUS_CANCELED:
-            self._end(Ending(Ended.CANCELLED, text))
+            self._end(Ending(Ended.CANCELLED, self._why or text))
         else:
             self._end(Ending(Ended.ABORTED, text or f"error code {result.error_code}"))
 

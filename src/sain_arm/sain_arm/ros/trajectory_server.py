@@ -18,8 +18,9 @@ from sain_arm.laboratory.cell import STEP, Cell
 from sain_arm.laboratory.controller import Controller, Ending
 from sain_arm.laboratory.laboratory_config import ServerConfig
 from sain_arm.planning.timing import Trajectory
-from sain_arm.robot.robot import Robot, read_robot
+from sain_arm.robot.robot import FASTEST, Robot, read_robot
 from sain_arm.robot.urdf import visible
+from sain_arm.ros.joint_listener import BEYOND
 from sain_arm.ros.laboratory_camera import LaboratoryCamera
 from sain_core.errors import ConfigError
 from sain_core.randomness import generator
@@ -34,6 +35,7 @@ from sain_core.world import ObservationConfig
 TICK: Final = 0.01  # [s] of wall time between two looks at the clock
 BEHIND: Final = 0.05  # [s] that are caught up at most in one tick
 FRAME: Final = 1.0 / 30.0  # [s]
+SHORTEST: Final = 1e-9  # [s], so that a trajectory may begin at 0
 SAME: Final = 0.05  # [rad], of a goal's first point from where the joints are
 
 
@@ -91,9 +93,31 @@ class TrajectoryServer(Node):
             return f"its joints are {', '.join(names)}; allowed: {', '.join(self.robot.joints)}"
         if len(points) < 2:
             return f"it has {len(points)} points; at least 2 are needed"
+        for number, point in enumerate(points):
+            for what in ("positions", "velocities"):
+                if (count := len(getattr(point, what))) != len(names):
+                    return f"point {number} has {count} {what}; {len(names)} are needed"
         trajectory = self._decoded(goal)
-        if not (np.diff(trajectory.times) > 0.0).all():
-            return "its times do not increase"
+        if not (np.diff(trajectory.times, prepend=-SHORTEST) > 0.0).all():
+            return "its times do not increase from 0 s on"
+        return self._out_of_range(trajectory)
+
+    def _out_of_range(self, trajectory: Trajectory) -> str:
+        """Return what the joints cannot do in a trajectory; empty: nothing."""
+        robot = self.robot
+        fast = np.full_like(robot.velocity, FASTEST)
+        for what, unit, values, low, high in (
+            ("position", "rad", trajectory.positions, robot.lower - BEYOND, robot.upper + BEYOND),
+            ("velocity", "rad/s", trajectory.velocities, -fast, fast),
+        ):
+            fine = (values >= low) & (values <= high)  # NaN is not
+            if not fine.all():
+                point, joint = (int(index) for index in np.argwhere(~fine)[0])
+                return (
+                    f"{what} of joint {robot.joints[joint]} in point {point} is"
+                    f" {values[point, joint]:g} {unit}; allowed: {low[joint]:.2f} to"
+                    f" {high[joint]:.2f} {unit}"
+                )
         off = np.abs(trajectory.positions[0] - self.cell.joints).max()
         if off > SAME:
             return f"it begins {off:.3f} rad from where the joints are; allowed: {SAME} rad"

@@ -1,14 +1,16 @@
 """A robot's side of the contract of pushes: ids, refusals and results. A robot adds its motion.
 
 Each push gets one result. A push that was begun ends with `finish` when the stroke is over, or with
-`refuse` when nothing was moved. The contract is docs/guides/your_robot.md.
+`refuse` when nothing was moved. Before the tool comes near a body call `check_stroke`. The contract
+is docs/guides/your_robot.md.
 """
 
-import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from time import monotonic
 from typing import Final
 
+import numpy as np
 from rclpy.node import Node
 
 from sain_core import wire
@@ -16,10 +18,11 @@ from sain_core.errors import BusyError, ErrorCode, error_reply
 from sain_core.feasibility import Feasibility, Stroke, checked_stroke
 from sain_core.guarding.ros.ownership import Ownership
 from sain_core.guarding.ros.reception import Reception, emptied, shortened
+from sain_core.guarding.scene_door import OLD, SceneDoor, SeenScene
 from sain_core.guarding.session import Session
 from sain_core.ros import codec
 from sain_core.ros.qos import LATCHED_QUEUE, QUEUE, RELIABLE, steady_timer
-from sain_core.scene import VELOCITY
+from sain_core.scene import POSE, RADIUS, THETA, wrap_angle
 from sain_core.shapes.bodies import Bodies
 from sain_core.types import PushArray
 from sain_core.types import Scene as SceneArray
@@ -31,6 +34,7 @@ AFTER: Final = 0.4  # [s], from the end of a push to the scene that shows what i
 LONGEST: Final = 45.0  # [s] that bodies may move after a push; the planner waits for 60
 PAUSE: Final = 10.0  # [s] between lines of the log that say the same
 LOOK: Final = 0.5  # [s] between looks for rivals, and for bodies that do not come to rest
+SEEN: Final = 0.001  # [m], of a body that was moved: far more than rest, less than noise
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,18 +58,24 @@ class PushDriver:
     """Takes pushes for a node, one at a time. Make and call it on the executor's thread."""
 
     def __init__(
-        self, node: Node, begin: Callable[[PushOrder], None], feasibility: Feasibility
+        self,
+        node: Node,
+        begin: Callable[[PushOrder], None],
+        feasibility: Feasibility,
+        old: float = OLD,
     ) -> None:
-        """Call `begin` with each push that may be carried out; what it raises refuses the push."""
+        """Call `begin` with each push that may be carried out; what it raises refuses the push.
+
+        No push is made from a scene that is older than `old` [s].
+        """
         self._node, self._begin = node, begin
         self.feasibility = feasibility
         self.ownership = Ownership(node, ("push_result",))  # a second robot ends here
-        self._session = Session()
-        self._scene: Scene | None = None  # the latest
-        self._bodies: Bodies | None = None
-        self._bodies_episode = 0
-        self._before: Scene | None = None  # of the push that is under way
+        self._session, self._door = Session(), SceneDoor(old)
+        self._before: SeenScene | None = None  # of the push that is under way
+        self._after: SeenScene | None = None  # the latest with as many bodies
         self._push, self._began, self._ended = Push(), 0.0, 0.0
+        self._doubt: BaseException | None = None  # that the stroke has moved a body
         self.rival = ""  # who else answers pushes, in words
         self._late = float("inf")  # when bodies have moved for too long [s], of a steady clock
         self.counts = {"executed": 0, "refused": 0}
@@ -89,17 +99,24 @@ class PushDriver:
     @property
     def scene(self) -> SceneArray | None:
         """The bodies (N, 8) as they were seen last."""
-        return None if self._scene is None else wire.decode_disks(self._scene.disks)
+        return None if self._door.seen is None else self._door.seen.disks
 
-    @property
-    def bodies(self) -> Bodies | None:
-        """What is on the table."""
-        return self._bodies
+    def check_stroke(self) -> None:
+        """Check that the bodies are seen where they were when the push that is under way came.
 
-    def finish(self, ended: float) -> None:
-        """Take note that the stroke ended at a time [s], and the tool is away; bodies moved."""
+        Raises:
+            StaleSceneError: they are not, or no good scene is current.
+        """
+        if self._before is not None:
+            self._door.check_stroke(self._before, monotonic(), self._now())
+
+    def finish(self, ended: float, doubt: BaseException | None = None) -> None:
+        """Take note that the stroke ended at a time [s], and the tool is away; bodies moved.
+
+        With a `doubt` the push is refused for that if no body is seen to have moved.
+        """
         if self.busy:
-            self._ended, self._late = ended, time.monotonic() + LONGEST
+            self._ended, self._late, self._doubt = ended, monotonic() + LONGEST, doubt
 
     def refuse(self, error: BaseException) -> None:
         """Refuse the push that is under way: no body was moved, and none will be."""
@@ -113,21 +130,27 @@ class PushDriver:
 
     def _on_push(self, message: Push) -> None:
         """Begin to push, or raise why not: `Reception` makes the code of the refusal of that."""
-        scene = self._scene
-        if scene is None or self._bodies is None or self._bodies_episode != scene.episode_id:
-            what = "scene" if scene is None else "shapes of this episode"
-            raise BusyError(f"no {what} came yet; does a node make scenes of the camera's poses?")
+        seen, bodies = self._door.seen, self._door.bodies
+        if seen is None or bodies is None or self._door.episode_id != seen.ids[0]:
+            what = "scene" if seen is None else "shapes of this episode"
+            trouble = f": {self._door.trouble}" if self._door.trouble else ""
+            raise BusyError(
+                f"no {what} came yet{trouble}; does a node make scenes of the camera's poses?"
+            )
         if not self._session.busy:
-            self._session.go_on_from(scene.episode_id, scene.scene_id)
+            self._session.go_on_from(*seen.ids)
         self._session.admit(message.push_id, message.episode_id, message.scene_id)
         try:
-            push, disks = wire.decode_push(message), wire.decode_disks(scene.disks)
-            seen = wire.decode_disks(message.disks, "scene of the push") if message.disks else disks
-            stroke = checked_stroke(push, seen, is_at_rest(scene), self.feasibility, self._bodies)
-            order = PushOrder(push, stroke, disks, self._bodies)
-            self._push, self._before, self._began = message, scene, self._now()
+            self._door.check_push(monotonic(), self._now())
+            push, disks = wire.decode_push(message), seen.disks
+            if message.disks:
+                name = "scene of the push"
+                disks = wire.check_bodies(wire.decode_disks(message.disks, name), name)
+            stroke = checked_stroke(push, disks, seen.at_rest, self.feasibility, bodies)
+            self._push, self._before, self._began = message, seen, self._now()
+            self._after, self._doubt = None, None
             self._ended = self._late = float("inf")
-            self._begin(order)
+            self._begin(PushOrder(push, stroke, seen.disks, bodies))
         except Exception:
             self._before = None
             self._session.finish(executed=False)
@@ -141,35 +164,41 @@ class PushDriver:
             code,
             f"push {message.push_id} from {emptied(message).source!r} refused: {shortened(text)}",
         )
-        scene = self._scene or Scene()
+        scene = Scene() if self._door.seen is None else self._door.seen.message
         self._answer(message, code, shortened(text), scene, scene)
 
     def _on_bodies(self, message: BodiesMessage) -> None:
-        self._bodies, self._bodies_episode = decode_bodies(message), message.episode_id
+        self._door.state_bodies(decode_bodies(message), message.episode_id)
 
     def _on_scene(self, message: Scene) -> None:
         """Take note of a scene; the first at rest after a push is where that led."""
-        self._scene = message
-        if codec.decode_time(message.header.stamp) >= self._ended + AFTER and is_at_rest(message):
-            self._conclude(message, settled=True)
+        seen, before = self._door.take(message, monotonic(), self._now()), self._before
+        if before is not None and len(seen.disks) == len(before.disks):
+            self._after = seen
+            if seen.stamp >= self._ended + AFTER and seen.at_rest:
+                self._conclude(seen, settled=True)
 
     def _look(self) -> None:
         self.rival = self.ownership.rival()
-        if time.monotonic() > self._late and self._scene is not None:
+        if monotonic() > self._late and (last := self._after or self._before) is not None:
             self._node.get_logger().error(
                 f"bodies did not come to rest within {LONGEST:g} s after push {self._push.push_id}"
             )
-            self._conclude(self._scene, settled=False)
+            self._conclude(last, settled=False)
 
-    def _conclude(self, seen: Scene, settled: bool) -> None:
+    def _conclude(self, seen: SeenScene, settled: bool) -> None:
         if (before := self._before) is None:
             return
-        self._before, self._late = None, float("inf")
-        after = Scene(header=seen.header, disks=seen.disks, settled=settled)
-        after.episode_id, after.scene_id = before.episode_id, before.scene_id + 1
+        self._late = float("inf")
+        if self._doubt is not None and settled and _looks_same(before, seen):
+            self.refuse(self._doubt)
+            return
+        self._before = None
+        after = Scene(header=seen.message.header, disks=seen.message.disks, settled=settled)
+        after.episode_id, after.scene_id = before.ids[0], before.ids[1] + 1
         self._session.finish(executed=True)
         self.counts["executed"] += 1
-        self._answer(self._push, ErrorCode.OK, "", before, after)
+        self._answer(self._push, ErrorCode.OK, "", before.message, after)
 
     def _answer(self, push: Push, code: int, text: str, before: Scene, after: Scene) -> None:
         executed = code == ErrorCode.OK
@@ -197,6 +226,8 @@ def warn_of_refusal(node: Node, code: int, text: str) -> None:
         node.get_logger().warning(text)
 
 
-def is_at_rest(scene: Scene) -> bool:
-    """Tell whether the converter sees all bodies at rest: none has a velocity then."""
-    return not wire.decode_disks(scene.disks)[:, VELOCITY].any()
+def _looks_same(before: SeenScene, after: SeenScene) -> bool:
+    """Tell whether no body is seen elsewhere, or turned."""
+    off = (after.disks - before.disks)[:, POSE]
+    off[:, THETA] = wrap_angle(off[:, THETA]) * before.disks[:, RADIUS]
+    return bool(before.ids[0] == after.ids[0] and np.abs(off).max() < SEEN)

@@ -8,7 +8,7 @@ dimensions that the message states and that every number is finite. The encoder 
 
 from collections.abc import Sequence
 from dataclasses import replace
-from math import atan2, isfinite, prod
+from math import atan2, isfinite, pi, prod
 from typing import Any, Final
 
 import numpy as np
@@ -18,9 +18,10 @@ from numpy import ndarray
 from sain_core.errors import InvalidInputError
 from sain_core.feasibility import ReachTable
 from sain_core.goal import KEEP_TOLERANCE, TOLERANCE, TURN_PER_METRE, BodyPose, Goal
-from sain_core.guarding.untrusted import MOST_BODIES
+from sain_core.guarding.untrusted import LEAST_RADIUS, MOST_BODIES, MOST_RADIUS
 from sain_core.push import BODY, DEFAULT_SPEED, PUSH_NAMES, PUSH_SIZE, SPEED
-from sain_core.scene import STATE_NAMES, STATE_SIZE
+from sain_core.scene import STATE_NAMES, STATE_SIZE, THETA
+from sain_core.shapes.body_file import MOST_MASS
 from sain_core.transitions import PushHistory
 from sain_core.types import (
     PredictedScenes,
@@ -35,6 +36,14 @@ MIN_DISKS = 1
 UNIT: Final = 0.01  # by which the length of a quaternion may be off
 LEAST_CELL, MOST_CELL = 0.001, 0.2  # [m], of a table of reach
 MOST_CELLS: Final = 100_000
+FRAMES: Final = ("", "world")  # of a scene
+RANGES: Final = np.array(  # of the numbers of a body, far wider than those of any table
+    [(-10.0, 10.0)] * 2
+    + [(-2 * pi, 2 * pi)]
+    + [(-100.0, 100.0)] * 3
+    + [(1e-6, MOST_MASS), (LEAST_RADIUS, MOST_RADIUS)]
+)
+UNITS: Final = ("m", "m", "rad", "m/s", "m/s", "rad/s", "kg", "m")
 UPRIGHT: Final = 0.9  # cosine of the largest tilt of a body, 25 degrees
 Place = Float[ndarray, "3"]
 Turn = Float[ndarray, "4"]  # quaternion x y z w
@@ -68,6 +77,42 @@ def check_disks(scene: Scene, name: str = "scene") -> Scene:
         value = scene[disk, column]
         raise InvalidInputError(
             f"{name}: {STATE_NAMES[column]} of disk {disk} is {value}; must be finite"
+        )
+    return scene
+
+
+def decode_scene(message: Any) -> Scene:
+    """Return the bodies (N, 8) of a ``Scene`` by which a robot may be moved.
+
+    Raises:
+        InvalidInputError: another frame than ``world``, an impossible stamp, or see `check_bodies`.
+    """
+    frame, stamp = message.header.frame_id, message.header.stamp
+    if frame not in FRAMES:
+        raise InvalidInputError(f"the scene is in frame {frame[:64]!r}; it must be in 'world'")
+    if stamp.sec < 0 or stamp.nanosec >= 10**9:
+        raise InvalidInputError(
+            f"the stamp of the scene is {stamp.sec} s and {stamp.nanosec} ns; allowed: from 0 s,"
+            f" and 0 to {10**9 - 1} ns"
+        )
+    return check_bodies(decode_disks(message.disks))
+
+
+def check_bodies(scene: Scene, name: str = "scene") -> Scene:
+    """Return a finite scene (N, 8) when each number can be one of a body on a table.
+
+    Raises:
+        InvalidInputError: naming the first that cannot.
+    """
+    low, high = RANGES.T
+    wrong = (scene < low) | (scene > high)
+    if wrong.any():
+        body, column = (int(index) for index in np.argwhere(wrong)[0])
+        value, unit = scene[body, column], UNITS[column]
+        hint = "; it looks like degrees" if column == THETA and abs(value) <= 360.0 else ""
+        raise InvalidInputError(
+            f"{name}: {STATE_NAMES[column]} of body {body} is {value:g} {unit}; allowed:"
+            f" {low[column]:g} to {high[column]:g} {unit}{hint}"
         )
     return scene
 

@@ -256,6 +256,8 @@ class Agent:
         except SainError as error:
             return (Stop(task, StopReason.FAILED, error=error),)
         if stop := self._tracker.stop(job):
+            if stop.reason is StopReason.REACHED:  # it is over, also if bodies are moved later
+                self._tracker.task = None
             return (stop,)
         self._running = job
         failed = partial(Stop, task, StopReason.FAILED, job)

@@ -9,6 +9,8 @@ import re
 import traceback
 from collections.abc import Awaitable, Callable
 from concurrent.futures import Future
+from dataclasses import dataclass
+from time import monotonic
 from typing import Any, Final, TypeVar
 
 from rclpy.callback_groups import CallbackGroup
@@ -147,6 +149,9 @@ def _check_field(name: str, value: Any, kind: str, element: str) -> None:
             _check_field(name, one, element, "")
 
 
+LINGER: Final = 3.0  # [s] that a problem is shown after the last bad message, and good ones since
+REPEAT: Final = 10.0  # [s] between two lines of the log on one topic while its messages are bad
+
 T = TypeVar("T")
 Refuse = Callable[[Any, BaseException], None]
 
@@ -161,6 +166,15 @@ def outcome(work: Callable[[], T]) -> "Future[T]":
     return future
 
 
+@dataclass
+class _Ignored:
+    """What was wrong with the messages of a topic, and when [s] the last came and was logged."""
+
+    text: str
+    came: float
+    logged: float
+
+
 class Reception:
     """Takes what is sent to one node. Make and call it on the executor's thread."""
 
@@ -170,6 +184,12 @@ class Reception:
         self._received: dict[str, int] = {}
         self._defects = 0
         self._last_trace = ""
+        self._ignored: dict[str, _Ignored] = {}  # by topic
+
+    @property
+    def trouble(self) -> str:
+        """What is wrong with messages that are ignored, in words; empty: nothing."""
+        return "; ".join(one.text for one in self._ignored.values())
 
     @property
     def figures(self) -> dict[str, int]:
@@ -188,7 +208,7 @@ class Reception:
     ) -> Subscription:
         """Subscribe; `refuse` answers a message that is too large or that fails the callback.
 
-        Without it, why the message is ignored is logged.
+        Without it, such a message is ignored: logged once, and shown as `trouble`.
         """
         handle = self.guarded(topic, callback, refuse or self._ignore(topic))
         return self._node.create_subscription(kind, topic, handle, qos)
@@ -207,8 +227,15 @@ class Reception:
             except Exception as error:  # noqa: BLE001 - an error is an answer
                 self.log_defect(error)
                 refuse(message, error)
+            else:
+                self._forgive(name)
 
         return take
+
+    def _forgive(self, topic: str) -> None:
+        before = self._ignored.get(topic)
+        if before is not None and monotonic() > before.came + LINGER:
+            del self._ignored[topic]
 
     def serve(
         self,
@@ -276,8 +303,13 @@ class Reception:
         self._last_trace = trace
 
     def _ignore(self, topic: str) -> Refuse:
-        def ignore(message: Any, error: BaseException) -> None:
-            text = shortened(str(error))
-            self._node.get_logger().error(f"a message on {topic} is ignored: {text}")
+        def ignore(_: Any, error: BaseException) -> None:
+            now, text = monotonic(), f"a message on {topic} is ignored: {shortened(str(error))}"
+            before = self._ignored.get(topic)
+            repeats = before is not None and now < before.logged + REPEAT
+            if not repeats:
+                self._node.get_logger().warning(text)
+            logged = before.logged if before is not None and repeats else now
+            self._ignored[topic] = _Ignored(text, now, logged)
 
         return ignore

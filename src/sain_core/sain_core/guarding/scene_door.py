@@ -1,0 +1,193 @@
+"""What a robot may take for the scene on its table: the latest good one, never a bad one.
+
+No middleware here. Scenes go in by `take`; a bad one raises, and what is held stays as it was.
+"""
+
+from dataclasses import dataclass
+from enum import Enum
+from typing import Any, Final
+
+import numpy as np
+
+from sain_core import wire
+from sain_core.errors import InvalidInputError, StaleSceneError
+from sain_core.scene import POSITION, VELOCITY
+from sain_core.shapes.bodies import Bodies
+from sain_core.types import Scene
+
+OLD: Final = 0.5  # [s], age of a scene above which no stroke is made from it
+ANEW: Final = 1.0  # [s] without a scene, after which stamps and ids may begin anew
+MOVED: Final = 0.005  # [m], of a body since the push was planned
+
+
+class Standing(Enum):
+    """Whether the scene that is held may be used for a stroke."""
+
+    NONE = "no scene came yet"
+    BAD = "the latest scene was refused"
+    OLD = "the latest scene is old"
+    UNSETTLED = "the latest scene is not settled"
+    GOOD = "good"
+
+
+@dataclass(frozen=True, eq=False)
+class SeenScene:
+    """A scene that was checked.
+
+    Attributes:
+        message: as it came.
+        disks: (N, 8).
+        stamp: of the observation [s], by the clock of the headers.
+        came: when it came [s], of a steady clock.
+    """
+
+    message: Any
+    disks: Scene
+    stamp: float
+    came: float
+
+    @property
+    def ids(self) -> tuple[int, int]:
+        """The numbers of its episode and scene."""
+        return int(self.message.episode_id), int(self.message.scene_id)
+
+    @property
+    def at_rest(self) -> bool:
+        """Whether all bodies are seen at rest: none has a velocity then."""
+        return not self.disks[:, VELOCITY].any()
+
+    def age(self, now: float, clock: float) -> float:
+        """Return how old [s] it is at two times [s]: of a steady clock, and of that of headers."""
+        return max(now - self.came, clock - self.stamp)
+
+
+class SceneDoor:
+    """Holds the latest good scene and the bodies of its episode. Times are in seconds.
+
+    Attributes:
+        seen: the latest good scene; None: none came.
+        trouble: why the scene after it was refused; empty: it was not.
+        bodies: of episode `episode_id`; None: none were stated.
+    """
+
+    def __init__(self, old: float = OLD) -> None:
+        """Make no stroke from a scene that is older than this [s]."""
+        self._old = old
+        self.seen: SeenScene | None = None
+        self.trouble = ""
+        self.bodies: Bodies | None = None
+        self.episode_id = 0
+        self._settled: SeenScene | None = None  # the latest such one with the ids of `seen`
+
+    def state_bodies(self, bodies: Bodies, episode_id: int) -> None:
+        """Take the bodies of an episode; a scene of it with another number of them was bad."""
+        self.bodies, self.episode_id = bodies, episode_id
+        if self.seen is not None and (text := self._miscounted(self.seen)):
+            self.seen, self._settled, self.trouble = None, None, text
+
+    def take(self, message: Any, now: float, clock: float) -> SeenScene:
+        """Hold a scene that came at two times, of a steady clock and of that of headers.
+
+        Raises:
+            InvalidInputError: what is wrong with it; then the one before stays.
+        """
+        try:
+            stamp = wire.decode_stamp(message.header.stamp) * 1e-9
+            seen = SeenScene(message, wire.decode_scene(message), stamp, now)
+            if text := self._miscounted(seen) or self._out_of_order(seen, clock):
+                raise InvalidInputError(text)
+        except InvalidInputError as error:
+            self.trouble = str(error)
+            raise
+        if message.settled and seen.at_rest:
+            self._settled = seen
+        elif self._settled is not None and self._settled.ids != seen.ids:
+            self._settled = None
+        self.seen, self.trouble = seen, ""
+        return seen
+
+    def standing(self, now: float, clock: float) -> Standing:
+        """Return whether a stroke may be made from what is held."""
+        seen, settled = self.seen, self._settled
+        if self.trouble:
+            return Standing.BAD
+        if seen is None:
+            return Standing.NONE
+        if seen.age(now, clock) > self._old:
+            return Standing.OLD
+        if settled is None or settled.age(now, clock) > self._old:
+            return Standing.UNSETTLED
+        return Standing.GOOD
+
+    def check_push(self, now: float, clock: float) -> None:
+        """Raise `StaleSceneError` where no push may begin from what is held."""
+        standing = self.standing(now, clock)
+        if standing is not Standing.GOOD:
+            raise StaleSceneError(self._said(standing, now, clock))
+
+    def check_stroke(self, planned: SeenScene, now: float, clock: float) -> None:
+        """Check that bodies are where they were in the scene that a push was planned from.
+
+        A push is under way, so the scene is not settled.
+
+        Raises:
+            StaleSceneError: they are not, or what is held is bad or old.
+        """
+        standing, seen = self.standing(now, clock), self.seen
+        if seen is None or standing not in (Standing.GOOD, Standing.UNSETTLED):
+            raise StaleSceneError(self._said(standing, now, clock))
+        if seen.ids[0] != planned.ids[0]:
+            raise StaleSceneError(
+                f"episode {seen.ids[0]} has begun; the push was planned in episode {planned.ids[0]}"
+            )
+        if len(seen.disks) != len(planned.disks):
+            raise StaleSceneError(
+                f"there are {len(seen.disks)} bodies; the push was planned with"
+                f" {len(planned.disks)}"
+            )
+        apart = np.linalg.norm((seen.disks - planned.disks)[:, POSITION], axis=1)
+        if apart.max() > MOVED:
+            text = f"body {int(np.argmax(apart))} was moved by {1e3 * apart.max():.0f} mm"
+            raise StaleSceneError(f"{text} since the push was planned")
+
+    def _said(self, standing: Standing, now: float, clock: float) -> str:
+        if standing is Standing.BAD:
+            return f"{standing.value}: {self.trouble}"
+        old = self.seen if standing is Standing.OLD else self._settled
+        if old is None:
+            return standing.value
+        age = f"{standing.value}: {old.age(now, clock):.1f} s since the last"
+        return f"{age}{' settled' * (standing is Standing.UNSETTLED)} one; allowed: {self._old:g} s"
+
+    def _miscounted(self, seen: SeenScene) -> str:
+        """Return in words that bodies came or went within an episode; empty: none did."""
+        count, episode = len(seen.disks), seen.ids[0]
+        if self.bodies is not None and self.episode_id == episode:
+            stated = len(self.bodies)
+        elif self.seen is not None and self.seen.ids[0] == episode and not self._anew(seen):
+            stated = len(self.seen.disks)
+        else:
+            return ""
+        return "" if count == stated else f"it has {count} bodies; episode {episode} has {stated}"
+
+    def _out_of_order(self, seen: SeenScene, clock: float) -> str:
+        """Return in words that a scene is from another time; empty: it is not."""
+        if seen.stamp > clock + self._old:
+            return (
+                f"its stamp is {seen.stamp - clock:.1f} s in the future; is use_sim_time the same"
+                " for all nodes?"
+            )
+        last = self.seen
+        if last is None or self._anew(seen):
+            return ""
+        if seen.ids < last.ids:
+            return (
+                f"it is scene {seen.ids[1]} of episode {seen.ids[0]}, and came after scene"
+                f" {last.ids[1]} of episode {last.ids[0]}"
+            )
+        if seen.stamp < last.stamp:
+            return f"its stamp is {last.stamp - seen.stamp:.3f} s before that of the last scene"
+        return ""
+
+    def _anew(self, seen: SeenScene) -> bool:
+        return self.seen is not None and seen.came > self.seen.came + ANEW
