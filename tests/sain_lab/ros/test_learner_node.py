@@ -72,7 +72,7 @@ def send(graph, sending, learner, messages):
 def test_what_is_learned_is_served_and_said(graph, sending, tmp_path):
     path = tmp_path / "lab"
     service = graph.start(ModelNode, model="planar")
-    learner = graph.start(LearnerNode, laboratory=str(path), trains=False)
+    learner = graph.start(LearnerNode, nice=0, laboratory=str(path), trains=False)
     first, second = results(5), results(1, episode=2, seed=1)
     send(graph, sending, learner, [*first, *first, *second])  # five come twice
     graph.wait(lambda: graph.heard["learning"][-1].pushes == 6, "six pushes")
@@ -88,7 +88,7 @@ def test_what_is_learned_is_served_and_said(graph, sending, tmp_path):
 
 
 def test_what_cannot_be_learned_from_is_said(graph, sending, tmp_path):
-    learner = graph.start(LearnerNode, laboratory=str(tmp_path / "lab"), trains=False)
+    learner = graph.start(LearnerNode, nice=0, laboratory=str(tmp_path / "lab"), trains=False)
     first, _, second = results(3)  # begins elsewhere than where the first one led
     invalid, refused = results(2, episode=7)
     invalid.after.disks[0].x = np.nan
@@ -102,7 +102,7 @@ def test_what_cannot_be_learned_from_is_said(graph, sending, tmp_path):
 
 
 def test_the_switch_stops_the_learning(graph, sending, tmp_path):
-    learner = graph.start(LearnerNode, laboratory=str(tmp_path / "lab"), learns=False)
+    learner = graph.start(LearnerNode, nice=0, laboratory=str(tmp_path / "lab"), learns=False)
     send(graph, sending, learner, results(2))
     for _ in range(20):
         graph.executor.spin_once(timeout_sec=0.05)
@@ -117,7 +117,7 @@ def test_a_network_that_got_worse_is_dropped_and_that_is_said(graph, sending, tm
         event = {"event": "loaded", "text": "planted", "pushes": 0, "time": 0.0, "about": about}
         laboratory.append({"kind": "event", **event})
         laboratory.state(service=service)
-    learner = graph.start(LearnerNode, laboratory=str(path), trains=False)
+    learner = graph.start(LearnerNode, nice=0, laboratory=str(path), trains=False)
     assert learner.learner.judge.service == service
     send(graph, sending, learner, results(15))
     graph.wait(lambda: not learner.worker.pending, "all pushes")
