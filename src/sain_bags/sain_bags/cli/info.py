@@ -68,14 +68,13 @@ def topic_table(bag: Bag, timings: Mapping[str, TopicTiming]) -> FittingTable:
 
 
 def episode_table(episodes: tuple[Episode, ...]) -> FittingTable:
-    """Return episodes as a table."""
+    """Return episodes as a table, with a row for each goal."""
     table = FittingTable()
     for name in ("Episode", "Disks", "Pushes", "Refused", "Distance", "Tolerance", "Planning"):
         table.add_column(name, justify="right")
     table.add_column("Goal")
-    for episode in episodes:
+    for number, episode in (one for whole in episodes for one in whole.numbered):
         times = [plan.planning_time for plan in episode.plans]
-        reached = Text("reached", "green") if episode.success else Text("not reached", "red")
         table.add_row(
             str(episode.episode_id),
             str(len(episode.start)),
@@ -84,9 +83,18 @@ def episode_table(episodes: tuple[Episode, ...]) -> FittingTable:
             _millimetres(episode.distance(episode.final)),
             _millimetres(episode.goal.tolerance) if episode.goal else "-",
             f"{1e3 * float(np.median(times)):.0f} ms" if times else "-",
-            "none" if episode.goal is None else reached,
+            _outcome(number, episode),
         )
     return table
+
+
+def _outcome(number: int, episode: Episode) -> Text:
+    """Return whether a goal, the so many-th of its episode, was reached."""
+    if episode.goal is None:
+        return Text("none")
+    before = f"goal {number}: " if number > 1 else ""
+    found = ("reached", "green") if episode.success else ("not reached", "red")
+    return Text.assemble(before, found)
 
 
 def run(options: InfoOptions, console: Console) -> None:
@@ -123,10 +131,11 @@ def show(path: Path, console: Console, check: bool = True) -> None:
     for namespace in namespaces(bag):
         episodes = read_episodes(bag, namespace)
         pushes = sum(len(episode.executed) for episode in episodes)
-        reached = sum(episode.success for episode in episodes)
+        towards = [part for one in episodes for part in one.by_goal if part.goal is not None]
+        reached = sum(part.success for part in towards)
         console.print(
             f"\n[bold]{namespace or '/'}[/]  {len(episodes)} episodes, {pushes} pushes,"
-            f" goal reached in {reached}",
+            f" {reached} of {len(towards)} goals reached",
             highlight=False,
         )
         console.print(episode_table(episodes), soft_wrap=True)

@@ -125,6 +125,7 @@ class _Reader:
         self._see = hearing.handlers["scene"][1]
         self._bag = bag
         self._goals: dict[int, list[int]] = {}  # ids of those of an episode
+        self._open: list[int] = []  # id of the latest that names no episode
         self._drafts: list[_Draft] = []
         self._count, self._stride = 0, 1  # scenes in motion; each so many-th is kept
         self._kept = 0
@@ -147,10 +148,8 @@ class _Reader:
         if topic == DIAGNOSTICS:
             for status in message.status:
                 status.level = bytes([status.level])  # as rclpy has it
-        elif topic == "goal" and message.episode_id:
-            goals = self._goals.setdefault(message.episode_id, [])
-            if goals[-1:] != [message.goal_id]:
-                goals.append(message.goal_id)
+        elif topic == "goal":
+            self._give(message)
         elif topic == "push_result" and message.error_code == UNANSWERED:
             return
         elif topic == "push_result" and message.error_code == ErrorCode.OK and message.after.disks:
@@ -164,6 +163,16 @@ class _Reader:
         take(message)
         if topic in NOTED and known.scene is not None:
             self._note(received.log_time, ended)
+
+    def _give(self, goal: Any) -> None:
+        """Count a goal of its episode; one that names none is of the episode that is shown."""
+        seen, number = self.known.scene, goal.episode_id
+        shown = 0 if seen is None else seen.episode_id
+        goals = self._goals.setdefault(number or shown, [] if number else list(self._open))
+        if goals[-1:] != [goal.goal_id]:
+            goals.append(goal.goal_id)
+        if not number:
+            self._open = [goal.goal_id]
 
     def _note(self, log_time: int, ended: bool) -> None:
         """Keep what is known now; `ended`: a push has."""
