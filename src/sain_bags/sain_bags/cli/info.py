@@ -15,7 +15,7 @@ from rich.text import Text
 from sain_bags.reading.reader import BAG_HELP, Bag
 from sain_bags.reading.timing import TopicTiming, read_timings
 from sain_bags.rows.episodes import Episode, read_episodes
-from sain_bags.rows.message_fields import namespaces
+from sain_bags.rows.message_fields import left_out, namespaces
 from sain_bags.writing.gaps import SILENT_KEY, UNDEFINED_KEY, read_gaps, read_names
 from sain_core.cli.terminal import FittingTable
 from sain_core.config import Config, option, required
@@ -29,7 +29,7 @@ class InfoOptions(Config):
 
     bag: tyro.conf.Positional[Path] = required(BAG_HELP)
     check: bool = option(
-        True, "read all messages and compare every CRC; without it no gaps are shown"
+        True, "read all messages and compare every CRC, if there are any; without it no gaps are shown"
     )
 
 
@@ -40,11 +40,12 @@ def warnings_about(bag: Bag) -> Iterator[str]:
     undefined = {found.topic for found in bag.channels if not found.has_definition}
     if undefined:
         yield f"Without a definition of their messages: {', '.join(sorted(undefined))}"
+    yield from left_out(bag)
     if bag.message_count:
         yield "Missing messages are counted from the first of each topic"
 
 
-def topic_table(bag: Bag, timings: Mapping[str, TopicTiming]) -> FittingTable:
+def topic_table(bag: Bag, timings: Mapping[tuple[str, str], TopicTiming]) -> FittingTable:
     """Return the bag's topics as a table, with the timings that are known."""
     table = FittingTable()
     table.add_column("Topic")
@@ -54,7 +55,7 @@ def topic_table(bag: Bag, timings: Mapping[str, TopicTiming]) -> FittingTable:
     recorded = read_gaps(bag.custom_data) or {}
     for topic in bag.topics:
         mean = topic.messages / bag.duration if topic.messages > 1 and bag.duration else 0.0
-        timing = timings.get(topic.name, TopicTiming())
+        timing = timings.get((topic.name, topic.type), TopicTiming())
         rate = timing.rate if timings else mean
         table.add_row(
             topic.name,
@@ -117,6 +118,7 @@ def show(path: Path, console: Console, check: bool = True) -> None:
     began = time.strftime("%Y-%m-%d %H:%M:%S", time.localtime(bag.start * 1e-9))
     about = {key: value for key, value in bag.custom_data.items() if key not in LISTED}
     state = "every CRC is right" if check else "only its summary was checked"
+    state = state if bag.has_crcs else "it has no CRCs: damage inside messages is not detected"
     console.print(f"[bold]{path}[/]  {state}", highlight=False)
     console.print(
         f"{bag.message_count:,} messages in {bag.duration:.1f} s from {began}, {size:.2f} MB{files}"

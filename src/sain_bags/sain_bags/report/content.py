@@ -58,7 +58,7 @@ def read_content(bag: Bag, limits: Limits = Limits(), progress: Progress = lambd
             {
                 "name": topic.name,
                 "type": topic.type,
-                **_timing(timings[topic.name], bag.start),
+                **_timing(timings[topic.name, topic.type], bag.start),
             }
             for topic in bag.topics
         ],

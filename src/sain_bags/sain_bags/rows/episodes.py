@@ -147,7 +147,7 @@ def read_episodes(
     namespace = _choose(namespaces(bag, SCENE, PUSH_RESULT), namespace, bag)
     _check_definitions(bag, namespace)
     reader = _Reader(on_scene)
-    messages = bag.messages(topics_of(bag, namespace, *FIELDS))
+    messages = bag.messages(topics_of(bag, namespace, *FIELDS), FIELDS)
     rows = read_results(as_today(bag), namespace)
     pushes = (push for found in rows for push in found.pushes())
     received: Iterator[Any] = merge(messages, pushes, key=attrgetter("log_time"))
@@ -163,7 +163,7 @@ def read_episodes(
 def _check_definitions(bag: Bag, namespace: str) -> None:
     topics = topics_of(bag, namespace, *FIELDS)
     for channel in bag.channels:
-        if channel.topic in topics:
+        if channel.topic in topics and channel.type in FIELDS:
             with naming(bag):
                 types = read_types(channel.type, channel.definition())
                 paths = FIELDS[channel.type]

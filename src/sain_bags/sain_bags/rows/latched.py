@@ -142,10 +142,11 @@ def read_latched(bag: Bag, namespace: str, room: int = 0) -> Read:
             episode; a goal of poses that cannot be.
     """
     reader = _Reader(bag)
-    topics = topics_of(bag, namespace, GOAL, BODIES, WORLD, *([PUSH_RESULT] if room else []))
+    types = (GOAL, BODIES, WORLD, *([PUSH_RESULT] if room else []))
+    topics = topics_of(bag, namespace, *types)
     kept: list[Batch] | None = [] if room else None
     results = [number for number, one in enumerate(bag.channels) if one.type == PUSH_RESULT]
-    for batch in bag.batches(topics):
+    for batch in bag.batches(topics, types=types):
         is_result = np.isin(batch.channels, results)
         with naming(bag):
             reader.read(batch[~is_result])

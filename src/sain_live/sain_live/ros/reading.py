@@ -6,7 +6,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
 
-from sain_bags.reading.reader import Bag, Received
+from sain_bags.bag.metadata import OWN_TYPES
+from sain_bags.reading.reader import Bag, Received, TopicSummary
 from sain_bags.report.frames import Frame, frame_times
 from sain_bags.report.gathering import graphs
 from sain_bags.report.titles import EpisodePart, episode_titles
@@ -109,12 +110,17 @@ def _unique(titles: list[str]) -> list[str]:
     return [f"{t} ({n + 1})" if n else t for t, n in zip(titles, before, strict=True)]
 
 
+def _is_own(topic: TopicSummary) -> bool:
+    return topic.type.startswith(OWN_TYPES)
+
+
 class _Reader:
     """Reads the episodes of one graph."""
 
     def __init__(self, bag: Bag, namespace: str, lines: int) -> None:
         self.known = LiveState(log=deque(), lines=lines)
-        topics = {topic.name: topic.type for topic in bag.topics}
+        # A topic's own type counts, where others came on it, too.
+        topics = {topic.name: topic.type for topic in sorted(bag.topics, key=_is_own)}
         hearing = Hearing(self.known, lambda: f"{namespace}/shapes" in topics, offers_goal=False)
         self._takes = {
             name: (topic, take)
@@ -122,6 +128,7 @@ class _Reader:
             for name in (topic if topic.startswith("/") else f"{namespace}/{topic}",)
             if topics.get(name) == f"{kind.__module__.partition('.')[0]}/msg/{kind.__name__}"
         }
+        self._types = {topics[name] for name in self._takes}
         self._see = hearing.handlers["scene"][1]
         self._bag = bag
         self._goals: dict[int, list[int]] = {}  # ids of those of an episode
@@ -131,7 +138,7 @@ class _Reader:
         self._kept = 0
 
     def read(self) -> Sequence[_Draft]:
-        for received in self._bag.messages(self._takes):
+        for received in self._bag.messages(self._takes, self._types):
             topic, take = self._takes[received.topic]
             try:
                 self._take(topic, take, received)
