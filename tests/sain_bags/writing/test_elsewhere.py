@@ -202,10 +202,12 @@ def test_files_that_are_not_as_the_metadata_says(bag: Path, tmp_path: Path) -> N
     with closing(sqlite3.connect(file)) as base, base:
         base.execute("DELETE FROM messages WHERE id = (SELECT max(id) FROM messages)")
     advice = f"`ros2 bag reindex -s sqlite3 {folder}` makes"
-    with pytest.raises(DatasetError, match=rf"has 7 messages of /sain/scene, not 8 .*{advice}"):
+    with pytest.raises(DatasetError, match=rf"has 10 messages of /sain/scene, not 11 .*{advice}"):
         convert([folder], tmp_path / "out")
     shutil.copy(file, folder / "sqlite_1.db3")
-    with pytest.raises(DatasetError, match=rf"holds sqlite_1.db3, which .* does not name.*{advice}"):
+    with pytest.raises(
+        DatasetError, match=rf"holds sqlite_1.db3, which .* does not name.*{advice}"
+    ):
         convert([folder], tmp_path / "out")
     (folder / "metadata.yaml").unlink()
     with pytest.raises(DatasetError, match=rf"not closed.*no metadata.yaml; {advice}"):
@@ -221,7 +223,9 @@ def test_a_file_of_another_recording(bag: Path, record: Start) -> None:
     driver.episode(2, [3])
     recording.writer.close()
     shutil.copy(recording.writer.folder / "other_0.mcap", bag / "bag_0.mcap")
-    with pytest.raises(DatasetError, match=r"bag_0.mcap is of another recording than metadata.yaml"):
+    with pytest.raises(
+        DatasetError, match=r"bag_0.mcap is of another recording than metadata.yaml"
+    ):
         Bag(bag)
 
 
@@ -243,8 +247,9 @@ def test_of_two_types_on_a_topic_the_graphs_is_read(bag: Path, tmp_path: Path) -
             writer.add_message(channel, time, b"\0\1\0\0\6\0\0\0hello\0", time)
         writer.finish()
     for other in (folder, tmp_path / "two.mcap"):
-        (note,) = (one for one in convert([other], tmp_path / "out", overwrite=True).notes if kind in one)
-        assert f"/sain/push_result has 2 messages of another type, {kind}; they are left out" in note
+        notes = convert([other], tmp_path / "out", overwrite=True).notes
+        said = f"/sain/push_result has 2 messages of another type, {kind}; they are left out"
+        assert sum(said in note for note in notes) == 1
         assert same(bag, other)
         assert read_content(Bag(other)).pushes == 3
         assert {one.type: one.messages for one in Bag(other).topics if "result" in one.name} == {

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from mcap.writer import Writer
 
-from sain_bags.cli.recover import RecoverOptions, recover
+from sain_bags.cli.recover import recover
 from sain_bags.dataset.conversion import convert
 from sain_bags.reading.reader import Bag
 from sain_bringup.graph import executable

@@ -29,7 +29,8 @@ class InfoOptions(Config):
 
     bag: tyro.conf.Positional[Path] = required(BAG_HELP)
     check: bool = option(
-        True, "read all messages and compare every CRC, if there are any; without it no gaps are shown"
+        True,
+        "read all messages and compare the CRCs that they have; without it no gaps are shown",
     )
 
 

@@ -240,26 +240,29 @@ class _Reader:
             draft = self._of(one.episode_id, one.log_time if one.answered else None)
             draft.push(one)
             return
-        message, time = one.message, one.log_time
         if one.type == SCENE:
-            self._scene(message, time)
-        elif one.type == GOAL and message.episode_id == 0:
-            self._open_goal = (time, message)
-            if self._current is not None:
-                self._current.goal(message, time)
+            self._scene(one.message, one.log_time)
         elif one.type == WORLD:
-            self._world = message  # of an episode whose scenes are to come
-        elif one.type == PLAN and message.episode_id == 0:  # why such a goal was refused
-            if self._current is not None:
-                self._current.plans.append(recorded_plan(message, time))
+            self._world = one.message  # of an episode whose scenes are to come
+        else:
+            self._note(one.type, one.message, one.log_time)
+
+    def _note(self, kind: str, message: Any, time: int) -> None:
+        """Take a goal, a plan or bodies. A goal that names no episode is of the current one."""
+        draft: _Draft | None
+        if message.episode_id == 0 and kind in (GOAL, PLAN):
+            draft = self._current
+            self._open_goal = (time, message) if kind == GOAL else self._open_goal
         else:
             draft = self._of(message.episode_id, time)
-            if one.type == GOAL:
-                draft.goal(message, time)
-            elif one.type == BODIES:
-                draft.bodies = _bodies(message)
-            elif one.type == PLAN:
-                draft.plans.append(recorded_plan(message, time))
+        if draft is None:
+            return
+        if kind == GOAL:
+            draft.goal(message, time)
+        elif kind == BODIES:
+            draft.bodies = _bodies(message)
+        else:
+            draft.plans.append(recorded_plan(message, time))
 
     def episodes(self) -> Iterator[Episode]:
         for (run, number), draft in sorted(self._drafts.items(), key=lambda item: item[0]):

@@ -91,8 +91,8 @@ def left_out(bag: Bag) -> Iterator[str]:
         for topic in found if wanted else ():
             if topic.type not in wanted:
                 yield (
-                    f"{name} has {topic.messages:,} messages of another type, {topic.type}; they are"
-                    f" left out: it is read as {' and '.join(wanted)}"
+                    f"{name} has {topic.messages:,} messages of another type, {topic.type}; they"
+                    f" are left out: it is read as {' and '.join(wanted)}"
                 )
 
 
