@@ -89,6 +89,7 @@ def _facts(bag: Bag) -> dict[str, Any]:
         "duration": rounded(bag.duration, 3),
         "messages": bag.message_count,
         "size": bag.size,
+        "crcs": bag.has_crcs,
     }
 
 
