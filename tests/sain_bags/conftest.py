@@ -127,12 +127,14 @@ class Recording:
         code = more.get("error_code", 1)
         predicted = np.stack([after + 0.001, after + 0.002])
         pushes = make_push(0.1, 0.1, [0.1, 0.1])
-        self.add(
-            "/sain/plan", "Plan",
-            plan_id=number, push_id=number, episode_id=episode, status=1, error_code=1,
-            goal_id=more.get("goal_id", episode), dynamics="planar", horizon=2, disks=len(before),
-            pushes=pushes.ravel(), predicted=predicted.ravel(), planning_time=0.25,
-        )  # fmt: skip
+        plan = {
+            "plan_id": number, "push_id": number, "episode_id": episode, "status": 1,
+            "error_code": 1, "goal_id": more.get("goal_id", episode), "dynamics": "planar",
+            "horizon": 2, "disks": len(before), "pushes": pushes.ravel(),
+            "predicted": predicted.ravel(), "planning_time": 0.25,
+        }  # fmt: skip
+        if more.get("planned", True):
+            self.add("/sain/plan", "Plan", **plan)
         push = make(
             "sain_interfaces/msg/Push",
             push_id=number,

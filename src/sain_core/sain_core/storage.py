@@ -20,6 +20,7 @@ import numpy as np
 from numpy import ndarray
 
 from sain_core.errors import DatasetError, UntrustedFileError
+from sain_core.guarding.kinds import describe
 from sain_core.guarding.untrusted import limit, open_regular, unpacked_bytes
 from sain_core.output import write_file
 
@@ -58,7 +59,8 @@ def read_arrays(path: Path) -> dict[str, ndarray]:
     try:
         with open_regular(path) as file:
             if file.read(len(ZIP_MAGIC)) != ZIP_MAGIC:  # numpy would take it for a pickle
-                raise DatasetError(f"{path} is not a whole .npz file: it does not begin as one")
+                why = describe(path) or "does not begin as one"
+                raise DatasetError(f"{path} is not a whole .npz file: it {why}")
             entries = _entries(file)
             file.seek(0)
             with np.load(file, allow_pickle=False) as archive:

@@ -1,5 +1,6 @@
 """The page in a real browser: what is drawn is what was recorded, and nothing else runs."""
 
+import re
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -104,6 +105,17 @@ def test_an_episode_is_chosen(browser, bag, page):
     slide_to(browser, Keys.END)
     assert close(browser.disks(), drawn(shown_scenes(bag, 2)[-1]))
     assert len(browser.all("#marks button")) == len(browser.all("#pushes tbody tr")) == 3
+
+
+def test_nothing_is_said_on_hover_only_and_a_phone_need_not_scroll_sideways(browser, page):
+    browser.open(page, 390)
+    assert not browser.all("[title]")
+    assert browser.run("return document.documentElement.scrollWidth") == 390
+    assert "reached, " in browser.text("#list button")
+    said = (
+        r"Episode 1 .*: 2 pushes, goal (not )?reached: \S+ mm from it at rest \(tolerance 20 mm\)$"
+    )
+    assert re.match(said, browser.text("#episode-title").replace("\u202f", " "))
 
 
 def test_a_push_is_shown_with_what_was_expected(browser, bag, page):

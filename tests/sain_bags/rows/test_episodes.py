@@ -1,16 +1,22 @@
 """Episodes are put together by ids, in whatever order their messages came."""
 
 from collections.abc import Callable
+from io import StringIO
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from rich.console import Console
 
+from sain_bags.cli.info import show
 from sain_bags.reading.reader import Bag
+from sain_bags.report.content import read_content
 from sain_bags.rows.episodes import read_episodes
+from sain_bags.rows.latched import read_latched
 from sain_bags.rows.message_fields import namespaces
+from sain_bags.rows.results import read_results
 from sain_core.errors import DatasetError
 from sain_core.goal import Goal
 from sain_core.push import LOCATION
@@ -130,3 +136,71 @@ def test_a_result_that_a_crashed_simulator_told_again_counts_once(
     recording.writer.close()
     (episode,) = read_episodes(Bag(recording.writer.folder))
     assert [push.push_id for push in episode.executed] == [5, 6]
+
+
+ENDS = ("  reached", "goal 2: reached", "  reached", "goal 2: not reached")  # of lines of `info`
+GIVEN = {1: 0.60, 2: 0.80, 4: 0.40}  # goal by the push before which it was given
+
+
+@pytest.fixture(params=[True, False], ids=["planned", "by hand"])
+def open_goals(record: Callable[..., Any], request: Any) -> Bag:
+    """Goals that name no episode, as `goal` gives them: two, a reset, and a third."""
+    recording, goal = record(), 0
+    ways = ((1, 0.45, 0.60), (1, 0.60, 0.79), (2, 0.45, 0.79), (2, 0.79, 0.60))
+    for push, (episode, before, after) in enumerate(ways, start=1):
+        recording.scene(episode, push, resting_scene(before))
+        for _ in range(2 if push in GIVEN else 0):  # the first message of a split is a repeated one
+            goal = push
+            recording.add("/sain/goal", "Goal", goal_id=push, x=GIVEN[push], tolerance=0.02)
+        scenes = resting_scene(before), resting_scene(after)
+        recording.push(push, episode, *scenes, goal_id=goal, planned=request.param)
+        recording.scene(episode, push + 1, resting_scene(after))
+    recording.writer.close()
+    return Bag(recording.writer.folder)
+
+
+def test_each_push_is_judged_by_the_goal_that_held(open_goals: Bag) -> None:
+    parts = [part for episode in read_episodes(open_goals) for part in episode.by_goal]
+    assert [part.episode_id for part in parts] == [1, 1, 2, 2]
+    assert [part.goal.poses[0].x for part in parts] == [0.60, 0.80, 0.80, 0.40]
+    assert [[push.push_id for push in part.pushes] for part in parts] == [[1], [2], [3], [4]]
+    assert [part.success for part in parts] == [True, True, True, False]
+    rows = [row for found in read_results(open_goals, "/sain") for row in found.log_times.tolist()]
+    goals = read_latched(open_goals, "/sain").latched.goals
+    chosen = goals.chosen(np.array([1, 1, 2, 2], np.uint64), np.array(rows))
+    assert goals.places[chosen, 0].tolist() == [0.60, 0.80, 0.80, 0.40]
+
+
+def test_info_report_and_view_state_each_goal(open_goals: Bag) -> None:
+    console = Console(width=200, file=StringIO())
+    show(open_goals.path, console)
+    shown = [line.rstrip() for line in console.file.getvalue().splitlines() if " mm " in line]
+    for row, start, end in zip(shown, "1122", ENDS, strict=True):
+        assert row.split()[0] == start and row.endswith(end)
+    assert "3 of 4 goals reached" in console.file.getvalue()
+    data = read_content(open_goals).data
+    assert [(one["title"], one["outcome"]) for one in data["episodes"]] == [
+        ("Episode 1 · goal 1 of 2", "reached"),
+        ("Episode 1 · goal 2 of 2", "reached"),
+        ("Episode 2 · goal 1 of 2", "reached"),
+        ("Episode 2 · goal 2 of 2", "not reached"),
+    ]
+    assert (data["totals"]["withGoal"], data["totals"]["reached"]) == (4, 3)
+    distances = [push["distance"][1] for one in data["episodes"] for push in one["pushes"]]
+    np.testing.assert_allclose(distances, [0.0, 0.01, 0.01, 0.2], atol=1e-9)
+
+
+def test_a_push_before_the_first_goal_belongs_to_none(record: Callable[..., Any]) -> None:
+    recording, start, there = record(), resting_scene(0.45), resting_scene(0.60)
+    recording.scene(1, 1, start)
+    recording.push(1, 1, start, there, planned=False)
+    recording.add("/sain/goal", "Goal", goal_id=1, x=0.45, tolerance=0.02)
+    recording.push(2, 1, there, start, goal_id=1)
+    recording.writer.close()
+    bag = Bag(recording.writer.folder)
+    (episode,) = read_episodes(bag)
+    assert [part.goal is None for part in episode.by_goal] == [True, False]
+    assert [part.success for part in episode.by_goal] == [False, True] and episode.in_a_row == 1
+    shown = read_content(bag).data["episodes"]
+    assert [one["title"] for one in shown] == ["Episode 1 · no goal yet", "Episode 1"]
+    assert [one["outcome"] for one in shown] == ["no goal", "reached"]

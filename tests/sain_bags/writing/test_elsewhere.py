@@ -1,6 +1,9 @@
 """Bags that were made elsewhere convert to the same rows, or it is said what is wrong with them."""
 
+import shutil
+import sqlite3
 from collections.abc import Callable
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +16,7 @@ from rosbags.rosbag2 import StoragePlugin, Writer
 
 from sain_bags.dataset.conversion import convert
 from sain_bags.reading.reader import Bag, Raw
+from sain_bags.report.content import read_content
 from sain_core.errors import DatasetError
 from sain_core.randomness import generator
 from tests.sain_bags.driven import Drive, Parts
@@ -140,9 +144,117 @@ def test_a_sqlite3_bag_that_is_none(bag: Path) -> None:
     metadata.write_text(metadata.read_text().replace("identifier: mcap", "identifier: sqlite3"))
     with pytest.raises(DatasetError, match=r"bag_0.mcap cannot be read: file is not a database"):
         Bag(bag)
-    (bag / "x.db3").write_bytes(b"")
-    with pytest.raises(DatasetError, match=r"x.db3 is a file of a sqlite3 bag; name the folder"):
-        Bag(bag / "x.db3")
+
+
+def sqlite_bag(bag: Path, folder: Path, other_type: str = "") -> Path:
+    """Copy a bag as rosbag2 has it in sqlite3; with another type on the topic of results."""
+    ours = Bag(bag)
+    with Writer(folder, version=9, storage_plugin=StoragePlugin.SQLITE3) as writer:
+        about: dict[str, Any] = {"rihs01": "RIHS01_" + 64 * "0"}
+        connections = {
+            one.topic: writer.add_connection(one.topic, one.type, msgdef=one.definition(), **about)
+            for one in ours.channels
+        }
+        for raw in ours.raw_messages():
+            writer.write(connections[raw.topic], raw.log_time, raw.data)
+        if other_type:
+            topic, text = "/sain/push_result", "string data\n"
+            strange = writer.add_connection(topic, other_type, msgdef=text, **about)
+            for time in (ours.start, ours.start + 10**9):
+                writer.write(strange, time, b"\0\1\0\0\6\0\0\0hello\0")
+    return folder
+
+
+@pytest.mark.parametrize("mode", ["WAL", "DELETE"])
+def test_messages_in_a_journal_are_read(mode: str, bag: Path, tmp_path: Path) -> None:
+    """After a power cut the file is as it was, and a journal beside it has the rest."""
+    folder = sqlite_bag(bag, tmp_path / "sqlite")
+    (file,) = folder.glob("*.db3")
+    work = tmp_path / "work.db3"
+    shutil.copy(file, work)
+    base = sqlite3.connect(work, isolation_level=None)
+    rows = base.execute("SELECT * FROM messages ORDER BY timestamp").fetchall()
+    if mode == "WAL":
+        base.execute("DELETE FROM messages WHERE timestamp > ?", (rows[4][2],))
+    base.execute(f"PRAGMA journal_mode = {mode}")
+    base.execute("PRAGMA wal_autocheckpoint = 0")
+    base.execute("PRAGMA cache_size = 1")  # writes into the file before the end
+    base.execute("BEGIN")
+    if mode == "WAL":
+        base.executemany("INSERT INTO messages VALUES (?, ?, ?, ?)", rows[5:])
+        base.execute("COMMIT")
+    else:
+        base.execute("UPDATE messages SET data = zeroblob(length(data))")
+    for ending in ("", "-wal", "-journal"):
+        if (left := Path(f"{work}{ending}")).exists():
+            shutil.copy(left, f"{file}{ending}")
+    base.close()
+    assert Path(f"{file}-{'wal' if mode == 'WAL' else 'journal'}").stat().st_size
+    before = sorted((one.name, one.read_bytes()) for one in folder.iterdir())
+    folder.chmod(0o555)
+    assert same(bag, folder)
+    assert sorted((one.name, one.read_bytes()) for one in folder.iterdir()) == before
+
+
+def test_files_that_are_not_as_the_metadata_says(bag: Path, tmp_path: Path) -> None:
+    folder = sqlite_bag(bag, tmp_path / "sqlite")
+    (file,) = folder.glob("*.db3")
+    with closing(sqlite3.connect(file)) as base, base:
+        base.execute("DELETE FROM messages WHERE id = (SELECT max(id) FROM messages)")
+    advice = f"`ros2 bag reindex -s sqlite3 {folder}` makes"
+    with pytest.raises(DatasetError, match=rf"has 10 messages of /sain/scene, not 11 .*{advice}"):
+        convert([folder], tmp_path / "out")
+    shutil.copy(file, folder / "sqlite_1.db3")
+    with pytest.raises(
+        DatasetError, match=rf"holds sqlite_1.db3, which .* does not name.*{advice}"
+    ):
+        convert([folder], tmp_path / "out")
+    (folder / "metadata.yaml").unlink()
+    with pytest.raises(DatasetError, match=rf"not closed.*no metadata.yaml; {advice}"):
+        convert([tmp_path], tmp_path / "out")  # one below a folder is not passed over
+    assert Bag(file).message_count == Bag(bag).message_count - 1  # alone, as it is
+
+
+def test_a_file_of_another_recording(bag: Path, record: Start) -> None:
+    recording = record("other")
+    recording.now += 3_600_000_000_000
+    driver = Drive(recording)
+    driver.episode(1, [1, 2])
+    driver.episode(2, [3])
+    recording.writer.close()
+    shutil.copy(recording.writer.folder / "other_0.mcap", bag / "bag_0.mcap")
+    with pytest.raises(
+        DatasetError, match=r"bag_0.mcap is of another recording than metadata.yaml"
+    ):
+        Bag(bag)
+
+
+def test_of_two_types_on_a_topic_the_graphs_is_read(bag: Path, tmp_path: Path) -> None:
+    kind = "std_msgs/msg/String"
+    folder = sqlite_bag(bag, tmp_path / "sqlite", kind)
+    ours = Bag(bag)
+    with (tmp_path / "two.mcap").open("wb") as stream:
+        writer = McapWriter(stream)
+        writer.start(profile="ros2")
+        for found in (*ours.channels, None):
+            name, text = (found.type, found.definition()) if found else (kind, "string data")
+            schema = writer.register_schema(name, "ros2msg", text.encode())
+            topic = found.topic if found else "/sain/push_result"
+            channel = writer.register_channel(topic, "cdr", schema)
+            for raw in ours.raw_messages([topic]) if found else ():
+                writer.add_message(channel, raw.log_time, raw.data, raw.log_time)
+        for time in (ours.start, ours.start + 10**9):
+            writer.add_message(channel, time, b"\0\1\0\0\6\0\0\0hello\0", time)
+        writer.finish()
+    for other in (folder, tmp_path / "two.mcap"):
+        notes = convert([other], tmp_path / "out", overwrite=True).notes
+        said = f"/sain/push_result has 2 messages of another type, {kind}; they are left out"
+        assert sum(said in note for note in notes) == 1
+        assert same(bag, other)
+        assert read_content(Bag(other)).pushes == 3
+        assert {one.type: one.messages for one in Bag(other).topics if "result" in one.name} == {
+            kind: 2, "sain_interfaces/msg/PushResult": 3
+        }  # fmt: skip
 
 
 def test_a_split_bag_is_read_as_one(bag: Path, tmp_path: Path) -> None:

@@ -34,13 +34,14 @@ def test_it_has_the_episodes_pushes_and_distances_of_the_report(episode_bag):
             assert np.allclose(scene[:, POSE], push.after[:, POSE], atol=1e-5)
 
 
-def test_goals_in_a_row_are_chapters(record, tmp_path):
+@pytest.mark.parametrize("named", [1, 0])  # `goal` gives goals that name no episode
+def test_goals_in_a_row_are_chapters(named, record, tmp_path):
     recording = record()
     scenes = [resting_scene(x) for x in (0.4, 0.5, 0.6)]
     recording.scene(1, 1, scenes[0])
     for goal in (1, 2):
         x = 0.1 * (4 + goal)
-        recording.add("/sain/goal", "Goal", goal_id=goal, episode_id=1, x=x, tolerance=0.02)
+        recording.add("/sain/goal", "Goal", goal_id=goal, episode_id=named, x=x, tolerance=0.02)
         recording.push(goal, 1, scenes[goal - 1], scenes[goal], goal_id=goal)
         recording.scene(1, 1 + goal, scenes[goal])
     recording.writer.close()

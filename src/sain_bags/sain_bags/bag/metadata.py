@@ -1,6 +1,9 @@
 """``metadata.yaml``, the file that makes a folder a rosbag2 bag: version 9 of its layout."""
 
+import shlex
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from enum import Enum
 from functools import lru_cache
@@ -14,8 +17,9 @@ from rosbags.rosbag2.metadata import parse_qos
 from sain_bags.bag.metadata_check import check_metadata
 from sain_bags.bag.parts import earlier, mcap_files
 from sain_bags.mcap import integrity
-from sain_bags.mcap.integrity import rescue
+from sain_bags.mcap.integrity import opened, rescue
 from sain_core.errors import DatasetError
+from sain_core.guarding.kinds import BEGINNINGS, MCAP, SQLITE, describe
 from sain_core.guarding.untrusted import dump_yaml, parse_yaml, read_yaml
 
 LAYOUT_VERSION: Final = 9
@@ -91,6 +95,12 @@ class Span:
     end: int = 0
     messages: int = 0
 
+    def overlaps(self, other: "Span") -> bool:
+        """Tell whether both have messages and the times of both meet, or one has none."""
+        if not self.messages or not other.messages:
+            return True
+        return self.start <= other.end and other.start <= self.end
+
 
 def bag_metadata(
     files: Mapping[str, Span],
@@ -117,6 +127,27 @@ def bag_metadata(
 def span_of(file: Statistics) -> Span:
     """Return the span of a file's messages."""
     return Span(file.message_start_time, file.message_end_time, file.message_count)
+
+
+def listed_counts(metadata: Mapping[str, Any]) -> Counter[tuple[str, str]]:
+    """Return how many messages ``metadata.yaml`` lists, by topic and type."""
+    counts: Counter[tuple[str, str]] = Counter()
+    for entry in metadata.get("topics_with_message_count", ()):
+        topic = entry["topic_metadata"]
+        counts[topic["name"], topic["type"]] += entry["message_count"]
+    return counts
+
+
+def listed_spans(metadata: Mapping[str, Any]) -> dict[str, Span]:
+    """Return the spans of files by their names, as far as ``metadata.yaml`` states them."""
+    spans = {}
+    for file in metadata.get("files", ()):
+        with suppress(KeyError, TypeError, ValueError):
+            start = int(file["starting_time"]["nanoseconds_since_epoch"])
+            end = start + int(file["duration"]["nanoseconds"])
+            name = PurePath(file["path"]).name
+            spans[name] = Span(start, end, int(file["message_count"]))
+    return spans
 
 
 def whole_span(spans: Iterable[Span]) -> Span:
@@ -179,18 +210,10 @@ def find_files(path: Path) -> tuple[dict[str, Any], tuple[Path, ...]]:
     Raises:
         DatasetError: it is no bag, or was not closed.
     """
-    if path.suffix == ".db3" and path.is_file():
-        raise DatasetError(f"{path} is a file of a sqlite3 bag; name the folder that it is in")
-    if path.is_file():
-        return {}, (path,)
+    if not path.is_dir() and path.exists():
+        return {"storage_identifier": storage_of(path)}, (path,)
     if not (path / METADATA_FILE).is_file():
-        if mcap_files(earlier(path)):
-            raise DatasetError(f"{path} and {earlier(path)} were not joined; {rescue(path)}")
-        if not path.is_dir():
-            raise DatasetError(f"no bag at {path}")
-        if not mcap_files(path):
-            raise DatasetError(f"{path} is no bag: it has no {METADATA_FILE}")
-        raise DatasetError(f"{path} was not closed: it has no {METADATA_FILE}; {rescue(path)}")
+        raise DatasetError(_why_no_bag(path))
     metadata = read_metadata(path)
     named = metadata["relative_file_paths"]
     # Up to version 3 of the layout the folder's name stood before the file's.
@@ -199,7 +222,61 @@ def find_files(path: Path) -> tuple[dict[str, Any], tuple[Path, ...]]:
     if not files or missing:
         what = f"; {missing[0]} is not there as a regular file" if missing else ""
         raise DatasetError(f"{path / METADATA_FILE} names the files {named}{what}")
+    _refuse_others(path, files)
     return metadata, files
+
+
+def storage_of(file: Path) -> str:
+    """Return the storage of a file that is named alone, or of a bag; damage may hide it.
+
+    Raises:
+        DatasetError: it is something else; the message says what.
+    """
+    what = describe(file)
+    if what == BEGINNINGS[SQLITE]:
+        return "sqlite3"
+    with opened(file) as stream:
+        begin, size = stream.read(len(MCAP)), stream.seek(0, 2)
+        stream.seek(max(size - len(MCAP), 0))
+        if MCAP in (begin, stream.read()):
+            return "mcap"
+    what = what or f"is no bag: it begins with {begin.hex(' ')}, an MCAP file with {MCAP.hex(' ')}"
+    raise DatasetError(f"{file} {what}")
+
+
+def reindex(bag: Path) -> str:
+    """Return, as text, the command that makes another ``metadata.yaml``."""
+    storage = "sqlite3" if any(bag.glob("*.db3")) else "mcap"
+    command = shlex.join(["ros2", "bag", "reindex", "-s", storage, str(bag)])
+    return f"`{command}` makes a new {METADATA_FILE} of what is there"
+
+
+def _why_no_bag(path: Path) -> str:
+    """Return why a path without ``metadata.yaml`` is no bag, and what to do."""
+    if mcap_files(earlier(path)):
+        return f"{path} and {earlier(path)} were not joined; {rescue(path)}"
+    if not path.is_dir():
+        return f"no bag at {path}"
+    closed = f"{path} was not closed, or is still being recorded: it has no {METADATA_FILE}; "
+    if mcap_files(path):
+        return closed + rescue(path)
+    if any(path.glob("*.db3")):
+        return closed + reindex(path)
+    what = describe(path)
+    return f"{path} {what}" if what else f"{path} is no bag: it has no {METADATA_FILE}"
+
+
+def _refuse_others(folder: Path, files: Sequence[Path]) -> None:
+    """Refuse a bag that names a file twice, or not all that there are."""
+    if len(set(files)) < len(files):
+        raise DatasetError(f"{folder / METADATA_FILE} names a file twice; {reindex(folder)}")
+    endings = {file.suffix for file in files}
+    others = sorted(file.name for file in folder.iterdir() if file.suffix in endings)
+    if others := [name for name in others if folder / name not in files]:
+        raise DatasetError(
+            f"{folder} holds {', '.join(others)}, which {METADATA_FILE} does not name;"
+            f" {reindex(folder)}, or move it away"
+        )
 
 
 def describe_recording(folder: Path) -> str:
@@ -223,9 +300,7 @@ def read_metadata(folder: Path) -> dict[str, Any]:
     try:
         return check_metadata(read_yaml(path)[METADATA_ROOT])
     except (OSError, ValueError, TypeError, KeyError) as error:
-        raise DatasetError(
-            f"{path} cannot be read ({error}); `ros2 bag reindex` makes a new one"
-        ) from error
+        raise DatasetError(f"{path} cannot be read ({error}); {reindex(folder)}") from error
 
 
 def _span(span: Span) -> dict[str, Any]:

@@ -19,6 +19,7 @@ def check_metadata(content: Any) -> dict[str, Any]:
     about = dict(_expect("the metadata", content, dict))
     for name in TEXTS:
         about[name] = _expect(name, _or(about.get(name), ""), str)
+    about["files"] = _expect("files", _or(about.get("files"), []), list)
     paths = _expect("relative_file_paths", _or(about.get("relative_file_paths"), []), list)
     about["relative_file_paths"] = [_expect("a file's path", path, str) for path in paths]
     topics = _or(about.get("topics_with_message_count"), [])

@@ -15,7 +15,7 @@ from rich.text import Text
 from sain_bags.reading.reader import BAG_HELP, Bag
 from sain_bags.reading.timing import TopicTiming, read_timings
 from sain_bags.rows.episodes import Episode, read_episodes
-from sain_bags.rows.message_fields import namespaces
+from sain_bags.rows.message_fields import left_out, namespaces
 from sain_bags.writing.gaps import SILENT_KEY, UNDEFINED_KEY, read_gaps, read_names
 from sain_core.cli.terminal import FittingTable
 from sain_core.config import Config, option, required
@@ -29,7 +29,8 @@ class InfoOptions(Config):
 
     bag: tyro.conf.Positional[Path] = required(BAG_HELP)
     check: bool = option(
-        True, "read all messages and compare every CRC; without it no gaps are shown"
+        True,
+        "read all messages and compare the CRCs that they have; without it no gaps are shown",
     )
 
 
@@ -40,11 +41,12 @@ def warnings_about(bag: Bag) -> Iterator[str]:
     undefined = {found.topic for found in bag.channels if not found.has_definition}
     if undefined:
         yield f"Without a definition of their messages: {', '.join(sorted(undefined))}"
+    yield from left_out(bag)
     if bag.message_count:
         yield "Missing messages are counted from the first of each topic"
 
 
-def topic_table(bag: Bag, timings: Mapping[str, TopicTiming]) -> FittingTable:
+def topic_table(bag: Bag, timings: Mapping[tuple[str, str], TopicTiming]) -> FittingTable:
     """Return the bag's topics as a table, with the timings that are known."""
     table = FittingTable()
     table.add_column("Topic")
@@ -54,7 +56,7 @@ def topic_table(bag: Bag, timings: Mapping[str, TopicTiming]) -> FittingTable:
     recorded = read_gaps(bag.custom_data) or {}
     for topic in bag.topics:
         mean = topic.messages / bag.duration if topic.messages > 1 and bag.duration else 0.0
-        timing = timings.get(topic.name, TopicTiming())
+        timing = timings.get((topic.name, topic.type), TopicTiming())
         rate = timing.rate if timings else mean
         table.add_row(
             topic.name,
@@ -68,14 +70,13 @@ def topic_table(bag: Bag, timings: Mapping[str, TopicTiming]) -> FittingTable:
 
 
 def episode_table(episodes: tuple[Episode, ...]) -> FittingTable:
-    """Return episodes as a table."""
+    """Return episodes as a table, with a row for each goal."""
     table = FittingTable()
     for name in ("Episode", "Disks", "Pushes", "Refused", "Distance", "Tolerance", "Planning"):
         table.add_column(name, justify="right")
     table.add_column("Goal")
-    for episode in episodes:
+    for number, episode in (one for whole in episodes for one in whole.numbered):
         times = [plan.planning_time for plan in episode.plans]
-        reached = Text("reached", "green") if episode.success else Text("not reached", "red")
         table.add_row(
             str(episode.episode_id),
             str(len(episode.start)),
@@ -84,9 +85,18 @@ def episode_table(episodes: tuple[Episode, ...]) -> FittingTable:
             _millimetres(episode.distance(episode.final)),
             _millimetres(episode.goal.tolerance) if episode.goal else "-",
             f"{1e3 * float(np.median(times)):.0f} ms" if times else "-",
-            "none" if episode.goal is None else reached,
+            _outcome(number, episode),
         )
     return table
+
+
+def _outcome(number: int, episode: Episode) -> Text:
+    """Return whether a goal, the so many-th of its episode, was reached."""
+    if episode.goal is None:
+        return Text("none")
+    before = f"goal {number}: " if number > 1 else ""
+    found = ("reached", "green") if episode.success else ("not reached", "red")
+    return Text.assemble(before, found)
 
 
 def run(options: InfoOptions, console: Console) -> None:
@@ -109,6 +119,7 @@ def show(path: Path, console: Console, check: bool = True) -> None:
     began = time.strftime("%Y-%m-%d %H:%M:%S", time.localtime(bag.start * 1e-9))
     about = {key: value for key, value in bag.custom_data.items() if key not in LISTED}
     state = "every CRC is right" if check else "only its summary was checked"
+    state = state if bag.has_crcs else "it has no CRCs: damage inside messages is not detected"
     console.print(f"[bold]{path}[/]  {state}", highlight=False)
     console.print(
         f"{bag.message_count:,} messages in {bag.duration:.1f} s from {began}, {size:.2f} MB{files}"
@@ -123,10 +134,11 @@ def show(path: Path, console: Console, check: bool = True) -> None:
     for namespace in namespaces(bag):
         episodes = read_episodes(bag, namespace)
         pushes = sum(len(episode.executed) for episode in episodes)
-        reached = sum(episode.success for episode in episodes)
+        towards = [part for one in episodes for part in one.by_goal if part.goal is not None]
+        reached = sum(part.success for part in towards)
         console.print(
             f"\n[bold]{namespace or '/'}[/]  {len(episodes)} episodes, {pushes} pushes,"
-            f" goal reached in {reached}",
+            f" {reached} of {len(towards)} goals reached",
             highlight=False,
         )
         console.print(episode_table(episodes), soft_wrap=True)

@@ -11,6 +11,7 @@ from sain_bags.reading.reader import BAG_HELP, Bag
 from sain_bags.report.content import read_content
 from sain_bags.report.gathering import Limits, messages_to_read
 from sain_bags.report.writing import write_page
+from sain_bags.rows.message_fields import left_out
 from sain_core.config import Config, option, required
 from sain_core.output import OVERWRITE_HELP, claim_file
 
@@ -62,6 +63,8 @@ def run(options: ReportOptions, console: Console) -> None:
         task = progress.add_task("reading", total=messages_to_read(bag))
         content = read_content(bag, limits, lambda: progress.advance(task))
     write_page(out, content.data)
+    for line in left_out(bag):
+        console.print(line, markup=False, highlight=False, soft_wrap=True)
     console.print(
         f"{content.episodes:,} episodes, {content.pushes:,} pushes:"
         f" {out} ({out.stat().st_size / 1e6:.2f} MB)",

@@ -44,6 +44,8 @@ def run(options: ToDatasetOptions, _: Console) -> None:
     draw_card(options.out)
     folder = escape(str(options.out))
     console.print(f"{done.transitions} transitions of {done.episodes} episodes in {folder}")
+    for note in done.notes:
+        console.print(note, highlight=False, soft_wrap=True, markup=False)
     for reason, count in done.dropped.items():
         console.print(f"left out: {count} {reason}", highlight=False, soft_wrap=True)
 

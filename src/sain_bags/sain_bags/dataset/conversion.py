@@ -62,6 +62,7 @@ class Converted(NamedTuple):
     transitions: int
     episodes: int
     dropped: dict[str, int]  # pushes that are no row, by reason
+    notes: tuple[str, ...] = ()  # what a user of the rows should read
 
 
 def convert(
@@ -107,7 +108,8 @@ def convert(
         raise DatasetError(f"no transition is left: {card.why_none()}")
     about = {**identity, **_versions(), "episodes": numbering.episodes}
     folder.finish(card.content(about, [source.describe() for source in sources]), writing)
-    return Converted(card.transitions, numbering.episodes, dict(card.dropped))
+    notes = tuple(note for source in sources for note in source.notes)
+    return Converted(card.transitions, numbering.episodes, dict(card.dropped), notes)
 
 
 def _stored(folder: DatasetFolder, shards: Iterable[Columns]) -> Iterator[Columns]:

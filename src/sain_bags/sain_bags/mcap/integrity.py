@@ -18,6 +18,7 @@ from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import Footer
 from mcap.stream_reader import StreamReader
+from mcap.writer import MCAP0_MAGIC
 
 from sain_core.errors import DatasetError, UntrustedFileError
 from sain_core.guarding.untrusted import (
@@ -85,6 +86,9 @@ def check_summary(stream: IO[bytes]) -> Footer:
     size = stream.seek(0, 2)
     if size < TAIL_SIZE:
         raise McapError("it ends too early")
+    stream.seek(size - len(MCAP0_MAGIC))
+    if stream.read() != MCAP0_MAGIC:
+        raise McapError("its end is missing")
     stream.seek(size - TAIL_SIZE)
     reader = StreamReader(stream, skip_magic=True, record_size_limit=TAIL_SIZE)
     footer = next(iter(reader.records), None)

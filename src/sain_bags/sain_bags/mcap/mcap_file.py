@@ -22,6 +22,7 @@ from sain_bags.mcap.integrity import (
     CHUNK_HEAD,
     MESSAGE_HEAD,
     RECORD_HEAD,
+    TAIL_SIZE,
     Unpacking,
     check_summary,
     chunk_data,
@@ -33,6 +34,8 @@ from sain_bags.mcap.whole_file import data_records
 from sain_core.errors import DatasetError
 
 CHANNELS: Final = 1 << 16  # their numbers have 16 bits
+CRC_PLACE: Final = 8 + 8 + 8  # [bytes], in a chunk: two times and its size stand before it
+CRC_SIZE: Final = 4  # [bytes], also at the end of the data
 STRETCH: Final = 1 << 18  # [bytes], of messages outside of chunks that are read together
 
 INDEX_HEAD: Final = struct.Struct("<BQHI")  # opcode, length; channel, length of the entries
@@ -68,6 +71,7 @@ class McapFile:
             footer = check_summary(stream)
             self.is_verified = bool(footer.summary_crc)
             summary = read_summary(stream, footer.summary_start)
+            self.has_crcs = _has_crcs(stream, summary.chunks, footer.summary_start)
         self.channels, self.schemas = summary.channels, summary.schemas
         self.statistics, self.metadata = summary.statistics, summary.metadata
         self._chunks = summary.chunks
@@ -108,6 +112,13 @@ class McapFile:
             stream.seek(stretch.offset)
             content = stream.read(stretch.size + stretch.index_size)
             return _messages(content, stretch, channels)
+
+
+def _has_crcs(stream: IO[bytes], chunks: list[Stretch], summary_start: int) -> bool:
+    """Return whether messages have CRCs: the chunks, by the first one, else all data together."""
+    end = summary_start or stream.seek(0, 2) - TAIL_SIZE
+    stream.seek(chunks[0].offset + RECORD_HEAD.size + CRC_PLACE if chunks else end - CRC_SIZE)
+    return any(stream.read(CRC_SIZE))
 
 
 def _messages(content: bytes, stretch: Stretch, channels: Collection[int]) -> Messages:

@@ -113,18 +113,22 @@ class BagFiles:
         )
 
     def batches(
-        self, topics: Collection[str] | None = None, start: int | None = None
+        self,
+        topics: Collection[str] | None = None,
+        start: int | None = None,
+        types: Collection[str] | None = None,
     ) -> Iterator[Batch]:
         """Yield messages by the thousand, in the order in which they were received.
 
         Args:
             topics: only these; None: all.
             start: only those received then or later [ns since the epoch]; None: all.
+            types: only of these types, where a topic has several; None: all.
 
         Raises:
             DatasetError: damage was found on the way.
         """
-        wanted = [self._wanted(number, topics) for number in range(len(self._files))]
+        wanted = [self._wanted(number, topics, types) for number in range(len(self._files))]
         counts = [np.zeros(CHANNELS, dtype=np.int64) for _ in self._files]
         for batch in in_order(self._stretches(wanted, start, counts)):
             chosen = batch if start is None else batch[batch.log_times >= start]
@@ -156,12 +160,16 @@ class BagFiles:
             file.limit_messages(totals[number])
             yield limit, make_batch(messages, tables[number], rank)
 
-    def _wanted(self, file: int, topics: Collection[str] | None) -> dict[int, int]:
+    def _wanted(
+        self, file: int, topics: Collection[str] | None, types: Collection[str] | None
+    ) -> dict[int, int]:
         """Return the numbers in the bag of a file's channels, by their numbers in the file."""
         return {
             found.channel.id: number
             for number, found in enumerate(self.channels)
-            if found.file == file and (topics is None or found.topic in topics)
+            if found.file == file
+            and (topics is None or found.topic in topics)
+            and (types is None or found.type in types)
         }
 
 

@@ -6,19 +6,24 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, Final
 
+import apsw
 import zstandard
+from mcap.well_known import Profile
+from mcap.writer import Writer as McapWriter
 from rosbags.rosbag2 import ReaderError
+from ruamel.yaml.error import YAMLError
 
 from sain_bags.bag.metadata import Topic, read_profiles
 from sain_bags.mcap.integrity import Unpacking, unpack
 from sain_bags.reading.bag_files import BagFiles
-from sain_bags.reading.sqlite_file import StoredMessage, read_sqlite
-from sain_bags.writing.writer import BagConfig, BagWriter
+from sain_bags.reading.sqlite_file import StoredMessage, read_sqlite, whole_sqlite
 from sain_core.errors import DatasetError, UntrustedFileError
 from sain_core.guarding.untrusted import PIECE_BYTES, open_regular
 
 UNCOMPRESSED: Final = ("", "none")
-BAD_PROFILE: Final = (KeyError, TypeError, AttributeError, RecursionError)  # in rosbags
+BAD_CONTENT: Final = (  # in rosbags
+    apsw.Error, YAMLError, LookupError, TypeError, ValueError, AttributeError, RecursionError,
+)  # fmt: skip
 STORAGES: Final = ("mcap", "sqlite3")
 WINDOW: Final = 1 << 20  # [bytes], unpacked at a time
 
@@ -56,34 +61,40 @@ def _copy(metadata: Mapping[str, Any], files: Sequence[Path], place: Path) -> tu
     unpacked = tuple(_unpack(file, place) if mode == "file" else file for file in files)
     if storage == "mcap" and mode != "message":
         return unpacked
-    copy = place / "copy"
-    with BagWriter(copy, BagConfig(compression="none")) as writer:
-        for file, source in zip(unpacked, files, strict=True):
-            read = _read_sqlite if storage == "sqlite3" else _read_mcap
-            _write(writer, read(file, source), mode == "message", source)
-    return (copy / f"{copy.name}_0.mcap",)
+    copies = tuple(place / f"copy_{number}.mcap" for number in range(len(files)))
+    read = _read_sqlite if storage == "sqlite3" else _read_mcap
+    for file, source, copy in zip(unpacked, files, copies, strict=True):
+        with copy.open("wb") as stream:
+            _write(McapWriter(stream), read(file, source, place), mode == "message", source)
+    return copies
 
 
 def _write(
-    writer: BagWriter, found: Iterator[Topic | StoredMessage], is_packed: bool, source: Path
+    writer: McapWriter, found: Iterator[Topic | StoredMessage], is_packed: bool, source: Path
 ) -> None:
     unpacking = Unpacking(source.stat().st_size)
+    channels: dict[tuple[str, str], int] = {}
+    writer.start(profile=Profile.ROS2)
     for one in found:
         if isinstance(one, Topic):
-            writer.add_topic(one)
+            schema = writer.register_schema(one.type, "ros2msg", one.definition.encode())
+            about = {"offered_qos_profiles": one.qos_text(), "topic_type_hash": one.type_hash}
+            channels[one.name, one.type] = writer.register_channel(one.name, "cdr", schema, about)
         else:
             data = _unpack_message(one.data, unpacking, source) if is_packed else one.data
-            writer.write(one.topic, data, one.time)
+            writer.add_message(channels[one.topic], one.time, data, one.time)
+    writer.finish()
 
 
-def _read_sqlite(file: Path, source: Path) -> Iterator[Topic | StoredMessage]:
+def _read_sqlite(file: Path, source: Path, place: Path) -> Iterator[Topic | StoredMessage]:
     try:
-        yield from read_sqlite(file)
-    except (sqlite3.Error, ReaderError, *BAD_PROFILE, UntrustedFileError) as error:
-        raise DatasetError(f"{source} cannot be read: {error}") from error
+        yield from read_sqlite(whole_sqlite(file, place))
+    except (sqlite3.Error, ReaderError, *BAD_CONTENT, UntrustedFileError) as error:
+        reason = " ".join(str(error).split())
+        raise DatasetError(f"{source} cannot be read: {reason}; get the bag again") from error
 
 
-def _read_mcap(file: Path, _: Path) -> Iterator[Topic | StoredMessage]:
+def _read_mcap(file: Path, *_: Path) -> Iterator[Topic | StoredMessage]:
     bag = BagFiles([file])
     for found in bag.channels:
         schema, about = found.schema, found.channel.metadata
@@ -99,7 +110,7 @@ def _read_mcap(file: Path, _: Path) -> Iterator[Topic | StoredMessage]:
         columns = (batch.channels, batch.starts, batch.starts + batch.sizes, batch.log_times)
         for number, start, end, time in zip(*(c.tolist() for c in columns), strict=True):
             data = batch.data[start:end].tobytes()
-            yield StoredMessage(bag.channels[number].topic, time, data)
+            yield StoredMessage((bag.channels[number].topic, bag.channels[number].type), time, data)
 
 
 def _unpack(source: Path, place: Path) -> Path:

@@ -2,7 +2,7 @@
 
 import struct
 from collections import Counter
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import redirect_stderr
 from copy import copy
 from dataclasses import dataclass
@@ -14,7 +14,16 @@ from mcap.exceptions import McapError
 from mcap_ros2._vendor.rosidl_adapter.parser import InvalidSpecification, InvalidValue
 from mcap_ros2.decoder import DecoderFactory
 
-from sain_bags.bag.metadata import find_files, span_of, whole_span
+from sain_bags.bag.metadata import (
+    METADATA_FILE,
+    Span,
+    find_files,
+    listed_counts,
+    listed_spans,
+    reindex,
+    span_of,
+    whole_span,
+)
 from sain_bags.mcap.integrity import opened
 from sain_bags.mcap.whole_file import check_file
 from sain_bags.reading.bag_files import BagChannel, BagFiles
@@ -79,10 +88,13 @@ class Bag(BagFiles):
         """
         self.path = path
         self.metadata, self.files = find_files(path)
+        self._storage = self.metadata["storage_identifier"] or "mcap"
         self._copy = CopiedBag(self.metadata, self.files) if is_foreign(self.metadata) else None
         super().__init__(self._copy.files if self._copy else self.files)
         self.decoding = TimeAllowance(self.size)  # for all messages
-        self._span = whole_span(map(span_of, self.statistics))
+        spans = [span_of(one) for one in self.statistics]
+        self._span = whole_span(spans)
+        self._check_metadata(spans)
         self._decoders: dict[tuple[str, bytes], Callable[[bytes], Any]] = {}
         self._owner: object = None  # of a file that is deleted with it
 
@@ -149,12 +161,7 @@ class Bag(BagFiles):
         Raises:
             DatasetError: damage was found on the way.
         """
-        wanted = [
-            topic.name
-            for topic in self.topics
-            if (topics is None or topic.name in topics) and (types is None or topic.type in types)
-        ]
-        for number, raw in self._numbered(wanted, None):
+        for number, raw in self._numbered(topics, None, types):
             message = self.decode(number, raw.data)
             yield Received(raw.topic, raw.type, message, raw.log_time, raw.publish_time)
 
@@ -173,8 +180,13 @@ class Bag(BagFiles):
         for _, raw in self._numbered(topics, start):
             yield raw
 
+    @property
+    def has_crcs(self) -> bool:
+        """Whether damage to any message would be detected; in sqlite3 files it is not."""
+        return self._storage == "mcap" and all(file.has_crcs for file in self._files)
+
     def check(self) -> None:
-        """Read the whole file and compare every CRC.
+        """Read all files and compare every CRC that they have.
 
         Raises:
             DatasetError: a bit is not as it was written.
@@ -222,6 +234,39 @@ class Bag(BagFiles):
         found._owner = owner
         return found
 
+    @property
+    def _are_counted(self) -> bool:
+        """Whether the files state how many messages each channel has."""
+        return all(
+            sum(one.channel_message_counts.values()) == one.message_count for one in self.statistics
+        )
+
+    def _check_metadata(self, spans: Sequence[Span]) -> None:
+        """Refuse a bag whose files hold something else than ``metadata.yaml`` says."""
+        listed = listed_counts(self.metadata)
+        types = dict(listed.keys())  # by topic; what is of another one is not counted
+        found: Counter[tuple[str, str]] = Counter()
+        for topic in self.topics:
+            if topic.messages and (topic.name not in types or not topic.type):
+                found[topic.name, types.get(topic.name, topic.type)] += topic.messages
+            elif (topic.name, topic.type) in listed:
+                found[topic.name, topic.type] += topic.messages
+        differing = [key for key in sorted({*listed, *found}) if listed[key] != found[key]]
+        if listed and differing and self._are_counted:
+            counts = ", ".join(
+                f"{found[key]:,} messages of {key[0]}, not {listed[key]:,}" for key in differing
+            )
+            raise DatasetError(
+                f"{self.path} is not whole: it has {counts} as {METADATA_FILE} says; get the bag"
+                f" again, or {reindex(self.path)}"
+            )
+        for file, span in zip(self.files, spans, strict=True):
+            if not listed_spans(self.metadata).get(file.name, span).overlaps(span):
+                raise DatasetError(
+                    f"{file} is of another recording than {METADATA_FILE} says: its messages are of"
+                    f" another time; get the bag again, or {reindex(self.path)}"
+                )
+
     def _type_hashes(self) -> dict[tuple[str, str], str]:
         """Return the hashes of types in ``metadata.yaml``, by topic and type."""
         listed = self.metadata.get("topics_with_message_count", ())
@@ -229,11 +274,14 @@ class Bag(BagFiles):
         return {(topic["name"], topic["type"]): topic["type_description_hash"] for topic in topics}
 
     def _numbered(
-        self, topics: Collection[str] | None, start: int | None
+        self,
+        topics: Collection[str] | None,
+        start: int | None,
+        types: Collection[str] | None = None,
     ) -> Iterator[tuple[int, Raw]]:
         """Yield messages, each with the number of its channel in the bag."""
         names = [(channel.topic, channel.type) for channel in self.channels]
-        for batch in self.batches(topics, start):
+        for batch in self.batches(topics, start, types):
             data = batch.data.tobytes()
             columns = (
                 batch.channels, batch.starts, batch.starts + batch.sizes, batch.log_times,

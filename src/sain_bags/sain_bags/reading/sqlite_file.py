@@ -1,7 +1,9 @@
 """One sqlite3 file of rosbag2: read by rosbags, after a look at what it holds."""
 
+import shutil
 import sqlite3
 from collections.abc import Iterator
+from contextlib import closing
 from pathlib import Path
 from typing import Final, NamedTuple
 from urllib.parse import quote
@@ -23,6 +25,7 @@ from sain_core.guarding.untrusted import (
     refuse_special,
 )
 
+JOURNALS: Final = ("-wal", "-journal")  # behind the name of a file
 STEPS: Final = 50_000  # of SQLite's machine, between two looks at how many there were
 FREE_STEPS: Final = 20_000_000  # for any file, and one for each byte
 LARGEST: Final = (1 << 63) - 1  # [ns since the epoch]
@@ -42,9 +45,27 @@ MESSAGE_SIZES: Final = f"""
 class StoredMessage(NamedTuple):
     """One message of a topic."""
 
-    topic: str
+    topic: tuple[str, str]  # and its type
     time: int  # [ns since the epoch], received
     data: bytes
+
+
+def whole_sqlite(path: Path, place: Path) -> Path:
+    """Return a file, or its copy with what its writer had left beside it: a journal.
+
+    A recorder that was killed, or still records, has its latest messages there.
+    """
+    beside = [Path(f"{path}{ending}") for ending in JOURNALS]
+    beside = [file for file in beside if file.exists() and file.stat().st_size]
+    if not beside:
+        return path
+    for file in (path, *beside):
+        refuse_special(file.stat().st_mode)
+        shutil.copyfile(file, place / file.name)
+    with closing(sqlite3.connect(place / path.name)) as base:
+        base.execute("PRAGMA journal_mode = DELETE")  # moves all from the journal into the file
+        base.execute("SELECT count(*) FROM sqlite_master")
+    return place / path.name
 
 
 def read_sqlite(path: Path) -> Iterator[Topic | StoredMessage]:
@@ -65,7 +86,7 @@ def read_sqlite(path: Path) -> Iterator[Topic | StoredMessage]:
             profiles = tuple(map(as_topic_qos, one.ext.offered_qos_profiles))
             yield Topic(one.topic, one.msgtype, definition, one.digest, profiles)
         for connection, time, data in reader.messages(reader.connections):
-            yield StoredMessage(connection.topic, time, data)
+            yield StoredMessage((connection.topic, connection.msgtype), time, data)
     finally:
         reader.close()
 

@@ -59,16 +59,16 @@ class TopicTiming:
                 self.places.append((log_time, lost))
 
 
-def read_timings(bag: Bag) -> dict[str, TopicTiming]:
-    """Read the whole bag, comparing each chunk with its CRC, and return the timing of each topic.
+def read_timings(bag: Bag) -> dict[tuple[str, str], TopicTiming]:
+    """Read the whole bag, comparing each chunk with its CRC; return timings by topic and type.
 
     Raises:
         DatasetError: a bit is not as it was written.
     """
     span = max(1, round(1e9 * bag.duration) + 1)
-    timings = {topic.name: TopicTiming() for topic in bag.topics}
+    timings = {(topic.name, topic.type): TopicTiming() for topic in bag.topics}
     start = bag.start
     for raw in bag.raw_messages():
         place = (raw.log_time - start) * BINS // span
-        timings[raw.topic].saw(raw, min(max(place, 0), BINS - 1))
+        timings[raw.topic, raw.type].saw(raw, min(max(place, 0), BINS - 1))
     return timings

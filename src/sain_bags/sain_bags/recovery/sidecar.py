@@ -5,9 +5,10 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Final
 
-from sain_bags.bag.metadata import METADATA_FILE, read_metadata
+from sain_bags.bag.metadata import METADATA_FILE, read_metadata, storage_of
 from sain_bags.bag.parts import earlier, mcap_files
 from sain_core.errors import DatasetError
+from sain_core.guarding.kinds import describe
 
 DEFAULT_DISTRO: Final = "jazzy"
 
@@ -49,12 +50,15 @@ def read_sidecar(source: Path) -> Sidecar:
         DatasetError: there is no such file.
     """
     if source.is_file():
+        if storage_of(source) != "mcap":
+            raise DatasetError(f"{source} is a sqlite3 file; `sqlite3 FILE .recover` saves those")
         return Sidecar((source,), is_read=False)
     files, is_closed = mcap_files(source), (source / METADATA_FILE).is_file()
     if not is_closed:
         files = (*mcap_files(earlier(source)), *files)
     if not files:
-        raise DatasetError(f"there is no MCAP file at {source}")
+        what = f"; it {found}" if (found := describe(source)) else ""
+        raise DatasetError(f"there is no MCAP file at {source}{what}")
     if not is_closed:
         note = f"{METADATA_FILE} is missing: the recording was not closed"
         return Sidecar(files, note=note, is_read=False)

@@ -58,7 +58,7 @@ def read_content(bag: Bag, limits: Limits = Limits(), progress: Progress = lambd
             {
                 "name": topic.name,
                 "type": topic.type,
-                **_timing(timings[topic.name], bag.start),
+                **_timing(timings[topic.name, topic.type], bag.start),
             }
             for topic in bag.topics
         ],
@@ -89,6 +89,7 @@ def _facts(bag: Bag) -> dict[str, Any]:
         "duration": rounded(bag.duration, 3),
         "messages": bag.message_count,
         "size": bag.size,
+        "crcs": bag.has_crcs,
     }
 
 

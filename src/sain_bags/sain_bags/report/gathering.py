@@ -35,7 +35,8 @@ class Gathered:
     episode: Episode
     shown: Frames
     goal: int = 1  # number of the goal, ...
-    goals: int = 1  # ... of so many in a row; each is gathered on its own
+    goals: int = 1  # ... of so many in a row; each is gathered on its own; 0: none yet
+    is_part: bool = False
 
     @property
     def unanswered(self) -> tuple[RecordedPush, ...]:
@@ -66,7 +67,7 @@ class Gathered:
     def frames(self) -> tuple[Frame, ...]:
         """Its scenes to show, in the order they came, from the one that its goal was given in."""
         frames = self.shown.frames
-        if self.goals == 1:
+        if not self.is_part:
             return frames
         first, last = self.episode.interval
         begin = max((n for n, one in enumerate(frames) if one.log_time < first), default=0)
@@ -102,10 +103,15 @@ def gather(
 
     return tuple(
         Gathered(
-            namespace, part, shown.get((one.run, one.episode_id), Frames(0)), goal, len(one.by_goal)
+            namespace,
+            part,
+            shown.get((one.run, one.episode_id), Frames(0)),
+            goal,
+            one.goals,
+            bool(one.parts),
         )
         for one in read_episodes(bag, namespace, show, progress)
-        for goal, part in enumerate(one.by_goal, start=1)
+        for goal, part in one.numbered
     )
 
 

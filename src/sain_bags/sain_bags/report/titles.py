@@ -14,7 +14,7 @@ class EpisodePart(NamedTuple):
     namespace: str
     episode_id: int
     has_goal: bool
-    goal: int = 1  # number of the goal, ...
+    goal: int = 1  # number of the goal, 0: none was given yet, ...
     goals: int = 1  # ... of so many in a row
 
 
@@ -26,10 +26,11 @@ def episode_titles(bag: Bag, parts: Sequence[EpisodePart]) -> list[str]:
     several = len({part.namespace for part in parts}) > 1
     titles, name = [], ""
     for part in parts:
-        if part.goal == 1:
+        if part.goal <= 1:
             name = next(rest).replace(":", " ") if part.has_goal else ""
         graph = (part.namespace or "/") if several else ""
         goal = f"goal {part.goal} of {part.goals}" if part.goals > 1 else ""
+        goal = goal if part.goal else "no goal yet"
         words = (graph, f"Episode {part.episode_id}", name, goal)
         titles.append(" · ".join(filter(None, words)))
     return titles

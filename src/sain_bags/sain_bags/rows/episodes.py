@@ -38,7 +38,7 @@ from sain_core.world import PushRecord
 
 FIELDS: Final = {  # that are read of messages beside the results
     SCENE: ("episode_id", "scene_id", "settled", "header.stamp.sec", "header.stamp.nanosec", DISKS),
-    GOAL: ("episode_id", "x", "y", "tolerance", "max_pushes"),
+    GOAL: ("goal_id", "episode_id", "x", "y", "tolerance", "max_pushes"),
     PLAN: (
         "plan_id", "push_id", "episode_id", "status", "error_code", "fallback", "horizon", "disks",
         "goal_distance", "planning_time", "goal_id",
@@ -71,13 +71,27 @@ class Episode:
 
     @property
     def by_goal(self) -> tuple["Episode", ...]:
-        """The episode towards each of its goals, in order; itself where there are not several."""
+        """The episode towards each of its goals, in order; itself where there are not several.
+
+        The first part has no goal where pushes were made before one was given.
+        """
         return self.parts or (self,)
+
+    @property
+    def numbered(self) -> tuple[tuple[int, "Episode"], ...]:
+        """The parts of `by_goal`, each with the number of its goal; 0: none was given yet."""
+        first = int(not self.parts or self.parts[0].goal is not None)
+        return tuple(enumerate(self.by_goal, start=first))
+
+    @property
+    def goals(self) -> int:
+        """How many goals there were, or 1."""
+        return self.numbered[-1][0]
 
     @property
     def in_a_row(self) -> int:
         """How many goals were reached before the first that was not."""
-        reached = [part.success for part in self.by_goal]
+        reached = [part.success for goal, part in self.numbered if goal]
         return (*reached, False).index(False)
 
     @property
@@ -133,7 +147,7 @@ def read_episodes(
     namespace = _choose(namespaces(bag, SCENE, PUSH_RESULT), namespace, bag)
     _check_definitions(bag, namespace)
     reader = _Reader(on_scene)
-    messages = bag.messages(topics_of(bag, namespace, *FIELDS))
+    messages = bag.messages(topics_of(bag, namespace, *FIELDS), FIELDS)
     rows = read_results(as_today(bag), namespace)
     pushes = (push for found in rows for push in found.pushes())
     received: Iterator[Any] = merge(messages, pushes, key=attrgetter("log_time"))
@@ -149,7 +163,7 @@ def read_episodes(
 def _check_definitions(bag: Bag, namespace: str) -> None:
     topics = topics_of(bag, namespace, *FIELDS)
     for channel in bag.channels:
-        if channel.topic in topics:
+        if channel.topic in topics and channel.type in FIELDS:
             with naming(bag):
                 types = read_types(channel.type, channel.definition())
                 paths = FIELDS[channel.type]
@@ -191,10 +205,23 @@ class _Draft:
             self.pushes.append(push)
 
     def goal(self, message: Any, log_time: int) -> None:
-        """Take a goal, in place of the one before when that is given once more."""
-        if self.goals and self.goals[-1][1].goal_id == message.goal_id:
+        """Take a goal, unless it is the last one again: latched ones are repeated."""
+        if not self.goals or not _is_same(self.goals[-1][1], message):
+            self.goals.append((log_time, message))
+
+    def end(self) -> None:
+        """Drop the goals that came when nothing of this episode did any more."""
+        while self.goals and self.goals[-1][0] > self.last:
             self.goals.pop()
-        self.goals.append((log_time, message))
+
+    def place(self, log_time: int, goal_id: int | None = None) -> int:
+        """Return the place of the goal that held at a time; -1: none did.
+
+        `goal_id` is that of a plan, which may be published after the next goal came.
+        """
+        before = [n for n, (time, _) in enumerate(self.goals) if time <= log_time]
+        named = [n for n in before if self.goals[n][1].goal_id == goal_id]
+        return (named or before or [-1])[-1]
 
 
 class _Reader:
@@ -203,7 +230,8 @@ class _Reader:
     def __init__(self, on_scene: OnScene) -> None:
         self._on_scene = on_scene
         self._drafts: dict[tuple[int, int], _Draft] = {}  # by run and episode
-        self._open_goals: dict[int, Any] = {}  # by run; such a goal names no episode
+        self._current: _Draft | None = None  # of the message before
+        self._open_goal: tuple[int, Any] | None = None  # when it came; it names no episode
         self._world: Any = None  # sain_interfaces/msg/WorldParameters
         self._run, self._last = 0, (0, 0)  # episode and stamp [ns] of the last scene
 
@@ -212,26 +240,34 @@ class _Reader:
             draft = self._of(one.episode_id, one.log_time if one.answered else None)
             draft.push(one)
             return
-        message, time = one.message, one.log_time
         if one.type == SCENE:
-            self._scene(message, time)
-        elif one.type == GOAL and message.episode_id == 0:
-            self._open_goals[self._run] = message
+            self._scene(one.message, one.log_time)
         elif one.type == WORLD:
-            self._world = message  # of an episode whose scenes are to come
+            self._world = one.message  # of an episode whose scenes are to come
+        else:
+            self._note(one.type, one.message, one.log_time)
+
+    def _note(self, kind: str, message: Any, time: int) -> None:
+        """Take a goal, a plan or bodies. A goal that names no episode is of the current one."""
+        draft: _Draft | None
+        if message.episode_id == 0 and kind in (GOAL, PLAN):
+            draft = self._current
+            self._open_goal = (time, message) if kind == GOAL else self._open_goal
         else:
             draft = self._of(message.episode_id, time)
-            if one.type == GOAL:
-                draft.goal(message, time)
-            elif one.type == BODIES:
-                draft.bodies = _bodies(message)
-            elif one.type == PLAN:
-                draft.plans.append(recorded_plan(message))
+        if draft is None:
+            return
+        if kind == GOAL:
+            draft.goal(message, time)
+        elif kind == BODIES:
+            draft.bodies = _bodies(message)
+        else:
+            draft.plans.append(recorded_plan(message, time))
 
     def episodes(self) -> Iterator[Episode]:
         for (run, number), draft in sorted(self._drafts.items(), key=lambda item: item[0]):
             if draft.scenes or any(push.before is not None for push in draft.pushes):
-                yield _whole(number, draft, self._open_goals.get(run), run)
+                yield _whole(number, draft, run)
 
     def _scene(self, message: Any, time: int) -> None:
         stamp = decode_stamp(message.header.stamp)
@@ -246,42 +282,56 @@ class _Reader:
             draft.scenes.append(decode_disks(message.disks))
 
     def _of(self, episode: int, time: int | None) -> _Draft:
-        draft = self._drafts.setdefault((self._run, episode), _Draft())
+        key = (self._run, episode)
+        if key not in self._drafts:
+            if self._current is not None:
+                self._current.end()
+            self._drafts[key] = _Draft(goals=[self._open_goal] if self._open_goal else [])
+        self._current = draft = self._drafts[key]
         if time is not None:
             draft.saw(time)
         return draft
 
 
-def _whole(number: int, draft: _Draft, open_goal: Any, run: int) -> Episode:
-    """Return an episode, with its parts where it had several goals."""
-    goals = [goal for _, goal in draft.goals]
-    whole = _episode(number, draft, goals[-1] if goals else open_goal, run)
-    if len(goals) < 2:
+def _whole(number: int, draft: _Draft, run: int) -> Episode:
+    """Return an episode, with its parts where not one goal held for all of it."""
+    drafts = _drafts_by_goal(draft)
+    whole = _episode(number, draft, drafts[-1][0], run)
+    if len(drafts) < 2:
         return whole
     parts: list[Episode] = []
-    for goal, part in zip(goals, _drafts_by_goal(draft), strict=True):
+    for goal, part in drafts:
         part.scenes = [parts[-1].final if parts else whole.start]
         parts.append(_episode(number, part, goal, run))
     return replace(whole, parts=tuple(parts))
 
 
-def _drafts_by_goal(draft: _Draft) -> list[_Draft]:
-    """Return what belongs to each goal; a push that nobody planned to that of the one before."""
-    places = {goal.goal_id: place for place, (_, goal) in enumerate(draft.goals)}
-    begins = [draft.first, *(time for time, _ in draft.goals[1:])]
-    ends = [*(time - 1 for time in begins[1:]), draft.last]
+def _drafts_by_goal(draft: _Draft) -> list[tuple[Any, _Draft]]:
+    """Return each goal with what belongs to it; None: no goal was given yet."""
+    goals = [(draft.first, None), *draft.goals]
+    begins = [max(time, draft.first) for time, _ in goals]
+    ends = [*(time - 1 for time in begins[1:]), max(begins[-1], draft.last)]
     drafts = [
         replace(draft, pushes=[], plans=[], first=first, last=last)
         for first, last in zip(begins, ends, strict=True)
     ]
+    planned = [plan for plan in draft.plans if plan.push_id]
+    places = {plan.push_id: draft.place(plan.log_time, plan.goal_id) for plan in planned}
     for plan in draft.plans:
-        drafts[places.get(plan.goal_id, 0)].plans.append(plan)
-    wanted = {plan.push_id: plan.goal_id for plan in draft.plans if plan.push_id}
-    place = 0
+        drafts[1 + draft.place(plan.log_time, plan.goal_id)].plans.append(plan)
     for push in draft.pushes:
-        place = places.get(wanted.get(push.push_id, -1), place)
-        drafts[place if push.answered else -1].pushes.append(push)
-    return drafts
+        place = places.get(push.push_id, draft.place(push.log_time))
+        drafts[1 + place if push.answered else -1].pushes.append(push)
+    # What held before a goal of this episode came is a part only if something was done for it.
+    early = 1 + sum(time < draft.first for time, _ in draft.goals)
+    kept = [n for n, part in enumerate(drafts) if n >= early or part.pushes or part.plans]
+    return [(goals[n][1], drafts[n]) for n in kept or [early - 1]]
+
+
+def _is_same(goal: Any, other: Any) -> bool:
+    """Tell whether a goal is another one once more, whenever it was sent."""
+    names = set(goal.__slots__) - {"header"}
+    return all(repr(getattr(goal, name)) == repr(getattr(other, name, None)) for name in names)
 
 
 def _episode(number: int, draft: _Draft, goal: Any, run: int) -> Episode:

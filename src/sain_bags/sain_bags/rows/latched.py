@@ -60,10 +60,14 @@ class LatchedGoals:
         return np.where(right, found, NONE)
 
     def chosen(self, episodes: ndarray, times: ndarray) -> ndarray:
-        """Return the place here of each push's goal (K,), else of one for any episode; -1: none."""
+        """Return the place here of the goal that held at each push (K,); -1: none.
+
+        It is the later of that of its episode and that for any episode.
+        """
         own = self.latest(episodes, times)
         general = self.latest(np.full_like(episodes, ANY_EPISODE), times)
-        return np.where(own == NONE, general, own)
+        came = np.append(self.times, NONE)  # NONE is its last
+        return np.where(came[own] > came[general], own, general)
 
 
 class Extras(NamedTuple):
@@ -138,10 +142,11 @@ def read_latched(bag: Bag, namespace: str, room: int = 0) -> Read:
             episode; a goal of poses that cannot be.
     """
     reader = _Reader(bag)
-    topics = topics_of(bag, namespace, GOAL, BODIES, WORLD, *([PUSH_RESULT] if room else []))
+    types = (GOAL, BODIES, WORLD, *([PUSH_RESULT] if room else []))
+    topics = topics_of(bag, namespace, *types)
     kept: list[Batch] | None = [] if room else None
     results = [number for number, one in enumerate(bag.channels) if one.type == PUSH_RESULT]
-    for batch in bag.batches(topics):
+    for batch in bag.batches(topics, types=types):
         is_result = np.isin(batch.channels, results)
         with naming(bag):
             reader.read(batch[~is_result])

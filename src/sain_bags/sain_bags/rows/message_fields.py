@@ -1,10 +1,11 @@
 """The types of the graph's messages, where a bag has them, and their fields that rows need."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Final
 
 from sain_bags.bag.layouts import MessageTypes
-from sain_bags.reading.reader import Bag
+from sain_bags.bag.metadata import OWN_TYPES
+from sain_bags.reading.reader import Bag, TopicSummary
 from sain_core.errors import DatasetError
 from sain_core.push import PUSH_NAMES
 from sain_core.scene import STATE_NAMES
@@ -78,6 +79,21 @@ def topics_of(bag: Bag, namespace: str, *types: str) -> tuple[str, ...]:
         for topic in bag.topics
         if topic.type in types and parent_of(topic.name) == namespace
     )
+
+
+def left_out(bag: Bag) -> Iterator[str]:
+    """Yield which messages are not read, as another type came on a topic of the graph."""
+    types: dict[str, list[TopicSummary]] = {}
+    for topic in bag.topics:
+        types.setdefault(topic.name, []).append(topic)
+    for name, found in types.items():
+        wanted = [topic.type for topic in found if topic.type.startswith(OWN_TYPES)]
+        for topic in found if wanted else ():
+            if topic.type not in wanted:
+                yield (
+                    f"{name} has {topic.messages:,} messages of another type, {topic.type}; they"
+                    f" are left out: it is read as {' and '.join(wanted)}"
+                )
 
 
 def parent_of(topic: str) -> str:

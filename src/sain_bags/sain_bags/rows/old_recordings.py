@@ -165,7 +165,7 @@ def _is_old(bag: Bag, namespace: str) -> bool:
     """Tell whether results of a graph lack what results have today: those of before predictions."""
     topics = topics_of(bag, namespace, PUSH_RESULT)
     for found in bag.channels:
-        if found.topic in topics:
+        if found.topic in topics and found.type == PUSH_RESULT:
             with naming(bag):
                 types = read_types(PUSH_RESULT, found.definition())
             if not all(has_path(types, PUSH_RESULT, path) for path in all_paths(FIELDS)):
@@ -175,7 +175,7 @@ def _is_old(bag: Bag, namespace: str) -> bool:
 
 def _count(bag: Bag, namespace: str, kind: str) -> int:
     topics = topics_of(bag, namespace, kind)
-    return sum(topic.messages for topic in bag.topics if topic.name in topics)
+    return sum(one.messages for one in bag.topics if one.name in topics and one.type == kind)
 
 
 def _results(bag: Bag, namespace: str) -> int:
@@ -209,7 +209,7 @@ class _Conversion:
             PUSH: self._push, PUSH_RESULT: self._result,
             OLD_PREDICTION: self._prediction, SCENE: self._scene,
         }  # fmt: skip
-        for batch in self._bag.batches(self._inputs):
+        for batch in self._bag.batches(self._inputs, types=IDS):
             with naming(self._bag):
                 found = sorted(self._read(batch))
             for spot, number, ids in found:

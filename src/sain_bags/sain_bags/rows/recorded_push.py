@@ -29,6 +29,7 @@ class PlanRecord:
     goal_distance: float  # [m]
     planning_time: float  # [s]
     goal_id: int = 0  # that it was made for
+    log_time: int = 0  # [ns since the epoch]
 
 
 @dataclass(frozen=True)
@@ -78,9 +79,9 @@ class RecordedPush:
         return PushRecord(self.push, self.before, self.after, self.predicted, self.physics, time)
 
 
-def recorded_plan(message: Any) -> PlanRecord:
-    """Return a decision of the planner."""
+def recorded_plan(message: Any, log_time: int) -> PlanRecord:
+    """Return a decision of the planner, received at a time [ns since the epoch]."""
     pushes, predicted = decode_plan(message)
-    decoded: dict[str, Any] = {"pushes": pushes, "predicted": predicted}
+    decoded: dict[str, Any] = {"pushes": pushes, "predicted": predicted, "log_time": log_time}
     names = [field.name for field in fields(PlanRecord) if field.name not in decoded]
     return PlanRecord(**{name: getattr(message, name) for name in names}, **decoded)

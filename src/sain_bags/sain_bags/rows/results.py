@@ -189,7 +189,7 @@ def read_results(
     """
     readers: dict[int, TableReader] = {}
     if batches is None:
-        batches = bag.batches(topics_of(bag, namespace, PUSH_RESULT))
+        batches = bag.batches(topics_of(bag, namespace, PUSH_RESULT), types=(PUSH_RESULT,))
     for batch in batches:
         ends = np.flatnonzero(np.diff(batch.channels)) + 1  # each file of a bag has its own channel
         for rows in np.split(np.arange(len(batch)), ends):

@@ -15,6 +15,7 @@ from sain_bags.rows.message_fields import (
     PUSH_RESULT,
     SCENE,
     WORLD,
+    left_out,
     namespaces,
     parent_of,
     topics_of,
@@ -49,6 +50,14 @@ class Source:
     def topics(self) -> tuple[str, ...]:
         """The topics that are read, where each push has its result."""
         return topics_of(self.bag, self.namespace, PUSH_RESULT, GOAL, BODIES, WORLD)
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What a user of its rows should read."""
+        notes = [*left_out(self.bag)]
+        if not self.bag.has_crcs:
+            notes.append("it has no CRCs: damage inside messages is not detected")
+        return tuple(f"{self.bag.path}: {note}" for note in notes)
 
     def describe(self) -> dict[str, Any]:
         """Return its entry in a card."""
@@ -89,10 +98,11 @@ def find_sources(paths: Sequence[Path], namespace: str | None = None) -> tuple[S
 
 def find_bags(path: Path) -> tuple[Path, ...]:
     """Return the path when it is a bag or looks like a broken one, else the bags below it."""
-    if not path.is_dir() or (path / METADATA_FILE).exists() or any(path.glob("*.mcap")):
-        return (path,)
     # Also one that was not closed: it is named in an error, and not passed over.
-    files = [*path.rglob(METADATA_FILE), *path.rglob("*.mcap")]
+    marks = (METADATA_FILE, "*.mcap", "*.db3")
+    if not path.is_dir() or any(any(path.glob(mark)) for mark in marks):
+        return (path,)
+    files = [file for mark in marks for file in path.rglob(mark)]
     return tuple(sorted({file.parent for file in files})) or (path,)
 
 
@@ -129,8 +139,10 @@ def _choose(bag: Bag, found: Sequence[str], wanted: str | None) -> str:
 
 
 def _contents(bag: Bag) -> str:
-    held = [f"{topic.name} ({topic.messages})" for topic in bag.topics if topic.messages]
-    return ", ".join(held) or "no messages at all"
+    held = [f"{one.name} ({one.messages} of {one.type})" for one in bag.topics if one.messages]
+    others = {one.channel.message_encoding for one in bag.channels} - {"cdr"}
+    why = f"; of these, {', '.join(sorted(others))} is not ROS 2's encoding" if others else ""
+    return (", ".join(held) or "no messages at all") + why
 
 
 def _hash(files: Sequence[Path]) -> str:

@@ -6,7 +6,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
 
-from sain_bags.reading.reader import Bag, Received
+from sain_bags.bag.metadata import OWN_TYPES
+from sain_bags.reading.reader import Bag, Received, TopicSummary
 from sain_bags.report.frames import Frame, frame_times
 from sain_bags.report.gathering import graphs
 from sain_bags.report.titles import EpisodePart, episode_titles
@@ -109,12 +110,17 @@ def _unique(titles: list[str]) -> list[str]:
     return [f"{t} ({n + 1})" if n else t for t, n in zip(titles, before, strict=True)]
 
 
+def _is_own(topic: TopicSummary) -> bool:
+    return topic.type.startswith(OWN_TYPES)
+
+
 class _Reader:
     """Reads the episodes of one graph."""
 
     def __init__(self, bag: Bag, namespace: str, lines: int) -> None:
         self.known = LiveState(log=deque(), lines=lines)
-        topics = {topic.name: topic.type for topic in bag.topics}
+        # A topic's own type counts, where others came on it, too.
+        topics = {topic.name: topic.type for topic in sorted(bag.topics, key=_is_own)}
         hearing = Hearing(self.known, lambda: f"{namespace}/shapes" in topics, offers_goal=False)
         self._takes = {
             name: (topic, take)
@@ -122,15 +128,17 @@ class _Reader:
             for name in (topic if topic.startswith("/") else f"{namespace}/{topic}",)
             if topics.get(name) == f"{kind.__module__.partition('.')[0]}/msg/{kind.__name__}"
         }
+        self._types = {topics[name] for name in self._takes}
         self._see = hearing.handlers["scene"][1]
         self._bag = bag
         self._goals: dict[int, list[int]] = {}  # ids of those of an episode
+        self._open: list[int] = []  # id of the latest that names no episode
         self._drafts: list[_Draft] = []
         self._count, self._stride = 0, 1  # scenes in motion; each so many-th is kept
         self._kept = 0
 
     def read(self) -> Sequence[_Draft]:
-        for received in self._bag.messages(self._takes):
+        for received in self._bag.messages(self._takes, self._types):
             topic, take = self._takes[received.topic]
             try:
                 self._take(topic, take, received)
@@ -147,10 +155,8 @@ class _Reader:
         if topic == DIAGNOSTICS:
             for status in message.status:
                 status.level = bytes([status.level])  # as rclpy has it
-        elif topic == "goal" and message.episode_id:
-            goals = self._goals.setdefault(message.episode_id, [])
-            if goals[-1:] != [message.goal_id]:
-                goals.append(message.goal_id)
+        elif topic == "goal":
+            self._give(message)
         elif topic == "push_result" and message.error_code == UNANSWERED:
             return
         elif topic == "push_result" and message.error_code == ErrorCode.OK and message.after.disks:
@@ -164,6 +170,16 @@ class _Reader:
         take(message)
         if topic in NOTED and known.scene is not None:
             self._note(received.log_time, ended)
+
+    def _give(self, goal: Any) -> None:
+        """Count a goal of its episode; one that names none is of the episode that is shown."""
+        seen, number = self.known.scene, goal.episode_id
+        shown = 0 if seen is None else seen.episode_id
+        goals = self._goals.setdefault(number or shown, [] if number else list(self._open))
+        if goals[-1:] != [goal.goal_id]:
+            goals.append(goal.goal_id)
+        if not number:
+            self._open = [goal.goal_id]
 
     def _note(self, log_time: int, ended: bool) -> None:
         """Keep what is known now; `ended`: a push has."""

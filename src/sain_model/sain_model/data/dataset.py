@@ -17,6 +17,7 @@ from jaxtyping import Int
 from numpy import ndarray
 
 from sain_core.errors import DatasetError
+from sain_core.guarding.kinds import describe
 from sain_core.guarding.untrusted import read_json
 from sain_core.push import mirror_pushes
 from sain_core.scene import mirror_scenes
@@ -263,7 +264,8 @@ def shard_paths(path: Path) -> list[Path]:
     """
     shards = sorted(path.glob("*.npz")) if path.is_dir() else [path]
     if not shards:
-        raise DatasetError(f"{path} holds no shards *.npz")
+        what = describe(path)
+        raise DatasetError(f"{path} holds no shards *.npz" + (f"; it {what}" if what else ""))
     return shards
 
 

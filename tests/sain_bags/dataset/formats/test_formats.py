@@ -13,10 +13,12 @@ os.environ["HF_HUB_OFFLINE"] = "1"  # before the libraries are imported: nothing
 import pandas
 import polars
 import pyarrow
+import pytest
 from pyarrow import parquet
 
 from sain_core.transitions import PARTS
 from tests.sain_bags.dataset.formats.exported import EPISODES, Rows, card_of, to
+from tests.sain_bags.driven import Drive
 
 
 def in_order(rows: Rows, card: dict[str, Any]) -> Rows:
@@ -101,3 +103,40 @@ def test_lerobot_is_read_back_by_lerobot(bag: Path, rows: Rows, tmp_path: Path) 
         held = LeRobotDataset("pushes", root=out, episodes=list(range(*map(int, span.split(":")))))
         ids = np.array([int(number) for number in held.hf_dataset["push_id"]]).view(np.uint64)
         assert ids.tolist() == wanted["push_id"][wanted["split"] == part].tolist()
+
+
+def no_constant(name: str) -> None:
+    raise AssertionError(f"{name} is no JSON by RFC 8259")
+
+
+@pytest.mark.parametrize("with_goal", [True, False])
+def test_statistics_of_lerobot_are_of_what_is_there(
+    with_goal: bool, record: Any, tmp_path: Path
+) -> None:
+    """Here episodes have one push each, and all but the first have no goal."""
+    from sain_bags.dataset.formats.to_lerobot import GOAL, REWARD, LeRobotDataset
+
+    recording = record("bäg")
+    driver = Drive(recording)
+    if with_goal:
+        driver.episode(1, [1])
+    for number in (2, 3):
+        driver.scene_id += 1
+        driver.push(number, number, driver.random_scene(), 0)
+    recording.writer.close()
+    out = to("lerobot", Path(recording.writer.folder), tmp_path / "öut")
+    for file in out.rglob("*.json"):
+        json.loads(file.read_text(), parse_constant=no_constant)
+    stats = json.loads((out / "meta/stats.json").read_text())
+    data = LeRobotDataset("pushes", root=out)
+    rewards = np.array(data.hf_dataset.with_format(None)[REWARD])
+    there = rewards[np.isfinite(rewards)]
+    assert len(there) == with_goal
+    if not with_goal:
+        assert GOAL not in stats and REWARD not in stats
+        return
+    np.testing.assert_allclose(stats[GOAL]["mean"], [0.1, 0.2, 0.02])
+    assert stats[GOAL]["count"] == [1] and stats["action"]["count"] == [3]
+    for name in ("min", "mean", "max", "q01", "q50", "q99"):
+        np.testing.assert_allclose(stats[REWARD][name], there)
+    assert stats.keys() >= data.features.keys() - {"physics_source", "source", "bag_sha256"}

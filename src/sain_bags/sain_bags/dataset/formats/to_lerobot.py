@@ -10,7 +10,9 @@ in the stamps [ns]. LeRobot's loader has no unsigned numbers: ids are stored as 
 import os
 import sys
 import warnings
+from collections.abc import Callable
 from contextlib import ExitStack
+from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
@@ -21,7 +23,7 @@ from numpy import ndarray
 from sain_bags.dataset.formats.stored_rows import StoredRows, goal_distance, reached
 from sain_core.push import PUSH_NAMES
 from sain_core.scene import STATE_NAMES
-from sain_core.transitions import PARTS, Column, Columns
+from sain_core.transitions import FRICTIONS, PARTS, POSED, Column, Columns
 
 os.environ.setdefault("HF_HUB_OFFLINE", "1")  # nothing here needs a hub; read on import
 declared: Final = torch.library.Library("torchvision", "FRAGMENT")  # for as long as this lives
@@ -56,6 +58,14 @@ STATE: Final = "observation.state"
 NEXT_STATE: Final = "next.state"
 GOAL: Final = "observation.environment_state"
 RENAMED: Final[dict[str, str]] = {Column.STATE: STATE, Column.NEXT_STATE: NEXT_STATE}
+REWARD: Final = "next.reward"
+MAY_LACK: Final = frozenset(  # these have NaN where a recording does not state them
+    map(str, (GOAL, REWARD, Column.DURATION, *FRICTIONS, *POSED))
+)
+TAKEN: Final[dict[str, Callable[[ndarray], Any]]] = {
+    "min": np.min, "max": np.max, "mean": np.mean, "std": np.std,
+    **{f"q{share:02}": partial(np.percentile, q=share) for share in (1, 10, 50, 90, 99)},
+}  # fmt: skip
 JOINED: Final = (Column.GOAL, Column.TOLERANCE)  # are `GOAL`
 
 
@@ -63,6 +73,7 @@ def write(rows: StoredRows, folder: Path) -> None:
     """Write a data set; the parts of its split follow one another, as ``info.json`` says."""
     dataset: Any = None
     splits, count = {}, 0
+    lacking: dict[str, list[ndarray]] = {}
     with ExitStack() as stack:
         stack.enter_context(SuppressProgressBars())
         stack.enter_context(warnings.catch_warnings(action="ignore", category=RuntimeWarning))
@@ -74,11 +85,31 @@ def write(rows: StoredRows, folder: Path) -> None:
                     dataset = _create(folder, frames, rows)
                     stack.callback(dataset.finalize)  # else it writes when it is freed, or never
                 _save(dataset, frames, TASK if rows.disks > 1 else LONE_TASK)
+                for key in frames.keys() & MAY_LACK:
+                    lacking.setdefault(key, []).append(frames[key])
                 count += 1
             splits[part] = f"{first}:{count}"
     dataset.meta.info["splits"] = splits
     write_info(dataset.meta.info, folder)
-    write_stats(dict(sorted(dataset.meta.stats.items())), folder)  # else in the order of hashes
+    stats = dict(sorted(dataset.meta.stats.items()))  # else in the order of hashes
+    for key, values in lacking.items():
+        stats |= {key: _finite_stats(np.concatenate(values))}
+    write_stats({key: found for key, found in stats.items() if found}, folder)
+
+
+def _finite_stats(values: ndarray) -> dict[str, ndarray]:
+    """Return the statistics of the finite numbers in each column; none: there are none at all.
+
+    `lerobot` takes those of all numbers: a goal that is missing in one episode makes all of them
+    NaN, which is no JSON. A column without any finite number has 0.
+    """
+    columns = values.reshape(len(values), -1).T.astype(np.float64)
+    known = [column[np.isfinite(column)] for column in columns]
+    if not any(map(len, known)):
+        return {}
+    filled = [column if len(column) else np.zeros(1) for column in known]
+    found = {name: np.array([take(column) for column in filled]) for name, take in TAKEN.items()}
+    return found | {"count": np.array([max(map(len, known))])}
 
 
 def _create(folder: Path, frames: Columns, rows: StoredRows) -> LeRobotDataset:
@@ -112,7 +143,7 @@ def _frames(columns: Columns) -> Columns:
         if key not in JOINED
     }
     frames[GOAL] = np.column_stack([columns[key] for key in JOINED])
-    frames["next.reward"] = -goal_distance(columns)
+    frames[REWARD] = -goal_distance(columns)
     frames["next.success"] = reached(columns)
     count = len(columns[Column.EPISODE])
     frames["next.done"] = np.arange(count) == count - 1

@@ -48,7 +48,7 @@ def _table(rows: StoredRows, part: str, columns: Columns) -> pyarrow.Table:
     count = len(columns[Column.EPISODE])
     added = {SPLIT: np.full(count, part), DISKS: np.full(count, rows.disks)}
     arrays = {key: _array(values) for key, values in {**columns, **added}.items()}
-    return pyarrow.table(arrays, metadata={CARD: json.dumps(rows.card)})
+    return pyarrow.table(arrays, metadata={CARD: json.dumps(rows.card, allow_nan=False)})
 
 
 def _array(values: ndarray) -> pyarrow.Array:

@@ -31,10 +31,10 @@ class Episodes {
   button(episode, place) {
     const dot = { reached: "dot reached", "not reached": "dot missed" }[episode.outcome] ?? "dot";
     const button = make("button", { type: "button", "aria-pressed": "false" },
-      make("span", { class: dot, role: "img", "aria-label": episode.outcome, title: episode.outcome }),
+      make("span", { class: dot, "aria-hidden": "true" }),
       make("span", { class: "name" }, episode.title),
       make("span", { class: "soft" }, counted(episode.counts.executed + episode.counts.unanswered, "push", "pushes")),
-      make("span", { class: "end", title: "from the target to the goal at the end" }, fineMillimetres(episode.distance)));
+      make("span", { class: "end" }, episode.poses.length ? `${episode.outcome}, ${fineMillimetres(episode.distance)}` : episode.outcome));
     button.addEventListener("click", () => this.choose(place));
     return button;
   }
@@ -44,10 +44,11 @@ class Episodes {
     this.push = undefined;
     this.buttons.forEach((button, number) => button.setAttribute("aria-pressed", String(number === place)));
     const { episode } = this, refused = episode.counts.refused ? `, ${episode.counts.refused} refused` : "";
-    const turn = episode.turn === null ? "" : `, ${degrees(episode.turn)} from the heading`;
+    const turn = episode.turn === null ? "" : `, and ${degrees(episode.turn)} from the heading`;
     const keep = episode.keep.map(({ body, tolerance, moved }) =>
-      `, body ${body} to be kept within ${fineMillimetres(tolerance)} was moved by ${fineMillimetres(moved)}`).join("");
-    const goal = episode.poses.length ? `, goal ${episode.outcome} (tolerance ${millimetres(episode.tolerance)}${turn}${keep})` : ", without a goal";
+      `; body ${body}, to be kept within ${fineMillimetres(tolerance)}, was moved by ${fineMillimetres(moved)}`).join("");
+    const place = `${fineMillimetres(episode.distance)} from it at rest (tolerance ${millimetres(episode.tolerance)})`;
+    const goal = episode.poses.length ? `, goal ${episode.outcome}: ${place}${turn}${keep}` : ", without a goal";
     find("episode-title").textContent = `${episode.title}: ${counted(episode.counts.executed, "push", "pushes")}${refused}${goal}`;
     find("shown").textContent = shownText(episode);
     find("verdict").textContent = verdictText(episode);

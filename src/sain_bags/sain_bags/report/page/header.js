@@ -8,6 +8,7 @@ function showHeader(data) {
   find("name").textContent = bag.name;
   find("facts").textContent = [bag.began, length(bag.duration), counted(bag.messages, "message"),
     counted(topics.length, "topic"), bytes(bag.size)].filter(Boolean).join(" · ");
+  find("crcs").textContent = bag.crcs ? "after a CRC check of each chunk" : "which has no CRCs: damage inside messages is not detected";
   find("notice").textContent = data.notice;
   find("notice").hidden = !data.notice;
   find("tiles").replaceChildren(...tiles(data).map(([name, value, note]) =>

@@ -14,13 +14,13 @@ function showTopics(data) {
 
 function topicRow(topic, data) {
   const missing = topic.missing ? "alarm" : "soft";
-  const start = topic.gap ? `from ${length(topic.gapStart)} on` : null;
+  const start = topic.gap ? make("small", {}, `from ${length(topic.gapStart)} on`) : null;
   return make("tr", {},
     make("td", { class: "topic" }, topic.name, make("small", {}, topic.type)),
     make("td", { "data-head": "Messages" }, topic.messages.toLocaleString("en")),
     make("td", { "data-head": "Rate" }, topic.rate ? fixed(topic.rate, topic.rate < 1 ? 2 : topic.rate < 10 ? 1 : 0, "Hz") : UNKNOWN),
     make("td", { class: "lane" }, lane(topic, data)),
-    make("td", { "data-head": "Gap", title: start }, topic.gap ? length(topic.gap) : UNKNOWN),
+    make("td", { "data-head": "Gap" }, topic.gap ? length(topic.gap) : UNKNOWN, start),
     make("td", { "data-head": "Missing", class: missing }, topic.missing === null ? UNKNOWN : topic.missing.toLocaleString("en")));
 }
 

@@ -1,0 +1,111 @@
+"""What a file or a folder is that a command was given in place of a bag or a data set.
+
+A file is recognised by its first bytes, whatever its name is.
+"""
+
+import zipfile
+from collections.abc import Iterator
+from contextlib import suppress
+from pathlib import Path
+from typing import Final
+
+from sain_core.errors import UntrustedFileError
+from sain_core.guarding.untrusted import open_regular
+
+HEAD: Final = 512  # [bytes], that are looked at
+MCAP: Final = b"\x89MCAP0\r\n"
+SQLITE: Final = b"SQLite format 3\0"
+UNPACK: Final = "is compressed as a whole; {} unpacks it"
+PICTURE: Final = "is a picture; a bag has the extension .mcap or .db3"
+BEGINNINGS: Final = {  # of files: what they are, and what to do
+    MCAP: "is an MCAP file: a recording; `sain info` shows it, `sain to_dataset` converts it",
+    SQLITE: "is a sqlite3 file, perhaps of a bag; `sain to_dataset` converts bags",
+    b"#ROSBAG V": "is a bag of ROS 1; `rosbags-convert --src BAG --dst FOLDER` makes one of ROS 2",
+    b"version https://git-lfs": "is a pointer of Git LFS, not the file; `git lfs pull` fetches it",
+    b"\x28\xb5\x2f\xfd": UNPACK.format("`zstd -d FILE`"),
+    b"\x1f\x8b": UNPACK.format("`gunzip FILE`, or `tar xzf FILE`"),
+    b"BZh": UNPACK.format("`bunzip2 FILE`"),
+    b"\xfd7zXZ": UNPACK.format("`unxz FILE`"),
+    b"\x04\x22\x4d\x18": UNPACK.format("`lz4 -d FILE`"),
+    b"7z\xbc\xaf": "is a 7z archive; unpack it first",
+    b"Rar!": "is a RAR archive; unpack it first",
+    b"PK": "is a zip archive; `unzip FILE` unpacks it",
+    b"PAR1": "is a Parquet file: a data set, not a bag; pandas and polars read it",
+    b"\x89HDF": "is an HDF5 file: a data set of Minari, or MATLAB's, not a bag",
+    b"MATLAB": "is a MATLAB file; `sain real_import` takes recordings of pushes",
+    b"\x93NUMPY": "is one array of NumPy (.npy), not a bag",
+    b"\x89PNG": PICTURE,
+    b"\xff\xd8\xff": PICTURE,
+    b"%PDF": "is a PDF file, not a bag",
+    b"\x7fELF": "is a program, not a bag",
+}
+TAR: Final = (257, b"ustar")  # where it stands
+SHARDS: Final = "shard-*.npz"
+DATA_SET: Final = "is a data set of pushes, not a bag; "
+FOLDERS: Final = {  # a pattern of what is in a folder: what that is, and what to do
+    "metadata.yaml": "is the folder of a bag: a recording; `sain to_dataset` converts it",
+    SHARDS: DATA_SET + "`sain train` takes it",
+    "meta/info.json": DATA_SET + "it is in LeRobot's format, which `lerobot` reads",
+    "data/main_data.hdf5": DATA_SET + "it is in Minari's format, which `minari` reads",
+    "*-[0-9]*.parquet": DATA_SET + "it is in Parquet, which pandas and polars read",
+    "laboratory.json": "is a laboratory; `sain lab` shows it",
+    "*.mcap": "is a bag without metadata.yaml: it was not closed",
+    "*.db3": "is a bag without metadata.yaml: it was not closed",
+    "*.zstd": "has compressed files and no metadata.yaml; `zstd -d FILE` unpacks each",
+    "*.bag": "has bags of ROS 1; `rosbags-convert --src BAG --dst FOLDER` makes one of ROS 2",
+    "*/metadata.yaml": "has bags in folders below it; name one of them",
+}
+
+
+def describe(path: Path) -> str:
+    """Return what a file or a folder is, and what to do with it; empty: it is not recognised."""
+    if path.is_dir():
+        found = (text for pattern, text in FOLDERS.items() if any(path.glob(pattern)))
+        return next(found, "" if any(path.iterdir()) else "is an empty folder")
+    try:
+        with open_regular(path) as file:
+            head = file.read(HEAD)
+    except (OSError, UntrustedFileError):
+        return ""
+    if not head:
+        return "is empty (0 bytes): its recording or its download did not finish; get it again"
+    if not any(head):
+        return "begins with zeros only: its recording or its download did not finish"
+    return next(_kinds(path, head), "")
+
+
+def _kinds(path: Path, head: bytes) -> Iterator[str]:
+    if head.startswith(b"PK"):
+        yield from _archive(path)
+    yield from (text for magic, text in BEGINNINGS.items() if head.startswith(magic))
+    if head[TAR[0] :].startswith(TAR[1]):
+        yield "is a tar archive; `tar xf FILE` unpacks it"
+    with suppress(UnicodeDecodeError):
+        # A character may be cut off at the end of what was read.
+        yield from _texts(path, head.decode(errors="strict" if len(head) < HEAD else "ignore"))
+
+
+def _archive(path: Path) -> Iterator[str]:
+    """Recognise an npz file; of any other zip archive nothing is said."""
+    with suppress(zipfile.BadZipFile, OSError, ValueError, NotImplementedError):
+        with zipfile.ZipFile(path) as archive:
+            names = archive.namelist()
+        if names and all(name.endswith(".npy") for name in names):
+            yield "has arrays of NumPy (.npz): a shard of a data set; `sain train` takes its folder"
+
+
+def _texts(path: Path, text: str) -> Iterator[str]:
+    if not text.isprintable() and any(ord(sign) < 9 for sign in text):
+        return
+    begin = text.lstrip("\ufeff \t\r\n").lower()
+    if path.name == "metadata.yaml" or "rosbag2_bagfile_information" in text:
+        yield "describes a bag; name the folder that it is in"
+    if "<robot" in begin:
+        yield "describes a robot (URDF), not a recording"
+    if begin.startswith(("<!doctype html", "<html")):
+        yield "is a web page, as failed downloads leave one; download the file itself"
+    if path.suffix == ".csv":
+        yield "is a table (CSV); `sain real_import` takes recordings of pushes"
+    if path.suffix in (".json", ".yaml", ".yml", ".xml"):
+        yield f"is {path.suffix[1:].upper()}, not a recording"
+    yield "is a text file, not a recording"
