@@ -24,6 +24,7 @@ from sain_interfaces.msg import Scene
 LOOK: Final = 0.25  # [s] between looks at the graph
 ABSENT: Final = 2.0  # [s], after which a part is missing: discovery takes its time
 SILENT: Final = 2.5  # [s] without a scene
+CAUSE: Final = "cause"  # a figure of warnings that need not last: several pushes showed them
 SAIN: Final = "sain"  # `hardware_id` of our own nodes
 
 
@@ -136,7 +137,7 @@ class GraphListener:
         if node == self._planner and self._waiting(text):
             text = ""
         line = text and described(name if own else node, text)
-        if status.level == ERROR:
+        if status.level == ERROR or any(pair.key == CAUSE for pair in status.values):
             self._conditions.report(status.name, line, lasts=0.0)
         else:
             self._conditions.report(status.name, line)
