@@ -19,7 +19,7 @@ NUMBER: Final = re.compile(r"\d+(\.\d+)?")
 REMEDIES: Final = (  # the first pattern that is found; texts with a semicolon have their own remedy
     ("not enabled", "start in another terminal: ros2 run sain_arm enable"),
     ("no calibration on|no image on", "start the camera's driver, or correct its topic"),
-    ("no poses have come", "start the node that publishes the poses of the bodies"),
+    ("no poses have come", "start the node that sees the bodies, or bring their tags into view"),
     ("no model is ready|no model serves", "start: ros2 run sain_model model_node"),
     ("not seen", "bring it into the camera's view, and free it of shadows and covers"),
     ("waits for|^loading|compil", "wait; this ends by itself"),

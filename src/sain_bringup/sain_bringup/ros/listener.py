@@ -31,14 +31,14 @@ SAIN: Final = "sain"  # `hardware_id` of our own nodes
 class Part(NamedTuple):
     """A part of the graph that a command needs, with a topic that it publishes."""
 
-    name: str
+    missing: str
     topic: str
     start: str
 
 
-PLANNER: Final = Part("planner", "plan", "start ros2 run sain_mppi mppi_node")
+PLANNER: Final = Part("no planner in namespace", "plan", "start ros2 run sain_mppi mppi_node")
 SCENES: Final = Part(
-    "source of scenes",
+    "no source of scenes in namespace",
     "scene",
     "start ros2 run sain_sim sim_node, or scene_node where a robot's bodies have poses",
 )
@@ -107,7 +107,7 @@ class GraphListener:
         node, topic = self._node, self._node.resolve_topic_name(part.topic)
         if node.count_publishers(topic):
             return ""
-        missing = f"no {part.name} in namespace {node.get_namespace()}"
+        missing = f"{part.missing} {node.get_namespace()}"
         domain = node.context.get_domain_id()
         if spaces := self._other_namespaces(part):
             return f"{missing}, but one in {spaces[0]}: add --ros-args -r __ns:={spaces[0]}"
@@ -144,9 +144,9 @@ class GraphListener:
 
     def _look(self) -> None:
         for part in self._parts:
-            self._conditions.report(part.name, self.absence(part), lasts=ABSENT)
+            self._conditions.report(part.topic, self.absence(part), lasts=ABSENT)
         if self._scenes is not None:
-            self._conditions.report("scenes", self._silence(self._scenes), lasts=0.0)
+            self._conditions.report("silence", self._silence(self._scenes), lasts=0.0)
         for line in self._conditions.take():
             self._show(line)
 

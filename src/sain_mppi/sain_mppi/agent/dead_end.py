@@ -158,13 +158,13 @@ UNEXPLAINED: Final = (
 
 
 def _causes(way: Way, error: Scalars | None, shortest: float) -> Iterator[tuple[Cause, str]]:
-    left, problem = f"{1e3 * way.left:.0f} mm are left", way.problem
+    left, problem = 1e3 * way.left, way.problem
     if 0.0 < way.left <= shortest:
-        text = f"{left}, and noise hides ways below {1e3 * shortest:.0f} mm; allow a larger"
-        yield Cause.NOISE, f"{text} tolerance, or reduce the noise"
+        text = f"{left:.0f} mm are left, and noise hides ways below {1e3 * shortest:.0f} mm"
+        yield Cause.NOISE, f"{text}; allow a larger tolerance, or reduce the noise"
     if error is not None and (off := float(error[way.body])) > way.left:
-        text = f"{left}, and predictions err by {1e3 * off:.0f} mm; allow a larger"
-        yield Cause.MODEL, f"{text} tolerance, or teach the model these bodies"
+        text = f"{left:.0f} mm are left, and predictions err by {1e3 * off:.0f} mm"
+        yield Cause.MODEL, f"{text}; allow a larger tolerance, or teach the model these bodies"
     if not problem.feasibility.reach.contains(way.stand):
         x, y = way.stand
         text = f"the tool would have to stand at ({x:.2f}, {y:.2f}) m, out of the arm's reach"
