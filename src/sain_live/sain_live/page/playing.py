@@ -6,6 +6,7 @@ from typing import Any, Final
 
 import viser
 
+from sain_live.page.texts import distance_facts, fact_rows
 from sain_live.player import Chapter, RecordingPlayer
 from sain_live.state import LiveState
 
