@@ -51,7 +51,7 @@ class Reader:
     def __init__(self, browser: Browser, port: int) -> None:
         self.browser = browser
         browser.open(f"http://127.0.0.1:{port}")
-        self.wait(lambda: "to the goal" in self.text and len(self.sliders) >= 2, "the page")
+        self.wait(lambda: "distance left" in self.text and len(self.sliders) >= 2, "the page")
 
     @property
     def text(self) -> str:
@@ -97,7 +97,7 @@ def test_a_reader_goes_through_a_recording(ros_domain: int, episode_bag: Path) -
         reader.drag(PUSH, 150)
         reader.wait(lambda: reader.fact("pushes") == f"{len(done)} of {len(done)}", "the last push")
         assert "Play" in reader.text.split("\n")  # it stands still
-        assert reader.fact("to the goal") == f"{1e3 * done[-1]['distance'][1]:.1f} mm"
+        assert reader.fact("distance left") == f"{1e3 * done[-1]['distance'][1]:.1f} mm"
         last = read_episodes(Bag(episode_bag))[0].executed[-1]
         place = pytest.approx(tuple(last.after[1, POSITION]), abs=1e-5)
         viewer.wait(lambda: viewer.nodes["/bodies/1"]["position"][:2] == place, "the target")
@@ -106,7 +106,7 @@ def test_a_reader_goes_through_a_recording(ros_domain: int, episode_bag: Path) -
 
         reader.press("◀ push")
         reader.wait(lambda: reader.fact("pushes") == f"1 of {len(done)}", "the push before")
-        assert reader.fact("to the goal") == f"{1e3 * done[0]['distance'][1]:.1f} mm"
+        assert reader.fact("distance left") == f"{1e3 * done[0]['distance'][1]:.1f} mm"
         reader.press("push ▶")
         reader.press("push ▶")
         reader.wait(lambda: second["title"] in reader.text.split("\n")[0:40], "the next episode")

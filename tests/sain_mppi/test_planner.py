@@ -44,7 +44,7 @@ def test_it_brings_the_target_to_the_goal_from_any_side(dynamics, bearing):
 def test_the_next_plan_starts_from_the_rest_of_the_last(scene, dynamics):
     warm = planner(dynamics)
     first = warm.plan(problem(scene), generator(0))
-    warm.config = replace(CONFIG, samples=1, rounds=1, stuck_rounds=0)
+    warm.config = replace(CONFIG, samples=1, rounds=1, stuck_rounds=0, correction_within=0.0)
     then = warm.plan(problem(first.predicted[0]), generator(1))
     np.testing.assert_allclose(then.pushes[:-1], first.pushes[1:])
 

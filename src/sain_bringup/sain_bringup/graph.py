@@ -8,6 +8,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Final
 
@@ -15,6 +16,7 @@ import tyro
 from rich.console import Console
 
 from sain_bringup.children import ProcessDiedError
+from sain_bringup.conditions import show_line
 from sain_bringup.interrupts import Interrupts, Stopped
 from sain_bringup.processes import UNHURRIED, Supervisor
 from sain_core.cli.command_line import command_of_node, executable, split_ros_arguments
@@ -54,6 +56,7 @@ PAGE: Final = "page"
 FLUSH_PERIOD: Final = "0.25"  # [s], at most so much is lost with the recorder
 UNWATCHED: Final = {lifetime.SOCKET: "", lifetime.TIMEOUT: ""}  # a driver may wait for its arm
 POLL: Final = 0.02  # [s] between looks at the processes
+STARTED: Final = 15.0  # [s], after which warnings are printed though processes still start
 SHIPPED: Final = "sain"  # model
 
 
@@ -212,10 +215,7 @@ def run(options: GraphOptions, console: Console) -> int:
     ):
         logs = start(supervisor, options, Path(folder))
         try:
-            while not interrupts.came:
-                supervisor.check()
-                logs.show()
-                time.sleep(POLL)
+            watch(supervisor, logs, interrupts, console)
         except ProcessDiedError as error:
             logs.show()
             tell(error.reason)
@@ -225,6 +225,31 @@ def run(options: GraphOptions, console: Console) -> int:
             supervisor.stop()
         logs.show()
     return code
+
+
+def watch(supervisor: Supervisor, logs: "Logs", interrupts: Interrupts, console: Console) -> None:
+    """Look after the processes until a signal comes; print what keeps the graph from working.
+
+    Raises:
+        ProcessDiedError: one ended that is not restarted.
+    """
+    from sain_bringup.ros.listener import listening
+
+    begun, names = time.monotonic(), [child.name for child in supervisor.children]
+
+    def show_what_is_new() -> None:
+        supervisor.check()
+        logs.show()
+
+    while not interrupts.came and supervisor.starting(names):
+        show_what_is_new()
+        time.sleep(POLL)
+        if time.monotonic() - begun > STARTED:
+            break
+    with listening("graph", partial(show_line, console)) as listen:
+        while not interrupts.came:
+            show_what_is_new()
+            listen(POLL)
 
 
 def start(supervisor: Supervisor, options: GraphOptions, folder: Path) -> "Logs":

@@ -212,6 +212,6 @@ def _caption(picture: Picture, title: str, judged: Judgement) -> Image.Image:
     draw = ImageDraw.Draw(image)
     size = max(12, image.width // 24)
     font, colour = ImageFont.load_default(size), PALETTE.success if judged.met else PALETTE.ink
-    text = f"{title}: {1e3 * judged.distance:.0f} mm to the goal"
+    text = f"{title}: {1e3 * judged.distance:.0f} mm from the goal"
     draw.text((image.width / 2, image.height - MARGIN), text, colour, font, anchor="ms")
     return image

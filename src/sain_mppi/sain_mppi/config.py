@@ -233,15 +233,22 @@ class ProgressConfig(Config):
         0.3, "tolerated error as a share of the predicted path, if larger", minimum=0.0
     )
     careful_after: float = option(
-        0.005,
+        0.0,
         "mean error of predictions on the way to a goal, of the body that is farthest off, from"
-        " which on pushes near the goal have `correction_speed`",
+        " which on pushes near the goal have `correction_speed`; 0: all but the first push",
         unit="m",
         minimum=0.0,
     )
-    stalled_after: int = option(3, "pushes without progress after which plans are wider", minimum=1)
+    stalled_after: int = option(
+        3,
+        "pushes without progress after which plans are wider, and the reason is reported",
+        minimum=1,
+    )
     give_up_after: int = option(
-        12, "pushes without progress after which the planner stops; 0: never", minimum=0
+        12,
+        "pushes that lowered the cost by less than a tenth in all, after which the planner stops;"
+        " 0: never",
+        minimum=0,
     )
 
 
@@ -310,7 +317,7 @@ class PlannerConfig(Config):
         minimum=0.01,
     )
     correction_within: float = option(
-        0.03,
+        0.06,
         "distance of all bodies to their poses from which on pushes correct",
         unit="m",
         minimum=0.0,

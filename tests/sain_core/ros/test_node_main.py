@@ -140,7 +140,7 @@ def test_without_a_simulator_push_says_so(ros_domain):
     began = time.monotonic()
     alone = tool("push", "--timeout", "0.5")
     assert alone.returncode == 1
-    assert "no settled scene on /sain/scene; is the simulator running?" in alone.stderr
+    assert "no source of scenes in namespace /sain" in alone.stderr
     assert time.monotonic() > began + 0.5
 
 

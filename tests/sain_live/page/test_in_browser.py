@@ -8,10 +8,12 @@ import numpy as np
 import pytest
 
 from sain_core.scene import RADIUS
+from sain_live.orders import planner_settings
+from sain_live.page.controls import description
 from sain_live.page.live_page import LivePage
 from sain_live.page.scene import HANDLE
 from sain_live.page.serving import CAMERA, FIELD_OF_VIEW, LOOK_AT
-from sain_live.state import LiveState
+from sain_live.state import Level, LiveState
 from tests.sain_bags.browser import WEBGL, Browser, opened_browser
 from tests.sain_live.straw import AIM, BODIES, SCENE, Written, made_up, served
 
@@ -21,6 +23,18 @@ PLACES = """const place = one => one.getBoundingClientRect().toJSON();
 const scene = document.querySelector("canvas[data-engine]");
 const button = [...document.querySelectorAll("button")].find(one => one.innerText == "Start");
 return scene && button && [place(scene), place(button)]"""
+
+TOO_WIDE = """const found = [...document.querySelectorAll("*")].filter(one =>
+  one.getBoundingClientRect().right > innerWidth + 1 || one.scrollLeft > 0 ||
+  (one.scrollWidth > one.clientWidth + 1 && one.className.includes?.("ScrollArea")));
+return [document.documentElement.scrollWidth, found.map(one => one.outerHTML.slice(0, 99))]"""
+TABS = """return [...document.querySelectorAll("[role=tab]")].map(one => one.innerText.trim())"""
+OPEN = """const named = [...document.querySelectorAll("[role=tab]")].filter(
+  one => one.innerText.trim() == arguments[0]);
+named.forEach(one => one.click()); return named.length"""
+UNFOLD = """const folded = [...document.querySelectorAll("*")].filter(one =>
+  !one.children.length && one.innerText?.startsWith("Charts ·"));
+folded.forEach(one => one.click()); return folded.length"""
 
 
 @pytest.fixture(scope="module")
@@ -106,3 +120,32 @@ def test_on_a_phone_the_panel_is_below_the_scene_and_goals_can_be_dragged(browse
     ((aim,), *_) = orders.of("aim")
     assert (aim.poses[0].x, aim.poses[0].y) == pytest.approx((pose.x, pose.y - 0.1), abs=0.02)
     assert known.aim is orders.of("aim")[-1][0]
+
+
+def test_on_a_phone_no_tab_is_wider_than_the_screen(browser, page):
+    known, _, page = page
+    known.update(model="runs/" + 40 * "long" + "/sain.safetensors", why=80 * "why")
+    known.update(picture=np.zeros((480, 640, 3), np.uint8))
+    known.tell(Level.REFUSAL, 100 * "word")
+    opened(browser, page, WIDTH, HEIGHT, phone=True)
+    wait(lambda: browser.run(UNFOLD), "the charts' bar")
+    names = ("Run", "Planner", "Charts", "Learning", "Camera")
+    wait(lambda: set(names) <= set(browser.run(TABS)), "all tabs")
+    for name in names:
+        assert browser.run(OPEN, name) == 1
+        browser.settle()
+        time.sleep(0.5)  # charts find their width a moment later
+        assert browser.run(TOO_WIDE) == [WIDTH, []], name
+
+
+def test_each_setting_has_its_description_in_the_text(browser, page):
+    opened(browser, page[2], WIDTH, HEIGHT, phone=True)
+    wait(lambda: browser.run(OPEN, "Planner"), "the tab")
+    text = "return document.body.textContent"
+    wait(lambda: "overshoot to where the arm" in browser.run(text), "the settings")
+    written = browser.run(text)
+    assert [
+        item.name for _, _, item, _ in planner_settings() if description(item) not in written
+    ] == []
+    seen = browser.run("return document.body.innerText")
+    assert "K, sequences rolled out in the first round" in seen

@@ -64,13 +64,27 @@ def test_an_error_inside_the_model_s_region_is_no_surprise(scene):
 def test_pushes_that_bring_nothing_make_plans_wider_and_at_last_none(scene):
     settings = ProgressConfig(stalled_after=2, give_up_after=4)
     decider = decider_over(IdentityPrior(), replace(CONFIG, progress=settings))
-    concerns = []
-    with pytest.raises(NoProgressError, match="4 pushes in a row brought nothing, the distance is"):
+    concerns, ends = [], []
+    with pytest.raises(NoProgressError, match=r"^4 pushes brought body 1 no nearer: .* 148 mm"):
         for number in range(9):
             jolted = moved(scene, MID, [1e-4 * (number % 2), 0.0])
-            concerns.append(decide(decider, jolted, number).warning)
+            decision = decide(decider, jolted, number)
+            concerns.append(decision.warning)
+            ends.append(decision.dead_end)
     assert concerns == ["", "", "2 pushes brought nothing", "3 pushes brought nothing"]
+    assert [None if end is None else end.pushes for end in ends] == [None, None, 2, 3]
     assert decide(decider, scene, session=2).warning == ""
+
+
+def test_nudges_that_hardly_lower_the_cost_are_a_dead_end(scene):
+    monitor = ProgressMonitor(ProgressConfig())
+    counts = []
+    for number, cost in enumerate((1.0, 0.97, 0.94, 0.91, 0.88)):
+        monitor.expect(scene, scene)
+        monitor.observe(moved(scene, MID, [1e-3 * number, 0.0]), cost)
+        counts.append(monitor.stalled)
+    assert counts == [0, 1, 2, 3, 0]
+    assert monitor.without == 0
 
 
 def test_pushes_near_the_goal_are_slow_only_after_predictions_that_erred(scene, dynamics):
@@ -78,8 +92,10 @@ def test_pushes_near_the_goal_are_slow_only_after_predictions_that_erred(scene, 
     near[TARGET, POSITION] = [0.66, 0.05]
     near[MID, POSITION] = [0.50, 0.02]
     usual = PlannerConfig().speeds[0]
-    for error, speed in ((0.001, usual), (0.02, CONFIG.correction_speed)):
-        decider = decider_over(dynamics)
+    slow = CONFIG.correction_speed
+    for after, error, speed in ((0.005, 0.001, usual), (0.005, 0.02, slow), (0.0, 0.001, slow)):
+        progress = ProgressConfig(careful_after=after)
+        decider = decider_over(dynamics, replace(CONFIG, progress=progress))
         first = decide(decider, near)
         assert first.plan.push[SPEED] == pytest.approx(usual)  # nothing is known yet
         then = decide(decider, moved(first.predicted, MID, [error, 0.0]), 1)

@@ -2,13 +2,17 @@
 
 import numpy as np
 import pytest
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 
+import sain_bringup.ros.listener
 from sain_core import wire
 from sain_core.errors import ErrorCode
 from sain_core.scene import POSITION
 from sain_interfaces.msg import Plan
 from sain_model.physics.planar import PlanarPrior
+from sain_mppi.agent.dead_end import Cause
 from sain_mppi.ros.mppi_node import MppiNode
+from sain_mppi.ros.plans import CAUSE
 from tests.rviz import shown
 from tests.sain_mppi.ros.straw import GOAL, SMALL, START, nth_push, plan
 
@@ -118,3 +122,25 @@ def test_the_number_of_pushes_is_kept_and_refused_ones_do_not_count(graph, straw
     straw.show(scene_id=2)
     assert plan(graph, scene_id=2).status == Plan.EXHAUSTED
     assert len(graph.heard["push"]) == 2
+
+
+def test_after_three_pushes_that_bring_nothing_it_reports_why(graph, straw, planner):
+    graph.listen("/diagnostics", DiagnosticArray)
+    graph.aim(GOAL, 1)
+    for number in range(1, 5):
+        jolted = START.copy()
+        jolted[0, 0] += 1e-4 * number
+        straw.show(scene_id=number, disks=jolted)
+        straw.answer(nth_push(graph, number), ErrorCode.OK)
+
+    def reported():
+        statuses = [one for array in graph.heard["/diagnostics"] for one in array.status]
+        return [one for one in statuses if "3 pushes brought body 1 no nearer" in one.message]
+
+    graph.wait(reported, "the reason")
+    status = reported()[0]
+    assert status.level == DiagnosticStatus.WARN
+    assert {pair.key: pair.value for pair in status.values}[CAUSE] in set(Cause)
+    assert CAUSE == sain_bringup.ros.listener.CAUSE  # so commands print it at once
+    (fourth,) = graph.find("plan", push_id=nth_push(graph, 4).push_id)
+    assert fourth.concern == status.message

@@ -228,7 +228,7 @@ def play(
     plans = episode_plans(options)
     with display.stage("starting the graph", "simulator, model, planner and recorder are up"):
         sight = (folder / LOGS, options.see) if options.see else None
-        director = Director(check, options.timeout, supervisor, sight)
+        director = Director(check, options.timeout, supervisor, sight, display.note)
         episodes = " ".join(f"{plan.scenario}:{plan.seed}" for plan in plans)
         namespace = director.get_namespace()
         about = {EPISODES_KEY: episodes, NAMESPACE_KEY: namespace, "model": options.model}

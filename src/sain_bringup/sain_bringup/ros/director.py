@@ -15,6 +15,7 @@ from rclpy.node import Node
 from sain_bringup.display import EpisodeView
 from sain_bringup.graph import PLANNER
 from sain_bringup.processes import Supervisor
+from sain_bringup.ros.listener import GraphListener
 from sain_bringup.ros.progress import LOST, SERVER_PARTS, Missing, Progress, distance, missing_parts
 from sain_bringup.ros.sight import Sight
 from sain_core.errors import ErrorCode, ModelUnavailableError, SainError, error_from_reply
@@ -48,19 +49,21 @@ class Director(Node):
         timeout: float,
         supervisor: Supervisor | None = None,
         sight: tuple[Path, str] | None = None,
+        show: Callable[[str], None] | None = None,
     ) -> None:
         """Join the graph. Wait for any one thing no longer than the timeout [s].
 
         While waiting, `check` is called again and again; it raises when the graph is broken. It
         may have the supervisor restart processes of the graph. Where bodies are seen by a camera,
-        `sight` is a folder for their files, and by what they are seen.
+        `sight` is a folder for their files, and by what they are seen. Once the graph is up,
+        `show` prints what keeps it from working.
         """
         super().__init__("closed_loop", namespace=NAMESPACE, parameter_overrides=[SIMULATED])
         self._joined = time.monotonic()
         self._next_look = self._joined
         self._check = check
         self._supervisor = supervisor
-        self._timeout = timeout
+        self._timeout, self._show = timeout, show
         self._events: deque[Plan | PushResult] = deque()
         self._goals = 0
         self._planner_ready = False
@@ -110,6 +113,8 @@ class Director(Node):
         self.wait(up, problem, since=lambda: max(changed_at, self._heard_at(missing)))
         refuse_rivals(self, OWNED)
         self._graph_is_up = True
+        if self._show is not None:
+            GraphListener(self, self._show)
 
     def _heard_at(self, missing: list[Missing]) -> float:
         names = [part.process for part in missing]

@@ -4,19 +4,20 @@ import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import tyro
 from rich.console import Console
 from rich.markup import escape
 
+from sain_bringup.conditions import show_line
 from sain_core.cli.terminal import WaitingLine
 from sain_core.config import Config, option
 from sain_core.errors import ErrorCode, SainError
 from sain_model.compute.kernel_store import describe_compilation
 
 if TYPE_CHECKING:
-    from diagnostic_msgs.msg import DiagnosticArray
     from rclpy.node import Node
 
     from sain_interfaces.action import Reach
@@ -62,19 +63,16 @@ class GoalSender:
 
     def __init__(self, node: "Node", console: Console) -> None:
         """Look for the planner."""
-        from diagnostic_msgs.msg import DiagnosticArray
         from rclpy.action import ActionClient
 
-        from sain_core.ros.qos import RELIABLE
+        from sain_bringup.ros.listener import GraphListener
         from sain_interfaces.action import Reach
 
         self.node = node
         self._console = console
         self._client = ActionClient(self.node, Reach, "reach")
-        self._planner = self.node.resolve_topic_name("mppi_node")
         self._line = WaitingLine(console, PATIENCE)
-        told = self._on_diagnostics
-        self.node.create_subscription(DiagnosticArray, "/diagnostics", told, RELIABLE)
+        self._listener = GraphListener(node, partial(show_line, console), waiting=self._on_planner)
 
     def send(self, goal: "Goal", timeout_s: float) -> Any:
         """Send a goal; return its handle.
@@ -82,12 +80,14 @@ class GoalSender:
         Raises:
             SilentPlannerError: no planner, or no answer in time.
         """
+        from sain_bringup.ros.listener import PLANNER
         from sain_interfaces.action import Reach
 
         where = self.node.resolve_topic_name("reach")
         waited = f"(waited {timeout_s:g} s)"
         if not self._wait(self._client.server_is_ready, timeout_s, f"a planner on {where}"):
-            raise SilentPlannerError(f"no planner on {where} {waited}; start mppi_node")
+            missing = self._listener.absence(PLANNER) or f"no planner takes goals on {where}"
+            raise SilentPlannerError(f"{missing} {waited}")
         sent = self._client.send_goal_async(Reach.Goal(goal=goal), self._tell)
         if not self._wait(sent.done, timeout_s, f"the answer of the planner on {where}"):
             raise SilentPlannerError(f"the planner did not answer on {where} {waited}")
@@ -122,14 +122,11 @@ class GoalSender:
             spin_until(self.node, ended.done, math.inf)
         return ended.result().result
 
-    def _on_diagnostics(self, message: "DiagnosticArray") -> None:
+    def _on_planner(self, message: str) -> bool:
         """Show what the planner waits for, or that it does not."""
-        from sain_core.ros.node_main import node_of
-
-        for status in message.status:
-            if node_of(status) == self._planner:
-                waits = status.message.startswith(WAITS)
-                self._line.say(f"the planner {status.message}" if waits else "")
+        waits = message.startswith(WAITS)
+        self._line.say(f"the planner {message}" if waits else "")
+        return waits
 
     def _tell(self, message: Any) -> None:
         told = message.feedback

@@ -2,12 +2,14 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from rich.console import Console
 from rich.markup import escape
 
+from sain_bringup.conditions import show_line
 from sain_core.cli.terminal import FittingTable
 from sain_core.config import Config, option
 from sain_core.errors import ErrorCode, SainError
@@ -54,12 +56,14 @@ class SilentSimulatorError(SainError):
 class PushSender:
     """Sends one push from the scene that it sees."""
 
-    def __init__(self, node: "Node", timeout_s: float) -> None:
-        """Listen to the simulator."""
+    def __init__(self, node: "Node", timeout_s: float, show: Callable[[str], None]) -> None:
+        """Listen to the simulator; `show` prints what is wrong in the graph."""
+        from sain_bringup.ros.listener import SCENES, GraphListener
         from sain_core.ros.qos import LATCHED, RELIABLE
         from sain_interfaces.msg import Bodies, Push, PushResult, Scene
 
         self.node = node
+        self._listener = GraphListener(node, show, (SCENES,))
         self._timeout_s = timeout_s
         self._push_id = next(push_ids())
         self._scene: "Scene | None" = None
@@ -76,12 +80,16 @@ class PushSender:
         Raises:
             SilentSimulatorError: no simulator, or no answer in time.
         """
+        from sain_bringup.ros.listener import SCENES
         from sain_core.ros.codec import encode_push
 
         topic = self.node.resolve_topic_name("scene")
         self._wait(
             lambda: self._scene is not None and self._publisher.get_subscription_count() > 0,
-            f"no settled scene on {topic}; is the simulator running?",
+            lambda: (
+                self._listener.absence(SCENES)
+                or f"no settled scene on {topic}, or no node takes a push; wait, or reset the scene"
+            ),
         )
         assert self._scene is not None
         message = encode_push(
@@ -93,14 +101,15 @@ class PushSender:
             source=self.node.get_fully_qualified_name(),
         )
         self._publisher.publish(message)
-        self._wait(lambda: self._result is not None, "the simulator did not answer the push")
+        silent = "the simulator did not answer the push"
+        self._wait(lambda: self._result is not None, lambda: silent)
         return self._result
 
-    def _wait(self, done: Callable[[], bool], problem: str) -> None:
+    def _wait(self, done: Callable[[], bool], problem: Callable[[], str]) -> None:
         from sain_core.ros.node_main import spin_until
 
         if not spin_until(self.node, done, self._timeout_s):
-            raise SilentSimulatorError(f"{problem} (waited {self._timeout_s:g} s)")
+            raise SilentSimulatorError(f"{problem()} (waited {self._timeout_s:g} s)")
 
     def _on_scene(self, message: "Scene") -> None:
         self._scene = message if message.settled else None
@@ -143,7 +152,7 @@ def run(options: PushOptions, console: Console) -> int:
     path = options.location, options.angle, options.length
     push = make_push(*path, body=options.body, speed=options.speed)
     with command_node("push") as node:
-        sender = PushSender(node, options.timeout)
+        sender = PushSender(node, options.timeout, partial(show_line, console))
         result = sender.send(push)
     show(result, console, sender.shapes)
     return 0 if result.error_code == ErrorCode.OK else int(result.error_code) or 1

@@ -24,6 +24,7 @@ COLOURS: Final = {
     Level.REFUSAL: PALETTE.alarm,
     Level.FAULT: PALETTE.alarm,
 }
+LOG: Final = "padding:6px 14px;font-size:12px;line-height:1.35;overflow-wrap:anywhere"
 LEGEND: Final = (
     (PALETTE.predicted, "what the model predicted"),
     (PALETTE.physics, "what physics without learning predicted"),
@@ -96,7 +97,7 @@ def draw(chart: Any, *curves: tuple[float, ...]) -> None:
 def scales(*curves: tuple[float, ...]) -> dict[str, uplot.Scale]:
     """Return scales from 0 that hold all of some curves: by itself uPlot fails at a NaN."""
     values = [value for curve in curves for value in curve if math.isfinite(value)]
-    top = HEADROOM * max(values, default=0.0) or 1.0
+    top = HEADROOM * (max(values, default=0.0) or 1.0)
     return {"x": {"time": False}, "y": {"range": (0.0, top)}}
 
 
@@ -115,7 +116,7 @@ def log_text(lines: list[LogLine]) -> str:
         f"{'' if line.kind is Level.NOTE else f'<b>{line.kind}</b> '}{escape(line.text)}</div>"
         for line in reversed(lines)
     )
-    return f'<div style="padding:6px 14px;font-size:12px;line-height:1.35">{rows or "-"}</div>'
+    return f'<div style="{LOG}">{rows or "-"}</div>'
 
 
 def legend() -> str:

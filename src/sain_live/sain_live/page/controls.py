@@ -14,6 +14,7 @@ from sain_core.shapes.library import shape_names
 from sain_core.view.palette import PALETTE
 from sain_eval.scenes.scenarios import scenario_names
 from sain_live.orders import AS_DRAWN, Field, Orders, Reset, planner_settings
+from sain_live.page.texts import add_caption, distance_facts, fact_rows
 from sain_live.settings import PageConfig
 from sain_live.state import Level, LiveState, Phase
 from sain_sim.world.truth import TRUTHS
@@ -82,21 +83,14 @@ class ControlsView:
         self._scenario = gui.add_dropdown(
             "scenario", scenario_names(), initial_value=config.scenario or FIRST
         )
-        self._seed: Any = gui.add_text(
-            "seed", str(config.seed), hint="number of the scene; the same one is the same scene"
-        )
-        self._shape = gui.add_dropdown(
-            "shape",
-            (AS_DRAWN, *shape_names()),
-            hint="of the bodies, where it is free",
-        )
-        self._world = gui.add_dropdown(
-            "world",
-            (AS_STARTED, *TRUTHS),
-            hint="true friction and contacts, hidden from the model",
-        )
+        self._seed: Any = gui.add_text("seed", str(config.seed))
+        add_caption(gui, "number of the scene; the same one is the same scene")
+        self._shape = gui.add_dropdown("shape", (AS_DRAWN, *shape_names()))
+        add_caption(gui, "of the bodies, where it is free")
+        self._world = gui.add_dropdown("world", (AS_STARTED, *TRUTHS))
+        add_caption(gui, "true friction and contacts, hidden from the model")
         self._hint = gui.add_html("")
-        reset = gui.add_button("Reset", icon=viser.Icon.REFRESH, hint="start this episode")
+        reset = gui.add_button("Reset", icon=viser.Icon.REFRESH)
         reset.on_click(self._guarded(self._reset))
         following = gui.add_button("Next seed", icon=viser.Icon.PLAYER_TRACK_NEXT)
         following.on_click(self._guarded(self._next))
@@ -106,22 +100,18 @@ class ControlsView:
     def _add_model(self) -> None:
         self._models = (*dynamics_names(), *checkpoints(Path("runs")))
         self._model: Any = self._gui.add_dropdown(
-            "model",
-            (*self._models, NONE_YET),
-            initial_value=NONE_YET,
-            hint="predicts pushes for the planner; one that cannot do so in this scene is refused",
+            "model", (*self._models, NONE_YET), initial_value=NONE_YET
         )
-        path = self._gui.add_text(
-            "or a file", "", hint="path of a checkpoint, where the model's node runs"
-        )
+        text = "predicts pushes for the planner; one that cannot do so in this scene is refused"
+        add_caption(self._gui, text)
+        path = self._gui.add_text("or a file", "")
+        add_caption(self._gui, "path of a checkpoint, where the model's node runs")
         button = self._gui.add_button("Load file", icon=viser.Icon.DOWNLOAD)
         button.on_click(self._guarded(lambda: self._load(path.value.strip())))
         self._model.on_update(self._on_model)
 
     def _add_learning(self) -> None:
-        self._learns: Any = self._gui.add_checkbox(
-            "learn from pushes", False, visible=False, hint="off: the model stays as it is"
-        )
+        self._learns: Any = self._gui.add_checkbox("learn from pushes", False, visible=False)
         self._learns.on_update(self._on_learns)
 
     def _on_learns(self, event: viser.GuiEvent[Any]) -> None:
@@ -188,29 +178,15 @@ def status_text(known: LiveState) -> str:
     facts += [("world", known.world or "-")]
     if known.scene is not None:
         facts.insert(0, ("episode", f"{known.scene.episode_id}, {known.time:.0f} s"))
-    if away := distance_text(known):
-        facts[1:1] = [("to the goal", away), ("pushes", str(known.pushes))]
-    rows = "".join(
-        f'<div style="display:flex"><span style="width:86px;color:{PALETTE.soft}">{name}</span>'
-        f'<span style="overflow-wrap:anywhere">{escape(value)}</span></div>'
-        for name, value in facts
-    )
+    if distance := distance_facts(known):
+        facts[1:1] = [*distance, ("pushes", str(known.pushes))]
     reason = known.starting or known.why
     why = f'<div style="color:{PALETTE.soft};margin:2px 0 4px">{escape(reason)}</div>'
     return (
         f'<div style="padding:6px 14px;font-size:13px;line-height:1.5">'
         f'<div style="font-size:17px;font-weight:600;color:{colour}">{known.phase}</div>'
-        f"{why if reason else ''}{rows}</div>"
+        f"{why if reason else ''}{fact_rows(facts)}</div>"
     )
-
-
-def distance_text(known: LiveState) -> str:
-    """Return how far the bodies are from the goal; "": there is none, or it is of another scene."""
-    judged = None if known.scene is None else known.judge(known.scene.disks)
-    if judged is None:
-        return ""
-    turn = f", {57.29578 * judged.turn:.0f}°" if judged.goal.has_heading else ""
-    return f"{1e3 * judged.distance:.0f} mm{turn}"
 
 
 STEPS: Final = 100  # of a slider
@@ -274,29 +250,37 @@ class PlannerForm:
 
 
 def make_control(gui: viser.GuiApi, item: Field, default: Any) -> Any:
-    """Return a control for a setting: slider, number, choice, box to tick or text."""
-    about = item.metadata
-    unit, allowed = about.get("unit", ""), describe_values(about)
+    """Return a control for a setting, with its description below it."""
+    unit = item.metadata.get("unit", "")
     label = item.name.replace("_", " ") + (f" [{unit}]" if unit else "")
+    control = _bare_control(gui, label, item.metadata, default)
+    add_caption(gui, description(item))
+    return control
+
+
+def description(item: Field) -> str:
+    """Return what a setting means, and what is allowed."""
+    about, allowed = item.metadata, describe_values(item.metadata)
     text = about.get("description", "")
-    hint = f"{text}{f' ({allowed})' if allowed and not about.get('choices') else ''}"
+    return f"{text} ({allowed})" if allowed and not about.get("choices") else text
+
+
+def _bare_control(gui: viser.GuiApi, label: str, about: Mapping[str, Any], default: Any) -> Any:
+    """Return slider, number, choice, box to tick or text."""
     if choices := about.get("choices"):
-        return gui.add_dropdown(
-            label, tuple(map(str, choices)), initial_value=str(default), hint=hint
-        )
+        return gui.add_dropdown(label, tuple(map(str, choices)), initial_value=str(default))
     if isinstance(default, bool):
-        return gui.add_checkbox(label, default, hint=hint)
+        return gui.add_checkbox(label, default)
     if isinstance(default, str | tuple):
-        shown = show_value(default) if isinstance(default, tuple) else default
-        return gui.add_text(label, shown, hint=hint)
+        return gui.add_text(label, show_value(default) if isinstance(default, tuple) else default)
     low, high, kind = about.get("minimum"), about.get("maximum"), type(default)
     if low is not None and high is not None and high - low <= WIDEST[kind]:
         step = kind(1) if kind is int else (high - low) / STEPS
-        return gui.add_slider(label, kind(low), kind(high), step, default, hint=hint)
+        return gui.add_slider(label, kind(low), kind(high), step, default)
     limits = {
         name: kind(value) for name, value in (("min", low), ("max", high)) if value is not None
     }
-    return gui.add_number(label, default, step=1 if kind is int else None, hint=hint, **limits)
+    return gui.add_number(label, default, step=1 if kind is int else None, **limits)
 
 
 def read_numbers(text: str) -> list[float]:

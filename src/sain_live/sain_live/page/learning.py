@@ -73,7 +73,7 @@ def error_data(learned: Learned) -> Data:
 def _scales(data: Data) -> dict[str, uplot.Scale]:
     """Return scales from 0 that hold all means: an interval of few pushes may leave them."""
     means = np.concatenate(data[1::3])
-    top = HEADROOM * float(np.nanmax(means, initial=0.0)) or 1.0
+    top = HEADROOM * (float(np.nanmax(means, initial=0.0)) or 1.0)
     return {"x": {"time": False}, "y": {"range": (0.0, top)}}
 
 

@@ -4,10 +4,9 @@ import time
 from html import escape
 from typing import Any, Final
 
-import numpy as np
 import viser
 
-from sain_core.view.palette import PALETTE
+from sain_live.page.texts import distance_facts, fact_rows
 from sain_live.player import Chapter, RecordingPlayer
 from sain_live.state import LiveState
 
@@ -32,13 +31,11 @@ class PlayingView:
         self._title: Any = gui.add_dropdown("episode", titles)
         self._buttons = gui.add_button_group("steps", (PREVIOUS, NEXT))
         self._play = gui.add_button(PAUSE, icon=viser.Icon.PLAYER_PAUSE)
-        self._time: Any = gui.add_slider("time [s]", 0.0, 1.0, STEP, 0.0, hint="of the episode")
-        self._push: Any = gui.add_slider("push", 0, 1, 1, 0, hint="at its end; 0: the start")
+        self._time: Any = gui.add_slider("time [s]", 0.0, 1.0, STEP, 0.0)
+        self._push: Any = gui.add_slider("push", 0, 1, 1, 0)
         speeds = sorted({*SPEEDS, player.speed})
         names = {f"{speed:g}": speed for speed in speeds}
-        self._speed = gui.add_dropdown(
-            "speed", tuple(names), initial_value=f"{player.speed:g}", hint="1: as it was simulated"
-        )
+        self._speed = gui.add_dropdown("speed", tuple(names), initial_value=f"{player.speed:g}")
         self._title.on_update(self._asked(player.open))
         self._time.on_update(self._slid(0, lambda value: player.seek(float(value))))
         self._push.on_update(self._slid(1, lambda value: player.seek_push(int(value))))
@@ -95,31 +92,17 @@ class PlayingView:
         self._push.max, self._push.visible = max(chapter.pushes, 1), chapter.pushes > 0
 
 
-def distance_text(known: LiveState) -> str:
-    """Return how far the bodies are from the goal, as on the report page; "": there is none."""
-    if known.aim is None or known.scene is None:
-        return ""
-    judged = known.aim.judge(known.scene.disks, known.scene.disks, known.bodies)
-    turn = f", {np.degrees(judged.turn):.1f}°" if judged.goal.has_heading else ""
-    return f"{1e3 * judged.distance:.1f} mm{turn}"
-
-
 def playing_text(player: RecordingPlayer, known: LiveState) -> str:
     """Return what is shown, as HTML."""
     chapter = player.chapter
     facts = [("recording", player.recording.name)]
     facts += [("time", f"{player.time:.1f} of {chapter.duration:.1f} s")]
     facts += [("pushes", f"{player.push} of {chapter.pushes}")]
-    facts += [("to the goal", distance_text(known))]
+    facts += distance_facts(known, digits=1)
     facts += [("loop", f"{known.phase}{f': {known.why}' if known.why else ''}")]
     facts += [("model", known.model), ("engine", known.engine), ("world", known.world)]
-    rows = "".join(
-        f'<div style="display:flex"><span style="width:86px;color:{PALETTE.soft}">{name}</span>'
-        f'<span style="overflow-wrap:anywhere">{escape(value)}</span></div>'
-        for name, value in facts
-        if value
-    )
     return (
         f'<div style="padding:6px 14px;font-size:13px;line-height:1.5">'
-        f'<div style="font-size:17px;font-weight:600">{escape(chapter.title)}</div>{rows}</div>'
+        f'<div style="font-size:17px;font-weight:600">{escape(chapter.title)}</div>'
+        f"{fact_rows(facts)}</div>"
     )

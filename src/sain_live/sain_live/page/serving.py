@@ -29,7 +29,9 @@ div:has(~ .mantine-Paper-root[style*="20em"]) { min-height: 0 }
 .mantine-Paper-root[style*="20em"] { position: static !important; width: 100% !important;
   max-height: 50% !important; flex: none }
 .mantine-Paper-root[style*="20em"] [style*="20em"] { width: 100% !important }
-}</style>"""  # viser's panel covers the scene there; this puts it below
+.mantine-ScrollArea-content { display: block !important; min-width: 0 !important; width: 100% }
+.mantine-ScrollArea-content * { overflow-wrap: anywhere }
+}</style>"""  # viser's panel covers the scene there; this puts it below, and as wide as the screen
 
 Check = Callable[[Any, Any], Any]
 

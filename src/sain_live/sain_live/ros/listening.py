@@ -8,12 +8,12 @@ from collections.abc import Callable
 from threading import Event, Lock, Thread
 from typing import Any, Final
 
-from rclpy.callback_groups import CallbackGroup
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from rclpy.subscription import Subscription
 from sensor_msgs.msg import Image
 
+from sain_bringup.ros.listener import LatestMessage
 from sain_core.guarding.ros.reception import Reception
 from sain_core.ros.qos import LATCHED, LATCHED_QUEUE, QUEUE, RELIABLE
 from sain_live.ros.hearing import Hearing
@@ -21,19 +21,6 @@ from sain_live.state import LiveState
 
 PICTURE: Final = "camera/overlay"
 LATEST: Final = QoSProfile(depth=1)
-
-
-class _Unwatched(CallbackGroup):
-    """Keeps subscriptions out of what the executor waits for."""
-
-    def can_execute(self, entity: Any) -> bool:
-        return False
-
-    def beginning_execution(self, entity: Any) -> bool:
-        return False
-
-    def ending_execution(self, entity: Any) -> None:
-        pass
 
 
 class Polling:
@@ -45,8 +32,7 @@ class Polling:
     def __init__(self, node: Node, reception: Reception, rate: float) -> None:
         """Look so often [Hz], once started."""
         self._node, self._reception, self._period = node, reception, 1.0 / rate
-        self._group = _Unwatched()
-        self._taken: list[tuple[Subscription, Callable[[Any], None]]] = []
+        self._taken: list[tuple[LatestMessage, Callable[[Any], None]]] = []
         self._end = Event()
         self._thread = Thread(target=self._run, name="polling", daemon=True)
 
@@ -58,10 +44,7 @@ class Polling:
             self._node.get_logger().error(text, throttle_duration_sec=5.0)
 
         handle = self._reception.guarded(topic, callback, refuse)
-        subscription = self._node.create_subscription(
-            kind, topic, handle, LATEST, callback_group=self._group
-        )
-        self._taken.append((subscription, handle))
+        self._taken.append((LatestMessage(self._node, kind, topic), handle))
 
     def start(self) -> None:
         """Look from now on."""
@@ -75,11 +58,9 @@ class Polling:
 
     def take(self) -> None:
         """Hand on what has come since the last look."""
-        for subscription, handle in self._taken:
-            with subscription.handle:
-                found = subscription.handle.take_message(subscription.msg_type, False)
-            if found is not None:
-                handle(found[0])
+        for latest, handle in self._taken:
+            if (message := latest.take()) is not None:
+                handle(message)
 
     def _run(self) -> None:
         while not self._end.wait(self._period):

@@ -17,6 +17,7 @@ from sain_core.scene import MASS, POSITION, RADIUS
 from sain_core.shapes.bodies import Bodies
 from sain_core.transitions import PushHistory
 from sain_core.types import PushArray, Scalars, Scene
+from sain_mppi.agent.dead_end import DeadEnd
 from sain_mppi.agent.uncertainty import Uncertainty
 from sain_mppi.algorithms.sampling import PlanResult
 from sain_mppi.config import PlannerConfig
@@ -208,6 +209,7 @@ class PushDecision:
         last_expected: (N,) [m], errors up to these are expected.
         push_id: of the push, once the agent counts it as sent.
         settings: what was planned with; None: it was not planned.
+        dead_end: why pushes bring a body no nearer; None: they do.
     """
 
     job: PlanJob
@@ -219,6 +221,7 @@ class PushDecision:
     last_expected: Scalars | None = None
     push_id: int = 0
     settings: PlannerConfig | None = None
+    dead_end: DeadEnd | None = None
 
     @property
     def predicted(self) -> Scene | None:

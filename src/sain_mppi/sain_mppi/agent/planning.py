@@ -16,6 +16,7 @@ from sain_core.scene import POSITION, TARGET
 from sain_core.shapes.bodies import PAPER_DISKS, Bodies
 from sain_core.transitions import PushHistory
 from sain_core.types import PredictedScenes, PushSequences, Scalars, Scene
+from sain_mppi.agent.dead_end import DeadEnd, find_dead_end
 from sain_mppi.agent.events import PlanJob, PushDecision
 from sain_mppi.algorithms.search import RESET
 from sain_mppi.config import PlannerConfig, ProgressConfig
@@ -28,6 +29,7 @@ SHORTEST: Final = 4.0  # standard deviations of places: a shorter way of a body 
 NOISE: Final = 3.0  # standard deviations of places: by so much more may an error seem to be
 MODEL_SHARE: Final = 0.8  # of the time for a plan: a model that is silent so long is late
 NEARER: Final = 0.99  # of the best so far: a resting cost below this share is progress
+MUCH: Final = 0.9  # of the resting cost at the last such progress: below, a body came nearer
 
 
 class Decider(ABC):
@@ -119,7 +121,7 @@ class PlanningDecider(Decider):
             self._model, self._physics, job.history, job.problem.bodies, self._patience
         )
         self._compare(job)
-        warning = monitor.warning
+        warning, dead_end = monitor.warning, self._dead_end(job)
         plan = planner.plan(
             job.problem,
             generator,
@@ -131,7 +133,8 @@ class PlanningDecider(Decider):
         )
         monitor.expect(job.problem.scene, plan.predicted[0])
         errors = monitor.errors, monitor.expected
-        return PushDecision(job, plan.push, plan, model.failure, warning, *errors, settings=config)
+        decision = PushDecision(job, plan.push, plan, model.failure, warning, *errors)
+        return replace(decision, settings=config, dead_end=dead_end)
 
     def _compare(self, job: PlanJob) -> None:
         """Compare the scene with what was expected; raise when it is no use going on."""
@@ -141,10 +144,16 @@ class PlanningDecider(Decider):
         monitor.observe(job.problem.scene, rest_cost, noise)
         if monitor.hopeless:
             raise NoProgressError(
-                f"{monitor.without} pushes in a row brought nothing, the distance is"
-                f" {1e3 * job.judgement.distance:.0f} mm; choose another goal, move a body,"
+                f"{self._dead_end(job)}; the distance is {1e3 * job.judgement.distance:.0f} mm:"
                 f" send the goal again, or {RESET}"
             )
+
+    def _dead_end(self, job: PlanJob) -> DeadEnd | None:
+        """Return why pushes bring a body no nearer; None: they do."""
+        monitor = self._monitor
+        if monitor.stalled < self._config.progress.stalled_after:
+            return None
+        return find_dead_end(job.problem, monitor.stalled, monitor.mean_errors, shortest_way(job))
 
     def prepare(self, decision: PushDecision, generator: np.random.Generator) -> bool:
         """Plan from the scene to which the push should lead, unless that is the end."""
@@ -259,6 +268,7 @@ class ProgressMonitor:
     Attributes:
         config: what it judges by.
         without: pushes in a row without progress.
+        stalled: pushes in a row without much progress: nudges that hardly change anything count.
         errors: (N,) [m], of the last planned push, from the predicted place to the observed one;
             None: there was none.
         expected: (N,) [m], errors up to these are expected.
@@ -273,11 +283,11 @@ class ProgressMonitor:
         self._before: Scene | None = None
         self._predicted: Scene | None = None
         self._regions: Scalars | None = None
-        self._best = np.inf
-        self.without = 0
+        self._best = self._reference = np.inf
+        self.without = self.stalled = 0
         self.errors: Scalars | None = None
         self.expected: Scalars | None = None
-        self._largest: list[float] = []  # [m], error of each push
+        self._errors: list[Scalars] = []  # (N,) [m], of each push
 
     def expect(self, scene: Scene, predicted: Scene, regions: Scalars | None = None) -> None:
         """Take note of the scene (N, 8) to which a push from another scene (N, 8) should lead.
@@ -298,6 +308,9 @@ class ProgressMonitor:
             if scene.shape == predicted.shape:
                 self._compare(before, predicted, scene, noise)
             self.without += 1
+            self.stalled += 1
+        if rest_cost < MUCH * self._reference:
+            self.stalled, self._reference = 0, rest_cost
         if rest_cost < NEARER * self._best:
             self.without, self._best = 0, rest_cost
 
@@ -305,7 +318,7 @@ class ProgressMonitor:
         self, before: Scene, predicted: Scene, scene: Scene, noise: Scalars | None
     ) -> None:
         self.errors = np.linalg.norm((scene - predicted)[:, POSITION], axis=1)
-        self._largest.append(float(self.errors.max()))
+        self._errors.append(self.errors)
         way = np.linalg.norm((predicted - before)[:, POSITION], axis=1)
         self.expected = np.maximum(self.config.surprise, self.config.surprise_share * way)
         if self._regions is not None:
@@ -331,10 +344,16 @@ class ProgressMonitor:
     @property
     def careful(self) -> bool:
         """Whether predictions were so far off that pushes near the goal should be slow."""
-        return bool(self._largest) and fmean(self._largest) >= self.config.careful_after
+        largest = [float(errors.max()) for errors in self._errors]
+        return bool(largest) and fmean(largest) >= self.config.careful_after
+
+    @property
+    def mean_errors(self) -> Scalars | None:
+        """The mean error (N,) [m] of each body's predicted places; None: there is none."""
+        return np.mean(self._errors, axis=0) if self._errors else None
 
     @property
     def hopeless(self) -> bool:
         """Whether there is no point in going on."""
         most = self.config.give_up_after
-        return most > 0 and self.without >= most
+        return most > 0 and self.stalled >= most

@@ -134,9 +134,9 @@ class Problem:
                 self._check_pose(pose, pusher)
 
     def _check_pose(self, pose: BodyPose, pusher: int) -> None:
-        least, most = self._span(pose.body)
+        least, most = self.span(pose.body)
         if pusher != pose.body:
-            narrow, wide = self._span(pusher)
+            narrow, wide = self.span(pusher)
             least, most = least + 2 * narrow, most + 2 * wide
         tool, reach = self.feasibility.limits.tool_radius, self.feasibility.reach
         sides = unit(np.linspace(-np.pi, np.pi, SIDES, endpoint=False))
@@ -149,7 +149,7 @@ class Problem:
             f" would have to stand {least + tool:.2f} m behind it, {reach.describe()}"
         )
 
-    def _span(self, body: int) -> tuple[float, float]:
+    def span(self, body: int) -> tuple[float, float]:
         """Return the radii [m] of a body's inscribed and circumscribed circles."""
         shape, radius = self.bodies.shapes[body], float(self.scene[body, RADIUS])
         inscribed = 1.0 if shape.is_round else outline_of(shape).inscribed

@@ -20,6 +20,7 @@ from sain_core.scene import POSITION
 from sain_core.view.scenes import goal_marks, plan_things, stage
 from sain_core.view.things import Thing
 from sain_interfaces.msg import Goal, Plan, Push
+from sain_mppi.agent.dead_end import DeadEnd
 from sain_mppi.agent.events import PlanJob, PushDecision, Stop, StopReason, Task
 from sain_mppi.algorithms.sampling import PlanResult
 from sain_mppi.ros.goals import Goals
@@ -30,6 +31,7 @@ STATUS: Final = {
     StopReason.EXHAUSTED: Plan.EXHAUSTED,
     StopReason.FAILED: Plan.NO_PUSH,
 }
+CAUSE: Final = "cause"  # of a dead end, a figure of the diagnostics
 SUMMARY: Final = {
     Plan.PUSH: "pushing",
     Plan.REACHED: "goal reached",
@@ -108,7 +110,7 @@ class Plans:
         """Publish the plan of the latest push, as complete."""
         regions = None if decision.plan is None else decision.plan.regions
         self._sent.regions = codec.encode_floats(np.empty(0) if regions is None else regions)
-        self._publish(self._sent, pushes)
+        self._publish(self._sent, pushes, decision.dead_end)
         self.markers.show(decision, self._now())
 
     def stop(self, stop: Stop, pushes: int) -> None:
@@ -122,14 +124,17 @@ class Plans:
         plan.error_message = shortened(text)
         self._publish(plan, pushes)
 
-    def _publish(self, plan: Plan, pushes: int) -> None:
+    def _publish(self, plan: Plan, pushes: int, dead_end: DeadEnd | None = None) -> None:
         plan.plan_id = next(self._ids)
         plan.header = codec.header(self._now())
         self.publisher.publish(plan)
         self._notes.add_plan(plan)  # killed before this, the next process publishes it again
         self._goals.follow(plan, pushes)
         well = plan.error_code in (ErrorCode.OK, ErrorCode.CANCELLED)
-        self._watch.report(OK if well else WARN, **summary(plan), pushes=pushes)
+        figures = summary(plan)
+        if dead_end is not None:
+            well, figures = False, figures | {"message": str(dead_end), CAUSE: dead_end.cause}
+        self._watch.report(OK if well else WARN, **figures, pushes=pushes)
 
     def _now(self) -> Time:
         return self._node.get_clock().now().to_msg()
@@ -157,7 +162,7 @@ def plan_of_decision(decision: PushDecision, model: str) -> Plan:
     plan.push_id = decision.push_id
     plan.dynamics = model
     plan.fallback = decision.failure is not None
-    plan.concern = decision.warning
+    plan.concern = decision.warning if decision.dead_end is None else str(decision.dead_end)
     if decision.plan is not None:
         _fill_result(plan, decision.plan)
     if (asked := decision.settings) is not None:

@@ -1,0 +1,194 @@
+"""Listens to a graph, and prints what keeps it from working."""
+
+import fcntl
+import os
+import re
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from time import monotonic
+from typing import Any, Final, NamedTuple
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from rclpy.callback_groups import CallbackGroup
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.qos import QoSProfile
+
+from sain_bringup.conditions import Conditions, described
+from sain_core.guarding.ros.ownership import full_name
+from sain_core.guarding.untrusted import private_folder
+from sain_core.ros.node_main import ERROR, OK, SEPARATOR, command_node
+from sain_core.ros.qos import RELIABLE, steady_timer
+from sain_interfaces.msg import Scene
+
+LOOK: Final = 0.25  # [s] between looks at the graph
+ABSENT: Final = 2.0  # [s], after which a part is missing: discovery takes its time
+SILENT: Final = 2.5  # [s] without a scene
+CAUSE: Final = "cause"  # a figure of warnings that need not last: several pushes showed them
+SAIN: Final = "sain"  # `hardware_id` of our own nodes
+
+
+class Part(NamedTuple):
+    """A part of the graph that a command needs, with a topic that it publishes."""
+
+    missing: str
+    topic: str
+    start: str
+
+
+PLANNER: Final = Part("no planner in namespace", "plan", "start ros2 run sain_mppi mppi_node")
+SCENES: Final = Part(
+    "no source of scenes in namespace",
+    "scene",
+    "start ros2 run sain_sim sim_node, or scene_node where a robot's bodies have poses",
+)
+
+
+class _Untriggered(CallbackGroup):
+    """Keeps subscriptions out of what the executor waits for."""
+
+    def can_execute(self, entity: Any) -> bool:
+        return False
+
+    def beginning_execution(self, entity: Any) -> bool:
+        return False
+
+    def ending_execution(self, entity: Any) -> None:
+        pass
+
+
+class LatestMessage:
+    """Takes the latest message of a topic when it is asked for; none of them wakes the executor."""
+
+    def __init__(self, node: Node, kind: type, topic: str, callback: Any = print) -> None:
+        """Subscribe."""
+        self._subscription = node.create_subscription(
+            kind, topic, callback, QoSProfile(depth=1), callback_group=_Untriggered()
+        )
+
+    def take(self, raw: bool = False) -> Any:
+        """Return what has come since the last look; None: nothing."""
+        subscription = self._subscription
+        with subscription.handle:
+            found = subscription.handle.take_message(subscription.msg_type, raw)
+        return None if found is None else found[0]
+
+
+class GraphListener:
+    """Prints each warning and error of the nodes once, and which part of the graph is missing."""
+
+    def __init__(
+        self,
+        node: Node,
+        show: Callable[[str], None],
+        parts: tuple[Part, ...] = (PLANNER, SCENES),
+        waiting: Callable[[str], bool] = lambda message: False,
+    ) -> None:
+        """Listen from now on.
+
+        Args:
+            node: that listens.
+            show: prints a line.
+            parts: that have to be there.
+            waiting: called with each warning of the planner, "" if there is none; returns whether
+                it is shown elsewhere.
+        """
+        self._node, self._show, self._parts, self._waiting = node, show, parts, waiting
+        self._conditions = Conditions()
+        self._scenes = LatestMessage(node, Scene, "scene") if SCENES in parts else None
+        self._scene_at = monotonic()
+        self._planner = node.resolve_topic_name("mppi_node")
+        heard = self._on_diagnostics
+        node.create_subscription(DiagnosticArray, "/diagnostics", heard, RELIABLE)
+        steady_timer(node, LOOK, self._look)
+
+    def absence(self, part: Part) -> str:
+        """Return the line to print where nothing publishes the topic of a part; "": it is there."""
+        node, topic = self._node, self._node.resolve_topic_name(part.topic)
+        if node.count_publishers(topic):
+            return ""
+        missing = f"{part.missing} {node.get_namespace()}"
+        domain = node.context.get_domain_id()
+        if spaces := self._other_namespaces(part):
+            return f"{missing}, but one in {spaces[0]}: add --ros-args -r __ns:={spaces[0]}"
+        if domains := [other for other in domains_of(topic) if other != domain]:
+            other = f"but one in domain {domains[0]}: export ROS_DOMAIN_ID={domains[0]}"
+            return f"{missing} of domain {domain}, {other}"
+        return f"{missing}: {part.start}; ROS_DOMAIN_ID is {domain} here"
+
+    def _other_namespaces(self, part: Part) -> list[str]:
+        found = self._node.get_topic_names_and_types()
+        ours = [name for name, kinds in found if any(kind.startswith(SAIN) for kind in kinds)]
+        topics = [name for name in ours if name.endswith(f"/{part.topic}")]
+        published = [name for name in topics if self._node.count_publishers(name)]
+        return [name.rpartition("/")[0] or "/" for name in published]
+
+    def _on_diagnostics(self, message: DiagnosticArray) -> None:
+        for status in message.status:
+            self._hear(status)
+
+    def _hear(self, status: DiagnosticStatus) -> None:
+        node, _, _ = str(status.name).partition(SEPARATOR)
+        space, _, name = node.rpartition("/")
+        own = space == self._node.get_namespace().rstrip("/")
+        if status.hardware_id == SAIN and not own:
+            return  # of another graph
+        text = "" if status.level == OK else status.message or "reports an error without a text"
+        if node == self._planner and self._waiting(text):
+            text = ""
+        line = text and described(name if own else node, text)
+        if status.level == ERROR or any(pair.key == CAUSE for pair in status.values):
+            self._conditions.report(status.name, line, lasts=0.0)
+        else:
+            self._conditions.report(status.name, line)
+
+    def _look(self) -> None:
+        for part in self._parts:
+            self._conditions.report(part.topic, self.absence(part), lasts=ABSENT)
+        if self._scenes is not None:
+            self._conditions.report("silence", self._silence(self._scenes), lasts=0.0)
+        for line in self._conditions.take():
+            self._show(line)
+
+    def _silence(self, scenes: LatestMessage) -> str:
+        """Return the line for scenes that do not come though a node should publish them."""
+        now, topic = monotonic(), self._node.resolve_topic_name(SCENES.topic)
+        sources = self._node.get_publishers_info_by_topic(topic)
+        if scenes.take(raw=True) is not None or not sources:
+            self._scene_at = now
+        if now - self._scene_at < SILENT:
+            return ""
+        names = " and ".join(sorted({full_name(one) for one in sources}))
+        return f"no scene on {topic} for 3 s: {names} should publish it; look at its log"
+
+
+def domains_of(topic: str) -> list[int]:
+    """Return the ROS domains of this computer in which a node of this user owns a topic."""
+    pattern = re.compile(rf"domain_(\d+){re.escape(topic.replace('/', '.'))}\.lock")
+    found = ((pattern.fullmatch(path.name), path) for path in private_folder().iterdir())
+    return sorted(int(match[1]) for match, path in found if match and _is_locked(str(path)))
+
+
+def _is_locked(path: str) -> bool:
+    with suppress(OSError):
+        descriptor = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_CLOEXEC)
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_SH | fcntl.LOCK_NB)
+        except BlockingIOError:
+            return True
+        finally:
+            os.close(descriptor)
+    return False
+
+
+@contextmanager
+def listening(name: str, show: Callable[[str], None]) -> Iterator[Callable[[float], None]]:
+    """Listen with a node of this name; gives a function that listens for so long [s]."""
+    with command_node(name) as node:
+        GraphListener(node, show)
+        executor = SingleThreadedExecutor()
+        executor.add_node(node)
+        try:
+            yield lambda seconds: executor.spin_once(timeout_sec=seconds)
+        finally:
+            executor.shutdown()
