@@ -45,7 +45,7 @@ from sain_core.transitions import (
 from sain_core.types import Mask, Pushes, Scalars, Scenes
 from sain_model.importing.files import BodyKey, Recordings
 from sain_model.importing.real_pushes import IN_DEGREES, RealPushes
-from sain_model.physics.parameters import PlanarConfig
+from sain_model.inference.kinds import surface_kind
 from sain_model.physics.planar import FirstTouch, PlanarPrior, first_touch
 
 NEAR: Final = 0.001  # [m], of the starts and of the lengths of two ways
@@ -81,7 +81,7 @@ CARD_FILE: Final = "card.json"
 EXAMPLES: Final = 3
 FEWER: Final = 3.0  # times as large an error with one unit of headings as with the other
 GRAVITY: Final = 9.81  # [m/s^2]
-PHYSICS: Final = PlanarConfig()
+PHYSICS: Final = surface_kind().config  # nominal physics of real bodies, as in `make real`
 
 
 @dataclass(frozen=True, eq=False)
@@ -412,7 +412,7 @@ def _summary(made: Imported) -> dict[str, Any]:
         "groups_of_repeats": len(sizes),
         "share_with_repeat": float((sizes[made.groups] > 1).mean()),
         "largest_group": int(sizes.max()),
-        "physics_next": "computed: planar with its default settings",
+        "physics_next": "computed: planar with the values of a textbook",
         "counts": counts,
         "shard_size": SHARD_SIZE,
         "fields": describe_fields(columns),
