@@ -35,19 +35,17 @@ set_up() {
   fi
   use_settings_of_pip
   if ! is_made base "$packages_now"; then
-    rm -f "$stamps/base" "$stamps/messages"
+    rm -f "$stamps/base"
     run_job packages "Packages" install_base
+    start_job torch "PyTorch and the kernels" install_torch
+  fi
+  if ! is_made messages "$messages_now"; then
     start_job messages "Messages" build_messages src/sain_interfaces
     start_job missing "Messages that have no wheel" build_missing
-    start_job torch "PyTorch and the kernels" install_torch
-    await_jobs
-    stamp messages "$messages_now"
-    stamp base "$packages_now"
-  elif ! is_made messages "$messages_now"; then
-    run_job missing "Messages that have no wheel" build_missing
-    run_job messages "Messages" build_messages src/sain_interfaces
-    stamp messages "$messages_now"
   fi
+  await_jobs
+  stamp messages "$messages_now"
+  stamp base "$packages_now"
   for group in "${groups[@]}"; do
     is_made "$group" "$packages_now" || run_job "$group" "Packages: $group" install_group "$group"
   done

@@ -24,6 +24,10 @@ class DivergedError(SainError):
     """A push in which an engine found no possible solution: there is no outcome."""
 
 
+class ToppledError(DivergedError):
+    """A push that tipped a body over: what follows is not in a plane."""
+
+
 class WorldFailedError(SainError):
     """A world that raised what it should not, or that broke its contract."""
 

@@ -12,7 +12,7 @@ from sain_core.push import make_stroke
 from sain_core.scene import MASS, POSITION, RADIUS, THETA, unit
 from sain_core.shapes.bodies import Bodies
 from sain_core.shapes.outlines import StatedBodies, read_stated
-from sain_model.physics.parameters import PlanarConfig
+from sain_model.inference.kinds import surface_kind
 from sain_model.physics.planar import PlanarPrior, first_touch
 
 TIP = 0.00475
@@ -75,7 +75,7 @@ def simulate(folder: Path) -> Recorded:
         )
         bodies = Bodies((body.shape.on("flat"),))
         assert not first_touch(states, strokes, bodies).inside.any()
-        settled = PlanarPrior(PlanarConfig(), bodies).step(states, strokes)[:, 0]
+        settled = PlanarPrior(surface_kind().config, bodies).step(states, strokes)[:, 0]
         after = np.column_stack(
             [
                 settled[:, POSITION] - turned(settled[:, THETA], np.array(body.centre)),

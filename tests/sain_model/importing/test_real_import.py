@@ -23,6 +23,7 @@ from sain_model.importing.files import read_recordings
 from sain_model.importing.mat_logs import MAT_HEADER
 from tests.sain_model.importing.recorded import (
     HEADER,
+    KNEE,
     PUSHES,
     Recorded,
     simulate,
@@ -30,6 +31,9 @@ from tests.sain_model.importing.recorded import (
     write_mats,
     write_npz,
     write_stated,
+)
+from tests.sain_model.importing.recorded import (
+    turned as turned_by,
 )
 
 
@@ -137,7 +141,9 @@ def test_pushes_that_begin_inside_are_counted(rows: Recorded, tmp_path: Path) ->
         convert(tmp_path / "other", npz, skip_bad=False)
     everywhere = rows.changed(tip_start=rows.before[:, :2], tip_end=rows.before[:, :2] + 0.02)
     npz = write_npz(tmp_path / "all.npz", everywhere)
-    with pytest.raises(DatasetError, match="in all 24 rows the tool begins inside the body"):
+    with pytest.raises(
+        DatasetError, match=r"24 of 24 pushes cannot be: .*the tool begins .*mirrored"
+    ):
         convert(tmp_path / "other", npz)
 
 
@@ -200,7 +206,10 @@ def test_numbers_that_cannot_be_are_refused(
     [
         (lambda text: text.replace("theta1", "phi"), "header of .* lacks theta1; it needs object"),
         (lambda text: text[:-40], r"row 25 has \d+ fields; the header 14"),
-        (lambda text: text.replace("0.02,", "slow,", 1), r"row 2: speed is 'slow'; give a number"),
+        (
+            lambda text: text.replace("0.02,", "slow,", 1),
+            r"row 2: speed is 'slow'; give a finite number",
+        ),
         (lambda text: text.replace("knee", "", 1), "row 2: object is empty"),
         (lambda text: HEADER, "has a header and no pushes"),
         (lambda text: text.replace("knee", '"cor', 1), "is not read: "),
@@ -215,6 +224,170 @@ def test_a_csv_that_is_none_is_refused(
     path.write_text(change(path.read_text()))  # type: ignore[operator]
     with pytest.raises(DatasetError, match=message):
         read_recordings((path,), shapes)
+
+
+def as_degrees(text: str, mark: str = "") -> str:
+    """Return the text of a CSV file with headings in degrees."""
+    lines = [line.split(",") for line in text.splitlines()]
+    for place in (4, 7):
+        lines[0][place] += mark
+        for line in lines[1:]:
+            line[place] = repr(float(line[place]) * 180 / np.pi)
+    return "\n".join(map(",".join, lines))
+
+
+def moved(text: str, column: int) -> str:
+    """Return the text with a column at the end."""
+    lines = [line.split(",") for line in text.splitlines()]
+    return "\n".join(",".join([*one[:column], *one[column + 1 :], one[column]]) for one in lines)
+
+
+ALSO_READ = {  # what it is changed to, and what is printed about it
+    "quoted": (
+        lambda text: text.replace(HEADER, ",".join(f'"{n}"' for n in HEADER.split(","))),
+        "",
+    ),
+    "windows": (lambda text: "\ufeff" + text.replace("\n", "\r\n") + "\r\n,,,,,,,,,,,,,\r\n", ""),
+    "order": (lambda text: moved(text, 1), ""),
+    "semicolons": (
+        lambda text: text.replace(",", ";").replace(".", ","),
+        "decimal commas are read as",
+    ),
+    "tabs": (lambda text: text.replace(",", "\t"), ""),
+    "index": (
+        lambda text: "\n".join(f"{n or ''},{line}" for n, line in enumerate(text.splitlines())),
+        "mine.csv: column 1, which has no name, not used",
+    ),
+    "extra": (
+        lambda text: "\n".join(f"{line},note" for line in text.splitlines()),
+        "mine.csv: column 'note' not used",
+    ),
+    "degrees": (lambda text: as_degrees(text, "_deg"), ""),
+    "millimetres": (
+        lambda text: text.replace("speed", "speed [mm/s]").replace(",0.02,", ",20,"),
+        "",
+    ),
+    "twice": (lambda text: text + text.splitlines()[1], "1 rows state a push of another row once"),
+}
+
+
+@pytest.mark.parametrize("name", ALSO_READ)
+def test_tables_as_people_have_them_are_read(rows: Recorded, tmp_path: Path, name: str) -> None:
+    change, note = ALSO_READ[name]
+    path = write_csv(tmp_path / "mine.csv", rows)
+    plain = read_recordings((path,), write_stated(tmp_path))
+    path.write_text(change(path.read_text()))
+    found = read_recordings((path,), tmp_path / "shapes.json")
+    for column in ("before", "after", "tip_start", "tip_end", "speed"):
+        wanted = getattr(plain.pushes, column)
+        np.testing.assert_allclose(getattr(found.pushes, column), wanted, atol=1e-12)
+    assert note in "\n".join(found.notes) and bool(note) == bool(found.notes)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (
+            lambda text: text.replace("tip_radius", "tip_raduis"),
+            "has tip_raduis; rename it to tip_r",
+        ),
+        (lambda text: text.replace("theta1", "theta_1"), "has theta_1; rename it to theta1: it ne"),
+        (lambda text: text.replace("tip_x0", "x0"), "has x0 twice; it needs object"),
+        (lambda text: text.replace("speed", "speed_deg"), "has speed in 'deg'; allowed: m/s, cm/s"),
+        (lambda text: text.replace(",0.02,", ",,", 1), "row 2: speed is ''; give a finite number"),
+        (lambda text: text.replace(",0.02,", ",nan,", 1), "row 2: speed is 'nan'; give a finite n"),
+        (lambda text: text.replace("0.02,", "0,02,"), r"row 2 has 15 fields; .* by semicolons"),
+        (
+            lambda text: text.replace(",", ";").replace("0.02", "0,02"),
+            r"row 2: \w+ is '.*', and numbers of this file have commas; write decimal points",
+        ),
+        (as_degrees, r"heading \w+ is -?\d+.*looks like degrees; .*, or of a CSV file .*--degrees"),
+    ],
+)
+def test_a_csv_that_may_be_misread_is_refused(
+    rows: Recorded, tmp_path: Path, change: object, message: str
+) -> None:
+    path = write_csv(tmp_path / "mine.csv", rows)
+    path.write_text(change(path.read_text()))  # type: ignore[operator]
+    with pytest.raises(DatasetError, match=message):
+        read_recordings((path,), write_stated(tmp_path))
+
+
+def test_headings_in_degrees_are_found_by_how_bodies_turn(rows: Recorded, tmp_path: Path) -> None:
+    """Small ones, which could be radians."""
+    write_stated(tmp_path)
+    turned = wrap_angle(rows.after[:, 2] - rows.before[:, 2]) * 180 / np.pi
+    some = np.abs(turned) < 6.0
+    columns = {name: value[some] for name, value in vars(rows).items()}
+    before = rows.before[some] * [1, 1, 0]
+    after = np.column_stack([rows.after[some, :2], turned[some]])
+    both = columns | {"before": before, "after": after}
+    for name in ("tip_start", "tip_end"):  # turned with the body
+        both[name] = before[:, :2] + turned_by(-rows.before[some, 2], columns[name] - before[:, :2])
+    both["after"][:, :2] = before[:, :2] + turned_by(
+        -rows.before[some, 2], after[:, :2] - before[:, :2]
+    )
+    path = write_csv(tmp_path / "mine.csv", Recorded(**both))
+    with pytest.raises(
+        DatasetError, match=r"headings look like degrees\. In row \d+ the body would"
+    ):
+        convert(tmp_path / "out", path)
+    data, printed = convert(tmp_path / "out", path, degrees=True)
+    assert len(data) == some.sum() and "nominal physics errs by 0.00 mm" in printed
+
+
+def test_all_files_of_a_folder_are_read_or_named(rows: Recorded, tmp_path: Path) -> None:
+    write_stated(tmp_path).rename(tmp_path / "outlines.yaml")  # JSON is YAML
+    write_csv(tmp_path / "B.CSV", rows)
+    (tmp_path / "c.csv.gz").write_bytes(b"packed")
+    (tmp_path / "notes.txt").write_text("of mine")
+    found = read_recordings((tmp_path,))
+    assert len(found.pushes) == 2 * PUSHES and "knee" in {name for name, _ in found.bodies}
+    assert found.notes == (
+        f"2 of {tmp_path} are of another form, and left out: c.csv.gz, notes.txt",
+    )
+    with pytest.raises(DatasetError, match=r"c.csv.gz is no file of pushes; unpack it first; allo"):
+        read_recordings((tmp_path / "c.csv.gz",))
+    write_stated(tmp_path)
+    with pytest.raises(DatasetError, match=r"shapes.json and .*outlines.yaml both state outlines"):
+        read_recordings((tmp_path,))
+
+
+def test_pushes_that_cannot_be_are_left_out_by_name(rows: Recorded, tmp_path: Path) -> None:
+    write_stated(tmp_path)
+    after = rows.after.copy()
+    ways = np.hypot(*(rows.after - rows.before)[:, :2].T)
+    touched = np.flatnonzero(ways > 0.005)
+    touched = touched[np.argsort(ways[touched])]
+    missed = np.flatnonzero((rows.after == rows.before).all(axis=1))
+    spun, far = touched[:2]
+    after[far, 0] += 0.3
+    after[spun, 2] += 3.0
+    after[missed[0], 1] += 0.02
+    npz = write_npz(tmp_path / "all.npz", rows.changed(after=after))
+    data, printed = convert(tmp_path / "out", npz)
+    assert len(data) == 2 * PUSHES - 3
+    for what, row in (
+        ("the body moves farther than the tool", far),
+        ("the body turns farther than the tool can turn it", spun),
+        ("the body moves, and the tool never touches it", missed[0]),
+    ):
+        assert f"1 left out: {what} ({npz} row {row + 1})" in printed
+    with pytest.raises(DatasetError, match=r"row \d+: the body moves by \d+ mm and \d+ degrees"):
+        convert(tmp_path / "other", npz, skip_bad=False)
+
+
+@pytest.mark.parametrize("place", [3.0, 0.03])
+def test_outlines_elsewhere_than_the_pushes_are_refused(
+    rows: Recorded, tmp_path: Path, place: float
+) -> None:
+    write_stated(tmp_path)
+    knees = {name: value[:PUSHES] for name, value in vars(rows).items()}
+    write_stated(tmp_path, {"shapes": {"knee": (np.array(KNEE) + place).tolist()}})
+    npz = write_npz(tmp_path / "all.npz", Recorded(**knees))
+    with pytest.raises(DatasetError, match=r"\d+ of 12 pushes the tool never touches .* mirrored"):
+        convert(tmp_path / "out", npz)
+    assert not (tmp_path / "out").exists()
 
 
 def cut(path: Path) -> None:
@@ -275,7 +448,10 @@ def test_a_file_that_is_none_is_refused(
 def test_the_public_pushes_are_read(tmp_path: Path) -> None:
     data, printed = convert(tmp_path / "out", Path(os.environ["SAIN_REAL_DATA"]))
     assert "11,323 pushes of 11 bodies; surfaces: abs 7,242, plywood 4,081" in printed
-    assert "51 left out" in printed and "289 never touch the body" in printed
-    assert len(data) == 11_272 and len(np.unique(data.episode)) == 6_029
+    assert "51 left out: the tool begins inside the body" in printed
+    assert "10 left out: the body moves, and the tool never touches it" in printed
+    assert "1 left out: the body turns farther than" in printed
+    assert "279 never touch the body" in printed
+    assert len(data) == 11_261 and len(np.unique(data.episode)) == 6_019
     assert all(part.action.shape == (len(part), 8) for part in data.parts)
     assert {*ORIGINS, *SHAPED} <= set(Column)

@@ -10,10 +10,14 @@ from rich.console import Console
 
 from sain_core.errors import CheckpointError, ConfigError, DatasetError
 from sain_core.model import Model, load_dynamics
+from sain_core.push import make_stroke
+from sain_core.shapes.bodies import Bodies
+from sain_core.transitions import describe_bodies
 from sain_core.types import Pushes, Scenes
 from sain_model import commands
 from sain_model.cli.identify import IdentifyOptions, run
-from sain_model.dynamics.identify import fit_laboratory, load_recording
+from sain_model.data.dataset import load_dataset
+from sain_model.dynamics.identify import fit_laboratory, identify_bodies, load_recording
 from sain_model.dynamics.sain import SainDynamics
 from sain_model.inference.kinds import FRICTION, NO_AXES, read_belief
 from sain_model.physics.parameters import TEXTBOOK, PlanarConfig
@@ -107,6 +111,71 @@ def test_recordings_of_two_laboratories_are_an_error(
     error = " ".join(capsys.readouterr().err.split())
     assert error.startswith(f"identify: {message}")
     assert error.endswith("standard deviations apart; identify each laboratory by itself")
+
+
+def name_bodies(out: Path, touched: bool = True) -> Path:
+    """Write strokes against a disk on five surfaces, of a tool that may miss."""
+    count = 5 * PUSHES
+    out.mkdir()
+    scenes = np.zeros((count, 1, 8))
+    scenes[:, 0, 6:] = 1.0, 0.05
+    bearing = np.linspace(0.0, 6.0, count)
+    start = 0.08 * np.column_stack([np.cos(bearing), np.sin(bearing)])
+    away = bearing + (np.pi + 0.3 if touched else 0.0)
+    strokes = make_stroke(start, away, 0.06, speed=0.02, tip_radius=0.005)
+    bodies = Bodies.named(["disk:flat"])
+    after = PlanarPrior(PlanarConfig(), bodies).step(scenes, strokes)
+    named = describe_bodies(bodies)
+    columns = {
+        "state": scenes[:, 0],
+        "action": strokes,
+        "physics_next": after[:, 0],
+        "next_state": after[:, 0],
+        "episode": np.arange(count),
+        "shapes": np.full(count, named["shapes"]),
+        "roles": np.full(count, named["roles"]),
+        "object": np.full(count, "puck"),
+        "surface": np.repeat([f"table {number}" for number in range(5)], PUSHES),
+    }
+    np.savez_compressed(out / "shard-00000.npz", **columns)
+    return out
+
+
+def test_what_pushes_do_not_show_stays_as_uncertain_as_before(tmp_path: Path) -> None:
+    shown = {}
+    for touched in (True, False):
+        data = name_bodies(tmp_path / f"{touched}", touched)
+        belief = identify_bodies(load_dataset(data))
+        shown[touched] = dict(zip(belief.likeliest.names, belief.likeliest.deviations, strict=True))
+    assert min(shown[False].values()) >= 1.0
+    assert shown[True]["tool_friction"] < 0.7 * shown[False]["tool_friction"]
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        (["--model", "nonsense"], "--model is 'nonsense'; it is for recordings of a laboratory"),
+        (["--unknown", "mass"], "--unknown is 'mass'; it is for recordings of a laboratory"),
+    ],
+)
+def test_options_that_named_bodies_have_no_use_for_are_refused(
+    tmp_path: Path, given: list[str], message: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    data = name_bodies(tmp_path / "robot")
+    assert commands.identify([str(data), "--out", str(tmp_path / "belief.json"), *given]) == 1
+    assert message in " ".join(capsys.readouterr().err.split())
+
+
+def test_as_many_pushes_of_each_named_body_count_as_are_given(
+    tmp_path: Path, recording: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    data, out = name_bodies(tmp_path / "robot"), tmp_path / "belief.json"
+    assert commands.identify([str(data), "--out", str(out), "--pushes", "2"]) == 0
+    assert "10 pushes of 5" in capsys.readouterr().out
+    assert commands.identify([str(data), str(data), "--out", str(out)]) == 1
+    assert "is given twice; give each recording once" in " ".join(capsys.readouterr().err.split())
+    assert commands.identify([str(data), str(recording), "--out", str(out)]) == 1
+    assert "some of the pushes name their body" in " ".join(capsys.readouterr().err.split())
 
 
 @pytest.mark.parametrize("content", ["", "{}", '{"format": "sain-belief-2", "structures": []}'])

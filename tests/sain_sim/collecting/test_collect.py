@@ -210,7 +210,7 @@ def test_a_push_that_diverges_ends_its_episode_and_is_not_recorded(monkeypatch, 
         cut = runner.run(1)
     assert len(whole.transitions) == 3 and len(cut.transitions) == 1
     assert np.array_equal(cut.transitions[0][Column.NEXT_STATE], whole.transitions[0]["next_state"])
-    assert cut.counts.refused == cut.counts.stuck == 1
+    assert cut.counts.refused == 1 and cut.counts.stuck == 0
     assert "an episode ends after 1 pushes: no solution" in caplog.text
     runner.close()
 
@@ -222,8 +222,9 @@ def test_every_push_that_is_drawn_is_counted_once(tmp_path) -> None:
     assert counts.episodes == 3
     assert counts.valid == done.transitions == len(data["episode"])
     assert counts.moved == data["moved"].sum()
-    assert counts.drawn == sum(
-        (counts.unreachable, counts.blocked, counts.refused, counts.edge, counts.valid)
+    ended = counts.edge + counts.toppled
+    assert counts.drawn == ended + sum(
+        (counts.unreachable, counts.blocked, counts.refused, counts.valid)
     )
     assert counts.blocked > 0 and counts.missed > 0
     card = json.loads((config.out / "card.json").read_text())

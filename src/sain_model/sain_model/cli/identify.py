@@ -1,7 +1,7 @@
 """``ros2 run sain_model identify``: what recordings of a laboratory tell of its physics."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -34,7 +34,12 @@ class IdentifyOptions(Config):
     out: Path = option(Path("runs/belief.json"), "file for the belief")
     overwrite: bool = option(False, OVERWRITE_HELP)
     model: str = option("sain", "model that it is for: sain, or the path of a checkpoint")
-    pushes: int = option(0, "largest number of pushes of each recording; 0: all", minimum=0)
+    pushes: int = option(
+        0,
+        "largest number of pushes of each recording, or of each body that recordings of a robot"
+        " name; 0: all, or as many as change anything",
+        minimum=0,
+    )
     unknown: str = option(
         "", "what recordings state as nominal: mass is identified (the same bodies in all episodes)"
     )
@@ -49,8 +54,9 @@ def run(options: IdentifyOptions, console: Console) -> None:
         OutputError: the file cannot be written.
     """
     from sain_core.model import load_dynamics
-    from sain_model.data.dataset import load_dataset, shard_paths
+    from sain_model.data.dataset import load_dataset
     from sain_model.dynamics.identify import (
+        ENOUGH,
         identify,
         identify_bodies,
         states_bodies,
@@ -59,8 +65,12 @@ def run(options: IdentifyOptions, console: Console) -> None:
     from sain_model.dynamics.sain import SainDynamics
 
     claim_file(options.out, options.overwrite)
-    if states_bodies(load_dataset(shard_paths(options.datasets[0])[0])):
-        _write(options, identify_bodies(load_dataset(*options.datasets)), console)
+    for place, path in enumerate(options.datasets):
+        if path in options.datasets[:place]:
+            raise DatasetError(f"{path} is given twice; give each recording once")
+    if states_bodies(data := load_dataset(*options.datasets)):
+        _check_unused(options)
+        _write(options, identify_bodies(data, options.pushes or ENOUGH), console)
         return
     model = load_dynamics(options.model)
     if not isinstance(model, SainDynamics):
@@ -70,6 +80,17 @@ def run(options: IdentifyOptions, console: Console) -> None:
         model = model.with_unknown_masses()
     belief = identify(model, load_recordings(options))
     _write(options, belief, console)
+
+
+def _check_unused(options: IdentifyOptions) -> None:
+    """Refuse options that do nothing where recordings of a robot name their bodies."""
+    usual = {item.name: item.default for item in fields(IdentifyOptions)}
+    for name in ("model", "unknown"):
+        if (given := getattr(options, name)) != usual[name]:
+            raise ConfigError(
+                f"--{name} is {given!r}; it is for recordings of a laboratory, and these name the"
+                " pushed bodies (column object): leave it out"
+            )
 
 
 def _write(options: IdentifyOptions, belief: "Belief", console: Console) -> None:
@@ -86,15 +107,13 @@ def load_recordings(options: IdentifyOptions) -> "dict[str, Sequence[ObservedPus
     """Return recordings by name, their episodes counted as one sequence.
 
     Raises:
-        DatasetError: one is damaged or given twice.
+        DatasetError: one is damaged.
     """
     from sain_model.dynamics.identify import count_episodes, first_pushes, load_recording, shifted
 
     found: dict[str, Sequence[ObservedPushes]] = {}
     episodes = 0
     for path in options.datasets:
-        if str(path) in found:
-            raise DatasetError(f"{path} is given twice; give each recording once")
         parts = load_recording(path)
         if options.pushes:
             parts = first_pushes(parts, options.pushes)

@@ -38,11 +38,14 @@ class RealImportOptions(Config):
     overwrite: bool = option(False, OVERWRITE_HELP)
     shapes: Path | None = option(
         None,
-        "JSON or YAML file of the outlines [m]; by default shapes.json or shapes.yaml beside the"
-        " first path",
+        "JSON or YAML file of the outlines [m]; by default shapes.json, shapes.yaml or"
+        " outlines.yaml beside the first path",
     )
     tip_radius: float | None = option(
         None, "radius of the tool where rows state none", unit="m", minimum=0.001, maximum=0.05
+    )
+    degrees: bool = option(
+        False, "headings of .csv files are in degrees, where their header states no unit"
     )
     mass: float = option(
         MASS_MIDDLE,
@@ -52,7 +55,9 @@ class RealImportOptions(Config):
         maximum=1000.0,
     )
     skip_bad: bool = option(
-        True, "leave out pushes whose tool begins inside the body; else they are an error"
+        True,
+        "leave out pushes that cannot be: a tool inside the body, or a body that moves untouched or"
+        " farther than the tool; else they are an error",
     )
 
 
@@ -68,7 +73,7 @@ def run(options: RealImportOptions, console: Console) -> None:
     from sain_model.importing.files import read_recordings
 
     claim_data_set(options.out, options.overwrite)
-    found = read_recordings(options.paths, options.shapes, options.tip_radius)
+    found = read_recordings(options.paths, options.shapes, options.tip_radius, options.degrees)
     with WaitingLine(Console(stderr=True)) as line:
 
         def progress(done: int, total: int) -> None:
@@ -97,7 +102,7 @@ def _sha256(path: Path) -> str:
 
 def _report(found: "Recordings", made: "Imported") -> Iterator[str]:
     """Yield lines about what was read, left out and grouped."""
-    from sain_model.importing.data_set import EXAMPLES
+    from sain_model.importing.data_set import EXAMPLES, MANY_MISSES, REMEDY
 
     yield from found.notes
     pushes = found.pushes
@@ -106,9 +111,11 @@ def _report(found: "Recordings", made: "Imported") -> Iterator[str]:
         f"{name or 'not stated'} {n:,}" for name, n in zip(surfaces, counts, strict=True)
     )
     yield f"{len(pushes):,} pushes of {len(set(pushes.object.tolist()))} bodies; surfaces: {on}"
-    if made.inside:
-        rows = ", ".join(made.inside[:EXAMPLES])
-        yield f"{len(made.inside):,} left out: the tool begins inside the body ({rows}, ...)"
+    for what, rows in made.left_out.items():
+        more = ", ..." * (len(rows) > EXAMPLES)
+        yield f"{len(rows):,} left out: {what} ({', '.join(rows[:EXAMPLES])}{more})"
+    if made.misses > MANY_MISSES * len(made.groups):
+        yield f"warning: {made.misses:,} of {len(made.groups):,} never touch the body; {REMEDY}"
     sizes = np.bincount(made.groups)
     share = 100 * (sizes[made.groups] > 1).mean()
     yield (

@@ -111,26 +111,31 @@ def over_bodies(kind: Kind, parts: Parts) -> tuple[Kind, Places]:
 
     Also returned are the vectors z of these bodies, as the new kind has them.
 
-    The mean and the spread over the bodies are those of the values that explain the pushes of
-    each best (empirical Bayes). Of a few bodies only the mean counts.
+    The mean is that of the values that explain the pushes of each best. The spread is that of
+    these values and, besides, how uncertain they are (empirical Bayes, a step of the EM
+    algorithm): what pushes do not show stays as uncertain as before. Of a few bodies only the mean
+    counts.
 
     Args:
         kind: with what is believed before any push.
         parts: pushes, whose episodes are those of one body on one surface each.
     """
     count = count_episodes(parts)
-    places = fit(kind, parts, np.zeros((count, len(kind.names))), np.arange(count), STEPS).places
-    return of_another_body(kind, places), places - places.mean(axis=0)
+    found = fit(kind, parts, np.zeros((count, len(kind.names))), np.arange(count), STEPS)
+    variances = np.diagonal(found.covariance, axis1=1, axis2=2)
+    places = found.places
+    return of_another_body(kind, places, variances), places - places.mean(axis=0)
 
 
-def of_another_body(kind: Kind, places: Places) -> Kind:
-    """Return a kind with what vectors z of bodies show of one that was not pushed yet."""
+def of_another_body(kind: Kind, places: Places, variances: Places | float = 0.0) -> Kind:
+    """Return a kind with what vectors z of bodies, of such variances, show of another body."""
     count = len(places)
     prior = kind.at(places.mean(axis=0))
     if count < FEW_BODIES:
         return replace(kind, prior=prior)
-    scatter = np.hypot(places.std(axis=0, ddof=1), LEAST_SPREAD)
-    covariance = np.diag(scatter**2) * (1.0 + 1.0 / count)
+    scatter = np.hypot(places.std(axis=0, ddof=1), LEAST_SPREAD) ** 2
+    scatter += np.mean(np.broadcast_to(variances, places.shape), axis=0)
+    covariance = np.diag(scatter) * (1.0 + 1.0 / count)
     return replace(kind, prior=prior, covariance=covariance)
 
 
@@ -144,8 +149,8 @@ def identified(fits: Sequence[Fit], network_log_odds: float, recordings: Recordi
 def _kind(found: Fit, best: float) -> Kind:
     kind, own = found.kind, found.kind.of_episode
     covariance = found.shared_covariance + LEAST_SPREAD**2 * np.eye(len(own))
-    scatter = np.hypot(found.places.std(axis=0), LEAST_SPREAD)
-    covariance[own, own] = scatter[own] ** 2
+    scatter = np.hypot(found.places.std(axis=0), LEAST_SPREAD) ** 2 + found.own_variances
+    covariance[own, own] = scatter[own]
     return replace(
         kind,
         prior=kind.at(found.places.mean(axis=0)),
@@ -245,8 +250,18 @@ OfBodies = Mapping[str, Float[ndarray, "D"]]  # vectors z by the names of bodies
 
 
 def states_bodies(data: Dataset) -> bool:
-    """Return whether all pushes are of one body that is named, as a robot's recordings are."""
-    return all(part.object is not None and (part.object != "").all() for part in data.parts)
+    """Return whether all pushes are of one body that is named, as a robot's recordings are.
+
+    Raises:
+        DatasetError: some are, and some are not.
+    """
+    named = [part.object is not None and (part.object != "").all() for part in data.parts]
+    if any(named) and not all(named):
+        raise DatasetError(
+            "some of the pushes name their body (column object), and others do not; give the"
+            " recordings of a robot, and those of a laboratory of many bodies, one by one"
+        )
+    return all(named)
 
 
 def body_names(part: Part) -> ndarray:
@@ -376,20 +391,22 @@ def identify(model: SainDynamics, recordings: Recordings) -> Belief:
     return identified(fits, _network_odds(model, number, fits[number], pushes), recordings)
 
 
-def identify_bodies(data: Dataset) -> Belief:
-    """Return what pushes of named bodies on surfaces show of a body that was not pushed yet.
+def identify_bodies(data: Dataset, most: int = ENOUGH) -> Belief:
+    """Return what up to so many pushes of named bodies on surfaces show of another body.
 
     The card has the values of each of them.
     """
-    over, start = over_bodies(surface_kind(), pushes_of_bodies(data)[1])
+    names, pushes = pushes_of_bodies(data, most)
+    over, start = over_bodies(surface_kind(), pushes)
     kind = replace(over, corrected=True)
-    places = infer_bodies(kind, data, start)
+    found = fit(kind, pushes, start, np.arange(len(names)), STEPS)
+    places = dict(zip(names, found.places, strict=True))
     values = kind.values(np.array(list(places.values())))
     bodies = {
         name: {one: float(value[row]) for one, value in values.items()}
         for row, name in enumerate(places)
     }
-    card = {"pushes": len(data), "episodes": len(bodies), "bodies": bodies}
+    card = {"pushes": sum(map(len, pushes)), "episodes": len(bodies), "bodies": bodies}
     return Belief((kind,), card=card)
 
 

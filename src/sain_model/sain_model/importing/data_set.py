@@ -4,11 +4,11 @@ Pushes that nearly repeat others are one episode: a split that divided them woul
 learned.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from math import pi
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from jaxtyping import Int
@@ -20,7 +20,7 @@ from scipy.spatial import cKDTree
 from sain_core.errors import DatasetError
 from sain_core.output import claim_folder, remove, write_json
 from sain_core.provenance import provenance
-from sain_core.push import make_stroke
+from sain_core.push import START, make_stroke
 from sain_core.scene import MASS, POSITION, RADIUS, STATE_SIZE, THETA, unit, wrap_angle
 from sain_core.shapes.bodies import Bodies
 from sain_core.shapes.outlines import OUTLINES_FILE, write_outlines
@@ -36,10 +36,10 @@ from sain_core.transitions import (
     describe_fields,
     shard_path,
 )
-from sain_core.types import Pushes, Scenes
+from sain_core.types import Mask, Pushes, Scalars, Scenes
 from sain_model.importing.files import BodyKey, Recordings
-from sain_model.importing.real_pushes import RealPushes
-from sain_model.physics.parameters import PlanarConfig
+from sain_model.importing.real_pushes import IN_DEGREES, RealPushes
+from sain_model.inference.kinds import surface_kind
 from sain_model.physics.planar import FirstTouch, PlanarPrior, first_touch
 
 NEAR: Final = 0.001  # [m], of the starts and of the lengths of two ways
@@ -73,7 +73,9 @@ def repeat_groups(pushes: RealPushes) -> Int[ndarray, "M"]:
 
 CARD_FILE: Final = "card.json"
 EXAMPLES: Final = 3
-PHYSICS: Final = PlanarConfig()
+FEWER: Final = 3.0  # times as large an error with one unit of headings as with the other
+GRAVITY: Final = 9.81  # [m/s^2]
+PHYSICS: Final = surface_kind().config  # nominal physics of real bodies, as in `make real`
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,14 +85,14 @@ class Imported:
     Attributes:
         columns: of all rows.
         bodies: by the name of the shape.
-        inside: where the pushes are that were left out: their tool began inside the body.
+        left_out: where the pushes are that cannot be, by what is wrong with them.
         misses: how many never touch it.
         groups: of near repeats.
     """
 
     columns: Columns
     bodies: dict[BodyKey, Bodies]
-    inside: tuple[str, ...]
+    left_out: dict[str, tuple[str, ...]]
     misses: int
     groups: Int[ndarray, "M"]
 
@@ -106,34 +108,154 @@ def import_pushes(
     Args:
         found: what was read.
         mass: of bodies whose mass no row states [kg].
-        skip_bad: leave out pushes whose tool begins inside the body; else they are an error.
+        skip_bad: leave out pushes that cannot be, see `faults_of`; else they are an error.
         progress: called with how many rows are predicted, and of how many.
 
     Raises:
-        DatasetError: a push that begins inside the body, unless they are left out; or none is left.
+        DatasetError: a push that cannot be, unless they are left out; most of them cannot be, most
+            never touch the body, or headings are in degrees.
     """
     bodies = {key: Bodies((body.shape.on(FLAT),)) for key, body in found.bodies.items()}
     state, after, strokes = _scenes(found, mass)
     touch = _touches(found, bodies, state, strokes)
-    inside = tuple(found.pushes.where(int(row)) for row in np.flatnonzero(touch.inside))
-    if inside and not skip_bad:
-        row = int(np.argmax(touch.inside))
-        raise DatasetError(
-            f"{inside[0]}: the tool begins {-1e3 * touch.gap[row]:.1f} mm inside the body; correct"
-            " poses, outline or tip_radius, or leave such rows out (--skip-bad)"
-        )
-    keep = ~touch.inside
-    if not keep.any():
-        raise DatasetError(
-            f"in all {len(keep)} rows the tool begins inside the body: frames or units of poses,"
-            " outlines and tool do not fit"
-        )
+    misses = np.isinf(touch.distance)
+    _check_touching(found.pushes, misses)
+    end = strokes.copy()
+    end[:, START] = found.pushes.tip_end
+    sunk = -_touches(found, bodies, after, end).gap
+    faults = faults_of(found.pushes, state, after, touch, sunk)
+    left_out = _left_out(found.pushes, faults, skip_bad)
+    keep = ~np.any([fault.rows for fault in faults], axis=0)
     pushes, keys = found.pushes.select(keep), [found.keys[row] for row in np.flatnonzero(keep)]
     state, after, strokes = state[keep], after[keep], strokes[keep]
     groups = repeat_groups(pushes)
     physics = _predict(bodies, keys, state, strokes, progress)
+    _check_radians(pushes, state, after, physics, ~misses[keep])
     columns = _columns(pushes, bodies, keys, state, strokes, physics, after, groups)
-    return Imported(columns, bodies, inside, int(np.isinf(touch.distance[keep]).sum()), groups)
+    return Imported(columns, bodies, left_out, int(misses[keep].sum()), groups)
+
+
+REMEDY: Final = (
+    "do frames and units of poses, outlines and tip_radius fit? Outlines may be mirrored, in"
+    " millimetres, or about another origin"
+)
+UNTOUCHED: Final = 0.005  # [m], which measured poses of a body at rest are not apart
+UNTURNED: Final = 0.1  # [rad], likewise
+FASTER: Final = 2.0  # than the tool no place of a pushed body is
+SMOOTH: Final = 0.1  # friction with a smooth table, on which a body slides on after a fast push
+SINKS: Final = 0.3  # [radii], of the tool's axis into an outline that is roughly right
+LEVER: Final = 0.3  # [radii], from where a body turns about to the tool, at least
+MOST_BAD: Final = 0.5  # of the rows
+MANY_MISSES: Final = 0.25  # of the rows, likewise, that are worth a warning
+MOST_MISSES: Final = 0.8
+
+
+class Fault(NamedTuple):
+    """What is wrong with some pushes (M,), and by how much."""
+
+    what: str
+    rows: Mask
+    detail: Callable[[int], str]
+
+
+def faults_of(
+    pushes: RealPushes, state: Scenes, after: Scenes, touch: FirstTouch, sunk: Scalars
+) -> list[Fault]:
+    """Return what cannot be in pushes; `sunk` is how deep tools end in bodies (M,) [m]."""
+    moved = np.linalg.norm((after - state)[:, 0, POSITION], axis=1)
+    turned = np.abs(wrap_angle(after[:, 0, THETA] - state[:, 0, THETA]))
+    pushed = np.clip(pushes.length - touch.distance, 0.0, None)
+    most = FASTER * pushed + UNTOUCHED + pushes.speed**2 / (2.0 * SMOOTH * GRAVITY)
+    most_turn = most / (LEVER * state[:, 0, RADIUS]) + UNTURNED
+    still = (moved <= UNTOUCHED) & (turned <= UNTURNED)
+
+    def motion(row: int) -> str:
+        return (
+            f"the body moves by {1e3 * moved[row]:.0f} mm and {np.degrees(turned[row]):.0f} degrees"
+        )
+
+    def under(row: int) -> str:
+        return f"{motion(row)} under {1e3 * pushed[row]:.0f} mm of a stroke in contact with it"
+
+    return [
+        Fault(
+            "the tool begins inside the body",
+            touch.inside,
+            lambda row: f"the tool begins {-1e3 * touch.gap[row]:.1f} mm inside the body",
+        ),
+        Fault(
+            "the body moves, and the tool never touches it",
+            np.isinf(touch.distance) & ~still,
+            lambda row: f"{motion(row)}, and the tool never touches it",
+        ),
+        Fault(
+            "the tool ends inside the body",
+            sunk > pushes.tip_radius + SINKS * state[:, 0, RADIUS],
+            lambda row: f"the tool ends {1e3 * sunk[row]:.1f} mm inside the body",
+        ),
+        Fault("the body moves farther than the tool", moved > most, under),
+        Fault("the body turns farther than the tool can turn it", turned > most_turn, under),
+    ]
+
+
+def _left_out(
+    pushes: RealPushes, faults: Sequence[Fault], skip_bad: bool
+) -> dict[str, tuple[str, ...]]:
+    """Return where pushes are that cannot be, each by the first that is wrong with it."""
+    left_out, seen = {}, np.zeros(len(pushes), dtype=bool)
+    firsts = []
+    for fault in faults:
+        rows = np.flatnonzero(fault.rows & ~seen)
+        seen |= fault.rows
+        if len(rows):
+            left_out[fault.what] = tuple(pushes.where(int(row)) for row in rows)
+            firsts.append((int(rows[0]), f"{left_out[fault.what][0]}: {fault.detail(rows[0])}"))
+    if firsts and not skip_bad:
+        raise DatasetError(
+            f"{min(firsts)[1]}; correct poses, outline or tip_radius, or leave such rows out"
+            " (--skip-bad)"
+        )
+    if seen.sum() > MOST_BAD * len(seen):
+        examples = "; ".join(text for _, text in sorted(firsts))
+        raise DatasetError(
+            f"{seen.sum():,} of {len(seen):,} pushes cannot be: {examples}; {REMEDY}"
+        )
+    return left_out
+
+
+def _check_touching(pushes: RealPushes, misses: Mask) -> None:
+    """Check that most tools touch the outline that they are said to push."""
+    if misses.sum() > MOST_MISSES * len(misses):
+        raise DatasetError(
+            f"in {misses.sum():,} of {len(misses):,} pushes the tool never touches the outline,"
+            f" first in {pushes.where(int(np.argmax(misses)))}; {REMEDY}"
+        )
+
+
+def _check_radians(
+    pushes: RealPushes, state: Scenes, after: Scenes, physics: Scenes, touching: Mask
+) -> None:
+    """Check that bodies do not turn as if their headings, up to 2 pi, were in degrees.
+
+    Physics errs by some degrees. Headings that are in degrees, it misses by most of a turn, and
+    much less as soon as they are taken for degrees. Decided for each file by the median.
+    """
+    turn = after[:, 0, THETA] - state[:, 0, THETA]
+    expected = wrap_angle(physics[:, 0, THETA] - state[:, 0, THETA])
+    wrong = np.abs(wrap_angle(wrap_angle(turn) - expected))
+    as_degrees = np.abs(np.radians(turn) - expected)
+    for file, name in enumerate(pushes.files):
+        rows = np.flatnonzero(touching & (pushes.file == file))
+        if not len(rows):
+            continue
+        off, less = np.median(wrong[rows]), np.median(as_degrees[rows])
+        if off > UNTURNED and less < off / FEWER:
+            row = rows[int(np.argmax(wrong[rows]))]
+            raise DatasetError(
+                f"{name}: headings look like degrees. In row {pushes.row[row]} the body would turn"
+                f" by {np.degrees(wrap_angle(turn[row])):.0f} degrees; give radians, or"
+                f" {IN_DEGREES}"
+            )
 
 
 def _scenes(found: Recordings, mass: float) -> tuple[Scenes, Scenes, Pushes]:
@@ -281,13 +403,13 @@ def _summary(made: Imported) -> dict[str, Any]:
         "moved": int(columns[Column.MOVED].sum()),
         "misses": made.misses,
         "left_out": {
-            "tool begins inside the body": len(made.inside),
-            "rows": made.inside[:EXAMPLES],
+            what: {"pushes": len(rows), "rows": rows[:EXAMPLES]}
+            for what, rows in made.left_out.items()
         },
         "groups_of_repeats": len(sizes),
         "share_with_repeat": float((sizes[made.groups] > 1).mean()),
         "largest_group": int(sizes.max()),
-        "physics_next": "computed: planar with its default settings",
+        "physics_next": "computed: planar with the values of a textbook",
         "counts": counts,
         "shard_size": SHARD_SIZE,
         "fields": describe_fields(columns),

@@ -1,12 +1,16 @@
 """Which files hold real pushes, and the bodies that were pushed.
 
-A user's own recordings are a CSV file with a header, a row for each push, in m, rad, m/s and kg.
+A user's own recordings are a CSV file with a header, a row for each push, in m, rad, m/s and kg, or
+in the units that the header states.
 """
 
 import csv
-from collections.abc import Iterator, Sequence
+import re
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from difflib import get_close_matches
 from io import StringIO
+from math import isfinite, nan, pi
 from pathlib import Path
 from typing import Final
 
@@ -44,19 +48,59 @@ BYTE_ORDER: Final = "\ufeff"  # that some programs begin a file with
 NOT_STATED: Final = ("tip_radius", "mass", "radius")  # may be left empty
 
 
-def read_csv(path: Path) -> RealPushes:
-    """Return the pushes of a CSV file.
+SEPARATORS: Final = ",;\t"
+UNITS: Final = {  # that a header may state, and what they are in m, rad, m/s and kg
+    "m": {"m": 1.0, "cm": 1e-2, "mm": 1e-3},
+    "rad": {"rad": 1.0, "deg": pi / 180, "degrees": pi / 180},
+    "m/s": {"m/s": 1.0, "cm/s": 1e-2, "mm/s": 1e-3},
+    "kg": {"kg": 1.0, "g": 1e-3},
+}
+STATED: Final = re.compile(r"(\w+?)(?:[ _]+|[ _]*[\[(])([a-z]+(?:/s)?)[\])]?", re.IGNORECASE)
+NEAR: Final = 0.8  # of the letters: a column that is meant by another name
+
+
+def unit_of(name: str) -> str:
+    """Return the unit of a column of numbers."""
+    if name.startswith("theta"):
+        return "rad"
+    return {"speed": "m/s", "mass": "kg"}.get(name, "m")
+
+
+@dataclass(frozen=True)
+class Header:
+    """The header of a CSV file.
+
+    Attributes:
+        names: of its columns in order; empty for those that are not used.
+        factors: what numbers of a column are multiplied with, by name.
+        unused: columns that are left out, in words.
+    """
+
+    names: tuple[str, ...]
+    factors: Mapping[str, float]
+    unused: tuple[str, ...]
+
+
+def read_csv(path: Path, degrees: bool = False) -> tuple[RealPushes, list[str]]:
+    """Return the pushes of a CSV file, and notes about what was not read as it stands.
+
+    Commas, semicolons or tabs separate its columns. A header may state units: `x0_mm`, `x0 [mm]`.
+
+    Args:
+        path: of the file.
+        degrees: whether headings are in degrees where the header states no unit.
 
     Raises:
-        DatasetError: it does not exist, has no such header, a column that is not known, too many
-            rows, or a field that is missing or no number.
+        DatasetError: it does not exist, lacks a column, has too many rows, or a field that is
+            missing or no number.
     """
     try:
-        text = read_regular_text(path).removeprefix(BYTE_ORDER)
-        lines = csv.reader(StringIO(text, newline=""), strict=True)
-        header = [name.strip() for name in next(lines, [])]
-        _check_header(path, header)
-        rows = list(_rows(path, lines, len(header)))
+        text = read_regular_text(path).removeprefix(BYTE_ORDER).lstrip("\r\n")
+        first = text.partition("\n")[0]
+        separator = max(SEPARATORS, key=lambda sign: _read_names(first, sign))
+        lines = csv.reader(StringIO(text, newline=""), strict=True, delimiter=separator)
+        header = _header(path, next(lines, []), degrees)
+        rows = list(_rows(path, lines, len(header.names), separator))
     except FileNotFoundError:
         raise DatasetError(f"{path} does not exist") from None
     except (OSError, UntrustedFileError, csv.Error) as error:
@@ -65,33 +109,104 @@ def read_csv(path: Path) -> RealPushes:
         raise DatasetError(f"{path} has a header and no pushes")
     numbered, fields = zip(*rows, strict=True)
     row = np.array(numbered)
-    columns = dict(zip(header, zip(*fields, strict=True), strict=True))
-    return _pushes(path, columns, row)
+    given = dict(zip(header.names, zip(*fields, strict=True), strict=True))
+    notes = [f"{path}: {', '.join(header.unused)} not used"] if header.unused else []
+    if separator != ",":
+        given, comma = _with_points(path, given, row)
+        notes += [f"{path}: decimal commas are read as points"] if comma else []
+    return _pushes(path, given, row, header.factors), notes
 
 
-def _check_header(path: Path, header: list[str]) -> None:
-    missing = [name for name in NEEDED if name not in header]
-    unknown = [name for name in header if name not in NEEDED + OPTIONAL]
-    if missing or unknown or len(set(header)) < len(header):
-        wrong = f"lacks {', '.join(missing)}" if missing else f"has {', '.join(unknown or header)}"
-        raise DatasetError(
-            f"the header of {path} {wrong}; it needs {', '.join(NEEDED)}, once each, and may have"
-            f" {', '.join(OPTIONAL)}"
-        )
+def _read_names(line: str, separator: str) -> int:
+    """Return how many columns of a header have a name that is read."""
+    texts = next(csv.reader([line], delimiter=separator), [])
+    return sum(_stated(text)[0] in NEEDED + OPTIONAL for text in texts)
 
 
-def _rows(path: Path, lines: Iterator[list[str]], width: int) -> Iterator[tuple[int, list[str]]]:
+def _stated(text: str) -> tuple[str, str]:
+    """Return name and unit that a header states; no unit: an empty one."""
+    name = text.strip().lower()
+    match = None if name in NEEDED + OPTIONAL else STATED.fullmatch(name)
+    if match is not None and match[1] in NUMBERS + NOT_STATED:
+        return match[1], match[2]
+    return name, ""
+
+
+def _header(path: Path, texts: Sequence[str], degrees: bool) -> Header:
+    """Return the columns of a header.
+
+    Raises:
+        DatasetError: one is missing or stated twice, has a unit that cannot be, or nearly the name
+            of one that is missing.
+    """
+    stated = [_stated(text) for text in texts]
+    names = [name for name, _ in stated]
+    needs = f"it needs {', '.join(NEEDED)}, once each, and may have {', '.join(OPTIONAL)}"
+    unused, absent = [], [name for name in NEEDED + OPTIONAL if name not in names]
+    for place, name in enumerate(names):
+        if name in NEEDED + OPTIONAL:
+            if name in names[:place]:
+                raise DatasetError(f"the header of {path} has {name} twice; {needs}")
+            continue
+        if near := get_close_matches(name, absent, 1, NEAR):
+            raise DatasetError(f"the header of {path} has {name}; rename it to {near[0]}: {needs}")
+        unused.append(f"column {name!r}" if name else f"column {place + 1}, which has no name,")
+        names[place] = ""
+    if missing := [name for name in NEEDED if name not in names]:
+        raise DatasetError(f"the header of {path} lacks {', '.join(missing)}; {needs}")
+    factors = {}
+    for name, unit in stated:
+        if name in NUMBERS + NOT_STATED:
+            allowed = UNITS[unit_of(name)]
+            if unit and unit not in allowed:
+                raise DatasetError(
+                    f"the header of {path} has {name} in {unit!r}; allowed: {', '.join(allowed)}"
+                )
+            plain = "deg" if degrees and unit_of(name) == "rad" else unit_of(name)
+            factors[name] = allowed[unit or plain]
+    return Header(tuple(names), factors, tuple(unused))
+
+
+def _rows(
+    path: Path, lines: Iterator[list[str]], width: int, separator: str
+) -> Iterator[tuple[int, list[str]]]:
     """Yield rows with their numbers; the header is row 1. Empty ones are left out."""
     for number, fields in enumerate(lines, start=2):
         if number > MOST_PUSHES + 1:
             raise DatasetError(f"{path} has more than {MOST_PUSHES:,} rows")
-        if fields and len(fields) != width:
-            raise DatasetError(f"{path} row {number} has {len(fields)} fields; the header {width}")
-        if fields:
-            yield number, [field.strip() for field in fields]
+        if not any(field.strip() for field in fields):
+            continue
+        if len(fields) != width:
+            hint = "; with decimal commas, separate columns by semicolons" * (separator == ",")
+            raise DatasetError(
+                f"{path} row {number} has {len(fields)} fields; the header {width}{hint}"
+            )
+        yield number, [field.strip() for field in fields]
 
 
-def _pushes(path: Path, columns: dict[str, tuple[str, ...]], row: ndarray) -> RealPushes:
+Fields = dict[str, tuple[str, ...]]  # of each column
+
+
+def _with_points(path: Path, columns: Fields, row: ndarray) -> tuple[Fields, bool]:
+    """Return columns with decimal points, and whether they had commas.
+
+    Raises:
+        DatasetError: commas and points: one of them separates thousands.
+    """
+    numbers = {name: of for name, of in columns.items() if name in NUMBERS + NOT_STATED}
+    comma = any("," in text for texts in numbers.values() for text in texts)
+    for name, texts in numbers.items() if comma else ():
+        for number, text in zip(row.tolist(), texts, strict=True):
+            if "." in text or text.count(",") > 1:
+                raise DatasetError(
+                    f"{path} row {number}: {name} is {text!r}, and numbers of this file have"
+                    " commas; write decimal points everywhere, and nothing between thousands"
+                )
+    with_points = {name: tuple(t.replace(",", ".") for t in of) for name, of in numbers.items()}
+    return columns | with_points, comma
+
+
+def _pushes(path: Path, columns: Fields, row: ndarray, factors: Mapping[str, float]) -> RealPushes:
     count = len(row)
     texts = {}
     for name in TEXTS:
@@ -104,30 +219,38 @@ def _pushes(path: Path, columns: dict[str, tuple[str, ...]], row: ndarray) -> Re
     numbers = {name: _numbers(path, name, columns[name], row) for name in NUMBERS}
     for name in NOT_STATED:
         given = columns.get(name, count * ("",))
-        numbers[name] = _numbers(path, name, tuple(text or "nan" for text in given), row)
+        stated = np.array([text != "" for text in given])
+        numbers[name] = np.full(count, np.nan)
+        some = tuple(text for text in given if text)
+        numbers[name][stated] = _numbers(path, name, some, row[stated])
+    numbers = {name: factors.get(name, 1.0) * of for name, of in numbers.items()}
     poses = {key: np.column_stack([numbers.pop(n) for n in names]) for key, names in POSES.items()}
     file = np.zeros(count, np.int64)
     return RealPushes(**texts, **poses, **numbers, file=file, row=row, files=(str(path),))
 
 
 def _numbers(path: Path, name: str, texts: tuple[str, ...], row: ndarray) -> ndarray:
-    try:
-        return np.array(texts, dtype=np.float64)
-    except ValueError:
-        for number, text in zip(row.tolist(), texts, strict=True):
-            try:
-                float(text)
-            except ValueError:
-                what = repr(text[:LONGEST_TEXT])
-                raise DatasetError(
-                    f"{path} row {number}: {name} is {what}; give a number"
-                ) from None
-        raise
+    numbers = np.empty(len(texts))
+    for place, text in enumerate(texts):
+        try:
+            numbers[place] = float(text) if "_" not in text else nan
+        except ValueError:
+            numbers[place] = nan
+        if not isfinite(numbers[place]):
+            what = repr(text[:LONGEST_TEXT])
+            raise DatasetError(f"{path} row {row[place]}: {name} is {what}; give a finite number")
+    return numbers
 
 
 NPZ, MAT, CSV = SUFFIXES = (".npz", ".mat", ".csv")
-BESIDE: Final = ("shapes.json", "shapes.yaml")  # where outlines stand if no file is named
+BESIDE: Final = (
+    "shapes.json",
+    "shapes.yaml",
+    "outlines.yaml",
+)  # where outlines stand if no file is named
 MOST_FILES: Final = 10_000
+MOST_NAMED: Final = 5  # files that are left out
+PACKED: Final = (".gz", ".bz2", ".xz", ".zip", ".zst")
 
 BodyKey = tuple[str, float]  # name, and the radius [m] that a row states; NaN: none
 
@@ -152,7 +275,10 @@ class Recordings:
 
 
 def read_recordings(
-    paths: Sequence[Path], shapes: Path | None = None, tip_radius: float | None = None
+    paths: Sequence[Path],
+    shapes: Path | None = None,
+    tip_radius: float | None = None,
+    degrees: bool = False,
 ) -> Recordings:
     """Read files and folders of real pushes.
 
@@ -161,23 +287,31 @@ def read_recordings(
         shapes: file of outlines; None: one of `BESIDE` next to the first path, or none.
         tip_radius: of the tool where rows do not state it [m]; None: that of the file of outlines,
             or of the laboratory that published the form.
+        degrees: whether headings of CSV files are in degrees, where a header states no unit.
 
     Raises:
         DatasetError: nothing there, a file that is damaged or of another form, a number that
             cannot be, a body without an outline, or a tool without a radius.
     """
     found, notes = _find(paths)
-    logs = [path for path in found if path.suffix == MAT]
+    logs = [path for path in found if form_of(path) == MAT]
     read = dict(zip(logs, read_mats(logs), strict=True))
-    read |= {path: read_npz(path) for path in found if path.suffix == NPZ}
-    read |= {path: read_csv(path) for path in found if path.suffix == CSV}
+    read |= {path: read_npz(path) for path in found if form_of(path) == NPZ}
+    for path in found:
+        if form_of(path) == CSV:
+            read[path], of_file = read_csv(path, degrees)
+            notes += of_file
     pushes = joined([read[path] for path in found])
     if (same := pushes.same_as_before()).any():
         notes.append(f"{same.sum():,} rows state a push of another row once more: left out")
         pushes = pushes.select(~same)
     if shapes is None:
         folder = paths[0] if paths[0].is_dir() else paths[0].parent
-        shapes = next((folder / name for name in BESIDE if (folder / name).exists()), None)
+        beside = [folder / name for name in BESIDE if (folder / name).exists()]
+        if len(beside) > 1:
+            names = " and ".join(map(str, beside))
+            raise DatasetError(f"{names} both state outlines; name one of them (--shapes)")
+        shapes = next(iter(beside), None)
     stated = read_stated(shapes) if shapes else StatedBodies({})
     _complete_radii(pushes, stated.tip_radius if tip_radius is None else tip_radius)
     pushes = check_real(pushes)
@@ -190,6 +324,11 @@ def read_recordings(
     return Recordings(pushes, bodies, keys, tuple(notes), tuple(found))
 
 
+def form_of(path: Path) -> str:
+    """Return the suffix of a file, in lower case."""
+    return path.suffix.lower()
+
+
 def _find(paths: Sequence[Path]) -> tuple[list[Path], list[str]]:
     """Return the files, and notes about those of a folder that are of another form."""
     found, notes = list[Path](), list[str]()
@@ -199,18 +338,21 @@ def _find(paths: Sequence[Path]) -> tuple[list[Path], list[str]]:
         if not path.exists():
             raise DatasetError(f"{path} does not exist; {FOUND_AT}")
         if not path.is_dir():
-            if path.suffix not in SUFFIXES:
-                raise DatasetError(f"{path} is no file of pushes; allowed: {', '.join(SUFFIXES)}")
+            if form_of(path) not in SUFFIXES:
+                packed = "unpack it first; " if form_of(path) in PACKED else ""
+                raise DatasetError(
+                    f"{path} is no file of pushes; {packed}allowed: {', '.join(SUFFIXES)}"
+                )
             found.append(path)
             continue
-        inside = [file for file in sorted(path.iterdir()) if file.suffix in SUFFIXES]
-        for file in inside:
-            if file.suffix == NPZ and not is_one_push(file):
-                notes.append(f"{file} is of another form: left out")
-            else:
-                found.append(file)
-        if not inside:
+        inside = [file for file in sorted(path.iterdir()) if file.name not in BESIDE]
+        pushes = [file for file in inside if form_of(file) in SUFFIXES]
+        found += (own := [one for one in pushes if form_of(one) != NPZ or is_one_push(one)])
+        if not pushes:
             raise DatasetError(f"{path} holds no {', '.join(SUFFIXES)}; {FOUND_AT}")
+        if others := [file.name for file in inside if file not in own]:
+            names = ", ".join(others[:MOST_NAMED]) + (", ..." * (len(others) > MOST_NAMED))
+            notes.append(f"{len(others)} of {path} are of another form, and left out: {names}")
     if not 0 < len(found) <= MOST_FILES:
         raise DatasetError(f"{len(found)} files of pushes were found; allowed: 1 to {MOST_FILES}")
     return found, notes
@@ -222,7 +364,7 @@ def _complete_radii(pushes: RealPushes, tip_radius: float | None) -> None:
     if tip_radius is not None:
         pushes.tip_radius[unknown] = tip_radius
         return
-    own = np.array([Path(file).suffix != CSV for file in pushes.files])[pushes.file]
+    own = np.array([form_of(Path(file)) != CSV for file in pushes.files])[pushes.file]
     pushes.tip_radius[unknown & own] = PUBLISHED_TIP_RADIUS
     if (missing := unknown & ~own).any():
         row = pushes.where(int(np.argmax(missing)))

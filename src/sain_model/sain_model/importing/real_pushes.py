@@ -21,7 +21,8 @@ from sain_core.storage import read_arrays
 from sain_core.types import Indices, Mask
 
 FARTHEST: Final = 10.0  # [m], of a place on a table; farther away it is no metre
-MOST_TURN: Final = 4 * pi  # [rad], of a heading that was counted on; beyond it is no radian
+MOST_TURN: Final = 2 * pi + 1e-6  # [rad], of a heading; beyond it is no radian
+IN_DEGREES: Final = "of a CSV file the option --degrees, or the columns theta0_deg and theta1_deg"
 LONGEST_TEXT: Final = 64
 FOUND_AT: Final = (
     "the public pushes of Yu et al. (2016) are in folder mcube_data_proc/motion_model_eval_logs of"
@@ -142,7 +143,7 @@ def check_real(pushes: RealPushes) -> RealPushes:
         heading = getattr(pushes, name)[:, 2]
         _refuse(
             pushes, np.abs(heading) > MOST_TURN, f"heading {name}", heading,
-            "it looks like degrees; give radians, up to two turns",
+            f"it looks like degrees; give radians, up to 2 pi, or {IN_DEGREES}",
         )  # fmt: skip
     numbers = {
         LENGTH: ("length of the tool's way", pushes.length, "m"),

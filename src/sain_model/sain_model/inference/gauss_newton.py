@@ -61,6 +61,15 @@ class Fit:
         return np.linalg.inv(self.normal.information + self.kind.precision)
 
     @property
+    def own_variances(self) -> Float[ndarray, "D"]:
+        """Mean over the episodes, of what each has of its own; 0 of what they share."""
+        own = self.kind.of_episode
+        inside = self.normal.information[:, own][:, :, own] + self.kind.precision[np.ix_(own, own)]
+        variances = np.zeros(len(own))
+        variances[own] = np.diagonal(np.linalg.inv(inside), axis1=1, axis2=2).mean(axis=0)
+        return variances
+
+    @property
     def shared_covariance(self) -> Float[ndarray, "D D"]:
         """Of what all episodes share, where they are one problem; 0 for what they do not.
 

@@ -213,12 +213,18 @@ def account(counts: PushCounts, config: CollectConfig) -> list[str]:
     lines = [
         f"{counts.drawn} pushes drawn in {counts.episodes} episodes: {counts.unreachable} out of"
         f" reach, {counts.blocked} blocked by another disk, {counts.refused} refused otherwise,"
-        f" {counts.edge} ended at the table's edge or still moving, {counts.valid} valid",
+        f" {counts.edge} ended at the table's edge or still moving, {counts.toppled} tipped a body"
+        f" over, {counts.valid} valid",
         f"of these {counts.moved} moved the target by 2 mm or more; {kept}: {counts.missed} that"
         f" missed it, {counts.short} that moved it by less",
     ]
     if counts.stuck:
         lines.append(f"{counts.stuck} episodes ended early: no push that was tried was possible")
+    if counts.redrawn:
+        lines.append(
+            f"{counts.redrawn} worlds were drawn again: a body would tip over, as thin ones do on"
+            " tables with much friction"
+        )
     if counts.episodes < config.episodes:
         lines.append(
             f"nothing is written of the pushes of {config.episodes - counts.episodes} more"

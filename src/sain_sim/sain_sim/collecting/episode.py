@@ -24,10 +24,17 @@ from sain_core.shapes.shape import outline_of
 from sain_core.shapes.solids import DISK
 from sain_core.transitions import MOVED, ROUGH, Column, Row, describe_bodies
 from sain_core.types import PushArray, Scene
-from sain_core.world import DivergedError, Outcome
+from sain_core.world import DivergedError, Outcome, ToppledError
 from sain_sim.collecting.shards import PushCounts
 from sain_sim.world.own import open_world
-from sain_sim.world.parameters import PAPER, RANGES, WIDE, WorldParameters
+from sain_sim.world.parameters import (
+    NOMINAL_FRICTION,
+    PAPER,
+    RANGES,
+    WIDE,
+    WorldParameters,
+    check_stands,
+)
 from sain_sim.world.shadow import NOMINAL, TRUE, BulletPrior
 from sain_sim.world.start import draw_bodies_start, draw_start, wholly_on
 from sain_sim.world.truth import RANDOMISED_TRUTH, TruthConfig
@@ -37,7 +44,6 @@ AIMED: Final = 0.6  # share of pushes aimed through the target
 AIM_SPREAD: Final = 0.35  # [rad], standard deviation of the aim
 SHORTEST: Final = 0.02  # [m], shortest travel
 
-MISSED: Final = 1e-5  # [m]; an untouched target creeps by up to 3e-6 m in Bullet
 log = logging.getLogger(__name__)
 CIRCLE: Final = "circle"
 GRID: Final = "grid"
@@ -185,27 +191,33 @@ class EpisodeRunner:
     def run(self, episode: int) -> EpisodeResult:
         """Return the transitions of one episode, in order, and what became of its pushes."""
         random = generator(self._seed, "episode", episode)
-        parameters = draw_parameters(random, self._config)
+        counts, kept = PushCounts(episodes=1), list[Row]()
+        parameters = draw_parameters(random, self._config, counts)
         table = self._world_config.feasibility.table
         draw = draw_bodies_start if self._config.shapes else draw_start
         self._world.reset(draw(random, parameters, table), parameters)
         self._shadow.truth = parameters
-        counts, kept = PushCounts(episodes=1), []
         with ExitStack() as stack:
             floor = None
             if episode < self._config.floor_episodes:
                 true = BulletPrior(TRUE, self._world_config, parameters, self._world.engine)
                 floor = stack.enter_context(true)
-            for step, (push, outcome) in enumerate(self._pushes(random, counts)):
-                moved = _count(outcome, counts, any_body=bool(self._config.shapes))
-                if moved or not self._config.moved_only:
-                    kept.append(self._row(episode, step, push, outcome, moved, floor))
+            try:
+                for step, (push, outcome) in enumerate(self._pushes(random, counts)):
+                    travel = _travel(outcome, any_body=bool(self._config.shapes))
+                    if travel >= MOVED or not self._config.moved_only:
+                        kept.append(self._row(episode, step, push, outcome, travel >= MOVED, floor))
+                    counts.carry_out(travel)
+            except DivergedError as error:  # in the truth, or in what predicts: no row can follow
+                counts.refuse(error)
+                if not isinstance(error, ToppledError):
+                    log.warning("an episode ends after %d pushes: %s", counts.valid, error)
         return EpisodeResult(kept, counts)
 
     def _pushes(
         self, random: np.random.Generator, counts: PushCounts
     ) -> Iterator[tuple[PushArray, Outcome]]:
-        """Carry out pushes until there are enough, none is possible, or a disk leaves the table."""
+        """Carry out pushes until there are enough, none is possible, or a body leaves the table."""
         table = self._world_config.feasibility.table
         for _ in range(self._config.pushes):
             done = self._push(random, counts)
@@ -220,7 +232,11 @@ class EpisodeRunner:
     def _push(
         self, random: np.random.Generator, counts: PushCounts
     ) -> tuple[PushArray, Outcome] | None:
-        """Draw pushes until one can be carried out; None when none could, or the engine failed."""
+        """Draw pushes until one can be carried out; None when none could.
+
+        Raises:
+            DivergedError: a push has no outcome in a plane.
+        """
         scene = self._world.observe()
         for _ in range(self._config.tries):
             push = self._draw(random, scene, self._world.parameters.bodies)
@@ -229,10 +245,8 @@ class EpisodeRunner:
                 push[SPEED] = slowest * (fastest / slowest) ** random.uniform()
             try:
                 return push, self._world.push(push)
-            except DivergedError as error:
-                log.warning("an episode ends after %d pushes: %s", counts.valid, error)
-                counts.refuse(error)
-                return None
+            except DivergedError:
+                raise
             except SainError as error:  # unreachable or blocked: draw another
                 counts.refuse(error)
         return None
@@ -276,19 +290,35 @@ class EpisodeRunner:
         self._shadow.close()
 
 
-def _count(outcome: Outcome, counts: PushCounts, any_body: bool) -> bool:
-    """Count a push that was carried out; return whether it moved the target, or any, by 2 mm."""
+def _travel(outcome: Outcome, any_body: bool) -> float:
+    """Return how far a push moved the target, or the body that moved farthest [m]."""
     way = outcome.after[:, POSITION] - outcome.before[:, POSITION]
     ways = np.linalg.norm(way, axis=1)
-    travel = float(ways.max() if any_body else ways[TARGET])
-    counts.moved += travel >= MOVED
-    counts.missed += travel < MISSED
-    counts.short += MISSED <= travel < MOVED
-    return travel >= MOVED
+    return float(ways.max() if any_body else ways[TARGET])
 
 
-def draw_parameters(random: np.random.Generator, config: EpisodeConfig) -> WorldParameters:
-    """Draw what the world of an episode is made of."""
+def draw_parameters(
+    random: np.random.Generator, config: EpisodeConfig, counts: PushCounts | None = None
+) -> WorldParameters:
+    """Draw what the world of an episode is made of; again, and counted, where a body would tip.
+
+    Raises:
+        ConfigError: a body tips over in every world that is drawn.
+    """
+    for _ in range(config.tries - 1):
+        drawn = _draw_world(random, config)
+        try:
+            check_stands(drawn, NOMINAL_FRICTION)  # that of the shadow
+            return drawn
+        except ConfigError:
+            if counts is not None:
+                counts.redrawn += 1
+    drawn = _draw_world(random, config)
+    check_stands(drawn, NOMINAL_FRICTION)
+    return drawn
+
+
+def _draw_world(random: np.random.Generator, config: EpisodeConfig) -> WorldParameters:
     ranges = RANGES[config.parameters]
     if config.shapes:
         count = int(random.choice(config.counts))

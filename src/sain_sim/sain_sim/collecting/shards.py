@@ -14,6 +14,7 @@ from sain_core.output import append_json, write_whole
 from sain_core.scene import STATE_SIZE
 from sain_core.storage import read_arrays, write_arrays
 from sain_core.transitions import (
+    MOVED,
     NEEDED,
     SHARD_PATTERN,
     SHARD_SIZE,
@@ -23,8 +24,10 @@ from sain_core.transitions import (
     shard_path,
 )
 from sain_core.wire.old_files import converted_rows
+from sain_core.world import ToppledError
 
 JOURNAL_FILE: Final = "episodes.jsonl"
+MISSED: Final = 1e-5  # [m]; an untouched target creeps by up to 3e-6 m in Bullet
 
 Place = tuple[int, int]  # of a row: its episode and its step
 
@@ -38,15 +41,18 @@ class PushCounts:
     blocked: int = 0  # refused: the tool would touch another disk than the mid disk
     refused: int = 0  # for another reason
     edge: int = 0  # ended its episode: a disk over the table's edge, or not settled
+    toppled: int = 0  # ended its episode: a body tipped over
     missed: int = 0  # the target did not move at all
     short: int = 0  # the target moved by less than 2 mm
     moved: int = 0  # the target moved by 2 mm or more
+    redrawn: int = 0  # draws of an episode's world in which a body would tip over
     stuck: int = 0  # episodes (not pushes) that ended early: no push that was tried was possible
 
     @property
     def drawn(self) -> int:
         """All pushes that were tried."""
-        return self.unreachable + self.blocked + self.refused + self.edge + self.valid
+        ended = self.edge + self.toppled
+        return self.unreachable + self.blocked + self.refused + ended + self.valid
 
     @property
     def valid(self) -> int:
@@ -54,13 +60,21 @@ class PushCounts:
         return self.missed + self.short + self.moved
 
     def refuse(self, error: SainError) -> None:
-        """Count a push that was refused."""
-        if isinstance(error, UnreachableError):
+        """Count a push that was refused, or that has no outcome in a plane."""
+        if isinstance(error, ToppledError):
+            self.toppled += 1
+        elif isinstance(error, UnreachableError):
             self.unreachable += 1
         elif isinstance(error, BlockedError):
             self.blocked += 1
         else:
             self.refused += 1
+
+    def carry_out(self, travel: float) -> None:
+        """Count a valid push that moved the target so far [m]."""
+        self.moved += travel >= MOVED
+        self.missed += travel < MISSED
+        self.short += MISSED <= travel < MOVED
 
     def __add__(self, other: Self) -> Self:
         """Return the counts of both."""

@@ -21,7 +21,15 @@ from sain_sim.arm.motion import (
 from sain_sim.arm.panda import SPRUNG_MASS, ArmConfig, PandaModel
 from sain_sim.engines.bullet_bodies import Body, BodyState, resting, unseen_shape
 from sain_sim.world.parameters import FLOOR_SIZE, THINNEST_TABLE, WorldParameters, table_box
-from sain_sim.world.workcell import GRAVITY, SAG, CellState, Simulation, Workcell, WorldConfig
+from sain_sim.world.workcell import (
+    GRAVITY,
+    SAG,
+    CellState,
+    Simulation,
+    Workcell,
+    WorldConfig,
+    lean_of,
+)
 
 STICK_LINK: Final = 6  # the stick is part of the last link
 JOINTS: Final = range(JOINT_COUNT)
@@ -323,6 +331,10 @@ class BulletCell(Workcell):
     def heights(self, states: list[BodyState]) -> Scalars:
         """Return how high the middles of bodies in these states are, (N,) [m]."""
         return np.array([state.position[2] for state in states])
+
+    def leans(self, states: list[BodyState]) -> Scalars:
+        """Return how far bodies in these states are tipped out of the plane, (N,) [rad]."""
+        return lean_of(np.array([state.orientation for state in states])[:, :2])
 
     def advance(self) -> None:
         """Simulate one control step."""

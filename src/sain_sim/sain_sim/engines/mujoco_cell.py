@@ -22,7 +22,7 @@ from sain_sim.engines.mujoco_description import (
 )
 from sain_sim.world.parameters import WorldParameters
 from sain_sim.world.roughness import Disturbance
-from sain_sim.world.workcell import CellState, Simulation, Workcell, WorldConfig
+from sain_sim.world.workcell import CellState, Simulation, Workcell, WorldConfig, lean_of
 
 WARNINGS: Final = {
     name: int(kind)
@@ -158,6 +158,10 @@ class MujocoCell(Workcell):
     def heights(self, states: MujocoStates) -> Scalars:
         """Return how high the middles of bodies in these states are, (N,) [m]."""
         return np.asarray(states.poses[:, 2])
+
+    def leans(self, states: MujocoStates) -> Scalars:
+        """Return how far bodies in these states are tipped out of the plane, (N,) [rad]."""
+        return lean_of(states.poses[:, 4:6])
 
     def advance(self) -> None:
         """Simulate one control step.

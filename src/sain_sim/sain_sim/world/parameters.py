@@ -5,17 +5,17 @@ one between disks and table. Rims and tool keep its nominal value.
 """
 
 from dataclasses import dataclass, replace
-from functools import cache, cached_property
+from functools import cache, cached_property, lru_cache
 from typing import Final, NamedTuple, Self
 
 import numpy as np
 
 from sain_core.config import Config, option
 from sain_core.errors import ConfigError
-from sain_core.scene import MASS, NOMINAL_MASS, RADIUS, Table, make_scene
+from sain_core.scene import DISK_HEIGHT, MASS, NOMINAL_MASS, RADIUS, Table, make_scene
 from sain_core.shapes.bodies import Bodies
 from sain_core.shapes.shape import Pair, Shape, feet_places
-from sain_core.shapes.solids import DISK
+from sain_core.shapes.solids import DISK, even_supports
 from sain_core.types import Angles, Points, Scalars, Scene
 from sain_sim.world.roughness import SMOOTH, Roughness
 
@@ -28,6 +28,10 @@ FOOT_RADIUS: Final = 0.004  # [m]
 FLOOR_SIZE: Final = 3.0  # [m], half its side
 THINNEST_TABLE: Final = 0.05  # [m], of a table as high as the arm's base
 ROOM: Final = 1.05  # [reaches], of each body in the first scene
+
+
+PUSHED_AT: Final = DISK_HEIGHT / 2  # [m], height of the tool's contact, and of centres of mass
+SOFT: Final = 0.002  # [m], by which a flat bottom, which gives way, carries less far out
 
 
 class Ranges(NamedTuple):
@@ -190,6 +194,48 @@ def sample_parameters(
         shapes=(DISK,) * count,
         friction=float(generator.uniform(*ranges.friction)),
     )
+
+
+def check_stands(parameters: WorldParameters, friction: float = 0.0) -> None:
+    """Check that bodies do not tip over when they are pushed, as thin ones do.
+
+    Friction acts on the bottom, the tool `PUSHED_AT` above it: a body tips about the edge of its
+    supports where that is nearer to the centroid than friction times this height. Errors of a
+    laboratory are left out.
+
+    Args:
+        parameters: of the world.
+        friction: with the table, where that is larger than the world's.
+
+    Raises:
+        ConfigError: one tips; naming the least width.
+    """
+    friction = max(friction, parameters.friction)
+    need = PUSHED_AT * friction + (SOFT if parameters.lies_flat else 0.0)
+    for body, (shape, radius) in enumerate(
+        zip(parameters.body_shapes, parameters.radii, strict=True)
+    ):
+        within, wide = _base(shape)
+        if body in parameters.bodies.fixed or radius * within >= need:
+            continue
+        raise ConfigError(
+            f"body {body} ({shape.name}) is {1e3 * radius * wide:.0f} mm wide and"
+            f" {1e3 * DISK_HEIGHT:.0f} mm high: it tips over when it is pushed"
+            f" {1e3 * PUSHED_AT:.0f} mm above a table with friction {friction:.2f}; make it about"
+            f" {1e3 * wide * need / within:.0f} mm wide, or wider"
+        )
+
+
+@lru_cache(maxsize=1024)
+def _base(shape: Shape) -> Pair:
+    """Return how far a centroid is within the supports, and the width of the body [radii]."""
+    from shapely import MultiPoint, Point, Polygon
+
+    supports = even_supports(shape) if shape.lies_flat else feet_places(shape.feet, 1.0)
+    within = float(MultiPoint(supports).convex_hull.exterior.distance(Point(0.0, 0.0)))
+    corners = Polygon(shape.outline(1.0)).minimum_rotated_rectangle.exterior.coords
+    sides = np.hypot(*np.diff(np.array(corners), axis=0).T)
+    return within, float(sides.min())
 
 
 def table_box(table: Table) -> tuple[list[float], list[float]]:

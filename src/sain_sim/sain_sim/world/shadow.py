@@ -40,6 +40,7 @@ from sain_core.scene import (
 )
 from sain_core.shapes.bodies import PAPER_DISKS
 from sain_core.types import PushArray, Pushes, Scene, Scenes
+from sain_core.world import ToppledError
 from sain_sim.world.engines import DEFAULT_ENGINE
 from sain_sim.world.parameters import WorldParameters, nominal_parameters
 from sain_sim.world.world import World, WorldConfig
@@ -149,7 +150,8 @@ class Bullet(BulletPrior):
     """A shadow that goes on where its arm cannot: after predictions, not after what was seen.
 
     In a scene that was predicted the mid disk may stand where the arm does not reach. A world
-    refuses such a push, and nothing moves: so it is predicted, and counted.
+    refuses such a push, as one that tips a body over, and nothing moves: so it is predicted, and
+    counted.
     """
 
     _refused = 0
@@ -163,7 +165,7 @@ class Bullet(BulletPrior):
         """Predict the settled scene (N, 8) after one push (5,) from a scene (N, 8)."""
         try:
             return super().predict(scene, push)
-        except UnreachableError:
+        except (UnreachableError, ToppledError):
             self._refused += 1
             return scene.copy()
 

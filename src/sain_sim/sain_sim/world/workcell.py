@@ -7,6 +7,7 @@ each push. How a push goes, who watches it and when it is refused is here, once 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from math import degrees, radians
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -16,9 +17,9 @@ from numpy import ndarray
 from sain_core.config import Config, option
 from sain_core.errors import BlockedError
 from sain_core.feasibility import Feasibility
-from sain_core.scene import DISK_HEIGHT, SETTLED_SPEED, SETTLED_SPIN, VELOCITY
+from sain_core.scene import DISK_HEIGHT, POSITION, SETTLED_SPEED, SETTLED_SPIN, VELOCITY
 from sain_core.types import Mask, Scalars, Scene
-from sain_core.world import check_possible
+from sain_core.world import ToppledError, check_possible
 from sain_sim.arm.client import Closeable
 from sain_sim.arm.motion import ControlledArm, Joints, Kinematics, MotionConfig
 from sain_sim.arm.panda import ArmConfig
@@ -28,6 +29,8 @@ from sain_sim.world.roughness import QUIET
 GRAVITY: Final = 9.81  # [m/s^2]
 SAG: Final = 0.0002  # [m], by which a flat bottom sinks into the table under its weight
 FALLEN_HEIGHT: Final = -0.01  # [m], a body whose middle is lower has left the table
+MOST_LEAN: Final = radians(3.0)  # [rad], of a body that stands
+MOST_LIFT: Final = 0.003  # [m], of the middle of a body that stands, up or down
 ASIDE: Final = (0.03, -0.35)  # [m], above where it hides no body from a camera in front of it
 HOME: Final = (0.35, 0.0)  # [m], above where the tool waits for the first push
 STEPS_PER_LOOK: Final = 6  # between two tests whether the disks are settled
@@ -146,6 +149,10 @@ class Workcell(ABC):
         """Return how high the middles of bodies in these states are, (N,) [m]."""
 
     @abstractmethod
+    def leans(self, states: Any) -> Scalars:
+        """Return how far bodies in these states are tipped out of the plane, (N,) [rad]."""
+
+    @abstractmethod
     def advance(self) -> None:
         """Simulate one control step.
 
@@ -217,6 +224,7 @@ class Workcell(ABC):
             BlockedError: at the step in which the tool touches another body than the pushed one;
                 never without one.
             DivergedError: as `advance`, or bodies end where they cannot be.
+            ToppledError: a body on the table no longer stands upright on it.
         """
         if self._parameters.roughness.noise != QUIET:
             self.disturb(self.scene(self.origin.states).tobytes() + route.stroke.tobytes())
@@ -226,9 +234,25 @@ class Workcell(ABC):
         self._follow(route.stroke, "push", watch, pushed)
         self.settle("settle", watch, pushed)
         check_possible(self.scene(self.origin.states), self.observe())
+        self._check_upright()
         if self._config.full_motion:
             self._show(route.lift, "lift", watch)
         self.arm.place(route.lift[-1])
+
+    def _check_upright(self) -> None:
+        """Raise `ToppledError` unless all bodies stand; at the table's edge they may fall."""
+        states = self.states()
+        lean, height = self.leans(states), self.heights(states)
+        tipped = (lean > MOST_LEAN) | (np.abs(height - DISK_HEIGHT / 2) > MOST_LIFT)
+        tipped &= self._config.feasibility.table.contains(self.scene(states)[:, POSITION])
+        if tipped.any():
+            body = int(np.argmax(tipped))
+            raise ToppledError(
+                f"the push tips over body {body} ({self._parameters.shapes[body]}): it leans by"
+                f" {degrees(lean[body]):.0f} degrees, its middle is {1e3 * height[body]:.0f} mm"
+                f" high; bodies must stand upright, their middles {1e3 * DISK_HEIGHT / 2:.0f} mm"
+                " high"
+            )
 
     def settle(self, phase: str, watch: Watch | None, pushed: int | None) -> None:
         """Step until two tests in a row find the disks settled, or for the longest wait."""
@@ -266,6 +290,11 @@ class Workcell(ABC):
             )
         if watch is not None and self.steps % watch.every == 0:
             watch.observer(self.sample(phase))
+
+
+def lean_of(turns: Float[ndarray, "N 2"]) -> Scalars:
+    """Return the angles (N,) [rad] from the vertical by x and y of unit quaternions (N, 2)."""
+    return np.asarray(2.0 * np.arcsin(np.minimum(np.hypot(*turns.T), 1.0)))
 
 
 def support_drop(parameters: WorldParameters) -> float:

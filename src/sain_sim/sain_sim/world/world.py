@@ -17,7 +17,7 @@ from sain_core.types import PushArray, Scene
 from sain_core.world import DivergedError, Outcome
 from sain_sim.arm.client import Closeable
 from sain_sim.world.engines import DEFAULT_ENGINE, simulation_class
-from sain_sim.world.parameters import NOMINAL_FRICTION, WorldParameters, on_a_grid
+from sain_sim.world.parameters import NOMINAL_FRICTION, WorldParameters, check_stands, on_a_grid
 from sain_sim.world.truth import check_roughness
 from sain_sim.world.workcell import (
     ASIDE,
@@ -200,6 +200,7 @@ class World(CheckedWorld):
         """Put the disks in a scene (N, 8) without checks; engines push overlapping disks apart."""
         wanted = parameters or self.parameters
         check_roughness(self.engine, wanted.roughness)
+        check_stands(wanted)
         origin = CellState(self._simulation.resting(scene, wanted), self._simulation.home)
         self.parameters = wanted
         self._build(origin)
