@@ -91,9 +91,7 @@ def test_a_scene_that_is_old_or_not_settled_moves_nothing() -> None:
     good = door.take(scene(), 10.0, 100.0)
     door.check_push(10.0 + OLD, 100.0 + OLD)
     for now, clock in ((10.6, 100.0), (10.0, 100.6)):  # none came; what came is old
-        with pytest.raises(
-            StaleSceneError, match=r"is old: 0\.6 s since the last one"
-        ):
+        with pytest.raises(StaleSceneError, match=r"is old: 0\.6 s since the last one"):
             door.check_push(now, clock)
         with pytest.raises(StaleSceneError, match="is old"):
             door.check_stroke(good, now, clock)
