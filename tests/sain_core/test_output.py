@@ -19,6 +19,7 @@ from sain_core.output import (
     write_json,
     write_whole,
 )
+from sain_core.transitions import SHARD_PATTERN
 
 MINE = "the only copy"
 
@@ -76,10 +77,11 @@ def test_in_a_folder_of_the_user_no_manifest_appears_beside_a_single_file(tmp_pa
         claim_file(tmp_path / "page.html")
 
 
-def test_a_pattern_finds_what_is_in_the_way(tmp_path: Path) -> None:
+@pytest.mark.parametrize("pattern", ["shard-*.npz", SHARD_PATTERN])
+def test_a_pattern_finds_what_is_in_the_way(pattern: str, tmp_path: Path) -> None:
     (tmp_path / "shard-00007.npz").write_text(MINE)
     with pytest.raises(OutputError, match=r"shard-00007\.npz exists"):
-        claim_folder(tmp_path, ["shard-*.npz"])
+        claim_folder(tmp_path, [pattern])
     assert [one.name for one in tmp_path.iterdir()] == ["shard-00007.npz"]
 
 

@@ -53,7 +53,7 @@ def claim_folder(folder: Path, names: Iterable[str] = (), overwrite: bool = Fals
         _make_folder(folder)
         _probe(folder)
         for name in names:
-            for path in folder.glob(name) if "*" in name else [folder / name]:
+            for path in [folder / name, *folder.glob(name)]:
                 _claim(path, overwrite)
             for path in folder.glob(f".{name}.[0-9]*{PARTIAL}"):
                 remove(path.parent.resolve() / path.name)

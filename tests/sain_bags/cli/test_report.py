@@ -16,7 +16,8 @@ def test_the_page_is_written_beside_the_bag(episode_bag, tmp_path):
     assert default_path(episode_bag) == tmp_path / "report.html"
     assert (tmp_path / "report.html").read_text(encoding="utf-8").startswith("<!")
     assert not list(tmp_path.glob("*.partial"))
-    with pytest.raises(OutputError, match=r"report\.html exists; --overwrite replaces it"):
+    (tmp_path / "report.html").write_text("mine")
+    with pytest.raises(OutputError, match=r"report\.html exists, and no run of .*--overwrite"):
         run(ReportOptions(episode_bag), quiet)
     run(ReportOptions(episode_bag, overwrite=True), quiet)
     with pytest.raises(OutputError, match="is a folder"):
