@@ -88,7 +88,7 @@ def _check_header(path: Path, data: UInt8[ndarray, "B"]) -> None:
     """Check how many pixels a file announces, before any is decoded."""
     try:
         with warnings.catch_warnings(action="ignore"):
-            width, height = Image.open(BytesIO(data)).size
+            width, height = Image.open(BytesIO(data.tobytes())).size
     except Image.DecompressionBombError as error:
         raise ConfigError(f"image {path} is not read: {error}") from error
     except (OSError, ValueError, SyntaxError) as error:

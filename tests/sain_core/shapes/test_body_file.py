@@ -58,7 +58,7 @@ def test_everything_of_a_body_is_read(tmp_path: Path) -> None:
             "body 1 has no role and others have",
         ),
         ("bodies: [{shape: disk, radius: 0.1, tags: [{size: 1}]}]", "a tag of body 0 has no id"),
-        ("bodies: [{shape: disk, radius: 0.1, tags: 5000}]", "id 5000; allowed: 0 to 1023"),
+        ("bodies: [{shape: disk, radius: 0.1, tags: 5000}]", "id 5000; allowed: 0 to 586"),
         (
             "bodies: [{shape: disk, radius: 0.1, tags: 3}, {shape: t, radius: 0.1, tags: [1, 3]}]",
             "two bodies have the tag 3; each needs its own",
