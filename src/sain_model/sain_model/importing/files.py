@@ -317,9 +317,9 @@ def read_recordings(
     pushes = check_real(pushes)
     bodies, keys = _bodies(pushes, stated, shapes)
     notes += [
-        f"the outline of {name!r} runs clockwise: turned round"
+        f"the outline of {name!r}: {note}"
         for (name, _), body in bodies.items()
-        if body.clockwise
+        for note in body.mended
     ]
     return Recordings(pushes, bodies, keys, tuple(notes), tuple(found))
 
