@@ -126,3 +126,41 @@ def test_an_outline_file_that_cannot_be_used_is_named(
         get_shape(str(path))
     with pytest.raises(ConfigError, match=r"gone\.yaml.* is not read"):
         get_shape(str(tmp_path / "gone.yaml"))
+
+
+SQUARE = np.array([[0.0, 0.0], [0.1, 0.0], [0.1, 0.1], [0.0, 0.1]])
+
+
+@pytest.mark.parametrize(
+    ("points", "message"),
+    [
+        (
+            SQUARE[[0, 2, 1, 3]],
+            r"at \(0.05, 0.05\) m, where the sides from point 1 to 2 and from 3 to 4",
+        ),
+        (SQUARE[[0, 1]][[0, 1, 0]] * [[1, 1]], "encloses nothing: its area is 0 mm"),
+        (np.array([[0.0, 0.0], [0.05, 0.05], [0.1, 0.1]]), "encloses nothing: .* points in a line"),
+        (SQUARE[[0, 0, 0, 1]], "encloses nothing: its area is 0 mm"),
+        (1e3 * SQUARE, "radius of 70.71 m: it looks like millimetres; allowed"),
+        (1e-3 * SQUARE, r"radius of 7.07\de-05 m; allowed"),
+    ],
+)
+def test_an_outline_that_is_none_is_refused_with_its_points(
+    points: np.ndarray, message: str
+) -> None:
+    with pytest.raises(DatasetError, match=message):
+        trace("mine", points)
+
+
+def test_an_outline_is_mended_with_a_word(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path))
+    outline_folder().mkdir(parents=True)
+    stated = SQUARE[[0, 3, 3, 2, 1, 0]].tolist()
+    (outline_folder() / "turned.yaml").write_text(json.dumps({"shapes": {"turned": stated}}))
+    shape = get_shape("turned")
+    assert area(shape.outline(1.0)) > 0.0
+    assert "'turned': point 3 repeats the one before: left out" in caplog.text
+    assert "'turned': it runs clockwise: turned round" in caplog.text
+    assert trace("turned", SQUARE).mended == ()

@@ -148,7 +148,7 @@ def test_what_pushes_do_not_show_stays_as_uncertain_as_before(tmp_path: Path) ->
         belief = identify_bodies(load_dataset(data))
         shown[touched] = dict(zip(belief.likeliest.names, belief.likeliest.deviations, strict=True))
     assert min(shown[False].values()) >= 1.0
-    assert shown[True]["tool_friction"] < 0.7 * shown[False]["tool_friction"]
+    assert shown[True]["centre_x"] < 0.7 * shown[False]["centre_x"]
 
 
 @pytest.mark.parametrize(

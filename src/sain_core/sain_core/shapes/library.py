@@ -9,6 +9,7 @@ Users state outlines in files, one shape in each, as `read_stated` reads them. T
 path; those in `outline_folder` by name.
 """
 
+import logging
 import os
 import re
 from collections.abc import Iterable
@@ -123,6 +124,7 @@ def library() -> tuple[Shape, ...]:
     )
 
 
+log = logging.getLogger(__name__)
 GROUP: Final = "sain.shapes"
 OUTLINES: Final = (".yaml", ".json")
 PLAIN: Final = re.compile(r"[\w.-]{1,64}")  # name of an outline file
@@ -244,7 +246,10 @@ def _read_outline(path: Path, _changed: int) -> Shape:
     bodies = read_stated(path).bodies
     if len(bodies) != 1:
         raise DatasetError(f"{path} states {len(bodies)} shapes; it must state one")
-    (shape,) = (body.shape for body in bodies.values())
+    ((name, body),) = bodies.items()
+    for note in body.mended:
+        log.warning("%s: %r: %s", path, name, note)
+    shape = body.shape
     if isinstance(shape, Traced):
         corners, parts = len(shape.corners), len(shape.parts(1.0))
         if corners > MOST_OUTLINE or parts > MOST_PARTS:

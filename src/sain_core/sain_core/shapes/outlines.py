@@ -5,6 +5,7 @@ data set can find them. A name ends with a hash of the outline, so no two outlin
 """
 
 import hashlib
+import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
@@ -82,13 +83,13 @@ class BodyOutline:
         shape: about its centroid; a disk where both axes of an ellipse are equal.
         radius: circumscribed about the centroid [m].
         centre: of the centroid in the user's frame of the body (x, y) [m].
-        clockwise: whether the user's outline ran clockwise, and was turned round.
+        mended: what was changed in the user's outline, in words.
     """
 
     shape: Shape
     radius: float
     centre: Pair
-    clockwise: bool = False
+    mended: tuple[str, ...] = ()
 
 
 def convex_parts(outline: Points) -> tuple[Ring, ...]:
@@ -198,24 +199,32 @@ def _numbers(what: str, stated: object) -> ndarray:
 def trace(name: str, points: Points, what: str = "the outline") -> BodyOutline:
     """Return the body with an outline of points (M, 2) [m]; up to `FINEST` is left out.
 
+    One that runs clockwise is turned round, and points that repeat the one before are left out.
+
     Raises:
         DatasetError: it crosses itself, encloses nothing, or has a size that cannot be meant.
     """
-    from shapely import Polygon, is_valid_reason
+    from shapely import Polygon
 
     if points.ndim != 2 or points.shape[1] != 2 or not 3 <= len(points) <= MOST_POINTS:
         raise DatasetError(
             f"{what} has points of shape {points.shape}; give 3 to {MOST_POINTS} points [x, y]"
         )
     _check_size(what, float(np.hypot(*(points - points.mean(axis=0)).T).max()))
-    ring = Polygon(points)
+    again = (points == np.roll(points, 1, axis=0)).all(axis=1)
+    again[0] = False  # the last point may close the ring
+    mended = [
+        f"point {place + 1} repeats the one before: left out" for place in np.flatnonzero(again)
+    ]
+    points = points[~again]
+    ring = Polygon(points) if len(points) > 2 else Polygon()
     if not ring.is_valid or ring.area < LEAST_RADIUS**2:
-        reason = is_valid_reason(ring) if not ring.is_valid else f"its area is {ring.area:.2g} m^2"
-        raise DatasetError(f"{what} crosses itself or encloses nothing: {reason}")
+        raise DatasetError(f"{what} {_wrong_ring(points, ring)}")
     coarse = ring.simplify(FINEST)
     corners = np.array(coarse.exterior.coords)[:-1]
-    clockwise = not coarse.exterior.is_ccw
-    corners = corners[::-1] if clockwise else corners
+    if not coarse.exterior.is_ccw:
+        corners = corners[::-1]
+        mended.append("it runs clockwise: turned round")
     middle = centroid(corners)
     radius = float(np.hypot(*(corners - middle).T).max())
     _check_size(what, radius)
@@ -224,7 +233,27 @@ def trace(name: str, points: Points, what: str = "the outline") -> BodyOutline:
         Traced(hashed_name(name, scaled), scaled),
         radius,
         (float(middle[0]), float(middle[1])),
-        clockwise,
+        tuple(mended),
+    )
+
+
+def _wrong_ring(points: Points, ring: Any) -> str:
+    """Return what is wrong with an outline: which sides cross, or that it encloses nothing."""
+    from shapely import LineString, Point, is_valid_reason
+
+    found = re.search(r"\[(\S+) (\S+)\]", is_valid_reason(ring))
+    if ring.is_valid or not ring.convex_hull.area or found is None:
+        return f"encloses nothing: its area is {1e6 * ring.area:.2g} mm^2, as of points in a line"
+    place = Point(float(found[1]), float(found[2]))
+    after = np.roll(points, -1, axis=0)
+    sides = zip(points, after, strict=True)
+    apart = [LineString([here, there]).distance(place) for here, there in sides]
+    first, second = (
+        f"{side + 1} to {(side + 1) % len(points) + 1}" for side in sorted(np.argsort(apart)[:2])
+    )
+    return (
+        f"crosses itself at ({place.x:.4g}, {place.y:.4g}) m, where the sides from point {first}"
+        f" and from {second} meet; give the points in order round the body"
     )
 
 

@@ -202,14 +202,16 @@ def _left_out(
     pushes: RealPushes, faults: Sequence[Fault], skip_bad: bool
 ) -> dict[str, tuple[str, ...]]:
     """Return where pushes are that cannot be, each by the first that is wrong with it."""
-    left_out, seen = {}, np.zeros(len(pushes), dtype=bool)
-    firsts = []
+    left_out: dict[str, tuple[str, ...]] = {}
+    seen, firsts = np.zeros(len(pushes), dtype=bool), list[tuple[int, str]]()
     for fault in faults:
         rows = np.flatnonzero(fault.rows & ~seen)
         seen |= fault.rows
         if len(rows):
             left_out[fault.what] = tuple(pushes.where(int(row)) for row in rows)
-            firsts.append((int(rows[0]), f"{left_out[fault.what][0]}: {fault.detail(rows[0])}"))
+            firsts.append(
+                (int(rows[0]), f"{left_out[fault.what][0]}: {fault.detail(int(rows[0]))}")
+            )
     if firsts and not skip_bad:
         raise DatasetError(
             f"{min(firsts)[1]}; correct poses, outline or tip_radius, or leave such rows out"

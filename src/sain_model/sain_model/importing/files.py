@@ -142,7 +142,7 @@ def _header(path: Path, texts: Sequence[str], degrees: bool) -> Header:
     stated = [_stated(text) for text in texts]
     names = [name for name, _ in stated]
     needs = f"it needs {', '.join(NEEDED)}, once each, and may have {', '.join(OPTIONAL)}"
-    unused, absent = [], [name for name in NEEDED + OPTIONAL if name not in names]
+    unused, absent = list[str](), [name for name in NEEDED + OPTIONAL if name not in names]
     for place, name in enumerate(names):
         if name in NEEDED + OPTIONAL:
             if name in names[:place]:
@@ -154,7 +154,7 @@ def _header(path: Path, texts: Sequence[str], degrees: bool) -> Header:
         names[place] = ""
     if missing := [name for name in NEEDED if name not in names]:
         raise DatasetError(f"the header of {path} lacks {', '.join(missing)}; {needs}")
-    factors = {}
+    factors: dict[str, float] = {}
     for name, unit in stated:
         if name in NUMBERS + NOT_STATED:
             allowed = UNITS[unit_of(name)]
@@ -317,9 +317,9 @@ def read_recordings(
     pushes = check_real(pushes)
     bodies, keys = _bodies(pushes, stated, shapes)
     notes += [
-        f"the outline of {name!r} runs clockwise: turned round"
+        f"the outline of {name!r}: {note}"
         for (name, _), body in bodies.items()
-        if body.clockwise
+        for note in body.mended
     ]
     return Recordings(pushes, bodies, keys, tuple(notes), tuple(found))
 
