@@ -40,7 +40,7 @@ from sain_vision.ros.scene_node import SceneNode
 PERIODS: Final = (0.05, 0.1, 0.3, 1.0)  # [s] between two that are false
 BRAKES: Final = 0.5  # [s]
 MOVES: Final = 0.05  # [rad/s], of a joint
-GAP: Final = 0.02  # [s], from a message to its callback: a goal of this time was under way
+GAP: Final = 0.1  # [s], from a message to its callback: a goal of this time was under way
 LONGEST: Final = 300.0  # [s]
 PATIENT: Final[dict[str, Any]] = {  # the machine may be busy
     "enable_timeout": 1.0,
