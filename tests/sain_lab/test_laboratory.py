@@ -267,5 +267,5 @@ def test_a_full_disk_is_said_and_leaves_the_log_whole(tmp_path, monkeypatch):
 def test_what_cannot_be_written_is_said(tmp_path):
     blocked = tmp_path / "file"
     blocked.write_text("")
-    with pytest.raises(OutputError, match="mine: .*file is no folder"):
+    with pytest.raises(OutputError, match=r"mine: .*file is no folder"):
         OpenLaboratory(blocked / "mine")

@@ -43,10 +43,6 @@ class BodyBeliever:
         self._bodies: dict[str, _Body] = {}
         self._latest = ""  # the body that was pushed last
 
-    def knows(self, result: Result) -> bool:
-        """Return whether its body was pushed before."""
-        return body_name(result) in self._bodies
-
     def add(self, result: Result) -> None:
         """Take a push."""
         self._latest = body_name(result)

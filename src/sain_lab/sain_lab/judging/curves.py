@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
-from sain_core.randomness import Interval, bootstrap_mean, bootstrap_ratio, generator
+from sain_core.randomness import Interval, bootstrap_mean, generator
 from sain_lab.judging.events import Event
 from sain_lab.keeping.laboratory import PHYSICS, PLANAR, Laboratory, check_record
 from sain_lab.keeping.log import LogReader, Record
@@ -45,12 +45,6 @@ class Curves:
         """Return the mean error over pushes first to last with its 95 % interval."""
         values = self.errors[name][first:last]
         return bootstrap_mean(values[np.isfinite(values)], generator(0, "curve"))
-
-    def ratio(self, name: str = SERVICE, below: str = PLANAR, first: int = 0) -> Interval:
-        """Return the mean error over that of another with its 95 % interval, from a push on."""
-        above, under = self.errors[name][first:], self.errors[below][first:]
-        both = np.isfinite(above) & np.isfinite(under)
-        return bootstrap_ratio(above[both], under[both], generator(0, "curve"))
 
 
 def read_curves(laboratory: Laboratory) -> Curves:
