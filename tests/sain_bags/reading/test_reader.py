@@ -64,10 +64,10 @@ def test_a_bag_that_was_not_closed_says_so(record: Callable[..., Any]) -> None:
 def test_what_is_no_bag_is_named(tmp_path: Path) -> None:
     with pytest.raises(DatasetError, match=r"no bag at .*nowhere"):
         Bag(tmp_path / "nowhere")
-    with pytest.raises(DatasetError, match="is no bag"):
+    with pytest.raises(DatasetError, match="is an empty folder"):
         Bag(tmp_path)
     (tmp_path / "text.mcap").write_text("not an MCAP file, but long enough to have been one")
-    with pytest.raises(DatasetError, match=r"text\.mcap is damaged"):
+    with pytest.raises(DatasetError, match=r"text\.mcap is a text file"):
         Bag(tmp_path / "text.mcap")
 
 

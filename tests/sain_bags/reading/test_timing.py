@@ -30,7 +30,7 @@ def record(folder: Path, numbers: dict[str, list[tuple[int, int]]]) -> Bag:
 
 def test_rate_longest_gap_and_missing_messages(tmp_path: Path) -> None:
     bag = record(tmp_path / "bag", {"/a": [(0, 5), (100, 6), (400, 9), (500, 10)], "/b": [(3, 1)]})
-    timings = read_timings(bag)
+    timings = {name: timing for (name, _), timing in read_timings(bag).items()}
     assert timings["/a"].rate == pytest.approx(6.0)
     assert timings["/a"].longest_gap == pytest.approx(0.3)
     assert timings["/a"].missing == 2

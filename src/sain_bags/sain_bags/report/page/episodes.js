@@ -47,8 +47,8 @@ class Episodes {
     const turn = episode.turn === null ? "" : `, and ${degrees(episode.turn)} from the heading`;
     const keep = episode.keep.map(({ body, tolerance, moved }) =>
       `; body ${body}, to be kept within ${fineMillimetres(tolerance)}, was moved by ${fineMillimetres(moved)}`).join("");
-    const place = `${fineMillimetres(episode.distance)} from it at rest (tolerance ${millimetres(episode.tolerance)})`;
-    const goal = episode.poses.length ? `, goal ${episode.outcome}: ${place}${turn}${keep}` : ", without a goal";
+    const away = `${fineMillimetres(episode.distance)} from it at rest (tolerance ${millimetres(episode.tolerance)})`;
+    const goal = episode.poses.length ? `, goal ${episode.outcome}: ${away}${turn}${keep}` : ", without a goal";
     find("episode-title").textContent = `${episode.title}: ${counted(episode.counts.executed, "push", "pushes")}${refused}${goal}`;
     find("shown").textContent = shownText(episode);
     find("verdict").textContent = verdictText(episode);
