@@ -148,4 +148,6 @@ def test_a_message_that_never_came_is_counted(studio: Studio) -> None:
     gaps = studio.recorder.gaps["/numbers"]
     assert (gaps.missing, gaps.is_exact) == (1, True)
     bag = studio.end()
-    assert read_timings(bag)["/numbers", "std_msgs/msg/String"].missing == 1  # as the bag itself shows
+    assert (
+        read_timings(bag)["/numbers", "std_msgs/msg/String"].missing == 1
+    )  # as the bag itself shows

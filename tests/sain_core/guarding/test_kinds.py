@@ -76,7 +76,7 @@ def test_bags_and_data_sets_are_told_apart(tmp_path: Path) -> None:
             load_dataset(path)
     for path, said in (
         (data, "is a data set of pushes, not a bag; `sain train` takes it"),
-        (data / "shard-00000.npz", "a shard of a data set; `sain train` takes its folder"),
+        (data / "shard-00000.npz", "is a shard of a data set .*`sain train` takes its folder"),
         (data / "other.zip", "is a zip archive; `unzip FILE` unpacks it"),
     ):
         with pytest.raises(DatasetError, match=said):

@@ -91,7 +91,7 @@ def _archive(path: Path) -> Iterator[str]:
         with zipfile.ZipFile(path) as archive:
             names = archive.namelist()
         if names and all(name.endswith(".npy") for name in names):
-            yield "has arrays of NumPy (.npz): a shard of a data set; `sain train` takes its folder"
+            yield "is a shard of a data set (.npz); `sain train` takes its folder"
 
 
 def _texts(path: Path, text: str) -> Iterator[str]:
