@@ -15,7 +15,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parent.parent
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
 PLUGINS = "sain.dynamics"
-# The executables that setuptools writes import for a tenth of a second before any code of ours runs,
+# The executables of setuptools import for a tenth of a second before any code of ours runs,
 # and a Ctrl-C then leaves a traceback. These end quietly from their first line on.
 LAUNCHER = """\
 #!{python}

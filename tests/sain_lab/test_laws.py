@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 import sain_lab.learner
 from sain_core.output import write_whole
-from sain_lab.judging.events import FAILED, TRAINED, TRAINING
+from sain_lab.keeping.events import FAILED, TRAINED, TRAINING
 from sain_lab.keeping.laboratory import LOG, Laboratory
 from sain_lab.keeping.log import encoded
 from sain_lab.learner import Learner

@@ -36,9 +36,9 @@ from sain_core.push import pushed_bodies
 from sain_core.scene import POSITION, THETA, wrap_angle
 from sain_core.transitions import MOVED, PushHistory
 from sain_core.types import Scene
-from sain_lab.judging import events
-from sain_lab.judging.events import Event
 from sain_lab.judging.judge import RECENT, Judge
+from sain_lab.keeping import events
+from sain_lab.keeping.events import Event
 from sain_lab.keeping.laboratory import PHYSICS, PLANAR, SHIPPED, OpenLaboratory, service_of
 from sain_lab.keeping.results import Result, why_not
 from sain_lab.physics import Believer

@@ -19,8 +19,8 @@ from sain_core.scene import POSITION, THETA, wrap_angle
 from sain_core.transitions import PushHistory
 from sain_core.types import Scene
 from sain_lab.bodies import BodyBeliever
-from sain_lab.judging import events
 from sain_lab.judging.judge import Judge
+from sain_lab.keeping import events
 from sain_lab.keeping.laboratory import service_of
 from sain_lab.keeping.results import Result, history_of
 from sain_lab.physics import Believer

@@ -13,11 +13,11 @@ from sain_core.cli.terminal import FittingTable, make_table
 from sain_core.config import Config, option, required
 from sain_core.errors import ConfigError
 from sain_core.output import OVERWRITE_HELP
-from sain_lab.judging.events import NOT_LEARNED
+from sain_lab.keeping.events import NOT_LEARNED
 
 if TYPE_CHECKING:
     from sain_lab.judging.curves import Curves
-    from sain_lab.judging.events import Event
+    from sain_lab.keeping.events import Event
     from sain_lab.keeping.laboratory import Laboratory
     from sain_lab.keeping.results import Result
     from sain_lab.learner import Learner

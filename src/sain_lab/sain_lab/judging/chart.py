@@ -11,7 +11,7 @@ from numpy import ndarray
 from sain_core.view.figures import TEXT, new_figure, style_axes
 from sain_core.view.palette import PALETTE
 from sain_lab.judging.curves import SERVICE, WINDOW, Curves
-from sain_lab.judging.events import CHANGED, DROPPED, JUMPED, LOADED
+from sain_lab.keeping.events import CHANGED, DROPPED, JUMPED, LOADED
 from sain_lab.keeping.laboratory import PHYSICS, PLANAR
 from sain_model.physics.parameters import BY_NAME
 

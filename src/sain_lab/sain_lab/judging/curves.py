@@ -9,7 +9,7 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from sain_core.randomness import Interval, bootstrap_mean, generator
-from sain_lab.judging.events import Event
+from sain_lab.keeping.events import Event
 from sain_lab.keeping.laboratory import PHYSICS, PLANAR, Laboratory, check_record
 from sain_lab.keeping.log import LogReader, Record
 

@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from typing import Any, Final
 
 from sain_lab.judging.betting import Bet
-from sain_lab.judging.events import (
+from sain_lab.keeping.events import (
     CHANGED,
     DROPPED,
     FAILED,

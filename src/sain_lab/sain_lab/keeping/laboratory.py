@@ -25,8 +25,8 @@ from sain_core.guarding.locks import LockedError, lock_file
 from sain_core.guarding.untrusted import read_json, read_regular_text
 from sain_core.output import MANIFEST as SIGNED
 from sain_core.output import claim_folder, is_ours, remove, sign, write_json, write_whole
-from sain_lab.judging import events
-from sain_lab.judging.events import Event
+from sain_lab.keeping import events
+from sain_lab.keeping.events import Event
 from sain_lab.keeping.log import LogReader, LogWriter, Record
 from sain_lab.keeping.results import Result
 from sain_model.physics.parameters import BY_NAME

@@ -27,7 +27,7 @@ from sain_core.wire.bodies import decode_bodies
 from sain_interfaces.msg import Bodies, Learning, PushResult
 from sain_interfaces.srv import LoadModel
 from sain_lab.judging.curves import CurveReader
-from sain_lab.judging.events import Event
+from sain_lab.keeping.events import Event
 from sain_lab.keeping.laboratory import WAITING
 from sain_lab.keeping.results import Result
 from sain_lab.learner import Learner, Lesson

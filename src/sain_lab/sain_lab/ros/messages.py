@@ -10,7 +10,7 @@ from numpy import ndarray
 from sain_core.ros.codec import encode_time, header
 from sain_interfaces.msg import LearnedCurve, LearnerEvent, Learning
 from sain_lab.judging.curves import SERVICE, WINDOW, Curves
-from sain_lab.judging.events import Event
+from sain_lab.keeping.events import Event
 from sain_lab.keeping.laboratory import PHYSICS, PLANAR
 from sain_model.physics.parameters import BY_NAME
 
