@@ -47,7 +47,7 @@ bench: ## timings beside those of others; some of them, or other rooms, with ARG
 
 # Of one world: BULLET="--models runs/learned/sain.safetensors", ROUGH=..., MUJOCO=..., PUSHT="--episodes 20".
 # In the page: NAMES="--names 'runs/learned/sain.safetensors=learned only'".
-table: ## docs/reference/results.md and its picture: all scenarios in Bullet, its rough world, MuJoCo, its measured world and gym-pusht; fewer with ARGS="--scenes 5"
+table: ## results/results.md and its picture: all scenarios in Bullet, its rough world, MuJoCo, its measured world and gym-pusht; fewer with ARGS="--scenes 5"
 	@./env ros2 run sain_eval evaluate --table --out results/table/bullet $(ARGS) $(BULLET)
 	@./env ros2 run sain_eval evaluate --table --world rough --out results/table/rough $(ARGS) $(ROUGH)
 	@./env ros2 run sain_eval evaluate --table --engine mujoco --out results/table/mujoco $(ARGS) $(MUJOCO)
@@ -58,10 +58,10 @@ table: ## docs/reference/results.md and its picture: all scenarios in Bullet, it
 		results/table/measured results/table/pusht $(NAMES)
 	@./env python -m benchmarks.results.results_figure
 
-faults: ## docs/reference/faults.md: what the graph makes of killed nodes, lost datagrams, full disks and hostile input; takes an hour
-	@./env python -m benchmarks.faults.graph_faults --page docs/reference/faults.md $(ARGS)
+faults: ## results/faults.md: what the graph makes of killed nodes, lost datagrams, full disks and hostile input; takes an hour
+	@./env python -m benchmarks.faults.graph_faults --page results/faults.md $(ARGS)
 
-real: ## docs/reference/real.md and its pictures: errors on the real pushes at DATA=PATH; takes an hour, and continues after a stop
+real: ## results/real/: a page with pictures: errors on the real pushes at DATA=PATH; takes an hour, and continues after a stop
 	@./env python -m benchmarks.real $(if $(DATA),--data "$(DATA)") $(ARGS)
 
 lock: ## requirements.txt from pyproject.toml, for Python 3.11 to 3.13
