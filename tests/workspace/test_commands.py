@@ -24,8 +24,7 @@ REQUIRED = {  # arguments without which nothing else is reported
     "recover": ["bag", "--out", "o"],
     "to_dataset": ["bag", "--out", "o"], "record": ["--out", "o"], "calibrate": ["--out", "o"],
     "learn": ["--out", "o"],
-    "train": ["data", "--out", "o"],
-    "learning_curve": ["data", "--out", "o"], "identify": ["data"],
+    "train": ["data", "--out", "o"], "identify": ["data"],
     "real_import": ["data", "--out", "o"], "lab": ["list"],
 }  # fmt: skip
 HEAVY = {"torch", "pybullet", "numba", "rclpy", "matplotlib"}

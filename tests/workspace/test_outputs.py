@@ -29,7 +29,6 @@ NEEDED: Final[dict[str, tuple[str, ...]]] = {  # positional arguments of each co
     "sain_lab teach": (),
     "sain_model evaluate": ("nowhere",),
     "sain_model identify": ("nowhere",),
-    "sain_model learning_curve": ("nowhere",),
     "sain_model real_import": ("nowhere",),
     "sain_model train": ("nowhere",),
     "sain_pusht evaluate": (),
