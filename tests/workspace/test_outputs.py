@@ -22,7 +22,6 @@ NEEDED: Final[dict[str, tuple[str, ...]]] = {  # positional arguments of each co
     "sain_bags report": ("nowhere",),
     "sain_bags to_dataset": ("nowhere",),
     "sain_bringup closed_loop": (),
-    "sain_eval calibrate": (),
     "sain_eval evaluate": (),
     "sain_eval results": ("nowhere",),
     "sain_lab lab": ("replay", "nowhere"),
