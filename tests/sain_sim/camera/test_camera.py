@@ -1,7 +1,6 @@
 """How a camera sees a world."""
 
 import numpy as np
-import pytest
 
 from sain_core.scene import MASS, POSE, POSITION, RADIUS, is_settled
 from sain_sim.camera.camera import Camera, WorldCameraConfig
