@@ -39,9 +39,10 @@ def evaluate(*arguments: object) -> list[str]:
     return [str(executable("sain_eval", "evaluate")), *SMALL, *map(str, arguments)]
 
 
-def test_all_four_play_together(environment: dict[str, str], tmp_path: Path) -> None:
+@pytest.mark.parametrize("planner", ["my_planner", "my_icem"])
+def test_all_play_together(environment: dict[str, str], tmp_path: Path, planner: str) -> None:
     out = tmp_path / "results"
-    arguments = ["--scenario", "my_scenario", "--planner.algorithm", "my_planner"]
+    arguments = ["--scenario", "my_scenario", "--planner.algorithm", planner]
     run(environment, evaluate(*arguments, "--planner.weights.more", "my_centre:0.5", "--out", out))
     results = json.loads((out / "results.json").read_text())
     assert {row["scenario"] for row in results["summary"]} == {"my_scenario"}

@@ -13,9 +13,9 @@ def test_observations_are_exact_unless_it_is_said_otherwise():
 
 
 def test_the_numbers_are_read():
-    config = ObservationConfig(noise="0.005,0.035", unknown="mass, radius")
+    config = ObservationConfig(noise="0.005,0.035", unknown=" mass, mass")
     assert config.noise_std == (0.005, 0.035)
-    assert config.unknown_names == ("mass", "radius")
+    assert config.unknown_names == ("mass",)
     assert ObservationConfig(**observation_settings(config)) == config
 
 
@@ -30,7 +30,7 @@ def test_the_numbers_are_read():
         ({"noise": "much"}, "'much'", "two numbers with a comma"),
         ({"delay": 2.0}, "2.0 s", "at most 0.5 s"),
         ({"delay": -0.1}, "-0.1 s", "at least 0 s"),
-        ({"unknown": "friction"}, "'friction'", "mass, radius"),
+        ({"unknown": "mass,radius"}, "'mass,radius'", "allowed: mass"),
     ],
 )
 def test_what_cannot_be_is_refused_with_what_is_allowed(said, wrong, allowed):

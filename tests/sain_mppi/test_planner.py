@@ -10,7 +10,7 @@ from sain_core.push import LENGTH, SPEED, make_push
 from sain_core.randomness import generator
 from sain_core.scene import POSITION, TARGET, make_scene, unit
 from sain_core.shapes.bodies import PAPER_DISKS
-from sain_mppi.config import ICEM, MPPI_ROUNDS, PlannerConfig
+from sain_mppi.config import MPPI, MPPI_ROUNDS, PlannerConfig
 from sain_mppi.objective.problem import Problem
 from sain_mppi.planner import Planner
 
@@ -49,7 +49,7 @@ def test_the_next_plan_starts_from_the_rest_of_the_last(scene, dynamics):
     np.testing.assert_allclose(then.pushes[:-1], first.pushes[1:])
 
 
-@pytest.mark.parametrize("algorithm", [MPPI_ROUNDS, ICEM])
+@pytest.mark.parametrize("algorithm", [MPPI_ROUNDS, MPPI])
 def test_few_samples_are_enough_where_the_last_plan_goes_on(scene, dynamics, algorithm):
     plans = planner(dynamics, algorithm=algorithm, samples=256)
     few = replace(plans.config, samples=8)

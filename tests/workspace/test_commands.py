@@ -22,10 +22,8 @@ SCRIPTS = [(package, name) for package in PYTHON_PACKAGES for name in console_sc
 REQUIRED = {  # arguments without which nothing else is reported
     "play": ["bag"], "view": ["bag"], "info": ["bag"], "report": ["bag"],
     "recover": ["bag", "--out", "o"],
-    "to_dataset": ["bag", "--out", "o"], "record": ["--out", "o"], "calibrate": ["--out", "o"],
-    "learn": ["--out", "o"],
-    "train": ["data", "--out", "o"],
-    "learning_curve": ["data", "--out", "o"], "identify": ["data"],
+    "to_dataset": ["bag", "--out", "o"], "record": ["--out", "o"], "learn": ["--out", "o"],
+    "train": ["data", "--out", "o"], "identify": ["data"],
     "real_import": ["data", "--out", "o"], "lab": ["list"],
 }  # fmt: skip
 HEAVY = {"torch", "pybullet", "numba", "rclpy", "matplotlib"}

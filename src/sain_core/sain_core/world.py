@@ -170,8 +170,7 @@ def check_outcome(before: Scene, after: object) -> Scene:
 MOST_NOISE: Final = (0.02, 0.35)  # [m], a third of the smallest disk's radius; [rad], 20 degrees
 UNITS: Final = ("m", "rad")
 MASSES: Final = "mass"
-RADII: Final = "radius"
-UNKNOWNS: Final = (MASSES, RADII)
+UNKNOWNS: Final = (MASSES,)
 
 
 @dataclass(frozen=True)
@@ -187,10 +186,7 @@ class ObservationConfig(Config):
     delay: float = option(
         0.0, "time from the observation of a frame to its arrival", unit="s", minimum=0, maximum=0.5
     )
-    unknown: str = option(
-        "",
-        "quantities that are observed as nominal, separated by commas: mass, radius (of disks)",
-    )
+    unknown: str = option("", "quantities that are observed as nominal, separated by commas: mass")
 
     def __post_init__(self) -> None:
         """Check the fields, the numbers in words, and the names of what is unknown."""

@@ -5,5 +5,4 @@ from typing import Final
 from sain_core.cli.command_line import Command
 
 evaluate: Final = Command("sain_eval evaluate", "cli.evaluate", resumes="episode", prefixes=True)
-calibrate: Final = Command("sain_eval calibrate", "cli.calibrate")
 results: Final = Command("sain_eval results", "cli.results")

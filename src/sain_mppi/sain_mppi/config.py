@@ -133,11 +133,9 @@ def further_terms(text: str) -> tuple[tuple[str, float], ...]:
 
 MPPI_ROUNDS: Final = "mppi_rounds"
 MPPI: Final = "mppi"
-ICEM: Final = "icem"
 EXHAUSTIVE: Final = "exhaustive"
-GRADIENT: Final = "gradient"
 
-ALGORITHM_NAMES: Final = (MPPI_ROUNDS, MPPI, ICEM, EXHAUSTIVE, GRADIENT)
+ALGORITHM_NAMES: Final = (MPPI_ROUNDS, MPPI, EXHAUSTIVE)
 PLANNERS: Final = Plugins("sain.planners", "planner", ALGORITHM_NAMES)
 
 ARGMIN: Final = "argmin"
@@ -170,40 +168,6 @@ class NoiseConfig(Config):
         """Return the standard deviations (location, angle, length) of a round, from 0."""
         scale = self.shrink**round_number
         return scale * np.array([self.location, self.angle, self.length])
-
-
-@dataclass(frozen=True)
-class IcemConfig(Config):
-    """What iCEM has of its own; names as in Pinneri et al. 2020."""
-
-    elites: int = option(
-        10, "K, number of best samples to which mean and deviation are fitted", minimum=1
-    )
-    kept: float = option(
-        0.3, "xi, share of the elites kept for the next round", minimum=0.0, maximum=1.0
-    )
-    colour: float = option(
-        1.0, "beta, power of the noise's spectrum: 0 white, 2 a random walk", minimum=0.0
-    )
-    momentum: float = option(
-        0.1,
-        "alpha, share of the last mean and deviation that an update keeps",
-        minimum=0.0,
-        maximum=1.0,
-    )
-
-
-@dataclass(frozen=True)
-class GradientConfig(Config):
-    """What gradient descent has of its own."""
-
-    drawn: float = option(
-        0.5, "share of K that is sampled before the descent", minimum=0.0, maximum=1.0
-    )
-    descending: float = option(
-        0.008, "share of K that descends in parallel: the best samples", minimum=0.0, maximum=1.0
-    )
-    steps: int = option(7, "number of descent steps", minimum=0)
 
 
 @dataclass(frozen=True)
@@ -333,8 +297,6 @@ class PlannerConfig(Config):
     )
     noise: NoiseConfig = NoiseConfig()
     beam: BeamConfig = BeamConfig()
-    icem: IcemConfig = IcemConfig()
-    gradient: GradientConfig = GradientConfig()
     grid: PaperGrid = PaperGrid()
     progress: ProgressConfig = ProgressConfig()
     weights: CostWeights = CostWeights()

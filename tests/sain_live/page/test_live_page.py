@@ -68,7 +68,7 @@ def test_settings_are_controls_and_orders(shown):
     for label, value, name, expected in (
         ("horizon", 3, "planner.horizon", 3),
         ("thinning", 0.25, "planner.thinning", 0.25),
-        ("algorithm", "icem", "planner.algorithm", "icem"),
+        ("algorithm", "mppi", "planner.algorithm", "mppi"),
         ("warm start", False, "planner.warm_start", False),
         ("position [1/m^2]", "[50, 60]", "planner.weights.position", [50.0, 60.0]),
     ):

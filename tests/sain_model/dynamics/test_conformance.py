@@ -7,7 +7,6 @@ import torch
 
 from sain_core.conformance import check_dynamics
 from sain_core.model import IdentityPrior, Model, load_dynamics
-from sain_model.dynamics.parameter_correction import correcting_model
 from sain_model.dynamics.residual import residual_model
 from sain_model.inference.kinds import friction_kind
 from sain_model.network.interaction_network import new_network
@@ -25,11 +24,6 @@ def network(**settings: object) -> torch.nn.Module:
     return made
 
 
-def corrected() -> Model:
-    inside = network(members=2, features="world", output="parameters", places=5)
-    return correcting_model(inside, friction_kind(PlanarPrior(), infers=False), "planar")
-
-
 MODELS: dict[str, Model] = {
     "learned": residual_model(network(), friction_kind(IdentityPrior(), infers=False), IDENTITY),
     "residual": residual_model(network(), friction_kind(PlanarPrior()), "planar"),
@@ -39,7 +33,6 @@ MODELS: dict[str, Model] = {
     "recurrent": residual_model(
         network(), friction_kind(PlanarPrior(), infers=False), "planar", recurrent=True
     ),
-    "parameter correction": corrected(),
 }
 
 

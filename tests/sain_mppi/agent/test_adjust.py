@@ -18,7 +18,7 @@ FEW = PlannerConfig(samples=48, rounds=2, horizon=3)
 CHANGES = (
     {"samples": 20},
     {"rounds": 1, "temperature": 0.0, "selection": "mean"},
-    {"algorithm": "icem"},
+    {"algorithm": "mppi"},
 )
 
 

@@ -1,15 +1,11 @@
 """Samples lie inside the limits without piling up, and locations live on a circle."""
 
 import numpy as np
-import pytest
 
 from sain_core.goal import Goal
 from sain_core.push import LENGTH, PushLimits, make_push
 from sain_core.randomness import generator
-from sain_mppi.algorithms.sampling import (
-    coloured_noise,
-    weighted_mean,
-)
+from sain_mppi.algorithms.sampling import weighted_mean
 from sain_mppi.algorithms.search import Search
 from sain_mppi.config import CostWeights, PlannerConfig
 from sain_mppi.objective.cost import Objective
@@ -53,14 +49,3 @@ def test_the_mean_of_locations_is_taken_on_the_circle():
     sequences = make_push([[3.0], [-3.0]], [[0.1], [0.3]], [[0.05], [0.15]])
     mean = weighted_mean(sequences, np.array([0.5, 0.5]))
     np.testing.assert_allclose(mean, make_push(np.pi, 0.2, 0.1)[None])
-
-
-@pytest.mark.parametrize("length", [1, 2, 5, 6])
-@pytest.mark.parametrize("colour", [0.0, 1.0, 2.0])
-def test_coloured_noise_has_variance_one_and_its_neighbours_agree(length, colour):
-    noise = coloured_noise(generator(8), (40_000, length), colour)
-    assert noise.shape == (40_000, length)
-    np.testing.assert_allclose(noise.var(axis=0), 1.0, atol=0.04)
-    if length > 2:
-        together = float((noise[:, 0] * noise[:, 1]).mean())
-        assert together == pytest.approx(0.0, abs=0.03) if colour == 0.0 else together > 0.1

@@ -50,7 +50,7 @@ def test_the_next_plan_is_made_with_what_was_set(graph, straw, change):
         planner__samples=40,
         planner__horizon=3,
         planner__rounds=1,
-        planner__algorithm="icem",
+        planner__algorithm="mppi",
         planner__deadline=30.0,
         planner__weights__position=[200.0, 100.0],
         planner__weights__effort=0.0,
@@ -61,7 +61,7 @@ def test_the_next_plan_is_made_with_what_was_set(graph, straw, change):
     moved[:, POSITION] += [0.0, -0.05]
     straw.show(scene_id=2, disks=moved)
     second = plan(graph, push_id=nth_push(graph, 2).push_id)
-    assert (second.samples, second.horizon, second.algorithm) == (40, 3, "icem")
+    assert (second.samples, second.horizon, second.algorithm) == (40, 3, "mppi")
     assert (second.deadline, len(second.pushes)) == (30.0, 3 * 5)
     assert dict(zip(second.cost_terms, second.cost_values, strict=True))["effort"] == 0.0
 

@@ -1,7 +1,7 @@
 """``ros2 run sain_model identify``: what recordings of a laboratory tell of its physics."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -13,7 +13,7 @@ from sain_core.config import Config, option, required
 from sain_core.errors import ConfigError, DatasetError
 from sain_core.output import OVERWRITE_HELP, claim_file
 from sain_core.provenance import ros2_command
-from sain_core.world import MASSES, unknown_names
+from sain_model.network.settings import SHIPPED
 
 if TYPE_CHECKING:
     from sain_model.inference.evidence import ObservedPushes
@@ -33,15 +33,12 @@ class IdentifyOptions(Config):
     )
     out: Path = option(Path("runs/belief.json"), "file for the belief")
     overwrite: bool = option(False, OVERWRITE_HELP)
-    model: str = option("sain", "model that it is for: sain, or the path of a checkpoint")
+    model: str = option(SHIPPED, "model that it is for: sain, or the path of a checkpoint")
     pushes: int = option(
         0,
         "largest number of pushes of each recording, or of each body that recordings of a robot"
         " name; 0: all, or as many as change anything",
         minimum=0,
-    )
-    unknown: str = option(
-        "", "what recordings state as nominal: mass is identified (the same bodies in all episodes)"
     )
 
 
@@ -69,28 +66,17 @@ def run(options: IdentifyOptions, console: Console) -> None:
         if path in options.datasets[:place]:
             raise DatasetError(f"{path} is given twice; give each recording once")
     if states_bodies(data := load_dataset(*options.datasets)):
-        _check_unused(options)
+        if options.model != SHIPPED:
+            raise ConfigError(
+                f"--model is {options.model!r}; it is for recordings of a laboratory, and these"
+                " name the pushed bodies (column object): leave it out"
+            )
         _write(options, identify_bodies(data, options.pushes or ENOUGH), console)
         return
     model = load_dynamics(options.model)
     if not isinstance(model, SainDynamics):
         raise ConfigError(f"--model is {options.model!r}; it must be sain or a checkpoint")
-    model = with_all_parameters(model)
-    if MASSES in unknown_names(options.unknown):
-        model = model.with_unknown_masses()
-    belief = identify(model, load_recordings(options))
-    _write(options, belief, console)
-
-
-def _check_unused(options: IdentifyOptions) -> None:
-    """Refuse options that do nothing where recordings of a robot name their bodies."""
-    usual = {item.name: item.default for item in fields(IdentifyOptions)}
-    for name in ("model", "unknown"):
-        if (given := getattr(options, name)) != usual[name]:
-            raise ConfigError(
-                f"--{name} is {given!r}; it is for recordings of a laboratory, and these name the"
-                " pushed bodies (column object): leave it out"
-            )
+    _write(options, identify(with_all_parameters(model), load_recordings(options)), console)
 
 
 def _write(options: IdentifyOptions, belief: "Belief", console: Console) -> None:

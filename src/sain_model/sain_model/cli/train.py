@@ -10,12 +10,10 @@ from typing import TYPE_CHECKING
 
 from rich.console import Console
 
-from sain_core.errors import ConfigError
 from sain_core.output import claim_folder
-from sain_model.network.settings import PARAMETERS, STEPS
+from sain_model.network.settings import STEPS
 from sain_model.training.settings import (
     DEFAULT,
-    OF_PARAMETERS,
     PRESETS,
     TrainingConfig,
     TrainOptions,
@@ -27,22 +25,19 @@ if TYPE_CHECKING:
 
 
 def options(arguments: Sequence[str]) -> type[TrainOptions]:
-    """Return the options with the defaults that ``--preset``, ``--output`` and ``--from`` give.
+    """Return the options with the defaults that ``--preset`` and ``--from`` give.
 
     Raises:
         CheckpointError: the checkpoint of ``--from`` is not sound.
     """
     scout = argparse.ArgumentParser(add_help=False, allow_abbrev=False, exit_on_error=False)
     scout.add_argument("--preset", default=DEFAULT)
-    scout.add_argument("--output")
     scout.add_argument("--from", dest="parent")
     try:
         scouted = scout.parse_known_args(arguments)[0]
     except argparse.ArgumentError:
         return TrainOptions  # which reports it
     defaults = PRESETS.get(scouted.preset, TrainingConfig())
-    if scouted.output == PARAMETERS:
-        defaults = OF_PARAMETERS
     if scouted.parent:
         from sain_model.training.fit import Parent  # loads PyTorch
 
@@ -91,8 +86,6 @@ def run(options: TrainOptions, console: Console) -> None:
         config, kind = identified_kind(Path(options.belief), options.training)
         options = replace(options, training=config)
     config = options.training
-    if options.rollout.wanted and config.network.corrects_parameters:
-        raise ConfigError("--steps-ahead trains residuals; leave it or --output parameters out")
     data = load_dataset(*options.dataset)
     split = split_by_episode(data, config.seed, config.validation, config.test, config.transitions)
     if parent:

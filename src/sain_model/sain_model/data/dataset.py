@@ -217,16 +217,16 @@ def split_by_episode(
     """Split transitions so that no episode is in two parts; see `sain_core.transitions.draw_parts`.
 
     With no share for the test, training and validation share all: 90 to 10 or 80 to 20 in the
-    paper. `transitions` is what `limit_training` leaves; 0: all.
+    paper. `transitions` are how many to train on; 0: all.
 
     Raises:
         DatasetError: too few episodes for the parts, or too few transitions.
     """
     split = Split(*map(data.select, draw_parts(data.episode, seed, validation, test)))
-    return limit_training(split, transitions) if transitions else split
+    return _limit_training(split, transitions) if transitions else split
 
 
-def limit_training(split: Split, transitions: int) -> Split:
+def _limit_training(split: Split, transitions: int) -> Split:
     """Return a split with so many transitions to train on, and as small a share to validate on.
 
     Episodes are taken in order, the last one in part; what is held out stays whole.
@@ -241,16 +241,6 @@ def limit_training(split: Split, transitions: int) -> Split:
         )
     validated = max(round(len(split.validation) * transitions / count), 1)
     return Split(split.train.first(transitions), split.validation.first(validated), split.test)
-
-
-def check_held_out(split: Split) -> None:
-    """Check that there are episodes to measure errors on.
-
-    Raises:
-        DatasetError: none is held out.
-    """
-    if not len(split.test):
-        raise DatasetError("errors need held-out episodes; give --test above 0")
 
 
 # --- reading --------------------------------------------------------------------------------------

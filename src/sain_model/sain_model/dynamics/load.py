@@ -24,8 +24,7 @@ from sain_core.output import write_json, write_whole
 from sain_core.shapes.shape import BOTTOMS
 from sain_model.dynamics.identify import with_all_parameters
 from sain_model.dynamics.intervals import Intervals
-from sain_model.dynamics.parameter_correction import correcting_model
-from sain_model.dynamics.priors import C, Settings, load_planar, make_prior, naming
+from sain_model.dynamics.priors import C, Settings, make_prior, naming
 from sain_model.dynamics.residual import residual_model
 from sain_model.dynamics.sain import RECURRENT, SainDynamics
 from sain_model.inference.kinds import FRICTION, Kind, friction_kind, read_kind
@@ -52,7 +51,7 @@ class ModelCard:
             trained without them, and knows the nominal friction alone.
         bodies: the physics of bodies on surfaces, as a belief has it; None: of no such.
         intervals: regions about its predictions, fitted to the validation episodes; None: not.
-        kind: as in `dynamics.sain` and `dynamics.parameter_correction`.
+        kind: as in `dynamics.sain`.
         data: what it was trained on: path, SHA-256, transitions, episodes, split.
         training: settings, seed, epochs done, losses.
         errors: errors on the held-out episodes [mm], for it and what it is compared with.
@@ -172,15 +171,8 @@ def parse_card(path: Path, text: str) -> ModelCard:
         raise CheckpointError(f"{path} is not a checkpoint's card: {error}") from error
     raise CheckpointError(
         f"{path} has format {version!r}; this version reads {FORMAT_VERSION}: train it again with:"
-        f" {_of_today(str(command or ''))}"
+        f" {command or 'ros2 run sain_model train DATASET --out DIR'}"
     )
-
-
-def _of_today(command: str) -> str:
-    """Return the command that trains a checkpoint, in the words of this version."""
-    if not command:
-        return "ros2 run sain_model train DATASET --out DIR"
-    return command.replace(" train_correction ", " train --output parameters ")
 
 
 def _check_card(path: Path, card: ModelCard) -> None:
@@ -247,14 +239,9 @@ def load_checkpoint(path: Path) -> SainDynamics:
         intervals = None
         if card.intervals is not None:
             intervals = card_part("intervals", Intervals, card.intervals)
-        if network.config.corrects_parameters:
-            kind = _kind(load_planar(card.prior, card.prior_config), card)
-            model = correcting_model(network, kind, card.prior)
-        else:
-            kind = _kind(make_prior(card.prior, card.prior_config), card)
-            recurrent = card.kind == RECURRENT
-            bottoms = _bottoms(card)
-            model = residual_model(network, kind, card.prior, intervals, recurrent, bottoms)
+        kind = _kind(make_prior(card.prior, card.prior_config), card)
+        recurrent = card.kind == RECURRENT
+        model = residual_model(network, kind, card.prior, intervals, recurrent, _bottoms(card))
     fill(path, content, network)
     origin = replace(model.origin, model_hash=card.weights_sha256, card=text)
     return replace(model, origin=origin)

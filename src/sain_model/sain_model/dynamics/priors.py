@@ -40,26 +40,12 @@ def make_prior(name: str, settings: Settings | None = None) -> Model:
     if name == IDENTITY:
         return IdentityPrior()
     if name in PLANAR_PRIORS:
-        return load_planar(name, settings)
+        usual = PlanarConfig() if name == PLANAR else AXES
+        with naming("settings of the planar prior"):
+            return PlanarPrior(replace(usual, **typed_settings(PlanarConfig, settings or {})))
     if settings:
         raise CheckpointError(f"the prior {name!r} has no settings; given: {', '.join(settings)}")
     return load_dynamics(name)
-
-
-def load_planar(name: str, settings: Settings | None = None) -> PlanarPrior:
-    """Return a planar prior, whose friction and parameters can be conditioned.
-
-    Raises:
-        CheckpointError: there is none of that name, or it has no such settings.
-    """
-    if name not in PLANAR_PRIORS:
-        known = " and ".join(PLANAR_PRIORS)
-        raise CheckpointError(
-            f"the parameters of {name!r} cannot be corrected; those of {known} can"
-        )
-    usual = PlanarConfig() if name == PLANAR else AXES
-    with naming("settings of the planar prior"):
-        return PlanarPrior(replace(usual, **typed_settings(PlanarConfig, settings or {})))
 
 
 def prior_settings(prior: Model) -> Settings:

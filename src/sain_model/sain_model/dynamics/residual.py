@@ -23,7 +23,6 @@ from sain_model.dynamics.sain import (
     LEARNED,
     RECURRENT,
     RESIDUAL,
-    Again,
     Network,
     Origin,
     PhysicsPrediction,
@@ -196,7 +195,7 @@ class ResidualNetwork(Network):
         """Return the network on a device, ``cpu`` or ``cuda``."""
         return self if device == self.device else replace(self, device=device)
 
-    def correct(self, physics: PhysicsPrediction, again: Again) -> Scenes:
+    def correct(self, physics: PhysicsPrediction) -> Scenes:
         """Add the residual; see `Network`."""
         check_physics_next(physics.scenes, physics.after)
         corrected = self._forward.correct(

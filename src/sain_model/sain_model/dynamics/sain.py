@@ -6,9 +6,8 @@ given an episode's earlier pushes, which kind and which parameters are the most 
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, Self
 
@@ -46,9 +45,6 @@ PHYSICS: Final = "physics"  # Fig. 1a: no network
 LEARNED: Final = "learned"  # Fig. 1b: the network alone, on the identity prior
 RESIDUAL: Final = "residual"  # Fig. 1c, equation 2
 RECURRENT: Final = "recurrent"  # Fig. 1d, equations 3 and 4: trained on its own rollouts
-PARAMETER_CORRECTION: Final = "parameter_correction"  # a network that corrects parameters, too
-
-Again = Callable[[Values], Scenes]  # what physics predicts of the same pushes with other values
 
 
 @dataclass(frozen=True)
@@ -56,7 +52,7 @@ class Origin:
     """Where a model comes from.
 
     Attributes:
-        kind: `PHYSICS`, `LEARNED`, `RESIDUAL`, `RECURRENT` or `PARAMETER_CORRECTION`.
+        kind: `PHYSICS`, `LEARNED`, `RESIDUAL` or `RECURRENT`.
         prior_name: of the physics that was corrected, for `sain_core.model.load_dynamics`.
         model_hash: SHA-256 of the weights; empty when they come from no checkpoint.
         card: the checkpoint's JSON card; empty likewise.
@@ -113,11 +109,11 @@ class Network(ABC):
         return self.module.config.members
 
     @abstractmethod
-    def correct(self, physics: PhysicsPrediction, again: Again) -> Scenes:
+    def correct(self, physics: PhysicsPrediction) -> Scenes:
         """Return what physics predicts (B, N, 8), corrected.
 
         A push of zero length moves nothing, nor does a body with the role "fixed". Velocities,
-        masses and radii are passed on as they are. `again` predicts with other parameters.
+        masses and radii are passed on as they are.
 
         Raises:
             InvalidInputError: arrays that do not fit together.
@@ -297,12 +293,9 @@ class SainDynamics(Model):
             return physics_next.copy()
         weighed = with_mass_ratio(scenes, self.value(MASS_RATIO))
 
-        def again(others: Values) -> Scenes:
-            return step_knowing(self.physics, scenes, pushes, {**(values or {}), **others})
-
         believed = {**self._seen(self.now.posterior), **(values or {})}
         physics = PhysicsPrediction(weighed, pushes, physics_next, self.bodies, believed)
-        return self.network.correct(physics, again)
+        return self.network.correct(physics)
 
     def regions(
         self, scene: Scene, pushes: PushSequences, predicted: PredictedScenes
@@ -392,11 +385,10 @@ class SainDynamics(Model):
         if self.network is not None and chosen.any():
             weighed = self._weighed(scenes, rows.posterior)[chosen]
             posterior = rows.posterior.of_rows(np.flatnonzero(chosen))
-            world = self.belief, self.bodies, scenes[chosen], pushes[chosen], posterior
             physics = PhysicsPrediction(
                 weighed, pushes[chosen], physics_next[chosen], self.bodies, self._seen(posterior)
             )
-            after[chosen] = self.network.correct(physics, partial(step_rows, *world))
+            after[chosen] = self.network.correct(physics)
         return physics_next, after
 
     def _correction_odds(

@@ -271,11 +271,6 @@ def position_errors(predicted: Scenes, actual: Scenes, body: int) -> Scalars:
     return np.asarray(1e3 * np.linalg.norm(missing, axis=-1))
 
 
-def target_moved(before: Scenes, after: Scenes) -> Mask:
-    """Return in which scenes (M, N, 8) the target moved by more than the paper's threshold."""
-    return np.asarray(_ways(before, after)[:, TARGET] > MOVED)
-
-
 def rank_correlation(values: Scalars, off: Scalars) -> float | None:
     """Return Spearman's rank correlation; None where the values do not differ."""
     if len(values) < 3 or np.ptp(values) == 0.0 or np.ptp(off) == 0.0:

@@ -29,7 +29,6 @@ from sain_model.dynamics.identify import body_names
 from sain_model.dynamics.intervals import Prediction
 from sain_model.dynamics.sain import LEARNED as LEARNED_KIND
 from sain_model.dynamics.sain import (
-    PARAMETER_CORRECTION,
     RECURRENT,
     RESIDUAL,
     Inferred,
@@ -149,7 +148,6 @@ NAMES: Final = {  # of a model's kind, the paper's Fig. 1
     LEARNED_KIND: LEARNED,
     RESIDUAL: SAIN,
     RECURRENT: RECURRENT_SAIN,
-    PARAMETER_CORRECTION: "parameter correction",
 }
 
 Rollouts = Float[ndarray, "W T N 8"]

@@ -5,7 +5,7 @@ of the scope "episode": of them each episode has a value of its own. An episode'
 problem of one episode, the recordings of a laboratory are one problem of many.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -32,7 +32,6 @@ ENOUGH: Final = 0.05  # a smaller gain of the logarithm of the posterior density
 LEAST_FACTOR: Final = 1.0  # of the noise: many pushes fitted closely are worth less than all fitted
 
 Parts = Sequence[ObservedPushes]
-Progress = Callable[[int, float], None]  # steps so far, logarithm of the posterior density
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,7 +126,6 @@ def fit(
     start: Float[ndarray, "C D"],
     problem: Int[ndarray, "C"],
     steps: int,
-    progress: Progress = lambda steps, score: None,
 ) -> Fit:
     """Return the most likely parameters of each problem.
 
@@ -137,12 +135,11 @@ def fit(
         start: first vectors z.
         problem: of each episode.
         steps: at most so many.
-        progress: called after each step, with the sum over problems.
     """
     places, count = start.copy(), 1 + int(problem.max())
     totals = _totals(kind, parts, places, problem, count)
     damping, goes_on = np.zeros(count, np.int64), np.ones(count, dtype=bool)
-    for number in range(steps):
+    for _ in range(steps):
         score, factor = _best(totals)
         some = _of_episodes(parts, goes_on[problem])
         normal = normal_equations(kind, some, places, factor[problem])
@@ -157,7 +154,6 @@ def fit(
             damping[tried] += 1
             damping[better] = np.maximum(damping[better] - 1, 0)
         goes_on = _best(totals)[0] > score + ENOUGH
-        progress(number + 1, float(_best(totals)[0].sum()))
         if not goes_on.any():
             break
     _, factor = _best(totals)

@@ -11,15 +11,13 @@ WORLD_FRAME: Final = "world"  # the same, and where on the table and how turned 
 FRAMES: Final = (PUSH_FRAME, WORLD_FRAME)
 ORDER: Final = "order"  # every member sees all of the data, in an order of its own
 BOOTSTRAP: Final = "bootstrap"  # every member sees episodes drawn with replacement
-RESIDUAL: Final = "residual"
-PARAMETERS: Final = "parameters"
 
 MASS_MIDDLE: Final = 8.0  # [kg], of the bodies that networks learn from
 
 
 @dataclass(frozen=True)
 class NetworkConfig(Config):
-    """The size of the network, of f_rel and f_dyn, and what it puts out."""
+    """The size of the network, of f_rel and f_dyn, and what it sees."""
 
     hidden: int = option(64, "width of the hidden layers", minimum=1, maximum=1024)
     message: int = option(
@@ -35,32 +33,6 @@ class NetworkConfig(Config):
         False, "whether it sees what is believed of the physics of each body and of the table"
     )
     members: int = option(1, "number of networks in the ensemble", minimum=1, maximum=64)
-    output: str = option(
-        RESIDUAL,
-        "a residual of the prior's prediction; or corrections of the planar prior's parameters, and"
-        " a residual of what it predicts with them",
-        choices=(RESIDUAL, PARAMETERS),
-    )
-    places: int = option(
-        0,
-        "places on a body's way where a map of the table is read, with corrections of parameters;"
-        " 0: no map",
-        minimum=0,
-    )
-
-    def __post_init__(self) -> None:
-        """Check the fields, and that a map has what it needs."""
-        super().__post_init__()
-        if self.places and (self.output != PARAMETERS or self.features != WORLD_FRAME):
-            raise ConfigError(
-                f"places is {self.places}; a map needs --output parameters --features world: give"
-                " both, or --places 0"
-            )
-
-    @property
-    def corrects_parameters(self) -> bool:
-        """Whether it corrects parameters of the prior."""
-        return self.output == PARAMETERS
 
 
 AUTO: Final = "auto"

@@ -314,9 +314,8 @@ class PlanarConfig(Config):
     """The planar world's physics.
 
     From `foot_radius` to `disk_height` the values are fitted to Bullet with the arm on 1,871
-    pushes of three-footed disks by ``ros2 run sain_eval calibrate`` (docs/explanation/planar.md):
-    they make up for each other, and none should be read as a measurement. What each means is in
-    `sain_model.physics.parameters`.
+    pushes of three-footed disks (docs/explanation/planar.md): they make up for each other, and none
+    should be read as a measurement. What each means is in `sain_model.physics.parameters`.
     """
 
     friction: float = parameter("friction", 0.12)
@@ -412,7 +411,7 @@ AXES: Final = PlanarConfig(
     tool_height=0.0196,
     disk_height=0.0196,
 )
-"""Fitted to 1,871 pushes by ``ros2 run sain_eval calibrate --axes`` (docs/explanation/planar.md).
+"""Fitted to 1,871 pushes of three-footed disks (docs/explanation/planar.md).
 
 Bullet solves the friction of a foot along the world's x and y, each weighted by how hard the foot
 is to move that way. That is no physics: a prior with it does not turn with the scene, but by

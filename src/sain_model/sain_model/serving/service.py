@@ -29,9 +29,7 @@ class ServingConfig(Config):
     belief: str = option(
         "", "file of `sain_model identify`, with which each episode begins; empty: none"
     )
-    unknown: str = option(
-        "", "quantities that scenes give as nominal, separated by commas: mass, radius"
-    )
+    unknown: str = option("", "quantities that scenes give as nominal, separated by commas: mass")
     device: str = option(
         AUTO, "device of the network; auto: a GPU if there is one", choices=DEVICES
     )

@@ -32,10 +32,9 @@ from sain_model.dynamics.load import (
     parse_card,
     shipped_checkpoint,
 )
-from sain_model.dynamics.parameter_correction import correcting_model
 from sain_model.dynamics.priors import make_prior
 from sain_model.dynamics.residual import module_of, residual_model, with_intervals
-from sain_model.dynamics.sain import PARAMETER_CORRECTION, RECURRENT, SainDynamics
+from sain_model.dynamics.sain import RECURRENT, SainDynamics
 from sain_model.evaluation.errors import position_errors
 from sain_model.evaluation.predictors import step_with_history
 from sain_model.inference.kinds import FRICTION, Kind, friction_kind, read_belief
@@ -66,15 +65,10 @@ def trained_kind(config: TrainingConfig) -> Kind:
     """Return the physics that settings ask for, and what pushes show of it.
 
     Raises:
-        ConfigError: no such prior, or the parameters of this one cannot be corrected.
+        ConfigError: no such prior.
     """
     check_model_name(config.prior)
     planar = config.prior in PLANAR_PRIORS
-    if config.network.corrects_parameters and not planar:
-        raise ConfigError(
-            f"--output {config.network.output} corrects {' or '.join(PLANAR_PRIORS)}, not"
-            f" {config.prior!r}; give one of them as --prior"
-        )
     prior = make_prior(config.prior, {"friction": config.prior_friction} if planar else None)
     return friction_kind(prior, config.history != NOTHING)
 
@@ -167,8 +161,6 @@ def _model(
     split: Split,
 ) -> SainDynamics:
     """Return the trained model, with regions fitted to the validation part."""
-    if config.network.corrects_parameters:
-        return correcting_model(network, kind, config.prior)
     sain = residual_model(network, kind, config.prior, recurrent=rollout.wanted)
     return with_intervals(sain, fit_intervals(sain, *split.validation.parts))
 
@@ -200,8 +192,6 @@ class Parent:
             )
         path = shipped_checkpoint() if name == SHIPPED else Path(name)
         sain = load_checkpoint(path)
-        if sain.origin.kind == PARAMETER_CORRECTION:
-            raise CheckpointError(f"{path} corrects parameters; only residuals can be fine-tuned")
         if sain.origin.kind == RECURRENT:
             raise CheckpointError(
                 f"{path} was trained on rollouts (--steps-ahead); fine-tuning learns from single"

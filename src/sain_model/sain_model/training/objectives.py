@@ -1,8 +1,4 @@
-"""What a network learns: single pushes, Algorithm 1's phase II; or its own rollouts, equation 5.
-
-Single pushes teach a residual of the prior. Where the network corrects parameters of the prior,
-gradients come from simulated variations (`dynamics.parameter_correction`).
-"""
+"""What a network learns: single pushes, Algorithm 1's phase II; or its own rollouts, equation 5."""
 
 import functools
 from dataclasses import dataclass
@@ -19,7 +15,6 @@ from sain_core.scene import POSE, VELOCITY
 from sain_model.compute.threads import one_numba_thread
 from sain_model.data.dataset import Dataset, Part, Split
 from sain_model.data.windows import Windows, make_windows
-from sain_model.dynamics.parameter_correction import ToldPushes, conditioned_moves, moves
 from sain_model.inference.evidence import Known, grid_values
 from sain_model.inference.kinds import Kind
 from sain_model.network.feature_kernels import GAP_AFTER, GAP_BEFORE, MIRRORED_RELATION
@@ -33,7 +28,7 @@ from sain_model.network.features import (
 from sain_model.network.interaction_network import CHUNK, InteractionNetwork
 from sain_model.network.settings import NetworkConfig
 from sain_model.physics.parameters import Values
-from sain_model.physics.planar import PlanarPrior, step_knowing
+from sain_model.physics.planar import step_knowing
 from sain_model.training.rollouts import roll
 from sain_model.training.settings import LossConfig, RolloutConfig, TrainingConfig
 from sain_model.training.trainer import LearningObjective
@@ -129,72 +124,17 @@ def _identity(split: Split, kind: Kind) -> str:
     return f"{split.train.sha256} {len(split.train)} {kind.identity}"
 
 
-@dataclass(frozen=True)
-class _Pushes:
-    """Pushes to learn from, and how the prior answers to corrections of its parameters."""
-
-    examples: Examples
-    parts: tuple[ToldPushes, ...] = ()  # of the same bodies each; none: nothing is corrected
-    plain: Tensor = torch.zeros(0)  # (M, N, 3), the moves that the uncorrected prior predicts
-
-    @classmethod
-    def make(cls, data: Dataset, kind: Kind, config: TrainingConfig, mirror: bool = False) -> Self:
-        network, most = config.network, max(part.disks for part in data.parts)
-        known = [(part, inferred_values(part, kind)) for part in data.parts]
-        examples = [
-            make_examples(part, kind.prior, some, network).padded(most) for part, some in known
-        ]
-        images = [some.mirrored(network) for some in examples] if mirror else []
-        joined = examples[0].and_then(*examples[1:], *images)
-        if not network.corrects_parameters:
-            return cls(joined)
-        parts = tuple(_on_prior(*one, kind.prior) for one in known)
-        plain = torch.cat([_padded(_plain_moves(part), most) for part in parts])
-        return cls(joined, parts, plain)
-
-    def predict(
-        self, network: InteractionNetwork, rows: Int[Tensor, "*M b"]
-    ) -> Float[Tensor, "M b N 3"]:
-        """Return what every member says should be added to what the prior predicts."""
-        examples = self.examples
-        residual, corrections = network.heads(examples.bodies[rows], examples.relations[rows])
-        if not self.parts:
-            return residual
-        flat = rows.expand(residual.shape[:2]).flatten()
-        change = self._moves(corrections.flatten(0, 1), flat) - self.plain[flat]
-        return residual + change.view(residual.shape)
-
-    def _moves(self, corrections: Float[Tensor, "B N C"], rows: Tensor) -> Float[Tensor, "B N 3"]:
-        """Return the moves of the pushes in these rows, with parameters corrected."""
-        ends = np.cumsum([len(part.pushes) for part in self.parts])
-        owner = np.searchsorted(ends, rows.numpy(), side="right")
-        found, places = [], []
-        for number in np.unique(owner):
-            part, here = self.parts[number], np.flatnonzero(owner == number)
-            some = part.select(rows.numpy()[here] - (ends[number] - len(part.pushes)))
-            given = corrections[torch.from_numpy(here), : part.scenes.shape[1]]
-            found.append(_padded(conditioned_moves(given, some), corrections.shape[1]))
-            places.append(here)
-        return torch.cat(found)[torch.from_numpy(np.argsort(np.concatenate(places)))]
-
-
-def _on_prior(part: Part, values: Values, prior: Model) -> ToldPushes:
-    """Return pushes on the prior of their bodies."""
-    shaped = prior.with_bodies(part.bodies)
-    assert isinstance(shaped, PlanarPrior)
-    frames = push_frames(part.state, part.action, part.bodies)
-    return ToldPushes(shaped, part.state, part.action, frames, values)
-
-
-def _plain_moves(part: ToldPushes) -> Float[Tensor, "M N 3"]:
-    """Return the moves that the uncorrected prior predicts."""
-    after = part.prior.step(part.scenes, part.pushes, part.values)
-    return torch.from_numpy(moves(part.scenes, part.frames, after).astype(np.float32))
-
-
-def _padded(motion: Tensor, bodies: int) -> Tensor:
-    """Return moves (M, N, 3) of so many bodies, of which those that are missing do not move."""
-    return functional.pad(motion, (0, 0, 0, bodies - motion.shape[1]))
+def _examples_of(
+    data: Dataset, kind: Kind, config: TrainingConfig, mirror: bool = False
+) -> Examples:
+    """Return the examples of all parts together, padded to the most bodies."""
+    network, most = config.network, max(part.disks for part in data.parts)
+    examples = [
+        make_examples(part, kind.prior, inferred_values(part, kind), network).padded(most)
+        for part in data.parts
+    ]
+    images = [some.mirrored(network) for some in examples] if mirror else []
+    return examples[0].and_then(*examples[1:], *images)
 
 
 class SinglePushes(LearningObjective):
@@ -204,22 +144,23 @@ class SinglePushes(LearningObjective):
         """Prepare the data; `kind` is the physics that is corrected."""
         self.identity, self.members = _identity(split, kind), config.network.members
         self._loss = config.loss
-        self._train = _Pushes.make(split.train, kind, config, config.mirrors)
-        self._validation = _Pushes.make(split.validation, kind, config)
-        copies = len(self._train.examples) // len(split.train)  # with mirror images two
+        self._train = _examples_of(split.train, kind, config, config.mirrors)
+        self._validation = _examples_of(split.validation, kind, config)
+        copies = len(self._train) // len(split.train)  # with mirror images two
         self.episodes = np.tile(split.train.episode, copies)
 
     def losses(self, network: InteractionNetwork, rows: Int[Tensor, "M b"]) -> Float[Tensor, "M"]:
         """Return every member's loss."""
-        predicted = self._train.predict(network, rows)
-        return mixed_loss(predicted, self._train.examples, rows, self._loss)
+        data = self._train
+        predicted = network.each(data.bodies[rows], data.relations[rows])
+        return mixed_loss(predicted, data, rows, self._loss)
 
     def validate(self, network: InteractionNetwork) -> float:
         """Return the loss of the members' mean."""
         data = self._validation
-        rows = torch.arange(len(data.examples))
-        said = torch.cat([data.predict(network, some).mean(dim=0) for some in rows.split(CHUNK)])
-        return mixed_loss(said, data.examples, rows, self._loss).item()
+        parts = zip(data.bodies.split(CHUNK), data.relations.split(CHUNK), strict=True)
+        said = torch.cat([network.each(*part).mean(dim=0) for part in parts])
+        return mixed_loss(said, data, torch.arange(len(data)), self._loss).item()
 
 
 class Rollouts(LearningObjective):

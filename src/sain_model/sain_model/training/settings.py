@@ -22,11 +22,8 @@ from sain_core.transitions import SHARES, TEST, VALIDATION
 from sain_model.network.settings import (
     BOOTSTRAP,
     ORDER,
-    PARAMETERS,
     PLANAR,
-    PLANAR_AXES,
     PUSH_FRAME,
-    WORLD_FRAME,
     NetworkConfig,
 )
 
@@ -152,8 +149,7 @@ class TrainingConfig(Config):
     @property
     def mirrors(self) -> bool:
         """Whether mirror images are learned from: a tilted table in a mirror is another table."""
-        in_world = self.network.corrects_parameters or self.network.features != PUSH_FRAME
-        return self.mirror and not in_world
+        return self.mirror and self.network.features == PUSH_FRAME
 
 
 @dataclass(frozen=True)
@@ -213,17 +209,6 @@ PRESETS: Final = {
     # 8,000 steps, validated every 500 of them
     "paper-steps": replace(PAPER, epochs=16, epoch_steps=500, validate_every=1),
 }
-OF_PARAMETERS: Final = TrainingConfig(
-    prior=PLANAR_AXES,
-    history=NOTHING,
-    epochs=20,
-    epoch_steps=150,
-    batch=64,
-    weight_decay=0.01,
-    max_grad_norm=50.0,
-    network=NetworkConfig(features=WORLD_FRAME, output=PARAMETERS, places=5),
-)
-"""Where the network corrects parameters: every step simulates variations of the prior."""
 
 
 @dataclass(frozen=True)

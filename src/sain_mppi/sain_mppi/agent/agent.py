@@ -99,8 +99,7 @@ class Agent:
         patience = config.goal_tracker.result_patience
         self._estimator: Estimator | None = None  # exact scenes need none
         if not config.estimator.is_exact:
-            limits = config.feasibility.limits
-            self._estimator = Estimator(config.estimator, patience, clock, limits)
+            self._estimator = Estimator(config.estimator, patience, clock)
         self._push_ids = push_ids()
         self._episode = 0  # of the latest scene
         self._begun = 0.0  # when the episode of the latest event began [s]
@@ -279,8 +278,6 @@ class Agent:
         episode_id, history = self._history
         if episode_id != observed.episode_id or history.disks != count:
             history = PushHistory.empty(count)
-        if self._estimator is not None:
-            history = self._estimator.restated(history)
         state = tracker.session, tracker.pushes, tracker.refused
         return PlanJob(task, observed, problem, *state, history)
 

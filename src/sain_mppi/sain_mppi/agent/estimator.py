@@ -3,11 +3,6 @@
 A frame may have been observed while a push was still under way: frames can be late, and the tool
 and the bodies move on. So only frames count that were observed after the push ended, and that show
 no motion.
-
-Radii that are not measured show in where pushes leave the disks. Of two disks that one push moves,
-the distance at rest grows with both radii. What is left is the error of the model. A Kalman filter
-over the radii weighs these distances against the predicted ones. The distance from the tool tells
-little: it depends as much on the friction, which is not known either.
 """
 
 import logging
@@ -19,129 +14,12 @@ import numpy as np
 
 from sain_core.errors import ErrorCode
 from sain_core.model import REGION_STD
-from sain_core.push import ANGLE, LENGTH, LOCATION, PATH, PushLimits, pushed_bodies
-from sain_core.scene import MASS, POSITION, RADIUS, move_apart, unit, wrap_angle
+from sain_core.scene import MASS, POSITION, RADIUS, move_apart
 from sain_core.shapes.bodies import PAPER_DISKS, Bodies
-from sain_core.transitions import PushHistory
-from sain_core.types import PushArray, Scalars, Scene
-from sain_core.world import RADII, PushRecord
+from sain_core.types import Scene
+from sain_core.world import PushRecord
 from sain_mppi.agent.events import PushDecision, SceneObserved
 from sain_mppi.agent.uncertainty import Estimate, EstimatorConfig, Uncertainty, fuse, in_motion
-
-BEFOREHAND: Final = 0.003  # [m], standard deviation of radii: those of disks are nominal +- 5 mm
-AT_DISK: Final = 0.0015  # [m], error of the predicted distance of two disks
-MOVED: Final = 0.003  # [m], a disk that is predicted to move so far is touched
-TOUCHING: Final = 0.01  # [m], of disks that are predicted to end nearer, one pushed the other
-OUTLIER: Final = 4.0  # standard deviations
-
-
-class RadiusFilter:
-    """Estimates the radii of an episode's disks. Those of other shapes are measured."""
-
-    def __init__(self, radii: Scalars, bodies: Bodies = PAPER_DISKS) -> None:
-        """Begin with radii (N,) [m], those of disks nominal."""
-        self.round = np.array([shape.is_round for shape in bodies.fitted(len(radii)).shapes])
-        self.radii = radii.copy()
-        self._covariance = np.diag(np.where(self.round, BEFOREHAND**2, 0.0))
-
-    @property
-    def std(self) -> Scalars:
-        """Standard deviations (N,) [m]."""
-        return np.sqrt(np.maximum(np.diag(self._covariance), 0.0))
-
-    def update(
-        self, before: Scene, push: PushArray, predicted: Scene, after: Scene, noise: Scalars
-    ) -> None:
-        """Update by a push.
-
-        Args:
-            before: (N, 8), that it was planned from, with the radii of then.
-            push: (5,).
-            predicted: (N, 8).
-            after: (N, 8), as observed.
-            noise: (N,) [m], standard deviation of each coordinate of `after`.
-        """
-        way = np.linalg.norm((predicted - before)[:, POSITION], axis=1)
-        pushed = int(pushed_bodies(push))
-        for other in np.flatnonzero(self.round & (way > MOVED)).tolist():
-            pair = (pushed, other)
-            if other == pushed or not self.round[pushed]:
-                continue
-            expected, observed = (_apart(*scene[pair, POSITION]) for scene in (predicted, after))
-            if expected - before[pair, RADIUS].sum() < TOUCHING:
-                error = np.sqrt((noise[[*pair]] ** 2).sum() + AT_DISK**2)
-                self._update(pair, before, observed - expected, float(error))
-
-    def exclude_overlaps(self, scene: Scene, noise: Scalars) -> None:
-        """Update by disks of a scene (N, 8) that would overlap with these radii."""
-        rounds = np.flatnonzero(self.round).tolist()
-        for place, first in enumerate(rounds):
-            for second in rounds[place + 1 :]:
-                pair = (first, second)
-                short = _apart(*scene[pair, POSITION]) - self.radii[[*pair]].sum()
-                if short < 0.0:
-                    assumed = scene.copy()
-                    assumed[:, RADIUS] = self.radii
-                    self._update(pair, assumed, short, float(np.hypot(*noise[[*pair]])))
-
-    def _update(self, bodies: tuple[int, ...], assumed: Scene, more: float, error: float) -> None:
-        """Take it that these bodies' radii add up to so much more [m] than was assumed."""
-        chosen = np.zeros(len(self.radii))
-        chosen[[*bodies]] = 1.0
-        column = self._covariance @ chosen
-        variance = float(chosen @ column) + error**2
-        surprise = more + float(chosen @ (assumed[:, RADIUS] - self.radii))
-        if abs(surprise) > OUTLIER * np.sqrt(variance):
-            return
-        self.radii = self.radii + column * (surprise / variance)
-        self._covariance = self._covariance - np.outer(column, column) / variance
-
-    def apply(self, scene: Scene) -> Scene:
-        """Return a scene (N, 8) with these radii."""
-        resized = scene.copy()
-        resized[:, RADIUS] = self.radii
-        return resized
-
-    def restated(self, history: PushHistory, limits: PushLimits) -> PushHistory:
-        """Return earlier pushes as they would be stated with these radii: the tool went as it did.
-
-        Each scene has the radii with which its push was planned, and these tell where the tool was.
-        """
-        state, after, action = (
-            array.copy() for array in (history.state, history.next_state, history.action)
-        )
-        for row, push in enumerate(action):
-            body = int(pushed_bodies(push))
-            if self.round[body]:
-                old = state[row, body, RADIUS]
-                push[:] = resized_push(push, old, self.radii[body], limits)
-        state[..., RADIUS] = after[..., RADIUS] = self.radii
-        return PushHistory(state, action, after, history.noise)
-
-
-def resized_push(push: PushArray, old: float, new: float, limits: PushLimits) -> PushArray:
-    """Return (5,) the same way of the tool for a disk of another radius [m] in the same place.
-
-    It begins where the tool has its clearance from that disk.
-    """
-    location, angle, length = push[PATH]
-    extra = limits.tool_radius + limits.clearance
-    start, heading = -(old + extra) * unit(location), location + angle
-    aside = (old + extra) * np.sin(angle)
-    if (new + extra) ** 2 <= aside**2:
-        return push
-    along = (old + extra) * np.cos(angle) - np.sqrt((new + extra) ** 2 - aside**2)
-    way = -(start + along * unit(heading))
-    resized = push.copy()
-    resized[LOCATION] = np.arctan2(way[1], way[0])
-    resized[ANGLE] = wrap_angle(heading - resized[LOCATION])
-    resized[LENGTH] = max(length - along, 0.0)
-    return resized
-
-
-def _apart(first: np.ndarray, second: np.ndarray) -> float:
-    return float(np.linalg.norm(second - first))
-
 
 logger = logging.getLogger(__name__)
 
@@ -157,24 +35,16 @@ class Estimator:
     """Turns frames and results of pushes into one estimate of each settled scene."""
 
     def __init__(
-        self,
-        config: EstimatorConfig,
-        patience: float,
-        clock: Callable[[], float],
-        limits: PushLimits = PushLimits(),
+        self, config: EstimatorConfig, patience: float, clock: Callable[[], float]
     ) -> None:
-        """Begin without a frame; wait for the result of a push at most so long [s].
-
-        The tool starts and ends as `limits` state.
-        """
-        self.config, self._limits = config, limits
+        """Begin without a frame; wait for the result of a push at most so long [s]."""
+        self.config = config
         self._patience, self._clock = patience, clock
         self._key: tuple[int, int] | None = None
         self._end = -np.inf  # of the latest push [s]
         self._sent: PushDecision | None = None  # without a result
         self._completed: PushDecision | None = None
         self._early: tuple[float, PushDecision | None] | None = None  # result before its scene
-        self._radii: RadiusFilter | None = None  # where they are not measured
         self._reset(None)
 
     def _reset(self, before: SceneObserved | None) -> None:
@@ -201,7 +71,7 @@ class Estimator:
         self._reset(self.estimated if same else None)
         self._key, early, self._early = frame.key, self._early, None
         if not same:
-            self._end, self._sent, self._radii = -np.inf, None, None
+            self._end, self._sent = -np.inf, None
         elif early is not None:
             self._take_end(*early)
         else:
@@ -252,10 +122,6 @@ class Estimator:
         scenes, noise = [frame.scene for frame in frames], self.config.noise_std
         bodies, expected = bodies_of(frames[0].episode_id), self._expected()
         scene, uncertainty = fuse(scenes, noise, expected)
-        if RADII in self.config.unknown_names:
-            self._measure(fuse(scenes, noise), expected, bodies)
-        if self._radii is not None:
-            scene = self._radii.apply(scene)
         if bodies.all_round:
             scene = move_apart(scene)
         place, turn = self.config.bias_std
@@ -291,22 +157,6 @@ class Estimator:
                 self.config.noise,
             )
 
-    def _measure(self, observed: Estimate, expected: Estimate | None, bodies: Bodies) -> None:
-        """Update the radii of disks from what frames show, and from the push before them."""
-        scene, noise = observed[0], observed[1].places
-        if self._radii is None:
-            self._radii = RadiusFilter(scene[:, RADIUS], bodies)
-        start, made = self._start(), self._made
-        if expected is not None and start is not None and made is not None:
-            self._radii.update(start[0], made.push, expected[0], scene, noise)
-        self._radii.exclude_overlaps(scene, noise)
-
-    def restated(self, history: PushHistory) -> PushHistory:
-        """Return earlier pushes of the episode as they would be stated with the radii of now."""
-        if self._radii is None or len(history) == 0 or self.estimated is None:
-            return history
-        return self._radii.restated(history, self._limits)
-
     def _is_early(self) -> bool:
         """Tell whether the end of the push, and the regions of its prediction, may soon come."""
         complete = self._made is None or self._completion is not None
@@ -331,7 +181,7 @@ class Estimator:
         way = np.linalg.norm((made.predicted - scene)[:, POSITION], axis=1)
         errors = MODEL_ERROR + MODEL_SHARE * way if regions is None else regions[0] / REGION_STD
         moved = way > UNMOVED
-        start = certain.places.max() + (0.0 if self._radii is None else self._radii.std.max())
+        start = certain.places.max()
         places = np.hypot(errors, np.where(moved, CARRIED * start, certain.places))
         turns = np.where(moved, places, errors) / (LEVER * scene[:, RADIUS])
         return made.predicted, Uncertainty(places, np.hypot(certain.turns, turns))

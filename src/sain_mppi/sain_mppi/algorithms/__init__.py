@@ -7,11 +7,9 @@ from typing import Final
 import numpy as np
 
 from sain_core.types import PushSequences
-from sain_mppi.algorithms.gradient import gradient
-from sain_mppi.algorithms.icem import icem
 from sain_mppi.algorithms.mppi import exhaustive, mppi, mppi_rounds
 from sain_mppi.algorithms.search import Search
-from sain_mppi.config import EXHAUSTIVE, GRADIENT, ICEM, MPPI, MPPI_ROUNDS, PLANNERS
+from sain_mppi.config import EXHAUSTIVE, MPPI, MPPI_ROUNDS, PLANNERS
 
 Algorithm = Callable[[Search, PushSequences, np.random.Generator], None]
 """Evaluates sequences in a search, which keeps the cheapest, until it is good or over.
@@ -23,9 +21,7 @@ At least one sequence must be evaluated. Raises `NoPushError` where no first pus
 ALGORITHMS: Final[Mapping[str, Algorithm]] = {
     MPPI_ROUNDS: mppi_rounds,
     MPPI: mppi,
-    ICEM: icem,
     EXHAUSTIVE: exhaustive,
-    GRADIENT: gradient,
 }
 
 

@@ -44,28 +44,6 @@ def gaussian_sequences(
     return inside_limits(drawn, limits)
 
 
-def coloured_noise(
-    generator: np.random.Generator, shape: tuple[int, ...], colour: float
-) -> Float[ndarray, "..."]:
-    """Draw noise of variance 1 whose power falls with frequency^colour along the last axis.
-
-    After Timmer and Koenig 1995: random amplitudes in the frequency domain. The mean over the
-    axis counts as the lowest frequency there is, so that a whole sequence may shift.
-    """
-    length = shape[-1]
-    frequency = np.maximum(np.fft.rfftfreq(length), 1.0 / length)
-    scale = frequency ** (-colour / 2.0)
-    draws = generator.standard_normal((2, *shape[:-1], len(scale)))
-    spectrum = scale * (draws[0] + 1j * draws[1])
-    real = np.zeros(len(scale), bool)
-    real[0] = True
-    real[-1] |= length % 2 == 0  # the highest frequency of an even length
-    spectrum[..., real] = 2**0.5 * spectrum[..., real].real
-    power = scale**2 * np.where(real, 1.0, 2.0)
-    deviation = np.sqrt(2.0 * power.sum()) / length
-    return np.asarray(np.fft.irfft(spectrum, n=length, axis=-1) / deviation)
-
-
 def stop_early(
     sequences: PushSequences, share: float, generator: np.random.Generator
 ) -> PushSequences:

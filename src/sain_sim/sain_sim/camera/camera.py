@@ -13,10 +13,10 @@ from numpy import ndarray
 
 from sain_core.config import option
 from sain_core.randomness import generator
-from sain_core.scene import MASS, NOMINAL_MASS, POSE, RADIUS, THETA, VELOCITY, wrap_angle
+from sain_core.scene import MASS, NOMINAL_MASS, POSE, THETA, VELOCITY, wrap_angle
 from sain_core.types import Scene
-from sain_core.world import MASSES, RADII, ObservationConfig
-from sain_sim.world.parameters import NOMINAL_RADII, WorldParameters
+from sain_core.world import MASSES, ObservationConfig
+from sain_sim.world.parameters import WorldParameters
 
 PoseErrors = Float[ndarray, "N 3"]  # [m, m, rad]
 
@@ -61,7 +61,6 @@ class Camera:
         self._seed, self._scene, self._frame = seed, 0, 0
         self._under_way.clear()
         self._latest = None
-        self._parameters = parameters
         random = generator(seed, "camera", "bias")
         self._bias = _errors(random, parameters.count, self.config.bias_std)
 
@@ -90,17 +89,10 @@ class Camera:
         return frames
 
     def measured(self, scene: Scene) -> Scene:
-        """Return a scene (N, 8) with nominal values in place of what is not measured.
-
-        The size of bodies that are no disks is part of their shape, and is always known.
-        """
-        seen, unknown = scene.copy(), self.config.unknown_names
-        if MASSES in unknown:
+        """Return a scene (N, 8) with nominal values in place of what is not measured."""
+        seen = scene.copy()
+        if MASSES in self.config.unknown_names:
             seen[:, MASS] = NOMINAL_MASS
-        if RADII in unknown:
-            for body, shape in enumerate(self._parameters.body_shapes):
-                if shape.is_round:
-                    seen[body, RADIUS] = NOMINAL_RADII[min(body, 1)]
         return seen
 
     def _set_speeds(self, frame: CameraFrame) -> None:
