@@ -165,22 +165,15 @@ def parse_card(path: Path, text: str) -> ModelCard:
     """
     try:
         values = parse_json(text)
-        version, command = values.get("format_version", FORMAT_VERSION), values.get("command")
+        version, command = values.get("format_version"), values.get("command")
         if version == FORMAT_VERSION:
             return ModelCard(**values)
     except (ValueError, TypeError, AttributeError) as error:
         raise CheckpointError(f"{path} is not a checkpoint's card: {error}") from error
     raise CheckpointError(
         f"{path} has format {version!r}; this version reads {FORMAT_VERSION}: train it again with:"
-        f" {_of_today(str(command or ''))}"
+        f" {command or 'ros2 run sain_model train DATASET --out DIR'}"
     )
-
-
-def _of_today(command: str) -> str:
-    """Return the command that trains a checkpoint, in the words of this version."""
-    if not command:
-        return "ros2 run sain_model train DATASET --out DIR"
-    return command.replace(" train_correction ", " train --output parameters ")
 
 
 def _check_card(path: Path, card: ModelCard) -> None:
