@@ -13,7 +13,7 @@ from rich.console import Console
 
 from sain_bags.bag.parts import mcap_files
 from sain_bags.mcap.integrity import rescue
-from sain_bags.recovery.resumption import join, set_aside
+from sain_bags.recovery import join, set_aside
 from sain_bags.ros.stop_signal import StopSignal
 from sain_bags.writing.gaps import MISSING_KEY, SILENT_KEY, UNDEFINED_KEY, describe_gaps
 from sain_bags.writing.recording_status import RecordingStatus, StatusDisplay
