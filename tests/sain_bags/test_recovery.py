@@ -107,6 +107,11 @@ def recovered(content: bytes, folder: Path, name: str = "out") -> tuple[list[str
     return found.losses, messages
 
 
+def is_subsequence(part: list[Saved], whole: list[Saved]) -> bool:
+    rest = iter(whole)
+    return all(message in rest for message in part)
+
+
 def test_a_file_is_saved_up_to_where_it_was_cut(bag: Original, tmp_path: Path) -> None:
     for number, cut in enumerate(generator(1).integers(len(bag.content), size=SPOILT)):
         lost, messages = recovered(bag.content[:cut], tmp_path, f"cut_{number}")
@@ -122,7 +127,7 @@ def test_flipped_bits_never_make_a_message(bag: Original, tmp_path: Path) -> Non
         damaged = bytearray(bag.content)
         damaged[place] ^= 1 << bit
         lost, messages = recovered(bytes(damaged), tmp_path, f"flip_{number}")
-        assert messages == bag.messages[: len(messages)], (place, bit)
+        assert is_subsequence(messages, bag.messages), (place, bit)
         assert lost or messages == bag.messages, (place, bit)
 
 
@@ -133,7 +138,7 @@ def test_the_loss_is_named_with_its_place_and_time(
     content[zstd_bag.ends[4][0] - 20] ^= 1
     (zstd_bag.folder / "bag_0.mcap").write_bytes(content)
     assert commands.recover([str(zstd_bag.folder), "--out", str(tmp_path / "out")]) == 3
-    said = " ".join(capsys.readouterr().err.split())
+    said = " ".join("".join(capsys.readouterr()).split())
     count = zstd_bag.ends[3][1]
     assert f"Saved {count} messages" in said
     assert "bag_0.mcap: not read from byte " in said and "after the message of 0.000 s: " in said

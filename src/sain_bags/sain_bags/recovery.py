@@ -6,13 +6,14 @@ A file is read up to its first damage: no message comes through that its chunk's
 import contextlib
 import os
 import shutil
+import struct
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import IO, Any, Final
 
-from mcap.exceptions import McapError
+from mcap.exceptions import EndOfFile, McapError
 from mcap.records import (
     Attachment,
     Channel,
@@ -23,7 +24,7 @@ from mcap.records import (
     Metadata,
     Schema,
 )
-from mcap.stream_reader import StreamReader, breakup_chunk
+from mcap.stream_reader import CRCValidationError, StreamReader, breakup_chunk
 from mcap.well_known import Profile
 from mcap.writer import Writer as McapWriter
 
@@ -229,9 +230,15 @@ class _File:
                 self._advance(self._stream.tell() - place)
                 place = self._stream.tell()
         except (DatasetError, *DAMAGE) as error:
-            reason = str(error) or "the file has no end"
+            if isinstance(error, EndOfFile | struct.error):
+                error = McapError("the file has no end")
+            elif isinstance(error, CRCValidationError) and isinstance(error.record, DataEnd):
+                self.damage = (
+                    "a record outside of chunks is damaged: the CRC of the data is wrong"
+                )
+                return
             after = f"after the message of {1e-9 * last:.3f} s" if last else "before any message"
-            self.damage = f"not read from byte {place:,} on, {after}: {reason}"
+            self.damage = f"not read from byte {place:,} on, {after}: {error}"
 
     def _opened(self, record: McapRecord) -> list[McapRecord]:
         """Return the records of a chunk, or the one record; remember what describes messages."""
