@@ -233,9 +233,7 @@ class _File:
             if isinstance(error, EndOfFile | struct.error):
                 error = McapError("the file has no end")
             elif isinstance(error, CRCValidationError) and isinstance(error.record, DataEnd):
-                self.damage = (
-                    "a record outside of chunks is damaged: the CRC of the data is wrong"
-                )
+                self.damage = "a record outside of chunks is damaged: the CRC of the data is wrong"
                 return
             after = f"after the message of {1e-9 * last:.3f} s" if last else "before any message"
             self.damage = f"not read from byte {place:,} on, {after}: {error}"
