@@ -1,6 +1,5 @@
 """Recordings made by hand: CDR from `rosbags`' typestore, so that no test needs a running graph."""
 
-import re
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -20,43 +19,19 @@ INTERFACES = (
     "DiskState", "Scene", "GoalPose", "Goal", "Push", "Prediction", "PushResult",
     "Plan", "WorldParameters", "Body", "Bodies",
 )  # fmt: skip
-OLD_PREDICTION = """std_msgs/Header header
-uint64 push_id
-uint64 episode_id
-uint64 scene_id
-uint16 error_code
-string error_message
-string model
-DiskState[] disks
-"""
 SECOND = 1_000_000_000
 START = 1_700_000_000 * SECOND
 
 
 class Messages:
-    """Builds and serializes messages of the graph.
+    """Builds and serializes messages of the graph."""
 
-    `old` ones are of before results carried predictions, which were messages of their own.
-    """
-
-    def __init__(self, old: bool = False) -> None:
-        self.old, self.definitions = old, Definitions()
-        if old:
-            self._describe_as_before()
+    def __init__(self) -> None:
+        self.definitions = Definitions()
         self.store = get_typestore(Stores.ROS2_JAZZY)
-        for name in (*INTERFACES, *(["PushPrediction"] if old else [])):
+        for name in INTERFACES:
             full = f"sain_interfaces/msg/{name}"
             self.store.register(get_types_from_msg(self.definitions.text(full), full))
-
-    def _describe_as_before(self) -> None:
-        today = self.definitions.text
-
-        def text(name: str) -> str:
-            if name.endswith("/PushPrediction"):
-                return OLD_PREDICTION
-            return re.sub(r"(?m)^Prediction prediction.*\n", "", today(name))
-
-        self.definitions.text = text  # type: ignore[method-assign]
 
     def make(self, type_name: str, **fields: Any) -> Any:
         """Build a message; what is not given is zero."""
@@ -145,18 +120,12 @@ class Recording:
         prediction = {"model": "bullet_nominal", "error_code": 1, "disks": disks(after + 0.003)}
         if code != 1 or not more.get("predicts", True):
             prediction = {}
-        told: dict[str, Any] = {}
-        if not self.messages.old:
-            told["prediction"] = make("sain_interfaces/msg/Prediction", **prediction)
         self.add(
             "/sain/push_result", "PushResult",
             push_id=number, episode_id=episode, error_code=code, push=push,
             error_message="blocked" if code != 1 else "", before=scenes[0], after=scenes[1],
-            **told,
+            prediction=make("sain_interfaces/msg/Prediction", **prediction),
         )  # fmt: skip
-        if self.messages.old and prediction:
-            topic = "/sain/physics_prediction"
-            self.add(topic, "PushPrediction", push_id=number, episode_id=episode, **prediction)
 
 
 @pytest.fixture(scope="session")

@@ -73,9 +73,6 @@ class Drive:
             self.result(push, start, end, prediction=self.prediction(place, after))
         self.show(episode, after, settled)
         self.show(episode, after, settled)  # the simulator says it again while it idles
-        if self.messages.old and (found := self.prediction(place, after)):
-            ids = {"push_id": push_id, "episode_id": episode}
-            self._send("physics_prediction", "PushPrediction", **ids, **found)
         return after
 
     def prediction(self, place: int, after: Scene) -> dict[str, Any]:
@@ -97,15 +94,12 @@ class Drive:
         self, push: Any, before: Any, after: Any, code: int = OK, prediction: Any = ()
     ) -> None:
         """Write what became of a push."""
-        predicted = {}
-        if not self.messages.old:
-            kind = "sain_interfaces/msg/Prediction"
-            predicted = {"prediction": self.messages.make(kind, **dict(prediction))}
+        predicted = self.messages.make("sain_interfaces/msg/Prediction", **dict(prediction))
         self._send(
             "push_result", "PushResult",
             push_id=push.push_id, episode_id=push.episode_id, error_code=code, push=push,
             error_message="" if code == OK else "a disk is in the way",
-            before=before, after=after, duration=1.25, **predicted,
+            before=before, after=after, duration=1.25, prediction=predicted,
         )  # fmt: skip
 
     def show(self, episode: int, scene: Scene, settled: bool = True) -> None:

@@ -15,48 +15,28 @@ from rosbags.highlevel import AnyReader
 
 OK = 1
 NAMES = ("x", "y", "theta", "vx", "vy", "omega", "mass", "radius")
-KINDS = {"Push", "PushResult", "PushPrediction", "Goal", "Scene"}
 
 
 def independent_rows(folder: Path) -> Iterator[dict[str, Any]]:
-    """Yield what should become of a bag's executed pushes, in the order in which they were sent.
+    """Yield what should become of a bag's executed pushes, in the order of their results.
 
     Where no model predicted a push, its row has no `physics_next` and no `physics_source`.
     """
-    found, heard, ended = read(folder)
-    physics = by_id(found["PushPrediction"], "push_id")
-    results = by_id(
-        [result for result in found["PushResult"] if result.error_code == OK], "push_id"
-    )
-    sent = by_id(found["Push"], "push_id")
-    goals = {goal.episode_id: goal for goal in found["Goal"]}
-    scenes: dict[tuple[int, int], Any] = {}
-    for scene in found["Scene"]:
-        if scene.settled:
-            scenes.setdefault((scene.episode_id, scene.scene_id), scene)
-    for number in heard:
-        result = results.get(number)
-        push = result.push if result else sent.get(number)
-        if result:
-            before, after, episode = result.before, result.after, result.episode_id
-        elif push:
-            episode, place = push.episode_id, push.scene_id
-            before, after = scenes.get((episode, place)), scenes.get((episode, place + 1))
-        if not push or not before or not after:
-            continue
+    results, goals = read(folder)
+    for number, (result, time) in results.items():
+        push, predicted = result.push, result.prediction
         row = {
-            **scene_fields(before, after),
+            **scene_fields(result.before, result.after),
             "action": [push.body, push.location, push.angle, push.length, push.speed or 0.2],
-            "duration": result.duration if result else 1e-9 * (stamp(after) - stamp(before)),
-            **goal_fields(goals.get(episode) or goals.get(0)),
+            "duration": result.duration,
+            **goal_fields(goals.get(result.episode_id) or goals.get(0)),
             "push_id": number,
-            "bag_episode": episode,
-            "outcome": OK if result else 0,
-            "log_time": ended[number] if result else ended[episode, after.scene_id],
-            "source": "push_result" if result else "scenes",
+            "bag_episode": result.episode_id,
+            "outcome": OK,
+            "log_time": time,
+            "source": "push_result",
         }
-        predicted = getattr(result, "prediction", None) or physics.get(number)
-        if predicted and predicted.error_code == OK:
+        if predicted.error_code == OK:
             row |= {"physics_next": numbers(predicted.disks), "physics_source": predicted.model}
         yield row
 
@@ -80,30 +60,19 @@ def compare(rows: Mapping[str, Any], folder: Path) -> int:
     return compared
 
 
-def read(folder: Path) -> tuple[dict[str, list[Any]], list[int], dict[Any, int]]:
-    """Return a bag's messages by kind, the pushes in the order in which they were heard of, and
-    when the result of each executed one came, and each settled scene."""
-    found: dict[str, list[Any]] = {kind: [] for kind in KINDS}
-    heard: dict[int, None] = {}
-    ended: dict[Any, int] = {}
+def read(folder: Path) -> tuple[dict[int, tuple[Any, int]], dict[int, Any]]:
+    """Return the first result of each executed push, with when it came, and goals by episode."""
+    results: dict[int, tuple[Any, int]] = {}
+    goals: dict[int, Any] = {}
     with AnyReader([folder]) as reader:
-        wanted = [c for c in reader.connections if c.msgtype.rpartition("/")[2] in KINDS]
+        wanted = [c for c in reader.connections if c.msgtype.endswith(("/PushResult", "/Goal"))]
         for connection, time, raw in reader.messages(wanted):
-            kind = connection.msgtype.rpartition("/")[2]
             message = reader.deserialize(raw, connection.msgtype)
-            found[kind].append(message)
-            if kind in ("Push", "PushResult"):
-                heard.setdefault(message.push_id)
-            if kind == "PushResult" and message.error_code == OK:
-                ended.setdefault(message.push_id, time)
-            if kind == "Scene" and message.settled:
-                ended.setdefault((message.episode_id, message.scene_id), time)
-    return found, list(heard), ended
-
-
-def by_id(messages: Sequence[Any], name: str) -> dict[int, Any]:
-    """Return the first message with each id."""
-    return {getattr(message, name): message for message in reversed(messages)}
+            if connection.msgtype.endswith("/Goal"):
+                goals[message.episode_id] = message
+            elif message.error_code == OK:
+                results.setdefault(message.push_id, (message, time))
+    return results, goals
 
 
 def scene_fields(before: Any, after: Any) -> dict[str, Any]:

@@ -84,16 +84,9 @@ def test_step_alone_gives_a_model() -> None:
     assert stranger.closed
 
 
-class OfBefore(Stranger):
-    def with_history(self, history: PushHistory) -> "OfBefore":
-        return self
-
-
 def test_what_can_be_no_model_is_refused_and_told_what_is_missing() -> None:
     with pytest.raises(ConfigError, match="a object has no method step"):
         as_model(object())
-    with pytest.raises(ConfigError, match="a OfBefore has with_history, and does not inherit from"):
-        as_model(OfBefore())
 
 
 SCENE = make_scene(np.array([(0.4, 0.0), (0.6, 0.0)]), np.array([8.0, 7.5]), np.array([0.08, 0.06]))

@@ -205,7 +205,6 @@ class _OnlySteps(Model):
 
 
 MORE: Final = ("rollout", "regions", "with_bodies", "condition", "with_belief")  # beyond `step`
-FORMER: Final = ("with_history", "believing")  # names that `Model` had for some of them
 
 
 def as_model(dynamics: object) -> Model:
@@ -222,7 +221,7 @@ def as_model(dynamics: object) -> Model:
             f"a {what} has no method step(scenes, pushes); a model inherits from"
             " sain_core.model.Model and implements it"
         )
-    if more := [name for name in MORE + FORMER if hasattr(dynamics, name)]:
+    if more := [name for name in MORE if hasattr(dynamics, name)]:
         raise ConfigError(
             f"a {what} has {' and '.join(more)}, and does not inherit from sain_core.model.Model:"
             " let it, and override the methods that Model has"

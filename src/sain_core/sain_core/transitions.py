@@ -132,12 +132,10 @@ class Column(StrEnum):
     PUSH_ID = "push_id", (), "uint64", "", "id of the push in the recording", NEVER, ALWAYS
     BAG_EPISODE = "bag_episode", (), "uint64", "", "its episode's id there", NEVER, ALWAYS
     BAG_SCENE = "bag_scene", (), "uint64", "", "id there of the scene before it", NEVER, ALWAYS
-    OUTCOME = ("outcome", (), "int64", "", "error code of the result; 1: executed, 0: no result",
-               NEVER, ALWAYS)
+    OUTCOME = "outcome", (), "int64", "", "error code of the result: 1", NEVER, ALWAYS
     STAMP = "stamp", (), "int64", "ns", "time of the scene before the push", NEVER, ALWAYS
     NEXT_STAMP = "next_stamp", (), "int64", "ns", "time of the scene after the push", NEVER, ALWAYS
-    LOG_TIME = ("log_time", (), "int64", "ns",
-                "receipt of the result; without one, of the scene after", NEVER, ALWAYS)
+    LOG_TIME = "log_time", (), "int64", "ns", "receipt of the result", NEVER, ALWAYS
     SOURCE = ("source", (), "str", "", "origin of the scenes: `push_result` or `scenes`",
               NEVER, ALWAYS)
     PHYSICS_SOURCE = ("physics_source", (), "str", "",

@@ -9,25 +9,22 @@ from typing import Any
 import numpy as np
 import pytest
 
+from sain_bags.bag.metadata import Topic
 from sain_bags.dataset.conversion import ConversionConfig, Converted, convert
 from sain_core.errors import DatasetError
 from sain_core.model import load_dynamics
 from sain_core.transitions import RECORDED, Column
 from sain_core.workers import WorkerOptions
 from sain_model.data.dataset import load_dataset
-from tests.sain_bags.conftest import Messages
 from tests.sain_bags.driven import BLOCKED, DUPLICATE, Drive, Parts
 from tests.sain_bags.independent import compare, independent_rows, shards
 
 Start = Callable[..., Any]
 
 
-def drive(
-    record: Start, name: str = "bag", parts: Parts = Parts(), seed: int = 0, old: bool = False
-) -> Path:
-    """Record two episodes, of four pushes and of two; with the messages of today or of before."""
+def drive(record: Start, name: str = "bag", parts: Parts = Parts(), seed: int = 0) -> Path:
+    """Record two episodes, of four pushes and of two."""
     recording = record(name)
-    recording.messages = Messages(old)
     driver = Drive(recording, parts, seed)
     driver.episode(4, [11, 12, 13, 14])
     driver.episode(5, [15, 16])
@@ -44,20 +41,17 @@ def to_rows(bag: Path, **settings: Any) -> tuple[dict[str, np.ndarray], Converte
     return arrays, done, json.loads((out / "card.json").read_text())
 
 
-@pytest.mark.parametrize("old", [False, True])
 @pytest.mark.parametrize(
     "parts",
     [
         Parts(),
-        Parts(results=False),
-        Parts(unanswered=(1, 3)),
         Parts(unpredicted=(1,), failed_prediction=(2,)),
         Parts(predictions=False),
         Parts(disks=4),
     ],
 )
-def test_every_field_is_what_another_reader_reads(parts: Parts, old: bool, record: Start) -> None:
-    bag = drive(record, parts=parts, old=old)
+def test_every_field_is_what_another_reader_reads(parts: Parts, record: Start) -> None:
+    bag = drive(record, parts=parts)
     rows, done, _ = to_rows(bag)
     assert done.transitions == 6
     assert compare(rows, bag) >= 6 * 17
@@ -102,32 +96,23 @@ def test_what_was_not_predicted_is_computed_and_says_so(record: Start) -> None:
     assert card["physics_from"] == {"bullet_nominal": 3, "computed:planar": 3}
 
 
-def test_without_results_the_settled_scenes_say_what_happened(record: Start) -> None:
-    told, _, _ = to_rows(drive(record))
-    rows, _, card = to_rows(drive(record, "silent", Parts(results=False), old=True))
-    for key in sorted(told.keys() - {"source", "outcome", "bag_sha256", "log_time"}):
-        np.testing.assert_array_equal(rows[key], told[key], key)
-    assert set(rows["source"]) == {"scenes"}
-    assert set(rows["outcome"]) == {0}
-    assert card["scenes_from"] == {"scenes": 6}
+def test_a_push_without_a_result_is_no_row_and_is_named(record: Start) -> None:
+    bag = drive(record, parts=Parts(unanswered=(3,)))
+    _, done, _ = to_rows(bag)
+    assert done == Converted(5, 2, {}, (f"{bag}: 1 pushes have no result, and are no rows",))
 
 
-def test_single_results_that_are_missing_are_replaced(record: Start) -> None:
-    told, _, _ = to_rows(drive(record))
-    rows, _, _ = to_rows(drive(record, "gaps", Parts(unanswered=(1, 3)), old=True))
-    assert rows["source"].tolist() == [
-        "push_result", "scenes", "push_result", "scenes", "push_result", "scenes",
-    ]  # fmt: skip
-    for key in ("state", "next_state", "action", "physics_next", "push_id", "step"):
-        np.testing.assert_array_equal(rows[key], told[key], key)
-
-
-def test_a_push_without_result_or_scenes_is_counted(record: Start) -> None:
-    _, done, card = to_rows(drive(record, parts=Parts(unanswered=(3,), scenes=False)))
-    assert done.transitions == 5
-    reason = "no result, and no settled scenes around it"
-    assert done.dropped == {reason: 1}
-    assert card["dropped"][reason]["for_example"][0].endswith("push 14 of episode 4")
+def test_messages_of_another_version_are_refused(record: Start) -> None:
+    recording = record()
+    today = recording.messages.topic("/sain/push_result", "sain_interfaces/msg/PushResult")
+    assert "Prediction prediction" in today.definition
+    lines = [line for line in today.definition.splitlines() if "float64 speed" not in line]
+    recording.writer.add_topic(Topic(today.name, today.type, "\n".join(lines)))
+    recording.writer.write(today.name, bytes(500), recording.now)
+    recording.writer.close()
+    said = r"sain_interfaces/msg/Push has no speed: it is of another version .*; record it again"
+    with pytest.raises(DatasetError, match=said):
+        to_rows(recording.writer.folder)
 
 
 def test_refused_and_repeated_pushes_are_counted_apart(record: Start) -> None:

@@ -20,21 +20,21 @@ def test_a_line_says_all(tmp_path: Path) -> None:
         writer.add_topic(Topic("/a", "std_msgs/msg/Empty", "\n"))
         for number in range(1, 4):
             writer.write("/a", b"\x00\x01\x00\x00\x00", 10_000 * number)
-        status = RecordingStatus.of(writer, {"/a": lost_two(), "/b": Gaps()}, 1, 61.2, {"/c"})
+        status = RecordingStatus.of(writer, {"/a": lost_two(), "/b": Gaps()}, ("/d",), 61.2, {"/c"})
     line = status.line(1234.4)
     assert line.startswith("01:01  3 messages  1,234/s  0.0")
     assert line.endswith(" MB in 3 files  1 topics, 1 unusable, 2 silent  missing: 2 of /a")
     final = status.final(Path("bags/mine"), 2_340_000)
     assert final == (
-        "Recorded 3 messages on 1 topics; 1 topics could not be in 61.2 s, missing: 2 of /a:"
-        " bags/mine (2.34 MB in 3 files)\nNo message came on /b, /c"
+        "Recorded 3 messages on 1 topics in 61.2 s, missing: 2 of /a:"
+        " bags/mine (2.34 MB in 3 files)\nNo message came on /b, /c\nNot recorded: /d"
     )
 
 
 def test_a_recorder_that_heard_nothing_does_not_call_that_complete(tmp_path: Path) -> None:
     with BagWriter(tmp_path / "bag", BagConfig()) as writer:
         writer.add_topic(Topic("/a", "std_msgs/msg/Empty", "\n"))
-        status = RecordingStatus.of(writer, {"/a": Gaps(), "/rosout": Gaps()}, 0, 5.0)
+        status = RecordingStatus.of(writer, {"/a": Gaps(), "/rosout": Gaps()}, (), 5.0)
     assert status.final(Path("bags/mine"), 1000) == (
         "Recorded 0 messages on 1 topics in 5.0 s, nothing heard: bags/mine (0.00 MB)\n"
         "No message came on /a"
@@ -42,4 +42,4 @@ def test_a_recorder_that_heard_nothing_does_not_call_that_complete(tmp_path: Pat
 
 
 def status(messages: int) -> RecordingStatus:
-    return RecordingStatus(5.0, messages, 2, 0, 1_000_000, 1, ())
+    return RecordingStatus(5.0, messages, 2, (), 1_000_000, 1, ())

@@ -12,8 +12,7 @@ from rosbags.highlevel import AnyReader
 
 from sain_bags.bag.metadata import Topic, TopicQos
 from sain_bags.reading.reader import Bag
-from sain_bags.recovery.recovery import recover
-from sain_bags.recovery.recovery_report import RecoveryOutcome
+from sain_bags.recovery import recover
 from sain_bags.writing.split_files import SplitFile
 from sain_bags.writing.writer import BagConfig, BagWriter
 from sain_core.errors import OutputError
@@ -121,9 +120,8 @@ def test_a_split_recording_that_was_killed_is_recovered(tmp_path: Path) -> None:
     last = tmp_path / "bag" / "bag_3.mcap"
     last.write_bytes(last.read_bytes()[:-3000])
     report = recover(tmp_path / "bag", tmp_path / "saved")
-    assert report.outcome == RecoveryOutcome.LOSSY
-    assert [file.lossless for file in report.files] == [True, True, True, False]
-    assert Bag(tmp_path / "saved").message_count == report.messages >= 155
+    assert [loss.partition(":")[0] for loss in report.losses] == ["bag_3.mcap"]
+    assert Bag(tmp_path / "saved").message_count == report.span.messages >= 155
 
 
 def test_a_disk_that_fails_while_a_file_is_ended_stops_the_recording(

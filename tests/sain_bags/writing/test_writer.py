@@ -19,8 +19,7 @@ from rosbags.rosbag2 import Reader
 from sain_bags.bag.metadata import Topic, TopicQos
 from sain_bags.mcap.preallocated_file import RESERVE
 from sain_bags.reading.reader import Bag
-from sain_bags.recovery.recovery import recover
-from sain_bags.recovery.recovery_report import RecoveryOutcome
+from sain_bags.recovery import recover
 from sain_bags.writing.writer import BagConfig, BagWriter
 from sain_core.errors import OutputError
 from tests.sain_bags.doctor import examine
@@ -219,29 +218,6 @@ def test_what_a_failed_write_left_behind_is_cut_off(
     )
 
 
-@pytest.mark.parametrize("lost", [0, 1, 2])
-def test_no_lost_chunk_takes_a_channel_with_it(lost: int, tmp_path: Path) -> None:
-    with BagWriter(tmp_path / "bag", BagConfig(compression="none", chunk_size=1024)) as writer:
-        for number in range(300):
-            if number in (0, 100):
-                name = f"/chat_{number}"
-                writer.add_topic(Topic(name, "std_msgs/msg/String", "string data\n"))
-            writer.write(name, HELLO, number + 1)
-    file = tmp_path / "bag" / "bag_0.mcap"
-    content = bytearray(file.read_bytes())
-    with file.open("rb") as stream:
-        summary = make_reader(stream).get_summary()
-    assert summary is not None
-    assert lost < len(summary.chunk_indexes)
-    index = summary.chunk_indexes[lost]
-    content[index.chunk_start_offset + 200] ^= 1
-    del content[summary.chunk_indexes[-1].chunk_start_offset :]  # and the summary
-    file.write_bytes(content)
-    report = recover(file, tmp_path / "saved")
-    assert {topic for topic, count in report.counts.items() if count} == {"/chat_0", "/chat_100"}
-    assert sum(1 for loss in report.losses if loss.messages) <= 1
-
-
 def test_events_are_read_without_what_comes_at_a_rate(record: Callable[..., Any]) -> None:
     recording = record()
     for _ in range(3):
@@ -269,7 +245,7 @@ def test_what_a_recording_says_of_itself_survives_it(tmp_path: Path) -> None:
     writer.flush()
     report = recover(tmp_path / "bag", tmp_path / "saved")
     writer.close()
-    assert report.outcome == RecoveryOutcome.LOSSY
+    assert len(report.losses) == 1
     saved = Bag(tmp_path / "saved")
     assert saved.custom_data == {"seed": "7", "recovered": "with losses, from bag"}
     assert saved.metadata["ros_distro"] == "kilted"

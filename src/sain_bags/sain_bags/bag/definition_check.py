@@ -5,10 +5,12 @@ fields takes at least one byte of a message.
 """
 
 import re
+from functools import lru_cache
 from typing import Final
 
-from sain_bags.bag.definitions import BUILT_IN
-from sain_core.errors import DatasetError
+from sain_bags.bag.definitions import BUILT_IN, Definitions
+from sain_bags.bag.layouts import read_types
+from sain_core.errors import DatasetError, InvalidInputError
 from sain_core.guarding.untrusted import (
     ARRAY_LENGTH,
     DEFINITION_BYTES,
@@ -17,6 +19,7 @@ from sain_core.guarding.untrusted import (
     DEFINITION_LINE,
 )
 
+OWN_TYPES: Final = "sain_interfaces/"
 SECTION: Final = re.compile(r"={80,}\s*")
 TITLE: Final = re.compile(r"MSG:\s*(\S+)\s*")
 LINE: Final = re.compile(
@@ -57,6 +60,29 @@ def check_definition(name: str, text: str) -> None:
                 found = kind if "/" in kind else f"{package}/{kind}"
                 references.setdefault(current, set()).add(_short(found))
     _check_depth(_short(name), references, where)
+
+
+@lru_cache(maxsize=64)
+def check_version(name: str, text: str) -> None:
+    """Check that a message of the graph has all the fields which this version reads.
+
+    Raises:
+        DatasetError: it was recorded with another version of ``sain_interfaces``.
+    """
+    if not name.startswith(OWN_TYPES):
+        return
+    try:
+        today = read_types(name, Definitions().joined(name))
+    except InvalidInputError:  # it is not installed: nothing here reads it
+        return
+    recorded = read_types(name, text)
+    for kind in today.keys() & recorded.keys():
+        lacking = {field.name for field in today[kind]} - {field.name for field in recorded[kind]}
+        if kind.startswith(OWN_TYPES) and lacking:
+            raise DatasetError(
+                f"{kind} has no {', '.join(sorted(lacking))}: it is of another version of"
+                f" {OWN_TYPES[:-1]} than the installed one; record it again"
+            )
 
 
 def _content(line: str) -> str:

@@ -16,11 +16,11 @@ from sain_bags.reading.reader import BAG_HELP, Bag
 from sain_bags.reading.timing import TopicTiming, read_timings
 from sain_bags.rows.episodes import Episode, read_episodes
 from sain_bags.rows.message_fields import left_out, namespaces
-from sain_bags.writing.gaps import SILENT_KEY, UNDEFINED_KEY, read_gaps, read_names
+from sain_bags.writing.gaps import SILENT_KEY, UNRECORDED_KEY, read_gaps, read_names
 from sain_core.cli.terminal import FittingTable
 from sain_core.config import Config, option, required
 
-LISTED: Final = (SILENT_KEY, UNDEFINED_KEY)  # custom data that has lines of its own
+LISTED: Final = (SILENT_KEY, UNRECORDED_KEY)  # custom data that has lines of its own
 
 
 @dataclass(frozen=True)
@@ -38,6 +38,8 @@ def warnings_about(bag: Bag) -> Iterator[str]:
     """Yield what a reader should see of a bag before its contents."""
     if silent := read_names(bag.custom_data, SILENT_KEY):
         yield f"No message came on {', '.join(silent)}"
+    if unrecorded := read_names(bag.custom_data, UNRECORDED_KEY):
+        yield f"Not recorded: {', '.join(unrecorded)}"
     undefined = {found.topic for found in bag.channels if not found.has_definition}
     if undefined:
         yield f"Without a definition of their messages: {', '.join(sorted(undefined))}"

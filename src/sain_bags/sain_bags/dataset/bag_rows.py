@@ -8,7 +8,6 @@ from typing import Final, NamedTuple
 
 from sain_bags.rows.dropped import Dropped
 from sain_bags.rows.latched import Latched, Read
-from sain_bags.rows.old_recordings import as_today
 from sain_bags.rows.results import read_results
 from sain_bags.rows.rows import RowBlock, RowMaker, RowsConfig
 from sain_bags.rows.sources import Source, open_source
@@ -45,9 +44,8 @@ class BagRows:
 
     def parts(self, source: Source, read: Read) -> Iterator[BagPart]:
         """Stream the rows of a recording, of which a part was read."""
-        maker, bag = RowMaker(self._config, read.latched, self._load), as_today(source.bag)
-        batches = read.results if bag is source.bag else None
-        for results in read_results(bag, source.namespace, batches):
+        maker = RowMaker(self._config, read.latched, self._load)
+        for results in read_results(source.bag, source.namespace, read.results):
             yield BagPart(len(results), *maker.rows(results))
 
     def close(self) -> None:

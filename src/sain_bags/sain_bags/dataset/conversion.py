@@ -95,10 +95,7 @@ def convert(
     folder = DatasetFolder(out, identity, overwrite)
     card, numbering = DatasetCard(), Numbering()
     room = KEPT // len(sources) if workers.workers == 1 else 0
-    read = [
-        read_latched(source.bag, source.namespace, 0 if source.lacks_results else room)
-        for source in sources
-    ]
+    read = [read_latched(source.bag, source.namespace, room) for source in sources]
     extras = join_extras([one.latched for one in read])
     how = RowsConfig(config.prior, config.moved_only, config.keep_unsettled, extras)
     with closing(rows_of(sources, read, how, workers)) as rows:

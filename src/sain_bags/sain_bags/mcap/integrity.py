@@ -8,7 +8,6 @@ import struct
 import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, Any, Final
 
@@ -32,7 +31,6 @@ from sain_core.guarding.untrusted import (
 RECORD_HEAD: Final = struct.Struct("<BQ")  # opcode, length of the content
 CHUNK_HEAD: Final = struct.Struct("<QQQI")  # first and last time, size and CRC once decompressed
 MESSAGE_HEAD: Final = struct.Struct("<HIQQ")  # channel, sequence, log time, publish time
-COMPRESSIONS: Final = (b"", b"lz4", b"zstd")
 
 FOOTER_SIZE: Final = 1 + 8 + 8 + 8  # [bytes], opcode, length and the footer but its CRC
 TAIL_SIZE: Final = FOOTER_SIZE + 4 + 8  # with the CRC and the closing magic
@@ -74,7 +72,7 @@ def rescue(bag: Path) -> str:
     bag = bag.absolute() if bag.name in ("", "..") else bag
     new = bag.with_name(f"{bag.name.removesuffix('.mcap')}_saved")
     command = shlex.join(["recover", str(bag), "--out", str(new)])
-    return f"`ros2 run sain_bags {command}` saves all that is undamaged"
+    return f"`ros2 run sain_bags {command}` copies what can be read"
 
 
 def check_summary(stream: IO[bytes]) -> Footer:
@@ -126,41 +124,6 @@ class Unpacking:
             raise UntrustedFileError(
                 f"it unpacks to more than {self._allowed:,} bytes, too many for its size"
             )
-
-
-@dataclass(frozen=True)
-class OpenedChunk:
-    """What was in a chunk, whose records fit into it."""
-
-    data: memoryview
-    messages: int  # how many it has
-    checked: bool  # it has a CRC, and that is right
-
-    def records(self) -> Iterator[tuple[int, memoryview]]:
-        """Yield opcode and content of each record."""
-        for opcode, start, end in records_in(self.data):
-            yield opcode, self.data[start:end]
-
-
-def chunk_content_fits(head: bytes, length: int) -> bool:
-    """Tell from its first bytes whether the lengths in a chunk agree with the record's [bytes]."""
-    start = CHUNK_HEAD.size
-    size = int.from_bytes(head[start : start + 4], "little")
-    end = start + 4 + size
-    if head[start + 4 : end] not in COMPRESSIONS or len(head) < end + 8:
-        return False
-    return length == end + 8 + int.from_bytes(head[end : end + 8], "little")
-
-
-def open_chunk(content: bytes) -> OpenedChunk:
-    """Decompress a chunk record's content, compare its CRC and split it into records.
-
-    Raises:
-        DatasetError: it is damaged; the message says how it shows.
-    """
-    data, checked = chunk_data(memoryview(content))
-    messages = sum(opcode == Opcode.MESSAGE for opcode, _, _ in records_in(data))
-    return OpenedChunk(data, messages, checked)
 
 
 def chunk_data(content: memoryview) -> tuple[memoryview, bool]:

@@ -13,7 +13,7 @@ import numpy as np
 from mcap.records import Channel, Schema
 from numpy import ndarray
 
-from sain_bags.bag.definition_check import check_definition
+from sain_bags.bag.definition_check import check_definition, check_version
 from sain_bags.mcap.mcap_file import CHANNELS, McapFile, Messages, Stretch
 from sain_core.errors import DatasetError
 
@@ -95,6 +95,7 @@ class BagChannel:
         except UnicodeDecodeError as error:
             raise DatasetError(f"the definition of {schema.name[:100]} is not UTF-8") from error
         check_definition(schema.name, text)
+        check_version(schema.name, text)
         return text
 
 

@@ -4,7 +4,6 @@ import struct
 from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import redirect_stderr
-from copy import copy
 from dataclasses import dataclass
 from io import StringIO
 from pathlib import Path
@@ -30,7 +29,6 @@ from sain_bags.reading.bag_files import BagChannel, BagFiles
 from sain_bags.reading.foreign import CopiedBag, is_foreign
 from sain_core.errors import DatasetError, UntrustedFileError
 from sain_core.guarding.untrusted import DECODED_BYTES, TimeAllowance, limit
-from sain_core.wire.old_files import converted_message
 
 BAG_HELP: Final = "a bag's folder, or its MCAP file"  # what `Bag` opens
 BAD_DEFINITION: Final = (InvalidSpecification, InvalidValue, NameError)
@@ -96,7 +94,6 @@ class Bag(BagFiles):
         self._span = whole_span(spans)
         self._check_metadata(spans)
         self._decoders: dict[tuple[str, bytes], Callable[[bytes], Any]] = {}
-        self._owner: object = None  # of a file that is deleted with it
 
     @property
     def file(self) -> Path:
@@ -196,7 +193,7 @@ class Bag(BagFiles):
                 check_file(stream)
 
     def decode(self, number: int, data: bytes) -> Any:
-        """Return a message of a channel, by its number in the bag, with all that it has today.
+        """Return a message of a channel, by its number in the bag, decoded.
 
         Raises:
             DatasetError: it is not as its definition says, or too much of it.
@@ -208,31 +205,13 @@ class Bag(BagFiles):
         try:
             limit("bytes in a message", len(data), DECODED_BYTES)
             with self.decoding:
-                return converted_message(channel.type, self._decoders[key](data))
+                return self._decoders[key](data)
         except UntrustedFileError as error:
             raise DatasetError(f"{self.path}: {channel.topic} is not decoded: {error}") from error
         except DECODING as error:
             raise DatasetError(
                 f"{self.path}: a message of {channel.topic} is not as its definition says ({error})"
             ) from error
-
-    def beside(self, file: Path, hidden: Collection[str], owner: object) -> "Bag":
-        """Return this bag with another file's messages beside it, in place of some topics'.
-
-        Args:
-            file: an MCAP file.
-            hidden: topics that are not read from the bag itself.
-            owner: of the file, which is kept for as long as the bag that is returned.
-        """
-        found = copy(self)
-        BagFiles.__init__(found, (*self.paths, file))
-        found.channels = tuple(
-            channel
-            for channel in found.channels
-            if channel.file == len(self.paths) or channel.topic not in hidden
-        )
-        found._owner = owner
-        return found
 
     @property
     def _are_counted(self) -> bool:

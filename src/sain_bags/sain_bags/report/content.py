@@ -121,7 +121,7 @@ def _notice(bag: Bag, found: Sequence[Gathered]) -> str:
         return "This recording has no messages."
     if not found:
         return "This recording has no scenes and no pushes. The page shows its topics."
-    if any(push.executed for push in pushes) or any(one.unanswered for one in found):
+    if any(push.executed for push in pushes) or any(one.episode.unanswered for one in found):
         return ""
     if pushes:
         return f"No push was executed in this recording: {len(pushes)} refused."
@@ -154,7 +154,7 @@ def _totals(found: Sequence[Gathered]) -> dict[str, int]:
         "reached": outcomes.count("reached"),
         "executed": executed,
         "refused": len(pushes) - executed,
-        "unanswered": sum(len(one.unanswered) for one in found),
+        "unanswered": sum(episode.unanswered for episode in episodes),
         "fallbacks": sum(plan.fallback for episode in episodes for plan in episode.plans),
     }
 

@@ -101,7 +101,7 @@ def _disks(scene: Scene, gathered: Gathered, bodies: Bodies) -> list[dict[str, A
 
 def _counts(pushes: Sequence[dict[str, Any]]) -> dict[str, int]:
     outcomes = [push["outcome"] for push in pushes]
-    return {word: outcomes.count(word) for word in ("executed", "refused", "unanswered")}
+    return {word: outcomes.count(word) for word in ("executed", "refused")}
 
 
 def _series(pushes: Sequence[dict[str, Any]], episode: Episode) -> dict[str, Any]:

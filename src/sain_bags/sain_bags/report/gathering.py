@@ -9,7 +9,6 @@ from sain_bags.report.frames import Frame, Frames
 from sain_bags.report.titles import EpisodePart
 from sain_bags.rows.episodes import FIELDS, Episode, read_episodes
 from sain_bags.rows.message_fields import PUSH_RESULT, SCENE, namespaces, topics_of
-from sain_bags.rows.recorded_push import RecordedPush
 from sain_core.errors import ConfigError
 from sain_core.shapes.bodies import Bodies
 from sain_core.shapes.library import get_shape
@@ -38,11 +37,6 @@ class Gathered:
     goals: int = 1  # ... of so many in a row; each is gathered on its own; 0: none yet
     is_part: bool = False
 
-    @property
-    def unanswered(self) -> tuple[RecordedPush, ...]:
-        """The pushes without a result: the last of their episode."""
-        return self.episode.unanswered if self.goal == self.goals else ()
-
     def bodies(self, count: int) -> Bodies:
         """Return so many bodies: those that are stated, else disks or the shapes of the world."""
         stated = self.episode.bodies
@@ -60,7 +54,7 @@ class Gathered:
     def idle(self) -> bool:
         """Whether nothing happened: no goal, push or decision, and no disk moved."""
         episode = self.episode
-        acted = episode.goal is not None or episode.pushes or episode.plans or self.unanswered
+        acted = episode.goal is not None or episode.pushes or episode.plans or episode.unanswered
         return not acted and not self.shown.in_motion
 
     @property

@@ -39,9 +39,9 @@ def poses(scene: Scene | None) -> list[list[float]] | None:
 def describe_pushes(gathered: Gathered, frames: Sequence[Frame]) -> list[dict[str, Any]]:
     """Return the pushes of an episode, in the order of their results."""
     found = []
-    for push in (*gathered.episode.pushes, *gathered.unanswered):
+    for push in gathered.episode.pushes:
         moments = _moments(frames, push)
-        if push.answered and not push.executed:
+        if not push.executed:
             moments = (moments[0], moments[0])
         found.append(_describe(push, gathered, moments))
     return found
@@ -50,10 +50,6 @@ def describe_pushes(gathered: Gathered, frames: Sequence[Frame]) -> list[dict[st
 def _moments(frames: Sequence[Frame], push: RecordedPush) -> Moments:
     """Find the frames at rest before and after a push, by scene id, else by stamp."""
     at_rest = {frame.scene_id: number for number, frame in enumerate(frames) if frame.settled}
-    if not push.answered:
-        scenes = zip((push.before, push.after), push.scene_ids, strict=True)
-        first, last = (None if scene is None else at_rest.get(number) for scene, number in scenes)
-        return first, last
     before = [number for number, frame in enumerate(frames) if frame.stamp <= push.stamps[0]]
     after = [number for number, frame in enumerate(frames) if frame.stamp >= push.stamps[1]]
     first = at_rest.get(push.scene_ids[0], before[-1] if before else None)
@@ -65,13 +61,12 @@ def _moments(frames: Sequence[Frame], push: RecordedPush) -> Moments:
 
 def _describe(push: RecordedPush, gathered: Gathered, moments: Moments) -> dict[str, Any]:
     episode = gathered.episode
-    plan, comparable = push.plan, push.executed or not push.answered
-    actual = push.after if comparable else None
+    plan, actual = push.plan, push.after if push.executed else None
     return {
         "id": str(push.push_id),  # may be beyond what a number of JavaScript can hold
-        "outcome": _outcome(push),
+        "outcome": "executed" if push.executed else "refused",
         "reason": _reason(push),
-        "message": push.error_message if push.answered else "no result was recorded",
+        "message": push.error_message,
         "source": push.source,
         "model": plan.dynamics if plan else "",
         "fallback": bool(plan and plan.fallback),
@@ -93,7 +88,7 @@ def _describe(push: RecordedPush, gathered: Gathered, moments: Moments) -> dict[
 def _things(push: RecordedPush, actual: Scene | None, gathered: Gathered) -> list[dict[str, Any]]:
     """Return what is drawn of a push: the predictions of both models, and the tool's way."""
     things: list[Thing] = []
-    if _outcome(push) != "refused":
+    if push.executed:
         known = ((push.physics, Look.PHYSICS), (push.predicted, Look.EXPECTED))
         for scene, look in ((scene, look) for scene, look in known if scene is not None):
             bodies = gathered.bodies(len(scene))
@@ -105,14 +100,7 @@ def _things(push: RecordedPush, actual: Scene | None, gathered: Gathered) -> lis
 
 def _reason(push: RecordedPush) -> str:
     names = {int(code): code.name.lower().replace("_", " ") for code in ErrorCode}
-    code = push.error_code if push.answered else ErrorCode.UNKNOWN
-    return "" if push.executed else names.get(code, str(code))
-
-
-def _outcome(push: RecordedPush) -> str:
-    if push.executed:
-        return "executed"
-    return "refused" if push.answered else "unanswered"
+    return "" if push.executed else names.get(push.error_code, str(push.error_code))
 
 
 def target_error(one: Scene | None, other: Scene | None, body: int = TARGET) -> float | None:

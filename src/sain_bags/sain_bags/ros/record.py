@@ -13,9 +13,9 @@ from rich.console import Console
 
 from sain_bags.bag.parts import mcap_files
 from sain_bags.mcap.integrity import rescue
-from sain_bags.recovery.resumption import join, set_aside
+from sain_bags.recovery import join, set_aside
 from sain_bags.ros.stop_signal import StopSignal
-from sain_bags.writing.gaps import MISSING_KEY, SILENT_KEY, UNDEFINED_KEY, describe_gaps
+from sain_bags.writing.gaps import MISSING_KEY, SILENT_KEY, UNRECORDED_KEY, describe_gaps
 from sain_bags.writing.recording_status import RecordingStatus, StatusDisplay
 from sain_bags.writing.selection import Selection
 from sain_bags.writing.writer import BagConfig, BagWriter
@@ -152,7 +152,7 @@ def record(
         def status() -> RecordingStatus:
             elapsed = time.monotonic() - started
             return RecordingStatus.of(
-                writer, recorder.gaps, len(recorder.unusable), elapsed, recorder.awaited
+                writer, recorder.gaps, tuple(recorder.unusable), elapsed, recorder.awaited
             )
 
         try:
@@ -177,14 +177,13 @@ def record(
 
 
 def about_silence(recorder: "Recorder", silent: tuple[str, ...]) -> dict[str, str]:
-    """Return the custom data about topics without messages or without a definition."""
-    found = {SILENT_KEY: silent, UNDEFINED_KEY: recorder.undefined}
+    """Return the custom data about topics without messages, and those not recorded."""
+    found = {SILENT_KEY: silent, UNRECORDED_KEY: tuple(recorder.unusable)}
     return {key: json.dumps(topics) for key, topics in found.items() if topics}
 
 
 def drain(recorder: "Recorder") -> None:
     """Take what has come before the stop."""
-    recorder.await_definitions()
     enough, quiet = time.monotonic() + DRAIN_TIME, 0
     # Passes are counted: for a process that was halted, time passes too.
     while quiet < QUIET_PASSES and (time.monotonic() < enough or not quiet):

@@ -7,7 +7,6 @@ turn, a hundred times a second. The middleware keeps what comes in between, and 
 
 import time
 from collections import deque
-from concurrent.futures import wait
 from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
@@ -16,10 +15,10 @@ from rclpy.parameter import Parameter
 from rclpy.subscription import Subscription
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
+from sain_bags.bag.definitions import Definitions
 from sain_bags.bag.metadata import Topic, TopicQos
-from sain_bags.ros.endpoints import offered_qos, qos_profile
+from sain_bags.ros.endpoints import message_class, offered_qos, qos_profile
 from sain_bags.ros.parameter_requests import serve_requests
-from sain_bags.ros.recordable_types import RecordableType, RecordableTypes
 from sain_bags.writing.gaps import Gaps
 from sain_bags.writing.selection import Selection, adapt
 from sain_bags.writing.writer import BagWriter
@@ -28,7 +27,6 @@ from sain_core.errors import InvalidInputError
 DISCOVERY_PERIOD: Final = 0.05  # [s] between looks for new topics
 REVISION_PERIOD: Final = 1.0  # [s] between looks at all publishers, also where their number stays
 ABSENCE_TIME: Final = 5.0  # [s], after which a topic that was asked for is warned of
-ANSWERS_TIME: Final = 5.0  # [s], at most, for answers at the end
 TAKEN_AT_ONCE: Final = 500  # messages of a topic before the others have their turn
 SEEN: Final = 1000  # messages of a topic that are known again: as many as any is latched for
 ENTITIES: Final = {  # of every node; it publishes nothing that needs a description
@@ -41,11 +39,10 @@ class Recorded:
     """One topic that is recorded."""
 
     topic: Topic
-    kind: RecordableType
+    message_class: type  # to subscribe with
     gaps: Gaps
     wanted: TopicQos | None = None
     subscription: Subscription | None = None
-    described: Topic | None = None  # as in the bag; None: its definition is awaited
     seen: deque[tuple[int, int]] = field(default_factory=lambda: deque(maxlen=SEEN))
     """The latest messages, by number and time."""
     repeated: frozenset[tuple[int, int]] = frozenset()
@@ -60,11 +57,10 @@ class Recorder(Node):
         overrides = [Parameter(name, value=value) for name, value in ENTITIES.items()]
         super().__init__("recorder", parameter_overrides=overrides, **options)
         self.unusable: dict[str, str] = {}  # topics that cannot be recorded, and why
-        self.undefined: dict[str, str] = {}  # topics without a definition, and their types
         self.subscribed = 0  # how often
         self._writer = writer
         self._selection = selection
-        self._types = RecordableTypes(self)
+        self._definitions = Definitions()
         self._recorded: dict[str, Recorded] = {}
         self._known_publishers: dict[str, set[bytes]] = {}  # that ever were, by topic
         self._counts: dict[str, int] = {}  # of publishers, when last looked
@@ -116,9 +112,6 @@ class Recorder(Node):
         is_revision = now >= self._next_revision
         if is_revision:
             self._next_revision = now + REVISION_PERIOD
-        for recorded in self._recorded.values():
-            if recorded.described is None:
-                self._announce(recorded)
         if self._absence_at is not None and now >= self._absence_at:
             self._absence_at = None
             for name in sorted(self.awaited):
@@ -149,46 +142,27 @@ class Recorder(Node):
         # Profiles of publishers that are gone stay on record: their messages do, too.
         merged = tuple(dict.fromkeys((*(known.topic.offered_qos if known else ()), *offers)))
         if known is None:
-            kind = self._types.learn(_only(types), name, publishers[0])
-            known = self._recorded[name] = Recorded(
-                Topic(name, kind.name, "", kind.hash, merged, publisher_count),
-                kind,
-                Gaps(lambda: self._count_publishers(name)),
-            )
+            kind = _only(types)
+            found, definition = message_class(kind), self._definitions.joined(kind)
+            # Readers take a service's types by other names than these, and find other hashes.
+            type_hash = "" if "/srv/" in kind else str(publishers[0].topic_type_hash)
+            topic = Topic(name, kind, definition, type_hash, merged, publisher_count)
+            gaps = Gaps(lambda: self._count_publishers(name))
+            known = self._recorded[name] = Recorded(topic, found, gaps)
+            self._writer.add_topic(topic)
             self.unusable.pop(name, None)
-        known.topic = replace(known.topic, offered_qos=merged, publishers=publisher_count)
-        self._announce(known)
+        topic = replace(known.topic, offered_qos=merged, publishers=publisher_count)
+        if topic != known.topic:
+            self._writer.add_topic(topic)
+            known.topic = topic
         wanted = adapt(offers)
         if known.wanted != wanted:
             self._subscribe(known, wanted)
 
-    def await_definitions(self) -> None:
-        """Wait for the answers of nodes that were asked: what came meanwhile is taken then."""
-        awaited = [one.kind.definition for one in self._recorded.values() if one.described is None]
-        wait(awaited, ANSWERS_TIME)
-        for recorded in self._recorded.values():
-            self._announce(recorded)
-
-    def _announce(self, recorded: Recorded) -> None:
-        """Describe a topic in the bag, once its definition is there: only then it is taken."""
-        if not recorded.kind.definition.done():
-            return
-        definition = recorded.kind.definition
-        text = "" if definition.exception() else definition.result()
-        topic = replace(recorded.topic, definition=text)
-        if not text and topic.name not in self.undefined:
-            self.undefined[topic.name] = topic.type
-            self.get_logger().warning(
-                f"{topic.name} is recorded without a definition of {topic.type}: its node gave none"
-            )
-        if topic != recorded.described:
-            self._writer.add_topic(topic)
-            recorded.described = topic
-
     def _subscribe(self, recorded: Recorded, wanted: TopicQos) -> None:
         name, former = recorded.topic.name, recorded.subscription
         subscription = self.create_subscription(
-            recorded.kind.message_class, name, _unused, qos_profile(wanted), raw=True
+            recorded.message_class, name, _unused, qos_profile(wanted), raw=True
         )
         if former is not None:
             while self._take(recorded):
@@ -209,7 +183,7 @@ class Recorder(Node):
 
     def _take(self, recorded: Recorded) -> int:
         """Write what has come of a topic; return how much that was."""
-        if recorded.described is None or recorded.subscription is None:
+        if recorded.subscription is None:
             return 0
         name, gaps, write = recorded.topic.name, recorded.gaps, self._writer.write
         saw, repeated = recorded.seen.append, recorded.repeated

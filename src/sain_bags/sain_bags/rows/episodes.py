@@ -16,6 +16,7 @@ from sain_bags.rows.message_fields import (
     DISKS,
     GOAL,
     PLAN,
+    PUSH,
     PUSH_RESULT,
     SCENE,
     WORLD,
@@ -24,7 +25,6 @@ from sain_bags.rows.message_fields import (
     namespaces,
     topics_of,
 )
-from sain_bags.rows.old_recordings import as_today
 from sain_bags.rows.recorded_push import PlanRecord, RecordedPush, recorded_plan
 from sain_bags.rows.results import naming, read_results
 from sain_core.errors import DatasetError, InvalidInputError, OutOfRangeError, SainError
@@ -43,6 +43,7 @@ FIELDS: Final = {  # that are read of messages beside the results
         "plan_id", "push_id", "episode_id", "status", "error_code", "fallback", "horizon", "disks",
         "goal_distance", "planning_time", "goal_id",
     ),
+    PUSH: ("push_id", "episode_id"),
     BODIES: ("episode_id",),
     WORLD: ("episode_id",),
 }  # fmt: skip
@@ -65,7 +66,7 @@ class Episode:
     interval: tuple[int, int]  # [ns since the epoch], first and last message received
     bodies: Bodies = PAPER_DISKS
     parts: tuple["Episode", ...] = ()  # towards each goal in order, where there were several
-    unanswered: tuple[RecordedPush, ...] = ()  # pushes without a result
+    unanswered: int = 0  # pushes without a result
     shapes: tuple[str, ...] = ()  # of the bodies, as the simulator states them; none: unknown
     run: int = 0  # of the simulator: another one counts its episodes from 1 again
 
@@ -148,7 +149,7 @@ def read_episodes(
     _check_definitions(bag, namespace)
     reader = _Reader(on_scene)
     messages = bag.messages(topics_of(bag, namespace, *FIELDS), FIELDS)
-    rows = read_results(as_today(bag), namespace)
+    rows = read_results(bag, namespace)
     pushes = (push for found in rows for push in found.pushes())
     received: Iterator[Any] = merge(messages, pushes, key=attrgetter("log_time"))
     try:
@@ -191,6 +192,7 @@ class _Draft:
     shapes: tuple[str, ...] = ()
     pushes: list[RecordedPush] = field(default_factory=list)
     plans: list[PlanRecord] = field(default_factory=list)
+    sent: set[int] = field(default_factory=set)  # push ids
     first: int = 0
     last: int = 0
 
@@ -237,11 +239,12 @@ class _Reader:
 
     def take(self, one: Received | RecordedPush) -> None:
         if isinstance(one, RecordedPush):
-            draft = self._of(one.episode_id, one.log_time if one.answered else None)
-            draft.push(one)
+            self._of(one.episode_id, one.log_time).push(one)
             return
         if one.type == SCENE:
             self._scene(one.message, one.log_time)
+        elif one.type == PUSH:
+            self._of(one.message.episode_id, None).sent.add(one.message.push_id)
         elif one.type == WORLD:
             self._world = one.message  # of an episode whose scenes are to come
         else:
@@ -312,7 +315,7 @@ def _drafts_by_goal(draft: _Draft) -> list[tuple[Any, _Draft]]:
     begins = [max(time, draft.first) for time, _ in goals]
     ends = [*(time - 1 for time in begins[1:]), max(begins[-1], draft.last)]
     drafts = [
-        replace(draft, pushes=[], plans=[], first=first, last=last)
+        replace(draft, pushes=[], plans=[], sent=set(), first=first, last=last)
         for first, last in zip(begins, ends, strict=True)
     ]
     planned = [plan for plan in draft.plans if plan.push_id]
@@ -321,7 +324,8 @@ def _drafts_by_goal(draft: _Draft) -> list[tuple[Any, _Draft]]:
         drafts[1 + draft.place(plan.log_time, plan.goal_id)].plans.append(plan)
     for push in draft.pushes:
         place = places.get(push.push_id, draft.place(push.log_time))
-        drafts[1 + place if push.answered else -1].pushes.append(push)
+        drafts[1 + place].pushes.append(push)
+    drafts[-1].sent = draft.sent - {push.push_id for push in draft.pushes}
     # What held before a goal of this episode came is a part only if something was done for it.
     early = 1 + sum(time < draft.first for time, _ in draft.goals)
     kept = [n for n, part in enumerate(drafts) if n >= early or part.pushes or part.plans]
@@ -336,9 +340,8 @@ def _is_same(goal: Any, other: Any) -> bool:
 
 def _episode(number: int, draft: _Draft, goal: Any, run: int) -> Episode:
     plans = {plan.push_id: plan for plan in draft.plans if plan.push_id}
-    pushes = [replace(push, plan=plans.get(push.push_id)) for push in draft.pushes]
-    answered = tuple(push for push in pushes if push.answered)
-    after = [push.after for push in answered if push.after is not None]
+    pushes = tuple(replace(push, plan=plans.get(push.push_id)) for push in draft.pushes)
+    after = [push.after for push in pushes if push.after is not None]
     scenes = draft.scenes or [push.before for push in pushes if push.before is not None]
     return Episode(
         episode_id=number,
@@ -346,11 +349,11 @@ def _episode(number: int, draft: _Draft, goal: Any, run: int) -> Episode:
         final=(after or scenes)[-1],
         goal=_goal(goal, len(scenes[0])) if goal else None,
         max_pushes=int(goal.max_pushes) if goal else 0,
-        pushes=answered,
+        pushes=pushes,
         plans=tuple(draft.plans),
         interval=(draft.first, draft.last),
         bodies=draft.bodies,
-        unanswered=tuple(push for push in pushes if not push.answered),
+        unanswered=len(draft.sent - {push.push_id for push in pushes}),
         shapes=draft.shapes,
         run=run,
     )

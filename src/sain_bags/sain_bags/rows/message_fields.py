@@ -43,27 +43,15 @@ def all_paths(fields: Sequence[str]) -> list[str]:
 
 def check_path(types: MessageTypes, name: str, path: str) -> None:
     """Raise `DatasetError` unless a message has a field of the needed type."""
-    kind = _type_of(types, name, path)
-    if kind is None:
-        raise DatasetError(f"{name} has no {path}")
-    is_text = kind == "string"
-    if kind in types or is_text != (path in TEXTS):
-        raise DatasetError(f"{path} of {name} is a {kind}")
-
-
-def has_path(types: MessageTypes, name: str, path: str) -> bool:
-    """Tell whether a message has a field, of whatever type."""
-    return _type_of(types, name, path) is not None
-
-
-def _type_of(types: MessageTypes, name: str, path: str) -> str | None:
     kind = name
     for step in path.split("."):
         found = {entry.name: entry.type for entry in types.get(kind, ())}
         if step not in found:
-            return None
+            raise DatasetError(f"{name} has no {path}")
         kind = found[step]
-    return kind
+    is_text = kind == "string"
+    if kind in types or is_text != (path in TEXTS):
+        raise DatasetError(f"{path} of {name} is a {kind}")
 
 
 def namespaces(bag: Bag, *types: str) -> tuple[str, ...]:

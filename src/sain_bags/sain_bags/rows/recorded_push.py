@@ -1,7 +1,7 @@
 """Pushes and plans as a recording has them."""
 
 from dataclasses import dataclass, fields
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 
@@ -9,8 +9,6 @@ from sain_core.errors import ErrorCode
 from sain_core.types import PushArray, Pushes, Scene, Scenes
 from sain_core.wire import decode_plan
 from sain_core.world import PushRecord
-
-UNANSWERED: Final = 0xFFFF  # in place of an error code: no result was recorded
 
 
 @dataclass(frozen=True)
@@ -34,7 +32,7 @@ class PlanRecord:
 
 @dataclass(frozen=True)
 class RecordedPush:
-    """A push as a recording has it: executed, refused, or without a result."""
+    """A push as a recording has it: executed or refused."""
 
     push_id: int
     push: PushArray  # (5,), whatever it holds where it was refused
@@ -57,11 +55,6 @@ class RecordedPush:
     def executed(self) -> bool:
         """Whether it was carried out; a refused push moved nothing."""
         return self.error_code == ErrorCode.OK
-
-    @property
-    def answered(self) -> bool:
-        """Whether there is a result of it."""
-        return self.error_code != UNANSWERED
 
     @property
     def predicted(self) -> Scene | None:

@@ -1,7 +1,6 @@
 """The one reader of rows: the results of a recording's pushes, in the order of their receipt.
 
-Data set, report page and summaries read pushes here. Recordings of before, and those without
-results, come in the same form (`sain_bags.rows.old_recordings`).
+Data set, report page and summaries read pushes here.
 """
 
 from collections.abc import Iterable, Iterator

@@ -19,7 +19,6 @@ from sain_bags.rows.dropped import (
     why_senseless,
 )
 from sain_bags.rows.latched import NONE, PLACE, Extras, Latched
-from sain_bags.rows.recorded_push import UNANSWERED
 from sain_bags.rows.results import OK, Results
 from sain_core.errors import InvalidInputError, SainError
 from sain_core.model import Model
@@ -32,7 +31,6 @@ from sain_core.wire import MIN_DISKS, check_fields
 
 COMPUTED: Final = "computed:"  # prefix of a physics source: the recording has no prediction
 FROM_RESULT: Final = "push_result"  # where the scenes of a row are from
-FROM_SCENES: Final = "scenes"
 
 
 class RowBlock(NamedTuple):
@@ -63,9 +61,7 @@ class RowMaker:
         """Return the rows of pushes, and those that are none, in their order."""
         pushes = _Sorting(results)
         codes = results.codes
-        pushes.keep((codes == OK) | (codes == UNANSWERED), REFUSED, why_refused)
-        for reason in set(results.messages[codes == UNANSWERED].tolist()) - {""}:
-            pushes.keep((codes == OK) | (results.messages != reason), reason)
+        pushes.keep(codes == OK, REFUSED, why_refused)
         pushes.keep(~self._repeated(results, pushes.kept), REPEATED)
         before, after = results.before, results.after
         if not self._config.keep_unsettled:
@@ -137,7 +133,7 @@ class RowMaker:
         raise AssertionError(f"nothing is wrong with the goal of {named_push(results, push)}")
 
     def _push_columns(self, results: Results, chosen: ndarray) -> Columns:
-        computed, codes = COMPUTED + self._config.prior, results.codes[chosen]
+        computed = COMPUTED + self._config.prior
         models = np.where(results.predicted, results.models, computed)[chosen]
         return {
             Column.ACTION: results.actions[chosen],
@@ -145,11 +141,11 @@ class RowMaker:
             Column.PUSH_ID: results.push_ids[chosen].astype(np.uint64),
             Column.BAG_EPISODE: results.episodes[chosen].astype(np.uint64),
             Column.BAG_SCENE: results.before.numbers[chosen].astype(np.uint64),
-            Column.OUTCOME: np.where(codes == OK, OK, 0),
+            Column.OUTCOME: np.full(len(chosen), OK),
             Column.STAMP: results.before.stamps[chosen],
             Column.NEXT_STAMP: results.after.stamps[chosen],
             Column.LOG_TIME: results.log_times[chosen],
-            Column.SOURCE: np.where(codes == OK, FROM_RESULT, FROM_SCENES),
+            Column.SOURCE: np.full(len(chosen), FROM_RESULT),
             Column.PHYSICS_SOURCE: models.astype(np.str_),
         }
 

@@ -20,11 +20,10 @@ from sain_bags.rows.message_fields import (
     parent_of,
     topics_of,
 )
-from sain_bags.rows.old_recordings import OLD_PREDICTION
 from sain_core.errors import DatasetError, UntrustedFileError
 from sain_core.guarding.untrusted import open_regular
 
-COUNTED: Final = (PUSH, PUSH_RESULT, OLD_PREDICTION, GOAL, SCENE)
+COUNTED: Final = (PUSH, PUSH_RESULT, GOAL, SCENE)
 
 
 @dataclass(frozen=True)
@@ -38,23 +37,20 @@ class Source:
 
     @property
     def pushes(self) -> int:
-        """How many pushes there are to read, at least."""
-        return max(self.counts[PUSH], self.counts[PUSH_RESULT])
-
-    @property
-    def lacks_results(self) -> bool:
-        """Whether there are pushes without a result."""
-        return self.counts[PUSH] > self.counts[PUSH_RESULT]
+        """How many results of pushes there are to read."""
+        return self.counts[PUSH_RESULT]
 
     @property
     def topics(self) -> tuple[str, ...]:
-        """The topics that are read, where each push has its result."""
+        """The topics that are read."""
         return topics_of(self.bag, self.namespace, PUSH_RESULT, GOAL, BODIES, WORLD)
 
     @property
     def notes(self) -> tuple[str, ...]:
         """What a user of its rows should read."""
         notes = [*left_out(self.bag)]
+        if (lacking := self.counts[PUSH] - self.pushes) > 0:
+            notes.append(f"{lacking:,} pushes have no result, and are no rows")
         if not self.bag.has_crcs:
             notes.append("it has no CRCs: damage inside messages is not detected")
         return tuple(f"{self.bag.path}: {note}" for note in notes)
@@ -116,13 +112,9 @@ def open_source(path: Path, namespace: str | None) -> Source:
         if topic.type in counts and parent_of(topic.name) == chosen:
             counts[topic.type] += topic.messages
     if not counts[PUSH_RESULT]:
-        missing = [name for name in (PUSH, SCENE) if not counts[name]]
-        if missing:
-            raise DatasetError(
-                f"{path} holds no pushes to learn from: no {PUSH_RESULT}, and to do without it"
-                f" no {' and no '.join(missing)}; it has {_contents(bag)}"
-            )
-    counts = {name: count for name, count in counts.items() if count or name != OLD_PREDICTION}
+        raise DatasetError(
+            f"{path} holds no pushes to learn from: no {PUSH_RESULT}; it has {_contents(bag)}"
+        )
     return Source(bag, chosen, _hash(bag.files), counts)
 
 

@@ -8,7 +8,7 @@ from sain_core.guarding.untrusted import parse_json
 
 MISSING_KEY: Final = "missing_messages"  # in a bag's custom data
 SILENT_KEY: Final = "silent_topics"  # likewise: those published or asked for, and never heard
-UNDEFINED_KEY: Final = "undefined_topics"  # likewise: those whose type nobody described
+UNRECORDED_KEY: Final = "unrecorded_topics"  # likewise: those that could not be recorded
 
 
 class Gaps:

@@ -24,7 +24,7 @@ class RecordingStatus:
     seconds: float
     messages: int
     topics: int
-    unusable: int  # topics that cannot be recorded
+    unusable: tuple[str, ...]  # topics that cannot be recorded
     size: int  # [bytes]
     files: int
     missing: tuple[tuple[str, str], ...]  # topics of which something is, and how much
@@ -36,7 +36,7 @@ class RecordingStatus:
         cls,
         writer: BagWriter,
         gaps: Mapping[str, Gaps],
-        unusable: int,
+        unusable: tuple[str, ...],
         seconds: float,
         awaited: Collection[str] = (),
     ) -> "RecordingStatus":
@@ -65,7 +65,7 @@ class RecordingStatus:
             f"{rate:,.0f}/s",
             f"{self.size / 1e6:,.2f} MB" + (f" in {self.files} files" if self.files > 1 else ""),
             f"{self.topics} topics"
-            + (f", {self.unusable} unusable" if self.unusable else "")
+            + (f", {len(self.unusable)} unusable" if self.unusable else "")
             + (f", {len(self.silent)} silent" if self.silent else ""),
             self.gaps(),
         ]
@@ -84,11 +84,11 @@ class RecordingStatus:
     def final(self, out: Path, size: int) -> str:
         """Return the last line for a recording of this size [bytes]."""
         files = f" in {self.files} files" if self.files > 1 else ""
-        unusable = f"; {self.unusable} topics could not be" if self.unusable else ""
-        silent = f"\nNo message came on {', '.join(self.silent)}" if self.silent else ""
+        named = f"\nNo message came on {', '.join(self.silent)}" if self.silent else ""
+        named += f"\nNot recorded: {', '.join(self.unusable)}" if self.unusable else ""
         return (
-            f"Recorded {self.messages:,} messages on {self.topics} topics{unusable}"
-            f" in {self.seconds:.1f} s, {self.gaps()}: {out} ({size / 1e6:.2f} MB{files}){silent}"
+            f"Recorded {self.messages:,} messages on {self.topics} topics"
+            f" in {self.seconds:.1f} s, {self.gaps()}: {out} ({size / 1e6:.2f} MB{files}){named}"
         )
 
 

@@ -75,7 +75,7 @@ class Diagnostics:
 
 
 def node_of(status: DiagnosticStatus) -> str:
-    """Return the full name of the node that a status is of; older recordings name no task."""
+    """Return the full name of the node that a status is of."""
     return str(status.name).partition(SEPARATOR)[0]
 
 

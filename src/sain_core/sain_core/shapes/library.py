@@ -130,7 +130,6 @@ OUTLINES: Final = (".yaml", ".json")
 PLAIN: Final = re.compile(r"[\w.-]{1,64}")  # name of an outline file
 MOST_OUTLINE: Final = 64  # corners
 ALIKE: Final = 0.7  # of the letters: `disk` is no slip of `half_disk`
-FORMER: Final = {"three_feet": DISK, "flat": DISK}  # names of disks in recordings of before
 OFFERED: Final = Plugins(GROUP, "shape")
 _shapes: dict[str, Shape] = {shape.name: shape for shape in (Disk(DISK), CUBE)}
 _flat: dict[str, Shape] = {}  # those that were asked for, by their names
@@ -168,7 +167,6 @@ def get_shape(name: str, body: int | None = None) -> Shape:
         if name not in _flat:
             _flat[name] = get_shape(name.removesuffix(FLAT_MARK), body).on(FLAT)
         return _flat[name]
-    name = FORMER.get(name, name)
     for load in (_load_library, _load_offered):
         if name not in _shapes:
             load()

@@ -11,8 +11,6 @@ from sain_bags.reading.reader import Bag, Received, TopicSummary
 from sain_bags.report.frames import Frame, frame_times
 from sain_bags.report.gathering import graphs
 from sain_bags.report.titles import EpisodePart, episode_titles
-from sain_bags.rows.old_recordings import as_today
-from sain_bags.rows.recorded_push import UNANSWERED
 from sain_core.errors import DatasetError, ErrorCode
 from sain_live.player import Chapter, Recording, Snapshot
 from sain_live.ros.hearing import Hearing, Take
@@ -74,7 +72,7 @@ def read_recording(path: Path) -> Recording:
     Raises:
         DatasetError: damaged, or without scenes.
     """
-    bag = as_today(Bag(path))
+    bag = Bag(path)
     drafts: list[_Draft] = []
     log: list[LogLine] = []
     parts, arms = [], []
@@ -157,8 +155,6 @@ class _Reader:
                 status.level = bytes([status.level])  # as rclpy has it
         elif topic == "goal":
             self._give(message)
-        elif topic == "push_result" and message.error_code == UNANSWERED:
-            return
         elif topic == "push_result" and message.error_code == ErrorCode.OK and message.after.disks:
             for scene in (message.before, message.after):
                 scene.episode_id, scene.settled = message.episode_id, True

@@ -23,7 +23,6 @@ from sain_core.transitions import (
     as_scenes,
     row_bodies,
 )
-from sain_core.wire.old_files import converted_rows
 
 NO_STEP: Final = -1  # where a shard does not tell
 UNKNOWN: Final = {Column.FRICTION: np.nan, Column.FLOOR_NEXT: np.nan, Column.STEP: NO_STEP}
@@ -48,7 +47,7 @@ def read_shard(path: Path) -> Columns:
             NaN or Inf, a number that cannot be, pushes that no model may be asked about, or against
             bodies that are not pushable.
     """
-    arrays = _converted(path, read_arrays(path))
+    arrays = read_arrays(path)
     missing = [column for column in NEEDED if column not in arrays]
     if missing:
         raise DatasetError(f"{path} lacks {', '.join(missing)}; it holds {sorted(arrays)}")
@@ -68,13 +67,6 @@ def read_shard(path: Path) -> Columns:
         columns[column] = arrays.get(column, np.full(count, ""))
     register_outlines(path.parent)
     return columns | _shaped(path, arrays, columns[Column.ACTION])
-
-
-def _converted(path: Path, arrays: Columns) -> Columns:
-    try:
-        return converted_rows(arrays)
-    except DatasetError as error:
-        raise DatasetError(f"{path}: {error}") from error
 
 
 def _check_types(path: Path, arrays: Columns, count: int) -> None:
@@ -140,7 +132,9 @@ def _width(path: Path, action: ndarray) -> int:
     try:
         return STROKE_SIZE if is_stroke(action) else PUSH_SIZE
     except InvalidInputError as error:
-        raise DatasetError(f"{path}: action cannot be: {error}") from error
+        raise DatasetError(
+            f"{path}: action cannot be: {error}; make files of another version again"
+        ) from error
 
 
 def _check_pushes(path: Path, pushes: ndarray) -> None:

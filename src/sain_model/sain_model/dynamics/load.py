@@ -164,7 +164,7 @@ def parse_card(path: Path, text: str) -> ModelCard:
     """
     try:
         values = parse_json(text)
-        version, command = values.get("format_version", FORMAT_VERSION), values.get("command")
+        version, command = values.get("format_version"), values.get("command")
         if version == FORMAT_VERSION:
             return ModelCard(**values)
     except (ValueError, TypeError, AttributeError) as error:

@@ -44,15 +44,6 @@ CARD_FILE: Final = "card.json"
 ANOTHER: Final = "; collect into another folder, or --overwrite"
 CONVERSION_FILE: Final = "conversion.json"  # of a converted data set
 
-LATER: Final = (
-    "truth",
-    "target",
-    "parameters",
-    "shapes",
-    "bodies",
-    "speeds",
-)  # settings that older collections do not name
-
 CollectionProgress = Callable[[int, int], None]  # episodes done, transitions so far
 
 
@@ -123,11 +114,8 @@ def _run(config: CollectConfig, first: int) -> Generator[EpisodeResult, None, No
 
 def _identity(config: CollectConfig) -> dict[str, Any]:
     """Return what makes two collections the same one; the number of episodes may grow."""
-    settings = {**asdict(config.episode), "truth": config.episode.truth.settings()}
-    for name in LATER:  # so that collections from before there was a choice go on
-        if getattr(config.episode, name) == getattr(EpisodeConfig(), name):
-            del settings[name]
-    return {"seed": config.seed, **settings}
+    episode = {**asdict(config.episode), "truth": config.episode.truth.settings()}
+    return {"seed": config.seed, **episode}
 
 
 def _claim(folder: Path, config: CollectConfig) -> None:

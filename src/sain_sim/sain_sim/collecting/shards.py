@@ -23,7 +23,6 @@ from sain_core.transitions import (
     Row,
     shard_path,
 )
-from sain_core.wire.old_files import converted_rows
 from sain_core.world import ToppledError
 
 JOURNAL_FILE: Final = "episodes.jsonl"
@@ -237,7 +236,7 @@ def load_shards(folder: Path) -> Columns:
 
 def _load(path: Path) -> Columns:
     try:
-        arrays = converted_rows(read_arrays(path))
+        arrays = read_arrays(path)
     except DatasetError as error:
         raise DatasetError(f"{error}; delete it to have it made anew") from error
     missing = {Column.STEP, *NEEDED} - arrays.keys()

@@ -33,7 +33,7 @@ class Episodes {
     const button = make("button", { type: "button", "aria-pressed": "false" },
       make("span", { class: dot, "aria-hidden": "true" }),
       make("span", { class: "name" }, episode.title),
-      make("span", { class: "soft" }, counted(episode.counts.executed + episode.counts.unanswered, "push", "pushes")),
+      make("span", { class: "soft" }, counted(episode.counts.executed, "push", "pushes")),
       make("span", { class: "end" }, episode.poses.length ? `${episode.outcome}, ${fineMillimetres(episode.distance)}` : episode.outcome));
     button.addEventListener("click", () => this.choose(place));
     return button;

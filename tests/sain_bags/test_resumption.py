@@ -9,7 +9,7 @@ from sain_bags.bag.metadata import Topic, TopicQos
 from sain_bags.cli import recover
 from sain_bags.cli.info import show
 from sain_bags.reading.reader import Bag
-from sain_bags.recovery.resumption import join, set_aside
+from sain_bags.recovery import join, set_aside
 from sain_bags.writing.writer import BagWriter
 from sain_core.errors import DatasetError, OutputError
 

@@ -1,1 +1,0 @@
-"""A whole bag from a damaged one. May import `bag` and `mcap`."""
