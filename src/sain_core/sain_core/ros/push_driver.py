@@ -18,7 +18,6 @@ from sain_core.errors import BusyError, ErrorCode, error_reply
 from sain_core.feasibility import Feasibility, Stroke, checked_stroke
 from sain_core.guarding.ros.ownership import Ownership
 from sain_core.guarding.ros.reception import Reception, emptied, shortened
-from sain_core.guarding.scene_door import OLD, SceneDoor, SeenScene
 from sain_core.guarding.session import Session
 from sain_core.ros import codec
 from sain_core.ros.qos import LATCHED_QUEUE, QUEUE, RELIABLE, steady_timer
@@ -27,6 +26,7 @@ from sain_core.shapes.bodies import Bodies
 from sain_core.types import PushArray
 from sain_core.types import Scene as SceneArray
 from sain_core.wire.bodies import decode_bodies
+from sain_core.wire.scene_door import OLD, SceneDoor, SeenScene
 from sain_interfaces.msg import Bodies as BodiesMessage
 from sain_interfaces.msg import Push, PushResult, Scene
 
