@@ -44,7 +44,8 @@ BRAKES: Final = 0.5  # [s]
 MOVES: Final = 0.05  # [rad/s], of a joint
 SLACK: Final = 0.02  # [s], from a message's way to its subscriber
 LONGEST: Final = 300.0  # [s]
-PATIENT: Final[dict[str, Any]] = {  # the machine may be busy
+PATIENT: Final[dict[str, Any]] = {  # the machine may be busy; false counts at once in any case
+    "enable_timeout": 1.0,
     "joints_timeout": 2.0,
     "scene_timeout": 5.0,
     "patience": 15.0,
@@ -69,7 +70,7 @@ class Owner(Node):
         self.scene: Scene | None = None
         self.results: dict[int, PushResult] = {}
         self.accepted = dict[bytes, float]()  # goals, and when [s]
-        self.moved_at, self.reaches = 0.0, False
+        self.moved_at, self.reaches = -np.inf, False
         self.create_subscription(Scene, "scene", self._on_scene, RELIABLE)
         self.create_subscription(PushResult, "push_result", self._on_result, RELIABLE)
         self.create_subscription(GoalStatusArray, f"{ACTION}/_action/status", self._on_goals, 10)
