@@ -95,8 +95,10 @@ class ArmNode(Node):
         self._planned_for: tuple[Bodies, tuple[float, ...]] | None = None
         self.reach_publisher = LatchedTopic(self, OccupancyGrid, "reach_table")
         listen = self.driver.reception.listen
-        listen(JointState, "/joint_states", self.joints.listen, RELIABLE)
-        self._signals = listen(Bool, "enable", self._on_enable, RELIABLE)
+        self._inputs = [
+            listen(JointState, "/joint_states", self.joints.listen, RELIABLE),
+            listen(Bool, "enable", self._on_enable, RELIABLE),
+        ]
         figures = self.driver.reception
         self.diagnostics = Diagnostics(self, "arm", more=lambda: figures.figures)
         steady_timer(self, LOOK, self._look)
@@ -213,8 +215,9 @@ class ArmNode(Node):
         )
 
     def _stopped(self) -> str:
-        """Return why the arm may not move now, by all signals that have come; empty: it may."""
-        take_waiting(self._signals)
+        """Return why the arm may not move now, by all that has come; empty: it may."""
+        for subscription in self._inputs:
+            take_waiting(subscription)
         try:
             len(self.joints.current)
         except BusyError as error:
