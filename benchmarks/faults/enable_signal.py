@@ -2,7 +2,10 @@
 
     ./env python -m benchmarks.faults.enable_signal --tries 50
 
-Driver, laboratory and converter have one executor; both publishers and the pushes another one.
+Driver, laboratory and converter have one executor; both publishers and the pushes another one. A
+goal is wrong that was sent later than `SLACK` after the first `false`; one that was sent before may
+be accepted later, and is cancelled then. Motion is wrong later than `BRAKES` after the driver
+received it, which a busy machine delays: that time is printed.
 """
 
 import random
@@ -40,9 +43,9 @@ from sain_vision.ros.scene_node import SceneNode
 PERIODS: Final = (0.05, 0.1, 0.3, 1.0)  # [s] between two that are false
 BRAKES: Final = 0.5  # [s]
 MOVES: Final = 0.05  # [rad/s], of a joint
-GAP: Final = 0.1  # [s], from a message to its callback: a goal of this time was under way
+SLACK: Final = 0.02  # [s], from a message's way to its subscriber
 LONGEST: Final = 300.0  # [s]
-PATIENT: Final[dict[str, Any]] = {  # the machine may be busy
+PATIENT: Final[dict[str, Any]] = {  # the machine may be busy; false counts at once in any case
     "enable_timeout": 1.0,
     "joints_timeout": 2.0,
     "scene_timeout": 5.0,
@@ -67,8 +70,8 @@ class Owner(Node):
         super().__init__("owner", namespace=NAMESPACE)
         self.scene: Scene | None = None
         self.results: dict[int, PushResult] = {}
-        self.begun = dict[bytes, float]()  # goals, and when they were accepted [s]
-        self.moved_at, self.reaches = 0.0, False
+        self.accepted = dict[bytes, float]()  # goals, and when [s]
+        self.moved_at, self.reaches = -np.inf, False
         self.create_subscription(Scene, "scene", self._on_scene, RELIABLE)
         self.create_subscription(PushResult, "push_result", self._on_result, RELIABLE)
         self.create_subscription(GoalStatusArray, f"{ACTION}/_action/status", self._on_goals, 10)
@@ -87,7 +90,7 @@ class Owner(Node):
     def _on_goals(self, message: GoalStatusArray) -> None:
         for status in message.status_list:
             goal = bytes(status.goal_info.goal_id.uuid)
-            self.begun.setdefault(goal, codec.decode_time(status.goal_info.stamp))
+            self.accepted.setdefault(goal, codec.decode_time(status.goal_info.stamp))
 
     def _on_joints(self, message: JointState) -> None:
         if np.abs(message.velocity).max() > MOVES:
@@ -113,20 +116,18 @@ class Pendant(Node):
     def __init__(self) -> None:
         """Say nothing yet."""
         super().__init__("pendant", namespace=NAMESPACE)
-        self._publisher: Any = None
+        self.publisher = self.create_publisher(Bool, "enable", RELIABLE)
         self._timer: Timer | None = None
         self.since = float("inf")
 
     def press(self, period: float) -> None:
         """Say false from now on, each period [s]."""
-        if self._publisher is None:
-            self._publisher = self.create_publisher(Bool, "enable", RELIABLE)
         self._timer = self.create_timer(period, self._say)
-        self._say()
         self.since = time.time()
+        self._say()
 
     def _say(self) -> None:
-        self._publisher.publish(Bool(data=False))
+        self.publisher.publish(Bool(data=False))
 
     def release(self) -> None:
         """Say nothing any more."""
@@ -135,43 +136,71 @@ class Pendant(Node):
         self._timer, self.since = None, float("inf")
 
 
+class Watched(ArmNode):
+    """A driver that takes note of when [s] it received false, and when it sent goals."""
+
+    def __init__(self, **options: Any) -> None:
+        """Watch its gate and its client."""
+        self.received, self.sent = list[float](), list[float]()
+        super().__init__(**options)
+        send = self.client.send
+
+        def noted(*given: Any) -> None:
+            self.sent.append(time.time())
+            send(*given)
+
+        self.client.send = noted  # type: ignore[method-assign]
+
+    def _on_enable(self, message: Bool) -> None:
+        if not message.data:
+            self.received.append(time.time())
+        super()._on_enable(message)
+
+
 def main() -> None:
     """Do the tries and print what was wrong."""
     options = tyro.cli(Options)
     with ExitStack() as stack:
         stack.enter_context(own_domain())
         stack.enter_context(ros_context())
-        robot = SingleThreadedExecutor()
+        robot, nodes = SingleThreadedExecutor(), dict[type, Any]()
         bodies = str(SHIPPED / "bodies" / "t.yaml")
-        for kind, given in (
+        parts: tuple[tuple[type, dict[str, Any]], ...] = (
             (TrajectoryServer, {"robot": "ur5", "bodies": bodies, "pace": 2.0}),
-            (ArmNode, {"robot": "ur5"} | PATIENT),
+            (Watched, {"robot": "ur5"} | PATIENT),
             (SceneNode, {"bodies": bodies, "max_speed": 1.5, "max_age": 2.0}),
-        ):
+        )
+        for kind, given in parts:
             parameters = [Parameter(name, value=value) for name, value in given.items()]
-            node = kind(parameter_overrides=parameters)
-            robot.add_node(node)
-            stack.callback(node.destroy_node)
+            nodes[kind] = kind(parameter_overrides=parameters)
+            robot.add_node(nodes[kind])
+            stack.callback(nodes[kind].destroy_node)
         thread = Thread(target=robot.spin, daemon=True)
         stack.callback(thread.join, 20.0)
         stack.callback(robot.shutdown, 20.0)
         thread.start()
         owner, pendant = Owner(), Pendant()
         executor = SingleThreadedExecutor()
-        for node in (owner, pendant):
-            executor.add_node(node)
-            stack.callback(node.destroy_node)
-        wait(executor, lambda: owner.reaches and owner.scene is not None)
+        for other in (owner, pendant):
+            executor.add_node(other)
+            stack.callback(other.destroy_node)
+        listens = pendant.publisher.get_subscription_count
+        wait(executor, lambda: owner.reaches and owner.scene is not None and listens())
         outcomes = Counter(
-            one_try(executor, owner, pendant, number, random.Random(options.seed + number))
-            for number in range(options.tries)
+            one_try(executor, nodes[Watched], owner, pendant, number, random.Random(seed))
+            for number, seed in enumerate(range(options.seed, options.seed + options.tries))
         )
     for outcome, count in outcomes.most_common():
         print(f"{count:4d}  {outcome}")
 
 
 def one_try(
-    executor: SingleThreadedExecutor, owner: Owner, pendant: Pendant, number: int, draw: Any
+    executor: SingleThreadedExecutor,
+    arm: Watched,
+    owner: Owner,
+    pendant: Pendant,
+    number: int,
+    draw: random.Random,
 ) -> str:
     """Push, say false at some time, and return what came of it."""
     began = time.monotonic()
@@ -187,18 +216,25 @@ def one_try(
         pendant.press(period)
     end = time.monotonic() + 4.0
     wait(executor, lambda: time.monotonic() > end and number + 1 in owner.results)
-    late = [at for at in owner.begun.values() if pendant.since + GAP < at]
-    ran = owner.moved_at - pendant.since
+    since = pendant.since
+    late = [at - since for at in arm.sent if at > since + SLACK]
+    accepted = max((at - since for at in owner.accepted.values()), default=-np.inf)
+    heard = min((at - since for at in arm.received if at > since), default=np.inf)
+    ran = owner.moved_at - since
     code = ErrorCode(owner.results[number + 1].error_code).name
     pendant.release()
     restless = time.monotonic() + 3.5  # a false that may be one of a slow row
     wait(executor, lambda: time.monotonic() > restless)
-    print(f"{number + 1}: {code}, {len(late)} late goals", flush=True)
+    print(
+        f"{number + 1}: {code}; from the first false on, {period} s apart: received {heard:.3f} s,"
+        f" goals sent {late}, last one accepted {accepted:.3f} s, last motion {ran:.3f} s",
+        flush=True,
+    )
     if late:
-        return f"WRONG: {len(late)} goals began after false ({period} s apart); result {code}"
-    if ran > BRAKES:
+        return f"WRONG: {len(late)} goals were sent after false ({period} s apart); result {code}"
+    if ran > heard + BRAKES:
         return f"WRONG: the arm moved for {ran:.1f} s after false ({period} s apart)"
-    return f"nothing began after false; result {code}"
+    return f"nothing was sent after false; result {code}"
 
 
 def wait(executor: SingleThreadedExecutor, done: Callable[[], Any]) -> None:

@@ -102,19 +102,19 @@ class PushLimits(Config):
             )
         if not -pi < push[LOCATION] <= pi:
             raise OutOfRangeError(
-                f"push location is {push[LOCATION]:.4f} rad; allowed: (-pi, pi] (wrap it)"
+                f"push location is {_shown(push[LOCATION])} rad; allowed: (-pi, pi] (wrap it)"
             )
         if abs(push[ANGLE]) > self.max_angle:
             raise OutOfRangeError(
-                f"push angle is {push[ANGLE]:.4f} rad; allowed: +-{self.max_angle:.4f} rad"
+                f"push angle is {_shown(push[ANGLE])} rad; allowed: +-{self.max_angle:.4f} rad"
             )
         if not 0.0 <= push[LENGTH] <= self.max_length:
             raise OutOfRangeError(
-                f"push length is {push[LENGTH]:.4f} m; allowed: [0, {self.max_length}] m"
+                f"push length is {_shown(push[LENGTH])} m; allowed: [0, {self.max_length}] m"
             )
         if not self.min_speed <= push[SPEED] <= self.max_speed:
             raise OutOfRangeError(
-                f"push speed is {push[SPEED]:.4f} m/s; allowed:"
+                f"push speed is {_shown(push[SPEED])} m/s; allowed:"
                 f" [{self.min_speed}, {self.max_speed}] m/s"
             )
         body = push[BODY]
@@ -218,6 +218,10 @@ def allowed_ranges(stroke: bool) -> tuple[tuple[int, float, float], ...]:
         (LENGTH, 0.0, limits["max_length"]["maximum"]),
         (SPEED, slowest, limits["max_speed"]["maximum"]),
     )
+
+
+def _shown(value: float) -> str:
+    return f"{value:.4f}" if abs(value) < 1e6 else f"{value:g}"
 
 
 def _first(pushes: Pushes, wrong: ndarray) -> str:

@@ -1,5 +1,7 @@
 """The simulator's node: what it carries out, what it refuses, and that its clock goes on."""
 
+from copy import deepcopy
+
 import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
@@ -9,9 +11,10 @@ from visualization_msgs.msg import MarkerArray
 
 from sain_core import wire
 from sain_core.errors import ErrorCode
+from sain_core.push import make_push
 from sain_core.ros import codec
 from sain_core.scene import make_scene
-from sain_interfaces.msg import Prediction
+from sain_interfaces.msg import DiskState, Prediction
 from sain_interfaces.srv import ResetScene
 from sain_sim.ros.sim_node import SimNode
 from sain_sim.world.start import draw_episode
@@ -89,6 +92,7 @@ def test_viewers_show_the_bodies_of_this_episode_and_none_of_the_last(graph, sim
         ((4.0, 0.0, 0.1), {}, ErrorCode.OUT_OF_RANGE, "push location is 4.0000 rad; allowed"),
         ((0.0, 1.0, 0.1), {}, ErrorCode.OUT_OF_RANGE, "push angle is 1.0000 rad; allowed"),
         ((0.0, 0.0, 0.2), {}, ErrorCode.OUT_OF_RANGE, "push length is 0.2000 m; allowed"),
+        ((0.0, 0.0, -1e300), {}, ErrorCode.OUT_OF_RANGE, "push length is -1e+300 m; allowed"),
         (AHEAD, {"scene_id": 99}, ErrorCode.STALE_SCENE, "was planned from scene 99; it is scene"),
         (AHEAD, {"episode_id": 9}, ErrorCode.UNKNOWN_EPISODE, "is for episode 9; episode 1 is"),
         ((np.pi, 0.0, 0.1), {}, ErrorCode.BLOCKED, "another body"),
@@ -105,6 +109,38 @@ def test_a_refused_push_moves_nothing_and_says_why(graph, simulator, push, ids, 
     graph.wait(lambda: len(graph.heard["scene"]) > count + 2, "further scenes")
     assert latest(graph) == scene
     assert result.prediction == Prediction()
+
+
+@pytest.mark.parametrize(
+    ("values", "text"),
+    [
+        ({"x": np.nan}, "scene of the push: x of disk 0 is nan; must be finite"),
+        ({"x": 1e300}, "scene of the push: x of body 0 is 1e+300 m; allowed: -10 to 10 m"),
+        ({"theta": 1e300}, "scene of the push: theta of body 0 is 1e+300 rad; allowed"),
+        ({"vx": -1e300}, "scene of the push: vx of body 0 is -1e+300 m/s; allowed"),
+        ({"mass": 1e300}, "scene of the push: mass of body 0 is 1e+300 kg; allowed"),
+        (None, "the push was planned for 1 bodies; this world has 2"),
+    ],
+)
+def test_a_push_for_bodies_that_cannot_be_is_refused(graph, simulator, values, text):
+    scene = latest(graph)
+    disks = deepcopy(scene.disks)[: None if values else 1]
+    for name, value in (values or {}).items():
+        setattr(disks[0], name, value)
+    push = codec.encode_push(
+        make_push(*AHEAD),
+        stamp=scene.header.stamp,
+        push_id=12,
+        source="test",
+        episode_id=1,
+        scene_id=1,
+    )
+    push.disks = disks
+    graph.pushing.publish(push)
+    result = graph.result(12)
+    assert ErrorCode(result.error_code) is ErrorCode.INVALID
+    assert text in result.error_message
+    assert result.before == result.after == scene
 
 
 def test_a_push_id_works_once(graph, simulator):
@@ -174,6 +210,12 @@ def test_each_episode_tells_what_its_world_is_made_of(graph, simulator):
         ({"friction": -1.0}, ErrorCode.OUT_OF_RANGE, "friction is -1.0"),
         ({"friction": float("nan")}, ErrorCode.OUT_OF_RANGE, "friction is nan"),
         ({"shapes": ["disk"]}, ErrorCode.INVALID, "1 shapes are given for 2 disks"),
+        (
+            {"disks": [DiskState(x=0.4, theta=90.0, mass=8.0, radius=0.08)]},
+            ErrorCode.INVALID,
+            "scene of the reset: theta of body 0 is 90 rad; allowed: -6.28319 to 6.28319 rad; it looks"
+            " like degrees",
+        ),
         (
             {"shapes": ["disk", "cone"]},
             ErrorCode.INVALID,

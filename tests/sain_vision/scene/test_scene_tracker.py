@@ -207,6 +207,38 @@ def test_a_hidden_body_is_held_and_settles_nothing() -> None:
     assert lab.tracker.settled and lab.ids == (1, 2)
 
 
+def test_where_an_arm_hides_a_body_in_a_push_nothing_is_at_rest() -> None:
+    lab = Laboratory()
+    lab.look(20)
+    lab.tracker.sent(1, *lab.ids, lab.time)
+    lab.look(20, hidden=(0,))
+    assert not lab.tracker.settled
+    assert lab.tracker.scene()[:, VELOCITY].any()  # or else it would be the result of the push
+    np.testing.assert_allclose(lab.tracker.scene()[:, :2], lab.poses[:, :2])
+
+
+def test_where_an_arm_hides_all_bodies_in_a_push_they_are_held() -> None:
+    lab = Laboratory("disk")
+    lab.poses = START[:1].copy()
+    lab.look(20)
+    seen = lab.tracker.stamp
+    lab.look(20, hidden=(0,))
+    assert lab.tracker.stamp == seen  # without a push nobody looks elsewhere
+    lab.look(20)
+    lab.tracker.sent(1, *lab.ids, lab.time)
+    for _ in range(20):
+        lab.time += PERIOD
+        assert lab.tracker.observe({}, lab.time, lab.time)
+        assert not lab.tracker.observe({}, lab.time - 0.1, lab.time)
+        assert lab.tracker.stamp == lab.time
+    assert lab.tracker.scene()[:, VELOCITY].any()
+    lab.look(20)
+    assert not lab.tracker.scene()[:, VELOCITY].any()
+    lab.tracker.answered(1, ErrorCode.OK, lab.time)
+    lab.look(20)
+    assert lab.tracker.settled
+
+
 def test_no_scene_before_each_body_was_seen() -> None:
     lab = Laboratory()
     lab.look(20, hidden=(1,))

@@ -33,6 +33,7 @@ from sain_arm.ros.trajectory_client import Ended, Ending, TrajectoryClient
 from sain_core.errors import BusyError, CancelledError, SainError
 from sain_core.feasibility import ReachTable
 from sain_core.guarding.ros.ownership import publishers
+from sain_core.guarding.ros.reception import take_waiting
 from sain_core.ros import codec
 from sain_core.ros.node_main import ERROR, NAMESPACE, OK, WARN, Diagnostics
 from sain_core.ros.parameters import read_parameters
@@ -47,7 +48,6 @@ WAIT: Final = 1.0  # [s] for the enable signal, the controller or the arm, befor
 FINDING: Final = 40.0  # [s] for the table of reach; a planner waits for 60
 ARRIVED: Final = 0.02  # [rad], of a joint from the end of its goal
 HIDES: Final = 1.5  # [s] after a stroke without a scene at rest: the arm may hide a body
-LOOKS: Final = 2  # before a goal is sent: by the second, what came before the first is taken
 LAG: Final = 0.3  # [s] by which joints, and states of them, may be behind a goal
 
 
@@ -87,8 +87,6 @@ class ArmNode(Node):
         self._arriving: tuple[Vector, Callable[[Ending], None], float] | None = None
         self._asked = 0.0  # when the push came, or the stroke ended [s], of a steady clock
         self._broken_off = Ending(Ended.LOST), 0.0  # how a stroke ended too early, and when [s]
-        self._pending: Callable[[], None] | None = None  # sends a goal, after so many looks
-        self._looks = 0
         self._doubt: CancelledError | None = None  # that the stroke has moved a body
         self._froze = -np.inf  # when joints' states lagged behind a goal [s], of a steady clock
         self._disputers = list[str]()  # nodes that publish the enable signal, and disagree
@@ -97,8 +95,10 @@ class ArmNode(Node):
         self._planned_for: tuple[Bodies, tuple[float, ...]] | None = None
         self.reach_publisher = LatchedTopic(self, OccupancyGrid, "reach_table")
         listen = self.driver.reception.listen
-        listen(JointState, "/joint_states", self.joints.listen, RELIABLE)
-        listen(Bool, "enable", self._on_enable, RELIABLE)
+        self._inputs = [
+            listen(JointState, "/joint_states", self.joints.listen, RELIABLE),
+            listen(Bool, "enable", self._on_enable, RELIABLE),
+        ]
         figures = self.driver.reception
         self.diagnostics = Diagnostics(self, "arm", more=lambda: figures.figures)
         steady_timer(self, LOOK, self._look)
@@ -136,7 +136,7 @@ class ArmNode(Node):
         missing = self.client.missing or self._disabled() or self._frozen()
         if missing and not self.config.dry_run:
             raise BusyError(missing)
-        if self._busy or not self.joints.still:
+        if self.client.busy or not self.joints.still:
             raise BusyError("the arm still moves")
         return joints
 
@@ -173,21 +173,8 @@ class ArmNode(Node):
     ) -> None:
         """Send a goal, if the arm may move; `then` is called when the arm is where that ends.
 
-        First all messages that have come are taken. One that `touches` leads to a body: all bodies
-        must be seen where they were.
+        One that `touches` leads to a body: all bodies must be seen where they were.
         """
-        self._pending, self._looks = partial(self._send_now, trajectory, then, touches), LOOKS
-
-    def _try_sending(self) -> None:
-        if self._pending is not None:
-            self._looks -= 1
-            if self._looks <= 0:
-                send, self._pending = self._pending, None
-                send()
-
-    def _send_now(
-        self, trajectory: Trajectory, then: Callable[[Ending], None], touches: bool
-    ) -> None:
         if stopped := self._stopped():
             then(Ending(Ended.REJECTED, stopped))
             return
@@ -198,11 +185,6 @@ class ArmNode(Node):
             self._give_up(error)
             return
         self.client.send(trajectory, partial(self._on_ended, trajectory, monotonic(), then))
-
-    @property
-    def _busy(self) -> bool:
-        """Whether a goal is under way, or about to be."""
-        return self.client.busy or self._pending is not None
 
     def _on_ended(
         self, trajectory: Trajectory, sent: float, then: Callable[[Ending], None], ending: Ending
@@ -233,7 +215,9 @@ class ArmNode(Node):
         )
 
     def _stopped(self) -> str:
-        """Return why the arm may not move now; empty: it may."""
+        """Return why the arm may not move now, by all that has come; empty: it may."""
+        for subscription in self._inputs:
+            take_waiting(subscription)
         try:
             len(self.joints.current)
         except BusyError as error:
@@ -321,7 +305,7 @@ class ArmNode(Node):
 
     def _try_retreat(self) -> None:
         """Lift the tool once the arm rests; without the enable signal it stays where it is."""
-        if self.phase != Phase.STOPS or self._busy:
+        if self.phase != Phase.STOPS or self.client.busy:
             return
         late = monotonic() > self._asked + WAIT
         ending, since = self._broken_off
@@ -353,7 +337,7 @@ class ArmNode(Node):
         tried = len(ASIDE) - len(self._turns)
         if not self._turns or self.phase != Phase.RESTS or self.driver.waited < HIDES * (tried + 1):
             return
-        if scene is None or planner is None or self._busy or not self.joints.still:
+        if scene is None or planner is None or self.client.busy or not self.joints.still:
             return
         if self._stopped() or self._frozen():
             return
@@ -390,9 +374,8 @@ class ArmNode(Node):
     # --- looking after it -----------------------------------------------------------------------
 
     def _look(self) -> None:
-        if self.client.busy and (why := self._stopped()):
+        if why := self._stopped():
             self.client.cancel(why)
-        self._try_sending()
         self._try()
         self._try_arriving()
         self._try_retreat()

@@ -17,8 +17,7 @@ from sain_core import wire
 from sain_core.errors import BusyError, ErrorCode, error_reply
 from sain_core.feasibility import Feasibility, Stroke, checked_stroke
 from sain_core.guarding.ros.ownership import Ownership
-from sain_core.guarding.ros.reception import Reception, emptied, shortened
-from sain_core.guarding.scene_door import OLD, SceneDoor, SeenScene
+from sain_core.guarding.ros.reception import Reception, emptied, shortened, take_waiting
 from sain_core.guarding.session import Session
 from sain_core.ros import codec
 from sain_core.ros.qos import LATCHED_QUEUE, QUEUE, RELIABLE, steady_timer
@@ -27,6 +26,7 @@ from sain_core.shapes.bodies import Bodies
 from sain_core.types import PushArray
 from sain_core.types import Scene as SceneArray
 from sain_core.wire.bodies import decode_bodies
+from sain_core.wire.scene_door import OLD, SceneDoor, SeenScene
 from sain_interfaces.msg import Bodies as BodiesMessage
 from sain_interfaces.msg import Push, PushResult, Scene
 
@@ -81,7 +81,7 @@ class PushDriver:
         self.counts = {"executed": 0, "refused": 0}
         self._results = node.create_publisher(PushResult, "push_result", QUEUE)
         self.reception = Reception(node)
-        self.reception.listen(Scene, "scene", self._on_scene, RELIABLE)
+        self._scenes = self.reception.listen(Scene, "scene", self._on_scene, RELIABLE)
         self.reception.listen(BodiesMessage, "shapes", self._on_bodies, LATCHED_QUEUE)
         self.reception.listen(Push, "push", self._on_push, QUEUE, self._refuse)
         steady_timer(node, LOOK, self._look)
@@ -107,6 +107,7 @@ class PushDriver:
         Raises:
             StaleSceneError: they are not, or no good scene is current.
         """
+        take_waiting(self._scenes)
         if self._before is not None:
             self._door.check_stroke(self._before, monotonic(), self._now())
 

@@ -1,5 +1,6 @@
 """The simulator node: executes pushes, one at a time, and publishes each result."""
 
+from collections.abc import Sequence
 from concurrent.futures import Future
 from typing import Any
 
@@ -16,6 +17,7 @@ from sain_core.ros.node_main import NAMESPACE
 from sain_core.ros.parameters import read_parameters
 from sain_core.ros.qos import QUEUE, RELIABLE, steady_timer
 from sain_core.ros.worker import Worker
+from sain_core.types import Scene
 from sain_interfaces.msg import Push, PushResult
 from sain_interfaces.msg import Scene as SceneMessage
 from sain_interfaces.srv import ResetScene
@@ -98,7 +100,7 @@ class SimNode(Node):
 
     def _place(self, request: ResetScene.Request) -> Sample:
         """Bring the world to where a request has it."""
-        scene = wire.decode_disks(request.disks) if request.disks else None
+        scene = _bodies(request.disks, "scene of the reset")
         shapes, roles = tuple(request.shapes), tuple(request.roles)
         given = request.seed, request.world, scene, shapes, request.friction, roles
         self.pacer.idle()
@@ -121,7 +123,7 @@ class SimNode(Node):
 
     def _on_push(self, message: Push) -> None:
         push = wire.decode_push(message)
-        seen = wire.decode_disks(message.disks, "scene of the push") if message.disks else None
+        seen = _bodies(message.disks, "scene of the push")
         if self.resumption.waits:
             raise BusyError("the simulator goes on after a crash; send the push anew later")
         self.session.admit(message.push_id, message.episode_id, message.scene_id)
@@ -219,3 +221,7 @@ class SimNode(Node):
         self.worker.close(last=self.simulator.close)
         super().destroy_node()
         self.ownership.release()
+
+
+def _bodies(disks: Sequence[Any], name: str) -> Scene | None:
+    return wire.check_bodies(wire.decode_disks(disks, name), name) if disks else None

@@ -2,7 +2,8 @@
 
 An episode is a time in which bodies were followed without a jump. A scene is what rests between
 two pushes; its number goes up with each executed push, and when somebody moved a body. A body that
-is not seen is held where it was, and nothing is settled during this time.
+is not seen is held where it was, and nothing is settled or at rest during this time. While a push
+is under way an arm may hide all bodies: then a look that shows none makes a scene, too.
 """
 
 from collections import OrderedDict, deque
@@ -36,6 +37,7 @@ class SceneTracker:
             for body, shape in enumerate(bodies.bodies.shapes)
         ]
         self._reference: Poses | None = None  # of this scene, at rest
+        self._looked = -np.inf  # the time [s] of the latest look, which may show no body
         self._begun = False  # whether this process has begun an episode
         self._jump = ""
         self._age = ""
@@ -47,8 +49,8 @@ class SceneTracker:
 
     @property
     def stamp(self) -> float:
-        """The time [s] of the latest poses."""
-        return max(track.stamp for track in self._tracks)
+        """The time [s] of the latest poses, or of a later look."""
+        return max(self._looked, *(track.stamp for track in self._tracks))
 
     @property
     def problem(self) -> str:
@@ -76,7 +78,8 @@ class SceneTracker:
 
     @property
     def _rests(self) -> bool:
-        return not any(track.moves for track in self._tracks)
+        hidden = self.stamp - self._config.max_age  # a body that was seen last before this
+        return not any(track.moves or track.stamp < hidden for track in self._tracks)
 
     def scene(self) -> Scene:
         """Return the bodies (N, 8) as they were seen last.
@@ -97,24 +100,33 @@ class SceneTracker:
         return [track.estimate() for track in self._tracks]
 
     def observe(self, seen: Mapping[int, Observed], stamp: float, now: float) -> bool:
-        """Take poses of some bodies at a time; return whether any is used.
+        """Take poses of some bodies at a time; return whether they, or that there are none, count.
 
-        One is not where it is old, or of a time before that of the latest.
+        One does not where it is old, or of a time before that of the latest.
         """
         self.began = False
         self._age = self._age_of(stamp, now)
         if self._age:
             return False
+        if stamp < self._looked - self._config.max_age:
+            self._looked = -np.inf  # whoever sends them began anew
         taken = [self._add(body, one, stamp) for body, one in seen.items()]
         self._expire(now)
         self.note_time(now)
-        if not any(taken):
+        if not any(taken) and not (self._under_way and self._is_all_hidden(seen, stamp)):
             return False
         rests = self._rests and not self._age
         if rests or self._under_way or not self._restless_since:
             self._restless_since = stamp
         if rests and not self._under_way:
             self._rest()
+        return True
+
+    def _is_all_hidden(self, seen: Mapping[int, Observed], stamp: float) -> bool:
+        """Take note of a later look that shows no body; tell whether it does."""
+        if seen or not self.ready or stamp <= self.stamp:
+            return False
+        self._looked = stamp
         return True
 
     def _add(self, body: int, one: Observed, stamp: float) -> bool:

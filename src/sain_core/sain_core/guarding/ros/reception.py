@@ -166,6 +166,16 @@ def outcome(work: Callable[[], T]) -> "Future[T]":
     return future
 
 
+def take_waiting(subscription: Subscription) -> None:
+    """Call back now with each message that has come; an executor takes one in each of its turns."""
+    for _ in range(subscription.qos_profile.depth):
+        with subscription.handle:
+            taken = subscription.handle.take_message(subscription.msg_type, subscription.raw)
+        if taken is None:
+            return
+        subscription.callback(taken[0])
+
+
 @dataclass
 class _Ignored:
     """What was wrong with the messages of a topic, and when [s] the last came and was logged."""

@@ -10,9 +10,9 @@ from hypothesis import strategies as st
 
 from sain_core import wire
 from sain_core.errors import InvalidInputError, StaleSceneError
-from sain_core.guarding.scene_door import ANEW, MOVED, OLD, SceneDoor, Standing
 from sain_core.scene import STATE_NAMES
 from sain_core.shapes.bodies import Bodies
+from sain_core.wire.scene_door import ANEW, MOVED, OLD, SceneDoor, Standing
 
 TWO = Bodies.named(["t:flat", "disk:flat"], ["pushable", "movable"])
 GOOD = {"x": 0.5, "y": 0.0, "theta": 0.3, "mass": 1.0, "radius": 0.08}
