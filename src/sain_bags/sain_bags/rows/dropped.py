@@ -6,8 +6,8 @@ import numpy as np
 
 from sain_bags.rows.results import Results
 from sain_core.errors import ErrorCode, InvalidInputError
-from sain_core.push import PUSH_NAMES
 from sain_core.guarding.untrusted import LEAST_RADIUS, MOST_RADIUS
+from sain_core.push import PUSH_NAMES
 from sain_core.scene import MASS, RADIUS, STATE_NAMES, STATE_SIZE, X, Y
 from sain_core.types import Scene
 from sain_core.wire import check_disks, check_fields

@@ -25,7 +25,7 @@ from sain_bags.rows.results import OK, Results
 from sain_core.errors import InvalidInputError, SainError
 from sain_core.model import Model
 from sain_core.push import check_predictable
-from sain_core.scene import POSITION, TARGET
+from sain_core.scene import MASS, POSITION, RADIUS, TARGET
 from sain_core.shapes.bodies import Bodies, check_scenes
 from sain_core.transitions import MOVED, Column, Columns
 from sain_core.types import Mask, Pushes, Scenes

@@ -17,6 +17,7 @@ from dataclasses import dataclass, fields, is_dataclass
 from functools import partial
 from importlib import import_module
 from inspect import cleandoc
+from itertools import pairwise
 from pathlib import Path
 from textwrap import TextWrapper
 from threading import Timer, current_thread, main_thread
@@ -295,7 +296,7 @@ def _paths(arguments: Sequence[str], problems: list[ConfigError]) -> "Constructo
     def path(texts: list[str]) -> Path:
         if texts[0]:
             return user_path(texts[0])
-        pairs = zip(arguments, arguments[1:], strict=False)
+        pairs = pairwise(arguments)
         names = [name for name, text in pairs if not text and name.startswith("--")]
         names += [text[:-1] for text in arguments if text.startswith("--") and text[-1] == "="]
         text = f"{' or '.join(names) or 'a path'} is ''; give a file or a folder"
