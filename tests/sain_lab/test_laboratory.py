@@ -269,3 +269,9 @@ def test_what_cannot_be_written_is_said(tmp_path):
     blocked.write_text("")
     with pytest.raises(OutputError, match=r"mine: .*file is no folder"):
         OpenLaboratory(blocked / "mine")
+
+
+def test_a_recording_that_is_not_there_makes_no_laboratory(tmp_path):
+    with pytest.raises(DatasetError, match="none does not exist; give a bag, or a folder of shard"):
+        sain_lab("add", str(tmp_path / "mine"), str(tmp_path / "none"))
+    assert not (tmp_path / "mine").exists()

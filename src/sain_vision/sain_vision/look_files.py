@@ -61,9 +61,11 @@ def read_camera(info: Path, extrinsics: Path) -> CameraModel:
         raise ConfigError(f"camera info {info} must have {', '.join(INFO)}")
     try:
         size = int(content["image_width"]), int(content["image_height"])
-        matrix = np.array(content["camera_matrix"]["data"], dtype=np.float64).reshape(3, 3)
+        matrix = np.array(content["camera_matrix"]["data"], dtype=np.float64)
+        if matrix.size != 9:
+            raise InvalidInputError(f"K has {matrix.size} numbers; it needs 9, in 3 rows")
         lens = np.array(content["distortion_coefficients"]["data"], dtype=np.float64).ravel()
-        camera = calibrated(*size, matrix, str(content["distortion_model"]), lens)
+        camera = calibrated(*size, matrix.reshape(3, 3), str(content["distortion_model"]), lens)
     except (TypeError, KeyError, ValueError, InvalidInputError) as error:
         raise ConfigError(f"camera info {info} cannot be used: {error}") from error
     pose = read_extrinsics(extrinsics)

@@ -147,7 +147,12 @@ def test_unsettled_scenes_are_left_out_unless_kept(record: Start) -> None:
 
 @pytest.mark.parametrize(
     ("column", "value", "said"),
-    [(0, np.nan, "x of disk 1 is nan"), (6, 0.0, "a mass is not positive")],
+    [
+        (0, np.nan, "x of disk 1 is nan"),
+        (6, 0.0, "mass is 0; allowed: 0.0001 to 1000"),
+        (0, 450.0, "x is 450; allowed: -10 to 10; lengths are in m"),
+        (7, 80.0, "radius is 80; allowed: 0.001 to 0.5; lengths are in m"),
+    ],
 )
 def test_scenes_that_cannot_be_are_counted(
     column: int, value: float, said: str, record: Start
@@ -162,6 +167,7 @@ def test_scenes_that_cannot_be_are_counted(
     _, done, card = to_rows(recording.writer.folder)
     assert done.dropped == {"makes no sense": 1}
     assert said in card["dropped"]["makes no sense"]["for_example"][0]
+    assert said in done.left_out[0]
 
 
 def test_numbers_of_disks_go_to_shards_of_their_own(record: Start, tmp_path: Path) -> None:

@@ -7,6 +7,8 @@ from pathlib import Path
 
 import pytest
 
+from sain_core.cli.program import main
+
 PRINTS = """
 from dataclasses import dataclass
 import sys
@@ -67,3 +69,36 @@ def test_an_interrupt_while_a_command_imports_ends_it_at_once(tmp_path: Path) ->
     )
     done = subprocess.run([sys.executable, tmp_path / "main.py"], capture_output=True, timeout=30)
     assert (done.returncode, done.stderr) == (130, b"")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("print", "--out", ""), "print: --out is ''; give a file or a folder"),
+        (("print", "--out="), "print: --out is ''; give a file or a folder"),
+        (("real_import", "a.csv", "--out", "x", "--shapes", ""), "real_import: --shapes is ''"),
+        (("train", "", "--out", "x"), "train: a path is ''; give a file or a folder"),
+    ],
+)
+def test_an_empty_path_is_not_the_folder_that_the_user_is_in(
+    arguments: tuple[str, ...],
+    said: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main([*arguments]) == 2
+    assert capsys.readouterr().err.startswith(said)
+    assert not [*tmp_path.iterdir()]
+
+
+def test_the_home_folder_is_no_folder_called_tilde(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "here").mkdir()
+    monkeypatch.chdir(tmp_path / "here")
+    monkeypatch.setenv("HOME", str(tmp_path))
+    assert main(["print", "--tags", "1", "--out=~/tags.pdf"]) == 0  # the shell leaves it as it is
+    assert (tmp_path / "tags.pdf").exists()
+    assert not [*(tmp_path / "here").iterdir()]

@@ -29,6 +29,12 @@ from sain_vision.ros.new_shape import NewShapeOptions, run
 from tests.sain_vision.detection.test_outlines import AWAY, CAMERA, CONFIG, SHAPES, START
 
 T = 1  # the body that is looked at
+TWELVE = """image_width: 640
+image_height: 480
+camera_matrix: {data: [500, 0, 320, 0, 0, 500, 240, 0, 0, 0, 1, 0]}
+distortion_model: plumb_bob
+distortion_coefficients: {data: [0, 0, 0, 0, 0]}
+"""
 
 
 def png(width: int, height: int) -> bytes:
@@ -100,6 +106,7 @@ def test_one_look_makes_a_shape_that_is_found_by_its_name(
         ({"info": Path(__file__)}, "camera info"),
         ({"info": "%YAML:1.0\n---\n"}, r"is a file of OpenCV's \(%YAML:1.0\); give the one that"),
         ({"info": "image_width: 640"}, "must have image_width, .*, distortion_model"),
+        ({"info": TWELVE}, "K has 12 numbers; it needs 9, in 3 rows"),
         ({"depth": png(60_000, 60_000)}, "is not read: Image size .3600000000 pixels. exceeds"),
         ({"depth": png(9_000, 9_000)}, "announces 9000 x 9000 px; at most 50,000,000 are read"),
     ],

@@ -298,9 +298,11 @@ def read_metadata(folder: Path) -> dict[str, Any]:
     """
     path = folder / METADATA_FILE
     try:
-        return check_metadata(read_yaml(path)[METADATA_ROOT])
-    except (OSError, ValueError, TypeError, KeyError) as error:
-        raise DatasetError(f"{path} cannot be read ({error}); {reindex(folder)}") from error
+        content = read_yaml(path)
+        return check_metadata((content if isinstance(content, dict) else {})[METADATA_ROOT])
+    except (OSError, ValueError, KeyError) as error:
+        reason = f"it lacks the key {error}" if isinstance(error, KeyError) else error
+        raise DatasetError(f"{path} cannot be read ({reason}); {reindex(folder)}") from error
 
 
 def _span(span: Span) -> dict[str, Any]:

@@ -46,8 +46,8 @@ def run(options: ToDatasetOptions, _: Console) -> None:
     console.print(f"{done.transitions} transitions of {done.episodes} episodes in {folder}")
     for note in done.notes:
         console.print(note, highlight=False, soft_wrap=True, markup=False)
-    for reason, count in done.dropped.items():
-        console.print(f"left out: {count} {reason}", highlight=False, soft_wrap=True)
+    for reason in done.left_out:
+        console.print(f"left out: {reason}", highlight=False, soft_wrap=True, markup=False)
 
 
 def _convert_with_bar(options: ToDatasetOptions, console: Console) -> Converted:

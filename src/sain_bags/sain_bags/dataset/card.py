@@ -106,10 +106,12 @@ class DatasetCard:
         for name, values in _quantities(shard).items():
             self._spreads[name].add(values)
 
-    def why_none(self) -> str:
-        """Return why there is no row, as text."""
-        reasons = ", ".join(f"{count} {reason}" for reason, count in self.dropped.most_common())
-        return reasons or "no push was made"
+    def left_out(self) -> tuple[str, ...]:
+        """Return how many pushes are no row for each reason, with the first of them."""
+        return tuple(
+            f"{count} {reason} ({self._details[reason][0]})"
+            for reason, count in self.dropped.most_common()
+        )
 
     def content(self, identity: dict[str, Any], sources: list[dict[str, Any]]) -> dict[str, Any]:
         """Return the content of ``card.json``."""

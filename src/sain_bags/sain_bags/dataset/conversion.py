@@ -63,6 +63,7 @@ class Converted(NamedTuple):
     episodes: int
     dropped: dict[str, int]  # pushes that are no row, by reason
     notes: tuple[str, ...] = ()  # what a user of the rows should read
+    left_out: tuple[str, ...] = ()  # the same in words, with the first push of each
 
 
 def convert(
@@ -102,11 +103,13 @@ def convert(
         for shard in _stored(folder, _shards(sources, rows, numbering, card, progress)):
             card.add(shard)
     if not card.transitions:
-        raise DatasetError(f"no transition is left: {card.why_none()}")
+        why = ", ".join(card.left_out()) or "no push was made"
+        raise DatasetError(f"no transition is left: {why}")
     about = {**identity, **_versions(), "episodes": numbering.episodes}
     folder.finish(card.content(about, [source.describe() for source in sources]), writing)
     notes = tuple(note for source in sources for note in source.notes)
-    return Converted(card.transitions, numbering.episodes, dict(card.dropped), notes)
+    dropped, left_out = dict(card.dropped), card.left_out()
+    return Converted(card.transitions, numbering.episodes, dropped, notes, left_out)
 
 
 def _stored(folder: DatasetFolder, shards: Iterable[Columns]) -> Iterator[Columns]:

@@ -6,8 +6,9 @@ import numpy as np
 
 from sain_bags.rows.results import Results
 from sain_core.errors import ErrorCode, InvalidInputError
+from sain_core.guarding.untrusted import LEAST_RADIUS, MOST_RADIUS
 from sain_core.push import PUSH_NAMES
-from sain_core.scene import MASS, RADIUS, STATE_NAMES, STATE_SIZE
+from sain_core.scene import MASS, RADIUS, STATE_NAMES, STATE_SIZE, X, Y
 from sain_core.types import Scene
 from sain_core.wire import check_disks, check_fields
 
@@ -17,6 +18,12 @@ UNSETTLED: Final = "scene before or after not settled"
 SENSELESS: Final = "makes no sense"
 UNPREDICTED: Final = "not predicted, and the prior cannot"
 NOT_MOVED: Final = "target moved by less than 2 mm"
+LIMITS: Final = {  # of columns of a scene; beyond them a recording is in other units
+    X: (-10.0, 10.0),  # [m]
+    Y: (-10.0, 10.0),
+    MASS: (1e-4, 1e3),  # [kg]
+    RADIUS: (LEAST_RADIUS, MOST_RADIUS),
+}
 
 
 class Dropped(NamedTuple):
@@ -61,7 +68,11 @@ def why_senseless(results: Results, push: int) -> str:
 
 def _possible(scene: Scene | None, name: str) -> Scene:
     scene = check_disks(np.empty((0, STATE_SIZE)) if scene is None else scene, name)
-    for column in (MASS, RADIUS):
-        if (scene[:, column] <= 0.0).any():
-            raise InvalidInputError(f"{name}: a {STATE_NAMES[column]} is not positive")
+    for column, (least, most) in LIMITS.items():
+        for value in scene[:, column].tolist():
+            if not least <= value <= most:
+                raise InvalidInputError(
+                    f"{name}: {STATE_NAMES[column]} is {value:g}; allowed: {least:g} to {most:g};"
+                    " lengths are in m, masses in kg"
+                )
     return scene

@@ -7,6 +7,7 @@ import numpy as np
 from numpy import ndarray
 
 from sain_bags.rows.dropped import (
+    LIMITS,
     NOT_MOVED,
     REFUSED,
     REPEATED,
@@ -214,9 +215,12 @@ def _step(prior: Model, scenes: Scenes, pushes: Pushes, bodies: Bodies) -> Scene
 
 
 def _possible(scenes: Scenes) -> Mask:
-    """Return which scenes (M, N, 8) are of finite numbers, with masses and radii."""
-    finite = np.isfinite(scenes).all(axis=(1, 2))
-    return finite & (scenes[..., [MASS, RADIUS]] > 0.0).all(axis=(1, 2))
+    """Return which scenes (M, N, 8) are of finite numbers within `LIMITS`."""
+    within = np.isfinite(scenes).all(axis=(1, 2))
+    for column, (least, most) in LIMITS.items():
+        values = scenes[..., column]
+        within &= ((values >= least) & (values <= most)).all(axis=1)
+    return within
 
 
 def _moved(before: Scenes, after: Scenes) -> Mask:

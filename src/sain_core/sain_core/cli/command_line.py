@@ -17,15 +17,20 @@ from dataclasses import dataclass, fields, is_dataclass
 from functools import partial
 from importlib import import_module
 from inspect import cleandoc
+from itertools import pairwise
 from pathlib import Path
 from textwrap import TextWrapper
 from threading import Timer, current_thread, main_thread
 from types import CodeType, FrameType
-from typing import Annotated, Any, Final, Literal, get_type_hints
+from typing import TYPE_CHECKING, Annotated, Any, Final, Literal, get_type_hints
 
 from sain_core.config import describe_values
 from sain_core.errors import INTERRUPTED, ConfigError, SainError
 from sain_core.guarding.lifetime import PATIENCE, check_host, start_timer
+from sain_core.guarding.untrusted import user_path
+
+if TYPE_CHECKING:
+    from tyro.constructors import ConstructorRegistry, PrimitiveConstructorSpec, PrimitiveTypeInfo
 
 
 def executable(package: str, name: str) -> Path:
@@ -257,7 +262,7 @@ def read_options(kind: type, program: str, arguments: list[str], prefixes: bool 
     import tyro
 
     describe_options(kind)
-    output = io.StringIO()
+    output, problems = io.StringIO(), list[ConfigError]()
     try:
         with redirect_stderr(output):
             return tyro.cli(
@@ -266,15 +271,49 @@ def read_options(kind: type, program: str, arguments: list[str], prefixes: bool 
                 description=_wrapped_docstring(kind),
                 args=arguments,
                 config=() if prefixes else (tyro.conf.OmitArgPrefixes,),
+                registry=_paths(arguments, problems),
             )
     except SystemExit as end:
         cause: BaseException | None = end
         while cause is not None and not isinstance(cause, ConfigError):
             cause = cause.__cause__ or cause.__context__
+        if problems:
+            raise problems[0] from end
         if cause is not None:  # tyro has put it into a frame, with the name of the class
             raise ConfigError(_name_argument(str(cause), kind, prefixes)) from cause
         sys.stderr.write(output.getvalue())
         raise
+
+
+def _paths(arguments: Sequence[str], problems: list[ConfigError]) -> "ConstructorRegistry":
+    """Return how arguments become paths: ``~`` is the home folder; one that is empty is a problem.
+
+    The shell leaves ``--out=~/mine`` as it is, and an unset variable makes ``--out ""``: as paths
+    they would be a folder called ``~``, and the folder that the user is in.
+    """
+    from tyro.constructors import ConstructorRegistry, PrimitiveConstructorSpec
+
+    def path(texts: list[str]) -> Path:
+        if texts[0]:
+            return user_path(texts[0])
+        pairs = pairwise(arguments)
+        names = [name for name, text in pairs if not text and name.startswith("--")]
+        names += [text[:-1] for text in arguments if text.startswith("--") and text[-1] == "="]
+        text = f"{' or '.join(names) or 'a path'} is ''; give a file or a folder"
+        problems.append(ConfigError(text))
+        raise problems[-1]
+
+    registry = ConstructorRegistry()
+
+    @registry.primitive_rule
+    def rule(kind: "PrimitiveTypeInfo") -> "PrimitiveConstructorSpec[Path] | None":
+        if kind.type is not Path:
+            return None
+        return PrimitiveConstructorSpec(
+            1, "PATH", path, lambda value: isinstance(value, Path), lambda value: [str(value)]
+        )
+
+    return registry
 
 
 def _wrapped_docstring(kind: type) -> str:

@@ -206,9 +206,11 @@ def export(laboratory: "Laboratory", options: LabOptions, console: Console) -> N
 
 def add(options: LabOptions, console: Console) -> None:
     """Learn from recordings."""
-    from sain_lab.keeping.recordings import read_recording
+    from sain_lab.keeping.recordings import check_there, read_recording
     from sain_lab.learner import Learner
 
+    for name in options.names[1:]:  # before a laboratory is made
+        check_there(Path(name))
     with Learner.named(options.names[0], options.train) as learner:
         for text in learner.laboratory.damage:
             console.print(text, soft_wrap=True)

@@ -7,7 +7,7 @@ pins the weights by their SHA-256. Nothing is unpickled. What does not fit is re
 import dataclasses
 import hashlib
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from importlib import resources
 from pathlib import Path
 from typing import Any, Final
@@ -18,7 +18,7 @@ from torch import nn
 
 from sain_core.config import typed_settings
 from sain_core.errors import CheckpointError, UntrustedFileError
-from sain_core.guarding.untrusted import parse_json, read_regular
+from sain_core.guarding.untrusted import listed, parse_json, read_regular
 from sain_core.model import Model
 from sain_core.output import write_json, write_whole
 from sain_core.shapes.shape import BOTTOMS
@@ -166,6 +166,9 @@ def parse_card(path: Path, text: str) -> ModelCard:
         values = parse_json(text)
         version, command = values.get("format_version"), values.get("command")
         if version == FORMAT_VERSION:
+            names = {item.name for item in fields(ModelCard)}
+            if others := values.keys() - names:
+                raise ValueError(f"it has {listed(sorted(others))}, and no card has that")
             return ModelCard(**values)
     except (ValueError, TypeError, AttributeError) as error:
         raise CheckpointError(f"{path} is not a checkpoint's card: {error}") from error

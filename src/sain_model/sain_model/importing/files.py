@@ -96,6 +96,7 @@ def read_csv(path: Path, degrees: bool = False) -> tuple[RealPushes, list[str]]:
     """
     try:
         text = read_regular_text(path).removeprefix(BYTE_ORDER).lstrip("\r\n")
+        text = text.replace("\r\n", "\n").replace("\r", "\n")
         first = text.partition("\n")[0]
         separator = max(SEPARATORS, key=lambda sign: _read_names(first, sign))
         lines = csv.reader(StringIO(text, newline=""), strict=True, delimiter=separator)
@@ -103,7 +104,9 @@ def read_csv(path: Path, degrees: bool = False) -> tuple[RealPushes, list[str]]:
         rows = list(_rows(path, lines, len(header.names), separator))
     except FileNotFoundError:
         raise DatasetError(f"{path} does not exist") from None
-    except (OSError, UntrustedFileError, csv.Error) as error:
+    except csv.Error as error:
+        raise DatasetError(f"{path} line {lines.line_num} is not read: {error}") from error
+    except (OSError, UntrustedFileError) as error:
         raise DatasetError(f"{path} is not read: {error}") from error
     if not rows:
         raise DatasetError(f"{path} has a header and no pushes")
