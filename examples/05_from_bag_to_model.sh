@@ -4,7 +4,7 @@
 #
 #   ./env examples/05_from_bag_to_model.sh [FOLDER] [EPISODES] [EPOCHS]
 #
-# Here the target is a cube. docs/tutorials/walk.md shows the output of each step. FOLDER is created; it must not exist.
+# Here the target is a cube. FOLDER is created; it must not exist.
 
 set -euo pipefail
 

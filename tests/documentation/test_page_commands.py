@@ -42,11 +42,6 @@ def python_of(page: str) -> str:
     return code
 
 
-def test_the_first_steps_in_python_are_run(capsys: pytest.CaptureFixture[str]) -> None:
-    exec(python_of("docs/tutorials/first_steps.md"), {})
-    assert capsys.readouterr().out.startswith("[ 0.69")
-
-
 def test_the_python_of_readme_is_ten_lines_and_prints_what_readme_says() -> None:
     code = python_of("README.md")
     assert len([line for line in code.splitlines() if line.strip()]) == 10

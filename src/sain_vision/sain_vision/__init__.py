@@ -1,0 +1,1 @@
+"""From images and poses to scenes; no simulator is imported."""

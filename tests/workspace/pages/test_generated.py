@@ -7,7 +7,7 @@ import pytest
 from tests.paths import ROOT
 
 
-@pytest.mark.parametrize("name", ["columns", "parameters"])
+@pytest.mark.parametrize("name", ["columns", "packages", "parameters"])
 def test_it_is_current(name: str) -> None:
     tool = runpy.run_path(str(ROOT / "tools" / f"{name}.py"))
     assert tool["PAGE"].read_text(encoding="utf-8") == tool["page"](), f"run tools/{name}.py"
