@@ -31,7 +31,7 @@ class Robot:
         self.results, self.heard = list[Any](), dict[str, Any]()
         self.sent, self.begun, self.finished = list[int](), list[int](), set[int]()
         self.willing, self.pushed = True, 0.0
-        node = SimpleNamespace(
+        node: Any = SimpleNamespace(
             create_publisher=lambda *_: SimpleNamespace(publish=self.results.append),
             create_subscription=self.subscribe,
             get_clock=lambda: SimpleNamespace(now=self.now),
