@@ -131,7 +131,7 @@ def test_files_that_are_not_sound_are_refused_and_never_unpickled(
         ("network", {"hidden": 9, "message": 4, "layers": 2}, r"tensor \S+ has shape"),
         ("network", {"hidden": 8, "message": 4, "members": 3}, r"tensor \S+ has shape"),
         ("network", {"hidden": "8"}, "network: hidden is '8'; it must be of type int"),
-        ("network", {"features": "table"}, "features is 'table'; allowed: push, world"),
+        ("network", {"features": "table"}, "features is 'table'; allowed: 'push', 'world'"),
         ("network", {"width": 8}, "width"),
         ("intervals", {"mid": {"factors": [1.0, 2.0]}}, "intervals: IntervalConfig has scores"),
     ],
