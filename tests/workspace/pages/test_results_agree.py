@@ -12,12 +12,12 @@ COLUMN = {"9,000 of them": "all", "300 of them": "300"}
 Table = dict[str, dict[str, str]]
 
 
-def figures(readme: str) -> Iterator[tuple[str, str, str, str]]:
+def figures(readme: str) -> Iterator[list[str]]:
     """Where, what the network learned from, and the figures of physics and of SAIN."""
     for line in readme.splitlines():
         cells = [cell.strip() for cell in line.strip("|").split("|")]
         if len(cells) == 4 and re.match(r"\d", cells[-1]):
-            yield tuple(cells)
+            yield cells
 
 
 def table(page: str, heading: str) -> Table:
