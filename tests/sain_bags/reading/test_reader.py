@@ -74,7 +74,7 @@ def test_what_is_no_bag_is_named(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("rosbag2: [", "line 1"),
+        ("rosbag2: [", "line 2"),
         ("", "it lacks the key 'rosbag2_bagfile_information'"),
         ("- 1", "it lacks the key 'rosbag2_bagfile_information'"),
         ("a: 1", "it lacks the key 'rosbag2_bagfile_information'"),
