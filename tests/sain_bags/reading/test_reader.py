@@ -71,7 +71,16 @@ def test_what_is_no_bag_is_named(tmp_path: Path) -> None:
         Bag(tmp_path / "text.mcap")
 
 
-def test_unreadable_metadata_names_the_cure(episode_bag: Path) -> None:
-    (episode_bag / "metadata.yaml").write_text("rosbag2: [")
-    with pytest.raises(DatasetError, match="ros2 bag reindex"):
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("rosbag2: [", "line 2"),
+        ("", "it lacks the key 'rosbag2_bagfile_information'"),
+        ("- 1", "it lacks the key 'rosbag2_bagfile_information'"),
+        ("a: 1", "it lacks the key 'rosbag2_bagfile_information'"),
+    ],
+)
+def test_unreadable_metadata_names_the_cure(text: str, said: str, episode_bag: Path) -> None:
+    (episode_bag / "metadata.yaml").write_text(text)
+    with pytest.raises(DatasetError, match=f"cannot be read .{said}.*ros2 bag reindex"):
         Bag(episode_bag)

@@ -117,7 +117,7 @@ def test_files_that_are_not_sound_are_refused_and_never_unpickled(
 @pytest.mark.parametrize(
     ("field", "value", "message"),
     [
-        ("color", "red", "is not a checkpoint's card"),
+        ("color", "red", "is not a checkpoint's card: it has color, and no card has that"),
         ("feature_version", 99, "feature_version is 99; this version reads 1"),
         ("body_features", 15, "body_features is 15; this version reads 20"),
         ("format_version", 1, "has format 1; this version reads 3: train it again with: ros2 run"),

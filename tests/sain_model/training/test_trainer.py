@@ -10,6 +10,7 @@ import pytest
 import torch
 
 from sain_core.cli.command_line import read_options
+from sain_core.cli.program import main
 from sain_core.errors import CheckpointError, ConfigError
 from sain_core.scene import POSITION, TARGET
 from sain_core.transitions import MOVED
@@ -227,3 +228,11 @@ def test_a_killed_training_goes_on_to_the_same_weights(split: Split, tmp_path: P
     (tmp_path / "cut" / "training.pt").write_bytes(b"half")
     with pytest.raises(CheckpointError, match="is damaged"):
         make_trainer(split, PlanarPrior(), config, tmp_path / "cut")
+
+
+@pytest.mark.parametrize("name", ["../mine", "", ".mine", "/tmp/mine", "*", "config"])
+def test_a_checkpoint_has_a_name_in_its_folder(name, tmp_path, capsys):
+    out = tmp_path / "out"
+    assert main(["train", str(tmp_path), "--out", str(out), "--name", name]) != 0
+    assert capsys.readouterr().err.startswith(f"train: --name is {name!r}; allowed: letters")
+    assert not [*tmp_path.iterdir()]

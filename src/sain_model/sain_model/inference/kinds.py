@@ -390,6 +390,8 @@ def read_belief(path: Path) -> Belief:
     """
     try:
         content = read_json(path)
+        if not isinstance(content, dict) or "format" not in content:
+            raise ValueError("it is no belief")
         if (found := content.pop("format")) != FORMAT:
             raise ValueError(f"its format is {found!r}; this version reads {FORMAT!r}")
         kinds = tuple(read_kind(part) for part in content.pop("kinds"))

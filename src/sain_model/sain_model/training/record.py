@@ -2,6 +2,7 @@
 
 import json
 import math
+import re
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict
@@ -188,7 +189,16 @@ def save_settings(command: TrainOptions, data: Dataset) -> None:
 
 
 def written_names(name: str) -> list[str]:
-    """Return the files that a training of this name writes."""
+    """Return the files that a training of this name writes.
+
+    Raises:
+        ConfigError: the name is a path, hidden, a pattern, or that of another file.
+    """
+    if not re.fullmatch(r"\w[\w.+-]*", name) or f"{name}.json" == SETTINGS:
+        raise ConfigError(
+            f"--name is {name!r}; allowed: letters, digits, '_', '-', '+' and '.', no '.' at first,"
+            f" and not {Path(SETTINGS).stem!r}: it is a file's name in --out"
+        )
     return [f"{name}{SUFFIX}", f"{name}.json", SETTINGS, *PICTURES, *STATES]
 
 
