@@ -149,7 +149,7 @@ class Watched(ArmNode):
             self.sent.append(time.time())
             send(*given)
 
-        self.client.send = noted  # type: ignore[method-assign]
+        self.client.send = noted  # type: ignore[method-assign, assignment]
 
     def _on_enable(self, message: Bool) -> None:
         if not message.data:

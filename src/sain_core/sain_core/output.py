@@ -76,6 +76,13 @@ def check_new(folder: Path) -> None:
         raise OutputError(f"{folder} exists; a bag is never overwritten, choose another --out")
 
 
+def is_folder(path: Path) -> bool:
+    """Return True if a path is a folder, False if it is free; else raise `OutputError`."""
+    if os.path.lexists(path) and not path.is_dir():
+        raise OutputError(f"{path} is not a folder; choose another --out")
+    return path.is_dir()
+
+
 def write_file(path: Path, write: Callable[[IO[bytes]], object]) -> None:
     """Let write fill a file of a temporary name, and rename it when it is safe on the disk.
 
@@ -225,9 +232,7 @@ def _check_kind(path: Path) -> bool:
 
 def _make_folder(folder: Path) -> None:
     """Make a folder, and those above it that are missing, each with a manifest."""
-    if folder.exists() or folder.is_symlink():
-        if not folder.is_dir():
-            raise OutputError(f"{folder} is not a folder; choose another --out")
+    if is_folder(folder):
         return
     _make_folder(folder.parent)
     folder.mkdir(exist_ok=True)

@@ -213,8 +213,8 @@ def test_each_episode_tells_what_its_world_is_made_of(graph, simulator):
         (
             {"disks": [DiskState(x=0.4, theta=90.0, mass=8.0, radius=0.08)]},
             ErrorCode.INVALID,
-            "scene of the reset: theta of body 0 is 90 rad; allowed: -6.28319 to 6.28319 rad; it looks"
-            " like degrees",
+            "scene of the reset: theta of body 0 is 90 rad; allowed: -6.28319 to 6.28319 rad; it"
+            " looks like degrees",
         ),
         (
             {"shapes": ["disk", "cone"]},
