@@ -30,7 +30,7 @@ from sain_sim.world.shadow import DYNAMICS, Bullet, BulletPrior
 from sain_sim.world.start import paper_start
 from sain_sim.world.workcell import WorldConfig
 from sain_sim.world.world import World
-from tests.workspace.source_tree import setup_arguments
+from tests.workspace.source_tree import PYPROJECT
 
 FULL = WorldConfig(full_motion=True)
 
@@ -238,8 +238,8 @@ def test_the_body_and_what_is_possible_are_named(bench):
 
 
 def test_every_name_is_offered_and_gives_its_kind():
-    lines = setup_arguments("sain_sim")["entry_points"]["sain.dynamics"]
-    offered = dict(line.split(" = ") for line in lines)
+    entries = PYPROJECT["project"]["entry-points"]["sain.dynamics"]
+    offered = {name: target for name, target in entries.items() if target.startswith("sain_sim")}
     assert set(offered) == set(DYNAMICS) == {"bullet", "bullet_measured"}
     for name, target in offered.items():
         module, function = target.split(":")
