@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from rosbags.highlevel import AnyReader
 
-from tests.sain_bags.independent import OK, by_id
+from tests.sain_bags.independent import OK
 from tests.sain_bags.shown import recorded
 
 UNKNOWN = "–"
@@ -44,7 +44,9 @@ def expected_episodes(folder: Path) -> dict[int, ExpectedEpisode]:
     """Return what the page should show of each episode that has a result of a push."""
     found = recorded(folder)
     goals = {goal.episode_id: goal for goal in found.get("goal", [])}
-    plans = by_id(found.get("plan", []), "push_id")
+    plans: dict[int, Any] = {}
+    for plan in found.get("plan", []):
+        plans.setdefault(plan.push_id, plan)
     results: dict[int, list[Any]] = {}
     for result in found.get("push_result", []):
         results.setdefault(result.episode_id, []).append(result)

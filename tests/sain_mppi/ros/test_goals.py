@@ -102,7 +102,8 @@ def test_a_pose_that_no_body_on_the_table_has_is_refused(
     graph, straw, planner, monkeypatch, turn, text
 ):
     said = []
-    monkeypatch.setattr(planner, "get_logger", lambda: SimpleNamespace(error=said.append))
+    logger = SimpleNamespace(error=said.append, warning=said.append)
+    monkeypatch.setattr(planner, "get_logger", lambda: logger)
     publisher = graph.bystander.create_publisher(PoseStamped, "goal_pose", 10)
     graph.wait(publisher.get_subscription_count, "who listens to poses")
     straw.show()
