@@ -68,7 +68,7 @@ def test_what_is_no_archive_is_refused_and_never_unpickled(tmp_path: Path) -> No
     path = tmp_path / "shard.npz"
     np.save(tmp_path / "trap.npy", np.array([Trap()], dtype=object), allow_pickle=True)
     (tmp_path / "trap.npy").rename(path)
-    with pytest.raises(DatasetError, match="does not begin as one"):
+    with pytest.raises(DatasetError, match="one array of NumPy"):
         read_arrays(path)
     np.savez(path.open("wb"), trap=np.array([Trap()], dtype=object))
     with pytest.raises(DatasetError, match="is not a whole"):

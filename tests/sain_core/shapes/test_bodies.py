@@ -44,6 +44,6 @@ def test_another_number_of_bodies_and_a_body_off_the_table_are_refused():
 
 
 def test_a_cube_stands_in_for_a_disk_as_long_as_the_roles_are_the_paper_s():
-    assert Bodies.named(("disk", "cube", "flat")).stand_in_for_disks
+    assert Bodies.named(("disk", "cube", "disk:flat")).stand_in_for_disks
     assert not Bodies.named(("disk", "square")).stand_in_for_disks
     assert not Bodies.named(("disk", "cube"), ("pushable", "pushable")).stand_in_for_disks

@@ -113,6 +113,7 @@ def test_the_command_writes_results_table_and_pictures(tmp_path):
     assert [row["successes"] for row in content["summary"]] == [0, 0]
     names = {path.name for path in tmp_path.iterdir()}
     assert names == {
+        ".sain-files",
         "results.json", "table.md", "failures.md", "episodes.jsonl", "paper_0_null.png",
     }  # fmt: skip
 

@@ -61,7 +61,7 @@ print(kernels_are_ready())
 PlanarPrior(); PlanarPrior()
 print(kernels_are_ready(), compilation_progress())
 """
-    path = os.pathsep.join([str(copies[0].parent), os.environ["PYTHONPATH"]])
+    path = os.pathsep.join([str(copies[0].parent), os.environ.get("PYTHONPATH", "")])
     environment = {**os.environ, "PYTHONPATH": path, "NUMBA_CACHE_DIR": str(store)}
     run = subprocess.run(
         [sys.executable, "-c", program],

@@ -7,7 +7,7 @@ import pytest
 
 from tests.workspace.command import run
 
-PROBE = '"$(sed -n "/^packages_now=/p;/^messages_now=/,/cksum)"$/p" {env})"'
+PROBE = '"$(sed -n "/^packages_now=/p;/^messages_now=/,/cksum)\\"$/p" {env})"'
 PROBE += '; echo "$packages_now"; echo "$messages_now"'
 
 

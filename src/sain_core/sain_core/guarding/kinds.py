@@ -33,11 +33,11 @@ BEGINNINGS: Final = {  # of files: what they are, and what to do
     b"PAR1": "is a Parquet file: a data set, not a bag; pandas and polars read it",
     b"\x89HDF": "is an HDF5 file: a data set of Minari, or MATLAB's, not a bag",
     b"MATLAB": "is a MATLAB file; `sain real_import` takes recordings of pushes",
-    b"\x93NUMPY": "is one array of NumPy (.npy), not a bag",
+    b"\x93NUMPY": "is one array of NumPy (.npy): neither a bag nor a data set",
     b"\x89PNG": PICTURE,
     b"\xff\xd8\xff": PICTURE,
-    b"%PDF": "is a PDF file, not a bag",
-    b"\x7fELF": "is a program, not a bag",
+    b"%PDF": "is a PDF file: neither a bag nor a data set",
+    b"\x7fELF": "is a program: neither a bag nor a data set",
 }
 TAR: Final = (257, b"ustar")  # where it stands
 SHARDS: Final = "shard-*.npz"
