@@ -16,7 +16,7 @@ from sain_core.scene import POSITION, TARGET
 from sain_core.shapes.bodies import PAPER_DISKS, Bodies
 from sain_core.transitions import PushHistory
 from sain_core.types import PredictedScenes, PushSequences, Scalars, Scene
-from sain_mppi.agent.dead_end import DeadEnd, find_dead_end
+from sain_mppi.agent.dead_end import Cause, DeadEnd, find_dead_end
 from sain_mppi.agent.events import PlanJob, PushDecision
 from sain_mppi.algorithms.search import RESET
 from sain_mppi.config import PlannerConfig, ProgressConfig
@@ -122,6 +122,10 @@ class PlanningDecider(Decider):
         )
         self._compare(job)
         warning, dead_end = monitor.warning, self._dead_end(job)
+        if dead_end is not None and dead_end.cause is Cause.UNEXPLAINED:
+            # A way round, on which another body is moved first, looks the same for some pushes.
+            is_sure = warning or monitor.stalled >= 2 * self._config.progress.stalled_after
+            dead_end = dead_end if is_sure else None
         plan = planner.plan(
             job.problem,
             generator,
