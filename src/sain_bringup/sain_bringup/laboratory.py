@@ -30,6 +30,7 @@ from sain_core.push import PushLimits
 from sain_core.shapes.body_file import BodyFile, read_bodies
 from sain_vision.detection.tags import SMALLEST
 
+SEEN_TIMEOUT: Final = "3.0"  # [s], age of scenes that come from images drawn here
 SERVER: Final = "laboratory"
 ENABLE: Final = "enable"
 POSES: Final = "poses"
@@ -103,7 +104,9 @@ class _Graph(GraphOptions):
         given |= {"poses": "false"} if self.see else {}
         given |= DEPTH_IMAGES if self.see == OUTLINES else {}
         server = command_of_node("sain_arm", "trajectory_server", ros, **given)
-        arm = command_of_node("sain_arm", "arm_node", ros, robot=own.robot)
+        # A camera that is computed on the same cores is late; a real one keeps to the default.
+        late = {"scene_timeout": SEEN_TIMEOUT} if self.see else {}
+        arm = command_of_node("sain_arm", "arm_node", ros, robot=own.robot, **late)
         commands = {SERVER: server, ROBOT: arm}
         if own.page:
             commands[PAGE] = command_of_node("sain_live", "page_node", ros, port=own.port)
