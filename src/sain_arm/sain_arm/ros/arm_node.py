@@ -210,8 +210,8 @@ class ArmNode(Node):
         if self.joints.changed >= self._froze:
             return ""
         return (
-            "/joint_states did not follow the arm's last goal, and have not changed since: where"
-            " the arm is is not known; check who publishes them, then start arm_node anew"
+            "/joint_states did not follow the arm's last goal, and have not changed since: the"
+            " arm's place is unknown; check who publishes them, then start arm_node anew"
         )
 
     def _stopped(self) -> str:

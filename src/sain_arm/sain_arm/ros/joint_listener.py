@@ -37,7 +37,7 @@ class JointListener:
         """Take a state; one without any joint of the arm is of somebody else.
 
         Raises:
-            InvalidInputError: a state of the arm that cannot be; where it is is not known then.
+            InvalidInputError: a state of the arm that cannot be; its place is then unknown.
         """
         now, names = monotonic(), list(message.name)
         missing = [name for name in self._robot.joints if name not in names]
