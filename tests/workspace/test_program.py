@@ -13,6 +13,11 @@ from tests.paths import ROOT
 from tests.workspace.source_tree import PYPROJECT
 
 VERSION = PYPROJECT["project"]["version"]
+# What `pip install .` does not bring: ROS 2, the graph's packages and the extras.
+NOT_INSTALLED = (
+    "rclpy", "sain_interfaces", "std_msgs", "control_msgs", "tf2_msgs", "vision_msgs", "mink", "mujoco", "daqp",
+    "viser", "websockets", "trimesh", "example_robot_data", "pyarrow", "lerobot", "gym_pusht", "ray", "tensorboardX",
+)  # fmt: skip
 
 
 @pytest.fixture(scope="module")
@@ -62,9 +67,9 @@ def test_pip_install_is_enough_for_the_readme(installed: Path, tmp_path: Path) -
 
 
 def run_without_ros(arguments: list[str], folder: Path) -> subprocess.CompletedProcess[str]:
-    """Run `sain` where nothing of ROS 2 can be imported."""
+    """Run `sain` where only what `pip install .` brings can be imported."""
     blocked = "import sys\n"
-    blocked += "sys.modules |= dict.fromkeys(('rclpy', 'sain_interfaces', 'std_msgs'))\n"
+    blocked += f"sys.modules |= dict.fromkeys({NOT_INSTALLED})\n"
     blocked += f"from sain_core.cli.program import main\nsys.exit(main({arguments!r}))\n"
     return subprocess.run(
         [sys.executable, "-c", blocked], cwd=folder, capture_output=True, text=True
@@ -72,6 +77,8 @@ def run_without_ros(arguments: list[str], folder: Path) -> subprocess.CompletedP
 
 
 def test_commands_work_without_ros(tmp_path: Path) -> None:
+    listed = run_without_ros(["--help"], tmp_path)
+    assert listed.returncode == 0 and "laboratory" in listed.stdout, listed.stderr
     made = run_without_ros(["collect", "--episodes", "1", "--out", "data"], tmp_path)
     assert made.returncode == 0, made.stderr
     assert "1 episodes" in made.stderr and list((tmp_path / "data").glob("*.npz"))

@@ -8,7 +8,6 @@ from typing import Final
 import numpy as np
 from rich.console import Console
 
-from sain_arm.planning.reach import fitting_place
 from sain_arm.robot.robot import SHIPPED, read_robot
 from sain_bringup.graph import (
     DEPTH_IMAGES,
@@ -135,6 +134,9 @@ def fitting_start(options: LaboratoryOptions) -> tuple[float, ...]:
     Raises:
         ConfigError: one that may be pushed is too large for the robot's reach.
     """
+    # What plans an arm's way is not installed with `pip install .`, which lists this command.
+    from sain_arm.planning.reach import fitting_place
+
     robot, bodies = read_robot(options.robot), read_bodies(options.bodies_file)
     reach = PushLimits().clearance + robot.tool_radius
     pushable = max(bodies.bodies.pushable, key=lambda body: bodies.radii[body])
