@@ -41,7 +41,7 @@ set_up() {
   fi
   if ! is_made messages "$messages_now"; then
     start_job messages "Messages" build_messages src/sain_interfaces
-    start_job missing "Messages that have no wheel" build_missing
+    start_job transforms "Messages of tf2" build_missing tf2_msgs
   fi
   await_jobs
   stamp messages "$messages_now"
@@ -103,17 +103,26 @@ sys.exit(not os.path.exists(sysconfig.get_path("include") + "/Python.h"))'
 # --- packages -----------------------------------------------------------------------------------------
 
 make_venv() {
-  local flags=()
-  if [[ $ros == system ]]; then flags=(--system-site-packages); fi
+  local flags=(--without-pip)
+  if [[ $ros == system ]]; then flags+=(--system-site-packages); fi
   rm -rf "$venv"
   "$python" -m venv "${flags[@]}" "$venv" &&
-    "$venv/bin/python" -m pip install --disable-pip-version-check --no-input --quiet "uv==$uv_version"
+    python_pip install --disable-pip-version-check --no-input --quiet "uv==$uv_version"
+}
+
+# The pip that Python brings, used where it stands: to install it first takes twice as long as all that it is for.
+python_pip() {
+  local wheel
+  wheel=$("$python" -c 'import ensurepip, glob, os, sysconfig
+folders = os.path.dirname(ensurepip.__file__) + "/_bundled", sysconfig.get_config_var("WHEEL_PKG_DIR") or ""
+print([pip for folder in folders for pip in glob.glob(folder + "/pip-*.whl")][0])') &&
+    PYTHONPATH=$wheel "$venv/bin/python" -m pip "$@"
 }
 
 # uv reads no settings of pip: where pip finds packages, uv has to find them, too.
 use_settings_of_pip() {
   local settings
-  settings=$("$venv/bin/python" -m pip config list 2>/dev/null || true)
+  settings=$(python_pip config list 2>/dev/null || true)
   setting() { sed -nE "s/^(global|install|:env:)\.$1='(.*)'$/\2/p" <<<"$settings" | tail -n 1; }
   export UV_DEFAULT_INDEX=${UV_DEFAULT_INDEX:-$(setting index-url)} UV_FIND_LINKS=${UV_FIND_LINKS:-$(setting find-links)}
   export SSL_CERT_FILE=${SSL_CERT_FILE:-$(setting cert)}
@@ -142,6 +151,7 @@ install_torch() {
 
 install_group() { # GROUP
   install -c requirements.txt --group "$1" || return
+  if [[ $1 == test || $1 == robots ]]; then build_missing control_msgs vision_msgs || return; fi
   # It asks for one certain build of PyTorch; LeRobot imports it and its data sets do without.
   if [[ $1 == test || $1 == lerobot ]]; then install --no-config --no-deps torchvision==0.25.0 || return; fi
   stamp "$1" "$packages_now"
@@ -186,10 +196,10 @@ build_messages() { # FOLDER
 }
 
 # Message packages of a full ROS that have no wheel are built beside ours, where nothing else has them.
-build_missing() {
+build_missing() { # PACKAGES
   local package
   if [[ $ros == system ]]; then return; fi
-  for package in control_msgs tf2_msgs vision_msgs; do
+  for package; do
     if [[ -d $venv/build/$package || ! -e $venv/share/$package ]]; then build_messages "tools/missing/$package" || return; fi
   done
 }

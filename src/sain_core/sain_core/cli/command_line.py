@@ -143,6 +143,7 @@ def _raise_outside_imports(work: CodeType | None, _: int, frame: FrameType | Non
 
 
 LONGEST: Final = 4000  # characters of an error
+MESSAGES_OF_ROBOTS: Final = ("control_msgs", "vision_msgs")
 WRONG_USAGE: Final = 2  # exit code after an argument that is not allowed
 
 
@@ -385,7 +386,18 @@ def _group_of(kind: str, options: type, prefix: str = "") -> str | None:
 
 
 def load(command: str, path: str) -> Any:
-    """Return a module in the package of a command, or what stands there as ``module:name``."""
+    """Return a module in the package of a command, or what stands there as ``module:name``.
+
+    Raises:
+        ConfigError: it needs messages that ./env builds for robots alone.
+    """
     name, _, item = path.partition(":")
-    module = import_module(f"{command.split()[0]}.{name}")
+    try:
+        module = import_module(f"{command.split()[0]}.{name}")
+    except ModuleNotFoundError as error:
+        if error.name in MESSAGES_OF_ROBOTS:
+            raise ConfigError(
+                f"needs {error.name}, which is not there: ./env --with robots true builds it"
+            ) from None
+        raise
     return getattr(module, item) if item else module

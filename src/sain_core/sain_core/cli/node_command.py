@@ -79,12 +79,11 @@ class NodeCommand:
                 return WRONG_USAGE
             try:
                 check_host()
+                node = load(self.name, self.node)
             except SainError as error:
                 sys.stderr.write(f"{self.name.split()[1]}: {error}\n")
                 return 1
             from sain_core.ros.node_main import node_main
-
-            node = load(self.name, self.node)
         try:
             node_main(node, self.name.split()[1])
         except KeyboardInterrupt:

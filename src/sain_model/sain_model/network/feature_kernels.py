@@ -352,12 +352,13 @@ def write_block(first, scenes, strokes, physics_next, table, places, bodies, rel
         relations: (B, N N, R) float32, receives features of relations.
     """
     corners = table.corners.shape[0]
-    work = make_work(scenes.shape[1], corners, relations.shape[2], bodies.shape[2], 1)
+    work = make_work(scenes.shape[1], corners, relations.shape[2], bodies.shape[2], LANES)
     for index in range(first, min(first + LANES, scenes.shape[0])):
-        write_lane(scenes[index], strokes[index], physics_next[index], table, 0, places, work)
+        lane = index - first
+        write_lane(scenes[index], strokes[index], physics_next[index], table, lane, places, work)
         for body in range(bodies.shape[1]):
             for column in range(bodies.shape[2]):
-                bodies[index, body, column] = work.bodies[body, column, 0]
+                bodies[index, body, column] = work.bodies[body, column, lane]
         for pair in range(relations.shape[1]):
             for column in range(relations.shape[2]):
-                relations[index, pair, column] = work.relations[pair, column, 0]
+                relations[index, pair, column] = work.relations[pair, column, lane]
