@@ -28,6 +28,11 @@ INSTALLED = {  # what the packages of the examples offer -> what is there withou
     "my_model": "planar", "my_arrow": "cube", "my_centre:0.5": "", "my_planner": "mppi",
     "my_scenario": "anywhere", "robot_node": "elsewhere", "my_world": "bullet",
 }  # fmt: skip
+FILES = {  # that a page shows -> files of their kinds
+    "params.yaml": "src/sain_bringup/config/launch.yaml",
+    "bodies.yaml": "src/sain_arm/sain_arm/robots/bodies/t.yaml",
+}
+OTHERS = ("usb_cam", "camera_calibration")  # packages of a ROS 2 installation
 STOCK = {"topic": ("echo", "pub", "list"), "action": ("send_goal",), "bag": ("info",),
          "param": ("set", "get"), "service": ("call",), "interface": ("show",),
          "pkg": ("executables",)}  # fmt: skip
@@ -45,6 +50,10 @@ def problems(words: list[str]) -> Iterator[str]:
         case ["make", *rest]:
             yield from make(rest)
         case ["sain", "--version" | "--help"]:
+            pass
+        case ["ros2", "run", package, *_] if package in OTHERS:
+            pass
+        case ["tar", "-xf", *_]:
             pass
         case ["ros2", "run", package, name, *rest]:
             yield from executable(package, name, rest)
@@ -124,6 +133,8 @@ def read(command: Command, own: list[str]) -> None:
 
 def value(word: str) -> str:
     """A placeholder, or the name of a package that is not installed here, as what is allowed."""
+    if word in FILES:
+        return str(ROOT / FILES[word])
     for name, known in INSTALLED.items():
         word = word.replace(name, known)
     return {"EFFECT": "tilt"}.get(word, word)

@@ -16,7 +16,7 @@ from sain_bags.rows.recorded_push import PlanRecord, RecordedPush
 from sain_bringup import movie
 from sain_bringup.display import Display, EpisodeView
 from sain_bringup.movie import Film, Moment, MovieConfig, Scenery, choose_moments, encode_gif
-from sain_bringup.report import PlayedEpisode, draw_pictures, summary_table
+from sain_bringup.report import PlayedEpisode, draw_picture, summary_table
 from sain_core.goal import Goal, Judgement
 from sain_core.push import idle_pushes, make_push
 from sain_core.scene import make_scene
@@ -80,7 +80,8 @@ def test_goals_in_a_row_are_counted_and_the_last_is_drawn(tmp_path: Path) -> Non
     last = streak.last_part()
     assert last.title == "paper 4, goal 2" and len(last.record().pushes) == 2
     assert played(0.45).last_part().title == "paper 4"
-    assert len(draw_pictures(tmp_path, (streak,))) == 2
+    draw_picture(tmp_path, (streak,))
+    assert [path.name for path in tmp_path.glob('[!.]*')] == ['overview.png']
 
 
 def judged(distance: float) -> Judgement:

@@ -171,7 +171,7 @@ def write_results(folder: Path, video: bool, display: Display) -> bool:
         elif video and played:
             film = rendering.enter_context(closing(begin_film(bag, choose_episode(played))))
         with display.stage("drawing the episodes", "episodes drawn"):
-            draw_pictures(folder, played)
+            draw_picture(folder, played)
             write_page(folder / "report.html", read_content(bag).data)
         if film is not None:
             with display.stage("rendering the moving picture", "moving picture rendered"):
@@ -187,24 +187,19 @@ def write_results(folder: Path, video: bool, display: Display) -> bool:
 
 def written_files(folder: Path) -> list[Path]:
     """Return what a run has written, the report page first, the bag and the logs last."""
-    files = [path for path in sorted(folder.iterdir()) if path.is_file()]
+    files = [path for path in sorted(folder.glob("[!.]*")) if path.is_file()]
     files.sort(key=lambda path: (path.suffix != ".html", path.suffix != ".gif"))
     return [*files, *(path for path in sorted(folder.iterdir()) if path.is_dir())]
 
 
-def draw_pictures(folder: Path, played: tuple[PlayedEpisode, ...]) -> list[Path]:
-    """Draw a top view of each episode towards its last goal, and one picture of all."""
+def draw_picture(folder: Path, played: tuple[PlayedEpisode, ...]) -> None:
+    """Draw all episodes from above in one picture, each towards its last goal."""
     from sain_core.view.figures import write_png  # matplotlib takes a while to load
-    from sain_eval.plots.pictures import draw_episode, draw_overview
+    from sain_eval.plots.pictures import draw_overview
 
-    records = [episode.last_part().record() for episode in played]
-    paths = [
-        write_png(draw_episode(record), folder / f"episode_{number}.png")
-        for number, record in enumerate(records, start=1)
-    ]
-    if records:
-        paths.append(write_png(draw_overview(records), folder / "overview.png"))
-    return paths
+    if played:
+        records = [episode.last_part().record() for episode in played]
+        write_png(draw_overview(records), folder / "overview.png")
 
 
 def choose_episode(played: tuple[PlayedEpisode, ...]) -> PlayedEpisode:

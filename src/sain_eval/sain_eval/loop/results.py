@@ -266,6 +266,7 @@ class Journal(Generic[Record]):
         self.path = folder / JOURNAL_FILE
         self.records: list[Record] = []
         self._kind = kind
+        self._first: dict[str, Any] | None = None  # line that is written with the first episode
         try:
             self._read(json.loads(json.dumps(settings)), overwrite)  # with lists for tuples
         except OSError as error:
@@ -280,6 +281,9 @@ class Journal(Generic[Record]):
 
     def add(self, records: list[Record]) -> None:
         """Write one episode's records, one for each tolerance."""
+        if self._first is not None:
+            write_whole(self.path, (json.dumps(self._first) + "\n").encode())
+            self._first = None
         append_json(self.path, [dataclasses.asdict(record) for record in records])
         self.records += records
 
@@ -312,8 +316,7 @@ class Journal(Generic[Record]):
             write_whole(self.path, ("\n".join(lines) + "\n").encode())
 
     def _begin(self, settings: dict[str, Any]) -> None:
-        self.records = []
-        write_whole(self.path, (json.dumps({"settings": settings}) + "\n").encode())
+        self.records, self._first = [], {"settings": settings}
 
     def _record(self, item: dict[str, Any]) -> Record:
         lists = {name: tuple(value) for name, value in item.items() if isinstance(value, list)}
