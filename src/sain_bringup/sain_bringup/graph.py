@@ -260,7 +260,7 @@ def start(supervisor: Supervisor, options: GraphOptions, folder: Path) -> "Logs"
     for name, command in commands.items():
         again = restart_command(name, command)
         variables = UNWATCHED if name == ROBOT else {}
-        supervisor.start(name, command, variables, patient=name == RECORDER, again=again)
+        supervisor.start(name, command, variables, patient=name in (RECORDER, LEARNER), again=again)
     return Logs([child.log for child in supervisor.children])
 
 

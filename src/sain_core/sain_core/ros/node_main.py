@@ -8,10 +8,12 @@ import gc
 import logging
 import os
 import re
+import signal
 import sys
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
+from types import FrameType
 from typing import Final, NoReturn
 
 import rclpy
@@ -97,13 +99,17 @@ each of several arenas: the threads of the middleware have their own.
 TRIM_PERIOD = 5.0
 """[s] after which free pages are returned, which takes less than 0.1 ms."""
 
+GRACE: Final = 1.0
+"""[s] that a callback has after Ctrl-C, until it is interrupted: what it has taken is not lost."""
+
 INTERRUPTS = (ExternalShutdownException, ROSInterruptException)
 
 
 def run_node(make_node: Callable[[], Node], name: str, args: list[str] | None = None) -> int:
     """Run a node until it is interrupted; return the process's exit code: 130 during its start.
 
-    When it has started, its attribute ``ready`` is logged, if it has one.
+    When it has started, its attribute ``ready`` is logged, if it has one. Its end may take as long
+    as its attribute ``patience`` says [s].
 
     A mistake in the settings or the start is reported in one line on standard error: 1. An error
     later on is a defect and leaves its traceback.
@@ -111,7 +117,16 @@ def run_node(make_node: Callable[[], Node], name: str, args: list[str] | None = 
     node = None
     code = INTERRUPTED
     give_memory_back()
+    spins = False
+
+    def on_interrupt(number: int, frame: FrameType | None) -> None:
+        """Let a callback end before a second Ctrl-C and `GRACE`: rcl itself ends the spinning."""
+        signal.signal(signal.SIGALRM, signal.default_int_handler)
+        if not spins or signal.setitimer(signal.ITIMER_REAL, GRACE)[0]:
+            signal.default_int_handler(number, frame)
+
     try:
+        signal.signal(signal.SIGINT, on_interrupt)  # rcl's handler, which comes next, calls it
         with ros_context(args, SignalHandlerOptions.ALL):
             executor = SingleThreadedExecutor()
             try:
@@ -125,13 +140,16 @@ def run_node(make_node: Callable[[], Node], name: str, args: list[str] | None = 
                 trim_memory(node)
                 if (period := lifetime.heartbeat_period()) > 0.0:
                     steady_timer(node, period, lifetime.alive)
+                spins = True
                 executor.spin()
             except Exception as error:
                 if ok() and not isinstance(error, INTERRUPTS):
                     raise
                 # A signal that comes during the start invalidates what is being made: rcl raises.
             finally:
-                with ending_within(code=code):
+                spins = False
+                signal.setitimer(signal.ITIMER_REAL, 0.0)
+                with ending_within(getattr(node, "patience", lifetime.PATIENCE), code):
                     if node is not None:
                         node.destroy_node()
                     executor.shutdown()

@@ -39,7 +39,7 @@ class Worker:
         group = MutuallyExclusiveCallbackGroup()  # no coroutine of the node's own bars the way
         self._guard = node.create_guard_condition(self._hand_back, group)
         self._pending: set[Future[Any]] = set()
-        self._closed = False
+        self._closed = self._ended = False
 
     def submit(self, job: Callable[[], T], then: Callable[["Future[T]"], object]) -> None:
         """Run a job; call `then` with its future, done, on the executor's thread."""
@@ -85,13 +85,18 @@ class Worker:
                 lifetime.alive()
         return future
 
-    def close(self, last: Callable[[], None] | None = None) -> None:
-        """Drop what has not begun, wait for what has, then run one last job on the thread."""
-        if self._closed:
-            return
+    def drop(self) -> None:
+        """Drop what has not begun, and do not call what follows any job."""
         self._closed = True
         for future in self._pending:
             future.cancel()
+
+    def close(self, last: Callable[[], None] | None = None) -> None:
+        """Drop what has not begun, wait for what has, then run one last job on the thread."""
+        if self._ended:
+            return
+        self._ended = True
+        self.drop()
         if last is not None:
             self.call(last)
         self._pool.shutdown(wait=True)

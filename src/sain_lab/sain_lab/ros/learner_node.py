@@ -15,6 +15,7 @@ from rclpy.node import Node
 
 from sain_core import wire
 from sain_core.errors import ConfigError, ErrorCode, OutputError
+from sain_core.guarding import lifetime
 from sain_core.guarding.ros.reception import Reception, shortened
 from sain_core.guarding.ros.state_file import StateFile
 from sain_core.ros.node_main import ERROR, NAMESPACE, OK, WARN, Diagnostics
@@ -44,6 +45,8 @@ BOTH_ENDS: Final = 2**0.5  # of a way that was observed, over the noise of one s
 
 class LearnerNode(Node):
     """Learns from results in one laboratory."""
+
+    patience = 60.0  # [s], for its end: what was delivered is saved
 
     def __init__(self, **options: Any) -> None:
         """Open the laboratory, and read what was learned before."""
@@ -102,7 +105,8 @@ class LearnerNode(Node):
             self.learner.receive(self._decoded(message))
         except OutputError as error:
             self.get_logger().error(f"a crash now would lose push {message.push_id}: {error}")
-        self.worker.submit(self._learn, self._on_lesson)
+        if not self._closed:
+            self.worker.submit(self._learn, self._on_lesson)
 
     def _learn(self) -> Lesson:
         """Learn from the result that waits longest; on the worker's thread."""
@@ -201,8 +205,11 @@ class LearnerNode(Node):
 
     def destroy_node(self) -> None:
         """Take what was delivered, learn from what waits, and close the laboratory."""
-        while not self._closed and (taken := self._results.handle.take_message(PushResult, False)):
-            self._results.callback(taken[0])
-        self._closed = True
+        if not self._closed:
+            self._closed = True
+            lifetime.stopping("saving what it received")
+            self.worker.drop()  # its thread would slow down what follows
+            while taken := self._results.handle.take_message(PushResult, False):
+                self._results.callback(taken[0])
         self.worker.close(self._end)
         super().destroy_node()
