@@ -2,13 +2,13 @@
 
 .DEFAULT_GOAL := help
 LINTERS := lint-types lint-style lint-imports lint-prose lint-shell lint-docker
-.PHONY: help demo live docs test lint $(LINTERS) format bench table faults real lock outdated clean
+.PHONY: help demo live docs test test-all lint $(LINTERS) format bench table faults real lock outdated clean
 
 SHELL_SCRIPTS := env .ci/run tools/setup.sh tools/browser.sh docker/entrypoint.sh
 GROUPS := ros graph test lint docs
 
 help: ## this list
-	@grep -hE '^[a-z]+:.*## ' $(MAKEFILE_LIST) | awk -F ':.*## ' '{ printf "  make %-8s %s\n", $$1, $$2 }'
+	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | awk -F ':.*## ' '{ printf "  make %-8s %s\n", $$1, $$2 }'
 	@echo "  ./env CMD     any command inside the environment, for example ./env ros2 pkg executables"
 
 demo: ## the closed loop on the whole graph, headless: a few episodes, a bag and a report page
@@ -21,9 +21,12 @@ docs: ## this documentation as a site, results/site/index.html, built without th
 	@NO_MKDOCS_2_WARNING=1 ./env python -m mkdocs $(or $(ARGS),build --strict --quiet) --config-file tools/site/mkdocs.yml
 	@$(if $(ARGS),,echo "Open $(CURDIR)/results/site/index.html in a browser.")
 
-test: ## every test; a part of them with ARGS="tests/sain_core -k wrap"
-	@tools/browser.sh
+test: ## the tests but for whole graphs, long trainings, installs and browsers; a part of them with ARGS="tests/sain_core -k wrap"
 	@./env python -m pytest $(ARGS)
+
+test-all: ## every test
+	@tools/browser.sh
+	@./env python -m pytest --all $(ARGS)
 
 lint: ## style, types, import boundaries, prose, shell scripts, Docker files
 	@./env --with lint --with test true

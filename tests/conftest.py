@@ -9,7 +9,9 @@ from hypothesis import settings
 
 from tests.type_checks import pytest_runtest_setup, switch_on  # noqa: F401 - a hook
 from tests.workers import (  # noqa: F401 - these are hooks
+    pytest_addoption,
     pytest_collection_modifyitems,
+    pytest_terminal_summary,
     pytest_xdist_auto_num_workers,
     pytest_xdist_make_scheduler,
 )

@@ -1,4 +1,7 @@
-"""How the tests are divided among processes: a file is a unit, some files are one unit together.
+"""Which tests run, and in which process: a file is a unit, some files are one unit together.
+
+``pytest`` alone leaves out what is marked `system`: whole graphs, long trainings, installs and
+browsers. ``pytest --all`` runs them, too, and a path on the command line all that is in it.
 
 A whole run takes a worker for every core and one more, up to four: tests of graphs, of the browser
 and of killed processes wait a good part of their time. What is named on the command line runs in
@@ -8,6 +11,7 @@ one process, where a worker's start would cost more than it saves; ``-n 2`` says
 import os
 import subprocess
 import sys
+from collections import Counter
 from typing import Any, Final
 
 import pytest
@@ -15,6 +19,7 @@ from _pytest.config import Config
 from xdist.scheduler import LoadScopeScheduling
 
 MOST: Final = 4
+DURATIONS: Final = "results/test_durations.txt"
 TOGETHER: Final = {  # files that share a worker, by a part of their path
     "system": ("tests/system/", "documentation/test_terminal"),
     "graph": ("/ros/",),
@@ -48,21 +53,48 @@ class ByFile(LoadScopeScheduling):
         return path
 
 
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption("--all", action="store_true", help="run the tests marked system, too")
+
+
 def pytest_xdist_auto_num_workers(config: Config) -> int:
     """Return how many workers ``-n auto`` starts; 0 is this process alone."""
     narrowed = any(config.getoption(name, None) for name in ("keyword", "markexpr", "lf"))
-    if narrowed or config.args_source is not Config.ArgsSource.TESTPATHS:
+    if narrowed or names_paths(config):
         return 0
     return min(len(os.sched_getaffinity(0)) + 1, MOST)
+
+
+def names_paths(config: Config) -> bool:
+    """Return whether paths stand on the command line."""
+    return config.args_source is not Config.ArgsSource.TESTPATHS
 
 
 def pytest_xdist_make_scheduler(config: Config, log: Any) -> ByFile:
     return ByFile(config, log)
 
 
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+def pytest_collection_modifyitems(config: Config, items: list[pytest.Item]) -> None:
+    if not (config.getoption("--all") or config.getoption("markexpr") or names_paths(config)):
+        left_out = [item for item in items if item.get_closest_marker("system")]
+        config.hook.pytest_deselected(items=left_out)
+        items[:] = [item for item in items if not item.get_closest_marker("system")]
     items.sort(key=lambda item: _place(item.nodeid.partition("::")[0]))
 
 
 def _place(path: str) -> int:
     return next((place for place, part in enumerate(FIRST) if part in path), len(FIRST))
+
+
+def pytest_terminal_summary(terminalreporter: Any, config: Config) -> None:
+    """Write how long each test took, the longest first, where the whole suite ran."""
+    if names_paths(config):
+        return
+    times: Counter[str] = Counter()
+    for reports in terminalreporter.stats.values():
+        for report in reports:
+            if isinstance(report, pytest.TestReport):
+                times[report.nodeid] += report.duration
+    path = config.rootpath / DURATIONS
+    path.parent.mkdir(exist_ok=True)
+    path.write_text("".join(f"{time:8.2f} s  {test}\n" for test, time in times.most_common()))
