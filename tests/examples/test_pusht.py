@@ -99,7 +99,7 @@ def test_models_predict_what_gym_pusht_does(pusht, begun) -> None:
         for name, model in models.items():
             (predicted,) = model.step(outcome.before[None], push[None])
             off[name].append(np.abs(predicted - outcome.after)[0, : THETA + 1].max())
-    assert np.median(off["pusht"]) < 1e-3
+    assert np.median(off["pusht"]) < 0.01  # [m] and [rad]
     assert np.median(off["pusht_oracle"]) < 2e-4
 
 
@@ -134,7 +134,7 @@ def test_a_refused_push_leaves_the_episode_as_it_is(pusht, begun) -> None:
 def test_what_is_wrong_is_said_before_anything_moves(pusht, begun) -> None:
     world, setting = begun(3)
     disk = Setting(setting.scene, Bodies.disks(1), setting.friction)
-    with pytest.raises(InvalidInputError, match="'disk' .*; gym-pusht has one 'pusht_t'"):
+    with pytest.raises(InvalidInputError, match="gym-pusht has one 'pusht_t'"):
         world.reset(disk)
     with pytest.raises(InvalidInputError, match="the seed of gym-pusht is 1000000; allowed: 0 to"):
         pusht.scenario.SCENARIO.scene(1_000_000)

@@ -13,7 +13,7 @@ import numpy as np
 import shapely
 from shapely.geometry import Polygon, box
 
-from pusht.block import DISK, MIDDLE, PIXEL, WALLS
+from pusht.block import DISK, MIDDLE, WALLS
 from sain_core.errors import UnreachableError
 
 LOW, HIGH = WALLS[0] + DISK, WALLS[1] - DISK  # [px], where the middle of the disk may be

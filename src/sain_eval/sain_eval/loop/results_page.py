@@ -44,7 +44,7 @@ CONTROLLER_NAMES: Final = {
     "learned only": "learned only",
     "sain": SHIPPED,
 }
-"""What people read; the order is that of the page. Others come after, by their own names; the oracle is the last."""
+"""What people read, in the order of the page; then others by their own names, and the oracle."""
 
 PAPER: Final = {
     "paper": "40/40 (91-100 %)",

@@ -155,9 +155,7 @@ class _Play:
         time = 0.0 if decision.plan is None else decision.plan.times.total
         took = self._sight.time - begun
         self.pushes.append(
-            PushRecord(
-                push, before, after, decision.predicted, planning_time=time, duration=took
-            )
+            PushRecord(push, before, after, decision.predicted, planning_time=time, duration=took)
         )
         self.fallbacks += decision.failure is not None
         self.scene = after
