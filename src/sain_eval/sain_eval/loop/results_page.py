@@ -44,7 +44,7 @@ CONTROLLER_NAMES: Final = {
     "learned only": "learned only",
     "sain": SHIPPED,
 }
-"""What people read, in the order of the page; then others by their own names, and the oracle."""
+"""What people read, in the order of the page. The oracle, and others by their names, follow."""
 
 PAPER: Final = {
     "paper": "40/40 (91-100 %)",
@@ -163,7 +163,8 @@ def results_page(results: Sequence[RunResults], names: Mapping[str, str]) -> str
 
     Of two evaluations with the same row and reality, the later one counts.
     """
-    shown = {**CONTROLLER_NAMES, **names, ORACLE: ORACLE}
+    shown = {**CONTROLLER_NAMES, **names}
+    shown[ORACLE] = shown.pop(ORACLE, ORACLE)  # the last of those with a name
     order = list(dict.fromkeys(shown.values()))
     realities = list(dict.fromkeys(one.reality for one in results))
     cells: Cells = {}
