@@ -6,6 +6,7 @@ import re
 import tomllib
 from collections.abc import Iterator
 from importlib import import_module
+from itertools import pairwise
 from pathlib import Path
 
 import yaml
@@ -28,6 +29,7 @@ INSTALLED = {  # what the packages of the examples offer -> what is there withou
     "my_model": "planar", "my_arrow": "cube", "my_centre:0.5": "", "my_planner": "mppi",
     "my_scenario": "anywhere", "robot_node": "elsewhere", "my_world": "bullet",
 }  # fmt: skip
+BOTH = {"--engine": "bullet", "--scenario": "anywhere"}  # what `gym-pusht` is after an option
 STOCK = {"topic": ("echo", "pub", "list"), "action": ("send_goal",), "bag": ("info",),
          "param": ("set", "get"), "service": ("call",), "interface": ("show",),
          "pkg": ("executables",)}  # fmt: skip
@@ -106,7 +108,7 @@ def options(command: Command, words: list[str]) -> Iterator[str]:
     if "..." in own:
         own = [*REQUIRED.get(command.name, []), *(word for word in own if word != "...")]
     try:
-        read(command, [value(word) for word in own])
+        read(command, [value(*pair) for pair in pairwise(["", *own])])
     except SainError as error:
         yield str(error)
 
@@ -122,8 +124,10 @@ def read(command: Command, own: list[str]) -> None:
             raise SainError(f"{' '.join(own)}: {plain(output.getvalue())}") from end
 
 
-def value(word: str) -> str:
+def value(option: str, word: str) -> str:
     """A placeholder, or the name of a package that is not installed here, as what is allowed."""
+    if word == "gym-pusht":
+        return BOTH.get(option, word)
     for name, known in INSTALLED.items():
         word = word.replace(name, known)
     return {"EFFECT": "tilt"}.get(word, word)
