@@ -48,7 +48,7 @@ format: ## rewrites the Python code in the project's format
 bench: ## timings beside those of others; some of them, or other rooms, with ARGS="planar_prior"
 	@./env python -m benchmarks $(or $(ARGS),speed)
 
-# Of one world: BULLET="--models runs/learned/sain.safetensors", ROUGH=..., MUJOCO=..., PUSHT="--episodes 20".
+# Of one world: BULLET="--models runs/learned/sain.safetensors", ROUGH=..., MUJOCO=..., PUSHT="--scenes 20".
 # In the page: NAMES="--names 'runs/learned/sain.safetensors=learned only'".
 table: ## results/results.md and its picture: all scenarios in Bullet, its rough world, MuJoCo, its measured world and gym-pusht; fewer with ARGS="--scenes 5"
 	@./env ros2 run sain_eval evaluate --table --out results/table/bullet $(ARGS) $(BULLET)
@@ -56,7 +56,10 @@ table: ## results/results.md and its picture: all scenarios in Bullet, its rough
 	@./env ros2 run sain_eval evaluate --table --engine mujoco --out results/table/mujoco $(ARGS) $(MUJOCO)
 	@./env ros2 run sain_eval evaluate --table --engine mujoco --world measured --lab 7 --out results/table/measured \
 		$(ARGS) $(MEASURED)
-	@./env ros2 run sain_pusht evaluate --out results/table/pusht $(PUSHT)
+	@./env --with test pip install --quiet --no-deps --no-build-isolation ./examples/pusht
+	@./env ros2 run sain_eval evaluate --engine gym-pusht --scenario gym-pusht --controllers pusht --tolerances 0.01 \
+		--planner.speeds 0.32 --planner.correction-speed 0.32 --planner.samples 256 --planner.horizon 2 \
+		--planner.weights.effort 6.25 --out results/table/pusht --scenes 500 $(ARGS) $(PUSHT)
 	@./env ros2 run sain_eval results results/table/bullet results/table/rough results/table/mujoco \
 		results/table/measured results/table/pusht $(NAMES)
 	@./env python -m benchmarks.results.results_figure

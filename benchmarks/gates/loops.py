@@ -3,7 +3,6 @@
 import subprocess
 from contextlib import closing
 from dataclasses import dataclass, replace
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, Final
 
@@ -12,7 +11,7 @@ from benchmarks.results.shapes_collect import NAMES, SEEN, UNSEEN
 from sain_core.randomness import Interval
 from sain_core.workers import WorkerOptions
 from sain_eval.episode import Tolerance
-from sain_eval.loop.evaluation import EpisodeJob, run_jobs, run_on
+from sain_eval.loop.evaluation import EpisodeJob, run_jobs
 from sain_eval.loop.results import SceneRecord, summarise
 from sain_model.data.dataset import load_dataset
 from sain_model.dynamics.load import load_shipped
@@ -30,7 +29,6 @@ WORLDS: Final = {
     "rough": TruthConfig(world=ROUGH),
     "MuJoCo": TruthConfig(engine=MUJOCO),
 }
-PUSHT: Final = range(73_000, 73_006)
 DRAWN: Final = tuple(name for name in SEEN if name in NAMES)  # `collect` has no others
 SAMPLES: Final = {
     "disks": ["--episodes", "150", "--seed", "9101"],
@@ -149,19 +147,7 @@ def measure() -> list[Gate]:
     shipped, planar = (row for part, row in rows.items() if part.world == "rough")
     more = shipped["successes"] - planar["successes"]
     gates.append(Gate("rough, anywhere: SAIN - planar", more, "scenes", "-8 of 100", at_least=0))
-    return gates + _pusht_gates()
-
-
-def _pusht_gates() -> list[Gate]:
-    """Play gym-pusht; no gates where that optional package is not there."""
-    if find_spec("sain_pusht") is None:
-        return []
-    from sain_pusht.evaluation import WORK, PushtJob, pusht_row
-
-    strokes = [PushtJob(seed, "pusht") for seed in PUSHT]
-    with closing(run_on(WORK, strokes, WORKERS)) as played:
-        row = pusht_row([record for done in played for record in done])
-    return _gates("gym-pusht", row, "500/500, 3.3")
+    return gates
 
 
 def _gates(name: str, row: dict[str, Any], before: str) -> list[Gate]:

@@ -20,7 +20,7 @@ from sain_eval.loop.results import wilson_interval
 
 SERIES: Final = (  # models as the page names them, what they are called in the picture, colour
     (("straight pushes",), "straight pushes", PALETTE.floor),
-    (("planar prior, history", "prior fitted there"), "planar prior", PALETTE.physics),
+    (("planar prior, history", "pusht"), "planar prior", PALETTE.physics),
     (("SAIN as shipped",), "SAIN", PALETTE.predicted),
     (("SAIN trained there",), "SAIN trained in that world", PALETTE.learned),
 )

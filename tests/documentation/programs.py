@@ -6,6 +6,7 @@ import re
 import tomllib
 from collections.abc import Iterator
 from importlib import import_module
+from itertools import pairwise
 from pathlib import Path
 
 import yaml
@@ -33,6 +34,7 @@ FILES = {  # that a page shows -> files of their kinds
     "bodies.yaml": "src/sain_arm/sain_arm/robots/bodies/t.yaml",
 }
 OTHERS = ("usb_cam", "camera_calibration")  # packages of a ROS 2 installation
+BOTH = {"--engine": "bullet", "--scenario": "anywhere"}  # what `gym-pusht` is after an option
 STOCK = {"topic": ("echo", "pub", "list"), "action": ("send_goal",), "bag": ("info",),
          "param": ("set", "get"), "service": ("call",), "interface": ("show",),
          "pkg": ("executables",)}  # fmt: skip
@@ -115,7 +117,7 @@ def options(command: Command, words: list[str]) -> Iterator[str]:
     if "..." in own:
         own = [*REQUIRED.get(command.name, []), *(word for word in own if word != "...")]
     try:
-        read(command, [value(word) for word in own])
+        read(command, [value(*pair) for pair in pairwise(["", *own])])
     except SainError as error:
         yield str(error)
 
@@ -131,10 +133,12 @@ def read(command: Command, own: list[str]) -> None:
             raise SainError(f"{' '.join(own)}: {plain(output.getvalue())}") from end
 
 
-def value(word: str) -> str:
+def value(option: str, word: str) -> str:
     """A placeholder, or the name of a package that is not installed here, as what is allowed."""
     if word in FILES:
         return str(ROOT / FILES[word])
+    if word == "gym-pusht":
+        return BOTH.get(option, word)
     for name, known in INSTALLED.items():
         word = word.replace(name, known)
     return {"EFFECT": "tilt"}.get(word, word)

@@ -13,6 +13,7 @@ BROKEN = {
     "not_a_number": "def push(self, push, *, seen=None): return Outcome(self.at, self.at * np.nan)",
     "restless": "def push(self, push, *, seen=None): return Outcome(self.at, self.at + MOVING)",
     "shapeless": "def push(self, push, *, seen=None): return Outcome(self.at, self.at[:1])",
+    "timeless": "def push(self, push, *, seen=None): return Outcome(self.at, self.at, -1.0)",
     "pushless": "",
 }
 CODE = """
@@ -77,6 +78,7 @@ WRONG = {
     "not_a_number": f"{PACKAGE}: push: body 0 has NaN or Inf; allowed: finite numbers",
     "restless": f"{PACKAGE}: push: the scene did not settle; allowed: every body slower",
     "shapeless": f"{PACKAGE}: push: the scene is (1, 8); allowed: an array (2, 8)",
+    "timeless": f"{PACKAGE}: push: the duration is -1.0; allowed: 0 to 3600 s",
     "pushless": "it must return a world, with the methods reset, observe and push",
     "my_wolrd": "engine 'my_wolrd' is unknown (did you mean 'my_world'?); known: bullet,",
     "my_world": "my_world has disks that move, and nothing else",

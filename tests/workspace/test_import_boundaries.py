@@ -22,7 +22,6 @@ MAY_IMPORT = {
     "sain_lab": BELOW,
     "sain_gym": BELOW | {"sain_lab"},
     "sain_live": BELOW | {"sain_lab", "sain_bringup"},
-    "sain_pusht": BELOW,
     "sain_bringup": BELOW | {"sain_lab"},
 }
 ROS_MODULE = re.compile(r"rclpy|launch|launch_ros|sain_interfaces|.*_msgs|.*_interfaces")

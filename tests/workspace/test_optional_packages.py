@@ -12,7 +12,7 @@ import pytest
 from tests.paths import ROOT
 from tests.workspace.source_tree import PYTHON_PACKAGES, SOURCE, imports_in
 
-OPTIONAL = ("sain_gym", "sain_live", "sain_pusht")  # a policy's environment, a view, a world
+OPTIONAL = ("sain_gym", "sain_live")  # a policy's environment, a view
 OTHERS = tuple(name for name in PYTHON_PACKAGES if name not in OPTIONAL)
 IMPORT_ALL = """
 import importlib.util, json, sys

@@ -30,8 +30,6 @@ NEEDED: Final[dict[str, tuple[str, ...]]] = {  # positional arguments of each co
     "sain_model identify": ("nowhere",),
     "sain_model real_import": ("nowhere",),
     "sain_model train": ("nowhere",),
-    "sain_pusht evaluate": (),
-    "sain_pusht learn": (),
     "sain_sim collect": (),
     "sain_vision calibrate_camera": (),
     "sain_vision new_shape": ("a_new_shape",),

@@ -28,7 +28,6 @@ DISTRIBUTION_OF = {
     "cv2": "opencv-python-headless",
     "PIL": "pillow",
     "ruamel": "ruamel.yaml",
-    "gym_pusht": "gym-pusht",
     "mcap_ros2": "mcap-ros2-support",
     "pybullet_data": "pybullet",
     "yaml": "pyyaml",

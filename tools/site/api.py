@@ -42,10 +42,6 @@ PACKAGES: Final = {
         "Laboratories: what is learned where a table stands.",
         ("learner", "keeping.results", "keeping.laboratory", "judging.curves"),
     ),
-    "sain_pusht": (
-        "gym-pusht as a world, and models of it.",
-        ("world", "agent", "model"),
-    ),
     "sain_gym": (
         "The Gymnasium environment, and the agent as a policy in it.",
         ("push_env", "config", "agent_policy"),

@@ -16,7 +16,7 @@ from sain_core.cli.node_command import NodeCommand
 
 PACKAGES: Final = (
     "sain_bringup", "sain_sim", "sain_vision", "sain_arm", "sain_model", "sain_mppi", "sain_bags",
-    "sain_eval", "sain_lab", "sain_live", "sain_pusht",
+    "sain_eval", "sain_lab", "sain_live",
 )  # fmt: skip
 INTRODUCTION: Final = """# Commands
 

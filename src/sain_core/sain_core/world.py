@@ -77,6 +77,7 @@ class PushRecord:
         predicted: (N, 8), what the planner's model expected.
         physics: (N, 8), what the nominal world expected, f_p.
         planning_time: [s].
+        duration: [s] of the world; 0: not measured.
         noise: (N,) [m], of estimated scenes: see `sain_core.transitions.PushHistory`.
     """
 
@@ -86,6 +87,7 @@ class PushRecord:
     predicted: Scene | None = None
     physics: Scene | None = None
     planning_time: float = 0.0
+    duration: float = 0.0
     noise: Scalars | None = None
 
     def error(self, body: int) -> float | None:

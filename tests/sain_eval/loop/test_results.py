@@ -80,31 +80,31 @@ def test_results_hold_all_it_takes_to_make_them_again(records, tmp_path):
 
 
 def test_a_journal_goes_on_where_it_was(records, tmp_path):
-    Journal(tmp_path, SETTINGS, SceneRecord).add(records)
-    again = Journal(tmp_path, SETTINGS, SceneRecord)
+    Journal(tmp_path, SETTINGS).add(records)
+    again = Journal(tmp_path, SETTINGS)
     assert again.records == records and again.done == {("paper", 0, "planar")}
 
 
 def test_a_line_cut_off_by_a_crash_is_dropped(records, tmp_path):
-    journal = Journal(tmp_path, SETTINGS, SceneRecord)
+    journal = Journal(tmp_path, SETTINGS)
     journal.add(records)
     whole = journal.path.read_text()
     journal.path.write_text(whole + '[{"scenario": "pap')
-    again = Journal(tmp_path, SETTINGS, SceneRecord)
+    again = Journal(tmp_path, SETTINGS)
     assert again.records == records and journal.path.read_text() == whole
 
 
 def test_a_journal_of_other_settings_is_refused(records, tmp_path):
-    Journal(tmp_path, SETTINGS, SceneRecord).add(records)
+    Journal(tmp_path, SETTINGS).add(records)
     with pytest.raises(OutputError, match="made with another tolerances"):
-        Journal(tmp_path, {"tolerances": (0.02,)}, SceneRecord)
+        Journal(tmp_path, {"tolerances": (0.02,)})
 
 
 @pytest.mark.parametrize("line", ["no json\n", '{"other": 1}\n'])
 def test_a_damaged_journal_is_refused(tmp_path, line):
     (tmp_path / JOURNAL_FILE).write_text(line)
     with pytest.raises(OutputError, match="is damaged"):
-        Journal(tmp_path, SETTINGS, SceneRecord)
+        Journal(tmp_path, SETTINGS)
 
 
 def test_the_command_writes_results_table_and_pictures(tmp_path):
@@ -159,7 +159,7 @@ def keep_a_table(records, tmp_path):
     """Keep a journal of the whole table with 3 scenes; a planner failed in one of them."""
     options = EvaluateOptions(out=tmp_path, table=True, scenes=3)
     jobs = jobs_of(options, set())
-    journal = Journal(tmp_path, options.settings(), SceneRecord)
+    journal = Journal(tmp_path, options.settings())
     for job in jobs:
         lost = (job.scenario == "rearrange_4" and job.seed == 1) or job.controller == "straight"
         why = "80 pushes left body 2 9.0 mm and 0.200 rad from its pose" if lost else ""

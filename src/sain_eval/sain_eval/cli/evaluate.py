@@ -230,7 +230,7 @@ def evaluate(options: EvaluateOptions, command: str, console: Console) -> list[S
     """
     pictures = [one.picture.name for one in jobs_of(options, set()) if one.picture]
     claim_folder(options.out, (*RESULT_FILES, *TABLES, *pictures), options.overwrite)
-    journal = Journal(options.out, options.settings(), SceneRecord, options.overwrite)
+    journal = Journal(options.out, options.settings(), options.overwrite)
     compile_visibly(console)  # neither the first plan nor each worker
     with silent_interrupts():
         for name in dict.fromkeys(name for part in options.parts for name in part.controllers):

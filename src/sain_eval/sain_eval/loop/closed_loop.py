@@ -111,7 +111,6 @@ def play_goals(
     goals: Sequence[Goal],
     bodies: Bodies,
     max_pushes: int,
-    over: Callable[[], bool] = lambda: False,
 ) -> EpisodeOutcome:
     """Play an agent in a world that was reset, and keep a record for each goal.
 
@@ -121,10 +120,9 @@ def play_goals(
         goals: given one after another, each once the one before is reached.
         bodies: as they are recorded.
         max_pushes: for each goal; 0: any number.
-        over: tells when the world has ended the episode by itself.
     """
     tasks = [Task(number, 0, goal, max_pushes) for number, goal in enumerate(goals, start=1)]
-    played = play(agent, world, tasks, bodies, over)
+    played = play(agent, world, tasks, bodies)
     records = tuple(
         EpisodeRecord(one.task.goal, one.pushes, one.start, bodies) for one in played.pursuits
     )

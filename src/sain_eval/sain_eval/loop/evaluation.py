@@ -5,7 +5,7 @@ from contextlib import closing
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Final, Generic, TypeVar
+from typing import Final
 
 from rich.console import Console
 from rich.progress import (
@@ -17,7 +17,7 @@ from rich.progress import (
 )
 
 from sain_core.output import write_whole
-from sain_core.workers import FunctionRunner, Job, Software, Work, WorkerOptions, run_on_workers
+from sain_core.workers import FunctionRunner, Software, Work, WorkerOptions, run_on_workers
 from sain_eval.episode import Tolerance, tightest
 from sain_eval.loop.closed_loop import EpisodeOutcome, agent_maker, run_episode
 from sain_eval.loop.results import PACKAGES, Journal, SceneRecord, scene_records
@@ -27,8 +27,6 @@ from sain_mppi.agent.agent import AgentConfig
 from sain_sim.camera.camera import WorldCameraConfig
 from sain_sim.world.engines import modules_of
 from sain_sim.world.truth import RANDOMISED_TRUTH, TruthConfig
-
-Record = TypeVar("Record", bound=SceneRecord)
 
 SOURCES: Final = ("sain_core", "sain_sim", "sain_model", "sain_mppi", "sain_eval")
 
@@ -53,10 +51,10 @@ class EpisodeJob:
 
 
 @dataclass(frozen=True)
-class EpisodeDone(Generic[Record]):
+class EpisodeDone:
     """An episode that was played: its records, and its picture where one was wanted."""
 
-    records: list[Record]
+    records: list[SceneRecord]
     picture: Path | None = None  # where to write it
     drawn: bytes = b""
 
@@ -68,7 +66,7 @@ def play_job(job: EpisodeJob) -> EpisodeOutcome:
     return run_episode(case, agent, tightest(job.tolerances), camera=job.camera)
 
 
-def run_job(job: EpisodeJob) -> EpisodeDone[SceneRecord]:
+def run_job(job: EpisodeJob) -> EpisodeDone:
     """Run one episode and judge it at each tolerance."""
     outcome = play_job(job)
     records = scene_records(job.case(), job.controller, outcome, job.tolerances)
@@ -92,13 +90,6 @@ def run_jobs(
         Software(SOURCES, (*PACKAGES, *engines)),
         lambda job: f"scene {job.seed} of {job.scenario} with {job.controller}",
     )
-    return run_on(work, jobs, options)
-
-
-def run_on(
-    work: Work[Job, EpisodeDone[Record]], jobs: Sequence[Job], options: WorkerOptions
-) -> Generator[list[Record], None, None]:
-    """Play episodes on workers, write their pictures, and yield their records as they come."""
     with closing(run_on_workers(work, jobs, options, ordered=False)) as results:
         for done in results:
             if done.picture is not None:
@@ -107,9 +98,9 @@ def run_on(
 
 
 def play(
-    results: Generator[list[Record], None, None],
+    results: Generator[list[SceneRecord], None, None],
     count: int,
-    journal: Journal[Record],
+    journal: Journal,
     console: Console,
 ) -> None:
     """Keep the records of so many episodes in a journal as they come, under a bar."""

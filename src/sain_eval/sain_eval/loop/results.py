@@ -8,7 +8,7 @@ from itertools import groupby
 from math import isnan
 from pathlib import Path
 from statistics import NormalDist
-from typing import Any, Final, Generic, TypeVar
+from typing import Any, Final
 
 import numpy as np
 
@@ -58,6 +58,7 @@ class SceneRecord:
     goals: int = 1  # reached in a row, where a scene has several
     most_goals: int = 1  # that the scene has
     within: str = ""  # what counts as success, where it is not the tolerance
+    seconds: float = 0.0  # of the world, that these pushes took
 
     @property
     def group(self) -> tuple[str, str, float, float]:
@@ -74,9 +75,6 @@ class SceneRecord:
         """The number of the scenario in the order of all; after these, if it is none of them."""
         names = list(SCENARIOS)
         return names.index(self.scenario) if self.scenario in names else len(names)
-
-
-Record = TypeVar("Record", bound=SceneRecord)
 
 
 def scene_records(
@@ -128,6 +126,8 @@ def _judged(
         shapes=case.shapes,
         goals=goals,
         most_goals=len(case.goals),
+        within=case.success,
+        seconds=sum(push.duration for push in made),
     )
 
 
@@ -183,6 +183,7 @@ def _row(records: list[SceneRecord]) -> dict[str, Any]:
         "successes": len(solved),
         "rate": interval_row(wilson_interval(len(solved), len(records))),
         "pushes": interval_row(bootstrap_mean(np.array([float(r.pushes) for r in solved]), random)),
+        "seconds": float(np.mean([record.seconds for record in records])),
         "planning_median": float(np.median(times)) if times else None,
         "planning_p95": float(np.quantile(times, 0.95)) if times else None,
         "target_error": float(np.mean(errors)) if errors else None,
@@ -221,42 +222,31 @@ def interval_row(interval: Interval) -> dict[str, float | None]:
 
 
 def write_results(
-    folder: Path,
-    records: Sequence[SceneRecord],
-    config: dict[str, Any],
-    command: str,
-    packages: Sequence[str] = PACKAGES,
-    **more: Any,
+    folder: Path, records: Sequence[SceneRecord], config: dict[str, Any], command: str
 ) -> Path:
-    """Write `results.json`: records, summary, and what it takes to make them again.
-
-    `more` stands in the file beside these, or in place of them.
-    """
+    """Write `results.json`: records, summary, and what it takes to make them again."""
     content = {
         "schema": SCHEMA,
         "command": command,
         "config": config,
         "git_commit": git_commit(),
-        "versions": versions(*packages),
+        "versions": versions(*PACKAGES),
         "machine": {"cpu": processor(), "system": system()},
         "summary": summarise(records),
         "scenes": [dataclasses.asdict(record) for record in records],
-        **more,
     }
     text = json.dumps(content, indent=1, allow_nan=False) + "\n"
     return write_whole(folder / RESULTS_FILE, text.encode())
 
 
-class Journal(Generic[Record]):
+class Journal:
     """A line for every finished episode, in a file; what is there from before is kept and read.
 
     The first line holds the settings. A last line cut off by a crash is dropped.
     """
 
-    def __init__(
-        self, folder: Path, settings: dict[str, Any], kind: type[Record], overwrite: bool = False
-    ) -> None:
-        """Open the journal in a folder; its records are of this kind.
+    def __init__(self, folder: Path, settings: dict[str, Any], overwrite: bool = False) -> None:
+        """Open the journal in a folder.
 
         With `overwrite`, one of other settings, or a damaged one, is begun anew.
 
@@ -264,8 +254,7 @@ class Journal(Generic[Record]):
             OutputError: it was kept with other settings, is damaged or cannot be written.
         """
         self.path = folder / JOURNAL_FILE
-        self.records: list[Record] = []
-        self._kind = kind
+        self.records: list[SceneRecord] = []
         self._first: dict[str, Any] | None = None  # line that is written with the first episode
         try:
             self._read(json.loads(json.dumps(settings)), overwrite)  # with lists for tuples
@@ -279,7 +268,7 @@ class Journal(Generic[Record]):
         """The episodes that are finished."""
         return {record.episode for record in self.records}
 
-    def add(self, records: list[Record]) -> None:
+    def add(self, records: list[SceneRecord]) -> None:
         """Write one episode's records, one for each tolerance."""
         if self._first is not None:
             write_whole(self.path, (json.dumps(self._first) + "\n").encode())
@@ -318,6 +307,6 @@ class Journal(Generic[Record]):
     def _begin(self, settings: dict[str, Any]) -> None:
         self.records, self._first = [], {"settings": settings}
 
-    def _record(self, item: dict[str, Any]) -> Record:
+    def _record(self, item: dict[str, Any]) -> SceneRecord:
         lists = {name: tuple(value) for name, value in item.items() if isinstance(value, list)}
-        return self._kind(**item | lists)
+        return SceneRecord(**item | lists)

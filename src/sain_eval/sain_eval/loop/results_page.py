@@ -1,6 +1,6 @@
 """A page of results: scenarios in rows, realities in columns, the paper's numbers beside them.
 
-A reality is a world that executes pushes: an engine with its physics, or somebody else's benchmark.
+A reality is a world that executes pushes: an engine with its physics, or a package's world.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -17,6 +17,7 @@ from sain_eval.loop.closed_loop import ORACLE
 from sain_eval.loop.results import RESULTS_FILE, SCHEMA
 from sain_eval.loop.tables import solved_text, within_text
 from sain_eval.scenes.scenarios import SCENARIOS
+from sain_sim.world.engines import ENGINES
 
 NUMBER: Final = (int, float)
 MAYBE: Final = (int, float, type(None))
@@ -25,7 +26,7 @@ NEEDED: Final[dict[str, tuple[type, ...]]] = {  # of each row of a summary
     "scenes": (int,), "successes": (int,), "rate": (dict,), "pushes": (dict,),
     "target_error": MAYBE, "most_goals": (int,), "goals_in_a_row": (list,),
 }  # fmt: skip
-OPTIONAL: Final = {"within": (str, type(None)), "steps": MAYBE, "fallbacks": MAYBE}
+OPTIONAL: Final = {"within": (str, type(None)), "seconds": MAYBE, "fallbacks": MAYBE}
 INTERVALS: Final = {"rate": NUMBER, "pushes": MAYBE}
 REALITY_NAMES: Final = {
     ("bullet", "randomised"): "Bullet",
@@ -34,20 +35,16 @@ REALITY_NAMES: Final = {
     ("mujoco", "measured"): "MuJoCo, measured",
 }
 SHIPPED: Final = "SAIN as shipped"
-TRAINED_THERE: Final = "SAIN trained there"
 CONTROLLER_NAMES: Final = {
     "null": "no push",
     "random": "random pushes",
     "straight": "straight pushes",
     "planar": "planar prior, history",
     "planar_axes": "planar prior with Bullet's axes, history",
-    "prior": "prior fitted there",
     "learned only": "learned only",
     "sain": SHIPPED,
-    "pusht": TRAINED_THERE,
-    ORACLE: ORACLE,
 }
-"""What people read; the order is that of the page. Others come after, by their own names."""
+"""What people read, in the order of the page. The oracle, and others by their names, follow."""
 
 PAPER: Final = {
     "paper": "40/40 (91-100 %)",
@@ -66,7 +63,7 @@ For users who compare models, planners and worlds. `make table` writes this page
 episodes. *Solved*: scenes solved, with their 95 % interval (Wilson). *Pushes*: mean of the solved
 scenes. *mm*: mean prediction error of pushes that moved a body of the goal by 2 mm or more. *By
 physics*: pushes that the prior planned, because the model did not answer. *Oracle*: the planner
-with the true friction; in gym-pusht with its physics.
+with the true friction.
 """
 
 
@@ -112,7 +109,7 @@ def read_results(folder: Path) -> RunResults:
         for row in content["summary"]:
             _check_row(row)
         return RunResults(
-            str(content.get("reality") or _reality(content["config"])),
+            _reality(content["config"]),
             str(content["command"]),
             str(content["git_commit"] or "unknown"),
             content["summary"],
@@ -144,7 +141,8 @@ def _reality(config: Mapping[str, Any]) -> str:
     bottom = truth.get("bottom", FEET)
     words = [f"bottom {bottom}"] if bottom != FEET else []
     words += [f"{name} {value}" for name, value in changed_settings(seen).items()]
-    return ", ".join([REALITY_NAMES.get(key, f"{key[0]}, {key[1]}"), *words])
+    other = ", ".join(key) if key[0] in ENGINES else key[0]
+    return ", ".join([REALITY_NAMES.get(key, other), *words])
 
 
 class Line(NamedTuple):
@@ -166,6 +164,7 @@ def results_page(results: Sequence[RunResults], names: Mapping[str, str]) -> str
     Of two evaluations with the same row and reality, the later one counts.
     """
     shown = {**CONTROLLER_NAMES, **names}
+    shown[ORACLE] = shown.pop(ORACLE, ORACLE)  # the last of those with a name
     order = list(dict.fromkeys(shown.values()))
     realities = list(dict.fromkeys(one.reality for one in results))
     cells: Cells = {}
@@ -248,8 +247,8 @@ def _cell(row: dict[str, Any]) -> str:
     parts = [f"**{solved_text(row)}** ({low:.0f}-{high:.0f} %)"]
     if pushes is not None:
         parts.append(f"{pushes:.1f} pushes")
-    if row.get("steps") is not None:
-        parts.append(f"{row['steps']:.1f} steps")
+    if row.get("seconds"):
+        parts.append(f"{row['seconds']:.1f} s")
     if error is not None:
         parts.append(f"{1e3 * error:.1f} mm")
     if row.get("fallbacks"):

@@ -58,6 +58,7 @@ class ScenarioScene:
         truth: the world that it plays in.
         roles: of each body; none: the paper's.
         further: goals that follow without a reset, each once the one before is reached.
+        success: what counts as one, where the goals judge by something else than a tolerance.
     """
 
     scenario: str
@@ -70,6 +71,7 @@ class ScenarioScene:
     truth: TruthConfig = RANDOMISED_TRUTH
     roles: tuple[str, ...] = ()
     further: tuple[Goal, ...] = ()
+    success: str = ""
 
     @property
     def bodies(self) -> Bodies:

@@ -1,6 +1,6 @@
 """An agent in a world: goals, one after another, without a reset between them."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -83,7 +83,6 @@ def play(
     world: AnyWorld[Any] | Sight,
     tasks: Sequence[Task],
     bodies: Bodies,
-    over: Callable[[], bool] = lambda: False,
 ) -> PlayOutcome:
     """Let an agent reach goals in a world that was reset, one after another, or stop.
 
@@ -92,19 +91,18 @@ def play(
         world: the world, or how the agent sees it.
         tasks: each with its goal. A later one is given when the one before is reached.
         bodies: in the world.
-        over: tells when the world has ended the episode by itself.
 
     Raises:
         WorldFailedError: the world is broken.
     """
-    playing = _Play(agent, world if isinstance(world, Sight) else Sight(world), over)
+    playing = _Play(agent, world if isinstance(world, Sight) else Sight(world))
     act(agent, EpisodeBegun(EPISODE, bodies))
     pursuits: list[Pursuit] = []
     for task in tasks:
         start, first = playing.scene, len(playing.pushes)
         playing.pursue(task)
         pursuits.append(Pursuit(task, start, tuple(playing.pushes[first:])))
-        if playing.failure or over():
+        if playing.failure:
             break
     counts = playing.refusals, playing.fallbacks
     return PlayOutcome(tuple(pursuits), playing.scene, *counts, playing.failure)
@@ -113,9 +111,9 @@ def play(
 class _Play:
     """An episode while it goes on."""
 
-    def __init__(self, agent: Agent, sight: Sight, over: Callable[[], bool]) -> None:
+    def __init__(self, agent: Agent, sight: Sight) -> None:
         """Begin in the world as it is."""
-        self._agent, self._sight, self._over = agent, sight, over
+        self._agent, self._sight = agent, sight
         self.scene = sight.world.observe()
         self.pushes: list[PushRecord] = []
         self.refusals = self.fallbacks = 0
@@ -124,7 +122,7 @@ class _Play:
     def pursue(self, task: Task) -> None:
         """Push until the agent stops; `failure` is why it stopped short of the goal."""
         decision = act(self._agent, GoalGiven(task))
-        while not self.failure and not self._over():
+        while not self.failure:
             decision = decision or self._look()
             if not isinstance(decision, PushDecision):
                 self.failure = decision.failure if decision else self._unsettled()
@@ -143,6 +141,7 @@ class _Play:
     def _carry_out(self, decision: PushDecision) -> Decision:
         """Execute a push; return what the agent decides once it has the result."""
         before, push, push_id = self.scene, decision.push, decision.push_id
+        begun = self._sight.time
         try:
             after = self._sight.push(push, decision.job.observed.scene)
         except WorldFailedError:
@@ -154,7 +153,10 @@ class _Play:
                 return None
             return act(self._agent, PushEnded(push_id, error.code))
         time = 0.0 if decision.plan is None else decision.plan.times.total
-        self.pushes.append(PushRecord(push, before, after, decision.predicted, planning_time=time))
+        took = self._sight.time - begun
+        self.pushes.append(
+            PushRecord(push, before, after, decision.predicted, planning_time=time, duration=took)
+        )
         self.fallbacks += decision.failure is not None
         self.scene = after
         executed = PushExecuted(push_id, EPISODE, before, push, after, self._sight.time)

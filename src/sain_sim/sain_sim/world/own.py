@@ -24,6 +24,7 @@ from sain_sim.world.world import CheckedWorld, World
 
 T = TypeVar("T")
 
+MOST_TIME: Final = 3600.0  # [s], of a push
 REPAIR: Final = "repair or uninstall that package"
 
 
@@ -87,9 +88,13 @@ class OwnWorld(CheckedWorld):
         before, motion = self.observe(), self.config.motion
         tips = motion.stroke(stroke.start, stroke.end, stroke.speed)
         joints = self.config.kinematics.joints(tips)
+        took = len(joints) * motion.time_step
 
         def perform() -> object:
-            return self._world.push(push.copy(), seen=seen).after
+            nonlocal took
+            outcome = self._world.push(push.copy(), seen=seen)
+            took = _duration(outcome.duration) or took
+            return outcome.after
 
         try:
             after = self._checked("push", before, perform)
@@ -98,7 +103,7 @@ class OwnWorld(CheckedWorld):
             raise
         begun = self._time
         for step, place in enumerate(joints, start=1):
-            self._joints, self._time = place, begun + step * motion.time_step
+            self._joints, self._time = place, begun + took * step / len(joints)
             if watch is not None and step % watch.every == 0:
                 watch.observer(self.sample("push"))
         self._scene = after
@@ -120,6 +125,13 @@ class OwnWorld(CheckedWorld):
 
     def close(self) -> None:
         """Nothing is held."""
+
+
+def _duration(given: object) -> float:
+    """Return the time [s] that a stranger's push took; 0: it does not tell."""
+    if not isinstance(given, (int, float)) or not 0.0 <= given <= MOST_TIME:
+        raise WorldFailedError(f"the duration is {given!r}; allowed: 0 to {MOST_TIME:g} s")
+    return float(given)
 
 
 def open_world(

@@ -1,0 +1,1 @@
+"""gym-pusht as a world, a scenario and models of SAIN."""

@@ -1,0 +1,233 @@
+"""How the disk moves: a path round the block to where a stroke starts, then the stroke, as targets.
+
+The disk has no mass: it follows its target by a PD controller, whatever it pushes. So its path is
+certain before it moves. All here is in pixels.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+from heapq import heappop, heappush
+from typing import Any, Final
+
+import numpy as np
+import shapely
+from shapely.geometry import Polygon, box
+
+from pusht.block import DISK, MIDDLE, WALLS
+from sain_core.errors import UnreachableError
+
+LOW, HIGH = WALLS[0] + DISK, WALLS[1] - DISK  # [px], where the middle of the disk may be
+KEEP_OFF: Final = 4.0  # [px], gap between disk and block for which paths are planned
+ROOM: Final = box(LOW, LOW, HIGH, HIGH)
+LEAST_GAP: Final = 0.3  # [px], the smallest that is accepted on a path
+ROUNDING: Final = 0.01  # [px]
+FREE: Final = 100.0  # [px], longest path in a step without contact
+LANDING: Final = 50.0  # [px/s], at the start of a stroke
+SLOWER: Final = 0.7 ** np.arange(6)  # factors on the speed of a path, one try after another
+STEADY: Final = 0.02  # weight of a target's change, so that targets stay near the places
+FIRM: Final = 30.0  # weight of places and velocities where the disk has to be exact
+
+
+@dataclass(frozen=True)
+class Servo:
+    """The controller of the disk: acceleration = k_p (target - place) - k_v velocity.
+
+    A motion (2, 2) is a place [px] and a velocity [px/s].
+    """
+
+    k_p: float  # [1/s^2]
+    k_v: float  # [1/s]
+    time_step: float  # [s], of the simulation
+    substeps: int  # of the simulation in a step of control
+
+    @classmethod
+    def of(cls, env: Any) -> "Servo":
+        """Return the controller of a gym-pusht environment."""
+        return cls(env.k_p, env.k_v, env.dt, int(1 / (env.dt * env.control_hz)))
+
+    @property
+    def period(self) -> float:
+        """The time [s] of a step of control."""
+        return self.time_step * self.substeps
+
+    @cached_property
+    def _once(self) -> tuple[np.ndarray, np.ndarray]:
+        """What a step of the simulation makes of a motion, and of the target."""
+        dt, k_p, k_v = self.time_step, self.k_p, self.k_v
+        speed = np.array([-dt * k_p, 1.0 - dt * k_v])
+        return np.array([np.array([1.0, 0.0]) + dt * speed, speed]), np.array([dt**2, dt]) * k_p
+
+    def follow(self, motion: np.ndarray, targets: np.ndarray) -> np.ndarray:
+        """Return the motions (T, 2, 2) after each step of the simulation, for targets (S, 2)."""
+        keep, gain = self._once
+        moved = []
+        for target in np.repeat(targets, self.substeps, axis=0):
+            motion = keep @ motion + gain[:, None] * target
+            moved.append(motion)
+        return np.array(moved)
+
+    def targets(
+        self, motion: np.ndarray, places: np.ndarray, stops: dict[int, np.ndarray]
+    ) -> np.ndarray:
+        """Return targets (S, 2) that lead the disk through places (S, 2), one a step of control.
+
+        By least squares: places are met nearly, the more exactly the less the disk must hurry.
+        `stops` are velocities (2,) at the end of steps, by their numbers.
+        """
+        count, moments = len(places), sorted(stops)
+        drift = self._ends(motion, count)  # without targets
+        answer = self._ends(np.eye(2), count)[:, :, 0]
+        once = self.follow(np.zeros((2, 2)), np.ones((1, 2)))[-1, :, 0]
+        answer = np.concatenate([once[None], self._ends(once[:, None], count - 1)[..., 0]])
+        later = np.subtract.outer(np.arange(count), np.arange(count))  # (S, S)
+        gains = answer[np.maximum(later, 0)] * (later >= 0)[..., None]  # (S, S, 2)
+        smooth, first = STEADY * (np.eye(count) - np.eye(count, k=-1)), np.zeros((count, 2))
+        first[0] = STEADY * motion[0]
+        firm, speed = np.ones((count, 1)), 2.0 * FIRM / self.k_v
+        firm[moments] = FIRM
+        rows = np.concatenate([firm * gains[..., 0], speed * gains[moments][..., 1], smooth])
+        speeds = np.array([stops[moment] for moment in moments])
+        wanted = [firm * (places - drift[:, 0]), speed * (speeds - drift[moments, 1]), first]
+        return np.linalg.lstsq(rows, np.concatenate(wanted), rcond=None)[0]
+
+    def _ends(self, motion: np.ndarray, count: int) -> np.ndarray:
+        """Return motions (count, 2, M) after each step of control, with the target at 0."""
+        keep = np.linalg.matrix_power(self._once[0], self.substeps)
+        ends = []
+        for _ in range(count):
+            motion = keep @ motion
+            ends.append(motion)
+        return np.array(ends).reshape(count, *motion.shape)
+
+    def stroke(self, start: np.ndarray, end: np.ndarray, speed: float) -> np.ndarray:
+        """Return the places (S, 2) of a stroke, at the end of each step of control."""
+        length = float(np.hypot(*(end - start)))
+        return start + ramp(length, speed * self.period)[:, None] * direction(start, end)
+
+
+def plan_motion(
+    servo: Servo,
+    motion: np.ndarray,
+    start: np.ndarray,
+    end: np.ndarray,
+    speed: float,
+    outline: np.ndarray,
+) -> np.ndarray:
+    """Return targets (S, 2) that lead the disk to a stroke from start to end (2,), and along it.
+
+    Until the stroke, the disk does not touch the outline (M, 2); if it touches it now, it leaves
+    it first. Where a fast path would touch it, a slower one is taken.
+
+    Raises:
+        UnreachableError: there is no such path between the walls.
+    """
+    block = Polygon(outline)
+    path, stroke = _path_round(motion[0], start, block), servo.stroke(start, end, speed)
+    for slower in SLOWER:
+        approach = _spread(path, slower * FREE)
+        places = np.concatenate([approach, stroke])
+        landing = LANDING * direction(start, end)
+        stops = {len(approach) - 1: landing, len(places) - 1: np.zeros(2)}
+        targets = servo.targets(motion, places, stops)
+        free = servo.follow(motion, targets[: len(approach)])[:, 0]
+        allowed = (targets >= 0.0) & (targets <= 2.0 * MIDDLE)
+        if allowed.all() and _keeps_off(shapely.distance(block, shapely.points(free)) - DISK):
+            return targets
+    raise UnreachableError(f"no path of the disk to {_shown(start)} px keeps off the block")
+
+
+def shut_off(places: np.ndarray, outlines: np.ndarray) -> np.ndarray:
+    """Tell which places (B, 2) an outline (B, M, 2) and walls part from most of the room."""
+    reach, found = DISK + KEEP_OFF, np.zeros(len(places), dtype=bool)
+    near = np.flatnonzero(((outlines < LOW + reach) | (outlines > HIGH - reach)).any(axis=(1, 2)))
+    free = shapely.difference(ROOM, _grown(shapely.polygons(outlines[near])))
+    parts, row = shapely.get_parts(free, return_index=True)
+    order = np.lexsort((shapely.area(parts), row))
+    largest = order[np.diff(row[order], append=len(near)) > 0]
+    found[near] = shapely.distance(parts[largest], shapely.points(places[near])) > KEEP_OFF
+    return found
+
+
+def nearest_outside(place: np.ndarray, block: Polygon) -> np.ndarray:
+    """Return the nearest place (2,) at which the disk keeps off the block."""
+    return _outside(place, block.buffer(DISK + KEEP_OFF))
+
+
+def direction(start: np.ndarray, end: np.ndarray) -> np.ndarray:
+    """Return the unit vector (2,) from a place (2,) to another; 0 where they are the same."""
+    return (end - start) / max(float(np.hypot(*(end - start))), 1e-9)
+
+
+def ramp(total: float, most: float) -> np.ndarray:
+    """Return distances (S,) up to `total` of which the first and the last step are short."""
+    count = max(int(np.ceil(total / most)) + 1, 2)
+    return total * np.minimum((np.arange(1, count + 1) - 0.5) / (count - 1), 1.0)
+
+
+def _path_round(start: np.ndarray, end: np.ndarray, block: Polygon) -> np.ndarray:
+    """Return the shortest path (P, 2) from a place to another that keeps off the block."""
+    grown = _grown(block)
+    first, last = _outside(start, grown), _outside(end, grown)
+    ends = shapely.points([first, last])
+    for part in shapely.get_parts(ROOM.difference(grown)):
+        if (shapely.distance(part, ends) < ROUNDING).all():
+            corners = shapely.get_coordinates(part)
+            places = [start, *_shortest([first, last, *corners], part.buffer(ROUNDING)), end]
+            apart = np.hypot(*np.diff(places, axis=0, prepend=np.inf).T) > ROUNDING
+            return np.array(places)[apart]
+    raise UnreachableError(
+        f"no path of the disk from {_shown(start)} px to {_shown(end)} px, round the block and"
+        " between the walls"
+    )
+
+
+def _grown(block: Any) -> Any:
+    """Return where the middle of the disk would be too near a block, or several."""
+    return shapely.buffer(block, DISK + KEEP_OFF, join_style="mitre", mitre_limit=1.5)
+
+
+def _outside(place: np.ndarray, grown: Polygon) -> np.ndarray:
+    point = shapely.Point(place)
+    if not grown.contains(point):
+        return place
+    return shapely.get_coordinates(shapely.shortest_line(grown.exterior, point))[0]
+
+
+def _shortest(places: list[np.ndarray], free: Polygon) -> list[np.ndarray]:
+    """Return the shortest path from the first place to the second, over others (Dijkstra)."""
+    far, before, done = [np.inf] * len(places), [0] * len(places), set()
+    far[0], queue = 0.0, [(0.0, 0)]
+    shapely.prepare(free)
+    while queue:
+        so_far, here = heappop(queue)
+        if here in done:
+            continue
+        done.add(here)
+        for other, place in enumerate(places):
+            reach = so_far + float(np.hypot(*(place - places[here])))
+            if reach < far[other] and free.covers(shapely.LineString([places[here], place])):
+                far[other], before[other] = reach, here
+                heappush(queue, (reach, other))
+    path = [1]
+    while path[-1] != 0:
+        path.append(before[path[-1]])
+    return [places[index] for index in reversed(path)]
+
+
+def _spread(path: np.ndarray, most: float) -> np.ndarray:
+    """Return places (S, 2) along a path (P, 2), no further apart than `most`, without the first."""
+    lengths = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(path, axis=0).T))])
+    done = ramp(float(lengths[-1]), most)
+    return np.stack([np.interp(done, lengths, path[:, axis]) for axis in range(2)], axis=-1)
+
+
+def _keeps_off(gaps: np.ndarray) -> bool:
+    """Tell whether gaps (T,) are never too small, but for a beginning in which they grow."""
+    enough = gaps >= LEAST_GAP
+    leaving = np.diff(gaps, prepend=gaps[0]) >= -ROUNDING
+    first = int(np.argmax(enough)) if enough.any() else len(enough)
+    return bool(leaving[:first].all() and enough[first:].all())
+
+
+def _shown(place: np.ndarray) -> str:
+    return f"({place[0]:.0f}, {place[1]:.0f})"
