@@ -153,7 +153,6 @@ def run_job(job: PushtJob) -> EpisodeDone[PushtRecord]:
 WORK: Final = Work(
     partial(FunctionRunner, run_job),
     Software((*SOURCES, "sain_pusht"), PACKAGES),
-    lambda job: f"episode {job.seed} of gym-pusht with {job.model}",
 )
 
 

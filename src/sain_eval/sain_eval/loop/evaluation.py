@@ -90,7 +90,6 @@ def run_jobs(
     work = Work(
         partial(FunctionRunner, run_job),
         Software(SOURCES, (*PACKAGES, *engines)),
-        lambda job: f"scene {job.seed} of {job.scenario} with {job.controller}",
     )
     return run_on(work, jobs, options)
 
