@@ -10,10 +10,10 @@ from rclpy.node import Node
 from my_robot.pretend_table import RATE, PretendTable, RobotConfig
 from sain_core.feasibility import Feasibility
 from sain_core.ros import codec
-from sain_core.ros.node_main import NAMESPACE, node_main
+from sain_core.ros.node_main import NAMESPACE, node_main, steady_timer
 from sain_core.ros.parameters import read_parameters
 from sain_core.ros.push_driver import PushDriver, PushOrder
-from sain_core.ros.qos import RELIABLE, steady_timer
+from sain_core.ros.qos import RELIABLE
 from sain_core.scene import THETA
 
 ARM = Feasibility()  # where this arm reaches, and its tool

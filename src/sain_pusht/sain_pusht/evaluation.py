@@ -12,7 +12,6 @@ import tyro
 from PIL import Image
 from rich.console import Console
 
-from sain_core.cli.command_line import silent_interrupts
 from sain_core.config import MOST_SEED, option
 from sain_core.output import OVERWRITE_HELP, claim_folder, write_whole
 from sain_core.provenance import ros2_command
@@ -117,9 +116,8 @@ class PushtJob:
 def run(options: PushtOptions, console: Console) -> None:
     """Play what is left, write the results, and print them as tables."""
     folder = claim_folder(options.out, (*RESULT_FILES, *TABLES, FILM_FILE), options.overwrite)
-    with silent_interrupts():  # what is missing should not wait for the first episode
-        make_env(MOST_STEPS)
-        _load(options.model)
+    make_env(MOST_STEPS)  # what is missing should not wait for the first episode
+    _load(options.model)
     seeds = range(options.seed, options.seed + options.episodes)
     settings = {"planner": dataclasses.asdict(options.planner)}
     journal = Journal(folder, settings, PushtRecord, options.overwrite)

@@ -35,10 +35,18 @@ from sain_core.feasibility import ReachTable
 from sain_core.guarding.ros.ownership import publishers
 from sain_core.guarding.ros.reception import take_waiting
 from sain_core.ros import codec
-from sain_core.ros.node_main import ERROR, NAMESPACE, OK, WARN, Diagnostics
+from sain_core.ros.node_main import (
+    ERROR,
+    NAMESPACE,
+    OK,
+    WARN,
+    Diagnostics,
+    LatchedTopic,
+    steady_timer,
+)
 from sain_core.ros.parameters import read_parameters
 from sain_core.ros.push_driver import PushDriver, PushOrder
-from sain_core.ros.qos import RELIABLE, LatchedTopic, steady_timer
+from sain_core.ros.qos import RELIABLE
 from sain_core.ros.worker import Worker
 from sain_core.scene import RADIUS, unit
 from sain_core.shapes.bodies import Bodies

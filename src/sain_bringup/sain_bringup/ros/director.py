@@ -21,8 +21,8 @@ from sain_bringup.ros.sight import Sight
 from sain_core.errors import ErrorCode, ModelUnavailableError, SainError, error_from_reply
 from sain_core.guarding.ros.ownership import refuse_peers, refuse_rivals
 from sain_core.ros.codec import encode_disks, encode_goal
-from sain_core.ros.node_main import NAMESPACE, node_of
-from sain_core.ros.qos import LATCHED, RELIABLE, SIMULATED
+from sain_core.ros.node_main import NAMESPACE, SIMULATED, node_of
+from sain_core.ros.qos import LATCHED, RELIABLE
 from sain_eval.episode import Tolerance
 from sain_eval.scenes.families import ScenarioScene
 from sain_interfaces.msg import Goal, Plan, PushResult

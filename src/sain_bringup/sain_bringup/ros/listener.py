@@ -17,8 +17,8 @@ from rclpy.qos import QoSProfile
 from sain_bringup.conditions import Conditions, described
 from sain_core.guarding.ros.ownership import full_name
 from sain_core.guarding.untrusted import private_folder
-from sain_core.ros.node_main import ERROR, OK, SEPARATOR, command_node
-from sain_core.ros.qos import RELIABLE, steady_timer
+from sain_core.ros.node_main import ERROR, OK, SEPARATOR, command_node, steady_timer
+from sain_core.ros.qos import RELIABLE
 from sain_interfaces.msg import Scene
 
 LOOK: Final = 0.25  # [s] between looks at the graph

@@ -20,7 +20,8 @@ from sain_core.guarding.ros.ownership import Ownership
 from sain_core.guarding.ros.reception import Reception, emptied, shortened, take_waiting
 from sain_core.guarding.session import Session
 from sain_core.ros import codec
-from sain_core.ros.qos import LATCHED_QUEUE, QUEUE, RELIABLE, steady_timer
+from sain_core.ros.node_main import steady_timer
+from sain_core.ros.qos import LATCHED_QUEUE, QUEUE, RELIABLE
 from sain_core.scene import POSE, RADIUS, THETA, wrap_angle
 from sain_core.shapes.bodies import Bodies
 from sain_core.types import PushArray

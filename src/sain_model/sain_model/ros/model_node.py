@@ -15,9 +15,9 @@ from sain_core.errors import BusyError, error_reply
 from sain_core.guarding.ros.reception import LONGEST_PATH, Reception, introspect, shortened
 from sain_core.guarding.ros.state_file import StateFile
 from sain_core.ros import codec
-from sain_core.ros.node_main import NAMESPACE, OK, WARN, Diagnostics
+from sain_core.ros.node_main import NAMESPACE, OK, WARN, Diagnostics, steady_timer
 from sain_core.ros.parameters import read_parameters
-from sain_core.ros.qos import LATCHED, steady_timer
+from sain_core.ros.qos import LATCHED
 from sain_core.ros.worker import Worker
 from sain_core.wire.bodies import decode_bodies, decode_request_bodies
 from sain_interfaces.msg import Bodies

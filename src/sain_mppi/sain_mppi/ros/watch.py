@@ -9,10 +9,9 @@ from rclpy.node import Node
 from sain_core import wire
 from sain_core.errors import ErrorCode, SainError
 from sain_core.guarding.ros.ownership import Ownership
-from sain_core.guarding.ros.state_file import StateFile, id_in, message_of, text_of
+from sain_core.guarding.ros.state_file import StateFile, Subscribers, id_in, message_of, text_of
 from sain_core.ros.codec import decode_time
-from sain_core.ros.node_main import ERROR, OK, WARN, Diagnostics
-from sain_core.ros.qos import Return, listeners, steady_timer
+from sain_core.ros.node_main import ERROR, OK, WARN, Diagnostics, steady_timer
 from sain_interfaces.msg import Goal, Plan, PushResult
 from sain_mppi.agent.agent import MOST_PUSHES
 from sain_mppi.agent.events import PushEnded, PushExecuted
@@ -45,7 +44,7 @@ class Notes:
         self.pushes = 0
         self.plans = 0  # made so far
         self.heard: list[int] = []  # goals, by when they were sent
-        self.listeners: list[str] = []  # nodes
+        self.subscribers = 0  # of plans
         self.results: list[PushResult] = []
         self._read()
 
@@ -54,10 +53,10 @@ class Notes:
         self.goal, self.pushes, self.heard = goal, 0, list(heard)
         self.write()
 
-    def heard_by(self, names: Iterable[str]) -> None:
-        """Note who hears the planner."""
-        if (now := sorted(names)) != self.listeners:
-            self.listeners = now
+    def set_subscribers(self, count: int) -> None:
+        """Note how many subscribe to plans."""
+        if count != self.subscribers:
+            self.subscribers = count
             self.write()
 
     def count(self, pushes: int) -> None:
@@ -91,7 +90,7 @@ class Notes:
             pushes=self.pushes,
             plans=self.plans,
             heard=self.heard,
-            listeners=self.listeners,
+            subscribers=self.subscribers,
             results=[text_of(result) for result in self.results],
         )
 
@@ -103,7 +102,7 @@ class Notes:
             self.goal = message_of(Goal, state["goal"]) if state["goal"] else None
             self.pushes, self.plans = id_in(state, "pushes"), id_in(state, "plans")
             self.heard = [int(stamp) for stamp in state["heard"]]
-            self.listeners = [str(name) for name in state["listeners"]]
+            self.subscribers = id_in(state, "subscribers")
             self.results = [message_of(PushResult, text) for text in state["results"]]
 
 
@@ -123,7 +122,8 @@ class PeerWatch:
         self._node, self._diagnostics = node, diagnostics
         self._remote, self._notes = remote, notes
         self.ownership = Ownership(node, ("plan",))  # people and players send pushes, too
-        self._back = Return(node, "plan", notes.listeners, anyone=notes.goal is not None)
+        before = notes.subscribers or int(notes.goal is not None)
+        self._subscribers = Subscribers(node, "plan", before)
         self._rival = ""
         self._starting = True  # until a model serves, or a plan says more
         diagnostics.set(WARN, NO_MODEL)
@@ -139,7 +139,9 @@ class PeerWatch:
     @property
     def ready(self) -> bool:
         """Whether to act: those who listened before are back, and no model is about to serve."""
-        return self._back.complete() and not (self._remote is not None and self._remote.starting)
+        return self._subscribers.complete() and not (
+            self._remote is not None and self._remote.starting
+        )
 
     def report(self, level: bytes, message: str, **figures: object) -> None:
         """Report what became of a plan: it says more than the looks for a model."""
@@ -155,8 +157,8 @@ class PeerWatch:
             self._diagnostics.set(WARN, f"waits for the model: {doing}" if doing else NO_MODEL)
 
     def _look_around(self) -> None:
-        if self._back.complete():
-            self._notes.heard_by(listeners(self._node, "plan"))
+        if self._subscribers.complete():
+            self._notes.set_subscribers(self._subscribers.count())
 
     def _look_for_rivals(self) -> None:
         before, self._rival = self._rival, self.ownership.rival()

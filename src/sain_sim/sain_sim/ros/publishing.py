@@ -13,8 +13,8 @@ from sain_core.guarding.session import Session
 from sain_core.ros import codec
 from sain_core.ros.camera_topics import CameraTopics
 from sain_core.ros.markers import MarkerBoard, markers_of, tool_marker
-from sain_core.ros.node_main import ERROR, OK, WARN, Diagnostics
-from sain_core.ros.qos import LATCHED, QUEUE, RELIABLE, LatchedTopic
+from sain_core.ros.node_main import ERROR, OK, WARN, Diagnostics, LatchedTopic
+from sain_core.ros.qos import LATCHED, QUEUE, RELIABLE
 from sain_core.scene import is_settled
 from sain_core.types import Scene
 from sain_core.view.scenes import bodies_in, table_top

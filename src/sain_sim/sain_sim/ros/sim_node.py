@@ -13,9 +13,9 @@ from sain_core.errors import BusyError, CancelledError, SainError
 from sain_core.guarding.ros.ownership import Ownership
 from sain_core.guarding.ros.reception import Reception, emptied, introspect, shortened
 from sain_core.guarding.session import Session
-from sain_core.ros.node_main import NAMESPACE
+from sain_core.ros.node_main import NAMESPACE, steady_timer
 from sain_core.ros.parameters import read_parameters
-from sain_core.ros.qos import QUEUE, RELIABLE, steady_timer
+from sain_core.ros.qos import QUEUE, RELIABLE
 from sain_core.ros.worker import Worker
 from sain_core.types import Scene
 from sain_interfaces.msg import Push, PushResult

@@ -17,9 +17,17 @@ from sain_core.guarding.ros.reception import Reception, shortened
 from sain_core.guarding.ros.state_file import StateFile, id_in
 from sain_core.ros import codec
 from sain_core.ros.markers import MarkerBoard, markers_of
-from sain_core.ros.node_main import ERROR, NAMESPACE, OK, WARN, Diagnostics
+from sain_core.ros.node_main import (
+    ERROR,
+    NAMESPACE,
+    OK,
+    WARN,
+    Diagnostics,
+    LatchedTopic,
+    steady_timer,
+)
 from sain_core.ros.parameters import LiveParameters, read_parameters
-from sain_core.ros.qos import LATCHED_QUEUE, QUEUE, RELIABLE, TRANSFORMS, LatchedTopic, steady_timer
+from sain_core.ros.qos import LATCHED_QUEUE, QUEUE, RELIABLE, TRANSFORMS
 from sain_core.scene import Table
 from sain_core.view.scenes import bodies_in, table_top
 from sain_core.view.things import Thing
