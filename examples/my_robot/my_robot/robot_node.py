@@ -60,7 +60,7 @@ class RobotNode(Node):
     def destroy_node(self) -> None:
         """Let another driver have the results."""
         super().destroy_node()
-        self.driver.ownership.release()
+        self.driver.release_namespace()
 
 
 def encode_poses(poses: np.ndarray, stamp: Time) -> PoseArray:

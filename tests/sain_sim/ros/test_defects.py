@@ -63,19 +63,21 @@ def test_each_push_of_a_burst_is_answered(graph, simulator):
 
 
 @pytest.mark.parametrize("topic", ["scene", "shapes"])
-def test_a_rival_is_an_error_on_diagnostics_until_it_ends(graph, ros_domain, simulator, topic):
+def test_a_second_publisher_is_an_error_on_diagnostics_until_it_ends(
+    graph, ros_domain, simulator, topic
+):
     graph.listen("/diagnostics", DiagnosticArray)
     elsewhere = Context()
     rclpy.init(context=elsewhere, domain_id=ros_domain)
-    rival = Node("rival", namespace="sain", context=elsewhere)
-    rival.create_publisher({"scene": Scene, "shapes": Bodies}[topic], topic, 1)
-    expected = f"/sain/rival publishes /sain/{topic}, too; stop it, or start this one with another"
+    second = Node("second", namespace="sain", context=elsewhere)
+    second.create_publisher({"scene": Scene, "shapes": Bodies}[topic], topic, 1)
+    expected = f"/sain/second and /sain/sim_node publish /sain/{topic}; there must be one"
 
     def status():
         return graph.heard["/diagnostics"][-1].status[0] if graph.heard["/diagnostics"] else None
 
     graph.wait(lambda: status() and status().level == DiagnosticStatus.ERROR, "the error")
     assert status().message.startswith(expected)
-    rival.destroy_node()
+    second.destroy_node()
     elsewhere.try_shutdown()
-    graph.wait(lambda: status().level == DiagnosticStatus.OK, "the end of the rival")
+    graph.wait(lambda: status().level == DiagnosticStatus.OK, "the end of the second")

@@ -8,7 +8,7 @@ from rclpy.node import Node
 
 from sain_core import wire
 from sain_core.errors import ErrorCode, SainError
-from sain_core.guarding.ros.ownership import Ownership
+from sain_core.guarding.ros.ownership import find_second_publisher
 from sain_core.guarding.ros.state_file import StateFile, Subscribers, id_in, message_of, text_of
 from sain_core.ros.codec import decode_time
 from sain_core.ros.node_main import ERROR, OK, WARN, Diagnostics, steady_timer
@@ -108,7 +108,7 @@ class Notes:
 
 LOOK_AGAIN: Final = 0.1  # [s] between looks for the model, and for messages that do not come
 LOOK_AROUND: Final = 1.0  # [s] between looks for who listens
-LOOK_FOR_RIVALS: Final = 0.5  # [s] between looks for other planners
+LOOK_FOR_PLANNERS: Final = 0.5  # [s] between looks for others
 NO_MODEL: Final = "no model is ready yet: plans use physics without learning"
 
 
@@ -118,13 +118,12 @@ class PeerWatch:
     def __init__(
         self, node: Node, diagnostics: Diagnostics, remote: RemoteRollout | None, notes: Notes
     ) -> None:
-        """Take hold of what only one planner may publish."""
+        """Look at nothing yet."""
         self._node, self._diagnostics = node, diagnostics
         self._remote, self._notes = remote, notes
-        self.ownership = Ownership(node, ("plan",))  # people and players send pushes, too
         before = notes.subscribers or int(notes.goal is not None)
         self._subscribers = Subscribers(node, "plan", before)
-        self._rival = ""
+        self._conflict = ""
         self._starting = True  # until a model serves, or a plan says more
         diagnostics.set(WARN, NO_MODEL)
 
@@ -132,7 +131,7 @@ class PeerWatch:
         """Look from now on; `look_again` is called at each look."""
         steady_timer(self._node, LOOK_AGAIN, self._look)
         steady_timer(self._node, LOOK_AGAIN, look_again)
-        steady_timer(self._node, LOOK_FOR_RIVALS, self._look_for_rivals)
+        steady_timer(self._node, LOOK_FOR_PLANNERS, self._look_for_planners)
         if self._notes.kept:
             steady_timer(self._node, LOOK_AROUND, self._look_around)
 
@@ -160,9 +159,10 @@ class PeerWatch:
         if self._subscribers.complete():
             self._notes.set_subscribers(self._subscribers.count())
 
-    def _look_for_rivals(self) -> None:
-        before, self._rival = self._rival, self.ownership.rival()
-        if self._rival:
-            self._diagnostics.set(ERROR, self._rival)
+    def _look_for_planners(self) -> None:
+        # people and players send pushes, too
+        before, self._conflict = self._conflict, find_second_publisher(self._node, ("plan",))
+        if self._conflict:
+            self._diagnostics.set(ERROR, self._conflict)
         elif before:
             self._diagnostics.set(OK, "ready")
