@@ -17,7 +17,7 @@ from sain_core import wire
 from sain_core.errors import BusyError, ErrorCode, error_reply
 from sain_core.feasibility import Feasibility, Stroke, checked_stroke
 from sain_core.guarding.ros.ownership import find_second_publisher, lock_namespace
-from sain_core.guarding.ros.reception import Reception, emptied, shortened, take_waiting
+from sain_core.guarding.ros.reception import Reception, shortened, take_waiting
 from sain_core.guarding.session import Session
 from sain_core.ros import codec
 from sain_core.ros.node_main import steady_timer
@@ -164,7 +164,7 @@ class PushDriver:
         warn_of_refusal(
             self._node,
             code,
-            f"push {message.push_id} from {emptied(message).source!r} refused: {shortened(text)}",
+            f"push {message.push_id} from {message.source!r} refused: {shortened(text)}",
         )
         scene = Scene() if self._door.seen is None else self._door.seen.message
         self._answer(message, code, shortened(text), scene, scene)

@@ -11,7 +11,7 @@ from sain_core import wire
 from sain_core.camera.image_camera import Shot
 from sain_core.errors import BusyError, CancelledError, SainError
 from sain_core.guarding.ros.ownership import find_second_publisher, lock_namespace
-from sain_core.guarding.ros.reception import Reception, emptied, introspect, shortened
+from sain_core.guarding.ros.reception import Reception, introspect, shortened
 from sain_core.guarding.session import Session
 from sain_core.ros.node_main import NAMESPACE, steady_timer
 from sain_core.ros.parameters import read_parameters
@@ -162,7 +162,6 @@ class SimNode(Node):
 
     def _refuse(self, message: Push, error: BaseException) -> None:
         self.counts["refused"] += 1
-        message = emptied(message)
         self.get_logger().warning(
             f"push {message.push_id} from {message.source!r} refused: {shortened(str(error))}"
         )
