@@ -46,8 +46,8 @@ from sain_bringup.processes import UNHURRIED, RestartConfig, Supervisor
 from sain_core import wire
 from sain_core.errors import ErrorCode
 from sain_core.ros import codec
-from sain_core.ros.node_main import ros_context
-from sain_core.ros.qos import LATCHED, QUEUE, RELIABLE, steady_timer
+from sain_core.ros.node_main import ros_context, steady_timer
+from sain_core.ros.qos import LATCHED, QUEUE, RELIABLE
 from sain_core.scene import POSITION, THETA
 from sain_core.shapes.body_file import read_bodies
 from sain_core.world import ObservationConfig

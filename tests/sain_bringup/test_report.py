@@ -1,9 +1,9 @@
 """Figures, moments and pictures of a run, made from episodes as a bag gives them."""
 
-from concurrent.futures import Future
+from collections.abc import Iterator
 from dataclasses import replace
 from io import BytesIO, StringIO
-from itertools import cycle, pairwise
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -21,7 +21,7 @@ from sain_core.goal import Goal, Judgement
 from sain_core.push import idle_pushes, make_push
 from sain_core.scene import make_scene
 from sain_core.types import Scene
-from sain_core.workers import Processes, Work
+from sain_core.workers import Work
 
 GOAL = np.array([0.60, 0.0])
 
@@ -136,29 +136,16 @@ class FakeRenderer:
         return picture
 
 
-class InProcess(Processes):
-    """Workers that are this process."""
-
-    def __init__(self, work: Work, size: int) -> None:
-        self.runners = cycle([work.start() for _ in range(size)])
-
-    def submit(self, job: object) -> Future:
-        done: Future = Future()
-        done.set_result(next(self.runners).run(job))
-        return done
-
-    def result(self, future: Future) -> object:
-        return future.result()
-
-    def close(self) -> None:
-        pass
+def in_this_process(work: Work, jobs: list, size: int) -> Iterator[object]:
+    assert size == len(jobs)
+    return iter([work.start().run(job) for job in jobs])
 
 
 def filmed(
     monkeypatch: pytest.MonkeyPatch, blind: int = 0
 ) -> tuple[list[Image.Image], list[float]]:
     used: list[float] = []
-    monkeypatch.setattr(movie, "Processes", InProcess)
+    monkeypatch.setattr(movie, "start_processes", in_this_process)
     monkeypatch.setattr(movie.Scenery, "renderer", lambda _: FakeRenderer(blind, used))
     scenery = Scenery(scene(0.4), None, None, GOAL, 0.08, "paper 4", MovieConfig())
     return Film(scenery, moments(5, 0.1), processes=2).frames(), used

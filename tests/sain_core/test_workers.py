@@ -1,4 +1,4 @@
-"""Workers end with the process that started them, also when it is killed."""
+"""Work on several processes: its results, its errors, and its end."""
 
 import os
 import signal
@@ -7,13 +7,15 @@ import sys
 import tempfile
 from collections.abc import Callable
 from functools import partial
+from multiprocessing import active_children
 from pathlib import Path
 from time import monotonic, sleep
 from typing import Any
 
 import pytest
 
-from sain_core.workers import FunctionRunner, Software, Work
+from sain_core.errors import SainError
+from sain_core.workers import FunctionRunner, Software, Work, WorkerOptions, run_on_workers
 
 PROGRAM = """
 import sys
@@ -26,9 +28,17 @@ if __name__ == "__main__":
     list(run_on_workers(work_of(wait_here), [Path(sys.argv[1])] * 4, two))
 """
 
+COLLECT = """
+import sys
+from sain_sim.commands import collect
+if __name__ == "__main__":
+    sys.argv[1:] = ["--out", sys.argv[1], "--episodes", "10000", "--workers", "2"]
+    sys.exit(collect())
+"""
+
 
 def work_of(function: Callable[[Any], Any]) -> Work[Any, Any]:
-    return Work(partial(FunctionRunner, function), Software(("sain_core",), ("numpy",)), str)
+    return Work(partial(FunctionRunner, function), Software(("sain_core",), ("numpy",)))
 
 
 def wait_here(folder: Path) -> None:
@@ -40,13 +50,96 @@ def alive(folder: Path) -> list[int]:
     return [int(path.name) for path in folder.iterdir() if Path("/proc", path.name).exists()]
 
 
-def wait_until(condition: Callable[[], bool]) -> bool:
-    end = monotonic() + 150.0
+def group_lives(group: int) -> bool:
+    try:
+        os.killpg(group, 0)
+    except ProcessLookupError:
+        return False
+    return True
+
+
+def wait_until(condition: Callable[[], bool], seconds: float = 150.0) -> bool:
+    end = monotonic() + seconds
     while not condition():
         if monotonic() > end:
             return False
         sleep(0.05)
     return True
+
+
+def square_of(job: int) -> int:
+    sleep(0.02 * (job % 3))
+    return job**2
+
+
+def refuse_five(job: int) -> int:
+    if job == 5:
+        raise SainError("no room for 5")
+    return job
+
+
+def end_at_five(job: int) -> int:
+    if job == 5:
+        os.kill(os.getpid(), signal.SIGKILL)
+    return job
+
+
+@pytest.mark.parametrize("workers", [1, 2, 3])
+def test_results_do_not_depend_on_the_number_of_workers(workers: int) -> None:
+    options = WorkerOptions(workers=workers)
+    assert list(run_on_workers(work_of(square_of), range(30), options)) == [n**2 for n in range(30)]
+    unordered = run_on_workers(work_of(square_of), range(30), options, ordered=False)
+    assert sorted(unordered) == [n**2 for n in range(30)]
+    assert list(run_on_workers(work_of(square_of), [], options)) == []
+    assert active_children() == []
+
+
+def test_an_error_of_a_job_ends_the_work() -> None:
+    for workers in (1, 2):
+        with pytest.raises(SainError, match=r"^no room for 5$"):
+            list(run_on_workers(work_of(refuse_five), range(9), WorkerOptions(workers=workers)))
+        assert active_children() == []
+
+
+def test_a_killed_worker_is_named_in_one_line() -> None:
+    died = (
+        r"^a worker process died with exit code SIGKILL\(-9\) after \d of 9 jobs; .* fewer workers$"
+    )
+    with pytest.raises(SainError, match=died):
+        list(run_on_workers(work_of(end_at_five), range(9), WorkerOptions(workers=2)))
+    assert active_children() == []
+
+
+def test_an_error_of_the_caller_ends_workers_in_the_middle_of_a_job(tmp_path: Path) -> None:
+    work, two = work_of(wait_unless_first), WorkerOptions(workers=2)
+    results = run_on_workers(work, [tmp_path] * 4, two, ordered=False)
+    assert next(results) == 0
+    results.close()
+    assert active_children() == []
+
+
+def wait_unless_first(folder: Path) -> int:
+    try:
+        (folder / "first").touch(exist_ok=False)
+    except FileExistsError:
+        sleep(100.0)
+    return 0
+
+
+def test_ctrl_c_ends_the_command_and_its_workers_at_once(tmp_path: Path) -> None:
+    command = [sys.executable, "-c", COLLECT, str(tmp_path / "data")]
+    here = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+    with subprocess.Popen(
+        command, env=here, stderr=subprocess.PIPE, text=True, start_new_session=True
+    ) as running:
+        assert wait_until((tmp_path / "data" / "episodes.jsonl").exists)
+        os.killpg(running.pid, signal.SIGINT)  # as a terminal does: to every process
+        begun = monotonic()
+        error = running.communicate(timeout=60.0)[1]
+    assert running.returncode == 130 and monotonic() - begun < 10.0
+    assert "stopped; the same command continues from the last whole" in error
+    assert "Traceback" not in error and "Warning" not in error
+    assert wait_until(lambda: not group_lives(running.pid), 5.0)
 
 
 @pytest.mark.parametrize("ray", ["", "local"])

@@ -2,9 +2,10 @@
 
 import numpy as np
 import pytest
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 
 from sain_core import wire
-from sain_core.errors import BusyError, ErrorCode
+from sain_core.errors import ErrorCode
 from sain_core.ros import codec
 from sain_core.scene import POSITION, TARGET, make_scene
 from sain_interfaces.msg import Plan
@@ -62,8 +63,14 @@ def test_everything_about_a_push_can_be_paired_by_its_id(graph, running):
         assert (plan.scene_id, plan.episode_id) == (result.before.scene_id, result.episode_id)
 
 
-def test_a_second_planner_is_refused(graph, running):
-    with pytest.raises(BusyError, match=r"process \d+ \(.+\) publishes /sain/plan already"):
-        MppiNode(context=graph.context, cli_args=["--ros-args", "-r", "__node:=second"])
-    assert play(graph, (0.70, 0.06), 1, tolerance=0.02).status == Plan.REACHED
-    assert {push.source for push in graph.heard["push"]} == {"/sain/mppi_node"}
+def test_a_second_planner_is_an_error_on_diagnostics(graph, running):
+    graph.listen("/diagnostics", DiagnosticArray)
+    arguments = ["--ros-args", "-r", "__node:=second"]
+    graph.add(MppiNode(context=graph.context, cli_args=arguments))
+
+    def errors() -> str:
+        status = [one for array in graph.heard["/diagnostics"] for one in array.status]
+        return " ".join(one.message for one in status if one.level == DiagnosticStatus.ERROR)
+
+    expected = "/sain/mppi_node and /sain/second publish /sain/plan; there must be one"
+    graph.wait(lambda: expected in errors(), "the error")

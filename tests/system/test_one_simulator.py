@@ -13,7 +13,7 @@ pytestmark = pytest.mark.system
 
 CODE = "import sys; from sain_sim.commands import sim_node; sys.exit(sim_node())"
 PATIENCE = 60.0  # [s]
-REFUSED = "sim_node: process {pid} (/sain/sim_node) publishes /sain/scene already; stop it"
+REFUSED = "sim_node: process {pid} (/sain/sim_node) executes pushes in namespace /sain"
 
 
 @contextmanager

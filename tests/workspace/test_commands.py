@@ -41,6 +41,7 @@ sys.argv = {arguments!r}
 {start}
 """
 ENTRY = "sys.exit(getattr(import_module('{package}.commands'), '{name}')())"
+KEPT = (".sain-files", "episodes.jsonl")  # of a folder that was claimed, to be continued
 COLUMNS = 100  # of the terminal
 Start = Callable[..., Ended]
 LAUNCHER = "import runpy; runpy.run_path('{path}', run_name='__main__')"
@@ -191,8 +192,8 @@ def test_ctrl_c_during_an_import_ends_it_quietly(
     )
     assert done.returncode == 130, done.stderr
     assert "Traceback" not in done.stderr
-    left = [path for path in tmp_path.rglob("*") if path.is_file() and path.name != ".sain-files"]
-    assert left == []  # but for a folder that was claimed
+    left = [path for path in tmp_path.rglob("*") if path.is_file() and path.name not in KEPT]
+    assert left == []
 
 
 def test_ctrl_c_before_the_command_is_there_ends_it_quietly(tmp_path: Path) -> None:

@@ -10,10 +10,10 @@ from rclpy.node import Node
 from my_robot.pretend_table import RATE, PretendTable, RobotConfig
 from sain_core.feasibility import Feasibility
 from sain_core.ros import codec
-from sain_core.ros.node_main import NAMESPACE, node_main
+from sain_core.ros.node_main import NAMESPACE, node_main, steady_timer
 from sain_core.ros.parameters import read_parameters
 from sain_core.ros.push_driver import PushDriver, PushOrder
-from sain_core.ros.qos import RELIABLE, steady_timer
+from sain_core.ros.qos import RELIABLE
 from sain_core.scene import THETA
 
 ARM = Feasibility()  # where this arm reaches, and its tool
@@ -60,7 +60,7 @@ class RobotNode(Node):
     def destroy_node(self) -> None:
         """Let another driver have the results."""
         super().destroy_node()
-        self.driver.ownership.release()
+        self.driver.release_namespace()
 
 
 def encode_poses(poses: np.ndarray, stamp: Time) -> PoseArray:

@@ -26,7 +26,7 @@ from sain_core.types import Points, Scene
 from sain_core.view.film import gif_of
 from sain_core.view.palette import PALETTE
 from sain_core.wire import decode_disks, decode_stamp
-from sain_core.workers import Processes, Software, Work
+from sain_core.workers import FunctionRunner, Software, Work, start_processes
 
 if TYPE_CHECKING:
     from sain_sim.camera.render import Renderer  # takes a second to load
@@ -138,28 +138,17 @@ class FilmPart(NamedTuple):
     whatever: bool
 
 
-class FilmWorker:
-    """Renders parts of a film, in a process of its own."""
-
-    def __init__(self, scenery: Scenery) -> None:
-        """Build what is to be seen."""
-        self._scenery, self._renderer = scenery, scenery.renderer()
-
-    def run(self, part: FilmPart) -> list[Image.Image] | None:
-        """Return the pictures of a part; None where one hides the target or the goal."""
-        scenery, renderer = self._scenery, self._renderer
+def render(scenery: Scenery, part: FilmPart) -> list[Image.Image] | None:
+    """Return the pictures of a part; None where one hides the target or the goal."""
+    frames = []
+    with scenery.renderer() as renderer:
         renderer.look_from(part.eye)
-        frames = []
         for moment in part.moments:
             picture = renderer.picture(moment.joints, moment.scene, scenery.goal, scenery.ring)
             if not (part.whatever or all(renderer.pixels)):
                 return None
             frames.append(_caption(picture, scenery.title, moment.judged))
-        return frames
-
-    def close(self) -> None:
-        """Close the renderer."""
-        self._renderer.close()
+    return frames
 
 
 class Film:
@@ -177,27 +166,26 @@ class Film:
         size = min(processes or len(os.sched_getaffinity(0)), MOST_PROCESSES, len(moments))
         ends = np.linspace(0, len(moments), size + 1).astype(int).tolist()
         self._parts = [moments[first:last] for first, last in pairwise(ends)]
-        nothing = Software((), ())  # that the pictures must agree with
-        work = Work(partial(FilmWorker, scenery), nothing, lambda part: "the film", resumes=False)
-        self._pool: Processes[FilmPart, list[Image.Image] | None] = Processes(work, size)
+        start = partial(FunctionRunner, partial(render, scenery))
+        self._work = Work(start, Software((), ()))  # there is nothing that pictures must agree with
         self._begin()
 
     def _begin(self) -> None:
         eye, whatever = self._views.pop(0)
         parts = [FilmPart(moments, eye, whatever) for moments in self._parts]
-        self._futures = [self._pool.submit(part) for part in parts]
+        self._pictures = start_processes(self._work, parts, len(parts))
 
     def frames(self) -> list[Image.Image]:
         """Wait for the pictures and return them."""
         while True:
-            parts = [self._pool.result(future) for future in self._futures]
+            parts = list(self._pictures)
             if None not in parts:
                 return [frame for part in parts if part is not None for frame in part]
             self._begin()  # from the next place; from the last one, all pictures count
 
     def close(self) -> None:
         """End the processes, also in the middle of the work."""
-        self._pool.close()
+        self._pictures.close()
 
 
 def encode_gif(frames: Sequence[Image.Image], config: MovieConfig) -> bytes:

@@ -2,6 +2,7 @@
 
 import sys
 import time
+from types import SimpleNamespace
 
 import pytest
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
@@ -11,7 +12,9 @@ from std_msgs.msg import String
 
 from sain_bags.cli.info import warnings_about
 from sain_bags.reading.timing import read_timings
-from sain_bags.ros.record import about_silence
+from sain_bags.ros.record import PATIENCE, SILENCE, Readiness, about_silence
+from sain_bags.ros.recorder import Recorder
+from sain_core.guarding import lifetime
 from sain_interfaces.msg import DiskState, Scene
 from tests.sain_bags.ros.conftest import Studio
 
@@ -156,3 +159,41 @@ def test_a_message_that_never_came_is_counted(studio: Studio) -> None:
     assert (
         read_timings(bag)["/numbers", "std_msgs/msg/String"].missing == 1
     )  # as the bag itself shows
+
+
+def test_a_recorder_reports_that_it_is_ready_once_all_publishers_are_connected(
+    studio: Studio, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    reports: list[float] = []
+    monkeypatch.setattr(lifetime, "ready", lambda: reports.append(time.monotonic()))
+    chatter = studio.player.create_publisher(String, "/chatter", 10)
+    studio.start("/chatter")
+    readiness = Readiness(studio.recorder, begun := time.monotonic())
+    while not reports:
+        chatter.publish(String(data="hello"))
+        readiness.work(studio.recorder.work())
+        time.sleep(0.01)
+        assert time.monotonic() < begun + SILENCE + PATIENCE
+    assert studio.recorder.unmatched == []
+    readiness.work(1)
+    assert len(reports) == 1
+    studio.end()
+
+
+def test_topics_that_are_never_connected_are_named(
+    studio: Studio, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(Recorder, "unmatched", ["/a", "/b"])
+    studio.start("/chatter")
+    reports: list[str] = []
+    monkeypatch.setattr(lifetime, "ready", lambda: reports.append("ready"))
+    logger = SimpleNamespace(warning=reports.append)
+    monkeypatch.setattr(studio.recorder, "get_logger", lambda: logger)
+    Readiness(studio.recorder, time.monotonic() - SILENCE).work(0)
+    assert reports == []
+    Readiness(studio.recorder, time.monotonic() - SILENCE - PATIENCE).work(0)
+    assert reports == [
+        "not all publishers of /a, /b are connected; messages may be missing",
+        "ready",
+    ]
+    studio.end()

@@ -56,7 +56,6 @@ def play(graph, statuses, case=CASE, supervisor=None, timeout=20.0):
     view = EpisodeView(Display(Console(file=StringIO(), width=120)), "1/1  streak 0")
     with ros_context():
         director = Director(lambda: graph.executor.spin_once(timeout_sec=0.0), timeout, supervisor)
-        director._graph_is_up = True  # or else the bystander, who could publish, is a rival
         try:
             director.wait(
                 lambda: (

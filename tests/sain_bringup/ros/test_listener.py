@@ -10,7 +10,7 @@ from rclpy.node import Node
 import sain_bringup.ros.listener
 import sain_core.guarding.ros.ownership
 from sain_bringup.ros.listener import PLANNER, GraphListener
-from sain_core.guarding.ros.ownership import Ownership
+from sain_core.guarding.ros.ownership import lock_namespace
 from sain_core.ros.node_main import OK, WARN, Diagnostics
 from sain_core.ros.qos import RELIABLE
 from sain_interfaces.msg import Plan, Scene
@@ -94,13 +94,14 @@ def test_a_planner_in_another_domain_is_named(graph, listener, monkeypatch):
     here = node.context.get_domain_id()
     with monkeypatch.context() as patched:
         patched.setattr(node.context, "get_domain_id", lambda: here + 1)
-        ownership = Ownership(node, ("plan",))
+        release = lock_namespace(node)
     try:
         line = listener.absence(PLANNER)
     finally:
-        ownership.release()
+        release()
     assert (
-        f"of domain {here}, but one in domain {here + 1}: export ROS_DOMAIN_ID={here + 1}" in line
+        f"of domain {here}, but a graph in domain {here + 1}: export ROS_DOMAIN_ID={here + 1}"
+        in line
     )
     assert "export" not in listener.absence(PLANNER)
 

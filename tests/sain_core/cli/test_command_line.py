@@ -58,19 +58,6 @@ def test_who_reads_no_further_ends_the_command_without_an_error(work: str, code:
     assert errors == "" or (code and "BrokenPipeError" in errors)
 
 
-def test_an_interrupt_while_a_command_imports_ends_it_at_once(tmp_path: Path) -> None:
-    (tmp_path / "slow_import.py").write_text(
-        "import os, signal, time\nos.kill(os.getpid(), signal.SIGINT)\ntime.sleep(60)"
-    )
-    (tmp_path / "main.py").write_text(
-        "from sain_core.cli.command_line import interrupts_after_imports\n"
-        "def work():\n    import slow_import\n"
-        "with interrupts_after_imports(work=work):\n    work()"
-    )
-    done = subprocess.run([sys.executable, tmp_path / "main.py"], capture_output=True, timeout=30)
-    assert (done.returncode, done.stderr) == (130, b"")
-
-
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [

@@ -139,9 +139,10 @@ EVENTS = st.one_of(
 
 @pytest.fixture(scope="module", autouse=True)
 def alone():
-    """No middleware: neither locks of topics, nor timers."""
+    """No middleware: neither a lock of the namespace, nor timers."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(push_driver, "Ownership", lambda *_: SimpleNamespace(rival=lambda: ""))
+        patch.setattr(push_driver, "lock_namespace", lambda *_: lambda: None)
+        patch.setattr(push_driver, "find_second_publisher", lambda *_: "")
         patch.setattr(push_driver, "steady_timer", lambda *_: None)
         yield patch
 

@@ -35,7 +35,7 @@ def left(graph, tmp_path):
     for push_id in (1, 2):
         graph.push(scene, push_id, PUSH)
         scene = graph.result(push_id).after
-    graph.wait(lambda: "/sain/bystander" in json.loads(path.read_text())["listeners"], "who hears")
+    graph.wait(lambda: json.loads(path.read_text())["subscribers"] == 1, "the subscriber")
     graph.wait(lambda: latest(graph).scene_id == scene.scene_id, "the last scene")
     graph.stop(node)
     for _ in range(20):  # what is still on its way

@@ -1,6 +1,5 @@
 """The converter of poses: frames on /tf and arrays become scenes, or it is said why not."""
 
-import os
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +20,7 @@ from tf2_msgs.msg import TFMessage
 from visualization_msgs.msg import Marker, MarkerArray
 
 from sain_core import wire
-from sain_core.errors import BusyError, ConfigError
+from sain_core.errors import ConfigError
 from sain_core.ros import codec
 from sain_core.scene import POSE, VELOCITY
 from sain_vision.ros.scene_node import SceneNode
@@ -135,10 +134,17 @@ def test_old_frames_are_named(graph, camera, tmp_path) -> None:
     assert not graph.heard["scene"]
 
 
-def test_a_second_converter_ends(graph, tmp_path) -> None:
+def test_a_second_source_of_scenes_is_named_and_no_scene_is_settled(graph, camera, tmp_path):
+    node = start(graph, tmp_path, ARRAY)
+    camera.until(camera.poses, lambda: graph.find("scene", settled=True), "a scene")
     start(graph, tmp_path, ARRAY)
-    with pytest.raises(BusyError, match=rf"process {os.getpid()} \(.+\) publishes /sain/scene"):
-        start(graph, tmp_path, ARRAY)
+    expected = "/sain/scene_node and /sain/scene_node publish /sain/scene; there must be one"
+    graph.wait(lambda: node.conflict.startswith(expected), "the conflict")
+    graph.heard["scene"].clear()
+    for _ in range(20):
+        camera.poses()
+        graph.executor.spin_once(timeout_sec=0.02)
+    assert not graph.find("scene", settled=True)
 
 
 def test_ids_go_on_after_a_crash(graph, camera, tmp_path) -> None:

@@ -35,10 +35,18 @@ from sain_core.feasibility import ReachTable
 from sain_core.guarding.ros.ownership import publishers
 from sain_core.guarding.ros.reception import take_waiting
 from sain_core.ros import codec
-from sain_core.ros.node_main import ERROR, NAMESPACE, OK, WARN, Diagnostics
+from sain_core.ros.node_main import (
+    ERROR,
+    NAMESPACE,
+    OK,
+    WARN,
+    Diagnostics,
+    LatchedTopic,
+    steady_timer,
+)
 from sain_core.ros.parameters import read_parameters
 from sain_core.ros.push_driver import PushDriver, PushOrder
-from sain_core.ros.qos import RELIABLE, LatchedTopic, steady_timer
+from sain_core.ros.qos import RELIABLE
 from sain_core.ros.worker import Worker
 from sain_core.scene import RADIUS, unit
 from sain_core.shapes.bodies import Bodies
@@ -244,7 +252,7 @@ class ArmNode(Node):
         if message.data:
             return
         if self.enable.is_disputed(now) and len(self._disputers) != count:
-            self._disputers = sorted(publishers(self, topic, 0.0))
+            self._disputers = publishers(self, topic)
             self.get_logger().warning(self._disabled())
         self.client.cancel(self._disabled())
 
@@ -386,8 +394,8 @@ class ArmNode(Node):
         problem = self.driver.reception.trouble or self.client.missing
         if not self.config.dry_run:
             problem = problem or self._frozen() or self._disabled()
-        if rival := self.driver.rival:
-            self.diagnostics.set(ERROR, rival, **self.driver.counts)
+        if conflict := self.driver.conflict:
+            self.diagnostics.set(ERROR, conflict, **self.driver.counts)
         else:
             level = WARN if problem else OK
             self.diagnostics.set(level, problem or self.phase, **self.driver.counts)
@@ -409,7 +417,7 @@ class ArmNode(Node):
         self.client.cancel()
         self.worker.close()
         super().destroy_node()
-        self.driver.ownership.release()
+        self.driver.release_namespace()
 
 
 def _untouched(ending: Ending) -> CancelledError:

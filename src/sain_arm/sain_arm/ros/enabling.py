@@ -14,8 +14,8 @@ from action_msgs.srv import CancelGoal
 from rclpy.node import Node
 from std_msgs.msg import Bool
 
-from sain_core.ros.node_main import command_node, spin_until
-from sain_core.ros.qos import RELIABLE, steady_timer
+from sain_core.ros.node_main import command_node, spin_until, steady_timer
+from sain_core.ros.qos import RELIABLE
 
 PERIOD: Final = 0.1  # [s]
 HOLD: Final = 0.3  # [s] for which only true must come

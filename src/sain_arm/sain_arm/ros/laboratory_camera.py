@@ -13,7 +13,8 @@ from sain_core.camera.image_camera import ImageCamera, ImageCameraConfig, Shot
 from sain_core.errors import ConfigError
 from sain_core.randomness import generator
 from sain_core.ros.camera_topics import CameraTopics
-from sain_core.ros.qos import LATCHED, steady_timer
+from sain_core.ros.node_main import steady_timer
+from sain_core.ros.qos import LATCHED
 from sain_core.ros.worker import Worker
 from sain_core.scene import DISK_HEIGHT
 

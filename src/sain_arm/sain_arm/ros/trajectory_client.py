@@ -15,7 +15,7 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from sain_arm.planning.timing import Trajectory
 from sain_arm.robot.robot import Robot
-from sain_core.ros.qos import steady_timer
+from sain_core.ros.node_main import steady_timer
 
 LOOK: Final = 0.1  # [s] between looks at the time that a goal takes
 SECOND: Final = 1_000_000_000

@@ -25,9 +25,9 @@ from sain_arm.ros.laboratory_camera import LaboratoryCamera
 from sain_core.errors import ConfigError
 from sain_core.randomness import generator
 from sain_core.ros import codec
-from sain_core.ros.node_main import NAMESPACE, OK, Diagnostics
+from sain_core.ros.node_main import NAMESPACE, OK, Diagnostics, LatchedTopic, steady_timer
 from sain_core.ros.parameters import read_parameters
-from sain_core.ros.qos import RELIABLE, LatchedTopic, steady_timer
+from sain_core.ros.qos import RELIABLE
 from sain_core.scene import THETA
 from sain_core.shapes.body_file import read_bodies
 from sain_core.world import ObservationConfig

@@ -97,7 +97,7 @@ def rows_of(
         BagJob(source.bag.path, source.namespace, source.sha256, known.latched)
         for source, known in zip(sources, read, strict=True)
     ]
-    work = Work(partial(BagRunner, config), SOFTWARE, lambda job: str(job.path))
+    work = Work(partial(BagRunner, config), SOFTWARE)
     with closing(run_on_workers(work, jobs, workers)) as results:
         for source, parts in zip(sources, results, strict=True):
             for part in parts:

@@ -56,7 +56,6 @@ def run(options: PlayOptions, console: Console) -> None:
 
 def play_bag(options: PlayOptions, console: Console) -> Played:
     """Play a bag until it ends or a signal comes; rclpy is initialised. Raises as `run`."""
-    from sain_bags.ros.parameter_requests import requests_served
     from sain_bags.ros.player import Player
 
     watch, bag = StopSignal(), Bag(options.bag)
@@ -66,10 +65,9 @@ def play_bag(options: PlayOptions, console: Console) -> Played:
         passage = Passage(bag, player.topics, options.passage, player.latched)
         if options.passage.clock and CLOCK not in player.topics:
             player.offer_clock()
-        with requests_served(player):
-            await_subscribers(player, options.wait, watch)
-            played = _play_with_bar(passage, player, watch, options, console)
-            player.let_arrive()
+        await_subscribers(player, options.wait, watch)
+        played = _play_with_bar(passage, player, watch, options, console)
+        player.let_arrive()
     finally:
         release(player)
     return played

@@ -28,7 +28,7 @@ class Player(Node):
         Raises:
             DatasetError: none can.
         """
-        super().__init__("player", **options)
+        super().__init__("player", start_parameter_services=False, **options)
         self._offered: dict[tuple[str, str], Publisher] = {}
         self.latched: dict[str, int] = {}
         for topic in topics:

@@ -25,13 +25,15 @@ from sain_core.guarding import lifetime
 from sain_core.guarding.lifetime import release
 
 if TYPE_CHECKING:
-    from sain_bags.ros.readiness import NodesFile
     from sain_bags.ros.recorder import Recorder
 
 PASS_PERIOD: Final = 0.01  # [s] between passes over all topics, also how soon a signal is noticed
 DRAIN_TIME: Final = 0.5  # [s], at most, for messages that have come before the stop
 BEAT_PERIOD: Final = 0.1  # [s] between signs of life while parts are joined
 QUIET_PASSES: Final = 5  # without a message: nothing more is on its way
+SILENCE: Final = 5.0  # [s] after which nothing seems to be published
+REST: Final = 0.5  # [s] from the first message until the other topics are discovered, too
+PATIENCE: Final = 3.0  # [s] then, at most, until all publishers are connected
 
 
 @dataclass(frozen=True)
@@ -84,15 +86,13 @@ def run(options: RecordOptions, console: Console) -> None:
     Raises:
         OutputError: the bag cannot be made, or the disk ran full; what was recorded is whole.
     """
-    from sain_bags.ros.readiness import NodesFile
     from sain_core.ros.node_main import ros_context
 
     console.soft_wrap = True
-    nodes = NodesFile(options.out) if lifetime.is_supervised() else None
     cut_off = set_aside(options.out) if options.resume else None
     try:
         with ros_context():
-            record(options, console, nodes, is_part=cut_off is not None)
+            record(options, console, is_part=cut_off is not None)
         if cut_off is not None:
             join_parts(cut_off, options.out, console)
     except SainError as error:
@@ -128,14 +128,8 @@ def join_parts(cut_off: Path, out: Path, console: Console) -> None:
     console.print(f"Joined with what was recorded before: {out}", highlight=False)
 
 
-def record(
-    options: RecordOptions,
-    console: Console,
-    nodes: "NodesFile | None" = None,
-    is_part: bool = False,
-) -> None:
+def record(options: RecordOptions, console: Console, is_part: bool = False) -> None:
     """Record until a signal comes; rclpy is initialised. Raises as `run`."""
-    from sain_bags.ros.readiness import Readiness
     from sain_bags.ros.recorder import Recorder
 
     started = time.monotonic()
@@ -157,11 +151,9 @@ def record(
 
         try:
             with StatusDisplay(console, options.status_period) as display:
-                readiness = Readiness(recorder, started, nodes.before if nodes else frozenset())
+                readiness = Readiness(recorder, started)
                 while not stop.wait(PASS_PERIOD):
                     readiness.work(recorder.work())
-                    if nodes is not None:
-                        nodes.work(recorder, readiness.told)
                     lifetime.alive()
                     display.show(status)
                 lifetime.stopping("closing the recording")
@@ -170,10 +162,33 @@ def record(
             writer.custom_data[MISSING_KEY] = describe_gaps(recorder.gaps)
             last = status()
             writer.custom_data.update(about_silence(recorder, last.silent))
-            if nodes is not None:
-                nodes.remove()
     size = sum(path.stat().st_size for path in options.out.iterdir())
     console.print(last.final(options.out, size), highlight=False, markup=False)
+
+
+class Readiness:
+    """Reports to the supervisor, once, that all that is published is recorded."""
+
+    def __init__(self, recorder: "Recorder", started: float) -> None:
+        """Wait from `started` [s] of `time.monotonic`."""
+        self._recorder, self._due, self.reported = recorder, started + SILENCE, False
+
+    def work(self, written: int) -> None:
+        """Look whether it is so; `written` is the number of messages of the last pass."""
+        now = time.monotonic()
+        if written:
+            self._due = min(self._due, now + REST)
+        if self.reported or now < self._due:
+            return
+        unmatched = self._recorder.unmatched
+        if unmatched and now < self._due + PATIENCE:
+            return
+        if unmatched:
+            names = ", ".join(unmatched)
+            text = f"not all publishers of {names} are connected; messages may be missing"
+            self._recorder.get_logger().warning(text)
+        self.reported = True
+        lifetime.ready()
 
 
 def about_silence(recorder: "Recorder", silent: tuple[str, ...]) -> dict[str, str]:

@@ -18,7 +18,6 @@ from rclpy.topic_endpoint_info import TopicEndpointInfo
 from sain_bags.bag.definitions import Definitions
 from sain_bags.bag.metadata import Topic, TopicQos
 from sain_bags.ros.endpoints import message_class, offered_qos, qos_profile
-from sain_bags.ros.parameter_requests import serve_requests
 from sain_bags.writing.gaps import Gaps
 from sain_bags.writing.selection import Selection, adapt
 from sain_bags.writing.writer import BagWriter
@@ -55,9 +54,10 @@ class Recorder(Node):
     def __init__(self, writer: BagWriter, selection: Selection, **options: Any) -> None:
         """Record with a writer that the caller closes; `work` does it all."""
         overrides = [Parameter(name, value=value) for name, value in ENTITIES.items()]
-        super().__init__("recorder", parameter_overrides=overrides, **options)
+        super().__init__(
+            "recorder", parameter_overrides=overrides, start_parameter_services=False, **options
+        )
         self.unusable: dict[str, str] = {}  # topics that cannot be recorded, and why
-        self.subscribed = 0  # how often
         self._writer = writer
         self._selection = selection
         self._definitions = Definitions()
@@ -77,16 +77,11 @@ class Recorder(Node):
         """Topics that were asked for by name, and that nobody publishes yet."""
         return set(self._selection.chosen) - {*self._recorded, *self.unusable}
 
-    def owners(self) -> frozenset[str]:
-        """Return the full names of the nodes that publish what is recorded, but for its own."""
-        own = self.get_fully_qualified_name()
-        found = frozenset(
-            f"{info.node_namespace.rstrip('/')}/{info.node_name}"
-            for name in self._recorded
-            for info in self.get_publishers_info_by_topic(name)
-            if not info.node_name.startswith("_")  # hidden, or not known yet
-        )
-        return found - {own}
+    @property
+    def unmatched(self) -> list[str]:
+        """Topics with a publisher that this node is not connected with yet."""
+        recorded = self._recorded.items()
+        return [name for name, one in recorded if _matched(one) < self.count_publishers(name)]
 
     def work(self) -> int:
         """Look for topics if it is time, write what has come, flush if it is time.
@@ -101,7 +96,6 @@ class Recorder(Node):
         if now >= self._next_look:
             self._next_look = now + DISCOVERY_PERIOD
             self.discover()
-            serve_requests(self)
         taken = sum([self._take(recorded) for recorded in self._recorded.values()])
         self._writer.flush_if_due()
         return taken
@@ -170,7 +164,6 @@ class Recorder(Node):
             self.destroy_subscription(former)
             recorded.repeated = frozenset(recorded.seen)
         recorded.subscription, recorded.wanted = subscription, wanted
-        self.subscribed += 1
 
     def _count_publishers(
         self, name: str, publishers: list[TopicEndpointInfo] | None = None
@@ -202,6 +195,11 @@ class Recorder(Node):
                 write(name, data, received, published, sequence)
                 taken += 1
         return taken
+
+
+def _matched(recorded: Recorded) -> int:
+    subscription = recorded.subscription
+    return 0 if subscription is None else subscription.get_publisher_count()
 
 
 def _only(types: list[str]) -> str:

@@ -48,7 +48,6 @@ LOGS: Final = "logs"
 WRITTEN_BY_NODES: Final = (
     *(f"{LOGS}/{name}" for name in ("*.log", "*.json", "*.yaml", f".*{PARTIAL}")),
     *(f"{BAG}/{name}" for name in (f"{BAG}_*.mcap", "metadata.yaml", ".*.part*", ".*.reserve")),
-    f"{BAG}/.nodes.json",
 )
 
 

@@ -19,10 +19,10 @@ from sain_bringup.ros.listener import GraphListener
 from sain_bringup.ros.progress import LOST, SERVER_PARTS, Missing, Progress, distance, missing_parts
 from sain_bringup.ros.sight import Sight
 from sain_core.errors import ErrorCode, ModelUnavailableError, SainError, error_from_reply
-from sain_core.guarding.ros.ownership import refuse_peers, refuse_rivals
+from sain_core.guarding.ros.ownership import lock_namespace
 from sain_core.ros.codec import encode_disks, encode_goal
-from sain_core.ros.node_main import NAMESPACE, node_of
-from sain_core.ros.qos import LATCHED, RELIABLE, SIMULATED
+from sain_core.ros.node_main import NAMESPACE, SIMULATED, node_of
+from sain_core.ros.qos import LATCHED, RELIABLE
 from sain_eval.episode import Tolerance
 from sain_eval.scenes.families import ScenarioScene
 from sain_interfaces.msg import Goal, Plan, PushResult
@@ -30,8 +30,6 @@ from sain_interfaces.srv import ResetScene
 
 SPIN: Final = 0.02  # [s], also how soon a signal or a dead process is noticed
 LOOK: Final = 0.1  # [s] between looks at the graph: each costs some ms
-EARLY: Final = 0.5  # [s] in which no simulator that was just started can publish
-OWNED: Final = ("scene", "push", "goal", "/clock")  # topics with one publisher in a graph
 REUNION: Final = 0.5  # [s] in which nodes find one that is back after a crash
 SILENT: Final = 10.0  # [s] without any news, after which a goal is given again after a crash
 
@@ -57,17 +55,18 @@ class Director(Node):
         may have the supervisor restart processes of the graph. Where bodies are seen by a camera,
         `sight` is a folder for their files, and by what they are seen. Once the graph is up,
         `show` prints what keeps it from working.
+
+        Raises:
+            BusyError: another graph runs already.
         """
         super().__init__("closed_loop", namespace=NAMESPACE, parameter_overrides=[SIMULATED])
-        self._joined = time.monotonic()
-        self._next_look = self._joined
+        lock_namespace(self)()  # no other graph has it: the simulator to come locks it again
         self._check = check
         self._supervisor = supervisor
         self._timeout, self._show = timeout, show
         self._events: deque[Plan | PushResult] = deque()
         self._goals = 0
         self._planner_ready = False
-        self._graph_is_up = False
         self._goal = self.create_publisher(Goal, "goal", LATCHED)
         self._servers = {n: self.create_client(kind, n) for n, kind in SERVER_PARTS.items()}
         for topic, kind in (("plan", Plan), ("push_result", PushResult)):
@@ -88,7 +87,6 @@ class Director(Node):
 
         Raises:
             GraphTimeoutError: naming what is missing, and what it said last.
-            BusyError: another graph runs already.
         """
         missing = [Missing(name, name) for name in starting()]
         next_look = changed_at = 0.0
@@ -97,8 +95,6 @@ class Director(Node):
             nonlocal missing, next_look, changed_at
             if (now := time.monotonic()) >= next_look:
                 next_look = now + LOOK
-                if now - self._joined < EARLY:
-                    refuse_peers(self, ("scene", "push", "/clock"))
                 before = missing
                 missing = [Missing(name, f"{name} is ready") for name in starting()]
                 missing = missing or self._missing()
@@ -111,8 +107,6 @@ class Director(Node):
             return f"still missing: {what}{self._last_words(missing[0].process)}"
 
         self.wait(up, problem, since=lambda: max(changed_at, self._heard_at(missing)))
-        refuse_rivals(self, OWNED)
-        self._graph_is_up = True
         if self._show is not None:
             GraphListener(self, self._show)
 
@@ -205,16 +199,12 @@ class Director(Node):
 
         Raises:
             GraphTimeoutError: it did not hold in time; with the problem in words.
-            BusyError: while this graph starts, another one publishes the same topics.
         """
         begun = time.monotonic()
         while not done():
             self._executor.spin_once(timeout_sec=SPIN)
             self._check()
             now = time.monotonic()
-            if not self._graph_is_up and now > self._next_look:  # the one that runs goes on
-                self._next_look = now + 5.0 * LOOK
-                refuse_rivals(self, OWNED)
             if now > max(begun, since()) + self._timeout:
                 raise GraphTimeoutError(f"waited {self._timeout:g} s for the graph; {problem()}")
 

@@ -15,10 +15,10 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile
 
 from sain_bringup.conditions import Conditions, described
-from sain_core.guarding.ros.ownership import full_name
+from sain_core.guarding.ros.ownership import full_name, lock_name
 from sain_core.guarding.untrusted import private_folder
-from sain_core.ros.node_main import ERROR, OK, SEPARATOR, command_node
-from sain_core.ros.qos import RELIABLE, steady_timer
+from sain_core.ros.node_main import ERROR, OK, SEPARATOR, command_node, steady_timer
+from sain_core.ros.qos import RELIABLE
 from sain_interfaces.msg import Scene
 
 LOOK: Final = 0.25  # [s] between looks at the graph
@@ -111,8 +111,9 @@ class GraphListener:
         domain = node.context.get_domain_id()
         if spaces := self._other_namespaces(part):
             return f"{missing}, but one in {spaces[0]}: add --ros-args -r __ns:={spaces[0]}"
-        if domains := [other for other in domains_of(topic) if other != domain]:
-            other = f"but one in domain {domains[0]}: export ROS_DOMAIN_ID={domains[0]}"
+        space = node.get_namespace()
+        if domains := [other for other in domains_of(space) if other != domain]:
+            other = f"but a graph in domain {domains[0]}: export ROS_DOMAIN_ID={domains[0]}"
             return f"{missing} of domain {domain}, {other}"
         return f"{missing}: {part.start}; ROS_DOMAIN_ID is {domain} here"
 
@@ -162,9 +163,9 @@ class GraphListener:
         return f"no scene on {topic} for 3 s: {names} should publish it; look at its log"
 
 
-def domains_of(topic: str) -> list[int]:
-    """Return the ROS domains of this computer in which a node of this user owns a topic."""
-    pattern = re.compile(rf"domain_(\d+){re.escape(topic.replace('/', '.'))}\.lock")
+def domains_of(namespace: str) -> list[int]:
+    """Return the ROS domains of this computer in which a graph of this user has a namespace."""
+    pattern = re.compile(re.escape(lock_name("N", namespace)).replace("N", r"(\d+)", 1))
     found = ((pattern.fullmatch(path.name), path) for path in private_folder().iterdir())
     return sorted(int(match[1]) for match, path in found if match and _is_locked(str(path)))
 

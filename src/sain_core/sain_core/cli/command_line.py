@@ -1,27 +1,23 @@
 """Command lines: how every executable reads its arguments, helps, fails and is interrupted.
 
 A package declares its executables in ``commands.py``, each as a `Command` or a `NodeCommand`. What
-is slow to import is imported after the arguments are checked. So help and errors come at once, and
-Ctrl-C during these imports ends the process without a traceback.
+is slow to import is imported after the arguments are checked. So help and errors come at once.
+Ctrl-C ends a command quietly, with exit code 130.
 """
 
 import io
 import os
 import select
 import shutil
-import signal
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, redirect_stderr
 from dataclasses import dataclass, fields, is_dataclass
-from functools import partial
 from importlib import import_module
 from inspect import cleandoc
 from itertools import pairwise
 from pathlib import Path
 from textwrap import TextWrapper
-from threading import Timer, current_thread, main_thread
-from types import CodeType, FrameType
 from typing import TYPE_CHECKING, Annotated, Any, Final, Literal, get_type_hints
 
 from sain_core.config import describe_values
@@ -82,64 +78,6 @@ def _reader_is_gone() -> bool:
     look = select.poll()
     look.register(sys.stdout.fileno(), 0)
     return any(event & select.POLLERR for _, event in look.poll(0))
-
-
-Handler = Callable[[int, FrameType | None], None]
-
-IMPORTS: Final = "<frozen importlib._bootstrap"  # the file of the frames of an import
-LOOK_AGAIN: Final = 0.05  # [s] between looks whether an import is over
-
-
-@contextmanager
-def silent_interrupts(active: bool = True) -> Iterator[None]:
-    """Let Ctrl-C end the process at once: for what has begun nothing and imports much."""
-    with _handled(_end, active):
-        yield
-
-
-@contextmanager
-def interrupts_after_imports(
-    active: bool = True, work: Callable[..., Any] | None = None
-) -> Iterator[None]:
-    """Let Ctrl-C raise `KeyboardInterrupt`; during an import, as soon as that is over.
-
-    What `work` itself imports is imported before it begins: there Ctrl-C ends the process at once.
-    """
-    with _handled(partial(_raise_outside_imports, getattr(work, "__code__", None)), active):
-        yield
-
-
-@contextmanager
-def _handled(handler: Handler, active: bool) -> Iterator[None]:
-    if not active or current_thread() is not main_thread():
-        yield
-        return
-    before = signal.signal(signal.SIGINT, handler)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGINT, before)
-
-
-def _end(*_: object) -> None:
-    os._exit(INTERRUPTED)
-
-
-def _raise_outside_imports(work: CodeType | None, _: int, frame: FrameType | None) -> None:
-    importing = False
-    importer = None
-    while frame is not None:
-        if frame.f_code.co_filename.startswith(IMPORTS):
-            importing, importer = True, frame.f_back
-        frame = frame.f_back
-    if not importing:
-        raise KeyboardInterrupt
-    if importer is not None and importer.f_code is work:
-        _end()
-    # A signal to the main thread, which wakes it also where it waits.
-    again = Timer(LOOK_AGAIN, signal.pthread_kill, (main_thread().ident or 0, signal.SIGINT))
-    again.daemon = True
-    again.start()
 
 
 LONGEST: Final = 4000  # characters of an error
@@ -210,36 +148,34 @@ class Command:
         return code
 
     def _read_and_run(self, arguments: list[str] | None, program: str) -> int:
-        with silent_interrupts(arguments is None):
-            given = sys.argv[1:] if arguments is None else arguments
-            own = split_ros_arguments(given)[0] if self.ros else given
-            try:
-                options = read_options(self.options(own), program, own, self.prefixes)
-                if self.ros:
-                    check_host()
-            except SainError as error:
-                return self._fail(error, WRONG_USAGE if isinstance(error, ConfigError) else 1)
-            work = self.file.run
-        with interrupts_after_imports(arguments is None, work):
-            return self._run(work, options)
+        given = sys.argv[1:] if arguments is None else arguments
+        own = split_ros_arguments(given)[0] if self.ros else given
+        begun = False
+        try:
+            options = read_options(self.options(own), program, own, self.prefixes)
+            if self.ros:
+                check_host()
+            begun = True
+            return self._run(options)
+        except SainError as error:
+            return self._fail(
+                error, 1 if begun or not isinstance(error, ConfigError) else WRONG_USAGE
+            )
+        except KeyboardInterrupt:
+            if begun and self.resumes:
+                sys.stderr.write(
+                    f"stopped; the same command continues from the last whole {self.resumes}\n"
+                )
+            return INTERRUPTED
 
-    def _run(self, work: Callable[..., int | None], options: Any) -> int:
+    def _run(self, options: Any) -> int:
         from rich.console import Console
 
         class Output(Console):
             def on_broken_pipe(self) -> None:  # by default it ends the process, with exit code 1
                 raise  # noqa: PLE0704 - rich calls this where it handles the error
 
-        try:
-            return work(options, Output()) or 0
-        except SainError as error:
-            return self._fail(error, 1)
-        except KeyboardInterrupt:
-            if self.resumes:
-                sys.stderr.write(
-                    f"stopped; the same command continues from the last whole {self.resumes}\n"
-                )
-            return INTERRUPTED
+        return self.file.run(options, Output()) or 0
 
     def _fail(self, error: SainError, code: int) -> int:
         from rich.console import Console

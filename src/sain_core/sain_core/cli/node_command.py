@@ -13,7 +13,6 @@ from sain_core.cli.command_line import (
     WRONG_USAGE,
     end_with_the_reader,
     load,
-    silent_interrupts,
     split_ros_arguments,
 )
 from sain_core.config import Config, describe_values, settings_of, show_value
@@ -67,25 +66,23 @@ class NodeCommand:
 
         `program` is its name in the help; by default that after ``ros2 run``.
         """
-        given = sys.argv[1:] if arguments is None else arguments
-        own, _ = split_ros_arguments(given)
-        with silent_interrupts(arguments is None):
+        name = self.name.split()[1]
+        own, _ = split_ros_arguments(sys.argv[1:] if arguments is None else arguments)
+        try:
             if "--help" in own or "-h" in own:
                 with end_with_the_reader():
                     sys.stdout.write("\n".join(self.help(program)) + "\n")
                 return 0
             if own:
-                sys.stderr.write(f"{self.name.split()[1]}: {self._problem(own)}\n")
+                sys.stderr.write(f"{name}: {self._problem(own)}\n")
                 return WRONG_USAGE
-            try:
-                check_host()
-                node = load(self.name, self.node)
-            except SainError as error:
-                sys.stderr.write(f"{self.name.split()[1]}: {error}\n")
-                return 1
+            check_host()
             from sain_core.ros.node_main import node_main
-        try:
-            node_main(node, self.name.split()[1])
+
+            node_main(load(self.name, self.node), name)
+        except SainError as error:
+            sys.stderr.write(f"{name}: {error}\n")
+            return 1
         except KeyboardInterrupt:
             os._exit(INTERRUPTED)
 

@@ -26,11 +26,6 @@ def heartbeat_period() -> float:
     return int(timeout) * 1e-6 / BEATS if timeout.isdecimal() and SOCKET in os.environ else 0.0
 
 
-def is_supervised() -> bool:
-    """Tell whether somebody listens."""
-    return bool(os.environ.get(SOCKET))
-
-
 def ready() -> None:
     """Tell that the process has started."""
     _send(READY)

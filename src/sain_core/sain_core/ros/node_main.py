@@ -1,4 +1,4 @@
-"""How a node is doing, on ``/diagnostics``: once a second, and at once when that changes.
+"""What every node has: its process, timers, latched topics, and its state on ``/diagnostics``.
 
 A status is named ``node: task``, as diagnostic_updater names it, so aggregators can group by node.
 """
@@ -14,14 +14,18 @@ import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from types import FrameType
-from typing import Final, NoReturn
+from typing import Any, Final, NoReturn
 
 import rclpy
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
 from rclpy.exceptions import ROSInterruptException
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.qos import DurabilityPolicy
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import ok, try_shutdown
 
@@ -29,10 +33,19 @@ from sain_core.errors import INTERRUPTED, ConfigError, SainError
 from sain_core.guarding import lifetime
 from sain_core.guarding.lifetime import ending_within, release, stay_on_this_host
 from sain_core.ros.parameters import check_parameter_files
-from sain_core.ros.qos import RELIABLE, steady_timer
+from sain_core.ros.qos import LATCHED, RELIABLE
 
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
 SEPARATOR: Final = ": "  # of node and task
+LATE: Final = 0.5  # [s] between looks for new subscribers, and until they get the last message
+
+SIMULATED: Final = Parameter("use_sim_time", value=True)
+"""``parameter_overrides=[SIMULATED]`` makes a node whose stamps are simulated time."""
+
+
+def steady_timer(node: Node, period_s: float, callback: Callable[[], None]) -> None:
+    """Call back once in each period [s] of wall time, whatever ``use_sim_time`` is."""
+    node.create_timer(period_s, callback, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
 
 class Diagnostics:
@@ -74,6 +87,50 @@ class Diagnostics:
         message = DiagnosticArray(status=[self._status])
         message.header.stamp = self._now()
         self._publisher.publish(message)
+
+
+class LatchedTopic:
+    """A latched topic that also those hear who did not ask for what was latched.
+
+    A subscriber with ROS's default durability (volatile) that joins late hears nothing; so does
+    ``ros2 topic echo --qos-reliability best_effort``. For such a one the last message is published
+    again, once, with the same stamp. Make and call this on the executor's thread.
+    """
+
+    def __init__(self, node: Node, kind: type, topic: str) -> None:
+        """Create the publisher."""
+        self._node = node
+        self._publisher = node.create_publisher(kind, topic, LATCHED)
+        self._last: Any = None
+        self._count = 0
+        self._reached: set[bytes] = set()
+        self._new: set[bytes] = set()
+        steady_timer(node, LATE, self._look)
+
+    def publish(self, message: Any) -> None:
+        """Publish a message, which whoever joins later hears, too."""
+        self._last = message
+        self._reached = self._volatile()
+        self._publisher.publish(message)
+
+    def _look(self) -> None:
+        """Look for new subscribers; who was new the last time has found this publisher by now."""
+        if self._new:
+            self._reached |= self._new
+            self._new = set()
+            self._publisher.publish(self._last)
+        count = self._publisher.get_subscription_count()
+        if count != self._count and self._last is not None:
+            self._count = count
+            self._new = self._volatile() - self._reached
+
+    def _volatile(self) -> set[bytes]:
+        """Return who hears only what is published from now on; to find that costs some ms."""
+        endpoints = self._node.get_subscriptions_info_by_topic(self._publisher.topic_name)
+        volatile = DurabilityPolicy.VOLATILE
+        return {
+            bytes(one.endpoint_gid) for one in endpoints if one.qos_profile.durability == volatile
+        }
 
 
 def node_of(status: DiagnosticStatus) -> str:

@@ -16,11 +16,12 @@ from rclpy.node import Node
 from sain_core import wire
 from sain_core.errors import BusyError, ErrorCode, error_reply
 from sain_core.feasibility import Feasibility, Stroke, checked_stroke
-from sain_core.guarding.ros.ownership import Ownership
-from sain_core.guarding.ros.reception import Reception, emptied, shortened, take_waiting
+from sain_core.guarding.ros.ownership import find_second_publisher, lock_namespace
+from sain_core.guarding.ros.reception import Reception, shortened, take_waiting
 from sain_core.guarding.session import Session
 from sain_core.ros import codec
-from sain_core.ros.qos import LATCHED_QUEUE, QUEUE, RELIABLE, steady_timer
+from sain_core.ros.node_main import steady_timer
+from sain_core.ros.qos import LATCHED_QUEUE, QUEUE, RELIABLE
 from sain_core.scene import POSE, RADIUS, THETA, wrap_angle
 from sain_core.shapes.bodies import Bodies
 from sain_core.types import PushArray
@@ -33,7 +34,7 @@ from sain_interfaces.msg import Push, PushResult, Scene
 AFTER: Final = 0.4  # [s], from the end of a push to the scene that shows what it led to
 LONGEST: Final = 45.0  # [s] that bodies may move after a push; the planner waits for 60
 PAUSE: Final = 10.0  # [s] between lines of the log that say the same
-LOOK: Final = 0.5  # [s] between looks for rivals, and for bodies that do not come to rest
+LOOK: Final = 0.5  # [s] between looks for a second robot, and for bodies that do not come to rest
 SEEN: Final = 0.001  # [m], of a body that was moved: far more than rest, less than noise
 
 
@@ -70,13 +71,13 @@ class PushDriver:
         """
         self._node, self._begin = node, begin
         self.feasibility = feasibility
-        self.ownership = Ownership(node, ("push_result",))  # a second robot ends here
+        self.release_namespace = lock_namespace(node)  # a second robot ends here
         self._session, self._door = Session(), SceneDoor(old)
         self._before: SeenScene | None = None  # of the push that is under way
         self._after: SeenScene | None = None  # the latest with as many bodies
         self._push, self._began, self._ended = Push(), 0.0, 0.0
         self._doubt: BaseException | None = None  # that the stroke has moved a body
-        self.rival = ""  # who else answers pushes, in words
+        self.conflict = ""  # with others that answer pushes, in words
         self._late = float("inf")  # when bodies have moved for too long [s], of a steady clock
         self.counts = {"executed": 0, "refused": 0}
         self._results = node.create_publisher(PushResult, "push_result", QUEUE)
@@ -163,7 +164,7 @@ class PushDriver:
         warn_of_refusal(
             self._node,
             code,
-            f"push {message.push_id} from {emptied(message).source!r} refused: {shortened(text)}",
+            f"push {message.push_id} from {message.source!r} refused: {shortened(text)}",
         )
         scene = Scene() if self._door.seen is None else self._door.seen.message
         self._answer(message, code, shortened(text), scene, scene)
@@ -180,7 +181,7 @@ class PushDriver:
                 self._conclude(seen, settled=True)
 
     def _look(self) -> None:
-        self.rival = self.ownership.rival()
+        self.conflict = find_second_publisher(self._node, ("push_result",))
         if monotonic() > self._late and (last := self._after or self._before) is not None:
             self._node.get_logger().error(
                 f"bodies did not come to rest within {LONGEST:g} s after push {self._push.push_id}"

@@ -9,7 +9,6 @@ from typing import Annotated, Final, Self
 import tyro
 from rich.console import Console
 
-from sain_core.cli.command_line import silent_interrupts
 from sain_core.config import MOST_SEED, option
 from sain_core.errors import ConfigError
 from sain_core.goal import MOST_TOLERANCE, MOST_TURN
@@ -232,10 +231,8 @@ def evaluate(options: EvaluateOptions, command: str, console: Console) -> list[S
     claim_folder(options.out, (*RESULT_FILES, *TABLES, *pictures), options.overwrite)
     journal = Journal(options.out, options.settings(), options.overwrite)
     compile_visibly(console)  # neither the first plan nor each worker
-    with silent_interrupts():
-        for name in dict.fromkeys(name for part in options.parts for name in part.controllers):
-            # a bad name should not wait for its first scene
-            agent_maker(name, options.agent, options.belief)
+    for name in dict.fromkeys(name for part in options.parts for name in part.controllers):
+        agent_maker(name, options.agent, options.belief)  # a bad one should not wait for its scene
     jobs = jobs_of(options, journal.done)
     play(run_jobs(jobs, options), len(jobs), journal, console)
     planned = options.planned()

@@ -88,7 +88,6 @@ def run_jobs(
     work = Work(
         partial(FunctionRunner, run_job),
         Software(SOURCES, (*PACKAGES, *engines)),
-        lambda job: f"scene {job.seed} of {job.scenario} with {job.controller}",
     )
     with closing(run_on_workers(work, jobs, options, ordered=False)) as results:
         for done in results:

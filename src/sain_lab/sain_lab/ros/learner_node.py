@@ -18,9 +18,17 @@ from sain_core.errors import ConfigError, ErrorCode, OutputError
 from sain_core.guarding import lifetime
 from sain_core.guarding.ros.reception import Reception, shortened
 from sain_core.guarding.ros.state_file import StateFile
-from sain_core.ros.node_main import ERROR, NAMESPACE, OK, WARN, Diagnostics
+from sain_core.ros.node_main import (
+    ERROR,
+    NAMESPACE,
+    OK,
+    WARN,
+    Diagnostics,
+    LatchedTopic,
+    steady_timer,
+)
 from sain_core.ros.parameters import LiveParameters, read_parameters
-from sain_core.ros.qos import LATCHED_QUEUE, QUEUE, LatchedTopic, steady_timer
+from sain_core.ros.qos import LATCHED_QUEUE, QUEUE
 from sain_core.ros.worker import Worker
 from sain_core.shapes.bodies import PAPER_DISKS
 from sain_core.shapes.bodies import Bodies as Shapes

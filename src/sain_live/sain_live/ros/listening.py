@@ -14,7 +14,7 @@ from rclpy.subscription import Subscription
 from sensor_msgs.msg import Image
 
 from sain_bringup.ros.listener import LatestMessage
-from sain_core.guarding.ros.reception import Reception
+from sain_core.guarding.ros.reception import LARGE_BYTES, Reception
 from sain_core.ros.qos import LATCHED, LATCHED_QUEUE, QUEUE, RELIABLE
 from sain_live.ros.hearing import Hearing
 from sain_live.state import LiveState
@@ -43,7 +43,7 @@ class Polling:
             text = f"a message on {topic} is ignored: {error}"
             self._node.get_logger().error(text, throttle_duration_sec=5.0)
 
-        handle = self._reception.guarded(topic, callback, refuse)
+        handle = self._reception.guarded(topic, callback, refuse, LARGE_BYTES)
         self._taken.append((LatestMessage(self._node, kind, topic), handle))
 
     def start(self) -> None:
@@ -117,7 +117,7 @@ class Listening:
         """Take pictures while somebody views the page: nobody else makes the effort then."""
         if viewed and self._picture is None:
             take = self._locked(self._hearing.on_picture)
-            self._picture = self._reception.listen(Image, PICTURE, take, LATEST)
+            self._picture = self._reception.listen(Image, PICTURE, take, LATEST, most=LARGE_BYTES)
         elif not viewed and self._picture is not None:
             self._node.destroy_subscription(self._picture)
             self._picture = None

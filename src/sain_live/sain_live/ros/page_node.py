@@ -5,9 +5,8 @@ from typing import Any
 
 from rclpy.node import Node
 
-from sain_core.ros.node_main import NAMESPACE
+from sain_core.ros.node_main import NAMESPACE, steady_timer
 from sain_core.ros.parameters import read_parameters
-from sain_core.ros.qos import steady_timer
 from sain_live.orders import Reset
 from sain_live.page.live_page import LivePage
 from sain_live.player import RecordingPlayer

@@ -9,7 +9,8 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter, parameter_value_to_python
 
 from sain_core.errors import ErrorCode
-from sain_core.ros.qos import RELIABLE, steady_timer
+from sain_core.ros.node_main import steady_timer
+from sain_core.ros.qos import RELIABLE
 from sain_interfaces.srv import DescribeModel, LoadModel
 from sain_live.orders import planner_settings
 from sain_live.state import Level, LiveState

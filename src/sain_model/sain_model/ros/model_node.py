@@ -12,12 +12,12 @@ from rclpy.parameter import Parameter
 
 from sain_core import wire
 from sain_core.errors import BusyError, error_reply
-from sain_core.guarding.ros.reception import LONGEST_PATH, Reception, introspect, shortened
+from sain_core.guarding.ros.reception import LARGE_BYTES, Reception, introspect, shortened
 from sain_core.guarding.ros.state_file import StateFile
 from sain_core.ros import codec
-from sain_core.ros.node_main import NAMESPACE, OK, WARN, Diagnostics
+from sain_core.ros.node_main import NAMESPACE, OK, WARN, Diagnostics, steady_timer
 from sain_core.ros.parameters import read_parameters
-from sain_core.ros.qos import LATCHED, steady_timer
+from sain_core.ros.qos import LATCHED
 from sain_core.ros.worker import Worker
 from sain_core.wire.bodies import decode_bodies, decode_request_bodies
 from sain_interfaces.msg import Bodies
@@ -77,7 +77,8 @@ class ModelNode(Node):
             (DescribeModel, "describe_model", self._on_describe),
             (LoadModel, "load_model", self._on_load),
         ):
-            introspect(self, self.reception.serve(kind, name, callback, group), introspection)
+            service = self.reception.serve(kind, name, callback, group, LARGE_BYTES)
+            introspect(self, service, introspection)
         self.add_on_set_parameters_callback(self._on_set_parameters)
         self.add_post_set_parameters_callback(self._after_set_parameters)
 
@@ -142,9 +143,6 @@ class ModelNode(Node):
         names = [str(one.value) for one in parameters if one.name == "model"]
         if not names or self.service.prepared is not None:
             return SetParametersResult(successful=True)
-        if len(names[-1]) > LONGEST_PATH:
-            reason = f"the model has {len(names[-1])} characters; at most {LONGEST_PATH} may be"
-            return SetParametersResult(successful=False, reason=reason)
         done = self.loader.wait(lambda: self.service.prepare(names[-1]))
         error = done.exception()
         if error is not None:

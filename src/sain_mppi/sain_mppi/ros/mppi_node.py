@@ -157,4 +157,3 @@ class MppiNode(Node):
         self.goals.close()
         self.driver.close()
         super().destroy_node()
-        self.watch.ownership.release()

@@ -8,11 +8,10 @@ from rclpy.node import Node
 
 from sain_core import wire
 from sain_core.errors import ErrorCode, SainError
-from sain_core.guarding.ros.ownership import Ownership
-from sain_core.guarding.ros.state_file import StateFile, id_in, message_of, text_of
+from sain_core.guarding.ros.ownership import find_second_publisher
+from sain_core.guarding.ros.state_file import StateFile, Subscribers, id_in, message_of, text_of
 from sain_core.ros.codec import decode_time
-from sain_core.ros.node_main import ERROR, OK, WARN, Diagnostics
-from sain_core.ros.qos import Return, listeners, steady_timer
+from sain_core.ros.node_main import ERROR, OK, WARN, Diagnostics, steady_timer
 from sain_interfaces.msg import Goal, Plan, PushResult
 from sain_mppi.agent.agent import MOST_PUSHES
 from sain_mppi.agent.events import PushEnded, PushExecuted
@@ -45,7 +44,7 @@ class Notes:
         self.pushes = 0
         self.plans = 0  # made so far
         self.heard: list[int] = []  # goals, by when they were sent
-        self.listeners: list[str] = []  # nodes
+        self.subscribers = 0  # of plans
         self.results: list[PushResult] = []
         self._read()
 
@@ -54,10 +53,10 @@ class Notes:
         self.goal, self.pushes, self.heard = goal, 0, list(heard)
         self.write()
 
-    def heard_by(self, names: Iterable[str]) -> None:
-        """Note who hears the planner."""
-        if (now := sorted(names)) != self.listeners:
-            self.listeners = now
+    def set_subscribers(self, count: int) -> None:
+        """Note how many subscribe to plans."""
+        if count != self.subscribers:
+            self.subscribers = count
             self.write()
 
     def count(self, pushes: int) -> None:
@@ -91,7 +90,7 @@ class Notes:
             pushes=self.pushes,
             plans=self.plans,
             heard=self.heard,
-            listeners=self.listeners,
+            subscribers=self.subscribers,
             results=[text_of(result) for result in self.results],
         )
 
@@ -103,13 +102,13 @@ class Notes:
             self.goal = message_of(Goal, state["goal"]) if state["goal"] else None
             self.pushes, self.plans = id_in(state, "pushes"), id_in(state, "plans")
             self.heard = [int(stamp) for stamp in state["heard"]]
-            self.listeners = [str(name) for name in state["listeners"]]
+            self.subscribers = id_in(state, "subscribers")
             self.results = [message_of(PushResult, text) for text in state["results"]]
 
 
 LOOK_AGAIN: Final = 0.1  # [s] between looks for the model, and for messages that do not come
 LOOK_AROUND: Final = 1.0  # [s] between looks for who listens
-LOOK_FOR_RIVALS: Final = 0.5  # [s] between looks for other planners
+LOOK_FOR_PLANNERS: Final = 0.5  # [s] between looks for others
 NO_MODEL: Final = "no model is ready yet: plans use physics without learning"
 
 
@@ -119,12 +118,12 @@ class PeerWatch:
     def __init__(
         self, node: Node, diagnostics: Diagnostics, remote: RemoteRollout | None, notes: Notes
     ) -> None:
-        """Take hold of what only one planner may publish."""
+        """Look at nothing yet."""
         self._node, self._diagnostics = node, diagnostics
         self._remote, self._notes = remote, notes
-        self.ownership = Ownership(node, ("plan",))  # people and players send pushes, too
-        self._back = Return(node, "plan", notes.listeners, anyone=notes.goal is not None)
-        self._rival = ""
+        before = notes.subscribers or int(notes.goal is not None)
+        self._subscribers = Subscribers(node, "plan", before)
+        self._conflict = ""
         self._starting = True  # until a model serves, or a plan says more
         diagnostics.set(WARN, NO_MODEL)
 
@@ -132,14 +131,16 @@ class PeerWatch:
         """Look from now on; `look_again` is called at each look."""
         steady_timer(self._node, LOOK_AGAIN, self._look)
         steady_timer(self._node, LOOK_AGAIN, look_again)
-        steady_timer(self._node, LOOK_FOR_RIVALS, self._look_for_rivals)
+        steady_timer(self._node, LOOK_FOR_PLANNERS, self._look_for_planners)
         if self._notes.kept:
             steady_timer(self._node, LOOK_AROUND, self._look_around)
 
     @property
     def ready(self) -> bool:
         """Whether to act: those who listened before are back, and no model is about to serve."""
-        return self._back.complete() and not (self._remote is not None and self._remote.starting)
+        return self._subscribers.complete() and not (
+            self._remote is not None and self._remote.starting
+        )
 
     def report(self, level: bytes, message: str, **figures: object) -> None:
         """Report what became of a plan: it says more than the looks for a model."""
@@ -155,12 +156,13 @@ class PeerWatch:
             self._diagnostics.set(WARN, f"waits for the model: {doing}" if doing else NO_MODEL)
 
     def _look_around(self) -> None:
-        if self._back.complete():
-            self._notes.heard_by(listeners(self._node, "plan"))
+        if self._subscribers.complete():
+            self._notes.set_subscribers(self._subscribers.count())
 
-    def _look_for_rivals(self) -> None:
-        before, self._rival = self._rival, self.ownership.rival()
-        if self._rival:
-            self._diagnostics.set(ERROR, self._rival)
+    def _look_for_planners(self) -> None:
+        # people and players send pushes, too
+        before, self._conflict = self._conflict, find_second_publisher(self._node, ("plan",))
+        if self._conflict:
+            self._diagnostics.set(ERROR, self._conflict)
         elif before:
             self._diagnostics.set(OK, "ready")

@@ -107,7 +107,6 @@ def _run(config: CollectConfig, first: int) -> Generator[EpisodeResult, None, No
     work = Work(
         partial(EpisodeRunner, config.seed, config.episode),
         Software(("sain_core", "sain_sim"), ("numpy", *engines)),
-        lambda episode: f"episode {episode}",
     )
     return run_on_workers(work, range(first, config.episodes), config)
 

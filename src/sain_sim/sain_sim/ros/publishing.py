@@ -13,8 +13,8 @@ from sain_core.guarding.session import Session
 from sain_core.ros import codec
 from sain_core.ros.camera_topics import CameraTopics
 from sain_core.ros.markers import MarkerBoard, markers_of, tool_marker
-from sain_core.ros.node_main import ERROR, OK, WARN, Diagnostics
-from sain_core.ros.qos import LATCHED, QUEUE, RELIABLE, LatchedTopic
+from sain_core.ros.node_main import ERROR, OK, WARN, Diagnostics, LatchedTopic
+from sain_core.ros.qos import LATCHED, QUEUE, RELIABLE
 from sain_core.scene import is_settled
 from sain_core.types import Scene
 from sain_core.view.scenes import bodies_in, table_top
@@ -190,8 +190,8 @@ class Publishing:
             push=push,
         )
 
-    def report(self, rival: str, counts: dict[str, int]) -> None:
-        """Report how the simulator is, beside a rival or alone, and so many pushes of each kind."""
+    def report(self, conflict: str, counts: dict[str, int]) -> None:
+        """Report the state of the simulator, a conflict first, and so many pushes of each kind."""
         session, config = self._session, self._simulator.config
         ids = {"episode": session.episode_id, "scene": session.scene_id}
         figures = {
@@ -200,8 +200,8 @@ class Publishing:
             **ids,
             **counts,
         }
-        if rival:
-            self._diagnostics.set(ERROR, rival, **figures)
+        if conflict:
+            self._diagnostics.set(ERROR, conflict, **figures)
         elif not session.busy and not self.settled.settled:
             message = "the disks do not come to rest; reset the scene"
             self._diagnostics.set(WARN, message, **figures)

@@ -5,10 +5,9 @@ from typing import Final
 
 from rclpy.node import Node
 
-from sain_core.guarding.ros.state_file import StateFile, id_in, message_of, text_of
+from sain_core.guarding.ros.state_file import StateFile, Subscribers, id_in, message_of, text_of
 from sain_core.guarding.session import Session
 from sain_core.ros import codec
-from sain_core.ros.qos import Return, listeners
 from sain_core.types import Scene
 from sain_interfaces.msg import Push, PushResult
 from sain_interfaces.srv import ResetScene
@@ -30,7 +29,7 @@ class LeftEpisode:
         time: simulated [s].
         push: the one that was under way; None: there was none.
         unsent: the result that led to the scene, until it is published; None: it was.
-        listeners: the nodes that hear the simulator.
+        subscribers: of the results of pushes.
     """
 
     reset: ResetScene.Request
@@ -39,7 +38,7 @@ class LeftEpisode:
     time: float
     push: Push | None = None
     unsent: PushResult | None = None
-    listeners: tuple[str, ...] = ()
+    subscribers: int = 0
 
     def write(self, file: StateFile) -> None:
         """Replace what a file holds."""
@@ -50,7 +49,7 @@ class LeftEpisode:
             time=self.time,
             push="" if self.push is None else text_of(self.push),
             unsent="" if self.unsent is None else text_of(self.unsent),
-            listeners=self.listeners,
+            subscribers=self.subscribers,
         )
 
     @classmethod
@@ -70,8 +69,7 @@ class LeftEpisode:
             time = float(state["time"])
             if not 0.0 <= time < LATEST:
                 raise ValueError(f"time is {time} s; allowed: 0 to {LATEST:.0f} s")
-            listeners = tuple(str(name) for name in state.get("listeners", ()))
-            return cls(reset, *ids, time, push, unsent, listeners)
+            return cls(reset, *ids, time, push, unsent, id_in(state, "subscribers"))
 
 
 class Resumption:
@@ -93,9 +91,9 @@ class Resumption:
         self.waits = left is not None
         self.lost = None if left is None else left.push  # under way when the process crashed
         self.unsent = None if left is None else left.unsent  # a result that was not published
-        self._listeners = () if left is None else left.listeners
+        self._count = 0 if left is None else left.subscribers
         self._moment: LeftEpisode | None = None  # the latest that was kept
-        self._back = Return(node, HEARD, self._listeners)
+        self._subscribers = Subscribers(node, HEARD, self._count)
 
     def resume(self) -> ResetScene.Request | None:
         """Take up ids and time of another process; return what leads to its scene, if any."""
@@ -125,20 +123,19 @@ class Resumption:
         reset.disks = codec.encode_disks(scene)
         reset.shapes, reset.roles = begun.shapes, begun.roles
         ids = self._session.episode_id, self._session.scene_id
-        time, heard = self._pacer.now, self._listeners
-        self._moment = LeftEpisode(reset, *ids, time, push, unsent, heard)
+        self._moment = LeftEpisode(reset, *ids, self._pacer.now, push, unsent, self._count)
         self._moment.write(self._file)
 
     def all_listen(self) -> bool:
         """Return whether all who listened before a crash listen again, or have had their time."""
-        return self._back.complete()
+        return self._subscribers.complete()
 
     def look_around(self) -> None:
         """Note who listens, at once: before the first reset nothing else may be noted."""
-        found = tuple(sorted(listeners(self._node, HEARD))) if self._file else self._listeners
-        if found == self._listeners:
+        found = self._subscribers.count() if self._file else 0
+        if found == self._count:
             return
-        self._listeners = found
+        self._count = found
         if self._moment is not None:
-            self._moment = replace(self._moment, listeners=found)
+            self._moment = replace(self._moment, subscribers=found)
             self._moment.write(self._file)

@@ -10,12 +10,12 @@ from rclpy.node import Node
 from sain_core import wire
 from sain_core.camera.image_camera import Shot
 from sain_core.errors import BusyError, CancelledError, SainError
-from sain_core.guarding.ros.ownership import Ownership
-from sain_core.guarding.ros.reception import Reception, emptied, introspect, shortened
+from sain_core.guarding.ros.ownership import find_second_publisher, lock_namespace
+from sain_core.guarding.ros.reception import Reception, introspect, shortened
 from sain_core.guarding.session import Session
-from sain_core.ros.node_main import NAMESPACE
+from sain_core.ros.node_main import NAMESPACE, steady_timer
 from sain_core.ros.parameters import read_parameters
-from sain_core.ros.qos import QUEUE, RELIABLE, steady_timer
+from sain_core.ros.qos import QUEUE, RELIABLE
 from sain_core.ros.worker import Worker
 from sain_core.types import Scene
 from sain_interfaces.msg import Push, PushResult
@@ -30,7 +30,7 @@ from sain_sim.world.workcell import Sample
 LOOK_AGAIN = 0.1  # [s] between looks for those who listened before a crash
 OWNED = ("push_result", "/clock")
 SCENES = ("scene", "shapes")  # owned by a node that sees the bodies, if there is one
-LOOK_FOR_RIVALS = 0.5  # [s] between looks for other publishers of these
+REPORT = 0.5  # [s] between looks for other publishers of these
 
 
 class SimNode(Node):
@@ -40,7 +40,8 @@ class SimNode(Node):
         """Build the worlds and start the first episode."""
         super().__init__("sim_node", namespace=NAMESPACE, **options)
         config = read_parameters(self, SimulatorConfig)
-        self.ownership = Ownership(self, (*SCENES, *OWNED) if config.scenes else OWNED)
+        self._release = lock_namespace(self)
+        self._owned = (*SCENES, *OWNED) if config.scenes else OWNED
         self._closing, self.counts = False, {"executed": 0, "refused": 0}
         self.session, self.pacer = Session(), Pacer(config.real_time_factor)
         self.worker = Worker(self, "physics")
@@ -56,7 +57,7 @@ class SimNode(Node):
             reception.listen(SceneMessage, "scene", self._on_scene, RELIABLE)
         steady_timer(self, 1 / config.images.rate / (config.real_time_factor or 1), self._on_image)
         steady_timer(self, 1 / config.idle_rate, self._on_idle)
-        steady_timer(self, LOOK_FOR_RIVALS, self._report)
+        steady_timer(self, REPORT, self._report)
         if (timer := self.simulator.camera_timer) is not None:
             steady_timer(self, timer.timer_period, self._on_frame)
         self.ready = f"a {config.world} world{self.simulator.within} with {self.simulator.what}"
@@ -161,7 +162,6 @@ class SimNode(Node):
 
     def _refuse(self, message: Push, error: BaseException) -> None:
         self.counts["refused"] += 1
-        message = emptied(message)
         self.get_logger().warning(
             f"push {message.push_id} from {message.source!r} refused: {shortened(str(error))}"
         )
@@ -213,14 +213,14 @@ class SimNode(Node):
             self.publishing.state()
 
     def _report(self) -> None:
-        self.publishing.report(self.ownership.rival(), self.counts)
+        self.publishing.report(find_second_publisher(self, self._owned), self.counts)
 
     def destroy_node(self) -> None:
         """Stop a push that is under way, and close the worlds."""
         self._closing = True
         self.worker.close(last=self.simulator.close)
         super().destroy_node()
-        self.ownership.release()
+        self._release()
 
 
 def _bodies(disks: Sequence[Any], name: str) -> Scene | None:

@@ -14,7 +14,7 @@ from sensor_msgs.msg import CameraInfo, Image
 from tf2_msgs.msg import TFMessage
 
 from sain_core.errors import InvalidInputError
-from sain_core.guarding.ros.reception import Reception
+from sain_core.guarding.ros.reception import LARGE_BYTES, Reception
 from sain_core.ros import codec
 from sain_core.ros.qos import LATCHED, LATCHED_QUEUE, TRANSFORMS
 from sain_vision.extrinsics_file import read_extrinsics
@@ -59,7 +59,7 @@ class CameraInput:
         reception.listen(TFMessage, "/tf", self._on_tf, TRANSFORMS, refuse)
         static = partial(self._on_tf, static=True)
         reception.listen(TFMessage, "/tf_static", static, LATCHED_QUEUE, refuse)
-        reception.listen(Image, self._image_topic, self._on_frame, NEWEST, refuse)
+        reception.listen(Image, self._image_topic, self._on_frame, NEWEST, refuse, LARGE_BYTES)
 
     @property
     def missing(self) -> str:

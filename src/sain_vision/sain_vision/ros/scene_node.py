@@ -12,14 +12,22 @@ from vision_msgs.msg import Detection3DArray
 
 from sain_core import wire
 from sain_core.errors import ConfigError, InvalidInputError
-from sain_core.guarding.ros.ownership import Ownership, publishers
+from sain_core.guarding.ros.ownership import find_second_publisher
 from sain_core.guarding.ros.reception import Reception, shortened
 from sain_core.guarding.ros.state_file import StateFile, id_in
 from sain_core.ros import codec
 from sain_core.ros.markers import MarkerBoard, markers_of
-from sain_core.ros.node_main import ERROR, NAMESPACE, OK, WARN, Diagnostics
+from sain_core.ros.node_main import (
+    ERROR,
+    NAMESPACE,
+    OK,
+    WARN,
+    Diagnostics,
+    LatchedTopic,
+    steady_timer,
+)
 from sain_core.ros.parameters import LiveParameters, read_parameters
-from sain_core.ros.qos import LATCHED_QUEUE, QUEUE, RELIABLE, TRANSFORMS, LatchedTopic, steady_timer
+from sain_core.ros.qos import LATCHED_QUEUE, QUEUE, RELIABLE, TRANSFORMS
 from sain_core.scene import Table
 from sain_core.view.scenes import bodies_in, table_top
 from sain_core.view.things import Thing
@@ -34,12 +42,11 @@ from sain_vision.scene.body_track import Observed
 from sain_vision.scene.frame_tree import FrameTree
 from sain_vision.scene.scene_tracker import SceneTracker
 
-OWNED = ("scene", "shapes")
-SINGLE = ("push_result", "poses")  # of which there must be one publisher, who may claim nothing
+SINGLE = ("scene", "shapes", "push_result", "poses")  # of which there must be one publisher
 TABLE = Table()
 NOTHING = np.zeros((0, 0, 2))
 LOOK = 0.1  # [s] between looks at the age of the poses
-LOOK_FOR_RIVALS = 0.5  # [s]
+LOOK_AROUND = 0.5  # [s]
 CAMERA = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)  # hears reliable ones, too
 
 
@@ -53,9 +60,8 @@ class SceneNode(Node):
         self.bodies = read_body_file(config.bodies)
         self.state = StateFile(self, config.state_file)
         ids = self._ids_left()
-        self.ownership = Ownership(self, OWNED)
         self.tracker = SceneTracker(self.bodies, config, ids)
-        self.kept, self.trouble, self.rival = ids, "", ""
+        self.kept, self.trouble, self.conflict = ids, "", ""
         self.last: SceneMessage | None = None
         self.shapes_publisher = LatchedTopic(self, Bodies, "shapes")
         self.scene_publisher = self.create_publisher(SceneMessage, "scene", RELIABLE)
@@ -63,7 +69,7 @@ class SceneNode(Node):
         self.markers = MarkerBoard(self, "markers")
         self._listen()
         steady_timer(self, LOOK, self._on_look)
-        steady_timer(self, LOOK_FOR_RIVALS, self._look_for_rivals)
+        steady_timer(self, LOOK_AROUND, self._look_around)
         LiveParameters(self, config, followed(self, self._use))
         self.ready = f"{len(self.bodies.names)} bodies, {self.source}"
         if not self.bodies.weighed:
@@ -192,7 +198,7 @@ class SceneNode(Node):
                     self.bodies.bodies, self.bodies.radii, stamp=stamp, episode_id=ids[0]
                 )
             )
-        settled = tracker.settled and not self.rival
+        settled = tracker.settled and not self.conflict
         if not tracker.ready or not self._is_due(ids, settled):
             return
         self.last = codec.encode_scene(
@@ -228,13 +234,9 @@ class SceneNode(Node):
             self._unsettle()
         self._report()
 
-    def _look_for_rivals(self) -> None:
-        self.rival = self.ownership.rival()
-        for topic in SINGLE:
-            if len(found := sorted(publishers(self, topic, 0.0))) > 1:
-                what = f"{' and '.join(found)} publish {self.resolve_topic_name(topic)}"
-                self.rival = f"{what}; there must be one: stop the other"
-        if self.rival:
+    def _look_around(self) -> None:
+        self.conflict = find_second_publisher(self, SINGLE)
+        if self.conflict:
             self._unsettle()
         self._report()
 
@@ -242,14 +244,9 @@ class SceneNode(Node):
         tracker = self.tracker
         ids = {"episode": tracker.episode_id, "scene": tracker.scene_id}
         problem = self.trouble or tracker.problem
-        if self.rival:
-            self.diagnostics.set(ERROR, self.rival, **ids)
+        if self.conflict:
+            self.diagnostics.set(ERROR, self.conflict, **ids)
         elif problem or tracker.lost:
             self.diagnostics.set(WARN, problem or tracker.lost, **ids)
         else:
             self.diagnostics.set(OK, "follows the bodies", push=tracker.busy_with, **ids)
-
-    def destroy_node(self) -> None:
-        """Let another node have the topics."""
-        super().destroy_node()
-        self.ownership.release()

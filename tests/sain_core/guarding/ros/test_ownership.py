@@ -1,6 +1,7 @@
-"""Of two processes that own a topic the later ends, and publishers elsewhere are reported."""
+"""One graph in each namespace of a domain, and one publisher of each of its topics."""
 
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -12,23 +13,20 @@ import pytest
 import rclpy
 from rclpy.context import Context
 from rclpy.node import Node
+from std_msgs.msg import String
 
 from sain_core.errors import BusyError, OutputError
 from sain_core.guarding.ros import ownership
-from sain_core.guarding.ros.ownership import Ownership, refuse_peers, refuse_rivals
-from sain_core.ros.qos import LATCHED
-from sain_interfaces.msg import Goal
+from sain_core.guarding.ros.ownership import find_second_publisher, lock_name, lock_namespace
 
 OWNER = """
 import time
 from rclpy.node import Node
 from sain_core.ros.node_main import ros_context
-from sain_core.guarding.ros.ownership import Ownership
-from sain_interfaces.msg import Goal
+from sain_core.guarding.ros.ownership import lock_namespace
 with ros_context():
     node = Node("owner", namespace="sain")
-    owned = Ownership(node, ("aim",))
-    publisher = node.create_publisher(Goal, "aim", 1)
+    lock_namespace(node)
     print("owns", flush=True)
     time.sleep(600)
 """
@@ -52,7 +50,7 @@ def node(graph) -> Node:
 
 @contextmanager
 def owner() -> Iterator["subprocess.Popen[str]"]:
-    """A process that owns a topic, and is killed at the end."""
+    """A process that locks the namespace, and is killed at the end."""
     command = [sys.executable, "-c", OWNER]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
         assert process.stdout is not None
@@ -62,52 +60,49 @@ def owner() -> Iterator["subprocess.Popen[str]"]:
 
 
 def test_the_later_of_two_is_refused_with_the_number_of_the_first(graph, node):
+    domain = node.context.get_domain_id()
     with owner() as first:
-        expected = rf"process {first.pid} \(/sain/owner\) publishes /sain/aim already; stop it"
+        expected = re.escape(
+            f"process {first.pid} (/sain/owner) executes pushes in namespace /sain of domain"
+            f" {domain} already; stop it, or start this one with another ROS_DOMAIN_ID or namespace"
+        )
         with pytest.raises(BusyError, match=expected):
-            Ownership(node, ("aim",))
+            lock_namespace(node)
         first.send_signal(signal.SIGSTOP)  # it may go on
         with pytest.raises(BusyError, match=expected):
-            Ownership(node, ("aim",))
-        Ownership(node, ("other",)).release()
+            lock_namespace(node)
+        lock_namespace(graph.add(Node("mine", namespace="lab", context=graph.context)))()
 
 
-def test_a_killed_process_owns_nothing_though_discovery_has_not_noticed(graph, node):
+def test_a_killed_process_has_no_lock_though_discovery_has_not_noticed(node):
     with owner() as first:
-        graph.wait(lambda: node.count_publishers("aim") == 1, "the publisher")
         first.send_signal(signal.SIGKILL)
-        Ownership(node, ("aim",)).release()  # nobody has waited for its end yet
+        lock_namespace(node)()  # nobody has waited for its end yet
 
 
-def test_a_publisher_elsewhere_is_reported(graph, node, other):
-    owned = Ownership(node, ("aim",))
-    node.create_publisher(Goal, "aim", 1)
-    publisher = other.create_publisher(Goal, "aim", 1)
-    graph.wait(owned.rival, "its name")
-    assert owned.rival().startswith("/sain/other publishes /sain/aim, too; stop it")
-    other.destroy_publisher(publisher)
-    graph.wait(lambda: not owned.rival(), "the end of the rival")
-
-
-def test_a_rival_that_is_seen_late_is_refused(graph):
-    first = graph.add(Node("first", namespace="sain", context=graph.context))
-    refuse_peers(first, ("aim",))
-    first.create_publisher(Goal, "aim", LATCHED)
-    graph.wait(lambda: first.count_publishers("aim") == 1, "the first publisher")
-    refuse_rivals(first, ("aim",))
-    second = graph.add(Node("second", namespace="sain", context=graph.context))
-    second.create_publisher(Goal, "aim", LATCHED)
-    graph.wait(lambda: first.count_publishers("aim") == 2, "the second publisher")
-    expected = "/sain/first and /sain/second publish /sain/aim, so another graph is running already"
-    with pytest.raises(BusyError, match=expected):
-        refuse_rivals(first, ("aim",))
+def test_a_second_publisher_is_named_until_it_ends(graph, node, other):
+    for topic in ("aim", "/clock"):
+        node.create_publisher(String, topic, 1)
+        assert find_second_publisher(node, (topic,)) == ""
+        publisher = other.create_publisher(String, topic, 1)
+        graph.wait(lambda topic=topic: node.count_publishers(topic) == 2, "the second publisher")
+        graph.wait(
+            lambda topic=topic: "not known" not in find_second_publisher(node, (topic,)), "its name"
+        )
+        name = node.resolve_topic_name(topic)
+        expected = f"/sain/mine and /sain/other publish {name}; there must be one: stop the other"
+        found = find_second_publisher(node, ("quiet", topic))
+        assert found.startswith(expected)
+        assert ("-r /clock:=clock" in found) == (topic == "/clock")
+        other.destroy_publisher(publisher)
+        graph.wait(lambda topic=topic: not find_second_publisher(node, (topic,)), "its end")
 
 
 @pytest.mark.parametrize("what", ["FIFO", "link"])
 def test_what_is_no_regular_file_is_named(node, what, tmp_path: Path, monkeypatch):
     monkeypatch.setattr(ownership, "private_folder", lambda: tmp_path)
-    path = tmp_path / f"domain_{node.context.get_domain_id()}.sain.aim.lock"
+    path = tmp_path / lock_name(node.context.get_domain_id(), "/sain")
     os.mkfifo(path) if what == "FIFO" else path.symlink_to(tmp_path / "victim")
     with pytest.raises(OutputError, match=rf"cannot lock {path}: "):
-        Ownership(node, ("aim",))
+        lock_namespace(node)
     assert not (tmp_path / "victim").exists()

@@ -1,11 +1,10 @@
 """Whatever is sent to a node is counted and answered, and no error in it ends the node.
 
-The one place where an exception of a callback becomes a code and a message. What is larger than
-`sain_core.guarding.ros.reception` allows is refused before the callback sees it.
+The one place where an exception of a callback becomes a code and a message. A message that is too
+large is refused before the callback sees it; `sain_core.wire` checks shapes and numbers.
 """
 
 import inspect
-import re
 import traceback
 from collections.abc import Awaitable, Callable
 from concurrent.futures import Future
@@ -16,12 +15,12 @@ from typing import Any, Final, TypeVar
 from rclpy.callback_groups import CallbackGroup
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
+from rclpy.serialization import serialize_message
 from rclpy.service import Service
 from rclpy.service_introspection import ServiceIntrospectionState
 from rclpy.subscription import Subscription
 
-from sain_core.errors import ErrorCode, InvalidInputError, SainError, TooMuchWorkError, error_reply
-from sain_core.guarding.untrusted import LONGEST_NAME, MOST_BODIES, MOST_CORNERS, MOST_PARTS
+from sain_core.errors import ErrorCode, InvalidInputError, SainError, error_reply
 
 SERVICE = QoSProfile(depth=4000)
 """Requests and answers of a service that may be asked faster than it answers. A client that asks
@@ -40,66 +39,29 @@ def introspect(node: Node, service: Service, level: str) -> None:
         service.configure_introspection(node.get_clock(), SERVICE, STATES[level])
 
 
-LONGEST_TEXT: Final = 256  # characters, of a frame, a source or the name of a world
-LONGEST_PATH: Final = 4096  # as Linux has it
 LONGEST_ERROR: Final = 4096  # characters
-MOST_SUPPORTS: Final = 256  # of a body
-MOST_NUMBERS: Final = 2**26  # of one array: half a gigabyte
-
-TEXTS: Final = {
-    "name": LONGEST_NAME,
-    "role": LONGEST_NAME,
-    "shapes": LONGEST_NAME,
-    "roles": LONGEST_NAME,
-    "model": LONGEST_PATH,
-    "error_message": LONGEST_ERROR,
-}
-"""Characters of a text, or of each text of an array; all others: `LONGEST_TEXT`."""
-
-COUNTS: Final = {
-    "bodies": MOST_BODIES,
-    "disks": MOST_BODIES,
-    "shapes": 1024,  # what the parameter max_disks may be
-    "roles": 1024,
-    "poses": MOST_BODIES,
-    "keep": MOST_BODIES,
-    "parts": MOST_PARTS,
-    "points": MOST_CORNERS,
-    "supports": MOST_SUPPORTS,
-    "dimensions": 3,
-}
-"""Elements of an array; all others: `MOST_NUMBERS`."""
-
-VALUES: Final = {"samples": 2**20, "batch": 2**20, "horizon": 1024, "past": 200}
-"""Dimensions that a request states: K, B, H and P."""
-
-SEQUENCE: Final = re.compile(r"sequence<(.+?)(?:, \d+)?>")
-NUMERIC: Final = re.compile(r"u?int\d+|float|double|boolean|octet|char")
-TEXT: Final = re.compile(r"w?string.*")
+MOST_BYTES: Final = 2**20  # of a message, serialized
+LARGE_BYTES: Final = 2**29  # of one with an image, or with the scenes of many pushes
 
 
-def check_sizes(message: Any) -> None:
-    """Check every text, array and stated dimension of a message, also of those within it.
+def check_size(message: Any, most: int = MOST_BYTES) -> None:
+    """Check the size of a message; one that is too large is emptied, in place: its ids stay.
 
     Raises:
-        InvalidInputError: a text that is too long, or an array with too many elements.
-        TooMuchWorkError: a dimension of a request that is too large.
+        InvalidInputError: it is too large.
     """
-    for name, kind, element in _fields_of(message):
-        _check_field(name, getattr(message, name), kind, element)
+    if (size := len(serialize_message(message))) > most:
+        _empty(message)
+        raise InvalidInputError(f"the message has {size} bytes; at most {most} are accepted")
 
 
-def emptied(message: Any) -> Any:
-    """Return a message with every text and array emptied that is too large, in place."""
-    for name, kind, _ in _fields_of(message):
-        if kind == "message":
-            emptied(getattr(message, name))
-        elif kind != "value":
-            try:
-                _check_field(name, getattr(message, name), kind, "number")
-            except InvalidInputError:
-                setattr(message, name, "" if kind == "text" else [])
-    return message
+def _empty(message: Any) -> None:
+    for name, kind in message.get_fields_and_field_types().items():
+        value = getattr(message, name)
+        if hasattr(value, "get_fields_and_field_types"):
+            _empty(value)
+        elif "string" in kind or kind.startswith("sequence"):
+            setattr(message, name, value[:0])
 
 
 def shortened(text: str) -> str:
@@ -108,45 +70,6 @@ def shortened(text: str) -> str:
         return text
     end = f" ... ({len(text)} characters)"
     return text[: LONGEST_ERROR - len(end)] + end
-
-
-_fields: dict[type, list[tuple[str, str, str]]] = {}  # by class of message
-
-
-def _fields_of(message: Any) -> list[tuple[str, str, str]]:
-    """Return name, kind and kind of the elements of the fields that have a size."""
-    if (fields := _fields.get(type(message))) is None:
-        fields = _fields[type(message)] = []
-        for name, kind in message.get_fields_and_field_types().items():
-            if match := SEQUENCE.fullmatch(kind):
-                fields.append((name, "array", _kind(match[1])))
-            elif name in VALUES:
-                fields.append((name, "value", ""))
-            elif _kind(kind) != "number":
-                fields.append((name, _kind(kind), ""))
-    return fields
-
-
-def _kind(kind: str) -> str:
-    if TEXT.fullmatch(kind):
-        return "text"
-    return "number" if NUMERIC.match(kind) else "message"
-
-
-def _check_field(name: str, value: Any, kind: str, element: str) -> None:
-    if kind == "message":
-        check_sizes(value)
-    elif kind == "value":
-        if value > VALUES[name]:
-            raise TooMuchWorkError(f"{name} is {value}; at most {VALUES[name]} are accepted")
-    else:
-        texts = kind == "text"
-        most = TEXTS.get(name, LONGEST_TEXT) if texts else COUNTS.get(name, MOST_NUMBERS)
-        if len(value) > most:
-            what = "characters" if texts else "elements"
-            raise InvalidInputError(f"{name} has {len(value)} {what}; at most {most} are accepted")
-        for one in value if element in ("text", "message") else ():
-            _check_field(name, one, element, "")
 
 
 LINGER: Final = 3.0  # [s] that a problem is shown after the last bad message, and good ones since
@@ -215,16 +138,17 @@ class Reception:
         callback: Callable[[Any], None],
         qos: QoSProfile,
         refuse: Refuse | None = None,
+        most: int = MOST_BYTES,
     ) -> Subscription:
-        """Subscribe; `refuse` answers a message that is too large or that fails the callback.
+        """Subscribe; `refuse` answers a message over `most` bytes, or that fails the callback.
 
         Without it, such a message is ignored: logged once, and shown as `trouble`.
         """
-        handle = self.guarded(topic, callback, refuse or self._ignore(topic))
+        handle = self.guarded(topic, callback, refuse or self._ignore(topic), most)
         return self._node.create_subscription(kind, topic, handle, qos)
 
     def guarded(
-        self, name: str, callback: Callable[[Any], None], refuse: Refuse
+        self, name: str, callback: Callable[[Any], None], refuse: Refuse, most: int = MOST_BYTES
     ) -> Callable[[Any], None]:
         """Return a callback for messages that lets no error out."""
         self._received[name] = 0
@@ -232,7 +156,7 @@ class Reception:
         def take(message: Any) -> None:
             self._received[name] += 1
             try:
-                check_sizes(message)
+                check_size(message, most)
                 callback(message)
             except Exception as error:  # noqa: BLE001 - an error is an answer
                 self.log_defect(error)
@@ -253,14 +177,18 @@ class Reception:
         name: str,
         callback: Callable[[Any, Any], Any],
         group: CallbackGroup | None = None,
+        most: int = MOST_BYTES,
     ) -> Service:
-        """Offer a service; an error becomes the reply's ``error_code`` and ``error_message``."""
+        """Offer a service; an error becomes the reply's ``error_code`` and ``error_message``.
+
+        A request over `most` bytes is one.
+        """
         self._received[name] = 0
 
         async def answer(request: Any, response: Any) -> Any:
             self._received[name] += 1
             try:
-                check_sizes(request)
+                check_size(request, most)
                 answered = callback(request, response)
                 if inspect.isawaitable(answered):
                     await answered
@@ -285,10 +213,9 @@ class Reception:
         async def run(handle: Any) -> Any:
             self._received[name] += 1
             try:
-                check_sizes(handle.request)
+                check_size(handle.request)  # it is kept as long as the result
                 return await execute(handle)
             except Exception as error:  # noqa: BLE001 - an error is an answer
-                emptied(handle.request)  # which is kept as long as the result
                 return refuse(handle, *self.explain(error))
 
         return run

@@ -3,6 +3,7 @@
 import base64
 import json
 import os
+import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -17,6 +18,7 @@ from sain_core.guarding.untrusted import PARTIAL, read_json
 M = TypeVar("M")
 MOST_ID: Final = 2**64 - 1  # in messages
 ANEW: Final = "remove it to begin anew"
+PATIENCE: Final = 10.0  # [s], for subscribers that may be gone for good
 
 
 class StateFile:
@@ -107,3 +109,27 @@ def message_of(kind: type[M], text: Any) -> M:
     except Exception as error:  # rclpy's own errors have no common base
         raise DatasetError(f"no message of type {kind.__name__}: {error}") from error
     return message
+
+
+class Subscribers:
+    """Waits until a topic has as many subscribers as before a crash."""
+
+    def __init__(self, node: Node, topic: str, before: int) -> None:
+        """Wait for so many; 0: for none."""
+        self._node, self._topic, self._missing = node, node.resolve_topic_name(topic), before
+        self._latest = time.monotonic() + PATIENCE
+
+    def count(self) -> int:
+        """Return how many there are now."""
+        return int(self._node.count_subscribers(self._topic))
+
+    def complete(self) -> bool:
+        """Return True if all are back, or have had their time."""
+        if self._missing and (count := self.count()) < self._missing:
+            if time.monotonic() <= self._latest:
+                return False
+            self._node.get_logger().warning(
+                f"continues with {count} of {self._missing} subscribers of {self._topic}"
+            )
+        self._missing = 0
+        return True
