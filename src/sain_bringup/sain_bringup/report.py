@@ -23,7 +23,7 @@ from sain_bringup.movie import (
     episode_moments,
 )
 from sain_core.cli.terminal import FittingTable
-from sain_core.output import write_json, write_whole
+from sain_core.output import MANIFEST, write_json, write_whole
 from sain_core.view.scenes import goal_marks
 from sain_eval.episode import EpisodeRecord
 from sain_eval.scenes.scenarios import draw_scene
@@ -187,7 +187,7 @@ def write_results(folder: Path, video: bool, display: Display) -> bool:
 
 def written_files(folder: Path) -> list[Path]:
     """Return what a run has written, the report page first, the bag and the logs last."""
-    files = [path for path in sorted(folder.iterdir()) if path.is_file()]
+    files = [one for one in sorted(folder.iterdir()) if one.is_file() and one.name != MANIFEST]
     files.sort(key=lambda path: (path.suffix != ".html", path.suffix != ".gif"))
     return [*files, *(path for path in sorted(folder.iterdir()) if path.is_dir())]
 
