@@ -149,7 +149,7 @@ def change(path, **content):
 
 def test_a_folder_of_something_else_is_left_alone(tmp_path):
     (tmp_path / "thesis.tex").touch()
-    with pytest.raises(OutputError, match="has thesis.tex, and SAIN did not make this folder"):
+    with pytest.raises(OutputError, match=r"has thesis\.tex, and SAIN did not make this folder"):
         OpenLaboratory(tmp_path)
     with pytest.raises(DatasetError, match="no laboratory"):
         sain_lab("forget", str(tmp_path))
