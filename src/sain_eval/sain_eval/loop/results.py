@@ -256,7 +256,7 @@ class Journal(Generic[Record]):
     def __init__(
         self, folder: Path, settings: dict[str, Any], kind: type[Record], overwrite: bool = False
     ) -> None:
-        """Open the journal in a folder; its records are of this kind.
+        """Open the journal in a folder; its records are of this kind. `add` makes or replaces it.
 
         With `overwrite`, one of other settings, or a damaged one, is begun anew.
 
@@ -265,6 +265,7 @@ class Journal(Generic[Record]):
         """
         self.path = folder / JOURNAL_FILE
         self.records: list[Record] = []
+        self._begin_with: dict[str, Any] | None = None  # settings of a new one
         self._kind = kind
         try:
             self._read(json.loads(json.dumps(settings)), overwrite)  # with lists for tuples
@@ -280,6 +281,10 @@ class Journal(Generic[Record]):
 
     def add(self, records: list[Record]) -> None:
         """Write one episode's records, one for each tolerance."""
+        if self._begin_with is not None:
+            text = json.dumps({"settings": self._begin_with}) + "\n"
+            self._begin_with = None
+            write_whole(self.path, text.encode())
         append_json(self.path, [dataclasses.asdict(record) for record in records])
         self.records += records
 
@@ -287,7 +292,7 @@ class Journal(Generic[Record]):
         text = read_regular_text(self.path) if self.path.exists() else ""
         *lines, cut_off = text.split("\n")
         if not lines:
-            self._begin(settings)
+            self._begin_with = settings
             return
         try:
             kept = parse_json(lines[0])["settings"]
@@ -307,13 +312,9 @@ class Journal(Generic[Record]):
                 " use the same, --overwrite, or choose another --out"
             )
         if differing:
-            self._begin(settings)
+            self.records, self._begin_with = [], settings
         elif cut_off:
             write_whole(self.path, ("\n".join(lines) + "\n").encode())
-
-    def _begin(self, settings: dict[str, Any]) -> None:
-        self.records = []
-        write_whole(self.path, (json.dumps({"settings": settings}) + "\n").encode())
 
     def _record(self, item: dict[str, Any]) -> Record:
         lists = {name: tuple(value) for name, value in item.items() if isinstance(value, list)}
