@@ -215,7 +215,7 @@ class Director(Node):
             if not self._graph_is_up and now > self._next_look:  # the one that runs goes on
                 self._next_look = now + 5.0 * LOOK
                 refuse_rivals(self, OWNED)
-            if now > max(begun, since()) + self._timeout:
+            if now - begun > self._timeout and now - since() > self._timeout:
                 raise GraphTimeoutError(f"waited {self._timeout:g} s for the graph; {problem()}")
 
     def call(self, name: str, request: Any) -> Any:
