@@ -23,7 +23,7 @@ from pathlib import Path
 from typing import IO, Any, Final
 
 from sain_core.errors import OutputError
-from sain_core.guarding.untrusted import KINDS, PARTIAL, read_regular
+from sain_core.guarding.untrusted import PARTIAL, is_file, read_regular
 
 MANIFEST: Final = ".sain-files"
 HEADER: Final = b"# What SAIN wrote here. Files that are not named, or were changed, it leaves.\n"
@@ -96,18 +96,6 @@ def check_new(folder: Path) -> None:
     """Check that nothing is where a folder is to be made; raises `OutputError`."""
     if os.path.lexists(folder):
         raise OutputError(f"{folder} exists; a bag is never overwritten, choose another --out")
-
-
-def is_file(path: Path) -> bool:
-    """Return True if a path is a regular file, False if it is free; else raise `OutputError`."""
-    try:
-        mode = path.lstat().st_mode
-    except FileNotFoundError:
-        return False
-    kind = "a symbolic link" if stat.S_ISLNK(mode) else KINDS.get(stat.S_IFMT(mode))
-    if kind:
-        raise OutputError(f"{path} is {kind}, which is never replaced; name a file")
-    return True
 
 
 def write_file(path: Path, write: Callable[[IO[bytes]], object]) -> None:
