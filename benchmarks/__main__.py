@@ -12,6 +12,8 @@ from pathlib import Path
 
 import benchmarks
 
+READERS = "tyro.cli", "read_options", "ArgumentParser"
+
 
 def modules() -> Iterator[tuple[str, str]]:
     """Yield the benchmarks: the name of each module that reads options, and its first line."""
@@ -20,7 +22,7 @@ def modules() -> Iterator[tuple[str, str]]:
         path = place / "__main__.py" if found.ispkg else place.with_suffix(".py")
         source = Path(benchmarks.__path__[0]).parent / path
         text = source.read_text(encoding="utf-8") if source.exists() else ""
-        reads_options = "tyro.cli(" in text or "ArgumentParser(" in text
+        reads_options = any(f"{name}(" in text for name in READERS)
         if reads_options and not found.name.endswith("__main__"):
             first = text.lstrip("r").removeprefix('"""').partition("\n")[0]
             yield found.name, first.rstrip('"')

@@ -5,11 +5,14 @@ import platform
 import sys
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import TypeVar
 
+import tyro
 from rich.console import Console
 from rich.table import Table
 
-from sain_core.output import write_json
+from sain_core.errors import OutputError
+from sain_core.output import claim_file, write_json
 
 
 @dataclass(frozen=True)
@@ -35,6 +38,30 @@ class Figure:
         if self.at_most is not None:
             return bool(self.value <= self.at_most)
         return bool(self.value >= self.at_least) if self.at_least is not None else None
+
+
+@dataclass(frozen=True)
+class ReportOptions:
+    """Where the figures of a benchmark go."""
+
+    out: Path | None = None
+    """Write the figures to this JSON file."""
+    overwrite: bool = False
+    """Replace what others wrote there."""
+
+
+Options = TypeVar("Options", bound=ReportOptions)
+
+
+def read_options(kind: type[Options], description: str | None) -> Options:
+    """Return the options of the command line; end where the figures cannot be written."""
+    options = tyro.cli(kind, description=description)
+    try:
+        if options.out is not None:
+            claim_file(options.out, options.overwrite)
+    except OutputError as error:
+        sys.exit(str(error))
+    return options
 
 
 def report(title: str, figures: list[Figure], out: Path | None = None) -> None:

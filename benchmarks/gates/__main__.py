@@ -21,7 +21,7 @@ from typing import Final, Literal
 import tyro
 
 from benchmarks.gates.table import Baseline, Gate, print_gates, write_gates
-from sain_core.output import claim_folder
+from sain_core.output import claim_file
 
 Name = Literal["speed", "one_push", "loops", "graph"]
 BASELINE: Final = Path(__file__).with_name("baseline.json")
@@ -48,7 +48,7 @@ def main() -> None:
     options = tyro.cli(Options, description=__doc__)
     if options.baseline not in (BASELINE, options.out) and not options.baseline.exists():
         sys.exit(f"there is no baseline {options.baseline}; make one: --out {options.baseline}")
-    claim_folder(options.out.parent, (options.out.name,), options.overwrite)
+    claim_file(options.out, options.overwrite)
     sound = True
     for name in options.only:
         start = perf_counter()

@@ -57,7 +57,8 @@ def main() -> int:
     try:
         claim_folder(options.out, (RESULTS,), options.overwrite)
         claim_file(written, options.overwrite)
-        claim_folder(media, pictures.NAMES, options.overwrite)
+        for name in pictures.NAMES:
+            claim_file(media / name, options.overwrite)
         if not options.again:
             write_json(options.out / RESULTS, computed(options, console))
         results = read_results(options.out / RESULTS)

@@ -12,6 +12,7 @@ from numpy import ndarray
 from scipy.spatial import cKDTree
 
 from sain_core.errors import DatasetError
+from sain_core.output import claim_folder
 from sain_core.push import LENGTH, SPEED, START, TIP_RADIUS, is_stroke, push_direction
 from sain_core.scene import POSE, RADIUS, THETA, unit, wrap_angle
 from sain_core.shapes.library import get_shape
@@ -19,7 +20,7 @@ from sain_core.storage import read_arrays
 from sain_core.types import Angles, Indices, Mask, Points, Scalars
 from sain_model.data.dataset import Dataset, Part, load_dataset
 from sain_model.dynamics.identify import on_surfaces
-from sain_model.importing.data_set import claim_data_set, import_pushes, write_imported
+from sain_model.importing.data_set import WRITTEN, import_pushes, write_imported
 from sain_model.importing.files import read_recordings
 from sain_model.network.feature_kernels import MASS_MIDDLE
 from sain_model.physics.planar import first_touch
@@ -226,7 +227,7 @@ def read_pushes(path: Path, work: Path) -> PushTable:
     """
     folder = work / "data"
     imported = import_pushes(read_recordings([path]), MASS_MIDDLE, skip_bad=True)
-    claim_data_set(folder, overwrite=False)
+    claim_folder(folder, WRITTEN)
     write_imported(folder, imported, {"sources": [str(path)]})
     pushes = push_table(load_dataset(folder))
     return replace(pushes, published=dict(published(path, pushes)))

@@ -25,7 +25,7 @@ from sain_core.config import Config, option
 from sain_core.errors import ConfigError
 from sain_core.feasibility import Feasibility
 from sain_core.goal import BodyPose, Goal
-from sain_core.output import OVERWRITE_HELP, claim_folder, write_json
+from sain_core.output import OVERWRITE_HELP, claim_file, write_json
 from sain_core.randomness import generator
 from sain_core.scene import unit
 from sain_core.shapes.body_file import BodyFile, parse_bodies
@@ -56,7 +56,7 @@ class ArmsOptions(Config):
 
 def main(options: ArmsOptions) -> None:
     """Play all episodes; write the file after each robot. Others stay in it."""
-    claim_folder(options.out.parent, (options.out.name,), options.overwrite)
+    claim_file(options.out, options.overwrite)
     found: dict[str, Any] = json.loads(options.out.read_text()) if options.out.exists() else {}
     for name in options.robots:
         found[name] = play_robot(name, options)

@@ -33,7 +33,7 @@ from sain_core.config import Config, option
 from sain_core.errors import BlockedError, ErrorCode, SainError, UnreachableError
 from sain_core.feasibility import Feasibility
 from sain_core.goal import BodyPose, Goal
-from sain_core.output import OVERWRITE_HELP, claim_folder, write_json
+from sain_core.output import OVERWRITE_HELP, claim_file, write_json
 from sain_core.randomness import generator
 from sain_core.scene import POSE, POSITION, RADIUS, TARGET, wrap_angle
 from sain_core.shapes.body_file import BodyFile, parse_bodies, read_bodies
@@ -157,7 +157,7 @@ class ImageSight(Sight):
 def main(options: SeenArmsOptions) -> None:
     """Play all episodes; write the file after each."""
     cv2.setNumThreads(1)
-    claim_folder(options.out.parent, (options.out.name,), options.overwrite)
+    claim_file(options.out, options.overwrite)
     found: dict[str, Any] = json.loads(options.out.read_text()) if options.out.exists() else {}
     name = f"{options.robot} {options.task} {options.see}"
     rows = found.setdefault(name, {"settings": repr(options), "episodes": []})["episodes"]

@@ -10,14 +10,12 @@ import os
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
 
 import numba
 import numpy as np
 import torch
-import tyro
 
-from benchmarks.report import Figure, report
+from benchmarks.report import Figure, ReportOptions, read_options, report
 from benchmarks.speed.planar_prior import draw
 from benchmarks.timing import fastest
 from sain_core.model import Model, load_dynamics
@@ -31,7 +29,7 @@ SIZE = 1024  # of the square matrices that show the machine's peak
 
 
 @dataclass(frozen=True)
-class Options:
+class Options(ReportOptions):
     """How much to measure."""
 
     model: str = "sain"
@@ -40,8 +38,6 @@ class Options:
     """calls of each, of which the fastest counts"""
     seed: int = 0
     """of scenes and pushes"""
-    out: Path | None = None
-    """write the figures to this JSON file"""
 
 
 def module_of(sain: SainDynamics) -> InteractionNetwork:
@@ -129,7 +125,7 @@ def rollouts(sain: SainDynamics, options: Options) -> list[Figure]:
 
 def main() -> None:
     """Measure how fast SAIN predicts."""
-    options = tyro.cli(Options, description=main.__doc__)
+    options = read_options(Options, main.__doc__)
     sain = load_dynamics(options.model)
     if not isinstance(sain, SainDynamics):
         sys.exit(f"{options.model} has no network")

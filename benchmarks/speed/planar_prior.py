@@ -8,13 +8,11 @@ machine; processor time per push, of all cores, hardly changes.
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from pathlib import Path
 
 import numba
 import numpy as np
-import tyro
 
-from benchmarks.report import Figure, report
+from benchmarks.report import Figure, ReportOptions, read_options, report
 from benchmarks.timing import Shortest, fastest
 from sain_core.push import PushLimits
 from sain_core.randomness import generator
@@ -28,7 +26,7 @@ SAMPLES, HORIZON = 1024, 6
 
 
 @dataclass(frozen=True)
-class Options:
+class Options(ReportOptions):
     """How much to measure."""
 
     batch: int = 4096
@@ -37,8 +35,6 @@ class Options:
     """calls, of which the fastest counts"""
     seed: int = 0
     """of scenes and pushes"""
-    out: Path | None = None
-    """write the figures to this JSON file"""
 
 
 def draw(batch: int, seed: int) -> tuple[Scenes, Pushes]:
@@ -113,7 +109,7 @@ def correction_time(options: Options) -> float:
 
 def main() -> None:
     """Measure how fast models predict pushes."""
-    options = tyro.cli(Options, description=main.__doc__)
+    options = read_options(Options, main.__doc__)
     most = min(2, numba.get_num_threads())
     one, two = prior_time(options, 1), prior_time(options, most)
     correction = correction_time(options)

@@ -22,7 +22,7 @@ import torch
 import tyro
 from matplotlib.figure import Figure as Picture
 
-from benchmarks.report import Figure, report
+from benchmarks.report import Figure, ReportOptions, read_options, report
 from benchmarks.speed.inference import SIZE, multiplications, peak
 from benchmarks.timing import fastest
 from sain_core.model import IdentityPrior, load_dynamics
@@ -46,7 +46,7 @@ DEADLINE = 0.05  # [s]
 
 
 @dataclass(frozen=True)
-class Options:
+class Options(ReportOptions):
     """How much to measure."""
 
     parts: Annotated[tuple[str, ...], tyro.conf.Positional] = (
@@ -63,8 +63,6 @@ class Options:
     """Plans that should keep the deadline."""
     picture: Path | None = None
     """Draw plan time against K and H into this file."""
-    out: Path | None = None
-    """Write the figures to this JSON file."""
 
 
 def problem(seed: int = 0) -> ScenarioScene:
@@ -217,7 +215,7 @@ def deadlines(sain: SainDynamics, options: Options) -> list[Figure]:
 
 def main() -> None:
     """Measure how fast the planner plans."""
-    options = tyro.cli(Options, description=__doc__)
+    options = read_options(Options, __doc__)
     torch.set_num_threads(1)
     sain = load_dynamics(options.model)
     if not isinstance(sain, SainDynamics):

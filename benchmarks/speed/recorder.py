@@ -17,9 +17,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import tyro
 
-from benchmarks.report import Figure, report
+from benchmarks.report import Figure, ReportOptions, read_options, report
 from sain_bags.reading.reader import Bag
 from sain_bags.writing.gaps import read_gaps
 
@@ -29,15 +28,13 @@ TICKS = os.sysconf("SC_CLK_TCK")
 
 
 @dataclass(frozen=True)
-class Options:
+class Options(ReportOptions):
     """How much to measure."""
 
     seconds: float = 60.0
     """to record the whole graph for"""
     rate: float = 1000.0
     """of scenes [1/s]"""
-    out: Path | None = None
-    """write the figures to this JSON file"""
 
 
 @contextmanager
@@ -137,7 +134,7 @@ def main() -> None:
     """Measure what the recorder costs, and what it loses."""
     import domain_coordinator  # needs the middleware
 
-    options = tyro.cli(Options, description=__doc__)
+    options = read_options(Options, __doc__)
     temporary = tempfile.TemporaryDirectory(prefix="sain-bench-")
     with temporary as folder, domain_coordinator.domain_id() as domain:
         os.environ["ROS_DOMAIN_ID"] = str(domain)

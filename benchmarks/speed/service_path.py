@@ -23,9 +23,8 @@ from pathlib import Path
 from threading import Thread
 
 import numpy as np
-import tyro
 
-from benchmarks.report import Figure, report
+from benchmarks.report import Figure, ReportOptions, read_options, report
 from benchmarks.timing import fastest
 from sain_bags.reading.reader import Bag
 from sain_core.model import RolloutModel, load_dynamics
@@ -48,7 +47,7 @@ Times = dict[str, np.ndarray]  # [ms]
 
 
 @dataclass(frozen=True)
-class Options:
+class Options(ReportOptions):
     """How much to measure."""
 
     episodes: int = 8
@@ -63,8 +62,6 @@ class Options:
     """parts to measure"""
     turns: int = 2
     """of the loop with a learner and without"""
-    out: Path | None = None
-    """write the figures to this JSON file"""
 
 
 def service_and_process(options: Options) -> list[Figure]:
@@ -211,7 +208,7 @@ def read(bag: Bag) -> Times:
 
 def main() -> None:
     """Measure what the service costs a plan."""
-    options = tyro.cli(Options, description=__doc__)
+    options = read_options(Options, __doc__)
     figures = service_and_process(options) if "service" in options.only else []
     for scenario in MOST_MS if "loops" in options.only else ():
         few = scenario == "rearrange_4"  # these take many pushes

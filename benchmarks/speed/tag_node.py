@@ -13,12 +13,11 @@ from pathlib import Path
 import numpy as np
 import psutil
 import rclpy
-import tyro
 from rclpy.node import Node
 from tf2_msgs.msg import TFMessage
 from vision_msgs.msg import Detection3DArray
 
-from benchmarks.report import Figure, report
+from benchmarks.report import Figure, ReportOptions, read_options, report
 from benchmarks.results.seeing import AWAY, scenes
 from benchmarks.results.seeing import Options as SeeingOptions
 from sain_core.camera.image_camera import ImageCameraConfig, Shot
@@ -37,13 +36,11 @@ PATIENCE = 30.0  # [s]
 
 
 @dataclass(frozen=True)
-class Options:
+class Options(ReportOptions):
     """How much to measure."""
 
     images: int = 100
     """Images of each part."""
-    out: Path | None = None
-    """Write the figures to this JSON file."""
 
 
 class Camera(Node):
@@ -90,7 +87,7 @@ def take(folder: Path) -> tuple[list[Shot], Path]:
 
 def main() -> None:
     """Measure."""
-    options = tyro.cli(Options, description=__doc__)
+    options = read_options(Options, __doc__)
     with tempfile.TemporaryDirectory() as name, ros_context(args=[]):
         shots, bodies = take(Path(name))
         camera = Camera(shots)

@@ -25,12 +25,11 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-import tyro
 from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 
-from benchmarks.report import Figure, report
+from benchmarks.report import Figure, ReportOptions, read_options, report
 from benchmarks.speed.made_bags import MadeBag
 from benchmarks.timing import fastest
 from sain_bags.dataset.conversion import convert
@@ -45,7 +44,7 @@ SCENE = 211  # [bytes], with its record
 
 
 @dataclass(frozen=True)
-class Options:
+class Options(ReportOptions):
     """What to measure."""
 
     pushes: int = 100_000
@@ -58,8 +57,6 @@ class Options:
     """of each, of which the fastest counts"""
     memory: bool = False
     """measure memory instead"""
-    out: Path | None = None
-    """write the figures to this JSON file"""
 
 
 def with_rosbags(bag: Path, topics: frozenset[str]) -> int:
@@ -192,7 +189,7 @@ def main() -> None:
     if sys.argv[1:2] == ["--child"]:
         child(Path(sys.argv[2]))
         return
-    options = tyro.cli(Options, description=__doc__)
+    options = read_options(Options, __doc__)
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         if options.memory:

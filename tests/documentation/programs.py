@@ -43,7 +43,12 @@ INTERFACE = re.compile(r"sain_interfaces/(msg|srv|action)/(\w+)")
 
 
 def problems(words: list[str]) -> Iterator[str]:
-    """What does not exist of what a command names."""
+    """What does not exist of what a command names, unless it is a program of others."""
+    if not (words[0] == "tar" or (words[:2] == ["ros2", "run"] and words[2] in OTHERS)):
+        yield from problems_of_ours(words)
+
+
+def problems_of_ours(words: list[str]) -> Iterator[str]:
     while words and words[0] in ("./env", "nice"):
         words = words[1:]
     match words:
@@ -52,10 +57,6 @@ def problems(words: list[str]) -> Iterator[str]:
         case ["make", *rest]:
             yield from make(rest)
         case ["sain", "--version" | "--help"]:
-            pass
-        case ["ros2", "run", package, *_] if package in OTHERS:
-            pass
-        case ["tar", "-xf", *_]:
             pass
         case ["ros2", "run", package, name, *rest]:
             yield from executable(package, name, rest)

@@ -16,8 +16,9 @@ from sain_bags.rows.recorded_push import PlanRecord, RecordedPush
 from sain_bringup import movie
 from sain_bringup.display import Display, EpisodeView
 from sain_bringup.movie import Film, Moment, MovieConfig, Scenery, choose_moments, encode_gif
-from sain_bringup.report import PlayedEpisode, draw_picture, summary_table
+from sain_bringup.report import PlayedEpisode, draw_picture, summary_table, written_files
 from sain_core.goal import Goal, Judgement
+from sain_core.output import claim_folder, write_whole
 from sain_core.push import idle_pushes, make_push
 from sain_core.scene import make_scene
 from sain_core.types import Scene
@@ -81,7 +82,7 @@ def test_goals_in_a_row_are_counted_and_the_last_is_drawn(tmp_path: Path) -> Non
     assert last.title == "paper 4, goal 2" and len(last.record().pushes) == 2
     assert played(0.45).last_part().title == "paper 4"
     draw_picture(tmp_path, (streak,))
-    assert [path.name for path in tmp_path.glob('[!.]*')] == ['overview.png']
+    assert [path.name for path in tmp_path.glob("[!.]*")] == ["overview.png"]
 
 
 def judged(distance: float) -> Judgement:
@@ -186,3 +187,11 @@ def test_the_line_of_an_episode() -> None:
     long = shown([0.1 * n for n in range(12)])
     assert "0 → … → 500 → 600" in long
     assert long.endswith("1100 mm")
+
+
+def test_the_files_to_open_are_listed_without_the_manifest(tmp_path):
+    for name in ("summary.json", "closed_loop.gif", "report.html"):
+        write_whole(claim_folder(tmp_path / "run") / name, b"")
+    (tmp_path / "run" / "bag").mkdir()
+    listed = [path.name for path in written_files(tmp_path / "run")]
+    assert listed == ["report.html", "closed_loop.gif", "summary.json", "bag"]

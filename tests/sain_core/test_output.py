@@ -2,6 +2,7 @@
 
 import os
 import stat
+import tempfile
 from collections.abc import Callable
 from pathlib import Path
 
@@ -27,6 +28,7 @@ MINE = "the only copy"
 def next_run() -> None:
     """Forget what this process wrote, as another process does not know it."""
     output._ours.clear()
+    output._claimed.clear()
 
 
 @pytest.fixture
@@ -67,6 +69,32 @@ def test_what_a_user_wrote_or_changed_needs_overwrite(ours: Path, name: str) -> 
     write_json(ours / name, 4)
     next_run()
     claim_folder(ours, [name])
+
+
+def test_a_folder_is_made_with_the_first_file(tmp_path: Path) -> None:
+    for folder in (tmp_path / "empty", tmp_path / "new" / "below"):
+        if folder.name == "empty":
+            folder.mkdir()
+        claim_folder(folder, ["a.json"])
+        assert not folder.exists() or not [*folder.iterdir()]
+        write_json(folder / "a.json", 1)
+        assert {one.name for one in folder.iterdir()} == {"a.json", MANIFEST}
+        next_run()
+        claim_folder(folder, ["a.json"])
+
+
+@pytest.mark.parametrize("overwrite", [False, True])
+@pytest.mark.parametrize("place", ["/", tempfile.gettempdir(), "strangers"])
+def test_a_folder_of_others_is_no_place_for_results(
+    place: str, overwrite: bool, tmp_path: Path
+) -> None:
+    (tmp_path / "strangers").mkdir()
+    (tmp_path / "strangers" / "notes.txt").write_text(MINE)
+    folder = tmp_path / place
+    refused = rf"^{folder} has \S+, and SAIN did not make this folder; choose a new or an empty"
+    with pytest.raises(OutputError, match=refused):
+        claim_folder(folder, ["a.json"], overwrite)
+    assert [one.name for one in (tmp_path / "strangers").iterdir()] == ["notes.txt"]
 
 
 def test_in_a_folder_of_the_user_no_manifest_appears_beside_a_single_file(tmp_path: Path) -> None:
@@ -126,7 +154,7 @@ def test_what_is_no_folder_is_no_place_for_results(tmp_path: Path) -> None:
     (tmp_path / "dangling").symlink_to(tmp_path / "nowhere")
     os.mkfifo(tmp_path / "fifo")
     for name in ("file", "dangling", "fifo"):
-        with pytest.raises(OutputError, match=f"{name} is not a folder; choose another --out"):
+        with pytest.raises(OutputError, match=f"{name} is not a folder; choose another"):
             claim_folder(tmp_path / name)
         with pytest.raises(OutputError, match=f"{name}"):
             claim_file(tmp_path / name / "results.json")

@@ -9,6 +9,7 @@ from io import StringIO
 
 import numpy as np
 import pytest
+from mcap.writer import Writer
 from rich.console import Console
 
 from sain_core.errors import BusyError, DatasetError, OutputError, SainError
@@ -148,7 +149,7 @@ def change(path, **content):
 
 def test_a_folder_of_something_else_is_left_alone(tmp_path):
     (tmp_path / "thesis.tex").touch()
-    with pytest.raises(OutputError, match="is no laboratory"):
+    with pytest.raises(OutputError, match=r"has thesis\.tex, and SAIN did not make this folder"):
         OpenLaboratory(tmp_path)
     with pytest.raises(DatasetError, match="no laboratory"):
         sain_lab("forget", str(tmp_path))
@@ -267,11 +268,43 @@ def test_a_full_disk_is_said_and_leaves_the_log_whole(tmp_path, monkeypatch):
 def test_what_cannot_be_written_is_said(tmp_path):
     blocked = tmp_path / "file"
     blocked.write_text("")
-    with pytest.raises(OutputError, match=r"mine: .*file is no folder"):
+    with pytest.raises(OutputError, match=r"file is not a folder; choose another"):
         OpenLaboratory(blocked / "mine")
 
 
-def test_a_recording_that_is_not_there_makes_no_laboratory(tmp_path):
-    with pytest.raises(DatasetError, match="none does not exist; give a bag, or a folder of shard"):
-        sain_lab("add", str(tmp_path / "mine"), str(tmp_path / "none"))
+def foreign(path):
+    """Record a graph of another system: one text."""
+    with path.open("wb") as stream:
+        writer = Writer(stream)
+        writer.start("ros2")
+        schema = writer.register_schema("std_msgs/msg/String", "ros2msg", b"string data\n")
+        channel = writer.register_channel("/chatter", "cdr", schema)
+        writer.add_message(channel, 1, b"\0\1\0\0\2\0\0\0a\0", 1)
+        writer.finish()
+
+
+@pytest.mark.parametrize("action", ["add", "replay"])
+@pytest.mark.parametrize(
+    ("name", "make", "why"),
+    [
+        ("none", lambda path: None, "none does not exist; give a bag, or a folder of shard"),
+        ("empty", lambda path: path.mkdir(), "empty"),
+        ("text.mcap", lambda path: path.write_text("notes"), "text.mcap"),
+        ("foreign.mcap", foreign, "foreign.mcap"),
+    ],
+)
+def test_a_recording_that_is_refused_makes_no_laboratory(tmp_path, action, name, make, why):
+    make(tmp_path / name)
+    mine, path = str(tmp_path / "mine"), str(tmp_path / name)
+    with pytest.raises(DatasetError, match=why):
+        if action == "add":
+            sain_lab("add", mine, path)
+        else:
+            sain_lab("replay", path, laboratory=mine)
+    assert not (tmp_path / "mine").exists()
+
+
+def test_a_laboratory_that_is_to_learn_what_it_received_must_exist(tmp_path):
+    with pytest.raises(DatasetError, match=r"there is no laboratory at .*mine"):
+        sain_lab("add", str(tmp_path / "mine"))
     assert not (tmp_path / "mine").exists()

@@ -10,9 +10,10 @@ import numpy as np
 from sain_core.goal import BodyPose, Goal
 from sain_core.scene import make_scene
 from sain_core.shapes.bodies import Bodies
+from sain_core.wire.scene_door import SeenScene
 from sain_live.page.live_page import LivePage
 from sain_live.settings import PageConfig
-from sain_live.state import LiveScene, LiveState
+from sain_live.state import LiveState
 
 SCENE = make_scene(
     np.array([(0.45, 0.1), (0.6, -0.2)]), np.array([1.0, 1.0]), np.array([0.1, 0.08])
@@ -41,7 +42,7 @@ def free_port() -> int:
 
 
 def made_up() -> LiveState:
-    return LiveState(scene=LiveScene(SCENE, 1, 1), bodies=BODIES, aim=AIM)
+    return LiveState(scene=SeenScene(SCENE, 1, 1), bodies=BODIES, aim=AIM)
 
 
 @contextmanager

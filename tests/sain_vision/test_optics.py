@@ -112,6 +112,8 @@ def edited(*changes: tuple[int, int, float]) -> np.ndarray:
         (edited((0, 0, np.nan)), "plumb_bob", 5, "NaN or Inf"),
         (edited((0, 0, -840.0)), "plumb_bob", 5, "focal lengths are -840 and 850 px"),
         (edited((0, 0, 4.2), (1, 1, 4.2)), "plumb_bob", 5, "is the camera calibrated, in px"),
+        (edited((0, 0, 1700.0)), "plumb_bob", 5, "are 1700 and 850 px; one may be at most 1.2 ti"),
+        (edited((1, 1, 420.0)), "plumb_bob", 5, "are 840 and 420 px; one may be at most 1.2 times"),
         (edited((0, 2, 1300.0)), "plumb_bob", 5, r"principal point is \(1300, 479.5\) px"),
         (K, "fisheye", 4, "is 'fisheye'; allowed: plumb_bob, rational_polynomial, equidistant"),
         (K, "", 5, "is ''; allowed"),

@@ -69,7 +69,7 @@ def test_a_file_of_the_user_at_out_is_refused_before_the_work(
 ) -> None:
     (tmp_path / "mine").write_text(MINE)
     said = refusal(name, tmp_path / "mine", capsys)
-    assert "mine exists" in said or "mine is not a folder; choose another --out" in said
+    assert "mine exists" in said or "mine is not a folder; choose another" in said
     assert (tmp_path / "mine").read_text() == MINE
     assert [one.name for one in tmp_path.iterdir()] == ["mine"]
 
@@ -115,12 +115,12 @@ def test_files_of_the_user_in_the_folder_are_refused_before_the_work(
         claimed.append(path)
         claim(path, overwrite)
 
-    def stop_after_names(manifest: Path, line: str = "") -> None:
+    def stop_after_names(folder: Path) -> None:
         raise OutputError("stopped before the work")
 
     with monkeypatch.context() as patch:
         patch.setattr(output, "_claim", note)
-        patch.setattr(output, "_append", stop_after_names)
+        patch.setattr(output, "_probe", stop_after_names)
         out.mkdir()
         COMMANDS[name]([*NEEDED[name], "--out", str(out)])
     capsys.readouterr()
@@ -134,6 +134,24 @@ def test_files_of_the_user_in_the_folder_are_refused_before_the_work(
         assert path.read_text() == MINE
         path.unlink()
     assert inside or claimed or name in ("sain_bringup closed_loop", "sain_bags to_dataset")
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_a_folder_of_the_user_is_refused_before_the_work(
+    name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "notes.txt").write_text(MINE)
+    refusal(name, tmp_path, capsys, *(() if name in NEW_ONLY else ("--overwrite",)))
+    assert [one.name for one in tmp_path.iterdir()] == ["notes.txt"]
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_a_command_that_is_refused_makes_no_folder(name: str, tmp_path: Path) -> None:
+    """What it should read is missing."""
+    if "nowhere" not in NEEDED[name]:
+        pytest.skip("it reads no file")
+    COMMANDS[name]([*NEEDED[name], "--out", str(tmp_path / "below" / "out")])
+    assert [*tmp_path.iterdir()] == []
 
 
 def configs(kind: type[Config] = Config) -> "list[type[Config]]":

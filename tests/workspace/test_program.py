@@ -15,8 +15,9 @@ from tests.workspace.source_tree import PYPROJECT
 VERSION = PYPROJECT["project"]["version"]
 # What `pip install .` does not bring: ROS 2, the graph's packages and the extras.
 NOT_INSTALLED = (
-    "rclpy", "sain_interfaces", "std_msgs", "control_msgs", "tf2_msgs", "vision_msgs", "mink", "mujoco", "daqp",
-    "viser", "websockets", "trimesh", "example_robot_data", "pyarrow", "lerobot", "gym_pusht", "ray", "tensorboardX",
+    "rclpy", "sain_interfaces", "std_msgs", "control_msgs", "tf2_msgs", "vision_msgs", "mink",
+    "mujoco", "daqp", "viser", "websockets", "trimesh", "example_robot_data", "pyarrow", "lerobot",
+    "gym_pusht", "ray", "tensorboardX",
 )  # fmt: skip
 
 

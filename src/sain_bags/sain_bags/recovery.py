@@ -82,6 +82,9 @@ def recover(source: Path, out: Path, advance: Advance = lambda done: None) -> Re
     partial = out.with_name(f".{out.name}.{os.getpid()}{PARTIAL}")
     try:
         partial.mkdir(parents=True)
+    except OSError as error:
+        raise OutputError(f"cannot write {partial}: {error.strerror or error}") from error
+    try:
         with (partial / f"{out.name}_0.mcap").open("wb") as stream:
             copy = _Copy(stream, found)
             for path in files:

@@ -58,10 +58,12 @@ class Heartbeats:
         address = self._socket.getsockname().decode("ascii").replace("\0", "@")
         return {lifetime.SOCKET: address, lifetime.TIMEOUT: str(round(1e6 * self._config.timeout))}
 
-    @property
-    def heard_at(self) -> float:
-        """When the last heartbeat came [s], or when the process was started."""
-        return self._last
+    def heard_at(self, process_id: int) -> float:
+        """Return when the last heartbeat came [s], or when the process was started.
+
+        It is as much later as a process that starts has waited for a processor since then.
+        """
+        return self._last + self._waited(process_id)
 
     def hear(self, process_id: int) -> None:
         """Take what has come from a process."""
@@ -72,6 +74,8 @@ class Heartbeats:
             self.ready = self.ready or word == lifetime.READY
             if word.startswith(lifetime.STOPPING):
                 self.closing = word.removeprefix(lifetime.STOPPING).decode(errors="replace")
+        if not self.ready and self._suspected is None:
+            self._suspected = waiting_times(process_id)
 
     def fault(self, process_id: int) -> str:
         """Return in words what is wrong with a process that runs; empty: nothing.
@@ -80,6 +84,7 @@ class Heartbeats:
         """
         silence, timeout = time.monotonic() - self._last, self._config.timeout
         if not self.ready or self.closing:
+            silence -= self._waited(process_id)
             limit = self._config.connect_timeout
             if self.closing:
                 return f"was silent for {limit:g} s while {self.closing}" if silence > limit else ""

@@ -99,7 +99,7 @@ class Supervisor:
     def heard_at(self, names: Collection[str]) -> float:
         """Return when one of these that is not ready gave its last sign of life [s]; or -inf."""
         waited_for = [c for c in self._children if c.name in names and not c.heartbeats.ready]
-        return max((child.heartbeats.heard_at for child in waited_for), default=-inf)
+        return max((c.heartbeats.heard_at(c.process.pid) for c in waited_for), default=-inf)
 
     def last_words(self, name: str) -> str:
         """Return what a process said last, to be added to an error about it; empty: no process."""

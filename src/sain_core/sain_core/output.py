@@ -7,7 +7,7 @@ A file that is named, and was not changed since, is ours: it may be replaced and
 needs ``--overwrite`` to be replaced, and is never removed.
 
 A command calls `claim_folder` or `claim_file` at its start, with all names that it will write. So
-it is refused before the work, not after it.
+it is refused before the work, not after it. Folders are made with the first file in them.
 """
 
 import hashlib
@@ -23,7 +23,7 @@ from pathlib import Path
 from typing import IO, Any, Final
 
 from sain_core.errors import OutputError
-from sain_core.guarding.untrusted import KINDS, PARTIAL, read_regular
+from sain_core.guarding.untrusted import PARTIAL, is_file, read_regular
 
 MANIFEST: Final = ".sain-files"
 HEADER: Final = b"# What SAIN wrote here. Files that are not named, or were changed, it leaves.\n"
@@ -31,14 +31,15 @@ GROWS: Final = "grows"  # in place of a hash
 LINE: Final = re.compile(rf"^([0-9a-f]{{64}}|{GROWS})  (.+)$", re.MULTILINE)
 LEFT_OVER: Final = re.compile(rf"\..+\.\d+{re.escape(PARTIAL)}")  # by a killed `write_file`
 PROBE_BYTES: Final = 1 << 16
-OTHER: Final = "; choose another --out"
+OTHER: Final = "; choose another"
 OVERWRITE_HELP: Final = "replace what others wrote there, or a run with other settings"
 
 _ours: Final[dict[Path, str]] = {}  # hashes of what this process wrote; `GROWS`: it may overwrite
+_claimed: Final[set[Path]] = set()  # folders that get a manifest with the first file
 
 
 def claim_folder(folder: Path, names: Iterable[str] = (), overwrite: bool = False) -> Path:
-    """Make a folder and check that these files can be written to it; return its path.
+    """Check that these files can be written to a folder, which need not exist; return its path.
 
     Args:
         folder: for a command's results.
@@ -46,27 +47,48 @@ def claim_folder(folder: Path, names: Iterable[str] = (), overwrite: bool = Fals
         overwrite: whether files of others may be replaced.
 
     Raises:
-        OutputError: it is no folder, cannot be written, or a name is taken by a file of others, a
-            folder, a link or a device; or the disk is full.
+        OutputError: it is no folder, holds other files and SAIN did not make it, or cannot be
+            written; a name is taken by a file of others, a folder, a link or a device; or the disk
+            is full.
     """
+    names = tuple(names)
     with _no_os_error(folder, "write to", OTHER):
-        _make_folder(folder)
-        _probe(folder)
+        place = _nearest_folder(folder)
         for name in names:
             for path in [folder / name, *folder.glob(name)]:
                 _claim(path, overwrite)
+        if place == folder and not _is_our_folder(folder):
+            _refuse_others(folder, names)
+        _probe(place)
+        for name in names:
             for path in folder.glob(f".{name}.[0-9]*{PARTIAL}"):
                 remove(path.parent.resolve() / path.name)
-        _append(folder / MANIFEST)
+    _claimed.add(folder.absolute())
     return folder
 
 
+def _refuse_others(folder: Path, names: Iterable[str]) -> None:
+    for entry in sorted(one.name for one in folder.iterdir()):
+        if not LEFT_OVER.fullmatch(entry) and not any(fnmatch(entry, name) for name in names):
+            raise OutputError(
+                f"{folder} has {entry}, and SAIN did not make this folder;"
+                " choose a new or an empty one"
+            )
+
+
+def make_folder(folder: Path) -> None:
+    """Make a folder that only SAIN writes to, such as a cache, at once; raises `OutputError`."""
+    _claimed.add(folder.absolute())
+    with _no_os_error(folder):
+        _make_folder(folder)
+        _append(folder / MANIFEST)
+
+
 def claim_file(path: Path, overwrite: bool = False) -> Path:
-    """Check that a file can be written, and make its folder; raises as `claim_folder`."""
+    """Check that a file can be written; its folder need not exist. Raises as `claim_folder`."""
     with _no_os_error(path, advice=OTHER):
         _claim(path, overwrite)
-        _make_folder(path.parent)
-        _probe(path.parent)
+        _probe(_nearest_folder(path.parent))
     return path
 
 
@@ -74,13 +96,6 @@ def check_new(folder: Path) -> None:
     """Check that nothing is where a folder is to be made; raises `OutputError`."""
     if os.path.lexists(folder):
         raise OutputError(f"{folder} exists; a bag is never overwritten, choose another --out")
-
-
-def is_folder(path: Path) -> bool:
-    """Return True if a path is a folder, False if it is free; else raise `OutputError`."""
-    if os.path.lexists(path) and not path.is_dir():
-        raise OutputError(f"{path} is not a folder; choose another --out")
-    return path.is_dir()
 
 
 def write_file(path: Path, write: Callable[[IO[bytes]], object]) -> None:
@@ -103,7 +118,7 @@ def write_file(path: Path, write: Callable[[IO[bytes]], object]) -> None:
                 file.flush()
                 os.fsync(file.fileno())
             _sign(path, _digest(partial))  # first, so that a kill leaves no file without its line
-            _check_kind(path)
+            is_file(path)
             partial.replace(path)
         finally:
             with suppress(OSError):
@@ -146,6 +161,7 @@ def _sign(path: Path, digest: str) -> None:
     _ours[path.absolute()] = digest
     manifest, name = _manifest_of(path)
     if manifest is not None and digest not in _signatures(path):
+        _make_folder(manifest.parent)
         _append(manifest, f"{digest}  {name}\n")
 
 
@@ -177,7 +193,7 @@ def remove(path: Path) -> None:
 def _removable(path: Path) -> Iterator[Path]:
     """Yield all that is removed with a path, in that order; raises `OutputError`."""
     if not stat.S_ISDIR(path.lstat().st_mode):
-        _check_kind(path)
+        is_file(path)
         if path.name != MANIFEST and not is_ours(path):
             raise OutputError(
                 f"nothing is removed: SAIN did not write {path}, or it was changed since;"
@@ -206,7 +222,7 @@ def _check_no_link(path: Path) -> None:
 
 def _claim(path: Path, overwrite: bool = False) -> None:
     """Check that a path is free, or a regular file that may be replaced."""
-    if not _check_kind(path):
+    if not is_file(path):
         return
     if overwrite:
         _ours[path.absolute()] = GROWS
@@ -218,21 +234,25 @@ def _claim(path: Path, overwrite: bool = False) -> None:
         )
 
 
-def _check_kind(path: Path) -> bool:
-    """Return True if a path is a regular file, False if it is free; else raise `OutputError`."""
+def _is_folder(path: Path) -> bool:
+    """Return True if a path is a folder, False if it is free; else raise `OutputError`."""
     try:
-        mode = path.lstat().st_mode
-    except FileNotFoundError:
+        path.lstat()
+    except (FileNotFoundError, NotADirectoryError):
         return False
-    kind = "a symbolic link" if stat.S_ISLNK(mode) else KINDS.get(stat.S_IFMT(mode))
-    if kind:
-        raise OutputError(f"{path} is {kind}, which is never replaced; name a file")
+    if not path.is_dir():
+        raise OutputError(f"{path} is not a folder; choose another")
     return True
+
+
+def _nearest_folder(path: Path) -> Path:
+    """Return a folder; or the one above it that exists, in which it can be made."""
+    return path if _is_folder(path) else _nearest_folder(path.parent)
 
 
 def _make_folder(folder: Path) -> None:
     """Make a folder, and those above it that are missing, each with a manifest."""
-    if is_folder(folder):
+    if _is_folder(folder):
         return
     _make_folder(folder.parent)
     folder.mkdir(exist_ok=True)
@@ -245,7 +265,7 @@ def _probe(folder: Path) -> None:
 
 
 def _append(manifest: Path, line: str = "") -> None:
-    _check_kind(manifest)
+    is_file(manifest)
     flags = os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_NOFOLLOW | os.O_NONBLOCK
     with os.fdopen(os.open(manifest, flags, 0o666), "ab") as file:
         file.write(line.encode() if file.tell() else HEADER + line.encode())
@@ -255,7 +275,7 @@ def _manifest_of(path: Path) -> tuple[Path | None, str]:
     """Return the nearest manifest above a path, and how it names the path."""
     whole = path.absolute()
     for folder in whole.parents:
-        if _check_kind(folder / MANIFEST):
+        if is_file(folder / MANIFEST) or folder in _claimed:
             return folder / MANIFEST, whole.relative_to(folder).as_posix()
     return None, ""
 
@@ -271,7 +291,7 @@ def _signatures(path: Path) -> set[str]:
 
 def _is_our_folder(path: Path) -> bool:
     """Return True if a folder has a manifest, or the nearest one above names something in it."""
-    if _check_kind(path / MANIFEST):
+    if is_file(path / MANIFEST):
         return True
     manifest, name = _manifest_of(path)
     return manifest is not None and any(
@@ -281,6 +301,8 @@ def _is_our_folder(path: Path) -> bool:
 
 
 def _lines(manifest: Path) -> list[tuple[str, str]]:
+    if not manifest.exists():  # its folder is claimed, and nothing was written yet
+        return []
     return LINE.findall(read_regular(manifest).decode(errors="replace"))
 
 

@@ -19,6 +19,7 @@ from sain_core.goal import Goal, Judgement
 from sain_core.shapes.bodies import PAPER_DISKS, Bodies
 from sain_core.types import Pushes, Scene, Scenes
 from sain_core.wire.learning import Learned
+from sain_core.wire.scene_door import SeenScene
 
 LOG_LINES: Final = 200  # that are kept
 LONGEST_LINE: Final = 400  # characters of one
@@ -45,17 +46,6 @@ class Phase(StrEnum):
     PUSHING = "pushing"
     REACHED = "goal reached"
     ENDED = "stopped"
-
-
-@dataclass(frozen=True, eq=False)
-class LiveScene:
-    """A scene (N, 8) as it was observed, with its ids and time [s]."""
-
-    disks: Scene
-    episode_id: int = 0
-    scene_id: int = 0
-    settled: bool = True
-    time: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,7 +135,7 @@ class GhostLine:
 class LiveState:
     """All that is known. `changed` is set after each change, `log` is appended to."""
 
-    scene: LiveScene | None = None
+    scene: SeenScene | None = None
     epoch: float = 0.0  # [s], of the clock in the scenes, when the page heard the first of them
     bodies: Bodies = PAPER_DISKS
     aim: Goal | None = None
@@ -181,7 +171,7 @@ class LiveState:
     @property
     def time(self) -> float:
         """The time [s] of the latest scene: simulated, or of a robot since the page listens."""
-        return 0.0 if self.scene is None else self.scene.time - self.epoch
+        return 0.0 if self.scene is None else self.scene.stamp - self.epoch
 
     def judge(self, scene: Scene) -> Judgement | None:
         """Judge a scene; None: there is no goal, or the scene is of another."""

@@ -20,6 +20,7 @@ LENSES: Final = {"plumb_bob": (5, 4), "rational_polynomial": (8,), "equidistant"
 
 WIDEST: Final = np.radians(89.5)  # from the optical axis to a ray
 FOCAL: Final = (0.05, 100.0)  # lengths, in widths of the image: of a fisheye and of a telescope
+OBLONG: Final = 1.2  # times that a pixel may be longer than it is wide, or wider
 FLAT: Final = 0.05
 ROUND_TRIP: Final = 0.01  # [px], from a pixel to its ray and back
 ROUNDS: Final = 8  # of Newton's method, which converges in two or three
@@ -231,6 +232,11 @@ def _check_matrix(width: int, height: int, matrix: Matrix) -> None:
         raise InvalidInputError(
             f"the camera's focal lengths are {fx:g} and {fy:g} px; for images of {width} px both"
             f" must be {low:g} to {high:g}: is the camera calibrated, in px?"
+        )
+    if max(fx, fy) > OBLONG * min(fx, fy):
+        raise InvalidInputError(
+            f"the camera's focal lengths are {fx:g} and {fy:g} px; one may be at most {OBLONG:g}"
+            " times the other: calibrate with images as they come, neither stretched nor halved"
         )
     if not (0.0 <= cx <= width and 0.0 <= cy <= height):
         raise InvalidInputError(

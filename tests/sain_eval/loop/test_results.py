@@ -95,7 +95,9 @@ def test_a_line_cut_off_by_a_crash_is_dropped(records, tmp_path):
 
 
 def test_a_journal_of_other_settings_is_refused(records, tmp_path):
-    Journal(tmp_path, SETTINGS).add(records)
+    begun = Journal(tmp_path, SETTINGS)
+    assert not begun.path.exists()  # a run may be refused after this
+    begun.add(records)
     with pytest.raises(OutputError, match="made with another tolerances"):
         Journal(tmp_path, {"tolerances": (0.02,)})
 

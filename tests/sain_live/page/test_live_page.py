@@ -8,8 +8,9 @@ import pytest
 from websockets.exceptions import InvalidStatus
 
 from sain_core.push import make_push
+from sain_core.wire.scene_door import SeenScene
 from sain_live.page.serving import refusal
-from sain_live.state import Level, LivePlan, LiveResult, LiveScene
+from sain_live.state import Level, LivePlan, LiveResult
 from tests.sain_live.straw import AIM, SCENE, Written, made_up, served
 from tests.sain_live.viewer import Viewer
 
@@ -32,7 +33,7 @@ def test_bodies_are_where_they_are(shown):
     assert viewer.nodes["/bodies/1"]["position"][:2] == pytest.approx((0.6, -0.2))
     moved = SCENE.copy()
     moved[1, :3] = 0.7, 0.1, np.pi / 2
-    known.update(scene=LiveScene(moved, 1, 2))
+    known.update(scene=SeenScene(moved, 1, 2))
     viewer.wait(lambda: viewer.nodes["/bodies/1"]["position"][0] > 0.69, "body 1 to move")
     assert viewer.nodes["/bodies/1"]["wxyz"] == pytest.approx((0.5**0.5, 0, 0, 0.5**0.5))
 

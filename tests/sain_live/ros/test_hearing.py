@@ -13,8 +13,9 @@ from sain_core.errors import InvalidInputError
 from sain_core.ros import codec
 from sain_core.scene import make_scene
 from sain_core.shapes.bodies import Bodies
+from sain_core.wire.scene_door import SeenScene
 from sain_live.ros.hearing import Hearing
-from sain_live.state import LiveScene, LiveState
+from sain_live.state import LiveState
 
 SCENE = make_scene(np.array([(0.4, 0.0), (0.6, 0.2)]), np.full(2, 8.0), np.full(2, 0.06))
 TEE, BOX = Bodies.named(["t", "disk"]), Bodies.named(["box_3x2", "disk"])
@@ -114,4 +115,4 @@ def test_the_time_of_a_robot_begins_with_the_page(known, hearing):
 
 
 def hearing_scene(message):
-    return LiveScene(SCENE, 1, message.scene_id, True, codec.decode_time(message.header.stamp))
+    return SeenScene(SCENE, 1, message.scene_id, True, codec.decode_time(message.header.stamp))

@@ -1,6 +1,12 @@
 import dataclasses
 import json
 import logging
+import os
+import signal
+import subprocess
+import sys
+import time
+from contextlib import suppress
 
 import numpy as np
 import pytest
@@ -19,7 +25,7 @@ from sain_core.transitions import COLLECTED, Column, shard_path
 from sain_core.world import DivergedError
 from sain_sim.collecting.collect import CollectConfig, account, collect
 from sain_sim.collecting.episode import EpisodeConfig, EpisodeRunner
-from sain_sim.collecting.shards import load_shards
+from sain_sim.collecting.shards import JOURNAL_FILE, load_shards
 from sain_sim.commands import collect as main
 from sain_sim.world.engines import MUJOCO
 from sain_sim.world.parameters import RANGES, WIDE, sample_parameters
@@ -143,6 +149,43 @@ def test_a_full_disk_keeps_what_is_whole_and_the_collection_goes_on(collected, t
     assert first == shard_path(config.out, 0).read_bytes()
     assert collect(full).transitions == total
     assert content(tmp_path) == content(config.out)
+
+
+@pytest.mark.parametrize("to_all", [True, False], ids=["terminal", "process"])
+def test_ctrl_c_ends_a_collection_and_its_workers_quietly(tmp_path, to_all):
+    """A terminal sends the signal to all processes of the group; `kill -INT` to one."""
+    out = tmp_path / "out"
+
+    def start(episodes):
+        words = f"collect --workers 2 --pushes 2 --floor-episodes 0 --episodes {episodes} --out"
+        code = "import sys; from sain_core.cli.program import main; sys.exit(main())"
+        command = [sys.executable, "-c", code, *words.split(), str(out)]
+        return subprocess.Popen(command, stderr=subprocess.PIPE, text=True, start_new_session=True)
+
+    process = start(100_000)
+    try:
+        journal, give_up = out / JOURNAL_FILE, time.monotonic() + 120
+        while not journal.exists() or journal.read_bytes().count(b"\n") < 3:
+            assert process.poll() is None and time.monotonic() < give_up
+            time.sleep(0.05)
+        stopped = time.monotonic()
+        (os.killpg if to_all else os.kill)(process.pid, signal.SIGINT)
+        _, said = process.communicate(timeout=60)
+        assert (process.returncode, time.monotonic() - stopped < 20) == (130, True)
+        *progress, last = said.splitlines()
+        assert last == "stopped; the same command continues from the last whole shard"
+        assert all(" episodes, " in line for line in progress), said
+        with pytest.raises(ProcessLookupError):
+            for _ in range(100):  # workers look every 0.2 s whether their owner lives
+                os.killpg(process.pid, 0)
+                time.sleep(0.05)
+    finally:
+        with suppress(ProcessLookupError):
+            os.killpg(process.pid, signal.SIGKILL)
+    assert {path.name for path in out.iterdir()} == {"collection.json", JOURNAL_FILE, MANIFEST}
+    again = start(2)
+    assert again.wait(120) == 0, again.stderr.read()
+    assert len(set(load_shards(out)["episode"])) == 2
 
 
 def test_wide_parameters_are_the_ranges_to_generalise_to():

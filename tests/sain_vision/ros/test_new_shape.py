@@ -89,6 +89,9 @@ def test_one_look_makes_a_shape_that_is_found_by_its_name(
     assert mine.intersection(placed).area / mine.union(placed).area > 0.94
     picture = cv2.imread(str(next(tmp_path.rglob("mine.png"))))
     assert picture.shape == (2 * CONFIG.height, 2 * CONFIG.width, 3)
+    with pytest.raises(ConfigError, match="there is a shape 'mine'; take another name; or"):
+        NewShapeOptions(**look)
+    run(NewShapeOptions(**look, overwrite=True), Console(width=200))
     metres = np.where(depth > 0, depth * 1e-3, np.nan)
     (found,), _ = OutlineFinder(bodies, OutlineConfig()).find(metres, CAMERA, {})
     np.testing.assert_allclose(found.pose[:2], START[T, :2], atol=0.0025)
@@ -99,6 +102,7 @@ def test_one_look_makes_a_shape_that_is_found_by_its_name(
     [
         ({"name": "a/b"}, "name is 'a/b'; allowed: letters"),
         ({"name": "disk"}, "there is a shape 'disk'"),
+        ({"name": "disk", "overwrite": True}, "there is a shape 'disk'"),
         ({"info": None}, "--depth needs --info and --extrinsics"),
         ({"yes": False}, "there is no terminal to confirm"),
         ({"depth": Path(os.devnull)}, "image /dev/null is not read"),

@@ -22,6 +22,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 from sain_core import wire
 from sain_core.errors import ConfigError
 from sain_core.ros import codec
+from sain_core.ros.qos import LATCHED_QUEUE
 from sain_core.scene import POSE, VELOCITY
 from sain_vision.ros.scene_node import SceneNode
 
@@ -130,6 +131,20 @@ def test_old_frames_are_named(graph, camera, tmp_path) -> None:
     start(graph, tmp_path, FRAMES)
     camera.late = 3.0
     text = "body 0 (mug), frame 'tag_7', was last seen 3.0 s ago"
+    camera.until(camera.frames, lambda: camera.told(text), "the diagnostic")
+    assert not graph.heard["scene"]
+
+
+@pytest.mark.parametrize("static", [False, True])
+def test_a_parent_that_is_not_published_is_named(graph, camera, tmp_path, static) -> None:
+    """Not even one frame of another may come on /tf: a static camera is all that there is."""
+    start(graph, tmp_path, FRAMES)
+    text = "frame 'tag_7' was never seen on /tf; it must be connected with 'world'"
+    camera.until(lambda: None, lambda: camera.told(text), "the diagnostic")
+    camera.frame = "kinect"
+    if static:
+        camera.tf = graph.bystander.create_publisher(TFMessage, "/tf_static", LATCHED_QUEUE)
+    text = "frame 'tag_7' ends at 'kinect' on /tf; it must be connected with 'world'"
     camera.until(camera.frames, lambda: camera.told(text), "the diagnostic")
     assert not graph.heard["scene"]
 

@@ -15,7 +15,7 @@ from sain_bags.dataset.conversion import ConversionConfig, Converted, convert
 from sain_bags.dataset.dataset_folder import CARD_FILE, PICTURE_FILE
 from sain_core.config import option, required
 from sain_core.guarding.untrusted import read_json
-from sain_core.output import OVERWRITE_HELP, is_folder
+from sain_core.output import OVERWRITE_HELP, claim_folder
 from sain_core.workers import WorkerOptions
 
 if TYPE_CHECKING:
@@ -39,7 +39,7 @@ class ToDatasetOptions(WorkerOptions):
 
 def run(options: ToDatasetOptions, _: Console) -> None:
     """Convert the recordings, and print what became of them."""
-    is_folder(options.out)
+    claim_folder(options.out)
     console = Console(stderr=True)
     done = _convert_with_bar(options, console)
     draw_card(options.out)

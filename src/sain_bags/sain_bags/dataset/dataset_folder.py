@@ -60,13 +60,12 @@ class DatasetFolder:
         self.path, self._identity = path, identity
         self._write = find_format(identity["format"])
         self._gathered = path / GATHERED if self._write else path
-        self._overwrite, self._claimed = overwrite, False
+        self._overwrite, self._begun = overwrite, False
         self._shards: dict[int, list[Path]] = {}  # by the number of disks
         self._counts: Counter[tuple[int, int]] = Counter()  # rows, by that and episode
         self._names = (CARD_FILE, PICTURE_FILE, IDENTITY_FILE, SHARD_PATTERN)
         self._found = found = _read_identity(path)
-        if path.exists():
-            claim_folder(path, (*self._names, *MADE[identity["format"]]), overwrite)
+        claim_folder(path, (*self._names, *MADE[identity["format"]]), overwrite)
         if found is not None and found != identity and not overwrite:
             raise OutputError(
                 f"{path} holds another conversion ({_difference(found, identity)}); choose another"
@@ -80,8 +79,8 @@ class DatasetFolder:
             DatasetError: what is there is damaged or differs.
             OutputError: the folder cannot be written, or the disk is full.
         """
-        if not self._claimed:
-            self._claim()
+        if not self._begun:
+            self._begin()
         disks, index = columns[Column.MASSES].shape[1], sum(map(len, self._shards.values()))
         stored = write_shard(self._gathered, index, columns)
         self._shards.setdefault(disks, []).append(shard_path(self._gathered, index))
@@ -125,19 +124,15 @@ class DatasetFolder:
     def _remove_gathered(self) -> None:
         remove_files(self.path / GATHERED, SHARD_PATTERN, self.path)
 
-    def _claim(self) -> None:
-        try:
-            if self._overwrite:
-                self._remove_gathered()
-            if self._overwrite and self._found is not None:
-                clear(self.path, self._found.get("format", SHARDS))
-            claim_folder(self.path, self._names, self._overwrite)
-            for name in (CARD_FILE, PICTURE_FILE):
-                remove_files(self.path, name, self.path)
-        except OSError as error:
-            raise OutputError(f"cannot clear {self.path}: {error.strerror or error}") from error
+    def _begin(self) -> None:
+        if self._overwrite:
+            self._remove_gathered()
+        if self._overwrite and self._found is not None:
+            clear(self.path, self._found.get("format", SHARDS))
+        for name in (CARD_FILE, PICTURE_FILE):
+            remove_files(self.path, name, self.path)
         write_json(self.path / IDENTITY_FILE, self._identity)
-        self._claimed = True
+        self._begun = True
 
 
 def _read_identity(folder: Path) -> CardContent | None:

@@ -154,7 +154,7 @@ def run(options: ClosedLoopOptions, console: Console) -> int:
 
 
 def make_output_folder(options: ClosedLoopOptions) -> Path:
-    """Make the folder for the results, and show that it can be written.
+    """Make the folder for the results.
 
     Raises:
         OutputError: it exists and is not empty, or cannot be written.
@@ -163,7 +163,7 @@ def make_output_folder(options: ClosedLoopOptions) -> Path:
     if options.overwrite:
         remove(folder)
     claim_folder(folder)
-    if others := [path.name for path in folder.iterdir() if path.name != MANIFEST]:
+    if others := {path.name for path in folder.glob("*")} - {MANIFEST}:
         raise OutputError(
             f"{folder} has {min(others)}, and a run needs an empty folder: choose another --out, or"
             " --overwrite, which removes the results of an earlier run"

@@ -1,8 +1,6 @@
 """``ros2 run sain_bringup goal``: one goal by hand, how it goes, and how it ended."""
 
 import math
-import time
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Annotated, Any, Final
@@ -15,7 +13,6 @@ from sain_bringup.conditions import show_line
 from sain_core.cli.terminal import WaitingLine
 from sain_core.config import Config, option
 from sain_core.errors import ErrorCode, SainError
-from sain_model.compute.kernel_store import describe_compilation
 
 if TYPE_CHECKING:
     from rclpy.node import Node
@@ -25,7 +22,6 @@ if TYPE_CHECKING:
 
 NOT_REACHED: Final = 1
 PATIENCE: Final = 1.0  # [s] before a line says what is waited for
-LOOK: Final = 0.25  # [s] between looks how far that is
 WAITS: Final = "waits for"  # begins what a planner says that cannot plan yet
 
 
@@ -80,33 +76,19 @@ class GoalSender:
         Raises:
             SilentPlannerError: no planner, or no answer in time.
         """
-        from sain_bringup.ros.listener import PLANNER
+        from sain_bringup.ros.listener import PLANNER, wait_visibly
         from sain_interfaces.action import Reach
 
         where = self.node.resolve_topic_name("reach")
         waited = f"(waited {timeout_s:g} s)"
-        if not self._wait(self._client.server_is_ready, timeout_s, f"a planner on {where}"):
+        wait = partial(wait_visibly, self.node, self._line, timeout_s)
+        if not wait(self._client.server_is_ready, f"a planner on {where}"):
             missing = self._listener.absence(PLANNER) or f"no planner takes goals on {where}"
             raise SilentPlannerError(f"{missing} {waited}")
         sent = self._client.send_goal_async(Reach.Goal(goal=goal), self._tell)
-        if not self._wait(sent.done, timeout_s, f"the answer of the planner on {where}"):
+        if not wait(sent.done, f"the answer of the planner on {where}"):
             raise SilentPlannerError(f"the planner did not answer on {where} {waited}")
         return sent.result()
-
-    def _wait(self, done: Callable[[], bool], timeout_s: float, what: str) -> bool:
-        """Wait, and show for what; tell whether it came. Time for compiling kernels is extra."""
-        from sain_core.ros.node_main import spin_until
-
-        end = time.monotonic() + timeout_s
-        with self._line:
-            while not spin_until(self.node, done, LOOK):
-                if compilation := describe_compilation():
-                    end = time.monotonic() + timeout_s
-                elif time.monotonic() >= end:
-                    return False
-                more = f": {compilation}" if compilation else f", at most {timeout_s:g} s"
-                self._line.say(f"waiting for {what}{more}")
-        return True
 
     def result(self, handle: Any) -> "Reach.Result":
         """Wait for the end of a goal; Ctrl-C cancels it."""

@@ -15,11 +15,20 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile
 
 from sain_bringup.conditions import Conditions, described
+from sain_core.cli.terminal import WaitingLine
 from sain_core.guarding.ros.ownership import full_name, lock_name
 from sain_core.guarding.untrusted import private_folder
-from sain_core.ros.node_main import ERROR, OK, SEPARATOR, command_node, steady_timer
+from sain_core.ros.node_main import (
+    ERROR,
+    OK,
+    SEPARATOR,
+    command_node,
+    spin_until,
+    steady_timer,
+)
 from sain_core.ros.qos import RELIABLE
 from sain_interfaces.msg import Scene
+from sain_model.compute.kernel_store import describe_compilation
 
 LOOK: Final = 0.25  # [s] between looks at the graph
 ABSENT: Final = 2.0  # [s], after which a part is missing: discovery takes its time
@@ -72,6 +81,25 @@ class LatestMessage:
         with subscription.handle:
             found = subscription.handle.take_message(subscription.msg_type, raw)
         return None if found is None else found[0]
+
+
+def wait_visibly(
+    node: Node, line: WaitingLine, timeout_s: float, done: Callable[[], bool], what: str
+) -> bool:
+    """Spin until something is done, and show what is waited for; return whether it came in time.
+
+    Time for compiling kernels is extra.
+    """
+    end = monotonic() + timeout_s
+    with line:
+        while not spin_until(node, done, LOOK):
+            if compilation := describe_compilation():
+                end = monotonic() + timeout_s
+            elif monotonic() >= end:
+                return False
+            more = f": {compilation}" if compilation else f", at most {timeout_s:g} s"
+            line.say(f"waiting for {what}{more}")
+    return True
 
 
 class GraphListener:

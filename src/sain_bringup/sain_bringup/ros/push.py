@@ -1,8 +1,10 @@
 """``ros2 run sain_bringup push``: one push by hand, and what became of it."""
 
+import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
+from math import inf
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -10,7 +12,7 @@ from rich.console import Console
 from rich.markup import escape
 
 from sain_bringup.conditions import show_line
-from sain_core.cli.terminal import FittingTable
+from sain_core.cli.terminal import FittingTable, WaitingLine
 from sain_core.config import Config, option
 from sain_core.errors import ErrorCode, SainError
 from sain_core.push import DEFAULT_SPEED, make_push, push_ids
@@ -25,6 +27,8 @@ if TYPE_CHECKING:
     from sain_interfaces.msg import Bodies, PushResult, Scene
 
 DISK_NAMES: Final = ("mid disk", "target")
+PATIENCE: Final = 1.0  # [s] before a line shows what is waited for
+MATCHING: Final = 2.0  # [s] after which a subscriber that is not matched never will be
 
 
 @dataclass(frozen=True)
@@ -56,22 +60,26 @@ class SilentSimulatorError(SainError):
 class PushSender:
     """Sends one push from the scene that it sees."""
 
-    def __init__(self, node: "Node", timeout_s: float, show: Callable[[str], None]) -> None:
-        """Listen to the simulator; `show` prints what is wrong in the graph."""
+    def __init__(self, node: "Node", timeout_s: float, console: Console) -> None:
+        """Listen to the simulator; print what is waited for, and what is wrong in the graph."""
         from sain_bringup.ros.listener import SCENES, GraphListener
         from sain_core.ros.qos import LATCHED, RELIABLE
         from sain_interfaces.msg import Bodies, Push, PushResult, Scene
 
         self.node = node
-        self._listener = GraphListener(node, show, (SCENES,))
+        self._listener = GraphListener(node, partial(show_line, console), (SCENES,))
+        self._line = WaitingLine(console, PATIENCE)
         self._timeout_s = timeout_s
         self._push_id = next(push_ids())
         self._scene: "Scene | None" = None
         self._result: "PushResult | None" = None
+        self._executor_at = inf  # when the one that executes pushes was discovered [s]
         self.shapes: tuple[str, ...] = ()  # of the bodies, where the simulator states them
         self._publisher = self.node.create_publisher(Push, "push", RELIABLE)
         self.node.create_subscription(Scene, "scene", self._on_scene, RELIABLE)
-        self.node.create_subscription(PushResult, "push_result", self._on_result, RELIABLE)
+        self._results = self.node.create_subscription(
+            PushResult, "push_result", self._on_result, RELIABLE
+        )
         self.node.create_subscription(Bodies, "shapes", self._on_bodies, LATCHED)
 
     def send(self, push: PushArray) -> "PushResult":
@@ -80,17 +88,11 @@ class PushSender:
         Raises:
             SilentSimulatorError: no simulator, or no answer in time.
         """
-        from sain_bringup.ros.listener import SCENES
         from sain_core.ros.codec import encode_push
 
-        topic = self.node.resolve_topic_name("scene")
-        self._wait(
-            lambda: self._scene is not None and self._publisher.get_subscription_count() > 0,
-            lambda: (
-                self._listener.absence(SCENES)
-                or f"no settled scene on {topic}, or no node takes a push; wait, or reset the scene"
-            ),
-        )
+        pushes, scenes = map(self.node.resolve_topic_name, ("push", "scene"))
+        self._wait(self._is_connected, f"a node that executes pushes on {pushes}")
+        self._wait(lambda: self._scene is not None, f"a settled scene on {scenes}")
         assert self._scene is not None
         message = encode_push(
             push,
@@ -101,15 +103,32 @@ class PushSender:
             source=self.node.get_fully_qualified_name(),
         )
         self._publisher.publish(message)
-        silent = "the simulator did not answer the push"
-        self._wait(lambda: self._result is not None, lambda: silent)
+        self._wait(lambda: self._result is not None, f"the result of the push on {pushes}")
         return self._result
 
-    def _wait(self, done: Callable[[], bool], problem: Callable[[], str]) -> None:
-        from sain_core.ros.node_main import spin_until
+    def _is_connected(self) -> bool:
+        """Return whether a push reaches the node that executes it: a recorder takes pushes, too."""
+        from sain_core.guarding.ros.ownership import full_name
 
-        if not spin_until(self.node, done, self._timeout_s):
-            raise SilentSimulatorError(f"{problem()} (waited {self._timeout_s:g} s)")
+        topics = map(self.node.resolve_topic_name, ("push", "push_result"))
+        takers = self.node.get_subscriptions_info_by_topic(next(topics))
+        answering = self.node.get_publishers_info_by_topic(next(topics))
+        if not {*map(full_name, takers)} & {*map(full_name, answering)}:
+            self._executor_at = inf
+            return False
+        now = time.monotonic()
+        self._executor_at = min(self._executor_at, now)
+        matched = self._publisher.get_subscription_count(), self._results.get_publisher_count()
+        if matched[0] >= len(takers) and matched[1] >= len(answering):
+            return True
+        return min(matched) > 0 and now - self._executor_at > MATCHING
+
+    def _wait(self, done: Callable[[], bool], what: str) -> None:
+        from sain_bringup.ros.listener import SCENES, wait_visibly
+
+        if not wait_visibly(self.node, self._line, self._timeout_s, done, what):
+            problem = self._listener.absence(SCENES) or f"{what} has not come"
+            raise SilentSimulatorError(f"{problem} (waited {self._timeout_s:g} s)")
 
     def _on_scene(self, message: "Scene") -> None:
         self._scene = message if message.settled else None
@@ -152,7 +171,7 @@ def run(options: PushOptions, console: Console) -> int:
     path = options.location, options.angle, options.length
     push = make_push(*path, body=options.body, speed=options.speed)
     with command_node("push") as node:
-        sender = PushSender(node, options.timeout, partial(show_line, console))
+        sender = PushSender(node, options.timeout, console)
         result = sender.send(push)
     show(result, console, sender.shapes)
     return 0 if result.error_code == ErrorCode.OK else int(result.error_code) or 1

@@ -184,6 +184,18 @@ def refuse_special(mode: int) -> None:
         raise UntrustedFileError(f"it is {kind}; only regular files are read")
 
 
+def is_file(path: Path) -> bool:
+    """Return True if a path is a regular file, False if it is free; else raise `OutputError`."""
+    try:
+        mode = path.lstat().st_mode
+    except FileNotFoundError:
+        return False
+    kind = "a symbolic link" if stat.S_ISLNK(mode) else KINDS.get(stat.S_IFMT(mode))
+    if kind:
+        raise OutputError(f"{path} is {kind}, which is never replaced; name a file")
+    return True
+
+
 def read_regular(path: Path, limit: int = WHOLE_BYTES) -> bytes:
     """Return the content of a file.
 

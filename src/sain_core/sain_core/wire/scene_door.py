@@ -5,7 +5,7 @@ No middleware here. Scenes go in by `take`; a bad one raises, and what is held s
 
 from dataclasses import dataclass
 from enum import Enum
-from typing import Any, Final
+from typing import Any, Final, Self
 
 import numpy as np
 
@@ -32,24 +32,37 @@ class Standing(Enum):
 
 @dataclass(frozen=True, eq=False)
 class SeenScene:
-    """A scene that was checked.
+    """A scene that was observed, and checked.
 
     Attributes:
-        message: as it came.
         disks: (N, 8).
+        episode_id: number of its episode.
+        scene_id: number of the scene.
+        settled: whether the bodies are at rest, as the message states.
         stamp: of the observation [s], by the clock of the headers.
         came: when it came [s], of a steady clock.
+        message: as it came.
     """
 
-    message: Any
     disks: Scene
-    stamp: float
-    came: float
+    episode_id: int = 0
+    scene_id: int = 0
+    settled: bool = True
+    stamp: float = 0.0
+    came: float = 0.0
+    message: Any = None
+
+    @classmethod
+    def of(cls, message: Any, came: float = 0.0) -> Self:
+        """Return the scene of a message; raises `InvalidInputError`."""
+        stamp = wire.decode_stamp(message.header.stamp) * 1e-9
+        ids = int(message.episode_id), int(message.scene_id)
+        return cls(wire.decode_scene(message), *ids, message.settled, stamp, came, message)
 
     @property
     def ids(self) -> tuple[int, int]:
         """The numbers of its episode and scene."""
-        return int(self.message.episode_id), int(self.message.scene_id)
+        return self.episode_id, self.scene_id
 
     @property
     def at_rest(self) -> bool:
@@ -92,14 +105,13 @@ class SceneDoor:
             InvalidInputError: what is wrong with it; then the one before stays.
         """
         try:
-            stamp = wire.decode_stamp(message.header.stamp) * 1e-9
-            seen = SeenScene(message, wire.decode_scene(message), stamp, now)
+            seen = SeenScene.of(message, now)
             if text := self._miscounted(seen) or self._out_of_order(seen, clock):
                 raise InvalidInputError(text)
         except InvalidInputError as error:
             self.trouble = str(error)
             raise
-        if message.settled and seen.at_rest:
+        if seen.settled and seen.at_rest:
             self._settled = seen
         elif self._settled is not None and self._settled.ids != seen.ids:
             self._settled = None

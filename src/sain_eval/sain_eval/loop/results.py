@@ -246,7 +246,7 @@ class Journal:
     """
 
     def __init__(self, folder: Path, settings: dict[str, Any], overwrite: bool = False) -> None:
-        """Open the journal in a folder.
+        """Open the journal in a folder. `add` makes or replaces it.
 
         With `overwrite`, one of other settings, or a damaged one, is begun anew.
 
@@ -280,7 +280,7 @@ class Journal:
         text = read_regular_text(self.path) if self.path.exists() else ""
         *lines, cut_off = text.split("\n")
         if not lines:
-            self._begin(settings)
+            self._begin_with = settings
             return
         try:
             kept = parse_json(lines[0])["settings"]
@@ -300,7 +300,7 @@ class Journal:
                 " use the same, --overwrite, or choose another --out"
             )
         if differing:
-            self._begin(settings)
+            self.records, self._begin_with = [], settings
         elif cut_off:
             write_whole(self.path, ("\n".join(lines) + "\n").encode())
 

@@ -3,6 +3,7 @@
 from collections import Counter
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from itertools import chain, islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final, Literal
 
@@ -206,19 +207,27 @@ def export(laboratory: "Laboratory", options: LabOptions, console: Console) -> N
 
 def add(options: LabOptions, console: Console) -> None:
     """Learn from recordings."""
-    from sain_lab.keeping.recordings import check_there, read_recording
+    from sain_lab.keeping.laboratory import Laboratory
+    from sain_lab.keeping.recordings import read_recording
     from sain_lab.learner import Learner
 
-    for name in options.names[1:]:  # before a laboratory is made
-        check_there(Path(name))
-    with Learner.named(options.names[0], options.train) as learner:
+    laboratory, *names = options.names
+    if not names:
+        Laboratory.named(laboratory)  # it must exist
+    recordings = [begin(read_recording(Path(name))) for name in names]
+    with Learner.named(laboratory, options.train) as learner:
         for text in learner.laboratory.damage:
             console.print(text, soft_wrap=True)
-        if learner.waiting or not options.names[1:]:
+        if learner.waiting or not names:
             learn(learner, learner.received(), "received before", console)
-        for name in options.names[1:]:
-            learn(learner, read_recording(Path(name)), name, console)
+        for name, results in zip(names, recordings, strict=True):
+            learn(learner, results, name, console)
             learner.laboratory.link(Path(name))
+
+
+def begin(results: "Iterator[Result]") -> "Iterator[Result]":
+    """Read up to the first result: a recording that is refused leaves no laboratory behind."""
+    return chain(list(islice(results, 1)), results)
 
 
 def learn(
@@ -253,9 +262,9 @@ def replay(options: LabOptions, console: Console) -> None:
 
     with scratch_folder("replay") as scratch:
         name = options.laboratory or str(Path(scratch) / "replay")
+        which = options.shape, options.surface, options.order
+        recordings = [begin(chosen(read_recording(Path(path)), *which)) for path in options.names]
         with Learner.named(name, options.train) as learner:
-            for path in options.names:
-                results = read_recording(Path(path))
-                some = chosen(results, options.shape, options.surface, options.order)
-                learn(learner, some, path, console, wait=True)
+            for path, results in zip(options.names, recordings, strict=True):
+                learn(learner, results, path, console, wait=True)
             show(learner.laboratory, console, options.chart_folder)

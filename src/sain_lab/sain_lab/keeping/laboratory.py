@@ -23,8 +23,7 @@ from typing import Any, Final, Self
 from sain_core.errors import BusyError, ConfigError, DatasetError, OutputError, SainError
 from sain_core.guarding.locks import LockedError, lock_file
 from sain_core.guarding.untrusted import read_json, read_regular_text
-from sain_core.output import MANIFEST as SIGNED
-from sain_core.output import claim_folder, is_ours, remove, sign, write_json, write_whole
+from sain_core.output import claim_folder, make_folder, remove, sign, write_json, write_whole
 from sain_lab.keeping import events
 from sain_lab.keeping.events import Event
 from sain_lab.keeping.log import LogReader, LogWriter, Record
@@ -298,25 +297,9 @@ def forget(name: str) -> Path:
 
 
 def _make(path: Path) -> None:
-    try:
-        for one in (path, *path.parents):
-            if one.exists() and not one.is_dir():
-                raise OutputError(f"cannot write {path}: {one} is no folder")
-        if path.exists() and not (path / MANIFEST).exists():
-            others = [
-                one.name
-                for one in path.iterdir()
-                if one.name not in (LOCK, SIGNED) and not is_ours(one)
-            ]
-            if others:
-                raise OutputError(
-                    f"{path} is no laboratory: it has {sorted(others)[0]} and no {MANIFEST}"
-                )
+    if not (path / MANIFEST).exists():
         claim_folder(path)
-    except OSError as error:
-        if isinstance(error, SainError):
-            raise
-        raise OutputError(f"cannot write {path}: {error.strerror or error}") from error
+    make_folder(path)
 
 
 def _sign(path: Path) -> None:

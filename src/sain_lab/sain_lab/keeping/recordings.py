@@ -21,19 +21,14 @@ from sain_model.data.shard import NO_STEP, read_shard
 RANDOM: Final = "random"  # an order of pushes
 
 
-def check_there(path: Path) -> None:
-    """Check that a recording exists; raises `DatasetError`."""
-    if not path.exists():
-        raise DatasetError(f"{path} does not exist; give a bag, or a folder of shards *.npz")
-
-
 def read_recording(path: Path) -> Iterator[Result]:
     """Yield the results of a data set, a bag or a folder of bags, in the order of time.
 
     Raises:
         DatasetError: it is none, or damaged.
     """
-    check_there(path)
+    if not path.exists():
+        raise DatasetError(f"{path} does not exist; give a bag, or a folder of shards *.npz")
     if path.suffix == ".npz" or (path.is_dir() and any(path.glob("*.npz"))):
         yield from read_data_set(path)
         return

@@ -18,7 +18,7 @@ import numpy as np
 import viser
 
 from sain_core.errors import ConfigError, SainError
-from sain_core.output import claim_folder, remove
+from sain_core.output import make_folder, remove
 from sain_core.scratch import cache_folder
 from sain_core.storage import read_arrays, write_arrays
 from sain_live.page.things import Quaternion, Vector, about, of_angles, turned
@@ -61,7 +61,7 @@ def read_mesh(filename: str, colour: Colour, own: bool) -> list[Mesh]:
         return _from_arrays(read_arrays(kept))
     meshes = list(_read(path, colour, own))
     with suppress(SainError, OSError):  # a full disk: it is read the next time, too
-        claim_folder(kept.parent)
+        make_folder(kept.parent)
         _forget_old(kept.parent)
         write_arrays(kept, _to_arrays(meshes), deflate_numbers=False)
     return meshes

@@ -1,7 +1,7 @@
 """What messages mean for the page: they become `LiveState`, with the pushes of an episode."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Final
 
 import numpy as np
@@ -20,6 +20,7 @@ from sain_core.shapes.bodies import Bodies as CoreBodies
 from sain_core.types import Scene as SceneArray
 from sain_core.wire.bodies import decode_bodies
 from sain_core.wire.learning import decode_learning
+from sain_core.wire.scene_door import SeenScene
 from sain_interfaces.msg import (
     Bodies,
     Goal,
@@ -39,7 +40,6 @@ from sain_live.state import (
     LiveCurves,
     LivePlan,
     LiveResult,
-    LiveScene,
     LiveState,
     Phase,
     largest_error,
@@ -191,8 +191,8 @@ class Hearing:
         self._shapes: dict[int, CoreBodies] = {}  # of this episode and others, by episode
         self._goal_of = 0  # episode; 0: any
         self._goal_id: int | None = None  # that the pushes are counted of
-        self._early: LiveScene | None = None  # whose bodies are not known yet
-        self._settled: LiveScene | None = None
+        self._early: SeenScene | None = None  # whose bodies are not known yet
+        self._settled: SeenScene | None = None
         self._frames: dict[str, FixedPose] = {}  # that hang on the world
         self.handlers: Mapping[str, tuple[type, Take]] = {
             "scene": (Scene, self._on_scene),
@@ -220,15 +220,13 @@ class Hearing:
                 self._known.tell(Level.NOTE, f"learner, push {event[0]}: {event[1]}: {event[2]}")
 
     def _on_scene(self, message: Scene) -> None:
-        time = codec.decode_time(message.header.stamp)
-        ids = message.episode_id, message.scene_id
-        seen = LiveScene(wire.decode_disks(message.disks), *ids, message.settled, time)
+        seen = replace(SeenScene.of(message), message=None)  # thousands are kept
         if message.episode_id not in self._shapes and self._shapes_come():
             self._early = seen
             return
         self._see(seen)
 
-    def _see(self, seen: LiveScene) -> None:
+    def _see(self, seen: SeenScene) -> None:
         known, before = self._known, self._known.scene
         shapes = self._shapes.get(seen.episode_id)
         if shapes is not None and self._bodies_of != seen.episode_id:
@@ -240,8 +238,8 @@ class Hearing:
             self._begin(seen)
         if seen.settled:
             self._settled = seen
-        if before is None and seen.time > WALL_CLOCK:
-            known.update(epoch=seen.time)
+        if before is None and seen.stamp > WALL_CLOCK:
+            known.update(epoch=seen.stamp)
         known.update(scene=seen)
         aim = None if known.aim is None else known.aim.fitted(len(seen.disks))
         if aim is None or any(pose.body >= len(seen.disks) for pose in aim.poses):
@@ -251,7 +249,7 @@ class Hearing:
         if known.phase is Phase.WAITING:
             known.update(phase=Phase.PAUSED)
 
-    def _begin(self, seen: LiveScene) -> None:
+    def _begin(self, seen: SeenScene) -> None:
         """Forget the episode before."""
         self._stories.clear()
         self._goal_id = None
@@ -338,7 +336,7 @@ class Hearing:
             return
         self._count_anew(message.goal_id)
         sent, scene = codec.decode_time(message.header.stamp), known.scene
-        if scene is not None and abs(sent - scene.time) < RECENT:  # else it was latched long ago
+        if scene is not None and abs(sent - scene.stamp) < RECENT:  # else it was latched long ago
             known.update(phase=Phase.PLANNING, why="")
 
     def _count_anew(self, goal_id: int) -> None:

@@ -192,7 +192,7 @@ class _Reader:
             return
         self._kept += 1
         last = draft.frames[-1].stamp if draft.frames else 0
-        stamp = max(round(1e9 * seen.time), last)  # topics may overtake each other
+        stamp = max(round(1e9 * seen.stamp), last)  # topics may overtake each other
         frame = Frame(stamp, log_time, seen.scene_id, seen.settled, seen.disks)
         draft.note(frame, {name: getattr(known, name) for name in SHOWN}, ended)
         if self._kept > MOST:

@@ -11,9 +11,8 @@ import tyro
 from rich.console import Console
 
 from sain_core.config import Config, option, required
-from sain_core.errors import DatasetError
 from sain_core.guarding.untrusted import read_regular
-from sain_core.output import OVERWRITE_HELP, remove
+from sain_core.output import OVERWRITE_HELP, claim_folder
 from sain_core.transitions import Column
 from sain_model.network.settings import MASS_MIDDLE
 
@@ -69,23 +68,11 @@ def run(options: RealImportOptions, console: Console) -> None:
         DatasetError: files that are missing, damaged or of another form; pushes that cannot be.
         OutputError: the folder cannot be written.
     """
-    from sain_model.importing.data_set import claim_data_set
-
-    is_new = not options.out.exists()
-    claim_data_set(options.out, options.overwrite)
-    try:
-        _import(options, console)
-    except DatasetError:
-        if is_new:
-            remove(options.out)  # which has nothing but its manifest
-        raise
-
-
-def _import(options: RealImportOptions, console: Console) -> None:
     from sain_core.cli.terminal import WaitingLine
-    from sain_model.importing.data_set import import_pushes, write_imported
+    from sain_model.importing.data_set import WRITTEN, import_pushes, write_imported
     from sain_model.importing.files import read_recordings
 
+    claim_folder(options.out, WRITTEN, options.overwrite)
     found = read_recordings(options.paths, options.shapes, options.tip_radius, options.degrees)
     with WaitingLine(Console(stderr=True)) as line:
 

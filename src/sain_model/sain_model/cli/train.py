@@ -76,12 +76,12 @@ def run(options: TrainOptions, console: Console) -> None:
     )
 
     torch.set_num_threads(1)
+    claim_folder(options.out, written_names(options.name), options.overwrite)
     parent = Parent.load(options.parent) if options.parent else None
     kind = None
     if parent:
         parent.check_options(options)
         kind = parent.sain.belief.trained
-    claim_folder(options.out, written_names(options.name), options.overwrite)
     if options.belief:
         config, kind = identified_kind(Path(options.belief), options.training)
         options = replace(options, training=config)

@@ -26,7 +26,7 @@ import sain_core
 from sain_core.cli.terminal import WaitingLine
 from sain_core.errors import ModelUnavailableError, OutputError
 from sain_core.guarding.lifetime import alive
-from sain_core.output import claim_folder, remove, sign
+from sain_core.output import make_folder, remove, sign
 from sain_core.scratch import cache_folder
 
 if TYPE_CHECKING:
@@ -207,7 +207,6 @@ def _remove_outdated() -> None:
 
 def _sign_kernels() -> None:
     """Name in the manifest what this process has had compiled."""
-    claim_folder(kernel_folder())
     for folder in module_folders().values():
         sign(folder / "*.nb[ic]", grows=True)
     _stamp().touch()
@@ -220,7 +219,7 @@ def _sign_kernels() -> None:
 @contextmanager
 def _alone(tell: Callable[[], None]) -> Iterator[None]:
     """Wait until no other process compiles, and keep others from it."""
-    kernel_folder().mkdir(parents=True, exist_ok=True)
+    make_folder(kernel_folder())
     with _lock_file().open("a") as lock:
         while True:
             try:

@@ -18,7 +18,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from sain_core.errors import DatasetError
-from sain_core.output import claim_folder, remove, write_json
+from sain_core.output import remove, write_json
 from sain_core.provenance import provenance
 from sain_core.push import START, make_stroke
 from sain_core.scene import MASS, POSITION, RADIUS, STATE_SIZE, THETA, unit, wrap_angle
@@ -72,6 +72,7 @@ def repeat_groups(pushes: RealPushes) -> Int[ndarray, "M"]:
 
 
 CARD_FILE: Final = "card.json"
+WRITTEN: Final = CARD_FILE, OUTLINES_FILE, SHARD_PATTERN
 EXAMPLES: Final = 3
 FEWER: Final = 3.0  # times as large an error with one unit of headings as with the other
 GRAVITY: Final = 9.81  # [m/s^2]
@@ -365,20 +366,14 @@ def _places(groups: Int[ndarray, "M"]) -> Int[ndarray, "M"]:
     return places
 
 
-def claim_data_set(folder: Path, overwrite: bool) -> None:
-    """Make the folder of a data set, without an earlier one; raises `OutputError`."""
-    names = CARD_FILE, OUTLINES_FILE, SHARD_PATTERN
-    claim_folder(folder, names, overwrite)
-    for path in [path for name in names for path in folder.glob(name)]:
-        remove(path)
-
-
 def write_imported(folder: Path, made: Imported, card: dict[str, Any]) -> int:
-    """Write shards, outlines and, last, the card; return the number of shards.
+    """Replace a data set: shards, outlines and, last, the card; return the number of shards.
 
     Raises:
         OutputError: the folder cannot be written.
     """
+    for path in [path for name in WRITTEN for path in folder.glob(name)]:
+        remove(path)
     write_outlines(folder, [some.shapes[0] for some in made.bodies.values()])
     firsts = range(0, len(made.groups), SHARD_SIZE)
     for index, first in enumerate(firsts):

@@ -56,8 +56,11 @@ class NewShapeOptions(Config):
             raise ConfigError(
                 f"name is {self.name!r}; allowed: letters, digits, '_', '-' and '.', up to 64"
             )
-        if self.name in shape_names():
-            raise ConfigError(f"there is a shape {self.name!r}; remove its file, or take another")
+        if self.name in shape_names() and not (self.overwrite and self.path.exists()):
+            raise ConfigError(
+                f"there is a shape {self.name!r}; take another name; or, if it is one of yours,"
+                " --overwrite"
+            )
         if self.depth is not None and None in (self.info, self.extrinsics):
             raise ConfigError("--depth needs --info and --extrinsics: where the camera was")
 

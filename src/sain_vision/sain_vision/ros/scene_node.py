@@ -240,10 +240,19 @@ class SceneNode(Node):
             self._unsettle()
         self._report()
 
+    def _unconnected(self) -> str:
+        """Return in words that the frame of a body has no place in the world; empty: all have."""
+        try:
+            for frame in filter(None, self.bodies.frames):
+                self.tree.pose(frame)
+        except InvalidInputError as error:
+            return shortened(str(error))
+        return ""
+
     def _report(self) -> None:
         tracker = self.tracker
         ids = {"episode": tracker.episode_id, "scene": tracker.scene_id}
-        problem = self.trouble or tracker.problem
+        problem = self.trouble or (tracker.problem and (self._unconnected() or tracker.problem))
         if self.conflict:
             self.diagnostics.set(ERROR, self.conflict, **ids)
         elif problem or tracker.lost:

@@ -127,6 +127,12 @@ def test_statistics_of_lerobot_are_of_what_is_there(
     out = to("lerobot", Path(recording.writer.folder), tmp_path / "öut")
     for file in out.rglob("*.json"):
         json.loads(file.read_text(), parse_constant=no_constant)
+    (episodes,) = (out / "meta" / "episodes").rglob("*.parquet")
+    table = parquet.read_table(episodes).to_pydict()
+    of_episodes = {key: np.array(table[key], float) for key in table if key.startswith("stats/")}
+    assert len(of_episodes) > 100
+    assert [key for key, found in of_episodes.items() if not np.isfinite(found).all()] == []
+    assert sorted(of_episodes[f"stats/{GOAL}/count"].ravel()) == [0, 0] + [1] * with_goal
     stats = json.loads((out / "meta/stats.json").read_text())
     data = LeRobotDataset("pushes", root=out)
     rewards = np.array(data.hf_dataset.with_format(None)[REWARD])

@@ -94,19 +94,17 @@ def write(rows: StoredRows, folder: Path) -> None:
     stats = dict(sorted(dataset.meta.stats.items()))  # else in the order of hashes
     for key, values in lacking.items():
         stats |= {key: _finite_stats(np.concatenate(values))}
-    write_stats({key: found for key, found in stats.items() if found}, folder)
+    write_stats({key: found for key, found in stats.items() if found["count"].any()}, folder)
 
 
 def _finite_stats(values: ndarray) -> dict[str, ndarray]:
-    """Return the statistics of the finite numbers in each column; none: there are none at all.
+    """Return the statistics of the finite numbers in each column.
 
     `lerobot` takes those of all numbers: a goal that is missing in one episode makes all of them
-    NaN, which is no JSON. A column without any finite number has 0.
+    NaN, which is no JSON. A column without any finite number has 0; the count says whether all do.
     """
     columns = values.reshape(len(values), -1).T.astype(np.float64)
     known = [column[np.isfinite(column)] for column in columns]
-    if not any(map(len, known)):
-        return {}
     filled = [column if len(column) else np.zeros(1) for column in known]
     found = {name: np.array([take(column) for column in filled]) for name, take in TAKEN.items()}
     return found | {"count": np.array([max(map(len, known))])}
@@ -164,4 +162,11 @@ def _save(dataset: LeRobotDataset, frames: Columns, task: str) -> None:
     episode["frame_index"] = list(range(count))
     episode["timestamp"] = [index / FRAMES_A_SECOND for index in range(count)]
     episode |= {"size": count, "task": [task] * count}
+    meta, save = dataset.meta, type(dataset.meta).save_episode
+    finite = {key: _finite_stats(values) for key, values in frames.items() if key in MAY_LACK}
+
+    def save_finite(*about: Any) -> None:  # index, length, tasks, statistics and more
+        save(meta, *about[:3], about[3] | finite, *about[4:])
+
+    meta.save_episode = save_finite
     dataset.save_episode(episode)

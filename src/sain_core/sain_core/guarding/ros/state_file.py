@@ -13,7 +13,7 @@ from rclpy.node import Node
 from rclpy.serialization import deserialize_message, serialize_message
 
 from sain_core.errors import DatasetError, UntrustedFileError
-from sain_core.guarding.untrusted import PARTIAL, read_json
+from sain_core.guarding.untrusted import PARTIAL, is_file, read_json
 
 M = TypeVar("M")
 MOST_ID: Final = 2**64 - 1  # in messages
@@ -45,8 +45,9 @@ class StateFile:
 
         Raises:
             DatasetError: it is not such a file; with its path, why, and what to do.
+            OutputError: it is a link, a device or a folder, which is never replaced.
         """
-        if self._path is None or not self._path.exists():
+        if self._path is None or not is_file(self._path):
             return {}
         try:
             state = read_json(self._path)
@@ -78,8 +79,11 @@ class StateFile:
             return
         partial = self._path.with_name(f".{self._path.name}.{os.getpid()}{PARTIAL}")
         try:
+            is_file(self._path)  # what is none is never replaced
             self._path.parent.mkdir(parents=True, exist_ok=True)
-            partial.write_text(json.dumps(state), encoding="utf-8")
+            partial.unlink(missing_ok=True)
+            with partial.open("x", encoding="utf-8") as file:
+                json.dump(state, file)
             partial.replace(self._path)
         except OSError as error:
             self._node.get_logger().error(
