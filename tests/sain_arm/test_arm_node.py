@@ -2,7 +2,7 @@
 """The driver of an arm over DDS, against the trajectory server: its side of the contract."""
 
 from copy import deepcopy
-from functools import partial
+from functools import cached_property, partial
 from pathlib import Path
 from threading import Event
 from time import monotonic, sleep
@@ -60,13 +60,17 @@ class Laboratory:
         arm = {"robot": "ur5"} | patient | arm
         self.arm = graph.start(ArmNode, **arm)
         self.converter = graph.start(SceneNode, bodies=BODIES, max_speed=1.5)
-        self.scenes = graph.bystander.create_publisher(Scene, "scene", RELIABLE)
         graph.wait(lambda: graph.find("scene", settled=True), "a settled scene")
         self.ids = iter(range(1, 1000))
 
     def _beat(self) -> None:
         if self.enabled:
             self.signals.publish(Bool(data=True))
+
+    @cached_property
+    def scenes(self) -> Any:
+        """A second source of scenes; where there is one, the node of scenes settles none."""
+        return self.graph.bystander.create_publisher(Scene, "scene", RELIABLE)
 
     @property
     def scene(self) -> Any:
