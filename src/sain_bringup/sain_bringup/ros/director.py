@@ -99,7 +99,8 @@ class Director(Node):
                 missing = [Missing(name, f"{name} is ready") for name in starting()]
                 missing = missing or self._missing()
                 changed_at = changed_at if missing == before else now
-                show(", ".join(dict.fromkeys(part.process for part in missing)))
+                if missing:
+                    show(", ".join(dict.fromkeys(part.process for part in missing)))
             return not missing
 
         def problem() -> str:
