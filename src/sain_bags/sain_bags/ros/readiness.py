@@ -18,7 +18,7 @@ from rclpy.node import Node
 from sain_bags.ros.recorder import Recorder
 from sain_core.errors import OutputError, SainError
 from sain_core.guarding import lifetime
-from sain_core.guarding.untrusted import read_json
+from sain_core.guarding.documents import read_json
 from sain_core.output import write_json
 
 SILENCE: Final = 5.0  # [s] after which nothing seems to be said
