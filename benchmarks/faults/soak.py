@@ -19,7 +19,7 @@ from sain_bags.bag.metadata import read_metadata
 from sain_bags.writing.gaps import MISSING_KEY
 from sain_bringup.graph import GraphOptions
 from sain_core.cli.terminal import FittingTable
-from sain_core.guarding.untrusted import parse_json
+from sain_core.guarding.documents import parse_json
 
 PERIOD: Final = 10.0  # [s] between looks
 SHARED: Final = Path("/dev/shm")

@@ -23,7 +23,7 @@ from sain_core.cli.command_line import command_of_node, executable, split_ros_ar
 from sain_core.config import MOST_SEED, Config, option
 from sain_core.errors import ConfigError
 from sain_core.guarding import lifetime
-from sain_core.guarding.untrusted import read_user_yaml
+from sain_core.guarding.documents import read_user_yaml
 from sain_core.model import check_model_name
 from sain_core.shapes.body_file import read_bodies, write_tagged_bodies
 from sain_core.shapes.shape import BOTTOMS, FEET

@@ -101,7 +101,7 @@ class DatasetError(SainError, code=ErrorCode.DATASET):
 
 
 class UntrustedFileError(DatasetError, ValueError, code=ErrorCode.DATASET):
-    """A file that is not read: no regular file, or beyond a limit of `guarding.untrusted`.
+    """A file that is not read: no regular file, or beyond a limit of `sain_core.guarding`.
 
     The message does not name the file. Who reads it does, in an error of its own kind.
     """

@@ -9,7 +9,7 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from sain_core.errors import ConfigError
-from sain_core.guarding.untrusted import dump_yaml, read_user_yaml
+from sain_core.guarding.documents import dump_yaml, read_user_yaml
 from sain_core.output import write_whole
 from sain_core.wire import Turn, check_pose
 

@@ -13,7 +13,8 @@ from numpy import ndarray
 from PIL import Image
 
 from sain_core.errors import ConfigError, InvalidInputError, UntrustedFileError
-from sain_core.guarding.untrusted import read_regular, read_user_yaml
+from sain_core.guarding.documents import read_user_yaml
+from sain_core.guarding.untrusted import read_regular
 from sain_vision.extrinsics_file import read_extrinsics
 from sain_vision.optics import CameraModel, calibrated, rotation_of
 

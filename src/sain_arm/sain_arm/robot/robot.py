@@ -22,15 +22,9 @@ from sain_arm.robot.urdf import AXES, Urdf, UrdfJoint
 from sain_arm.robot.urdf_file import DEGREES, TURNS
 from sain_core.config import check_number
 from sain_core.errors import ConfigError
+from sain_core.guarding.documents import read_user_yaml
 from sain_core.guarding.plugins import did_you_mean
-from sain_core.guarding.untrusted import (
-    check_ros_name,
-    listed,
-    one_line,
-    read_user_yaml,
-    shown,
-    user_path,
-)
+from sain_core.guarding.untrusted import check_ros_name, listed, one_line, shown, user_path
 
 Joints = Float[ndarray, "_ J"]  # each way has its own number of points
 Vector = Float[ndarray, "J"]

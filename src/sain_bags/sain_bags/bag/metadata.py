@@ -19,8 +19,8 @@ from sain_bags.bag.parts import earlier, mcap_files
 from sain_bags.mcap import integrity
 from sain_bags.mcap.integrity import opened, rescue
 from sain_core.errors import DatasetError
+from sain_core.guarding.documents import dump_yaml, parse_yaml, read_yaml
 from sain_core.guarding.kinds import BEGINNINGS, MCAP, SQLITE, describe
-from sain_core.guarding.untrusted import dump_yaml, parse_yaml, read_yaml
 
 LAYOUT_VERSION: Final = 9
 METADATA_FILE: Final = integrity.METADATA_FILE

@@ -14,7 +14,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from sain_bags.dataset.conversion import ConversionConfig, Converted, convert
 from sain_bags.dataset.dataset_folder import CARD_FILE, PICTURE_FILE
 from sain_core.config import option, required
-from sain_core.guarding.untrusted import read_json
+from sain_core.guarding.documents import read_json
 from sain_core.output import OVERWRITE_HELP, claim_folder
 from sain_core.workers import WorkerOptions
 

@@ -16,7 +16,7 @@ from sain_bags.dataset.dataset_export import clear, export, put_in_place, remove
 from sain_bags.dataset.formats import MADE, SHARDS, find_format
 from sain_bags.dataset.formats.sharding import write_shard
 from sain_core.errors import DatasetError, OutputError
-from sain_core.guarding.untrusted import read_json
+from sain_core.guarding.documents import read_json
 from sain_core.output import MANIFEST, claim_folder, write_json
 from sain_core.transitions import (
     PARTS,

@@ -16,13 +16,7 @@ from mcap.records import Channel, MetadataIndex, Schema, Statistics
 from mcap.writer import MCAP0_MAGIC
 
 from sain_bags.mcap.integrity import Unpacking, records_in
-from sain_core.guarding.untrusted import (
-    NAME_LENGTH,
-    SUMMARY_BYTES,
-    TOPICS,
-    limit,
-    most_messages,
-)
+from sain_core.guarding.untrusted import NAME_LENGTH, SUMMARY_BYTES, TOPICS, limit, most_messages
 
 INDEX_PLACE: Final = struct.Struct("<HQ")  # channel, and where in the file
 CHUNK_INDEX: Final = struct.Struct("<QQQQI")  # times, place, size; of the places of indexes [bytes]

@@ -14,12 +14,12 @@ from rosbags.rosbag2.storage_sqlite3 import Sqlite3Reader
 from sain_bags.bag.definitions import Definitions
 from sain_bags.bag.metadata import Topic, as_topic_qos
 from sain_core.errors import InvalidInputError, UntrustedFileError
+from sain_core.guarding.documents import YAML_BYTES
 from sain_core.guarding.untrusted import (
     NAME_LENGTH,
     PIECE_BYTES,
     SUMMARY_BYTES,
     TOPICS,
-    YAML_BYTES,
     limit,
     most_messages,
     refuse_special,

@@ -4,7 +4,7 @@ import json
 from collections.abc import Callable, Mapping
 from typing import Final
 
-from sain_core.guarding.untrusted import parse_json
+from sain_core.guarding.documents import parse_json
 
 MISSING_KEY: Final = "missing_messages"  # in a bag's custom data
 SILENT_KEY: Final = "silent_topics"  # likewise: those published or asked for, and never heard

@@ -26,7 +26,7 @@ from rclpy.parameter import Parameter
 
 from sain_core.config import Config, check_field, settings_of, with_settings
 from sain_core.errors import ConfigError, UntrustedFileError
-from sain_core.guarding.untrusted import read_yaml
+from sain_core.guarding.documents import read_yaml
 
 OPTION: Final = "--params-file"
 

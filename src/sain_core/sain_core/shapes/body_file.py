@@ -14,6 +14,7 @@ from numpy import ndarray
 
 from sain_core.config import check_number
 from sain_core.errors import ConfigError
+from sain_core.guarding.documents import dump_yaml, read_user_yaml
 from sain_core.guarding.plugins import did_you_mean
 from sain_core.guarding.untrusted import (
     LEAST_RADIUS,
@@ -21,8 +22,6 @@ from sain_core.guarding.untrusted import (
     MOST_BODIES,
     MOST_RADIUS,
     check_ros_name,
-    dump_yaml,
-    read_user_yaml,
     shown,
 )
 from sain_core.scene import DISK_HEIGHT, MASS, NOMINAL_MASS, POSE, RADIUS, make_scene

@@ -17,15 +17,8 @@ import numpy as np
 from numpy import ndarray
 
 from sain_core.errors import ConfigError, DatasetError, UntrustedFileError
-from sain_core.guarding.untrusted import (
-    LEAST_RADIUS,
-    LONGEST_NAME,
-    MOST_RADIUS,
-    parse_json,
-    read_json,
-    read_regular_text,
-    read_yaml,
-)
+from sain_core.guarding.documents import parse_json, read_json, read_yaml
+from sain_core.guarding.untrusted import LEAST_RADIUS, LONGEST_NAME, MOST_RADIUS, read_regular_text
 from sain_core.output import write_json
 from sain_core.scene import unit
 from sain_core.shapes.shape import FEET, Pair, Ring, Shape

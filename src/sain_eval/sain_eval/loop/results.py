@@ -13,7 +13,8 @@ from typing import Any, Final
 import numpy as np
 
 from sain_core.errors import OutOfRangeError, OutputError, UntrustedFileError
-from sain_core.guarding.untrusted import parse_json, read_regular_text
+from sain_core.guarding.documents import parse_json
+from sain_core.guarding.untrusted import read_regular_text
 from sain_core.output import append_json, write_whole
 from sain_core.provenance import git_commit, processor, system, versions
 from sain_core.randomness import Interval, bootstrap_mean, generator

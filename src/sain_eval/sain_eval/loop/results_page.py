@@ -10,7 +10,7 @@ from typing import Any, Final, NamedTuple
 
 from sain_core.cli.terminal import markdown_table
 from sain_core.errors import DatasetError
-from sain_core.guarding.untrusted import read_json
+from sain_core.guarding.documents import read_json
 from sain_core.shapes.shape import FEET
 from sain_core.world import ObservationConfig, changed_settings, observation_settings
 from sain_eval.loop.closed_loop import ORACLE

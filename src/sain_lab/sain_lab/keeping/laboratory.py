@@ -21,8 +21,9 @@ from pathlib import Path
 from typing import Any, Final, Self
 
 from sain_core.errors import BusyError, ConfigError, DatasetError, OutputError, SainError
+from sain_core.guarding.documents import read_json
 from sain_core.guarding.locks import LockedError, lock_file
-from sain_core.guarding.untrusted import read_json, read_regular_text
+from sain_core.guarding.untrusted import read_regular_text
 from sain_core.output import claim_folder, make_folder, remove, sign, write_json, write_whole
 from sain_lab.keeping import events
 from sain_lab.keeping.events import Event

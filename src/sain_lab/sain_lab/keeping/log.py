@@ -15,7 +15,8 @@ from pathlib import Path
 from typing import IO, Any, Final
 
 from sain_core.errors import DatasetError, OutputError, SainError, UntrustedFileError
-from sain_core.guarding.untrusted import MIB, open_regular, parse_json
+from sain_core.guarding.documents import parse_json
+from sain_core.guarding.untrusted import MIB, open_regular
 
 FORMAT: Final = "sain-laboratory-log-1"
 MOST_BYTES: Final = 4096 * MIB  # of a log; 10,000 pushes have 10

@@ -17,8 +17,8 @@ from jaxtyping import Int
 from numpy import ndarray
 
 from sain_core.errors import DatasetError
+from sain_core.guarding.documents import read_json
 from sain_core.guarding.kinds import describe
-from sain_core.guarding.untrusted import read_json
 from sain_core.push import mirror_pushes
 from sain_core.scene import mirror_scenes
 from sain_core.shapes.bodies import PAPER_DISKS, Bodies, bodies_named

@@ -18,7 +18,8 @@ from torch import nn
 
 from sain_core.config import typed_settings
 from sain_core.errors import CheckpointError, UntrustedFileError
-from sain_core.guarding.untrusted import listed, parse_json, read_regular
+from sain_core.guarding.documents import parse_json
+from sain_core.guarding.untrusted import listed, read_regular
 from sain_core.model import Model
 from sain_core.output import write_json, write_whole
 from sain_core.shapes.shape import BOTTOMS

@@ -16,7 +16,7 @@ from numpy import ndarray
 
 from sain_core.config import typed_settings
 from sain_core.errors import CheckpointError
-from sain_core.guarding.untrusted import read_json
+from sain_core.guarding.documents import read_json
 from sain_core.model import Model
 from sain_core.output import write_json
 from sain_core.push import TOOL_RADIUS

@@ -20,7 +20,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TimeR
 
 from sain_core.config import MOST_SEED, option
 from sain_core.errors import DatasetError
-from sain_core.guarding.untrusted import read_json
+from sain_core.guarding.documents import read_json
 from sain_core.output import OVERWRITE_HELP, claim_folder, remove, write_json
 from sain_core.transitions import (
     COLLECTION_FILE,

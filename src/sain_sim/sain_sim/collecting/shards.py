@@ -9,7 +9,8 @@ from typing import Any, Final, Self
 import numpy as np
 
 from sain_core.errors import BlockedError, DatasetError, SainError, UnreachableError
-from sain_core.guarding.untrusted import parse_json, read_regular
+from sain_core.guarding.documents import parse_json
+from sain_core.guarding.untrusted import read_regular
 from sain_core.output import append_json, write_whole
 from sain_core.scene import STATE_SIZE
 from sain_core.storage import read_arrays, write_arrays

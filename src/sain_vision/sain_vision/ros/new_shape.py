@@ -13,7 +13,7 @@ from rich.console import Console
 
 from sain_core.config import Config, option
 from sain_core.errors import ConfigError, InvalidInputError, SainError
-from sain_core.guarding.untrusted import dump_yaml
+from sain_core.guarding.documents import dump_yaml
 from sain_core.output import OVERWRITE_HELP, claim_file, write_whole
 from sain_core.shapes.library import PLAIN, outline_folder, shape_names
 from sain_core.shapes.outlines import METRES, SHAPES, UNIT, BodyOutline, trace

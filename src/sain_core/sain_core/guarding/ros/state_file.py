@@ -13,7 +13,8 @@ from rclpy.node import Node
 from rclpy.serialization import deserialize_message, serialize_message
 
 from sain_core.errors import DatasetError, UntrustedFileError
-from sain_core.guarding.untrusted import PARTIAL, is_file, read_json
+from sain_core.guarding.documents import read_json
+from sain_core.guarding.untrusted import PARTIAL, is_file
 
 M = TypeVar("M")
 MOST_ID: Final = 2**64 - 1  # in messages
