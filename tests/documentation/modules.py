@@ -20,7 +20,7 @@ WITHOUT_PARSER = {  # modules, with what they accept
     "sain_eval.plots.library_picture": 1,
     "mkdocs": None,
 }
-PARSER = re.compile(r"\btyro\.cli\(|\bArgumentParser\(")
+PARSER = re.compile(r"\btyro\.cli\(|\bread_options\(|\bArgumentParser\(")
 
 
 class Parsed(BaseException):

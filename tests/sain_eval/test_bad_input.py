@@ -34,7 +34,7 @@ def said(run, arguments: list[str], capsys: pytest.CaptureFixture[str]) -> str:
         ),
         (
             "--delay 2",
-            "evaluate: WorldCameraConfig.delay is 2.0 s; it must be at most 0.5 s",
+            "evaluate: --delay is 2.0 s; it must be at most 0.5 s",
         ),
     ],
 )

@@ -118,13 +118,15 @@ def test_a_training_ends_with_the_process_that_began_it(tmp_path: Path) -> None:
     )
     slow = os.environ | {"PYTHONPATH": f"{slowly(tmp_path)}:{os.environ.get('PYTHONPATH', '')}"}
     with subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, env=slow) as parent:
-        assert parent.stdout is not None
-        training = int(parent.stdout.readline())
-        end = time.monotonic() + 60.0
-        while not (tmp_path / "trains").exists():
-            assert time.monotonic() < end
-            time.sleep(0.05)
-        parent.kill()
+        try:
+            assert parent.stdout is not None
+            training = int(parent.stdout.readline())
+            end = time.monotonic() + 120.0
+            while not (tmp_path / "trains").exists():
+                assert time.monotonic() < end
+                time.sleep(0.05)
+        finally:
+            parent.kill()
     while Path(f"/proc/{training}").exists() and time.monotonic() < end:
         state = Path(f"/proc/{training}/stat").read_text().rsplit(")", 1)[1].split()[0]
         if state == "Z":

@@ -71,8 +71,8 @@ BAGS: Final[dict[str, Make]] = {
     "chunk: 1 GB at once": with_file(lambda _: forge([zeros(1024 * MIB)])),
     "chunk: 2^64 - 1": with_file(lambda _: forge([zeros(4096, claimed=LARGEST)])),
     "chunk: listed often": with_file(lambda _: forge([zeros(16 * MIB)], repeats=2000)),
-    "chunk: tiny messages": with_file(lambda _: forge([tiny(400_000)] * 4, messages=7_600_000)),
-    "chunk: false count": with_file(lambda _: forge([tiny(400_000)] * 4, messages=4)),
+    "chunk: tiny messages": with_file(lambda _: forge([tiny(50_000)] * 4, messages=7_600_000)),
+    "chunk: false count": with_file(lambda _: forge([tiny(50_000)] * 4, messages=4)),
     "schema: 10^6 fields": with_file(
         lambda _: schema_of(b"".join(b"uint8 f%d\n" % n for n in range(10**6)))
     ),

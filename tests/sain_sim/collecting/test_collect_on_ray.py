@@ -48,6 +48,7 @@ def entries(folder: Path) -> set[str]:
 def shared_memory() -> set[str]:
     """What stands in shared memory, without what other tests may have there meanwhile."""
     others = ("fastrtps", "fastdds", "sem.fastrtps", "sem.fastdds", "sem.mp-")
+    others += ("sem.loky-", "joblib_memmapping_folder_")
     return {name for name in entries(Path("/dev/shm")) if not name.startswith(others)}
 
 

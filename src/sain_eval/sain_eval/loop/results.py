@@ -281,7 +281,7 @@ class Journal:
         text = read_regular_text(self.path) if self.path.exists() else ""
         *lines, cut_off = text.split("\n")
         if not lines:
-            self._begin_with = settings
+            self._begin(settings)
             return
         try:
             kept = parse_json(lines[0])["settings"]
@@ -301,7 +301,7 @@ class Journal:
                 " use the same, --overwrite, or choose another --out"
             )
         if differing:
-            self.records, self._begin_with = [], settings
+            self._begin(settings)
         elif cut_off:
             write_whole(self.path, ("\n".join(lines) + "\n").encode())
 
