@@ -30,7 +30,7 @@ set_up() {
   if [[ -f $stamps/base && $(<"$stamps/base") == "$root $ros "* ]]; then
     say "Bringing $venv up to date."
   else
-    say "Setting up SAIN in $venv (only this once, about a minute)."
+    say "Setting up SAIN in $venv (only this once, about two minutes)."
     run_job venv "Python environment" make_venv
   fi
   use_settings_of_pip
