@@ -28,6 +28,18 @@ TOGETHER: Final = {  # files that share a worker, by a part of their path
     "processes": ("sain_bringup/", "collecting/", "tests/workspace/"),
 }
 # The longest come first, so that no worker is left with one when all others are done.
+SYSTEM: Final = (  # marked `system`, by a part of their names; others have the mark in their files
+    "tests/system/", "tests/benchmarks/", "tests/examples/", "documentation/test_first_steps",
+    "documentation/test_site", "documentation/test_terminal", "test_program.py::test_pip_install",
+    "workspace/test_optional_packages", "workspace/setup/", "workspace/test_new_shape",
+    "sain_live/page/test_in_browser", "sain_live/test_whole_graph", "sain_live/test_view",
+    "sain_live/ros/test_page_node", "training/test_fine_tuning", "training/test_any_bodies",
+    "sain_gym/test_examples", "collecting/test_collect_on_ray", "compute/test_kernel_store",
+    "formats/test_examples", "sain_lab/test_learner.py::test_a_table_that_changes",
+    "evaluation/test_errors.py::test_the_command_lines", "test_ways_of_random_pushes",
+    "sain_arm/test_robot_mutations",
+)  # fmt: skip
+ONE_GRAPH: Final = "test_closed_loop.py::test_an_episode_succeeds_and_says_so"  # always runs
 FIRST: Final = ("tests/system/", "/ros/", "tests/examples/", "/dataset/formats/", "/training/")
 
 
@@ -75,11 +87,18 @@ def pytest_xdist_make_scheduler(config: Config, log: Any) -> ByFile:
 
 
 def pytest_collection_modifyitems(config: Config, items: list[pytest.Item]) -> None:
+    for item in items:
+        if any(part in item.nodeid for part in SYSTEM):
+            item.add_marker("system")
     if not (config.getoption("--all") or config.getoption("markexpr") or names_paths(config)):
-        left_out = [item for item in items if item.get_closest_marker("system")]
+        left_out = [item for item in items if _is_left_out(item)]
         config.hook.pytest_deselected(items=left_out)
-        items[:] = [item for item in items if not item.get_closest_marker("system")]
+        items[:] = [item for item in items if not _is_left_out(item)]
     items.sort(key=lambda item: _place(item.nodeid.partition("::")[0]))
+
+
+def _is_left_out(item: pytest.Item) -> bool:
+    return item.get_closest_marker("system") is not None and ONE_GRAPH not in item.nodeid
 
 
 def _place(path: str) -> int:
