@@ -55,7 +55,9 @@ class Terminals:
     def __init__(self, log: Path) -> None:
         self.log = log
         self.going_on: subprocess.Popen[bytes] | None = None
-        self.environment = {**os.environ, "COLUMNS": "200", "PYTHONUTF8": "1"}
+        # A make that started the tests would hand its variables to the page's own.
+        inherited = {key: os.environ[key] for key in os.environ if not key.startswith("MAKE")}
+        self.environment = {**inherited, "COLUMNS": "200", "PYTHONUTF8": "1"}
 
     def do(self, command: str) -> str:
         """Do a step to its end, unless it belongs to the first terminal; return what it prints."""
