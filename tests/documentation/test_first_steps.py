@@ -56,7 +56,9 @@ class Terminals:
         self.log = log
         self.going_on: subprocess.Popen[bytes] | None = None
         # A make that started the tests would hand its variables to the page's own.
-        inherited = {key: os.environ[key] for key in os.environ if not key.startswith("MAKE")}
+        inherited = {
+            key: os.environ[key] for key in os.environ if not key.startswith(("MAKE", "ARGS"))
+        }
         self.environment = {**inherited, "COLUMNS": "200", "PYTHONUTF8": "1"}
 
     def do(self, command: str) -> str:
