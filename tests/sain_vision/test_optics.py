@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from sain_core.errors import InvalidInputError
-from sain_vision.optics import CameraModel, calibrated
+from sain_vision.optics import CameraModel, check_calibration
 
 WIDTH, HEIGHT = 1280, 960
 K = np.array([[840.0, 0, 639.5], [0, 850.0, 479.5], [0, 0, 1]])
@@ -23,7 +23,7 @@ C1 = [0.929988205433, 0.165922805667, 0, 0, 0.002885974478, 1.331432461739, 0.43
 
 def camera_of(lens: str, numbers: Any, focal: float = 840.0, skew: float = 0.0) -> CameraModel:
     matrix = np.array([[focal, skew, 639.5], [0, focal, 479.5], [0, 0, 1.0]])
-    camera = calibrated(WIDTH, HEIGHT, matrix, lens, np.array(numbers, dtype=float))
+    camera = check_calibration(WIDTH, HEIGHT, matrix, lens, np.array(numbers, dtype=float))
     return camera.moved(np.eye(3), np.zeros(3))
 
 
@@ -124,11 +124,11 @@ def edited(*changes: tuple[int, int, float]) -> np.ndarray:
 )
 def test_what_a_calibration_may_not_be(matrix, lens: str, numbers: int, text: str) -> None:
     with pytest.raises(InvalidInputError, match=text):
-        calibrated(WIDTH, HEIGHT, matrix, lens, np.full(numbers, 0.01))
+        check_calibration(WIDTH, HEIGHT, matrix, lens, np.full(numbers, 0.01))
 
 
 def test_a_fisheye_without_its_numbers_is_refused() -> None:
     with pytest.raises(InvalidInputError, match="equidistant has 0 numbers; allowed: 4"):
-        calibrated(WIDTH, HEIGHT, K, "equidistant", np.zeros(0))
+        check_calibration(WIDTH, HEIGHT, K, "equidistant", np.zeros(0))
     with pytest.raises(InvalidInputError, match="equidistant has 5 numbers"):
-        calibrated(WIDTH, HEIGHT, K, "equidistant", np.zeros(5))
+        check_calibration(WIDTH, HEIGHT, K, "equidistant", np.zeros(5))

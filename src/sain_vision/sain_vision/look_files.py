@@ -16,7 +16,7 @@ from sain_core.errors import ConfigError, InvalidInputError, UntrustedFileError
 from sain_core.guarding.documents import read_user_yaml
 from sain_core.guarding.untrusted import read_regular
 from sain_vision.extrinsics_file import read_extrinsics
-from sain_vision.optics import CameraModel, calibrated, rotation_of
+from sain_vision.optics import CameraModel, check_calibration, rotation_of
 
 IMAGE_BYTES: Final = 50_000_000
 IMAGE_PIXELS: Final = 50_000_000
@@ -66,7 +66,9 @@ def read_camera(info: Path, extrinsics: Path) -> CameraModel:
         if matrix.size != 9:
             raise InvalidInputError(f"K has {matrix.size} numbers; it needs 9, in 3 rows")
         lens = np.array(content["distortion_coefficients"]["data"], dtype=np.float64).ravel()
-        camera = calibrated(*size, matrix.reshape(3, 3), str(content["distortion_model"]), lens)
+        camera = check_calibration(
+            *size, matrix.reshape(3, 3), str(content["distortion_model"]), lens
+        )
     except (TypeError, KeyError, ValueError, InvalidInputError) as error:
         raise ConfigError(f"camera info {info} cannot be used: {error}") from error
     pose = read_extrinsics(extrinsics)

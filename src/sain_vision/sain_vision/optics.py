@@ -184,7 +184,7 @@ def _radii(
     return slopes[:end], bent[:end]
 
 
-def calibrated(
+def check_calibration(
     width: int, height: int, matrix: Matrix, model: str, distortion: Float[ndarray, "D"]
 ) -> CameraModel:
     """Return the camera that a calibration of raw images states, at no place yet.

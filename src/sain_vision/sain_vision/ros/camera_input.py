@@ -18,7 +18,7 @@ from sain_core.guarding.ros.reception import LARGE_BYTES, Reception
 from sain_core.ros import codec
 from sain_core.ros.qos import LATCHED, LATCHED_QUEUE, TRANSFORMS
 from sain_vision.extrinsics_file import read_extrinsics
-from sain_vision.optics import CameraModel, calibrated, rotation_of
+from sain_vision.optics import CameraModel, check_calibration, rotation_of
 from sain_vision.ros.settings import CameraInputConfig
 from sain_vision.ros.transforms import take_transforms
 from sain_vision.scene.frame_tree import FrameTree
@@ -77,7 +77,7 @@ class CameraInput:
         matrix = np.array(message.k, dtype=np.float64).reshape(3, 3)
         distortion = np.array(message.d, dtype=np.float64)
         size = int(message.width), int(message.height)
-        self._model = calibrated(*size, matrix, message.distortion_model, distortion)
+        self._model = check_calibration(*size, matrix, message.distortion_model, distortion)
 
     def _on_tf(self, message: TFMessage, static: bool = False) -> None:
         take_transforms(self._tree, message, static)
