@@ -11,7 +11,7 @@ pytestmark = pytest.mark.system
 
 COUNT = 60
 TEXTS = 2  # of 10 MB
-MOST_GROWTH = 30.0  # [MB]: three times the largest message, which is 10 MB
+MOST_GROWTH = 20.0  # [MB]
 ANSWERED = ("push", "reset_scene", "rollout", "predict_residual", "load_model", "reach")
 HARMLESS = 0.06  # share of requests with a wrong number that is never used, such as a velocity
 

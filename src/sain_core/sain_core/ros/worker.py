@@ -47,8 +47,8 @@ class Worker:
         self._pending.add(future)
         future.add_done_callback(lambda done: self._finished(done, then))
 
-    async def run(self, job: Callable[[], T]) -> "Future[T]":
-        """Run a job, with the executor free meanwhile; return its future, done.
+    async def run(self, job: Callable[[], T]) -> T:
+        """Run a job, with the executor free meanwhile; return its result.
 
         For callbacks that are coroutines, in a reentrant group: in another kind, the first one
         bars all others until it is done.
@@ -59,7 +59,10 @@ class Worker:
         while not future.done():
             await _Turn()
         self._pending.discard(future)
-        return future
+        try:
+            return future.result()
+        finally:
+            del future  # else its error and this frame keep each other, and what the job was given
 
     @property
     def pending(self) -> int:

@@ -127,8 +127,9 @@ class ModelNode(Node):
         try:
             if self.loader.pending >= MOST_LOADS:
                 raise BusyError(f"{MOST_LOADS} models wait to be loaded already; ask again later")
-            done = await self.loader.run(lambda: self.service.prepare(request.model))
-            self.service.prepared = done.result()
+            self.service.prepared = await self.loader.run(
+                lambda: self.service.prepare(request.model)
+            )
             self.set_parameters([Parameter("model", value=request.model)])
         except Exception as error:
             self._warn_of(error)
@@ -167,8 +168,7 @@ class ModelNode(Node):
         taken = perf_counter()
         try:
             self.service.take()
-            done = await self.worker.run(lambda: self.service.compute(work, response))
-            done.result()
+            await self.worker.run(lambda: self.service.compute(work, response))
         except Exception as error:
             self.service.answered(taken, shortened(error_reply(error)[1]))
             self._report()  # else the timer does: nobody is to wait for it
