@@ -50,9 +50,26 @@ def check_size(message: Any, most: int = MOST_BYTES) -> None:
     Raises:
         InvalidInputError: it is too large.
     """
-    if (size := len(serialize_message(message))) > most:
+    if not _is_surely_within(message, most) and (size := len(serialize_message(message))) > most:
         _empty(message)
         raise InvalidInputError(f"the message has {size} bytes; at most {most} are accepted")
+
+
+def _is_surely_within(message: Any, most: int) -> bool:
+    """Return True where a bound on the size shows it: to serialize 10 MB takes 35 ms."""
+    bound, rest = 0, [message]
+    while rest and bound <= most:
+        value = rest.pop()
+        bound += 16  # a number, or a length, with what aligns it
+        if isinstance(value, str):
+            bound += 4 * len(value)
+        elif isinstance(value, list):
+            rest += value
+        elif hasattr(value, "get_fields_and_field_types"):
+            rest += [getattr(value, name) for name in value.get_fields_and_field_types()]
+        elif hasattr(value, "__len__"):  # an array of numbers
+            bound += memoryview(value).nbytes
+    return bound <= most
 
 
 def _empty(message: Any) -> None:
