@@ -52,6 +52,7 @@ MODEL: Final = "model"
 PLANNER: Final = "planner"
 RECORDER: Final = "recorder"
 LEARNER: Final = "learner"
+PATIENT: Final = (RECORDER, LEARNER)  # have files to close
 PAGE: Final = "page"
 FLUSH_PERIOD: Final = "0.25"  # [s], at most so much is lost with the recorder
 UNWATCHED: Final = {lifetime.SOCKET: "", lifetime.TIMEOUT: ""}  # a driver may wait for its arm
@@ -260,7 +261,7 @@ def start(supervisor: Supervisor, options: GraphOptions, folder: Path) -> "Logs"
     for name, command in commands.items():
         again = restart_command(name, command)
         variables = UNWATCHED if name == ROBOT else {}
-        supervisor.start(name, command, variables, patient=name in (RECORDER, LEARNER), again=again)
+        supervisor.start(name, command, variables, patient=name in PATIENT, again=again)
     return Logs([child.log for child in supervisor.children])
 
 

@@ -16,7 +16,7 @@ from sain_bringup.display import Display
 from sain_bringup.graph import (
     EPISODES_KEY,
     NAMESPACE_KEY,
-    RECORDER,
+    PATIENT,
     RECORDINGS,
     GraphConfig,
     GraphOptions,
@@ -237,7 +237,7 @@ def play(
         commands = graph_commands(graph, ros, folder / LOGS, about, full_motion=True)
         for name, command in commands.items():
             again = restart_command(name, command)
-            supervisor.start(name, command, patient=name == RECORDER, again=again)
+            supervisor.start(name, command, patient=name in PATIENT, again=again)
         director.wait_for_graph(
             lambda: supervisor.starting(tuple(commands)),
             lambda missing: display.status(waiting_for(missing)),

@@ -110,9 +110,9 @@ class PushSender:
         """Return whether a push reaches the node that executes it: a recorder takes pushes, too."""
         from sain_core.guarding.ros.ownership import full_name
 
-        topics = map(self.node.resolve_topic_name, ("push", "push_result"))
-        takers = self.node.get_subscriptions_info_by_topic(next(topics))
-        answering = self.node.get_publishers_info_by_topic(next(topics))
+        pushes, results = map(self.node.resolve_topic_name, ("push", "push_result"))
+        takers = self.node.get_subscriptions_info_by_topic(pushes)
+        answering = self.node.get_publishers_info_by_topic(results)
         if not {*map(full_name, takers)} & {*map(full_name, answering)}:
             self._executor_at = inf
             return False
