@@ -145,11 +145,9 @@ def test_a_folder_of_the_user_is_refused_before_the_work(
     assert [one.name for one in tmp_path.iterdir()] == ["notes.txt"]
 
 
-@pytest.mark.parametrize("name", COMMANDS)
+@pytest.mark.parametrize("name", [name for name in COMMANDS if "nowhere" in NEEDED[name]])
 def test_a_command_that_is_refused_makes_no_folder(name: str, tmp_path: Path) -> None:
     """What it should read is missing."""
-    if "nowhere" not in NEEDED[name]:
-        pytest.skip("it reads no file")
     COMMANDS[name]([*NEEDED[name], "--out", str(tmp_path / "below" / "out")])
     assert [*tmp_path.iterdir()] == []
 

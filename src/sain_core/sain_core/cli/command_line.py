@@ -299,12 +299,12 @@ def _unknown(tokens: Sequence[str], kind: type, prefixes: bool) -> str:
     """Return in words that there are no such arguments, and which one is alike."""
     token = next((one for one in tokens if one.startswith("-")), tokens[0])
     name = token.partition("=")[0].replace("_", "-")
-    known = {
+    names = {
         f"--{group if prefixes else ''}{item.name}".replace("_", "-")
         for settings, group in _groups(kind)
         for item in fields(settings)
     }
-    alike = get_close_matches(name, known - {name}, 1)
+    alike = get_close_matches(name, names - {name}, 1)
     hint = f"did you mean {alike[0]}?" if alike else "--help lists what there is"
     return f"{'there is no option' if token[0] == '-' else 'there is no place for'} {token}; {hint}"
 
