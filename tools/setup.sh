@@ -37,7 +37,7 @@ set_up() {
   if ! is_made base "$packages_now"; then
     rm -f "$stamps/base"
     run_job packages "Packages" install_base
-    start_job torch "PyTorch and the kernels" install_torch
+    start_job kernels "Kernels" compile_kernels
   fi
   if ! is_made messages "$messages_now"; then
     start_job messages "Messages" build_messages src/sain_interfaces
@@ -71,7 +71,7 @@ require_usable_path() {
   [[ -w $root ]] || refuse "cannot write to '$root', where the environment is made."
   for group in "${groups[@]}"; do
     [[ $group == base ]] || grep -q "^$group = \[" "$root/pyproject.toml" ||
-      refuse "there is no group '$group'; pyproject.toml has test, lint, docs, lerobot, ray, robots and peers."
+      refuse "there is no group '$group'; pyproject.toml has train, test, lint, docs, lerobot, ray, robots and peers."
   done
 }
 
@@ -142,15 +142,15 @@ install_base() {
   fi && install_bullet_data && "$venv/bin/python" "$root/tools/register.py" "$venv"
 }
 
-install_torch() {
-  if [[ $ros == wheels ]]; then install --no-config -c requirements.txt --group torch || return; fi
+compile_kernels() {
   # All that shipped commands run, on all cores; none is compiled later, while somebody waits.
   in_environment python -m sain_model.cli.kernels &&
     in_environment python -c 'import matplotlib.pyplot, mujoco, pybullet_data, rclpy, rosbags, scipy, shapely, tyro'
 }
 
 install_group() { # GROUP
-  install -c requirements.txt --group "$1" || return
+  [[ $1 == train ]] || install -c requirements.txt --group "$1" || return
+  case $1 in train | test | lerobot) install --no-config -c requirements.txt --group train || return ;; esac
   if [[ $1 == test || $1 == robots ]]; then build_missing control_msgs vision_msgs || return; fi
   # It asks for one certain build of PyTorch; LeRobot imports it and its data sets do without.
   if [[ $1 == test || $1 == lerobot ]]; then install --no-config --no-deps torchvision==0.25.0 || return; fi

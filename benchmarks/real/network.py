@@ -127,7 +127,7 @@ class NetworkRow:
         digest = hashlib.sha256(pushes.row.tobytes() + replace(physics, places=seen).identity)
         path = self.folder / self.key / f"{digest.hexdigest()[:16]}-{known:d}.pt"
         Trainer(network, objective, config, path, keeps_start=not known).run()
-        model = residual_model(network, replace(physics.kind, corrected=True), config.prior)
+        model = residual_model(network.weights, replace(physics.kind, corrected=True), config.prior)
         return OfKnown(model, physics, held)
 
 

@@ -20,9 +20,10 @@ from benchmarks.speed.planar_prior import draw
 from benchmarks.timing import fastest
 from sain_core.model import Model, load_dynamics
 from sain_core.types import Pushes, Scenes
-from sain_model.dynamics.residual import ResidualNetwork, TorchNetwork
+from sain_model.dynamics.residual import weights_of
 from sain_model.dynamics.sain import SainDynamics
-from sain_model.network.interaction_network import InteractionNetwork
+from sain_model.network.interaction_network import TorchNetwork
+from sain_model.network.weights import DYNAMICS, RELATION
 
 SAMPLES, HORIZON = 1024, 15
 SIZE = 1024  # of the square matrices that show the machine's peak
@@ -40,17 +41,11 @@ class Options(ReportOptions):
     """of scenes and pushes"""
 
 
-def module_of(sain: SainDynamics) -> InteractionNetwork:
-    """Return the weights of a model."""
-    assert isinstance(sain.network, ResidualNetwork)
-    return sain.network.module
-
-
 class Reference(Model):
     """SAIN step by step, its network run by PyTorch."""
 
     def __init__(self, sain: SainDynamics) -> None:
-        self.prior, self.network = sain.physics, TorchNetwork(module_of(sain), "cpu")
+        self.prior, self.network = sain.physics, TorchNetwork(weights_of(sain), "cpu")
 
     def step(self, scenes: Scenes, pushes: Pushes) -> Scenes:
         return self.network.correct(scenes, pushes, self.prior.step(scenes, pushes))
@@ -70,15 +65,14 @@ def peak(threads: int) -> Callable[[], object]:
 
 def multiplications(sain: SainDynamics, disks: int) -> float:
     """Return the floating-point operations of the network's products for one push."""
+    tensors = weights_of(sain).tensors
 
-    def of(part: torch.nn.Module) -> float:
+    def of(part: str) -> float:
         return 2.0 * sum(
-            value.numel() for name, value in part.named_parameters() if "weight" in name
+            tensors[name].size for name in tensors if name.startswith(part) and "weight" in name
         )
 
-    pairs = disks * (disks - 1)
-    module = module_of(sain)
-    return pairs * of(module.relation) + disks * of(module.dynamics)
+    return disks * (disks - 1) * of(RELATION) + disks * of(DYNAMICS)
 
 
 def rollouts(sain: SainDynamics, options: Options) -> list[Figure]:

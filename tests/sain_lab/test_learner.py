@@ -145,14 +145,14 @@ def test_a_planted_network_is_dropped_within_30_pushes(tmp_path):
 def plant(learner, service):
     """Put the shipped network, which does not belong to this table, made worse, into service."""
     from sain_model.dynamics.load import parse_card, save_checkpoint, shipped_checkpoint
-    from sain_model.dynamics.residual import module_of
+    from sain_model.dynamics.residual import weights_of
 
     shipped = load_dynamics("sain")
-    module = module_of(shipped)
-    for value in module.dynamics.parameters():
-        value.data.mul_(1.5)
+    weights = weights_of(shipped)
+    for name in weights.tensors:
+        weights.tensors[name] *= 1.5 if name.startswith("dynamics") else 1.0
     card = parse_card(shipped_checkpoint(), shipped.origin.card)
-    save_checkpoint(learner.laboratory.model_path(service), module, card)
+    save_checkpoint(learner.laboratory.model_path(service), weights, card)
     for kind in ("trained", LOADED):
         about = {"model": service, "service": service}
         learner._log(kind, "planted", **about)

@@ -100,8 +100,11 @@ def train(laboratory: Laboratory, since: int, pushes: int) -> Path:
     """
     from sain_model.data.dataset import split_by_episode
     from sain_model.dynamics.load import save_checkpoint
-    from sain_model.dynamics.residual import module_of
+    from sain_model.dynamics.residual import weights_of
     from sain_model.inference.kinds import read_belief
+    from sain_model.network.settings import require_torch
+
+    require_torch("training a network")
     from sain_model.training.fit import fit
     from sain_model.training.record import make_card
     from sain_model.training.settings import TrainOptions
@@ -115,7 +118,7 @@ def train(laboratory: Laboratory, since: int, pushes: int) -> Path:
     path = laboratory.model_path(service_of(pushes))
     options = TrainOptions(dataset=(laboratory.path,), out=path.parent, training=config)
     card = make_card(options, data, split, model, histories, {})
-    save_checkpoint(path, module_of(model), card)
+    save_checkpoint(path, weights_of(model), card)
     return path
 
 
@@ -185,9 +188,6 @@ def main(path: str, since: str, pushes: str) -> int:
     """Train, and return the exit code."""
     resource.setrlimit(resource.RLIMIT_CPU, (LONGEST, LONGEST))
     Thread(target=_end_with_input, daemon=True).start()
-    import torch
-
-    torch.set_num_threads(1)
     try:
         train(Laboratory(Path(path)), int(since), int(pushes))
     except SainError as error:

@@ -31,7 +31,7 @@ def test_predictions_run_what_was_compiled() -> None:
     pushes.setflags(write=False)
     for features, members in (("push", 1), ("world", 3)):
         network = new_network(NetworkConfig(features=features, members=members), 0)
-        sain = residual_model(network, friction_kind(PlanarPrior(), infers=False), "planar")
+        sain = residual_model(network.weights, friction_kind(PlanarPrior(), infers=False), "planar")
         sain.step(scenes, pushes, {"friction": np.broadcast_to(0.12, 2)})
         sain.rollout(scenes[0], sequences(pushes))
     frames = push_frames(scenes, pushes, PAPER_DISKS)

@@ -19,7 +19,7 @@ from sain_model.dynamics.identify import (
     with_beliefs,
 )
 from sain_model.dynamics.load import load_checkpoint, save_checkpoint
-from sain_model.dynamics.residual import module_of
+from sain_model.dynamics.residual import weights_of
 from sain_model.inference.kinds import read_belief, surface_kind, write_belief
 from sain_model.network.settings import NetworkConfig
 from sain_model.training.fit import fit, identified_kind
@@ -94,7 +94,7 @@ def test_a_belief_of_bodies_is_trained_on_saved_and_conditioned(
     model, histories = fit(split, kind, config, tmp_path / "run")
     command = TrainOptions(dataset=(tmp_path,), out=tmp_path, training=config)
     card = make_card(command, data, split, model, histories, {})
-    save_checkpoint(tmp_path / "sain.safetensors", module_of(model), card)
+    save_checkpoint(tmp_path / "sain.safetensors", weights_of(model), card)
     loaded = load_checkpoint(tmp_path / "sain.safetensors").with_bodies(Bodies.named(["square"]))
     wood = pushed("square", "wood", 30, 7)
     before = loaded.physics_alone()

@@ -25,13 +25,17 @@ def network(**settings: object) -> torch.nn.Module:
 
 
 MODELS: dict[str, Model] = {
-    "learned": residual_model(network(), friction_kind(IdentityPrior(), infers=False), IDENTITY),
-    "residual": residual_model(network(), friction_kind(PlanarPrior()), "planar"),
+    "learned": residual_model(
+        network().weights, friction_kind(IdentityPrior(), infers=False), IDENTITY
+    ),
+    "residual": residual_model(network().weights, friction_kind(PlanarPrior()), "planar"),
     "ensemble in the world": residual_model(
-        network(members=3, features="world"), friction_kind(PlanarPrior(), infers=False), "planar"
+        network(members=3, features="world").weights,
+        friction_kind(PlanarPrior(), infers=False),
+        "planar",
     ),
     "recurrent": residual_model(
-        network(), friction_kind(PlanarPrior(), infers=False), "planar", recurrent=True
+        network().weights, friction_kind(PlanarPrior(), infers=False), "planar", recurrent=True
     ),
 }
 

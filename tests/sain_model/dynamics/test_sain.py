@@ -40,7 +40,9 @@ def wild_network() -> InteractionNetwork:
 
 @pytest.fixture
 def sain() -> SainDynamics:
-    return residual_model(wild_network(), friction_kind(PlanarPrior(), infers=False), "planar")
+    return residual_model(
+        wild_network().weights, friction_kind(PlanarPrior(), infers=False), "planar"
+    )
 
 
 def test_turning_and_moving_scene_and_push_turns_and_moves_the_prediction(
@@ -123,14 +125,16 @@ def test_the_mean_is_what_step_predicts_and_the_spread_that_of_the_members(
 ) -> None:
     lone = [wild(seed) for seed in range(3)]
     prior = PlanarPrior()
-    sain = residual_model(ensemble(lone), friction_kind(prior, infers=False), "planar")
+    sain = residual_model(ensemble(lone).weights, friction_kind(prior, infers=False), "planar")
     scenes, pushes = random_pushes(40, 0)
     pushes[:5, LENGTH] = 0.0
     prediction = sain.predict(scenes, pushes)
     np.testing.assert_array_equal(prediction.mean, sain.step(scenes, pushes))
     places = np.stack(
         [
-            residual_model(n, friction_kind(prior, infers=False), "planar").step(scenes, pushes)
+            residual_model(n.weights, friction_kind(prior, infers=False), "planar").step(
+                scenes, pushes
+            )
             for n in lone
         ]
     )
@@ -138,7 +142,7 @@ def test_the_mean_is_what_step_predicts_and_the_spread_that_of_the_members(
     np.testing.assert_allclose(prediction.members, spread, atol=1e-6)
     assert spread.max() > 1e-3 and (prediction.members[:5] == 0.0).all()
     assert prediction.radius is None
-    alone = residual_model(lone[0], friction_kind(prior, infers=False), "planar").predict(
+    alone = residual_model(lone[0].weights, friction_kind(prior, infers=False), "planar").predict(
         scenes, pushes
     )
     assert (alone.spread == 0.0).all()
@@ -148,7 +152,7 @@ def test_what_is_not_known_of_the_friction_is_told_and_earlier_pushes_make_it_le
     random_pushes: Draw,
 ) -> None:
     prior = PlanarPrior()
-    sain = residual_model(wild(0), friction_kind(prior), "planar")
+    sain = residual_model(wild(0).weights, friction_kind(prior), "planar")
     scenes, pushes = random_pushes(40, 1)
     first = sain.predict(scenes, pushes)
     assert sain.spread(FRICTION) == pytest.approx(0.5, rel=0.05)  # of the belief at the start
@@ -181,7 +185,7 @@ def shaped() -> SainDynamics:
     regions = Intervals(mid=IntervalConfig(scores=(1e-4,), factors=(2.0,)))
     prior = PlanarPrior()
     return residual_model(
-        pair_network(), friction_kind(prior), "planar", intervals=regions
+        pair_network().weights, friction_kind(prior), "planar", intervals=regions
     ).with_bodies(T_AND_STAR)
 
 

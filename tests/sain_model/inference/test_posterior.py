@@ -41,7 +41,9 @@ def belief() -> Belief:
 @pytest.fixture
 def sain(belief: Belief) -> SainDynamics:
     torch.manual_seed(0)
-    model = residual_model(InteractionNetwork(), friction_kind(PlanarPrior(AXES)), "planar_axes")
+    model = residual_model(
+        InteractionNetwork().weights, friction_kind(PlanarPrior(AXES)), "planar_axes"
+    )
     return model.believing(belief)
 
 
@@ -107,7 +109,9 @@ def test_a_correction_that_pushes_contradict_is_dropped(
     with torch.no_grad():
         for parameter in module.parameters():
             parameter.add_(0.3 * torch.randn_like(parameter))
-    wild = residual_model(module, friction_kind(PlanarPrior(AXES)), "planar_axes").believing(belief)
+    wild = residual_model(
+        module.weights, friction_kind(PlanarPrior(AXES)), "planar_axes"
+    ).believing(belief)
     informed = wild.condition(seen(random_pushes, AXES))
     assert wild.corrects
     assert not informed.corrects
@@ -149,7 +153,9 @@ def weighing() -> Belief:
 @pytest.fixture
 def unweighed() -> SainDynamics:
     torch.manual_seed(0)
-    model = residual_model(InteractionNetwork(), friction_kind(PlanarPrior(AXES)), "planar_axes")
+    model = residual_model(
+        InteractionNetwork().weights, friction_kind(PlanarPrior(AXES)), "planar_axes"
+    )
     return model.believing(default_belief(PlanarPrior(AXES)))
 
 

@@ -11,9 +11,9 @@ from sain_core.model import RolloutModel
 from sain_core.push import LENGTH, PushLimits
 from sain_core.scene import POSITION, THETA, make_scene, wrap_angle
 from sain_core.types import Pushes, Scenes
-from sain_model.dynamics.residual import CompiledNetwork, TorchNetwork, residual_model
+from sain_model.dynamics.residual import CompiledNetwork, residual_model
 from sain_model.inference.kinds import friction_kind
-from sain_model.network.interaction_network import InteractionNetwork
+from sain_model.network.interaction_network import InteractionNetwork, TorchNetwork
 from sain_model.network.settings import NetworkConfig
 from sain_model.physics.parameters import PlanarConfig
 from sain_model.physics.planar import PlanarPrior
@@ -63,8 +63,8 @@ def test_the_kernels_and_pytorch_agree(disks: int, size: dict[str, object]) -> N
     scenes, pushes = batch(disks, 150)
     physics = PlanarPrior().step(scenes, pushes)
     made = network(**size)
-    expected = TorchNetwork(made, "cpu").correct(scenes, pushes, physics)
-    found = CompiledNetwork(made).correct(scenes, pushes, physics)
+    expected = TorchNetwork(made.weights, "cpu").correct(scenes, pushes, physics)
+    found = CompiledNetwork(made.weights).correct(scenes, pushes, physics)
     assert np.abs(expected - physics)[..., POSITION].max() > 1e-3
     np.testing.assert_allclose(found[..., POSITION], expected[..., POSITION], rtol=0, atol=1e-7)
     np.testing.assert_allclose(wrap_angle(found - expected)[..., THETA], 0, atol=1e-5)
@@ -73,7 +73,7 @@ def test_the_kernels_and_pytorch_agree(disks: int, size: dict[str, object]) -> N
 
 def test_a_batch_is_a_loop_to_the_bit() -> None:
     scenes, pushes = batch(3, 300)
-    sain = residual_model(network(), friction_kind(PlanarPrior(), infers=False), "planar")
+    sain = residual_model(network().weights, friction_kind(PlanarPrior(), infers=False), "planar")
     together = sain.step(scenes, pushes)
     for index in (0, 1, 127, 128, 299):
         alone = sain.step(scenes[index : index + 1], pushes[index : index + 1])
@@ -83,7 +83,9 @@ def test_a_batch_is_a_loop_to_the_bit() -> None:
 @pytest.mark.parametrize("disks", [2, 4])
 def test_a_rollout_is_step_after_step_to_the_bit_on_any_number_of_threads(disks: int) -> None:
     sain = residual_model(
-        network(1), friction_kind(PlanarPrior(PlanarConfig(friction=0.15)), infers=False), "planar"
+        network(1).weights,
+        friction_kind(PlanarPrior(PlanarConfig(friction=0.15)), infers=False),
+        "planar",
     )
     scenes, pushes = batch(disks, 4 * 300, seed=2)
     sequences = pushes.reshape(300, 4, 5)
@@ -100,12 +102,12 @@ def test_a_rollout_is_step_after_step_to_the_bit_on_any_number_of_threads(disks:
 
 def predict_in_child(queue: "multiprocessing.Queue[bytes]") -> None:
     scenes, pushes = batch(2, 300)
-    queue.put(CompiledNetwork(network()).correct(scenes, pushes, scenes).tobytes())
+    queue.put(CompiledNetwork(network().weights).correct(scenes, pushes, scenes).tobytes())
 
 
 def test_a_forked_process_predicts_the_same() -> None:
     scenes, pushes = batch(2, 300)
-    here = CompiledNetwork(network()).correct(scenes, pushes, scenes).tobytes()
+    here = CompiledNetwork(network().weights).correct(scenes, pushes, scenes).tobytes()
     context = multiprocessing.get_context("fork")
     queue = context.Queue()
     child = context.Process(target=predict_in_child, args=(queue,))

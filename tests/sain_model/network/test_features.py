@@ -21,7 +21,7 @@ from sain_core.shapes.bodies import PAPER_DISKS, Bodies, Role
 from sain_core.shapes.library import get_shape
 from sain_core.shapes.solids import Compound
 from sain_core.types import Pushes, Scenes
-from sain_model.dynamics.residual import CompiledNetwork, TorchNetwork
+from sain_model.dynamics.residual import CompiledNetwork
 from sain_model.network.feature_kernels import (
     BODY_FEATURES,
     CONTACT_BEFORE,
@@ -44,7 +44,7 @@ from sain_model.network.features import (
     network_inputs,
     push_frames,
 )
-from sain_model.network.interaction_network import InteractionNetwork, new_network
+from sain_model.network.interaction_network import InteractionNetwork, TorchNetwork, new_network
 from sain_model.network.settings import FRAMES, NetworkConfig
 from sain_model.physics.parameters import Values
 
@@ -196,8 +196,8 @@ def test_kernels_say_what_pytorch_says(frame: str) -> None:
     bodies = bodies_of("t", "disk", "star")
     scenes, pushes, after = draw(3, 150)
     pushes[::7, LENGTH] = 0.0
-    compiled = CompiledNetwork(network).correct(scenes, pushes, after, bodies)
-    told = TorchNetwork(network, "cpu").correct(scenes, pushes, after, bodies)
+    compiled = CompiledNetwork(network.weights).correct(scenes, pushes, after, bodies)
+    told = TorchNetwork(network.weights, "cpu").correct(scenes, pushes, after, bodies)
     np.testing.assert_allclose(compiled, told, atol=2e-6)
     np.testing.assert_array_equal(compiled[::7], after[::7])
     assert np.abs(compiled - after)[..., :2].max() > 1e-3
@@ -265,8 +265,10 @@ def test_kernels_see_what_pytorch_sees(frame: str) -> None:
     with torch.no_grad():
         for weights in network.parameters():
             weights.add_(0.05 * torch.randn_like(weights))
-    expected = TorchNetwork(network, "cpu").correct(scenes, pushes, scenes, PAPER_DISKS, values)
-    found = CompiledNetwork(network).correct(scenes, pushes, scenes, PAPER_DISKS, values)
+    expected = TorchNetwork(network.weights, "cpu").correct(
+        scenes, pushes, scenes, PAPER_DISKS, values
+    )
+    found = CompiledNetwork(network.weights).correct(scenes, pushes, scenes, PAPER_DISKS, values)
     np.testing.assert_allclose(found, expected, atol=1e-6)
-    other = CompiledNetwork(network).correct(scenes, pushes, scenes, PAPER_DISKS)
+    other = CompiledNetwork(network.weights).correct(scenes, pushes, scenes, PAPER_DISKS)
     assert np.abs(other - found).max() > 1e-5

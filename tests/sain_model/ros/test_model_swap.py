@@ -39,7 +39,7 @@ def make_checkpoint(path: Path, seed: int) -> str:
     with torch.no_grad():
         for parameter in network.parameters():
             parameter.add_(0.3 * torch.randn_like(parameter))
-    save_checkpoint(path, network, ModelCard("planar", {}, {}))
+    save_checkpoint(path, network.weights, ModelCard("planar", {}, {}))
     return str(path)
 
 

@@ -36,7 +36,7 @@ PUSHES = PushLimits().sample(np.random.default_rng(0), 6)
 @pytest.fixture
 def sain() -> SainDynamics:
     kind = friction_kind(PlanarPrior(), infers=False)
-    model = residual_model(InteractionNetwork(), kind, "planar")
+    model = residual_model(InteractionNetwork().weights, kind, "planar")
     return replace(model, origin=Origin("residual", "planar", "abc", "{}"))
 
 
@@ -111,7 +111,9 @@ def test_a_model_that_is_of_no_use_to_a_planner_replaces_no_other(
 def test_a_served_model_infers_masses_that_are_not_measured(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    sain = residual_model(InteractionNetwork(), friction_kind(PlanarPrior(AXES)), "planar_axes")
+    sain = residual_model(
+        InteractionNetwork().weights, friction_kind(PlanarPrior(AXES)), "planar_axes"
+    )
     model = with_all_parameters(sain)
     monkeypatch.setattr(server_module, "load_dynamics", lambda name: model)
     weighed, measured = (

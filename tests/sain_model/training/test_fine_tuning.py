@@ -162,6 +162,6 @@ def test_what_cannot_be_a_parent_is_refused(tmp_path: Path) -> None:
         Parent.load(str(tmp_path / "none.safetensors"))
     path = tmp_path / "other.safetensors"
     network = InteractionNetwork(NetworkConfig(hidden=8))
-    save_checkpoint(path, network, ModelCard("planar", {}, {}, kind="recurrent"))
+    save_checkpoint(path, network.weights, ModelCard("planar", {}, {}, kind="recurrent"))
     with pytest.raises(CheckpointError, match="was trained on rollouts"):
         Parent.load(str(path))

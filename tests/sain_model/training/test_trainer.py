@@ -56,7 +56,7 @@ def test_training_learns_a_residual(tmp_path: Path) -> None:
     prior = PlanarPrior()
     trainer = make_trainer(split, prior, config, tmp_path)
     trainer.run()
-    sain = residual_model(trainer.network, friction_kind(prior, infers=False), "planar")
+    sain = residual_model(trainer.network.weights, friction_kind(prior, infers=False), "planar")
     test = split.test.alike
     before, after = (
         position_errors(model.step(test.state, test.action), test.next_state, TARGET)

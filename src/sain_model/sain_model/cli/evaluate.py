@@ -58,15 +58,12 @@ def run(options: EvaluateModelOptions, console: Console) -> None:
     Raises:
         DatasetError, CheckpointError, ConfigError, OutputError: see `sain_core.errors`.
     """
-    import torch
-
     from sain_model.data.dataset import load_dataset
     from sain_model.data.windows import make_windows
     from sain_model.dynamics.load import parse_card, shipped_checkpoint
     from sain_model.evaluation.errors import report
     from sain_model.evaluation.predictors import followed, predict_all, refusals
 
-    torch.set_num_threads(1)
     for path in (options.out, *_open_loop_files(options)):
         claim_file(path, options.overwrite)
     path = options.checkpoint or shipped_checkpoint()

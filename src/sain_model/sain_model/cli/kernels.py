@@ -36,16 +36,12 @@ def run_pushes() -> None:
 
 def run_network() -> None:
     """Run the network and what makes its inputs, which regions and training use."""
-    import torch
-
     from sain_model.dynamics.residual import CompiledNetwork
     from sain_model.network.features import network_inputs, push_frames
-    from sain_model.network.interaction_network import InteractionNetwork
     from sain_model.network.settings import NetworkConfig
+    from sain_model.network.weights import untrained
 
-    with torch.random.fork_rng(devices=[]):  # the weights do not matter, nor may drawing them
-        network = CompiledNetwork(InteractionNetwork())
-    network.correct(SCENES, PUSHES, SCENES)
+    CompiledNetwork(untrained(NetworkConfig())).correct(SCENES, PUSHES, SCENES)
     frames = push_frames(SCENES, PUSHES, Bodies.disks(2))
     network_inputs(NetworkConfig(), SCENES, frames, SCENES, Bodies.disks(2))
 

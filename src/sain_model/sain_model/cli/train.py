@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from rich.console import Console
 
 from sain_core.output import claim_folder
-from sain_model.network.settings import STEPS
+from sain_model.network.settings import STEPS, require_torch
 from sain_model.training.settings import (
     DEFAULT,
     PRESETS,
@@ -57,12 +57,11 @@ def run(options: TrainOptions, console: Console) -> None:
     Raises:
         DatasetError, CheckpointError, ConfigError, OutputError: see `sain_core.errors`.
     """
-    import torch
-
+    require_torch("train")
     from sain_core.view.figures import write_png
     from sain_model.data.dataset import load_dataset, split_by_episode
     from sain_model.dynamics.load import SUFFIX, save_checkpoint
-    from sain_model.dynamics.residual import module_of
+    from sain_model.dynamics.residual import weights_of
     from sain_model.evaluation.errors import evaluate
     from sain_model.evaluation.predictors import NAMES
     from sain_model.evaluation.presentation import error_tables
@@ -75,7 +74,6 @@ def run(options: TrainOptions, console: Console) -> None:
         written_names,
     )
 
-    torch.set_num_threads(1)
     claim_folder(options.out, written_names(options.name), options.overwrite)
     parent = Parent.load(options.parent) if options.parent else None
     kind = None
@@ -115,7 +113,7 @@ def run(options: TrainOptions, console: Console) -> None:
         options, data, split, model, histories, errors, parent.card if parent else None
     )
     path = options.out / f"{options.name}{SUFFIX}"
-    save_checkpoint(path, module_of(model), card)
+    save_checkpoint(path, weights_of(model), card)
     history = histories[0]
     if history.best < 0:
         console.print(f"no epoch did better on the validation episodes than {options.parent}:")

@@ -12,10 +12,6 @@ from importlib import resources
 from pathlib import Path
 from typing import Any, Final
 
-import safetensors.torch
-from safetensors import SafetensorError
-from torch import nn
-
 from sain_core.config import typed_settings
 from sain_core.errors import CheckpointError, UntrustedFileError
 from sain_core.guarding.documents import parse_json
@@ -30,8 +26,8 @@ from sain_model.dynamics.residual import residual_model
 from sain_model.dynamics.sain import RECURRENT, SainDynamics
 from sain_model.inference.kinds import FRICTION, Kind, friction_kind, read_kind
 from sain_model.network.feature_kernels import BODY_FEATURES, FEATURE_VERSION, RELATION_FEATURES
-from sain_model.network.interaction_network import InteractionNetwork
 from sain_model.network.settings import SHIPPED, NetworkConfig
+from sain_model.network.weights import NetworkWeights
 from sain_model.physics.parameters import BY_NAME
 
 FORMAT_VERSION: Final = 3
@@ -103,7 +99,7 @@ def card_path(weights: Path) -> Path:
     return weights.with_suffix(".json")
 
 
-def save_checkpoint(path: Path, network: InteractionNetwork, card: ModelCard) -> ModelCard:
+def save_checkpoint(path: Path, weights: NetworkWeights, card: ModelCard) -> ModelCard:
     """Write weights and card, each whole or not at all; return the card with the weights' hash.
 
     Raises:
@@ -112,13 +108,9 @@ def save_checkpoint(path: Path, network: InteractionNetwork, card: ModelCard) ->
     """
     if path.suffix != SUFFIX:
         raise CheckpointError(f"a checkpoint's name ends in {SUFFIX}; {path} does not")
-    tensors = {name: value.contiguous() for name, value in network.state_dict().items()}
-    weights = safetensors.torch.save(tensors)
-    config = dataclasses.asdict(network.config)
-    card = dataclasses.replace(
-        card, network=config, weights_sha256=hashlib.sha256(weights).hexdigest()
-    )
-    write_whole(path, weights)
+    content, config = weights.serialize(), dataclasses.asdict(weights.config)
+    card = replace(card, network=config, weights_sha256=hashlib.sha256(content).hexdigest())
+    write_whole(path, content)
     write_json(card_path(path), dataclasses.asdict(card))
     return card
 
@@ -191,32 +183,6 @@ def _check_card(path: Path, card: ModelCard) -> None:
             raise CheckpointError(f"{path}: {name} is {value!r}; this version reads {right!r}")
 
 
-def fill(path: Path, content: bytes, network: nn.Module) -> None:
-    """Give a network these weights.
-
-    Raises:
-        CheckpointError: they are not safetensors, of other names or shapes, or not finite.
-    """
-    try:
-        tensors = safetensors.torch.load(content)
-    except SafetensorError as error:
-        raise CheckpointError(f"{path} is not a safetensors file: {error}") from error
-    expected = network.state_dict()
-    for name in sorted(expected.keys() | tensors.keys()):
-        found = tuple(tensors[name].shape) if name in tensors else None
-        right = tuple(expected[name].shape) if name in expected else None
-        if found != right:
-            raise CheckpointError(
-                f"{path}: tensor {name} has shape {found}; the network on its card needs {right}"
-            )
-        if tensors[name].dtype != expected[name].dtype:
-            kinds = f"{tensors[name].dtype}; it must be {expected[name].dtype}"
-            raise CheckpointError(f"{path}: tensor {name} is of type {kinds}")
-        if not tensors[name].isfinite().all():
-            raise CheckpointError(f"{path}: tensor {name} holds NaN or Inf; it must be finite")
-    network.load_state_dict(tensors)
-
-
 def load_builtin(name: str) -> SainDynamics:
     """Return the model ``sain``, which comes with this package, or the checkpoint at a path.
 
@@ -239,14 +205,18 @@ def load_checkpoint(path: Path) -> SainDynamics:
     """
     content, card, text = read_checkpoint(path)
     with naming(str(card_path(path))):
-        network = InteractionNetwork(card_part("network", NetworkConfig, card.network))
+        config = card_part("network", NetworkConfig, card.network)
         intervals = None
         if card.intervals is not None:
             intervals = card_part("intervals", Intervals, card.intervals)
         kind = _kind(make_prior(card.prior, card.prior_config), card)
         recurrent = card.kind == RECURRENT
-        model = residual_model(network, kind, card.prior, intervals, recurrent, _bottoms(card))
-    fill(path, content, network)
+        bottoms = _bottoms(card)
+    try:
+        weights = NetworkWeights.parse(config, content)
+    except CheckpointError as error:
+        raise CheckpointError(f"{path}: {error}") from error
+    model = residual_model(weights, kind, card.prior, intervals, recurrent, bottoms)
     origin = replace(model.origin, model_hash=card.weights_sha256, card=text)
     return replace(model, origin=origin)
 

@@ -9,7 +9,7 @@ from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Final, Self
+from typing import Final, Self
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -35,11 +35,9 @@ from sain_model.inference.evidence import (
 from sain_model.inference.kinds import MASS_RATIO, Belief, by_friction, only, read_belief
 from sain_model.inference.posterior import Posterior, believed_values, infer, step_rows
 from sain_model.network.settings import CPU
+from sain_model.network.weights import NetworkWeights
 from sain_model.physics.parameters import Values, check_physics_next, with_mass_ratio
 from sain_model.physics.planar import step_knowing
-
-if TYPE_CHECKING:  # a node that serves physics alone does not load PyTorch
-    from sain_model.network.interaction_network import InteractionNetwork
 
 PHYSICS: Final = "physics"  # Fig. 1a: no network
 LEARNED: Final = "learned"  # Fig. 1b: the network alone, on the identity prior
@@ -88,13 +86,13 @@ class Network(ABC):
     """What a model adds to what the physics leaves, and regions about its predictions.
 
     Attributes:
-        module: the trained weights.
+        weights: the trained weights.
         intervals: the regions; None: they were not fitted.
         device: what it runs on, ``cpu`` or ``cuda``. The physics stays on the CPU.
         bottoms: of the bodies that it learned from; for others physics predicts.
     """
 
-    module: "InteractionNetwork"
+    weights: NetworkWeights
     intervals: Intervals | None = None
     device: str = CPU
     bottoms: tuple[str, ...] = BOTTOMS
@@ -106,7 +104,7 @@ class Network(ABC):
     @property
     def members(self) -> int:
         """The number of networks in the ensemble, whose mean counts."""
-        return self.module.config.members
+        return self.weights.config.members
 
     @abstractmethod
     def correct(self, physics: PhysicsPrediction) -> Scenes:
@@ -410,7 +408,7 @@ class SainDynamics(Model):
 
     def _seen(self, posterior: Posterior) -> Values:
         """Return what the network sees of what rows say of the physics; one row is for all."""
-        if self.network is None or not self.network.module.config.believed:
+        if self.network is None or not self.network.weights.config.believed:
             return {}
         return believed_values(self.belief, posterior)
 

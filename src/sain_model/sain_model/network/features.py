@@ -10,10 +10,8 @@ from functools import lru_cache
 from typing import Final
 
 import numpy as np
-import torch
 from jaxtyping import Float
 from numpy import ndarray
-from torch import Tensor
 
 from sain_core.push import (
     ANGLE,
@@ -41,7 +39,7 @@ from sain_model.network.feature_kernels import (
     write_block,
 )
 from sain_model.network.patch_kernels import OutlineTable
-from sain_model.network.settings import CPU, WORLD_FRAME, NetworkConfig
+from sain_model.network.settings import WORLD_FRAME, NetworkConfig
 from sain_model.physics.parameters import BY_NAME, Values
 from sain_model.physics.planar import body_table, first_touch
 
@@ -116,14 +114,6 @@ class Features:
 
     bodies: Float[ndarray, "B N D"]  # what each body is and how physics moves it
     relations: Float[ndarray, "B E R"]  # how each ordered pair stands, before the push and after
-
-    def tensors(self, device: str = CPU) -> tuple[Float[Tensor, "B N D"], Float[Tensor, "B E R"]]:
-        """Return them as PyTorch's networks take them."""
-        bodies, relations = (
-            torch.from_numpy(array.astype(np.float32)).to(device)
-            for array in (self.bodies, self.relations)
-        )
-        return bodies, relations
 
 
 def count_features(config: NetworkConfig) -> tuple[int, int]:

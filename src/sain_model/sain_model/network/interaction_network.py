@@ -1,22 +1,37 @@
-"""The interaction network of the paper's section II-C: f_rel over pairs, f_dyn over bodies."""
+"""The interaction network of the paper's section II-C: f_rel over pairs, f_dyn over bodies.
+
+In PyTorch, for training and for a GPU; on the CPU `network.network_kernels` predicts.
+"""
 
 import functools
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Final
+from typing import Final, Self
 
+import numpy as np
 import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
+from sain_core.push import LENGTH
 from sain_core.randomness import generator
-from sain_model.network.feature_kernels import GAP_AFTER, GAP_BEFORE, TURN_SCALE
-from sain_model.network.features import count_features
-from sain_model.network.settings import NetworkConfig
+from sain_core.shapes.bodies import PAPER_DISKS, Bodies
+from sain_core.types import Pushes, Scenes
+from sain_model.compute.threads import settle_threads
+from sain_model.network.feature_kernels import GAP_AFTER, GAP_BEFORE
+from sain_model.network.features import (
+    Features,
+    apply_residual,
+    count_features,
+    network_inputs,
+    push_frames,
+)
+from sain_model.network.network_kernels import OUTPUTS
+from sain_model.network.settings import CPU, NetworkConfig
+from sain_model.network.weights import UNIT, NetworkWeights
+from sain_model.physics.parameters import Values
 
-OUTPUTS: Final = 3  # dx, dy, dtheta
 CHUNK: Final = 512  # pushes at a time: what all members make of them fits the cache
-POSITION_UNIT: Final = 0.005  # [m], an output of 1; dtheta counts in TURN_SCALE
 
 
 class MemberLinear(nn.Module):
@@ -59,8 +74,22 @@ class InteractionNetwork(nn.Module):
         self.dynamics = _perceptron(of_body + config.message, OUTPUTS, *size)
         for parameter in self.dynamics[-1].parameters():
             nn.init.zeros_(parameter)
-        unit = torch.tensor([POSITION_UNIT, POSITION_UNIT, TURN_SCALE])
-        self.register_buffer("unit", unit, persistent=False)
+        self.register_buffer("unit", torch.tensor(UNIT), persistent=False)
+
+    @classmethod
+    def of(cls, weights: NetworkWeights) -> Self:
+        """Return a network with these weights."""
+        network = cls(weights.config)
+        tensors = {name: torch.from_numpy(array) for name, array in weights.tensors.items()}
+        network.load_state_dict(tensors)
+        return network.eval()
+
+    @property
+    def weights(self) -> NetworkWeights:
+        """The weights as they are now."""
+        state = self.state_dict().items()
+        arrays = {name: np.array(tensor.cpu().numpy()) for name, tensor in state}
+        return NetworkWeights(self.config, arrays)
 
     def forward(
         self, bodies: Float[Tensor, "B N D"], relations: Float[Tensor, "B E R"]
@@ -81,6 +110,50 @@ class InteractionNetwork(nn.Module):
         messages = sum_messages(self.relation, relations, bodies.shape[2])
         output: Tensor = self.dynamics(torch.cat([bodies, messages], dim=-1))
         return output * self.unit
+
+
+class TorchNetwork:
+    """What a network predicts on a device of PyTorch's. Features are computed on the CPU."""
+
+    def __init__(self, weights: NetworkWeights, device: str) -> None:
+        """Move the network there, for good."""
+        self._device = device
+        self._network = InteractionNetwork.of(weights).to(device)
+
+    def correct(
+        self,
+        scenes: Scenes,
+        pushes: Pushes,
+        physics_next: Scenes,
+        bodies: Bodies = PAPER_DISKS,
+        values: Values | None = None,
+    ) -> Scenes:
+        """Return predictions (B, N, 8) of a prior for pushes (B, 5 or 8) from scenes, corrected.
+
+        `values` are what is believed of the physics, by name.
+        """
+        config = self._network.config
+        frames = push_frames(scenes, pushes, bodies)
+        features = network_inputs(config, scenes, frames, physics_next, bodies, values)
+        settle_threads()
+        with torch.inference_mode():
+            output = self._network(*as_tensors(features, self._device))
+        residual = output.cpu().numpy().astype(np.float64)
+        corrected = apply_residual(physics_next, frames, residual)
+        idle = pushes[:, LENGTH] == 0.0
+        corrected[idle] = physics_next[idle]
+        return corrected
+
+
+def as_tensors(
+    features: Features, device: str = CPU
+) -> tuple[Float[Tensor, "B N D"], Float[Tensor, "B E R"]]:
+    """Return features of bodies and of relations as PyTorch's networks take them."""
+    bodies, relations = (
+        torch.from_numpy(array.astype(np.float32)).to(device)
+        for array in (features.bodies, features.relations)
+    )
+    return bodies, relations
 
 
 def sum_messages(

@@ -46,7 +46,7 @@ Q0, Q1, Q2, Q3 = (
 )
 
 
-class Weights(NamedTuple):
+class PackedWeights(NamedTuple):
     """A network of M members as the kernels take it: tiles of weights, then biases, layer by layer.
 
     Widths are padded with zeros to multiples of `TILE`.

@@ -1,6 +1,7 @@
 """Settings of networks, and the names of models and devices; importable without PyTorch."""
 
 from dataclasses import dataclass
+from importlib.util import find_spec
 from typing import Final
 
 from sain_core.config import Config, option
@@ -51,12 +52,25 @@ def choose_device(wanted: str) -> str:
         raise ConfigError(f"device is {wanted!r}; allowed: {', '.join(DEVICES)}")
     if wanted == CPU:
         return CPU
+    if wanted == CUDA:
+        require_torch("device 'cuda'")
+    elif find_spec("torch") is None:
+        return CPU
     import torch  # takes a second, which nothing that only names devices should wait
 
     found = torch.cuda.is_available()
     if wanted == CUDA and not found:
         raise ConfigError("device is 'cuda', but PyTorch finds no GPU; 'auto' would take the CPU")
     return CUDA if found else CPU
+
+
+def require_torch(what: str) -> None:
+    """Raise `ConfigError` where PyTorch, which `what` needs, is not installed."""
+    if find_spec("torch") is None:
+        raise ConfigError(
+            f"{what} needs PyTorch, which is not installed; install it with"
+            " pip install '.[train]' in the checkout, or run inside ./env --with train"
+        )
 
 
 PLANAR: Final = "planar"

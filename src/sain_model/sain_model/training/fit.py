@@ -33,7 +33,7 @@ from sain_model.dynamics.load import (
     shipped_checkpoint,
 )
 from sain_model.dynamics.priors import make_prior
-from sain_model.dynamics.residual import module_of, residual_model, with_intervals
+from sain_model.dynamics.residual import residual_model, weights_of, with_intervals
 from sain_model.dynamics.sain import RECURRENT, SainDynamics
 from sain_model.evaluation.errors import position_errors
 from sain_model.evaluation.predictors import step_with_history
@@ -127,7 +127,7 @@ def fit(
     pushes = SinglePushes(split, kind, config)
     if start is not None:
         pushes.identity += f" from {start.origin.model_hash}"
-        network.load_state_dict(module_of(start).state_dict())
+        network = InteractionNetwork.of(weights_of(start))
     stages: list[tuple[str, LearningObjective, TrainingConfig]] = [(PUSHES, pushes, config)]
     if rollout.wanted:
         rollouts = Rollouts(split, kind, config, rollout)
@@ -161,7 +161,7 @@ def _model(
     split: Split,
 ) -> SainDynamics:
     """Return the trained model, with regions fitted to the validation part."""
-    sain = residual_model(network, kind, config.prior, recurrent=rollout.wanted)
+    sain = residual_model(network.weights, kind, config.prior, recurrent=rollout.wanted)
     return with_intervals(sain, fit_intervals(sain, *split.validation.parts))
 
 
@@ -221,7 +221,7 @@ class Parent:
                 "prior": self.card.prior,
                 "prior_friction": self.card.prior_config.get("friction", DEFAULTS.prior_friction),
                 "history": self.card.training.get("history", EPISODE) if infers else NOTHING,
-                "network": module_of(self.sain).config,
+                "network": weights_of(self.sain).config,
                 "loss": loss,
             },
         )

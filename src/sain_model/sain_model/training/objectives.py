@@ -25,7 +25,7 @@ from sain_model.network.features import (
     relation_ends,
     true_residual,
 )
-from sain_model.network.interaction_network import CHUNK, InteractionNetwork
+from sain_model.network.interaction_network import CHUNK, InteractionNetwork, as_tensors
 from sain_model.network.settings import NetworkConfig
 from sain_model.physics.parameters import Values
 from sain_model.physics.planar import step_knowing
@@ -108,7 +108,7 @@ def make_examples(
     velocity = data.next_state[..., VELOCITY] - physics_next[..., VELOCITY]
     targets = (true_residual(data.next_state, frames, physics_next), velocity)
     told = (torch.from_numpy(array.astype(np.float32)) for array in targets)
-    return Examples(*features.tensors(), *told)
+    return Examples(*as_tensors(features), *told)
 
 
 def inferred_values(data: Part, kind: Kind) -> Values:
