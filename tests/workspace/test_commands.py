@@ -176,7 +176,7 @@ def test_a_wrong_value_is_named_before_anything_is_imported(
         ("sain_model", "train", ["data", "--out", "none"], "tyro"),
         ("sain_model", "train", ["data", "--out", "none"], "numpy"),
         ("sain_model", "train", ["data", "--out", "none"], "torch"),
-        ("sain_eval", "evaluate", ["--controllers", "sain"], "torch"),
+        ("sain_eval", "evaluate", ["--controllers", "sain"], "numba"),
         ("sain_bringup", "closed_loop", [], "rclpy"),
         ("sain_bags", "record", ["--out", "none"], "rclpy"),
         ("sain_bags", "info", ["none"], "rich"),
