@@ -106,23 +106,18 @@ make_venv() {
   local flags=(--without-pip)
   if [[ $ros == system ]]; then flags+=(--system-site-packages); fi
   rm -rf "$venv"
-  "$python" -m venv "${flags[@]}" "$venv" &&
-    python_pip install --disable-pip-version-check --no-input --quiet "uv==$uv_version"
-}
-
-# The pip that Python brings, used where it stands: to install it first takes twice as long as all that it is for.
-python_pip() {
-  local wheel
-  wheel=$("$python" -c 'import ensurepip, glob, os, sysconfig
+  # The pip that Python brings is unpacked: ensurepip takes longer than all that it is for.
+  "$python" -m venv "${flags[@]}" "$venv" && "$venv/bin/python" -c 'import ensurepip, glob, os, sysconfig, zipfile
 folders = os.path.dirname(ensurepip.__file__) + "/_bundled", sysconfig.get_config_var("WHEEL_PKG_DIR") or ""
-print([pip for folder in folders for pip in glob.glob(folder + "/pip-*.whl")][0])') &&
-    PYTHONPATH=$wheel "$venv/bin/python" -m pip "$@"
+wheel = [pip for folder in folders for pip in glob.glob(folder + "/pip-*.whl")][0]
+zipfile.ZipFile(wheel).extractall(sysconfig.get_path("purelib"))' &&
+    "$venv/bin/python" -m pip install --disable-pip-version-check --no-input --quiet "uv==$uv_version"
 }
 
 # uv reads no settings of pip: where pip finds packages, uv has to find them, too.
 use_settings_of_pip() {
   local settings
-  settings=$(python_pip config list 2>/dev/null || true)
+  settings=$("$venv/bin/python" -m pip config list 2>/dev/null || true)
   setting() { sed -nE "s/^(global|install|:env:)\.$1='(.*)'$/\2/p" <<<"$settings" | tail -n 1; }
   export UV_DEFAULT_INDEX=${UV_DEFAULT_INDEX:-$(setting index-url)} UV_FIND_LINKS=${UV_FIND_LINKS:-$(setting find-links)}
   export SSL_CERT_FILE=${SSL_CERT_FILE:-$(setting cert)}
