@@ -268,6 +268,12 @@ def draw_parts(
 SAME_KIND: Final = 0.05  # share by which one mass or radius may be measured differently
 
 
+def changed_kinds(before: Scenes, after: Scenes) -> Float[ndarray, "*M N 2"]:
+    """Return by which share masses and radii differ between two scenes (..., N, 8)."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.abs(after[..., [MASS, RADIUS]] / before[..., [MASS, RADIUS]] - 1.0)
+
+
 @dataclass(frozen=True, eq=False)
 class PushHistory(Transitions):
     """P earlier pushes of one episode, the oldest first.
@@ -303,10 +309,9 @@ class PushHistory(Transitions):
             if not finite.all():
                 where = [int(index) for index in np.argwhere(~finite)[0]]
                 raise InvalidInputError(f"past {key}{where} is NaN or Inf; it must be finite")
-        kinds = self.state[..., [MASS, RADIUS]]
-        if (kinds <= 0.0).any():
+        if (self.state[..., [MASS, RADIUS]] <= 0.0).any():
             raise InvalidInputError("past state has a mass or radius that is not positive")
-        share = np.abs(self.next_state[..., [MASS, RADIUS]] / kinds - 1.0).max(initial=0.0)
+        share = changed_kinds(self.state, self.next_state).max(initial=0.0)
         if share > SAME_KIND:
             raise InvalidInputError(
                 f"a past push changed a mass or radius by {100 * share:.1f} %; at most"

@@ -9,6 +9,8 @@ from sain_core.errors import ErrorCode, InvalidInputError
 from sain_core.guarding.untrusted import LEAST_RADIUS, MOST_RADIUS
 from sain_core.push import PUSH_NAMES
 from sain_core.scene import MASS, RADIUS, STATE_NAMES, STATE_SIZE, X, Y
+from sain_core.shapes.body_file import MOST_MASS
+from sain_core.transitions import SAME_KIND, changed_kinds
 from sain_core.types import Scene
 from sain_core.wire import check_disks, check_fields
 
@@ -16,12 +18,14 @@ REFUSED: Final = "refused"
 REPEATED: Final = "push id used before"
 UNSETTLED: Final = "scene before or after not settled"
 SENSELESS: Final = "makes no sense"
+MIXED: Final = "made of several pushes: its ids differ"
+CHANGED: Final = "mass or radius changed by the push"
 UNPREDICTED: Final = "not predicted, and the prior cannot"
 NOT_MOVED: Final = "target moved by less than 2 mm"
 LIMITS: Final = {  # of columns of a scene; beyond them a recording is in other units
     X: (-10.0, 10.0),  # [m]
     Y: (-10.0, 10.0),
-    MASS: (1e-4, 1e3),  # [kg]
+    MASS: (1e-4, MOST_MASS),  # [kg]
     RADIUS: (LEAST_RADIUS, MOST_RADIUS),
 }
 
@@ -44,6 +48,25 @@ def why_refused(results: Results, push: int) -> str:
     code = int(results.codes[push])
     name = ErrorCode(code).name if code in set(ErrorCode) else f"error {code}"
     return f"{name}: {results.messages[push]}"
+
+
+def why_mixed(results: Results, push: int) -> str:
+    """Return which id of a result differs from its own."""
+    column, own = next((one, own) for one, own, same in results.ids if not same[push])
+    columns = results.table.columns
+    return f"{column} is {columns[column][push]}; {own} is {columns[own][push]}"
+
+
+def why_changed(results: Results, push: int) -> str:
+    """Return how a mass or a radius was changed most."""
+    before, after = results.before.one(push), results.after.one(push)
+    assert before is not None and after is not None
+    body, place = np.unravel_index(changed_kinds(before, after).argmax(), (len(before), 2))
+    column = (MASS, RADIUS)[place]
+    return (
+        f"{STATE_NAMES[column]} of body {body} is {before[body, column]:g} before and"
+        f" {after[body, column]:g} after it; allowed: {100 * SAME_KIND:g} % of difference"
+    )
 
 
 def why_senseless(results: Results, push: int) -> str:

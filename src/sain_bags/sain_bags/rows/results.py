@@ -79,6 +79,19 @@ class Results:
         return self.table.columns["episode_id"]
 
     @cached_property
+    def ids(self) -> list[tuple[str, str, ndarray]]:
+        """The ids inside of results, the result's own that each repeats, and where so (K,).
+
+        Ids count from 1: one that is 0 is not stated.
+        """
+        pairs = [("push.push_id", "push_id")]
+        pairs += [(f"{part}.episode_id", "episode_id") for part in ("push", "before", "after")]
+        columns = self.table.columns
+        return [
+            (one, own, (columns[one] == columns[own]) | (columns[one] == 0)) for one, own in pairs
+        ]
+
+    @cached_property
     def before(self) -> RecordedScenes:
         """The scenes before the pushes."""
         return self._scenes("before.")

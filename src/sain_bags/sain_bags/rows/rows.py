@@ -7,7 +7,9 @@ import numpy as np
 from numpy import ndarray
 
 from sain_bags.rows.dropped import (
+    CHANGED,
     LIMITS,
+    MIXED,
     NOT_MOVED,
     REFUSED,
     REPEATED,
@@ -16,6 +18,8 @@ from sain_bags.rows.dropped import (
     UNSETTLED,
     Dropped,
     named_push,
+    why_changed,
+    why_mixed,
     why_refused,
     why_senseless,
 )
@@ -26,7 +30,7 @@ from sain_core.model import Model
 from sain_core.push import check_predictable
 from sain_core.scene import MASS, POSITION, RADIUS, TARGET
 from sain_core.shapes.bodies import Bodies, check_scenes
-from sain_core.transitions import MOVED, Column, Columns
+from sain_core.transitions import MOVED, SAME_KIND, Column, Columns, changed_kinds
 from sain_core.types import Mask, Pushes, Scenes
 from sain_core.wire import MIN_DISKS, check_fields
 
@@ -64,6 +68,7 @@ class RowMaker:
         codes = results.codes
         pushes.keep(codes == OK, REFUSED, why_refused)
         pushes.keep(~self._repeated(results, pushes.kept), REPEATED)
+        pushes.keep(np.all([same for *_, same in results.ids], axis=0), MIXED, why_mixed)
         before, after = results.before, results.after
         if not self._config.keep_unsettled:
             pushes.keep(before.settled & after.settled, UNSETTLED)
@@ -98,6 +103,8 @@ class RowMaker:
         sensible &= np.isfinite(results.actions[chosen]).all(axis=-1)
         sensible &= np.isfinite(physics).all(axis=(1, 2)) | ~predicted
         pushes.keep_of(chosen, sensible, SENSELESS, why_senseless)
+        same = (changed_kinds(before, after) <= SAME_KIND).all(axis=(1, 2))
+        pushes.keep_of(chosen, same, CHANGED, why_changed)
         lacking = np.flatnonzero(pushes.kept[chosen] & ~predicted)
         if len(lacking):
             physics[lacking], why = self._predict(before[lacking], results, chosen[lacking])
