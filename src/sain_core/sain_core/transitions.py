@@ -18,10 +18,12 @@ from jaxtyping import Float, Int
 from numpy import ndarray
 
 from sain_core.errors import DatasetError, InvalidInputError
+from sain_core.guarding.untrusted import LEAST_RADIUS, MOST_RADIUS
 from sain_core.push import PUSH_SIZE, STROKE_SIZE, is_stroke
 from sain_core.randomness import generator
-from sain_core.scene import MASS, POSITION, RADIUS, STATE_SIZE
+from sain_core.scene import MASS, POSITION, RADIUS, STATE_SIZE, X, Y
 from sain_core.shapes.bodies import BETWEEN, Bodies, as_names, bodies_named
+from sain_core.shapes.body_file import MOST_MASS
 from sain_core.shapes.solids import DISK
 from sain_core.types import Indices, Mask, Points, PushArray, Scene, Scenes
 
@@ -265,6 +267,12 @@ def draw_parts(
     return ~(in_test | in_validation), in_validation, in_test
 
 
+LIMITS: Final = {  # of columns of a scene; beyond them it is in other units
+    X: (-10.0, 10.0),  # [m]
+    Y: (-10.0, 10.0),
+    MASS: (1e-4, MOST_MASS),  # [kg]
+    RADIUS: (LEAST_RADIUS, MOST_RADIUS),
+}
 SAME_KIND: Final = 0.05  # share by which one mass or radius may be measured differently
 
 

@@ -6,11 +6,9 @@ import numpy as np
 
 from sain_bags.rows.results import Results
 from sain_core.errors import ErrorCode, InvalidInputError
-from sain_core.guarding.untrusted import LEAST_RADIUS, MOST_RADIUS
 from sain_core.push import PUSH_NAMES
-from sain_core.scene import MASS, RADIUS, STATE_NAMES, STATE_SIZE, X, Y
-from sain_core.shapes.body_file import MOST_MASS
-from sain_core.transitions import SAME_KIND, changed_kinds
+from sain_core.scene import MASS, RADIUS, STATE_NAMES, STATE_SIZE
+from sain_core.transitions import LIMITS, SAME_KIND, changed_kinds
 from sain_core.types import Scene
 from sain_core.wire import check_disks, check_fields
 
@@ -22,12 +20,6 @@ MIXED: Final = "made of several pushes: its ids differ"
 CHANGED: Final = "mass or radius changed by the push"
 UNPREDICTED: Final = "not predicted, and the prior cannot"
 NOT_MOVED: Final = "target moved by less than 2 mm"
-LIMITS: Final = {  # of columns of a scene; beyond them a recording is in other units
-    X: (-10.0, 10.0),  # [m]
-    Y: (-10.0, 10.0),
-    MASS: (1e-4, MOST_MASS),  # [kg]
-    RADIUS: (LEAST_RADIUS, MOST_RADIUS),
-}
 
 
 class Dropped(NamedTuple):

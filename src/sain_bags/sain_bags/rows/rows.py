@@ -8,7 +8,6 @@ from numpy import ndarray
 
 from sain_bags.rows.dropped import (
     CHANGED,
-    LIMITS,
     MIXED,
     NOT_MOVED,
     REFUSED,
@@ -30,7 +29,7 @@ from sain_core.model import Model
 from sain_core.push import check_predictable
 from sain_core.scene import MASS, POSITION, RADIUS, TARGET
 from sain_core.shapes.bodies import Bodies, check_scenes
-from sain_core.transitions import MOVED, SAME_KIND, Column, Columns, changed_kinds
+from sain_core.transitions import LIMITS, MOVED, SAME_KIND, Column, Columns, changed_kinds
 from sain_core.types import Mask, Pushes, Scenes
 from sain_core.wire import MIN_DISKS, check_fields
 
