@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -212,6 +213,57 @@ def test_a_result_that_is_not_of_one_push_is_no_row_and_is_named(
     assert rows["push_id"].tolist() == [1]
     assert [(count, reason in name) for name, count in done.dropped.items()] == [(1, True)]
     assert said in done.left_out[0] and "push 2 of episode" in done.left_out[0]
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"push.length": 5.0}, "length of the push is 5.0; allowed: 0 to"),
+        ({"push.angle": 45.0}, "angle of the push is 45.0; allowed: -"),
+        ({"push.speed": -1.0}, "speed of the push is -1.0; allowed: 0.0"),
+        ({"duration": float("nan")}, "duration is nan s; allowed: 0 to 3600 s"),
+        ({"after.header.frame_id": "map"}, "scene after is in frame 'map'; it must be in 'world'"),
+        ({"before.disks": "degrees"}, "theta is 170; allowed: -6.28319 to 6.28319; .* rad"),
+    ],
+)
+def test_pushes_that_cannot_be_are_counted(
+    change: dict[str, Any], said: str, record: Start
+) -> None:
+    recording = record()
+    driver = Drive(recording)
+    driver.episode(1, [1])
+    scene = driver.random_scene()
+    start, end = (driver.scene_message(1, scene) for _ in range(2))
+    fields = {"push": driver.push_message(2, 1), "before": start, "after": end, "duration": 1.0}
+    for path, value in change.items():
+        if value == "degrees":
+            start.disks[0].theta = 170.0
+        elif "." in path:
+            *steps, name = path.split(".")
+            one = fields[steps[0]]
+            setattr(one.header if steps[1:] else one, name, value)
+        else:
+            fields[path] = value
+    made = driver.prediction(0, scene)
+    fields["prediction"] = recording.messages.make("sain_interfaces/msg/Prediction", **made)
+    recording.add(
+        "/sain/push_result", "PushResult", push_id=2, episode_id=1, error_code=1, **fields
+    )
+    recording.writer.close()
+    rows, done, _ = to_rows(recording.writer.folder)
+    assert rows["push_id"].tolist() == [1] and done.dropped == {"makes no sense": 1}
+    assert re.search(said, done.left_out[0])
+
+
+def test_a_clock_beyond_the_year_2262_is_refused(record: Start, tmp_path: Path) -> None:
+    recording = record()
+    recording.now = 2**64 - 2**60
+    Drive(recording).episode(1, [1])
+    recording.writer.close()
+    with pytest.raises(
+        DatasetError, match=r"was received at 1\d{19} ns; .* clock was wrong; record"
+    ):
+        to_rows(recording.writer.folder)
 
 
 def test_numbers_of_disks_go_to_shards_of_their_own(record: Start, tmp_path: Path) -> None:

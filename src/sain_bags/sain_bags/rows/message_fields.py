@@ -22,7 +22,8 @@ COUNT: Final = "[]"  # ends the path of a sequence of messages of which only the
 PREDICTION: Final = "prediction"
 
 _SCENE: Final = (
-    "episode_id", "scene_id", "settled", "header.stamp.sec", "header.stamp.nanosec", DISKS,
+    "episode_id", "scene_id", "settled", "header.stamp.sec", "header.stamp.nanosec",
+    "header.frame_id", DISKS,
 )  # fmt: skip
 FIELDS: Final = (  # of a `PushResult`
     "push_id", "episode_id", "error_code", "error_message", "duration", "wall_time",
@@ -30,7 +31,10 @@ FIELDS: Final = (  # of a `PushResult`
     *(f"{scene}.{name}" for scene in ("before", "after") for name in _SCENE),
     *(f"{PREDICTION}.{name}" for name in ("model", "error_code", DISKS)),
 )  # fmt: skip
-TEXTS: Final = frozenset({"error_message", "push.source", f"{PREDICTION}.model"})
+TEXTS: Final = frozenset(
+    {"error_message", "push.source", f"{PREDICTION}.model"}
+    | {f"{scene}.header.frame_id" for scene in ("before", "after")}
+)
 
 
 def all_paths(fields: Sequence[str]) -> list[str]:

@@ -36,6 +36,7 @@ class RecordedScenes:
     settled: ndarray  # (K,)
     numbers: ndarray  # (K,) scene ids
     stamps: ndarray  # (K,) [ns] simulated time
+    frames: ndarray  # (K,) names; empty: the world
 
     def take(self, chosen: ndarray, count: int) -> Scenes:
         """Return those of some pushes that have so many bodies, (len(chosen), count, 8)."""
@@ -186,6 +187,7 @@ class Results:
             columns[f"{prefix}settled"] != 0,
             columns[f"{prefix}scene_id"],
             seconds * SECOND + columns[f"{prefix}header.stamp.nanosec"].astype(np.int64),
+            columns[f"{prefix}header.frame_id"],
         )
 
 
