@@ -174,6 +174,22 @@ def test_messages_outside_of_chunks_are_saved_up_to_a_cut(tmp_path: Path) -> Non
         assert "the file has no end" in lost[0]
 
 
+def test_bytes_behind_the_end_are_named(zstd_bag: Original, tmp_path: Path) -> None:
+    lost, messages = recovered(2 * zstd_bag.content, tmp_path)
+    size = f"{len(zstd_bag.content):,}"
+    assert lost == [f"out.mcap: not read from byte {size} on: {size} bytes behind its end"]
+    assert messages == zstd_bag.messages
+
+
+def test_a_compression_that_is_none_of_mcap_is_named(zstd_bag: Original, tmp_path: Path) -> None:
+    content = zstd_bag.content.replace(b"zstd", b"brot", 1)
+    (zstd_bag.folder / "bag_0.mcap").write_bytes(content)
+    said = "it is compressed with 'brot'; allowed: zstd, lz4 or nothing"
+    assert said in recovered(content, tmp_path)[0][0]
+    with pytest.raises(DatasetError, match=said):
+        Bag(tmp_path / "out.mcap").check()
+
+
 def test_a_split_bag_becomes_one(tmp_path: Path) -> None:
     folder = tmp_path / "split"
     folder.mkdir()

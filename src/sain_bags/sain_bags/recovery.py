@@ -19,6 +19,7 @@ from mcap.records import (
     Channel,
     Chunk,
     DataEnd,
+    Footer,
     McapRecord,
     Message,
     Metadata,
@@ -26,6 +27,7 @@ from mcap.records import (
 )
 from mcap.stream_reader import CRCValidationError, StreamReader, breakup_chunk
 from mcap.well_known import Profile
+from mcap.writer import MCAP0_MAGIC
 from mcap.writer import Writer as McapWriter
 
 from sain_bags.bag.metadata import (
@@ -223,9 +225,11 @@ class _File:
         reader = StreamReader(
             self._stream, emit_chunks=True, validate_crcs=True, record_size_limit=PIECE_BYTES
         )
+        records = iter(reader.records)
         try:
-            for record in reader.records:
+            for record in records:
                 if isinstance(record, DataEnd):
+                    self._check_end(records)
                     return
                 for one in self._opened(record):
                     last = max(last, one.log_time) if isinstance(one, Message) else last
@@ -240,6 +244,14 @@ class _File:
                 return
             after = f"after the message of {1e-9 * last:.3f} s" if last else "before any message"
             self.damage = f"not read from byte {place:,} on, {after}: {error}"
+
+    def _check_end(self, summary: Iterator[McapRecord]) -> None:
+        """Note what stands behind the end, as where files were joined; damage there is no loss."""
+        with contextlib.suppress(DatasetError, *DAMAGE):
+            if any(isinstance(one, Footer) for one in summary):
+                end = self._stream.tell() + len(MCAP0_MAGIC)
+                if (more := self._stream.seek(0, 2) - end) > 0:
+                    self.damage = f"not read from byte {end:,} on: {more:,} bytes behind its end"
 
     def _opened(self, record: McapRecord) -> list[McapRecord]:
         """Return the records of a chunk, or the one record; remember what describes messages."""

@@ -18,10 +18,12 @@ from jaxtyping import Float, Int
 from numpy import ndarray
 
 from sain_core.errors import DatasetError, InvalidInputError
+from sain_core.guarding.untrusted import LEAST_RADIUS, MOST_RADIUS
 from sain_core.push import PUSH_SIZE, STROKE_SIZE, is_stroke
 from sain_core.randomness import generator
-from sain_core.scene import MASS, POSITION, RADIUS, STATE_SIZE
+from sain_core.scene import MASS, POSITION, RADIUS, STATE_SIZE, X, Y
 from sain_core.shapes.bodies import BETWEEN, Bodies, as_names, bodies_named
+from sain_core.shapes.body_file import MOST_MASS
 from sain_core.shapes.solids import DISK
 from sain_core.types import Indices, Mask, Points, PushArray, Scene, Scenes
 
@@ -265,7 +267,19 @@ def draw_parts(
     return ~(in_test | in_validation), in_validation, in_test
 
 
+LIMITS: Final = {  # of columns of a scene; beyond them it is in other units
+    X: (-10.0, 10.0),  # [m]
+    Y: (-10.0, 10.0),
+    MASS: (1e-4, MOST_MASS),  # [kg]
+    RADIUS: (LEAST_RADIUS, MOST_RADIUS),
+}
 SAME_KIND: Final = 0.05  # share by which one mass or radius may be measured differently
+
+
+def changed_kinds(before: Scenes, after: Scenes) -> Float[ndarray, "*M N 2"]:
+    """Return by which share masses and radii differ between two scenes (..., N, 8)."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.abs(after[..., [MASS, RADIUS]] / before[..., [MASS, RADIUS]] - 1.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -303,10 +317,9 @@ class PushHistory(Transitions):
             if not finite.all():
                 where = [int(index) for index in np.argwhere(~finite)[0]]
                 raise InvalidInputError(f"past {key}{where} is NaN or Inf; it must be finite")
-        kinds = self.state[..., [MASS, RADIUS]]
-        if (kinds <= 0.0).any():
+        if (self.state[..., [MASS, RADIUS]] <= 0.0).any():
             raise InvalidInputError("past state has a mass or radius that is not positive")
-        share = np.abs(self.next_state[..., [MASS, RADIUS]] / kinds - 1.0).max(initial=0.0)
+        share = changed_kinds(self.state, self.next_state).max(initial=0.0)
         if share > SAME_KIND:
             raise InvalidInputError(
                 f"a past push changed a mass or radius by {100 * share:.1f} %; at most"

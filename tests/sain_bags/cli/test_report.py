@@ -8,6 +8,7 @@ from rich.console import Console
 from sain_bags.cli.report import ReportOptions, default_path, run
 from sain_bringup.graph import executable
 from sain_core.errors import DatasetError, OutputError
+from sain_core.output import write_whole
 
 
 def test_the_page_is_written_beside_the_bag(episode_bag, tmp_path):
@@ -23,6 +24,15 @@ def test_the_page_is_written_beside_the_bag(episode_bag, tmp_path):
     with pytest.raises(OutputError, match="is a folder"):
         run(ReportOptions(episode_bag, tmp_path), quiet)
     assert default_path(episode_bag / "bag_0.mcap") == episode_bag / "bag_0.html"
+
+
+def test_a_report_replaces_no_other_result(episode_bag, tmp_path):
+    shard = write_whole(tmp_path / "data" / "shard-00000.npz", b"PAR1 of a week")
+    with pytest.raises(OutputError, match=r"npz is a Parquet.*a report replaces only a page: name"):
+        run(ReportOptions(episode_bag, shard), Console(quiet=True))
+    assert shard.read_bytes() == b"PAR1 of a week"
+    for _ in range(2):
+        run(ReportOptions(episode_bag, tmp_path / "data" / "page.html"), Console(quiet=True))
 
 
 @pytest.mark.parametrize("place", [0.2, 0.5, 0.8])

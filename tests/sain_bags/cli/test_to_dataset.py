@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -149,7 +150,7 @@ def test_unsettled_scenes_are_left_out_unless_kept(record: Start) -> None:
     ("column", "value", "said"),
     [
         (0, np.nan, "x of disk 1 is nan"),
-        (6, 0.0, "mass is 0; allowed: 0.0001 to 1000"),
+        (6, 0.0, "mass is 0; allowed: 0.0001 to 100"),
         (0, 450.0, "x is 450; allowed: -10 to 10; lengths are in m"),
         (7, 80.0, "radius is 80; allowed: 0.001 to 0.5; lengths are in m"),
     ],
@@ -168,6 +169,101 @@ def test_scenes_that_cannot_be_are_counted(
     assert done.dropped == {"makes no sense": 1}
     assert said in card["dropped"]["makes no sense"]["for_example"][0]
     assert said in done.left_out[0]
+
+
+@pytest.mark.parametrize(
+    ("change", "reason", "said"),
+    [
+        (
+            lambda push, end: setattr(end.disks[1], "radius", 0.1),
+            "mass or radius",
+            "radius of body 1",
+        ),
+        (
+            lambda push, end: setattr(end.disks[0], "mass", 0.5),
+            "mass or radius",
+            "and 0.5 after it",
+        ),
+        (
+            lambda push, end: setattr(end, "episode_id", 9),
+            "ids differ",
+            "after.episode_id is 9; ep",
+        ),
+        (
+            lambda push, end: setattr(push, "push_id", 7),
+            "ids differ",
+            "push.push_id is 7; push_id is 2",
+        ),
+    ],
+)
+def test_a_result_that_is_not_of_one_push_is_no_row_and_is_named(
+    change: Callable[[Any, Any], None], reason: str, said: str, record: Start
+) -> None:
+    recording = record()
+    driver = Drive(recording)
+    driver.episode(1, [1])
+    scene = driver.random_scene()
+    push, end = driver.push_message(2, 1), driver.scene_message(1, scene)
+    change(push, end)
+    fields = {"push_id": 2, "episode_id": 1, "error_code": 1, "push": push, "after": end}
+    start = driver.scene_message(1, scene)
+    recording.add("/sain/push_result", "PushResult", before=start, **fields)
+    recording.writer.close()
+    rows, done, _ = to_rows(recording.writer.folder)
+    assert rows["push_id"].tolist() == [1]
+    assert [(count, reason in name) for name, count in done.dropped.items()] == [(1, True)]
+    assert said in done.left_out[0] and "push 2 of episode" in done.left_out[0]
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"push.length": 5.0}, "length of the push is 5.0; allowed: 0 to"),
+        ({"push.angle": 45.0}, "angle of the push is 45.0; allowed: -"),
+        ({"push.speed": -1.0}, "speed of the push is -1.0; allowed: 0.0"),
+        ({"duration": float("nan")}, "duration is nan s; allowed: 0 to 3600 s"),
+        ({"after.header.frame_id": "map"}, "scene after is in frame 'map'; it must be in 'world'"),
+        ({"before.disks": "degrees"}, "theta is 170; allowed: -6.28319 to 6.28319; .* rad"),
+    ],
+)
+def test_pushes_that_cannot_be_are_counted(
+    change: dict[str, Any], said: str, record: Start
+) -> None:
+    recording = record()
+    driver = Drive(recording)
+    driver.episode(1, [1])
+    scene = driver.random_scene()
+    start, end = (driver.scene_message(1, scene) for _ in range(2))
+    fields = {"push": driver.push_message(2, 1), "before": start, "after": end, "duration": 1.0}
+    for path, value in change.items():
+        if value == "degrees":
+            start.disks[0].theta = 170.0
+        elif "." in path:
+            *steps, name = path.split(".")
+            one = fields[steps[0]]
+            setattr(one.header if steps[1:] else one, name, value)
+        else:
+            fields[path] = value
+    made = driver.prediction(0, scene)
+    fields["prediction"] = recording.messages.make("sain_interfaces/msg/Prediction", **made)
+    recording.add(
+        "/sain/push_result", "PushResult", push_id=2, episode_id=1, error_code=1, **fields
+    )
+    recording.writer.close()
+    rows, done, _ = to_rows(recording.writer.folder)
+    assert rows["push_id"].tolist() == [1] and done.dropped == {"makes no sense": 1}
+    assert re.search(said, done.left_out[0])
+
+
+def test_a_clock_beyond_the_year_2262_is_refused(record: Start, tmp_path: Path) -> None:
+    recording = record()
+    recording.now = 2**64 - 2**60
+    Drive(recording).episode(1, [1])
+    recording.writer.close()
+    with pytest.raises(
+        DatasetError, match=r"was received at 1\d{19} ns; .* clock was wrong; record"
+    ):
+        to_rows(recording.writer.folder)
 
 
 def test_numbers_of_disks_go_to_shards_of_their_own(record: Start, tmp_path: Path) -> None:

@@ -29,6 +29,10 @@ def test_all_shards_are_read_in_order(dataset: Path) -> None:
     assert one.sha256 != data.sha256 == load_dataset(dataset).sha256
 
 
+def in_grams(scenes: np.ndarray) -> np.ndarray:
+    return scenes * np.tile([1, 1, 1, 1, 1, 1, 1000, 1], 2)
+
+
 @pytest.mark.parametrize(
     ("key", "change", "message"),
     [
@@ -48,6 +52,17 @@ def test_all_shards_are_read_in_order(dataset: Path) -> None:
             "state",
             lambda a: -a,
             r"row 0 of state has a mass or radius of -\S+; it must be positive",
+        ),
+        (
+            "state",
+            lambda a: 1e3 * a,
+            r"row 0 of state: x of body \d is \S+; allowed: -10 to 10; len",
+        ),
+        ("state", in_grams, r"mass of body 0 is \d{4}\S*; allowed: 0.0001 to 100; .* kg"),
+        (
+            "next_state",
+            lambda a: a * np.tile([1, 1, 1, 1, 1, 1, 1, 1.2], 2),
+            "row 0: radius of body 0 differs by 20.0 % between state and next_state; allowed: 5 %",
         ),
         ("next_state", lambda a: -a, "row 0 of next_state has a mass or radius of"),
         (

@@ -3,8 +3,9 @@
 import json
 import os
 import zlib
-from io import StringIO
+from io import BytesIO, StringIO
 from pathlib import Path
+from zipfile import ZipFile
 
 import numpy as np
 import pytest
@@ -239,6 +240,12 @@ def as_degrees(text: str, mark: str = "") -> str:
     return "\n".join(map(",".join, lines))
 
 
+def with_column(text: str, name: str, value: str) -> str:
+    """Return the text with one more column, of the same value in each row."""
+    first, *lines = text.splitlines()
+    return "\n".join([f"{first},{name}", *(f"{line},{value}" for line in lines)])
+
+
 def moved(text: str, column: int) -> str:
     """Return the text with a column at the end."""
     lines = [line.split(",") for line in text.splitlines()]
@@ -305,6 +312,11 @@ def test_tables_as_people_have_them_are_read(rows: Recorded, tmp_path: Path, nam
             r"row 2: \w+ is '.*', and numbers of this file have commas; write decimal points",
         ),
         (as_degrees, r"heading \w+ is -?\d+.*looks like degrees; .*, or of a CSV file .*--degrees"),
+        (
+            lambda text: with_column(text, "mass", "500"),
+            r"mass is 500.* to 100 kg; 500 g are 0.5",
+        ),
+        (lambda text: with_column(text, "radius", "80"), r"radius is 80.* to 0.5 m; 80 mm are 0"),
     ],
 )
 def test_a_csv_that_may_be_misread_is_refused(
@@ -314,6 +326,71 @@ def test_a_csv_that_may_be_misread_is_refused(
     path.write_text(change(path.read_text()))  # type: ignore[operator]
     with pytest.raises(DatasetError, match=message):
         read_recordings((path,), write_stated(tmp_path))
+
+
+def zipped(name: str) -> bytes:
+    packed = BytesIO()
+    with ZipFile(packed, "w") as archive:
+        archive.writestr(name, "<xml/>")
+    return packed.getvalue()
+
+
+ALLOWED = "allowed: a header, then a row for each push, with columns separated by commas, semi"
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (lambda text: b"", r"is empty \(0 bytes\)"),
+        (
+            lambda text: zipped("xl/workbook.xml"),
+            r"is a spreadsheet \(.xlsx or .ods\); save its tab",
+        ),
+        (lambda text: zipped("a.txt"), "is a zip archive; `unzip FILE` unpacks it"),
+        (
+            lambda text: text.encode("utf-16"),
+            "is not UTF-8, but UTF-16 or no text; save it as UTF-8",
+        ),
+        (
+            lambda text: text.encode("utf-16-le"),
+            "is not UTF-8, but UTF-16 or no text; save it as UTF-8",
+        ),
+        (
+            lambda text: f"# of May\n\n{text}".encode(),
+            f"begins with '# of May'; its header is line 3: remove what is before it; {ALLOWED}",
+        ),
+        (lambda text: f"sep=;\n{text}".encode(), "begins with 'sep=;'; its header is line 2: remo"),
+        (
+            lambda text: text.replace(",", "|").encode(),
+            rf"has columns separated by '\|'; {ALLOWED}",
+        ),
+        (
+            lambda text: text.replace(",", "  ").encode(),
+            f"has columns separated by spaces; {ALLOWED}",
+        ),
+        (lambda text: text.partition("\n")[2].encode(), "the header of .* lacks object, x0, y0"),
+    ],
+)
+def test_what_is_no_table_is_named(
+    rows: Recorded, tmp_path: Path, change: object, said: str
+) -> None:
+    path = write_csv(tmp_path / "mine.csv", rows)
+    path.write_bytes(change(path.read_text()))  # type: ignore[operator]
+    with pytest.raises(DatasetError, match=f"mine.csv .*{said}|{said}"):
+        read_recordings((path,), write_stated(tmp_path))
+
+
+@pytest.mark.parametrize("mark", ["", "_deg"])
+def test_radians_that_are_given_as_degrees_are_named(
+    rows: Recorded, tmp_path: Path, mark: str
+) -> None:
+    path = write_csv(tmp_path / "mine.csv", rows)
+    path.write_text(path.read_text().replace("theta0", f"theta0{mark}", 1))
+    path.write_text(path.read_text().replace("theta1", f"theta1{mark}", 1))
+    found = read_recordings((path,), write_stated(tmp_path), degrees=not mark)
+    (note,) = found.notes
+    assert note.startswith(f"warning: {path}: headings are read as degrees, and all are within ")
+    assert note.endswith("if they are radians, give neither --degrees nor a unit in the header")
 
 
 def test_headings_in_degrees_are_found_by_how_bodies_turn(rows: Recorded, tmp_path: Path) -> None:

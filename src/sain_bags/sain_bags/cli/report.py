@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Final
 
 import tyro
 from rich.console import Console
@@ -13,6 +14,8 @@ from sain_bags.report.gathering import Limits, messages_to_read
 from sain_bags.report.writing import write_page
 from sain_bags.rows.message_fields import left_out
 from sain_core.config import Config, option, required
+from sain_core.errors import OutputError
+from sain_core.guarding.kinds import describe
 from sain_core.output import OVERWRITE_HELP, claim_file
 
 
@@ -40,12 +43,23 @@ class ReportOptions(Config):
     )
 
 
+PAGE: Final = "web page"  # how one is described
+
+
 def default_path(bag: Path) -> Path:
     """Return where a bag's page goes when nobody says so."""
     whole = bag.resolve()
     if whole.is_dir():
         return whole.parent / ("report.html" if whole.name == "bag" else f"{whole.name}.html")
     return whole.with_suffix(".html")
+
+
+def _check_page(out: Path) -> None:
+    """Raise `OutputError` where another result of SAIN stands, such as a shard of a data set."""
+    if out.exists() and PAGE not in (what := describe(out) or "is no page"):
+        raise OutputError(
+            f"{out} {what}; a report replaces only a page: name another --out, or --overwrite"
+        )
 
 
 def run(options: ReportOptions, console: Console) -> None:
@@ -57,6 +71,8 @@ def run(options: ReportOptions, console: Console) -> None:
     """
     out = options.out or default_path(options.bag)
     claim_file(out, options.overwrite)
+    if not options.overwrite:
+        _check_page(out)
     bag = Bag(options.bag)
     limits = Limits(options.frames, options.episodes)
     with Progress(console=console, transient=True) as progress:

@@ -176,6 +176,9 @@ def unpack(compression: bytes, data: Any, most: int) -> Any:
         if len(found) > most:
             raise DatasetError(f"it holds more than {most:,} bytes")
         return found
+    if compression:
+        name = compression[:20].decode(errors="replace")
+        raise DatasetError(f"it is compressed with {name!r}; allowed: zstd, lz4 or nothing")
     return data
 
 

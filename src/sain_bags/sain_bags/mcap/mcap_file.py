@@ -31,7 +31,7 @@ from sain_bags.mcap.integrity import (
 )
 from sain_bags.mcap.summary import Stretch, read_summary
 from sain_bags.mcap.whole_file import data_records
-from sain_core.errors import DatasetError
+from sain_core.errors import DatasetError, UntrustedFileError
 
 CHANNELS: Final = 1 << 16  # their numbers have 16 bits
 CRC_PLACE: Final = 8 + 8 + 8  # [bytes], in a chunk: two times and its size stand before it
@@ -177,6 +177,12 @@ def _at(data: ndarray, places: ndarray) -> Messages:
     heads = np.ndarray((starts,), MESSAGE, data, strides=(1,))[places]  # one at each byte: a view
     lengths = heads["length"].astype(np.int64)
     wrong = (heads["opcode"] != Opcode.MESSAGE) | (lengths < MESSAGE_HEAD.size)
+    if (late := heads["log_time"] < 0).any():
+        time = int(heads["log_time"][late][0].astype(np.uint64))
+        raise UntrustedFileError(
+            f"a message was received at {time} ns; allowed: up to 2^63 - 1 ns, the year 2262: the"
+            " recorder's clock was wrong; record it again"
+        )
     if wrong.any() or (places + RECORD_HEAD.size + lengths > len(data)).any():
         raise McapError("a message is not inside its chunk")
     return Messages(data, heads, places + MESSAGE.itemsize)

@@ -22,15 +22,19 @@ COUNT: Final = "[]"  # ends the path of a sequence of messages of which only the
 PREDICTION: Final = "prediction"
 
 _SCENE: Final = (
-    "scene_id", "settled", "header.stamp.sec", "header.stamp.nanosec", DISKS,
+    "episode_id", "scene_id", "settled", "header.stamp.sec", "header.stamp.nanosec",
+    "header.frame_id", DISKS,
 )  # fmt: skip
 FIELDS: Final = (  # of a `PushResult`
     "push_id", "episode_id", "error_code", "error_message", "duration", "wall_time",
-    *(f"push.{name}" for name in ("episode_id", "source", *PUSH_NAMES)),
+    *(f"push.{name}" for name in ("push_id", "episode_id", "source", *PUSH_NAMES)),
     *(f"{scene}.{name}" for scene in ("before", "after") for name in _SCENE),
     *(f"{PREDICTION}.{name}" for name in ("model", "error_code", DISKS)),
 )  # fmt: skip
-TEXTS: Final = frozenset({"error_message", "push.source", f"{PREDICTION}.model"})
+TEXTS: Final = frozenset(
+    {"error_message", "push.source", f"{PREDICTION}.model"}
+    | {f"{scene}.header.frame_id" for scene in ("before", "after")}
+)
 
 
 def all_paths(fields: Sequence[str]) -> list[str]:

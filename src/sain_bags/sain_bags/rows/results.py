@@ -36,6 +36,7 @@ class RecordedScenes:
     settled: ndarray  # (K,)
     numbers: ndarray  # (K,) scene ids
     stamps: ndarray  # (K,) [ns] simulated time
+    frames: ndarray  # (K,) names; empty: the world
 
     def take(self, chosen: ndarray, count: int) -> Scenes:
         """Return those of some pushes that have so many bodies, (len(chosen), count, 8)."""
@@ -77,6 +78,19 @@ class Results:
     def episodes(self) -> ndarray:
         """The episodes (K,): as the results have them, else as the pushes."""
         return self.table.columns["episode_id"]
+
+    @cached_property
+    def ids(self) -> list[tuple[str, str, ndarray]]:
+        """The ids inside of results, the result's own that each repeats, and where so (K,).
+
+        Ids count from 1: one that is 0 is not stated.
+        """
+        pairs = [("push.push_id", "push_id")]
+        pairs += [(f"{part}.episode_id", "episode_id") for part in ("push", "before", "after")]
+        columns = self.table.columns
+        return [
+            (one, own, (columns[one] == columns[own]) | (columns[one] == 0)) for one, own in pairs
+        ]
 
     @cached_property
     def before(self) -> RecordedScenes:
@@ -173,6 +187,7 @@ class Results:
             columns[f"{prefix}settled"] != 0,
             columns[f"{prefix}scene_id"],
             seconds * SECOND + columns[f"{prefix}header.stamp.nanosec"].astype(np.int64),
+            columns[f"{prefix}header.frame_id"],
         )
 
 

@@ -7,7 +7,10 @@ import numpy as np
 from numpy import ndarray
 
 from sain_bags.rows.dropped import (
+    CHANGED,
     LIMITS,
+    LONGEST,
+    MIXED,
     NOT_MOVED,
     REFUSED,
     REPEATED,
@@ -16,6 +19,8 @@ from sain_bags.rows.dropped import (
     UNSETTLED,
     Dropped,
     named_push,
+    why_changed,
+    why_mixed,
     why_refused,
     why_senseless,
 )
@@ -23,12 +28,12 @@ from sain_bags.rows.latched import NONE, PLACE, Extras, Latched
 from sain_bags.rows.results import OK, Results
 from sain_core.errors import InvalidInputError, SainError
 from sain_core.model import Model
-from sain_core.push import check_predictable
+from sain_core.push import allowed_ranges, check_predictable
 from sain_core.scene import MASS, POSITION, RADIUS, TARGET
 from sain_core.shapes.bodies import Bodies, check_scenes
-from sain_core.transitions import MOVED, Column, Columns
+from sain_core.transitions import MOVED, SAME_KIND, Column, Columns, changed_kinds
 from sain_core.types import Mask, Pushes, Scenes
-from sain_core.wire import MIN_DISKS, check_fields
+from sain_core.wire import FRAMES, MIN_DISKS, check_fields
 
 COMPUTED: Final = "computed:"  # prefix of a physics source: the recording has no prediction
 FROM_RESULT: Final = "push_result"  # where the scenes of a row are from
@@ -64,6 +69,7 @@ class RowMaker:
         codes = results.codes
         pushes.keep(codes == OK, REFUSED, why_refused)
         pushes.keep(~self._repeated(results, pushes.kept), REPEATED)
+        pushes.keep(np.all([same for *_, same in results.ids], axis=0), MIXED, why_mixed)
         before, after = results.before, results.after
         if not self._config.keep_unsettled:
             pushes.keep(before.settled & after.settled, UNSETTLED)
@@ -96,13 +102,20 @@ class RowMaker:
         physics, predicted = results.physics(chosen, count), results.predicted[chosen]
         sensible = _possible(before) & _possible(after) & (results.bodies[chosen] < count)
         sensible &= np.isfinite(results.actions[chosen]).all(axis=-1)
+        for scenes in (results.before, results.after):
+            sensible &= np.isin(scenes.frames[chosen].astype(np.str_), FRAMES)
+        durations = results.durations[chosen]
+        sensible &= (durations >= 0.0) & (durations <= LONGEST)
         sensible &= np.isfinite(physics).all(axis=(1, 2)) | ~predicted
         pushes.keep_of(chosen, sensible, SENSELESS, why_senseless)
+        same = (changed_kinds(before, after) <= SAME_KIND).all(axis=(1, 2))
+        pushes.keep_of(chosen, same, CHANGED, why_changed)
         lacking = np.flatnonzero(pushes.kept[chosen] & ~predicted)
         if len(lacking):
             physics[lacking], why = self._predict(before[lacking], results, chosen[lacking])
             known = np.array([not why.get(push) for push in chosen.tolist()], dtype=bool)
             pushes.keep_of(chosen, known, UNPREDICTED, lambda _, push: why[push])
+        pushes.keep_of(chosen, _carried_out(results.actions[chosen]), SENSELESS, why_senseless)
         episodes = results.episodes[chosen]
         goals = self._latched.goals.chosen(episodes, results.log_times[chosen])
         sound = np.isfinite(self._latched.places(goals)).all(axis=-1)
@@ -221,6 +234,14 @@ def _possible(scenes: Scenes) -> Mask:
         values = scenes[..., column]
         within &= ((values >= least) & (values <= most)).all(axis=1)
     return within
+
+
+def _carried_out(pushes: Pushes) -> Mask:
+    """Return which pushes (M, 5) an arm may have carried out, see `check_predictable`."""
+    right = np.ones(len(pushes), dtype=bool)
+    for column, least, most in allowed_ranges(stroke=False):
+        right &= (pushes[:, column] >= least) & (pushes[:, column] <= most)
+    return right
 
 
 def _moved(before: Scenes, after: Scenes) -> Mask:

@@ -29,6 +29,7 @@ BEGINNINGS: Final = {  # of files: what they are, and what to do
     b"\x04\x22\x4d\x18": UNPACK.format("`lz4 -d FILE`"),
     b"7z\xbc\xaf": "is a 7z archive; unpack it first",
     b"Rar!": "is a RAR archive; unpack it first",
+    b"\xd0\xcf\x11\xe0": "is a document of an old Office; save a table as CSV (UTF-8)",
     b"PK": "is a zip archive; `unzip FILE` unpacks it",
     b"PAR1": "is a Parquet file: a data set, not a bag; pandas and polars read it",
     b"\x89HDF": "is an HDF5 file: a data set of Minari, or MATLAB's, not a bag",
@@ -39,6 +40,7 @@ BEGINNINGS: Final = {  # of files: what they are, and what to do
     b"%PDF": "is a PDF file: neither a bag nor a data set",
     b"\x7fELF": "is a program: neither a bag nor a data set",
 }
+SHEETS: Final = ("xl/workbook.xml", "content.xml")  # in an .xlsx and in an .ods
 TAR: Final = (257, b"ustar")  # where it stands
 SHARDS: Final = "shard-*.npz"
 DATA_SET: Final = "is a data set of pushes, not a bag; "
@@ -57,8 +59,11 @@ FOLDERS: Final = {  # a pattern of what is in a folder: what that is, and what t
 }
 
 
-def describe(path: Path) -> str:
-    """Return what a file or a folder is, and what to do with it; empty: it is not recognised."""
+def describe(path: Path, texts: bool = True) -> str:
+    """Return what a file or a folder is, and what to do with it; empty: it is not recognised.
+
+    Without `texts`, no file of text is recognised.
+    """
     if path.is_dir():
         found = (text for pattern, text in FOLDERS.items() if any(path.glob(pattern)))
         return next(found, "" if any(path.iterdir()) else "is an empty folder")
@@ -71,27 +76,31 @@ def describe(path: Path) -> str:
         return "is empty (0 bytes): its recording or its download did not finish; get it again"
     if not any(head):
         return "begins with zeros only: its recording or its download did not finish"
-    return next(_kinds(path, head), "")
+    return next(_kinds(path, head, texts), "")
 
 
-def _kinds(path: Path, head: bytes) -> Iterator[str]:
+def _kinds(path: Path, head: bytes, texts: bool) -> Iterator[str]:
     if head.startswith(b"PK"):
         yield from _archive(path)
     yield from (text for magic, text in BEGINNINGS.items() if head.startswith(magic))
     if head[TAR[0] :].startswith(TAR[1]):
         yield "is a tar archive; `tar xf FILE` unpacks it"
     with suppress(UnicodeDecodeError):
+        if not texts:
+            return
         # A character may be cut off at the end of what was read.
         yield from _texts(path, head.decode(errors="strict" if len(head) < HEAD else "ignore"))
 
 
 def _archive(path: Path) -> Iterator[str]:
-    """Recognise an npz file; of any other zip archive nothing is said."""
+    """Recognise an npz file and a spreadsheet; of any other zip archive nothing is said."""
     with suppress(zipfile.BadZipFile, OSError, ValueError, NotImplementedError):
         with zipfile.ZipFile(path) as archive:
             names = archive.namelist()
         if names and all(name.endswith(".npy") for name in names):
             yield "is a shard of a data set (.npz); `sain train` takes its folder"
+        if any(name in SHEETS for name in names):
+            yield "is a spreadsheet (.xlsx or .ods); save its table as CSV (UTF-8)"
 
 
 def _texts(path: Path, text: str) -> Iterator[str]:

@@ -187,9 +187,14 @@ def read_regular(path: Path, limit: int = WHOLE_BYTES) -> bytes:
     return content
 
 
+UTF_16: Final = (b"\xff\xfe", b"\xfe\xff")  # how such a text begins
+
+
 def read_regular_text(path: Path, limit: int = WHOLE_BYTES) -> str:
     """Return the text of a file; raises as `read_regular`, and where it is not UTF-8."""
     content = read_regular(path, limit)
+    if content.startswith(UTF_16) or b"\0" in content:
+        raise UntrustedFileError("it is not UTF-8, but UTF-16 or no text; save it as UTF-8")
     try:
         return content.decode()
     except UnicodeDecodeError as error:

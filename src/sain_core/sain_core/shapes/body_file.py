@@ -36,6 +36,7 @@ KEYS: Final = (
 TAG_KEYS: Final = ("id", "size", "x", "y", "angle")
 NEEDED: Final = ("shape", "radius")
 UNKNOWN: Final = "unknown"
+LEAST_MASS: Final = 0.001  # [kg]
 MOST_MASS: Final = 100.0  # [kg]
 MOST_HEIGHT: Final = 0.5  # [m]
 TAG_SIZE: Final = 0.04  # [m], where a file gives none
@@ -254,4 +255,4 @@ def _text(row: Mapping[str, Any], key: str, body: int) -> str:
 def _mass(value: Any, body: int) -> float | None:
     if value == UNKNOWN:
         return None
-    return check_number(f"mass of body {body}", value, 0.001, MOST_MASS, "kg")
+    return check_number(f"mass of body {body}", value, LEAST_MASS, MOST_MASS, "kg")

@@ -13,6 +13,7 @@ from rich.console import Console
 from sain_core.config import Config, option, required
 from sain_core.guarding.untrusted import read_regular
 from sain_core.output import OVERWRITE_HELP, claim_folder
+from sain_core.shapes.body_file import LEAST_MASS, MOST_MASS
 from sain_core.transitions import Column
 from sain_model.network.settings import MASS_MIDDLE
 
@@ -51,8 +52,8 @@ class RealImportOptions(Config):
         MASS_MIDDLE,
         "nominal mass where rows state none: slow pushes do not depend on it",
         unit="kg",
-        minimum=0.001,
-        maximum=1000.0,
+        minimum=LEAST_MASS,
+        maximum=MOST_MASS,
     )
     skip_bad: bool = option(
         True,
@@ -74,6 +75,8 @@ def run(options: RealImportOptions, console: Console) -> None:
 
     claim_folder(options.out, WRITTEN, options.overwrite)
     found = read_recordings(options.paths, options.shapes, options.tip_radius, options.degrees)
+    for note in found.notes:  # they may be why the import fails
+        console.print(note, soft_wrap=True, markup=False, highlight=False)
     with WaitingLine(Console(stderr=True)) as line:
 
         def progress(done: int, total: int) -> None:
@@ -101,10 +104,9 @@ def _sha256(path: Path) -> str:
 
 
 def _report(found: "Recordings", made: "Imported") -> Iterator[str]:
-    """Yield lines about what was read, left out and grouped."""
+    """Yield lines about what was left out and grouped."""
     from sain_model.importing.data_set import EXAMPLES, MANY_MISSES, REMEDY
 
-    yield from found.notes
     pushes = found.pushes
     surfaces, counts = np.unique(pushes.surface, return_counts=True)
     on = ", ".join(

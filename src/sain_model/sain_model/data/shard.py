@@ -9,18 +9,21 @@ from numpy import ndarray
 from sain_core.errors import DatasetError, InvalidInputError, OutOfRangeError
 from sain_core.guarding.untrusted import BODIES, LARGEST_NUMBER
 from sain_core.push import BODY, PUSH_SIZE, STROKE_SIZE, check_predictable, is_stroke
-from sain_core.scene import MASS, RADIUS, STATE_SIZE
+from sain_core.scene import MASS, RADIUS, STATE_NAMES, STATE_SIZE
 from sain_core.shapes.bodies import Bodies, as_names
 from sain_core.shapes.library import register_outlines
 from sain_core.storage import read_arrays
 from sain_core.transitions import (
     FLAT,
+    LIMITS,
     NEEDED,
     ORIGINS,
+    SAME_KIND,
     SHAPED,
     Column,
     Columns,
     as_scenes,
+    changed_kinds,
     row_bodies,
 )
 
@@ -62,6 +65,7 @@ def read_shard(path: Path) -> Columns:
         values = arrays.get(column, np.full(shape, UNKNOWN.get(column)))
         columns[column] = _checked(path, column, values, shape)
     _check_positive(path, arrays, columns)
+    _check_scenes(path, columns)
     _check_pushes(path, columns[Column.ACTION])
     for column in ORIGINS:
         columns[column] = arrays.get(column, np.full(count, ""))
@@ -95,6 +99,26 @@ def _check_positive(path: Path, arrays: Columns, columns: Columns) -> None:
         what = "a mass or radius of" if column in scenes else "the value"
         raise DatasetError(
             f"{path}: row {row} of {column} has {what} {values[place]:g}; it must be positive"
+        )
+
+
+def _check_scenes(path: Path, columns: Columns) -> None:
+    """Raise `DatasetError` where a scene is in other units, or a push changes mass or radius."""
+    for column in (Column.STATE, Column.NEXT_STATE):
+        for place, (least, most) in LIMITS.items():
+            values = columns[column][..., place]
+            for row, body in np.argwhere((values < least) | (values > most)):
+                raise DatasetError(
+                    f"{path}: row {row} of {column}: {STATE_NAMES[place]} of body {body} is"
+                    f" {values[row, body]:g}; allowed: {least:g} to {most:g}; lengths are in m,"
+                    " masses in kg"
+                )
+    changed = changed_kinds(columns[Column.STATE], columns[Column.NEXT_STATE])
+    for row, body, place in np.argwhere(changed > SAME_KIND):
+        raise DatasetError(
+            f"{path}: row {row}: {('mass', 'radius')[place]} of body {body} differs by"
+            f" {100 * changed[row, body, place]:.1f} % between state and next_state; allowed:"
+            f" {100 * SAME_KIND:g} %"
         )
 
 

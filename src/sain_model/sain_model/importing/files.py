@@ -18,6 +18,7 @@ import numpy as np
 from numpy import ndarray
 
 from sain_core.errors import ConfigError, DatasetError, UntrustedFileError
+from sain_core.guarding.kinds import describe
 from sain_core.guarding.untrusted import read_regular_text
 from sain_core.shapes.library import get_shape
 from sain_core.shapes.outlines import BodyOutline, StatedBodies, read_stated
@@ -26,6 +27,7 @@ from sain_model.importing.real_pushes import (
     FOUND_AT,
     LONGEST_TEXT,
     MOST_PUSHES,
+    MOST_TURN,
     PUBLISHED_TIP_RADIUS,
     RealPushes,
     check_real,
@@ -49,6 +51,8 @@ NOT_STATED: Final = ("tip_radius", "mass", "radius")  # may be left empty
 
 
 SEPARATORS: Final = ",;\t"
+OTHERS: Final = {"|": "'|'", " ": "spaces", ":": "colons"}  # separators that are not read
+HEAD_LINES: Final = 50  # in which a header is looked for
 UNITS: Final = {  # that a header may state, and what they are in m, rad, m/s and kg
     "m": {"m": 1.0, "cm": 1e-2, "mm": 1e-3},
     "rad": {"rad": 1.0, "deg": pi / 180, "degrees": pi / 180},
@@ -95,10 +99,11 @@ def read_csv(path: Path, degrees: bool = False) -> tuple[RealPushes, list[str]]:
             missing or no number.
     """
     try:
+        if what := describe(path, texts=False):
+            raise DatasetError(f"{path} {what}")
         text = read_regular_text(path).removeprefix(BYTE_ORDER).lstrip("\r\n")
         text = text.replace("\r\n", "\n").replace("\r", "\n")
-        first = text.partition("\n")[0]
-        separator = max(SEPARATORS, key=lambda sign: _read_names(first, sign))
+        separator = _separator(path, text)
         lines = csv.reader(StringIO(text, newline=""), strict=True, delimiter=separator)
         header = _header(path, next(lines, []), degrees)
         rows = list(_rows(path, lines, len(header.names), separator))
@@ -117,7 +122,44 @@ def read_csv(path: Path, degrees: bool = False) -> tuple[RealPushes, list[str]]:
     if separator != ",":
         given, comma = _with_points(path, given, row)
         notes += [f"{path}: decimal commas are read as points"] if comma else []
-    return _pushes(path, given, row, header.factors), notes
+    pushes = _pushes(path, given, row, header.factors)
+    return pushes, notes + _small_degrees(path, pushes, header.factors)
+
+
+def _small_degrees(path: Path, pushes: RealPushes, factors: Mapping[str, float]) -> list[str]:
+    """Return a warning where all headings that are read as degrees could be radians."""
+    pairs = ((pushes.before, "theta0"), (pushes.after, "theta1"))
+    most = max(np.abs(poses[:, 2]).max() / factors[name] for poses, name in pairs)
+    if min(factors["theta0"], factors["theta1"]) == 1.0 or not 0.0 < most <= MOST_TURN:
+        return []
+    return [
+        f"warning: {path}: headings are read as degrees, and all are within {most:.3g}; if they are"
+        " radians, give neither --degrees nor a unit in the header"
+    ]
+
+
+def _separator(path: Path, text: str) -> str:
+    """Return what separates the columns of a table.
+
+    Raises:
+        DatasetError: something else than what is read, or the first line is no header.
+    """
+    head = text.split("\n", HEAD_LINES)[:HEAD_LINES]
+    signs = (*SEPARATORS, *OTHERS)
+    pairs = ((place, sign) for place in range(len(head)) for sign in signs)  # the first of the best
+    place, sign = max(pairs, key=lambda pair: _read_names(head[pair[0]], pair[1]))
+    known = _read_names(head[place], sign)
+    allowed = "allowed: a header, then a row for each push, with columns separated by commas,"
+    allowed += " semicolons or tabs"
+    if known and place:
+        first = repr(head[0][:LONGEST_TEXT])
+        raise DatasetError(
+            f"{path} begins with {first}; its header is line {1 + place}: remove what is before it;"
+            f" {allowed}"
+        )
+    if known and sign in OTHERS:
+        raise DatasetError(f"{path} has columns separated by {OTHERS[sign]}; {allowed}")
+    return sign
 
 
 def _read_names(line: str, separator: str) -> int:

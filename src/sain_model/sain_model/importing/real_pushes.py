@@ -15,8 +15,10 @@ from jaxtyping import Float, Int
 from numpy import ndarray
 
 from sain_core.errors import DatasetError
+from sain_core.guarding.untrusted import LEAST_RADIUS, MOST_RADIUS
 from sain_core.push import LENGTH, SPEED, TIP_RADIUS, allowed_ranges
 from sain_core.scene import unit, wrap_angle
+from sain_core.shapes.body_file import LEAST_MASS, MOST_MASS
 from sain_core.storage import read_arrays
 from sain_core.types import Indices, Mask
 
@@ -155,9 +157,13 @@ def check_real(pushes: RealPushes) -> RealPushes:
         allowed = f"allowed: {least:g} to {most:g} {what}"
         _refuse(pushes, values > most, name, values, f"{allowed}; it looks like m{what}")
         _refuse(pushes, ~(values >= least), name, values, allowed)
-    for name in ("mass", "radius"):
+    for name, least, most, hint in (
+        ("mass", LEAST_MASS, MOST_MASS, "kg; 500 g are 0.5"),
+        ("radius", LEAST_RADIUS, MOST_RADIUS, "m; 80 mm are 0.08"),
+    ):
         values = getattr(pushes, name)
-        _refuse(pushes, values <= 0.0, name, values, "it must be positive")
+        wrong = (values < least) | (values > most)
+        _refuse(pushes, wrong, name, values, f"allowed: {least:g} to {most:g} {hint}")
     before, after = (
         np.column_stack([poses[:, :2], wrap_angle(poses[:, 2])])
         for poses in (pushes.before, pushes.after)
