@@ -12,7 +12,7 @@ import pytest
 from rich.console import Console
 from scipy.io import loadmat, savemat
 
-from sain_core.errors import DatasetError
+from sain_core.errors import DatasetError, OutputError
 from sain_core.scene import POSE, wrap_angle
 from sain_core.shapes import library
 from sain_core.shapes.outlines import OUTLINES_FILE
@@ -414,6 +414,23 @@ def test_headings_in_degrees_are_found_by_how_bodies_turn(rows: Recorded, tmp_pa
         convert(tmp_path / "out", path)
     data, printed = convert(tmp_path / "out", path, degrees=True)
     assert len(data) == some.sum() and "nominal physics errs by 0.00 mm" in printed
+
+
+def test_another_data_set_is_replaced_only_with_overwrite(rows: Recorded, tmp_path: Path) -> None:
+    out, path = tmp_path / "out", tmp_path / "rows.csv"
+    write_stated(tmp_path)
+    write_csv(path, rows)
+    first, _ = convert(out, path)
+    again, _ = convert(out, path)
+    assert len(again) == len(first)
+    before = (out / "card.json").read_bytes()
+    lines = path.read_text().splitlines(keepends=True)
+    path.write_text("".join(lines[:-1]))
+    with pytest.raises(OutputError, match=r"holds another data set .*another sources.*--overwrite"):
+        convert(out, path)
+    assert (out / "card.json").read_bytes() == before
+    fewer, _ = convert(out, path, overwrite=True)
+    assert len(fewer) == len(first) - 1
 
 
 def test_all_files_of_a_folder_are_read_or_named(rows: Recorded, tmp_path: Path) -> None:

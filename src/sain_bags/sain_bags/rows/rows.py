@@ -108,7 +108,7 @@ class RowMaker:
         sensible &= (durations >= 0.0) & (durations <= LONGEST)
         sensible &= np.isfinite(physics).all(axis=(1, 2)) | ~predicted
         pushes.keep_of(chosen, sensible, SENSELESS, why_senseless)
-        same = (changed_kinds(before, after) <= SAME_KIND).all(axis=(1, 2))
+        same = np.asarray((changed_kinds(before, after) <= SAME_KIND).all(axis=(1, 2)))
         pushes.keep_of(chosen, same, CHANGED, why_changed)
         lacking = np.flatnonzero(pushes.kept[chosen] & ~predicted)
         if len(lacking):

@@ -11,6 +11,8 @@ import tyro
 from rich.console import Console
 
 from sain_core.config import Config, option, required
+from sain_core.errors import OutputError
+from sain_core.guarding.documents import parse_json
 from sain_core.guarding.untrusted import read_regular
 from sain_core.output import OVERWRITE_HELP, claim_folder
 from sain_core.shapes.body_file import LEAST_MASS, MOST_MASS
@@ -77,16 +79,35 @@ def run(options: RealImportOptions, console: Console) -> None:
     found = read_recordings(options.paths, options.shapes, options.tip_radius, options.degrees)
     for note in found.notes:  # they may be why the import fails
         console.print(note, soft_wrap=True, markup=False, highlight=False)
+    card = _card(options, found)
+    if not options.overwrite:
+        _check_same(options.out, card)
     with WaitingLine(Console(stderr=True)) as line:
 
         def progress(done: int, total: int) -> None:
             line.say(f"physics of {done:,} of {total:,} pushes")
 
         made = import_pushes(found, options.mass, options.skip_bad, progress)
-    shards = write_imported(options.out, made, _card(options, found))
+    shards = write_imported(options.out, made, card)
     for text in _report(found, made):
         console.print(text, soft_wrap=True, markup=False, highlight=False)
     console.print(f"written to {options.out}: {shards} shards", soft_wrap=True, highlight=False)
+
+
+def _check_same(out: Path, card: dict[str, Any]) -> None:
+    """Raise `OutputError` where a folder holds another data set than this import."""
+    from sain_model.importing.data_set import CARD_FILE, SHARD_PATTERN
+
+    if not any(out.glob(SHARD_PATTERN)):
+        return
+    path = out / CARD_FILE
+    there = parse_json(read_regular(path).decode()) if path.exists() else {}
+    differ = [name for name, value in card.items() if there.get(name) != value]
+    if differ:
+        raise OutputError(
+            f"{out} holds another data set (its {CARD_FILE} has another {differ[0]});"
+            " choose another folder, or --overwrite"
+        )
 
 
 def _card(options: RealImportOptions, found: "Recordings") -> dict[str, Any]:
@@ -94,7 +115,7 @@ def _card(options: RealImportOptions, found: "Recordings") -> dict[str, Any]:
     return {
         "kind": "pushes of a real robot",
         "sources": [{"path": str(path), "sha256": _sha256(path)} for path in found.paths],
-        "notes": found.notes,
+        "notes": list(found.notes),
         "mass": "as stated" if stated.all() else f"nominal where not stated: {options.mass} kg",
     }
 
