@@ -149,7 +149,9 @@ install_group() { # GROUP
   if [[ $1 == test || $1 == robots ]]; then build_missing control_msgs vision_msgs || return; fi
   # It asks for one certain build of PyTorch; LeRobot imports it and its data sets do without.
   if [[ $1 == test || $1 == lerobot ]]; then install --no-config --no-deps torchvision==0.25.0 || return; fi
-  stamp "$1" "$packages_now"
+  for group in "$1" $([[ $1 != test ]] || echo train docs robots lerobot peers ray); do # which tests bring
+    stamp "$group" "$packages_now"
+  done
 }
 
 # PyBullet has no wheel above Python 3.11 (the engine there is MuJoCo); its description of the Panda is data.

@@ -34,3 +34,11 @@ def test_what_is_pinned_is_locked_with_that_version():
     locked = {(match[1].lower(), match[2]) for match in LINE.finditer(LOCK)}
     named = {(re.sub(r"[-_.]+", "-", pin[1]).lower(), pin[2]) for pin in pins if pin}
     assert {pin for pin in named if pin[0] not in UNLOCKED} - locked == set(), "run make lock"
+
+
+def test_nothing_is_installed_again_that_the_tests_have_brought():
+    script = (ROOT / "tools/setup.sh").read_text()
+    brought = re.search(r"test \]\] \|\| echo ([a-z ]*)\)", script)[1]
+    groups = PYPROJECT["dependency-groups"]["test"]
+    included = {group["include-group"] for group in groups if isinstance(group, dict)}
+    assert set(brought.split()) == included | {"train"}
