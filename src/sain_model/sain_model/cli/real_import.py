@@ -13,7 +13,7 @@ from rich.console import Console
 from sain_core.config import Config, option, required
 from sain_core.errors import OutputError
 from sain_core.guarding.documents import parse_json
-from sain_core.guarding.untrusted import read_regular
+from sain_core.guarding.untrusted import read_regular, read_regular_text
 from sain_core.output import OVERWRITE_HELP, claim_folder
 from sain_core.shapes.body_file import LEAST_MASS, MOST_MASS
 from sain_core.transitions import Column
@@ -101,7 +101,7 @@ def _check_same(out: Path, card: dict[str, Any]) -> None:
     if not any(out.glob(SHARD_PATTERN)):
         return
     path = out / CARD_FILE
-    there = parse_json(read_regular(path).decode()) if path.exists() else {}
+    there = parse_json(read_regular_text(path)) if path.exists() else {}
     differ = [name for name, value in card.items() if there.get(name) != value]
     if differ:
         raise OutputError(

@@ -107,8 +107,8 @@ def make_examples(
     features = network_inputs(network, data.state, frames, physics_next, data.bodies, values)
     velocity = data.next_state[..., VELOCITY] - physics_next[..., VELOCITY]
     targets = (true_residual(data.next_state, frames, physics_next), velocity)
-    told = (torch.from_numpy(array.astype(np.float32)) for array in targets)
-    return Examples(*as_tensors(features), *told)
+    labels = (torch.from_numpy(array.astype(np.float32)) for array in targets)
+    return Examples(*as_tensors(features), *labels)
 
 
 def inferred_values(data: Part, kind: Kind) -> Values:
