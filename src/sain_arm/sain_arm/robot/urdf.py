@@ -201,7 +201,7 @@ class Urdf:
         if limit is None:
             return UrdfJoint(name, kind, lower, upper, None)
         (velocity,), _ = (read_numbers(what, limit, key, RATE) for key in ("velocity", "effort"))
-        stated = velocity if "velocity" in limit.keys() else None
+        stated = None if limit.get("velocity") is None else velocity
         return UrdfJoint(name, kind, lower, upper, stated)
 
     def prepared(
@@ -294,9 +294,9 @@ class Urdf:
         if not (LEAST_PART <= width.max() <= LONGEST and width.min() > SHORTEST):
             raise ConfigError(
                 f"{what} of {' x '.join(f'{one:.4g}' for one in width)} m, of the scale"
-                f" {' '.join(f'{one:g}' for one in scale)}; allowed: {LEAST_PART:g} to {LONGEST:g} m"
-                f" for the longest side, {SHORTEST:g} m or more for the shortest; the scale is"
-                ' "0.001 0.001 0.001" of a mesh in millimetres, "1 1 1" of one in metres'
+                f" {' '.join(f'{one:g}' for one in scale)}; allowed: {LEAST_PART:g} to"
+                f" {LONGEST:g} m for the longest side, {SHORTEST:g} m or more for the shortest;"
+                ' the scale is "0.001 0.001 0.001" for a mesh in millimetres, "1 1 1" for metres'
             )
         return path
 

@@ -159,7 +159,7 @@ def did_you_mean(name: str, names: Iterable[str], alike: float = 0.6) -> str:
 
 def nearest(name: str, names: Iterable[str], alike: float = 0.6, count: int = 1) -> list[str]:
     """Return the names that are most like another one, in whatever case; the best first."""
-    by_plain = {_plain(one): one for one in names}
+    by_plain = {_plain(one): str(one) for one in names}  # a member of an enum, too
     return [by_plain[one] for one in get_close_matches(_plain(name), by_plain, count, alike)]
 
 

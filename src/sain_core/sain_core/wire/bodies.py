@@ -49,7 +49,8 @@ def decode_bodies(message: Any) -> Bodies:
     for number, role in enumerate(roles):
         if role not in list(Role):
             raise ConfigError(
-                f"role of body {number} is {role!r}{did_you_mean(role, Role)}; allowed: {', '.join(Role)}"
+                f"role of body {number} is {role!r}{did_you_mean(role, Role)};"
+                f" allowed: {', '.join(Role)}"
             )
     return Bodies(tuple(shapes), tuple(map(Role, roles)))
 
