@@ -26,6 +26,7 @@ URDF = f"""<robot name="two">
     <limit lower="0" upper="0.5" velocity="0.5" effort="10"/>
   </joint>
 </robot>"""
+LONG = {"frame": "hand", "rod": 0.2, "radius": 0.01}
 FILE: dict[str, Any] = {
     "urdf": "two.urdf",
     "tool": {"frame": "hand", "rod": 0.1, "radius": 0.01},
@@ -64,7 +65,11 @@ def test_a_file_gets_its_limits_from_the_urdf(tmp_path: Path) -> None:
         ({"limits": {"velocity": {"trn": 1}}}, r"unknown key 'trn' \(did you mean 'turn'\?\)"),
         ({"limits": {"velocity": -1}}, "limits.velocity of 'turn' is -1; allowed: 0.001 to 50"),
         ({"home": {"turn": 0.0}}, "home has no lift; all of these move the tool"),
-        ({"home": {"turn": 9.0, "lift": 0.2}}, "home of joint 'turn' is 9; allowed: -2 to 2"),
+        ({"home": {"turn": 9.0, "lift": 0.2}}, "home of joint 'turn' is 9.0; allowed: -2 to 2 rad: 9 degrees are 0.1571 rad"),
+        ({"base": {"yaw": 9}}, "base.yaw is 9; allowed: -6.29 to 6.29 rad: 9 degrees are 0.1571 rad"),
+        ({"tool": {"frame": "hand", "radius": 10}}, "tool.radius is 10; allowed: 0.001 to 0.05 m: 10 millimetres are 0.01 m"),
+        ({"tool": {"frame": "Hand", "radius": 0.01}}, r"tool.frame is 'Hand' \(did you mean 'hand'\?\)"),
+        ({"limits": {"velocity": {"turn": 0}}}, "limits.velocity of 'turn' is 0; allowed: 0.001 to 50 rad/s"),
         ({"base": {"z": -0.2}}, "base.z is -0.2; allowed: 0 to 10"),
         ({"workspace": {"x": [1, 0]}}, r"workspace.x is \[1, 0\]; the first number must be the lower"),
         ({"controller": 3}, "controller is 3; it must be a text"),
@@ -75,9 +80,9 @@ def test_a_file_gets_its_limits_from_the_urdf(tmp_path: Path) -> None:
         ({"controller": ""}, "controller is ''; it must be a text"),
         ({"controller": "my arm"}, "controller is 'my arm'; a name in ROS has letters"),
         ({"home": [0.0]}, "home has 1 numbers; these joints move: turn, lift"),
-        ({"home": [-90, 0.2]}, "home of joint 'turn' is -90; allowed: -2 to 2: are these degrees?"),
+        ({"home": [-90, 0.2]}, "home of joint 'turn' is -90.0; allowed: -2 to 2 rad: -90 degrees are -1.571 rad"),
         ({"home": {"turn": "0.3 rad", "lift": 0.2}}, "home.turn is '0.3 rad'; allowed"),
-        ({"limits": {"position": {"turn": [-150, 150]}}}, r"limits.position.turn is \[-150, 150\]: are these degrees\?"),
+        ({"limits": {"position": {"turn": [-150, 150]}}}, "limits.position.turn is -150.0; allowed: -12.58 to 12.58 rad: -150 degrees are -2.618 rad"),
         ({"tool": {"frame": "hand", "radius": 0}}, "tool.radius is 0; allowed: 0.001 to 0.05"),
         ({"tool": {"frame": "hand", "radius": 0.01, "rod": -0.1}}, "tool.rod is -0.1; allowed: 0 to 1"),
         ({"tool": {"frame": "hand", "radius": 0.01, "rod": 100}}, "tool.rod is 100; allowed: 0 to 1"),
@@ -99,9 +104,9 @@ def test_a_wrong_file_is_refused_with_what_is_allowed(
         (CYLINDER, "", "no link of two.urdf has a collision geometry"),
         ('<cylinder radius="0.03" length="0.1"/>', '<mesh filename="gone.stl"/>', "link 'base' has the collision mesh 'gone.stl': .*gone.stl: No such file"),
         ('<cylinder radius="0.03" length="0.1"/>', '<mesh filename="two.yaml"/>', "two.yaml: a collision mesh must be .stl, .obj or .dae; convert it: assimp export two.yaml two.stl"),
-        (' velocity="1.5"', "", "joint 'turn' has no velocity limit in the URDF; give limits.velocity"),
+        (' velocity="1.5"', "", "joint 'turn' has no limit of velocity in the URDF; allowed: 0.001 to 50 rad/s: correct it there, or give limits: {velocity: {turn: 1.0}}"),
         ('velocity="1.5"', 'velocity="fast"', "joint 'turn' has <limit velocity='fast'>; allowed: a number from 0"),
-        ('velocity="1.5"', 'velocity="0"', "joint 'turn' has no velocity limit in the URDF; give limits.velocity"),
+        ('velocity="1.5"', 'velocity="0"', "joint 'turn' has the limit 0 of velocity in the URDF; allowed: 0.001 to 50 rad/s"),
         ('velocity="1.5"', 'velocity="180"', "limits.velocity of 'turn' is 180.0; allowed: 0.001 to 50"),
         ('effort="10"', 'effort="-1"', "joint 'lift' has <limit effort='-1'>; allowed: a number from 0"),
         ('lower="-2" upper="2"', 'lower="2" upper="-2"', "joint 'turn' has the limits lower=2 and upper=-2; lower must be less"),
@@ -221,7 +226,8 @@ def with_mesh(folder: Path, name: str, content: bytes, scale: str = "1 1 1") -> 
     (folder / name).parent.mkdir(parents=True, exist_ok=True)
     (folder / name).write_bytes(content)
     mesh = f'<mesh filename="{name}" scale="{scale}"/>'
-    return write(folder, URDF.replace('<cylinder radius="0.03" length="0.1"/>', mesh, 1))
+    urdf = URDF.replace('<cylinder radius="0.03" length="0.1"/>', mesh, 1)
+    return write(folder, urdf, home={"turn": 0.0, "lift": 0.45})  # above the mesh
 
 
 @pytest.mark.parametrize(
@@ -262,7 +268,7 @@ def test_meshes_of_one_name_and_of_two_scales_are_told_apart(tmp_path: Path) -> 
         (b"2 2 2</translate", b"2 two 2</translate", "a text has no numbers"),
         (b"instance_geometry", b"instance_node", "it has <instance_node>, which is not read"),
         (b'meter="0.01"', b'meter=" "', "it has 0 numbers where 1 belong together"),
-        (b'meter="0.01"', b'meter="1"', "10 x 20 x 30 m; allowed"),
+        (b'meter="0.01"', b'meter="1"', "10 x 20 x 30 m, of the scale 1 1 1; allowed"),
     ],
 )
 def test_a_collada_file_is_refused_with_its_reason(
@@ -283,9 +289,10 @@ def test_a_collada_file_is_refused_with_its_reason(
         (stl_text(WEDGE[[0, 1, 2, 0]]), "1 1 1", "all its corners lie in one plane"),
         (stl_binary(WEDGE * [1, np.nan, 1]), "1 1 1", "a corner has NaN, or a number beyond 1e.09"),
         (stl_text(WEDGE).replace(b"0.3", b"high"), "1 1 1", "a corner is no number"),
-        (stl_binary(WEDGE * 1000), "1 1 1", '100 x 200 x 300 m; allowed: 1e-06 to 10 m; of a mesh in millimetres the scale is "0.001 0.001 0.001"'),
-        (stl_binary(WEDGE), "1 1 0", "of 0.1 x 0.2 x 0 m; allowed"),
-        (b"version https://git-lfs.github.com/spec/v1\noid sha256:12\nsize 9\n" * 2, "1 1 1", "it is no STL"),
+        (stl_binary(WEDGE * 1000), "1 1 1", '100 x 200 x 300 m, of the scale 1 1 1; allowed: 0.002 to 10 m for the longest side, .*"0.001 0.001 0.001" for a mesh in millimetres'),
+        (stl_binary(WEDGE), "0.001 0.001 0.001", '0.0001 x 0.0002 x 0.0003 m, of the scale 0.001 0.001 0.001; allowed: 0.002 to 10 m .* "1 1 1" for metres'),
+        (stl_binary(WEDGE), "1 1 0", "of 0.1 x 0.2 x 0 m, of the scale 1 1 0; allowed"),
+        (b"version https://git-lfs.github.com/spec/v1\noid sha256:12\nsize 9\n" * 2, "1 1 1", "it is a pointer of Git LFS, not the file; `git lfs pull` fetches it"),
     ],
 )  # fmt: skip
 def test_a_mesh_that_is_no_body_is_refused_with_its_link(
@@ -294,6 +301,26 @@ def test_a_mesh_that_is_no_body_is_refused_with_its_link(
     path = with_mesh(tmp_path, "part.stl", content, scale)
     with pytest.raises(ConfigError, match=f"link 'base' has the collision mesh 'part.stl'.*{text}"):
         read_robot(str(path))
+
+
+ELBOW = URDF.replace('type="prismatic"', 'type="revolute"').replace(
+    '<axis xyz="0 0 1"/>\n    <limit lower="0" upper="0.5"',
+    '<axis xyz="0 1 0"/><origin xyz="0 0 0.2"/>\n    <limit lower="-3" upper="3"',
+)
+
+
+def test_links_that_touch_at_home_only_are_refused_by_name_and_depth(tmp_path: Path) -> None:
+    text = "robot 'two': the links 'base' and 'sain_rod' touch at home, .* mm deep; allowed"
+    folded = read_robot(str(write(tmp_path, ELBOW, tool=LONG, home={"turn": 0.0, "lift": 3.0})))
+    with pytest.raises(ConfigError, match=text):
+        ArmModel(folded)
+    straight = write(tmp_path, ELBOW, tool=LONG, home={"turn": 0.0, "lift": 0.0})
+    arm = ArmModel(read_robot(str(straight)))
+    touching = [
+        {"base", "sain_rod"} in [{one.first, one.second} for one in arm.contacts(np.array(joints))]
+        for joints in ([0.0, 0.0], [0.0, 3.0])
+    ]
+    assert touching == [False, True]
 
 
 def test_a_package_is_found_around_the_urdf(tmp_path: Path) -> None:

@@ -164,6 +164,7 @@ def test_every_seed_has_an_upper_limit() -> None:
     seeds = [
         (kind.__name__, item.metadata.get("maximum"))
         for kind in configs()
+        if kind.__module__.startswith("sain_")  # another test may have imported an example's
         for item in fields(kind)
         if item.name.endswith("seed")
     ]

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from sain_core.config import Config, option
+from sain_core.config import MOST_SEED, Config, option
 from sain_core.push import LENGTH, SPEED
 from sain_core.randomness import generator
 from sain_core.scene import POSE, THETA, move_apart
@@ -26,7 +26,7 @@ class RobotConfig(Config):
     """The pretended laboratory."""
 
     bodies: str = option(str(Path(__file__).with_name("bodies.yaml")), "YAML file of the bodies")
-    seed: int = option(0, "of all noise", minimum=0)
+    seed: int = option(0, "of all noise", minimum=0, maximum=MOST_SEED)
     friction: float = option(0.14, "between bodies and table", minimum=0.01, maximum=1.0)
     spread: float = option(0.05, "noise of each way, as a share of it", minimum=0.0, maximum=0.5)
     noise: str = option("0.0005,0.005", "noise of the camera: METRES,RADIANS")

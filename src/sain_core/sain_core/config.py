@@ -12,15 +12,23 @@ default stands in one place only.
 import dataclasses
 from collections.abc import Iterator, Mapping
 from dataclasses import MISSING, dataclass, field
-from math import isfinite
+from math import isfinite, pi
 from typing import Any, Final, Literal, NamedTuple, TypeVar, get_args, get_origin, get_type_hints
 
 from sain_core.errors import ConfigError
+from sain_core.guarding.plugins import did_you_mean
 from sain_core.guarding.untrusted import shown
 
 T = TypeVar("T")
 C = TypeVar("C", bound="Config")
 
+TURN: Final = 6.29  # [rad], a full one, rounded up: beyond it an angle is in degrees
+OTHER_UNITS: Final = {
+    "m": ("millimetres", 1e-3),
+    "kg": ("grams", 1e-3),
+    "rad": ("degrees", pi / 180),
+    "rad/s": ("degrees/s", pi / 180),
+}
 MOST_SEED: Final = 2**31 - 1  # so that it, and those counted on from it, fit in messages and rows
 
 
@@ -114,7 +122,8 @@ def check_field(field_name: str, item: "dataclasses.Field[Any]", value: Any) -> 
     choices = item.metadata.get("choices")
     if choices is not None and value not in choices:
         allowed = ", ".join(repr(choice) for choice in choices)
-        raise ConfigError(f"{field_name} is {value!r}; allowed: {allowed}")
+        hint = did_you_mean(str(value), map(str, choices))
+        raise ConfigError(f"{field_name} is {value!r}{hint}; allowed: {allowed}")
     several = isinstance(value, tuple)
     low, high = item.metadata.get("minimum"), item.metadata.get("maximum")
     for place, number in enumerate(value if several else (value,)):
@@ -123,10 +132,14 @@ def check_field(field_name: str, item: "dataclasses.Field[Any]", value: Any) -> 
         name = f"{field_name}[{place}]" if several else field_name
         if not isfinite(number):
             raise ConfigError(f"{name} is {number}; it must be finite")
+        if unit == " rad":  # no field's angle is more than a turn
+            low, high = -TURN if low is None else low, TURN if high is None else high
         if low is not None and number < low:
-            raise ConfigError(f"{name} is {number}{unit}; it must be at least {low}{unit}")
+            hint = _other_unit(number, low, high, unit.strip())
+            raise ConfigError(f"{name} is {number}{unit}; it must be at least {low}{unit}{hint}")
         if high is not None and number > high:
-            raise ConfigError(f"{name} is {number}{unit}; it must be at most {high}{unit}")
+            hint = _other_unit(number, low, high, unit.strip())
+            raise ConfigError(f"{name} is {number}{unit}; it must be at most {high}{unit}{hint}")
 
 
 def check_number(name: str, value: Any, low: float, high: float, unit: str = "") -> float:
@@ -137,8 +150,28 @@ def check_number(name: str, value: Any, low: float, high: float, unit: str = "")
     """
     is_number = isinstance(value, int | float) and not isinstance(value, bool)
     if not (is_number and isfinite(value) and low <= value <= high):
-        raise ConfigError(f"{name} is {shown(value)}; allowed: {low:g} to {high:g} {unit}".rstrip())
+        hint = _other_unit(value, low, high, unit) if is_number else ""
+        allowed = f"{low:g} to {high:g} {unit}".rstrip()
+        raise ConfigError(f"{name} is {shown(value)}; allowed: {allowed}{hint}")
     return float(value)
+
+
+def check_angle(name: str, value: Any, turns: int = 1) -> float:
+    """Return an angle [rad] that a user's file gives; beyond so many turns it is in degrees.
+
+    Raises:
+        ConfigError: as `check_number`.
+    """
+    return check_number(name, value, -turns * TURN, turns * TURN, "rad")
+
+
+def _other_unit(value: float, low: float | None, high: float | None, unit: str) -> str:
+    """Return a hint where a number that is not allowed would be in the unit that is often meant."""
+    other, factor = OTHER_UNITS.get(unit, ("", 0.0))
+    here = value * factor
+    if not here or not isfinite(here) or (low is not None and here < low):
+        return ""
+    return "" if high is not None and here > high else f": {value:g} {other} are {here:.4g} {unit}"
 
 
 class FieldSetting(NamedTuple):

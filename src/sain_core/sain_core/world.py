@@ -11,6 +11,7 @@ import numpy as np
 
 from sain_core.config import Config, option
 from sain_core.errors import ConfigError, SainError
+from sain_core.guarding.plugins import did_you_mean
 from sain_core.scene import MASS, POSITION, SETTLED_SPEED, SETTLED_SPIN, is_settled
 from sain_core.shapes.bodies import Bodies
 from sain_core.types import Mask, PushArray, Scalars, Scene
@@ -242,8 +243,10 @@ def unknown_names(text: str) -> tuple[str, ...]:
         ConfigError: another name than `UNKNOWNS`.
     """
     names = tuple(dict.fromkeys(word.strip() for word in text.split(",") if word))
-    if any(name not in UNKNOWNS for name in names):
-        raise ConfigError(f"unknown is {text!r}; allowed: {', '.join(UNKNOWNS)}")
+    for name in names:
+        if name not in UNKNOWNS:
+            hint = did_you_mean(name, UNKNOWNS)
+            raise ConfigError(f"unknown is {text!r}{hint}; allowed: {', '.join(UNKNOWNS)}")
     return names
 
 

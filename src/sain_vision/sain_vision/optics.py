@@ -14,6 +14,7 @@ from numpy import ndarray
 from scipy.spatial.transform import Rotation
 
 from sain_core.errors import InvalidInputError
+from sain_core.guarding.plugins import did_you_mean
 
 LENSES: Final = {"plumb_bob": (5, 4), "rational_polynomial": (8,), "equidistant": (4,)}
 """Models of distortion, as ``CameraInfo`` names them, with how many numbers each has."""
@@ -202,8 +203,9 @@ def check_calibration(
     _check_matrix(width, height, matrix)
     ideal = not distortion.any()
     if model not in LENSES and not (ideal and not model):
+        hint = did_you_mean(model, LENSES)
         raise InvalidInputError(
-            f"the camera's distortion model is {model!r}; allowed: {', '.join(LENSES)}"
+            f"the camera's distortion model is {model!r}{hint}; allowed: {', '.join(LENSES)}"
         )
     lens = model or "plumb_bob"
     if len(distortion) not in LENSES[lens] and not (ideal and lens != "equidistant"):

@@ -3,12 +3,14 @@
 import sys
 from importlib.metadata import EntryPoint
 from types import ModuleType
+from typing import Any
 
 import pytest
 
 from sain_core.errors import ConfigError
 from sain_core.guarding import plugins
-from sain_core.guarding.plugins import Plugins
+from sain_core.guarding.plugins import Plugins, did_you_mean
+from sain_core.shapes.bodies import Role
 
 GROUP = "sain.toys"
 
@@ -86,3 +88,16 @@ def test_a_package_that_offers_what_is_built_in_is_told_to_rename_it(
         with pytest.raises(ConfigError, match=message):
             toys.check("kite")
     toys.check("boat")
+
+
+@pytest.mark.parametrize(
+    ("name", "names", "hint"),
+    [
+        ("Box", ("box", "disk"), " (did you mean 'box'?)"),
+        ("PLUMB BOB", ("plumb_bob",), " (did you mean 'plumb_bob'?)"),
+        ("Pushable", Role, " (did you mean 'pushable'?)"),
+        ("sphere", ("box", "disk"), ""),
+    ],
+)
+def test_a_hint_does_not_depend_on_case_or_space(name: str, names: Any, hint: str) -> None:
+    assert did_you_mean(name, names) == hint

@@ -3,6 +3,7 @@
 The model has the arm's joints alone. Bodies are mocap bodies that are placed before a question.
 """
 
+from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -27,6 +28,7 @@ BODY: Final = "sain_body"
 SELF_GAP: Final = 0.0  # [m], between links
 GAP: Final = 0.003  # [m], between a link and table or bodies
 DRAWS: Final = 200  # postures, of which links that always touch are known
+OFTEN: Final = 0.9  # of them
 
 
 @dataclass(frozen=True)
@@ -52,7 +54,11 @@ class ArmModel:
     """Kinematics and contacts of a robot over a table with bodies."""
 
     def __init__(self, robot: Robot, bodies: Bodies | None = None, radii: tuple[float, ...] = ()):
-        """Build the model; without bodies there is the table alone."""
+        """Build the model; without bodies there is the table alone.
+
+        Raises:
+            ConfigError: MuJoCo refuses the robot, or links touch at home that must not.
+        """
         self.robot = robot
         spec = robot_spec(robot)
         spec.worldbody.add_geom(
@@ -140,36 +146,52 @@ class ArmModel:
 
     @property
     def harmless(self) -> list[tuple[str, str]]:
-        """Names of links that overlap in nearly every posture."""
+        """Names of links whose contact means nothing."""
         return [(self._names[first], self._names[second]) for first, second in self._harmless]
 
     def _always_touching(self) -> set[tuple[int, int]]:
-        """Return the pairs of links that touch at home, or in nearly every posture.
+        """Return the pairs of links that one joint joins, or that touch in nearly every posture.
 
         Meshes are convex hulls here: neighbours overlap.
-        """
-        self._harmless = set()
-        random, robot = np.random.default_rng(0), self.robot
-        counts: dict[tuple[int, int], int] = {}
-        postures = random.uniform(robot.lower, robot.upper, (DRAWS, len(robot.joints)))
-        for joints in postures:
-            self.set_joints(joints)
-            mujoco.mj_collision(self.model, self.data)
-            for pair in self._link_pairs():
-                counts[pair] = counts.get(pair, 0) + 1
-        often = {pair for pair, count in counts.items() if count > 0.9 * DRAWS}
-        self.set_joints(robot.home)
-        mujoco.mj_collision(self.model, self.data)
-        return often | self._link_pairs()
 
-    def _link_pairs(self) -> set[tuple[int, int]]:
-        pairs = set()
-        for index in range(self.data.ncon):
-            contact = self.data.contact[index]
-            bodies = [int(self.model.geom_bodyid[geom]) for geom in contact.geom]
-            names = [self._names[body] for body in bodies]
-            if 0 not in bodies and not any(name.startswith(BODY) for name in names):
-                pairs.add((min(bodies), max(bodies)))
+        Raises:
+            ConfigError: other links touch at home.
+        """
+        random, robot = np.random.default_rng(0), self.robot
+        counts = Counter[tuple[int, int]]()
+        for joints in random.uniform(robot.lower, robot.upper, (DRAWS, len(robot.joints))):
+            counts.update(self._link_pairs(joints).keys())
+        often = {pair for pair, count in counts.items() if count > OFTEN * DRAWS}
+        at_home = self._link_pairs(robot.home)
+        joined = {pair for pair in {*counts, *at_home} if self._are_joined(*pair)}
+        for pair, gap in at_home.items():
+            if pair not in often | joined:
+                first, second = (self._names[body] for body in pair)
+                raise ConfigError(
+                    f"robot {robot.name!r}: the links {first!r} and {second!r} touch at home,"
+                    f" {-1e3 * gap:.1f} mm deep; allowed: links that one joint joins, or that touch"
+                    f" in more than {OFTEN:.0%} of postures. Change home, or mend their collision"
+                    " geometry, of which a mesh is taken as its convex hull"
+                )
+        return often | joined
+
+    def _are_joined(self, first: int, second: int) -> bool:
+        """Return True if at most one joint is between two links."""
+        first, second = (int(self.model.body_weldid[body]) for body in (first, second))
+        above = self.model.body_weldid[self.model.body_parentid]
+        return first == second or above[first] == second or above[second] == first
+
+    def _link_pairs(self, joints: Vector) -> dict[tuple[int, int], float]:
+        """Return the pairs of links that touch, and the least gap [m] of each."""
+        self.set_joints(joints)
+        mujoco.mj_collision(self.model, self.data)
+        pairs: dict[tuple[int, int], float] = {}
+        for contact in map(self.data.contact.__getitem__, range(self.data.ncon)):
+            first, second = sorted(int(self.model.geom_bodyid[geom]) for geom in contact.geom)
+            are_links = first and not self._names[second].startswith(BODY)
+            if are_links and contact.dist <= SELF_GAP:
+                pair = first, second
+                pairs[pair] = min(float(contact.dist), pairs.get(pair, 0.0))
         return pairs
 
 

@@ -19,8 +19,7 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from sain_arm.robot.urdf import AXES, Urdf, UrdfJoint
-from sain_arm.robot.urdf_file import DEGREES, TURNS
-from sain_core.config import check_number
+from sain_core.config import check_angle, check_number
 from sain_core.errors import ConfigError
 from sain_core.guarding.documents import read_user_yaml
 from sain_core.guarding.plugins import did_you_mean
@@ -41,6 +40,8 @@ NEEDED: Final = {"": ("urdf", "tool", "controller", "home"), "tool": ("frame", "
 FAR: Final = 10.0  # [m]
 FASTEST: Final = 50.0  # [rad/s]
 STRONGEST: Final = 500.0  # [rad/s^2]
+LEAST_RATE: Final = 1e-3  # likewise
+RATES: Final = {"velocity": "/s", "acceleration": "/s^2"}
 START_TIME: Final = 0.4  # [s], to full speed where no acceleration is given
 
 
@@ -106,26 +107,29 @@ def parse_robot(content: Any, name: str, beside: Path) -> Robot:
     space = _Section("workspace", rows.given.get("workspace", {}))
     axis = tool.given.get("axis", "z")
     if not isinstance(axis, str) or axis not in AXES:
-        raise ConfigError(f"tool.axis is {shown(axis)}; allowed: {', '.join(AXES)}")
+        hint = did_you_mean(str(axis), AXES)
+        raise ConfigError(f"tool.axis is {shown(axis)}{hint}; allowed: {', '.join(AXES)}")
     frame = tool.text("frame")
-    length, radius = tool.number("rod", 0.0, 0.0, 1.0), tool.number("radius", None, 0.001, 0.05)
+    length, radius = (
+        tool.number("rod", 0.0, 0.0, 1.0, "m"),
+        tool.number("radius", None, 0.001, 0.05, "m"),
+    )
     urdf = Urdf(rows.text("urdf"), beside)
     chain = urdf.chain(frame)
     home = _home(rows.given["home"], chain)
     joints = tuple(home)
-    stands = tuple(base.number(key, 0.0, 0.0 if key == "z" else -FAR, FAR) for key in KEYS["base"])
+    stands = (
+        *(base.number(key, 0.0, 0.0 if key == "z" else -FAR, FAR, "m") for key in "xyz"),
+        check_angle("base.yaw", base.given.get("yaw", 0.0)),
+    )
     position = _Section("limits.position", limits.given.get("position", {}), joints)
     bounds = np.array([_bounds(joint, position) for joint in chain])
     values = np.array([home[joint] for joint in joints])
-    for joint, value, (low, high) in zip(joints, values, bounds, strict=True):
-        if not low <= value <= high:
-            raise ConfigError(
-                f"home of joint {joint!r} is {value:g}; allowed: {low:g} to {high:g}"
-                + (DEGREES if abs(value) > TURNS else "")
-            )
-    velocity = _per_joint(limits, "velocity", FASTEST, [joint.velocity for joint in chain], joints)
+    for joint, value, (low, high) in zip(chain, values.tolist(), bounds, strict=True):
+        check_number(f"home of joint {joint.name!r}", value, low, high, joint.unit)
+    velocity = _per_joint(limits, "velocity", FASTEST, [joint.velocity for joint in chain], chain)
     usual = [value / START_TIME for value in velocity]
-    acceleration = _per_joint(limits, "acceleration", STRONGEST, usual, joints)
+    acceleration = _per_joint(limits, "acceleration", STRONGEST, usual, chain)
     prepared = urdf.prepared(
         joints, (stands[0], stands[1], stands[2], stands[3]), frame, axis, (length, radius)
     )
@@ -178,8 +182,8 @@ class _Section:
             raise ConfigError(f"{self._called(key)} is {shown(value)}; it must be a text")
         return value
 
-    def number(self, key: str, default: float | None, low: float, high: float) -> float:
-        return check_number(self._called(key), self.given.get(key, default), low, high)
+    def number(self, key: str, default: float | None, low: float, high: float, unit: str) -> float:
+        return check_number(self._called(key), self.given.get(key, default), low, high, unit)
 
     def pair(self, key: str, default: tuple[float, float]) -> tuple[float, float]:
         """Return a range of two numbers, the lower one first."""
@@ -208,8 +212,12 @@ def _home(given: Any, chain: tuple[UrdfJoint, ...]) -> dict[str, float]:
 def _bounds(joint: UrdfJoint, position: _Section) -> tuple[float, float]:
     if joint.name in position.given:
         low, high = position.pair(joint.name, (0.0, 0.0))
-        if joint.kind != "prismatic" and max(-low, high) > TURNS:
-            raise ConfigError(f"limits.position.{joint.name} is [{low:g}, {high:g}]{DEGREES}")
+        for limit in (low, high):
+            name = f"limits.position.{joint.name}"
+            if joint.kind == "prismatic":
+                check_number(name, limit, -FAR, FAR, "m")
+            else:
+                check_angle(name, limit, turns=2)
         return low, high
     if joint.lower is None or joint.upper is None:
         raise ConfigError(
@@ -224,17 +232,23 @@ def _per_joint(
     key: str,
     most: float,
     defaults: list[float | None] | list[float],
-    joints: tuple[str, ...],
+    chain: tuple[UrdfJoint, ...],
 ) -> list[float]:
     """Return a limit of each joint: one number for all, a mapping, or the defaults."""
-    given = limits.given.get(key)
+    given, joints = limits.given.get(key), tuple(joint.name for joint in chain)
     if given is not None and not isinstance(given, Mapping):
         given = dict.fromkeys(joints, given)
     given = _Section(f"limits.{key}", given or {}, joints).given
     found = []
-    for joint, default in zip(joints, defaults, strict=True):
-        value = given.get(joint, default)
-        if value is None:
-            raise ConfigError(f"joint {joint!r} has no {key} limit in the URDF; give limits.{key}")
-        found.append(check_number(f"limits.{key} of {joint!r}", value, 1e-3, most))
+    for joint, default in zip(chain, defaults, strict=True):
+        value, unit = given.get(joint.name, default), joint.unit + RATES[key]
+        if joint.name not in given and not value:
+            has = "no limit" if value is None else "the limit 0"
+            raise ConfigError(
+                f"joint {joint.name!r} has {has} of {key} in the URDF; allowed: {LEAST_RATE:g} to"
+                f" {most:g} {unit}: correct it there, or give limits:"
+                f" {{{key}: {{{joint.name}: 1.0}}}}"
+            )
+        name = f"limits.{key} of {joint.name!r}"
+        found.append(check_number(name, value, LEAST_RATE, most, unit))
     return found

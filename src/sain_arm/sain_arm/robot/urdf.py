@@ -18,6 +18,7 @@ import numpy as np
 
 from sain_arm.robot.mesh import mesh_corners
 from sain_arm.robot.urdf_file import (
+    LEAST_PART,
     LONGEST,
     MOVING,
     RATE,
@@ -77,6 +78,11 @@ class UrdfJoint:
     lower: float | None
     upper: float | None
     velocity: float | None
+
+    @property
+    def unit(self) -> str:
+        """The unit of its position."""
+        return "m" if self.kind == "prismatic" else "rad"
 
 
 class Urdf:
@@ -195,7 +201,8 @@ class Urdf:
         if limit is None:
             return UrdfJoint(name, kind, lower, upper, None)
         (velocity,), _ = (read_numbers(what, limit, key, RATE) for key in ("velocity", "effort"))
-        return UrdfJoint(name, kind, lower, upper, velocity or None)
+        stated = None if limit.get("velocity") is None else velocity
+        return UrdfJoint(name, kind, lower, upper, stated)
 
     def prepared(
         self,
@@ -279,14 +286,17 @@ class Urdf:
         name = mesh.get("filename", "")
         what = f"{self.path.name}: link {link!r} has the collision mesh {shown(name)}"
         path = resolve(name, self.path.parent)
+        scale = written(mesh, "scale")
         try:
-            width = np.ptp(mesh_corners(path) * written(mesh, "scale"), axis=0)
+            width = np.ptp(mesh_corners(path) * scale, axis=0)
         except (OSError, UntrustedFileError, ValueError) as error:
             raise ConfigError(f"{what}: {path}: {reason_of(error)}") from error
-        if width.max() > LONGEST or not width.min() > SHORTEST:
+        if not (LEAST_PART <= width.max() <= LONGEST and width.min() > SHORTEST):
             raise ConfigError(
-                f"{what} of {' x '.join(f'{one:.4g}' for one in width)} m; allowed: {SHORTEST:g} to"
-                f' {LONGEST:g} m; of a mesh in millimetres the scale is "0.001 0.001 0.001"'
+                f"{what} of {' x '.join(f'{one:.4g}' for one in width)} m, of the scale"
+                f" {' '.join(f'{one:g}' for one in scale)}; allowed: {LEAST_PART:g} to"
+                f" {LONGEST:g} m for the longest side, {SHORTEST:g} m or more for the shortest;"
+                ' the scale is "0.001 0.001 0.001" for a mesh in millimetres, "1 1 1" for metres'
             )
         return path
 

@@ -5,14 +5,15 @@ finite ones. What is not used, as visuals and plugins, may be anything.
 """
 
 import xml.etree.ElementTree as ElementTree
-from math import pi
 from pathlib import Path
 from typing import Final, NamedTuple
 from xml.parsers import expat
 
 import numpy as np
 
+from sain_core.config import TURN
 from sain_core.errors import ConfigError, UntrustedFileError
+from sain_core.guarding.plugins import did_you_mean
 from sain_core.guarding.untrusted import MIB, read_regular_text, reason_of, shown
 
 URDF_BYTES: Final = 4 * MIB
@@ -20,8 +21,9 @@ MOVING: Final = ("revolute", "prismatic")
 KINDS: Final = (*MOVING, "continuous", "fixed", "floating", "planar")
 GEOMETRIES: Final = ("box", "capsule", "cylinder", "mesh", "sphere")
 LONGEST: Final = 10.0  # [m], of an arm and its parts; beyond it the file is in millimetres
-SHORTEST: Final = 1e-6  # [m], likewise
-TURNS: Final = 4 * pi  # [rad], of an angle; beyond it the file is in degrees
+SHORTEST: Final = 1e-6  # [m], of a side of a part
+LEAST_PART: Final = 0.002  # [m], of its longest side; below it a mesh in metres was scaled again
+TURNS: Final = 2 * TURN  # [rad], of an angle; beyond it the file is in degrees
 DEGREES: Final = ": are these degrees?"
 LEAST_MOMENT: Final = 1e-12  # [kg m^2]
 
@@ -140,9 +142,9 @@ def check_part(what: str, part: ElementTree.Element) -> None:
             numbers = read_numbers(what, element, key, allowed)
             element.set(key, " ".join(map(repr, numbers)))
     if part.tag == "joint" and part.get("type") not in KINDS:
-        raise ConfigError(
-            f"{what} has the type {shown(part.get('type'))}; allowed: {', '.join(KINDS)}"
-        )
+        kind = part.get("type", "")
+        hint = did_you_mean(kind, KINDS)
+        raise ConfigError(f"{what} has the type {shown(kind)}{hint}; allowed: {', '.join(KINDS)}")
 
 
 def read_numbers(

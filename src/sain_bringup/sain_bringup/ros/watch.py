@@ -5,7 +5,6 @@ import time
 from array import array
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass
-from difflib import get_close_matches
 from importlib import import_module
 from typing import TYPE_CHECKING, Annotated, Any, Final
 
@@ -14,6 +13,7 @@ from rich.console import Console
 
 from sain_core.config import Config, option
 from sain_core.errors import ConfigError
+from sain_core.guarding.plugins import nearest
 
 if TYPE_CHECKING:
     from rclpy.node import Node
@@ -100,7 +100,7 @@ class Watcher:
 
     def _unknown(self, name: str) -> str:
         topics = sorted(topic for topic in self.topics() if topic != name)
-        near = get_close_matches(name, topics, n=1) or [
+        near = nearest(name, topics) or [
             topic for topic in topics if topic.endswith(f"/{name.rsplit('/', 1)[-1]}")
         ]
         hint = f"did you mean {near[0]}?" if near else f"run {PROGRAM!r} for a list"
@@ -118,7 +118,7 @@ def is_misspelt(name: str, topics: Collection[str]) -> bool:
         return False  # somebody listens to it already, and its publisher is still to be discovered
     namespace, _, own = name.rpartition("/")
     others = [t.rpartition("/")[2] for t in topics if t.rpartition("/")[0] == namespace]
-    return bool(get_close_matches(own, others, n=1, cutoff=ALIKE))
+    return bool(nearest(own, others, ALIKE))
 
 
 def matching_qos(offered: "list[QoSProfile]") -> "QoSProfile":

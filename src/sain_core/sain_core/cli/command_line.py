@@ -12,7 +12,6 @@ import sys
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, fields, is_dataclass
-from difflib import get_close_matches
 from importlib import import_module
 from inspect import cleandoc
 from pathlib import Path
@@ -22,6 +21,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Final, Literal, get_args, get_
 from sain_core.config import describe_values
 from sain_core.errors import INTERRUPTED, ConfigError, SainError
 from sain_core.guarding.lifetime import PATIENCE, check_host, start_timer
+from sain_core.guarding.plugins import nearest
 from sain_core.guarding.untrusted import user_path
 
 if TYPE_CHECKING:
@@ -304,7 +304,7 @@ def _unknown(tokens: Sequence[str], kind: type, prefixes: bool) -> str:
         for settings, group in _groups(kind)
         for item in fields(settings)
     }
-    alike = get_close_matches(name, names - {name}, 1)
+    alike = nearest(name, names - {name})
     hint = f"did you mean {alike[0]}?" if alike else "--help lists what there is"
     return f"{'there is no option' if token[0] == '-' else 'there is no place for'} {token}; {hint}"
 

@@ -6,7 +6,6 @@ import sys
 import textwrap
 from collections.abc import Iterator
 from dataclasses import dataclass
-from difflib import get_close_matches
 from typing import Final
 
 from sain_core.cli.command_line import (
@@ -18,6 +17,7 @@ from sain_core.cli.command_line import (
 from sain_core.config import Config, describe_values, settings_of, show_value
 from sain_core.errors import INTERRUPTED, SainError
 from sain_core.guarding.lifetime import check_host
+from sain_core.guarding.plugins import nearest
 
 WIDEST: Final = 100  # columns of the help
 
@@ -127,7 +127,7 @@ class NodeCommand:
     def _problem(self, own: list[str]) -> str:
         word, _, value = own[0].partition("=")
         names = [row[0] for row in self._parameters()]
-        near = get_close_matches(word.lstrip("-").replace("-", "_"), names, n=1)
+        near = nearest(word.lstrip("-"), names)
         name = near[0] if near else "NAME"
         value = value or next((other for other in own[1:2] if not other.startswith("-")), "VALUE")
         return (

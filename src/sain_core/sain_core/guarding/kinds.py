@@ -10,25 +10,16 @@ from pathlib import Path
 from typing import Final
 
 from sain_core.errors import UntrustedFileError
-from sain_core.guarding.untrusted import open_regular
+from sain_core.guarding.untrusted import HEAD, STAND_INS, open_regular, stand_in
 
-HEAD: Final = 512  # [bytes], that are looked at
 MCAP: Final = b"\x89MCAP0\r\n"
 SQLITE: Final = b"SQLite format 3\0"
-UNPACK: Final = "is compressed as a whole; {} unpacks it"
 PICTURE: Final = "is a picture; a bag has the extension .mcap or .db3"
 BEGINNINGS: Final = {  # of files: what they are, and what to do
     MCAP: "is an MCAP file: a recording; `sain info` shows it, `sain to_dataset` converts it",
     SQLITE: "is a sqlite3 file, perhaps of a bag; `sain to_dataset` converts bags",
     b"#ROSBAG V": "is a bag of ROS 1; `rosbags-convert --src BAG --dst FOLDER` makes one of ROS 2",
-    b"version https://git-lfs": "is a pointer of Git LFS, not the file; `git lfs pull` fetches it",
-    b"\x28\xb5\x2f\xfd": UNPACK.format("`zstd -d FILE`"),
-    b"\x1f\x8b": UNPACK.format("`gunzip FILE`, or `tar xzf FILE`"),
-    b"BZh": UNPACK.format("`bunzip2 FILE`"),
-    b"\xfd7zXZ": UNPACK.format("`unxz FILE`"),
-    b"\x04\x22\x4d\x18": UNPACK.format("`lz4 -d FILE`"),
-    b"7z\xbc\xaf": "is a 7z archive; unpack it first",
-    b"Rar!": "is a RAR archive; unpack it first",
+    **STAND_INS,
     b"\xd0\xcf\x11\xe0": "is a document of an old Office; save a table as CSV (UTF-8)",
     b"PK": "is a zip archive; `unzip FILE` unpacks it",
     b"PAR1": "is a Parquet file: a data set, not a bag; pandas and polars read it",
@@ -111,8 +102,8 @@ def _texts(path: Path, text: str) -> Iterator[str]:
         yield "describes a bag; name the folder that it is in"
     if "<robot" in begin:
         yield "describes a robot (URDF), not a recording"
-    if begin.startswith(("<!doctype html", "<html")):
-        yield "is a web page, as failed downloads leave one; download the file itself"
+    if stands_in := stand_in(text.encode()):
+        yield stands_in
     if path.suffix == ".csv":
         yield "is a table (CSV); `sain real_import` takes recordings of pushes"
     if path.suffix in (".json", ".yaml", ".yml", ".xml"):

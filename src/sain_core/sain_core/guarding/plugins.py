@@ -152,9 +152,19 @@ class Plugins:
 
 
 def did_you_mean(name: str, names: Iterable[str], alike: float = 0.6) -> str:
-    """Return a hint at the nearest name; empty: none is near."""
-    near = get_close_matches(name, list(names), n=1, cutoff=alike)
+    """Return a hint at the nearest name, in whatever case; empty: none is near."""
+    near = nearest(name, names, alike)
     return f" (did you mean {near[0]!r}?)" if near else ""
+
+
+def nearest(name: str, names: Iterable[str], alike: float = 0.6, count: int = 1) -> list[str]:
+    """Return the names that are most like another one, in whatever case; the best first."""
+    by_plain = {_plain(one): str(one) for one in names}  # a member of an enum, too
+    return [by_plain[one] for one in get_close_matches(_plain(name), by_plain, count, alike)]
+
+
+def _plain(name: str) -> str:
+    return name.strip().casefold().replace("-", "_").replace(" ", "_")
 
 
 def package_of(entry: EntryPoint) -> str:

@@ -172,11 +172,35 @@ def is_file(path: Path) -> bool:
     return True
 
 
+UNPACK: Final = "is compressed as a whole; {} unpacks it"
+STAND_INS: Final = {  # how files begin that no reader of a whole file takes, whatever their name
+    b"version https://git-lfs": "is a pointer of Git LFS, not the file; `git lfs pull` fetches it",
+    b"\x28\xb5\x2f\xfd": UNPACK.format("`zstd -d FILE`"),
+    b"\x1f\x8b": UNPACK.format("`gunzip FILE`, or `tar xzf FILE`"),
+    b"BZh": UNPACK.format("`bunzip2 FILE`"),
+    b"\xfd7zXZ": UNPACK.format("`unxz FILE`"),
+    b"\x04\x22\x4d\x18": UNPACK.format("`lz4 -d FILE`"),
+    b"7z\xbc\xaf": "is a 7z archive; unpack it first",
+    b"Rar!": "is a RAR archive; unpack it first",
+}
+WEB_PAGE: Final = "is a web page, as failed downloads leave one; download the file itself"
+HEAD: Final = 512  # [bytes], that are looked at
+
+
+def stand_in(content: bytes) -> str:
+    """Return what a file is in place of its content, and what to do; empty: it is none."""
+    found = (text for magic, text in STAND_INS.items() if content.startswith(magic))
+    begin = content[:HEAD].lstrip(b"\xef\xbb\xbf \t\r\n").lower()
+    is_page = begin.startswith((b"<!doctype html", b"<html"))
+    return next(found, WEB_PAGE if is_page else "")
+
+
 def read_regular(path: Path, limit: int = WHOLE_BYTES) -> bytes:
     """Return the content of a file.
 
     Raises:
-        UntrustedFileError: it is no regular file, or larger than the limit [bytes].
+        UntrustedFileError: it is no regular file, larger than the limit [bytes], a pointer of Git
+            LFS, compressed as a whole, or a web page.
         OSError: it does not exist, or cannot be read.
     """
     with open_regular(path) as file:
@@ -184,6 +208,8 @@ def read_regular(path: Path, limit: int = WHOLE_BYTES) -> bytes:
         content = b"" if size > limit else file.read(limit + 1)
     if max(size, len(content)) > limit:
         raise UntrustedFileError(f"it has {max(size, len(content)):,} bytes; allowed: {limit:,}")
+    if text := stand_in(content):
+        raise UntrustedFileError(f"it {text}")
     return content
 
 

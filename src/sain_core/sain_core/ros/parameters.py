@@ -10,7 +10,6 @@ import dataclasses
 import sys
 from array import array
 from collections.abc import Callable, Sequence
-from difflib import get_close_matches
 from itertools import pairwise
 from pathlib import Path
 from typing import Any, Final, TypeVar, get_args, get_origin
@@ -27,6 +26,7 @@ from rclpy.parameter import Parameter
 from sain_core.config import Config, check_field, settings_of, with_settings
 from sain_core.errors import ConfigError, UntrustedFileError
 from sain_core.guarding.documents import read_yaml
+from sain_core.guarding.plugins import nearest
 
 OPTION: Final = "--params-file"
 
@@ -71,7 +71,7 @@ def read_parameters(node: Node, config_class: type[C], default: C | None = None)
     for name in overrides:
         if name not in names and name.split(".")[0] not in ROS_OWN:
             by_last = [other for other in names if other.split(".")[-1] == name.split(".")[-1]]
-            near = by_last or get_close_matches(name, names, n=3) or sorted(names)
+            near = by_last or nearest(name, names, count=3) or sorted(names)
             raise ConfigError(f"parameter {name!r} is unknown; near it: {', '.join(near[:5])}")
     given = {name: override.value for name, override in overrides.items() if name in names}
     values = _typed(settings, given, check_all=True)

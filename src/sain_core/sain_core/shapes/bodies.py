@@ -13,6 +13,7 @@ from typing import Final, Self
 import numpy as np
 
 from sain_core.errors import ConfigError, DatasetError, InvalidInputError
+from sain_core.guarding.plugins import did_you_mean
 from sain_core.guarding.untrusted import MOST_BODIES
 from sain_core.scene import (
     MASS,
@@ -83,7 +84,9 @@ class Bodies:
         allowed = ", ".join(Role)
         for body, role in enumerate(roles):
             if role not in list(Role):
-                raise ConfigError(f"role of body {body} is {role!r}; allowed: {allowed}")
+                raise ConfigError(
+                    f"role of body {body} is {role!r}{did_you_mean(role, Role)}; allowed: {allowed}"
+                )
         built = tuple(get_shape(name, body) for body, name in enumerate(shapes))
         return cls(built, tuple(map(Role, roles)))
 

@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
-from sain_core.config import check_number
+from sain_core.config import check_angle, check_number
 from sain_core.errors import ConfigError
 from sain_core.guarding.documents import dump_yaml, read_user_yaml
 from sain_core.guarding.plugins import did_you_mean
@@ -224,7 +224,7 @@ def _tag(row: Any, what: str) -> Tag:
         check_number(f"{key} of {what}", given.get(key, 0.0), -MOST_RADIUS, MOST_RADIUS, "m")
         for key in "xy"
     )
-    angle = check_number(f"angle of {what}", given.get("angle", 0.0), -7.0, 7.0, "rad")
+    angle = check_angle(f"angle of {what}", given.get("angle", 0.0))
     return Tag(number, size, x, y, angle)
 
 

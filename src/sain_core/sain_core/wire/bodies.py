@@ -11,6 +11,7 @@ from typing import Any, Final
 import numpy as np
 
 from sain_core.errors import ConfigError, InvalidInputError, OutOfRangeError
+from sain_core.guarding.plugins import did_you_mean
 from sain_core.guarding.untrusted import (
     LEAST_RADIUS,
     LONGEST_NAME,
@@ -47,7 +48,10 @@ def decode_bodies(message: Any) -> Bodies:
     roles = [body.role for body in message.bodies]
     for number, role in enumerate(roles):
         if role not in list(Role):
-            raise ConfigError(f"role of body {number} is {role!r}; allowed: {', '.join(Role)}")
+            raise ConfigError(
+                f"role of body {number} is {role!r}{did_you_mean(role, Role)};"
+                f" allowed: {', '.join(Role)}"
+            )
     return Bodies(tuple(shapes), tuple(map(Role, roles)))
 
 

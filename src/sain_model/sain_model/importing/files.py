@@ -8,7 +8,6 @@ import csv
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from difflib import get_close_matches
 from io import StringIO
 from math import isfinite, nan, pi
 from pathlib import Path
@@ -19,6 +18,7 @@ from numpy import ndarray
 
 from sain_core.errors import ConfigError, DatasetError, UntrustedFileError
 from sain_core.guarding.kinds import describe
+from sain_core.guarding.plugins import nearest
 from sain_core.guarding.untrusted import read_regular_text
 from sain_core.shapes.library import get_shape
 from sain_core.shapes.outlines import BodyOutline, StatedBodies, read_stated
@@ -193,7 +193,7 @@ def _header(path: Path, texts: Sequence[str], degrees: bool) -> Header:
             if name in names[:place]:
                 raise DatasetError(f"the header of {path} has {name} twice; {needs}")
             continue
-        if near := get_close_matches(name, absent, 1, NEAR):
+        if near := nearest(name, absent, NEAR):
             raise DatasetError(f"the header of {path} has {name}; rename it to {near[0]}: {needs}")
         unused.append(f"column {name!r}" if name else f"column {place + 1}, which has no name,")
         names[place] = ""

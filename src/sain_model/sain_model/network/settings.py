@@ -6,6 +6,7 @@ from typing import Final
 
 from sain_core.config import Config, option
 from sain_core.errors import ConfigError
+from sain_core.guarding.plugins import did_you_mean
 
 PUSH_FRAME: Final = "push"
 WORLD_FRAME: Final = "world"  # the same, and where on the table and how turned things are
@@ -49,7 +50,8 @@ def choose_device(wanted: str) -> str:
         ConfigError: a GPU is wanted and PyTorch finds none, or no such device is known.
     """
     if wanted not in DEVICES:
-        raise ConfigError(f"device is {wanted!r}; allowed: {', '.join(DEVICES)}")
+        hint = did_you_mean(wanted, DEVICES)
+        raise ConfigError(f"device is {wanted!r}{hint}; allowed: {', '.join(DEVICES)}")
     if wanted == CPU:
         return CPU
     if wanted == CUDA:

@@ -10,6 +10,7 @@ import numpy as np
 from sain_core.camera.image_camera import ImageCamera, ImageCameraConfig, Shot
 from sain_core.config import MOST_SEED, option
 from sain_core.errors import InvalidInputError, SainError
+from sain_core.guarding.plugins import did_you_mean
 from sain_core.randomness import generator
 from sain_core.scene import RADIUS
 from sain_core.types import PushArray, Scene
@@ -129,7 +130,9 @@ class Simulator:
     ) -> Sample:
         """Start an episode as `draw_episode` draws it."""
         if world not in ("", *TRUTHS):
-            raise InvalidInputError(f"world is {world!r}; allowed: {', '.join(TRUTHS)}")
+            raise InvalidInputError(
+                f"world is {world!r}{did_you_mean(world, TRUTHS)}; allowed: {', '.join(TRUTHS)}"
+            )
         truth = replace(self.config, world=world or self.config.world)
         parameters, start = draw_episode(seed, truth, scene, shapes, friction, roles)
         self.world.reset(start, parameters)

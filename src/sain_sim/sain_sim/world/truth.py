@@ -14,6 +14,7 @@ import numpy as np
 
 from sain_core.config import Config, option
 from sain_core.errors import ConfigError
+from sain_core.guarding.plugins import did_you_mean
 from sain_core.randomness import generator
 from sain_core.scene import Table
 from sain_core.shapes.shape import BOTTOMS, FEET, FLAT, FOOT_BEARINGS, Pair
@@ -251,8 +252,9 @@ class TruthConfig(Config):
         super().__post_init__()
         for effect in self.effect_names:
             if effect not in KNOWN_EFFECTS:
-                known = ", ".join((ALL, NONE, *KNOWN_EFFECTS))
-                raise ConfigError(f"effect is {effect!r}; allowed: {known}")
+                known = (ALL, NONE, *KNOWN_EFFECTS)
+                hint = did_you_mean(effect, known)
+                raise ConfigError(f"effect is {effect!r}{hint}; allowed: {', '.join(known)}")
         check_engine(self.engine)
         names = self.effect_names if self.world in LABS else ()
         check_effects(self.engine, [name for name in names if name in EFFECTS])
