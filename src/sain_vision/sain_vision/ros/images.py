@@ -8,7 +8,6 @@ from jaxtyping import Float, UInt8
 from numpy import ndarray
 
 from sain_core.errors import InvalidInputError
-from sain_core.guarding.plugins import did_you_mean
 
 TO_GREY: Final = {
     "mono8": None,
@@ -39,9 +38,8 @@ def decode_grey(message: Any) -> Grey:
     """
     channels = CHANNELS.get(message.encoding)
     if channels is None:
-        hint = did_you_mean(message.encoding, TO_GREY)
         raise InvalidInputError(
-            f"the image has the encoding {message.encoding!r}{hint}; allowed: {', '.join(TO_GREY)}"
+            f"the image has the encoding {message.encoding!r}; allowed: {', '.join(TO_GREY)}"
         )
     rows = _rows(message, channels)
     pixels = rows.reshape(message.height, message.width, channels)
@@ -54,10 +52,8 @@ def decode_grey(message: Any) -> Grey:
 def decode_depth(message: Any) -> Depth:
     """Return the distances along the optical axis [m]; NaN: unknown. Raises as `decode_grey`."""
     if message.encoding not in DEPTHS:
-        hint = did_you_mean(message.encoding, DEPTHS)
         raise InvalidInputError(
-            f"the depth image has the encoding {message.encoding!r}{hint};"
-            f" allowed: {', '.join(DEPTHS)}"
+            f"the depth image has the encoding {message.encoding!r}; allowed: {', '.join(DEPTHS)}"
         )
     kind, unit = DEPTHS[message.encoding]
     order = ">" if message.is_bigendian else "<"
