@@ -2,7 +2,7 @@ from dataclasses import dataclass
 
 import pytest
 
-from sain_core.config import Config, option
+from sain_core.config import Config, check_angle, check_number, option
 from sain_core.errors import ConfigError
 
 
@@ -10,11 +10,12 @@ from sain_core.errors import ConfigError
 class Tool(Config):
     radius: float = option(0.012, "radius", unit="m", minimum=0.001, maximum=0.05)
     shape: str = option("stick", "shape", choices=("stick", "ball"))
+    angle: float = option(0.0, "angle", unit="rad")
     lengths: tuple[float, ...] = option((0.1, 0.2), "lengths", unit="m", minimum=0.0)
 
 
 def test_defaults_stand_in_one_place() -> None:
-    assert Tool() == Tool(0.012, "stick", (0.1, 0.2))
+    assert Tool() == Tool(0.012, "stick", 0.0, (0.1, 0.2))
 
 
 @pytest.mark.parametrize(
@@ -24,9 +25,23 @@ def test_defaults_stand_in_one_place() -> None:
         ({"radius": 0.0}, r"Tool.radius is 0.0 m; it must be at least 0.001 m"),
         ({"radius": float("nan")}, "Tool.radius is nan; it must be finite"),
         ({"shape": "cone"}, "Tool.shape is 'cone'; allowed: 'stick', 'ball'"),
+        ({"radius": 12.0}, r"at most 0.05 m: 12 millimetres are 0.012 m"),
+        ({"angle": 90.0}, r"Tool.angle is 90.0 rad; .*: 90 degrees are 1.571 rad"),
         ({"lengths": (0.1, -0.2)}, r"Tool.lengths\[1\] is -0.2 m; it must be at least 0.0 m"),
     ],
 )
 def test_a_value_that_is_not_allowed_is_named(values: dict[str, object], message: str) -> None:
     with pytest.raises(ConfigError, match=message):
         Tool(**values)  # type: ignore[arg-type]
+
+
+def test_an_angle_of_a_file_beyond_a_turn_is_in_degrees() -> None:
+    assert check_angle("angle", -6.28) == -6.28
+    with pytest.raises(ConfigError, match=r"angle is 45; .*: 45 degrees are 0.7854 rad"):
+        check_angle("angle", 45)
+
+
+@pytest.mark.parametrize("value", [True, None, "0.1", float("nan"), [0.1]])
+def test_what_is_no_number_is_refused_with_what_is_allowed(value: object) -> None:
+    with pytest.raises(ConfigError, match=r"mass is .*; allowed: 0 to 100 kg"):
+        check_number("mass", value, 0.0, 100.0, "kg")

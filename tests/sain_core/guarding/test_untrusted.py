@@ -1,13 +1,14 @@
 """Only regular files are read."""
 
 import os
+import re
 import socket
 from pathlib import Path
 
 import pytest
 
 from sain_core.errors import UntrustedFileError
-from sain_core.guarding.untrusted import open_regular
+from sain_core.guarding.untrusted import open_regular, read_regular
 
 
 def test_special_files_are_refused(tmp_path: Path) -> None:
@@ -21,3 +22,24 @@ def test_special_files_are_refused(tmp_path: Path) -> None:
         ):  # fmt: skip
             with pytest.raises(UntrustedFileError, match=f"it is {kind}; only regular files"):
                 open_regular(path)
+
+
+@pytest.mark.parametrize(
+    ("content", "text"),
+    [
+        (
+            b"version https://git-lfs.github.com/spec/v1\noid sha256:0\n",
+            "`git lfs pull` fetches it",
+        ),
+        (b"\x28\xb5\x2f\xfd rest", "`zstd -d FILE`"),
+        (b"\x1f\x8b\x08 rest", "`gunzip FILE`"),
+        (b"\xef\xbb\xbf\n <!DOCTYPE html><html>Not found</html>", "it is a web page"),
+    ],
+)
+def test_what_stands_in_for_a_file_is_named(content: bytes, text: str, tmp_path: Path) -> None:
+    path = tmp_path / "bodies.yaml"
+    path.write_bytes(content)
+    with pytest.raises(UntrustedFileError, match=re.escape(text)):
+        read_regular(path)
+    path.write_bytes(b"# <html> in a comment\n" + content[:4])
+    assert read_regular(path).endswith(content[:4])
