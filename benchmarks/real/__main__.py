@@ -1,4 +1,4 @@
-"""``make real DATA=PATH``: who predicts real pushes how well; writes docs/reference/real.md."""
+"""``make real DATA=PATH``: who predicts real pushes how well; writes results/real/real.md."""
 
 import json
 import sys

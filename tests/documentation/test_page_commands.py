@@ -5,6 +5,7 @@ import re
 import subprocess
 import sys
 from importlib import import_module
+from itertools import pairwise
 from pathlib import Path
 from shlex import split
 
@@ -23,6 +24,17 @@ def test_programs_options_and_values_exist(page: Path, tmp_path: Path) -> None:
         for words in commands_in(block.code, tmp_path):
             wrong += [f"line {block.line}: {problem}" for problem in problems(words)]
     assert wrong == []
+
+
+@pytest.mark.parametrize("page", PAGES, ids=page_name)
+def test_what_is_written_stays_out_of_the_root(page: Path, tmp_path: Path) -> None:
+    """Git ignores these folders of the checkout; some pages have a placeholder."""
+    commands = [w for block in command_blocks(page) for w in commands_in(block.code, tmp_path)]
+    written = [
+        one for words in commands for option, one in pairwise(words) if option in ("--out", "--bag")
+    ]
+    folders = ("results/", "runs/", "data/", "bags/", "/", "~", "$")
+    assert [one for one in written if not one.startswith(folders) and not one.isupper()] == []
 
 
 @pytest.mark.parametrize("page", PAGES, ids=page_name)

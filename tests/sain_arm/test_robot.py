@@ -1,7 +1,9 @@
 # ruff: noqa: E501 - a case is a line
 """The YAML file of a robot, and its URDF: what is taken, and what is refused with a reason."""
 
+import re
 from pathlib import Path
+from textwrap import dedent
 from typing import Any
 
 import numpy as np
@@ -11,8 +13,9 @@ import yaml
 from sain_arm.planning.push_planner import PushPlanner
 from sain_arm.planning.reach import table_of_reach
 from sain_arm.robot.arm_model import ArmModel
-from sain_arm.robot.robot import Robot, parse_robot, read_robot
+from sain_arm.robot.robot import SHIPPED, Robot, parse_robot, read_robot
 from sain_core.errors import ConfigError, UnreachableError
+from tests.paths import ROOT
 
 CYLINDER = '<collision><geometry><cylinder radius="0.03" length="0.1"/></geometry></collision>'
 URDF = f"""<robot name="two">
@@ -365,3 +368,15 @@ def test_a_robot_stands_where_the_file_says(ur5: Any) -> None:
     )
     x, y, z = ArmModel(robot).tip(robot.home)
     np.testing.assert_allclose(ArmModel(moved).tip(robot.home), [0.3 - y, 0.1 + x, z], atol=1e-6)
+
+
+def test_the_file_of_the_guide_is_an_arm_that_reaches_the_guide_s_goal(tmp_path: Path) -> None:
+    """With the shipped UR5's description in place of the UR5e's, which is not installed."""
+    page = (ROOT / "docs/guides/your_robot.md").read_text()
+    lines = re.search(r"^    urdf: ur5e\.urdf.*?(?=^$)", page, re.MULTILINE | re.DOTALL)[0]
+    urdf = re.search(r"urdf: (\S+)", (SHIPPED / "ur5.yaml").read_text())[1]
+    path = tmp_path / "my_arm.yaml"
+    path.write_text(dedent(lines).replace("ur5e.urdf", urdf))
+    planner = PushPlanner(read_robot(str(path)))
+    assert planner.arm.tip(planner.robot.home)[2] > 0.1
+    assert table_of_reach(planner).room(np.array([[0.55, 0.1]])) > 0.1

@@ -126,6 +126,7 @@ def test_a_robot_sees_by_a_camera(tmp_path: Path) -> None:
         ({"robot": "python3", "see": "tags"}, "--see tags needs the bodies of the robot"),
         ({"robot": "python3", "engine": "mujoco"}, "--robot replaces the simulator"),
         ({"robot": "no_such_driver"}, "there is no command 'no_such_driver'"),
+        ({"robot": "ur5"}, "'ur5'. It starts a driver: .*--robot elsewhere and start arm_node"),
         ({"robot": "python3 '"}, "No closing quotation"),
         ({"robot": "python3 --ros-args"}, "--robot has --ros-args; the graph adds its own"),
         ({"robot": "python3", "bodies": Path("b.yaml")}, r"bodies file b\.yaml: No such file"),

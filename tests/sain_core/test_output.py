@@ -202,7 +202,7 @@ def test_links_are_not_followed_when_something_is_removed(ours: Path, tmp_path: 
             remove(path)
     (tmp_path / "victim").write_text(MINE)
     (ours / "to_victim").symlink_to(tmp_path / "victim")
-    with pytest.raises(OutputError, match="to_victim is a symbolic link"):
+    with pytest.raises(OutputError, match=r"nothing is removed: .*to_victim is a symbolic link"):
         remove(ours)
     assert (ours / "a.json").exists() and (tmp_path / "victim").read_text() == MINE
 

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from sain_core.errors import InvalidInputError
+from sain_core.errors import DatasetError, InvalidInputError
 from sain_core.push import make_push
 from sain_core.scene import MASS, RADIUS
 from sain_core.transitions import (
@@ -15,6 +15,7 @@ from sain_core.transitions import (
     Column,
     PushHistory,
     Transitions,
+    draw_parts,
 )
 
 
@@ -92,3 +93,12 @@ def test_noise_stays_with_its_push_and_must_be_possible() -> None:
     assert not exact.equals(grown) and not grown.equals(exact) and grown.equals(grown)
     with pytest.raises(InvalidInputError, match=r"noise is -0\.1 m"):
         PushHistory.empty().then(SCENE, PUSH, SCENE, np.array([0.0, -0.1]))
+
+
+@pytest.mark.parametrize(("test", "least"), [(0.15, 3), (0.0, 2)])
+def test_too_few_episodes_to_divide_are_refused_with_how_many_are_needed(
+    test: float, least: int
+) -> None:
+    with pytest.raises(DatasetError, match=rf"at least {least} are needed; collect or convert"):
+        draw_parts(np.arange(least - 1), 0, 0.1, test)
+    assert [part.sum() for part in draw_parts(np.arange(least), 0, 0.1, test)][:2] == [1, 1]

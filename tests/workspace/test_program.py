@@ -21,14 +21,14 @@ NOT_INSTALLED = (
 )  # fmt: skip
 
 
-BLOCKED = f"""
+BLOCKED = """
 import sys
 from importlib.machinery import PathFinder
 
 class Installed(PathFinder):
     @classmethod
     def find_spec(cls, name, path=None, target=None):
-        if name.partition(".")[0] not in {NOT_INSTALLED}:
+        if name.partition(".")[0] not in %r:
             return PathFinder.find_spec(name, path, target)
 
 sys.meta_path = [Installed if finder is PathFinder else finder for finder in sys.meta_path]
@@ -86,11 +86,16 @@ def test_pip_install_is_enough_for_the_readme(installed: Path, tmp_path: Path) -
     )
 
 
-def run_without_ros(arguments: list[str], folder: Path) -> subprocess.CompletedProcess[str]:
-    """Run `sain` where only what `pip install .` brings can be imported."""
+def run_without_ros(
+    arguments: list[str], folder: Path, absent: tuple[str, ...] = NOT_INSTALLED
+) -> subprocess.CompletedProcess[str]:
+    """Run `sain` where only what `pip install .` brings can be imported, or all but some."""
     call = f"from sain_core.cli.program import main\nsys.exit(main({arguments!r}))\n"
     return subprocess.run(
-        [sys.executable, "-c", BLOCKED + call], cwd=folder, capture_output=True, text=True
+        [sys.executable, "-c", BLOCKED % (absent,) + call],
+        cwd=folder,
+        capture_output=True,
+        text=True,
     )
 
 
@@ -126,3 +131,21 @@ def test_what_cannot_be_is_said(arguments: list[str], code: int, text: str, tmp_
     found = run_without_ros(arguments, tmp_path)
     assert found.returncode == code
     assert text in found.stderr and "Traceback" not in found.stderr
+
+
+@pytest.mark.parametrize(
+    ("absent", "arguments", "brings"),
+    [
+        ("mink", ["arm_node", "--ros-args", "-p", "robot:=ur5"], "pip install '.[arm]'"),
+        ("mink", ["laboratory", "--robot", "ur5"], "pip install '.[arm]'"),
+        ("viser", ["page_node"], "pip install viser websockets"),
+        ("vision_msgs", ["scene_node"], "./env --with robots true"),
+    ],
+)
+def test_a_package_that_not_every_installation_has_is_named(
+    absent: str, arguments: list[str], brings: str, tmp_path: Path, ros_domain: int
+) -> None:
+    found = run_without_ros(arguments, tmp_path, (absent,))
+    assert found.returncode == 1
+    text = f"{arguments[0]}: needs {absent}, which is not installed; {brings}"
+    assert found.stderr.startswith(text) and len(found.stderr.splitlines()) == 1, found.stderr

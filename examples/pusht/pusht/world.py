@@ -57,7 +57,7 @@ def make_env() -> Any:
         import gymnasium
         import gym_pusht  # noqa: F401  # isort: skip  (registers the environment)
     except ImportError as error:
-        install = "pip install gym-pusht gymnasium"
+        install = "pip install '.[pusht]' in the checkout of SAIN"
         raise ConfigError(f"gym-pusht cannot be imported ({error}); {install}") from error
     return gymnasium.make("gym_pusht/PushT-v0").unwrapped
 

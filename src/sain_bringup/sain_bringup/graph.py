@@ -188,7 +188,11 @@ class GraphOptions(GraphConfig):
         if "--ros-args" in words:
             raise ConfigError("--robot has --ros-args; the graph adds its own to the command")
         if words and words[0] != ELSEWHERE and shutil.which(words[0]) is None:
-            raise ConfigError(f"--robot is {self.robot!r}; there is no command {words[0]!r}")
+            raise ConfigError(
+                f"--robot is {self.robot!r}; there is no command {words[0]!r}. It starts a driver:"
+                f" for an arm's file or name, give --robot {ELSEWHERE} and start arm_node, or start"
+                " laboratory --robot"
+            )
         if self.bodies is not None:
             read_bodies(self.bodies)
 

@@ -192,8 +192,11 @@ def remove(path: Path) -> None:
 
 def _removable(path: Path) -> Iterator[Path]:
     """Yield all that is removed with a path, in that order; raises `OutputError`."""
-    if not stat.S_ISDIR(path.lstat().st_mode):
-        is_file(path)
+    mode = path.lstat().st_mode
+    if not stat.S_ISDIR(mode):
+        if not stat.S_ISREG(mode):
+            kind = "a symbolic link" if stat.S_ISLNK(mode) else "no regular file"
+            raise OutputError(f"nothing is removed: {path} is {kind}; remove it yourself")
         if path.name != MANIFEST and not is_ours(path):
             raise OutputError(
                 f"nothing is removed: SAIN did not write {path}, or it was changed since;"

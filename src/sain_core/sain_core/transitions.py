@@ -260,7 +260,10 @@ def draw_parts(
     held = [max(round(share * len(episodes)), 1) if share else 0 for share in (validation, test)]
     if len(episodes) <= sum(held):
         wanted = "train, validate and test" if test else "train and validate"
-        raise DatasetError(f"{len(episodes)} episodes are too few to {wanted}")
+        raise DatasetError(
+            f"{len(episodes)} episodes are too few to {wanted}: at least {sum(held) + 1} are"
+            " needed; collect or convert more"
+        )
     shuffled = generator(seed, "split").permutation(episodes)
     in_test = np.isin(labels, shuffled[: held[1]])
     in_validation = np.isin(labels, shuffled[held[1] : sum(held)])

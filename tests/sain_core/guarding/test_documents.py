@@ -111,8 +111,9 @@ def test_what_is_dumped_is_read_as_it_was() -> None:
     assert list(parse_yaml(dump_yaml(content))) == list(content)
 
 
-def test_a_matrix_of_opencv_is_read() -> None:
-    text = """%YAML:1.0
+@pytest.mark.parametrize("version", ["%YAML:1.0", "%YAML 1.0", "%YAML 1.2"])
+def test_a_matrix_of_opencv_is_read(version: str) -> None:
+    text = f"""{version}
 ---
 camera_matrix: !!opencv-matrix
    rows: 1
@@ -130,6 +131,7 @@ camera_matrix: !!opencv-matrix
         (b"", "is not read: it is empty; it must have keys and values"),
         (b"- 1\n- 2\n", r"is not read: it has \[1, 2\]; it must have keys and values"),
         (b"a: 1\nb: \xe4\n", "is not read: it is not UTF-8: line 2 has the byte 0xe4"),
+        (b"<robot/>", "is not read: it is XML .a URDF goes under the key `urdf` of a robot file"),
         (None, "No such file or directory; try another one"),
     ],
 )

@@ -22,7 +22,8 @@ FILES = {
     "bag.mcap.gz": (b"\x1f\x8b\x08" + bytes(90), "compressed as a whole; `gunzip FILE`"),
     "empty.mcap": (b"", r"is empty \(0 bytes\)"),
     "zeros.mcap": (bytes(4096), "begins with zeros only"),
-    "README.md": ("# Überschrift\n".encode(), "is a text file, not a recording"),
+    "README.md": ("# Überschrift\n".encode(), "is a text file, not a recording; give a bag"),
+    "old.bag": (b"#ROSRECORD V1.2\n", "is a bag of ROS 1 before 2010; `rosbag fix`"),
     "arm.urdf": (b'<?xml version="1.0"?>\n<robot name="a"/>', "describes a robot"),
     "failed.mcap": (b"\n<!DOCTYPE html><html>", "is a web page, as failed downloads"),
     "metadata.yaml": (b"rosbag2_bagfile_information:\n", "describes a bag; name the folder"),
@@ -74,6 +75,9 @@ def test_bags_and_data_sets_are_told_apart(tmp_path: Path) -> None:
     ):
         with pytest.raises(DatasetError, match=said):
             load_dataset(path)
+    (bag / "metadata.yaml").unlink()
+    with pytest.raises(DatasetError, match="was not closed; `sain info` says what to do"):
+        load_dataset(bag)
     for path, said in (
         (data, "is a data set of pushes, not a bag; `sain train` takes it"),
         (data / "shard-00000.npz", "is a shard of a data set .*`sain train` takes its folder"),

@@ -154,6 +154,20 @@ def test_a_cost_of_ones_own_that_is_never_finite_is_named(
         objective.terms(pushes, predicted)
 
 
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [
+        ("a", "cost 'mine' of the package of my_parts: it returned <U1; it must be real numbers"),
+        (None, "it returned object; it must be real numbers"),
+        (1j, "it returned complex128; it must be real numbers"),
+    ],
+)
+def test_a_cost_of_ones_own_that_is_no_number_is_named(scene, dynamics, monkeypatch, value, text):
+    offer(monkeypatch, lambda rollout, objective: [value] * len(rollout.pushes))
+    with pytest.raises(ConfigError, match=text):
+        Objective(problem_of(scene, Goal.place(0.5, 0.25)), WEIGHTS).rest_cost()
+
+
 def test_a_cost_of_ones_own_may_forbid_some_samples(scene, dynamics, monkeypatch):
     def mine(rollout, objective):
         return np.where(np.arange(len(rollout.pushes)) % 2, np.inf, 0.0)

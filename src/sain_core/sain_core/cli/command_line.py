@@ -82,7 +82,11 @@ def _reader_is_gone() -> bool:
 
 
 LONGEST: Final = 4000  # characters of an error
-MESSAGES_OF_ROBOTS: Final = ("control_msgs", "vision_msgs")
+BRINGS: Final = {  # packages that `pip install .` or a ROS 2 does not have, and what does
+    **dict.fromkeys(("control_msgs", "vision_msgs"), "./env --with robots true builds it"),
+    **dict.fromkeys(("daqp", "mink", "mujoco"), "pip install '.[arm]' in the checkout brings it"),
+    **dict.fromkeys(("viser", "websockets"), "pip install viser websockets brings it"),
+}
 WRONG_USAGE: Final = 2  # exit code after an argument that is not allowed
 
 
@@ -176,7 +180,8 @@ class Command:
             def on_broken_pipe(self) -> None:  # by default it ends the process, with exit code 1
                 raise  # noqa: PLE0704 - rich calls this where it handles the error
 
-        return self.file.run(options, Output()) or 0
+        with naming_what_is_missing():
+            return self.file.run(options, Output()) or 0
 
     def _fail(self, error: SainError, code: int) -> int:
         from rich.console import Console
@@ -409,15 +414,21 @@ def load(command: str, path: str) -> Any:
     """Return a module in the package of a command, or what stands there as ``module:name``.
 
     Raises:
-        ConfigError: it needs messages that ./env builds for robots alone.
+        ConfigError: it needs a package that not every installation has.
     """
     name, _, item = path.partition(":")
-    try:
+    with naming_what_is_missing():
         module = import_module(f"{command.split()[0]}.{name}")
-    except ModuleNotFoundError as error:
-        if error.name in MESSAGES_OF_ROBOTS:
-            raise ConfigError(
-                f"needs {error.name}, which is not there: ./env --with robots true builds it"
-            ) from None
-        raise
     return getattr(module, item) if item else module
+
+
+@contextmanager
+def naming_what_is_missing() -> Iterator[None]:
+    """Raise `ConfigError` in place of an import that fails where `BRINGS` has the package."""
+    try:
+        yield
+    except ModuleNotFoundError as error:
+        package = (error.name or "").partition(".")[0]
+        if package not in BRINGS:
+            raise
+        raise ConfigError(f"needs {package}, which is not installed; {BRINGS[package]}") from None

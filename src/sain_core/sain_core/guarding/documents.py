@@ -126,7 +126,7 @@ NUMBERS: Final = {  # as in YAML 1.2 and JSON: 1e0 is a number, 010 is ten, 1:30
     f"{TAG}float": r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?"
     r"|[-+]?\.(inf|Inf|INF)|\.(nan|NaN|NAN|Nan)",
 }
-OPENCV: Final = "%YAML:1.0", f"{TAG}opencv-matrix"  # how OpenCV begins a file, and tags a matrix
+OPENCV: Final = "%YAML", f"{TAG}opencv-matrix"  # how OpenCV begins a file, and tags a matrix
 LOADER: Final[Any] = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 DUMPER: Final[Any] = getattr(yaml, "CSafeDumper", yaml.SafeDumper)  # ten times as fast
 
@@ -198,6 +198,8 @@ def read_user_yaml(path: Path, what: str, known: str = "") -> dict[Any, Any]:
         raise ConfigError(f"{what} {path}: {reason_of(error)}{known}") from error
     if not isinstance(content, dict):
         found = "it is empty" if content is None else f"it has {shown(content)}"
+        if isinstance(content, str) and content.startswith("<"):
+            found = "it is XML (a URDF goes under the key `urdf` of a robot file)"
         raise ConfigError(f"{what} {path} is not read: {found}; it must have keys and values")
     return content
 
@@ -210,7 +212,7 @@ def parse_yaml(text: str) -> Any:
     """
     limit("bytes", len(text), YAML_BYTES)
     if text.startswith(OPENCV[0]):
-        text = f"#{text}"  # a comment: its version is wrong
+        text = f"#{text}"  # a comment: the version is wrong, and of every version we read the same
     try:
         _check_events(text)
         return yaml.load(text, _Loader)  # it is a safe one

@@ -18,6 +18,7 @@ PICTURE: Final = "is a picture; a bag has the extension .mcap or .db3"
 BEGINNINGS: Final = {  # of files: what they are, and what to do
     MCAP: "is an MCAP file: a recording; `sain info` shows it, `sain to_dataset` converts it",
     SQLITE: "is a sqlite3 file, perhaps of a bag; `sain to_dataset` converts bags",
+    b"#ROSRECORD": "is a bag of ROS 1 before 2010; `rosbag fix` of ROS 1 makes a newer one",
     b"#ROSBAG V": "is a bag of ROS 1; `rosbags-convert --src BAG --dst FOLDER` makes one of ROS 2",
     **STAND_INS,
     b"\xd0\xcf\x11\xe0": "is a document of an old Office; save a table as CSV (UTF-8)",
@@ -31,6 +32,8 @@ BEGINNINGS: Final = {  # of files: what they are, and what to do
     b"%PDF": "is a PDF file: neither a bag nor a data set",
     b"\x7fELF": "is a program: neither a bag nor a data set",
 }
+NOT_CLOSED: Final = "is a bag without metadata.yaml: it was not closed; `sain info` says what to do"
+WANTED: Final = "give a bag (its folder, .mcap or .db3) or the folder of a data set"
 SHEETS: Final = ("xl/workbook.xml", "content.xml")  # in an .xlsx and in an .ods
 TAR: Final = (257, b"ustar")  # where it stands
 SHARDS: Final = "shard-*.npz"
@@ -42,8 +45,8 @@ FOLDERS: Final = {  # a pattern of what is in a folder: what that is, and what t
     "data/main_data.hdf5": DATA_SET + "it is in Minari's format, which `minari` reads",
     "*-[0-9]*.parquet": DATA_SET + "it is in Parquet, which pandas and polars read",
     "laboratory.json": "is a laboratory; `sain lab` shows it",
-    "*.mcap": "is a bag without metadata.yaml: it was not closed",
-    "*.db3": "is a bag without metadata.yaml: it was not closed",
+    "*.mcap": NOT_CLOSED,
+    "*.db3": NOT_CLOSED,
     "*.zstd": "has compressed files and no metadata.yaml; `zstd -d FILE` unpacks each",
     "*.bag": "has bags of ROS 1; `rosbags-convert --src BAG --dst FOLDER` makes one of ROS 2",
     "*/metadata.yaml": "has bags in folders below it; name one of them",
@@ -108,4 +111,4 @@ def _texts(path: Path, text: str) -> Iterator[str]:
         yield "is a table (CSV); `sain real_import` takes recordings of pushes"
     if path.suffix in (".json", ".yaml", ".yml", ".xml"):
         yield f"is {path.suffix[1:].upper()}, not a recording"
-    yield "is a text file, not a recording"
+    yield f"is a text file, not a recording; {WANTED}"

@@ -344,12 +344,16 @@ def _further(name: str, rollout: Rollout, objective: Objective) -> Scalars:
     """Return the term (K,) of a package, unweighted.
 
     Raises:
-        ConfigError: it has another shape, or is finite for no prediction that is finite.
+        ConfigError: it has another shape, is no numbers, or is finite for no prediction that is
+            finite.
     """
     entry, cost = find_cost(name)
-    values, right = np.asarray(cost(rollout, objective), dtype=np.float64), (len(rollout.pushes),)
-    if values.shape != right:
-        raise COSTS.wrong(entry, f"it returned the shape {values.shape}; it must be {right}")
+    found, right = np.asarray(cost(rollout, objective)), (len(rollout.pushes),)
+    if found.shape != right:
+        raise COSTS.wrong(entry, f"it returned the shape {found.shape}; it must be {right}")
+    if not np.can_cast(found.dtype, np.float64, "same_kind"):
+        raise COSTS.wrong(entry, f"it returned {found.dtype}; it must be real numbers")
+    values = found.astype(np.float64)
     possible = np.isfinite(rollout.after).all(axis=(1, 2, 3))
     is_judged = len(values) > 1 or not rollout.moving.any()  # one sequence may be impossible
     if is_judged and possible.any() and not np.isfinite(values[possible]).any():
