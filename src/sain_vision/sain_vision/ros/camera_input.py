@@ -18,7 +18,7 @@ from sain_core.guarding.ros.reception import LARGE_BYTES, Reception
 from sain_core.ros import codec
 from sain_core.ros.qos import LATCHED, LATCHED_QUEUE, TRANSFORMS
 from sain_vision.extrinsics_file import read_extrinsics
-from sain_vision.optics import CameraModel, check_calibration, rotation_of
+from sain_vision.optics import CameraModel, check_calibration, check_view, rotation_of
 from sain_vision.ros.settings import CameraInputConfig
 from sain_vision.ros.transforms import take_transforms
 from sain_vision.scene.frame_tree import FrameTree
@@ -53,6 +53,7 @@ class CameraInput:
         self._image_topic, self._info_topic = topics
         self._tree = FrameTree(config.frame)
         self._info: CameraInfo | None = None
+        self._viewed = b""  # the pose from which the table is seen
         self._stampless = Time()
         self._model: CameraModel | None = None  # of the latest calibration, without its pose
         reception.listen(CameraInfo, self._info_topic, self._on_info, NEWEST, refuse)
@@ -72,7 +73,7 @@ class CameraInput:
         message.header.stamp = self._stampless
         if message == self._info:
             return
-        self._info, self._model = message, None
+        self._info, self._model, self._viewed = message, None, b""
         _check_raw(message, self._node.resolve_topic_name(self._image_topic))
         matrix = np.array(message.k, dtype=np.float64).reshape(3, 3)
         distortion = np.array(message.d, dtype=np.float64)
@@ -100,7 +101,11 @@ class CameraInput:
             self._on_image(message, self._model)
             return
         place, turn, _ = self._tree.transform(message.header.frame_id)
-        self._on_image(message, self._model.moved(rotation_of(turn), place))
+        camera = self._model.moved(rotation_of(turn), place)
+        if (pose := np.concatenate([place, turn]).tobytes()) != self._viewed:
+            check_view(camera, f"the camera {message.header.frame_id!r}")
+            self._viewed = pose  # to look takes 3 ms
+        self._on_image(message, camera)
 
     def _check_time(self, stamp: float) -> None:
         age = self._node.get_clock().now().nanoseconds * 1e-9 - stamp
@@ -142,8 +147,8 @@ def _check_raw(message: CameraInfo, topic: str) -> None:
 class CameraPlace:
     """Publishes where a camera is, as the file of its calibration has it."""
 
-    def __init__(self, node: Node, path: str) -> None:
-        """Publish it; without a path nothing: somebody else does.
+    def __init__(self, node: Node, path: str, table: str) -> None:
+        """Publish it, from which the `table` is seen; without a path nothing: somebody else does.
 
         Raises:
             ConfigError: the file cannot be used.
@@ -151,7 +156,7 @@ class CameraPlace:
         self._publisher = None
         if not path:
             return
-        pose = read_extrinsics(Path(path).expanduser())
+        pose = read_extrinsics(Path(path).expanduser(), table)
         (x, y, z), (a, b, c, d) = pose.place.tolist(), pose.turn.tolist()
         one = TransformStamped(child_frame_id=pose.frame)
         one.header = codec.header(node.get_clock().now().to_msg())

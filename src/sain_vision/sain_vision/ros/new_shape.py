@@ -20,7 +20,7 @@ from sain_core.shapes.outlines import METRES, SHAPES, UNIT, BodyOutline, trace
 from sain_vision.detection.tracing import TracedTop, TracingConfig, draw_top, trace_top
 from sain_vision.extrinsics_file import read_extrinsics
 from sain_vision.look_files import read_camera, read_depth, read_picture
-from sain_vision.optics import CameraModel, rotation_of
+from sain_vision.optics import CameraModel
 
 FARTHEST: Final = 3.0  # [m], that is black in a picture of depth
 SCALE: Final = 2  # times as large a picture is shown
@@ -165,8 +165,7 @@ def _look(options: NewShapeOptions) -> tuple[np.ndarray, CameraModel, np.ndarray
                 cv2.cvtColor(grey, cv2.COLOR_GRAY2BGR) if grey.shape == depth.shape else picture
             )
     if options.extrinsics is not None:
-        pose = read_extrinsics(options.extrinsics)
-        camera = camera.moved(rotation_of(pose.turn), pose.place)
+        camera = read_extrinsics(options.extrinsics).placed(camera)
     return depth, camera, picture if options.image is None else read_picture(options.image)
 
 
