@@ -22,6 +22,7 @@ from sain_vision.optics import CameraModel, check_calibration
 IMAGE_BYTES: Final = 50_000_000
 IMAGE_PIXELS: Final = 50_000_000
 LARGEST_SIDE: Final = 50_000  # [px]
+DEPTHS: Final = (0.05, 10.0)  # [m]
 MILLIMETRE: Final = 1e-3  # [m], unit of depth images
 INFO: Final = (
     "image_width", "image_height", "camera_matrix", "distortion_model", "distortion_coefficients",
@@ -40,7 +41,23 @@ def read_depth(path: Path) -> Float[ndarray, "height width"]:
             f"{path} has pixels of {pixels.dtype} and shape {pixels.shape}; a depth image has one"
             " number of 16 bits, in mm, for each"
         )
-    return np.where(pixels > 0, pixels * MILLIMETRE, np.nan)
+    return known_depths(pixels * MILLIMETRE)
+
+
+def known_depths(metres: Float[ndarray, "height width"]) -> Float[ndarray, "height width"]:
+    """Return distances [m], NaN where they are unknown, which is 0.
+
+    Raises:
+        InvalidInputError: none is one that a camera over a table sees.
+    """
+    known = metres[metres > 0.0]
+    if not ((known > DEPTHS[0]) & (known < DEPTHS[1])).any():
+        found = f"their median is {np.median(known):.3g} m" if len(known) else "all are unknown"
+        raise InvalidInputError(
+            f"the depth image has no distance of {DEPTHS[0]:g} to {DEPTHS[1]:g} m, {found}: 16 bits"
+            " must be in mm, floats in m, bytes in the stated order, and the camera uncovered"
+        )
+    return np.where(metres > 0.0, metres, np.nan)
 
 
 def read_picture(path: Path) -> UInt8[ndarray, "height width 3"]:
@@ -106,7 +123,9 @@ def _check_header(path: Path, data: UInt8[ndarray, "B"]) -> None:
         with warnings.catch_warnings(action="ignore"):
             width, height = Image.open(BytesIO(data.tobytes())).size
     except Image.DecompressionBombError as error:
-        raise ConfigError(f"image {path} is not read: {error}") from error
+        raise ConfigError(
+            f"image {path} announces more pixels than the {IMAGE_PIXELS:,} that are read"
+        ) from error
     except (OSError, ValueError, SyntaxError) as error:
         raise ConfigError(f"{path} is no image that OpenCV reads; give a PNG") from error
     if width * height > IMAGE_PIXELS:

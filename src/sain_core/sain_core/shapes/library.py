@@ -127,7 +127,7 @@ def library() -> tuple[Shape, ...]:
 log = logging.getLogger(__name__)
 GROUP: Final = "sain.shapes"
 OUTLINES: Final = (".yaml", ".json")
-PLAIN: Final = re.compile(r"[\w.-]{1,64}")  # name of an outline file
+PLAIN: Final = re.compile(r"\w[\w.-]{0,63}(?<!\.yaml)(?<!\.json)")  # name of an outline file
 MOST_OUTLINE: Final = 64  # corners
 ALIKE: Final = 0.7  # of the letters: `disk` is no slip of `half_disk`
 OFFERED: Final = Plugins(GROUP, "shape")

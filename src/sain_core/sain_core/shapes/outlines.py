@@ -258,7 +258,8 @@ def _wrong_ring(points: Points, ring: Any) -> str:
 
 def _check_size(what: str, radius: float) -> None:
     if not LEAST_RADIUS <= radius <= MOST_RADIUS:
-        hint = ": it looks like millimetres" if radius > MOST_RADIUS else ""
+        in_metres = LEAST_RADIUS <= 1e-3 * radius <= MOST_RADIUS
+        hint = ": it looks like millimetres" if radius > MOST_RADIUS and in_metres else ""
         raise DatasetError(
             f"{what} has a radius of {radius:.4g} m{hint}; allowed: {LEAST_RADIUS} to"
             f" {MOST_RADIUS} m"

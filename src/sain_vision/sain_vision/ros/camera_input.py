@@ -53,6 +53,7 @@ class CameraInput:
         self._image_topic, self._info_topic = topics
         self._tree = FrameTree(config.frame)
         self._info: CameraInfo | None = None
+        self._unusable = ""  # why the latest calibration is not used
         self._viewed = b""  # the pose from which the table is seen
         self._stampless = Time()
         self._model: CameraModel | None = None  # of the latest calibration, without its pose
@@ -74,11 +75,18 @@ class CameraInput:
         if message == self._info:
             return
         self._info, self._model, self._viewed = message, None, b""
+        try:
+            self._model = self._calibrated(message)
+        except InvalidInputError as error:
+            self._unusable = str(error)
+            raise
+
+    def _calibrated(self, message: CameraInfo) -> CameraModel:
         _check_raw(message, self._node.resolve_topic_name(self._image_topic))
         matrix = np.array(message.k, dtype=np.float64).reshape(3, 3)
         distortion = np.array(message.d, dtype=np.float64)
         size = int(message.width), int(message.height)
-        self._model = check_calibration(*size, matrix, message.distortion_model, distortion)
+        return check_calibration(*size, matrix, message.distortion_model, distortion)
 
     def _on_tf(self, message: TFMessage, static: bool = False) -> None:
         take_transforms(self._tree, message, static)
@@ -91,7 +99,7 @@ class CameraInput:
                 " the camera must publish its CameraInfo"
             )
         if self._model is None:
-            raise InvalidInputError("the camera's calibration is not used; see what was wrong")
+            raise InvalidInputError(self._unusable)
         if (message.width, message.height) != (self._model.width, self._model.height):
             raise InvalidInputError(
                 f"the image is {message.width} x {message.height} px and its calibration is for"
@@ -100,6 +108,10 @@ class CameraInput:
         if not self._placed:
             self._on_image(message, self._model)
             return
+        if not message.header.frame_id:
+            raise InvalidInputError(
+                "the image has no frame_id; the driver must state the camera's optical frame"
+            )
         place, turn, _ = self._tree.transform(message.header.frame_id)
         camera = self._model.moved(rotation_of(turn), place)
         if (pose := np.concatenate([place, turn]).tobytes()) != self._viewed:
@@ -112,6 +124,7 @@ class CameraInput:
         if age > self._max_age:
             raise InvalidInputError(
                 f"the image is {age:.1f} s old; at most {self._max_age:g} s is allowed"
+                + "; its stamp is 0: the driver must stamp images" * (stamp == 0.0)
             )
         if age < -self._max_age:
             raise InvalidInputError(f"the image is stamped {-age:.1f} s in the future; {FUTURE}")

@@ -9,6 +9,7 @@ from numpy import ndarray
 
 from sain_core.errors import InvalidInputError
 from sain_core.guarding.plugins import did_you_mean
+from sain_vision.look_files import known_depths
 
 TO_GREY: Final = {
     "mono8": None,
@@ -63,7 +64,7 @@ def decode_depth(message: Any) -> Depth:
     order = ">" if message.is_bigendian else "<"
     rows = np.ascontiguousarray(_rows(message, int(kind[1]))).view(order + kind)
     depth = rows.reshape(message.height, message.width).astype(np.float64) * unit
-    return np.where(depth > 0.0, depth, np.nan)
+    return known_depths(depth)
 
 
 def _rows(message: Any, size: int) -> UInt8[ndarray, "height bytes"]:
