@@ -177,6 +177,7 @@ def test_lenses_that_can_be_are_used(lens: str, numbers: list, focal: float) -> 
     matrix = np.array([[focal, 0, 645.0], [0, focal, 470.0], [0, 0, 1]])
     camera = check_calibration(WIDTH, HEIGHT, matrix, lens, np.array(numbers))
     assert np.isfinite(camera.rays(np.array([[640.0, 480.0]]))).all()
+    assert camera.misses_corners == (focal in (950.0, 320.0, 250.0))
 
 
 def test_a_fisheye_without_its_numbers_is_refused() -> None:

@@ -150,6 +150,12 @@ class CameraModel:
         bent = self._bend(flat)
         return np.asarray(np.column_stack([bent, np.ones(len(bent))]) @ self.matrix[:2].T)
 
+    @property
+    def misses_corners(self) -> bool:
+        """Whether the lens has no inverse in a corner of the image."""
+        corners = np.array([(x, y) for x in (0, self.width - 1) for y in (0, self.height - 1)])
+        return not np.isfinite(self.slopes(corners.astype(np.float64))).all()
+
     def moved(self, rotation: Matrix, place: Float[ndarray, "3"]) -> "CameraModel":
         """Return the same camera at another pose in the world."""
         return replace(self, rotation=rotation, place=place)
@@ -233,7 +239,7 @@ def check_calibration(
 def _check_lens(camera: CameraModel) -> None:
     """Check that a lens is one from the principal point to the middle of each edge of the image.
 
-    Corners may be lost: where a body is seen there, it is said.
+    Corners may be lost, see `CameraModel.misses_corners`.
 
     Raises:
         InvalidInputError: the distortion folds, or it stretches the image as no lens does.

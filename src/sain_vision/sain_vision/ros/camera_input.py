@@ -77,6 +77,11 @@ class CameraInput:
         self._info, self._model, self._viewed = message, None, b""
         try:
             self._model = self._calibrated(message)
+            if self._model.misses_corners:
+                self._node.get_logger().warning(
+                    "the camera's lens has no inverse in the corners of the image: bodies are not"
+                    " seen there; calibrate it with the board also in the corners"
+                )
         except InvalidInputError as error:
             self._unusable = str(error)
             raise
