@@ -14,6 +14,7 @@ from sain_vision.ros.outline_node import OutlineNode
 from sain_vision.ros.tag_node import TagNode
 
 DOWN = [1.0, 0.0, 0.0, 0.0]  # x y z w
+WXYZ = [0.1516, -0.3514, 0.8483, -0.3661]  # as it must not be written
 POSE = {"frame": "cam", "parent": "world", "place": [0.6, 0.0, 1.0], "turn": DOWN}
 INFO = {
     "image_width": 640,
@@ -35,6 +36,7 @@ def write(folder: Path, name: str, content: Any) -> Path:
     ("change", "text"),
     [
         ({"place": [0.6, 0.0, -1.0]}, UNSEEN + "under the table, and looks along"),
+        ({"turn": WXYZ}, UNSEEN + r"x y z w, .* in the world: as w x y z, this turn would show it"),
         ({"turn": [0.0, 0.0, 0.0, 1.0]}, UNSEEN + r"1 m above .* along \(0.00, 0.00, 1.00\)"),
         ({"place": [6.0, 0.0, 1.0]}, UNSEEN + r"it is at \(6, 0\) m"),
         ({"place": [600, 0, 1000]}, r"place\[0\] is 600; .* 600 millimetres are 0.6 m"),

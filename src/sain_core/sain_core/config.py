@@ -125,6 +125,8 @@ def check_field(field_name: str, item: "dataclasses.Field[Any]", value: Any) -> 
         allowed = ", ".join(repr(choice) for choice in choices)
         hint = did_you_mean(str(value), map(str, choices))
         raise ConfigError(f"{field_name} is {value!r}{hint}; allowed: {allowed}")
+    if item.type in (int, float) and isinstance(value, bool):
+        raise ConfigError(f"{field_name} is {show_value(value)}; it must be a number")
     several = isinstance(value, tuple)
     low, high = item.metadata.get("minimum"), item.metadata.get("maximum")
     for place, number in enumerate(value if several else (value,)):

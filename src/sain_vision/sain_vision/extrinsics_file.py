@@ -1,7 +1,7 @@
 """The YAML file of a calibration: where a camera is, and how well that is known."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -15,7 +15,7 @@ from sain_core.guarding.documents import dump_yaml, read_user_yaml
 from sain_core.guarding.untrusted import check_frame
 from sain_core.output import write_whole
 from sain_core.wire import Turn, check_pose
-from sain_vision.optics import CameraModel, check_view, rotation_of
+from sain_vision.optics import CameraModel, check_view, rotation_of, sees_table
 
 KEYS: Final = ("frame", "parent", "place", "turn")
 WORLD: Final = "world"
@@ -100,7 +100,9 @@ def read_extrinsics(path: Path, table: str = WORLD) -> Extrinsics:
         turn = check_numbers("turn", content["turn"], 4)
         pose = Extrinsics(frame, parent, *check_pose(place, turn, "the pose"))
         if parent == table:
-            check_view(pose.of(WIDE), f"the camera {frame!r}")
+            turned = replace(pose, turn=np.roll(pose.turn, -1))
+            hint = ": as w x y z, this turn would show it" if sees_table(turned.of(WIDE)) else ""
+            check_view(pose.of(WIDE), f"the camera {frame!r}", hint)
     except (ConfigError, InvalidInputError) as error:
         raise ConfigError(f"calibration {path}: {error}") from error
     return pose

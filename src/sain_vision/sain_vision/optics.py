@@ -272,24 +272,29 @@ def _check_lens(camera: CameraModel) -> None:
     )
 
 
-def check_view(camera: CameraModel, what: str) -> None:
+def sees_table(camera: CameraModel) -> bool:
+    """Return whether a pixel of a camera shows a point of the table."""
+    grid = (np.linspace(0, size - 1, LOOKS) for size in (camera.width, camera.height))
+    pixels = np.stack(np.meshgrid(*grid), axis=-1).reshape(-1, 2)
+    with np.errstate(all="ignore"):  # of any pose
+        return bool(TABLE.contains(camera.on_plane(pixels, 0.0)).any())
+
+
+def check_view(camera: CameraModel, what: str, hint: str = "") -> None:
     """Check that a camera sees a part of the table.
 
     Raises:
         InvalidInputError: no pixel sees one; with where the camera is and looks.
     """
-    grid = (np.linspace(0, size - 1, LOOKS) for size in (camera.width, camera.height))
-    with np.errstate(all="ignore"):  # of any pose
-        pixels = np.stack(np.meshgrid(*grid), axis=-1).reshape(-1, 2)
-        if TABLE.contains(camera.on_plane(pixels, 0.0)).any():
-            return
+    if sees_table(camera):
+        return
     x, y, z = camera.place.tolist()
     across, along, up = camera.rotation[:, 2].tolist()
     where = "under the table" if z <= 0.0 else f"{z:.3g} m above the table"
     raise InvalidInputError(
         f"{what} shows no point of the table ({TABLE.describe()}): it is at ({x:.3g}, {y:.3g}) m,"
         f" {where}, and looks along ({across:.2f}, {along:.2f}, {up:.2f}); correct its pose: place"
-        " in m, turn as x y z w, of the optical frame (z ahead) in the world"
+        f" in m, turn as x y z w, of the optical frame (z ahead) in the world{hint}"
     )
 
 

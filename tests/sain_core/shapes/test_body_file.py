@@ -85,6 +85,11 @@ def test_everything_of_a_body_is_read(tmp_path: Path) -> None:
         ("bodies: [{shape: disk, radius: 0.1, frame: /a}]", "frame of body 0 is '/a'; it must not"),
         ("bodies: [{shape: disk, radius: 0.1, frame: a b}]", "frame of body 0 is 'a b'; it must"),
         ("bodies: [{shape: disk, radius: 0.1, tags: [1, 1]}]", "tag 1 is twice on body 0; each"),
+        (
+            "bodies: [{shape: t, radius: 0.1}, {shape: t, radius: 0.1},"
+            " {shape: t, radius: 0.1, name: t_1}]",
+            "two bodies have the name 't_1'; each needs its own",
+        ),
         ("bodies: [{shape: disk, radius: true}]", "radius of body 0 is True; allowed: 0.001"),
         ("bodies: [{shape: disk, radius: 0.1, tags: true}]", "id of a tag of body 0 is True; allo"),
         (

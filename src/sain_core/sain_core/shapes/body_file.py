@@ -142,6 +142,7 @@ def parse_bodies(content: Any) -> BodyFile:
             check_ros_name(f"topic of body {number}", topic)
     _check_unique("frame", frames)
     _check_unique("topic", topics)
+    names = _all_named(names, shapes)
     _check_unique("name", names)
     _check_tag_owners(tags)
     if any(roles) and not all(roles):
@@ -161,7 +162,7 @@ def parse_bodies(content: Any) -> BodyFile:
         _check_tags(number, *body)
     return BodyFile(
         bodies=bodies,
-        names=_all_named(names, shapes),
+        names=names,
         radii=radii,
         masses=tuple(NOMINAL_MASS if mass is None else mass for mass in masses),
         heights=heights,
