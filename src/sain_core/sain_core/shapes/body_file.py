@@ -136,15 +136,9 @@ def parse_bodies(content: Any) -> BodyFile:
         for key in ("frame", "topic", "shape", "role", "name")
     )
     tags = [_tags(row.get("tags", []), number) for number, row in enumerate(rows)]
-    for number, (frame, topic) in enumerate(zip(frames, topics, strict=True)):
-        check_frame(f"frame of body {number}", frame)
-        if topic:
-            check_ros_name(f"topic of body {number}", topic)
-    _check_unique("frame", frames)
-    _check_unique("topic", topics)
-    names = _all_named(names, shapes)
-    _check_unique("name", names)
-    _check_tag_owners(tags)
+    _check_sources(frames, topics, tags)
+    own_names = _all_named(names, shapes)
+    _check_unique("name", own_names)
     if any(roles) and not all(roles):
         raise ConfigError(f"body {roles.index('')} has no role and others have; give all or none")
     masses = [_mass(row.get("mass", UNKNOWN), number) for number, row in enumerate(rows)]
@@ -159,10 +153,11 @@ def parse_bodies(content: Any) -> BodyFile:
     )
     bodies = Bodies.named(shapes, roles if all(roles) else ())
     for number, body in enumerate(zip(tags, bodies.shapes, radii, strict=True)):
-        _check_tags(number, *body)
+        if body[0]:
+            _check_tags(number, *body)
     return BodyFile(
         bodies=bodies,
-        names=names,
+        names=own_names,
         radii=radii,
         masses=tuple(NOMINAL_MASS if mass is None else mass for mass in masses),
         heights=heights,
@@ -200,7 +195,16 @@ def _check_unique(key: str, values: Sequence[Any]) -> None:
             raise ConfigError(f"two bodies have the {key} {value!r}; each needs its own")
 
 
-def _check_tag_owners(tags: Sequence[Sequence[Tag]]) -> None:
+def _check_sources(
+    frames: Sequence[str], topics: Sequence[str], tags: Sequence[Sequence[Tag]]
+) -> None:
+    """Check by what bodies are found; raises `ConfigError`, also where two are found by one."""
+    for number, (frame, topic) in enumerate(zip(frames, topics, strict=True)):
+        check_frame(f"frame of body {number}", frame)
+        if topic:
+            check_ros_name(f"topic of body {number}", topic)
+    _check_unique("frame", frames)
+    _check_unique("topic", topics)
     owners: dict[int, int] = {}
     for body, tag in ((body, tag) for body, row in enumerate(tags) for tag in row):
         if tag.number in owners:
