@@ -42,7 +42,8 @@ def decode_grey(message: Any) -> Grey:
     if channels is None:
         hint = did_you_mean(message.encoding, TO_GREY)
         raise InvalidInputError(
-            f"the image has the encoding {message.encoding!r}{hint}; allowed: {', '.join(TO_GREY)}"
+            f"the image has the encoding {message.encoding!r}{hint}; allowed: {', '.join(TO_GREY)}:"
+            " let the driver or image_proc convert it"
         )
     rows = _rows(message, channels)
     pixels = rows.reshape(message.height, message.width, channels)
