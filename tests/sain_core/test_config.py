@@ -2,7 +2,14 @@ from dataclasses import dataclass
 
 import pytest
 
-from sain_core.config import Config, check_angle, check_number, option
+from sain_core.config import (
+    Config,
+    check_angle,
+    check_number,
+    check_numbers,
+    option,
+    typed_settings,
+)
 from sain_core.errors import ConfigError
 
 
@@ -24,6 +31,7 @@ def test_defaults_stand_in_one_place() -> None:
         ({"radius": 0.1}, r"Tool.radius is 0.1 m; it must be at most 0.05 m"),
         ({"radius": 0.0}, r"Tool.radius is 0.0 m; it must be at least 0.001 m"),
         ({"radius": float("nan")}, "Tool.radius is nan; it must be finite"),
+        ({"radius": True}, "Tool.radius is true; it must be a number"),
         ({"shape": "cone"}, "Tool.shape is 'cone'; allowed: 'stick', 'ball'"),
         ({"radius": 12.0}, r"at most 0.05 m: 12 millimetres are 0.012 m"),
         ({"angle": 90.0}, r"Tool.angle is 90.0 rad; .*: 90 degrees are 1.571 rad"),
@@ -45,3 +53,33 @@ def test_an_angle_of_a_file_beyond_a_turn_is_in_degrees() -> None:
 def test_what_is_no_number_is_refused_with_what_is_allowed(value: object) -> None:
     with pytest.raises(ConfigError, match=r"mass is .*; allowed: 0 to 100 kg"):
         check_number("mass", value, 0.0, 100.0, "kg")
+
+
+@pytest.mark.parametrize("settings", [{"radius": True}, {"lengths": [0.1, False]}])
+def test_true_in_a_file_is_no_number(settings: dict[str, object]) -> None:
+    with pytest.raises(
+        TypeError, match=r"(radius|lengths\[1\]) is (True|False); it must be of type"
+    ):
+        typed_settings(Tool, settings)
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        ([1, True], r"sides\[1\] is True; allowed: -2 to 2 m"),
+        ([1, 3], r"sides\[1\] is 3; allowed: -2 to 2 m: 3 millimetres are 0.003 m"),
+        ([1, float("inf")], r"sides\[1\] is inf; allowed: -2 to 2 m"),
+        ([1, 10**99], r"sides\[1\] is 1000.*; allowed: -2 to 2 m"),
+        ([1], r"sides is \[1\]; it must be a list of 2 numbers"),
+        ({"a": 1}, "sides is {'a': 1}; it must be a list of 2 numbers"),
+    ],
+)
+def test_a_list_that_is_not_of_numbers_is_named(values: object, message: str) -> None:
+    with pytest.raises(ConfigError, match=message):
+        check_numbers("sides", values, 2, 2.0, "m")
+
+
+def test_a_whole_number_has_no_fraction() -> None:
+    assert check_number("count", 3, 1, 9, whole=True) == 3.0
+    with pytest.raises(ConfigError, match=r"count is 3\.0; allowed: whole numbers, 1 to 9"):
+        check_number("count", 3.0, 1, 9, whole=True)

@@ -23,8 +23,8 @@ C1 = [0.929988205433, 0.165922805667, 0, 0, 0.002885974478, 1.331432461739, 0.43
 
 def camera_of(lens: str, numbers: Any, focal: float = 840.0, skew: float = 0.0) -> CameraModel:
     matrix = np.array([[focal, skew, 639.5], [0, focal, 479.5], [0, 0, 1.0]])
-    camera = check_calibration(WIDTH, HEIGHT, matrix, lens, np.array(numbers, dtype=float))
-    return camera.moved(np.eye(3), np.zeros(3))
+    values = np.array(numbers, dtype=float)
+    return CameraModel(WIDTH, HEIGHT, matrix, values, np.eye(3), np.zeros(3), lens)
 
 
 @pytest.mark.parametrize("lens", LENSES)
@@ -72,6 +72,7 @@ def test_a_place_comes_back_to_itself_or_is_not_seen(lens: str) -> None:
 def test_rays_are_those_of_the_lens_own_formula(lens: str, numbers: list, focal: float) -> None:
     """Each formula as its source has it, written once more: OpenCV's manual, and r = f * angle."""
     camera = camera_of(lens, numbers, focal, skew=5.0)
+    check_calibration(WIDTH, HEIGHT, camera.matrix, lens, camera.distortion)  # which all pass
     r = np.linspace(0.01, 1.1, 40)
     k = [*numbers, *[0.0] * 8]
     if lens == "equidistant":
@@ -114,7 +115,17 @@ def edited(*changes: tuple[int, int, float]) -> np.ndarray:
         (edited((0, 0, 4.2), (1, 1, 4.2)), "plumb_bob", 5, "is the camera calibrated, in px"),
         (edited((0, 0, 1700.0)), "plumb_bob", 5, "are 1700 and 850 px; one may be at most 1.2 ti"),
         (edited((1, 1, 420.0)), "plumb_bob", 5, "are 840 and 420 px; one may be at most 1.2 times"),
-        (edited((0, 2, 1300.0)), "plumb_bob", 5, r"principal point is \(1300, 479.5\) px"),
+        (
+            edited((0, 2, 1300.0)),
+            "plumb_bob",
+            5,
+            r"principal point is \(1300, 479.5\) px; .* 384 to",
+        ),
+        (edited((0, 2, 0.0), (1, 2, 0.0)), "plumb_bob", 5, r"principal point is \(0, 0\) px"),
+        (2 * K - np.diag([0, 0, 1.0]), "plumb_bob", 5, "is K of images of another size, or of a"),
+        (K / 2 + np.diag([0, 0, 0.5]), "plumb_bob", 5, "is K of images of another size, or of a"),
+        (edited((0, 1, 300.0)), "plumb_bob", 5, "skew is 300 px; at most 42 px is allowed: calib"),
+        (edited((0, 1, -50.0)), "plumb_bob", 5, "skew is -50 px; at most 42 px"),
         (K, "fisheye", 4, "is 'fisheye'; allowed: plumb_bob, rational_polynomial, equidistant"),
         (K, "", 5, "is ''; allowed"),
         (K, "plumb_bob", 8, "plumb_bob has 8 numbers; allowed: 5 or 4"),
@@ -125,6 +136,48 @@ def edited(*changes: tuple[int, int, float]) -> np.ndarray:
 def test_what_a_calibration_may_not_be(matrix, lens: str, numbers: int, text: str) -> None:
     with pytest.raises(InvalidInputError, match=text):
         check_calibration(WIDTH, HEIGHT, matrix, lens, np.full(numbers, 0.01))
+
+
+@pytest.mark.parametrize(
+    ("lens", "numbers", "text"),
+    [
+        ("plumb_bob", [-50, 0, 0, 0, 0], r"\(-50, 0, 0, 0, 0\) folds at \(5\d\d, 480\) px, where"),
+        ("plumb_bob", [-1.0, 0, 0, 0, 0], r"\(-1, 0, 0, 0, 0\) folds at \(\d\d\d, 480\) px, where"),
+        ("plumb_bob", [0, -9.0, 0, 0], r"\(0, -9, 0, 0\) folds at"),
+        ("plumb_bob", [1e300, 0, 0, 0, 0], r"\(1e\+300, 0, 0, 0, 0\) folds at"),
+        ("plumb_bob", [1000, 0, 0, 0, 0], r"\(1000, .*\) moves \(0, 480\) px to [\d.]+ times its"),
+        ("plumb_bob", [9, 0, 0, 0, 0], "from the principal point, more than 1.5 times; it must be"),
+        (
+            "plumb_bob",
+            [0, 0, 5, 0, 0],
+            r"folds at .* middle of each edge of 1280 x 960 px: calibrate",
+        ),
+        ("rational_polynomial", [0, 0, 0, 0, 0, -5, 0, 0], "calibrate the camera again, with the"),
+        ("equidistant", [-5, 0, 0, 0], r"equidistant \(-5, 0, 0, 0\) folds at"),
+        ("equidistant", [50, 0, 0, 0], r"equidistant \(50, 0, 0, 0\) moves"),
+    ],
+)
+def test_a_lens_that_cannot_be_is_named_with_the_place(lens: str, numbers: list, text: str) -> None:
+    with pytest.raises(InvalidInputError, match=text):
+        check_calibration(WIDTH, HEIGHT, K, lens, np.array(numbers, dtype=float))
+
+
+@pytest.mark.parametrize(
+    ("lens", "numbers", "focal"),
+    [
+        ("plumb_bob", [-0.3, 0.1, 0.001, -0.001, -0.01], 840.0),
+        ("plumb_bob", [-0.3, 0, 0, 0, 0], 950.0),  # folds between the edges and the corners
+        ("plumb_bob", [0.2, 0.1, 0, 0, 0], 840.0),
+        ("plumb_bob", [-2.0, 90.0, 0, 0, 0], 9000.0),  # a telescope
+        ("equidistant", [-0.02, 0.01, 0, 0], 320.0),  # shows a circle
+        ("equidistant", [0.0] * 4, 250.0),  # sees behind itself
+    ],
+)
+def test_lenses_that_can_be_are_used(lens: str, numbers: list, focal: float) -> None:
+    matrix = np.array([[focal, 0, 645.0], [0, focal, 470.0], [0, 0, 1]])
+    camera = check_calibration(WIDTH, HEIGHT, matrix, lens, np.array(numbers))
+    assert np.isfinite(camera.rays(np.array([[640.0, 480.0]]))).all()
+    assert camera.misses_corners == (focal in (950.0, 320.0, 250.0))
 
 
 def test_a_fisheye_without_its_numbers_is_refused() -> None:

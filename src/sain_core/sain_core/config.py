@@ -17,7 +17,7 @@ from typing import Any, Final, Literal, NamedTuple, TypeVar, get_args, get_origi
 
 from sain_core.errors import ConfigError
 from sain_core.guarding.plugins import did_you_mean
-from sain_core.guarding.untrusted import shown
+from sain_core.guarding.untrusted import LONGEST_NAME, shown
 
 T = TypeVar("T")
 C = TypeVar("C", bound="Config")
@@ -29,6 +29,7 @@ OTHER_UNITS: Final = {
     "rad": ("degrees", pi / 180),
     "rad/s": ("degrees/s", pi / 180),
 }
+LARGEST: Final = 1e12  # number that a user's file may give where nothing else limits it
 MOST_SEED: Final = 2**31 - 1  # so that it, and those counted on from it, fit in messages and rows
 
 
@@ -124,6 +125,8 @@ def check_field(field_name: str, item: "dataclasses.Field[Any]", value: Any) -> 
         allowed = ", ".join(repr(choice) for choice in choices)
         hint = did_you_mean(str(value), map(str, choices))
         raise ConfigError(f"{field_name} is {value!r}{hint}; allowed: {allowed}")
+    if item.type in (int, float) and isinstance(value, bool):
+        raise ConfigError(f"{field_name} is {show_value(value)}; it must be a number")
     several = isinstance(value, tuple)
     low, high = item.metadata.get("minimum"), item.metadata.get("maximum")
     for place, number in enumerate(value if several else (value,)):
@@ -142,18 +145,56 @@ def check_field(field_name: str, item: "dataclasses.Field[Any]", value: Any) -> 
             raise ConfigError(f"{name} is {number}{unit}; it must be at most {high}{unit}{hint}")
 
 
-def check_number(name: str, value: Any, low: float, high: float, unit: str = "") -> float:
-    """Return a number that a user's file gives.
+def check_number(
+    name: str, value: Any, low: float, high: float, unit: str = "", whole: bool = False
+) -> float:
+    """Return a number that a user's file gives; `true` and `false` are none.
 
     Raises:
-        ConfigError: it is none, or not between `low` and `high`.
+        ConfigError: it is none, not between `low` and `high`, or not `whole` though it must be.
     """
-    is_number = isinstance(value, int | float) and not isinstance(value, bool)
-    if not (is_number and isfinite(value) and low <= value <= high):
+    is_number = is_of(value, (int,) if whole else (int, float))
+    if not (is_number and low <= value <= high):  # not NaN either
         hint = _other_unit(value, low, high, unit) if is_number else ""
-        allowed = f"{low:g} to {high:g} {unit}".rstrip()
+        allowed = f"{'whole numbers, ' * whole}{low:g} to {high:g} {unit}".rstrip()
+        allowed = "finite numbers" if high == LARGEST else allowed
         raise ConfigError(f"{name} is {shown(value)}; allowed: {allowed}{hint}")
     return float(value)
+
+
+def check_numbers(
+    name: str, values: Any, size: int | None, most: float = LARGEST, unit: str = ""
+) -> list[float]:
+    """Return a list of so many numbers, up to `most` and down to its negative.
+
+    Raises:
+        ConfigError: it is no such list; or as `check_number`, with the place in the list.
+    """
+    if not isinstance(values, list) or size not in (None, len(values)):
+        count = "" if size is None else f"{size} "
+        raise ConfigError(f"{name} is {shown(values)}; it must be a list of {count}numbers")
+    return [
+        check_number(f"{name}[{place}]", value, -most, most, unit)
+        for place, value in enumerate(values)
+    ]
+
+
+def check_text(name: str, value: Any, least: int = 1, most: int = LONGEST_NAME) -> str:
+    """Return a text that a user's file gives.
+
+    Raises:
+        ConfigError: it is none, too short or too long.
+    """
+    if not isinstance(value, str) or not least <= len(value) <= most:
+        raise ConfigError(
+            f"{name} is {shown(value, most)}; it must be a text of {least} to {most} characters"
+        )
+    return value
+
+
+def is_of(value: Any, kinds: tuple[type, ...]) -> bool:
+    """Return whether a value is of one of these types; of Python's, `True` is no number."""
+    return isinstance(value, kinds) and (bool in kinds or not isinstance(value, bool))
 
 
 def check_angle(name: str, value: Any, turns: int = 1) -> float:
@@ -223,7 +264,7 @@ def typed_settings(kind: type["Config"], settings: Mapping[str, Any]) -> dict[st
             typed[name] = hint(**typed_settings(hint, value))
         else:
             allowed = _allowed_types(hint)
-            if not isinstance(value, allowed) or (isinstance(value, bool) and bool not in allowed):
+            if not is_of(value, allowed):
                 raise TypeError(f"{name} is {value!r}; it must be of type {allowed[-1].__name__}")
             typed[name] = (
                 float(settings[name]) if hint is float else value
@@ -241,6 +282,6 @@ def _allowed_types(hint: Any) -> tuple[type, ...]:
 def _elements(name: str, values: list[Any], hint: Any) -> tuple[Any, ...]:
     allowed = _allowed_types(hint)
     for place, value in enumerate(values):
-        if hint in (bool, int, float, str) and not isinstance(value, allowed):
+        if hint in (bool, int, float, str) and not is_of(value, allowed):
             raise TypeError(f"{name}[{place}] is {value!r}; it must be of type {hint.__name__}")
     return tuple(float(value) for value in values) if hint is float else tuple(values)

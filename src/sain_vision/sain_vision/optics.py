@@ -15,17 +15,24 @@ from scipy.spatial.transform import Rotation
 
 from sain_core.errors import InvalidInputError
 from sain_core.guarding.plugins import did_you_mean
+from sain_core.scene import Table
 
 LENSES: Final = {"plumb_bob": (5, 4), "rational_polynomial": (8,), "equidistant": (4,)}
 """Models of distortion, as ``CameraInfo`` names them, with how many numbers each has."""
 
 WIDEST: Final = np.radians(89.5)  # from the optical axis to a ray
 FOCAL: Final = (0.05, 100.0)  # lengths, in widths of the image: of a fisheye and of a telescope
+MIDDLE: Final = (0.3, 0.7)  # shares of the image between which the principal point lies
+SKEW: Final = 0.05  # focal lengths
+STRETCH: Final = 1.5  # times as far from the principal point that a lens may show a place
 OBLONG: Final = 1.2  # times that a pixel may be longer than it is wide, or wider
 FLAT: Final = 0.05
 ROUND_TRIP: Final = 0.01  # [px], from a pixel to its ray and back
 ROUNDS: Final = 8  # of Newton's method, which converges in two or three
 GRAZING: Final = 0.1  # sine of the smallest angle between a ray and the plane
+RADII: Final = 4096  # from the optical axis to the widest ray
+LOOKS: Final = 33  # along a line, or each side of a grid, of an image
+TABLE: Final = Table()
 STEP: Final = 0.5  # [px] over which a derivative is a difference
 
 Pixels = Float[ndarray, "P 2"]
@@ -63,8 +70,7 @@ class CameraModel:
         That is where the distortion is not monotone, or where the way to the slope and back to the
         pixel misses it by more than `ROUND_TRIP`.
         """
-        wanted = np.column_stack([pixels, np.ones(len(pixels))]) @ np.linalg.inv(self.matrix).T
-        target = wanted[:, :2]
+        target = _normalised(self, pixels)
         slopes, bent = _radii(self.lens, tuple(self.distortion.tolist()))
         radius = np.linalg.norm(target, axis=1)
         share = np.interp(radius, bent, slopes) / np.maximum(radius, 1e-12)
@@ -144,9 +150,20 @@ class CameraModel:
         bent = self._bend(flat)
         return np.asarray(np.column_stack([bent, np.ones(len(bent))]) @ self.matrix[:2].T)
 
+    @property
+    def misses_corners(self) -> bool:
+        """Whether the lens has no inverse in a corner of the image."""
+        corners = np.array([(x, y) for x in (0, self.width - 1) for y in (0, self.height - 1)])
+        return not np.isfinite(self.slopes(corners.astype(np.float64))).all()
+
     def moved(self, rotation: Matrix, place: Float[ndarray, "3"]) -> "CameraModel":
         """Return the same camera at another pose in the world."""
         return replace(self, rotation=rotation, place=place)
+
+
+def _normalised(camera: CameraModel, pixels: Pixels) -> Slopes:
+    """Return pixels in focal lengths from the principal point."""
+    return (np.column_stack([pixels, np.ones(len(pixels))]) @ np.linalg.inv(camera.matrix).T)[:, :2]
 
 
 def _cross(one: Slopes, other: Slopes) -> Float[ndarray, "P"]:
@@ -177,7 +194,7 @@ def _radii(
 
     A lens that shows a ray `FLAT` times as far off for each radian as in its middle counts as such.
     """
-    angles = np.linspace(0.0, WIDEST, 4096)
+    angles = np.linspace(0.0, WIDEST, RADII)
     slopes = np.tan(angles)
     bent = slopes * _stretch(lens, np.array(distortion), slopes)
     falls = np.flatnonzero(~(np.diff(bent) > FLAT * angles[1]))
@@ -214,7 +231,71 @@ def check_calibration(
             f" {' or '.join(map(str, LENSES[lens]))}"
         )
     numbers = np.zeros(5) if ideal and lens != "equidistant" else distortion
-    return CameraModel(width, height, matrix, numbers, np.eye(3), np.zeros(3), lens)
+    camera = CameraModel(width, height, matrix, numbers, np.eye(3), np.zeros(3), lens)
+    _check_lens(camera)
+    return camera
+
+
+def _check_lens(camera: CameraModel) -> None:
+    """Check that a lens is one from the principal point to the middle of each edge of the image.
+
+    Corners may be lost, see `CameraModel.misses_corners`.
+
+    Raises:
+        InvalidInputError: the distortion folds, or it stretches the image as no lens does.
+    """
+    wide, high = camera.width - 1, camera.height - 1
+    edges = np.array([(0, high / 2), (wide, high / 2), (wide / 2, 0), (wide / 2, high)])
+    pixels = np.linspace(camera.matrix[:2, 2], edges, LOOKS)[1:].reshape(-1, 2)
+    with np.errstate(all="ignore"):  # of any numbers
+        slopes = camera.slopes(pixels)
+        seen = np.linalg.norm(_normalised(camera, pixels), axis=1)
+        all_slopes, bent = _radii(camera.lens, tuple(camera.distortion.tolist()))
+        beyond = (len(all_slopes) == RADII) & (seen > bent[-1])  # of a fisheye: there is no image
+        folds = ~np.isfinite(slopes).all(axis=1) & ~beyond
+        stretch = np.where(beyond, 0.0, seen / np.linalg.norm(slopes, axis=1))
+    far = np.nanmax(stretch, initial=0.0)
+    if not folds.any() and far <= STRETCH:
+        return
+    if folds.any():
+        x, y = pixels[np.argmax(folds)].tolist()
+        what = f"folds at ({x:.0f}, {y:.0f}) px, where it has no inverse"
+    else:
+        x, y = pixels[np.nanargmax(stretch)].tolist()
+        what = f"moves ({x:.0f}, {y:.0f}) px to {far:.3g} times its distance from the principal"
+        what += f" point, more than {STRETCH:g} times"
+    numbers = ", ".join(f"{one:g}" for one in camera.distortion.tolist())
+    raise InvalidInputError(
+        f"the distortion {camera.lens} ({numbers}) {what}; it must be that of a lens up to the"
+        f" middle of each edge of {camera.width} x {camera.height} px: calibrate the camera again,"
+        " with the board also near all edges"
+    )
+
+
+def sees_table(camera: CameraModel) -> bool:
+    """Return whether a pixel of a camera shows a point of the table."""
+    grid = (np.linspace(0, size - 1, LOOKS) for size in (camera.width, camera.height))
+    pixels = np.stack(np.meshgrid(*grid), axis=-1).reshape(-1, 2)
+    with np.errstate(all="ignore"):  # of any pose
+        return bool(TABLE.contains(camera.on_plane(pixels, 0.0)).any())
+
+
+def check_view(camera: CameraModel, what: str, hint: str = "") -> None:
+    """Check that a camera sees a part of the table.
+
+    Raises:
+        InvalidInputError: no pixel sees one; with where the camera is and looks.
+    """
+    if sees_table(camera):
+        return
+    x, y, z = camera.place.tolist()
+    across, along, up = camera.rotation[:, 2].tolist()
+    where = "under the table" if z <= 0.0 else f"{z:.3g} m above the table"
+    raise InvalidInputError(
+        f"{what} shows no point of the table ({TABLE.describe()}): it is at ({x:.3g}, {y:.3g}) m,"
+        f" {where}, and looks along ({across:.2f}, {along:.2f}, {up:.2f}); correct its pose: place"
+        f" in m, turn as x y z w, of the optical frame (z ahead) in the world{hint}"
+    )
 
 
 def _check_matrix(width: int, height: int, matrix: Matrix) -> None:
@@ -223,7 +304,7 @@ def _check_matrix(width: int, height: int, matrix: Matrix) -> None:
         raise InvalidInputError(
             f"the camera's calibration is for {width} x {height} px; both must be positive"
         )
-    (fx, _, cx), (shear, fy, cy), last = matrix.tolist()
+    (fx, skew, cx), (shear, fy, cy), last = matrix.tolist()
     if last != [0.0, 0.0, 1.0] or shear != 0.0:
         raise InvalidInputError(
             f"the camera's K has the last row {last} and {shear:g} below fx; these must be 0 0 1"
@@ -240,10 +321,18 @@ def _check_matrix(width: int, height: int, matrix: Matrix) -> None:
             f"the camera's focal lengths are {fx:g} and {fy:g} px; one may be at most {OBLONG:g}"
             " times the other: calibrate with images as they come, neither stretched nor halved"
         )
-    if not (0.0 <= cx <= width and 0.0 <= cy <= height):
+    if abs(skew) > SKEW * fx:
         raise InvalidInputError(
-            f"the camera's principal point is ({cx:g}, {cy:g}) px; it must be within its"
-            f" {width} x {height} px"
+            f"the camera's skew is {skew:g} px; at most {SKEW * fx:.3g} px is allowed: calibrate"
+            " the camera again, or set it to 0"
+        )
+    least, most = MIDDLE
+    if not (least * width <= cx <= most * width and least * height <= cy <= most * height):
+        raise InvalidInputError(
+            f"the camera's principal point is ({cx:g}, {cy:g}) px; in images of {width} x"
+            f" {height} px it must be at {least * width:g} to {most * width:g} and"
+            f" {least * height:g} to {most * height:g} px: is K of images of another size, or of"
+            " a part of them?"
         )
 
 

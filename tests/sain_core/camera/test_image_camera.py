@@ -12,6 +12,7 @@ from sain_arm.laboratory.cell import Cell
 from sain_arm.laboratory.sight import LaboratoryView
 from sain_arm.robot.robot import read_robot
 from sain_core.camera.image_camera import ImageCamera, ImageCameraConfig, Shot
+from sain_core.errors import ConfigError
 from sain_core.scene import DISK_HEIGHT, POSE, make_scene
 from sain_core.shapes.body_file import Tag, parse_bodies
 from sain_sim.camera.render import image_camera
@@ -131,3 +132,9 @@ def test_noise_exposure_and_blur_are_as_set(world: World, shot: Shot) -> None:
         for s in (shot, shoot(world, blur=2.0))
     ]
     assert edges[1] < edges[0] / 2
+
+
+@pytest.mark.parametrize("eye", [(0.5, 0.0, 1.0), (0.5, 0.0, 0.0)])
+def test_a_camera_whose_image_has_no_upright_is_refused(eye: tuple[float, float, float]) -> None:
+    with pytest.raises(ConfigError, match=r"looks straight up or down at .* no upright; move eye"):
+        ImageCameraConfig(eye=eye, focus=(0.5, 0.0, 0.0))

@@ -97,6 +97,8 @@ def test_a_package_that_offers_what_is_built_in_is_told_to_rename_it(
         ("PLUMB BOB", ("plumb_bob",), " (did you mean 'plumb_bob'?)"),
         ("Pushable", Role, " (did you mean 'pushable'?)"),
         ("sphere", ("box", "disk"), ""),
+        ("hex", ("disk", "hexagon"), " (did you mean 'hexagon'?)"),
+        ("t", ("triangle", "disk"), ""),
     ],
 )
 def test_a_hint_does_not_depend_on_case_or_space(name: str, names: Any, hint: str) -> None:

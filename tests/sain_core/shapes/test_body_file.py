@@ -58,10 +58,13 @@ def test_everything_of_a_body_is_read(tmp_path: Path) -> None:
             "body 1 has no role and others have",
         ),
         ("bodies: [{shape: disk, radius: 0.1, tags: [{size: 1}]}]", "a tag of body 0 has no id"),
-        ("bodies: [{shape: disk, radius: 0.1, tags: 5000}]", "id 5000; allowed: 0 to 586"),
+        (
+            "bodies: [{shape: disk, radius: 0.1, tags: 5000}]",
+            "id of a tag of body 0 is 5000; allow",
+        ),
         (
             "bodies: [{shape: disk, radius: 0.1, tags: 3}, {shape: t, radius: 0.1, tags: [1, 3]}]",
-            "two bodies have the tag 3; each needs its own",
+            "tag 3 is on bodies 0 and 1; each tag may be given once",
         ),
         (
             "bodies: [{shape: disk, radius: 0.1, frame: a}, {shape: t, radius: 0.1, frame: a}]",
@@ -81,6 +84,38 @@ def test_everything_of_a_body_is_read(tmp_path: Path) -> None:
         ("bodies: [{shape: disk, radius: 0.1, topic: a//b}]", "topic of body 0 is 'a//b'; "),
         ("bodies: [{shape: disk, radius: 0.1, frame: /a}]", "frame of body 0 is '/a'; it must not"),
         ("bodies: [{shape: disk, radius: 0.1, frame: a b}]", "frame of body 0 is 'a b'; it must"),
+        ("bodies: [{shape: disk, radius: 0.1, tags: [1, 1]}]", "tag 1 is twice on body 0; each"),
+        (
+            "bodies: [{shape: t, radius: 0.1}, {shape: t, radius: 0.1},"
+            " {shape: t, radius: 0.1, name: t_1}]",
+            "two bodies have the name 't_1'; each needs its own",
+        ),
+        ("bodies: [{shape: disk, radius: true}]", "radius of body 0 is True; allowed: 0.001"),
+        ("bodies: [{shape: disk, radius: 0.1, tags: true}]", "id of a tag of body 0 is True; allo"),
+        (
+            "bodies: [{shape: disk, radius: 0.1, tags: 1.0}]",
+            "1.0; allowed: whole numbers, 0 to 586",
+        ),
+        ("bodies: [{shape: disk, radius: 0.1, mass: false}]", "mass of body 0 is False; allowed"),
+        (
+            "bodies: [{shape: disk, radius: 0.1, tags: [{id: 1, size: 0.3}]}]",
+            "tag 1 of body 0 has a side of 0.3 m and the body is 0.2 m across; it must lie on",
+        ),
+        (
+            "bodies: [{shape: disk, radius: 0.1, tags: [{id: 1, x: 0.2}]}]",
+            r"tag 1 of body 0 is at \(0.2, 0\) m, beside the body of radius 0.1 m; its centre must",
+        ),
+        (
+            "bodies: [{shape: t, radius: 0.1, tags: [{id: 1, x: 0.06, y: -0.06}]}]",
+            "beside the body",
+        ),
+        (
+            "bodies: [{shape: disk, radius: 0.1, tags: [1, {id: 2, size: 0.02, x: 0.025}]}]",
+            "tag 2 of body 0 lies where its tag 1 does; tags must be apart: correct x, y and size",
+        ),
+        ("bodies: [{shape: 'disk:Flat', radius: 0.1}]", r"did you mean 'disk:flat'\?"),
+        ("bodies: [{shape: box, radius: 0.1}]", r"shape of body 0 is 'box' \(did you mean 'box_"),
+        ("bodies: [{shape: 'disk:flat:flat', radius: 0.1}]", r"did you mean 'disk:flat'\?"),
         ("", "is not read: it is empty"),
         ("bodies: &a [*a]", "is not read: it has an anchor or an alias"),
         ("bodies: !!python/object:os.system []", "is not read: it has the tag"),

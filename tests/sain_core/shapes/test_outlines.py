@@ -107,11 +107,26 @@ def test_an_outline_file_is_a_shape_by_its_path_and_by_its_name(
         get_shape("comb-000000")
 
 
+BODY = "{shapes: {a: {semi_axes: [0.1, 0.2]}}"
+
+
 @pytest.mark.parametrize(
     ("content", "text"),
     [
         ("[", "cannot be read"),
         ("shapes: {}", "states no outlines"),
+        (f"{BODY}, tip_radius: -1}}", "tip_radius is -1; allowed: 0.001 to 0.05 m"),
+        (f"{BODY}, tip_radius: 5}}", "tip_radius is 5; .* 5 millimetres are 0.005 m"),
+        (f"{BODY}, tip_radius: true}}", "tip_radius is True; allowed: 0.001 to 0.05 m"),
+        (
+            "shapes: {a: {semi_axes: [0.1, true]}}",
+            r"semi_axes\[1\] is True; allowed: finite numbers",
+        ),
+        ("shapes: {a: {semi_axes: 3}}", "semi_axes is 3; it must be a list of 2 numbers"),
+        ("shapes: {a: [[0, 0], [0, 1], [true, 1]]}", r"point 3 of .*'a'\[0\] is True; allowed"),
+        ("shapes: {a: [[0, 0], [0, '1'], [1, 1]]}", r"point 2 of .*\[1\] is '1'; allowed: finite"),
+        ("shapes: {a: [[0, 0], [0, 1], [1]]}", r"point 3 of .* is \[1\]; it must be a list of 2"),
+        ("shapes: {a: [1, 2]}", "is no outline: give 3 to 10000 points"),
         ("shapes: {a: {semi_axes: [1, 2]}, b: {semi_axes: [1, 2]}}", "'a' has a radius of"),
         ("shapes: {a: {semi_axes: [0.1, 0.2]}, b: {semi_axes: [0.1, 0.1]}}", "states 2 shapes"),
         (json.dumps({"shapes": {"comb": comb(20)}}), "convex parts; allowed: 64 and 12"),

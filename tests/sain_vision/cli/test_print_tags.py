@@ -24,6 +24,8 @@ from sain_vision.cli.print_tags import PrintOptions, run
         ({"size": 1e9}, "it must be at most 0.25 m"),
         ({"size": float("nan")}, "size is nan; it must be finite"),
         ({"size": 0.2}, "size is 0.2 m; on a4 at most 0.147 m has room"),
+        ({"board": True, "tags": "5"}, "--board has its own tags; leave out --tags"),
+        ({"board": True, "size": 0.1}, "--board has its own tags; leave out --size"),
         ({"paper": "b5"}, "paper is 'b5'; allowed: 'a4', 'a3', 'letter'"),
     ],
 )

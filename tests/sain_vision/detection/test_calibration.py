@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sain_core.errors import InvalidInputError
+from sain_core.errors import ConfigError, InvalidInputError
 from sain_vision.detection.board import Board
 from sain_vision.detection.calibration import CalibrationConfig, Look, calibrate
 from sain_vision.detection.planar_fit import turned
@@ -14,12 +14,14 @@ from sain_vision.detection.tags import TagConfig, TagFinder
 from sain_vision.optics import CameraModel
 from sain_vision.printing.pdf import pdf_of
 from sain_vision.printing.sheets import board_sheet, tag_modules, tag_sheets
+from sain_vision.ros.calibrate_camera import CalibrateOptions
 from tests.sain_vision.pictures import CAMERA
 
 BOARD = Board()
 FIRST = np.array([0.3, -0.1, 0.2])
 WITHOUT_POSE = CAMERA.moved(np.eye(3), np.zeros(3))
 LOOKS = CalibrationConfig()
+NOISE = np.random.default_rng(0).uniform(0, 700, (4 * len(BOARD.corners()), 2))
 WRONG_LENS = replace(CAMERA, matrix=CAMERA.matrix @ np.diag([1.2, 1, 1]))
 
 
@@ -63,14 +65,39 @@ def test_the_camera_is_found_where_it_is() -> None:
         (looks(noise=3.0), FIRST, r"places on the table are off by .* mm \(p95\); at most 1 mm"),
         ([Look(one.points[:8], one.pixels[:8]) for one in looks()], FIRST, "look 1 shows 2 tags"),
         (looks(camera=WRONG_LENS), FIRST, "off by"),
+        (
+            [Look(looks()[0].points, NOISE), *looks()[1:]], FIRST,
+            "look 2 shows the board where, after the first look, no table is: the board must",
+        ),
+        (looks(), np.array([300.0, 0, 0]), "the calibrated camera shows no point of the table"),
     ],
-    ids=["few", "alike", "noise", "tags", "lens"],
+    ids=["few", "alike", "noise", "tags", "lens", "first", "origin"],
 )  # fmt: skip
 def test_a_bad_calibration_is_refused(
     given: Sequence[Look], first: np.ndarray, message: str
 ) -> None:
     with pytest.raises(InvalidInputError, match=message):
         calibrate(WITHOUT_POSE, given, first, LOOKS)
+
+
+@pytest.mark.parametrize(
+    ("options", "text"),
+    [
+        (
+            {"origin": (400.0, 0.0, 0.0)},
+            r"origin is \(400, 0\) m; it must be in x in \[0.16, 1.16\]",
+        ),
+        ({"origin": (0.4, 0.0, 90.0)}, "origin's turn is 90.0; .* 90 degrees are 1.571 rad"),
+    ],
+)
+def test_an_origin_off_the_table_is_refused_before_the_looks(options: dict, text: str) -> None:
+    with pytest.raises(ConfigError, match=text):
+        CalibrateOptions(**options)
+
+
+def test_a_board_has_tags_of_its_family() -> None:
+    with pytest.raises(ConfigError, match="tags 580 to 609; 36h11 has 0 to 586: give a smaller"):
+        Board(first=580)
 
 
 def rendered(page, scale: float = 4.0) -> np.ndarray:

@@ -27,6 +27,7 @@ class CameraTopics:
 
     def __init__(self, graph: Any, camera: CameraModel = CAMERA) -> None:
         self.graph, self.camera, node = graph, camera, graph.bystander
+        self.image_frame = FRAME
         self.late, self.calibrated, self.encoding = 0.0, True, "mono8"
         self.changes: dict[str, Any] = {}  # of the calibration
         for topic, kind in (("/diagnostics", DiagnosticArray), ("detections", Detection3DArray)):
@@ -49,8 +50,8 @@ class CameraTopics:
     def show(self, picture: np.ndarray) -> None:
         """Publish one image, with its calibration."""
         now = self.graph.bystander.get_clock().now().nanoseconds
-        header = codec.header(codec.encode_time(now - round(1e9 * self.late)))
-        header.frame_id = FRAME
+        header = codec.header(codec.encode_time(max(now - round(1e9 * self.late), 0)))
+        header.frame_id = self.image_frame
         if self.calibrated:
             stated = {
                 "width": self.camera.width,
@@ -79,7 +80,7 @@ class CameraTopics:
 
     def cropped(self) -> None:
         """Take another camera, as a calibration of another size has it."""
-        self.camera = replace(self.camera, width=640)
+        self.camera = replace(self.camera, width=1200)
 
 
 @pytest.fixture

@@ -16,16 +16,18 @@ import yaml
 from rich.console import Console
 from shapely import Polygon, affinity
 
-from sain_core.errors import ConfigError, SainError
+from sain_core.errors import ConfigError, InvalidInputError, SainError
 from sain_core.randomness import generator
 from sain_core.scene import RADIUS
 from sain_core.shapes.body_file import parse_bodies
 from sain_core.shapes.library import get_shape
+from sain_core.shapes.outlines import trace
 from sain_sim.camera.render import image_camera
 from sain_vision.detection.outlines import OutlineConfig, OutlineFinder
+from sain_vision.detection.tracing import trace_top
 from sain_vision.extrinsics_file import Extrinsics, write_extrinsics
-from sain_vision.optics import turn_of
-from sain_vision.ros.new_shape import NewShapeOptions, run
+from sain_vision.optics import check_calibration, turn_of
+from sain_vision.ros.new_shape import NewShapeOptions, describe, run
 from tests.sain_vision.detection.test_outlines import AWAY, CAMERA, CONFIG, SHAPES, START
 
 T = 1  # the body that is looked at
@@ -42,6 +44,12 @@ def png(width: int, height: int) -> bytes:
     chunk = b"IHDR" + struct.pack(">II5B", width, height, 16, 0, 0, 0, 0)
     whole = struct.pack(">I", 13) + chunk + struct.pack(">I", zlib.crc32(chunk))
     return b"\x89PNG\r\n\x1a\n" + whole + struct.pack(">I", 0) + b"IDAT"
+
+
+def picture_of(millimetres: int) -> bytes:
+    """Return a depth image of one distance."""
+    size = CONFIG.height, CONFIG.width
+    return cv2.imencode(".png", np.full(size, millimetres, np.uint16))[1].tobytes()
 
 
 @pytest.fixture(scope="module")
@@ -110,8 +118,15 @@ def test_one_look_makes_a_shape_that_is_found_by_its_name(
         ({"info": Path(__file__)}, "camera info"),
         ({"info": "%YAML:1.0\n---\n"}, r"is a file of OpenCV's \(%YAML:1.0\); give the one that"),
         ({"info": "image_width: 640"}, "must have image_width, .*, distortion_model"),
-        ({"info": TWELVE}, "K has 12 numbers; it needs 9, in 3 rows"),
-        ({"depth": png(60_000, 60_000)}, "is not read: Image size .3600000000 pixels. exceeds"),
+        ({"info": TWELVE}, r"camera_matrix.data is \[.*; it must be a list of 9 numbers"),
+        ({"depth": png(60_000, 60_000)}, "announces more pixels than the 50,000,000 that are read"),
+        ({"name": ".."}, "name is '..'; allowed: letters, .* no '-' or '.' first"),
+        ({"name": "a.yaml"}, "name is 'a.yaml'; allowed: .* no .yaml or .json last"),
+        ({"out": Path("mine.png")}, "out is mine.png; its name must end in .yaml"),
+        ({"near": (5.0, 5.0)}, r"nearest to \(5, 5\) m is [67].\d\d m away; correct --near"),
+        ({"depth": picture_of(0)}, "no distance of 0.05 to 10 m, all are unknown"),
+        ({"depth": picture_of(65535)}, "no distance of 0.05 to 10 m, their median is 65.5 m"),
+        ({"depth": picture_of(0)[:-20]}, "is no image that OpenCV reads"),
         ({"depth": png(9_000, 9_000)}, "announces 9000 x 9000 px; at most 50,000,000 are read"),
     ],
 )
@@ -158,3 +173,42 @@ def test_an_empty_table_has_no_shape(look: dict[str, Any], depth: np.ndarray) ->
     cv2.imwrite(str(look["depth"]), np.full_like(depth, 5000))
     with pytest.raises(SainError, match="no object stands on the table"):
         run(NewShapeOptions(**look), Console())
+
+
+DOWN = np.array([[0.0, -1, 0], [-1, 0, 0], [0, 0, -1]])
+ABOVE = check_calibration(
+    640, 480, np.array([[500.0, 0, 319.5], [0, 500, 239.5], [0, 0, 1]]), "plumb_bob", np.zeros(5)
+).moved(DOWN, np.array([0.5, 0.0, 0.9]))
+
+
+def table_with(*boxes: tuple[int, int, int, int]) -> np.ndarray:
+    """Return depths [m] of boxes (x, y, width, height) [px] of 40 mm, seen from above."""
+    depths = np.full((480, 640), 0.9)
+    for x, y, width, height in boxes:
+        depths[y : y + height, x : x + width] = 0.86
+    return depths
+
+
+@pytest.mark.parametrize(
+    ("depths", "text"),
+    [
+        (table_with(), "no object stands on the table in the image: lay it into the middle"),
+        (table_with((0, 200, 60, 40)), "image; 1 that the image's edge cuts do not count"),
+        (table_with((280, 200, 4, 4)), "no object stands on the table"),
+        (table_with((280, 200, 200, 1)), "the object has no flat top that is wider than a pixel"),
+        (
+            table_with() + np.random.default_rng(0).integers(-60, 60, (480, 640)) * 1e-3,
+            "is its depth noisy, or is it an edge of the table",
+        ),
+    ],
+)
+def test_what_has_no_top_is_refused(depths: np.ndarray, text: str) -> None:
+    with pytest.raises(InvalidInputError, match=text):
+        trace_top(depths, ABOVE, None)
+
+
+def test_one_of_two_objects_is_named_as_such() -> None:
+    top = trace_top(table_with((280, 200, 60, 40), (400, 200, 60, 41)), ABOVE, None)
+    text = describe(top, trace("mine", top.outline))
+    assert text.startswith("one of 2 objects, chosen by --near or as the largest; 103 x 70 mm")
+    assert describe(replace(top, count=1), trace("mine", top.outline)).startswith("103 x")

@@ -66,13 +66,23 @@ def test_images_become_a_settled_scene(graph, camera_topics, bodies, picture) ->
             {"changes": {"roi": RegionOfInterest(x_offset=8, width=640, height=480)}},
             "a region of interest of 640 x 480 px at (8, 0); only the whole of 1280 x 720",
         ),
-        ({"width": 640}, "the image is 1280 x 720 px and its calibration is for 640 x 720 px"),
+        ({"width": 1200}, "the image is 1280 x 720 px and its calibration is for 1200 x 720 px"),
+        ({"changes": {"d": [-50.0, 0, 0, 0, 0]}}, "plumb_bob (-50, 0, 0, 0, 0) folds at ("),
+        ({"changes": {"d": [0.1] * 3}}, "plumb_bob has 3 numbers; allowed: 5 or 4"),
+        ({"pose": (CAMERA.rotation, [0.4, 0.0, -0.85])}, ", under the table, and looks along ("),
+        ({"pose": (np.eye(3), CAMERA.place)}, "shows no point of the table (x in [0.16, 1.16] m"),
+        ({"pose": (CAMERA.rotation, 1e3 * CAMERA.place)}, "it is at (-50, 100) m, 850 m above"),
+        ({"image_frame": ""}, "the image has no frame_id; the driver must state the camera's"),
+        ({"late": 4e9}, "its stamp is 0: the driver must stamp images"),
     ],
 )
 def test_what_is_wrong_is_said_and_nothing_is_sent(
     graph, camera_topics, bodies, picture, settings, text
 ) -> None:
     graph.start(TagNode, bodies=bodies)
+    if "pose" in settings:
+        rotation, place = settings.pop("pose")
+        camera_topics.camera = CAMERA.moved(rotation, np.array(place))
     camera_topics.place(settings.pop("frame", "camera_color_optical_frame"))
     if settings.pop("width", 0):
         camera_topics.cropped()

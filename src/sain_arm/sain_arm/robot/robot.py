@@ -19,11 +19,18 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from sain_arm.robot.urdf import AXES, Urdf, UrdfJoint
-from sain_core.config import check_angle, check_number
+from sain_core.config import check_angle, check_number, check_text
 from sain_core.errors import ConfigError
 from sain_core.guarding.documents import read_user_yaml
 from sain_core.guarding.plugins import did_you_mean
-from sain_core.guarding.untrusted import check_ros_name, listed, one_line, shown, user_path
+from sain_core.guarding.untrusted import (
+    TIP_RADII,
+    check_ros_name,
+    listed,
+    one_line,
+    shown,
+    user_path,
+)
 
 Joints = Float[ndarray, "_ J"]  # each way has its own number of points
 Vector = Float[ndarray, "J"]
@@ -37,6 +44,7 @@ KEYS: Final = {
     "workspace": ("x", "y", "z"),
 }
 NEEDED: Final = {"": ("urdf", "tool", "controller", "home"), "tool": ("frame", "radius")}
+LONGEST_TEXT: Final = 4096  # characters, as the longest path
 FAR: Final = 10.0  # [m]
 FASTEST: Final = 50.0  # [rad/s]
 STRONGEST: Final = 500.0  # [rad/s^2]
@@ -112,7 +120,7 @@ def parse_robot(content: Any, name: str, beside: Path) -> Robot:
     frame = tool.text("frame")
     length, radius = (
         tool.number("rod", 0.0, 0.0, 1.0, "m"),
-        tool.number("radius", None, 0.001, 0.05, "m"),
+        tool.number("radius", None, *TIP_RADII, "m"),
     )
     urdf = Urdf(rows.text("urdf"), beside)
     chain = urdf.chain(frame)
@@ -177,10 +185,7 @@ class _Section:
         return f"{self.name}.{key}" if self.name else key
 
     def text(self, key: str) -> str:
-        value = self.given[key]
-        if not isinstance(value, str) or not value:
-            raise ConfigError(f"{self._called(key)} is {shown(value)}; it must be a text")
-        return value
+        return check_text(self._called(key), self.given[key], most=LONGEST_TEXT)
 
     def number(self, key: str, default: float | None, low: float, high: float, unit: str) -> float:
         return check_number(self._called(key), self.given.get(key, default), low, high, unit)

@@ -15,11 +15,13 @@ from numpy import ndarray
 
 from sain_core.camera.decals import paint_tag
 from sain_core.config import Config, option
+from sain_core.errors import ConfigError
 from sain_core.scene import DISK_HEIGHT, POSE
 from sain_core.shapes.body_file import Tag
 from sain_core.types import Scene
 
 MILLIMETRES: Final = 1000.0
+ASIDE: Final = 0.0005  # [m], in the plane from a camera to what it looks at
 DIGITS: Final = 5  # of places [m] and angles [rad] that a picture shows
 SHIFTS: Final = 1 << 18  # of noise, from image to image
 MOST_DEPTH: Final = 6.0  # [m], of a depth camera
@@ -66,6 +68,15 @@ class ImageCameraConfig(Config):
     misturned: tuple[float, float, float] = option(
         (0.0, 0.0, 0.0), "by how much its turn is wrong, about the camera's axes", unit="rad"
     )
+
+    def __post_init__(self) -> None:
+        """Check the fields, and that the image has an upright."""
+        super().__post_init__()
+        if not np.hypot(*np.subtract(self.focus, self.eye)[:2]) > ASIDE:
+            raise ConfigError(
+                f"the camera at {self.eye} m looks straight up or down at {self.focus} m, where its"
+                f" image has no upright; move eye or focus by more than {ASIDE:g} m in x or y"
+            )
 
     @property
     def matrix(self) -> Matrix:

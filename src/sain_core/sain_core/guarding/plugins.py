@@ -160,7 +160,10 @@ def did_you_mean(name: str, names: Iterable[str], alike: float = 0.6) -> str:
 def nearest(name: str, names: Iterable[str], alike: float = 0.6, count: int = 1) -> list[str]:
     """Return the names that are most like another one, in whatever case; the best first."""
     by_plain = {_plain(one): str(one) for one in names}  # a member of an enum, too
-    return [by_plain[one] for one in get_close_matches(_plain(name), by_plain, count, alike)]
+    given = _plain(name)
+    longer = [one for one in by_plain if len(given) > 1 and one.startswith(given)]
+    near = get_close_matches(given, by_plain, count, alike) or longer[:count]
+    return [by_plain[one] for one in near]
 
 
 def _plain(name: str) -> str:

@@ -52,6 +52,7 @@ MOST_PARTS: Final = 12  # of one shape
 MOST_CORNERS: Final = 64  # of one part
 LEAST_RADIUS: Final = 0.001  # [m]
 MOST_RADIUS: Final = 0.5  # [m]
+TIP_RADII: Final = (0.001, 0.05)  # [m], of the tool
 
 # Data sets
 BODIES: Final = 100
@@ -112,6 +113,13 @@ def check_ros_name(what: str, name: str) -> str:
             f"{what} is {shown(name)}; a name in ROS has letters of a to z, digits and '_' in parts"
             f" that '/' divides and no digit begins, at most {LONGEST_ROS_NAME} characters"
         )
+    return name
+
+
+def check_frame(what: str, name: str) -> str:
+    """Return the name of a frame on ``/tf``; raises `ConfigError` where tf2 allows none such."""
+    if name.startswith("/") or any(sign.isspace() for sign in name):
+        raise ConfigError(f"{what} is {shown(name)}; it must not have spaces or begin with '/'")
     return name
 
 

@@ -12,20 +12,20 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
-from sain_core.config import check_angle, check_number
+from sain_core.config import check_angle, check_number, check_text
 from sain_core.errors import ConfigError
 from sain_core.guarding.documents import dump_yaml, read_user_yaml
 from sain_core.guarding.plugins import did_you_mean
 from sain_core.guarding.untrusted import (
     LEAST_RADIUS,
-    LONGEST_NAME,
     MOST_BODIES,
     MOST_RADIUS,
+    check_frame,
     check_ros_name,
-    shown,
 )
 from sain_core.scene import DISK_HEIGHT, MASS, NOMINAL_MASS, POSE, RADIUS, make_scene
 from sain_core.shapes.bodies import Bodies
+from sain_core.shapes.shape import Shape
 from sain_core.types import Points, Scene
 
 Poses = Float[ndarray, "N 3"]  # x, y [m], heading [rad]
@@ -42,6 +42,7 @@ MOST_HEIGHT: Final = 0.5  # [m]
 TAG_SIZE: Final = 0.04  # [m], where a file gives none
 TAG_SIZES: Final = (0.005, 0.5)  # [m]
 MOST_TAGS: Final = 32  # of a body
+OVERLAP: Final = 0.01  # of the smaller of two tags, that the other may cover by rounding
 LAST_TAG: Final = 586  # of family 36h11, the largest
 
 
@@ -128,22 +129,16 @@ def parse_bodies(content: Any) -> BodyFile:
     for number, row in enumerate(rows):
         _check_keys(row, f"body {number}")
     frames, topics, shapes, roles, names = (
-        [_text(row, key, number) for number, row in enumerate(rows)]
+        [
+            check_text(f"{key} of body {number}", row.get(key, ""), 0)
+            for number, row in enumerate(rows)
+        ]
         for key in ("frame", "topic", "shape", "role", "name")
     )
     tags = [_tags(row.get("tags", []), number) for number, row in enumerate(rows)]
-    for number, (frame, topic) in enumerate(zip(frames, topics, strict=True)):
-        if frame.startswith("/") or any(sign.isspace() for sign in frame):
-            raise ConfigError(
-                f"frame of body {number} is {shown(frame)}; it must not have spaces or begin with"
-                " '/'"
-            )
-        if topic:
-            check_ros_name(f"topic of body {number}", topic)
-    _check_unique("frame", frames)
-    _check_unique("topic", topics)
-    _check_unique("name", names)
-    _check_unique("tag", [tag.number for row in tags for tag in row])
+    _check_sources(frames, topics, tags)
+    own_names = _all_named(names, shapes)
+    _check_unique("name", own_names)
     if any(roles) and not all(roles):
         raise ConfigError(f"body {roles.index('')} has no role and others have; give all or none")
     masses = [_mass(row.get("mass", UNKNOWN), number) for number, row in enumerate(rows)]
@@ -156,9 +151,13 @@ def parse_bodies(content: Any) -> BodyFile:
         )
         for key, most in (("radius", MOST_RADIUS), ("height", MOST_HEIGHT))
     )
+    bodies = Bodies.named(shapes, roles if all(roles) else ())
+    for number, body in enumerate(zip(tags, bodies.shapes, radii, strict=True)):
+        if body[0]:
+            _check_tags(number, *body)
     return BodyFile(
-        bodies=Bodies.named(shapes, roles if all(roles) else ()),
-        names=_all_named(names, shapes),
+        bodies=bodies,
+        names=own_names,
         radii=radii,
         masses=tuple(NOMINAL_MASS if mass is None else mass for mass in masses),
         heights=heights,
@@ -196,6 +195,57 @@ def _check_unique(key: str, values: Sequence[Any]) -> None:
             raise ConfigError(f"two bodies have the {key} {value!r}; each needs its own")
 
 
+def _check_sources(
+    frames: Sequence[str], topics: Sequence[str], tags: Sequence[Sequence[Tag]]
+) -> None:
+    """Check by what bodies are found; raises `ConfigError`, also where two are found by one."""
+    for number, (frame, topic) in enumerate(zip(frames, topics, strict=True)):
+        check_frame(f"frame of body {number}", frame)
+        if topic:
+            check_ros_name(f"topic of body {number}", topic)
+    _check_unique("frame", frames)
+    _check_unique("topic", topics)
+    owners: dict[int, int] = {}
+    for body, tag in ((body, tag) for body, row in enumerate(tags) for tag in row):
+        if tag.number in owners:
+            other = owners[tag.number]
+            where = f"twice on body {body}" if other == body else f"on bodies {other} and {body}"
+            raise ConfigError(f"tag {tag.number} is {where}; each tag may be given once")
+        owners[tag.number] = body
+
+
+def _check_tags(body: int, tags: Sequence[Tag], shape: Shape, radius: float) -> None:
+    """Check that tags lie on a body: in its convex hull, for a tag may cover a hollow, and apart.
+
+    Raises:
+        ConfigError: one is larger than the body, lies beside it, or lies where another one does.
+    """
+    from shapely import MultiPoint, Point, Polygon
+
+    outline = shape.outline(radius)
+    across = 2.0 * float(np.hypot(*outline.T).max())
+    top = MultiPoint(outline).convex_hull
+    for place, tag in enumerate(tags):
+        what = f"tag {tag.number} of body {body}"
+        if tag.size > across:
+            raise ConfigError(
+                f"{what} has a side of {tag.size:g} m and the body is {across:.4g} m across; it"
+                " must lie on the body: correct its size, or the body's radius"
+            )
+        if not top.covers(Point(tag.x, tag.y)):
+            raise ConfigError(
+                f"{what} is at ({tag.x:g}, {tag.y:g}) m, beside the body of radius {radius:g} m;"
+                " its centre must be on the body: correct x and y [m], in the body's frame"
+            )
+        for other in tags[:place]:
+            shared = Polygon(tag.corners()).intersection(Polygon(other.corners())).area
+            if shared > OVERLAP * min(tag.size, other.size) ** 2:
+                raise ConfigError(
+                    f"{what} lies where its tag {other.number} does; tags must be apart: correct x,"
+                    " y and size"
+                )
+
+
 def _all_named(names: Sequence[str], shapes: Sequence[str]) -> tuple[str, ...]:
     """Return a name of its own for each body: as given, or that of its shape."""
     made: list[str] = []
@@ -216,9 +266,7 @@ def _tags(value: Any, body: int) -> tuple[Tag, ...]:
 def _tag(row: Any, what: str) -> Tag:
     given = row if isinstance(row, Mapping) else {"id": row}
     _check_keys(given, what, TAG_KEYS, ("id",))
-    number = given["id"]
-    if not isinstance(number, int) or isinstance(number, bool) or not 0 <= number <= LAST_TAG:
-        raise ConfigError(f"{what} has the id {number!r}; allowed: 0 to {LAST_TAG}")
+    number = int(check_number(f"id of {what}", given["id"], 0, LAST_TAG, whole=True))
     size = check_number(f"size of {what}", given.get("size", TAG_SIZE), *TAG_SIZES, "m")
     x, y = (
         check_number(f"{key} of {what}", given.get(key, 0.0), -MOST_RADIUS, MOST_RADIUS, "m")
@@ -240,16 +288,6 @@ def _check_keys(
     for key in needed:
         if key not in row:
             raise ConfigError(f"{what} has no {key}; it needs {' and '.join(needed)}")
-
-
-def _text(row: Mapping[str, Any], key: str, body: int) -> str:
-    value = row.get(key, "")
-    if not isinstance(value, str) or len(value) > LONGEST_NAME:
-        raise ConfigError(
-            f"{key} of body {body} is {str(value)[:LONGEST_NAME]!r}; it must be a text of at most"
-            f" {LONGEST_NAME} characters"
-        )
-    return value
 
 
 def _mass(value: Any, body: int) -> float | None:

@@ -127,7 +127,7 @@ def library() -> tuple[Shape, ...]:
 log = logging.getLogger(__name__)
 GROUP: Final = "sain.shapes"
 OUTLINES: Final = (".yaml", ".json")
-PLAIN: Final = re.compile(r"[\w.-]{1,64}")  # name of an outline file
+PLAIN: Final = re.compile(r"\w[\w.-]{0,63}(?<!\.yaml)(?<!\.json)")  # name of an outline file
 MOST_OUTLINE: Final = 64  # corners
 ALIKE: Final = 0.7  # of the letters: `disk` is no slip of `half_disk`
 OFFERED: Final = Plugins(GROUP, "shape")
@@ -163,7 +163,7 @@ def get_shape(name: str, body: int | None = None) -> Shape:
 
     With ``:flat`` at the end, it is the shape of the name before, on a flat bottom.
     """
-    if name.endswith(FLAT_MARK):
+    if name.endswith(FLAT_MARK) and name.count(FLAT_MARK) == 1:
         if name not in _flat:
             _flat[name] = get_shape(name.removesuffix(FLAT_MARK), body).on(FLAT)
         return _flat[name]
@@ -177,7 +177,7 @@ def get_shape(name: str, body: int | None = None) -> Shape:
     if name in _failed:
         raise ConfigError(_failed[name])
     what = "shape" if body is None else f"shape of body {body}"
-    near = did_you_mean(name, _shapes, ALIKE)
+    near = did_you_mean(name, [*_shapes, *(one + FLAT_MARK for one in _shapes)], ALIKE)
     raise ConfigError(f"{what} is {name!r}{near}; allowed: {', '.join(_shapes)}")
 
 

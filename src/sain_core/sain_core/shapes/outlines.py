@@ -14,11 +14,17 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-from numpy import ndarray
 
+from sain_core.config import check_number, check_numbers
 from sain_core.errors import ConfigError, DatasetError, UntrustedFileError
 from sain_core.guarding.documents import parse_json, read_json, read_yaml
-from sain_core.guarding.untrusted import LEAST_RADIUS, LONGEST_NAME, MOST_RADIUS, read_regular_text
+from sain_core.guarding.untrusted import (
+    LEAST_RADIUS,
+    LONGEST_NAME,
+    MOST_RADIUS,
+    TIP_RADII,
+    read_regular_text,
+)
 from sain_core.output import write_json
 from sain_core.scene import unit
 from sain_core.shapes.shape import FEET, Pair, Ring, Shape
@@ -151,9 +157,13 @@ def read_stated(path: Path) -> StatedBodies:
     if content.get(UNIT, METRES) != METRES:
         raise DatasetError(f"{path} states outlines in {content[UNIT]!r}; give metres ({METRES!r})")
     radius = content.get(TIP_RADIUS)
-    if radius is not None and not isinstance(radius, int | float):
-        raise DatasetError(f"{path}: {TIP_RADIUS} is {radius!r}; give a number [m]")
-    bodies = {str(name): _stated(f"{path}: {name!r}", str(name), of) for name, of in shapes.items()}
+    try:
+        if radius is not None:
+            radius = check_number(f"{path}: {TIP_RADIUS}", radius, *TIP_RADII, "m")
+        named = {str(name): stated for name, stated in shapes.items()}
+        bodies = {name: _stated(f"{path}: {name!r}", name, of) for name, of in named.items()}
+    except ConfigError as error:
+        raise DatasetError(str(error)) from error
     return StatedBodies(bodies, radius)
 
 
@@ -168,25 +178,21 @@ def _read(path: Path) -> Any:
 
 def _stated(what: str, name: str, stated: object) -> BodyOutline:
     if isinstance(stated, dict):
-        axes = _numbers(what, stated.get(SEMI_AXES))
-        if axes.shape != (2,) or not (axes > 0.0).all():
+        axes = np.array(check_numbers(f"{what}: {SEMI_AXES}", stated.get(SEMI_AXES), 2))
+        if not (axes > 0.0).all():
             raise DatasetError(f"{what} needs {SEMI_AXES}: two positive numbers [m]")
         if axes[0] == axes[1]:
             _check_size(what, float(axes[0]))
             return BodyOutline(Disk(DISK), float(axes[0]), (0.0, 0.0))
         stretch = np.sqrt(2 * pi / (ELLIPSE * sin(2 * pi / ELLIPSE)))  # to the ellipse's area
         return trace(name, stretch * axes * unit(np.arange(ELLIPSE) * 2 * pi / ELLIPSE), what)
-    return trace(name, _numbers(what, stated), what)
-
-
-def _numbers(what: str, stated: object) -> ndarray:
-    try:
-        numbers = np.array(stated, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise DatasetError(f"{what} is no outline: give points [x, y] in metres") from error
-    if not np.isfinite(numbers).all():
-        raise DatasetError(f"{what} has NaN or Inf; give finite numbers")
-    return numbers
+    if not isinstance(stated, list) or not 3 <= len(stated) <= MOST_POINTS:
+        raise DatasetError(f"{what} is no outline: give 3 to {MOST_POINTS} points [x, y] in metres")
+    points = [
+        check_numbers(f"point {place} of {what}", point, 2)
+        for place, point in enumerate(stated, start=1)
+    ]
+    return trace(name, np.array(points), what)
 
 
 def trace(name: str, points: Points, what: str = "the outline") -> BodyOutline:
@@ -252,7 +258,8 @@ def _wrong_ring(points: Points, ring: Any) -> str:
 
 def _check_size(what: str, radius: float) -> None:
     if not LEAST_RADIUS <= radius <= MOST_RADIUS:
-        hint = ": it looks like millimetres" if radius > MOST_RADIUS else ""
+        in_metres = LEAST_RADIUS <= 1e-3 * radius <= MOST_RADIUS
+        hint = ": it looks like millimetres" if radius > MOST_RADIUS and in_metres else ""
         raise DatasetError(
             f"{what} has a radius of {radius:.4g} m{hint}; allowed: {LEAST_RADIUS} to"
             f" {MOST_RADIUS} m"

@@ -46,6 +46,10 @@ def run(options: PrintOptions, console: Console) -> None:
     """
     claim_file(options.out, options.overwrite)
     if options.board:
+        defaults = PrintOptions()
+        for name in ("tags", "size", "family"):
+            if getattr(options, name) != getattr(defaults, name):
+                raise ConfigError(f"--board has its own tags; leave out --{name}")
         pages = [board_sheet(Board(), options.paper)]
     else:
         numbers = read_numbers(options.tags, len(tag_family(options.family)))

@@ -7,7 +7,9 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
+from sain_core.camera.decals import tag_family
 from sain_core.config import Config, option
+from sain_core.errors import ConfigError
 from sain_core.shapes.body_file import Tag
 from sain_core.types import Points
 
@@ -22,6 +24,16 @@ class Board(Config):
     rows: int = option(6, "rows", minimum=2, maximum=20)
     size: float = option(0.028, "side of a tag", unit="m", minimum=0.005, maximum=0.2)
     gap: float = option(0.008, "between tags", unit="m", minimum=0.002, maximum=0.1)
+
+    def __post_init__(self) -> None:
+        """Check the fields, and that the family has the tags."""
+        super().__post_init__()
+        last, most = self.first + self.columns * self.rows - 1, len(tag_family(self.family)) - 1
+        if last > most:
+            raise ConfigError(
+                f"the board has the tags {self.first} to {last}; {self.family} has 0 to {most}:"
+                " give a smaller first"
+            )
 
     @property
     def extent(self) -> tuple[float, float]:

@@ -19,7 +19,7 @@ from sain_core.config import Config, option
 from sain_core.errors import InvalidInputError
 from sain_core.types import Points
 from sain_vision.detection.planar_fit import fit_pose, turned
-from sain_vision.optics import CameraModel, Pixels
+from sain_vision.optics import CameraModel, Pixels, check_view
 
 FEWEST_TAGS: Final = 8  # of the board, in each look
 COVERAGE: Final = 0.25  # share of the image's width and height that all looks span
@@ -77,6 +77,12 @@ def calibrate(
     ]
     turn, _ = cv2.Rodrigues(start.rotation)
     begin = np.concatenate([turn.ravel(), start.place, *poses])
+    lost = [number for number, pose in enumerate(poses, start=2) if not np.isfinite(pose).all()]
+    if lost:
+        raise InvalidInputError(
+            f"look {lost[0]} shows the board where, after the first look, no table is: the board"
+            " must lie flat, and the camera stand still; repeat the looks"
+        )
 
     def errors(values: Float[ndarray, "V"]) -> Float[ndarray, "E"]:
         seen = _camera_at(camera, values)
@@ -167,4 +173,5 @@ def _checked(
             f"the first board is off by {bias[0]:.2f}, {bias[1]:.2f} mm; at most"
             f" {config.max_bias:g} mm is accepted: was it where --board says?"
         )
+    check_view(camera, "the calibrated camera")
     return made

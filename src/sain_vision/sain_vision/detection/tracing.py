@@ -14,7 +14,7 @@ from numpy import ndarray
 
 from sain_core.config import Config, option
 from sain_core.errors import InvalidInputError
-from sain_core.guarding.untrusted import MOST_PARTS
+from sain_core.guarding.untrusted import MOST_PARTS, MOST_RADIUS
 from sain_core.shapes.library import MOST_OUTLINE
 from sain_core.shapes.outlines import convex_parts
 from sain_core.types import Points
@@ -49,11 +49,13 @@ class TracedTop:
         outline: (M, 2) [m] in the world, counter-clockwise.
         height: of the top over the table [m].
         tolerance: within which corners were left out [m].
+        count: of objects in the image, of which it is one.
     """
 
     outline: Points
     height: float
     tolerance: float
+    count: int = 1
 
 
 def trace_top(
@@ -72,7 +74,7 @@ def trace_top(
     points = camera.place + depth[..., None] * rays
     heights = np.nan_to_num(points[..., 2], nan=-1.0)
     stands = (heights > config.lowest) & (heights < config.highest)
-    mask = _chosen(stands, points[..., :2], near)
+    mask, count = _chosen(stands, points[..., :2], near)
     height, error = float(np.quantile(heights[mask], EDGE)), config.height_error
     upper = heights[mask & (abs(heights - height) < error)]
     height = float(np.median(upper))
@@ -85,15 +87,15 @@ def trace_top(
             " distortion of its lens cannot be inverted; lay it into the middle of the image"
         )
     outline, tolerance = _simplified(edge)
-    return TracedTop(outline, height, tolerance)
+    return TracedTop(outline, height, tolerance, count)
 
 
 def _chosen(
     stands: Bool[ndarray, "height width"],
     places: Float[ndarray, "height width 2"],
     near: Float[ndarray, "2"] | None,
-) -> Bool[ndarray, "height width"]:
-    """Return the pixels of one object that is wholly in the image."""
+) -> tuple[Bool[ndarray, "height width"], int]:
+    """Return the pixels of one object that is wholly in the image, and how many are."""
     count, labels, figures, _ = cv2.connectedComponentsWithStats(stands.astype(np.uint8))
     high, wide = stands.shape
     whole: list[tuple[float, int]] = []
@@ -114,7 +116,13 @@ def _chosen(
             f"no object stands on the table in the image{more}: lay it into the middle, away from"
             " the arm, and check the camera's pose"
         )
-    return np.asarray(labels == min(whole)[1])
+    away, label = min(whole)
+    if near is not None and away > MOST_RADIUS:
+        raise InvalidInputError(
+            f"the object that is nearest to ({near[0]:g}, {near[1]:g}) m is {away:.2f} m away;"
+            " correct --near, which is in the world, or the camera's pose"
+        )
+    return np.asarray(labels == label), len(whole)
 
 
 def _edge(top: Bool[ndarray, "height width"]) -> Float[ndarray, "P 2"]:
@@ -125,6 +133,11 @@ def _edge(top: Bool[ndarray, "height width"]) -> Float[ndarray, "P 2"]:
     contours, _ = cv2.findContours(
         (fine > 0.5).astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE
     )
+    if not contours:
+        raise InvalidInputError(
+            "the object has no flat top that is wider than a pixel or two: is its depth noisy, or"
+            " is it an edge of the table? Move the camera nearer, or average more --frames"
+        )
     line = max(contours, key=cv2.contourArea)[:, 0].astype(np.float64)
     return np.asarray((line + 0.5) / FINER - 0.5)
 

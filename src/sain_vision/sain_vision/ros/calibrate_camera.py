@@ -7,14 +7,15 @@ from pathlib import Path
 import numpy as np
 from rich.console import Console
 
-from sain_core.config import Config, option
-from sain_core.errors import SainError
+from sain_core.config import Config, check_angle, check_text, option
+from sain_core.errors import ConfigError, SainError
+from sain_core.guarding.untrusted import check_frame
 from sain_core.output import OVERWRITE_HELP, claim_file
 from sain_vision.detection.board import Board
 from sain_vision.detection.calibration import FEWEST_TAGS, CalibrationConfig, Look, calibrate
 from sain_vision.detection.tags import TagConfig, TagFinder
 from sain_vision.extrinsics_file import Extrinsics, write_extrinsics
-from sain_vision.optics import turn_of
+from sain_vision.optics import TABLE, turn_of
 
 
 @dataclass(frozen=True)
@@ -37,6 +38,14 @@ class CalibrateOptions(Config):
     board: Board = Board()
     quality: CalibrationConfig = CalibrationConfig()
 
+    def __post_init__(self) -> None:
+        """Check the fields, and that the board lies on the table."""
+        super().__post_init__()
+        x, y, turn = self.origin
+        if not TABLE.contains(np.array([x, y])):
+            raise ConfigError(f"origin is ({x:g}, {y:g}) m; it must be in {TABLE.describe()}")
+        check_angle("origin's turn", turn)
+
 
 def run(options: CalibrateOptions, console: Console) -> None:
     """Take looks and write the file.
@@ -58,11 +67,14 @@ def run(options: CalibrateOptions, console: Console) -> None:
             where = "with its origin at its place" if number == 1 else "somewhere else"
             _wait(options, console, f"look {number} of {options.quality.looks}: board {where}")
             message, camera = watcher.next_image()
+            frame = check_frame(
+                "frame_id of images", check_text("frame_id of images", message.header.frame_id)
+            )
             points, pixels = options.board.common(finder.find(decode_grey(message)))
-            console.print(f"  {len(points) // 4} of {len(options.board.corners())} tags")
+            count = f"  {len(points) // 4} of {len(options.board.corners())} tags"
+            console.print(count, *finder.problems, sep="; ")
             if len(points) >= 4 * FEWEST_TAGS:
                 looks.append(Look(points, pixels))
-    frame = message.header.frame_id
     made = calibrate(camera, looks, np.array(options.origin), options.quality)
     pose = Extrinsics(frame, "world", made.camera.place, turn_of(made.camera.rotation))
     about = {"error_mm": round(made.error, 3), "bias_mm": [round(one, 3) for one in made.bias]}

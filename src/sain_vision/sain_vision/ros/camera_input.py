@@ -18,7 +18,7 @@ from sain_core.guarding.ros.reception import LARGE_BYTES, Reception
 from sain_core.ros import codec
 from sain_core.ros.qos import LATCHED, LATCHED_QUEUE, TRANSFORMS
 from sain_vision.extrinsics_file import read_extrinsics
-from sain_vision.optics import CameraModel, check_calibration, rotation_of
+from sain_vision.optics import CameraModel, check_calibration, check_view, rotation_of
 from sain_vision.ros.settings import CameraInputConfig
 from sain_vision.ros.transforms import take_transforms
 from sain_vision.scene.frame_tree import FrameTree
@@ -53,6 +53,8 @@ class CameraInput:
         self._image_topic, self._info_topic = topics
         self._tree = FrameTree(config.frame)
         self._info: CameraInfo | None = None
+        self._unusable = ""  # why the latest calibration is not used
+        self._viewed = b""  # the pose from which the table is seen
         self._stampless = Time()
         self._model: CameraModel | None = None  # of the latest calibration, without its pose
         reception.listen(CameraInfo, self._info_topic, self._on_info, NEWEST, refuse)
@@ -72,12 +74,24 @@ class CameraInput:
         message.header.stamp = self._stampless
         if message == self._info:
             return
-        self._info, self._model = message, None
+        self._info, self._model, self._viewed = message, None, b""
+        try:
+            self._model = self._calibrated(message)
+            if self._model.misses_corners:
+                self._node.get_logger().warning(
+                    "the camera's lens has no inverse in the corners of the image: bodies are not"
+                    " seen there; calibrate it with the board also in the corners"
+                )
+        except InvalidInputError as error:
+            self._unusable = str(error)
+            raise
+
+    def _calibrated(self, message: CameraInfo) -> CameraModel:
         _check_raw(message, self._node.resolve_topic_name(self._image_topic))
         matrix = np.array(message.k, dtype=np.float64).reshape(3, 3)
         distortion = np.array(message.d, dtype=np.float64)
         size = int(message.width), int(message.height)
-        self._model = check_calibration(*size, matrix, message.distortion_model, distortion)
+        return check_calibration(*size, matrix, message.distortion_model, distortion)
 
     def _on_tf(self, message: TFMessage, static: bool = False) -> None:
         take_transforms(self._tree, message, static)
@@ -90,7 +104,7 @@ class CameraInput:
                 " the camera must publish its CameraInfo"
             )
         if self._model is None:
-            raise InvalidInputError("the camera's calibration is not used; see what was wrong")
+            raise InvalidInputError(self._unusable)
         if (message.width, message.height) != (self._model.width, self._model.height):
             raise InvalidInputError(
                 f"the image is {message.width} x {message.height} px and its calibration is for"
@@ -99,14 +113,23 @@ class CameraInput:
         if not self._placed:
             self._on_image(message, self._model)
             return
+        if not message.header.frame_id:
+            raise InvalidInputError(
+                "the image has no frame_id; the driver must state the camera's optical frame"
+            )
         place, turn, _ = self._tree.transform(message.header.frame_id)
-        self._on_image(message, self._model.moved(rotation_of(turn), place))
+        camera = self._model.moved(rotation_of(turn), place)
+        if (pose := np.concatenate([place, turn]).tobytes()) != self._viewed:
+            check_view(camera, f"the camera {message.header.frame_id!r}")
+            self._viewed = pose  # to look takes 3 ms
+        self._on_image(message, camera)
 
     def _check_time(self, stamp: float) -> None:
         age = self._node.get_clock().now().nanoseconds * 1e-9 - stamp
         if age > self._max_age:
             raise InvalidInputError(
                 f"the image is {age:.1f} s old; at most {self._max_age:g} s is allowed"
+                + "; its stamp is 0: the driver must stamp images" * (stamp == 0.0)
             )
         if age < -self._max_age:
             raise InvalidInputError(f"the image is stamped {-age:.1f} s in the future; {FUTURE}")
@@ -142,8 +165,8 @@ def _check_raw(message: CameraInfo, topic: str) -> None:
 class CameraPlace:
     """Publishes where a camera is, as the file of its calibration has it."""
 
-    def __init__(self, node: Node, path: str) -> None:
-        """Publish it; without a path nothing: somebody else does.
+    def __init__(self, node: Node, path: str, table: str) -> None:
+        """Publish it, from which the `table` is seen; without a path nothing: somebody else does.
 
         Raises:
             ConfigError: the file cannot be used.
@@ -151,7 +174,7 @@ class CameraPlace:
         self._publisher = None
         if not path:
             return
-        pose = read_extrinsics(Path(path).expanduser())
+        pose = read_extrinsics(Path(path).expanduser(), table)
         (x, y, z), (a, b, c, d) = pose.place.tolist(), pose.turn.tolist()
         one = TransformStamped(child_frame_id=pose.frame)
         one.header = codec.header(node.get_clock().now().to_msg())

@@ -8,6 +8,7 @@ from jaxtyping import Float, UInt8
 from numpy import ndarray
 
 from sain_core.errors import InvalidInputError
+from sain_vision.look_files import known_depths
 
 TO_GREY: Final = {
     "mono8": None,
@@ -39,7 +40,8 @@ def decode_grey(message: Any) -> Grey:
     channels = CHANNELS.get(message.encoding)
     if channels is None:
         raise InvalidInputError(
-            f"the image has the encoding {message.encoding!r}; allowed: {', '.join(TO_GREY)}"
+            f"the image has the encoding {message.encoding!r}; allowed: {', '.join(TO_GREY)}:"
+            " let the driver or image_proc convert it"
         )
     rows = _rows(message, channels)
     pixels = rows.reshape(message.height, message.width, channels)
@@ -59,7 +61,7 @@ def decode_depth(message: Any) -> Depth:
     order = ">" if message.is_bigendian else "<"
     rows = np.ascontiguousarray(_rows(message, int(kind[1]))).view(order + kind)
     depth = rows.reshape(message.height, message.width).astype(np.float64) * unit
-    return np.where(depth > 0.0, depth, np.nan)
+    return known_depths(depth)
 
 
 def _rows(message: Any, size: int) -> UInt8[ndarray, "height bytes"]:

@@ -15,12 +15,12 @@ from sain_core.config import Config, option
 from sain_core.errors import ConfigError, InvalidInputError, SainError
 from sain_core.guarding.documents import dump_yaml
 from sain_core.output import OVERWRITE_HELP, claim_file, write_whole
-from sain_core.shapes.library import PLAIN, outline_folder, shape_names
+from sain_core.shapes.library import OUTLINES, PLAIN, outline_folder, shape_names
 from sain_core.shapes.outlines import METRES, SHAPES, UNIT, BodyOutline, trace
 from sain_vision.detection.tracing import TracedTop, TracingConfig, draw_top, trace_top
 from sain_vision.extrinsics_file import read_extrinsics
 from sain_vision.look_files import read_camera, read_depth, read_picture
-from sain_vision.optics import CameraModel, rotation_of
+from sain_vision.optics import CameraModel
 
 FARTHEST: Final = 3.0  # [m], that is black in a picture of depth
 SCALE: Final = 2  # times as large a picture is shown
@@ -54,8 +54,11 @@ class NewShapeOptions(Config):
         super().__post_init__()
         if not PLAIN.fullmatch(self.name):
             raise ConfigError(
-                f"name is {self.name!r}; allowed: letters, digits, '_', '-' and '.', up to 64"
+                f"name is {self.name!r}; allowed: letters, digits, '_', '-' and '.', up to 64, no"
+                " '-' or '.' first, no .yaml or .json last"
             )
+        if self.out is not None and self.out.suffix != OUTLINES[0]:
+            raise ConfigError(f"out is {self.out}; its name must end in {OUTLINES[0]}")
         if self.name in shape_names() and not (self.overwrite and self.path.exists()):
             raise ConfigError(
                 f"there is a shape {self.name!r}; take another name; or, if it is one of yours,"
@@ -108,7 +111,8 @@ def describe(top: TracedTop, body: BodyOutline) -> str:
     """Return what a shape is, in words."""
     box = cv2.minAreaRect(top.outline.astype(np.float32))[1]
     long, short = sorted((1e3 * side for side in box), reverse=True)
-    return (
+    others = f"one of {top.count} objects, chosen by --near or as the largest; "
+    return others * (top.count > 1) + (
         f"{long:.0f} x {short:.0f} mm, {1e3 * top.height:.0f} mm high, radius"
         f" {1e3 * body.radius:.1f} mm, {len(top.outline)} corners within"
         f" {1e3 * top.tolerance:g} mm, {len(body.shape.parts(1.0))} convex parts"
@@ -165,8 +169,7 @@ def _look(options: NewShapeOptions) -> tuple[np.ndarray, CameraModel, np.ndarray
                 cv2.cvtColor(grey, cv2.COLOR_GRAY2BGR) if grey.shape == depth.shape else picture
             )
     if options.extrinsics is not None:
-        pose = read_extrinsics(options.extrinsics)
-        camera = camera.moved(rotation_of(pose.turn), pose.place)
+        camera = read_extrinsics(options.extrinsics).placed(camera)
     return depth, camera, picture if options.image is None else read_picture(options.image)
 
 

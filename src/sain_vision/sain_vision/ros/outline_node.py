@@ -38,7 +38,7 @@ class OutlineNode(Node):
         self.reception = reception = Reception(self)
         self.output = SightingOutput(self, reception, "outlines", "camera/outlines")
         self.diagnostics = self.output.diagnostics
-        self.place = CameraPlace(self, config.extrinsics)
+        self.place = CameraPlace(self, config.extrinsics, config.frame)
         self.arm = ArmWatch(config.robot, config.max_age) if config.robot else None
         if self.arm is not None:
             reception.listen(JointState, "/joint_states", self.arm.listen, RELIABLE)

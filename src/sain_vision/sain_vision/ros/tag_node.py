@@ -33,7 +33,7 @@ class TagNode(Node):
         self.reception = reception = Reception(self)
         self.output = SightingOutput(self, reception, "tags", "camera/overlay")
         self.diagnostics = self.output.diagnostics
-        self.place = CameraPlace(self, config.extrinsics)
+        self.place = CameraPlace(self, config.extrinsics, config.frame)
         self.input = CameraInput(
             self, reception, COLOUR_TOPICS, config, self._on_image, self._ignore
         )

@@ -10,6 +10,7 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from sain_core.errors import InvalidInputError
+from sain_core.guarding.plugins import did_you_mean
 from sain_core.wire import Place, Turn, check_pose, flat_pose
 
 DEEPEST: Final = 32  # frames from a body to the world
@@ -73,7 +74,8 @@ class FrameTree:
                 return place, turn, stamp
             link = self._links.get(name)
             if link is None:
-                why = "was never seen" if name == frame else f"ends at {name!r}"
+                hint = did_you_mean(frame, self._links)
+                why = f"was never seen{hint}" if name == frame else f"ends at {name!r}"
                 raise InvalidInputError(
                     f"frame {frame!r} {why} on /tf; it must be connected with {self._root!r}"
                 )

@@ -1,0 +1,118 @@
+"""The file of a camera's pose: what is refused, and in which words, also where a node reads it."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+
+from sain_core.errors import ConfigError
+from sain_vision.extrinsics_file import read_extrinsics
+from sain_vision.look_files import read_camera
+from sain_vision.ros.outline_node import OutlineNode
+from sain_vision.ros.tag_node import TagNode
+
+DOWN = [1.0, 0.0, 0.0, 0.0]  # x y z w
+WXYZ = [0.1516, -0.3514, 0.8483, -0.3661]  # as it must not be written
+POSE = {"frame": "cam", "parent": "world", "place": [0.6, 0.0, 1.0], "turn": DOWN}
+INFO = {
+    "image_width": 640,
+    "image_height": 480,
+    "camera_matrix": {"rows": 3, "cols": 3, "data": [600.0, 0, 320, 0, 600, 240, 0, 0, 1]},
+    "distortion_model": "plumb_bob",
+    "distortion_coefficients": {"rows": 1, "cols": 5, "data": [0.1, 0, 0, 0, 0]},
+}
+UNSEEN = r"the camera 'cam' shows no point of the table \(x in \[0.16, 1.16\] m, .*"
+
+
+def write(folder: Path, name: str, content: Any) -> Path:
+    path = folder / name
+    path.write_text(yaml.safe_dump(content))
+    return path
+
+
+@pytest.mark.parametrize(
+    ("change", "text"),
+    [
+        ({"place": [0.6, 0.0, -1.0]}, UNSEEN + "under the table, and looks along"),
+        ({"turn": WXYZ}, UNSEEN + r"x y z w, .* in the world: as w x y z, this turn would show it"),
+        ({"turn": [0.0, 0.0, 0.0, 1.0]}, UNSEEN + r"1 m above .* along \(0.00, 0.00, 1.00\)"),
+        ({"place": [6.0, 0.0, 1.0]}, UNSEEN + r"it is at \(6, 0\) m"),
+        ({"place": [600, 0, 1000]}, r"place\[0\] is 600; .* 600 millimetres are 0.6 m"),
+        ({"place": [True, 0, 1]}, r"place\[0\] is True; allowed: -10 to 10 m"),
+        ({"place": [1, 2]}, r"place is \[1, 2\]; it must be a list of 3 numbers"),
+        ({"place": None}, "place is None; it must be a list of 3 numbers"),
+        ({"place": ["1", 0, 1]}, r"place\[0\] is '1'; allowed"),
+        ({"turn": [True, 0, 0, 0]}, r"turn\[0\] is True; allowed: finite numbers"),
+        ({"turn": [float("nan"), 0, 0, 1]}, r"turn\[0\] is nan; allowed: finite numbers"),
+        ({"turn": [0, 0, 0, 0]}, "the pose has a quaternion of length 0; it must be 1"),
+        ({"frame": None}, "frame is None; it must be a text of 1 to 64 characters"),
+        ({"frame": ""}, "frame is ''; it must be a text of 1"),
+        ({"frame": []}, r"frame is \[\]; it must be a text"),
+        ({"frame": "/cam"}, "frame is '/cam'; it must not have spaces or begin with '/'"),
+        ({"frame": "world"}, "frame and parent are both 'world'"),
+        ({"parent": 3}, "parent is 3; it must be a text"),
+        ({"parent": "cam"}, "frame and parent are both 'cam'"),
+    ],
+)
+def test_a_pose_that_cannot_be_is_refused(tmp_path: Path, change: dict, text: str) -> None:
+    path = write(tmp_path, "camera.yaml", POSE | change)
+    with pytest.raises(ConfigError, match=rf"calibration .*camera\.yaml: {text}"):
+        read_extrinsics(path)
+
+
+def test_poses_that_can_be_are_read(tmp_path: Path) -> None:
+    write(tmp_path, "camera.yaml", POSE)
+    assert read_extrinsics(tmp_path / "camera.yaml").frame == "cam"
+    away = POSE | {"parent": "base", "place": [0.0, 0.0, -0.1]}  # where base is, /tf says
+    assert read_extrinsics(write(tmp_path, "camera.yaml", away)).parent == "base"
+    with pytest.raises(ConfigError, match="is in the frame 'base'; it must be in 'world'"):
+        read_camera(write(tmp_path, "info.yaml", INFO), tmp_path / "camera.yaml")
+
+
+@pytest.mark.parametrize("node", [TagNode, OutlineNode])
+def test_a_node_does_not_start_with_a_camera_under_the_table(graph, tmp_path, node) -> None:
+    bodies = write(
+        tmp_path, "bodies.yaml", {"bodies": [{"shape": "disk", "radius": 0.1, "tags": 1}]}
+    )
+    path = write(tmp_path, "camera.yaml", POSE | {"place": [0.6, 0.0, -1.0]})
+    with pytest.raises(ConfigError, match=UNSEEN + "under the table"):
+        graph.start(node, bodies=str(bodies), extrinsics=str(path))
+
+
+@pytest.mark.parametrize(
+    ("change", "text"),
+    [
+        ({"image_width": True}, "image_width is True; allowed: whole numbers, 1 to 50000 px"),
+        ({"image_width": 640.5}, "image_width is 640.5; allowed: whole numbers"),
+        ({"image_height": [480]}, r"image_height is \[480\]; allowed: whole numbers"),
+        ({"image_height": "480"}, "image_height is '480'; allowed: whole numbers"),
+        ({"camera_matrix": None}, "camera_matrix.data is None; it must be a list of 9 numbers"),
+        ({"camera_matrix": {"rows": 3}}, "camera_matrix.data is None; it must be a list of 9"),
+        ({"camera_matrix": {"data": [True] * 9}}, r"camera_matrix.data\[0\] is True; allowed: fin"),
+        ({"distortion_coefficients": "none"}, "distortion_coefficients.data is 'none'; it must be"),
+        ({"distortion_coefficients": {"data": [0.1, [0]]}}, r"data\[1\] is \[0\]; allowed: finite"),
+        ({"distortion_model": None}, "distortion_model is None; it must be a text"),
+        ({"distortion_coefficients": {"data": [-50, 0, 0, 0, 0]}}, r"folds at \(\d+, 240\) px"),
+        (
+            {"camera_matrix": [1200, 0, 640, 0, 1200, 480, 0, 0, 1]},
+            "is K of images of another size",
+        ),
+    ],
+)
+def test_intrinsics_that_cannot_be_are_refused(tmp_path: Path, change: dict, text: str) -> None:
+    pose = write(tmp_path, "camera.yaml", POSE)
+    info = write(tmp_path, "info.yaml", INFO | change)
+    with pytest.raises(ConfigError, match=rf"camera info .*info\.yaml cannot be used: .*{text}"):
+        read_camera(info, pose)
+
+
+@pytest.mark.parametrize("change", [{"place": [1.8, 0, 1]}, {"turn": [0.7071068, 0, 0, 0.7071068]}])
+def test_a_lens_that_misses_the_table_is_refused(tmp_path: Path, change: dict) -> None:
+    pose = write(tmp_path, "camera.yaml", POSE | change)
+    read_extrinsics(pose)  # a wide lens would see the table
+    with pytest.raises(ConfigError, match="camera.yaml: " + UNSEEN):
+        read_camera(write(tmp_path, "info.yaml", INFO), pose)
+    write(tmp_path, "camera.yaml", POSE)
+    assert np.allclose(read_camera(tmp_path / "info.yaml", pose).place, POSE["place"])
