@@ -19,6 +19,7 @@ from sain_lab.keeping.log import LogReader, LogWriter
 from sain_lab.learner import Learner
 from tests.sain_lab.table import SmallTable
 
+PUSH = {"kind": "push", **SmallTable().push().record()}
 EVENT = {"event": "loaded", "text": "", "pushes": 0, "time": 0.0}
 
 
@@ -87,6 +88,10 @@ def test_a_file_of_something_else_is_not_made_a_log(tmp_path):
     ("record", "reason"),
     [
         ({"kind": "push"}, "it has no 'before'); 1 push is missing"),
+        ({**PUSH, "errors": 1.0}, "is damaged"),
+        (PUSH, "it has no 'errors'); 1 push is missing"),
+        ({"kind": "event", **EVENT, "event": "not learned", "about": {"id": []}}, "[] is no text"),
+        ({"kind": "event", **EVENT, "event": "training", "about": []}, "about is []"),
         ({"kind": "event", "event": "loaded"}, "it has no 'text'); no push is missing"),
         ({"kind": "event", **EVENT, "about": {"service": "../x"}}, "service is '../x'"),
         ({"kind": "event", **EVENT, "about": {}}, "it has no 'service'"),
@@ -270,6 +275,11 @@ def test_what_cannot_be_written_is_said(tmp_path):
     blocked.write_text("")
     with pytest.raises(OutputError, match=r"file is not a folder; choose another"):
         OpenLaboratory(blocked / "mine")
+    OpenLaboratory(tmp_path / "lab").close()
+    (tmp_path / "lab" / LOG).rename(tmp_path / LOG)
+    (tmp_path / "lab" / LOG).symlink_to(tmp_path / LOG)
+    with pytest.raises(OutputError, match=f"{LOG} is a symbolic link, which is never replaced"):
+        OpenLaboratory(tmp_path / "lab")
 
 
 def foreign(path):
