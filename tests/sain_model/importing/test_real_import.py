@@ -474,6 +474,17 @@ def test_pushes_that_cannot_be_are_left_out_by_name(rows: Recorded, tmp_path: Pa
         convert(tmp_path / "other", npz, skip_bad=False)
 
 
+def test_bodies_that_move_against_the_tool_are_a_warning(rows: Recorded, tmp_path: Path) -> None:
+    write_stated(tmp_path)
+    after = rows.after.copy()
+    after[:, :2] = 1.5 * rows.before[:, :2] - 0.5 * after[:, :2]
+    _, printed = convert(tmp_path / "out", write_npz(tmp_path / "all.npz", rows))
+    assert "errs by more" not in printed
+    npz = write_npz(tmp_path / "back.npz", rows.changed(after=after))
+    _, printed = convert(tmp_path / "back", npz)
+    assert "warning: nominal physics errs by more than the bodies move; do frames and" in printed
+
+
 @pytest.mark.parametrize("place", [3.0, 0.03])
 def test_outlines_elsewhere_than_the_pushes_are_refused(
     rows: Recorded, tmp_path: Path, place: float
