@@ -14,7 +14,14 @@ from rich.console import Console
 
 from sain_core.errors import BusyError, DatasetError, OutputError, SainError
 from sain_lab.cli.lab import LabOptions, run
-from sain_lab.keeping.laboratory import LOG, MANIFEST, Laboratory, OpenLaboratory, forget
+from sain_lab.keeping.laboratory import (
+    LOG,
+    MANIFEST,
+    WAITING,
+    Laboratory,
+    OpenLaboratory,
+    forget,
+)
 from sain_lab.keeping.log import LogReader, LogWriter
 from sain_lab.learner import Learner
 from tests.sain_lab.table import SmallTable
@@ -113,6 +120,28 @@ def test_a_record_without_what_its_kind_needs_is_named_and_left_out(tmp_path, re
     text = sain_lab("show", str(path))
     assert "2 pushes" in text
     assert f"line 3 of {path / LOG} is damaged" in text and reason in text
+
+
+def test_what_waits_is_counted_without_what_was_learned(tmp_path):
+    """A damaged line keeps the file of what was received."""
+    path, table = tmp_path / "lab", SmallTable()
+    first, second = (table.push().identified() for _ in range(2))
+    with OpenLaboratory(path) as laboratory:
+        laboratory.append({"kind": "push", "errors": {}, "turns": {}, **first.record()})
+        for record in ({"kind": "push"}, PUSH | first.record(), PUSH | second.record()):
+            laboratory.receive(record)
+    text = sain_lab("show", str(path))
+    assert "1 pushes were received and wait" in text
+    assert f"line 2 of {path / WAITING} is damaged (it has no 'before')" in text
+
+
+def test_a_belief_that_was_changed_is_not_replaced(tmp_path):
+    path = tmp_path / "lab"
+    OpenLaboratory(path).close()
+    (path / "belief.json").write_text("mine")
+    with pytest.raises(OutputError, match=r"belief\.json was changed since .*; move it away$"):
+        OpenLaboratory(path)
+    assert (path / "belief.json").read_text() == "mine"
 
 
 def test_one_process_has_a_laboratory(tmp_path):

@@ -25,8 +25,16 @@ import numpy as np
 from sain_core.errors import BusyError, ConfigError, DatasetError, OutputError, SainError
 from sain_core.guarding.documents import read_json
 from sain_core.guarding.locks import LockedError, lock_file
-from sain_core.guarding.untrusted import read_regular_text
-from sain_core.output import claim_folder, make_folder, remove, sign, write_json, write_whole
+from sain_core.guarding.untrusted import is_file, read_regular_text
+from sain_core.output import (
+    claim_folder,
+    is_ours,
+    make_folder,
+    remove,
+    sign,
+    write_json,
+    write_whole,
+)
 from sain_core.scene import STATE_SIZE
 from sain_lab.keeping import events
 from sain_lab.keeping.events import Event
@@ -311,6 +319,11 @@ def _sign(path: Path) -> None:
     """Name the files of a laboratory that was opened as ours: they are written again and again."""
     for name in (MANIFEST, LOG, WAITING, LOCK):
         sign(path / name, grows=True)
+    for changed in (path / BELIEF, path / RECORDINGS):
+        if is_file(changed) and not is_ours(changed):
+            raise OutputError(
+                f"{changed} was changed since SAIN wrote it, and would be replaced; move it away"
+            )
     claim_folder(path, (MANIFEST, BELIEF, RECORDINGS))
 
 
