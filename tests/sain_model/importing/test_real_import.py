@@ -434,7 +434,7 @@ def test_another_data_set_is_replaced_only_with_overwrite(rows: Recorded, tmp_pa
 
 
 def test_all_files_of_a_folder_are_read_or_named(rows: Recorded, tmp_path: Path) -> None:
-    write_stated(tmp_path).rename(tmp_path / "outlines.yaml")  # JSON is YAML
+    write_stated(tmp_path).rename(tmp_path / "Outlines.YAML")  # JSON is YAML
     write_csv(tmp_path / "B.CSV", rows)
     (tmp_path / "c.csv.gz").write_bytes(b"packed")
     (tmp_path / "notes.txt").write_text("of mine")
@@ -446,7 +446,7 @@ def test_all_files_of_a_folder_are_read_or_named(rows: Recorded, tmp_path: Path)
     with pytest.raises(DatasetError, match=r"c.csv.gz is no file of pushes; unpack it first; allo"):
         read_recordings((tmp_path / "c.csv.gz",))
     write_stated(tmp_path)
-    with pytest.raises(DatasetError, match=r"shapes.json and .*outlines.yaml both state outlines"):
+    with pytest.raises(DatasetError, match=r"Outlines.YAML and .*shapes.json both state outlines"):
         read_recordings((tmp_path,))
 
 
