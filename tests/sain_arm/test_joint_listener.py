@@ -68,6 +68,16 @@ def test_a_part_of_the_joints_or_an_older_state_is_refused_and_the_one_before_st
         np.testing.assert_array_equal(joints.current, HOME)
 
 
+def test_noise_is_no_motion_and_a_slow_motion_is_one() -> None:
+    joints, random = JointListener(UR5, 0.5), np.random.default_rng(0)
+    for _ in range(50):
+        joints.listen(state(values=(UR5.home + random.uniform(-1e-4, 1e-4, 6)).tolist()))
+    assert joints.changed == -np.inf
+    for step in range(20):
+        joints.listen(state(values=changed(1, HOME[1] + 1e-4 * step)))
+    assert joints.changed > -np.inf
+
+
 def test_joints_of_others_matter_only_where_the_arm_is_silent(monkeypatch: Any) -> None:
     joints, others = JointListener(UR5, 0.5), state(["finger"], [0.0])
     joints.listen(others)

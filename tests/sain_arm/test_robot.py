@@ -292,6 +292,8 @@ def test_a_collada_file_is_refused_with_its_reason(
         (stl_text(WEDGE[[0, 1, 2, 0]]), "1 1 1", "all its corners lie in one plane"),
         (stl_binary(WEDGE * [1, np.nan, 1]), "1 1 1", "a corner has NaN, or a number beyond 1e.09"),
         (stl_text(WEDGE).replace(b"0.3", b"high"), "1 1 1", "a corner is no number"),
+        (stl_text(WEDGE)[:-30], "1 1 1", "it does not end with endsolid; it was cut off, or damaged; get it again"),
+        (stl_text(WEDGE).replace(b"vertex 0 0 0.3\n", b""), "1 1 1", "its 4 facets have .* corners, not 3 each"),
         (stl_binary(WEDGE * 1000), "1 1 1", '100 x 200 x 300 m, of the scale 1 1 1; allowed: 0.002 to 10 m for the longest side, .*"0.001 0.001 0.001" for a mesh in millimetres'),
         (stl_binary(WEDGE), "0.001 0.001 0.001", '0.0001 x 0.0002 x 0.0003 m, of the scale 0.001 0.001 0.001; allowed: 0.002 to 10 m .* "1 1 1" for metres'),
         (stl_binary(WEDGE), "1 1 0", "of 0.1 x 0.2 x 0 m, of the scale 1 1 0; allowed"),
@@ -303,6 +305,12 @@ def test_a_mesh_that_is_no_body_is_refused_with_its_link(
 ) -> None:
     path = with_mesh(tmp_path, "part.stl", content, scale)
     with pytest.raises(ConfigError, match=f"link 'base' has the collision mesh 'part.stl'.*{text}"):
+        read_robot(str(path))
+
+
+def test_an_obj_that_ends_before_its_faces_is_refused(tmp_path: Path) -> None:
+    path = with_mesh(tmp_path, "part.obj", obj(WEDGE).split(b"f")[0])
+    with pytest.raises(ConfigError, match="has corners and no face; it was cut off, or damaged"):
         read_robot(str(path))
 
 

@@ -283,6 +283,27 @@ def test_a_bag_made_elsewhere_is_saved_too(tmp_path: Path) -> None:
         assert new.connections[0].msgdef == old.connections[0].msgdef
 
 
+def test_two_types_on_a_topic_are_counted_apart(tmp_path: Path) -> None:
+    store = get_typestore(Stores.ROS2_JAZZY)
+    with Writer(tmp_path / "bag", version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+        for number, kind in enumerate(("std_msgs/msg/String", "std_msgs/msg/Bool")):
+            connection = writer.add_connection("/chat", kind, typestore=store)
+            for time in range(3 - number):
+                writer.write(connection, 1000 + time, bytes([0, 1, 0, 0, 0]))
+    assert not recover(tmp_path / "bag", tmp_path / "out").losses
+    counts = {one.type: one.messages for one in Bag(tmp_path / "out").topics}
+    assert counts == {"std_msgs/msg/String": 3, "std_msgs/msg/Bool": 2}
+
+
+def test_a_folder_of_sqlite3_is_named_with_what_saves_it(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    Writer(tmp_path / "bag", version=9, storage_plugin=StoragePlugin.SQLITE3).open()
+    assert commands.recover([str(tmp_path / "bag"), "--out", str(tmp_path / "out")]) == 1
+    said = " ".join(capsys.readouterr().err.split())
+    assert "bag.db3 is a sqlite3 file; `sqlite3 FILE .recover` saves those" in said
+
+
 def test_many_channels_are_recovered_in_seconds(tmp_path: Path) -> None:
     """It took the square of their number: more than 120 s."""
     path, count = tmp_path / "many.mcap", 20_000

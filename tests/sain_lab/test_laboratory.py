@@ -14,11 +14,19 @@ from rich.console import Console
 
 from sain_core.errors import BusyError, DatasetError, OutputError, SainError
 from sain_lab.cli.lab import LabOptions, run
-from sain_lab.keeping.laboratory import LOG, MANIFEST, Laboratory, OpenLaboratory, forget
+from sain_lab.keeping.laboratory import (
+    LOG,
+    MANIFEST,
+    WAITING,
+    Laboratory,
+    OpenLaboratory,
+    forget,
+)
 from sain_lab.keeping.log import LogReader, LogWriter
 from sain_lab.learner import Learner
 from tests.sain_lab.table import SmallTable
 
+PUSH = {"kind": "push", **SmallTable().push().record()}
 EVENT = {"event": "loaded", "text": "", "pushes": 0, "time": 0.0}
 
 
@@ -87,6 +95,10 @@ def test_a_file_of_something_else_is_not_made_a_log(tmp_path):
     ("record", "reason"),
     [
         ({"kind": "push"}, "it has no 'before'); 1 push is missing"),
+        ({**PUSH, "errors": 1.0}, "is damaged"),
+        (PUSH, "it has no 'errors'); 1 push is missing"),
+        ({"kind": "event", **EVENT, "event": "not learned", "about": {"id": []}}, "[] is no text"),
+        ({"kind": "event", **EVENT, "event": "training", "about": []}, "about is []"),
         ({"kind": "event", "event": "loaded"}, "it has no 'text'); no push is missing"),
         ({"kind": "event", **EVENT, "about": {"service": "../x"}}, "service is '../x'"),
         ({"kind": "event", **EVENT, "about": {}}, "it has no 'service'"),
@@ -108,6 +120,28 @@ def test_a_record_without_what_its_kind_needs_is_named_and_left_out(tmp_path, re
     text = sain_lab("show", str(path))
     assert "2 pushes" in text
     assert f"line 3 of {path / LOG} is damaged" in text and reason in text
+
+
+def test_what_waits_is_counted_without_what_was_learned(tmp_path):
+    """A damaged line keeps the file of what was received."""
+    path, table = tmp_path / "lab", SmallTable()
+    first, second = (table.push().identified() for _ in range(2))
+    with OpenLaboratory(path) as laboratory:
+        laboratory.append({"kind": "push", "errors": {}, "turns": {}, **first.record()})
+        for record in ({"kind": "push"}, PUSH | first.record(), PUSH | second.record()):
+            laboratory.receive(record)
+    text = sain_lab("show", str(path))
+    assert "1 pushes were received and wait" in text
+    assert f"line 2 of {path / WAITING} is damaged (it has no 'before')" in text
+
+
+def test_a_belief_that_was_changed_is_not_replaced(tmp_path):
+    path = tmp_path / "lab"
+    OpenLaboratory(path).close()
+    (path / "belief.json").write_text("mine")
+    with pytest.raises(OutputError, match=r"belief\.json was changed since .*; move it away$"):
+        OpenLaboratory(path)
+    assert (path / "belief.json").read_text() == "mine"
 
 
 def test_one_process_has_a_laboratory(tmp_path):
@@ -270,6 +304,11 @@ def test_what_cannot_be_written_is_said(tmp_path):
     blocked.write_text("")
     with pytest.raises(OutputError, match=r"file is not a folder; choose another"):
         OpenLaboratory(blocked / "mine")
+    OpenLaboratory(tmp_path / "lab").close()
+    (tmp_path / "lab" / LOG).rename(tmp_path / LOG)
+    (tmp_path / "lab" / LOG).symlink_to(tmp_path / LOG)
+    with pytest.raises(OutputError, match=f"{LOG} is a symbolic link, which is never replaced"):
+        OpenLaboratory(tmp_path / "lab")
 
 
 def foreign(path):

@@ -111,9 +111,10 @@ def find_parts(source: Path) -> tuple[Path, ...]:
     Raises:
         DatasetError: there is no such file.
     """
+    for path in (source, *sorted(source.glob("*.db3"))):
+        if path.is_file() and storage_of(path) != "mcap":
+            raise DatasetError(f"{path} is a sqlite3 file; `sqlite3 FILE .recover` saves those")
     if source.is_file():
-        if storage_of(source) != "mcap":
-            raise DatasetError(f"{source} is a sqlite3 file; `sqlite3 FILE .recover` saves those")
         return (source,)
     files = mcap_files(source)
     if not (source / METADATA_FILE).is_file():
@@ -142,8 +143,8 @@ class _Copy:
         self.writer.start(profile=Profile.ROS2, library="sain_bags")
         self._found = found
         self._numbers: dict[tuple[Any, ...], int] = {}  # here, of schemas and channels
-        self._counts: Counter[str] = Counter()  # messages by topic
-        self._topics: dict[str, Topic] = {}
+        self._counts: Counter[tuple[str, str]] = Counter()  # messages by topic and type
+        self._topics: dict[tuple[str, str], Topic] = {}
 
     def take(self, path: Path, advance: Advance) -> None:
         """Copy what can be read of a file; where it is damaged, note from where on and why."""
@@ -172,7 +173,7 @@ class _Copy:
         number = self._number(channel, schema)
         times = one.log_time, one.publish_time
         self.writer.add_message(number, times[0], one.data, times[1], one.sequence)
-        self._counts[channel.topic] += 1
+        self._counts[channel.topic, schema.name] += 1
         self._found.span = whole_span((self._found.span, Span(times[0], times[0], 1)))
 
     def _number(self, channel: Channel, schema: Schema) -> int:
@@ -187,9 +188,9 @@ class _Copy:
             profiles = read_profiles(channel.metadata.get("offered_qos_profiles", ""))
             type_hash = channel.metadata.get("topic_type_hash", "")
             topic = Topic(channel.topic, schema.name, "", type_hash, profiles)
-            found = self._topics.setdefault(channel.topic, topic)
+            found = self._topics.setdefault((channel.topic, schema.name), topic)
             merged = tuple(dict.fromkeys((*found.offered_qos, *profiles)))
-            self._topics[channel.topic] = replace(found, offered_qos=merged)
+            self._topics[channel.topic, schema.name] = replace(found, offered_qos=merged)
         return self._numbers[key]
 
     def metadata(self, name: str, source: Path) -> dict[str, Any]:
@@ -198,7 +199,7 @@ class _Copy:
         custom_data = dict(found.about.get("custom_data") or {})
         if found.losses:
             custom_data["recovered"] = f"with losses, from {source.name}"
-        counted = [(topic, counts[topic.name]) for topic in self._topics.values()]
+        counted = [(topic, counts[key]) for key, topic in self._topics.items()]
         distro = found.about.get("ros_distro") or DEFAULT_DISTRO
         return bag_metadata({name: found.span}, counted, custom_data, distro)
 

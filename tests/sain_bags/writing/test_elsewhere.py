@@ -4,6 +4,7 @@ import shutil
 import sqlite3
 from collections.abc import Callable
 from contextlib import closing
+from io import StringIO
 from pathlib import Path
 from typing import Any
 
@@ -12,8 +13,10 @@ import pytest
 import yaml
 from mcap.writer import CompressionType, IndexType
 from mcap.writer import Writer as McapWriter
+from rich.console import Console
 from rosbags.rosbag2 import StoragePlugin, Writer
 
+from sain_bags.cli.info import show
 from sain_bags.dataset.conversion import convert
 from sain_bags.reading.reader import Bag, Raw
 from sain_bags.report.content import read_content
@@ -104,6 +107,24 @@ def test_however_mcap_lays_a_file_out(options: dict[str, Any], bag: Path, tmp_pa
     write_mcap(tmp_path / "other.mcap", messages, Bag(bag), **options)
     assert list(Bag(tmp_path / "other.mcap").raw_messages()) == messages
     assert same(bag, tmp_path / "other.mcap")
+
+
+@pytest.mark.parametrize(
+    ("options", "state"),
+    [
+        ({}, "every CRC is right"),
+        ({"use_chunking": False, "enable_data_crcs": True}, "every CRC is right"),
+        ({"use_chunking": False}, "it has no CRCs: damage inside messages is not detected"),
+        ({"enable_crcs": False}, "it has no CRCs: damage inside messages is not detected"),
+    ],
+)
+def test_info_states_whether_there_are_crcs(
+    options: dict[str, Any], state: str, bag: Path, tmp_path: Path
+) -> None:
+    write_mcap(tmp_path / "other.mcap", list(Bag(bag).raw_messages()), Bag(bag), **options)
+    console = Console(width=200, file=StringIO())
+    show(tmp_path / "other.mcap", console)
+    assert console.file.getvalue().splitlines()[0].endswith(state)  # type: ignore[attr-defined]
 
 
 @pytest.mark.parametrize("version", range(1, 10))

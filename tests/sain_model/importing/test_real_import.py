@@ -434,7 +434,7 @@ def test_another_data_set_is_replaced_only_with_overwrite(rows: Recorded, tmp_pa
 
 
 def test_all_files_of_a_folder_are_read_or_named(rows: Recorded, tmp_path: Path) -> None:
-    write_stated(tmp_path).rename(tmp_path / "outlines.yaml")  # JSON is YAML
+    write_stated(tmp_path).rename(tmp_path / "Outlines.YAML")  # JSON is YAML
     write_csv(tmp_path / "B.CSV", rows)
     (tmp_path / "c.csv.gz").write_bytes(b"packed")
     (tmp_path / "notes.txt").write_text("of mine")
@@ -446,7 +446,7 @@ def test_all_files_of_a_folder_are_read_or_named(rows: Recorded, tmp_path: Path)
     with pytest.raises(DatasetError, match=r"c.csv.gz is no file of pushes; unpack it first; allo"):
         read_recordings((tmp_path / "c.csv.gz",))
     write_stated(tmp_path)
-    with pytest.raises(DatasetError, match=r"shapes.json and .*outlines.yaml both state outlines"):
+    with pytest.raises(DatasetError, match=r"Outlines.YAML and .*shapes.json both state outlines"):
         read_recordings((tmp_path,))
 
 
@@ -472,6 +472,17 @@ def test_pushes_that_cannot_be_are_left_out_by_name(rows: Recorded, tmp_path: Pa
         assert f"1 left out: {what} ({npz} row {row + 1})" in printed
     with pytest.raises(DatasetError, match=r"row \d+: the body moves by \d+ mm and \d+ degrees"):
         convert(tmp_path / "other", npz, skip_bad=False)
+
+
+def test_bodies_that_move_against_the_tool_are_a_warning(rows: Recorded, tmp_path: Path) -> None:
+    write_stated(tmp_path)
+    after = rows.after.copy()
+    after[:, :2] = 1.5 * rows.before[:, :2] - 0.5 * after[:, :2]
+    _, printed = convert(tmp_path / "out", write_npz(tmp_path / "all.npz", rows))
+    assert "errs by more" not in printed
+    npz = write_npz(tmp_path / "back.npz", rows.changed(after=after))
+    _, printed = convert(tmp_path / "back", npz)
+    assert "warning: nominal physics errs by more than the bodies move; do frames and" in printed
 
 
 @pytest.mark.parametrize("place", [3.0, 0.03])

@@ -26,8 +26,12 @@ MESH_BYTES: Final = 64 * MIB
 HEADER: Final = 84  # bytes of a binary STL, with the count of triangles at its end
 TRIANGLE: Final = np.dtype([("normal", "<3f4"), ("corners", "<9f4"), ("more", "<u2")])
 TEXT_STL: Final = re.compile(rb"\bvertex\s+(\S+)\s+(\S+)\s+(\S+)", re.IGNORECASE)
+TEXT_STL_END: Final = re.compile(rb"\bendsolid\b[^\n]*\s*\Z", re.IGNORECASE)
+FACET: Final = re.compile(rb"\bendfacet\b", re.IGNORECASE)
 OBJ: Final = re.compile(rb"^[ \t]*v[ \t]+(\S+)[ \t]+(\S+)[ \t]+(\S+)", re.MULTILINE)
+OBJ_FACE: Final = re.compile(rb"^[ \t]*[fl][ \t]", re.MULTILINE)
 FLAT: Final = 1e-6  # thickness over width
+AGAIN: Final = "it was cut off, or damaged; get it again"
 FARTHEST: Final = 1e9  # in the unit of the file
 
 
@@ -64,6 +68,8 @@ def _corners(path: Path, time: int) -> Corners:
     content, kind = read_regular(path, MESH_BYTES), path.suffix.lower()
     if kind == ".obj":
         corners = _from_text(OBJ.findall(content))
+        if len(corners) and not OBJ_FACE.search(content):
+            raise UntrustedFileError(f"it has corners and no face; {AGAIN}")
     elif kind == ".stl":
         corners = _stl(content)
     elif kind == ".dae":
@@ -92,11 +98,22 @@ def _stl(content: bytes) -> Corners:
         rows = np.frombuffer(content, TRIANGLE, count, HEADER)
         return rows["corners"].reshape(-1, 3).astype(np.float64)
     if is_text:
-        return _from_text(TEXT_STL.findall(content))
+        return _stl_text(content)
     raise UntrustedFileError(
         f"it is no STL: its header states {count:,} triangles, which are {size:,} bytes; it has"
         f" {len(content):,}"
     )
+
+
+def _stl_text(content: bytes) -> Corners:
+    corners, facets = _from_text(TEXT_STL.findall(content)), len(FACET.findall(content))
+    if not TEXT_STL_END.search(content):
+        raise UntrustedFileError(f"it does not end with endsolid; {AGAIN}")
+    if len(corners) != 3 * facets:
+        raise UntrustedFileError(
+            f"its {facets:,} facets have {len(corners):,} corners, not 3 each; {AGAIN}"
+        )
+    return corners
 
 
 def _collada(content: bytes) -> Corners:

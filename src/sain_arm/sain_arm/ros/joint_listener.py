@@ -12,7 +12,7 @@ from sain_core.ros import codec
 
 STILL: Final = 0.02  # [rad/s]
 BEYOND: Final = 0.5  # [rad], of a limit, as far as a joint of a real arm is never
-CHANGE: Final = 1e-6  # [rad], of a joint that moves
+CHANGE: Final = 1e-3  # [rad], of a joint that moves: more than the noise of one that does not
 STRANGE: Final = 2.0  # [s] with states of other joints only, after which those are named
 
 
@@ -30,6 +30,7 @@ class JointListener:
         self._began, self._came = monotonic(), -np.inf
         self.stamp = self.changed = -np.inf
         self._positions: Vector | None = None
+        self._moved_to: Vector | None = None  # where it was when it moved last
         self._speed = 0.0
         self._trouble = ""  # why the state after it was refused
 
@@ -54,9 +55,11 @@ class JointListener:
         except InvalidInputError as error:
             self._trouble = str(error)
             raise
+        if self._moved_to is None or np.abs(values - self._moved_to).max() > CHANGE:
+            self.changed = self.changed if self._moved_to is None else now
+            self._moved_to = values
         if self._positions is not None and now > self._came:
             way = np.abs(values - self._positions).max()
-            self.changed = now if way > CHANGE else self.changed
             # A message alone is no rest.
             self._speed = max(way / max(now - self._came, 1e-3), 0.5 * self._speed)
         self._positions, self._came, self.stamp, self._trouble = values, now, stamp, ""

@@ -81,7 +81,7 @@ def left_out(bag: Bag) -> Iterator[str]:
     for name, found in types.items():
         wanted = [topic.type for topic in found if topic.type.startswith(OWN_TYPES)]
         for topic in found if wanted else ():
-            if topic.type not in wanted:
+            if topic.messages and topic.type not in wanted:
                 yield (
                     f"{name} has {topic.messages:,} messages of another type, {topic.type}; they"
                     f" are left out: it is read as {' and '.join(wanted)}"

@@ -176,7 +176,7 @@ def is_file(path: Path) -> bool:
         return False
     kind = "a symbolic link" if stat.S_ISLNK(mode) else KINDS.get(stat.S_IFMT(mode))
     if kind:
-        raise OutputError(f"{path} is {kind}, which is never replaced; name a file")
+        raise OutputError(f"{path} is {kind}, which is never replaced or removed; name a file")
     return True
 
 

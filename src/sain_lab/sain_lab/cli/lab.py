@@ -131,7 +131,8 @@ def show(laboratory: "Laboratory", console: Console, out: Path) -> None:
 
     curves = read_curves(laboratory)
     console.print(f"{laboratory.path}: {curves.pushes} pushes", soft_wrap=True)
-    if waiting := sum(1 for _ in laboratory.waiting()):
+    learned = {record["id"] for record in laboratory.records() if record["kind"] == "push"}
+    if waiting := sum(one.identity not in learned for one in laboratory.waiting()):
         how = f"`sain lab add {laboratory.path}` learns from them"
         console.print(f"{waiting} pushes were received and wait: {how}", soft_wrap=True)
     for text in laboratory.damage:

@@ -89,7 +89,7 @@ def curves_of(records: Iterable[Record]) -> Curves:
 
 def _columns(rows: list[dict[str, float]]) -> dict[str, ndarray]:
     names = dict.fromkeys([SERVICE, PHYSICS, PLANAR, *(name for row in rows for name in row)])
-    return {name: np.array([row.get(name, np.nan) for row in rows]) for name in names}
+    return {name: np.array([row.get(name, np.nan) for row in rows], float) for name in names}
 
 
 def _parameters(beliefs: list[tuple[int, dict[str, Any]]]) -> dict[str, ndarray]:

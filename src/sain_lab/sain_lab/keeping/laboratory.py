@@ -15,16 +15,27 @@ not write in the folder stays as it is (`sain_core.output`).
 import os
 import re
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final, Self
 
+import numpy as np
+
 from sain_core.errors import BusyError, ConfigError, DatasetError, OutputError, SainError
 from sain_core.guarding.documents import read_json
 from sain_core.guarding.locks import LockedError, lock_file
-from sain_core.guarding.untrusted import read_regular_text
-from sain_core.output import claim_folder, make_folder, remove, sign, write_json, write_whole
+from sain_core.guarding.untrusted import is_file, read_regular_text
+from sain_core.output import (
+    claim_folder,
+    is_ours,
+    make_folder,
+    remove,
+    sign,
+    write_json,
+    write_whole,
+)
+from sain_core.scene import STATE_SIZE
 from sain_lab.keeping import events
 from sain_lab.keeping.events import Event
 from sain_lab.keeping.log import LogReader, LogWriter, Record
@@ -148,15 +159,16 @@ class Laboratory:
 
     def records(self) -> Iterator[Record]:
         """Yield the records of the log; raises `DatasetError`. `damage` says what is missing."""
-        yield from self._read(self.log_path)
+        yield from self._read(self.log_path, check_record)
 
     def waiting(self) -> Iterator[Result]:
         """Yield results that were received, and may not be in the log yet; as `records`."""
         if (self.path / WAITING).exists():
-            yield from map(Result.of_record, self._read(self.path / WAITING))
+            found = self._read(self.path / WAITING, Result.of_record)
+            yield from map(Result.of_record, found)
 
-    def _read(self, path: Path) -> Iterator[Record]:
-        reader = LogReader(path, check_record)
+    def _read(self, path: Path, check: Callable[[Record], object]) -> Iterator[Record]:
+        reader = LogReader(path, check)
         yield from reader.read()
         self.damage += [text for text in reader.damage if text not in self.damage]
 
@@ -307,6 +319,11 @@ def _sign(path: Path) -> None:
     """Name the files of a laboratory that was opened as ours: they are written again and again."""
     for name in (MANIFEST, LOG, WAITING, LOCK):
         sign(path / name, grows=True)
+    for changed in (path / BELIEF, path / RECORDINGS):
+        if is_file(changed) and not is_ours(changed):
+            raise OutputError(
+                f"{changed} was changed since SAIN wrote it, and would be replaced; move it away"
+            )
     claim_folder(path, (MANIFEST, BELIEF, RECORDINGS))
 
 
@@ -320,7 +337,7 @@ def check_record(record: Record) -> None:
         case "push":
             Result.of_record(record)
             for name in ("errors", "turns"):
-                _check_numbers(record.get(name, {}))
+                _check_numbers(record[name])
         case "belief":
             _check_count(record["pushes"])
             for name, pair in record["parameters"].items():
@@ -337,13 +354,19 @@ def check_record(record: Record) -> None:
 def _check_event(event: Event) -> None:
     _check_count(event.pushes)
     _check_numbers({"time": event.time})
-    about = dict(event.about)
+    if not isinstance(event.about, dict):
+        raise TypeError(f"about is {event.about!r}")
+    about = event.about
     service, model = about.get("service", PHYSICS), about.get("model", f"{MODELS}/0")
     if service not in (PHYSICS, PLANAR, SHIPPED) and not NETWORK.fullmatch(service):
         raise ValueError(f"service is {service!r}")
     if not NETWORK.fullmatch(model):
         raise ValueError(f"model is {model!r}")
     match event.kind:
+        case events.TRAINING:
+            _check_count(about.get("since", 0))
+        case events.NOT_LEARNED:
+            _check_not_learned(about)
         case events.LOADED | events.DROPPED:
             _ = about["service"]
         case events.TRAINED | events.LEFT_OUT:
@@ -360,6 +383,17 @@ def _check_numbers(numbers: dict[str, float]) -> None:
     for name, value in numbers.items():
         if isinstance(value, bool) or not isinstance(value, int | float):
             raise TypeError(f"{name} is {value!r}, not a number")
+
+
+def _check_not_learned(about: dict[str, Any]) -> None:
+    texts = [about.get("id", "")]
+    if "after" in about:
+        texts.append(about["episode"])
+        if np.array(about["after"], np.float64).shape[1:] != (STATE_SIZE,):
+            raise ValueError("after is no scene")
+    for text in texts:
+        if not isinstance(text, str):
+            raise TypeError(f"{text!r} is no text")
 
 
 def _check_count(count: int) -> None:

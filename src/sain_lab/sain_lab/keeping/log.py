@@ -16,7 +16,7 @@ from typing import IO, Any, Final
 
 from sain_core.errors import DatasetError, OutputError, SainError, UntrustedFileError
 from sain_core.guarding.documents import parse_json
-from sain_core.guarding.untrusted import MIB, open_regular
+from sain_core.guarding.untrusted import MIB, is_file, open_regular
 
 FORMAT: Final = "sain-laboratory-log-1"
 MOST_BYTES: Final = 4096 * MIB  # of a log; 10,000 pushes have 10
@@ -144,7 +144,7 @@ class LogWriter:
             DatasetError: it is no log, or one of another version.
         """
         self._path, self._durable = path, durable
-        self.size = self._end() if path.exists() else 0
+        self.size = self._end() if is_file(path) else 0
         try:
             flags = os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW
             self._file = os.open(path, flags, 0o644)

@@ -126,7 +126,7 @@ def _sha256(path: Path) -> str:
 
 def _report(found: "Recordings", made: "Imported") -> Iterator[str]:
     """Yield lines about what was left out and grouped."""
-    from sain_model.importing.data_set import EXAMPLES, MANY_MISSES, REMEDY
+    from sain_model.importing.data_set import EXAMPLES, MANY_MISSES, REMEDY, UNTOUCHED
 
     pushes = found.pushes
     surfaces, counts = np.unique(pushes.surface, return_counts=True)
@@ -150,4 +150,6 @@ def _report(found: "Recordings", made: "Imported") -> Iterator[str]:
         for name in (Column.STATE, Column.NEXT_STATE, Column.PHYSICS_NEXT)
     )
     moved, off = (MILLIMETRES * np.linalg.norm(after - x, axis=1).mean() for x in (state, physics))
+    if off > max(moved, MILLIMETRES * UNTOUCHED):
+        yield f"warning: nominal physics errs by more than the bodies move; {REMEDY}"
     yield f"bodies moved by {moved:.2f} mm in the mean; nominal physics errs by {off:.2f} mm"

@@ -292,7 +292,7 @@ BESIDE: Final = (
     "shapes.json",
     "shapes.yaml",
     "outlines.yaml",
-)  # where outlines stand if no file is named
+)  # where outlines stand if no file is named, in upper or lower case
 MOST_FILES: Final = 10_000
 MOST_NAMED: Final = 5  # files that are left out
 PACKED: Final = (".gz", ".bz2", ".xz", ".zip", ".zst")
@@ -352,7 +352,7 @@ def read_recordings(
         pushes = pushes.select(~same)
     if shapes is None:
         folder = paths[0] if paths[0].is_dir() else paths[0].parent
-        beside = [folder / name for name in BESIDE if (folder / name).exists()]
+        beside = [file for file in sorted(folder.iterdir()) if file.name.lower() in BESIDE]
         if len(beside) > 1:
             names = " and ".join(map(str, beside))
             raise DatasetError(f"{names} both state outlines; name one of them (--shapes)")
@@ -390,7 +390,7 @@ def _find(paths: Sequence[Path]) -> tuple[list[Path], list[str]]:
                 )
             found.append(path)
             continue
-        inside = [file for file in sorted(path.iterdir()) if file.name not in BESIDE]
+        inside = [file for file in sorted(path.iterdir()) if file.name.lower() not in BESIDE]
         pushes = [file for file in inside if form_of(file) in SUFFIXES]
         found += (own := [one for one in pushes if form_of(one) != NPZ or is_one_push(one)])
         if not pushes:
