@@ -54,14 +54,18 @@ def test_a_second_run_replaces_what_the_first_one_wrote(ours: Path) -> None:
 @pytest.mark.parametrize("name", ["a.json", "below/b.json", "new.json"])
 def test_what_a_user_wrote_or_changed_needs_overwrite(ours: Path, name: str) -> None:
     (ours / name).write_text(MINE)
-    reason = "exists, and no run of" if name == "new.json" else "was changed since"
+    reason = (
+        "exists, and no list of SAIN names"
+        if name == "new.json"
+        else "was changed since SAIN wrote"
+    )
     for refused in (
         lambda: claim_folder(ours, [name]),
         lambda: claim_file(ours / name),
         lambda: write_json(ours / name, 4),
         lambda: append_json(ours / name, 4),
     ):
-        with pytest.raises(OutputError, match=rf"{name} {reason} SAIN wrote it; --overwrite"):
+        with pytest.raises(OutputError, match=rf"{name} {reason} it; --overwrite"):
             refused()
     assert (ours / name).read_text() == MINE
     claim_folder(ours, [name], overwrite=True)

@@ -1,5 +1,6 @@
 """What cannot be is an error of one line: what was wrong, what is allowed, what to do."""
 
+from importlib.metadata import EntryPoint
 from pathlib import Path
 
 import numpy as np
@@ -8,6 +9,7 @@ import pytest
 from sain_bags import commands as bags
 from sain_core.scene import POSITION, TARGET
 from sain_eval import commands
+from sain_mppi.objective import cost
 from sain_sim.world.workcell import Workcell
 
 
@@ -49,6 +51,16 @@ def test_noise_that_hides_the_tolerance_is_the_reason_of_the_failure(tmp_path, c
     shown = capsys.readouterr().out
     assert "the tolerances are too small for what is observed: poses have standard dev" in shown
     assert "choose wider tolerances" in shown
+
+
+def test_a_cost_that_is_never_finite_ends_the_evaluation(tmp_path, capsys, monkeypatch) -> None:
+    monkeypatch.setattr(cost, "further_terms", lambda more: [("mine", 1.0)])
+    entry = EntryPoint("mine", "my_parts:mine", "sain.costs")
+    nan = (entry, lambda rollout, objective: np.full(len(rollout.moving), np.nan))
+    monkeypatch.setattr(cost, "find_cost", lambda name: nan)
+    arguments = ["--scenario", "paper", "--scenes", "2", "--controllers", "planar"]
+    error = said(commands.evaluate, [*arguments, "--out", str(tmp_path)], capsys)
+    assert "evaluate: cost 'mine' of the package of my_parts: it is NaN for" in error
 
 
 def test_an_engine_that_explodes_is_the_reason_of_the_failure(tmp_path, capsys, monkeypatch):

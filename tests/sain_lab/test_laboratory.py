@@ -273,7 +273,7 @@ def test_files_of_others_are_not_written_over(tmp_path, name):
     out.mkdir()
     (out / name).write_text("mine")
     action = "export" if name == "belief.json" else "show"
-    with pytest.raises(OutputError, match=f"{name} exists, and no run of SAIN wrote it"):
+    with pytest.raises(OutputError, match=f"{name} exists, and no list of SAIN names it"):
         sain_lab(action, str(path), out=out)
     assert files(out) == [name] and (out / name).read_text() == "mine"
     assert name in sain_lab(action, str(path), out=out, overwrite=True)

@@ -128,7 +128,7 @@ def test_files_of_the_user_in_the_folder_are_refused_before_the_work(
     for path in inside:
         path.write_text(MINE)
         said = refusal(name, out, capsys)
-        assert f"{path} exists, and no run of SAIN wrote it; --overwrite" in said or (
+        assert f"{path} exists, and no list of SAIN names it; --overwrite" in said or (
             name == "sain_bringup closed_loop" and path.name in said
         )
         assert path.read_text() == MINE

@@ -231,10 +231,10 @@ def _claim(path: Path, overwrite: bool = False) -> None:
         _ours[path.absolute()] = GROWS
     elif not is_ours(path):
         changed = bool(_signatures(path))
-        reason = "was changed since" if changed else "exists, and no run of"
-        raise OutputError(
-            f"{path} {reason} SAIN wrote it; --overwrite replaces it, or choose another --out"
+        reason = (
+            "was changed since SAIN wrote it" if changed else "exists, and no list of SAIN names it"
         )
+        raise OutputError(f"{path} {reason}; --overwrite replaces it, or choose another --out")
 
 
 def _is_folder(path: Path) -> bool:

@@ -114,7 +114,7 @@ def test_a_page_of_others_stays_and_by_default_all_is_written_below_out(
     given = ["real", "--out", str(made / "work"), "--again"]
     monkeypatch.setattr(sys, "argv", [*given, "--page", str(tmp_path / "real.md")])
     assert command.main() == 1
-    assert "real.md exists, and no run of SAIN wrote it; --overwrite" in capsys.readouterr().err
+    assert "real.md exists, and no list of SAIN names it; --overwrite" in capsys.readouterr().err
     assert (tmp_path / "real.md").read_text() == "the project's page"
     monkeypatch.setattr(sys, "argv", given)
     assert command.main() == 0

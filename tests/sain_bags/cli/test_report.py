@@ -18,7 +18,7 @@ def test_the_page_is_written_beside_the_bag(episode_bag, tmp_path):
     assert (tmp_path / "report.html").read_text(encoding="utf-8").startswith("<!")
     assert not list(tmp_path.glob("*.partial"))
     (tmp_path / "report.html").write_text("mine")
-    with pytest.raises(OutputError, match=r"report\.html exists, and no run of .*--overwrite"):
+    with pytest.raises(OutputError, match=r"report\.html exists, and no list of .*--overwrite"):
         run(ReportOptions(episode_bag), quiet)
     run(ReportOptions(episode_bag, overwrite=True), quiet)
     with pytest.raises(OutputError, match="is a folder"):

@@ -114,7 +114,7 @@ def test_what_no_collection_made_is_left_alone(collected, tmp_path, name, capsys
     (tmp_path / name).write_bytes(b"a conversion")
     assert main(["--out", str(tmp_path), "--episodes", "1"]) == 1
     said = " ".join(capsys.readouterr().err.split())
-    assert f"{name} exists, and no run of SAIN wrote it; --overwrite replaces it" in said
+    assert f"{name} exists, and no list of SAIN names it; --overwrite replaces it" in said
     assert content(tmp_path) == {name: b"a conversion"}
 
 

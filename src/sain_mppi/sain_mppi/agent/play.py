@@ -6,7 +6,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from sain_core.errors import SainError
+from sain_core.errors import ConfigError, SainError
 from sain_core.scene import POSITION, is_settled
 from sain_core.shapes.bodies import Bodies
 from sain_core.types import PushArray, Scene
@@ -120,10 +120,16 @@ class _Play:
         self.failure = ""
 
     def pursue(self, task: Task) -> None:
-        """Push until the agent stops; `failure` is why it stopped short of the goal."""
+        """Push until the agent stops; `failure` is why it stopped short of the goal.
+
+        Raises:
+            ConfigError: the agent's settings or its cost are wrong, for every scene.
+        """
         decision = act(self._agent, GoalGiven(task))
         while not self.failure:
             decision = decision or self._look()
+            if isinstance(decision, Stop) and isinstance(decision.error, ConfigError):
+                raise decision.error
             if not isinstance(decision, PushDecision):
                 self.failure = decision.failure if decision else self._unsettled()
                 return
