@@ -77,6 +77,7 @@ outdated: ## the installed versions for which there are newer ones
 	@./env --with test --with lint --with docs uv pip list --outdated
 
 clean: ## removes the environment and all that was built; bags stay
+	@[ ! -e .venv ] || [ -d .venv/stamps ] || { echo "make: .venv is not SAIN's; move it away." >&2; exit 1; }
 	rm -rf .venv ros2_ws/build ros2_ws/install ros2_ws/log ros2_ws/.setup.lock
 	rm -rf src/sain_model/sain_model/__pycache__/kernels
 	rm -rf .mypy_cache .pytest_cache .ruff_cache .import_linter_cache .hypothesis

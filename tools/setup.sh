@@ -14,6 +14,7 @@ if [[ ${LC_ALL:-${LC_CTYPE:-${LANG:-}}} == *[Uu][Tt][Ff]* ]]; then tick="✓"; e
 set_up() {
   local python
   require_usable_path
+  require_own_venv
   require_compilers
   find_python
   # what is imported here need not be compiled when it is used
@@ -75,6 +76,10 @@ require_usable_path() {
   done
 }
 
+require_own_venv() {
+  [[ ! -e $venv || -d $stamps ]] || refuse "$venv is not SAIN's, and would be replaced; move it away."
+}
+
 require_compilers() {
   local tool
   for tool in gcc g++ make cmake; do
@@ -105,7 +110,7 @@ sys.exit(not os.path.exists(sysconfig.get_path("include") + "/Python.h"))'
 make_venv() {
   local flags=(--without-pip)
   if [[ $ros == system ]]; then flags+=(--system-site-packages); fi
-  rm -rf "$venv"
+  rm -rf "$venv" && mkdir -p "$stamps" # which says whose it is
   # The pip that Python brings is unpacked: ensurepip takes longer than all that it is for.
   "$python" -m venv "${flags[@]}" "$venv" && "$venv/bin/python" -c 'import ensurepip, glob, os, sysconfig, zipfile
 folders = os.path.dirname(ensurepip.__file__) + "/_bundled", sysconfig.get_config_var("WHEEL_PKG_DIR") or ""

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.paths import ROOT
 from tests.workspace.command import run
 
 COMMANDS_OF_THE_SCRIPTS = """
@@ -74,6 +75,19 @@ def test_a_missing_tool(make_checkout, tools_only, there, missing, package):
     )
 
 
+def test_an_environment_of_the_user_is_left_alone(make_checkout):
+    checkout = make_checkout()
+    mine = checkout / ".venv" / "mine.txt"
+    mine.parent.mkdir()
+    mine.write_text("mine")
+    shutil.copy(ROOT / "Makefile", checkout)
+    for command in ([checkout / "env", "true"], ["make", "--no-print-directory", "clean"]):
+        result = run(*command, cwd=checkout)
+        assert result.returncode != 0
+        assert ".venv is not SAIN's" in result.stderr.splitlines()[0]
+    assert mine.read_text() == "mine"
+
+
 # --- failing, being interrupted, and waiting ----------------------------------------------------
 
 
@@ -85,14 +99,14 @@ def test_a_failed_step_is_named_with_the_end_of_its_log(make_checkout, tmp_path)
     assert "Failed: Python environment" in result.stderr
     assert "the disk is full" in result.stderr
     assert result.stderr.count("\n") < 20
-    assert not (checkout / ".venv").exists()
+    assert not (checkout / ".venv/stamps/base").exists()
 
 
 @pytest.mark.parametrize("by", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_an_interrupted_run_ends_what_it_started_and_leaves_nothing(make_checkout, tmp_path, by):
     checkout = make_checkout()
     told = tmp_path / "pid"
-    python = python_that(tmp_path, f"mkdir {checkout}/.venv; echo $$ >{told}; sleep 60")
+    python = python_that(tmp_path, f"mkdir -p {checkout}/.venv; echo $$ >{told}; sleep 60")
     process = start_set_up(checkout, python)
     wait_until(lambda: told.exists() and told.read_text())
     os.killpg(process.pid, by)
