@@ -32,7 +32,7 @@ SYSTEM: Final = (  # marked `system`, by a part of their names; others have the 
     "tests/system/", "tests/benchmarks/", "tests/examples/", "documentation/test_first_steps",
     "documentation/test_site", "documentation/test_terminal", "test_program.py::test_pip_install",
     "workspace/test_optional_packages", "workspace/setup/", "workspace/test_new_shape",
-    "sain_live/page/test_in_browser", "sain_live/test_whole_graph", "sain_live/test_view",
+    "sain_bags/report/test_page", "sain_live/page/test_in_browser", "sain_live/test_whole_graph", "sain_live/test_view",
     "sain_live/ros/test_page_node", "training/test_fine_tuning", "training/test_any_bodies",
     "sain_gym/test_examples", "collecting/test_collect_on_ray", "compute/test_kernel_store",
     "formats/test_examples", "sain_lab/test_learner.py::test_a_table_that_changes",
