@@ -37,7 +37,8 @@ SYSTEM: Final = (  # marked `system`, by a part of their names; others have the 
     "training/test_any_bodies", "sain_gym/test_examples", "collecting/test_collect_on_ray",
     "compute/test_kernel_store", "formats/test_examples",
     "sain_lab/test_learner.py::test_a_table_that_changes",
-    "evaluation/test_errors.py::test_the_command_lines", "test_ways_of_random_pushes", "sain_arm/test_robot_mutations",
+    "evaluation/test_errors.py::test_the_command_lines", "test_ways_of_random_pushes",
+    "sain_arm/test_robot_mutations",
 )  # fmt: skip
 ONE_GRAPH: Final = "test_closed_loop.py::test_an_episode_succeeds_and_says_so"  # always runs
 FIRST: Final = ("tests/system/", "/ros/", "tests/examples/", "/dataset/formats/", "/training/")
