@@ -1,13 +1,14 @@
 """For all tests: type checks, their division among workers, and a graph in a domain of its own."""
 
 import os
+import sys
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 import pytest
 from hypothesis import settings
 
-from tests.type_checks import pytest_runtest_setup, switch_on  # noqa: F401 - a hook
+from tests.type_checks import CHECK_SHAPES, pytest_runtest_setup, switch_on  # noqa: F401 - a hook
 from tests.workers import (  # noqa: F401 - these are hooks
     pytest_addoption,
     pytest_collection_modifyitems,
@@ -21,7 +22,10 @@ if TYPE_CHECKING:
 
 pytest_plugins = ["tests.hexagon"]
 
-switch_on()
+if "--all" in sys.argv:
+    os.environ[CHECK_SHAPES] = "yes"  # for the workers, too
+if os.environ.get(CHECK_SHAPES):
+    switch_on()
 settings.register_profile("sain", deadline=None, max_examples=50, derandomize=True)
 settings.load_profile("sain")
 

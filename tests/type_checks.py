@@ -1,4 +1,4 @@
-"""Shapes and types of our own functions are checked while tests run: jaxtyping with beartype.
+"""Shapes and types of our own functions are checked in ``pytest --all``: jaxtyping with beartype.
 
 Checked is what has an array with a shape in its annotations: mypy sees all other types without a
 run. A check costs about 30 us a call and 5 ms to make. So it is made when a function is first
@@ -24,6 +24,7 @@ import jaxtyping
 import numpy as np
 from beartype import BeartypeConf, FrozenDict, beartype
 
+CHECK_SHAPES: Final = "SAIN_CHECK_SHAPES"  # the variable that switches them on
 PACKAGES: Final = (
     "sain_core", "sain_arm", "sain_sim", "sain_model", "sain_mppi", "sain_bags", "sain_eval",
     "sain_lab", "sain_gym", "sain_bringup", "sain_vision",
