@@ -48,7 +48,8 @@ def moved(body: int, x: float, y: float, heading: float) -> np.ndarray:
         (goal(BodyPose(0, 0.5, 0.0), BodyPose(0, 0.6, 0.0)), InvalidInputError, "0 has 2 goals"),
         (goal(BodyPose(2, 0.5, 0.0, 0.3)), InvalidInputError, "heading 0.300 rad; it is a disk"),
         (goal(BodyPose(3, 0.5, 0.0)), InvalidInputError, "body 3 is fixed; it cannot be moved"),
-        (goal(BodyPose(0, 1.5, 0.0)), OffTableError, r"\(1.500, 0.000\) m of body 0 is off"),
+        (goal(BodyPose(0, 1.5, 0.0)), OffTableError, r"\(1.500, 0.000\) m .* off .* 0.6\] m$"),
+        (goal(BodyPose(0, 600.0, 100.0)), OffTableError, r"0.6\] m; in mm\? 0.6 0.1 m$"),
         (
             goal(BodyPose(0, 0.6, 0.25, 0.0)),
             InvalidInputError,

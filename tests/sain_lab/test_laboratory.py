@@ -344,6 +344,6 @@ def test_a_recording_that_is_refused_makes_no_laboratory(tmp_path, action, name,
 
 
 def test_a_laboratory_that_is_to_learn_what_it_received_must_exist(tmp_path):
-    with pytest.raises(DatasetError, match=r"there is no laboratory at .*mine"):
+    with pytest.raises(DatasetError, match=r"no laboratory at .*mine; there are: .*--learn"):
         sain_lab("add", str(tmp_path / "mine"))
     assert not (tmp_path / "mine").exists()

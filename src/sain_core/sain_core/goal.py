@@ -168,10 +168,13 @@ class Goal:
     def check_places(self, table: Table) -> None:
         """Check that all places are on the table; raise `OffTableError`."""
         for pose in self.poses:
-            if not table.contains(np.array([pose.x, pose.y])):
+            place = np.array([pose.x, pose.y])
+            if not table.contains(place):
+                meant = 1e-3 * place
+                hint = f"; in mm? {meant[0]:g} {meant[1]:g} m" if table.contains(meant) else ""
                 raise OffTableError(
                     f"the goal ({pose.x:.3f}, {pose.y:.3f}) m of body {pose.body} is off the table;"
-                    f" it covers {table.describe()}"
+                    f" it covers {table.describe()}{hint}"
                 )
 
     def _check_pose(self, pose: BodyPose, bodies: Bodies) -> None:

@@ -32,6 +32,9 @@ def plain(options: Options, console):
     for line in range(100_000):
         sys.stdout.write(f"line {line}\\n")
 
+def long_line(options: Options, console):
+    console.print("word " * 40)
+
 def another_pipe(options: Options, console):
     import os
     gone, pipe = os.pipe()
@@ -61,6 +64,12 @@ def test_who_reads_no_further_ends_the_command_without_an_error(work: str, code:
     _, errors = process.communicate(timeout=60)
     assert process.returncode == code, errors
     assert errors == "" or (code and "BrokenPipeError" in errors)
+
+
+def test_a_long_line_is_one_line_in_a_pipe() -> None:
+    text = f"{PRINTS}\nrun = long_line\nsys.exit(Command('printing x', 'file')())"
+    done = subprocess.run([sys.executable, "-c", text], capture_output=True, text=True)
+    assert done.stdout == "word " * 40 + "\n"
 
 
 @pytest.mark.parametrize(

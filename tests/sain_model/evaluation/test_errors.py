@@ -96,6 +96,16 @@ def test_ratios_are_of_means_with_an_interval(data: Part) -> None:
     assert ratio == pytest.approx(errors["still"]["mm"][0] / errors[below]["mm"][0])
 
 
+def test_no_ratio_is_to_an_error_of_nothing(data: Part) -> None:
+    models = {"still": IdentityPrior(), "oracle": Oracle()}
+    found = evaluate(Dataset((data,)), models)["after"]["1"]
+    for group, by_name in found["ratios"].items():
+        for one in by_name.values():
+            for below, ratio in one.items():
+                for unit in ratio:
+                    assert found["errors"][group][below][unit][0] >= 0.005
+
+
 def test_the_command_lines_make_and_compare_the_four_kinds(tmp_path: Path) -> None:
     folder = make_episodes(tmp_path / "data")
     kinds = {

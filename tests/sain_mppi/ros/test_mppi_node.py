@@ -12,7 +12,7 @@ from sain_interfaces.msg import Plan
 from sain_model.physics.planar import PlanarPrior
 from sain_mppi.agent.dead_end import Cause
 from sain_mppi.ros.mppi_node import MppiNode
-from sain_mppi.ros.plans import CAUSE
+from sain_mppi.ros.plans import CAUSE, summary
 from tests.rviz import shown
 from tests.sain_mppi.ros.straw import GOAL, SMALL, START, nth_push, plan
 
@@ -109,6 +109,7 @@ def test_a_goal_that_cannot_be_served_gets_no_push(
     refused = plan(graph, goal_id=5)
     assert (refused.status, ErrorCode(refused.error_code)) == (Plan.NO_PUSH, code)
     assert text in refused.error_message
+    assert text in summary(refused)["message"]  # of /diagnostics
     graph.aim(GOAL, 6)
     assert plan(graph, goal_id=6).push_id == nth_push(graph, 1).push_id
     assert len(graph.heard["push"]) == 1

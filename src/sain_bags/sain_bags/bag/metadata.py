@@ -256,7 +256,7 @@ def _why_no_bag(path: Path) -> str:
     if mcap_files(earlier(path)):
         return f"{path} and {earlier(path)} were not joined; {rescue(path)}"
     if not path.is_dir():
-        return f"no bag at {path}"
+        return f"no bag at {path.absolute()}"
     closed = f"{path} was not closed, or is still being recorded: it has no {METADATA_FILE}; "
     if mcap_files(path):
         return closed + rescue(path)

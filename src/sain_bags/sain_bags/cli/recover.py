@@ -53,7 +53,8 @@ def run(options: RecoverOptions, console: Console) -> int:
     except OSError as error:
         raise DatasetError(f"{options.bag} cannot be read: {error}") from error
     columns = (BarColumn(), DownloadColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=console, transient=True) as progress:
+    hidden = not console.is_interactive
+    with Progress(*columns, console=console, transient=True, disable=hidden) as progress:
         task = progress.add_task("recover", total=total)
         found = recover(options.bag, options.out, lambda done: progress.advance(task, done))
     console.soft_wrap = True

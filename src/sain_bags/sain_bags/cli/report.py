@@ -75,7 +75,8 @@ def run(options: ReportOptions, console: Console) -> None:
         _check_page(out)
     bag = Bag(options.bag)
     limits = Limits(options.frames, options.episodes)
-    with Progress(console=console, transient=True) as progress:
+    hidden = not console.is_interactive
+    with Progress(console=console, transient=True, disable=hidden) as progress:
         task = progress.add_task("reading", total=messages_to_read(bag))
         content = read_content(bag, limits, lambda: progress.advance(task))
     write_page(out, content.data)

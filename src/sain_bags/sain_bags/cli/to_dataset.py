@@ -40,7 +40,7 @@ class ToDatasetOptions(WorkerOptions):
 def run(options: ToDatasetOptions, _: Console) -> None:
     """Convert the recordings, and print what became of them."""
     claim_folder(options.out)
-    console = Console(stderr=True)
+    console = Console(stderr=True, soft_wrap=True)
     done = _convert_with_bar(options, console)
     draw_card(options.out)
     folder = escape(str(options.out))
@@ -59,7 +59,8 @@ def _convert_with_bar(options: ToDatasetOptions, console: Console) -> Converted:
         TextColumn("{task.fields[what]}, left"),
         TimeRemainingColumn(),
     )
-    with Progress(*columns, console=console, transient=True) as bar:
+    hidden = not console.is_interactive
+    with Progress(*columns, console=console, transient=True, disable=hidden) as bar:
         reading = bar.add_task("to_dataset", total=None, what="pushes")
         writing = bar.add_task(options.conversion.format, visible=False, what="transitions written")
 

@@ -88,7 +88,10 @@ def _play_with_bar(
         BarColumn(),
         TextColumn("{task.completed:.1f} of {task.total:.1f} s, {task.fields[count]:,} messages"),
     )
-    with Progress(*columns, console=console, transient=True, refresh_per_second=5) as bar:
+    hidden = not console.is_interactive
+    with Progress(
+        *columns, console=console, transient=True, disable=hidden, refresh_per_second=5
+    ) as bar:
         task = bar.add_task("play", total=passage.duration, count=0)
         shown, messages = 0.0, 0
 

@@ -109,7 +109,7 @@ class Director(Node):
 
         self.wait(up, problem, since=lambda: max(changed_at, self._heard_at(missing)))
         if self._show is not None:
-            GraphListener(self, self._show)
+            GraphListener(self, self._show, starts=True)
 
     def _heard_at(self, missing: list[Missing]) -> float:
         names = [part.process for part in missing]

@@ -111,6 +111,7 @@ class GraphListener:
         show: Callable[[str], None],
         parts: tuple[Part, ...] = (PLANNER, SCENES),
         waiting: Callable[[str], bool] = lambda message: False,
+        starts: bool = False,
     ) -> None:
         """Listen from now on.
 
@@ -120,7 +121,9 @@ class GraphListener:
             parts: that have to be there.
             waiting: called with each warning of the planner, "" if there is none; returns whether
                 it is shown elsewhere.
+            starts: whether this command starts the parts; no other graph is the one that is meant.
         """
+        self._starts = starts
         self._node, self._show, self._parts, self._waiting = node, show, parts, waiting
         self._conditions = Conditions()
         self._scenes = LatestMessage(node, Scene, "scene") if SCENES in parts else None
@@ -136,6 +139,8 @@ class GraphListener:
         if node.count_publishers(topic):
             return ""
         missing = f"{part.missing} {node.get_namespace()}"
+        if self._starts:
+            return f"{missing} yet; wait, or look at its log"
         domain = node.context.get_domain_id()
         if spaces := self._other_namespaces(part):
             return f"{missing}, but one in {spaces[0]}: add --ros-args -r __ns:={spaces[0]}"
@@ -214,7 +219,7 @@ def _is_locked(path: str) -> bool:
 def listening(name: str, show: Callable[[str], None]) -> Iterator[Callable[[float], None]]:
     """Listen with a node of this name; gives a function that listens for so long [s]."""
     with command_node(name) as node:
-        GraphListener(node, show)
+        GraphListener(node, show, starts=True)
         executor = SingleThreadedExecutor()
         executor.add_node(node)
         try:

@@ -181,7 +181,7 @@ class Command:
                 raise  # noqa: PLE0704 - rich calls this where it handles the error
 
         with naming_what_is_missing():
-            return self.file.run(options, Output()) or 0
+            return self.file.run(options, Output(soft_wrap=True)) or 0  # a terminal wraps by itself
 
     def _fail(self, error: SainError, code: int) -> int:
         from rich.console import Console

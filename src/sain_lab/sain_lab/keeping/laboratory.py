@@ -412,7 +412,10 @@ def _read_manifest(path: Path) -> Manifest:
         manifest = _manifest(content) if found == FORMAT else None
     except FileNotFoundError:
         known = ", ".join(laboratory_names()) or "none"
-        raise DatasetError(f"there is no laboratory at {path}; known: {known}") from None
+        raise DatasetError(
+            f"there is no laboratory at {path}; there are: {known}; `graph --learn`, and `teach`"
+            " with --world, make one"
+        ) from None
     except (OSError, ValueError, LookupError, TypeError, AttributeError) as error:
         reason = f"it has no {error}" if isinstance(error, KeyError) else error
         raise DatasetError(f"{path / MANIFEST} is damaged: {reason}; copy it again") from error

@@ -40,6 +40,7 @@ TARGET_MOVED: Final = "target, moved"
 TARGET_MISSED: Final = "target, not moved"
 PUSHED: Final = "pushed"
 MM, DEG = "mm", "deg"
+LEAST: Final = 0.005  # [mm] or [deg]: a mean error below is printed as 0.00, and no ratio is to it
 
 Figures = dict[str, Any]
 
@@ -137,11 +138,11 @@ class ErrorRows:
     def ratio(
         self, name: str, below: str, rows: Mask, seed: int, unit: str = MM
     ) -> Interval | None:
-        """Return the ratio of two mean errors where both say something; None: nowhere."""
+        """Return the ratio of two mean errors; None: no values, or the one below is 0."""
         columns = self.off if unit == MM else self.turned
         above, under = columns[name], columns[below]
         rows = rows & np.isfinite(above) & np.isfinite(under)
-        if not rows.any() or not under[rows].any():
+        if not rows.any() or under[rows].mean() < LEAST:
             return None
         random, episodes = generator(seed, "ratio"), self.about["episode"][rows]
         return bootstrap_ratio(above[rows], under[rows], random, episodes)

@@ -46,8 +46,8 @@ def epoch_bar(console: Console, epochs: int, done: int) -> Iterator[Progress]:
 
         def advance(epoch: int, history: LossHistory) -> None:
             losses = (
-                f"training {history.train[-1]:.3f}, validation {history.validation[-1]:.3f},"
-                f" best {history.best_loss:.3f}"
+                f"training {history.train[-1]:.4g}, validation {history.validation[-1]:.4g},"
+                f" best {history.best_loss:.4g}"
             )
             bar.update(task, completed=epoch, losses=losses)
 

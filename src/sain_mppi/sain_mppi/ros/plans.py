@@ -214,7 +214,7 @@ def _fill_result(plan: Plan, result: PlanResult) -> None:
 
 def summary(plan: Plan) -> dict[str, str]:
     """Return a plan as the message and the figures of a diagnostic."""
-    message = SUMMARY.get(plan.status, "no push to make")
+    message = SUMMARY.get(plan.status) or plan.error_message or "no push to make"
     if plan.error_code == ErrorCode.CANCELLED:
         message = "goal cancelled"
     if plan.concern:

@@ -179,7 +179,7 @@ def _summary(config: CollectConfig, done: Collected) -> dict[str, Any]:
 
 def run(options: CollectConfig, _: Console) -> None:
     """Collect, and print what was collected."""
-    console = Console(stderr=True)
+    console = Console(stderr=True, soft_wrap=True)
     logging.basicConfig(
         level=logging.WARNING,
         format="%(message)s",

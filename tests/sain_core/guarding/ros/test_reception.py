@@ -65,6 +65,14 @@ def test_a_message_that_fails_is_refused_with_the_error(graph, node):
     assert reception.figures == {"received_push": 2, "defects": 1}
 
 
+def test_an_error_after_ctrl_c_is_not_reported(graph, node, monkeypatch):
+    reception, refused = Reception(node), []
+    take = reception.guarded("push", fail(RuntimeError("context is invalid")), refused.append)
+    monkeypatch.setattr(node.context, "ok", lambda: False)
+    take(Push())
+    assert not refused and reception.figures["defects"] == 0
+
+
 LONG = "x" * MOST_BYTES
 
 

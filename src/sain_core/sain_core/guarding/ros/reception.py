@@ -176,6 +176,8 @@ class Reception:
                 check_size(message, most)
                 callback(message)
             except Exception as error:  # noqa: BLE001 - an error is an answer
+                if not self._node.context.ok():
+                    return  # Ctrl-C came within the callback: there is no one to answer any more
                 self.log_defect(error)
                 refuse(message, error)
             else:
