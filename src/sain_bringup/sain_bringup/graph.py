@@ -5,12 +5,12 @@ import shutil
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Final
+from typing import Annotated, Any, Final
 
 import tyro
 from rich.console import Console
@@ -308,71 +308,109 @@ def graph_commands(
     Raises:
         ConfigError: a package of the graph is not installed.
     """
-    simulator = {"bullet.full_motion": "true"} if full_motion else {}
-    simulator |= options.simulator
-    given = changed_settings(options.observed)
-    if options.see and not options.robot:
-        simulator |= {"scenes": "false", "bullet.wait_aside": "true"}
-        simulator |= DEPTH_IMAGES if options.see == OUTLINES else {}
-    else:
-        simulator |= {f"camera.{name}": str(value) for name, value in given.items()}
-    planner = options.planner | {f"estimator.{name}": str(value) for name, value in given.items()}
-    if options.gui:
-        simulator |= {"gui": "true", "real_time_factor": "1.0"}
-    model = {"belief": str(Path(options.belief).absolute())} if options.belief else {}
-    if "unknown" in given:
-        model["unknown"] = given["unknown"]
-    seed = {"seed": str(options.seed)}
-
-    def node(package: str, name: str, **parameters: str) -> list[str]:
-        files = [] if options.params_file is None else ["--params-file", str(options.params_file)]
-        if name not in SEEING.values():  # which remember nothing
-            parameters["state_file"] = str(states.absolute() / f"{name}.json")
-        return command_of_node(package, name, [*ros, *files], **parameters)
-
-    # The simulator's time is in all headers; with a robot it is the wall clock's.
-    simulated = {} if options.robot else {"use_sim_time": "true"}
-    planner |= {"dynamics": "service", **seed, **simulated}
-    model |= {"model": options.model, **simulated}
-    commands = {MODEL: node("sain_model", "model_node", **model)}
+    nodes = _Nodes(options, tuple(ros), states.absolute())
+    commands = {MODEL: nodes.model()}
     if options.learn:
-        noise = {"noise": options.camera.noise} if options.robot else {}
-        commands[LEARNER] = node("sain_lab", "learner_node", **learner_of(options), **noise)
+        commands[LEARNER] = nodes.learner()
     commands |= options.more_commands(ros)
     if options.bag is not None:
-        about = [f"{key}={value}" for key, value in (custom_data or {}).items()]
-        data = ["--custom-data", *about] if about else []
-        recorder = [str(executable("sain_bags", "record")), "--out", str(options.bag), *data]
-        commands[RECORDER] = [*recorder, "--bag.flush-period", FLUSH_PERIOD, "--ros-args", *ros]
-    if options.robot:
-        if options.robot != ELSEWHERE:
-            commands[ROBOT] = [*shlex.split(options.robot), "--ros-args", *ros]
-    else:
-        commands[SIMULATOR] = node("sain_sim", "sim_node", **seed, **simulator)
-    commands |= _seeing_commands(options, node, states, simulated)
-    commands[PLANNER] = node("sain_mppi", "mppi_node", **planner)
+        commands[RECORDER] = nodes.recorder(options.bag, custom_data or {})
+    if not options.robot:
+        commands[SIMULATOR] = nodes.simulator(full_motion)
+    elif options.robot != ELSEWHERE:
+        commands[ROBOT] = [*shlex.split(options.robot), "--ros-args", *ros]
+    commands |= nodes.seeing()
+    commands[PLANNER] = nodes.planner()
     return commands
+
+
+@dataclass(frozen=True)
+class _Nodes:
+    """The nodes of a graph: each method returns the command of one.
+
+    Attributes:
+        options: of the graph.
+        ros: arguments for ROS of every node.
+        states: folder for what nodes go on from after a crash.
+    """
+
+    options: GraphOptions
+    ros: tuple[str, ...]
+    states: Path
+
+    @property
+    def _time(self) -> dict[str, str]:
+        """The simulator's time is in all headers; with a robot it is the wall clock's."""
+        return {} if self.options.robot else {"use_sim_time": "true"}
+
+    def _node(self, package: str, name: str, **parameters: str) -> list[str]:
+        file = self.options.params_file
+        files = [] if file is None else ["--params-file", str(file)]
+        if name not in SEEING.values():  # which remember nothing
+            parameters["state_file"] = str(self.states / f"{name}.json")
+        return command_of_node(package, name, [*self.ros, *files], **parameters)
+
+    def model(self) -> list[str]:
+        options, given = self.options, {}
+        if options.belief:
+            given["belief"] = str(Path(options.belief).absolute())
+        if unknown := changed_settings(options.observed).get("unknown"):
+            given["unknown"] = unknown
+        return self._node("sain_model", "model_node", **given, model=options.model, **self._time)
+
+    def learner(self) -> list[str]:
+        noise = {"noise": self.options.camera.noise} if self.options.robot else {}
+        return self._node("sain_lab", "learner_node", **learner_of(self.options), **noise)
+
+    def recorder(self, bag: Path, custom_data: Mapping[str, str]) -> list[str]:
+        about = [f"{key}={value}" for key, value in custom_data.items()]
+        data = ["--custom-data", *about] if about else []
+        command = [str(executable("sain_bags", "record")), "--out", str(bag), *data]
+        return [*command, "--bag.flush-period", FLUSH_PERIOD, "--ros-args", *self.ros]
+
+    def simulator(self, full_motion: bool) -> list[str]:
+        options, given = self.options, self.options.simulator
+        if full_motion:
+            given["bullet.full_motion"] = "true"
+        if options.see:
+            given |= {"scenes": "false", "bullet.wait_aside": "true"}
+            given |= DEPTH_IMAGES if options.see == OUTLINES else {}
+        else:
+            given |= _named("camera", changed_settings(options.observed))
+        if options.gui:
+            given |= {"gui": "true", "real_time_factor": "1.0"}
+        return self._node("sain_sim", "sim_node", seed=str(options.seed), **given)
+
+    def planner(self) -> list[str]:
+        options = self.options
+        given = options.planner | _named("estimator", changed_settings(options.observed))
+        given |= {"dynamics": "service", "seed": str(options.seed)}
+        return self._node("sain_mppi", "mppi_node", **given, **self._time)
+
+    def seeing(self) -> dict[str, list[str]]:
+        """Return the commands of the node that sees bodies, and of the one that makes scenes."""
+        options, bodies = self.options, self.options.bodies
+        if bodies is None and not options.see:
+            return {}
+        bodies = write_seen_bodies(options, self.states) if bodies is None else bodies
+        given = {"bodies": str(bodies.absolute()), **self._time}
+        commands = {}
+        if options.see:
+            arm = {"robot": options.arm} if options.arm and options.see == OUTLINES else {}
+            commands[options.see] = self._node("sain_vision", SEEING[options.see], **given, **arm)
+        noise = options.pose_noise
+        commands[SCENES] = self._node("sain_vision", "scene_node", **given, noise=noise)
+        return commands
+
+
+def _named(group: str, settings: Mapping[str, Any]) -> dict[str, str]:
+    """Return the settings of a group as parameters of a node."""
+    return {f"{group}.{name}": str(value) for name, value in settings.items()}
 
 
 def learner_of(options: GraphConfig) -> dict[str, str]:
     """Return parameters of the learner, which runs in another folder."""
     return {"laboratory": str(laboratory_path(options.learn).absolute())}
-
-
-def _seeing_commands(
-    options: GraphOptions, node: Callable[..., list[str]], states: Path, simulated: dict[str, str]
-) -> dict[str, list[str]]:
-    """Return the commands of the node that sees bodies, and of the one that makes scenes."""
-    if options.bodies is None and not options.see:
-        return {}
-    bodies = write_seen_bodies(options, states) if options.bodies is None else options.bodies
-    given = {"bodies": str(bodies.absolute()), **simulated}
-    commands = {}
-    if options.see:
-        arm = {"robot": options.arm} if options.arm and options.see == OUTLINES else {}
-        commands[options.see] = node("sain_vision", SEEING[options.see], **given, **arm)
-    commands[SCENES] = node("sain_vision", "scene_node", **given, noise=options.pose_noise)
-    return commands
 
 
 def write_seen_bodies(options: GraphOptions, folder: Path) -> Path:

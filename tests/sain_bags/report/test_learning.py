@@ -4,7 +4,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from sain_bags.report.learning import describe_learning
+from sain_bags.report.content import describe_learning
 from sain_core.errors import DatasetError
 
 

@@ -14,13 +14,13 @@ from mcap.records import Metadata, Statistics
 from rosbags.interfaces import Qos
 from rosbags.rosbag2.metadata import parse_qos
 
-from sain_bags.bag.metadata_check import check_metadata
 from sain_bags.bag.parts import earlier, mcap_files
 from sain_bags.mcap import integrity
 from sain_bags.mcap.integrity import opened, rescue
-from sain_core.errors import DatasetError
+from sain_core.errors import DatasetError, UntrustedFileError
 from sain_core.guarding.documents import dump_yaml, parse_yaml, read_yaml
 from sain_core.guarding.kinds import BEGINNINGS, MCAP, SQLITE, describe
+from sain_core.guarding.untrusted import TOPICS, limit
 
 LAYOUT_VERSION: Final = 9
 METADATA_FILE: Final = integrity.METADATA_FILE
@@ -31,6 +31,57 @@ OWN_TYPES: Final = "sain_interfaces/msg/"
 STREAMS: Final = (f"{OWN_TYPES}Scene",)  # of these, they come at a rate
 METADATA_KEY: Final = "serialized_metadata"
 INFINITE: Final = (9_223_372_036, 854_775_807)  # [s, ns], rmw's duration without end
+
+
+TEXTS: Final = ("storage_identifier", "compression_mode", "compression_format", "ros_distro")
+LARGEST: Final = (1 << 63) - 1  # count of messages
+
+
+def check_metadata(content: Any) -> dict[str, Any]:
+    """Return the metadata of a bag with what is empty in place of what is null.
+
+    Raises:
+        UntrustedFileError: a value is not of the kind that rosbag2 writes.
+    """
+    about = dict(_expect("the metadata", content, dict))
+    for name in TEXTS:
+        about[name] = _expect(name, _or(about.get(name), ""), str)
+    about["files"] = _expect("files", _or(about.get("files"), []), list)
+    paths = _expect("relative_file_paths", _or(about.get("relative_file_paths"), []), list)
+    about["relative_file_paths"] = [_expect("a file's path", path, str) for path in paths]
+    topics = _or(about.get("topics_with_message_count"), [])
+    limit("topics", len(_expect("topics_with_message_count", topics, list)), TOPICS)
+    about["topics_with_message_count"] = [_checked_topic(topic) for topic in topics]
+    custom_data = _expect("custom_data", _or(about.get("custom_data"), {}), dict)
+    about["custom_data"] = {str(key): _text(key, value) for key, value in custom_data.items()}
+    return about
+
+
+def _checked_topic(entry: Any) -> dict[str, Any]:
+    topic = dict(_expect("topic_metadata", _expect("a topic", entry, dict)["topic_metadata"], dict))
+    for name in ("name", "type"):
+        topic[name] = _expect(f"{name} of a topic", topic[name], str)
+    topic["type_description_hash"] = str(topic.get("type_description_hash") or "")
+    count = _expect("message_count of a topic", _or(entry.get("message_count"), 0), int)
+    if not 0 <= count <= LARGEST:
+        raise UntrustedFileError(f"a topic has {count} messages")
+    return {**entry, "topic_metadata": topic, "message_count": count}
+
+
+def _or(value: Any, empty: Any) -> Any:
+    return empty if value is None else value
+
+
+def _text(key: Any, value: Any) -> str:
+    if isinstance(value, Mapping | list):
+        raise UntrustedFileError(f"custom_data has no text for {str(key)[:40]!r}")
+    return str(_or(value, ""))
+
+
+def _expect(name: str, value: Any, kind: type) -> Any:
+    if not isinstance(value, kind):
+        raise UntrustedFileError(f"{name} is {str(value)[:40]!r}; it must be a {kind.__name__}")
+    return value
 
 
 @dataclass(frozen=True)

@@ -1,6 +1,7 @@
 """All that a page shows of a bag, as one structure that JSON can hold."""
 
 import time
+from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import compress
@@ -13,13 +14,49 @@ from sain_bags.reading.timing import BINS, TopicTiming, read_timings
 from sain_bags.report.drawn import as_json
 from sain_bags.report.episode_content import describe_episode, outcome
 from sain_bags.report.gathering import Gathered, Limits, Progress, gather, graphs
-from sain_bags.report.learning import describe_learning
 from sain_bags.report.pushes import models, rounded, target_error
 from sain_bags.report.titles import episode_titles
+from sain_core.errors import DatasetError, InvalidInputError
 from sain_core.view.scenes import stage
+from sain_core.wire.learning import Learned, LearnedCurve, decode_learning
 
 STEPS: Final = 200  # of the curve of errors
 HISTOGRAM: Final = 24  # bars
+
+
+LEARNING: Final = "sain_interfaces/msg/Learning"
+
+
+def describe_learning(bag: Bag) -> dict[str, Any] | None:
+    """Return the curves and events of a learner; None: there was none.
+
+    Raises:
+        DatasetError: the message makes no sense.
+    """
+    latest = deque(bag.messages(types=(LEARNING,)), maxlen=1)
+    for last in latest:
+        try:
+            return learned_json(decode_learning(last.message))
+        except InvalidInputError as error:
+            raise DatasetError(f"{bag.path}: {last.topic}: {error}") from error
+    return None
+
+
+def learned_json(learned: Learned) -> dict[str, Any]:
+    """Return what was learned."""
+    return {
+        "laboratory": learned.laboratory,
+        "service": learned.service,
+        "pushes": learned.pushes,
+        "errors": [_curve(one) for one in learned.errors],
+        "parameters": [_curve(one) for one in learned.parameters],
+        "events": [list(event) for event in learned.events],
+    }
+
+
+def _curve(curve: LearnedCurve) -> dict[str, Any]:
+    rows = [[rounded(number, 6) for number in row] for row in curve.values.tolist()]
+    return {"name": curve.name, "unit": curve.unit, "pushes": curve.pushes.tolist(), "rows": rows}
 
 
 @dataclass(frozen=True)

@@ -11,6 +11,9 @@ from typing import Any, Final
 from uuid import uuid4
 
 import numpy as np
+from builtin_interfaces.msg import Time
+from jaxtyping import Float, Int
+from numpy import ndarray
 from rclpy.node import Node
 
 from sain_core import wire
@@ -18,6 +21,7 @@ from sain_core.errors import ConfigError, ErrorCode, OutputError
 from sain_core.guarding import lifetime
 from sain_core.guarding.ros.reception import Reception, shortened
 from sain_core.guarding.ros.state_file import StateFile
+from sain_core.ros.codec import encode_time, header
 from sain_core.ros.node_main import (
     ERROR,
     NAMESPACE,
@@ -33,22 +37,87 @@ from sain_core.ros.worker import Worker
 from sain_core.shapes.bodies import PAPER_DISKS
 from sain_core.shapes.bodies import Bodies as Shapes
 from sain_core.wire.bodies import decode_bodies
-from sain_interfaces.msg import Bodies, Learning, PushResult
+from sain_interfaces.msg import Bodies, LearnedCurve, LearnerEvent, Learning, PushResult
 from sain_interfaces.srv import LoadModel
-from sain_lab.judging.curves import CurveReader
+from sain_lab.judging.curves import SERVICE, WINDOW, CurveReader, Curves
 from sain_lab.keeping.events import Event
-from sain_lab.keeping.laboratory import WAITING
+from sain_lab.keeping.laboratory import PHYSICS, PLANAR, WAITING
 from sain_lab.keeping.results import Result
 from sain_lab.learner import Learner, Lesson
-from sain_lab.ros.messages import encode_learning
 from sain_lab.settings import LearnerConfig
 from sain_model.compute.threads import one_numba_thread
+from sain_model.physics.parameters import BY_NAME
 
 LOOK: Final = 0.5  # [s] between looks for trainings that ended, and for the model's node
 AGAIN: Final = 5.0  # [s] after the model's node refused
 LAST: Final = 0.5  # [s], for what waits when the graph ends
 MOST_EPISODES: Final = 16  # whose bodies are kept
 BOTH_ENDS: Final = 2**0.5  # of a way that was observed, over the noise of one scene
+
+
+PLACES: Final = 60  # of a curve
+EVENTS: Final = 20
+QUANTILE: Final = 1.96  # standard deviations of a 95 % interval
+NAMES: Final = {PHYSICS: "physics", PLANAR: "planar", SERVICE: SERVICE}
+
+
+def encode_learning(
+    curves: Curves, *, stamp: Time, laboratory: str, service: str, waiting: int
+) -> Learning:
+    """Return the curves and events of a laboratory."""
+    return Learning(
+        header=header(stamp),
+        laboratory=laboratory,
+        service=NAMES.get(service, service),
+        pushes=curves.pushes,
+        waiting=waiting,
+        errors=[_error_curve(curves, name) for name in (PLANAR, PHYSICS, SERVICE)],
+        parameters=[_parameter_curve(name, rows) for name, rows in curves.parameters.items()],
+        events=[encode_event(event) for event in curves.events[-EVENTS:]],
+    )
+
+
+def encode_event(event: Event) -> LearnerEvent:
+    """Return an event."""
+    stamp = encode_time(round(1e9 * event.time))
+    return LearnerEvent(stamp=stamp, kind=event.kind, text=event.text, pushes=event.pushes)
+
+
+def spaced(count: int, most: int = PLACES) -> Int[ndarray, "C"]:
+    """Return up to so many of the numbers 1 to count, evenly by their logarithm, with the last."""
+    if not count:
+        return np.empty(0, np.int64)
+    return np.unique(np.geomspace(1, count, min(most, count)).round().astype(np.int64))
+
+
+def _error_curve(curves: Curves, name: str) -> LearnedCurve:
+    """Return the mean error over the latest pushes [m] with its 95 % interval."""
+    values, at = 1e-3 * curves.errors[name], spaced(curves.pushes)
+    rows = []
+    for place in at:
+        some = values[max(place - WINDOW, 0) : place]
+        some = some[np.isfinite(some)]
+        mean = some.mean() if len(some) else np.nan
+        half = QUANTILE * some.std(ddof=1) / np.sqrt(len(some)) if len(some) > 1 else np.nan
+        rows.append((mean, mean - half, mean + half))
+    return _curve(NAMES[name], "m", at, np.array(rows).reshape(-1, 3))
+
+
+def _parameter_curve(name: str, rows: Float[ndarray, "C 3"]) -> LearnedCurve:
+    """Return a parameter with its 95 % interval."""
+    rows = rows[spaced(len(rows)) - 1]
+    value, half = rows[:, 1], QUANTILE * rows[:, 2]
+    if BY_NAME[name].logarithm:
+        low, high = value * np.exp(-half), value * np.exp(half)
+    else:
+        low, high = value - half, value + half
+    return _curve(name, BY_NAME[name].unit, rows[:, 0], np.stack([value, low, high], axis=1))
+
+
+def _curve(name: str, unit: str, at: ndarray, rows: Float[ndarray, "C 3"]) -> LearnedCurve:
+    value, low, high = (column.astype(np.float32) for column in rows.T)
+    pushes = at.astype(np.uint32)
+    return LearnedCurve(name=name, unit=unit, pushes=pushes, value=value, low=low, high=high)
 
 
 class LearnerNode(Node):

@@ -3,8 +3,9 @@
 import logging
 import time
 from threading import Event, Thread
-from typing import Final, Protocol
+from typing import Any, Final, Protocol
 
+import numpy as np
 import viser
 
 from sain_live.orders import Orders
@@ -12,7 +13,6 @@ from sain_live.page.arm import ArmView
 from sain_live.page.charts import ChartsView
 from sain_live.page.controls import ControlsView, PlannerForm
 from sain_live.page.learning import LearningView
-from sain_live.page.picture import PictureView
 from sain_live.page.playing import PlayingView
 from sain_live.page.scene import GoalsView, SceneView
 from sain_live.page.serving import open_server
@@ -24,6 +24,33 @@ WAIT: Final = 0.5  # [s] between looks where nothing changes
 BEHIND: Final = 0.1  # [s] that the pace may catch up
 
 logger = logging.getLogger(__name__)
+
+
+NOTHING: Final = (
+    '<div style="padding:6px 14px;font-size:12px">No camera. With one, tag_node and outline_node'
+    " show here what they see.</div>"
+)
+
+
+class PictureView:
+    """The tab of the camera, beside the charts."""
+
+    def __init__(self, gui: viser.GuiApi) -> None:
+        """Make the tab's contents, in the tab that is open."""
+        self._gui = gui
+        self._text = gui.add_html(NOTHING)
+        self._image: Any = gui.add_image(np.full((2, 2, 3), 255, np.uint8), visible=False)
+        self._shown: np.ndarray | None = None
+
+    def show(self, known: LiveState) -> None:
+        """Draw what has changed."""
+        picture = known.picture
+        if picture is self._shown:
+            return
+        self._shown = picture
+        self._text.visible, self._image.visible = picture is None, picture is not None
+        if picture is not None:
+            self._image.image = picture
 
 
 class PagePart(Protocol):

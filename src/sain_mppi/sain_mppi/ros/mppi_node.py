@@ -1,5 +1,7 @@
 """The planner: for each settled scene on the way to a goal, one push."""
 
+from concurrent.futures import Future
+from functools import partial
 from typing import Any, Final
 
 from diagnostic_msgs.msg import DiagnosticArray
@@ -8,33 +10,92 @@ from rclpy.node import Node
 
 from sain_core import wire
 from sain_core.errors import ErrorCode
-from sain_core.guarding.ros.reception import Reception, shortened
+from sain_core.guarding.ros.reception import Reception, outcome, shortened
 from sain_core.model import as_observed, load_dynamics
 from sain_core.ros.codec import decode_time
 from sain_core.ros.node_main import NAMESPACE, OK, WARN, Diagnostics
 from sain_core.ros.parameters import LiveParameters, read_parameters
 from sain_core.ros.push_driver import warn_of_refusal
 from sain_core.ros.qos import LATCHED, LATCHED_QUEUE, QUEUE, RELIABLE
+from sain_core.ros.worker import Worker
 from sain_core.scene import is_settled
 from sain_core.wire.bodies import decode_bodies
 from sain_interfaces.msg import Bodies, Goal, PushResult, Scene
-from sain_mppi.agent.agent import SERVICE, MppiConfig, planning_agent
+from sain_mppi.agent.agent import SERVICE, Agent, MppiConfig, planning_agent
 from sain_mppi.agent.events import (
+    Action,
+    Completed,
+    Computation,
     EpisodeBegun,
+    Event,
     GoalCancelled,
     GoalGiven,
     PushDecision,
     SceneObserved,
+    Stop,
     TimePassed,
 )
 from sain_mppi.agent.planning import Patience
-from sain_mppi.ros.driver import Driver
 from sain_mppi.ros.goals import GoalHandlers, Goals, task_of
 from sain_mppi.ros.plans import Plans
 from sain_mppi.ros.remote import RemoteRollout
 from sain_mppi.ros.watch import Notes, PeerWatch, event_of
 
 FEW: Final = 4  # scenes, as come while shapes are on their way
+
+
+class Driver:
+    """Hands events to an agent and does what it wants, on the executor's thread."""
+
+    def __init__(
+        self, node: Node, agent: Agent, plans: Plans, reception: Reception, watch: PeerWatch
+    ) -> None:
+        """Publish decisions by `plans`. Actions wait until the watch is `ready`."""
+        self._agent, self._plans, self._reception, self._watch = agent, plans, reception, watch
+        self._worker = Worker(node, "planning")
+        self._waiting: tuple[Action, ...] = ()
+
+    def update(self, event: Event) -> None:
+        """Take an event; an agent that fails unexpectedly loses its goal."""
+        done = outcome(partial(self._agent.update, event))
+        error = self._defect(done)
+        self._act(done.result() if error is None else self._agent.update(GoalCancelled(error)))
+
+    def _act(self, actions: tuple[Action, ...]) -> None:
+        self._waiting += actions
+        if not self._watch.ready:
+            return
+        actions, self._waiting = self._waiting, ()
+        for action in actions:
+            match action:
+                case PushDecision():
+                    self._plans.send(action, self._agent.pushes)
+                case Stop():
+                    self._plans.stop(action, self._agent.pushes)
+                case Computation():
+                    self._worker.submit(action.run, partial(self._on_done, action))
+
+    def _on_done(self, work: Computation, done: "Future[Event]") -> None:
+        error = self._defect(done)
+        event = done.result() if error is None else work.failed(error)
+        if isinstance(event, Completed):
+            self._plans.show(event.decision, self._agent.pushes)
+        self.update(event)
+
+    def _defect(self, done: "Future[Any]") -> BaseException | None:
+        """Return the error of what never should fail, and leave a trace of it."""
+        error = done.exception()
+        if error is not None:
+            self._reception.log_defect(error)
+        return error
+
+    def cancel(self) -> None:
+        """Plan no more."""
+        self._agent.update(GoalCancelled())
+
+    def close(self) -> None:
+        """Wait for the work that is under way."""
+        self._worker.close()
 
 
 class MppiNode(Node):
