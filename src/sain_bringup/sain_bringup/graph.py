@@ -201,6 +201,7 @@ def run(options: GraphOptions, console: Console) -> int:
     """Run the graph until it is interrupted, or a process ends; return that one's exit code.
 
     Raises:
+        BusyError: another graph runs already.
         SainError: a package is not installed, or a log cannot be written.
     """
 
@@ -209,6 +210,7 @@ def run(options: GraphOptions, console: Console) -> int:
 
     interrupts, code = Interrupts(), 0
     try:
+        check_free(options)
         compile_visibly(console)
     except Stopped:
         return 0
@@ -230,6 +232,17 @@ def run(options: GraphOptions, console: Console) -> int:
             supervisor.stop()
         logs.show()
     return code
+
+
+def check_free(options: GraphOptions) -> None:
+    """Raise `BusyError` where another simulator has the namespace; a robot locks it itself."""
+    if options.robot:
+        return
+    from sain_core.guarding.ros.ownership import lock_namespace
+    from sain_core.ros.node_main import command_node
+
+    with command_node("graph") as node:
+        lock_namespace(node)()  # the simulator to come locks it again
 
 
 def watch(supervisor: Supervisor, logs: "Logs", interrupts: Interrupts, console: Console) -> None:

@@ -5,7 +5,11 @@ from io import StringIO
 import pytest
 from rich.console import Console
 
+from sain_bringup import commands
+from sain_bringup.graph import GraphOptions, check_free
 from sain_bringup.ros.goal import GoalOptions, GoalSender, SilentPlannerError, goal_message
+from sain_core.errors import BusyError
+from sain_core.guarding.ros.ownership import lock_namespace
 from sain_core.ros.node_main import command_node
 from sain_interfaces.msg import Goal
 
@@ -32,7 +36,24 @@ def test_without_a_planner_it_says_what_it_waits_for_and_then_what_to_do(sender)
 
 
 def test_a_heading_or_a_body_makes_it_a_pose() -> None:
-    (pose,) = goal_message(GoalOptions(x=0.6, y=0.1, heading=1.0)).poses
+    (pose,) = goal_message(GoalOptions(place=(0.6, 0.1), heading=1.0)).poses
     assert (pose.body, pose.heading, pose.has_heading) == (1, 1.0, True)
-    (pose,) = goal_message(GoalOptions(x=0.6, y=0.1, body=0)).poses
+    (pose,) = goal_message(GoalOptions(place=(0.6, 0.1), body=0)).poses
     assert (pose.body, pose.has_heading, pose.x) == (0, False, 0.6)
+
+
+def test_a_second_graph_is_refused_before_anything_starts(graph) -> None:
+    release = lock_namespace(graph.bystander)
+    try:
+        with pytest.raises(BusyError, match=r"executes pushes in namespace /sain of domain \d+"):
+            check_free(GraphOptions())
+        check_free(GraphOptions(robot="elsewhere"))  # arm_node has it
+    finally:
+        release()
+    check_free(GraphOptions())
+
+
+@pytest.mark.parametrize("words", [["0.6"], ["0.6", "x"], ["0.6", "0.1", "0.2"]])
+def test_a_place_has_two_numbers(words, capsys) -> None:
+    assert commands.goal(words) == 2
+    assert "it must be 2 values, each a number" in capsys.readouterr().err

@@ -33,11 +33,8 @@ class GoalOptions(Config):
     with 0 when it was reached, and otherwise with the error code or 1.
     """
 
-    x: Annotated[float, tyro.conf.Positional, tyro.conf.arg(metavar="X")] = option(
-        0.6, "where to, along +x", unit="m"
-    )
-    y: Annotated[float, tyro.conf.Positional, tyro.conf.arg(metavar="Y")] = option(
-        0.0, "where to, along +y", unit="m"
+    place: Annotated[tuple[float, float], tyro.conf.Positional, tyro.conf.arg(metavar="X Y")] = (
+        option((0.6, 0.0), "where to, both or none", unit="m")
     )
     heading: float | None = option(None, "of the body; by default any will do", unit="rad")
     body: int | None = option(
@@ -121,11 +118,10 @@ def goal_message(options: GoalOptions) -> "Goal":
     """Return the goal that the options ask for."""
     from sain_interfaces.msg import Goal, GoalPose
 
-    goal = Goal(
-        x=options.x, y=options.y, tolerance=options.tolerance, max_pushes=options.max_pushes
-    )
+    x, y = options.place
+    goal = Goal(x=x, y=y, tolerance=options.tolerance, max_pushes=options.max_pushes)
     if options.body is not None or options.heading is not None:
-        pose = GoalPose(x=options.x, y=options.y, tolerance=options.tolerance)
+        pose = GoalPose(x=x, y=y, tolerance=options.tolerance)
         pose.body = 1 if options.body is None else options.body
         pose.has_heading = options.heading is not None
         pose.heading = options.heading or 0.0
