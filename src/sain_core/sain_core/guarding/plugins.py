@@ -85,7 +85,10 @@ class Plugins:
             none = f"none: no installed package has the entry points {self.group!r}"
             known = ", ".join(names) or none
             near = did_you_mean(name, names)
-            raise ConfigError(f"{self.what} {name!r} is unknown{near}; known: {known}{self._more}")
+            hint = "" if near else "; a package of your own must be installed first"
+            raise ConfigError(
+                f"{self.what} {name!r} is unknown{near}; known: {known}{self._more}{hint}"
+            )
         return self.only(name, entries)
 
     def only(self, name: str, entries: list[EntryPoint]) -> EntryPoint:
