@@ -8,6 +8,7 @@ REPOSITORY_PAGES = {  # pages outside of docs/
     "bags/README.md": "guides/look_at_bags.md",
     "docker/README.md": "guides/docker.md",
     "examples/my_model/README.md": "guides/my_model.md",
+    "examples/pusht/README.md": "explanation/pusht.md",
     "CONTRIBUTING.md": "reference/contributing.md",
     "CHANGELOG.md": "reference/changelog.md",
 }
