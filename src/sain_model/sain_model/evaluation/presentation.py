@@ -63,7 +63,8 @@ def _cells(one: Figures) -> list[str]:
     mean, low, high = one[MM]
     values = mean, one["median"], one["p95"]
     cells = [f"{value:.2f}" for value in values]
-    return [str(one["number"]), cells[0], f"{low:.2f}-{high:.2f}", *cells[1:]]
+    within = f"{low:.2f}-{high:.2f}" if high > low else "-"  # one episode has no spread
+    return [str(one["number"]), cells[0], within, *cells[1:]]
 
 
 def _beside_its_prior(ratios: Figures) -> tuple[str, str] | None:
