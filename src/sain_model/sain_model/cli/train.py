@@ -58,10 +58,8 @@ def run(options: TrainOptions, console: Console) -> None:
         DatasetError, CheckpointError, ConfigError, OutputError: see `sain_core.errors`.
     """
     require_torch("train")
-    from sain_model.data.dataset import load_dataset, split_by_episode
-
-    data = load_dataset(*options.dataset)  # before PyTorch, which takes seconds to load
     from sain_core.view.figures import write_png
+    from sain_model.data.dataset import load_dataset, split_by_episode
     from sain_model.dynamics.load import SUFFIX, save_checkpoint
     from sain_model.dynamics.residual import weights_of
     from sain_model.evaluation.errors import evaluate
@@ -86,6 +84,7 @@ def run(options: TrainOptions, console: Console) -> None:
         config, kind = identified_kind(Path(options.belief), options.training)
         options = replace(options, training=config)
     config = options.training
+    data = load_dataset(*options.dataset)
     split = split_by_episode(data, config.seed, config.validation, config.test, config.transitions)
     if parent:
         parent.check_data(data)
