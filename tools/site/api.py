@@ -44,7 +44,7 @@ PACKAGES: Final = {
     ),
     "sain_gym": (
         "The Gymnasium environment, and the agent as a policy in it.",
-        ("push_env", "config", "agent_policy"),
+        ("push_env", "agent_policy"),
     ),
 }  # fmt: skip
 INTRODUCTION: Final = """# Python API

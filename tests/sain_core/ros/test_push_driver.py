@@ -36,6 +36,7 @@ class Robot:
             create_subscription=self.subscribe,
             get_clock=lambda: SimpleNamespace(now=self.now),
             get_logger=MagicMock,
+            context=SimpleNamespace(ok=lambda: True),
         )
         self.driver = PushDriver(node, self.begin, Feasibility())
         self.state_bodies()

@@ -57,7 +57,7 @@ class NewShapeOptions(Config):
                 f"name is {self.name!r}; allowed: letters, digits, '_', '-' and '.', up to 64, no"
                 " '-' or '.' first, no .yaml or .json last"
             )
-        if self.out is not None and self.out.suffix != OUTLINES[0]:
+        if self.out is not None and self.out.suffix not in ("", OUTLINES[0]):
             raise ConfigError(f"out is {self.out}; its name must end in {OUTLINES[0]}")
         if self.name in shape_names() and not (self.overwrite and self.path.exists()):
             raise ConfigError(
