@@ -29,8 +29,6 @@ AFTER_DRAWN: Final = 2**31
 RENDER_SIZE: Final = 480  # [px]
 RGB_ARRAY: Final = "rgb_array"
 SCENE: Final = "scene"  # the option of `reset`
-
-
 STATE: Final = "state"
 IMAGE: Final = "image"
 WIDEST: Final = 0.075  # [m]: no scenario starts nearer to its goal

@@ -31,8 +31,6 @@ OWN_TYPES: Final = "sain_interfaces/msg/"
 STREAMS: Final = (f"{OWN_TYPES}Scene",)  # of these, they come at a rate
 METADATA_KEY: Final = "serialized_metadata"
 INFINITE: Final = (9_223_372_036, 854_775_807)  # [s, ns], rmw's duration without end
-
-
 TEXTS: Final = ("storage_identifier", "compression_mode", "compression_format", "ros_distro")
 LARGEST: Final = (1 << 63) - 1  # count of messages
 

@@ -6,9 +6,10 @@ from pathlib import Path
 
 import tyro
 from rich.console import Console
-from rich.progress import BarColumn, DownloadColumn, Progress, TimeRemainingColumn
+from rich.progress import BarColumn, DownloadColumn, TimeRemainingColumn
 
 from sain_bags.recovery import Recovered, find_parts, recover
+from sain_core.cli.terminal import transient_bar
 from sain_core.config import Config, required
 from sain_core.errors import DatasetError
 from sain_core.output import check_new
@@ -53,8 +54,7 @@ def run(options: RecoverOptions, console: Console) -> int:
     except OSError as error:
         raise DatasetError(f"{options.bag} cannot be read: {error}") from error
     columns = (BarColumn(), DownloadColumn(), TimeRemainingColumn())
-    hidden = not console.is_interactive
-    with Progress(*columns, console=console, transient=True, disable=hidden) as progress:
+    with transient_bar(console, *columns) as progress:
         task = progress.add_task("recover", total=total)
         found = recover(options.bag, options.out, lambda done: progress.advance(task, done))
     console.soft_wrap = True

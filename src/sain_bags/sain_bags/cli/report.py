@@ -6,13 +6,13 @@ from typing import Final
 
 import tyro
 from rich.console import Console
-from rich.progress import Progress
 
 from sain_bags.reading.reader import BAG_HELP, Bag
 from sain_bags.report.content import read_content
 from sain_bags.report.gathering import Limits, messages_to_read
 from sain_bags.report.writing import write_page
 from sain_bags.rows.message_fields import left_out
+from sain_core.cli.terminal import transient_bar
 from sain_core.config import Config, option, required
 from sain_core.errors import OutputError
 from sain_core.guarding.kinds import describe
@@ -75,8 +75,7 @@ def run(options: ReportOptions, console: Console) -> None:
         _check_page(out)
     bag = Bag(options.bag)
     limits = Limits(options.frames, options.episodes)
-    hidden = not console.is_interactive
-    with Progress(console=console, transient=True, disable=hidden) as progress:
+    with transient_bar(console) as progress:
         task = progress.add_task("reading", total=messages_to_read(bag))
         content = read_content(bag, limits, lambda: progress.advance(task))
     write_page(out, content.data)

@@ -9,10 +9,11 @@ import numpy as np
 import tyro
 from rich.console import Console
 from rich.markup import escape
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
 
 from sain_bags.dataset.conversion import ConversionConfig, Converted, convert
 from sain_bags.dataset.dataset_folder import CARD_FILE, PICTURE_FILE
+from sain_core.cli.terminal import transient_bar
 from sain_core.config import option, required
 from sain_core.guarding.documents import read_json
 from sain_core.output import OVERWRITE_HELP, claim_folder
@@ -59,8 +60,7 @@ def _convert_with_bar(options: ToDatasetOptions, console: Console) -> Converted:
         TextColumn("{task.fields[what]}, left"),
         TimeRemainingColumn(),
     )
-    hidden = not console.is_interactive
-    with Progress(*columns, console=console, transient=True, disable=hidden) as bar:
+    with transient_bar(console, *columns) as bar:
         reading = bar.add_task("to_dataset", total=None, what="pushes")
         writing = bar.add_task(options.conversion.format, visible=False, what="transitions written")
 

@@ -158,7 +158,7 @@ def _read_identity(folder: Path) -> CardContent | None:
 
 def _difference(found: CardContent, wanted: CardContent) -> str:
     name = next(key for key in {**wanted, **found} if found.get(key) != wanted.get(key))
-    if name == "bags":  # hashes tell nobody which
+    if name == "bags":  # hashes name no recording
         return "of other recordings"
     return f"{name} = {found.get(name)!r}, not {wanted.get(name)!r}"
 

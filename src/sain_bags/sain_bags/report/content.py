@@ -22,8 +22,6 @@ from sain_core.wire.learning import Learned, LearnedCurve, decode_learning
 
 STEPS: Final = 200  # of the curve of errors
 HISTOGRAM: Final = 24  # bars
-
-
 LEARNING: Final = "sain_interfaces/msg/Learning"
 
 

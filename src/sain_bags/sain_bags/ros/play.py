@@ -6,11 +6,12 @@ from typing import TYPE_CHECKING, Final
 
 import tyro
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn
+from rich.progress import BarColumn, TextColumn
 
 from sain_bags.playing import CLOCK, Event, Passage, PassageConfig, Played, choose_topics, play
 from sain_bags.reading.reader import BAG_HELP, Bag
 from sain_bags.ros.stop_signal import StopSignal
+from sain_core.cli.terminal import transient_bar
 from sain_core.config import Config, option, required
 from sain_core.guarding.lifetime import release
 
@@ -88,10 +89,7 @@ def _play_with_bar(
         BarColumn(),
         TextColumn("{task.completed:.1f} of {task.total:.1f} s, {task.fields[count]:,} messages"),
     )
-    hidden = not console.is_interactive
-    with Progress(
-        *columns, console=console, transient=True, disable=hidden, refresh_per_second=5
-    ) as bar:
+    with transient_bar(console, *columns, refresh_per_second=5) as bar:
         task = bar.add_task("play", total=passage.duration, count=0)
         shown, messages = 0.0, 0
 

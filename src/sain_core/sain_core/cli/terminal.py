@@ -14,11 +14,27 @@ from rich.markup import escape
 from rich.text import Text
 
 if TYPE_CHECKING:
+    from rich.progress import Progress, ProgressColumn
     from rich.status import Status
 
 GAP: Final = "  "
 PERIOD: Final = 5.0  # [s] between two lines where there is no terminal
 Rows = Iterable[Sequence[str]]
+
+
+def transient_bar(
+    console: Console, *columns: "str | ProgressColumn", refresh_per_second: float = 10
+) -> "Progress":
+    """Return a bar that leaves nothing behind; without a terminal it shows nothing."""
+    from rich.progress import Progress
+
+    return Progress(
+        *columns,
+        console=console,
+        transient=True,
+        disable=not console.is_interactive,
+        refresh_per_second=refresh_per_second,
+    )
 
 
 class FittingTable:

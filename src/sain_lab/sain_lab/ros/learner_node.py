@@ -53,8 +53,6 @@ AGAIN: Final = 5.0  # [s] after the model's node refused
 LAST: Final = 0.5  # [s], for what waits when the graph ends
 MOST_EPISODES: Final = 16  # whose bodies are kept
 BOTH_ENDS: Final = 2**0.5  # of a way that was observed, over the noise of one scene
-
-
 PLACES: Final = 60  # of a curve
 EVENTS: Final = 20
 QUANTILE: Final = 1.96  # standard deviations of a 95 % interval
