@@ -7,8 +7,6 @@ import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.node import Node
 
-import sain_bringup.ros.listener
-import sain_core.guarding.ros.ownership
 from sain_bringup.ros.listener import PLANNER, GraphListener
 from sain_core.guarding.ros.ownership import lock_namespace
 from sain_core.ros.node_main import OK, WARN, Diagnostics
@@ -18,13 +16,6 @@ from sain_interfaces.msg import Plan, Scene
 pytestmark = pytest.mark.ros
 
 SILENT_ARM = "not enabled: the arm does not move"
-
-
-@pytest.fixture(autouse=True)
-def locks(tmp_path, monkeypatch):
-    """Keep locks apart from those of other graphs on this computer."""
-    for module in (sain_bringup.ros.listener, sain_core.guarding.ros.ownership):
-        monkeypatch.setattr(module, "private_folder", lambda: tmp_path)
 
 
 @pytest.fixture
