@@ -17,9 +17,11 @@ from sain_core.errors import ErrorCode
 from sain_core.push import PUSH_SIZE, make_push
 from sain_core.ros import codec
 from sain_core.ros.qos import LATCHED, RELIABLE
+from sain_core.scene import TARGET
 from sain_interfaces.msg import (
     Bodies,
     Goal,
+    GoalPose,
     Plan,
     Push,
     PushResult,
@@ -107,10 +109,10 @@ class Graph:
         return self.find("push_result", push_id=push_id)[0]
 
     def aim(self, goal: Any, goal_id: int, tolerance: float = 0.01, **more: int) -> None:
-        stamp = self.bystander.get_clock().now().to_msg()
         x, y = map(float, goal)
-        message = Goal(goal_id=goal_id, x=x, y=y, tolerance=tolerance, **more)
-        message.header = codec.header(stamp)
+        stamp = self.bystander.get_clock().now().to_msg()
+        pose = GoalPose(body=TARGET, x=x, y=y, tolerance=tolerance)
+        message = Goal(header=codec.header(stamp), goal_id=goal_id, poses=[pose], **more)
         self.aiming.publish(message)
 
     def aim_at(self, goal: Any, goal_id: int, **more: int) -> None:

@@ -285,7 +285,9 @@ class Hall:
         if not ends:
             return f"no end in {LONGEST:g} s", recovery
         if ends[-1].status == Plan.REACHED:
-            off = float(np.hypot(*(table.cell.observe()[0, POSITION] - [goal.x, goal.y])))
+            off = float(
+                np.hypot(*(table.cell.observe()[0, POSITION] - [goal.poses[0].x, goal.poses[0].y]))
+            )
             far = off > TOLERANCE + 3.0 * NOISE[0] and not table.by_hand
             return (f"called reached {1e3 * off:.0f} mm away" if far else REACHED), recovery
         return f"ended: {ends[-1].error_message or 'no push is left'}", recovery
@@ -298,10 +300,8 @@ class Hall:
         self._goals += 1
         pose = GoalPose(body=0, x=x, y=y, tolerance=TOLERANCE)
         stamp = self.table.get_clock().now().to_msg()
-        return Goal(
-            header=codec.header(stamp), goal_id=self._goals, x=x, y=y, tolerance=TOLERANCE,
-            max_pushes=40, poses=[pose],
-        )  # fmt: skip
+        header = codec.header(stamp)
+        return Goal(header=header, goal_id=self._goals, max_pushes=40, poses=[pose])
 
 
 def kill(name: str) -> Callable[[Hall], None]:

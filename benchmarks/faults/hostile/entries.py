@@ -30,6 +30,7 @@ CHANCES: Final = (0.4, 0.4, 0.17, 0.03)  # of the lengths: long ones take long t
 INTEGERS: Final = {f"uint{bits}": 2**bits - 1 for bits in (8, 16, 32, 64)} | {
     f"int{bits}": 2 ** (bits - 1) - 1 for bits in (8, 16, 32, 64)
 }
+UNREAD: Final = {"heading", "heading_tolerance"}  # of a pose, without has_heading
 SEQUENCE: Final = re.compile(r"sequence<(.+?)(?:, (\d+))?>")
 
 
@@ -61,7 +62,7 @@ def entries() -> list[Entry]:
     result = msg.PushResult(push=push, before=scene, after=scene, episode_id=1, push_id=1)
     sizes = ("disks", "scene", "pushes", "shapes", "roles", "past", "past_scenes")
     reset = ("disks", "shapes", "roles", "world", "friction")
-    aims = ("x", "y", "tolerance", "poses", "keep")
+    aims = ("poses", "keep")
     sim, model, mppi = PACKAGES
     return [
         Entry(sim, "push", msg.Push, push, (*PUSH_NAMES, "disks"), "source"),
@@ -111,7 +112,7 @@ def spoilt(value: Any, kind: str, random: np.random.Generator) -> Any:
         return INTEGERS[kind]
     if hasattr(value, "get_fields_and_field_types"):
         inner = value.get_fields_and_field_types()
-        name = str(random.choice(list(inner)))
+        name = str(random.choice(sorted(inner.keys() - UNREAD)))
         setattr(value, name, spoilt(getattr(value, name), inner[name], random))
     return value
 

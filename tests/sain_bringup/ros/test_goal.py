@@ -35,7 +35,7 @@ def test_without_a_planner_it_says_what_it_waits_for_and_then_what_to_do(sender)
     assert sum("no planner in namespace /sain" in line for line in then) == 1
 
 
-def test_a_heading_or_a_body_makes_it_a_pose() -> None:
+def test_a_goal_is_a_pose_with_or_without_a_heading() -> None:
     (pose,) = goal_message(GoalOptions(place=(0.6, 0.1), heading=1.0)).poses
     assert (pose.body, pose.heading, pose.has_heading) == (1, 1.0, True)
     (pose,) = goal_message(GoalOptions(place=(0.6, 0.1), body=0)).poses

@@ -35,7 +35,10 @@ def test_what_is_not_finite_is_named() -> None:
     with pytest.raises(InvalidInputError, match="angle of the push is inf; must be finite"):
         wire.decode_push(Message(body=0, location=0.0, angle=float("inf"), length=0.1, speed=0.1))
     with pytest.raises(InvalidInputError, match="x of the goal of body 1 is nan; it must be fin"):
-        wire.decode_goal(Message(x=float("nan"), y=0.2, tolerance=0.0, poses=[]))
+        pose = Message(body=1, x=float("nan"), y=0.2, tolerance=0.0, has_heading=False)
+        wire.decode_goal(Message(poses=[pose], keep=[], keep_tolerance=0.0))
+    with pytest.raises(InvalidInputError, match="the goal has no poses; give one or more"):
+        wire.decode_goal(Message(poses=[], keep=[], keep_tolerance=0.0))
 
 
 def rollout(**values: object) -> Message:

@@ -13,10 +13,11 @@ from sain_core.errors import ErrorCode
 from sain_core.scene import POSITION
 from sain_core.shapes.bodies import Bodies
 from sain_interfaces.action import Reach
-from sain_interfaces.msg import Goal, Plan
+from sain_interfaces.msg import Goal, GoalPose, Plan
 from sain_mppi.ros.mppi_node import MppiNode
 from tests.sain_mppi.ros.straw import GOAL, SMALL, START, nth_push, plan
 
+POSE = GoalPose(body=1, x=GOAL[0], y=GOAL[1])
 THERE = START.copy()
 THERE[1, POSITION] = GOAL
 
@@ -38,7 +39,7 @@ def client(graph):
 def send(graph, client, feedback=None, **fields):
     """Send a goal by the action; return its handle once it is accepted."""
     graph.wait(client.server_is_ready, "the action")
-    request = Reach.Goal(goal=Goal(x=GOAL[0], y=GOAL[1], **fields))
+    request = Reach.Goal(goal=Goal(poses=[POSE], **fields))
     sent = client.send_goal_async(request, feedback_callback=feedback)
     graph.wait(sent.done, "an answer of the action")
     assert sent.result().accepted
@@ -56,7 +57,7 @@ def test_a_publisher_with_the_defaults_of_ros_is_heard(graph, straw, planner):
     """`ros2 topic pub --once` keeps nothing for who comes late, and gives no id."""
     publisher = graph.bystander.create_publisher(Goal, "goal", QoSProfile(depth=10))
     graph.wait(lambda: publisher.get_subscription_count() == 1, "who listens to it")
-    publisher.publish(Goal(x=GOAL[0], y=GOAL[1]))
+    publisher.publish(Goal(poses=[POSE]))
     straw.show()
     nth_push(graph, 1)
     assert plan(graph, status=Plan.PUSH).goal_distance == pytest.approx(np.hypot(0.159, 0.05))

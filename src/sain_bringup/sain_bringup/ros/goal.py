@@ -13,6 +13,7 @@ from sain_bringup.conditions import show_line
 from sain_core.cli.terminal import WaitingLine
 from sain_core.config import Config, option
 from sain_core.errors import ErrorCode, SainError
+from sain_core.scene import TARGET
 
 if TYPE_CHECKING:
     from rclpy.node import Node
@@ -29,16 +30,19 @@ WAITS: Final = "waits for"  # begins what a planner says that cannot plan yet
 class GoalOptions(Config):
     """Give the planner a goal, print each push on the way, and how it ended.
 
-    The place is that of the target, body 1, or that of `--body`. Ctrl-C cancels the goal. Exits
-    with 0 when it was reached, and otherwise with the error code or 1.
+    Ctrl-C cancels the goal. Exits with 0 when it was reached, and otherwise with the error code
+    or 1.
     """
 
     place: Annotated[tuple[float, float], tyro.conf.Positional, tyro.conf.arg(metavar="X Y")] = (
         option((0.6, 0.0), "where to, both or none", unit="m")
     )
     heading: float | None = option(None, "of the body; by default any will do", unit="rad")
-    body: int | None = option(
-        None, "body to bring there, as counted in the scene", minimum=0, maximum=2**32 - 1
+    body: int = option(
+        TARGET,
+        "body to bring there, as counted in the scene; a single one is the target, too",
+        minimum=0,
+        maximum=2**32 - 1,
     )
     tolerance: float = option(
         0.02, "largest distance that counts as reached", unit="m", minimum=1e-4, maximum=0.2
@@ -119,14 +123,10 @@ def goal_message(options: GoalOptions) -> "Goal":
     from sain_interfaces.msg import Goal, GoalPose
 
     x, y = options.place
-    goal = Goal(x=x, y=y, tolerance=options.tolerance, max_pushes=options.max_pushes)
-    if options.body is not None or options.heading is not None:
-        pose = GoalPose(x=x, y=y, tolerance=options.tolerance)
-        pose.body = 1 if options.body is None else options.body
-        pose.has_heading = options.heading is not None
-        pose.heading = options.heading or 0.0
-        goal.poses = [pose]
-    return goal
+    pose = GoalPose(body=options.body, x=x, y=y, tolerance=options.tolerance)
+    pose.has_heading = options.heading is not None
+    pose.heading = options.heading or 0.0
+    return Goal(poses=[pose], max_pushes=options.max_pushes)
 
 
 def run(options: GoalOptions, console: Console) -> int:

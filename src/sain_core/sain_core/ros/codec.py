@@ -182,24 +182,16 @@ def encode_push(
 def encode_goal(
     goal: Goal, *, stamp: Time, goal_id: int, episode_id: int = 0, max_pushes: int = 0
 ) -> GoalMessage:
-    """Return a goal; episode 0 is any, 0 pushes is no limit.
-
-    A place for the target needs no poses. Of others, x, y and tolerance are the first pose's.
-    """
-    first = goal.poses[0]
-    message = GoalMessage(
+    """Return a goal; episode 0 is any, 0 pushes is no limit."""
+    return GoalMessage(
         header=header(stamp),
         goal_id=goal_id,
         episode_id=episode_id,
-        x=first.x,
-        y=first.y,
-        tolerance=first.tolerance,
         max_pushes=max_pushes,
+        poses=[_goal_pose(pose) for pose in goal.poses],
+        keep=list(goal.keep),
+        keep_tolerance=goal.keep_tolerance,
     )
-    if not goal.is_place:
-        message.poses = [_goal_pose(pose) for pose in goal.poses]
-        message.keep, message.keep_tolerance = list(goal.keep), goal.keep_tolerance
-    return message
 
 
 def _goal_pose(pose: BodyPose) -> GoalPose:

@@ -119,12 +119,9 @@ class Goals:
                 f"the goal pose is in frame {message.header.frame_id!r}; allowed: {WORLD_FRAME!r}"
             )
         x, y, heading = wire.decode_pose(message.pose, "the goal pose").tolist()
-        goal = Goal(goal_id=next(self._ids), x=x, y=y)
         body, turns = self._target()
-        if turns:
-            pose = GoalPose(body=body, x=goal.x, y=goal.y, heading=heading, has_heading=True)
-            goal.poses = [pose]
-        self._publish(goal)
+        pose = GoalPose(body=body, x=x, y=y, heading=heading, has_heading=turns)
+        self._publish(Goal(goal_id=next(self._ids), poses=[pose]))
 
     def _target(self) -> tuple[int, bool]:
         """The body that a single pose is for, and whether its heading can be seen."""
