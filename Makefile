@@ -2,7 +2,7 @@
 
 .DEFAULT_GOAL := help
 LINTERS := lint-types lint-style lint-imports lint-prose lint-shell lint-docker
-.PHONY: help demo live docs test test-all lint $(LINTERS) format bench table faults real lock outdated clean
+.PHONY: help demo live docs test test-all lint $(LINTERS) format bench table faults real dist lock outdated clean
 
 SHELL_SCRIPTS := env .ci/run tools/setup.sh tools/browser.sh docker/entrypoint.sh
 GROUPS := ros graph test lint docs
@@ -69,6 +69,14 @@ faults: ## results/faults.md: what the graph makes of killed nodes, lost datagra
 
 real: ## results/real/: a page with pictures: errors on the real pushes at DATA=PATH; takes an hour, and continues after a stop
 	@./env python -m benchmarks.real $(if $(DATA),--data "$(DATA)") $(ARGS)
+
+dist: ## results/dist: sdist and wheel of this version, checked by twine and by an install
+	rm -rf results/dist
+	@./env uv build --quiet --out-dir results/dist
+	@./env uv tool run --quiet twine==6.2.0 check --strict results/dist/*.tar.gz results/dist/*.whl
+	@./env uv venv --quiet results/dist/venv
+	@./env uv pip install --quiet --python results/dist/venv results/dist/*.whl
+	@results/dist/venv/bin/sain --version
 
 lock: ## requirements.txt from pyproject.toml, for Python 3.11 to 3.13
 	@./env uv pip compile --quiet --universal --python-version 3.11 $(addprefix --group ,$(GROUPS)) pyproject.toml -o requirements.txt

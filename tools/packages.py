@@ -1,4 +1,4 @@
-"""Writes the table of packages in docs/explanation/architecture.md, from the code.
+"""Writes the table of packages in docs/explanation/architecture.md and the versions of package.xml.
 
 What a package holds is the docstring of its `__init__.py`. Its rooms, and which may import which,
 are the contracts of import-linter in pyproject.toml.
@@ -9,6 +9,7 @@ are the contracts of import-linter in pyproject.toml.
 from __future__ import annotations
 
 import ast
+import re
 import tomllib
 from pathlib import Path
 from typing import Any
@@ -66,5 +67,17 @@ def files_line(name: str) -> str:
     return ", ".join(sorted(code))
 
 
+def manifests() -> dict[Path, str]:
+    """Return the text of each package.xml, with the version of pyproject.toml."""
+    settings = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+    version = f"<version>{settings['project']['version']}</version>"
+    paths = sorted(ROOT.glob("src/*/package.xml"))
+    return {
+        path: re.sub("<version>.*</version>", version, path.read_text(encoding="utf-8"))
+        for path in paths
+    }
+
+
 if __name__ == "__main__":
-    PAGE.write_text(page(), encoding="utf-8")
+    for path, text in {PAGE: page(), **manifests()}.items():
+        path.write_text(text, encoding="utf-8")

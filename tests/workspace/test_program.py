@@ -86,6 +86,16 @@ def test_pip_install_is_enough_for_the_readme(installed: Path, tmp_path: Path) -
     )
 
 
+@pytest.mark.timeout(900)
+def test_make_dist_builds_checks_and_installs_what_is_released() -> None:
+    done = subprocess.run(
+        ["make", "--no-print-directory", "dist"], cwd=ROOT, capture_output=True, text=True
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert done.stdout.count("PASSED") == 2, "twine passes sdist and wheel"
+    assert done.stdout.endswith(f"sain {VERSION}\n")
+
+
 def run_without_ros(
     arguments: list[str], folder: Path, absent: tuple[str, ...] = NOT_INSTALLED
 ) -> subprocess.CompletedProcess[str]:
