@@ -1,8 +1,6 @@
 """Sends trajectories to a controller of ros2_control, and says once how each ended."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from enum import Enum
 from time import monotonic
 from typing import Any, Final
 
@@ -13,34 +11,13 @@ from rclpy.action import ActionClient
 from rclpy.node import Node
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
+from sain_arm.planning.push_execution import Ended, Ending
 from sain_arm.planning.timing import Trajectory
 from sain_arm.robot.robot import Robot
 from sain_core.ros.node_main import steady_timer
 
 LOOK: Final = 0.1  # [s] between looks at the time that a goal takes
 SECOND: Final = 1_000_000_000
-
-
-class Ended(Enum):
-    """How a goal ended."""
-
-    SUCCEEDED = "succeeded"
-    REJECTED = "was rejected"  # nothing has moved
-    CANCELLED = "was cancelled"
-    ABORTED = "was aborted"
-    LOST = "has no result"  # the controller is silent
-
-
-@dataclass(frozen=True)
-class Ending:
-    """How a goal ended, and what the controller said."""
-
-    how: Ended
-    why: str = ""
-
-    def __str__(self) -> str:
-        """Return it in words."""
-        return f"the controller's goal {self.how.value}" + (f": {self.why}" if self.why else "")
 
 
 class TrajectoryClient:

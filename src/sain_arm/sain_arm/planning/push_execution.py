@@ -1,0 +1,523 @@
+"""What an arm does with a push, from the order to the answer: a state machine without ROS.
+
+A push is planned and checked as a whole. Then two goals are sent. The approach touches nothing.
+Before the stroke the bodies must be where they were. If the stroke is aborted, bodies may have
+moved: the arm retreats, and the push counts as executed, unless tool and bodies are seen where they
+were. Without the enable signal or the joints' states a goal is cancelled, and nothing more is sent.
+"""
+
+from dataclasses import dataclass
+from enum import Enum, StrEnum
+from typing import Final
+
+import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
+
+from sain_arm.planning.arm_config import MotionConfig
+from sain_arm.planning.push_planner import ASIDE, PushPlan
+from sain_arm.planning.timing import Trajectory
+from sain_arm.robot.robot import Vector
+from sain_core.errors import BusyError, CancelledError
+from sain_core.feasibility import Stroke
+from sain_core.scene import unit
+
+WAIT: Final = 1.0  # [s] for the enable signal, the controller or the arm, before a push is refused
+FINDING: Final = 40.0  # [s] for the table of reach; a planner waits for 60
+ARRIVED: Final = 0.02  # [rad], of a joint from the end of its goal
+HIDES: Final = 1.5  # [s] after a stroke without a scene at rest: the arm may hide a body
+LAG: Final = 0.3  # [s] by which joints, and states of them, may be behind a goal
+
+
+class Phase(StrEnum):
+    """What the arm does; the values are those of /diagnostics."""
+
+    STARTS = "finds out where it reaches"
+    RESTS = "rests"
+    WAITS = "waits"
+    PLANS = "plans"
+    APPROACHES = "approaches"
+    PUSHES = "pushes"
+    STOPS = "stops"
+    RETREATS = "retreats"
+    GOES_HOME = "goes home"
+
+
+class Ended(Enum):
+    """How a goal ended."""
+
+    SUCCEEDED = "succeeded"
+    REJECTED = "was rejected"  # nothing has moved
+    CANCELLED = "was cancelled"
+    ABORTED = "was aborted"
+    LOST = "has no result"  # the controller is silent
+
+
+@dataclass(frozen=True)
+class Ending:
+    """How a goal ended, and what the controller said."""
+
+    how: Ended
+    why: str = ""
+
+    def __str__(self) -> str:
+        """Return it in words."""
+        return f"the controller's goal {self.how.value}" + (f": {self.why}" if self.why else "")
+
+
+@dataclass(frozen=True, eq=False)
+class ArmState:
+    """What is known of the arm when an event comes.
+
+    Attributes:
+        time: [s], of a steady clock.
+        clock: [s], of ROS.
+        joints: (J,) [rad]; None: not known.
+        tip: (3,) [m], of the tool at these joints; None: not known.
+        stamp: of the joints' state [s], of ROS.
+        changed: when a joint moved last [s], of the steady clock.
+        still: whether the arm rests.
+        unknown: why the joints are not known.
+        disabled: why the arm is not enabled; empty: it is.
+        missing: why no controller takes goals; empty: one does.
+        hidden: for how long [s] no scene at rest has come after a stroke.
+    """
+
+    time: float
+    clock: float
+    joints: Vector | None = None
+    tip: Float[ndarray, "3"] | None = None
+    stamp: float = -np.inf
+    changed: float = -np.inf
+    still: bool = False
+    unknown: str = ""
+    disabled: str = ""
+    missing: str = ""
+    hidden: float = 0.0
+
+    @property
+    def stopped(self) -> str:
+        """Why the arm may not move; empty: it may."""
+        return self.unknown or self.disabled
+
+
+# --- events --------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class PushOrdered:
+    """A push is to be carried out: it was checked."""
+
+    stroke: Stroke
+
+
+@dataclass(frozen=True)
+class ReachFound:
+    """It is known where the arm reaches."""
+
+
+@dataclass(frozen=True)
+class PushPlanned:
+    """The plan that `PlanPush` asked for, or why there is none."""
+
+    plan: PushPlan | BaseException
+
+
+@dataclass(frozen=True)
+class WayPlanned:
+    """The way that `PlanHome` or `PlanRetreat` asked for, or why there is none."""
+
+    way: Trajectory | BaseException
+
+
+@dataclass(frozen=True)
+class GoalEnded:
+    """The goal of `Send` has ended."""
+
+    ending: Ending
+
+
+@dataclass(frozen=True)
+class SendRefused:
+    """The goal of `Send` was not sent: bodies are not seen where they were."""
+
+    error: BaseException
+
+
+@dataclass(frozen=True)
+class TimePassed:
+    """Nothing else has happened."""
+
+
+# --- actions -------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class PlanPush:
+    """Plan the push from where the arm has joints (J,)."""
+
+    joints: Vector
+
+
+@dataclass(frozen=True, eq=False)
+class PlanRetreat:
+    """Plan the way straight up from joints (J,)."""
+
+    joints: Vector
+
+
+@dataclass(frozen=True, eq=False)
+class PlanHome:
+    """Plan the way above the bodies from joints (J,) to home, turned by an angle [rad]."""
+
+    joints: Vector
+    turn: float
+
+
+@dataclass(frozen=True)
+class ShowPlan:
+    """Show a plan; nothing moves by it."""
+
+    plan: PushPlan
+
+
+@dataclass(frozen=True)
+class Send:
+    """Send a goal. One that `touches` leads to a body: all bodies must be seen where they were."""
+
+    trajectory: Trajectory
+    touches: bool = False
+
+
+@dataclass(frozen=True)
+class Cancel:
+    """Have the controller stop."""
+
+    why: str
+
+
+@dataclass(frozen=True)
+class Executed:
+    """Answer that the push was executed; with a doubt, if a body is seen to have moved."""
+
+    doubt: CancelledError | None = None
+
+
+@dataclass(frozen=True)
+class Refused:
+    """Answer that no body was moved, and why."""
+
+    error: BaseException
+
+
+@dataclass(frozen=True)
+class Say:
+    """Log a line, as an error or a warning."""
+
+    text: str
+    is_error: bool = True
+
+
+Event = (
+    PushOrdered | ReachFound | PushPlanned | WayPlanned | GoalEnded | SendRefused | TimePassed
+)  # fmt: skip
+Action = (
+    PlanPush | PlanRetreat | PlanHome | ShowPlan | Send | Cancel | Executed | Refused | Say
+)  # fmt: skip
+
+
+class PushExecution:
+    """Carries out one push at a time: events come in, actions go out.
+
+    What each phase makes of an event; "-": nothing, and the phase stays. Beside it, in all phases,
+    a goal under way is cancelled once the arm may not move, and nothing is sent then.
+
+    | phase | push ordered | reach found | planned | goal ended | time |
+    | --- | --- | --- | --- | --- | --- |
+    | starts | waits | rests | - | - | - |
+    | rests | waits; ready: plans | - | - | - | a body stays hidden: plan home, goes home |
+    | waits | error | - | - | - | ready: plan, plans; too late: refused, rests |
+    | plans | error | - | approaches; none: refused, rests | - | - |
+    | approaches | error | - | - | succeeded: pushes; else refused, rests | - |
+    | pushes | error | - | - | succeeded: executed, rests; rejected: refused; else stops | - |
+    | stops | error | - | retreats; none: executed, rests | - | at rest or late: plan the retreat |
+    | retreats | error | - | - | executed, rests | - |
+    | goes home | waits; ready: plans | - | sent; none: rests | rests | - |
+
+    A goal has succeeded when the controller says so and the joints are at its end. A goal that was
+    not sent, as bodies were moved, is a push refused.
+
+    Attributes:
+        phase: what the arm does.
+    """
+
+    def __init__(self, config: MotionConfig, clearance: float, dry_run: bool = False) -> None:
+        """Begin without a push; `clearance` [m] is between a body and the tool before a stroke."""
+        self.phase = Phase.STARTS
+        self._config, self._clearance, self._dry_run = config, clearance, dry_run
+        self._has_reach = False
+        self._stroke: Stroke | None = None  # of the push that is under way
+        self._plan: PushPlan | None = None
+        self._since = 0.0  # when the push came, or the stroke ended [s], of the steady clock
+        self._goal: Trajectory | None = None  # under way
+        self._sent, self._cancelled = 0.0, False
+        self._arrives: float | None = None  # until when [s] the joints may come to its end
+        self._broken_off = Ending(Ended.LOST), 0.0  # how a stroke ended too early, and when [s]
+        self._retreat_asked = False
+        self._doubt: CancelledError | None = None  # that the stroke has moved a body
+        self._froze = -np.inf  # when joints' states lagged behind a goal [s], of the steady clock
+        self._turns = list[float]()  # at home, that are left to try where the arm hides a body
+
+    def update(self, event: Event, arm: ArmState) -> list[Action]:
+        """Take an event; return what is to be done, in this order.
+
+        Raises:
+            BusyError: a push is ordered, and one is under way.
+        """
+        match event:
+            case PushOrdered(stroke):
+                actions = self._on_push(stroke, arm)
+            case ReachFound():
+                actions = self._on_reach()
+            case PushPlanned(plan):
+                actions = self._on_plan(plan, arm)
+            case WayPlanned(way):
+                actions = self._on_way(way, arm)
+            case GoalEnded(ending):
+                actions = self._on_goal_ended(ending, arm)
+            case SendRefused(error):
+                actions = self._on_send_refused(error)
+            case TimePassed():
+                actions = self._on_time(arm)
+        return actions + self._cancel_if_stopped(arm)
+
+    def frozen(self, arm: ArmState) -> str:
+        """Return in words that the joints' states did not follow a goal; empty: they do."""
+        if arm.changed >= self._froze:
+            return ""
+        return (
+            "/joint_states did not follow the arm's last goal, and have not changed since: the"
+            " arm's place is unknown; check who publishes them, then start arm_node anew"
+        )
+
+    # --- before the motion ----------------------------------------------------------------------
+
+    def _on_push(self, stroke: Stroke, arm: ArmState) -> list[Action]:
+        """Take a push; it waits a little for what it needs, so that nobody asks without end."""
+        if self._stroke is not None:
+            raise BusyError("a push is under way")
+        self._stroke, self._since, self._doubt = stroke, arm.time, None
+        self._turns = []
+        self.phase = Phase.WAITS
+        return self._try(arm)
+
+    def _on_reach(self) -> list[Action]:
+        self._has_reach = True
+        if self.phase is Phase.STARTS:
+            self.phase = Phase.RESTS
+        return []
+
+    def _try(self, arm: ArmState) -> list[Action]:
+        """Plan the push that waits, once all is there; refuse it if that does not come."""
+        missing = self._missing(arm)
+        if missing:
+            late = arm.time > self._since + (WAIT if self._has_reach else FINDING)
+            return self._refuse(BusyError(missing)) if late else []
+        assert arm.joints is not None
+        self.phase = Phase.PLANS
+        return [PlanPush(arm.joints)]
+
+    def _missing(self, arm: ArmState) -> str:
+        """Return what a push waits for; empty: it can be planned."""
+        if not self._has_reach:
+            return "the arm's reach is being found out"
+        missing = arm.missing or arm.disabled or self.frozen(arm)
+        if arm.unknown or (missing and not self._dry_run):
+            return arm.unknown or missing
+        return "" if self._goal is None and arm.still else "the arm still moves"
+
+    def _on_plan(self, plan: PushPlan | BaseException, arm: ArmState) -> list[Action]:
+        if self.phase is not Phase.PLANS or self._stroke is None:
+            return []
+        if isinstance(plan, BaseException):
+            return self._refuse(plan)
+        shown: list[Action] = [ShowPlan(plan)]
+        if self._dry_run:
+            text = "a dry run: the way is possible; nothing was moved"
+            return shown + self._refuse(CancelledError(text))
+        if self._stroke.length == 0.0:
+            return shown + self._conclude()
+        self._plan, self.phase = plan, Phase.APPROACHES
+        return shown + self._send(plan.approach, arm, touches=True)
+
+    # --- motion ---------------------------------------------------------------------------------
+
+    def _send(self, goal: Trajectory, arm: ArmState, touches: bool = False) -> list[Action]:
+        """Send a goal, if the arm may move."""
+        if arm.stopped:
+            return self._take_ending(Ending(Ended.REJECTED, arm.stopped), arm)
+        self._goal, self._sent, self._cancelled = goal, arm.time, False
+        self._arrives = None
+        return [Send(goal, touches)]
+
+    def _cancel_if_stopped(self, arm: ArmState) -> list[Action]:
+        if self._goal is None or self._cancelled or not arm.stopped:
+            return []
+        self._cancelled = True
+        return [Cancel(arm.stopped)]
+
+    def _on_goal_ended(self, ending: Ending, arm: ArmState) -> list[Action]:
+        if self._goal is None or self._arrives is not None:
+            return []
+        if ending.how is not Ended.REJECTED:
+            self._note_frozen(self._goal, arm)
+        if ending.how is Ended.SUCCEEDED:
+            self._arrives = arm.time + WAIT
+            return self._try_arriving(arm)
+        return self._take_ending(ending, arm)
+
+    def _note_frozen(self, goal: Trajectory, arm: ArmState) -> None:
+        """Take note of joints' states that do not follow a goal."""
+        seen = max(arm.changed - self._sent, 0.0)
+        meant = max(arm.time - self._sent - LAG, 0.0)
+        if seen < meant:
+            off = np.abs(goal.at(meant)[0] - goal.at(seen)[0]).max()
+            self._froze = arm.time if off > ARRIVED else self._froze
+
+    def _try_arriving(self, arm: ArmState) -> list[Action]:
+        """Believe that a goal has succeeded once the joints say so, too."""
+        if self._goal is None or self._arrives is None:
+            return []
+        end = self._goal.positions[-1]
+        off = np.inf if arm.joints is None else float(np.abs(arm.joints - end).max())
+        if off <= ARRIVED:
+            return self._take_ending(Ending(Ended.SUCCEEDED), arm)
+        if arm.time <= self._arrives:
+            return []
+        text = f"called successful, but a joint is {off:.3f} rad from its end"
+        return self._take_ending(Ending(Ended.ABORTED, text), arm)
+
+    def _take_ending(self, ending: Ending, arm: ArmState) -> list[Action]:
+        """Go on after a goal that has ended, or was not sent."""
+        self._goal = self._arrives = None
+        match self.phase:
+            case Phase.APPROACHES:
+                return self._after_approach(ending, arm)
+            case Phase.PUSHES:
+                return self._after_stroke(ending, arm)
+            case Phase.RETREATS:
+                return _unless_succeeded(ending, "no retreat") + self._conclude()
+            case Phase.GOES_HOME:
+                self.phase = Phase.RESTS
+        return _unless_succeeded(ending, "the arm is not home")
+
+    def _after_approach(self, ending: Ending, arm: ArmState) -> list[Action]:
+        if ending.how is not Ended.SUCCEEDED:
+            text = f"{ending}; the tool had not come to the body yet"
+            return self._refuse(CancelledError(text))
+        assert self._plan is not None
+        self.phase = Phase.PUSHES
+        return self._send(self._plan.stroke, arm, touches=True)
+
+    def _after_stroke(self, ending: Ending, arm: ArmState) -> list[Action]:
+        if ending.how is Ended.SUCCEEDED:
+            self._turns = list(ASIDE)
+            return self._conclude()
+        if ending.how is Ended.REJECTED:
+            return self._refuse(_untouched(ending))
+        self.phase, self._since, self._retreat_asked = Phase.STOPS, arm.time, False
+        self._broken_off = ending, arm.clock
+        return []
+
+    def _on_send_refused(self, error: BaseException) -> list[Action]:
+        if self._goal is None or self.phase not in (Phase.APPROACHES, Phase.PUSHES):
+            return []
+        self._goal = None
+        return self._refuse(error)
+
+    # --- after the stroke -----------------------------------------------------------------------
+
+    def _try_retreat(self, arm: ArmState) -> list[Action]:
+        """Lift the tool once the arm rests; without the enable signal it stays where it is."""
+        ending, since = self._broken_off
+        late = arm.time > self._since + WAIT
+        if self._retreat_asked or not (late or (arm.still and arm.stamp >= since)):
+            return []
+        self._retreat_asked = True
+        if self._seems_untouched(arm):
+            self._doubt = _untouched(ending)
+        said: list[Action] = [Say(f"{ending}; bodies may have moved", is_error=False)]
+        if arm.joints is None or (why := self.frozen(arm)):
+            why = arm.unknown if arm.joints is None else why
+            return [*said, Say(f"no retreat: {why}"), *self._conclude()]
+        return [*said, PlanRetreat(arm.joints)]
+
+    def _seems_untouched(self, arm: ArmState) -> bool:
+        """Tell whether the joints' states have the tool nearer to its start than the body was.
+
+        A state of the joints from before the end of the goal does not tell.
+        """
+        _, since = self._broken_off
+        if self._stroke is None or arm.tip is None or arm.stamp < since:
+            return False
+        heading = unit(np.asarray(self._stroke.heading))
+        way = float((arm.tip[:2] - self._stroke.start) @ heading)
+        low = arm.tip[2] < self._config.raised - 1e-3
+        return bool(low and way < 0.5 * self._clearance)
+
+    def _on_way(self, way: Trajectory | BaseException, arm: ArmState) -> list[Action]:
+        match self.phase:
+            case Phase.STOPS if isinstance(way, BaseException):
+                return [Say(f"no retreat: {way}"), *self._conclude()]
+            case Phase.GOES_HOME if isinstance(way, BaseException):
+                self.phase = Phase.RESTS
+                text = f"a body may be hidden by the arm, which stays: {way}"
+                return [Say(text, is_error=False)]
+            case Phase.STOPS:
+                self.phase = Phase.RETREATS
+            case Phase.GOES_HOME if self._goal is None:
+                pass
+            case _:
+                return []
+        assert isinstance(way, Trajectory)
+        return self._send(way, arm)
+
+    def _try_home(self, arm: ArmState) -> list[Action]:
+        """Go home above the bodies where none comes to rest: the arm may hide one."""
+        tried = len(ASIDE) - len(self._turns)
+        if not self._turns or arm.hidden < HIDES * (tried + 1):
+            return []
+        if self._goal is not None or not arm.still or arm.stopped or self.frozen(arm):
+            return []
+        assert arm.joints is not None
+        self.phase = Phase.GOES_HOME
+        return [PlanHome(arm.joints, self._turns.pop(0))]
+
+    def _on_time(self, arm: ArmState) -> list[Action]:
+        arrived = self._try_arriving(arm)
+        match self.phase:
+            case Phase.WAITS:
+                return arrived + self._try(arm)
+            case Phase.STOPS:
+                return arrived + self._try_retreat(arm)
+            case Phase.RESTS:
+                return arrived + self._try_home(arm)
+        return arrived
+
+    def _conclude(self) -> list[Action]:
+        """End a push that was executed."""
+        self.phase, self._stroke, self._plan = Phase.RESTS, None, None
+        return [Executed(self._doubt)]
+
+    def _refuse(self, error: BaseException) -> list[Action]:
+        """End a push by which no body was moved."""
+        self.phase, self._stroke, self._plan = Phase.RESTS, None, None
+        return [Refused(error)]
+
+
+def _untouched(ending: Ending) -> CancelledError:
+    return CancelledError(f"{ending}; the tool had not touched the body yet")
+
+
+def _unless_succeeded(ending: Ending, what: str) -> list[Action]:
+    return [] if ending.how is Ended.SUCCEEDED else [Say(f"{what}: {ending}")]
