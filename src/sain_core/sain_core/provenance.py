@@ -1,4 +1,4 @@
-"""How a result was made: command, commit, versions and machine."""
+"""How a result was made: command, commit, versions and machine; and the format of files."""
 
 import os
 import platform
@@ -10,6 +10,14 @@ from pathlib import Path
 from typing import Final
 
 UNKNOWN: Final = "unknown"
+FORMAT: Final = "0.2"  # of models, beliefs and laboratories: the minor version that writes them
+
+
+def other_format(found: object, remedy: str) -> str:
+    """Return what is wrong with a file of a format, and what to do; empty: it is this version's."""
+    if found == FORMAT:
+        return ""
+    return f"has format {found!r}; this version reads {FORMAT!r}: {remedy}"
 
 
 def provenance(package: str) -> dict[str, str]:
