@@ -139,19 +139,15 @@ def as_sent(numbers: Pushes) -> Pushes:
 
 
 def decode_goal(message: Any) -> Goal:
-    """Return what a ``Goal``, received or recorded, asks for.
-
-    Without poses it is a place for the target. A tolerance of 0 is the default.
+    """Return what a ``Goal``, received or recorded, asks for; a tolerance of 0 is the default.
 
     Raises:
-        InvalidInputError: more poses than a scene may have bodies, NaN or Inf.
+        InvalidInputError: no poses, more of them than a scene may have bodies, NaN or Inf.
         OutOfRangeError: a tolerance that is not positive, or too large.
     """
     poses = message.poses
     if len(poses) > MOST_BODIES:
         raise InvalidInputError(f"the goal has {len(poses)} poses; at most {MOST_BODIES} may be")
-    if not len(poses):
-        return Goal.place(message.x, message.y, message.tolerance or TOLERANCE)
     keep = tuple(int(body) for body in message.keep)
     tolerance = message.keep_tolerance or KEEP_TOLERANCE
     return Goal(tuple(map(_decode_goal_pose, poses)), keep, float(tolerance))
