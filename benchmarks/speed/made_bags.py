@@ -54,7 +54,8 @@ class MadeBag:
             episode = 1 + number // PUSHES_AN_EPISODE
             if number == first or number % PUSHES_AN_EPISODE == 0:
                 self._scene_id += 1
-                self._send("goal", "Goal", goal_id=episode, episode_id=episode, x=0.8, y=0.1)
+                poses = [self._make("GoalPose", body=1, x=0.8, y=0.1, tolerance=0.02)]
+                self._send("goal", "Goal", goal_id=episode, episode_id=episode, poses=poses)
             self._push(number, episode, results)
 
     def scenes(self, count: int, beside: bool = True) -> None:

@@ -33,7 +33,7 @@ from benchmarks.report import Figure, ReportOptions, read_options, report
 from benchmarks.speed.made_bags import MadeBag
 from benchmarks.timing import fastest
 from sain_bags.dataset.conversion import convert
-from sain_bags.rows.sources import find_sources
+from sain_bags.dataset.sources import find_sources
 from sain_bags.writing.writer import BagConfig
 
 MEBIBYTE = 1 << 20

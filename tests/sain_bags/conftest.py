@@ -60,6 +60,11 @@ class Messages:
             for row in scene.tolist()
         ]
 
+    def poses(self, x: float, y: float = 0.0, body: int = 1, **more: Any) -> list[Any]:
+        """Return the poses of the goal that brings one body to a place, with any heading."""
+        about = {"body": body, "x": float(x), "y": float(y), "tolerance": 0.02, **more}
+        return [self.make("sain_interfaces/msg/GoalPose", **about)]
+
     def topic(self, name: str, type_name: str, **more: Any) -> Topic:
         """Describe a topic as the recorder does."""
         qos = more.pop("offered_qos", (TopicQos(),))
@@ -149,7 +154,7 @@ def record(messages: Messages, tmp_path: Path) -> Iterator[Callable[..., Recordi
 
 
 @pytest.fixture
-def episode_bag(record: Callable[..., Recording], tmp_path: Path) -> Path:
+def episode_bag(record: Callable[..., Recording], messages: Messages, tmp_path: Path) -> Path:
     """A bag of two episodes: three pushes, one of them refused, then one without a push."""
     recording = record(custom_data={"seed": "7"})
     for episode in (2, 3):
@@ -157,7 +162,7 @@ def episode_bag(record: Callable[..., Recording], tmp_path: Path) -> Path:
         recording.scene(episode, 10 * episode, start)
         recording.add(
             "/sain/goal", "Goal",
-            goal_id=episode, episode_id=episode, x=0.80, y=0.0, tolerance=0.02, max_pushes=15,
+            goal_id=episode, episode_id=episode, poses=messages.poses(0.80), max_pushes=15,
         )  # fmt: skip
         if episode == 2:
             nearer, there = resting_scene(0.60), resting_scene(0.79)

@@ -41,9 +41,8 @@ class Drive:
         """Write one episode with a push for each id."""
         self.scene_id += 1
         scene = self.random_scene()
-        self._send(
-            "goal", "Goal", goal_id=number, episode_id=number, x=0.1 * number, y=0.2, tolerance=0.02
-        )
+        poses = self.messages.poses(0.1 * number, 0.2)
+        self._send("goal", "Goal", goal_id=number, episode_id=number, poses=poses)
         self.show(number, scene)
         for place, push_id in enumerate(ids):
             scene = self.push(number, push_id, scene, place)

@@ -29,7 +29,12 @@ def independent_rows(folder: Path) -> Iterator[dict[str, Any]]:
             **scene_fields(result.before, result.after),
             "action": [push.body, push.location, push.angle, push.length, push.speed or 0.2],
             "duration": result.duration,
-            **goal_fields(goals.get(result.episode_id) or goals.get(0)),
+            **goal_fields(goals.get(result.episode_id) or goals.get(0), len(result.before.disks)),
+            "shapes": ",".join(["disk"] * len(result.before.disks)),
+            "roles": ",".join(["pushable"] + ["movable"] * (len(result.before.disks) - 1)),
+            "friction": np.nan,
+            "rim_friction": np.nan,
+            "tool_friction": np.nan,
             "push_id": number,
             "bag_episode": result.episode_id,
             "outcome": OK,
@@ -90,11 +95,19 @@ def scene_fields(before: Any, after: Any) -> dict[str, Any]:
     }
 
 
-def goal_fields(goal: Any) -> dict[str, Any]:
-    """Return what a row has of its goal; NaN without one."""
-    if not goal:
-        return {"goal": [np.nan, np.nan], "tolerance": np.nan}
-    return {"goal": [goal.x, goal.y], "tolerance": goal.tolerance}
+def goal_fields(goal: Any, count: int) -> dict[str, Any]:
+    """Return what a row has of its goal, in a scene of so many bodies; NaN: not asked."""
+    poses, tolerances = np.full((count, 3), np.nan), np.full((count, 2), np.nan)
+    keep = np.full(count, np.nan)
+    for pose in goal.poses if goal else ():
+        body = 0 if count == 1 else pose.body  # a single body is the target
+        poses[body, :2], tolerances[body, 0] = (pose.x, pose.y), pose.tolerance
+        if pose.has_heading:
+            poses[body, 2], tolerances[body, 1] = pose.heading, pose.heading_tolerance
+    for body in goal.keep if goal else ():
+        keep[body] = goal.keep_tolerance
+    flat = {"goal_poses": poses.ravel(), "goal_tolerances": tolerances.ravel()}
+    return {**flat, "goal_keep": keep}
 
 
 def numbers(disks: Sequence[Any]) -> list[float]:

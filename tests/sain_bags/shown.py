@@ -31,10 +31,9 @@ class Show:
         """Write an episode; each push moves every disk by so much along x and half along y."""
         scene = self._first(disks)
         self.scene_id += 1
-        self._send(
-            "goal", "Goal", goal_id=number, episode_id=number,
-            x=float(scene[1, 0] + sum(ends)), y=float(scene[1, 1] + sum(ends) / 2), tolerance=0.02,
-        )  # fmt: skip
+        place = scene[1, 0] + sum(ends), scene[1, 1] + sum(ends) / 2
+        poses = self.recording.messages.poses(*place)
+        self._send("goal", "Goal", goal_id=number, episode_id=number, poses=poses)
         self._show(number, scene, settled=True)
         for place, distance in enumerate(ends):
             if place == refused:

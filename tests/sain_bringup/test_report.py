@@ -12,7 +12,7 @@ from PIL import Image
 from rich.console import Console
 
 from sain_bags.rows.episodes import Episode
-from sain_bags.rows.recorded_push import PlanRecord, RecordedPush
+from sain_bags.rows.results import PlanRecord, RecordedPush
 from sain_bringup import movie
 from sain_bringup.display import Display, EpisodeView
 from sain_bringup.movie import Film, Moment, MovieConfig, Scenery, choose_moments, encode_gif

@@ -9,7 +9,6 @@ from sain_core.transitions import (
     IMPORTED,
     NEEDED,
     ORIGINS,
-    POSED,
     RECORDED,
     SHAPED,
     Column,
@@ -20,7 +19,7 @@ from sain_core.transitions import (
 
 
 def test_every_column_is_explained_and_written_by_someone() -> None:
-    assert set(COLLECTED) | set(RECORDED) | set(IMPORTED) | set(POSED) == set(Column)
+    assert set(COLLECTED) | set(RECORDED) | set(IMPORTED) == set(Column)
     assert set(NEEDED) <= set(COLLECTED) & set(RECORDED) & set(IMPORTED)
     assert set(IMPORTED) - set(COLLECTED) == {*SHAPED, *ORIGINS}
     for column in Column:

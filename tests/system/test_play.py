@@ -47,10 +47,8 @@ def bag(tmp_path: Path) -> Path:
         "/sain/goal", "sain_interfaces/msg/Goal", offered_qos=(latched,)
     )
     recording.writer.add_topic(topic)
-    recording.add(
-        "/sain/goal", "Goal", goal_id=1, episode_id=1, x=float(GOAL[0]), y=float(GOAL[1]),
-        tolerance=0.01, max_pushes=15,
-    )  # fmt: skip
+    poses = recording.messages.poses(*GOAL, tolerance=0.01)
+    recording.add("/sain/goal", "Goal", goal_id=1, episode_id=1, poses=poses, max_pushes=15)
     for number, target in enumerate(TARGETS, start=1):
         for _ in range(STAY):
             recording.scene(1, number, scene_at(target))

@@ -18,7 +18,7 @@ from PIL import Image, ImageDraw, ImageFont
 
 from sain_bags.reading.reader import Bag
 from sain_bags.rows.episodes import Episode
-from sain_bags.rows.message_fields import SCENE
+from sain_bags.rows.topics import SCENE
 from sain_bringup.graph import NAMESPACE_KEY
 from sain_core.config import Config, option
 from sain_core.goal import Judgement

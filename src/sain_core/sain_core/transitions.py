@@ -113,24 +113,22 @@ class Column(StrEnum):
     MASSES = "masses", (DISKS,), "float64", "kg", "mass of each disk"
     RADII = "radii", (DISKS,), "float64", "m", "radius of each disk"
     SHAPES = ("shapes", (), "str", "", "shapes of the bodies, with commas between; without: disks",
-              SOMETIMES, SOMETIMES, ALWAYS)
+              SOMETIMES, ALWAYS, ALWAYS)
     ROLES = ("roles", (), "str", "", "of each body: `pushable`, `movable` or `fixed`; without:"
-             " body 0 is pushable, all others movable", SOMETIMES, SOMETIMES, ALWAYS)
+             " body 0 is pushable, all others movable", SOMETIMES, ALWAYS, ALWAYS)
     FRICTION = ("friction", (), "float64", "",
-                "friction coefficient of the table; NaN: not known", ALWAYS, SOMETIMES)
+                "friction coefficient of the table; NaN: not known", ALWAYS, ALWAYS, NEVER)
     RIM_FRICTION = ("rim_friction", (), "float64", "",
-                    "friction coefficient between disks; NaN: not known", ALWAYS, SOMETIMES)
+                    "friction coefficient between disks; NaN: not known", ALWAYS, ALWAYS, NEVER)
     TOOL_FRICTION = ("tool_friction", (), "float64", "",
-                     "friction coefficient of the tool; NaN: not known", ALWAYS, SOMETIMES)
+                     "friction coefficient of the tool; NaN: not known", ALWAYS, ALWAYS, NEVER)
     MOVED = "moved", (), "bool", "", "the target moved by 2 mm or more"
     DURATION = "duration", (), "float64", "s", "simulated time of the push"
-    GOAL = "goal", (2,), "float64", "m", "goal x, y; NaN: no goal", NEVER, ALWAYS
-    TOLERANCE = "tolerance", (), "float64", "m", "goal's tolerance; NaN: no goal", NEVER, ALWAYS
     GOAL_POSES = ("goal_poses", ("3 N",), "float64", "m, rad",
-                  "x, y and heading asked of each body; NaN: not asked", NEVER, SOMETIMES)
+                  "x, y and heading asked of each body; NaN: not asked", NEVER, ALWAYS)
     GOAL_TOLERANCES = ("goal_tolerances", ("2 N",), "float64", "m, rad",
-                       "of place and heading of each body; NaN: not asked", NEVER, SOMETIMES)
-    GOAL_KEEP = "goal_keep", (DISKS,), "float64", "m", "largest move; NaN: any", NEVER, SOMETIMES
+                       "of place and heading of each body; NaN: not asked", NEVER, ALWAYS)
+    GOAL_KEEP = "goal_keep", (DISKS,), "float64", "m", "largest move; NaN: any", NEVER, ALWAYS
     PUSH_ID = "push_id", (), "uint64", "", "id of the push in the recording", NEVER, ALWAYS
     BAG_EPISODE = "bag_episode", (), "uint64", "", "its episode's id there", NEVER, ALWAYS
     BAG_SCENE = "bag_scene", (), "uint64", "", "id there of the scene before it", NEVER, ALWAYS
@@ -163,7 +161,7 @@ NEEDED: Final = (  # for training; the order is that of a data set's SHA-256
     Column.STATE, Column.PHYSICS_NEXT, Column.NEXT_STATE, Column.ACTION, Column.EPISODE,
 )  # fmt: skip
 SHAPED: Final = (Column.SHAPES, Column.ROLES)  # where not all bodies are disks
-POSED: Final = (Column.GOAL_POSES, Column.GOAL_TOLERANCES, Column.GOAL_KEEP)  # of poses
+POSED: Final = (Column.GOAL_POSES, Column.GOAL_TOLERANCES, Column.GOAL_KEEP)  # the goal
 ORIGINS: Final = (Column.SURFACE, Column.OBJECT, Column.RUN)  # of a real robot's pushes
 COLLECTION_FILE: Final = "collection.json"  # of a folder: seed and settings
 FRICTIONS: Final = (Column.FRICTION, Column.RIM_FRICTION, Column.TOOL_FRICTION)

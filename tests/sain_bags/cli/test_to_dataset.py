@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 from sain_bags.bag.metadata import Topic
-from sain_bags.dataset.conversion import ConversionConfig, Converted, convert
+from sain_bags.dataset.conversion import Converted, convert
+from sain_bags.dataset.rows import ConversionConfig
 from sain_core.errors import DatasetError
 from sain_core.model import load_dynamics
 from sain_core.transitions import RECORDED, Column

@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from sain_bags.dataset.conversion import ConversionConfig, convert
+from sain_bags.dataset.conversion import convert
 from sain_bags.dataset.formats.stored_rows import goal_distance, reached
+from sain_bags.dataset.rows import ConversionConfig
 from sain_bags.reading.reader import Bag
 from sain_bags.report.content import read_content
 from sain_bags.rows.episodes import read_episodes
@@ -57,19 +58,9 @@ def add_bodies(recording: Any, episode: int, names: tuple[str, ...] = ("t", "dis
 
 def add_pose_goal(recording: Any, goal_id: int, episode: int, **keep: Any) -> None:
     x, y, heading = POSE
-    pose = recording.messages.make(
-        "sain_interfaces/msg/GoalPose",
-        body=0, x=x, y=y, heading=heading, has_heading=True, tolerance=0.02, heading_tolerance=0.1,
-    )  # fmt: skip
-    recording.add(
-        "/sain/goal",
-        "Goal",
-        goal_id=goal_id,
-        episode_id=episode,
-        poses=[pose],
-        tolerance=0.02,
-        **keep,
-    )
+    turn = {"heading": heading, "has_heading": True, "heading_tolerance": 0.1}
+    about = {"poses": recording.messages.poses(x, y, body=0, **turn), **keep}
+    recording.add("/sain/goal", "Goal", goal_id=goal_id, episode_id=episode, **about)
 
 
 STATES = (scene(0.45, 0.0), scene(0.48, 0.1), scene(0.515, 0.35))
@@ -94,7 +85,6 @@ def test_rows_have_shapes_roles_body_and_poses(shaped_bag: Path, tmp_path: Path)
     assert rows[Column.ACTION][:, BODY].tolist() == [0, 0]
     np.testing.assert_array_equal(rows[Column.GOAL_POSES][0], [*POSE, np.nan, np.nan, np.nan])
     np.testing.assert_array_equal(rows[Column.GOAL_TOLERANCES][0], [0.02, 0.1, np.nan, np.nan])
-    assert np.isnan(rows[Column.GOAL]).all()
     np.testing.assert_allclose(goal_distance(rows), np.hypot([0.04, 0.005], 0.01))
     assert reached(rows).tolist() == [False, True]
     card = json.loads((tmp_path / "npz" / "card.json").read_text())

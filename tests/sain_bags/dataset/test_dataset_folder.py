@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from sain_bags.dataset import conversion
-from sain_bags.dataset.conversion import ConversionConfig, convert
+from sain_bags.dataset.conversion import convert
+from sain_bags.dataset.rows import ConversionConfig
 from sain_core.errors import DatasetError, OutputError
 from sain_core.output import MANIFEST
 from tests.sain_bags.driven import Drive

@@ -73,7 +73,8 @@ def with_invalid_numbers(record: Record) -> None:
     recording = record()
     scene = resting_scene(0.5)
     scene[0, 7], scene[1, :2] = -0.08, 1e6
-    recording.add("/sain/goal", "Goal", goal_id=1, episode_id=1, x=0.5, tolerance=-1.0)
+    poses = recording.messages.poses(0.5, tolerance=-1.0)
+    recording.add("/sain/goal", "Goal", goal_id=1, episode_id=1, poses=poses)
     recording.scene(1, 1, scene)
     good = resting_scene(0.5)
     recording.push(1, 1, good, resting_scene(0.6), location=1e9)

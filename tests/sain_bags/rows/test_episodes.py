@@ -11,17 +11,18 @@ import pytest
 from rich.console import Console
 
 from sain_bags.cli.info import show
+from sain_bags.dataset.conversion import convert
+from sain_bags.dataset.rows import ConversionConfig
 from sain_bags.reading.reader import Bag
 from sain_bags.report.content import read_content
 from sain_bags.rows.episodes import read_episodes
-from sain_bags.rows.latched import read_latched
-from sain_bags.rows.message_fields import namespaces
-from sain_bags.rows.results import read_results
+from sain_bags.rows.topics import namespaces
 from sain_core.errors import DatasetError
 from sain_core.goal import Goal
 from sain_core.push import LOCATION
 from sain_core.scene import make_scene
 from tests.sain_bags.conftest import resting_scene
+from tests.sain_bags.independent import shards
 
 
 def test_pushes_carry_plan_outcome_and_prediction(episode_bag: Path) -> None:
@@ -63,7 +64,8 @@ def test_goal_start_end_and_success(episode_bag: Path) -> None:
 
 
 def give_goal(recording: Any, goal_id: int, x: float) -> None:
-    recording.add("/sain/goal", "Goal", goal_id=goal_id, episode_id=2, x=x, y=0.0, tolerance=0.02)
+    poses = recording.messages.poses(x)
+    recording.add("/sain/goal", "Goal", goal_id=goal_id, episode_id=2, poses=poses)
 
 
 @pytest.fixture
@@ -146,12 +148,13 @@ GIVEN = {1: 0.60, 2: 0.80, 4: 0.40}  # goal by the push before which it was give
 def open_goals(record: Callable[..., Any], request: Any) -> Bag:
     """Goals that name no episode, as `goal` gives them: two, a reset, and a third."""
     recording, goal = record(), 0
+    poses = recording.messages.poses
     ways = ((1, 0.45, 0.60), (1, 0.60, 0.79), (2, 0.45, 0.79), (2, 0.79, 0.60))
     for push, (episode, before, after) in enumerate(ways, start=1):
         recording.scene(episode, push, resting_scene(before))
         for _ in range(2 if push in GIVEN else 0):  # the first message of a split is a repeated one
             goal = push
-            recording.add("/sain/goal", "Goal", goal_id=push, x=GIVEN[push], tolerance=0.02)
+            recording.add("/sain/goal", "Goal", goal_id=push, poses=poses(GIVEN[push]))
         scenes = resting_scene(before), resting_scene(after)
         recording.push(push, episode, *scenes, goal_id=goal, planned=request.param)
         recording.scene(episode, push + 1, resting_scene(after))
@@ -159,16 +162,15 @@ def open_goals(record: Callable[..., Any], request: Any) -> Bag:
     return Bag(recording.writer.folder)
 
 
-def test_each_push_is_judged_by_the_goal_that_held(open_goals: Bag) -> None:
+def test_each_push_is_judged_by_the_goal_that_held(open_goals: Bag, tmp_path: Path) -> None:
     parts = [part for episode in read_episodes(open_goals) for part in episode.by_goal]
     assert [part.episode_id for part in parts] == [1, 1, 2, 2]
     assert [part.goal.poses[0].x for part in parts] == [0.60, 0.80, 0.80, 0.40]
     assert [[push.push_id for push in part.pushes] for part in parts] == [[1], [2], [3], [4]]
     assert [part.success for part in parts] == [True, True, True, False]
-    rows = [row for found in read_results(open_goals, "/sain") for row in found.log_times.tolist()]
-    goals = read_latched(open_goals, "/sain").latched.goals
-    chosen = goals.chosen(np.array([1, 1, 2, 2], np.uint64), np.array(rows))
-    assert goals.places[chosen, 0].tolist() == [0.60, 0.80, 0.80, 0.40]
+    convert([open_goals.path], tmp_path / "out", ConversionConfig(keep_unsettled=True))
+    rows = shards(tmp_path / "out")
+    assert rows["goal_poses"][:, 3].tolist() == [0.60, 0.80, 0.80, 0.40]
 
 
 def test_info_report_and_view_state_each_goal(open_goals: Bag) -> None:
@@ -194,7 +196,7 @@ def test_a_push_before_the_first_goal_belongs_to_none(record: Callable[..., Any]
     recording, start, there = record(), resting_scene(0.45), resting_scene(0.60)
     recording.scene(1, 1, start)
     recording.push(1, 1, start, there, planned=False)
-    recording.add("/sain/goal", "Goal", goal_id=1, x=0.45, tolerance=0.02)
+    recording.add("/sain/goal", "Goal", goal_id=1, poses=recording.messages.poses(0.45))
     recording.push(2, 1, there, start, goal_id=1)
     recording.writer.close()
     bag = Bag(recording.writer.folder)

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from sain_bags import commands
-from sain_bags.dataset.conversion import ConversionConfig, convert
-from sain_bags.rows.sources import find_sources
+from sain_bags.dataset.conversion import convert
+from sain_bags.dataset.rows import ConversionConfig
+from sain_bags.dataset.sources import find_sources
 from sain_core.errors import DatasetError
 from sain_model.data.dataset import load_dataset
 from tests.sain_bags.driven import Drive, Parts

@@ -40,8 +40,8 @@ def test_goals_in_a_row_are_chapters(named, record, tmp_path):
     scenes = [resting_scene(x) for x in (0.4, 0.5, 0.6)]
     recording.scene(1, 1, scenes[0])
     for goal in (1, 2):
-        x = 0.1 * (4 + goal)
-        recording.add("/sain/goal", "Goal", goal_id=goal, episode_id=named, x=x, tolerance=0.02)
+        poses = recording.messages.poses(0.1 * (4 + goal))
+        recording.add("/sain/goal", "Goal", goal_id=goal, episode_id=named, poses=poses)
         recording.push(goal, 1, scenes[goal - 1], scenes[goal], goal_id=goal)
         recording.scene(1, 1 + goal, scenes[goal])
     recording.writer.close()

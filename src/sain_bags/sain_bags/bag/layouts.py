@@ -37,6 +37,7 @@ HEADER: Final = 4  # [bytes]
 BYTE_ORDERS: Final = {b"\0\0": ">", b"\0\1": "<"}
 DEFINITIONS: Final = 16  # that are kept once they are parsed: readers of a bag share them
 PADDING: Final = 3  # [bytes], that a middleware may put at the end
+MOST_NUMBERS: Final = 4096  # of a sequence that is read
 LENGTH: Final = 4  # [bytes], of the length of a string or a sequence
 
 
@@ -96,7 +97,7 @@ class Layout:
     lengths: dict[int, int] = field(default_factory=dict)  # by place in the message
     numbers: dict[str, tuple[np.dtype, list[int]]] = field(default_factory=dict)  # places
     texts: dict[str, tuple[int, int]] = field(default_factory=dict)  # where it begins and ends
-    counts: dict[str, int] = field(default_factory=dict)  # elements of sequences of messages
+    counts: dict[str, int] = field(default_factory=dict)  # elements of sequences
 
     def fits(self, messages: ndarray) -> ndarray:
         """Return which messages (M, size) have the same lengths in the same places."""
@@ -166,14 +167,18 @@ class _Walk:
     def _numbers(self, entry: Field, path: str) -> None:
         dtype = np.dtype(self.layout.byte_order + NUMBERS[entry.type])
         count = self._count(entry)
+        if path in self._wanted and entry.count != SCALAR:
+            if count > MOST_NUMBERS:
+                raise DatasetError(f"{path} has {count:,} numbers; allowed: {MOST_NUMBERS:,}")
+            self.layout.counts[path] = count
         if not count:
             return
         self._align(dtype.itemsize)
-        if path in self._wanted:
-            if entry.count != SCALAR:
-                raise DatasetError(f"{path} is an array")
-            self.layout.numbers.setdefault(path, (dtype, []))[1].append(self.place)
+        start = self.place
         self._skip(count * dtype.itemsize)
+        if path in self._wanted:
+            places = range(start, self.place, dtype.itemsize)
+            self.layout.numbers.setdefault(path, (dtype, []))[1].extend(places)
 
     def _text(self, path: str) -> None:
         length = self._length()

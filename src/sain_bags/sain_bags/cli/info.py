@@ -15,7 +15,7 @@ from rich.text import Text
 from sain_bags.reading.reader import BAG_HELP, Bag
 from sain_bags.reading.timing import TopicTiming, read_timings
 from sain_bags.rows.episodes import Episode, read_episodes
-from sain_bags.rows.message_fields import left_out, namespaces
+from sain_bags.rows.topics import left_out, namespaces
 from sain_bags.writing.gaps import SILENT_KEY, UNRECORDED_KEY, read_gaps, read_names
 from sain_core.cli.terminal import FittingTable
 from sain_core.config import Config, option, required

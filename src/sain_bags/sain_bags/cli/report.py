@@ -11,7 +11,7 @@ from sain_bags.reading.reader import BAG_HELP, Bag
 from sain_bags.report.content import read_content
 from sain_bags.report.gathering import Limits, messages_to_read
 from sain_bags.report.writing import write_page
-from sain_bags.rows.message_fields import left_out
+from sain_bags.rows.topics import left_out
 from sain_core.cli.terminal import transient_bar
 from sain_core.config import Config, option, required
 from sain_core.errors import OutputError

@@ -11,8 +11,9 @@ from rich.console import Console
 from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
 
-from sain_bags.dataset.conversion import ConversionConfig, Converted, convert
+from sain_bags.dataset.conversion import Converted, convert
 from sain_bags.dataset.dataset_folder import CARD_FILE, PICTURE_FILE
+from sain_bags.dataset.rows import ConversionConfig
 from sain_core.cli.terminal import transient_bar
 from sain_core.config import option, required
 from sain_core.guarding.documents import read_json

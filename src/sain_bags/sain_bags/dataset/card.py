@@ -9,7 +9,7 @@ from typing import Any, Final
 import numpy as np
 from numpy import ndarray
 
-from sain_bags.rows.dropped import Dropped
+from sain_bags.dataset.rows import Dropped
 from sain_core.push import PUSH_NAMES
 from sain_core.scene import MID, TARGET
 from sain_core.transitions import SHARD_SIZE, Column, Columns, centres, describe_fields

@@ -5,31 +5,31 @@ stop, and ends with the same bytes.
 """
 
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import closing
-from dataclasses import asdict, dataclass
+from contextlib import ExitStack, closing
+from dataclasses import asdict
+from functools import partial
 from importlib.metadata import version
 from pathlib import Path
 from typing import Final, NamedTuple
 
 import numpy as np
 
-from sain_bags.dataset.bag_rows import BagPart, rows_of
 from sain_bags.dataset.card import DatasetCard
 from sain_bags.dataset.dataset_folder import DatasetFolder
-from sain_bags.dataset.formats import FormatName
 from sain_bags.dataset.formats.sharding import Sharding
-from sain_bags.rows.latched import join_extras, read_latched
-from sain_bags.rows.rows import RowBlock, RowsConfig
-from sain_bags.rows.sources import Source, find_sources
-from sain_core.config import Config, option
+from sain_bags.dataset.rows import BagPart, ConversionConfig, RowBlock, read_rows
+from sain_bags.dataset.sources import Source, find_sources, open_source
 from sain_core.errors import DatasetError
+from sain_core.model import Model, load_dynamics
 from sain_core.transitions import SHARD_SIZE, Column, Columns
-from sain_core.workers import WorkerOptions
+from sain_core.workers import Software, Work, WorkerOptions, run_on_workers
 
 WAITING_SHARDS: Final = 2  # that are made and not stored yet
-KEPT: Final = 96 << 20  # [bytes], of results that are met while what is latched is read
+SOFTWARE: Final = Software(
+    ("sain_core", "sain_bags", "sain_model"), ("numpy", "mcap", "numba", "torch")
+)
 
 ConversionProgress = Callable[[int, int, int], None]  # pushes read, of how many; rows made
 Writing = Callable[[int, int], None]  # rows written in a format other than npz, of how many
@@ -85,28 +85,6 @@ class Numbering:
         return episodes, steps
 
 
-@dataclass(frozen=True)
-class ConversionConfig(Config):
-    """The settings of a conversion."""
-
-    format: FormatName = option(
-        "npz", "format (docs/reference/formats.md); npz: the shards that `collect` writes"
-    )
-    prior: str = option(
-        "planar",
-        "predicts the pushes that a recording has no prediction of: a name, or a checkpoint's path",
-    )
-    moved_only: bool = option(
-        False, "keep only transitions whose target moved by 2 mm or more, as the paper does"
-    )
-    keep_unsettled: bool = option(
-        False, "keep also pushes before or after which something still moved"
-    )
-    namespace: str = option(
-        "", "namespace of the graph, such as /sain; needed where a recording holds several"
-    )
-
-
 class Converted(NamedTuple):
     """The result of a conversion."""
 
@@ -146,11 +124,7 @@ def convert(
     identity = {**asdict(config), "bags": [source.sha256 for source in sources]}
     folder = DatasetFolder(out, identity, overwrite)
     card, numbering = DatasetCard(), Numbering()
-    room = KEPT // len(sources) if workers.workers == 1 else 0
-    read = [read_latched(source.bag, source.namespace, room) for source in sources]
-    extras = join_extras([one.latched for one in read])
-    how = RowsConfig(config.prior, config.moved_only, config.keep_unsettled, extras)
-    with closing(rows_of(sources, read, how, workers)) as rows:
+    with closing(_read(sources, config, workers)) as rows:
         for shard in _stored(folder, _shards(sources, rows, numbering, card, progress)):
             card.add(shard)
     if not card.transitions:
@@ -161,6 +135,70 @@ def convert(
     notes = tuple(note for source in sources for note in source.notes)
     dropped, left_out = dict(card.dropped), card.left_out()
     return Converted(card.transitions, numbering.episodes, dropped, notes, left_out)
+
+
+class BagJob(NamedTuple):
+    """A recording whose rows a worker makes."""
+
+    path: Path
+    namespace: str
+    sha256: str
+
+
+class BagRunner:
+    """Makes the rows of recordings, here or as the `Runner` of a worker."""
+
+    def __init__(self, config: ConversionConfig) -> None:
+        """Store the settings."""
+        self._config, self._stack = config, ExitStack()
+        self._prior: Model | None = None
+
+    def parts(self, source: Source) -> Iterator[BagPart]:
+        """Stream the rows of a recording."""
+        return read_rows(source.bag, source.namespace, self._config, self._load)
+
+    def run(self, job: BagJob) -> list[BagPart]:
+        """Return all rows of a recording, in memory.
+
+        Raises:
+            DatasetError: the recording is damaged, or is not the one that was meant.
+        """
+        source = open_source(job.path, job.namespace)
+        if source.sha256 != job.sha256:
+            raise DatasetError(
+                f"{job.path} is another recording where a worker reads it: its SHA-256 is"
+                f" {source.sha256[:12]}, not {job.sha256[:12]}; do not change recordings meanwhile"
+            )
+        return list(self.parts(source))
+
+    def close(self) -> None:
+        """Release the prior."""
+        self._stack.close()
+
+    def _load(self) -> Model:
+        """Return the prior, which is loaded when one is needed."""
+        if self._prior is None:
+            self._prior = load_dynamics(self._config.prior)
+            self._stack.callback(self._prior.close)
+        return self._prior
+
+
+def _read(
+    sources: Sequence[Source], config: ConversionConfig, workers: WorkerOptions
+) -> Generator[tuple[Source, BagPart], None, None]:
+    """Yield the rows of recordings, in their order, here or on workers: always the same ones."""
+    if workers.workers == 1 and not workers.ray:
+        with closing(BagRunner(config)) as runner:
+            for source in sources:
+                for part in runner.parts(source):
+                    yield source, part
+        return
+    jobs = [BagJob(source.bag.path, source.namespace, source.sha256) for source in sources]
+    work = Work(partial(BagRunner, config), SOFTWARE)
+    with closing(run_on_workers(work, jobs, workers)) as results:
+        for source, parts in zip(sources, results, strict=True):
+            for part in parts:
+                yield source, part
 
 
 def _stored(folder: DatasetFolder, shards: Iterable[Columns]) -> Iterator[Columns]:

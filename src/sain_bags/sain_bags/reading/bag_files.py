@@ -45,6 +45,11 @@ class Batch:
         _, *columns = vars(self).values()
         return Batch(self.data, *(column[index] for column in columns))
 
+    def message(self, place: int) -> bytes:
+        """Return the bytes of one message."""
+        start = int(self.starts[place])
+        return self.data[start : start + int(self.sizes[place])].tobytes()
+
     def compact(self) -> "Batch":
         """Return the same messages without the data between them."""
         ends = np.cumsum(self.sizes)
@@ -71,6 +76,11 @@ class BagChannel:
     def type(self) -> str:
         """Return its messages' type; empty: nothing tells."""
         return self.schema.name if self.schema else ""
+
+    @property
+    def description(self) -> bytes:
+        """Return the text that describes its messages, whatever it is."""
+        return self.schema.data if self.schema else b""
 
     @property
     def has_definition(self) -> bool:

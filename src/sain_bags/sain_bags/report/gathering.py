@@ -8,7 +8,7 @@ from sain_bags.reading.reader import Bag
 from sain_bags.report.frames import Frame, Frames
 from sain_bags.report.titles import EpisodePart
 from sain_bags.rows.episodes import FIELDS, Episode, read_episodes
-from sain_bags.rows.message_fields import PUSH_RESULT, SCENE, namespaces, topics_of
+from sain_bags.rows.topics import PUSH_RESULT, SCENE, namespaces, topics_of
 from sain_core.errors import ConfigError
 from sain_core.shapes.bodies import Bodies
 from sain_core.shapes.library import get_shape

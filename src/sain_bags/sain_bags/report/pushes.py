@@ -9,7 +9,7 @@ from sain_bags.report.drawn import as_json, rounded_places
 from sain_bags.report.frames import Frame
 from sain_bags.report.gathering import Gathered
 from sain_bags.rows.episodes import Episode
-from sain_bags.rows.recorded_push import RecordedPush
+from sain_bags.rows.results import RecordedPush
 from sain_core.errors import ErrorCode
 from sain_core.push import PUSH_NAMES, pushed_bodies
 from sain_core.scene import POSE, POSITION, TARGET

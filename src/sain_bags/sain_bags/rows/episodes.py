@@ -5,28 +5,23 @@ A push comes with all that is known of it. Plans belong to pushes and goals by t
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
-from heapq import merge
 from operator import attrgetter
 from typing import Any, Final
 
-from sain_bags.bag.layouts import read_types
 from sain_bags.reading.reader import Bag, Received
-from sain_bags.rows.message_fields import (
+from sain_bags.rows.results import PlanRecord, RecordedPush, ResultReader, recorded_plan
+from sain_bags.rows.tables import checked_types, number_paths
+from sain_bags.rows.topics import (
     BODIES,
-    DISKS,
     GOAL,
     PLAN,
     PUSH,
     PUSH_RESULT,
     SCENE,
     WORLD,
-    all_paths,
-    check_path,
     namespaces,
     topics_of,
 )
-from sain_bags.rows.recorded_push import PlanRecord, RecordedPush, recorded_plan
-from sain_bags.rows.results import naming, read_results
 from sain_core.errors import DatasetError, InvalidInputError, OutOfRangeError, SainError
 from sain_core.goal import Goal, Judgement
 from sain_core.scene import TARGET
@@ -37,8 +32,10 @@ from sain_core.wire.bodies import decode_bodies
 from sain_core.world import PushRecord
 
 FIELDS: Final = {  # that are read of messages beside the results
-    SCENE: ("episode_id", "scene_id", "settled", "header.stamp.sec", "header.stamp.nanosec", DISKS),
-    GOAL: ("goal_id", "episode_id", "x", "y", "tolerance", "max_pushes"),
+    SCENE: (
+        "episode_id", "scene_id", "settled", "header.stamp.sec", "header.stamp.nanosec", "disks",
+    ),
+    GOAL: ("goal_id", "episode_id", "poses", "keep", "keep_tolerance", "max_pushes"),
     PLAN: (
         "plan_id", "push_id", "episode_id", "status", "error_code", "fallback", "horizon", "disks",
         "goal_distance", "planning_time", "goal_id",
@@ -146,14 +143,9 @@ def read_episodes(
             or a message that makes no sense or lacks a field.
     """
     namespace = _choose(namespaces(bag, SCENE, PUSH_RESULT), namespace, bag)
-    _check_definitions(bag, namespace)
     reader = _Reader(on_scene)
-    messages = bag.messages(topics_of(bag, namespace, *FIELDS), FIELDS)
-    rows = read_results(bag, namespace)
-    pushes = (push for found in rows for push in found.pushes())
-    received: Iterator[Any] = merge(messages, pushes, key=attrgetter("log_time"))
     try:
-        for one in received:
+        for one in _received(bag, namespace):
             reader.take(one)
             progress()
         return tuple(reader.episodes())
@@ -161,15 +153,26 @@ def read_episodes(
         raise DatasetError(f"{bag.path} holds a message that makes no sense: {error}") from error
 
 
-def _check_definitions(bag: Bag, namespace: str) -> None:
-    topics = topics_of(bag, namespace, *FIELDS)
+def _received(bag: Bag, namespace: str) -> Iterator[Received | RecordedPush]:
+    """Yield the messages of one graph in the order of their receipt, results as pushes."""
+    topics, kinds = topics_of(bag, namespace, *FIELDS, PUSH_RESULT), (*FIELDS, PUSH_RESULT)
     for channel in bag.channels:
         if channel.topic in topics and channel.type in FIELDS:
-            with naming(bag):
-                types = read_types(channel.type, channel.definition())
-                paths = FIELDS[channel.type]
-                for path in paths if channel.type == PLAN else all_paths(paths):
-                    check_path(types, channel.type, path)
+            names = FIELDS[channel.type]
+            # A plan has arrays of numbers: a scene's disks are messages.
+            paths = [names] if channel.type == PLAN else map(number_paths, names)
+            checked_types(bag, channel, [path for some in paths for path in some])
+    reader = ResultReader(bag, namespace)
+    for batch in bag.batches(topics, types=kinds):
+        found = reader.of(batch)
+        pushes = reader.results(found).pushes() if len(found) else iter(())
+        times = zip(batch.log_times.tolist(), batch.publish_times.tolist(), strict=True)
+        for place, (number, moments) in enumerate(zip(batch.channels.tolist(), times, strict=True)):
+            topic, kind = bag.channels[number].topic, bag.channels[number].type
+            if kind == PUSH_RESULT:
+                yield next(pushes)
+            else:
+                yield Received(topic, kind, bag.decode(number, batch.message(place)), *moments)
 
 
 def _choose(found: tuple[str, ...], wanted: str | None, bag: Bag) -> str:

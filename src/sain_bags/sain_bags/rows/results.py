@@ -1,51 +1,77 @@
-"""The one reader of rows: the results of a recording's pushes, in the order of their receipt.
+"""Pushes as a recording has them: what was planned, what was sent, and what became of it.
 
 Data set, report page and summaries read pushes here.
 """
 
-from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, fields
 from functools import cached_property
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy import ndarray
 
 from sain_bags.reading.bag_files import Batch
 from sain_bags.reading.reader import Bag
-from sain_bags.rows.message_fields import DISKS, FIELDS, PREDICTION, PUSH_RESULT, topics_of
-from sain_bags.rows.recorded_push import RecordedPush
-from sain_bags.rows.tables import Disks, MessageTable, TableReader
-from sain_core.errors import DatasetError, ErrorCode
+from sain_bags.rows.tables import Elements, MessageTable, TableReader
+from sain_bags.rows.topics import PUSH_RESULT, topics_of
+from sain_core.errors import ErrorCode
 from sain_core.push import PUSH_NAMES, pushed_bodies
-from sain_core.scene import STATE_NAMES
-from sain_core.types import Scene, Scenes
-from sain_core.wire import as_sent, check_disks, check_fields
+from sain_core.scene import STATE_SIZE
+from sain_core.types import PushArray, Pushes, Scene, Scenes
+from sain_core.wire import as_sent, check_disks, check_fields, decode_plan
+from sain_core.world import PushRecord
 
 OK: Final = int(ErrorCode.OK)
 SECOND: Final = 1_000_000_000  # [ns]
+SCENE_FIELDS: Final = (
+    "episode_id", "scene_id", "settled", "header.stamp.sec", "header.stamp.nanosec",
+    "header.frame_id", "disks",
+)  # fmt: skip
+FIELDS: Final = (  # of a `PushResult`
+    "push_id", "episode_id", "error_code", "error_message", "duration", "wall_time",
+    *(f"push.{name}" for name in ("push_id", "episode_id", "source", *PUSH_NAMES)),
+    *(f"{scene}.{name}" for scene in ("before", "after") for name in SCENE_FIELDS),
+    *(f"prediction.{name}" for name in ("model", "error_code", "disks")),
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
 class RecordedScenes:
     """One scene for each of K pushes, of any number of bodies each."""
 
-    disks: Disks
-    counts: ndarray  # (K,) of bodies
-    settled: ndarray  # (K,)
-    numbers: ndarray  # (K,) scene ids
-    stamps: ndarray  # (K,) [ns] simulated time
-    frames: ndarray  # (K,) names; empty: the world
+    table: MessageTable
+    name: str  # of the field that has them
 
-    def take(self, chosen: ndarray, count: int) -> Scenes:
-        """Return those of some pushes that have so many bodies, (len(chosen), count, 8)."""
-        return self.disks.scenes(chosen, count)
+    @property
+    def disks(self) -> Elements:
+        """The states of their bodies."""
+        return self.table.sequences[f"{self.name}.disks"]
+
+    @property
+    def counts(self) -> ndarray:
+        """The number of bodies (K,)."""
+        return self.disks.counts
+
+    def column(self, name: str) -> ndarray:
+        """Return a field of each scene (K,)."""
+        return self.table.columns[f"{self.name}.{name}"]
+
+    @property
+    def settled(self) -> ndarray:
+        """Which are at rest (K,)."""
+        return np.asarray(self.column("settled") != 0)
+
+    @property
+    def stamps(self) -> ndarray:
+        """The simulated times (K,) [ns]."""
+        seconds = self.column("header.stamp.sec").astype(np.int64)
+        return seconds * SECOND + self.column("header.stamp.nanosec").astype(np.int64)
 
     def one(self, push: int) -> Scene | None:
         """Return the scene of one push, whatever it holds; None: it is empty."""
-        count = int(self.counts[push])
-        return self.take(np.array([push]), count)[0] if count else None
+        scene = self.disks.one(push)
+        return scene if len(scene) else None
 
 
 @dataclass(frozen=True)
@@ -59,25 +85,13 @@ class Results:
         """Return how many there are."""
         return len(self.log_times)
 
-    @property
-    def push_ids(self) -> ndarray:
-        """The ids of the pushes (K,)."""
-        return self.table.columns["push_id"]
+    def __getitem__(self, rows: slice) -> "Results":
+        """Return some of them."""
+        return Results(self.table[rows], self.log_times[rows])
 
-    @property
-    def codes(self) -> ndarray:
-        """The error codes (K,): `OK` where a push was executed."""
-        return self.table.columns["error_code"]
-
-    @property
-    def messages(self) -> ndarray:
-        """The error messages (K,)."""
-        return self.table.columns["error_message"]
-
-    @cached_property
-    def episodes(self) -> ndarray:
-        """The episodes (K,): as the results have them, else as the pushes."""
-        return self.table.columns["episode_id"]
+    def column(self, name: str) -> ndarray:
+        """Return a field of each (K,)."""
+        return self.table.columns[name]
 
     @cached_property
     def ids(self) -> list[tuple[str, str, ndarray]]:
@@ -92,67 +106,56 @@ class Results:
             (one, own, (columns[one] == columns[own]) | (columns[one] == 0)) for one, own in pairs
         ]
 
-    @cached_property
+    @property
     def before(self) -> RecordedScenes:
         """The scenes before the pushes."""
-        return self._scenes("before.")
+        return RecordedScenes(self.table, "before")
 
-    @cached_property
+    @property
     def after(self) -> RecordedScenes:
         """The scenes after the pushes."""
-        return self._scenes("after.")
+        return RecordedScenes(self.table, "after")
 
     @cached_property
     def actions(self) -> ndarray:
         """The pushes (K, 5)."""
-        columns = self.table.columns
-        return as_sent(np.stack([columns[f"push.{name}"] for name in PUSH_NAMES], -1, dtype=float))
+        return as_sent(
+            np.stack([self.column(f"push.{name}") for name in PUSH_NAMES], -1, dtype=float)
+        )
 
     @cached_property
     def bodies(self) -> ndarray:
         """The body that each push is against (K,)."""
         return pushed_bodies(self.actions)
 
-    @property
-    def durations(self) -> ndarray:
-        """How long the pushes took (K,) [s], simulated."""
-        return self.table.columns["duration"]
-
     @cached_property
     def predicted(self) -> ndarray:
         """Which pushes have a prediction without an error (K,)."""
-        return np.asarray(self.table.columns[f"{PREDICTION}.error_code"] == OK)
+        return np.asarray(self.column("prediction.error_code") == OK)
 
     @cached_property
     def models(self) -> ndarray:
         """What predicted each push (K,); empty: nothing did."""
-        return np.where(self.predicted, self.table.columns[f"{PREDICTION}.model"], "")
-
-    @property
-    def predicted_counts(self) -> ndarray:
-        """The number of bodies in each prediction (K,)."""
-        return self._predictions.counts
-
-    @property
-    def _predictions(self) -> Disks:
-        return self.table.disks[f"{PREDICTION}.{DISKS}"]
+        return np.where(self.predicted, self.column("prediction.model"), "")
 
     def physics(self, chosen: ndarray, count: int) -> Scenes:
         """Return f_p(s, a) of pushes, (len(chosen), count, 8); NaN: not as many bodies, or none."""
-        scenes = np.full((len(chosen), count, len(STATE_NAMES)), np.nan)
-        fitting = self.predicted[chosen] & (self.predicted_counts[chosen] == count)
-        scenes[fitting] = self._predictions.scenes(chosen[fitting], count)
+        disks = self.table.sequences["prediction.disks"]
+        scenes = np.full((len(chosen), count, STATE_SIZE), np.nan)
+        fitting = self.predicted[chosen] & (disks.counts[chosen] == count)
+        scenes[fitting] = disks.take(chosen[fitting], count)
         return scenes
 
-    def pushes(self) -> Iterator[RecordedPush]:
+    def pushes(self) -> Iterator["RecordedPush"]:
         """Yield the pushes one by one.
 
         Raises:
             InvalidInputError: NaN or Inf in a scene, or in a push that was not refused.
         """
-        columns = self.table.columns
         names = ("push_id", "episode_id", "error_code", "duration", "wall_time")
-        numbers = zip(*(columns[name].tolist() for name in names), strict=True)
+        numbers = zip(*(self.column(name).tolist() for name in names), strict=True)
+        both = (self.before, self.after)
+        ids, stamps = ([one.column("scene_id") for one in both], [one.stamps for one in both])
         for row, (push_id, episode, code, duration, wall_time) in enumerate(numbers):
             scenes = self.before.one(row), self.after.one(row)
             for scene in scenes:
@@ -160,68 +163,101 @@ class Results:
                     check_disks(scene)
             if code == OK:
                 check_fields(self.actions[row], PUSH_NAMES, "push")
-            count = int(self.predicted_counts[row]) if self.predicted[row] else 0
+            physics = self.table.sequences["prediction.disks"].one(row)
             yield RecordedPush(
                 push_id,
                 self.actions[row],
                 *scenes,
                 code,
-                columns["error_message"][row],
-                columns["push.source"][row],
+                self.column("error_message")[row],
+                self.column("push.source")[row],
                 duration,
                 wall_time,
-                physics=self.physics(np.array([row]), count)[0] if count else None,
+                physics=physics if self.predicted[row] and len(physics) else None,
                 physics_model=self.models[row],
                 episode_id=episode,
-                scene_ids=(int(self.before.numbers[row]), int(self.after.numbers[row])),
-                stamps=(int(self.before.stamps[row]), int(self.after.stamps[row])),
+                scene_ids=(int(ids[0][row]), int(ids[1][row])),
+                stamps=(int(stamps[0][row]), int(stamps[1][row])),
                 log_time=int(self.log_times[row]),
             )
 
-    def _scenes(self, prefix: str) -> RecordedScenes:
-        columns, disks = self.table.columns, self.table.disks[prefix + DISKS]
-        seconds = columns[f"{prefix}header.stamp.sec"].astype(np.int64)
-        return RecordedScenes(
-            disks,
-            disks.counts,
-            columns[f"{prefix}settled"] != 0,
-            columns[f"{prefix}scene_id"],
-            seconds * SECOND + columns[f"{prefix}header.stamp.nanosec"].astype(np.int64),
-            columns[f"{prefix}header.frame_id"],
-        )
+
+class ResultReader(TableReader):
+    """Reads the results of one graph."""
+
+    def __init__(self, bag: Bag, namespace: str) -> None:
+        """Read the definitions; raises `DatasetError` where they lack what a push needs."""
+        super().__init__(bag, topics_of(bag, namespace, PUSH_RESULT), PUSH_RESULT, FIELDS)
+
+    def results(self, batch: Batch) -> Results:
+        """Return the results, which are one or more, in a batch; raises as `read`."""
+        return Results(self.read(batch), batch.log_times)
 
 
-def read_results(
-    bag: Bag, namespace: str, batches: Iterable[Batch] | None = None
-) -> Iterator[Results]:
-    """Read the results of one graph, a batch at a time, in the order of their receipt.
+@dataclass(frozen=True)
+class PlanRecord:
+    """One decision of the planner."""
 
-    `batches` are those of the results, if they were read before.
-
-    Raises:
-        DatasetError: damage, or messages that lack what a row needs.
-    """
-    readers: dict[int, TableReader] = {}
-    if batches is None:
-        batches = bag.batches(topics_of(bag, namespace, PUSH_RESULT), types=(PUSH_RESULT,))
-    for batch in batches:
-        ends = np.flatnonzero(np.diff(batch.channels)) + 1  # each file of a bag has its own channel
-        for rows in np.split(np.arange(len(batch)), ends):
-            number = int(batch.channels[rows[0]])
-            part = batch[rows]
-            with naming(bag):
-                if number not in readers:
-                    readers[number] = TableReader(bag.channels[number], bag.decoding, FIELDS)
-                table = readers[number].read(part)
-            yield Results(table, part.log_times)
+    plan_id: int
+    push_id: int  # of the push it sent, 0: none
+    status: int  # sain_interfaces/msg/Plan
+    error_code: int
+    error_message: str
+    dynamics: str
+    fallback: bool
+    pushes: Pushes  # (H, 5)
+    predicted: Scenes  # (H, N, 8), the scene after each
+    goal_distance: float  # [m]
+    planning_time: float  # [s]
+    goal_id: int = 0  # that it was made for
+    log_time: int = 0  # [ns since the epoch]
 
 
-@contextmanager
-def naming(bag: Bag) -> Iterator[None]:
-    """Name the bag in the error when a message in it is not as it should be."""
-    try:
-        yield
-    except DatasetError as error:
-        raise DatasetError(
-            f"{bag.path} holds messages of another definition than this graph's: {error}"
-        ) from error
+@dataclass(frozen=True)
+class RecordedPush:
+    """A push as a recording has it: executed or refused."""
+
+    push_id: int
+    push: PushArray  # (5,), whatever it holds where it was refused
+    before: Scene | None  # (N, 8); None: it came before there was a scene
+    after: Scene | None  # (N, 8)
+    error_code: int
+    error_message: str
+    source: str
+    duration: float  # [s] simulated
+    wall_time: float  # [s]
+    plan: PlanRecord | None = None
+    physics: Scene | None = None  # (N, 8), f_p(s, a)
+    physics_model: str = ""
+    episode_id: int = 0
+    scene_ids: tuple[int, int] = (0, 0)  # before and after
+    stamps: tuple[int, int] = (0, 0)  # [ns] simulated, the same
+    log_time: int = 0  # [ns since the epoch]
+
+    @property
+    def executed(self) -> bool:
+        """Whether it was carried out; a refused push moved nothing."""
+        return self.error_code == ErrorCode.OK
+
+    @property
+    def predicted(self) -> Scene | None:
+        """The scene (N, 8) that the planner expected after this push."""
+        if self.plan is None or not len(self.plan.predicted):
+            return None
+        return np.asarray(self.plan.predicted[0])
+
+    @property
+    def record(self) -> PushRecord | None:
+        """The record of a push that was executed; None: it was not, or a scene is missing."""
+        if not self.executed or self.before is None or self.after is None:
+            return None
+        time = self.plan.planning_time if self.plan else 0.0
+        return PushRecord(self.push, self.before, self.after, self.predicted, self.physics, time)
+
+
+def recorded_plan(message: Any, log_time: int) -> PlanRecord:
+    """Return a decision of the planner, received at a time [ns since the epoch]."""
+    pushes, predicted = decode_plan(message)
+    decoded: dict[str, Any] = {"pushes": pushes, "predicted": predicted, "log_time": log_time}
+    names = [field.name for field in fields(PlanRecord) if field.name not in decoded]
+    return PlanRecord(**{name: getattr(message, name) for name in names}, **decoded)

@@ -7,7 +7,8 @@ from typing import Any, Final
 
 import numpy as np
 
-from sain_bags.dataset.conversion import ConversionConfig, convert
+from sain_bags.dataset.conversion import convert
+from sain_bags.dataset.rows import ConversionConfig
 from sain_core.errors import DatasetError
 from sain_core.push import BODY
 from sain_core.randomness import generator

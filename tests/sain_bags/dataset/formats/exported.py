@@ -7,8 +7,9 @@ from typing import Any
 
 from numpy import ndarray
 
-from sain_bags.dataset.conversion import ConversionConfig, convert
+from sain_bags.dataset.conversion import convert
 from sain_bags.dataset.formats import FormatName
+from sain_bags.dataset.rows import ConversionConfig
 from tests.sain_bags.driven import Drive, Parts
 
 EPISODES = 5

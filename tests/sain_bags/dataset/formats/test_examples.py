@@ -10,8 +10,9 @@ import pytest
 
 os.environ["HF_HUB_OFFLINE"] = "1"  # before the libraries are imported: nothing here asks a hub
 
-from sain_bags.dataset.conversion import ConversionConfig, convert
+from sain_bags.dataset.conversion import convert
 from sain_bags.dataset.formats import MADE
+from sain_bags.dataset.rows import ConversionConfig
 from tests.paths import ROOT
 from tests.sain_bags.driven import Drive
 

@@ -26,8 +26,8 @@ def pushes(
         "next_state": states[1:].copy(),
         "episode": np.full(count, episode),
         "step": np.array(steps or range(count)),
-        "goal": np.tile(GOAL, (count, 1)),
-        "tolerance": np.full(count, 0.02),
+        "goal_poses": np.tile([np.nan, np.nan, np.nan, *GOAL, np.nan], (count, 1)),
+        "goal_tolerances": np.tile([np.nan, np.nan, 0.02, np.nan], (count, 1)),
     }
 
 

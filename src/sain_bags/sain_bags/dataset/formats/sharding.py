@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from sain_bags.rows.rows import RowBlock
+from sain_bags.dataset.rows import RowBlock
 from sain_core.errors import DatasetError
 from sain_core.storage import read_arrays, write_arrays
 from sain_core.transitions import RECORDED, SHARD_SIZE, Column, Columns, shard_path
@@ -85,7 +85,7 @@ def _cut(columns: Columns, rows: slice) -> Columns:
 def _tidy(columns: Columns, rows: slice) -> Columns:
     """Return some rows with columns in order, and texts as wide as the longest of them."""
     tidy = {}
-    for name in map(str, dict.fromkeys((*RECORDED, *columns))):
+    for name in map(str, RECORDED):
         column = columns[name][rows]
         if column.dtype.kind == "U":
             width = max(int(np.strings.str_len(column).max()), 1)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy import ndarray
 
-from sain_core.goal import TOLERANCE, BodyPose, Goal, Judgement
+from sain_core.goal import BodyPose, Goal, Judgement
 from sain_core.storage import read_arrays
 from sain_core.transitions import MOVED, Column, Columns, as_scenes, centres, row_bodies
 
@@ -78,11 +78,6 @@ def _judge(columns: Columns) -> list[Judgement | None]:
 
 def _goal(columns: Columns, row: int, count: int) -> Goal | None:
     """Return the goal of a row with so many bodies, without those that are to be kept."""
-    place, tolerance = columns[Column.GOAL][row], columns[Column.TOLERANCE][row]
-    if np.isfinite(place).all():
-        return Goal.place(place[0], place[1], float(tolerance) or TOLERANCE).fitted(count)
-    if Column.GOAL_POSES not in columns:
-        return None
     poses = columns[Column.GOAL_POSES][row].reshape(count, 3).tolist()
     allowed = columns[Column.GOAL_TOLERANCES][row].reshape(count, 2).tolist()
     wanted = tuple(

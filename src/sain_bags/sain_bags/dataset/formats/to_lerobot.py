@@ -1,7 +1,7 @@
 """LeRobot's format, version 3.0, through `lerobot`: a frame is a push, at one frame a second.
 
 An unbroken sequence of pushes (see `StoredRows.sequences`) is an episode. Its frames hold the state
-before the push (``observation.state``), the goal and its tolerance
+before the push (``observation.state``), the goal's poses and tolerances
 (``observation.environment_state``), the push (``action``), what became of it (``next.*``), and the
 other columns of the npz shards under their own names. ``timestamp`` counts frames; real times are
 in the stamps [ns]. LeRobot's loader has no unsigned numbers: ids are stored as signed ones.
@@ -23,7 +23,7 @@ from numpy import ndarray
 from sain_bags.dataset.formats.stored_rows import StoredRows, goal_distance, reached
 from sain_core.push import PUSH_NAMES
 from sain_core.scene import STATE_NAMES
-from sain_core.transitions import FRICTIONS, PARTS, POSED, Column, Columns
+from sain_core.transitions import FRICTIONS, PARTS, Column, Columns
 
 os.environ.setdefault("HF_HUB_OFFLINE", "1")  # nothing here needs a hub; read on import
 declared: Final = torch.library.Library("torchvision", "FRAGMENT")  # for as long as this lives
@@ -60,13 +60,13 @@ GOAL: Final = "observation.environment_state"
 RENAMED: Final[dict[str, str]] = {Column.STATE: STATE, Column.NEXT_STATE: NEXT_STATE}
 REWARD: Final = "next.reward"
 MAY_LACK: Final = frozenset(  # these have NaN where a recording does not state them
-    map(str, (GOAL, REWARD, Column.DURATION, *FRICTIONS, *POSED))
+    map(str, (GOAL, REWARD, Column.DURATION, Column.GOAL_KEEP, *FRICTIONS))
 )
 TAKEN: Final[dict[str, Callable[[ndarray], Any]]] = {
     "min": np.min, "max": np.max, "mean": np.mean, "std": np.std,
     **{f"q{share:02}": partial(np.percentile, q=share) for share in (1, 10, 50, 90, 99)},
 }  # fmt: skip
-JOINED: Final = (Column.GOAL, Column.TOLERANCE)  # are `GOAL`
+JOINED: Final = (Column.GOAL_POSES, Column.GOAL_TOLERANCES)  # are `GOAL`
 
 
 def write(rows: StoredRows, folder: Path) -> None:
@@ -114,7 +114,9 @@ def _create(folder: Path, frames: Columns, rows: StoredRows) -> LeRobotDataset:
     names = ("mid", "target", *(f"disk{index}" for index in range(2, rows.disks)))[: rows.disks]
     states = [f"{disk}_{name}" for disk in names for name in STATE_NAMES]
     named = {STATE: states, NEXT_STATE: states, Column.PHYSICS_NEXT: states}
-    named |= {Column.ACTION: list(PUSH_NAMES), GOAL: ["goal_x", "goal_y", str(Column.TOLERANCE)]}
+    goal = [f"{disk}_goal_{name}" for disk in names for name in ("x", "y", "theta")]
+    goal += [f"{disk}_{name}" for disk in names for name in ("tolerance", "heading_tolerance")]
+    named |= {Column.ACTION: list(PUSH_NAMES), GOAL: goal}
     features = {
         key: {
             "dtype": "string" if values.dtype.kind == "U" else str(values.dtype),
@@ -140,7 +142,7 @@ def _frames(columns: Columns) -> Columns:
         for key, values in columns.items()
         if key not in JOINED
     }
-    frames[GOAL] = np.column_stack([columns[key] for key in JOINED])
+    frames[GOAL] = np.concatenate([columns[key] for key in JOINED], axis=1)
     frames[REWARD] = -goal_distance(columns)
     frames["next.success"] = reached(columns)
     count = len(columns[Column.EPISODE])

@@ -7,14 +7,13 @@ from pathlib import Path
 from typing import Any, Final
 
 from sain_bags.bag.metadata import METADATA_FILE
+from sain_bags.dataset.rows import READ
 from sain_bags.reading.reader import Bag
-from sain_bags.rows.message_fields import (
-    BODIES,
+from sain_bags.rows.topics import (
     GOAL,
     PUSH,
     PUSH_RESULT,
     SCENE,
-    WORLD,
     left_out,
     namespaces,
     parent_of,
@@ -43,7 +42,7 @@ class Source:
     @property
     def topics(self) -> tuple[str, ...]:
         """The topics that are read."""
-        return topics_of(self.bag, self.namespace, PUSH_RESULT, GOAL, BODIES, WORLD)
+        return topics_of(self.bag, self.namespace, *READ)
 
     @property
     def notes(self) -> tuple[str, ...]:
