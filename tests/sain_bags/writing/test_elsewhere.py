@@ -336,8 +336,8 @@ def test_a_definition_with_its_fields_in_another_order(record: Start, tmp_path: 
     recording.writer.close()
     ours = Bag(recording.writer.folder)
     messages = [
-        raw._replace(data=raw.data[:36] + raw.data[44:52] + raw.data[36:44] + raw.data[52:])
-        if raw.type.endswith("/Goal")  # x is at 36, behind a header and two ids, and y at 44
+        raw._replace(data=raw.data[:52] + raw.data[60:68] + raw.data[52:60] + raw.data[68:])
+        if raw.type.endswith("/Goal")  # x of its pose is at 52, and y at 60
         else raw
         for raw in ours.raw_messages()
     ]
@@ -349,7 +349,7 @@ def test_a_definition_with_its_fields_in_another_order(record: Start, tmp_path: 
             found.schema.data = swapped.replace("float64 q ", "float64 y ").encode()
     write_mcap(tmp_path / "other.mcap", messages, ours)
     found_rows, wanted = rows(tmp_path / "other.mcap"), rows(recording.writer.folder)
-    np.testing.assert_array_equal(found_rows["goal"], wanted["goal"])
+    np.testing.assert_array_equal(found_rows["goal_poses"], wanted["goal_poses"])
 
 
 @pytest.mark.parametrize(
@@ -358,7 +358,7 @@ def test_a_definition_with_its_fields_in_another_order(record: Start, tmp_path: 
         ("uint64 push_id\n", "uint64 number\n", "sain_interfaces/msg/PushResult has no push_id"),
         ("uint64 push_id\n", "string push_id\n", "push_id of .*PushResult is a string"),
         ("float64 radius ", "uint8 radius ", r"elements cannot be in"),
-        ("float64 radius ", "float64[9] radius ", "disks.radius is an array"),
+        ("float64 radius ", "float64[9] radius ", "before.disks.radius of .* is an array"),
         ("DiskState[] disks", "Disks[] disks", "Disks, of disks .* described"),
     ],
 )
