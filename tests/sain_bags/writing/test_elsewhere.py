@@ -356,6 +356,11 @@ def test_a_definition_with_its_fields_in_another_order(record: Start, tmp_path: 
     ("old", "new", "said"),
     [
         ("uint64 push_id\n", "uint64 number\n", "sain_interfaces/msg/PushResult has no push_id"),
+        (
+            "uint64 push_id\n",
+            "uint64 push_id\nfloat64 x\n",
+            "PushResult has x: it is of another ver",
+        ),
         ("uint64 push_id\n", "string push_id\n", "push_id of .*PushResult is a string"),
         ("float64 radius ", "uint8 radius ", r"elements cannot be in"),
         ("float64 radius ", "float64[9] radius ", "before.disks.radius of .* is an array"),

@@ -64,7 +64,7 @@ def check_definition(name: str, text: str) -> None:
 
 @lru_cache(maxsize=64)
 def check_version(name: str, text: str) -> None:
-    """Check that a message of the graph has all the fields which this version reads.
+    """Check that a message of the graph has the fields of this version, and no others.
 
     Raises:
         DatasetError: it was recorded with another version of ``sain_interfaces``.
@@ -77,10 +77,11 @@ def check_version(name: str, text: str) -> None:
         return
     recorded = read_types(name, text)
     for kind in today.keys() & recorded.keys():
-        lacking = {field.name for field in today[kind]} - {field.name for field in recorded[kind]}
-        if kind.startswith(OWN_TYPES) and lacking:
+        now, then = ({field.name for field in types[kind]} for types in (today, recorded))
+        if kind.startswith(OWN_TYPES) and now != then:
+            has = [f"no {name}" for name in sorted(now - then)] or sorted(then - now)
             raise DatasetError(
-                f"{kind} has no {', '.join(sorted(lacking))}: it is of another version of"
+                f"{kind} has {', '.join(has)}: it is of another version of"
                 f" {OWN_TYPES[:-1]} than the installed one; record it again"
             )
 
