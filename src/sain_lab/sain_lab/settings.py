@@ -32,7 +32,6 @@ class LearnerConfig(Config):
     state_file: str = option("", "file that keeps the name of the run over a crash; empty: none")
 
     def __post_init__(self) -> None:
-        """Check the fields, the laboratory's name and the noise."""
         super().__post_init__()
         if self.laboratory:
             laboratory_path(self.laboratory)
@@ -67,7 +66,6 @@ class TeachSettings(Config):
     )
 
     def __post_init__(self) -> None:
-        """Check the fields, the scenario, the world and the laboratory's name."""
         super().__post_init__()
         OFFERED.check(self.scenario)
         laboratory_path(self.laboratory)

@@ -49,7 +49,6 @@ class Training:
     """A training under way."""
 
     def __init__(self, process: "subprocess.Popen[str]") -> None:
-        """Follow this process."""
         self._process = process
 
     @classmethod

@@ -102,7 +102,6 @@ class CostWeights(Config):
     )
 
     def __post_init__(self) -> None:
-        """Check the fields and the further terms."""
         super().__post_init__()
         further_terms(self.more)
 
@@ -302,7 +301,6 @@ class PlannerConfig(Config):
     weights: CostWeights = CostWeights()
 
     def __post_init__(self) -> None:
-        """Check the fields and the name of the algorithm."""
         super().__post_init__()
         PLANNERS.check(self.algorithm)
 

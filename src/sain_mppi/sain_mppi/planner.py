@@ -30,7 +30,6 @@ class Planner:
     """
 
     def __init__(self, model: RolloutModel, config: PlannerConfig | None = None) -> None:
-        """Plan with this model."""
         self.model = model
         self.config = config or PlannerConfig()
         self.reset()

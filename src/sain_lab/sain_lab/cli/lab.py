@@ -54,7 +54,6 @@ class LabOptions(Config):
     overwrite: bool = option(False, OVERWRITE_HELP)
 
     def __post_init__(self) -> None:
-        """Check that there are as many names as the action needs."""
         super().__post_init__()
         count = {"list": (0, 0), "add": (1, 10**6), "replay": (1, 10**6)}.get(self.action, (1, 1))
         if not count[0] <= len(self.names) <= count[1]:

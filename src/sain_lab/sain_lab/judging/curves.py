@@ -56,7 +56,6 @@ class CurveReader:
     """The curves of a laboratory in which somebody learns."""
 
     def __init__(self, laboratory: Laboratory) -> None:
-        """Begin with the log as it is."""
         self._log = LogReader(laboratory.log_path, check_record)
         self._records: list[Record] = []  # without scenes
 

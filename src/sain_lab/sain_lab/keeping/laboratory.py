@@ -277,11 +277,9 @@ class OpenLaboratory(Laboratory):
         os.close(self._lock)
 
     def __enter__(self) -> Self:
-        """Return the laboratory."""
         return self
 
     def __exit__(self, *_: object) -> None:
-        """Close it."""
         self.close()
 
 

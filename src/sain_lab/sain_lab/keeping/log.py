@@ -58,7 +58,6 @@ class LogReader:
     """
 
     def __init__(self, path: Path, check: Callable[[Record], object] = lambda _: None) -> None:
-        """Begin before the first line; `check` raises where a record lacks what its kind needs."""
         self._path, self._check, self._lines = path, check, 0
         self.place = 0
         self.damage: list[str] = []

@@ -124,7 +124,6 @@ class LearnerNode(Node):
     patience = 60.0  # [s], for its end: what was delivered is saved
 
     def __init__(self, **options: Any) -> None:
-        """Open the laboratory, and read what was learned before."""
         super().__init__("learner_node", namespace=NAMESPACE, **options)
         self.config = read_parameters(self, LearnerConfig)
         if not self.config.laboratory:

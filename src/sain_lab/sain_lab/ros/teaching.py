@@ -92,7 +92,6 @@ class GraphWorld:
     """The graph as a world: an `sain_core.world.AnyWorld`."""
 
     def __init__(self, node: Node) -> None:
-        """Listen to whoever executes pushes."""
         self._node, self._ids = node, push_ids()
         self.bodies: Bodies = PAPER_DISKS
         self._scene: SceneMessage | None = None

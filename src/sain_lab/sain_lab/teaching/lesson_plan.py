@@ -79,7 +79,6 @@ class Teaching:
     errors: list[tuple[float, float]] = field(default_factory=list)
 
     def __post_init__(self) -> None:
-        """Keep what is believed at first."""
         self._first = self.model()
         self._last = PushHistory.empty(len(self.work.bodies))  # of the last scene
 
@@ -149,7 +148,6 @@ class Watched(Sight):
         bodies: Bodies,
         episode: str,
     ) -> None:
-        """Call `learn` with each push of an episode that ends at rest, and those before it."""
         super().__init__(world)
         self._learn, self._bodies, self._episode = learn, bodies, episode
         self._history = PushHistory.empty(len(world.observe()))

@@ -43,7 +43,6 @@ class Teacher(Decider):
     def __init__(
         self, model: Callable[[], SainDynamics], work: Work, config: TeachingConfig
     ) -> None:
-        """Ask before each push what is believed; inform about these pushes of plans."""
         self._model, self._work, self._config = model, work, config
 
     def decide(self, job: PlanJob, generator: np.random.Generator) -> PushDecision:
@@ -99,7 +98,6 @@ class ImaginedWorld:
     """A world in which what a model predicts comes true."""
 
     def __init__(self, model: Model) -> None:
-        """Let this model, which is conditioned on the bodies, be the truth."""
         self._model, self._scene = model, np.empty((0, 8))
 
     def reset(self, start: Scene, /) -> Scene:

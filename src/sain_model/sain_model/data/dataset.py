@@ -127,7 +127,6 @@ class Dataset:
     sources: tuple[str, ...] = ()
 
     def __len__(self) -> int:
-        """Return the number of pushes M of all parts."""
         return sum(len(part) for part in self.parts)
 
     @property

@@ -53,7 +53,6 @@ class IntervalConfig(Config):
     factors: tuple[float, ...] = option((2.0,), "the radius is so many scores", minimum=0.0)
 
     def __post_init__(self) -> None:
-        """Check the fields, and that there is one factor for each score."""
         super().__post_init__()
         rising = all(a < b for a, b in zip(self.scores, self.scores[1:], strict=False))
         if len(self.scores) != len(self.factors) or not self.scores or not rising:

@@ -52,7 +52,6 @@ class CompiledNetwork:
     """
 
     def __init__(self, weights: NetworkWeights) -> None:
-        """Take the weights as the kernels need them."""
         compile_visibly()
         self._config: Final = weights.config
         self.weights: Final = weights.pack()

@@ -71,7 +71,6 @@ class ErrorRows:
         return cls(*(_joined(columns) for columns in zip(*pieces, strict=True)))
 
     def __len__(self) -> int:
-        """Return the number of rows R."""
         return len(self.about["episode"])
 
     def groups(self) -> dict[str, Mask]:

@@ -57,7 +57,6 @@ class Followed(Model):
     """A model whose answers are checked, and that reports how many pushes it has predicted."""
 
     def __init__(self, label: str, dynamics: Model, advance: Callable[[float], None]) -> None:
-        """Call `advance` with each number of pushes that this dynamics is done with."""
         self._label = label
         self._dynamics = dynamics
         self._advance = advance

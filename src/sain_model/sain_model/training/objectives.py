@@ -46,7 +46,6 @@ class Examples:
     velocity: Float[Tensor, "M N 3"]  # error of the prior's velocity, which no network changes
 
     def __len__(self) -> int:
-        """Return the number of pushes M."""
         return len(self.bodies)
 
     def padded(self, bodies: int) -> Self:
@@ -141,7 +140,6 @@ class SinglePushes(LearningObjective):
     """Algorithm 1's loss of single pushes, each member on rows of its own."""
 
     def __init__(self, split: Split, kind: Kind, config: TrainingConfig) -> None:
-        """Prepare the data; `kind` is the physics that is corrected."""
         self.identity, self.members = _identity(split, kind), config.network.members
         self._loss = config.loss
         self._train = _examples_of(split.train, kind, config, config.mirrors)

@@ -92,7 +92,6 @@ class Batches:
     """
 
     def __init__(self, config: TrainingConfig, episodes: Int[ndarray, "M"], members: int) -> None:
-        """Draw rows that belong to these episodes, for so many members at once."""
         self._seed, self._size = config.seed, config.batch
         self._pass_steps = -(-len(episodes) // config.batch)
         self.steps = config.epoch_steps or self._pass_steps

@@ -91,7 +91,6 @@ class Agent:
     def __init__(
         self, decider: Decider, config: AgentConfig, clock: Callable[[], float] = time.monotonic
     ) -> None:
-        """Let this decider choose the pushes. Begin without a goal and without a scene."""
         self.decider = decider
         self.config = config
         self._clock = clock

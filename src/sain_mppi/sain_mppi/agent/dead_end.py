@@ -45,7 +45,6 @@ class DeadEnd:
     reason: str
 
     def __str__(self) -> str:
-        """Return it as a sentence."""
         return f"{self.pushes} pushes brought body {self.body} no nearer: {self.reason}"
 
 

@@ -87,7 +87,6 @@ class PlanningDecider(Decider):
         config: PlannerConfig,
         patience: Patience | None = None,
     ) -> None:
-        """Plan with this model, or else with this physics."""
         self._model, self._physics = model, physics
         self._patience = patience or Patience()
         self._planner = Planner(model, config)

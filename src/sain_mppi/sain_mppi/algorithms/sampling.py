@@ -208,7 +208,6 @@ class Elites:
     """The best sequences in order, and what the very best leads to and costs."""
 
     def __init__(self, horizon: int, shown: int) -> None:
-        """Begin with nothing; keep so many sequences to be shown."""
         self.cost = np.inf
         self.sequences: PushSequences = idle_pushes(0, horizon)
         self.terms: dict[str, float] = {}

@@ -277,7 +277,6 @@ class Pacing:
     """
 
     def __init__(self, deadline: float | None) -> None:
-        """Keep this `time.monotonic`; None: there is no hurry."""
         self._deadline = deadline
         self._pace = 0.0  # [s] a sequence, at most so far
         self._between = 0.0  # [s], longest from one round to the next

@@ -88,7 +88,6 @@ class Objective:
     """A problem, and how much each term of the cost of its solutions counts."""
 
     def __init__(self, problem: Problem, weights: CostWeights) -> None:
-        """Weigh the terms like this."""
         self.problem, self.weights = problem, weights
         self.goal, self.bodies = problem.goal, problem.bodies
         self.feasibility = problem.feasibility
