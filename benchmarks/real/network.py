@@ -22,8 +22,7 @@ from sain_core.types import Indices
 from sain_model.data.dataset import Part, Split
 from sain_model.dynamics.identify import believed_places, body_names, infer_bodies, with_beliefs
 from sain_model.dynamics.intervals import Intervals, Prediction
-from sain_model.dynamics.residual import residual_model, with_intervals
-from sain_model.dynamics.sain import Inferred, SainDynamics
+from sain_model.dynamics.sain import Inferred, SainDynamics, residual_model, with_intervals
 from sain_model.inference.kinds import friction_kind
 from sain_model.inference.posterior import Posterior
 from sain_model.network.interaction_network import new_network

@@ -99,7 +99,7 @@ def train(laboratory: Laboratory, since: int, pushes: int) -> Path:
     """
     from sain_model.data.dataset import split_by_episode
     from sain_model.dynamics.load import save_checkpoint
-    from sain_model.dynamics.residual import weights_of
+    from sain_model.dynamics.sain import weights_of
     from sain_model.inference.kinds import read_belief
     from sain_model.network.settings import require_torch
 

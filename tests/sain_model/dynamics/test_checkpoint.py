@@ -17,8 +17,7 @@ from sain_core.model import load_dynamics
 from sain_core.types import Pushes, Scenes
 from sain_model.dynamics.load import ModelCard, card_path, load_checkpoint, save_checkpoint
 from sain_model.dynamics.priors import make_prior, prior_settings
-from sain_model.dynamics.residual import residual_model
-from sain_model.dynamics.sain import SainDynamics
+from sain_model.dynamics.sain import SainDynamics, residual_model
 from sain_model.inference.kinds import friction_kind
 from sain_model.network.interaction_network import InteractionNetwork
 from sain_model.network.settings import NetworkConfig

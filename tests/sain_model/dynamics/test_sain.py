@@ -14,8 +14,7 @@ from sain_core.transitions import PushHistory
 from sain_core.types import Pushes, Scenes
 from sain_model.data.dataset import Part
 from sain_model.dynamics.intervals import IntervalConfig, Intervals
-from sain_model.dynamics.residual import residual_model, with_intervals
-from sain_model.dynamics.sain import SainDynamics
+from sain_model.dynamics.sain import SainDynamics, residual_model, with_intervals
 from sain_model.evaluation.predictors import predict_with_history
 from sain_model.inference.kinds import FRICTION, friction_kind
 from sain_model.network.feature_kernels import BODY_FEATURES, RELATION_FEATURES

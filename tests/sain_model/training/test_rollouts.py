@@ -9,7 +9,7 @@ import torch
 from sain_core.scene import POSE, POSITION, TARGET
 from sain_model.data.dataset import Dataset, Part, Split, split_by_episode
 from sain_model.data.windows import make_windows
-from sain_model.dynamics.residual import residual_model
+from sain_model.dynamics.sain import residual_model
 from sain_model.evaluation.predictors import plain, roll_out
 from sain_model.inference.kinds import friction_kind
 from sain_model.network.interaction_network import InteractionNetwork

@@ -17,7 +17,7 @@ from sain_core.transitions import MOVED
 from sain_model import commands
 from sain_model.cli import train
 from sain_model.data.dataset import Split, load_dataset, split_by_episode
-from sain_model.dynamics.residual import residual_model
+from sain_model.dynamics.sain import residual_model
 from sain_model.evaluation.errors import TARGET_MOVED, TARGETS, evaluate, position_errors
 from sain_model.inference.kinds import friction_kind
 from sain_model.network.settings import NetworkConfig

@@ -61,7 +61,7 @@ def run(options: TrainOptions, console: Console) -> None:
     from sain_core.view.figures import write_png
     from sain_model.data.dataset import load_dataset, split_by_episode
     from sain_model.dynamics.load import SUFFIX, save_checkpoint
-    from sain_model.dynamics.residual import weights_of
+    from sain_model.dynamics.sain import weights_of
     from sain_model.evaluation.errors import evaluate
     from sain_model.evaluation.predictors import NAMES
     from sain_model.evaluation.presentation import error_tables

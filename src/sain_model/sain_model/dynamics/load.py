@@ -22,8 +22,7 @@ from sain_core.shapes.shape import BOTTOMS
 from sain_model.dynamics.identify import with_all_parameters
 from sain_model.dynamics.intervals import Intervals
 from sain_model.dynamics.priors import C, Settings, make_prior, naming
-from sain_model.dynamics.residual import residual_model
-from sain_model.dynamics.sain import RECURRENT, SainDynamics
+from sain_model.dynamics.sain import RECURRENT, SainDynamics, residual_model
 from sain_model.inference.kinds import FRICTION, Kind, friction_kind, read_kind
 from sain_model.network.feature_kernels import BODY_FEATURES, FEATURE_VERSION, RELATION_FEATURES
 from sain_model.network.settings import SHIPPED, NetworkConfig

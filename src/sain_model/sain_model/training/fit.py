@@ -33,8 +33,13 @@ from sain_model.dynamics.load import (
     shipped_checkpoint,
 )
 from sain_model.dynamics.priors import make_prior
-from sain_model.dynamics.residual import residual_model, weights_of, with_intervals
-from sain_model.dynamics.sain import RECURRENT, SainDynamics
+from sain_model.dynamics.sain import (
+    RECURRENT,
+    SainDynamics,
+    residual_model,
+    weights_of,
+    with_intervals,
+)
 from sain_model.evaluation.errors import position_errors
 from sain_model.evaluation.predictors import step_with_history
 from sain_model.inference.kinds import FRICTION, Kind, friction_kind, read_belief
