@@ -29,7 +29,7 @@ from sain_model.network.interaction_network import new_network
 from sain_model.network.settings import IDENTITY, PLANAR, PUSH_FRAME, WORLD_FRAME, NetworkConfig
 from sain_model.training.interval_fit import fit_regions, with_regions
 from sain_model.training.objectives import SinglePushes
-from sain_model.training.settings import NOTHING, LossConfig, TrainingConfig
+from sain_model.training.settings import NOTHING, TrainingConfig
 from sain_model.training.trainer import Trainer
 
 NEW_SHARE: Final = 0.2  # of the objects, that stand for new ones
@@ -42,7 +42,7 @@ SETTINGS: Final = TrainingConfig(
     history=NOTHING,
     test=0.0,
     epochs=80,
-    loss=LossConfig(heading_scale=0.02),
+    heading_scale=0.02,
     network=NetworkConfig(hidden=128, features=WORLD_FRAME, believed=True, members=4),
 )
 OF_NEW: Final = replace(  # where the table is known, and the body is not

@@ -130,7 +130,7 @@ def settings(kind: "Kind", pushes: int) -> "TrainingConfig":
         WORLD_FRAME,
         NetworkConfig,
     )
-    from sain_model.training.settings import LossConfig, TrainingConfig
+    from sain_model.training.settings import TrainingConfig
 
     network = NetworkConfig(hidden=32, message=16, features=WORLD_FRAME, members=MEMBERS)
     return TrainingConfig(
@@ -143,7 +143,8 @@ def settings(kind: "Kind", pushes: int) -> "TrainingConfig":
         test=0.0,
         diversity=BOOTSTRAP,
         network=network,
-        loss=LossConfig(position_scale=0.0002, heading_scale=0.01),
+        position_scale=0.0002,
+        heading_scale=0.01,
     )
 
 

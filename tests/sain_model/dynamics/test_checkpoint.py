@@ -121,7 +121,7 @@ def test_files_that_are_not_sound_are_refused_and_never_unpickled(
         ("body_features", 15, "body_features is 15; this version reads 20"),
         ("format_version", 1, "has format 1; this version reads 3: train it again with: ros2 run"),
         ("weights_sha256", "0" * 64, "its card says 0000000000000000"),
-        ("prior", "plain", "the prior 'plain' has no settings; given: friction, gravity"),
+        ("prior", "plain", "the prior 'plain' has no settings; given: friction, friction_scale"),
         ("prior_config", {"friction": -1.0}, "PlanarConfig.friction is -1.0"),
         ("prior_config", {"frictoin": 0.1}, "frictoin"),
         ("prior_config", {"friction": "0.1"}, "friction is '0.1'; it must be of type float"),

@@ -93,7 +93,6 @@ def run(options: TrainOptions, console: Console) -> None:
         kind or trained_kind(config),
         config,
         options.out,
-        options.rollout,
         parent.sain if parent else None,
         partial(_show, options, data, console),
         options.overwrite,

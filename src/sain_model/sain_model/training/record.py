@@ -97,7 +97,7 @@ def make_card(
     config = command.training
     training = {**asdict(config), **_losses(histories[0])}
     if len(histories) > 1:
-        training["rollouts"] = {**asdict(command.rollout), **_losses(histories[1])}
+        training["rollouts"] = _losses(histories[1])
     kind, intervals = model.belief.trained, model.network and model.network.intervals
     return ModelCard(
         prior=config.prior,
