@@ -324,10 +324,6 @@ class PlannerConfig(Config):
             uniform_share=0.0,
         )
 
-    def slowed(self) -> Self:
-        """Return settings for pushes that correct what is left near the goal."""
-        return replace(self, speeds=(self.correction_speed,))
-
     def samples_in(self, round_number: int) -> int:
         """Return how many sequences a round rolls out, from 0."""
         return max(round(self.samples * self.thinning**round_number), 1)

@@ -22,7 +22,7 @@ CONFIG = PlannerConfig(samples=64)
 def plan(config, seed=0, deadline=None):
     model = PlanarPrior().with_bodies(BODIES)
     planner = Planner(model, config)
-    return planner.plan(Problem.of(SCENE, GOAL, BODIES), generator(seed), deadline)
+    return planner.plan(Problem.of(SCENE, GOAL, BODIES), generator(seed), deadline=deadline)
 
 
 def test_it_tries_pushes_after_the_best_pushes_and_halves_the_rounds():

@@ -76,7 +76,7 @@ def drawn_pushes(job: PlanJob, generator: np.random.Generator, count: int) -> Pu
     """
     objective = Objective(job.problem, CostWeights())
     half = [draw(objective, generator, 2 * count, 1)[:, 0] for draw in (uniform, candidates)]
-    permitted = [part[job.problem.permitted(part, job.refused)][: count // 2] for part in half]
+    permitted = [part[job.problem.permitted(part)][: count // 2] for part in half]
     pushes = np.concatenate(permitted)
     if not len(pushes):
         raise NoPushError("no push can be carried out from here; move a body, or reset the scene")

@@ -51,6 +51,7 @@ SERVICE: Final = "service"
 IN_PROCESS: Final = "in_process"
 MOST_PUSHES: Final = 20  # of an episode, the latest; more would tell little and cost time
 MOST_EARLY: Final = 500  # scenes that are kept until their bodies are given
+SHORTEST: Final = 4.0  # standard deviations of places: a shorter way of a body is lost in noise
 MOST_EPISODES: Final = 16  # others than the present one, whose bodies are kept
 
 
@@ -272,13 +273,14 @@ class Agent:
             tracker.start.scene,
             self.config.feasibility,
         )
-        if observed.uncertainty is not None:
-            observed.uncertainty.check_tolerance(problem.goal)
+        problem = replace(problem, refused=tracker.refused)
+        if (uncertainty := observed.uncertainty) is not None:
+            uncertainty.check_tolerance(problem.goal)
+            problem = replace(problem, shortest=SHORTEST * float(uncertainty.places.max()))
         episode_id, history = self._history
         if episode_id != observed.episode_id or history.disks != count:
             history = PushHistory.empty(count)
-        state = tracker.session, tracker.pushes, tracker.refused
-        return PlanJob(task, observed, problem, *state, history)
+        return PlanJob(task, observed, problem, tracker.session, tracker.pushes, history)
 
     def _take_estimate(self) -> None:
         """Take the scene that frames at rest show, once there are enough of them."""

@@ -134,19 +134,16 @@ class Way:
         return float(np.arctan2(to[1], to[0]))
 
 
-def find_dead_end(
-    problem: Problem, pushes: int, error: Scalars | None = None, shortest: float = 0.0
-) -> DeadEnd:
+def find_dead_end(problem: Problem, pushes: int, error: Scalars | None = None) -> DeadEnd:
     """Return why so many pushes brought the farthest body no nearer.
 
     Args:
         problem: scene and goal.
         pushes: without progress.
         error: (N,) [m], mean error of predicted places on the way; None: none was predicted.
-        shortest: way [m] below which pushes are lost in the noise of observations.
     """
     way = Way.of(problem)
-    found = next(_causes(way, error, shortest), (Cause.UNEXPLAINED, UNEXPLAINED))
+    found = next(_causes(way, error), (Cause.UNEXPLAINED, UNEXPLAINED))
     return DeadEnd(found[0], way.body, pushes, found[1])
 
 
@@ -156,8 +153,9 @@ UNEXPLAINED: Final = (
 )
 
 
-def _causes(way: Way, error: Scalars | None, shortest: float) -> Iterator[tuple[Cause, str]]:
+def _causes(way: Way, error: Scalars | None) -> Iterator[tuple[Cause, str]]:
     left, problem = 1e3 * way.left, way.problem
+    shortest = problem.shortest
     if 0.0 < way.left <= shortest:
         text = f"{left:.0f} mm are left, and noise hides ways below {1e3 * shortest:.0f} mm"
         yield Cause.NOISE, f"{text}; allow a larger tolerance, or reduce the noise"
@@ -199,4 +197,4 @@ def _has_side(way: Way) -> bool:
     scenes = np.broadcast_to(problem.scene, (len(pushes), *problem.scene.shape))
     headings = strokes(scenes, pushes, problem.feasibility.limits, problem.bodies)[1]
     along = np.abs(wrap_angle(headings - way.wanted)) < OBLIQUE
-    return bool((along & problem.permitted(pushes)).any())
+    return bool((along & problem.possible(pushes)).any())

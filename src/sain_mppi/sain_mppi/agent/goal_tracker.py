@@ -110,7 +110,7 @@ class GoalTracker:
             return Stop(task, StopReason.FAILED, job, lost)
         if task.max_pushes and self.pushes >= task.max_pushes:
             return Stop(task, StopReason.EXHAUSTED, job)
-        count = len(job.refused)
+        count = len(job.problem.refused)
         if count >= self._config.max_refusals:
             error = NoPushError(f"{count} pushes in a row were refused from this scene")
             return Stop(task, StopReason.FAILED, job, error)

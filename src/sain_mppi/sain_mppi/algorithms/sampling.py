@@ -1,7 +1,7 @@
 """Sequences of pushes: drawn about a mean, averaged, weighed as MPPI does, and the best kept."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Final, Self
 
 import numpy as np
@@ -9,6 +9,7 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from sain_core.errors import OutOfRangeError
+from sain_core.goal import Goal
 from sain_core.push import BODY, LENGTH, LOCATION, PATH, PushLimits, idle_pushes
 from sain_core.scene import POSITION, wrap_angle
 from sain_core.types import (
@@ -173,6 +174,23 @@ class Shown:
         return cls.of(predicted, np.concatenate([part.costs for part in parts]), count)
 
 
+@dataclass(frozen=True, eq=False)
+class WarmStart:
+    """What a plan leaves for the next one; nothing before the first.
+
+    Attributes:
+        sequences: (E, H, 5), good ones, the best first.
+        scene: (N, 8), that they begin from.
+        goal: that they were planned for.
+        prepared: (E, H, 5), planned for the scene that is expected next.
+    """
+
+    sequences: PushSequences = field(default_factory=lambda: idle_pushes(0, 0))
+    scene: Scene | None = None
+    goal: Goal | None = None
+    prepared: PushSequences | None = None
+
+
 @dataclass(frozen=True)
 class PlanResult:
     """What the planner decided and what it expects."""
@@ -187,6 +205,7 @@ class PlanResult:
     rounds: int
     times: Times
     others: Shown
+    rest: WarmStart  # what the next plan may begin from
     regions: Float[ndarray, "H N"] | None = None  # [m], radii that should hold each disk
 
     @property

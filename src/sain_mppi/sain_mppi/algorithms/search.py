@@ -1,6 +1,6 @@
 """One plan's search: draws what an algorithm tries, rolls it out, costs it, and keeps the best."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from time import monotonic, perf_counter
 from typing import Final
 
@@ -10,11 +10,12 @@ from sain_core.errors import ModelUnavailableError, NoPushError
 from sain_core.model import RolloutModel, check_rollout
 from sain_core.push import LENGTH, SPEED, idle_pushes
 from sain_core.scene import POSITION
-from sain_core.types import Mask, PredictedScenes, PushArray, Pushes, PushSequences, Scalars
+from sain_core.types import Mask, PredictedScenes, Pushes, PushSequences, Scalars
 from sain_mppi.algorithms.sampling import (
     Elites,
     PlanResult,
     Times,
+    WarmStart,
     cost_spread,
     effective_samples,
     gaussian_sequences,
@@ -44,21 +45,17 @@ class Search:
         model: RolloutModel,
         config: PlannerConfig,
         objective: Objective,
-        refused: Sequence[PushArray] = (),
         deadline: float | None = None,
         prepared: PushSequences | None = None,
-        shortest: float = 0.0,
     ) -> None:
-        """Begin without a sequence, in a scene from which some pushes (5,) were refused.
+        """Begin without a sequence.
 
         The plan is wanted at the deadline, a `time.monotonic`; None: whenever. `prepared` (E, H, 5)
         was planned for about this scene. It is rolled out in one batch with the first sequences
-        that an algorithm tries. Pushes that move their body by less than the `shortest` way [m]
-        are not permitted as the first.
+        that an algorithm tries.
         """
         self.model, self.config, self.objective = model, config, objective
         self.scene, self.feasibility = objective.problem.scene, objective.feasibility
-        self.refused, self.shortest = refused, shortest
         self.elites = Elites(config.horizon, config.shown)
         self._costs_of_round: Scalars = np.empty(0)
         self.samples = self.rounds = 0
@@ -92,12 +89,13 @@ class Search:
         """The situation, for messages."""
         body = self.objective.bodies.pushable[0]
         x, y = self.scene[body, POSITION]
-        refused = f", {len(self.refused)} refused before" if self.refused else ""
+        count = len(self.objective.problem.refused)
+        refused = f", {count} refused before" if count else ""
         return f"from here: body {body} at ({x:.3f}, {y:.3f}) m{refused}"
 
     def permitted(self, pushes: Pushes) -> Mask:
-        """Tell which pushes (B, 5) touch their body, can be carried out, and were not refused."""
-        return self.objective.problem.permitted(pushes, self.refused, self.shortest)
+        """Return which pushes (B, 5) touch their body, can be carried out, and were not refused."""
+        return self.objective.problem.permitted(pushes)
 
     def uniform(self, generator: np.random.Generator, count: int) -> PushSequences:
         """Draw sequences (count, H, 5) of any allowed pushes."""
@@ -242,6 +240,7 @@ class Search:
             self.rounds,
             Times(total, self._rollout_time, self._cost_time),
             elites.shown,
+            WarmStart(elites.sequences, self.scene.copy(), self.objective.goal),
         )
 
     def _try(self, sequences: PushSequences) -> Scalars:
