@@ -8,7 +8,7 @@ from sain_core.goal import Goal
 from sain_core.push import make_push
 from sain_core.scene import make_scene
 from sain_mppi.agent.events import PlanJob, SceneObserved, StopReason, Task
-from sain_mppi.agent.goal_tracker import GoalTracker, GoalTrackerConfig
+from sain_mppi.agent.goal_tracker import GoalTracker
 from sain_mppi.objective.problem import Problem
 
 SCENE = make_scene(np.array([(0.4, 0.0), (0.55, 0.0)]), np.full(2, 8.0), np.array([0.08, 0.06]))
@@ -34,7 +34,7 @@ def clock() -> Clock:
 
 @pytest.fixture
 def tracker(clock: Clock) -> GoalTracker:
-    return GoalTracker(GoalTrackerConfig(max_refusals=2, answer_timeout=5.0), clock)
+    return GoalTracker(2, 5.0, 0.5, clock)
 
 
 def job_of(tracker: GoalTracker) -> PlanJob:

@@ -12,7 +12,7 @@ import math
 from collections.abc import Iterable
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Final, Literal, Self
+from typing import TYPE_CHECKING, Annotated, Any, Final, Literal, Self
 
 import tyro
 
@@ -134,7 +134,9 @@ class TrainingConfig(Config):
     @property
     def of_pushes(self) -> Self:
         """Settings for single pushes: the same whether rollouts follow or not."""
-        usual = {item.name: item.default for item in fields(self) if item.name in OF_ROLLOUTS}
+        usual: dict[str, Any] = {
+            item.name: item.default for item in fields(self) if item.name in OF_ROLLOUTS
+        }
         return replace(self, **usual)
 
     @property

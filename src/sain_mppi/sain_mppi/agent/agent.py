@@ -39,7 +39,7 @@ from sain_mppi.agent.events import (
     Task,
     TimePassed,
 )
-from sain_mppi.agent.goal_tracker import GoalTracker, GoalTrackerConfig
+from sain_mppi.agent.goal_tracker import GoalTracker
 from sain_mppi.agent.planning import Decider, Patience, PlanningDecider
 from sain_mppi.agent.uncertainty import EstimatorConfig
 from sain_mppi.config import PlannerConfig
@@ -64,8 +64,24 @@ class AgentConfig(Config):
         0, "seed; the same seed and scenes give the same plans", minimum=0, maximum=MOST_SEED
     )
     history: bool = option(True, "infer friction from the earlier pushes of the episode")
+    max_refusals: int = option(
+        10, "refused pushes from one scene after which the planner stops", minimum=1
+    )
+    answer_timeout: float = option(
+        5.0,
+        "time without a result after which a push is planned again",
+        unit="s",
+        minimum=0.1,
+        maximum=3600.0,
+    )
+    result_patience: float = option(
+        0.5,
+        "longest wait for the result of the last push before the next plan",
+        unit="s",
+        minimum=0.0,
+        maximum=60.0,
+    )
     planner: PlannerConfig = live_group(PlannerConfig())
-    goal_tracker: GoalTrackerConfig = GoalTrackerConfig()
     estimator: EstimatorConfig = EstimatorConfig()
     feasibility: Feasibility = Feasibility()
 
@@ -95,8 +111,8 @@ class Agent:
         self.decider = decider
         self.config = config
         self._clock = clock
-        self._tracker = GoalTracker(config.goal_tracker, clock)
-        patience = config.goal_tracker.result_patience
+        patience = config.result_patience
+        self._tracker = GoalTracker(config.max_refusals, config.answer_timeout, patience, clock)
         self._estimator: Estimator | None = None  # exact scenes need none
         if not config.estimator.is_exact:
             self._estimator = Estimator(config.estimator, patience, clock)

@@ -28,6 +28,8 @@ logger = logging.getLogger(__name__)
 
 NOISE: Final = 3.0  # standard deviations of places: by so much more may an error seem to be
 MODEL_SHARE: Final = 0.8  # of the time for a plan: a model that is silent so long is late
+TOLERATED: Final = 0.01  # [m], error of a prediction
+TOLERATED_SHARE: Final = 0.3  # likewise, of the predicted way, if that is more
 NEARER: Final = 0.99  # of the best so far: a resting cost below this share is progress
 MUCH: Final = 0.9  # of the resting cost at the last such progress: below, a body came nearer
 
@@ -315,7 +317,7 @@ class ProgressMonitor:
         self.errors = np.linalg.norm((scene - predicted)[:, POSITION], axis=1)
         self._errors.append(self.errors)
         way = np.linalg.norm((predicted - before)[:, POSITION], axis=1)
-        self.expected = np.maximum(self.config.surprise, self.config.surprise_share * way)
+        self.expected = np.maximum(TOLERATED, TOLERATED_SHARE * way)
         if self._regions is not None:
             self.expected = np.maximum(self.expected, self._regions)
         if noise is not None:

@@ -34,6 +34,9 @@ FIRST_PART: Final = 64  # sequences, until it is known how long they take
 PART: Final = 256
 RESERVE: Final = 0.004  # [s] before the deadline, for what comes after the search
 
+CANDIDATE_SHARE: Final = 0.25  # of informed proposals in each round
+SPREAD: Final = 0.2  # smallest random factor on a sample's noise; the largest is 1
+
 Draw = Callable[[int], PushSequences]
 
 
@@ -151,7 +154,7 @@ class Search:
         Without a mean what would be drawn about it is drawn uniformly.
         """
         config = self.config
-        informed = round(count * config.candidate_share)
+        informed = round(count * CANDIDATE_SHARE)
         about_mean = 0 if mean is None else count - informed
         if mean is not None and round_number == 0:
             about_mean -= min(round(count * config.uniform_share), about_mean)
@@ -170,11 +173,11 @@ class Search:
         self, mean: Pushes, round_number: int, generator: np.random.Generator, count: int
     ) -> PushSequences:
         """Draw about a mean (H, 5), or about what was prepared, each in turn."""
-        about, noise = mean, self.config.noise
+        about = mean
         if len(self.prepared):
             about = self.prepared[np.arange(count) % len(self.prepared)]
-        deviations, limits = noise.deviations(round_number), self.feasibility.limits
-        return gaussian_sequences(about, deviations, noise.spread, limits, generator, count)
+        deviations, limits = self.config.deviations(round_number), self.feasibility.limits
+        return gaussian_sequences(about, deviations, SPREAD, limits, generator, count)
 
     def without_idle(self, sequences: PushSequences) -> PushSequences:
         """Make rests of pushes (K, H, 5) that would end before they touch their body."""
