@@ -77,11 +77,7 @@ class LabOptions(Config):
 
 
 def run(options: LabOptions, console: Console) -> None:
-    """Do what is asked for.
-
-    Raises:
-        DatasetError, BusyError, OutputError, CheckpointError: see `sain_lab.keeping.laboratory`.
-    """
+    """Do what is asked for."""
     from sain_core.output import claim_folder
     from sain_lab.keeping.laboratory import Laboratory, forget
 

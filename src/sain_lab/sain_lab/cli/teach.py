@@ -13,12 +13,7 @@ if TYPE_CHECKING:
 
 
 def run(options: TeachOptions, console: Console) -> None:
-    """Teach, print what was learned, and write the chart.
-
-    Raises:
-        SainError: no push is possible; the laboratory is open elsewhere, or damaged; nobody
-            answers on the graph.
-    """
+    """Teach, print what was learned, and write the chart."""
     from sain_core.view.figures import write_png
     from sain_lab.judging.chart import draw_curves
     from sain_lab.judging.curves import read_curves

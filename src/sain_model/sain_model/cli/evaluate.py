@@ -54,11 +54,7 @@ class EvaluateModelOptions(Config):
 
 
 def run(options: EvaluateModelOptions, console: Console) -> None:
-    """Evaluate, print tables and write JSON, Markdown and picture.
-
-    Raises:
-        DatasetError, CheckpointError, ConfigError, OutputError: see `sain_core.errors`.
-    """
+    """Evaluate, print tables and write JSON, Markdown and picture."""
     from sain_model.data.dataset import load_dataset
     from sain_model.data.windows import make_windows
     from sain_model.dynamics.load import parse_card, shipped_checkpoint

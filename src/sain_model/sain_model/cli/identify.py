@@ -43,13 +43,7 @@ class IdentifyOptions(Config):
 
 
 def run(options: IdentifyOptions, console: Console) -> None:
-    """Identify, print a table and write the belief.
-
-    Raises:
-        DatasetError: a data set that is damaged or given twice, or two that disagree.
-        ConfigError: the model infers nothing from pushes.
-        OutputError: the file cannot be written.
-    """
+    """Identify, print a table and write the belief."""
     from sain_core.model import load_dynamics
     from sain_model.data.dataset import load_dataset
     from sain_model.dynamics.identify import (

@@ -52,11 +52,7 @@ def options(arguments: Sequence[str]) -> type[TrainOptions]:
 
 
 def run(options: TrainOptions, console: Console) -> None:
-    """Train, evaluate on the held-out episodes, write everything.
-
-    Raises:
-        DatasetError, CheckpointError, ConfigError, OutputError: see `sain_core.errors`.
-    """
+    """Train, evaluate on the held-out episodes, write everything."""
     require_torch("train")
     from sain_core.view.figures import write_png
     from sain_model.data.dataset import load_dataset, split_by_episode

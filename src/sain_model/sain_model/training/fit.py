@@ -147,11 +147,7 @@ def fit(
 
 
 def _with_bodies(split: Split, kind: Kind) -> Split:
-    """Return a split that states what the pushes to learn from show of each body.
-
-    Raises:
-        DatasetError: pushes whose body is not named.
-    """
+    """Return a split that states what the pushes to learn from show of each body."""
     parts = split.train, split.validation, split.test
     bodies = infer_bodies(kind, split.train)
     return Split(*(with_beliefs(part, kind, bodies) for part in parts))

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Final, Self
+from typing import Final, NamedTuple, Self
 
 import numpy as np
 from jaxtyping import Float
@@ -223,6 +223,15 @@ class PlanResult:
         return self.cost < self.rest_cost
 
 
+class Tried(NamedTuple):
+    """K sequences, where they lead, and what they cost: by term, and in all."""
+
+    sequences: PushSequences
+    predicted: PredictedScenes
+    costs: Scalars
+    terms: dict[str, Scalars]
+
+
 class Elites:
     """The best sequences in order, and what the very best leads to and costs."""
 
@@ -246,38 +255,25 @@ class Elites:
         """Some of all sequences, from the cheapest to the dearest."""
         return Shown.thinned(self._shown, self._count)
 
-    def add(
-        self,
-        sequences: PushSequences,
-        predicted: PredictedScenes,
-        costs: Scalars,
-        terms: dict[str, Scalars],
-    ) -> None:
+    def add(self, tried: Tried) -> None:
         """Keep what is worth it of some sequences."""
-        self._shown.append(Shown.of(predicted, costs, self._count))
+        costs = tried.costs
+        self._shown.append(Shown.of(tried.predicted, costs, self._count))
         best = np.argsort(costs, kind="stable")[:MOST_ELITES]
         best = best[np.isfinite(costs[best])]
         every = np.concatenate([self._costs, costs[best]])
         order = np.argsort(every, kind="stable")[:MOST_ELITES]
-        self.sequences = np.concatenate([self.sequences, sequences[best]])[order]
+        self.sequences = np.concatenate([self.sequences, tried.sequences[best]])[order]
         self._costs = every[order]
         if len(best) and costs[best[0]] < self.cost:
-            self._note(predicted, costs, terms, int(best[0]))
+            self._note(tried, int(best[0]))
 
-    def prefer(
-        self,
-        sequences: PushSequences,
-        predicted: PredictedScenes,
-        costs: Scalars,
-        terms: dict[str, Scalars],
-    ) -> None:
+    def prefer(self, tried: Tried) -> None:
         """Take the first of some sequences for the best, whatever it costs."""
-        self.sequences = np.concatenate([sequences[:1], self.sequences])[:MOST_ELITES]
-        self._costs = np.concatenate([costs[:1], self._costs])[:MOST_ELITES]
-        self._note(predicted, costs, terms, 0)
+        self.sequences = np.concatenate([tried.sequences[:1], self.sequences])[:MOST_ELITES]
+        self._costs = np.concatenate([tried.costs[:1], self._costs])[:MOST_ELITES]
+        self._note(tried, 0)
 
-    def _note(
-        self, predicted: PredictedScenes, costs: Scalars, terms: dict[str, Scalars], row: int
-    ) -> None:
-        self.cost, self._predicted = float(costs[row]), predicted[row].copy()
-        self.terms = {name: float(values[row]) for name, values in terms.items()}
+    def _note(self, tried: Tried, row: int) -> None:
+        self.cost, self._predicted = float(tried.costs[row]), tried.predicted[row].copy()
+        self.terms = {name: float(values[row]) for name, values in tried.terms.items()}

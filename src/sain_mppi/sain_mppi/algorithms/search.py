@@ -10,11 +10,12 @@ from sain_core.errors import ModelUnavailableError, NoPushError
 from sain_core.model import RolloutModel, check_rollout
 from sain_core.push import LENGTH, SPEED, idle_pushes
 from sain_core.scene import POSITION
-from sain_core.types import Mask, PredictedScenes, Pushes, PushSequences, Scalars
+from sain_core.types import Mask, Pushes, PushSequences, Scalars
 from sain_mppi.algorithms.sampling import (
     Elites,
     PlanResult,
     Times,
+    Tried,
     WarmStart,
     cost_spread,
     effective_samples,
@@ -223,10 +224,9 @@ class Search:
         """Take one sequence (H, 5) as the plan, whatever others cost, if it can be done."""
         if not self.permitted(sequence[:1]).all():
             return
-        predicted = self._rollout(sequence[None])
-        costs, terms = self._costs(sequence[None], predicted)
-        if np.isfinite(costs[0]):
-            self.elites.prefer(sequence[None], predicted, costs, terms)
+        tried = self._roll_out(sequence[None])
+        if np.isfinite(tried.costs[0]):
+            self.elites.prefer(tried)
 
     def result(self) -> PlanResult:
         """Return the best sequence as the plan; something must have been evaluated."""
@@ -249,27 +249,21 @@ class Search:
     def _try(self, sequences: PushSequences) -> Scalars:
         costs = np.full(len(sequences), np.inf)
         for part in self._pacing.parts(len(sequences)):
-            tried = sequences[part]
-            predicted = self._rollout(tried)
-            costs[part], terms = self._costs(tried, predicted)
-            self.elites.add(tried, predicted, costs[part], terms)
-            self.samples += len(tried)
+            tried = self._roll_out(sequences[part])
+            costs[part] = tried.costs
+            self.elites.add(tried)
+            self.samples += len(tried.costs)
         return costs
 
-    def _rollout(self, sequences: PushSequences) -> PredictedScenes:
+    def _roll_out(self, sequences: PushSequences) -> Tried:
         begun = perf_counter()
         predicted = self.model.rollout(self.scene, sequences)
-        self._rollout_time += perf_counter() - begun
-        return check_rollout(predicted, self.scene, sequences, finite=False)
-
-    def _costs(
-        self, sequences: PushSequences, predicted: PredictedScenes
-    ) -> tuple[Scalars, dict[str, Scalars]]:
-        begun = perf_counter()
+        ended = perf_counter()
+        predicted = check_rollout(predicted, self.scene, sequences, finite=False)
         terms = self.objective.terms(sequences, predicted)
-        costs = total_cost(terms)
-        self._cost_time += perf_counter() - begun
-        return costs, terms
+        self._rollout_time += ended - begun
+        self._cost_time += perf_counter() - ended
+        return Tried(sequences, predicted, total_cost(terms), terms)
 
 
 class Pacing:

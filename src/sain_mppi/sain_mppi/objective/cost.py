@@ -343,12 +343,7 @@ def find_cost(name: str) -> tuple[EntryPoint, Cost]:
 
 
 def _further(name: str, rollout: Rollout, objective: Objective) -> Scalars:
-    """Return the term (K,) of a package, unweighted.
-
-    Raises:
-        ConfigError: it has another shape, is no numbers, or is finite for no prediction that is
-            finite.
-    """
+    """Return the term (K,) of a package, unweighted."""
     entry, cost = find_cost(name)
     found, right = np.asarray(cost(rollout, objective)), (len(rollout.pushes),)
     if found.shape != right:
