@@ -117,9 +117,7 @@ def test_files_that_are_not_sound_are_refused_and_never_unpickled(
     ("field", "value", "message"),
     [
         ("color", "red", "is not a checkpoint's card: it has color, and no card has that"),
-        ("feature_version", 99, "feature_version is 99; this version reads 1"),
-        ("body_features", 15, "body_features is 15; this version reads 20"),
-        ("format_version", 1, "has format 1; this version reads 3: train it again with: ros2 run"),
+        ("format", 1, "has format 1; this version reads '0.2': train it again with: ros2 run"),
         ("weights_sha256", "0" * 64, "its card says 0000000000000000"),
         ("prior", "plain", "the prior 'plain' has no settings; given: friction, friction_scale"),
         ("prior_config", {"friction": -1.0}, "PlanarConfig.friction is -1.0"),
