@@ -255,7 +255,7 @@ def _of_bodies(
     bodies, place, counts = np.unique(names, return_inverse=True, return_counts=True)
     totals = np.stack([np.bincount(place, row) for row in excess])
     factors = intervals.widening(totals, counts)
-    usual = np.array([intervals.usual_log, intervals.turn_log])
+    usual = np.array(intervals.usual_log)
     left = np.quantile(excess - np.log(factors[:, place]), intervals.level, axis=1) + usual
     factors *= np.exp(left)[:, None]
     return dict(zip(bodies.tolist(), factors.T, strict=True))

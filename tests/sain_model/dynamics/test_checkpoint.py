@@ -130,7 +130,7 @@ def test_files_that_are_not_sound_are_refused_and_never_unpickled(
         ("network", {"hidden": "8"}, "network: hidden is '8'; it must be of type int"),
         ("network", {"features": "table"}, "features is 'table'; allowed: 'push', 'world'"),
         ("network", {"width": 8}, "width"),
-        ("intervals", {"mid": {"factors": [1.0, 2.0]}}, "intervals: IntervalConfig has scores"),
+        ("intervals", {"mid": {"factors": [1.0, 2.0]}}, "intervals: Region has scores"),
     ],
 )
 def test_cards_that_are_not_sound_are_refused(

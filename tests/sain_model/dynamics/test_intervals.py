@@ -60,7 +60,7 @@ def test_training_fits_them_the_card_keeps_them_and_the_report_measures_them(
 
     card["intervals"]["target"]["factors"] = [1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0]
     card_path(path).write_text(json.dumps(card))
-    with pytest.raises(CheckpointError, match=r"sain.json: intervals: IntervalConfig has scores"):
+    with pytest.raises(CheckpointError, match=r"sain.json: intervals: Region has scores"):
         load_dynamics(str(path))
 
 
@@ -71,7 +71,7 @@ def factor(intervals: Intervals, logs: np.ndarray) -> float:
 
 
 def test_regions_widen_where_errors_are_larger_than_usual_and_never_shrink() -> None:
-    intervals = Intervals(usual_log=-1.0, usual_log_std=1.0)
+    intervals = Intervals(usual_log=(-1.0, 0.0), usual_log_std=(1.0, 0.0))
     assert intervals.adapts
     assert not Intervals().adapts
     usual, large = np.zeros(4), np.full(4, np.log(10.0 * np.e))

@@ -188,9 +188,8 @@ def load_checkpoint(path: Path) -> SainDynamics:
     content, card, text = read_checkpoint(path)
     with naming(str(card_path(path))):
         config = card_part("network", NetworkConfig, card.network)
-        intervals = None
-        if card.intervals is not None:
-            intervals = card_part("intervals", Intervals, card.intervals)
+        with naming("intervals"):
+            intervals = None if card.intervals is None else Intervals.parse(card.intervals)
         kind = _kind(make_prior(card.prior, card.prior_config), card)
         recurrent = card.kind == RECURRENT
         bottoms = _bottoms(card)
