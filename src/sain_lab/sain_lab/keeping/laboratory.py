@@ -195,14 +195,10 @@ class OpenLaboratory(Laboratory):
             OutputError: it cannot be written.
             DatasetError: as `Laboratory`.
         """
-        _make(path)
-        try:
-            self._lock = lock_file(path / LOCK, owner)
-        except LockedError as error:
-            raise BusyError(
-                f"laboratory {path} is open already: process {error.holder or 'without a name'}"
-                " learns there; stop it, or take another laboratory"
-            ) from None
+        if not (path / MANIFEST).exists():
+            claim_folder(path)
+        make_folder(path)
+        self._lock = _lock(path, owner)
         try:
             if not (path / MANIFEST).exists():
                 _write_manifest(path, Manifest(path.name, time.time()))
@@ -210,13 +206,10 @@ class OpenLaboratory(Laboratory):
             self._log = LogWriter(self.log_path)
             self._waiting = LogWriter(path / WAITING, durable=False)
             _sign(path)
-        except OSError as error:
+        except BaseException as error:
             os.close(self._lock)
-            if isinstance(error, SainError):
-                raise
-            raise OutputError(f"cannot write {path}: {error.strerror or error}") from error
-        except BaseException:
-            os.close(self._lock)
+            if isinstance(error, OSError) and not isinstance(error, SainError):
+                raise OutputError(f"cannot write {path}: {error.strerror or error}") from error
             raise
 
     @classmethod
@@ -289,10 +282,7 @@ def forget(name: str) -> Path:
     if not (path / LOCK).exists():
         remove(path)
         return path
-    try:
-        lock = lock_file(path / LOCK, "forget")
-    except LockedError as error:
-        raise BusyError(f"laboratory {path} is open: process {error.holder} learns there") from None
+    lock = _lock(path, "forget")
     try:
         remove(path)
     finally:
@@ -300,10 +290,14 @@ def forget(name: str) -> Path:
     return path
 
 
-def _make(path: Path) -> None:
-    if not (path / MANIFEST).exists():
-        claim_folder(path)
-    make_folder(path)
+def _lock(path: Path, owner: str) -> int:
+    try:
+        return lock_file(path / LOCK, owner)
+    except LockedError as error:
+        raise BusyError(
+            f"laboratory {path} is open already: process {error.holder or 'without a name'} learns"
+            " there; stop it, or take another laboratory"
+        ) from None
 
 
 def _sign(path: Path) -> None:
