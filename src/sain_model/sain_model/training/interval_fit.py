@@ -136,35 +136,24 @@ def fit_disk(
 
     `long` are elongations (M,) of bodies of any shape. The score is that of `like`, where given.
     """
-    config = like or _fitted_score(parts, off, level, long)
-    scores, factors = _factors(config.score(parts[0], parts[1], parts[2], long), off, level)
-    return replace(config, scores=scores, factors=factors)
-
-
-def _fitted_score(
-    parts: Float[ndarray, "3 M"], off: Scalars, level: float, long: Scalars | None
-) -> Region:
-    varies = parts.max(axis=1) > RESOLUTION
-    weights = np.zeros(3)
-    noise, weights[varies], elongation = _fit_score(parts[varies], off, level, long)
-    members, friction, moved = (float(weight) for weight in weights)
-    return Region(noise, members, friction, moved, elongation)
+    region = like or _fit_score(parts, off, level, long)
+    scores, factors = _factors(region.score(parts[0], parts[1], parts[2], long), off, level)
+    return replace(region, scores=scores, factors=factors)
 
 
 def _fit_score(
-    parts: Float[ndarray, "P M"], off: Scalars, level: float, long: Scalars | None
-) -> tuple[float, Float[ndarray, "P"], float]:
-    """Return noise and weights so that the score is, as near as can be, the level's quantile.
-
-    The last one is the weight of the elongation; 0 for disks.
+    parts: Float[ndarray, "3 M"], off: Scalars, level: float, long: Scalars | None
+) -> Region:
+    """Return weights so that the score is, as near as can be, the level's quantile.
 
     That is quantile regression of the logarithm of the distance.
     """
-    logs = np.log(off + RESOLUTION)
+    varies = parts.max(axis=1) > RESOLUTION
+    logs, some = np.log(off + RESOLUTION), parts[varies]
 
     def loss(parameters: Float[ndarray, "Q"]) -> float:
-        values = np.exp(np.clip(parameters[: len(parts) + 1], -20.0, 10.0))
-        missing = logs - np.log(RESOLUTION + values[0] + values[1:] @ parts)
+        values = np.exp(np.clip(parameters[: len(some) + 1], -20.0, 10.0))
+        missing = logs - np.log(RESOLUTION + values[0] + values[1:] @ some)
         if long is not None:
             missing -= parameters[-1] * long
         pinball = np.maximum(level * missing, (level - 1.0) * missing).mean()
@@ -172,12 +161,14 @@ def _fit_score(
 
     found = []
     for start in STARTS:
-        first = np.array([np.log(1e-4), *[start] * len(parts), *[0.0] * (long is not None)])
+        first = np.array([np.log(1e-4), *[start] * len(some), *[0.0] * (long is not None)])
         rough = minimize(loss, first, method="Powell")
         found.append(minimize(loss, rough.x, method="Nelder-Mead"))
     lowest = min(found, key=lambda result: result.fun).x
-    best = np.exp(np.clip(lowest[: len(parts) + 1], -20.0, 10.0))
-    return float(best[0] + RESOLUTION), best[1:], 0.0 if long is None else float(lowest[-1])
+    best, weights = np.exp(np.clip(lowest[: len(some) + 1], -20.0, 10.0)), np.zeros(3)
+    weights[varies] = best[1:]
+    elongation = 0.0 if long is None else float(lowest[-1])
+    return Region(float(best[0] + RESOLUTION), *weights.tolist(), elongation)
 
 
 def _factors(
