@@ -27,7 +27,7 @@ from sain_model.network.features import (
 from sain_model.network.network_kernels import correct_block
 from sain_model.network.settings import CPU, WORLD_FRAME
 from sain_model.network.weights import NetworkWeights
-from sain_model.physics.parameters import Values, check_physics_next
+from sain_model.physics.parameters import Values
 
 if TYPE_CHECKING:  # predictions on the CPU need no PyTorch
     from sain_model.network.interaction_network import TorchNetwork
@@ -134,11 +134,7 @@ class ResidualNetwork:
 
         A push of zero length moves nothing, nor does a body with the role "fixed". Velocities,
         masses and radii are passed on as they are.
-
-        Raises:
-            InvalidInputError: arrays that do not fit together.
         """
-        check_physics_next(physics.scenes, physics.after)
         corrected = self._forward.correct(*physics)
         if fixed := list(physics.bodies.fixed):
             corrected[:, fixed] = physics.after[:, fixed]

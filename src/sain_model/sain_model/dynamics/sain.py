@@ -36,7 +36,7 @@ from sain_model.inference.kinds import MASS_RATIO, Belief, Kind, by_friction, on
 from sain_model.inference.posterior import Posterior, believed_values, infer, step_rows
 from sain_model.network.settings import IDENTITY
 from sain_model.network.weights import NetworkWeights
-from sain_model.physics.parameters import Values, check_physics_next, with_mass_ratio
+from sain_model.physics.parameters import Values, with_mass_ratio
 from sain_model.physics.planar import step_knowing
 
 PHYSICS: Final = "physics"  # Fig. 1a: no network
@@ -218,7 +218,6 @@ class SainDynamics(Model):
     ) -> Scenes:
         """Return a prediction `physics_next` (B, N, 8) of physics, corrected where that counts."""
         if self.network is None or not self.corrects:
-            check_physics_next(scenes, physics_next)
             return physics_next.copy()
         return self.network.correct(
             self._as_seen(scenes, pushes, physics_next, self.now.posterior, values)

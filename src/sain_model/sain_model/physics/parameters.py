@@ -70,18 +70,6 @@ def check_finite(name: str, values: np.ndarray) -> None:
         raise InvalidInputError(f"{name}{list(where)} is {values[where]}; it must be finite")
 
 
-def check_physics_next(scenes: np.ndarray, physics_next: np.ndarray) -> None:
-    """Check that a prediction is one of these scenes.
-
-    Raises:
-        InvalidInputError: it has another shape.
-    """
-    if physics_next.shape != scenes.shape:
-        raise InvalidInputError(
-            f"physics_next has shape {scenes.shape} like the scenes, not {physics_next.shape}"
-        )
-
-
 Scope = Literal["body", "table", "tool", "episode"]
 Values = Mapping[str, ndarray]  # (B,) by name; parameters of bodies (B,) for all, or (B, N)
 
