@@ -131,6 +131,7 @@ def test_files_that_are_not_sound_are_refused_and_never_unpickled(
         ("network", {"features": "table"}, "features is 'table'; allowed: 'push', 'world'"),
         ("network", {"width": 8}, "width"),
         ("intervals", {"mid": {"factors": [1.0, 2.0]}}, "intervals: Region has scores"),
+        ("intervals", {"mid": {"noise": "x"}}, "intervals: Region holds 'x'; allowed: finite numb"),
     ],
 )
 def test_cards_that_are_not_sound_are_refused(

@@ -168,7 +168,8 @@ def _fit_score(
     best, weights = np.exp(np.clip(lowest[: len(some) + 1], -20.0, 10.0)), np.zeros(3)
     weights[varies] = best[1:]
     elongation = 0.0 if long is None else float(lowest[-1])
-    return Region(float(best[0] + RESOLUTION), *weights.tolist(), elongation)
+    members, friction, way = weights.tolist()
+    return Region(float(best[0] + RESOLUTION), members, friction, way, elongation)
 
 
 def _factors(
