@@ -35,7 +35,6 @@ places = figure.subplots(ROWS, COLUMNS).ravel()
 for place, (axes, name) in enumerate(zip(places, ALGORITHMS, strict=False)):
     planner = Planner(sain, replace(PlannerConfig(), algorithm=name))
     planner.plan(problem, generator(7, name))  # the first plan loads and compiles
-    planner.reset()
     plan = planner.complete(problem, planner.plan(problem, generator(7, name)))
     names = draw_plan(axes, scene, goal, plan)
     axes.set(xlim=(0.28, 0.83), ylim=(-0.22, 0.33))  # the same view for every algorithm

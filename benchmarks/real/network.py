@@ -22,15 +22,14 @@ from sain_core.types import Indices
 from sain_model.data.dataset import Part, Split
 from sain_model.dynamics.identify import believed_places, body_names, infer_bodies, with_beliefs
 from sain_model.dynamics.intervals import Intervals, Prediction
-from sain_model.dynamics.residual import residual_model, with_intervals
-from sain_model.dynamics.sain import Inferred, SainDynamics
+from sain_model.dynamics.sain import Inferred, SainDynamics, residual_model, with_intervals
 from sain_model.inference.kinds import friction_kind
 from sain_model.inference.posterior import Posterior
 from sain_model.network.interaction_network import new_network
 from sain_model.network.settings import IDENTITY, PLANAR, PUSH_FRAME, WORLD_FRAME, NetworkConfig
 from sain_model.training.interval_fit import fit_regions, with_regions
 from sain_model.training.objectives import SinglePushes
-from sain_model.training.settings import NOTHING, LossConfig, TrainingConfig
+from sain_model.training.settings import NOTHING, TrainingConfig
 from sain_model.training.trainer import Trainer
 
 NEW_SHARE: Final = 0.2  # of the objects, that stand for new ones
@@ -43,7 +42,7 @@ SETTINGS: Final = TrainingConfig(
     history=NOTHING,
     test=0.0,
     epochs=80,
-    loss=LossConfig(heading_scale=0.02),
+    heading_scale=0.02,
     network=NetworkConfig(hidden=128, features=WORLD_FRAME, believed=True, members=4),
 )
 OF_NEW: Final = replace(  # where the table is known, and the body is not
@@ -256,7 +255,7 @@ def _of_bodies(
     bodies, place, counts = np.unique(names, return_inverse=True, return_counts=True)
     totals = np.stack([np.bincount(place, row) for row in excess])
     factors = intervals.widening(totals, counts)
-    usual = np.array([intervals.usual_log, intervals.turn_log])
+    usual = np.array(intervals.usual_log)
     left = np.quantile(excess - np.log(factors[:, place]), intervals.level, axis=1) + usual
     factors *= np.exp(left)[:, None]
     return dict(zip(bodies.tolist(), factors.T, strict=True))

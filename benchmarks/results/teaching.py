@@ -25,7 +25,7 @@ from sain_eval.loop.closed_loop import RandomDecider
 from sain_lab.keeping.results import Result
 from sain_lab.learner import prediction_error
 from sain_lab.physics import Believer
-from sain_lab.settings import TeachSettings
+from sain_lab.settings import TeachOptions
 from sain_lab.teaching.information import Work
 from sain_lab.teaching.lesson_plan import Room, Rooms, Teaching, rooms_of, work_of
 from sain_lab.teaching.teacher import Teacher
@@ -40,7 +40,7 @@ WORK: Final = 150  # pushes that are predicted
 FAR: Final = 50_000  # between the seeds of runs
 
 
-def learned(settings: TeachSettings, work: Work, decider: Callable[..., Decider]) -> list[Result]:
+def learned(settings: TeachOptions, work: Work, decider: Callable[..., Decider]) -> list[Result]:
     """Return the pushes of a decider, from which the physics is learned as they come."""
     believer, taken = Believer(load_shipped()), []
 
@@ -111,9 +111,9 @@ def main() -> None:
     write_json(options.out / f"teaching_{options.lab}_intervals.json", ratios)
 
 
-def _settings(lab: str, seed: int, pushes: int) -> TeachSettings:
+def _settings(lab: str, seed: int, pushes: int) -> TeachOptions:
     truth = LABS[lab]
-    return TeachSettings(
+    return TeachOptions(
         pushes=pushes, seed=seed, world=truth.world, engine=truth.engine, lab=truth.lab
     )
 

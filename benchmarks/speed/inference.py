@@ -20,8 +20,7 @@ from benchmarks.speed.planar_prior import draw
 from benchmarks.timing import fastest
 from sain_core.model import Model, load_dynamics
 from sain_core.types import Pushes, Scenes
-from sain_model.dynamics.residual import weights_of
-from sain_model.dynamics.sain import SainDynamics
+from sain_model.dynamics.sain import SainDynamics, weights_of
 from sain_model.network.interaction_network import TorchNetwork
 from sain_model.network.weights import DYNAMICS, RELATION
 

@@ -72,7 +72,6 @@ def problem(seed: int = 0) -> ScenarioScene:
 
 def plan_again(planner: Planner, case: ScenarioScene, seed: int = 0) -> PlanResult:
     """Plan a scene as the first of an episode."""
-    planner.reset()
     return planner.plan(Problem.of(case.disks, case.goal), generator(seed, "benchmark"))
 
 
@@ -181,9 +180,8 @@ def moving_pushes(planner: Planner, case: ScenarioScene) -> int:
             Counting.pushes += int((pushes[..., LENGTH] > 0.0).sum())
             return model.rollout(scene, pushes)
 
-    model, planner.model = planner.model, Counting()
-    plan_again(planner, case)
-    planner.model = model
+    model = planner.model
+    plan_again(replace(planner, model=Counting()), case)
     return Counting.pushes
 
 
@@ -195,12 +193,11 @@ def deadlines(sain: SainDynamics, options: Options) -> list[Figure]:
     late, samples = [], []
     for number in range(options.plans):
         case = cases[number % len(cases)]
-        planner.reset()
         begun = perf_counter()
         result = planner.plan(
             Problem.of(case.disks, case.goal),
             generator(number, "deadline"),
-            monotonic() + DEADLINE,
+            deadline=monotonic() + DEADLINE,
         )
         late.append(perf_counter() - begun > DEADLINE)
         samples.append(result.samples)

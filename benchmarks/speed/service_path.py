@@ -100,7 +100,6 @@ def compare(
     """Return the shortest times [s] of the same plan in process and by the service."""
 
     def plan(planner: Planner) -> Pushes:
-        planner.reset()
         problem = Problem.of(case.disks, case.goal)
         return planner.plan(problem, generator(case.seed, "service")).pushes
 

@@ -145,7 +145,7 @@ def test_a_planted_network_is_dropped_within_30_pushes(tmp_path):
 def plant(learner, service):
     """Put the shipped network, which does not belong to this table, made worse, into service."""
     from sain_model.dynamics.load import parse_card, save_checkpoint, shipped_checkpoint
-    from sain_model.dynamics.residual import weights_of
+    from sain_model.dynamics.sain import weights_of
 
     shipped = load_dynamics("sain")
     weights = weights_of(shipped)

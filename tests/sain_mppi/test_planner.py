@@ -42,59 +42,61 @@ def test_it_brings_the_target_to_the_goal_from_any_side(dynamics, bearing):
 
 
 def test_the_next_plan_starts_from_the_rest_of_the_last(scene, dynamics):
-    warm = planner(dynamics)
-    first = warm.plan(problem(scene), generator(0))
-    warm.config = replace(CONFIG, samples=1, rounds=1, stuck_rounds=0, correction_within=0.0)
-    then = warm.plan(problem(first.predicted[0]), generator(1))
+    first = planner(dynamics).plan(problem(scene), generator(0))
+    small = planner(dynamics, samples=1, rounds=1, stuck_rounds=0, correction_within=0.0)
+    then = small.plan(problem(first.predicted[0]), generator(1), first.rest)
     np.testing.assert_allclose(then.pushes[:-1], first.pushes[1:])
 
 
 @pytest.mark.parametrize("algorithm", [MPPI_ROUNDS, MPPI])
 def test_few_samples_are_enough_where_the_last_plan_goes_on(scene, dynamics, algorithm):
     plans = planner(dynamics, algorithm=algorithm, samples=256)
-    few = replace(plans.config, samples=8)
+    few = planner(dynamics, algorithm=algorithm, samples=8)
     warm_costs, cold_costs = [], []
     for seed in range(5):
-        plans.config = replace(few, samples=256)
-        plans.reset()
         first = plans.plan(problem(scene), generator(seed))
-        plans.config, after = few, problem(first.predicted[0])
-        warm_costs.append(plans.plan(after, generator(seed, 1)).cost)
-        cold_costs.append(Planner(plans.model, few).plan(after, generator(seed, 1)).cost)
-        without = Planner(plans.model, replace(few, warm_start=False))
-        assert without.plan(after, generator(seed, 1)).cost == cold_costs[-1]
+        after = problem(first.predicted[0])
+        warm_costs.append(few.plan(after, generator(seed, 1), first.rest).cost)
+        cold_costs.append(few.plan(after, generator(seed, 1)).cost)
+        without = replace(few, config=replace(few.config, warm_start=False))
+        assert without.plan(after, generator(seed, 1), first.rest).cost == cold_costs[-1]
     assert np.mean(warm_costs) < np.mean(cold_costs)
 
 
-def test_reset_and_another_goal_forget_the_last_plan(scene, dynamics):
-    fresh = planner(dynamics).plan(problem(scene), generator(1))
-    used = planner(dynamics)
-    used.plan(problem(scene, Goal.place(0.6, -0.2)), generator(0))
-    assert used.plan(problem(scene), generator(1)).pushes.tobytes() == fresh.pushes.tobytes()
-    used.reset()
-    assert used.plan(problem(scene), generator(1)).pushes.tobytes() == fresh.pushes.tobytes()
+def test_the_plan_for_another_goal_is_no_start(scene, dynamics):
+    plans = planner(dynamics)
+    fresh = plans.plan(problem(scene), generator(1))
+    other = plans.plan(problem(scene, Goal.place(0.6, -0.2)), generator(0))
+    then = plans.plan(problem(scene), generator(1), other.rest)
+    assert then.pushes.tobytes() == fresh.pushes.tobytes()
+
+
+def prepared(scene, plans):
+    """Return what was prepared after a push, and where that leads."""
+    first = plans.plan(problem(scene), generator(0))
+    expected = first.predicted[0]
+    return plans.prepare(problem(expected), generator(1), first.rest), expected
 
 
 def test_a_plan_that_was_prepared_is_corrected_with_few_samples(scene, dynamics):
-    ahead = planner(dynamics)
-    first = ahead.plan(problem(scene), generator(0))
-    expected = first.predicted[0]
-    ahead.prepare(problem(expected), generator(1))
-    then = ahead.plan(problem(expected), generator(2))
-    anew = planner(dynamics).plan(problem(expected), generator(2))
+    plans = planner(dynamics)
+    start, expected = prepared(scene, plans)
+    then = plans.plan(problem(expected), generator(2), start)
+    anew = plans.plan(problem(expected), generator(2))
     assert then.rounds == 1 and then.samples <= CONFIG.correction + 16 < anew.samples
     assert then.cost < 0.1 * then.rest_cost  # `anew` likewise: three times the samples
 
 
-def test_what_was_prepared_is_dropped_for_a_wide_plan_a_refusal_or_another_goal(scene, dynamics):
-    def rounds(goal=GOAL, **options):
-        ahead = planner(dynamics)
-        expected = ahead.plan(problem(scene), generator(0)).predicted[0]
-        ahead.prepare(problem(expected), generator(1))
-        return ahead.plan(problem(expected, goal), generator(2), **options).rounds
+def test_what_was_prepared_is_dropped_for_a_refusal_or_another_goal(scene, dynamics):
+    plans = planner(dynamics)
+    start, expected = prepared(scene, plans)
+
+    def rounds(goal=GOAL, refused=()):
+        asked = replace(problem(expected, goal), refused=refused)
+        return plans.plan(asked, generator(2), start).rounds
 
     assert rounds() == 1
-    assert rounds(wide=True) == rounds(refused=(make_push(3.0, 0.0, 0.1),)) == CONFIG.rounds
+    assert rounds(refused=(make_push(3.0, 0.0, 0.1),)) == CONFIG.rounds
     assert rounds(goal=Goal.place(0.70, 0.07)) == CONFIG.rounds
 
 

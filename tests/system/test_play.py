@@ -108,7 +108,7 @@ def audience(monkeypatch: pytest.MonkeyPatch) -> Iterator[Audience]:
 @pytest.fixture
 def nodes(audience: Audience, tmp_path: Path) -> Iterator[None]:
     """The model and the planner, as docs/guides/replay.md starts them."""
-    settings = ["--ros-args", "-p", "goal_tracker.result_patience:=0.0"]
+    settings = ["--ros-args", "-p", "result_patience:=0.0"]
     commands = {
         "model": [str(executable("sain_model", "model_node"))],
         "planner": [str(executable("sain_mppi", "mppi_node")), *settings],

@@ -33,7 +33,7 @@ def plan(search: Search, start: PushSequences, generator: np.random.Generator) -
     """
     config, fit = search.config, None
     if len(start):
-        fit = EliteSpread(start[0], np.tile(config.noise.deviations(0), (config.horizon, 1)), start)
+        fit = EliteSpread(start[0], np.tile(config.deviations(0), (config.horizon, 1)), start)
     for round_number in range(config.rounds):
         if round_number and search.over:
             break

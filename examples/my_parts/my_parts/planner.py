@@ -17,7 +17,7 @@ def plan(search: Search, start: PushSequences, generator: np.random.Generator) -
         return np.concatenate([informed, uniform])
 
     def change(count: int) -> PushSequences:
-        best, scale = search.elites.sequences[0], config.noise.deviations(0)
+        best, scale = search.elites.sequences[0], config.deviations(0)
         return gaussian_sequences(best, scale, 0.5, limits, generator, count)
 
     search.evaluate(search.draw_permitted(draw, config.samples, generator))

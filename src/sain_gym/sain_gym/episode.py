@@ -13,10 +13,11 @@ from sain_core.types import PushArray, Scene
 from sain_core.world import DivergedError
 from sain_eval.episode import EpisodeRecord, Tolerance
 from sain_eval.scenes.families import ScenarioScene
-from sain_mppi.agent.goal_tracker import LOOK_AGAIN, GoalTrackerConfig
+from sain_mppi.agent.agent import AgentConfig
+from sain_mppi.agent.goal_tracker import LOOK_AGAIN
 
 TABLE: Final = Feasibility().table
-MOST_REFUSALS: Final = GoalTrackerConfig().max_refusals  # from one scene, as in an evaluation
+MOST_REFUSALS: Final = AgentConfig().max_refusals  # from one scene, as in an evaluation
 
 
 @dataclass(frozen=True)

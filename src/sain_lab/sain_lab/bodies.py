@@ -38,7 +38,6 @@ class BodyBeliever:
     """Keeps what pushes say of each body."""
 
     def __init__(self) -> None:
-        """Begin with the textbook's values."""
         self._kind = surface_kind()
         self._bodies: dict[str, _Body] = {}
         self._latest = ""  # the body that was pushed last

@@ -217,11 +217,9 @@ class Learner:
         self.laboratory.close()
 
     def __enter__(self) -> Self:
-        """Return the learner."""
         return self
 
     def __exit__(self, *_: object) -> None:
-        """Close it."""
         self.close()
 
     def _append(self, record: dict[str, Any]) -> None:

@@ -106,7 +106,6 @@ class Believer:
     """Keeps a window of pushes, and what they say."""
 
     def __init__(self, base: SainDynamics) -> None:
-        """Begin with what the shipped model believes."""
         self._base = base
         self.window: deque[Result] = deque(maxlen=WINDOW)
         self.belief: Belief = base.belief

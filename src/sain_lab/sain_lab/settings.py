@@ -1,9 +1,11 @@
-"""The settings of the learner's node, and of teaching."""
+"""The settings of the learner's node, and of `teach`."""
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Final
 
 from sain_core.config import MOST_SEED, Config, option
+from sain_core.output import OVERWRITE_HELP
 from sain_core.world import ObservationConfig
 from sain_eval.scenes.scenarios import OFFERED, SCENARIOS
 from sain_lab.keeping.laboratory import laboratory_path
@@ -32,7 +34,6 @@ class LearnerConfig(Config):
     state_file: str = option("", "file that keeps the name of the run over a crash; empty: none")
 
     def __post_init__(self) -> None:
-        """Check the fields, the laboratory's name and the noise."""
         super().__post_init__()
         if self.laboratory:
             laboratory_path(self.laboratory)
@@ -45,8 +46,14 @@ class LearnerConfig(Config):
 
 
 @dataclass(frozen=True)
-class TeachSettings(Config):
-    """Where, how much and for which plans is taught."""
+class TeachOptions(Config):
+    """Make the pushes that inform most about the plans of a scenario, and learn from them.
+
+    With --world the pushes are made in a simulated world, without ROS. Without it they are made on
+    the graph that runs, which `graph --learn` has started with this laboratory, while no goal is
+    followed. Each push leaves all bodies in reach. Prints the parameters with their spreads, the
+    error before and after, and what as many pushes more would bring; writes a chart.
+    """
 
     laboratory: str = option("my_table", "name of the laboratory, or a path with a '/'")
     pushes: int = option(25, "number of pushes", minimum=1, maximum=10_000)
@@ -65,9 +72,10 @@ class TeachSettings(Config):
     per_scene: int = option(
         8, "pushes in a scene before it is reset, where there is a simulator", minimum=1
     )
+    out: Path = option(Path("results/teaching.png"), "file for the chart")
+    overwrite: bool = option(False, OVERWRITE_HELP)
 
     def __post_init__(self) -> None:
-        """Check the fields, the scenario, the world and the laboratory's name."""
         super().__post_init__()
         OFFERED.check(self.scenario)
         laboratory_path(self.laboratory)

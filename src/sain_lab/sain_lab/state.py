@@ -63,7 +63,6 @@ class State:
     """
 
     def __init__(self, shipped: SainDynamics) -> None:
-        """Begin with what the shipped model believes."""
         self.believer, self.bodies, self.judge = Believer(shipped), BodyBeliever(), Judge()
         self.pushes = self.since = self.trained_at = self.stated = self.unnamed = 0
         self.seen: dict[str, str] = {}

@@ -49,7 +49,6 @@ class Training:
     """A training under way."""
 
     def __init__(self, process: "subprocess.Popen[str]") -> None:
-        """Follow this process."""
         self._process = process
 
     @classmethod
@@ -100,7 +99,7 @@ def train(laboratory: Laboratory, since: int, pushes: int) -> Path:
     """
     from sain_model.data.dataset import split_by_episode
     from sain_model.dynamics.load import save_checkpoint
-    from sain_model.dynamics.residual import weights_of
+    from sain_model.dynamics.sain import weights_of
     from sain_model.inference.kinds import read_belief
     from sain_model.network.settings import require_torch
 
@@ -131,7 +130,7 @@ def settings(kind: "Kind", pushes: int) -> "TrainingConfig":
         WORLD_FRAME,
         NetworkConfig,
     )
-    from sain_model.training.settings import LossConfig, TrainingConfig
+    from sain_model.training.settings import TrainingConfig
 
     network = NetworkConfig(hidden=32, message=16, features=WORLD_FRAME, members=MEMBERS)
     return TrainingConfig(
@@ -144,7 +143,8 @@ def settings(kind: "Kind", pushes: int) -> "TrainingConfig":
         test=0.0,
         diversity=BOOTSTRAP,
         network=network,
-        loss=LossConfig(position_scale=0.0002, heading_scale=0.01),
+        position_scale=0.0002,
+        heading_scale=0.01,
     )
 
 

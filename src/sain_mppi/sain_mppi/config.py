@@ -42,12 +42,6 @@ class CostWeights(Config):
         unit="1/m",
         minimum=0.0,
     )
-    done_within: float = option(
-        0.01,
-        "distance to the goal below which alignment, approach and reach fade out",
-        unit="m",
-        minimum=0.001,
-    )
     caution: float = option(
         10.0,
         "weight of predicted overshoot to where the arm cannot push back",
@@ -58,16 +52,10 @@ class CostWeights(Config):
         0.1, "assumed overshoot, as a share of the target's path", minimum=0.0, maximum=1.0
     )
     clearance: float = option(
-        2.0, "weight of a gap below `tool_gap` between tool and another body", minimum=0.0
-    )
-    tool_gap: float = option(
-        0.01, "gap below which the clearance cost begins", unit="m", minimum=0.001
+        2.0, "weight of a gap below 1 cm between tool and another body", minimum=0.0
     )
     reach: float = option(
         3.0, "weight of pushing body or target near the limits of the reach", minimum=0.0
-    )
-    reach_margin: float = option(
-        0.10, "distance to the limits below which the reach cost begins", unit="m", minimum=0.001
     )
     blocked: float = option(3.0, "cost of each later push that is not feasible", minimum=0.0)
     effort: float = option(0.05, "weight of the tool's travel", unit="1/m", minimum=0.0)
@@ -102,7 +90,6 @@ class CostWeights(Config):
     )
 
     def __post_init__(self) -> None:
-        """Check the fields and the further terms."""
         super().__post_init__()
         further_terms(self.more)
 
@@ -142,60 +129,15 @@ ARGMIN: Final = "argmin"
 MEAN: Final = "mean"
 
 
-@dataclass(frozen=True)
-class NoiseConfig(Config):
-    """How far samples scatter about the mean sequence in the first round, and after it."""
-
-    location: float = option(0.5, "standard deviation of the location", unit="rad", minimum=0.0)
-    angle: float = option(0.3, "standard deviation of the angle", unit="rad", minimum=0.0)
-    length: float = option(0.04, "standard deviation of the length", unit="m", minimum=0.0)
-    shrink: float = option(
-        0.4, "factor on the deviations from one round to the next", minimum=0.01, maximum=1.0
-    )
-    spread: float = option(
-        0.2,
-        "smallest random factor on a sample's noise; the largest is 1",
-        minimum=0.01,
-        maximum=1.0,
-    )
-
-    def scaled(self, factor: float) -> Self:
-        """Return noise that is so many times as wide."""
-        wider = {name: factor * getattr(self, name) for name in ("location", "angle", "length")}
-        return replace(self, **wider)
-
-    def deviations(self, round_number: int) -> Float[ndarray, "3"]:
-        """Return the standard deviations (location, angle, length) of a round, from 0."""
-        scale = self.shrink**round_number
-        return scale * np.array([self.location, self.angle, self.length])
-
-
-@dataclass(frozen=True)
-class BeamConfig(Config):
-    """What the beam search tries before the rounds of `mppi_rounds`, where bodies have corners."""
-
-    first: int = option(
-        256, "single pushes to begin with; 0: no beam search", minimum=0, maximum=1_000_000
-    )
-    width: int = option(16, "sequences that are kept after each push", minimum=1, maximum=10_000)
-    branch: int = option(
-        12, "next pushes that are tried after each of them", minimum=1, maximum=10_000
-    )
-    samples: float = option(
-        0.5, "factor on the samples of the rounds that follow", minimum=0.01, maximum=1.0
-    )
+DEVIATIONS: Final = np.array([0.5, 0.3, 0.04])  # [rad, rad, m], of location, angle and length
+SHRINK: Final = 0.4  # factor on the deviations from one round to the next
+WIDENING: Final = 2.0  # factor on samples and noise after large errors or without progress
 
 
 @dataclass(frozen=True)
 class ProgressConfig(Config):
     """When plans are made wider, or pushes slower, and when there is no point in going on."""
 
-    surprise: float = option(
-        0.01, "tolerated position error of a prediction", unit="m", minimum=0.0
-    )
-    surprise_share: float = option(
-        0.3, "tolerated error as a share of the predicted path, if larger", minimum=0.0
-    )
     careful_after: float = option(
         0.0,
         "mean error of predictions on the way to a goal, of the body that is farthest off, from"
@@ -244,16 +186,10 @@ class PlannerConfig(Config):
         " 0 picks the cheapest",
         minimum=0.0,
     )
-    smoothing: float = option(
-        0.1, "share of the last mean that an update keeps", minimum=0.0, maximum=1.0
-    )
     selection: str = option(
         ARGMIN,
         "what is executed: the cheapest sequence (the paper's) or the weighted mean (MPPI's)",
         choices=(ARGMIN, MEAN),
-    )
-    candidate_share: float = option(
-        0.25, "share of informed proposals in each round", minimum=0.0, maximum=1.0
     )
     uniform_share: float = option(
         0.25, "share of uniform draws in the first round", minimum=0.0, maximum=1.0
@@ -286,23 +222,28 @@ class PlannerConfig(Config):
         unit="m",
         minimum=0.0,
     )
-    warm_start: bool = option(True, "start from the rest of the last plan")
-    widening: float = option(
-        2.0,
-        "factor on samples and noise after large prediction errors or without progress",
-        minimum=1.0,
+    noise: float = option(
+        1.0,
+        "factor on the standard deviations of samples about the mean sequence in the first round:"
+        " 0.5 rad of the location, 0.3 rad of the angle, 0.04 m of the length",
+        minimum=0.0,
     )
+    beam: int = option(
+        256,
+        "single pushes that a beam search begins with, before the rounds of `mppi_rounds`, where"
+        " bodies have corners; 0: no beam search",
+        minimum=0,
+        maximum=1_000_000,
+    )
+    warm_start: bool = option(True, "start from the rest of the last plan")
     shown: int = option(
         24, "number of other sequences published with a plan", minimum=0, maximum=1000
     )
-    noise: NoiseConfig = NoiseConfig()
-    beam: BeamConfig = BeamConfig()
     grid: PaperGrid = PaperGrid()
     progress: ProgressConfig = ProgressConfig()
     weights: CostWeights = CostWeights()
 
     def __post_init__(self) -> None:
-        """Check the fields and the name of the algorithm."""
         super().__post_init__()
         PLANNERS.check(self.algorithm)
 
@@ -310,8 +251,8 @@ class PlannerConfig(Config):
         """Return settings that look further about: more samples, more noise, no warm start."""
         return replace(
             self,
-            samples=round(self.widening * self.samples),
-            noise=self.noise.scaled(self.widening),
+            samples=round(WIDENING * self.samples),
+            noise=WIDENING * self.noise,
             warm_start=False,
         )
 
@@ -321,14 +262,14 @@ class PlannerConfig(Config):
             self,
             samples=self.correction,
             rounds=1,
-            beam=replace(self.beam, first=0),
-            noise=self.noise.scaled(self.noise.shrink),
+            beam=0,
+            noise=SHRINK * self.noise,
             uniform_share=0.0,
         )
 
-    def slowed(self) -> Self:
-        """Return settings for pushes that correct what is left near the goal."""
-        return replace(self, speeds=(self.correction_speed,))
+    def deviations(self, round_number: int) -> Float[ndarray, "3"]:
+        """Return the standard deviations (location, angle, length) of a round, from 0."""
+        return np.asarray(SHRINK**round_number * (self.noise * DEVIATIONS))
 
     def samples_in(self, round_number: int) -> int:
         """Return how many sequences a round rolls out, from 0."""

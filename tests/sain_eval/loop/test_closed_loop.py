@@ -75,7 +75,7 @@ def test_random_pushes_end_with_the_pushes_that_are_allowed():
 
 def test_refused_pushes_are_counted_and_move_nothing():
     outcome = play_stubborn([3.0, 0.0, 0.1])  # through the target
-    limit = AgentConfig().goal_tracker.max_refusals
+    limit = AgentConfig().max_refusals
     assert outcome.refusals == limit and outcome.record.pushes == ()
     assert outcome.failure == f"NoPushError: {limit} pushes in a row were refused from this scene"
     np.testing.assert_allclose(outcome.final[MID], PAPER.disks[MID], atol=1e-6)

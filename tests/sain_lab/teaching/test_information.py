@@ -20,7 +20,7 @@ from sain_lab.teaching.information import (
     gains,
     variance_of,
 )
-from sain_lab.teaching.teacher import Teacher, TeachingConfig, imagined_work, stays_in_reach
+from sain_lab.teaching.teacher import Teacher, imagined_work, stays_in_reach
 from sain_model.dynamics.sain import SainDynamics
 from sain_model.inference.kinds import ACROSS, LABORATORY, Kind, only
 from sain_model.physics.parameters import TEXTBOOK
@@ -115,7 +115,7 @@ def test_no_push_is_chosen_that_may_leave_the_reach(scenes, pushes):
 def decide(scene, **config):
     goal = draw_scene("anywhere", 1).goal
     work = Work(PAPER_DISKS, scene[None], PushLimits().sample(np.random.default_rng(1), 1))
-    agent = Agent(Teacher(lambda: MODEL, work, TeachingConfig(**config)), AgentConfig())
+    agent = Agent(Teacher(lambda: MODEL, work, **config), AgentConfig())
     events = EpisodeBegun(1, PAPER_DISKS), GoalGiven(Task(1, 0, goal, 5))
     return act(agent, *events, SceneObserved(scene, 1, 1))
 

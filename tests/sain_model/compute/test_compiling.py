@@ -6,7 +6,7 @@ from sain_core.push import make_push
 from sain_core.shapes.bodies import PAPER_DISKS
 from sain_core.types import PushSequences
 from sain_model.compute.kernel_store import compile_kernels, kernels_are_ready
-from sain_model.dynamics.residual import residual_model
+from sain_model.dynamics.sain import residual_model
 from sain_model.inference.kinds import friction_kind
 from sain_model.network import feature_kernels, network_kernels
 from sain_model.network.features import network_inputs, push_frames

@@ -19,7 +19,7 @@ from sain_model.dynamics.identify import (
     with_beliefs,
 )
 from sain_model.dynamics.load import load_checkpoint, save_checkpoint
-from sain_model.dynamics.residual import weights_of
+from sain_model.dynamics.sain import weights_of
 from sain_model.inference.kinds import read_belief, surface_kind, write_belief
 from sain_model.network.settings import NetworkConfig
 from sain_model.training.fit import fit, identified_kind

@@ -17,8 +17,7 @@ from sain_core.model import load_dynamics
 from sain_core.types import Pushes, Scenes
 from sain_model.dynamics.load import ModelCard, card_path, load_checkpoint, save_checkpoint
 from sain_model.dynamics.priors import make_prior, prior_settings
-from sain_model.dynamics.residual import residual_model
-from sain_model.dynamics.sain import SainDynamics
+from sain_model.dynamics.sain import SainDynamics, residual_model
 from sain_model.inference.kinds import friction_kind
 from sain_model.network.interaction_network import InteractionNetwork
 from sain_model.network.settings import NetworkConfig
@@ -118,11 +117,9 @@ def test_files_that_are_not_sound_are_refused_and_never_unpickled(
     ("field", "value", "message"),
     [
         ("color", "red", "is not a checkpoint's card: it has color, and no card has that"),
-        ("feature_version", 99, "feature_version is 99; this version reads 1"),
-        ("body_features", 15, "body_features is 15; this version reads 20"),
-        ("format_version", 1, "has format 1; this version reads 3: train it again with: ros2 run"),
+        ("format", 1, "has format 1; this version reads '0.2': train it again with: ros2 run"),
         ("weights_sha256", "0" * 64, "its card says 0000000000000000"),
-        ("prior", "plain", "the prior 'plain' has no settings; given: friction, gravity"),
+        ("prior", "plain", "the prior 'plain' has no settings; given: friction, friction_scale"),
         ("prior_config", {"friction": -1.0}, "PlanarConfig.friction is -1.0"),
         ("prior_config", {"frictoin": 0.1}, "frictoin"),
         ("prior_config", {"friction": "0.1"}, "friction is '0.1'; it must be of type float"),
@@ -133,7 +130,8 @@ def test_files_that_are_not_sound_are_refused_and_never_unpickled(
         ("network", {"hidden": "8"}, "network: hidden is '8'; it must be of type int"),
         ("network", {"features": "table"}, "features is 'table'; allowed: 'push', 'world'"),
         ("network", {"width": 8}, "width"),
-        ("intervals", {"mid": {"factors": [1.0, 2.0]}}, "intervals: IntervalConfig has scores"),
+        ("intervals", {"mid": {"factors": [1.0, 2.0]}}, "intervals: Region has scores"),
+        ("intervals", {"mid": {"noise": "x"}}, "intervals: Region holds 'x'; allowed: finite numb"),
     ],
 )
 def test_cards_that_are_not_sound_are_refused(

@@ -7,7 +7,7 @@ import torch
 
 from sain_core.conformance import check_dynamics
 from sain_core.model import IdentityPrior, Model, load_dynamics
-from sain_model.dynamics.residual import residual_model
+from sain_model.dynamics.sain import residual_model
 from sain_model.inference.kinds import friction_kind
 from sain_model.network.interaction_network import new_network
 from sain_model.network.settings import IDENTITY, NetworkConfig

@@ -13,9 +13,8 @@ from sain_core.shapes.bodies import Bodies
 from sain_core.transitions import PushHistory
 from sain_core.types import Pushes, Scenes
 from sain_model.data.dataset import Part
-from sain_model.dynamics.intervals import IntervalConfig, Intervals
-from sain_model.dynamics.residual import residual_model, with_intervals
-from sain_model.dynamics.sain import SainDynamics
+from sain_model.dynamics.intervals import Intervals, Region
+from sain_model.dynamics.sain import SainDynamics, residual_model, with_intervals
 from sain_model.evaluation.predictors import predict_with_history
 from sain_model.inference.kinds import FRICTION, friction_kind
 from sain_model.network.feature_kernels import BODY_FEATURES, RELATION_FEATURES
@@ -182,7 +181,7 @@ def pair_network() -> InteractionNetwork:
 
 @pytest.fixture
 def shaped() -> SainDynamics:
-    regions = Intervals(mid=IntervalConfig(scores=(1e-4,), factors=(2.0,)))
+    regions = Intervals(mid=Region(scores=(1e-4,), factors=(2.0,)))
     prior = PlanarPrior()
     return residual_model(
         pair_network().weights, friction_kind(prior), "planar", intervals=regions
@@ -202,7 +201,7 @@ def pushes_of(count: int) -> tuple[Scenes, Pushes]:
 def test_earlier_pushes_widen_regions_in_a_world_unlike_home(shaped: SainDynamics) -> None:
     """In a graph, from the history, as in an evaluation, from the rows of an episode."""
     assert shaped.network is not None and shaped.network.intervals is not None
-    adapting = replace(shaped.network.intervals, usual_log=-1.0, usual_log_std=1.0)
+    adapting = replace(shaped.network.intervals, usual_log=(-1.0, 0.0), usual_log_std=(1.0, 0.0))
     shaped = with_intervals(shaped, adapting)
     scenes, pushes = pushes_of(6)
     after = PlanarPrior(PlanarConfig(friction=0.19)).with_bodies(T_AND_STAR).step(scenes, pushes)

@@ -126,7 +126,7 @@ def test_the_command_lines_make_and_compare_the_four_kinds(tmp_path: Path) -> No
         assert shown[NAMES[kind]]["number"] == 30  # 5 episodes of 6 pushes held out
         names = {path.name for path in (tmp_path / kind).iterdir()}
         assert {"sain.safetensors", "sain.json", "loss.png", "config.json"} <= names
-    assert card["training"]["rollouts"]["steps_ahead"] == 3
+    assert card["training"]["steps_ahead"] == 3
     assert card["training"]["rollouts"]["best_epoch"] in (1, 2)
     assert (tmp_path / "recurrent" / "rollout_loss.png").exists()
 

@@ -17,7 +17,7 @@ from sain_core.types import Pushes, Scenes
 from sain_model import commands
 from sain_model.cli.identify import IdentifyOptions, run
 from sain_model.data.dataset import load_dataset
-from sain_model.dynamics.identify import fit_laboratory, identify_bodies, load_recording
+from sain_model.dynamics.identify import fit_laboratory, identify_bodies, observed_pushes
 from sain_model.dynamics.sain import SainDynamics
 from sain_model.inference.kinds import FRICTION, NO_AXES, read_belief
 from sain_model.physics.parameters import TEXTBOOK, PlanarConfig
@@ -63,7 +63,7 @@ def test_parameters_are_recovered_with_a_friction_for_each_episode(recording: Pa
     sain = load_dynamics("sain")
     assert isinstance(sain, SainDynamics)
     kind = sain.belief.kinds[1]
-    fit = fit_laboratory(kind, load_recording(recording))
+    fit = fit_laboratory(kind, observed_pushes(load_dataset(recording)))
     values = kind.values(fit.places)
     assert values["tool_friction"] == pytest.approx(0.25, rel=0.05)
     assert values["inertia"] == pytest.approx(0.42, rel=0.1)
@@ -87,7 +87,7 @@ def test_identify_writes_a_belief_that_models_begin_with(recording: Path, tmp_pa
     assert isinstance(informed, SainDynamics)
     assert informed.value("tool_friction") == pytest.approx(0.25, rel=0.05)
     assert not informed.corrects
-    data = load_recording(recording)[0]
+    data = observed_pushes(load_dataset(recording))[0]
     off = [
         np.linalg.norm((m.step(data.state, data.action) - data.next_state)[..., :2], axis=-1)
         for m in (usual, informed)

@@ -11,8 +11,7 @@ import torch
 from sain_core.scene import MASS, POSITION
 from sain_core.transitions import PushHistory
 from sain_core.types import Pushes, Scenes
-from sain_model.dynamics.residual import residual_model
-from sain_model.dynamics.sain import SainDynamics
+from sain_model.dynamics.sain import SainDynamics, residual_model
 from sain_model.inference.evidence import Known, ObservedPushes
 from sain_model.inference.kinds import (
     FRICTION,

@@ -11,7 +11,8 @@ from sain_core.model import RolloutModel
 from sain_core.push import LENGTH, PushLimits
 from sain_core.scene import POSITION, THETA, make_scene, wrap_angle
 from sain_core.types import Pushes, Scenes
-from sain_model.dynamics.residual import CompiledNetwork, residual_model
+from sain_model.dynamics.residual import CompiledNetwork
+from sain_model.dynamics.sain import residual_model
 from sain_model.inference.kinds import friction_kind
 from sain_model.network.interaction_network import InteractionNetwork, TorchNetwork
 from sain_model.network.settings import NetworkConfig

@@ -10,7 +10,7 @@ from sain_core.push import ANGLE, BODY, LOCATION, SPEED
 from sain_core.scene import POSITION, THETA, make_scene, mirror_scenes, rotate_scenes, wrap_angle
 from sain_core.shapes.bodies import Bodies, Role
 from sain_core.types import Pushes, Scenes
-from sain_model.physics.parameters import AXES, BY_NAME, OF_BODIES, PARAMETERS, PlanarConfig
+from sain_model.physics.parameters import AXES, BY_NAME, OF_BODIES, PlanarConfig
 from sain_model.physics.planar import PlanarPrior
 
 EVERY = ("disk", "disk"), ("t", "star"), ("disk", "half_ring")
@@ -46,7 +46,7 @@ WIDE = (
 def draw_values(count: int, bodies: int, seed: int = 0) -> dict[str, np.ndarray]:
     """Return values of all parameters, near to those that a laboratory might have."""
     random, values = np.random.default_rng(seed), {}
-    for one in PARAMETERS:
+    for one in BY_NAME.values():
         shape = (count, bodies) if one.scope == "body" else (count,)
         usual = getattr(PlanarConfig(), one.name)
         spread = 0.2 if one.name in WIDE else one.spread
@@ -76,7 +76,7 @@ def test_the_values_of_the_settings_change_no_bit(
 ) -> None:
     scenes, pushes = draw(40)
     prior = PlanarPrior(config, kinds(*names).on(bottom))
-    values = {one.name: np.full(40, getattr(config, one.name)) for one in PARAMETERS}
+    values = {one.name: np.full(40, getattr(config, one.name)) for one in BY_NAME.values()}
     np.testing.assert_array_equal(prior.step(scenes, pushes, values), prior.step(scenes, pushes))
     each = {name: np.full((40, 2), getattr(config, name)) for name in OF_BODIES}
     np.testing.assert_array_equal(prior.step(scenes, pushes, each), prior.step(scenes, pushes))
@@ -169,7 +169,7 @@ def test_every_parameter_counts(name: str) -> None:
 def test_no_allowed_value_gives_nan(names: tuple[str, ...], bottom: str) -> None:
     scenes, pushes = draw(200, 8)
     random, values = np.random.default_rng(8), {}
-    for one in PARAMETERS:
+    for one in BY_NAME.values():
         shape = (200, 2) if one.scope == "body" else (200,)
         usual = getattr(PlanarConfig(), one.name)
         choices = np.array([one.least, one.most, usual])

@@ -15,8 +15,7 @@ from sain_core.shapes.bodies import Bodies
 from sain_core.transitions import PushHistory
 from sain_core.types import Pushes, Scenes
 from sain_model.dynamics.identify import with_all_parameters
-from sain_model.dynamics.residual import residual_model
-from sain_model.dynamics.sain import Origin, SainDynamics
+from sain_model.dynamics.sain import Origin, SainDynamics, residual_model
 from sain_model.inference.kinds import MASS_RATIO, friction_kind
 from sain_model.network.interaction_network import InteractionNetwork
 from sain_model.network.settings import choose_device

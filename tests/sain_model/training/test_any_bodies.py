@@ -57,7 +57,7 @@ def test_fine_tuning_goes_on_with_pushes_of_any_body(
     assert "pushed bodies: mean error on the test episodes" in capsys.readouterr().out
     card = read_card(tmp_path / "tuned" / "sain.safetensors")
     assert card.errors["fine_tuning"]["bodies"] == "pushed bodies"
-    assert load_checkpoint(tmp_path / "tuned" / "sain.safetensors").network.members == 2
+    assert load_checkpoint(tmp_path / "tuned" / "sain.safetensors").network.weights.config.members == 2
     again = [str(any_bodies), "--from", str(trained), "--out", str(tmp_path / "again")]
     assert commands.train(again) == 1
     assert "has learned from this data set already" in " ".join(capsys.readouterr().err.split())

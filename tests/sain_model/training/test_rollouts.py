@@ -9,7 +9,7 @@ import torch
 from sain_core.scene import POSE, POSITION, TARGET
 from sain_model.data.dataset import Dataset, Part, Split, split_by_episode
 from sain_model.data.windows import make_windows
-from sain_model.dynamics.residual import residual_model
+from sain_model.dynamics.sain import residual_model
 from sain_model.evaluation.predictors import plain, roll_out
 from sain_model.inference.kinds import friction_kind
 from sain_model.network.interaction_network import InteractionNetwork
@@ -17,7 +17,7 @@ from sain_model.network.settings import NetworkConfig
 from sain_model.physics.planar import PlanarPrior
 from sain_model.training.objectives import Rollouts
 from sain_model.training.rollouts import roll
-from sain_model.training.settings import RolloutConfig, TrainingConfig
+from sain_model.training.settings import TrainingConfig
 from sain_model.training.trainer import Trainer
 from tests.sain_model.conftest import make_trainer
 from tests.sain_model.rolling import load_episodes
@@ -87,17 +87,23 @@ def test_differences_give_the_gradient_of_the_whole_rollout(data: Part) -> None:
     np.testing.assert_allclose(found, expected, rtol=0.1, atol=0.1 * np.abs(expected).max())
 
 
-def train(split: Split, folder: Path, config: RolloutConfig) -> Trainer:
-    training = TrainingConfig(epochs=2, batch=32, network=SMALL, seed=3)
-    single = make_trainer(split, PlanarPrior(), training, folder)
+def train(split: Split, folder: Path, config: TrainingConfig) -> Trainer:
+    single = make_trainer(split, PlanarPrior(), config.of_pushes, folder)
     single.run()
-    rollouts = Rollouts(split, friction_kind(PlanarPrior(), infers=False), training, config)
-    return Trainer(single.network, rollouts, config.after(training), folder / "rollouts.pt")
+    rollouts = Rollouts(split, friction_kind(PlanarPrior(), infers=False), config)
+    return Trainer(single.network, rollouts, config.of_rollouts, folder / "rollouts.pt")
 
 
 def test_training_on_rollouts_lowers_the_error_of_rollouts(split: Split, tmp_path: Path) -> None:
-    config = RolloutConfig(
-        steps_ahead=3, rollout_epochs=4, rollout_batch=8, rollout_learning_rate=5e-3
+    config = TrainingConfig(
+        epochs=2,
+        batch=32,
+        network=SMALL,
+        seed=3,
+        steps_ahead=3,
+        rollout_epochs=4,
+        rollout_batch=8,
+        rollout_learning_rate=5e-3,
     )
     trainer = train(split, tmp_path, config)
     windows = make_windows(split.test.alike, 3, whole=True)

@@ -17,7 +17,7 @@ from sain_core.transitions import MOVED
 from sain_model import commands
 from sain_model.cli import train
 from sain_model.data.dataset import Split, load_dataset, split_by_episode
-from sain_model.dynamics.residual import residual_model
+from sain_model.dynamics.sain import residual_model
 from sain_model.evaluation.errors import TARGET_MOVED, TARGETS, evaluate, position_errors
 from sain_model.inference.kinds import friction_kind
 from sain_model.network.settings import NetworkConfig
@@ -29,8 +29,6 @@ from sain_model.training.settings import (
     LAMBDA,
     PAPER,
     PRESETS,
-    LossConfig,
-    OptimizerConfig,
     TrainingConfig,
     TrainOptions,
 )
@@ -51,7 +49,7 @@ def test_training_learns_a_residual(tmp_path: Path) -> None:
         batch=16,
         learning_rate=4e-3,
         network=SMALL,
-        loss=LossConfig(position_scale=0.005),
+        position_scale=0.005,
     )
     prior = PlanarPrior()
     trainer = make_trainer(split, prior, config, tmp_path)
@@ -72,7 +70,7 @@ def test_the_loss_is_the_papers() -> None:
     random = torch.Generator().manual_seed(0)
     residual, velocity, predicted = (torch.randn(5, 2, 3, generator=random) for _ in range(3))
     examples = Examples(torch.zeros(5, 2, 1), torch.zeros(5, 2, 1), residual, velocity)
-    ones = LossConfig(robust=False, position_scale=1.0, velocity_scale=1.0, heading_scale=1.0)
+    ones = TrainingConfig(robust=False, position_scale=1.0, velocity_scale=1.0, heading_scale=1.0)
     rows = torch.arange(5)
     angle, guess = residual[..., 2], predicted[..., 2]
     expected = (
@@ -82,8 +80,8 @@ def test_the_loss_is_the_papers() -> None:
         + (angle.cos() - guess.cos()).square()
     ).mean()
     assert mixed_loss(predicted, examples, rows, ones).item() == pytest.approx(expected.item())
-    robust = mixed_loss(100 * predicted, examples, rows, LossConfig(robust=True))
-    assert robust < mixed_loss(100 * predicted, examples, rows, LossConfig(robust=False))
+    robust = mixed_loss(100 * predicted, examples, rows, TrainingConfig(robust=True))
+    assert robust < mixed_loss(100 * predicted, examples, rows, TrainingConfig(robust=False))
 
 
 def test_a_command_line_says_what_is_wrong(
@@ -122,9 +120,9 @@ def divided(dataset: Path) -> Split:
 def test_adam_adds_the_l2_term_of_equation_5() -> None:
     weight = torch.nn.Parameter(torch.tensor([0.3, -2.0]))
     other = torch.nn.Parameter(weight.detach().clone())
-    settings = OptimizerConfig(ADAM)
-    with_decay = settings.make([weight], 1e-3, 2 * 0.05)
-    without = settings.make([other], 1e-3, 0.0)
+    settings = TrainingConfig(optimizer=ADAM, learning_rate=1e-3, weight_decay=2 * 0.05)
+    with_decay = settings.make_optimizer([weight])
+    without = replace(settings, weight_decay=0.0).make_optimizer([other])
     for _ in range(3):
         for parameter, optimiser, penalty in ((weight, with_decay, 0.0), (other, without, 0.05)):
             loss = (parameter - 1.0).square().sum() + penalty * parameter.square().sum()
@@ -170,20 +168,18 @@ def test_the_papers_settings_are_one_word_and_can_be_changed() -> None:
     training = command.training
     assert training == PAPER == PRESETS["paper"]
     assert (training.batch, training.epochs, training.validate_every) == (16, 8000, 500)
-    assert (training.learning_rate, training.optimizer) == (
-        1e-3,
-        OptimizerConfig(ADAM, HALVING_STEPS, 2500),
-    )
-    assert training.weight_decay == 2 * LAMBDA and not training.loss.robust
+    assert (training.learning_rate, training.optimizer) == (1e-3, ADAM)
+    assert (training.schedule, training.halving) == (HALVING_STEPS, 2500)
+    assert training.weight_decay == 2 * LAMBDA and not training.robust
     assert training.validation == 0.2
     changed = parsed(["d", "--out", "o", "--preset", "paper", "--validation", "0.1"])
     assert changed.training == replace(PAPER, validation=0.1)
     assert parsed(["d", "--out", "o"]).training == TrainingConfig()
     steps, epochs = PRESETS["paper-steps"], PRESETS["paper-epochs"]
     assert steps.epochs * steps.epoch_steps == 8000
-    assert epochs.optimizer.rate(7999, 8000, 10**7) == 0.125
-    with pytest.raises(ConfigError, match=r"OptimizerConfig.schedule is 'linear'"):
-        OptimizerConfig(schedule="linear")
+    assert epochs.rate(7999, 10**7) == 0.125 * 1e-3
+    with pytest.raises(ConfigError, match=r"TrainingConfig.schedule is 'linear'"):
+        TrainingConfig(schedule="linear")
 
 
 def test_the_settings_beside_a_checkpoint(dataset: Path, tmp_path: Path) -> None:
@@ -192,7 +188,7 @@ def test_the_settings_beside_a_checkpoint(dataset: Path, tmp_path: Path) -> None
     settings = json.loads((tmp_path / "config.json").read_text())
     card = json.loads((tmp_path / "sain.json").read_text())
     assert settings["training"]["batch"] == card["training"]["batch"] == 16
-    assert settings["training"]["optimizer"]["optimizer"] == "adam"
+    assert settings["training"]["optimizer"] == "adam"
     assert settings["data_sha256"] == card["data"]["sha256"]
     assert settings["training"]["seed"] == card["training"]["seed"] == 0
     assert settings["environment"] == card["versions"]

@@ -141,7 +141,7 @@ def test_a_push_outside_the_limits_is_never_sent(scene):
 
 def test_refused_pushes_are_replaced_until_the_limit(agent, scene):
     decision, pushes = begun(agent, scene), []
-    for _ in range(CONFIG.goal_tracker.max_refusals):
+    for _ in range(CONFIG.max_refusals):
         pushes.append(pushed(decision).push)
         decision = act(agent, PushEnded(decision.push_id, ErrorCode.BLOCKED))
     stop, sent = stopped(decision), agent.pushes

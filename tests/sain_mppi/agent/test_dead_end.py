@@ -32,7 +32,12 @@ CASES = [
         Cause.BLOCKED,
         "body 1 is in the way; move it",
     ),
-    (FREE, {"shortest": 0.2}, Cause.NOISE, "100 mm are left, and noise hides ways below 200 mm"),
+    (
+        replace(FREE, shortest=0.2),
+        {},
+        Cause.NOISE,
+        "100 mm are left, and noise hides ways below 200 mm",
+    ),
     (FREE, {"error": np.array([0.15])}, Cause.MODEL, "and predictions err by 150 mm"),
     (FREE, {"error": np.array([0.01])}, Cause.UNEXPLAINED, "move a body, or choose another goal"),
 ]

@@ -8,7 +8,7 @@ from sain_core.goal import Goal
 from sain_core.push import make_push
 from sain_core.scene import make_scene
 from sain_mppi.agent.events import PlanJob, SceneObserved, StopReason, Task
-from sain_mppi.agent.goal_tracker import GoalTracker, GoalTrackerConfig
+from sain_mppi.agent.goal_tracker import GoalTracker
 from sain_mppi.objective.problem import Problem
 
 SCENE = make_scene(np.array([(0.4, 0.0), (0.55, 0.0)]), np.full(2, 8.0), np.array([0.08, 0.06]))
@@ -34,15 +34,15 @@ def clock() -> Clock:
 
 @pytest.fixture
 def tracker(clock: Clock) -> GoalTracker:
-    return GoalTracker(GoalTrackerConfig(max_refusals=2, answer_timeout=5.0), clock)
+    return GoalTracker(2, 5.0, 0.5, clock)
 
 
 def job_of(tracker: GoalTracker) -> PlanJob:
     scene = tracker.next_scene()
     assert scene is not None and tracker.task is not None and tracker.start is not None
     problem = Problem.of(scene.scene, tracker.task.goal, start=tracker.start.scene)
-    state = tracker.session, tracker.pushes, tracker.refused
-    return PlanJob(tracker.task, scene, problem, *state)
+    problem = replace(problem, refused=tracker.refused)
+    return PlanJob(tracker.task, scene, problem, tracker.session, tracker.pushes)
 
 
 def test_a_job_at_the_goal_without_pushes_left_or_refused_too_often_is_a_stop(
@@ -52,7 +52,7 @@ def test_a_job_at_the_goal_without_pushes_left_or_refused_too_often_is_a_stop(
     tracker.observe(view())
     job = job_of(tracker)
     assert tracker.stop(job) is None
-    refused = tracker.stop(replace(job, refused=(PUSH, PUSH)))
+    refused = tracker.stop(replace(job, problem=replace(job.problem, refused=(PUSH, PUSH))))
     assert refused is not None and refused.reason is StopReason.FAILED
     assert refused.failure == "NoPushError: 2 pushes in a row were refused from this scene"
     tracker.sent(7, PUSH)
@@ -93,7 +93,7 @@ def test_a_push_refused_for_its_scene_waits_for_the_next_look(tracker, code) -> 
     tracker.ended(10, code)
     assert tracker.next_scene() is None
     tracker.observe(view())  # it was the current one after all
-    assert job_of(tracker).refused == ()
+    assert job_of(tracker).problem.refused == ()
 
 
 def test_a_push_that_is_never_answered_is_planned_again(tracker: GoalTracker, clock: Clock) -> None:

@@ -85,7 +85,8 @@ def test_the_result_is_what_the_model_says_of_the_plan(algorithm, scene, dynamic
 def test_refused_pushes_are_not_tried_again_from_the_same_scene(algorithm, scene, dynamics):
     plans, refused = planner(dynamics, algorithm), []
     for number in range(3):
-        push = plans.plan(problem(scene), generator(number), refused=refused).push
+        asked = replace(problem(scene), refused=tuple(refused))
+        push = plans.plan(asked, generator(number)).push
         for before in refused:
             apart = np.abs(push - before)
             apart[LOCATION] = min(apart[LOCATION], 2 * np.pi - apart[LOCATION])

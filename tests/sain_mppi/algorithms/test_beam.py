@@ -9,7 +9,7 @@ from sain_core.randomness import generator
 from sain_core.scene import make_scene
 from sain_core.shapes.bodies import Bodies
 from sain_model.physics.planar import PlanarPrior
-from sain_mppi.config import BeamConfig, PlannerConfig
+from sain_mppi.config import PlannerConfig
 from sain_mppi.objective.problem import Problem
 from sain_mppi.planner import Planner
 
@@ -22,7 +22,7 @@ CONFIG = PlannerConfig(samples=64)
 def plan(config, seed=0, deadline=None):
     model = PlanarPrior().with_bodies(BODIES)
     planner = Planner(model, config)
-    return planner.plan(Problem.of(SCENE, GOAL, BODIES), generator(seed), deadline)
+    return planner.plan(Problem.of(SCENE, GOAL, BODIES), generator(seed), deadline=deadline)
 
 
 def test_it_tries_pushes_after_the_best_pushes_and_halves_the_rounds():
@@ -34,7 +34,7 @@ def test_it_tries_pushes_after_the_best_pushes_and_halves_the_rounds():
 
 def test_a_plan_is_better_than_one_of_as_many_pushes_without_it():
     """832 sequences of the beam, of 1 to 4 pushes, are 496 of 4 pushes."""
-    alone = replace(CONFIG, samples=312, beam=BeamConfig(first=0))  # 312 + 156 + 78
+    alone = replace(CONFIG, samples=312, beam=0)  # 312 + 156 + 78
     costs = [[plan(config, seed).cost for config in (CONFIG, alone)] for seed in range(4)]
     with_beam, without = np.mean(costs, axis=0)
     assert with_beam < 0.9 * without

@@ -73,7 +73,7 @@ def test_the_service_is_used_when_it_answers(graph, straw):
 
 def test_the_service_gets_the_episode_s_earlier_pushes_and_no_others(graph, straw):
     remote = Remote(graph, still)
-    remote_planner(graph, goal_tracker__result_patience=60.0)  # a scene waits for its result
+    remote_planner(graph, result_patience=60.0)  # a scene waits for its result
     graph.aim(GOAL, 1)
     straw.show()
     first = nth_push(graph, 1)

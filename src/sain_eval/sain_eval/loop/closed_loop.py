@@ -179,8 +179,8 @@ class StraightDecider(Decider):
                 "the controller straight brings a target to a place, and the goal asks for more;"
                 " choose random, planar or another model"
             )
-        if job.refused:
-            location = job.refused[-1][LOCATION]
+        if job.problem.refused:
+            location = job.problem.refused[-1][LOCATION]
             raise NoPushError(f"the straight push at {location:.2f} rad was refused")
         scene, goal = job.problem.scene, job.problem.goal.places[0]
         way = goal - scene[MID, POSITION]

@@ -54,7 +54,6 @@ class LabOptions(Config):
     overwrite: bool = option(False, OVERWRITE_HELP)
 
     def __post_init__(self) -> None:
-        """Check that there are as many names as the action needs."""
         super().__post_init__()
         count = {"list": (0, 0), "add": (1, 10**6), "replay": (1, 10**6)}.get(self.action, (1, 1))
         if not count[0] <= len(self.names) <= count[1]:
@@ -78,11 +77,7 @@ class LabOptions(Config):
 
 
 def run(options: LabOptions, console: Console) -> None:
-    """Do what is asked for.
-
-    Raises:
-        DatasetError, BusyError, OutputError, CheckpointError: see `sain_lab.keeping.laboratory`.
-    """
+    """Do what is asked for."""
     from sain_core.output import claim_folder
     from sain_lab.keeping.laboratory import Laboratory, forget
 

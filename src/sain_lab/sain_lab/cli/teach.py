@@ -1,41 +1,19 @@
 """``sain teach``: pushes that inform most, in a simulated world or on the graph that runs."""
 
-from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rich.console import Console
 
 from sain_core.cli.terminal import make_table
-from sain_core.config import option
-from sain_core.output import OVERWRITE_HELP, claim_file
-from sain_lab.settings import GRAPH, TeachSettings
+from sain_core.output import claim_file
+from sain_lab.settings import GRAPH, TeachOptions
 
 if TYPE_CHECKING:
     from sain_lab.teaching.lesson_plan import Taught
 
 
-@dataclass(frozen=True)
-class TeachOptions(TeachSettings):
-    """Make the pushes that inform most about the plans of a scenario, and learn from them.
-
-    With --world the pushes are made in a simulated world, without ROS. Without it they are made on
-    the graph that runs, which `graph --learn` has started with this laboratory, while no goal is
-    followed. Each push leaves all bodies in reach. Prints the parameters with their spreads, the
-    error before and after, and what as many pushes more would bring; writes a chart.
-    """
-
-    out: Path = option(Path("results/teaching.png"), "file for the chart")
-    overwrite: bool = option(False, OVERWRITE_HELP)
-
-
 def run(options: TeachOptions, console: Console) -> None:
-    """Teach, print what was learned, and write the chart.
-
-    Raises:
-        SainError: no push is possible; the laboratory is open elsewhere, or damaged; nobody
-            answers on the graph.
-    """
+    """Teach, print what was learned, and write the chart."""
     from sain_core.view.figures import write_png
     from sain_lab.judging.chart import draw_curves
     from sain_lab.judging.curves import read_curves

@@ -40,7 +40,6 @@ class Bet:
         alarm: float = ALARM,
         worth: float = 0.0,
     ) -> None:
-        """Begin with this wealth; one that resets is certain at `alarm`."""
         self.resets, self.worth, self.pushes = resets, worth, 0
         self._enough = alarm if resets else CERTAIN
         self.growing = 0

@@ -10,7 +10,7 @@ from numpy import ndarray
 
 from sain_core.randomness import Interval, bootstrap_mean, generator
 from sain_lab.keeping.events import Event
-from sain_lab.keeping.laboratory import PHYSICS, PLANAR, Laboratory, check_record
+from sain_lab.keeping.laboratory import PHYSICS, PLANAR, Laboratory
 from sain_lab.keeping.log import LogReader, Record
 
 SERVICE: Final = "in service"
@@ -25,14 +25,12 @@ class Curves:
     Attributes:
         errors: mean errors [mm] by contender (M,); NaN where it did not predict. "in service" is
             whatever was in service then.
-        turns: likewise of headings [degrees].
         parameters: by name, arrays (C, 3): number of pushes, value, spread (of the logarithm, if
             it is a factor).
         events: in order.
     """
 
     errors: dict[str, Float[ndarray, "M"]]
-    turns: dict[str, Float[ndarray, "M"]]
     parameters: dict[str, Float[ndarray, "C 3"]]
     events: tuple[Event, ...]
 
@@ -56,8 +54,7 @@ class CurveReader:
     """The curves of a laboratory in which somebody learns."""
 
     def __init__(self, laboratory: Laboratory) -> None:
-        """Begin with the log as it is."""
-        self._log = LogReader(laboratory.log_path, check_record)
+        self._log = LogReader(laboratory.log_path)
         self._records: list[Record] = []  # without scenes
 
     def read(self) -> Curves:
@@ -70,21 +67,19 @@ class CurveReader:
 def curves_of(records: Iterable[Record]) -> Curves:
     """Return the curves of the records of a log."""
     errors: list[dict[str, float]] = []
-    turns: list[dict[str, float]] = []
     events: list[Event] = []
     beliefs: list[tuple[int, dict[str, Any]]] = []
     service = PHYSICS
     for record in records:
         if record["kind"] == "push":
-            for column, name in ((errors, "errors"), (turns, "turns")):
-                found = record[name]
-                column.append(found | ({SERVICE: found[service]} if service in found else {}))
+            found = record["errors"]
+            errors.append(found | ({SERVICE: found[service]} if service in found else {}))
         elif record["kind"] == "belief":
             beliefs.append((record["pushes"], record["parameters"]))
         elif record["kind"] == "event":
             events.append(Event.of_record(record))
             service = record["about"].get("service", service)
-    return Curves(_columns(errors), _columns(turns), _parameters(beliefs), tuple(events))
+    return Curves(_columns(errors), _parameters(beliefs), tuple(events))
 
 
 def _columns(rows: list[dict[str, float]]) -> dict[str, ndarray]:

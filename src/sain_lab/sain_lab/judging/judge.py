@@ -36,7 +36,6 @@ class Judge:
     """Keeps the bets between contenders."""
 
     def __init__(self) -> None:
-        """Begin with the physics in service."""
         self.service: str = PHYSICS
         self.candidate = ""
         self._unseen: list[Mapping[str, float]] = []  # errors on pushes during a training

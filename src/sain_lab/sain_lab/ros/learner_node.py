@@ -81,11 +81,11 @@ def encode_event(event: Event) -> LearnerEvent:
     return LearnerEvent(stamp=stamp, kind=event.kind, text=event.text, pushes=event.pushes)
 
 
-def spaced(count: int, most: int = PLACES) -> Int[ndarray, "C"]:
+def spaced(count: int) -> Int[ndarray, "C"]:
     """Return up to so many of the numbers 1 to count, evenly by their logarithm, with the last."""
     if not count:
         return np.empty(0, np.int64)
-    return np.unique(np.geomspace(1, count, min(most, count)).round().astype(np.int64))
+    return np.unique(np.geomspace(1, count, min(PLACES, count)).round().astype(np.int64))
 
 
 def _error_curve(curves: Curves, name: str) -> LearnedCurve:
@@ -124,7 +124,6 @@ class LearnerNode(Node):
     patience = 60.0  # [s], for its end: what was delivered is saved
 
     def __init__(self, **options: Any) -> None:
-        """Open the laboratory, and read what was learned before."""
         super().__init__("learner_node", namespace=NAMESPACE, **options)
         self.config = read_parameters(self, LearnerConfig)
         if not self.config.laboratory:

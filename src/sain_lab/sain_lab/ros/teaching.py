@@ -28,7 +28,7 @@ from sain_interfaces.msg import Scene as SceneMessage
 from sain_interfaces.srv import ResetScene
 from sain_lab.keeping.laboratory import Laboratory
 from sain_lab.serving import believed
-from sain_lab.settings import TeachSettings
+from sain_lab.settings import TeachOptions
 from sain_lab.teaching.lesson_plan import Taught, Teaching, scene_of, work_of
 from sain_model.dynamics.sain import SainDynamics
 
@@ -36,7 +36,7 @@ PATIENCE: Final = 30.0  # [s], for a scene, a result or a reset
 FIRST: Final = 3.0  # [s], for a simulator to be found
 
 
-def teach_on_graph(settings: TeachSettings) -> Taught:
+def teach_on_graph(settings: TeachOptions) -> Taught:
     """Teach on the graph that runs.
 
     Raises:
@@ -52,7 +52,7 @@ def teach_on_graph(settings: TeachSettings) -> Taught:
 
 
 def _rooms(
-    world: "GraphWorld", settings: TeachSettings
+    world: "GraphWorld", settings: TeachOptions
 ) -> Generator[tuple["GraphWorld", ScenarioScene], None, None]:
     """Yield the graph, reset to scenes of the scenario where that is possible."""
     for seed in count(settings.seed):
@@ -92,7 +92,6 @@ class GraphWorld:
     """The graph as a world: an `sain_core.world.AnyWorld`."""
 
     def __init__(self, node: Node) -> None:
-        """Listen to whoever executes pushes."""
         self._node, self._ids = node, push_ids()
         self.bodies: Bodies = PAPER_DISKS
         self._scene: SceneMessage | None = None

@@ -18,9 +18,9 @@ from sain_eval.scenes.families import ScenarioScene
 from sain_eval.scenes.scenarios import draw_scene
 from sain_lab.keeping.results import Result
 from sain_lab.learner import Learner, prediction_error
-from sain_lab.settings import TeachSettings
+from sain_lab.settings import TeachOptions
 from sain_lab.teaching.information import Certainty, Work, expected_error
-from sain_lab.teaching.teacher import Teacher, TeachingConfig, imagined_work
+from sain_lab.teaching.teacher import Teacher, imagined_work
 from sain_model.dynamics.sain import SainDynamics
 from sain_mppi.agent.agent import MOST_PUSHES, Agent, AgentConfig
 from sain_mppi.agent.events import Task
@@ -30,6 +30,7 @@ from sain_sim.world.own import open_world
 from sain_sim.world.workcell import WorldConfig
 
 NEVER: Final = 1e-4, 1e-3  # [m], [rad], tolerances that a push meets only by chance
+PLANS: Final = 12  # scenes of the scenario that plans are imagined in
 OTHERS: Final = 500_000  # between the seeds of scenes that are taught in, and imagined
 PATIENCE: Final = 10  # scenes in a row without a possible push
 
@@ -74,16 +75,15 @@ class Teaching:
     model: Model
     take: Callable[[Result], object]
     work: Work
-    decider: Callable[[Model, Work, TeachingConfig], Decider] = Teacher
+    decider: Callable[[Model, Work], Decider] = Teacher
     believed: bool = False
     errors: list[tuple[float, float]] = field(default_factory=list)
 
     def __post_init__(self) -> None:
-        """Keep what is believed at first."""
         self._first = self.model()
         self._last = PushHistory.empty(len(self.work.bodies))  # of the last scene
 
-    def run(self, rooms: Rooms, settings: TeachSettings) -> Taught:
+    def run(self, rooms: Rooms, settings: TeachOptions) -> Taught:
         """Make the pushes, in one room after another.
 
         Raises:
@@ -95,12 +95,12 @@ class Teaching:
             raise NoPushError(f"{len(self.errors)} of {settings.pushes} pushes were made: {why}")
         return self._concluded()
 
-    def visit(self, rooms: Iterable[Room], settings: TeachSettings) -> str:
+    def visit(self, rooms: Iterable[Room], settings: TeachOptions) -> str:
         """Make the pushes; return why there were no more."""
         without, why, agent = 0, "", AgentConfig(seed=settings.seed)
         for number, (world, case) in enumerate(rooms):
             before, left = len(self.errors), settings.pushes - len(self.errors)
-            chooser = self.decider(self.model, self.work, TeachingConfig(seed=settings.seed))
+            chooser = self.decider(self.model, self.work)
             episode = f"teaching {settings.seed}/{number}"
             sight = Watched(world, self.judge, case.bodies, episode)
             task = Task(1, 0, case.goal.within(*NEVER), min(settings.per_scene, left))
@@ -149,7 +149,6 @@ class Watched(Sight):
         bodies: Bodies,
         episode: str,
     ) -> None:
-        """Call `learn` with each push of an episode that ends at rest, and those before it."""
         super().__init__(world)
         self._learn, self._bodies, self._episode = learn, bodies, episode
         self._history = PushHistory.empty(len(world.observe()))
@@ -165,21 +164,21 @@ class Watched(Sight):
         return after
 
 
-def scene_of(settings: TeachSettings, seed: int) -> ScenarioScene:
+def scene_of(settings: TeachOptions, seed: int) -> ScenarioScene:
     """Return a scene of the scenario in its world, with the bodies that it has there."""
     case = draw_scene(settings.scenario, seed).within(settings.truth)
     return replace(case, shapes=case.parameters().shapes)
 
 
-def work_of(settings: TeachSettings, model: SainDynamics) -> Work:
+def work_of(settings: TeachOptions, model: SainDynamics) -> Work:
     """Return pushes of plans for the scenario, as a model imagines them."""
     first = settings.seed + OTHERS
-    cases = [scene_of(settings, first + number) for number in range(TeachingConfig().plans)]
+    cases = [scene_of(settings, first + number) for number in range(PLANS)]
     alike = [case for case in cases if case.bodies == cases[0].bodies]
     return imagined_work(alike, model, AgentConfig())
 
 
-def teach_in_world(settings: TeachSettings) -> Taught:
+def teach_in_world(settings: TeachOptions) -> Taught:
     """Teach in a simulated world.
 
     Raises:
@@ -194,7 +193,7 @@ def teach_in_world(settings: TeachSettings) -> Taught:
         return taught
 
 
-def rooms_of(settings: TeachSettings) -> Rooms:
+def rooms_of(settings: TeachOptions) -> Rooms:
     """Yield simulated worlds with scenes of the scenario."""
     for seed in count(settings.seed):
         case = scene_of(settings, seed)

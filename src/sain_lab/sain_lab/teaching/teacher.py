@@ -1,12 +1,10 @@
 """A teacher: an agent's decider that makes pushes which inform, within the planner's limits."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
-from sain_core.config import MOST_SEED, Config, option
 from sain_core.errors import NoPushError, SainError
 from sain_core.feasibility import Feasibility
 from sain_core.model import Model
@@ -24,27 +22,17 @@ from sain_mppi.config import CostWeights
 from sain_mppi.objective.cost import Objective
 from sain_mppi.objective.proposals import candidates, uniform
 
+DRAWS: Final = 256  # pushes that one is chosen from
 STILL: Final = 1e-3  # [m], a body that moves less is where it was
 SIDES: Final = unit(np.linspace(-np.pi, np.pi, 8, endpoint=False))
-
-
-@dataclass(frozen=True)
-class TeachingConfig(Config):
-    """How pushes are chosen."""
-
-    draws: int = option(256, "pushes that one is chosen from", minimum=8, maximum=100_000)
-    plans: int = option(12, "scenes of the scenario that plans are imagined in", minimum=1)
-    seed: int = option(0, "of draws and of imagined scenes", minimum=0, maximum=MOST_SEED)
 
 
 class Teacher(Decider):
     """Chooses the push that informs most."""
 
-    def __init__(
-        self, model: Callable[[], SainDynamics], work: Work, config: TeachingConfig
-    ) -> None:
-        """Ask before each push what is believed; inform about these pushes of plans."""
-        self._model, self._work, self._config = model, work, config
+    def __init__(self, model: Callable[[], SainDynamics], work: Work, draws: int = DRAWS) -> None:
+        """Ask before each push what is believed, and choose from so many pushes."""
+        self._model, self._work, self._draws = model, work, draws
 
     def decide(self, job: PlanJob, generator: np.random.Generator) -> PushDecision:
         """Choose a push whose outcome keeps all bodies in reach, whatever the parameters are.
@@ -53,7 +41,7 @@ class Teacher(Decider):
             NoPushError: there is none.
         """
         scene, bodies = job.problem.scene, job.problem.bodies
-        pushes = drawn_pushes(job, generator, self._config.draws)
+        pushes = drawn_pushes(job, generator, self._draws)
         certainty = Certainty.of(self._model(), bodies, job.history)
         scenes = np.broadcast_to(scene, (len(pushes), *scene.shape))
         found = answers(certainty, bodies, scenes, pushes)
@@ -77,7 +65,7 @@ def drawn_pushes(job: PlanJob, generator: np.random.Generator, count: int) -> Pu
     """
     objective = Objective(job.problem, CostWeights())
     half = [draw(objective, generator, 2 * count, 1)[:, 0] for draw in (uniform, candidates)]
-    permitted = [part[job.problem.permitted(part, job.refused)][: count // 2] for part in half]
+    permitted = [part[job.problem.permitted(part)][: count // 2] for part in half]
     pushes = np.concatenate(permitted)
     if not len(pushes):
         raise NoPushError("no push can be carried out from here; move a body, or reset the scene")
@@ -99,7 +87,6 @@ class ImaginedWorld:
     """A world in which what a model predicts comes true."""
 
     def __init__(self, model: Model) -> None:
-        """Let this model, which is conditioned on the bodies, be the truth."""
         self._model, self._scene = model, np.empty((0, 8))
 
     def reset(self, start: Scene, /) -> Scene:

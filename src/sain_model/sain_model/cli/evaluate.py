@@ -1,7 +1,7 @@
 """``ros2 run sain_model evaluate``: prediction errors of all kinds of dynamics."""
 
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Collection, Iterator
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 import numpy as np
 import tyro
 from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from sain_core.config import MOST_SEED, Config, option, required
 from sain_core.errors import CheckpointError, DatasetError
-from sain_core.model import Model
+from sain_core.model import Model, load_dynamics
 from sain_core.output import OVERWRITE_HELP, claim_file, write_json, write_whole
 from sain_core.provenance import ros2_command
 from sain_core.push import LENGTH
@@ -53,16 +54,12 @@ class EvaluateModelOptions(Config):
 
 
 def run(options: EvaluateModelOptions, console: Console) -> None:
-    """Evaluate, print tables and write JSON, Markdown and picture.
-
-    Raises:
-        DatasetError, CheckpointError, ConfigError, OutputError: see `sain_core.errors`.
-    """
+    """Evaluate, print tables and write JSON, Markdown and picture."""
     from sain_model.data.dataset import load_dataset
     from sain_model.data.windows import make_windows
     from sain_model.dynamics.load import parse_card, shipped_checkpoint
     from sain_model.evaluation.errors import report
-    from sain_model.evaluation.predictors import followed, predict_all, refusals
+    from sain_model.evaluation.predictors import predict_all
 
     for path in (options.out, *_open_loop_files(options)):
         claim_file(path, options.overwrite)
@@ -75,9 +72,10 @@ def run(options: EvaluateModelOptions, console: Console) -> None:
         steps = max(options.open_loop, default=1)
         windows = [make_windows(part, steps).pushes[..., LENGTH] for part in held_out.parts]
         pushes = sum(int(np.count_nonzero(lengths)) for lengths in windows)
-        with followed(physics, pushes, console) as shown:
-            predictions = predict_all(held_out, models, steps, shown)
-        refused = refusals(physics)
+        with _bars(physics, pushes, console) as advance:
+            predictions = predict_all(held_out, models, steps, physics, advance)
+        counts = {name: model.refused for name, model in physics.items()}
+        refused = {name: count for name, count in counts.items() if count is not None}
     errors = report(predictions, names, options.open_loop, options.seed)
     _write(options, errors, predictions, refused)
     hashes = {name: origin.model_hash for name, origin in origins.items()}
@@ -97,17 +95,27 @@ def run(options: EvaluateModelOptions, console: Console) -> None:
 
 
 @contextmanager
+def _bars(names: Collection[str], pushes: int, console: Console) -> Iterator[Callable[..., None]]:
+    """Show for each model how many of so many pushes it has predicted."""
+    columns = TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn()
+    with Progress(*columns, TimeRemainingColumn(), console=console, disable=not names) as bars:
+        tasks = {name: bars.add_task(name, total=pushes) for name in names}
+        yield lambda name, count: bars.advance(tasks[name], count)
+
+
+@contextmanager
 def _models(options: EvaluateModelOptions) -> Iterator[tuple[dict[str, Model], dict[str, Model]]]:
     """Give models by the names of their kinds, the one to evaluate first, and physics by name."""
     from sain_model.dynamics.load import load_checkpoint, load_shipped
-    from sain_model.evaluation.predictors import open_models
 
     main: Model = load_checkpoint(options.checkpoint) if options.checkpoint else load_shipped()
     if options.belief:
         main = main.with_belief(Path(options.belief))
-    with open_models(options.beside) as named:
-        models, physics = {_kind(main, "model"): main}, {}
-        for name, model in named.items():
+    models, physics = {_kind(main, "model"): main}, {}
+    with ExitStack() as stack:
+        for name in options.beside:
+            model = load_dynamics(name)
+            stack.callback(model.close)
             if _origin(model).card:
                 kind = _kind(model, name)
                 models[name if kind in models else kind] = model

@@ -43,13 +43,7 @@ class IdentifyOptions(Config):
 
 
 def run(options: IdentifyOptions, console: Console) -> None:
-    """Identify, print a table and write the belief.
-
-    Raises:
-        DatasetError: a data set that is damaged or given twice, or two that disagree.
-        ConfigError: the model infers nothing from pushes.
-        OutputError: the file cannot be written.
-    """
+    """Identify, print a table and write the belief."""
     from sain_core.model import load_dynamics
     from sain_model.data.dataset import load_dataset
     from sain_model.dynamics.identify import (
@@ -90,26 +84,22 @@ def _write(options: IdentifyOptions, belief: "Belief", console: Console) -> None
 
 
 def load_recordings(options: IdentifyOptions) -> "dict[str, Sequence[ObservedPushes]]":
-    """Return recordings by name, their episodes counted as one sequence.
+    """Return recordings by name.
 
     Raises:
-        DatasetError: one is damaged.
+        DatasetError: one is damaged, or its first episode has more pushes than are asked for.
     """
-    from sain_model.dynamics.identify import count_episodes, first_pushes, load_recording, shifted
+    from sain_model.data.dataset import load_dataset
+    from sain_model.dynamics.identify import observed_pushes
 
     found: dict[str, Sequence[ObservedPushes]] = {}
-    episodes = 0
     for path in options.datasets:
-        parts = load_recording(path)
-        if options.pushes:
-            parts = first_pushes(parts, options.pushes)
-        if not parts:
+        found[str(path)] = observed_pushes(load_dataset(path), options.pushes)
+        if not found[str(path)]:
             raise DatasetError(
                 f"the first episode of {path} has more than {options.pushes} pushes; give a larger"
                 " --pushes"
             )
-        found[str(path)] = shifted(parts, episodes)
-        episodes += count_episodes(parts)
     return found
 
 

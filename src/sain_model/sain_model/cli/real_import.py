@@ -65,12 +65,7 @@ class RealImportOptions(Config):
 
 
 def run(options: RealImportOptions, console: Console) -> None:
-    """Import, print what became of the pushes, and write the data set.
-
-    Raises:
-        DatasetError: files that are missing, damaged or of another form; pushes that cannot be.
-        OutputError: the folder cannot be written.
-    """
+    """Import, print what became of the pushes, and write the data set."""
     from sain_core.cli.terminal import WaitingLine
     from sain_model.importing.data_set import WRITTEN, import_pushes, write_imported
     from sain_model.importing.files import read_recordings

@@ -52,16 +52,12 @@ def options(arguments: Sequence[str]) -> type[TrainOptions]:
 
 
 def run(options: TrainOptions, console: Console) -> None:
-    """Train, evaluate on the held-out episodes, write everything.
-
-    Raises:
-        DatasetError, CheckpointError, ConfigError, OutputError: see `sain_core.errors`.
-    """
+    """Train, evaluate on the held-out episodes, write everything."""
     require_torch("train")
     from sain_core.view.figures import write_png
     from sain_model.data.dataset import load_dataset, split_by_episode
     from sain_model.dynamics.load import SUFFIX, save_checkpoint
-    from sain_model.dynamics.residual import weights_of
+    from sain_model.dynamics.sain import weights_of
     from sain_model.evaluation.errors import evaluate
     from sain_model.evaluation.predictors import NAMES
     from sain_model.evaluation.presentation import error_tables
@@ -93,7 +89,6 @@ def run(options: TrainOptions, console: Console) -> None:
         kind or trained_kind(config),
         config,
         options.out,
-        options.rollout,
         parent.sain if parent else None,
         partial(_show, options, data, console),
         options.overwrite,

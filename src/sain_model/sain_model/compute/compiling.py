@@ -70,7 +70,6 @@ class BySources(_CacheLocator):
     """
 
     def __init__(self, function: FunctionType, module: str) -> None:
-        """Locate a function of a module of kernels."""
         self._line = function.__code__.co_firstlineno
         self._folder = module_folders()[module]
 

@@ -231,14 +231,12 @@ def _alone(tell: Callable[[], None]) -> Iterator[None]:
 
 
 def _compile(tell: Callable[[], None]) -> None:
-    """Run the compiler in a process for each core: LLVM works for one thread of a process."""
-    waiting, working = list(CHAINS), dict[subprocess.Popen[bytes], Path]()
+    """Run the compiler in a process for each chain: LLVM works for one thread of a process."""
     with tempfile.TemporaryDirectory() as folder:
+        outputs = [Path(folder, chain) for chain in CHAINS]
+        working = {_start_compiler(output.name, output): output for output in outputs}
         try:
-            while waiting or working:
-                while waiting and len(working) < len(os.sched_getaffinity(0)):
-                    output = Path(folder, waiting[0])
-                    working[_start_compiler(waiting.pop(0), output)] = output
+            while working:
                 _wait(tell)
                 for child in [child for child in working if child.poll() is not None]:
                     output = working.pop(child)

@@ -127,7 +127,6 @@ class Dataset:
     sources: tuple[str, ...] = ()
 
     def __len__(self) -> int:
-        """Return the number of pushes M of all parts."""
         return sum(len(part) for part in self.parts)
 
     @property
@@ -230,9 +229,6 @@ def _limit_training(split: Split, transitions: int) -> Split:
     """Return a split with so many transitions to train on, and as small a share to validate on.
 
     Episodes are taken in order, the last one in part; what is held out stays whole.
-
-    Raises:
-        DatasetError: there are not that many.
     """
     count = len(split.train)
     if transitions > count:

@@ -1,5 +1,7 @@
 """One shard of transitions: read, and checked against the schema of `sain_core.transitions`."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Final
 
@@ -10,7 +12,7 @@ from sain_core.errors import DatasetError, InvalidInputError, OutOfRangeError
 from sain_core.guarding.untrusted import BODIES, LARGEST_NUMBER
 from sain_core.push import BODY, PUSH_SIZE, STROKE_SIZE, check_predictable, is_stroke
 from sain_core.scene import MASS, RADIUS, STATE_NAMES, STATE_SIZE
-from sain_core.shapes.bodies import Bodies, as_names
+from sain_core.shapes.bodies import as_names
 from sain_core.shapes.library import register_outlines
 from sain_core.storage import read_arrays
 from sain_core.transitions import (
@@ -51,14 +53,15 @@ def read_shard(path: Path) -> Columns:
             bodies that are not pushable.
     """
     arrays = read_arrays(path)
-    missing = [column for column in NEEDED if column not in arrays]
-    if missing:
+    if missing := [column for column in NEEDED if column not in arrays]:
         raise DatasetError(f"{path} lacks {', '.join(missing)}; it holds {sorted(arrays)}")
     if arrays[Column.ACTION].ndim == 0 or not len(arrays[Column.ACTION]):
         raise DatasetError(f"{path} holds no transitions")
     count = len(arrays[Column.ACTION])
     _check_types(path, arrays, count)
-    disks, width = _disks(path, arrays[Column.STATE], count), _width(path, arrays[Column.ACTION])
+    disks = _disks(path, arrays[Column.STATE], count)
+    with _naming(path):
+        width = STROKE_SIZE if is_stroke(arrays[Column.ACTION]) else PUSH_SIZE
     columns: Columns = {}
     for column in LOADED:
         shape = (count, *column.row_shape(disks, width))
@@ -66,7 +69,8 @@ def read_shard(path: Path) -> Columns:
         columns[column] = _checked(path, column, values, shape)
     _check_positive(path, arrays, columns)
     _check_scenes(path, columns)
-    _check_pushes(path, columns[Column.ACTION])
+    with _naming(path):
+        check_predictable(columns[Column.ACTION])
     for column in ORIGINS:
         columns[column] = arrays.get(column, np.full(count, ""))
     register_outlines(path.parent)
@@ -124,7 +128,8 @@ def _check_scenes(path: Path, columns: Columns) -> None:
 
 def _shaped(path: Path, arrays: Columns, action: ndarray) -> Columns:
     """Return shapes and roles of each row as text; each push is against a pushable body."""
-    bodies = _row_bodies(path, arrays)
+    with _naming(path):
+        bodies = row_bodies(arrays)
     if Column.SHAPES in arrays and Column.ROLES in arrays:
         names: Columns = {column: arrays[column] for column in SHAPED}
     else:
@@ -151,27 +156,16 @@ def _disks(path: Path, states: ndarray, count: int) -> int:
     return disks
 
 
-def _width(path: Path, action: ndarray) -> int:
-    """Return how many numbers a push has."""
+@contextmanager
+def _naming(path: Path) -> Iterator[None]:
+    """Name the shard in errors of what is in it."""
     try:
-        return STROKE_SIZE if is_stroke(action) else PUSH_SIZE
+        yield
     except InvalidInputError as error:
         raise DatasetError(
             f"{path}: action cannot be: {error}; make files of another version again"
         ) from error
-
-
-def _check_pushes(path: Path, pushes: ndarray) -> None:
-    try:
-        check_predictable(pushes)
-    except OutOfRangeError as error:
-        raise DatasetError(f"{path}: {error}") from error
-
-
-def _row_bodies(path: Path, arrays: Columns) -> list[Bodies]:
-    try:
-        return row_bodies(arrays)
-    except DatasetError as error:
+    except (OutOfRangeError, DatasetError) as error:
         raise DatasetError(f"{path}: {error}") from error
 
 

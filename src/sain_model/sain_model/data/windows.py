@@ -37,7 +37,6 @@ class Windows:
     episodes: Int[ndarray, "W"]
 
     def __len__(self) -> int:
-        """Return the number of windows W."""
         return len(self.rows)
 
     @property

@@ -8,7 +8,6 @@ each other, and another choice of bodies or pushes moves them.
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import combinations
-from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
@@ -16,10 +15,7 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from sain_core.errors import ConfigError, DatasetError
-from sain_core.shapes.bodies import Bodies
-from sain_core.transitions import Column, Columns, row_bodies
-from sain_model.data.dataset import Dataset, Part, shard_paths
-from sain_model.data.shard import read_shard
+from sain_model.data.dataset import Dataset, Part
 from sain_model.dynamics.sain import Inferred, SainDynamics
 from sain_model.inference.evidence import (
     FACTORS,
@@ -63,22 +59,25 @@ def count_episodes(parts: Parts) -> int:
     return 1 + max(int(part.episode.max()) for part in parts)
 
 
-def shifted(parts: Parts, by: int) -> list[ObservedPushes]:
-    """Return the same pushes with other numbers of episodes."""
-    return [part.in_episodes(part.episode + by) for part in parts]
+def joined(recordings: Recordings) -> list[ObservedPushes]:
+    """Return the pushes of all recordings, their episodes counted as one sequence."""
+    found: list[ObservedPushes] = []
+    for parts in recordings.values():
+        first = count_episodes(found) if found else 0
+        found += [part.in_episodes(part.episode + first) for part in parts]
+    return found
 
 
 def fit_recordings(kinds: Sequence[Kind], recordings: Recordings) -> list[Fit]:
-    """Return fits of each kind to recordings by name, whose episodes are counted as one sequence.
+    """Return fits of each kind to all recordings together.
 
     Raises:
         DatasetError: two recordings disagree about the kind of physics or a friction.
     """
-    pushes = [part for parts in recordings.values() for part in parts]
-    fits = [fit_laboratory(kind, pushes) for kind in kinds]
+    fits = [fit_laboratory(kind, joined(recordings)) for kind in kinds]
     if len(recordings) > 1:
         alone = {
-            name: [fit_laboratory(kind, _numbered_anew(parts)) for kind in kinds]
+            name: [fit_laboratory(kind, parts) for kind in kinds]
             for name, parts in recordings.items()
         }
         check_kinds(alone)
@@ -206,15 +205,11 @@ def check_frictions(fits: Mapping[str, Fit]) -> None:
             ratio = min(apart / (CERTAIN * deviation), apart / large)
             if ratio > worst:
                 means = np.stack([one.places.mean(axis=0) for one in (first, second)])
-                values = first.kind.values(means)[parameter.name]
-                worst, message = (
-                    ratio,
-                    (
-                        f"{name} and {other} disagree about {parameter.name}"
-                        f" ({parameter.meaning}): {values[0]:.3g} and {values[1]:.3g},"
-                        f" {apart / deviation:.0f} standard deviations apart; identify each"
-                        " laboratory by itself"
-                    ),
+                values, worst = first.kind.values(means)[parameter.name], ratio
+                message = (
+                    f"{name} and {other} disagree about {parameter.name} ({parameter.meaning}):"
+                    f" {values[0]:.3g} and {values[1]:.3g}, {apart / deviation:.0f} standard"
+                    " deviations apart; identify each laboratory by itself"
                 )
     if message:
         raise DatasetError(message)
@@ -238,10 +233,6 @@ def _likeliest(fits: Sequence[Fit]) -> Fit:
 
 def _evidence(found: Fit) -> float:
     return float(found.log_evidence[0])
-
-
-def _numbered_anew(parts: Parts) -> list[ObservedPushes]:
-    return shifted(parts, -min(int(part.episode.min()) for part in parts))
 
 
 ENOUGH: Final = 250  # pushes of a body that its values are inferred from: more change nothing
@@ -330,48 +321,18 @@ def believed_places(part: Part, kind: Kind, bodies: OfBodies) -> Float[ndarray, 
     return np.array(places).reshape(len(part), len(kind.names))
 
 
-def load_recording(path: Path) -> list[ObservedPushes]:
-    """Return the pushes of a shard, or of all shards of a folder, by the bodies of the scenes.
+def observed_pushes(data: Dataset, most: int = 0) -> list[ObservedPushes]:
+    """Return the pushes of a recording, their episodes counted from 0.
 
-    Pushes and strokes are apart.
-
-    Episodes are counted from 0.
-
-    Raises:
-        DatasetError: see `read_shard`; or the path holds no shards.
+    With `most`, those of the first whole episodes that hold at most so many pushes.
     """
-    found: dict[tuple[Bodies, int], list[Columns]] = {}
-    for shard in shard_paths(path):
-        columns = read_shard(shard)
-        bodies = row_bodies(columns)
-        for kind in dict.fromkeys(bodies):
-            chosen = np.array([one == kind for one in bodies])
-            part = {name: values[chosen] for name, values in columns.items()}
-            found.setdefault((kind, part[Column.ACTION].shape[1]), []).append(part)
-    episodes = np.unique(
-        np.concatenate([part[Column.EPISODE] for parts in found.values() for part in parts])
-    )
-    return [_joined(parts, kind, episodes) for (kind, _), parts in found.items()]
-
-
-def first_pushes(parts: Sequence[ObservedPushes], most: int) -> list[ObservedPushes]:
-    """Return the pushes of the first whole episodes, as many as hold at most so many pushes."""
-    counts = sum(np.bincount(part.episode, minlength=count_episodes(parts)) for part in parts)
-    keep = int(np.searchsorted(np.cumsum(counts), most, side="right"))
-    chosen = (part.select(part.episode < keep) for part in parts)
-    return [part for part in chosen if len(part)]
-
-
-def _rows(columns: Columns) -> int:
-    return len(columns[Column.ACTION])
-
-
-def _joined(parts: list[Columns], bodies: Bodies, episodes: np.ndarray) -> ObservedPushes:
-    state, action, next_state, episode = (
-        np.concatenate([part[name] for part in parts])
-        for name in (Column.STATE, Column.ACTION, Column.NEXT_STATE, Column.EPISODE)
-    )
-    return ObservedPushes(state, action, next_state, np.searchsorted(episodes, episode), bodies)
+    episodes, counts = np.unique(data.episode, return_counts=True)
+    keep = int(np.searchsorted(np.cumsum(counts), most or len(data), side="right"))
+    found = []
+    for part in data.parts:
+        number = np.searchsorted(episodes, part.episode)
+        found.append(part.observed.in_episodes(number).select(number < keep))
+    return [part for part in found if len(part)]
 
 
 def identify(model: SainDynamics, recordings: Recordings) -> Belief:
@@ -379,16 +340,17 @@ def identify(model: SainDynamics, recordings: Recordings) -> Belief:
 
     Args:
         model: with a belief to begin with.
-        recordings: by name; episodes of all are counted as one sequence.
+        recordings: by name; the episodes of each are counted from 0.
 
     Raises:
         DatasetError: two recordings disagree about the kind of physics or a friction.
     """
-    pushes = [part for parts in recordings.values() for part in parts]
     kinds = [kind for kind in model.belief.kinds if not kind.of_bodies]  # what all episodes share
     fits = fit_recordings(kinds, recordings)
     number = kinds.index(model.belief.trained)
-    return identified(fits, _network_odds(model, number, fits[number], pushes), recordings)
+    return identified(
+        fits, _network_odds(model, number, fits[number], joined(recordings)), recordings
+    )
 
 
 def identify_bodies(data: Dataset, most: int = ENOUGH) -> Belief:
@@ -400,11 +362,10 @@ def identify_bodies(data: Dataset, most: int = ENOUGH) -> Belief:
     over, start = over_bodies(surface_kind(), pushes)
     kind = replace(over, corrected=True)
     found = fit(kind, pushes, start, np.arange(len(names)), STEPS)
-    places = dict(zip(names, found.places, strict=True))
-    values = kind.values(np.array(list(places.values())))
+    values = kind.values(found.places)
     bodies = {
         name: {one: float(value[row]) for one, value in values.items()}
-        for row, name in enumerate(places)
+        for row, name in enumerate(names)
     }
     card = {"pushes": sum(map(len, pushes)), "episodes": len(bodies), "bodies": bodies}
     return Belief((kind,), card=card)

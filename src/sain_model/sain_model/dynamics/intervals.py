@@ -18,13 +18,12 @@ Where errors are larger than any of these, regions widen further.
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import Any, Final, Self
 
 import numpy as np
 from jaxtyping import Float, Int
 from numpy import ndarray
 
-from sain_core.config import Config, option
 from sain_core.errors import ConfigError
 from sain_core.model import REGION_STD
 from sain_core.push import pushed_bodies
@@ -40,29 +39,52 @@ UNLIKE_SCATTER: Final = 1.0  # standard deviation of that logarithm over the pus
 QUANTILE: Final = 1.28  # of a standard normal, at `LEVEL`
 
 
-@dataclass(frozen=True)
-class IntervalConfig(Config):
-    """The radius of one disk's region."""
+def check_all(name: str, least: float, *values: float) -> None:
+    """Raise `ConfigError` unless all values are finite numbers, and not below the least one."""
+    for value in values:
+        number = isinstance(value, int | float) and not isinstance(value, bool)
+        if not number or not np.isfinite(value) or value < least:
+            raise ConfigError(f"{name} holds {value!r}; allowed: finite numbers from {least:g} on")
 
-    noise: float = option(1e-4, "score of a disk about which nothing is open", unit="m", minimum=0)
-    members: float = option(1.0, "of the members' spread", minimum=0.0)
-    friction: float = option(1.0, "of the friction's spread", minimum=0.0)
-    way: float = option(0.0, "of the predicted way", minimum=0.0)
-    elongation: float = option(0.0, "of the elongation of a body's supports, in the exponent")
-    scores: tuple[float, ...] = option((1e-4,), "at these scores, rising", unit="m", minimum=0.0)
-    factors: tuple[float, ...] = option((2.0,), "the radius is so many scores", minimum=0.0)
+
+def _tuples(values: dict[str, Any]) -> dict[str, Any]:
+    return {name: tuple(v) if isinstance(v, list) else v for name, v in values.items()}
+
+
+@dataclass(frozen=True)
+class Region:
+    """The radius of one body's region.
+
+    Attributes:
+        noise: score of a body about which nothing is open [m].
+        members: weight of the members' spread.
+        friction: weight of the friction's spread.
+        way: weight of the predicted way.
+        elongation: weight of the elongation of a body's supports, in the exponent.
+        scores: [m], rising.
+        factors: the radius is so many scores, at these.
+    """
+
+    noise: float = 1e-4
+    members: float = 1.0
+    friction: float = 1.0
+    way: float = 0.0
+    elongation: float = 0.0
+    scores: tuple[float, ...] = (1e-4,)
+    factors: tuple[float, ...] = (2.0,)
 
     def __post_init__(self) -> None:
-        """Check the fields, and that there is one factor for each score."""
-        super().__post_init__()
+        weights = (self.members, self.friction, self.way)
+        check_all("Region", 0.0, *weights, *self.factors, self.noise, *self.scores)
+        check_all("Region", -np.inf, self.elongation)
         rising = all(a < b for a, b in zip(self.scores, self.scores[1:], strict=False))
         if len(self.scores) != len(self.factors) or not self.scores or not rising:
             raise ConfigError(
-                f"IntervalConfig has scores {self.scores} and factors {self.factors}; it needs one"
+                f"Region has scores {self.scores} and factors {self.factors}; it needs one"
                 " factor for each score, and the scores must rise"
             )
         if min(self.scores) <= 0.0 or self.noise <= 0.0:
-            raise ConfigError("IntervalConfig.scores and .noise must be greater than 0 m")
+            raise ConfigError("Region.scores and .noise must be greater than 0 m")
 
     def score(
         self,
@@ -83,28 +105,47 @@ class IntervalConfig(Config):
 
 
 @dataclass(frozen=True)
-class Intervals(Config):
-    """The regions of a model's disks; further disks are taken like the target."""
+class Intervals:
+    """The regions of a model's disks; further disks are taken like the target.
 
-    level: float = option(LEVEL, "share of the pushes whose region contains the disk", minimum=0.01)
-    mid: IntervalConfig = IntervalConfig()
-    target: IntervalConfig = IntervalConfig()
-    turn: IntervalConfig = IntervalConfig()
-    usual_log: float = option(0.0, "mean logarithm of error over radius of pushed bodies")
-    usual_log_std: float = option(
-        0.0, "its standard deviation; 0: regions are never widened", minimum=0.0
-    )
-    bodies_log_std: float = option(0.0, "how much of that is between bodies", minimum=0.0)
-    turn_log: float = option(0.0, "mean logarithm of error over region of headings")
-    turn_log_std: float = option(
-        0.0, "its standard deviation; 0: headings have no regions", minimum=0.0
-    )
-    turn_bodies_log_std: float = option(0.0, "how much of that is between bodies", minimum=0.0)
+    The logarithms of error over region are those of pushed bodies: of places, and of headings.
+
+    Attributes:
+        level: share of the pushes whose region contains the disk.
+        mid: of pushed bodies.
+        target: of others.
+        turn: of headings.
+        usual_log: mean logarithms of error over region.
+        usual_log_std: their standard deviations; 0 of places: regions are never widened; 0 of
+            headings: these have no regions.
+        bodies_log_std: how much of that is between bodies.
+    """
+
+    level: float = LEVEL
+    mid: Region = Region()
+    target: Region = Region()
+    turn: Region = Region()
+    usual_log: tuple[float, float] = (0.0, 0.0)
+    usual_log_std: tuple[float, float] = (0.0, 0.0)
+    bodies_log_std: tuple[float, float] = (0.0, 0.0)
+
+    def __post_init__(self) -> None:
+        check_all("Intervals", 0.0, self.level, *self.usual_log_std, *self.bodies_log_std)
+        check_all("Intervals", -np.inf, *self.usual_log)
+
+    @classmethod
+    def parse(cls, part: dict[str, Any]) -> Self:
+        """Return the intervals on a card; raises what values of another kind raise."""
+        found = {
+            name: Region(**_tuples(value)) if isinstance(value, dict) else value
+            for name, value in part.items()
+        }
+        return cls(**_tuples(found))
 
     @property
     def adapts(self) -> bool:
         """Whether earlier pushes can widen regions."""
-        return self.usual_log_std > 0.0
+        return self.usual_log_std[0] > 0.0
 
     def excess(self, prediction: "Prediction", pushes: Transitions) -> Float[ndarray, "2 M"]:
         """Return the logarithms by which errors of pushed bodies are larger than usual.
@@ -112,9 +153,9 @@ class Intervals(Config):
         First those of places, then those of headings; 0 where these have no regions. Where pushes
         were observed with noise, the regions include it.
         """
-        usual = np.array([[self.usual_log], [self.turn_log]])
+        usual = np.array(self.usual_log)[:, None]
         logs = [_log_ratio(*part) for part in _errors_and_regions(prediction, pushes)]
-        logs += [np.broadcast_to(self.turn_log, logs[0].shape)] * (2 - len(logs))
+        logs += [np.broadcast_to(usual[1], logs[0].shape)] * (2 - len(logs))
         return np.asarray(np.stack(logs) - usual)
 
     def widening(
@@ -129,8 +170,8 @@ class Intervals(Config):
         """
         count = np.maximum(pushes, 1)
         mean = total / count
-        std = np.array([[self.usual_log_std], [self.turn_log_std]])
-        bodies = np.array([[self.bodies_log_std], [self.turn_bodies_log_std]])
+        parts = self.usual_log_std, self.bodies_log_std
+        std, bodies = (np.array(part)[:, None] for part in parts)
         usual, noise = std**2 / count + bodies**2, UNLIKE_SCATTER**2 / count
         usual = np.maximum(usual, 1e-12)
         wide = noise + UNLIKE_STD**2
@@ -168,7 +209,7 @@ class Intervals(Config):
             )
             first = np.full(len(way), MID) if pushed is None else pushed
             radii[:, disk] = np.where(first == disk, mid, target)
-        turn = arcs / scenes[..., RADIUS] if self.turn_log_std > 0.0 else None
+        turn = arcs / scenes[..., RADIUS] if self.usual_log_std[1] > 0.0 else None
         return replace(opened, radius=radii, turn=turn)
 
 

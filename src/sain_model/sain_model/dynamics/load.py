@@ -22,15 +22,13 @@ from sain_core.shapes.shape import BOTTOMS
 from sain_model.dynamics.identify import with_all_parameters
 from sain_model.dynamics.intervals import Intervals
 from sain_model.dynamics.priors import C, Settings, make_prior, naming
-from sain_model.dynamics.residual import residual_model
-from sain_model.dynamics.sain import RECURRENT, SainDynamics
+from sain_model.dynamics.sain import RECURRENT, SainDynamics, residual_model
 from sain_model.inference.kinds import FRICTION, Kind, friction_kind, read_kind
-from sain_model.network.feature_kernels import BODY_FEATURES, FEATURE_VERSION, RELATION_FEATURES
 from sain_model.network.settings import SHIPPED, NetworkConfig
 from sain_model.network.weights import NetworkWeights
 from sain_model.physics.parameters import BY_NAME
 
-FORMAT_VERSION: Final = 3
+FORMAT: Final = "0.2"  # another with every change of cards, or of what networks see
 SUFFIX: Final = ".safetensors"
 
 
@@ -56,7 +54,7 @@ class ModelCard:
         command: the command line that made it.
         weights_sha256: of the safetensors file.
         parent: card of the checkpoint that it was fine-tuned from; None: from none.
-        feature_version: of `sain_model.network.features`.
+        format: of cards and of what networks see.
     """
 
     prior: str
@@ -74,10 +72,7 @@ class ModelCard:
     command: str = ""
     weights_sha256: str = ""
     parent: dict[str, Any] | None = None
-    feature_version: int = FEATURE_VERSION
-    body_features: int = BODY_FEATURES
-    relation_features: int = RELATION_FEATURES
-    format_version: int = FORMAT_VERSION
+    format: str = FORMAT
 
     def lineage(self) -> Iterator["ModelCard"]:
         """Yield this card, that of its parent, and so on.
@@ -125,7 +120,6 @@ def read_checkpoint(path: Path) -> tuple[bytes, ModelCard, str]:
     content = _read(path)
     text = _read(card_path(path)).decode(errors="replace")
     card = parse_card(card_path(path), text)
-    _check_card(card_path(path), card)
     found = hashlib.sha256(content).hexdigest()
     if found != card.weights_sha256:
         raise CheckpointError(
@@ -157,8 +151,8 @@ def parse_card(path: Path, text: str) -> ModelCard:
     """
     try:
         values = parse_json(text)
-        version, command = values.get("format_version"), values.get("command")
-        if version == FORMAT_VERSION:
+        version, command = values.get("format"), values.get("command")
+        if version == FORMAT:
             names = {item.name for item in fields(ModelCard)}
             if others := values.keys() - names:
                 raise ValueError(f"it has {listed(sorted(others))}, and no card has that")
@@ -166,21 +160,9 @@ def parse_card(path: Path, text: str) -> ModelCard:
     except (ValueError, TypeError, AttributeError) as error:
         raise CheckpointError(f"{path} is not a checkpoint's card: {error}") from error
     raise CheckpointError(
-        f"{path} has format {version!r}; this version reads {FORMAT_VERSION}: train it again with:"
+        f"{path} has format {version!r}; this version reads {FORMAT!r}: train it again with:"
         f" {command or 'ros2 run sain_model train DATASET --out DIR'}"
     )
-
-
-def _check_card(path: Path, card: ModelCard) -> None:
-    expected = {
-        "feature_version": FEATURE_VERSION,
-        "body_features": BODY_FEATURES,
-        "relation_features": RELATION_FEATURES,
-    }
-    for name, right in expected.items():
-        value = getattr(card, name)
-        if value != right:
-            raise CheckpointError(f"{path}: {name} is {value!r}; this version reads {right!r}")
 
 
 def load_builtin(name: str) -> SainDynamics:
@@ -206,9 +188,8 @@ def load_checkpoint(path: Path) -> SainDynamics:
     content, card, text = read_checkpoint(path)
     with naming(str(card_path(path))):
         config = card_part("network", NetworkConfig, card.network)
-        intervals = None
-        if card.intervals is not None:
-            intervals = card_part("intervals", Intervals, card.intervals)
+        with naming("intervals"):
+            intervals = None if card.intervals is None else Intervals.parse(card.intervals)
         kind = _kind(make_prior(card.prior, card.prior_config), card)
         recurrent = card.kind == RECURRENT
         bottoms = _bottoms(card)

@@ -1,9 +1,8 @@
 """The network of SAIN, run compiled or on a GPU: what it adds to what the physics leaves."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Final, Self
+from typing import TYPE_CHECKING, Final, NamedTuple, Self
 
 import numpy as np
 from jaxtyping import Float
@@ -18,16 +17,6 @@ from sain_model.compute.compiling import plain
 from sain_model.compute.kernel_store import compile_visibly
 from sain_model.compute.threads import run_blocks
 from sain_model.dynamics.intervals import Intervals, Prediction
-from sain_model.dynamics.sain import (
-    LEARNED,
-    RECURRENT,
-    RESIDUAL,
-    Network,
-    Origin,
-    PhysicsPrediction,
-    SainDynamics,
-)
-from sain_model.inference.kinds import Kind, only
 from sain_model.network.feature_kernels import LANES
 from sain_model.network.features import (
     elongations,
@@ -36,12 +25,31 @@ from sain_model.network.features import (
     push_frames,
 )
 from sain_model.network.network_kernels import correct_block
-from sain_model.network.settings import CPU, IDENTITY, WORLD_FRAME
+from sain_model.network.settings import CPU, WORLD_FRAME
 from sain_model.network.weights import NetworkWeights
-from sain_model.physics.parameters import Values, check_physics_next
+from sain_model.physics.parameters import Values
 
 if TYPE_CHECKING:  # predictions on the CPU need no PyTorch
     from sain_model.network.interaction_network import TorchNetwork
+
+
+class PhysicsPrediction(NamedTuple):
+    """What physics predicts for B pushes: what a network corrects.
+
+    Attributes:
+        scenes: before the pushes (B, N, 8), with masses as the physics takes them to be.
+        pushes: (B, A).
+        after: (B, N, 8), what physics predicts.
+        bodies: of the scenes.
+        values: what is believed of the physics, by name; nothing for a network that does not see
+            it.
+    """
+
+    scenes: Scenes
+    pushes: Pushes
+    after: Scenes
+    bodies: Bodies
+    values: Values
 
 
 class CompiledNetwork:
@@ -52,7 +60,6 @@ class CompiledNetwork:
     """
 
     def __init__(self, weights: NetworkWeights) -> None:
-        """Take the weights as the kernels need them."""
         compile_visibly()
         self._config: Final = weights.config
         self.weights: Final = weights.pack()
@@ -84,14 +91,14 @@ class CompiledNetwork:
 
 
 @dataclass(frozen=True, eq=False)
-class ResidualNetwork(Network):
-    """f_theta of the paper's equation 2.
+class ResidualNetwork:
+    """f_theta of the paper's equation 2, and regions about its predictions.
 
     Attributes:
         weights: the trained weights.
         intervals: the regions of predictions; None: they were not fitted.
-        device: what it runs on, ``cpu`` or ``cuda``.
-        bottoms: of the bodies that it learned from.
+        device: what it runs on, ``cpu`` or ``cuda``. The physics stays on the CPU.
+        bottoms: of the bodies that it learned from; for others physics predicts.
     """
 
     weights: NetworkWeights
@@ -111,31 +118,35 @@ class ResidualNetwork(Network):
     @cached_property
     def _each(self) -> list[CompiledNetwork]:
         """Each member of the ensemble alone."""
-        return [CompiledNetwork(self.weights.member(number)) for number in range(self.members)]
+        members = range(self.weights.config.members)
+        return [CompiledNetwork(self.weights.member(number)) for number in members]
+
+    def knows(self, bodies: Bodies) -> bool:
+        """Return whether it learned from bodies on such bottoms."""
+        return all(shape.bottom in self.bottoms for shape in bodies.shapes)
 
     def on(self, device: str) -> Self:
         """Return the network on a device, ``cpu`` or ``cuda``."""
         return self if device == self.device else replace(self, device=device)
 
     def correct(self, physics: PhysicsPrediction) -> Scenes:
-        """Add the residual; see `Network`."""
-        check_physics_next(physics.scenes, physics.after)
-        corrected = self._forward.correct(
-            physics.scenes, physics.pushes, physics.after, physics.bodies, physics.values
-        )
+        """Return what physics predicts (B, N, 8), corrected.
+
+        A push of zero length moves nothing, nor does a body with the role "fixed". Velocities,
+        masses and radii are passed on as they are.
+        """
+        corrected = self._forward.correct(*physics)
         if fixed := list(physics.bodies.fixed):
             corrected[:, fixed] = physics.after[:, fixed]
         return corrected
 
     def spread(self, physics: PhysicsPrediction) -> Float[ndarray, "B N"]:
         """Return the standard deviation of the members' places [m]; 0 for a lone network."""
-        scenes, pushes = physics.scenes, physics.pushes
-        if self.members == 1:
-            return np.zeros(scenes.shape[:2])
-        batch = scenes, pushes, physics.after, physics.bodies, physics.values
-        places = np.stack([network.correct(*batch)[..., POSITION] for network in self._each])
+        if self.weights.config.members == 1:
+            return np.zeros(physics.scenes.shape[:2])
+        places = np.stack([network.correct(*physics)[..., POSITION] for network in self._each])
         spread = np.sqrt(places.var(axis=0, ddof=1).sum(axis=-1))
-        return np.where(pushes[:, LENGTH, None] == 0.0, 0.0, spread)
+        return np.where(physics.pushes[:, LENGTH, None] == 0.0, 0.0, spread)
 
     def with_regions(
         self, prediction: Prediction, scenes: Scenes, pushes: Pushes, bodies: Bodies
@@ -145,31 +156,3 @@ class ResidualNetwork(Network):
             return prediction
         long = elongations(bodies.fitted(scenes.shape[1]))
         return self.intervals.about(prediction, scenes, pushed_bodies(pushes), long)
-
-
-def residual_model(
-    weights: NetworkWeights,
-    kind: Kind,
-    prior_name: str,
-    intervals: Intervals | None = None,
-    recurrent: bool = False,
-    bottoms: Sequence[str] = BOTTOMS,
-) -> SainDynamics:
-    """Return SAIN of a network that was trained on one kind of physics, and on such bodies."""
-    name = RECURRENT if recurrent else RESIDUAL
-    origin = Origin(LEARNED if prior_name == IDENTITY else name, prior_name)
-    return SainDynamics(
-        only(kind), ResidualNetwork(weights, intervals, bottoms=tuple(bottoms)), origin
-    )
-
-
-def with_intervals(model: SainDynamics, intervals: Intervals) -> SainDynamics:
-    """Return a model with regions about its predictions."""
-    assert isinstance(model.network, ResidualNetwork)
-    return replace(model, network=replace(model.network, intervals=intervals))
-
-
-def weights_of(model: SainDynamics) -> NetworkWeights:
-    """Return the weights of a model's network."""
-    assert model.network is not None
-    return model.network.weights

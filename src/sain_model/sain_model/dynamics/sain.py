@@ -5,11 +5,11 @@ given an episode's earlier pushes, which kind and which parameters are the most 
 (`sain_model.dynamics.residual`) adds what the physics leaves, where no earlier pushes contradict.
 """
 
-from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Final, Self
+from typing import Any, Final, Self
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -17,13 +17,13 @@ from numpy import ndarray
 
 from sain_core.errors import ConfigError
 from sain_core.model import Model, Radii, scenes_before
-from sain_core.push import PUSH_SIZE
 from sain_core.scene import POSITION
 from sain_core.shapes.bodies import PAPER_DISKS, Bodies
 from sain_core.shapes.shape import BOTTOMS
 from sain_core.transitions import PushHistory
 from sain_core.types import PredictedScenes, Pushes, PushSequences, Scene, Scenes
 from sain_model.dynamics.intervals import Intervals, Prediction
+from sain_model.dynamics.residual import PhysicsPrediction, ResidualNetwork
 from sain_model.inference.evidence import (
     FACTORS,
     Known,
@@ -32,11 +32,11 @@ from sain_model.inference.evidence import (
     log_density,
     over_factors,
 )
-from sain_model.inference.kinds import MASS_RATIO, Belief, by_friction, only, read_belief
+from sain_model.inference.kinds import MASS_RATIO, Belief, Kind, by_friction, only, read_belief
 from sain_model.inference.posterior import Posterior, believed_values, infer, step_rows
-from sain_model.network.settings import CPU
+from sain_model.network.settings import IDENTITY
 from sain_model.network.weights import NetworkWeights
-from sain_model.physics.parameters import Values, check_physics_next, with_mass_ratio
+from sain_model.physics.parameters import Values, with_mass_ratio
 from sain_model.physics.planar import step_knowing
 
 PHYSICS: Final = "physics"  # Fig. 1a: no network
@@ -63,76 +63,6 @@ class Origin:
 
 
 @dataclass(frozen=True, eq=False)
-class PhysicsPrediction:
-    """What physics predicts for B pushes: what a network corrects.
-
-    Attributes:
-        scenes: before the pushes (B, N, 8), with masses as the physics takes them to be.
-        pushes: (B, A).
-        after: (B, N, 8), what physics predicts.
-        bodies: of the scenes.
-        values: what is believed of the physics, by name; nothing for a network that does not see
-            it.
-    """
-
-    scenes: Scenes
-    pushes: Pushes
-    after: Scenes
-    bodies: Bodies
-    values: Values
-
-
-class Network(ABC):
-    """What a model adds to what the physics leaves, and regions about its predictions.
-
-    Attributes:
-        weights: the trained weights.
-        intervals: the regions; None: they were not fitted.
-        device: what it runs on, ``cpu`` or ``cuda``. The physics stays on the CPU.
-        bottoms: of the bodies that it learned from; for others physics predicts.
-    """
-
-    weights: NetworkWeights
-    intervals: Intervals | None = None
-    device: str = CPU
-    bottoms: tuple[str, ...] = BOTTOMS
-
-    def knows(self, bodies: Bodies) -> bool:
-        """Return whether it learned from bodies on such bottoms."""
-        return all(shape.bottom in self.bottoms for shape in bodies.shapes)
-
-    @property
-    def members(self) -> int:
-        """The number of networks in the ensemble, whose mean counts."""
-        return self.weights.config.members
-
-    @abstractmethod
-    def correct(self, physics: PhysicsPrediction) -> Scenes:
-        """Return what physics predicts (B, N, 8), corrected.
-
-        A push of zero length moves nothing, nor does a body with the role "fixed". Velocities,
-        masses and radii are passed on as they are.
-
-        Raises:
-            InvalidInputError: arrays that do not fit together.
-        """
-
-    def spread(self, physics: PhysicsPrediction) -> Float[ndarray, "B N"]:
-        """Return the standard deviation of the members' places [m]; 0 where none is known."""
-        return np.zeros(physics.scenes.shape[:2])
-
-    def with_regions(
-        self, prediction: Prediction, scenes: Scenes, pushes: Pushes, bodies: Bodies
-    ) -> Prediction:
-        """Return a prediction with the regions of bodies; without, where none were fitted."""
-        return prediction
-
-    def on(self, device: str) -> Self:
-        """Return the network on a device."""
-        return self
-
-
-@dataclass(frozen=True, eq=False)
 class Inferred:
     """What each of R rows of pushes says about the physics, and whether the network corrects it."""
 
@@ -155,13 +85,15 @@ class SainDynamics(Model):
         origin: where it comes from.
         bodies: that are pushed.
         history: the earlier pushes of the episode that it is conditioned on.
+        inferred: what these say, one row; None: there are none.
     """
 
     belief: Belief
-    network: Network | None = None
+    network: ResidualNetwork | None = None
     origin: Origin = Origin()
     bodies: Bodies = PAPER_DISKS
     history: PushHistory | None = None
+    inferred: Inferred | None = None
 
     @property
     def _name(self) -> str:
@@ -175,14 +107,10 @@ class SainDynamics(Model):
     @cached_property
     def now(self) -> Inferred:
         """What is believed now, one row."""
-        history = self.history
-        if history is None or len(history) == 0:
-            scenes, none = np.empty((0, len(self.bodies), 8)), np.empty((0, PUSH_SIZE))
-            nothing = scenes, none, scenes
-            pushes = ObservedPushes(*nothing, np.empty(0, np.int64), self.bodies)
-        else:
-            pushes = self.observed(history)
-        return self.infer(pushes, Known.everything(len(pushes)))
+        return self.inferred or self._inferred_from(PushHistory.empty(len(self.bodies)))
+
+    def _inferred_from(self, history: PushHistory) -> Inferred:
+        return self.infer(self.observed(history), Known.everything(len(history)))
 
     @cached_property
     def physics(self) -> Model:
@@ -217,9 +145,12 @@ class SainDynamics(Model):
         """
         if len(history) == 0 or not self.belief.likeliest.names:
             return self
-        conditioned = replace(self, history=history)
-        conditioned.physics  # noqa: B018 - inferred here, and not at the first prediction
-        return conditioned
+        return replace(self, history=history, inferred=self._inferred_from(history))
+
+    def _changed(self, **changes: Any) -> Self:
+        """Return this model with changes, conditioned anew."""
+        changed = replace(self, **changes, history=None, inferred=None)
+        return changed if self.history is None else changed.condition(self.history)
 
     def with_bodies(self, bodies: Bodies) -> Self:
         """Return the model of scenes of these bodies.
@@ -231,7 +162,7 @@ class SainDynamics(Model):
             return self
         for kind in self.belief.kinds:
             kind.prior.with_bodies(bodies)
-        return replace(self, bodies=bodies)
+        return self._changed(bodies=bodies)
 
     def on(self, device: str) -> Self:
         """Return this model with its network on a device, ``cpu`` or ``cuda``."""
@@ -244,11 +175,11 @@ class SainDynamics(Model):
         """
         kind = self.belief.trained
         belief = only(kind) if kind.of_bodies else by_friction(self.belief)
-        return replace(self, belief=belief, network=None, origin=Origin(), history=None)
+        return type(self)(belief, bodies=self.bodies)
 
     def with_unknown_masses(self) -> Self:
         """Return this model where masses are not measured: earlier pushes show their ratio."""
-        return replace(self, belief=self.belief.with_unknown_masses())
+        return self._changed(belief=self.belief.with_unknown_masses())
 
     def with_belief(self, path: Path) -> Self:
         """Return this model with the belief in a file of ``sain_model identify``.
@@ -272,7 +203,7 @@ class SainDynamics(Model):
                 f"the belief is for a network on another prior than {self.origin.prior_name!r};"
                 " identify with this model"
             )
-        return replace(self, belief=belief)
+        return self._changed(belief=belief)
 
     def step(self, scenes: Scenes, pushes: Pushes, values: Values | None = None) -> Scenes:
         """Predict the settled scenes (B, N, 8) after pushes (B, A) from scenes (B, N, 8).
@@ -287,13 +218,10 @@ class SainDynamics(Model):
     ) -> Scenes:
         """Return a prediction `physics_next` (B, N, 8) of physics, corrected where that counts."""
         if self.network is None or not self.corrects:
-            check_physics_next(scenes, physics_next)
             return physics_next.copy()
-        weighed = with_mass_ratio(scenes, self.value(MASS_RATIO))
-
-        believed = {**self._seen(self.now.posterior), **(values or {})}
-        physics = PhysicsPrediction(weighed, pushes, physics_next, self.bodies, believed)
-        return self.network.correct(physics)
+        return self.network.correct(
+            self._as_seen(scenes, pushes, physics_next, self.now.posterior, values)
+        )
 
     def regions(
         self, scene: Scene, pushes: PushSequences, predicted: PredictedScenes
@@ -357,35 +285,26 @@ class SainDynamics(Model):
         physics_next, mean = self.step_rows(scenes, pushes, rows)
         spread = np.zeros(scenes.shape[:2])
         for name in sorted({name for kind in self.belief.kinds for name in kind.on_grid}):
-            ends = [
-                self.step_rows(
-                    scenes,
-                    pushes,
-                    replace(rows, posterior=rows.posterior.moved(self.belief, name, way)),
-                )[1]
+            low, high = (
+                replace(rows, posterior=rows.posterior.moved(self.belief, name, way))
                 for way in (-1.0, 1.0)
-            ]
-            half = np.linalg.norm((ends[1] - ends[0])[..., POSITION], axis=-1) / 2
+            )
+            ends = self.step_rows(scenes, pushes, high)[1] - self.step_rows(scenes, pushes, low)[1]
+            half = np.linalg.norm(ends[..., POSITION], axis=-1) / 2
             spread = np.hypot(spread, half)
         if self.network is None:
             return Prediction(mean, np.zeros_like(spread), spread)
-        weighed = self._weighed(scenes, rows.posterior)
-        believed = self._seen(rows.posterior)
-        physics = PhysicsPrediction(weighed, pushes, physics_next, self.bodies, believed)
-        members = self.network.spread(physics)
-        prediction = Prediction(mean, members, spread)
+        physics = self._as_seen(scenes, pushes, physics_next, rows.posterior)
+        prediction = Prediction(mean, self.network.spread(physics), spread)
         return self.network.with_regions(prediction, scenes, pushes, self.bodies)
 
     def step_rows(self, scenes: Scenes, pushes: Pushes, rows: Inferred) -> tuple[Scenes, Scenes]:
         """Return what physics predicts for each row, and that with the correction that counts."""
         physics_next = step_rows(self.belief, self.bodies, scenes, pushes, rows.posterior)
-        after, chosen = physics_next.copy(), rows.corrected
-        if self.network is not None and chosen.any():
-            weighed = self._weighed(scenes, rows.posterior)[chosen]
-            posterior = rows.posterior.of_rows(np.flatnonzero(chosen))
-            physics = PhysicsPrediction(
-                weighed, pushes[chosen], physics_next[chosen], self.bodies, self._seen(posterior)
-            )
+        after, chosen = physics_next.copy(), np.flatnonzero(rows.corrected)
+        if self.network is not None and len(chosen):
+            batch = scenes[chosen], pushes[chosen], physics_next[chosen]
+            physics = self._as_seen(*batch, rows.posterior.of_rows(chosen))
             after[chosen] = self.network.correct(physics)
         return physics_next, after
 
@@ -406,15 +325,50 @@ class SainDynamics(Model):
         )
         return np.asarray(better - plain)
 
-    def _seen(self, posterior: Posterior) -> Values:
-        """Return what the network sees of what rows say of the physics; one row is for all."""
-        if self.network is None or not self.network.weights.config.believed:
-            return {}
-        return believed_values(self.belief, posterior)
+    def _as_seen(
+        self,
+        scenes: Scenes,
+        pushes: Pushes,
+        after: Scenes,
+        posterior: Posterior,
+        values: Values | None = None,
+    ) -> PhysicsPrediction:
+        """Return what physics predicts as the network sees it; one row is for all.
 
-    def _weighed(self, scenes: Scenes, posterior: Posterior) -> Scenes:
-        """Return scenes (R, N, 8) with masses as the physics takes them to be."""
-        return with_mass_ratio(scenes, posterior.values(self.belief, MASS_RATIO))
+        It sees masses as the physics takes them to be, and what is believed of parameters, if it
+        was made to.
+        """
+        weighed = with_mass_ratio(scenes, posterior.values(self.belief, MASS_RATIO))
+        sees = self.network is not None and self.network.weights.config.believed
+        believed = believed_values(self.belief, posterior) if sees else {}
+        return PhysicsPrediction(weighed, pushes, after, self.bodies, believed | dict(values or {}))
+
+
+def residual_model(
+    weights: NetworkWeights,
+    kind: Kind,
+    prior_name: str,
+    intervals: Intervals | None = None,
+    recurrent: bool = False,
+    bottoms: Sequence[str] = BOTTOMS,
+) -> SainDynamics:
+    """Return SAIN of a network that was trained on one kind of physics, and on such bodies."""
+    name = RECURRENT if recurrent else RESIDUAL
+    origin = Origin(LEARNED if prior_name == IDENTITY else name, prior_name)
+    network = ResidualNetwork(weights, intervals, bottoms=tuple(bottoms))
+    return SainDynamics(only(kind), network, origin)
+
+
+def with_intervals(model: SainDynamics, intervals: Intervals) -> SainDynamics:
+    """Return a model with regions about its predictions."""
+    assert model.network is not None
+    return replace(model, network=replace(model.network, intervals=intervals))
+
+
+def weights_of(model: SainDynamics) -> NetworkWeights:
+    """Return the weights of a model's network."""
+    assert model.network is not None
+    return model.network.weights
 
 
 def _earlier(pushes: int) -> tuple[Int[ndarray, "C"], Int[ndarray, "P"]]:

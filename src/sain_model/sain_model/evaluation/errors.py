@@ -1,7 +1,7 @@
 """Errors of predictions by group: a row for each body of each push, after so many pushes.
 
-Groups are those of the target, of pushed bodies, of bodies that moved, of each shape, by the number
-of earlier pushes, and by how certain a model is. Intervals are a bootstrap's over episodes.
+Groups are those of the target, of pushed bodies, of bodies that moved, of each shape, and by the
+number of earlier pushes. Intervals are a bootstrap's over episodes.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -11,7 +11,6 @@ from typing import Any, Final
 import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
-from scipy.stats import spearmanr
 
 from sain_core.model import Model
 from sain_core.push import pushed_bodies
@@ -34,7 +33,6 @@ from sain_model.evaluation.predictors import (
 
 ENOUGH: Final = 3  # earlier pushes from which on they are taken together
 BELOW_ALL: Final = (FLOOR, PLANAR_TRUE, NO_MOTION)  # no physics that could be had
-THIRDS: Final = ("lowest third", "middle third", "highest third")
 TARGETS: Final = "target"
 TARGET_MOVED: Final = "target, moved"
 TARGET_MISSED: Final = "target, not moved"
@@ -55,7 +53,7 @@ class ErrorRows:
         off: distances [mm] by predictor; NaN where it says nothing.
         turned: likewise of headings [deg].
         agreed: whether the latest push moved the body in prediction and truth, or in neither.
-        regions: columns "members", "friction", "spread" and "radius" [mm] of models that have them.
+        regions: columns "spread" and "radius" [mm] of models that have them.
     """
 
     about: dict[str, ndarray]
@@ -71,7 +69,6 @@ class ErrorRows:
         return cls(*(_joined(columns) for columns in zip(*pieces, strict=True)))
 
     def __len__(self) -> int:
-        """Return the number of rows R."""
         return len(self.about["episode"])
 
     def groups(self) -> dict[str, Mask]:
@@ -95,18 +92,7 @@ class ErrorRows:
             f"pushed {s}": pushed & (about["shape"] == s) for s in sorted(set(about["shape"]))
         }
         settings = {f"in {s}": pushed & (about["setting"] == s) for s in _names(about["setting"])}
-        return groups | shapes | settings | self._thirds(target if target.any() else pushed)
-
-    def _thirds(self, rows: Mask) -> dict[str, Mask]:
-        """Return thirds of these rows by how certain the first model with regions is."""
-        found: dict[str, Mask] = {}
-        for column in ("spread", "radius"):
-            for values in list(self.regions.values())[:1]:
-                place = np.full(len(rows), -1)
-                order = np.flatnonzero(rows)[np.argsort(values[column][rows], kind="stable")]
-                place[order] = 3 * np.arange(len(order)) // max(len(order), 1)
-                found |= {f"{name} by {column}": place == n for n, name in enumerate(THIRDS)}
-        return found
+        return groups | shapes | settings
 
     def figures(self, name: str, rows: Mask, seed: int) -> Figures | None:
         """Return the errors of a predictor on these rows; None where it says nothing there."""
@@ -176,8 +162,7 @@ def report(
     "after" has for each number of pushes that any window reaches, "1" at least: "errors" by group
     and predictor, "ratios" of models to the best physics, to the network alone, and to the prior
     of the first model. "removed" is the share of the reducible error, the nominal world's above the
-    floor, that predictors remove after one push. "rank_correlation" is of errors with what a model
-    says of its certainty.
+    floor, that predictors remove after one push.
     """
     parts = [one.part for one in predictions]
     reached = [
@@ -210,7 +195,6 @@ def report(
                 for group in groups
                 if group.startswith(TARGETS)
             }
-            found["rank_correlation"] = _certainty(rows)
     return found
 
 
@@ -232,20 +216,6 @@ def _ratios(
                 if (ratio := rows.ratio(name, under, chosen, seed, unit)) is not None
             }
     return found
-
-
-def _certainty(rows: ErrorRows) -> dict[str, dict[str, float]]:
-    """Return Spearman's rank correlation of the target's, or pushed body's, error with spreads."""
-    groups = rows.groups()
-    chosen = groups[TARGETS] if groups[TARGETS].any() else groups[PUSHED]
-    return {
-        name: {
-            column: rank
-            for column, values in regions.items()
-            if (rank := rank_correlation(values[chosen], rows.off[name][chosen])) is not None
-        }
-        for name, regions in rows.regions.items()
-    }
 
 
 def shares_removed(means: Mapping[str, float]) -> dict[str, float]:
@@ -270,13 +240,6 @@ def position_errors(predicted: Scenes, actual: Scenes, body: int) -> Scalars:
     """Return how far off a body's predicted position is, (M,) [mm]."""
     missing = predicted[:, body, POSITION] - actual[:, body, POSITION]
     return np.asarray(1e3 * np.linalg.norm(missing, axis=-1))
-
-
-def rank_correlation(values: Scalars, off: Scalars) -> float | None:
-    """Return Spearman's rank correlation; None where the values do not differ."""
-    if len(values) < 3 or np.ptp(values) == 0.0 or np.ptp(off) == 0.0:
-        return None
-    return float(spearmanr(values, off).statistic)
 
 
 def _names(values: ndarray) -> list[str]:
@@ -327,12 +290,7 @@ def _rows_of(
     regions = {}
     for name, said in some.regions.items() if step == 1 else ():
         assert said.radius is not None
-        columns = {
-            "members": said.members,
-            "friction": said.friction,
-            "spread": said.spread,
-            "radius": said.radius,
-        }
+        columns = {"spread": said.spread, "radius": said.radius}
         regions[name] = {key: 1e3 * values[chosen].reshape(-1) for key, values in columns.items()}
     return about, off, turned, agreed, regions
 

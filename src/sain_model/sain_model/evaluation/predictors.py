@@ -6,22 +6,17 @@ the pushed body, in a model to where the model itself predicts that body to be, 
 it was (docs/explanation/rollouts.md).
 """
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import partial
 from typing import Final
 
 import numpy as np
 from jaxtyping import Float, Int
 from numpy import ndarray
-from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from sain_core.model import IdentityPrior, Model, answering, check_step, load_dynamics
+from sain_core.model import IdentityPrior, Model, answering, check_step
 from sain_core.push import LENGTH
 from sain_core.scene import MASS, MID, NOMINAL_MASS, RADIUS
-from sain_core.shapes.bodies import Bodies
 from sain_core.types import Indices, Pushes, Scalars, Scenes
 from sain_model.data.dataset import Dataset, Part
 from sain_model.data.windows import Windows, make_windows
@@ -53,82 +48,6 @@ def step_as_nominal(prior: PlanarPrior, scenes: Scenes, pushes: Pushes) -> Scene
     return prior.step_as_if(scenes, believed, pushes)[0]
 
 
-class Followed(Model):
-    """A model whose answers are checked, and that reports how many pushes it has predicted."""
-
-    def __init__(self, label: str, dynamics: Model, advance: Callable[[float], None]) -> None:
-        """Call `advance` with each number of pushes that this dynamics is done with."""
-        self._label = label
-        self._dynamics = dynamics
-        self._advance = advance
-
-    def with_bodies(self, bodies: Bodies) -> "Followed":
-        """Return the model for these bodies, followed likewise."""
-        return Followed(self._label, self._dynamics.with_bodies(bodies), self._advance)
-
-    @property
-    def refused(self) -> int | None:
-        """How many pushes it could not carry out; None: it does not count them."""
-        return self._dynamics.refused
-
-    def step(self, scenes: Scenes, pushes: Pushes) -> Scenes:
-        """Predict the settled scenes (B, N, 8) after pushes (B, 5) from scenes (B, N, 8).
-
-        Raises:
-            ModelUnavailableError: the dynamics fails, or its answer cannot be one.
-        """
-        predicted = np.empty_like(scenes)
-        for first in range(0, len(pushes), AT_ONCE):
-            rows = slice(first, first + AT_ONCE)
-            with answering(self._label):
-                answer = self._dynamics.step(scenes[rows], pushes[rows])
-            predicted[rows] = check_step(answer, scenes[rows], self._label)
-            self._advance(len(pushes[rows]))
-        return predicted
-
-
-@contextmanager
-def open_models(names: Sequence[str]) -> Iterator[dict[str, Model]]:
-    """Give the models of these names, and close them in the end.
-
-    Raises:
-        ConfigError, CheckpointError: see `sain_core.model.load_dynamics`.
-    """
-    with ExitStack() as stack:
-        found: dict[str, Model] = {}
-        for name in names:
-            found[name] = load_dynamics(name)
-            stack.callback(found[name].close)
-        yield found
-
-
-@contextmanager
-def followed(
-    dynamics: Mapping[str, Model], pushes: int, console: Console
-) -> Iterator[dict[str, Model]]:
-    """Give the same dynamics, each with a bar that shows how far it has come.
-
-    Each is going to predict so many pushes.
-    """
-    if not dynamics:
-        yield {}
-        return
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
-    with Progress(*columns, TimeRemainingColumn(), console=console) as bars:
-        yield {
-            name: Followed(
-                f"model {name!r}", one, partial(bars.advance, bars.add_task(name, total=pushes))
-            )
-            for name, one in dynamics.items()
-        }
-
-
-def refusals(dynamics: Mapping[str, Model]) -> dict[str, int]:
-    """Return how many pushes each of these that counts them could not carry out."""
-    counts = {name: one.refused for name, one in dynamics.items()}
-    return {name: count for name, count in counts.items() if count is not None}
-
-
 NO_MOTION: Final = "no motion"
 NOMINAL: Final = "planar, nominal"
 BULLET: Final = "bullet, nominal"
@@ -153,6 +72,7 @@ NAMES: Final = {  # of a model's kind, the paper's Fig. 1
 Rollouts = Float[ndarray, "W T N 8"]
 Predictor = Callable[[Scenes, Pushes, Indices], Scenes]
 """Predicts pushes from scenes with what is known at these rows of a part."""
+Advance = Callable[[str, int], None]  # called with the name of a model, and how many pushes it did
 
 
 @dataclass(frozen=True, eq=False)
@@ -179,6 +99,7 @@ def predict_all(
     models: Mapping[str, Model],
     steps: int = 1,
     others: Mapping[str, Model] | None = None,
+    advance: Advance = lambda name, pushes: None,
 ) -> list[Predictions]:
     """Return what physics and models say over all windows of at most so many pushes, by part.
 
@@ -188,14 +109,21 @@ def predict_all(
             of the first one is asked, too.
         steps: the most pushes of a window.
         others: more physics by name, without history.
+        advance: is called as these predict.
     """
-    return [_predict_part(part, models, steps, others or {}) for part in data.parts]
+    found = []
+    for part in data.parts:
+        physics = {
+            name: checked(name, model.with_bodies(part.bodies), advance)
+            for name, model in (others or {}).items()
+        }
+        found.append(_predict_part(part, models, make_windows(part, steps), physics))
+    return found
 
 
 def _predict_part(
-    part: Part, models: Mapping[str, Model], steps: int, others: Mapping[str, Model]
+    part: Part, models: Mapping[str, Model], windows: Windows, others: Mapping[str, Predictor]
 ) -> Predictions:
-    windows = make_windows(part, steps)
     planar = PlanarPrior(bodies=part.bodies)
     predictors: dict[str, Predictor] = {
         NO_MOTION: plain(IdentityPrior()),
@@ -206,7 +134,7 @@ def _predict_part(
             SainDynamics(friction_belief(planar), bodies=part.bodies), part
         ).step,
     }
-    predictors |= {name: plain(model.with_bodies(part.bodies)) for name, model in others.items()}
+    predictors |= others
     regions: dict[str, Prediction] = {}
     first = next(iter(models.values()), None)
     for name, given in models.items():
@@ -249,6 +177,26 @@ def roll_out(predictor: Predictor, windows: Windows) -> Rollouts:
             current[moving] = predictor(current[moving], pushes, rows)
         predicted[:, step] = current
     return predicted
+
+
+def checked(name: str, model: Model, advance: Advance) -> Predictor:
+    """Return what another package's model predicts; how many pushes are done is reported.
+
+    The predictor raises `ModelUnavailableError` where the model fails, or its answer cannot be one.
+    """
+    label = f"model {name!r}"
+
+    def step(scenes: Scenes, pushes: Pushes, _: Indices) -> Scenes:
+        predicted = np.empty_like(scenes)
+        for first in range(0, len(pushes), AT_ONCE):
+            rows = slice(first, first + AT_ONCE)
+            with answering(label):
+                answer = model.step(scenes[rows], pushes[rows])
+            predicted[rows] = check_step(answer, scenes[rows], label)
+            advance(name, len(pushes[rows]))
+        return predicted
+
+    return step
 
 
 def plain(model: Model) -> Predictor:

@@ -55,8 +55,10 @@ def error_tables(found: Figures) -> Iterator[FittingTable]:
     if pair := _beside_its_prior(ratios):
         yield _group_table(errors, ratios, *pair)
     yield from _history_table(errors)
-    for name, ranks in found["rank_correlation"].items():
-        yield _region_table(errors, name, ranks)
+    names = dict.fromkeys(name for by_name in errors.values() for name in by_name)
+    for name in names:
+        if any("coverage" in by_name.get(name, {}) for by_name in errors.values()):
+            yield _region_table(errors, name)
 
 
 def _cells(one: Figures) -> list[str]:
@@ -84,7 +86,7 @@ def _group_table(errors: Figures, ratios: Figures, main: str, prior: str) -> Fit
     rows = []
     for group, by_name in errors.items():
         ratio = ratios[group].get(main, {}).get(prior)
-        if ratio is None or " by " in group:
+        if ratio is None:
             continue
         cells = [group, str(by_name[main]["number"])]
         for unit in (MM, DEG):
@@ -109,10 +111,8 @@ def _history_table(errors: Figures) -> Iterator[FittingTable]:
     yield make_table("the target's error [mm] by earlier pushes", ["prediction", *counts], rows)
 
 
-def _region_table(errors: Figures, name: str, ranks: dict[str, float]) -> FittingTable:
+def _region_table(errors: Figures, name: str) -> FittingTable:
     """Return how often the regions of a model hold what it predicts, by group."""
-    said = ", ".join(f"{column} {rank:.2f}" for column, rank in ranks.items())
-    title = f"90 % regions of {name}; rank correlation with the error: {said}"
     header = ("bodies", "number", "held [%]", "95 %", "error [mm]", "spread", "radius")
     rows = (
         (
@@ -127,7 +127,7 @@ def _region_table(errors: Figures, name: str, ranks: dict[str, float]) -> Fittin
         for group, by_name in errors.items()
         if (one := by_name.get(name)) and "coverage" in one
     )
-    return make_table(title, header, rows)
+    return make_table(f"90 % regions of {name}", header, rows)
 
 
 def rollout_markdown(found: Figures) -> str:

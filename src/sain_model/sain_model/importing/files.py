@@ -139,11 +139,7 @@ def _small_degrees(path: Path, pushes: RealPushes, factors: Mapping[str, float])
 
 
 def _separator(path: Path, text: str) -> str:
-    """Return what separates the columns of a table.
-
-    Raises:
-        DatasetError: something else than what is read, or the first line is no header.
-    """
+    """Return what separates the columns of a table."""
     head = text.split("\n", HEAD_LINES)[:HEAD_LINES]
     signs = (*SEPARATORS, *OTHERS)
     pairs = ((place, sign) for place in range(len(head)) for sign in signs)  # the first of the best
@@ -178,12 +174,7 @@ def _stated(text: str) -> tuple[str, str]:
 
 
 def _header(path: Path, texts: Sequence[str], degrees: bool) -> Header:
-    """Return the columns of a header.
-
-    Raises:
-        DatasetError: one is missing or stated twice, has a unit that cannot be, or nearly the name
-            of one that is missing.
-    """
+    """Return the columns of a header."""
     stated = [_stated(text) for text in texts]
     names = [name for name, _ in stated]
     needs = f"it needs {', '.join(NEEDED)}, once each, and may have {', '.join(OPTIONAL)}"
@@ -233,11 +224,7 @@ Fields = dict[str, tuple[str, ...]]  # of each column
 
 
 def _with_points(path: Path, columns: Fields, row: ndarray) -> tuple[Fields, bool]:
-    """Return columns with decimal points, and whether they had commas.
-
-    Raises:
-        DatasetError: commas and points: one of them separates thousands.
-    """
+    """Return columns with decimal points, and whether they had commas."""
     numbers = {name: of for name, of in columns.items() if name in NUMBERS + NOT_STATED}
     comma = any("," in text for texts in numbers.values() for text in texts)
     for name, texts in numbers.items() if comma else ():

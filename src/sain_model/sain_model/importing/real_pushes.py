@@ -69,7 +69,6 @@ class RealPushes:
     files: tuple[str, ...]
 
     def __len__(self) -> int:
-        """Return the number of pushes M."""
         return len(self.speed)
 
     def where(self, index: int) -> str:

@@ -277,28 +277,14 @@ class LatestCurves:
 LATEST: Final = LatestCurves()
 
 
-def grid_values(
-    kind: Kind, pushes: ObservedPushes, known: Known
-) -> tuple[dict[str, Scalars], dict[str, Scalars]]:
-    """Return mean values and spreads of a grid's parameters for each row; for training.
+def grid_values(kind: Kind, pushes: ObservedPushes, known: Known) -> dict[str, Scalars]:
+    """Return mean values (R,) of a grid's parameters for each row, by name; for training.
 
-    ``Known.others`` says what the rest of an episode's pushes say about the friction of each push,
-    ``Known.earlier`` what those before it say. A row without pushes has the values of the prior.
-    A push is predicted once at each place of the grid, however many rows it is in.
-
-    Returns:
-        Two dictionaries by name: values (R,), and standard deviations of their z in the unit of
-        the parameter (R,): of the logarithm, where its spread is one.
+    ``Known.others`` says what the rest of an episode's pushes say about the friction of each push.
+    A row without pushes has the values of the prior. A push is predicted once at each place of the
+    grid, however many rows it is in.
     """
     if not kind.on_grid:
-        return {}, {}
-    found = marginals(kind, known.total(LATEST.of(kind, pushes)))
-    columns = [kind.names.index(name) for name in kind.on_grid]
-    values = kind.values(found.places)
-    return (
-        {name: values[name] for name in kind.on_grid},
-        {
-            kind.names[column]: kind.parameters[column].spread * found.spreads[:, column]
-            for column in columns
-        },
-    )
+        return {}
+    values = kind.values(marginals(kind, known.total(LATEST.of(kind, pushes))).places)
+    return {name: values[name] for name in kind.on_grid}

@@ -19,7 +19,6 @@ from sain_core.errors import CheckpointError
 from sain_core.guarding.documents import read_json
 from sain_core.model import Model
 from sain_core.output import write_json
-from sain_core.push import TOOL_RADIUS
 from sain_core.shapes.bodies import Bodies
 from sain_core.types import Pushes, Scalars, Scenes
 from sain_model.physics.parameters import (
@@ -272,15 +271,10 @@ class Belief:
         return replace(self, kinds=tuple(kind.inferring(MASS_RATIO) for kind in self.kinds))
 
 
-def surface_kind(tool_radius: float = TOOL_RADIUS) -> Kind:
-    """Return the textbook's physics of bodies with flat bottoms, before any push.
-
-    Args:
-        tool_radius: of tools whose radius no stroke states [m].
-    """
-    config = replace(TEXTBOOK, tool_friction=0.2, tool_radius=tool_radius)
-    names = BODY_ON_SURFACE
-    return Kind("flat", PlanarPrior(config), names, np.eye(len(names)), of_bodies=True)
+def surface_kind() -> Kind:
+    """Return the textbook's physics of bodies with flat bottoms, before any push."""
+    prior, names = PlanarPrior(replace(TEXTBOOK, tool_friction=0.2)), BODY_ON_SURFACE
+    return Kind("flat", prior, names, np.eye(len(names)), of_bodies=True)
 
 
 def friction_kind(prior: Model, infers: bool = True, deviation: float = 1.0) -> Kind:
@@ -296,9 +290,9 @@ def friction_kind(prior: Model, infers: bool = True, deviation: float = 1.0) -> 
     return Kind("planar", prior, covariance=np.full((1, 1), deviation**2), corrected=True)
 
 
-def friction_belief(prior: Model, infers: bool = True) -> Belief:
+def friction_belief(prior: Model) -> Belief:
     """Return the belief of one kind of physics, of which pushes show the friction at most."""
-    return only(friction_kind(prior, infers))
+    return only(friction_kind(prior))
 
 
 def only(kind: Kind) -> Belief:

@@ -17,7 +17,6 @@ from sain_core.types import Pushes, Scalars, Scenes
 from sain_model.inference.evidence import FACTORS, LATEST, Known, ObservedPushes, marginals
 from sain_model.inference.gauss_newton import fit
 from sain_model.inference.kinds import Belief, Kind, Places
-from sain_model.physics.parameters import Values
 
 STEPS: Final = 3
 STEPS_OF_BODIES: Final = 12  # of a body on a surface, whose own pushes may be many
@@ -117,18 +116,12 @@ def infer(belief: Belief, pushes: ObservedPushes, known: Known) -> Posterior:
 
 
 def step_rows(
-    belief: Belief,
-    bodies: Bodies,
-    scenes: Scenes,
-    pushes: Pushes,
-    posterior: Posterior,
-    given: Values | None = None,
+    belief: Belief, bodies: Bodies, scenes: Scenes, pushes: Pushes, posterior: Posterior
 ) -> Scenes:
-    """Predict push i (M, N, 8) with the physics of row i; with other values where given."""
+    """Predict push i (M, N, 8) with the physics of row i."""
     predicted = np.empty_like(scenes)
     for rows, kind in _of_kinds(belief, posterior.kind):
         values = kind.values(posterior.places[rows])
-        values |= {name: value[rows] for name, value in (given or {}).items()}
         predicted[rows] = kind.step(bodies, scenes[rows], pushes[rows], values)
     return predicted
 

@@ -43,7 +43,6 @@ class MemberLinear(nn.Module):
     """
 
     def __init__(self, members: int, inputs: int, outputs: int) -> None:
-        """Draw the weights of every member."""
         super().__init__()
         layers = [nn.Linear(inputs, outputs) for _ in range(members)]
         self.weight = nn.Parameter(torch.stack([layer.weight.detach() for layer in layers]))
@@ -116,7 +115,6 @@ class TorchNetwork:
     """What a network predicts on a device of PyTorch's. Features are computed on the CPU."""
 
     def __init__(self, weights: NetworkWeights, device: str) -> None:
-        """Move the network there, for good."""
         self._device = device
         self._network = InteractionNetwork.of(weights).to(device)
 

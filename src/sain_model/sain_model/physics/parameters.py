@@ -1,11 +1,11 @@
-"""The parameters of the planar prior: one list, from which settings, kernels and inference read.
+"""The parameters of the planar prior: settings, rows of the kernels, and what inference reads.
 
-To add one, enter it here and in `PlanarConfig`, and use it in the solver, where it has this name.
-What a prior is given is checked here, once.
+To add one, declare it in `PlanarConfig`, and use it in the solver, where it has this name. What a
+prior is given is checked here, once.
 """
 
 from collections.abc import Hashable, Mapping
-from dataclasses import dataclass
+from dataclasses import Field, dataclass, field, fields
 from functools import lru_cache
 from typing import Any, Final, Literal, NamedTuple
 
@@ -70,18 +70,6 @@ def check_finite(name: str, values: np.ndarray) -> None:
         raise InvalidInputError(f"{name}{list(where)} is {values[where]}; it must be finite")
 
 
-def check_physics_next(scenes: np.ndarray, physics_next: np.ndarray) -> None:
-    """Check that a prediction is one of these scenes.
-
-    Raises:
-        InvalidInputError: it has another shape.
-    """
-    if physics_next.shape != scenes.shape:
-        raise InvalidInputError(
-            f"physics_next has shape {scenes.shape} like the scenes, not {physics_next.shape}"
-        )
-
-
 Scope = Literal["body", "table", "tool", "episode"]
 Values = Mapping[str, ndarray]  # (B,) by name; parameters of bodies (B,) for all, or (B, N)
 
@@ -113,147 +101,198 @@ class Parameter(NamedTuple):
 
 HARMONICS: Final = (("cos", 1), ("sin", 1), ("cos", 2), ("sin", 2))  # by which offsets differ
 
-PARAMETERS: Final = (
-    Parameter("friction", "friction with the table", "", "episode", 0.5, True, 0.005, 10.0),
-    Parameter(
-        "friction_scale", "friction with the table at work, share of the coefficient",
-        "", "body", 0.1, True, 0.2, 5.0,
-    ),
-    Parameter("tool_friction", "friction with the tool", "", "body", 0.5, True, 0.0, 5.0),
-    Parameter(
-        "disk_friction", "friction with bodies that are nearer to the push",
-        "", "body", 0.5, True, 0.0, 5.0,
-    ),
-    Parameter(
-        "tool_restitution", "bounce off the tool, share of the speed",
-        "", "tool", 0.15, False, 0.0, 0.9,
-    ),
-    Parameter(
-        "disk_restitution", "bounce between bodies, share of the speed",
-        "", "table", 0.15, False, 0.0, 0.9,
-    ),
-    Parameter(
-        "tool_compliance", "how far the contact of the tool gives, 0: not at all",
-        "m/N", "tool", 5e-5, False, 0.0, 5e-4,
-    ),
-    Parameter(
-        "body_compliance", "how far contacts of bodies give, 0: not at all",
-        "m/N", "episode", 5e-5, False, 0.0, 5e-4,
-    ),
-    Parameter(
-        "foot_radius", "where a disk's three feet stand, share of its radius",
-        "", "table", 0.1, True, 0.2, 1.0,
-    ),
-    Parameter(
-        "torsion", "torsion length, share of the one that the supports give",
-        "", "body", 0.2, True, 0.2, 5.0,
-    ),
-    Parameter(
-        "inertia", "moment of inertia, share of mass x radius^2 for a disk; likewise for others",
-        "", "body", 0.2, True, 0.05, 2.0,
-    ),
-    Parameter(
-        "tool_height", "height at which the tool presses on a body",
-        "m", "tool", 0.008, False, 0.0, 0.06,
-    ),
-    Parameter(
-        "disk_height", "height at which bodies press on each other",
-        "m", "table", 0.008, False, 0.0, 0.06,
-    ),
-    Parameter(
-        "middle_height", "height of a body's centre of mass",
-        "m", "table", 0.004, False, 0.0, 0.05,
-    ),
-    Parameter(
-        "speed_factor", "speed of the tool, share of the push's", "", "tool", 0.05, True, 0.1, 10.0
-    ),
-    Parameter(
-        "yield_across",
+
+def parameter(
+    default: float,
+    meaning: str,
+    scope: Scope,
+    spread: float,
+    least: float,
+    most: float,
+    unit: str = "",
+    logarithm: bool = False,
+) -> Any:
+    """Declare a parameter of `PlanarConfig`; see `Parameter`."""
+    setting: Any = option(default, meaning, unit=unit, minimum=least, maximum=most)
+    about = {"scope": scope, "spread": spread, "logarithm": logarithm}
+    return field(default=default, metadata={**setting.metadata, **about})
+
+
+def factor(
+    default: float, meaning: str, scope: Scope, spread: float, least: float, most: float
+) -> Any:
+    """Declare a parameter of which the logarithm has this spread."""
+    return parameter(default, meaning, scope, spread, least, most, logarithm=True)
+
+
+def harmonic(spread: float, most: float, unit: str = "rad") -> Any:
+    """Declare how an offset of the tool changes with its heading in the world."""
+    meaning = "likewise, times cos or sin of 1 or 2 x the heading of the tool in the world"
+    return parameter(0.0, meaning, "tool", spread, -most, most, unit)
+
+
+# fmt: off
+@dataclass(frozen=True)
+class PlanarConfig(Config):
+    """The planar world's physics.
+
+    From `foot_radius` to `disk_height` the values are fitted to Bullet with the arm on 1,871
+    pushes of three-footed disks (docs/explanation/planar.md): they make up for each other, and none
+    should be read as a measurement.
+    """
+
+    friction: float = factor(0.12, "friction with the table", "episode", 0.5, 0.005, 10.0)
+    friction_scale: float = factor(
+        1.01, "friction with the table at work, share of the coefficient", "body", 0.1, 0.2, 5.0
+    )
+    tool_friction: float = factor(0.1211, "friction with the tool", "body", 0.5, 0.0, 5.0)
+    disk_friction: float = factor(
+        0.1254, "friction with bodies that are nearer to the push", "body", 0.5, 0.0, 5.0
+    )
+    tool_restitution: float = parameter(
+        0.0036, "bounce off the tool, share of the speed", "tool", 0.15, 0.0, 0.9
+    )
+    disk_restitution: float = parameter(
+        0.003, "bounce between bodies, share of the speed", "table", 0.15, 0.0, 0.9
+    )
+    tool_compliance: float = parameter(
+        0.0, "how far the contact of the tool gives, 0: not at all", "tool", 5e-5, 0.0, 5e-4, "m/N"
+    )
+    body_compliance: float = parameter(
+        0.0, "how far contacts of bodies give, 0: not at all", "episode", 5e-5, 0.0, 5e-4, "m/N"
+    )
+    foot_radius: float = factor(
+        0.7345, "where a disk's three feet stand, share of its radius", "table", 0.1, 0.2, 1.0
+    )
+    torsion: float = factor(
+        1.0, "torsion length, share of the one that the supports give", "body", 0.2, 0.2, 5.0
+    )
+    inertia: float = factor(
+        0.4257,
+        "moment of inertia, share of mass x radius^2 for a disk; likewise for others",
+        "body", 0.2, 0.05, 2.0,
+    )
+    tool_height: float = parameter(
+        0.0283, "height at which the tool presses on a body", "tool", 0.008, 0.0, 0.06, "m"
+    )
+    disk_height: float = parameter(
+        0.0264, "height at which bodies press on each other", "table", 0.008, 0.0, 0.06, "m"
+    )
+    middle_height: float = parameter(
+        0.0181, "height of a body's centre of mass", "table", 0.004, 0.0, 0.05, "m"
+    )
+    speed_factor: float = factor(
+        1.0, "speed of the tool, share of the push's", "tool", 0.05, 0.1, 10.0
+    )
+    yield_across: float = parameter(
+        0.7779,
         "weight of a foot's motion across its arm in the direction of its friction: a solver"
         " gives way to where a foot is lighter to move",
-        "", "table", 0.15, False, 0.1, 1.0,
-    ),
-    Parameter(
-        "axes_yield",
+        "table", 0.15, 0.1, 1.0,
+    )
+    axes_yield: float = parameter(
+        0.0,
         "a solver weighs a foot's friction along the world's x and y by how hard the foot is to"
         " move that way, 1 / (1 + this x its share across)",
-        "", "table", 0.3, False, 0.0, 5.0,
-    ),
-    Parameter(
-        "mass_ratio", "masses of bodies 1 and on over that of body 0, times what scenes state",
-        "", "episode", 0.3, True, 0.02, 50.0,
-    ),
-    Parameter(
-        "pressure",
+        "table", 0.3, 0.0, 5.0,
+    )
+    mass_ratio: float = factor(
+        1.0, "masses of bodies 1 and on over that of body 0, times what scenes state",
+        "episode", 0.3, 0.02, 50.0,
+    )
+    pressure: float = parameter(
+        0.0,
         "of a flat bottom: exponent of the distance from its middle; 0: the same everywhere",
-        "", "body", 0.5, False, -1.0, 8.0,
-    ),
-    Parameter(
-        "centre_x", "centre of mass from the centroid, in the body's frame and radii",
-        "", "body", 0.05, False, -0.6, 0.6,
-    ),
-    Parameter("centre_y", "likewise to the body's left", "", "body", 0.05, False, -0.6, 0.6),
-    Parameter(
-        "grain_x",
+        "body", 0.5, -1.0, 8.0,
+    )
+    centre_x: float = parameter(
+        0.0, "centre of mass from the centroid, in the body's frame and radii",
+        "body", 0.05, -0.6, 0.6,
+    )
+    centre_y: float = parameter(0.0, "likewise to the body's left", "body", 0.05, -0.6, 0.6)
+    grain_x: float = parameter(
+        0.0,
         "half of the share by which friction is larger along a body's own x axis than along its y",
-        "", "body", 0.05, False, -0.3, 0.3,
-    ),
-    Parameter("grain_y", "likewise along its two diagonals", "", "body", 0.05, False, -0.3, 0.3),
-    Parameter(
-        "table_grain_x",
+        "body", 0.05, -0.3, 0.3,
+    )
+    grain_y: float = parameter(0.0, "likewise along its two diagonals", "body", 0.05, -0.3, 0.3)
+    table_grain_x: float = parameter(
+        0.0,
         "half of the share by which friction is larger along the world's x axis than along its y",
-        "", "table", 0.05, False, -0.3, 0.3,
-    ),
-    Parameter(
-        "table_grain_y", "likewise along its two diagonals", "", "table", 0.05, False, -0.3, 0.3
-    ),
-    Parameter(
-        "slope_x", "acceleration along the world's x, as on a slope",
-        "m/s^2", "body", 0.1, False, -0.5, 0.5,
-    ),
-    Parameter("slope_y", "likewise along the world's y", "m/s^2", "body", 0.1, False, -0.5, 0.5),
-    Parameter(
-        "tip_x", "where the tool is from where it is said to be, along the world's x",
-        "m", "tool", 0.001, False, -0.02, 0.02,
-    ),
-    Parameter("tip_y", "likewise along the world's y", "m", "tool", 0.001, False, -0.02, 0.02),
-    Parameter(
-        "length_offset", "how much further the tool goes", "m", "tool", 0.002, False, -0.05, 0.05
-    ),
-    Parameter("angle_offset", "how far to the left it goes", "rad", "tool", 0.02, False, -0.5, 0.5),
-    Parameter(
-        "location_offset", "how far around the body it starts, its heading kept",
-        "rad", "tool", 0.02, False, -0.5, 0.5,
-    ),
-    *(
-        Parameter(
-            f"{offset}_{wave}{order}",
-            f"likewise, times the {wave} of {order} x the heading of the tool in the world",
-            unit, "tool", spread, False, -most, most,
-        )
-        for offset, unit, spread, most in (
-            ("length_offset", "m", 0.0007, 0.02),
-            ("angle_offset", "rad", 0.007, 0.2),
-            ("location_offset", "rad", 0.007, 0.2),
-        )
-        for wave, order in HARMONICS
-    ),
-)  # fmt: skip
-BY_NAME: Final = {parameter.name: parameter for parameter in PARAMETERS}
+        "table", 0.05, -0.3, 0.3,
+    )
+    table_grain_y: float = parameter(
+        0.0, "likewise along its two diagonals", "table", 0.05, -0.3, 0.3
+    )
+    slope_x: float = parameter(
+        0.0, "acceleration along the world's x, as on a slope", "body", 0.1, -0.5, 0.5, "m/s^2"
+    )
+    slope_y: float = parameter(
+        0.0, "likewise along the world's y", "body", 0.1, -0.5, 0.5, "m/s^2"
+    )
+    tip_x: float = parameter(
+        0.0, "where the tool is from where it is said to be, along the world's x",
+        "tool", 0.001, -0.02, 0.02, "m",
+    )
+    tip_y: float = parameter(
+        0.0, "likewise along the world's y", "tool", 0.001, -0.02, 0.02, "m"
+    )
+    length_offset: float = parameter(
+        0.0, "how much further the tool goes", "tool", 0.002, -0.05, 0.05, "m"
+    )
+    angle_offset: float = parameter(
+        0.0, "how far to the left it goes", "tool", 0.02, -0.5, 0.5, "rad"
+    )
+    location_offset: float = parameter(
+        0.0, "how far around the body it starts, its heading kept", "tool", 0.02, -0.5, 0.5, "rad"
+    )
+    length_offset_cos1: float = harmonic(0.0007, 0.02, "m")
+    length_offset_sin1: float = harmonic(0.0007, 0.02, "m")
+    length_offset_cos2: float = harmonic(0.0007, 0.02, "m")
+    length_offset_sin2: float = harmonic(0.0007, 0.02, "m")
+    angle_offset_cos1: float = harmonic(0.007, 0.2)
+    angle_offset_sin1: float = harmonic(0.007, 0.2)
+    angle_offset_cos2: float = harmonic(0.007, 0.2)
+    angle_offset_sin2: float = harmonic(0.007, 0.2)
+    location_offset_cos1: float = harmonic(0.007, 0.2)
+    location_offset_sin1: float = harmonic(0.007, 0.2)
+    location_offset_cos2: float = harmonic(0.007, 0.2)
+    location_offset_sin2: float = harmonic(0.007, 0.2)
+
+    gravity: float = option(9.81, "acceleration", unit="m/s^2", minimum=0.1, maximum=30.0)
+    tool_radius: float = option(TOOL_RADIUS, "radius of the stick", unit="m", minimum=0.001)
+    clearance: float = option(
+        0.005, "gap between tool and rim at the start", unit="m", minimum=0.0, maximum=0.05
+    )
+    acceleration: float = option(4.0, "of the tool", unit="m/s^2", minimum=0.1, maximum=50.0)
+    longest_step: float = option(
+        0.02, "of time; all limits of steps scale with it", unit="s", minimum=1e-4, maximum=0.1
+    )
+
+    @property
+    def has_axes(self) -> bool:
+        """Whether friction is solved along the world's axes."""
+        return self.axes_yield > 0.0
+# fmt: on
+
+
+def _parameter(item: "Field[Any]") -> Parameter:
+    about = item.metadata
+    names = "description", "unit", "scope", "spread", "logarithm", "minimum", "maximum"
+    return Parameter(item.name, *(about[name] for name in names))
+
+
+BY_NAME: Final = {
+    item.name: _parameter(item) for item in fields(PlanarConfig) if "scope" in item.metadata
+}
 BY_HEADING: Final = tuple(name for name in BY_NAME if "_offset_" in name)
 
 # The same in all rows, but for the radius of the tool: a stroke has its own.
 SETTINGS: Final = ("gravity", "tool_radius", "acceleration", "longest_step")
-OF_BODIES: Final = tuple(one.name for one in PARAMETERS if one.scope == "body")
-OF_PUSHES: Final = tuple(one.name for one in PARAMETERS if one.scope != "body") + SETTINGS
+OF_BODIES: Final = tuple(name for name, one in BY_NAME.items() if one.scope == "body")
+OF_PUSHES: Final = (*(name for name in BY_NAME if name not in OF_BODIES), *SETTINGS)
 PUSH_ROW: Final = np.dtype([(name, np.float64) for name in OF_PUSHES])
 BODY_ROW: Final = np.dtype([(name, np.float64) for name in OF_BODIES])
-
-
-def parameter(name: str, default: float) -> Any:
-    """Declare the setting of a parameter."""
-    one = BY_NAME[name]
-    return option(default, one.meaning, unit=one.unit, minimum=one.least, maximum=one.most)
 
 
 def rows_of(config: Hashable, values: Values, batch: int, bodies: int) -> tuple[ndarray, ndarray]:
@@ -307,76 +346,6 @@ def check_values(values: Values, batch: int, bodies: int) -> None:
                 f"{name}{list(where)} is {value[where]}{one.unit and ' '}{one.unit};"
                 f" allowed: {one.least:g} to {one.most:g}"
             )
-
-
-@dataclass(frozen=True)
-class PlanarConfig(Config):
-    """The planar world's physics.
-
-    From `foot_radius` to `disk_height` the values are fitted to Bullet with the arm on 1,871
-    pushes of three-footed disks (docs/explanation/planar.md): they make up for each other, and none
-    should be read as a measurement. What each means is in `sain_model.physics.parameters`.
-    """
-
-    friction: float = parameter("friction", 0.12)
-    gravity: float = option(9.81, "acceleration", unit="m/s^2", minimum=0.1, maximum=30.0)
-    foot_radius: float = parameter("foot_radius", 0.7345)
-    inertia: float = parameter("inertia", 0.4257)
-    torsion: float = parameter("torsion", 1.0)
-    friction_scale: float = parameter("friction_scale", 1.01)
-    yield_across: float = parameter("yield_across", 0.7779)
-    axes_yield: float = parameter("axes_yield", 0.0)
-    tool_friction: float = parameter("tool_friction", 0.1211)
-    disk_friction: float = parameter("disk_friction", 0.1254)
-    tool_restitution: float = parameter("tool_restitution", 0.0036)
-    disk_restitution: float = parameter("disk_restitution", 0.003)
-    tool_compliance: float = parameter("tool_compliance", 0.0)
-    body_compliance: float = parameter("body_compliance", 0.0)
-    middle_height: float = parameter("middle_height", 0.0181)
-    tool_height: float = parameter("tool_height", 0.0283)
-    disk_height: float = parameter("disk_height", 0.0264)
-    mass_ratio: float = parameter("mass_ratio", 1.0)
-    centre_x: float = parameter("centre_x", 0.0)
-    centre_y: float = parameter("centre_y", 0.0)
-    grain_x: float = parameter("grain_x", 0.0)
-    grain_y: float = parameter("grain_y", 0.0)
-    table_grain_x: float = parameter("table_grain_x", 0.0)
-    table_grain_y: float = parameter("table_grain_y", 0.0)
-    slope_x: float = parameter("slope_x", 0.0)
-    slope_y: float = parameter("slope_y", 0.0)
-    pressure: float = parameter("pressure", 0.0)
-
-    tool_radius: float = option(TOOL_RADIUS, "radius of the stick", unit="m", minimum=0.001)
-    clearance: float = option(
-        0.005, "gap between tool and rim at the start", unit="m", minimum=0.0, maximum=0.05
-    )
-    speed_factor: float = parameter("speed_factor", 1.0)
-    acceleration: float = option(4.0, "of the tool", unit="m/s^2", minimum=0.1, maximum=50.0)
-    tip_x: float = parameter("tip_x", 0.0)
-    tip_y: float = parameter("tip_y", 0.0)
-    length_offset: float = parameter("length_offset", 0.0)
-    angle_offset: float = parameter("angle_offset", 0.0)
-    location_offset: float = parameter("location_offset", 0.0)
-    length_offset_cos1: float = parameter("length_offset_cos1", 0.0)
-    length_offset_sin1: float = parameter("length_offset_sin1", 0.0)
-    length_offset_cos2: float = parameter("length_offset_cos2", 0.0)
-    length_offset_sin2: float = parameter("length_offset_sin2", 0.0)
-    angle_offset_cos1: float = parameter("angle_offset_cos1", 0.0)
-    angle_offset_sin1: float = parameter("angle_offset_sin1", 0.0)
-    angle_offset_cos2: float = parameter("angle_offset_cos2", 0.0)
-    angle_offset_sin2: float = parameter("angle_offset_sin2", 0.0)
-    location_offset_cos1: float = parameter("location_offset_cos1", 0.0)
-    location_offset_sin1: float = parameter("location_offset_sin1", 0.0)
-    location_offset_cos2: float = parameter("location_offset_cos2", 0.0)
-    location_offset_sin2: float = parameter("location_offset_sin2", 0.0)
-    longest_step: float = option(
-        0.02, "of time; all limits of steps scale with it", unit="s", minimum=1e-4, maximum=0.1
-    )
-
-    @property
-    def has_axes(self) -> bool:
-        """Whether friction is solved along the world's axes."""
-        return self.axes_yield > 0.0
 
 
 def with_mass_ratio(scenes: Scenes, ratio: Scalars | float) -> Scenes:

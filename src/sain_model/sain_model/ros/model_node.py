@@ -43,7 +43,6 @@ class ModelNode(Node):
     """
 
     def __init__(self, **options: Any) -> None:
-        """Load the model and run it once."""
         super().__init__("model_node", namespace=NAMESPACE, **options)
         config = read_parameters(self, ServingConfig)
         self.reception = Reception(self)

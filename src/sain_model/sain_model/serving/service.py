@@ -50,7 +50,6 @@ class ServingConfig(Config):
     )
 
     def __post_init__(self) -> None:
-        """Check the fields and the names of what is unknown."""
         super().__post_init__()
         unknown_names(self.unknown)
 
@@ -115,7 +114,6 @@ class ModelService:
     server: "ModelServer"
 
     def __init__(self, config: ServingConfig) -> None:
-        """Serve nothing yet."""
         self.config = config
         self.record = ServiceRecord()
         self.bodies: Bodies = PAPER_DISKS  # of the episode

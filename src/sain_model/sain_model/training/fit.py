@@ -33,8 +33,13 @@ from sain_model.dynamics.load import (
     shipped_checkpoint,
 )
 from sain_model.dynamics.priors import make_prior
-from sain_model.dynamics.residual import residual_model, weights_of, with_intervals
-from sain_model.dynamics.sain import RECURRENT, SainDynamics
+from sain_model.dynamics.sain import (
+    RECURRENT,
+    SainDynamics,
+    residual_model,
+    weights_of,
+    with_intervals,
+)
 from sain_model.evaluation.errors import position_errors
 from sain_model.evaluation.predictors import step_with_history
 from sain_model.inference.kinds import FRICTION, Kind, friction_kind, read_belief
@@ -46,8 +51,6 @@ from sain_model.training.settings import (
     DEFAULT,
     EPISODE,
     NOTHING,
-    LossConfig,
-    RolloutConfig,
     TrainingConfig,
     TrainOptions,
 )
@@ -101,19 +104,17 @@ def fit(
     kind: Kind,
     config: TrainingConfig,
     folder: Path,
-    rollout: RolloutConfig = RolloutConfig(),
     start: SainDynamics | None = None,
     show: Show = lambda name, epochs, done: nullcontext(lambda epoch, history: None),
     overwrite: bool = False,
 ) -> tuple[SainDynamics, list[LossHistory]]:
-    """Train on single pushes, then on rollouts if wanted, and fit the regions of predictions.
+    """Train on single pushes, then on rollouts if wanted; fit regions to the validation part.
 
     Args:
         split: what to learn from, and what to choose the best epoch and fit regions by.
         kind: the physics that is corrected, and what pushes show of it.
         config: settings.
         folder: of the state; a training that is there is resumed.
-        rollout: how training goes on with rollouts.
         start: whose weights it starts from, and keeps if no epoch is better; None: new ones.
         show: shows the training while it runs.
         overwrite: replace a state of other settings or data.
@@ -128,10 +129,11 @@ def fit(
     if start is not None:
         pushes.identity += f" from {start.origin.model_hash}"
         network = InteractionNetwork.of(weights_of(start))
-    stages: list[tuple[str, LearningObjective, TrainingConfig]] = [(PUSHES, pushes, config)]
-    if rollout.wanted:
-        rollouts = Rollouts(split, kind, config, rollout)
-        stages.append((ROLLOUTS, rollouts, rollout.after(config)))
+    stages: list[tuple[str, LearningObjective, TrainingConfig]] = [
+        (PUSHES, pushes, config.of_pushes)
+    ]
+    if config.steps_ahead > 1:
+        stages.append((ROLLOUTS, Rollouts(split, kind, config), config.of_rollouts))
     histories = []
     for name, objective, settings in stages:
         keeps = start is not None and name == PUSHES
@@ -139,33 +141,23 @@ def fit(
         with show(name, settings.epochs, trainer.epoch) as progress:
             trainer.run(progress)
         histories.append(trainer.history)
-    return _model(network, kind, config, rollout, split), histories
+    recurrent = config.steps_ahead > 1
+    sain = residual_model(network.weights, kind, config.prior, recurrent=recurrent)
+    return with_intervals(sain, fit_intervals(sain, *split.validation.parts)), histories
 
 
 def _with_bodies(split: Split, kind: Kind) -> Split:
-    """Return a split that states what the pushes to learn from show of each body.
-
-    Raises:
-        DatasetError: pushes whose body is not named.
-    """
+    """Return a split that states what the pushes to learn from show of each body."""
     parts = split.train, split.validation, split.test
     bodies = infer_bodies(kind, split.train)
     return Split(*(with_beliefs(part, kind, bodies) for part in parts))
 
 
-def _model(
-    network: InteractionNetwork,
-    kind: Kind,
-    config: TrainingConfig,
-    rollout: RolloutConfig,
-    split: Split,
-) -> SainDynamics:
-    """Return the trained model, with regions fitted to the validation part."""
-    sain = residual_model(network.weights, kind, config.prior, recurrent=rollout.wanted)
-    return with_intervals(sain, fit_intervals(sain, *split.validation.parts))
-
-
 KEPT: Final = ("prior", "prior_friction", "history")  # and its network: weights fit no others
+INHERITED: Final = (
+    *("weight_decay", "mirror", "diversity"),
+    *("robust", "position_scale", "velocity_scale", "heading_scale"),
+)
 DEFAULTS: Final = TrainingConfig(epochs=100, batch=64, validation=0.2)
 """For fewer rows than most are trained on: smaller batches, more epochs, and more of the episodes
 to choose the best by; docs/guides/training.md tells what was tried."""
@@ -206,23 +198,17 @@ class Parent:
         Raises:
             CheckpointError: its card has settings that make no sense.
         """
-        loss = card_part("training.loss", LossConfig, self.card.training.get("loss", {}))
-        learned = {
-            name: self.card.training.get(name, getattr(DEFAULTS, name))
-            for name in ("weight_decay", "mirror", "diversity")
-        }
-        infers = self.sain.belief.trained.names
+        learned, infers = self.card.training, self.sain.belief.trained.names
         return card_part(
             "training",
             TrainingConfig,
             {
                 **vars(DEFAULTS),
-                **learned,
+                **{name: learned[name] for name in INHERITED if name in learned},
                 "prior": self.card.prior,
                 "prior_friction": self.card.prior_config.get("friction", DEFAULTS.prior_friction),
-                "history": self.card.training.get("history", EPISODE) if infers else NOTHING,
+                "history": learned.get("history", EPISODE) if infers else NOTHING,
                 "network": weights_of(self.sain).config,
-                "loss": loss,
             },
         )
 
@@ -246,7 +232,7 @@ class Parent:
             asked_for = "--belief"
         elif options.preset != DEFAULT:
             asked_for = f"--preset {options.preset}"
-        elif options.rollout.wanted:
+        elif config.steps_ahead > 1:
             asked_for = "--steps-ahead"
         else:
             return

@@ -14,7 +14,7 @@ from sain_core.scene import POSITION, RADIUS, THETA, wrap_angle
 from sain_core.types import Scalars
 from sain_model.data.dataset import Dataset, Part
 from sain_model.dynamics.identify import FEW_BODIES, body_names, states_bodies
-from sain_model.dynamics.intervals import LEVEL, IntervalConfig, Intervals, Prediction
+from sain_model.dynamics.intervals import LEVEL, Intervals, Prediction, Region
 from sain_model.dynamics.sain import SainDynamics
 from sain_model.evaluation.predictors import predict_with_history
 from sain_model.network.features import elongations
@@ -56,10 +56,10 @@ def fit_regions(
         fitted = off.max(initial=0.0) > RESOLUTION
         configs.append(fit_disk(parts, off, level, long, score) if fitted else None)
     mid, target, turn = configs
-    mid = mid or IntervalConfig()
+    mid = mid or Region()
     # Where scenes have one body, there are no others: theirs would be as the pushed one's.
-    intervals = Intervals(level, mid, target or mid, turn or IntervalConfig())
-    intervals = replace(intervals, turn_log_std=0.0 if turn is None else 1.0)
+    intervals = Intervals(level, mid, target or mid, turn or Region())
+    intervals = replace(intervals, usual_log_std=(0.0, 0.0 if turn is None else 1.0))
     return _with_default_errors(intervals, predictions, data)
 
 
@@ -78,13 +78,11 @@ def _with_default_errors(
     if states_bodies(Dataset(tuple(data))):
         between = _between(logs, np.concatenate([body_names(part) for part in data]))
     mean, within = logs.mean(axis=1), np.sqrt(logs.var(axis=1) - between**2)
-    usual, turns = zip(mean.tolist(), within.tolist(), between.tolist(), strict=True)
-    names = "log", "log_std", "bodies_log_std"
-    found = {f"usual_{name}": value for name, value in zip(names, usual, strict=True)}
-    found["bodies_log_std"] = found.pop("usual_bodies_log_std")
-    if intervals.turn_log_std > 0.0:
-        found |= {f"turn_{name}": value for name, value in zip(names, turns, strict=True)}
-    return replace(intervals, **found)
+    turns = float(intervals.usual_log_std[1] > 0.0)  # 0: headings have no regions
+    usual, std, bodies = (
+        (float(places), turns * float(headings)) for places, headings in (mean, within, between)
+    )
+    return replace(intervals, usual_log=usual, usual_log_std=std, bodies_log_std=bodies)
 
 
 def with_regions(intervals: Intervals, prediction: Prediction, data: Part) -> Prediction:
@@ -132,41 +130,30 @@ def fit_disk(
     off: Scalars,
     level: float,
     long: Scalars | None = None,
-    like: IntervalConfig | None = None,
-) -> IntervalConfig:
+    like: Region | None = None,
+) -> Region:
     """Fit one disk's radius to distances (M,) [m]: first the score, then its factors.
 
     `long` are elongations (M,) of bodies of any shape. The score is that of `like`, where given.
     """
-    config = like or _fitted_score(parts, off, level, long)
-    scores, factors = _factors(config.score(parts[0], parts[1], parts[2], long), off, level)
-    return replace(config, scores=scores, factors=factors)
-
-
-def _fitted_score(
-    parts: Float[ndarray, "3 M"], off: Scalars, level: float, long: Scalars | None
-) -> IntervalConfig:
-    varies = parts.max(axis=1) > RESOLUTION
-    weights = np.zeros(3)
-    noise, weights[varies], elongation = _fit_score(parts[varies], off, level, long)
-    members, friction, moved = (float(weight) for weight in weights)
-    return IntervalConfig(noise, members, friction, moved, elongation)
+    region = like or _fit_score(parts, off, level, long)
+    scores, factors = _factors(region.score(parts[0], parts[1], parts[2], long), off, level)
+    return replace(region, scores=scores, factors=factors)
 
 
 def _fit_score(
-    parts: Float[ndarray, "P M"], off: Scalars, level: float, long: Scalars | None
-) -> tuple[float, Float[ndarray, "P"], float]:
-    """Return noise and weights so that the score is, as near as can be, the level's quantile.
-
-    The last one is the weight of the elongation; 0 for disks.
+    parts: Float[ndarray, "3 M"], off: Scalars, level: float, long: Scalars | None
+) -> Region:
+    """Return weights so that the score is, as near as can be, the level's quantile.
 
     That is quantile regression of the logarithm of the distance.
     """
-    logs = np.log(off + RESOLUTION)
+    varies = parts.max(axis=1) > RESOLUTION
+    logs, some = np.log(off + RESOLUTION), parts[varies]
 
     def loss(parameters: Float[ndarray, "Q"]) -> float:
-        values = np.exp(np.clip(parameters[: len(parts) + 1], -20.0, 10.0))
-        missing = logs - np.log(RESOLUTION + values[0] + values[1:] @ parts)
+        values = np.exp(np.clip(parameters[: len(some) + 1], -20.0, 10.0))
+        missing = logs - np.log(RESOLUTION + values[0] + values[1:] @ some)
         if long is not None:
             missing -= parameters[-1] * long
         pinball = np.maximum(level * missing, (level - 1.0) * missing).mean()
@@ -174,12 +161,15 @@ def _fit_score(
 
     found = []
     for start in STARTS:
-        first = np.array([np.log(1e-4), *[start] * len(parts), *[0.0] * (long is not None)])
+        first = np.array([np.log(1e-4), *[start] * len(some), *[0.0] * (long is not None)])
         rough = minimize(loss, first, method="Powell")
         found.append(minimize(loss, rough.x, method="Nelder-Mead"))
     lowest = min(found, key=lambda result: result.fun).x
-    best = np.exp(np.clip(lowest[: len(parts) + 1], -20.0, 10.0))
-    return float(best[0] + RESOLUTION), best[1:], 0.0 if long is None else float(lowest[-1])
+    best, weights = np.exp(np.clip(lowest[: len(some) + 1], -20.0, 10.0)), np.zeros(3)
+    weights[varies] = best[1:]
+    elongation = 0.0 if long is None else float(lowest[-1])
+    members, friction, way = weights.tolist()
+    return Region(float(best[0] + RESOLUTION), members, friction, way, elongation)
 
 
 def _factors(

@@ -30,7 +30,7 @@ from sain_model.network.settings import NetworkConfig
 from sain_model.physics.parameters import Values
 from sain_model.physics.planar import step_knowing
 from sain_model.training.rollouts import roll
-from sain_model.training.settings import LossConfig, RolloutConfig, TrainingConfig
+from sain_model.training.settings import TrainingConfig
 from sain_model.training.trainer import LearningObjective
 
 MIRRORED_MOTION: Final = (1, 2)  # across the push, and the turn
@@ -46,7 +46,6 @@ class Examples:
     velocity: Float[Tensor, "M N 3"]  # error of the prior's velocity, which no network changes
 
     def __len__(self) -> int:
-        """Return the number of pushes M."""
         return len(self.bodies)
 
     def padded(self, bodies: int) -> Self:
@@ -116,7 +115,7 @@ def inferred_values(data: Part, kind: Kind) -> Values:
 
     Values that the data give are as given.
     """
-    found, _ = grid_values(kind, data.observed, Known.others(data.episode))
+    found = grid_values(kind, data.observed, Known.others(data.episode))
     return found | dict(data.given or {})
 
 
@@ -141,9 +140,8 @@ class SinglePushes(LearningObjective):
     """Algorithm 1's loss of single pushes, each member on rows of its own."""
 
     def __init__(self, split: Split, kind: Kind, config: TrainingConfig) -> None:
-        """Prepare the data; `kind` is the physics that is corrected."""
         self.identity, self.members = _identity(split, kind), config.network.members
-        self._loss = config.loss
+        self._config = config
         self._train = _examples_of(split.train, kind, config, config.mirrors)
         self._validation = _examples_of(split.validation, kind, config)
         copies = len(self._train) // len(split.train)  # with mirror images two
@@ -153,36 +151,34 @@ class SinglePushes(LearningObjective):
         """Return every member's loss."""
         data = self._train
         predicted = network.each(data.bodies[rows], data.relations[rows])
-        return mixed_loss(predicted, data, rows, self._loss)
+        return mixed_loss(predicted, data, rows, self._config)
 
     def validate(self, network: InteractionNetwork) -> float:
         """Return the loss of the members' mean."""
         data = self._validation
         parts = zip(data.bodies.split(CHUNK), data.relations.split(CHUNK), strict=True)
         said = torch.cat([network.each(*part).mean(dim=0) for part in parts])
-        return mixed_loss(said, data, torch.arange(len(data)), self._loss).item()
+        return mixed_loss(said, data, torch.arange(len(data)), self._config).item()
 
 
 class Rollouts(LearningObjective):
     """Algorithm 1's loss of rollouts of the network's own predictions."""
 
-    def __init__(
-        self, split: Split, kind: Kind, config: TrainingConfig, rollout: RolloutConfig
-    ) -> None:
+    def __init__(self, split: Split, kind: Kind, config: TrainingConfig) -> None:
         """Prepare the windows.
 
         Raises:
             DatasetError: scenes with different bodies.
         """
-        self.identity = f"{_identity(split, kind)} {rollout}"
+        self.identity = _identity(split, kind)
         train, validation = split.train.alike, split.validation.alike
-        self._bodies, self._loss = train.bodies, config.loss
+        self._bodies, self._config = train.bodies, config
         self._prior = kind.prior.with_bodies(train.bodies)
-        self._train = make_windows(train, rollout.steps_ahead)
+        self._train = make_windows(train, config.steps_ahead)
         if config.mirrors and train.bodies.all_round:
-            image = make_windows(train.mirrored(), rollout.steps_ahead)
+            image = make_windows(train.mirrored(), config.steps_ahead)
             self._train = self._train.and_then(image)
-        self._validation = make_windows(validation, rollout.steps_ahead)
+        self._validation = make_windows(validation, config.steps_ahead)
         self._values = [inferred_values(part, kind) for part in (train, validation)]
         self.episodes = self._train.episodes
 
@@ -202,14 +198,14 @@ class Rollouts(LearningObjective):
         given = {name: value[windows.rows] for name, value in values.items()}
         with one_numba_thread():
             poses = roll(network, windows, self._prior, given, self._bodies)
-        return rollout_loss(poses, windows, self._loss)
+        return rollout_loss(poses, windows, self._config)
 
 
 # --- the loss of Algorithm 1, line 17, and its sum over rollouts, equation 5 ----------------------
 
 
 def mixed_loss(
-    predicted: Float[Tensor, "*M B N 3"], examples: Examples, rows: Tensor, config: LossConfig
+    predicted: Float[Tensor, "*M B N 3"], examples: Examples, rows: Tensor, config: TrainingConfig
 ) -> Float[Tensor, "*M"]:
     """Return Algorithm 1's loss of batches: position, velocity, sine and cosine of the heading.
 
@@ -223,7 +219,9 @@ def mixed_loss(
     return _total(squares, config).mean(dim=(-2, -1))
 
 
-def rollout_loss(poses: Float[Tensor, "W T N 3"], windows: Windows, config: LossConfig) -> Tensor:
+def rollout_loss(
+    poses: Float[Tensor, "W T N 3"], windows: Windows, config: TrainingConfig
+) -> Tensor:
     """Return Algorithm 1's loss, a mean over all pushes of the windows: equation 5's sum.
 
     Velocities are left out: scenes are settled, and no network changes them.
@@ -233,14 +231,14 @@ def rollout_loss(poses: Float[Tensor, "W T N 3"], windows: Windows, config: Loss
     return _total(_pose_squares(missing, config), config).mean(dim=-1)[known].mean()
 
 
-def _pose_squares(missing: Float[Tensor, "*B 3"], config: LossConfig) -> list[Tensor]:
+def _pose_squares(missing: Float[Tensor, "*B 3"], config: TrainingConfig) -> list[Tensor]:
     return [
         (missing[..., :2] / config.position_scale).square().sum(-1),
         (2.0 - 2.0 * torch.cos(missing[..., 2])) / config.heading_scale**2,
     ]
 
 
-def _total(squares: list[Tensor], config: LossConfig) -> Tensor:
+def _total(squares: list[Tensor], config: TrainingConfig) -> Tensor:
     if config.robust:
         squares = [2.0 * (torch.sqrt(1.0 + square) - 1.0) for square in squares]
     return functools.reduce(torch.add, squares)

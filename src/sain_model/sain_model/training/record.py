@@ -24,7 +24,7 @@ from sain_model.data.dataset import Dataset, Split
 from sain_model.dynamics.load import SUFFIX, ModelCard
 from sain_model.dynamics.priors import prior_settings
 from sain_model.dynamics.sain import RECURRENT, RESIDUAL, SainDynamics
-from sain_model.evaluation.errors import THIRDS, Figures
+from sain_model.evaluation.errors import Figures
 from sain_model.evaluation.predictors import HISTORY, PRIOR, PRIOR_HISTORY
 from sain_model.inference.kinds import FRICTION, Kind, written_kind
 from sain_model.training.fit import STATES
@@ -97,7 +97,7 @@ def make_card(
     config = command.training
     training = {**asdict(config), **_losses(histories[0])}
     if len(histories) > 1:
-        training["rollouts"] = {**asdict(command.rollout), **_losses(histories[1])}
+        training["rollouts"] = _losses(histories[1])
     kind, intervals = model.belief.trained, model.network and model.network.intervals
     return ModelCard(
         prior=config.prior,
@@ -124,7 +124,6 @@ def own_errors(errors: Figures, name: str) -> Figures:
         part: {
             group: {one: figures for one, figures in by_name.items() if one in kept}
             for group, by_name in errors["after"]["1"][part].items()
-            if not group.startswith(THIRDS)
         }
         for part in ("errors", "ratios")
     }

@@ -30,7 +30,8 @@ from sain_model.physics.planar import step_knowing
 
 STEPS: Final = (2e-4, 2e-4, 2e-3)  # [m, m, rad], of the finite differences: well above rounding
 
-Physics = Callable[[Scenes, Pushes, ndarray], Scenes]  # scenes, pushes, rows of the batch -> next
+Look = Callable[[Scenes, Pushes, ndarray], tuple[ndarray, ...]]
+"""Returns what is seen in scenes with pushes, which are these rows of the batch."""
 
 
 def roll(
@@ -50,8 +51,8 @@ def roll(
     for step in range(windows.steps):
         pushes = windows.pushes[:, step]
         now = {name: value[:, step] for name, value in (values or {}).items()}
-        physics = _physics(prior, now)
-        seen = see(pose, windows.scenes, pushes, physics, network.config, bodies)
+        look = partial(_look, prior, now, network.config, bodies)
+        seen = see(pose, windows.scenes, pushes, look)
         settle_threads()
         residual = network(seen.bodies, seen.relations).double()
         moved = seen.moved + _into_world(residual, seen.heading)
@@ -59,14 +60,6 @@ def roll(
         pose = pose + moved.masked_fill(idle, 0.0)
         poses.append(pose)
     return torch.stack(poses, dim=1)
-
-
-def _physics(prior: Model, values: Values) -> Physics:
-    def predict(scenes: Scenes, pushes: Pushes, rows: ndarray) -> Scenes:
-        here = {name: value[rows] for name, value in values.items()}
-        return step_knowing(prior, scenes, pushes, here)
-
-    return predict
 
 
 def _into_world(
@@ -87,29 +80,19 @@ class Seen(NamedTuple):
     heading: Float[Tensor, "B 2"]  # cos and sin of the frame of the push
 
 
-def see(
-    pose: Float[Tensor, "B N 3"],
-    scenes: Scenes,
-    pushes: Pushes,
-    physics: Physics,
-    config: NetworkConfig,
-    shapes: Bodies,
-) -> Seen:
+def see(pose: Float[Tensor, "B N 3"], scenes: Scenes, pushes: Pushes, look: Look) -> Seen:
     """Return what the network sees in scenes with these poses.
 
     Args:
         pose: of each disk, predicted so far; what is returned may depend on it.
         scenes: with masses and radii; the poses in them are overwritten.
         pushes: one a scene.
-        physics: predicts, for rows of this batch.
-        config: of the network.
-        shapes: of the bodies.
+        look: returns what is seen.
     """
     scenes = scenes.copy()
     scenes[..., POSE] = pose.detach().numpy()
     scenes[..., THETA] = wrap_angle(scenes[..., THETA])
     rows = np.arange(len(scenes))
-    look = partial(_look, physics, config, shapes)
     parts = look(scenes, pushes, rows)
     values = torch.from_numpy(_flat(parts))
     if pose.requires_grad:
@@ -123,14 +106,16 @@ def see(
 
 
 def _look(
-    physics: Physics,
+    prior: Model,
+    values: Values,
     config: NetworkConfig,
     shapes: Bodies,
     scenes: Scenes,
     pushes: Pushes,
     rows: ndarray,
 ) -> tuple[ndarray, ...]:
-    physics_next = physics(scenes, pushes, rows)
+    here = {name: value[rows] for name, value in values.items()}
+    physics_next = step_knowing(prior, scenes, pushes, here)
     frames = push_frames(scenes, pushes, shapes)
     features = network_inputs(config, scenes, frames, physics_next, shapes)
     moved = physics_next[..., POSE] - scenes[..., POSE]
@@ -145,7 +130,7 @@ def _flat(parts: tuple[ndarray, ...]) -> Float[ndarray, "B V"]:
 def _slopes(
     scenes: Scenes,
     pushes: Pushes,
-    look: Callable[[Scenes, Pushes, ndarray], tuple[ndarray, ...]],
+    look: Look,
     values: Float[ndarray, "B V"],
 ) -> Float[ndarray, "B V P"]:
     """Return the derivative of all that is seen by each of the P = 3 N numbers of the poses."""

@@ -10,9 +10,9 @@ epochs are steps. See docs/guides/training.md.
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Final, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Final, Literal, Self
 
 import tyro
 
@@ -38,55 +38,16 @@ HALVING_STEPS: Final = "halving_steps"
 HALVING_EPOCHS: Final = "halving_epochs"
 NOTHING: Final = "none"
 EPISODE: Final = "episode"
+OF_ROLLOUTS: Final = (
+    *("steps_ahead", "rollout_epochs", "rollout_batch"),
+    *("rollout_learning_rate", "rollout_max_grad_norm"),
+)
 LAMBDA: Final = 1e-6  # of equation 5, of a loss in units of 1 mm
 
 
 @dataclass(frozen=True)
-class LossConfig(Config):
-    """The mixed loss of Algorithm 1, line 17, each term in units of a scale."""
-
-    robust: bool = option(True, "Huber's loss: beyond a scale an error counts linearly")
-    position_scale: float = option(0.001, "of position errors", unit="m", minimum=1e-6)
-    velocity_scale: float = option(0.1, "of velocity errors", unit="m/s", minimum=1e-6)
-    heading_scale: float = option(0.05, "of errors of sin and cos of the heading", minimum=1e-6)
-
-
-@dataclass(frozen=True)
-class OptimizerConfig(Config):
-    """The optimizer, and how its learning rate falls."""
-
-    optimizer: str = option(
-        ADAMW,
-        "adamw: decoupled weight decay; adam: equation 5's L2 term with lambda = weight_decay / 2",
-        choices=(ADAMW, ADAM),
-    )
-    schedule: str = option(
-        COSINE,
-        "learning rate schedule: a cosine to 0, or halving after a number of steps or epochs",
-        choices=(COSINE, HALVING_STEPS, HALVING_EPOCHS),
-    )
-    halving: int = option(2500, "steps or epochs after which it is halved", minimum=1)
-
-    def rate(self, epoch: int, epochs: int, step: int) -> float:
-        """Return the share of the first learning rate, at an epoch of so many and a step."""
-        if self.schedule == COSINE:
-            return 0.5 * (1.0 + math.cos(math.pi * epoch / epochs))
-        done = step if self.schedule == HALVING_STEPS else epoch
-        return float(0.5 ** (done // self.halving))
-
-    def make(
-        self, parameters: "Iterable[Tensor]", rate: float, weight_decay: float
-    ) -> "torch.optim.Optimizer":
-        """Return the optimizer of these parameters."""
-        import torch
-
-        kind = torch.optim.AdamW if self.optimizer == ADAMW else torch.optim.Adam
-        return kind(parameters, rate, weight_decay=weight_decay)
-
-
-@dataclass(frozen=True)
 class TrainingConfig(Config):
-    """What a network learns from, and how."""
+    """What a network learns from, and how: the loss is Algorithm 1's, line 17."""
 
     seed: int = option(
         0,
@@ -142,20 +103,21 @@ class TrainingConfig(Config):
         choices=(ORDER, BOOTSTRAP),
     )
     mirror: bool = option(True, "train on mirror images too; not with features of the world")
-    network: NetworkConfig = NetworkConfig()
-    loss: LossConfig = LossConfig()
-    optimizer: OptimizerConfig = OptimizerConfig()
-
-    @property
-    def mirrors(self) -> bool:
-        """Whether mirror images are learned from: a tilted table in a mirror is another table."""
-        return self.mirror and self.network.features == PUSH_FRAME
-
-
-@dataclass(frozen=True)
-class RolloutConfig(Config):
-    """How a network that has learned from single pushes goes on to learn from rollouts."""
-
+    robust: bool = option(True, "Huber's loss: beyond a scale an error counts linearly")
+    position_scale: float = option(0.001, "of position errors in the loss", unit="m", minimum=1e-6)
+    velocity_scale: float = option(0.1, "of velocity errors in the loss", unit="m/s", minimum=1e-6)
+    heading_scale: float = option(0.05, "of errors of sin and cos of the heading", minimum=1e-6)
+    optimizer: str = option(
+        ADAMW,
+        "adamw: decoupled weight decay; adam: equation 5's L2 term with lambda = weight_decay / 2",
+        choices=(ADAMW, ADAM),
+    )
+    schedule: str = option(
+        COSINE,
+        "learning rate schedule: a cosine to 0, or halving after a number of steps or epochs",
+        choices=(COSINE, HALVING_STEPS, HALVING_EPOCHS),
+    )
+    halving: int = option(2500, "steps or epochs after which it is halved", minimum=1)
     steps_ahead: int = option(
         1, "pushes of a training rollout; 1: single pushes only", minimum=1, maximum=100
     )
@@ -167,16 +129,21 @@ class RolloutConfig(Config):
     rollout_max_grad_norm: float = option(
         1.0, "largest norm of a gradient; longer ones are scaled to it", minimum=1e-6
     )
+    network: NetworkConfig = NetworkConfig()
 
     @property
-    def wanted(self) -> bool:
-        """Whether there is anything to learn from rollouts."""
-        return self.steps_ahead > 1
+    def of_pushes(self) -> Self:
+        """Settings for single pushes: the same whether rollouts follow or not."""
+        usual: dict[str, Any] = {
+            item.name: item.default for item in fields(self) if item.name in OF_ROLLOUTS
+        }
+        return replace(self, **usual)
 
-    def after(self, training: TrainingConfig) -> TrainingConfig:
-        """Return how training goes on: seed, data, decay and loss stay."""
+    @property
+    def of_rollouts(self) -> Self:
+        """Settings for the rollouts that follow: seed, data, decay and loss stay."""
         return replace(
-            training,
+            self,
             epochs=self.rollout_epochs,
             epoch_steps=0,
             validate_every=1,
@@ -185,8 +152,30 @@ class RolloutConfig(Config):
             learning_rate=self.rollout_learning_rate,
             max_grad_norm=self.rollout_max_grad_norm,
             diversity=ORDER,
-            optimizer=OptimizerConfig(),
+            optimizer=ADAMW,
+            schedule=COSINE,
         )
+
+    @property
+    def mirrors(self) -> bool:
+        """Whether mirror images are learned from: a tilted table in a mirror is another table."""
+        return self.mirror and self.network.features == PUSH_FRAME
+
+    def rate(self, epoch: int, step: int) -> float:
+        """Return the learning rate at an epoch and a step."""
+        if self.schedule == COSINE:
+            share = 0.5 * (1.0 + math.cos(math.pi * epoch / self.epochs))
+        else:
+            done = step if self.schedule == HALVING_STEPS else epoch
+            share = 0.5 ** (done // self.halving)
+        return share * self.learning_rate
+
+    def make_optimizer(self, parameters: "Iterable[Tensor]") -> "torch.optim.Optimizer":
+        """Return the optimizer of these parameters."""
+        import torch
+
+        kind = torch.optim.AdamW if self.optimizer == ADAMW else torch.optim.Adam
+        return kind(parameters, self.learning_rate, weight_decay=self.weight_decay)
 
 
 PAPER: Final = TrainingConfig(
@@ -198,14 +187,15 @@ PAPER: Final = TrainingConfig(
     mirror=False,
     validation=0.2,
     history=NOTHING,
-    loss=LossConfig(robust=False, position_scale=0.001, velocity_scale=0.1, heading_scale=0.05),
-    optimizer=OptimizerConfig(ADAM, HALVING_STEPS, 2500),
+    robust=False,
+    optimizer=ADAM,
+    schedule=HALVING_STEPS,
 )
 DEFAULT: Final = "default"
 PRESETS: Final = {
     DEFAULT: TrainingConfig(),
     "paper": PAPER,
-    "paper-epochs": replace(PAPER, optimizer=OptimizerConfig(ADAM, HALVING_EPOCHS, 2500)),
+    "paper-epochs": replace(PAPER, schedule=HALVING_EPOCHS),
     # 8,000 steps, validated every 500 of them
     "paper-steps": replace(PAPER, epochs=16, epoch_steps=500, validate_every=1),
 }
@@ -239,4 +229,3 @@ class TrainOptions(Config):
         False, "write the losses for TensorBoard too; needs pip install '.[tensorboard]'"
     )
     training: TrainingConfig = TrainingConfig()
-    rollout: RolloutConfig = RolloutConfig()

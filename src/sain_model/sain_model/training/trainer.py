@@ -92,7 +92,6 @@ class Batches:
     """
 
     def __init__(self, config: TrainingConfig, episodes: Int[ndarray, "M"], members: int) -> None:
-        """Draw rows that belong to these episodes, for so many members at once."""
         self._seed, self._size = config.seed, config.batch
         self._pass_steps = -(-len(episodes) // config.batch)
         self.steps = config.epoch_steps or self._pass_steps
@@ -158,10 +157,7 @@ class Trainer:
         self.network, self._objective, self._config = network, objective, config
         self._path, self._identity = path, f"{config} {objective.identity}"
         self._batches = Batches(config, objective.episodes, objective.members)
-        parameters = network.parameters()
-        self._optimizer = config.optimizer.make(
-            parameters, config.learning_rate, config.weight_decay
-        )
+        self._optimizer = config.make_optimizer(network.parameters())
         self.history = LossHistory(start=self._validate() if keeps_start else None)
         self._best = self._weights()
         if path.exists():
@@ -200,9 +196,8 @@ class Trainer:
         self.network.train()
         for place, rows in enumerate(self._batches.epoch(epoch)):
             step = epoch * self._batches.steps + place
-            share = config.optimizer.rate(epoch, config.epochs, step)
             for group in self._optimizer.param_groups:
-                group["lr"] = share * config.learning_rate
+                group["lr"] = config.rate(epoch, step)
             losses = self._objective.losses(self.network, rows)
             self._optimizer.zero_grad()
             losses.sum().backward()  # so that each member learns as if it were alone

@@ -39,7 +39,7 @@ from sain_mppi.agent.events import (
     Task,
     TimePassed,
 )
-from sain_mppi.agent.goal_tracker import GoalTracker, GoalTrackerConfig
+from sain_mppi.agent.goal_tracker import GoalTracker
 from sain_mppi.agent.planning import Decider, Patience, PlanningDecider
 from sain_mppi.agent.uncertainty import EstimatorConfig
 from sain_mppi.config import PlannerConfig
@@ -51,6 +51,7 @@ SERVICE: Final = "service"
 IN_PROCESS: Final = "in_process"
 MOST_PUSHES: Final = 20  # of an episode, the latest; more would tell little and cost time
 MOST_EARLY: Final = 500  # scenes that are kept until their bodies are given
+SHORTEST: Final = 4.0  # standard deviations of places: a shorter way of a body is lost in noise
 MOST_EPISODES: Final = 16  # others than the present one, whose bodies are kept
 
 
@@ -63,8 +64,24 @@ class AgentConfig(Config):
         0, "seed; the same seed and scenes give the same plans", minimum=0, maximum=MOST_SEED
     )
     history: bool = option(True, "infer friction from the earlier pushes of the episode")
+    max_refusals: int = option(
+        10, "refused pushes from one scene after which the planner stops", minimum=1
+    )
+    answer_timeout: float = option(
+        5.0,
+        "time without a result after which a push is planned again",
+        unit="s",
+        minimum=0.1,
+        maximum=3600.0,
+    )
+    result_patience: float = option(
+        0.5,
+        "longest wait for the result of the last push before the next plan",
+        unit="s",
+        minimum=0.0,
+        maximum=60.0,
+    )
     planner: PlannerConfig = live_group(PlannerConfig())
-    goal_tracker: GoalTrackerConfig = GoalTrackerConfig()
     estimator: EstimatorConfig = EstimatorConfig()
     feasibility: Feasibility = Feasibility()
 
@@ -91,12 +108,11 @@ class Agent:
     def __init__(
         self, decider: Decider, config: AgentConfig, clock: Callable[[], float] = time.monotonic
     ) -> None:
-        """Let this decider choose the pushes. Begin without a goal and without a scene."""
         self.decider = decider
         self.config = config
         self._clock = clock
-        self._tracker = GoalTracker(config.goal_tracker, clock)
-        patience = config.goal_tracker.result_patience
+        patience = config.result_patience
+        self._tracker = GoalTracker(config.max_refusals, config.answer_timeout, patience, clock)
         self._estimator: Estimator | None = None  # exact scenes need none
         if not config.estimator.is_exact:
             self._estimator = Estimator(config.estimator, patience, clock)
@@ -273,13 +289,14 @@ class Agent:
             tracker.start.scene,
             self.config.feasibility,
         )
-        if observed.uncertainty is not None:
-            observed.uncertainty.check_tolerance(problem.goal)
+        problem = replace(problem, refused=tracker.refused)
+        if (uncertainty := observed.uncertainty) is not None:
+            uncertainty.check_tolerance(problem.goal)
+            problem = replace(problem, shortest=SHORTEST * float(uncertainty.places.max()))
         episode_id, history = self._history
         if episode_id != observed.episode_id or history.disks != count:
             history = PushHistory.empty(count)
-        state = tracker.session, tracker.pushes, tracker.refused
-        return PlanJob(task, observed, problem, *state, history)
+        return PlanJob(task, observed, problem, tracker.session, tracker.pushes, history)
 
     def _take_estimate(self) -> None:
         """Take the scene that frames at rest show, once there are enough of them."""

@@ -3,7 +3,6 @@
 from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import StrEnum
-from functools import cached_property
 from typing import Final
 
 import numpy as np
@@ -45,7 +44,6 @@ class DeadEnd:
     reason: str
 
     def __str__(self) -> str:
-        """Return it as a sentence."""
         return f"{self.pushes} pushes brought body {self.body} no nearer: {self.reason}"
 
 
@@ -55,75 +53,43 @@ class Way:
 
     Attributes:
         problem: scene and goal.
-        number: of the pose.
+        body: the body.
+        pusher: the body that the tool pushes: itself, or another one.
+        place: where the body is.
+        left: how far its place is [m].
+        direction: which way that is.
+        behind: where the pushing body has to be, or the tool where the body is pushed itself.
+        stand: where the tool has to stand.
     """
 
     problem: Problem
-    number: int
+    body: int
+    pusher: int
+    place: Place
+    left: float
+    direction: Place
+    behind: Place
+    stand: Place
 
     @classmethod
     def of(cls, problem: Problem) -> "Way":
         """Return the way of the body that is farthest from its pose."""
-        away = problem.goal.errors(problem.scene, problem.bodies)[0]
-        return cls(problem, int(np.argmax(away)))
-
-    @property
-    def body(self) -> int:
-        """The body."""
-        return self.problem.goal.poses[self.number].body
-
-    @property
-    def pusher(self) -> int:
-        """The body that the tool pushes: itself, or another one."""
-        return self.problem.pushers[self.number]
-
-    @property
-    def place(self) -> Place:
-        """Where the body is."""
-        return np.asarray(self.problem.scene[self.body, POSITION])
-
-    @property
-    def end(self) -> Place:
-        """Where it should be."""
-        pose = self.problem.goal.poses[self.number]
-        return np.array([pose.x, pose.y])
-
-    @property
-    def left(self) -> float:
-        """How far that is [m]."""
-        return float(np.linalg.norm(self.end - self.place))
-
-    @cached_property
-    def direction(self) -> Place:
-        """Which way that is."""
-        return np.asarray((self.end - self.place) / max(self.left, 1e-9))
+        number = int(np.argmax(problem.goal.errors(problem.scene, problem.bodies)[0]))
+        pose, pusher = problem.goal.poses[number], problem.pushers[number]
+        place = np.asarray(problem.scene[pose.body, POSITION])
+        way = np.array([pose.x, pose.y]) - place
+        left, tool = float(np.linalg.norm(way)), problem.feasibility.limits.tool_radius
+        direction = np.asarray(way / max(left, 1e-9))
+        size, own = problem.span(pose.body)[0], problem.span(pusher)[0]
+        direct = pusher == pose.body
+        behind = place - (size + (tool if direct else own)) * direction
+        stand = behind if direct else behind - (own + tool) * direction
+        return cls(problem, pose.body, pusher, place, left, direction, behind, stand)
 
     def distance(self, place: Place) -> float:
         """Return how far a place is from this way [m]."""
         along = float(np.clip((place - self.place) @ self.direction, 0.0, self.left))
         return float(np.linalg.norm(place - self.place - along * self.direction))
-
-    def size(self, body: int) -> float:
-        """Return the radius of a body's inscribed circle [m]: as near as anything can come."""
-        return self.problem.span(body)[0]
-
-    @property
-    def behind(self) -> Place:
-        """Where the pushing body has to be, or the tool where the body is pushed itself."""
-        other = self.tool if self.pusher == self.body else self.size(self.pusher)
-        return np.asarray(self.place - (self.size(self.body) + other) * self.direction)
-
-    @property
-    def stand(self) -> Place:
-        """Where the tool has to stand."""
-        if self.pusher == self.body:
-            return self.behind
-        return np.asarray(self.behind - (self.size(self.pusher) + self.tool) * self.direction)
-
-    @property
-    def tool(self) -> float:
-        """The radius of the tool [m]."""
-        return self.problem.feasibility.limits.tool_radius
 
     @property
     def wanted(self) -> float:
@@ -135,19 +101,16 @@ class Way:
         return float(np.arctan2(to[1], to[0]))
 
 
-def find_dead_end(
-    problem: Problem, pushes: int, error: Scalars | None = None, shortest: float = 0.0
-) -> DeadEnd:
+def find_dead_end(problem: Problem, pushes: int, error: Scalars | None = None) -> DeadEnd:
     """Return why so many pushes brought the farthest body no nearer.
 
     Args:
         problem: scene and goal.
         pushes: without progress.
         error: (N,) [m], mean error of predicted places on the way; None: none was predicted.
-        shortest: way [m] below which pushes are lost in the noise of observations.
     """
     way = Way.of(problem)
-    found = next(_causes(way, error, shortest), (Cause.UNEXPLAINED, UNEXPLAINED))
+    found = next(_causes(way, error), (Cause.UNEXPLAINED, UNEXPLAINED))
     return DeadEnd(found[0], way.body, pushes, found[1])
 
 
@@ -157,8 +120,9 @@ UNEXPLAINED: Final = (
 )
 
 
-def _causes(way: Way, error: Scalars | None, shortest: float) -> Iterator[tuple[Cause, str]]:
+def _causes(way: Way, error: Scalars | None) -> Iterator[tuple[Cause, str]]:
     left, problem = 1e3 * way.left, way.problem
+    shortest = problem.shortest
     if 0.0 < way.left <= shortest:
         text = f"{left:.0f} mm are left, and noise hides ways below {1e3 * shortest:.0f} mm"
         yield Cause.NOISE, f"{text}; allow a larger tolerance, or reduce the noise"
@@ -179,14 +143,14 @@ def _causes(way: Way, error: Scalars | None, shortest: float) -> Iterator[tuple[
 
 def _obstacle(way: Way) -> int | None:
     """Return a body that stands where the others have to go; None: there is none."""
-    scene = way.problem.scene
+    problem, scene = way.problem, way.problem.scene
+    tool, wide = problem.feasibility.limits.tool_radius, problem.span(way.body)[0]
     for other in range(len(scene)):
         if other in (way.body, way.pusher):
             continue
-        place, size = scene[other, POSITION], way.size(other)
-        if way.distance(place) < size + way.size(way.body) or (
-            np.linalg.norm(place - way.stand) < size + way.tool
-        ):
+        place, size = scene[other, POSITION], problem.span(other)[0]
+        stands = np.linalg.norm(place - way.stand) < size + tool
+        if stands or way.distance(place) < size + wide:
             return other
     return None
 
@@ -200,4 +164,4 @@ def _has_side(way: Way) -> bool:
     scenes = np.broadcast_to(problem.scene, (len(pushes), *problem.scene.shape))
     headings = strokes(scenes, pushes, problem.feasibility.limits, problem.bodies)[1]
     along = np.abs(wrap_angle(headings - way.wanted)) < OBLIQUE
-    return bool((along & problem.permitted(pushes)).any())
+    return bool((along & problem.possible(pushes)).any())

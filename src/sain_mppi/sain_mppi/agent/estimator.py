@@ -37,7 +37,6 @@ class Estimator:
     def __init__(
         self, config: EstimatorConfig, patience: float, clock: Callable[[], float]
     ) -> None:
-        """Begin without a frame; wait for the result of a push at most so long [s]."""
         self.config = config
         self._patience, self._clock = patience, clock
         self._key: tuple[int, int] | None = None

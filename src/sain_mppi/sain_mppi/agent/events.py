@@ -135,7 +135,6 @@ class PlanJob:
         session: a number that changes with goal and episode, and after a refusal for the scene:
             what a decider keeps from job to job holds within one session.
         pushes: sent for this goal before, without refused ones.
-        refused: (5,) each, pushes that were refused from this scene.
         history: the episode's earlier pushes.
         cancelled: set once the decision is no longer wanted.
     """
@@ -145,7 +144,6 @@ class PlanJob:
     problem: Problem
     session: int
     pushes: int
-    refused: tuple[PushArray, ...] = ()
     history: PushHistory = field(default_factory=PushHistory.empty)
     cancelled: Flag = field(default_factory=Flag)
 
@@ -191,7 +189,7 @@ class PlanJob:
         disks = self.problem.start[:, [*range(POSITION.stop), MASS, RADIUS]]
         words = np.concatenate([self.problem.goal.numbers, disks.ravel()])
         words = words.round(STREAM_DECIMALS) + 0.0
-        return words.tobytes().hex(), self.pushes, len(self.refused)
+        return words.tobytes().hex(), self.pushes, len(self.problem.refused)
 
 
 @dataclass(frozen=True, eq=False)

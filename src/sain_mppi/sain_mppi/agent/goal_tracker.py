@@ -5,39 +5,14 @@ The bookkeeping of goals, scenes and refusals; no sampling and no middleware her
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Final
 
-from sain_core.config import Config, option
 from sain_core.errors import ErrorCode, GoalLostError, NoPushError
 from sain_core.types import PushArray
 from sain_mppi.agent.events import PlanJob, SceneObserved, Stop, StopReason, Task
 
 LOOK_AGAIN: Final = (ErrorCode.STALE_SCENE, ErrorCode.BUSY, ErrorCode.UNKNOWN_EPISODE)
 """Refusals that say that the scene was not the current one: the next scene to arrive is."""
-
-
-@dataclass(frozen=True)
-class GoalTrackerConfig(Config):
-    """How long a planner keeps trying."""
-
-    max_refusals: int = option(
-        10, "refused pushes from one scene after which the planner stops", minimum=1
-    )
-    answer_timeout: float = option(
-        5.0,
-        "time without a result after which a push is planned again",
-        unit="s",
-        minimum=0.1,
-        maximum=3600.0,
-    )
-    result_patience: float = option(
-        0.5,
-        "longest wait for the result of the last push before the next plan",
-        unit="s",
-        minimum=0.0,
-        maximum=60.0,
-    )
 
 
 class GoalTracker:
@@ -53,9 +28,15 @@ class GoalTracker:
     """
 
     def __init__(
-        self, config: GoalTrackerConfig, clock: Callable[[], float] = time.monotonic
+        self,
+        max_refusals: int,
+        answer_timeout: float,
+        result_patience: float,
+        clock: Callable[[], float] = time.monotonic,
     ) -> None:
-        self._config, self._clock = config, clock
+        """Begin without a goal; see the settings of these names in `AgentConfig`."""
+        self._max_refusals, self._clock = max_refusals, clock
+        self._answer_timeout, self._result_patience = answer_timeout, result_patience
         self.task: Task | None = None
         self.observed: SceneObserved | None = None
         self.start: SceneObserved | None = None
@@ -110,8 +91,8 @@ class GoalTracker:
             return Stop(task, StopReason.FAILED, job, lost)
         if task.max_pushes and self.pushes >= task.max_pushes:
             return Stop(task, StopReason.EXHAUSTED, job)
-        count = len(job.refused)
-        if count >= self._config.max_refusals:
+        count = len(job.problem.refused)
+        if count >= self._max_refusals:
             error = NoPushError(f"{count} pushes in a row were refused from this scene")
             return Stop(task, StopReason.FAILED, job, error)
         return None
@@ -160,8 +141,8 @@ class GoalTracker:
         """
         if self._arrived is None or self._latest not in self._unanswered:
             return False
-        return self._clock() - self._arrived[1] < self._config.result_patience
+        return self._clock() - self._arrived[1] < self._result_patience
 
     def _overdue(self) -> bool:
-        timeout = self._config.answer_timeout
-        return self._awaited is not None and self._clock() - self._awaited[1] > timeout
+        awaited = self._awaited
+        return awaited is not None and self._clock() - awaited[1] > self._answer_timeout

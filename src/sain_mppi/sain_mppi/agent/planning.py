@@ -18,6 +18,7 @@ from sain_core.transitions import PushHistory
 from sain_core.types import PredictedScenes, PushSequences, Scalars, Scene
 from sain_mppi.agent.dead_end import Cause, DeadEnd, find_dead_end
 from sain_mppi.agent.events import PlanJob, PushDecision
+from sain_mppi.algorithms.sampling import WarmStart
 from sain_mppi.algorithms.search import RESET
 from sain_mppi.config import PlannerConfig, ProgressConfig
 from sain_mppi.objective.cost import Objective
@@ -25,9 +26,10 @@ from sain_mppi.planner import Planner
 
 logger = logging.getLogger(__name__)
 
-SHORTEST: Final = 4.0  # standard deviations of places: a shorter way of a body is lost in noise
 NOISE: Final = 3.0  # standard deviations of places: by so much more may an error seem to be
 MODEL_SHARE: Final = 0.8  # of the time for a plan: a model that is silent so long is late
+TOLERATED: Final = 0.01  # [m], error of a prediction
+TOLERATED_SHARE: Final = 0.3  # likewise, of the predicted way, if that is more
 NEARER: Final = 0.99  # of the best so far: a resting cost below this share is progress
 MUCH: Final = 0.9  # of the resting cost at the last such progress: below, a body came nearer
 
@@ -87,13 +89,13 @@ class PlanningDecider(Decider):
         config: PlannerConfig,
         patience: Patience | None = None,
     ) -> None:
-        """Plan with this model, or else with this physics."""
         self._model, self._physics = model, physics
         self._patience = patience or Patience()
-        self._planner = Planner(model, config)
         self._monitor = ProgressMonitor(config.progress)
         self._config = config
         self._session: int | None = None
+        self._planner = Planner(model, config)  # of the latest job
+        self._rest = WarmStart()  # what its plan leaves
 
     def adjust(self, planner: PlannerConfig) -> None:
         """Plan with other settings from the next job on."""
@@ -107,34 +109,31 @@ class PlanningDecider(Decider):
             NoPushError, NoProgressError: there is no push to make.
             SainError: model and physics failed.
         """
-        config, planner, monitor = self._config, self._planner, self._monitor
+        config, monitor = self._config, self._monitor
         started, time = monotonic(), config.deadline
-        planner.use(config)
-        monitor.config = config.progress
         if job.session != self._session:
-            planner.reset()
             monitor.reset()
-            self._session = job.session
+            self._session, self._rest = job.session, WarmStart()
+        monitor.config = config.progress
         self._patience.until = started + MODEL_SHARE * time if time else None
         self._patience.cancelled = job.cancelled
-        model = planner.model = FallbackRollout(
+        model = FallbackRollout(
             self._model, self._physics, job.history, job.problem.bodies, self._patience
         )
         self._compare(job)
         warning, dead_end = monitor.warning, self._dead_end(job)
         if dead_end is not None and dead_end.cause is Cause.UNEXPLAINED:
             # A way round, on which another body is moved first, looks the same for some pushes.
-            is_sure = warning or monitor.stalled >= 2 * self._config.progress.stalled_after
+            is_sure = warning or monitor.stalled >= 2 * config.progress.stalled_after
             dead_end = dead_end if is_sure else None
-        plan = planner.plan(
-            job.problem,
-            generator,
-            deadline=started + time if time else None,
-            wide=bool(warning),
-            refused=job.refused,
-            shortest=shortest_way(job),
-            careful=monitor.careful,
-        )
+        if warning or config != self._planner.config:
+            self._rest = replace(self._rest, prepared=None)
+        planner = self._planner = Planner(model, config, monitor.careful)
+        if warning:
+            planner = replace(planner, config=config.widened())
+        deadline = started + time if time else None
+        plan = planner.plan(job.problem, generator, self._rest, deadline)
+        self._rest = plan.rest
         monitor.expect(job.problem.scene, plan.predicted[0])
         errors = monitor.errors, monitor.expected
         decision = PushDecision(job, plan.push, plan, model.failure, warning, *errors)
@@ -157,7 +156,7 @@ class PlanningDecider(Decider):
         monitor = self._monitor
         if monitor.stalled < self._config.progress.stalled_after:
             return None
-        return find_dead_end(job.problem, monitor.stalled, monitor.mean_errors, shortest_way(job))
+        return find_dead_end(job.problem, monitor.stalled, monitor.mean_errors)
 
     def prepare(self, decision: PushDecision, generator: np.random.Generator) -> bool:
         """Plan from the scene to which the push should lead, unless that is the end."""
@@ -168,8 +167,8 @@ class PlanningDecider(Decider):
         last = job.task.max_pushes and job.pushes + 1 >= job.task.max_pushes
         if last or replace(job, observed=expected).reached:
             return False
-        expected_problem = replace(job.problem, scene=plan.predicted[0])
-        self._planner.prepare(expected_problem, generator, shortest_way(job))
+        expected_problem = replace(job.problem, scene=plan.predicted[0], refused=())
+        self._rest = self._planner.prepare(expected_problem, generator, self._rest)
         return True
 
     def complete(self, decision: PushDecision) -> PushDecision:
@@ -182,12 +181,6 @@ class PlanningDecider(Decider):
         if plan.regions is not None:
             self._monitor.expect(problem.scene, plan.predicted[0], plan.regions[0])
         return replace(decision, plan=plan)
-
-
-def shortest_way(job: PlanJob) -> float:
-    """Return the way [m] below which a push would be lost in the noise of the observations."""
-    uncertainty = job.observed.uncertainty
-    return 0.0 if uncertainty is None else SHORTEST * float(uncertainty.places.max())
 
 
 class FallbackRollout:
@@ -324,7 +317,7 @@ class ProgressMonitor:
         self.errors = np.linalg.norm((scene - predicted)[:, POSITION], axis=1)
         self._errors.append(self.errors)
         way = np.linalg.norm((predicted - before)[:, POSITION], axis=1)
-        self.expected = np.maximum(self.config.surprise, self.config.surprise_share * way)
+        self.expected = np.maximum(TOLERATED, TOLERATED_SHARE * way)
         if self._regions is not None:
             self.expected = np.maximum(self.expected, self._regions)
         if noise is not None:

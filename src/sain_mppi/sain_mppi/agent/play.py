@@ -33,7 +33,6 @@ class Sight:
     """How an agent sees a world, and pushes in it: exactly, and at once."""
 
     def __init__(self, world: AnyWorld[Any]) -> None:
-        """See this world."""
         self.world = world
 
     @property
@@ -112,7 +111,6 @@ class _Play:
     """An episode while it goes on."""
 
     def __init__(self, agent: Agent, sight: Sight) -> None:
-        """Begin in the world as it is."""
         self._agent, self._sight = agent, sight
         self.scene = sight.world.observe()
         self.pushes: list[PushRecord] = []

@@ -1,6 +1,7 @@
 """MPPI: as the paper states it, in rounds, and the paper's exhaustive search beside it."""
 
 from functools import partial
+from typing import Final
 
 import numpy as np
 
@@ -10,6 +11,11 @@ from sain_core.types import PushSequences
 from sain_mppi.algorithms.sampling import PushSequence, gaussian_sequences, weighted_mean
 from sain_mppi.algorithms.search import Search
 from sain_mppi.config import MEAN
+
+SMOOTHING: Final = 0.1  # share of the last mean that an update keeps
+WIDTH: Final = 16  # sequences that a beam search keeps after each push
+BRANCH: Final = 12  # next pushes that it tries after each of them
+BEAM_SHARE: Final = 0.5  # of the samples of the rounds that follow it
 
 
 def mppi(search: Search, start: PushSequences, generator: np.random.Generator) -> None:
@@ -23,7 +29,7 @@ def mppi(search: Search, start: PushSequences, generator: np.random.Generator) -
     def draw(count: int) -> PushSequences:
         if not len(start):
             return search.uniform(generator, count)
-        deviations = config.noise.deviations(0)
+        deviations = config.deviations(0)
         return gaussian_sequences(start[0], deviations, 1.0, limits, generator, count)
 
     sequences = search.draw_permitted(draw, config.samples, generator)
@@ -40,8 +46,8 @@ def mppi_rounds(search: Search, start: PushSequences, generator: np.random.Gener
     """
     config, mean = search.config, start[0] if len(start) else None
     share = 1.0
-    if config.beam.first and search.objective.has_corners:
-        share = config.beam.samples
+    if config.beam and search.objective.has_corners:
+        share = BEAM_SHARE
         beam(search, start, generator)
         mean = search.elites.sequences[0] if search.improves else mean
     for round_number in range(config.rounds + config.stuck_rounds):
@@ -54,7 +60,7 @@ def mppi_rounds(search: Search, start: PushSequences, generator: np.random.Gener
         count = max(round(share * config.samples_in(wide)), 1)
         sequences = search.draw_permitted(draw, count, generator)
         costs = search.evaluate(sequences)
-        mean = _updated(mean, weighted_mean(sequences, search.weights(costs)), config.smoothing)
+        mean = _updated(mean, weighted_mean(sequences, search.weights(costs)), SMOOTHING)
     if config.selection == MEAN and mean is not None:
         search.settle_on(mean)
 
@@ -67,7 +73,7 @@ def beam(search: Search, start: PushSequences, generator: np.random.Generator) -
     A prefix costs what it costs to rest after it. A corner that is pushed turns away, so a
     sequence that is drawn as a whole rarely has a second push that suits its first.
     """
-    config, horizon = search.config.beam, search.config.horizon
+    horizon = search.config.horizon
 
     def draw(count: int) -> PushSequences:
         informed = search.candidates(generator, count // 4)
@@ -76,16 +82,16 @@ def beam(search: Search, start: PushSequences, generator: np.random.Generator) -
         sequences[:, 1:] = idle_pushes()
         return sequences
 
-    sequences = search.draw_permitted(draw, config.first, generator)
+    sequences = search.draw_permitted(draw, search.config.beam, generator)
     sequences[:, 1:] = idle_pushes()  # of the uniform draws in a hard place
     search.probe(start[:1])
     for step in range(1, horizon + 1):
         costs = search.probe(sequences)
-        best = np.argsort(costs, kind="stable")[: config.width]
+        best = np.argsort(costs, kind="stable")[:WIDTH]
         best = best[np.isfinite(costs[best])]
         if step == horizon or not len(best) or search.over:
             return
-        sequences = np.repeat(sequences[best], config.branch, axis=0)
+        sequences = np.repeat(sequences[best], BRANCH, axis=0)
         sequences[:, step] = search.uniform(generator, len(sequences))[:, 0]
 
 

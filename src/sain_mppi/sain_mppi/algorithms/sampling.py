@@ -1,14 +1,15 @@
 """Sequences of pushes: drawn about a mean, averaged, weighed as MPPI does, and the best kept."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Final, Self
+from dataclasses import dataclass, field
+from typing import Final, NamedTuple, Self
 
 import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
 from sain_core.errors import OutOfRangeError
+from sain_core.goal import Goal
 from sain_core.push import BODY, LENGTH, LOCATION, PATH, PushLimits, idle_pushes
 from sain_core.scene import POSITION, wrap_angle
 from sain_core.types import (
@@ -173,6 +174,23 @@ class Shown:
         return cls.of(predicted, np.concatenate([part.costs for part in parts]), count)
 
 
+@dataclass(frozen=True, eq=False)
+class WarmStart:
+    """What a plan leaves for the next one; nothing before the first.
+
+    Attributes:
+        sequences: (E, H, 5), good ones, the best first.
+        scene: (N, 8), that they begin from.
+        goal: that they were planned for.
+        prepared: (E, H, 5), planned for the scene that is expected next.
+    """
+
+    sequences: PushSequences = field(default_factory=lambda: idle_pushes(0, 0))
+    scene: Scene | None = None
+    goal: Goal | None = None
+    prepared: PushSequences | None = None
+
+
 @dataclass(frozen=True)
 class PlanResult:
     """What the planner decided and what it expects."""
@@ -187,6 +205,7 @@ class PlanResult:
     rounds: int
     times: Times
     others: Shown
+    rest: WarmStart  # what the next plan may begin from
     regions: Float[ndarray, "H N"] | None = None  # [m], radii that should hold each disk
 
     @property
@@ -204,11 +223,19 @@ class PlanResult:
         return self.cost < self.rest_cost
 
 
+class Tried(NamedTuple):
+    """K sequences, where they lead, and what they cost: by term, and in all."""
+
+    sequences: PushSequences
+    predicted: PredictedScenes
+    costs: Scalars
+    terms: dict[str, Scalars]
+
+
 class Elites:
     """The best sequences in order, and what the very best leads to and costs."""
 
     def __init__(self, horizon: int, shown: int) -> None:
-        """Begin with nothing; keep so many sequences to be shown."""
         self.cost = np.inf
         self.sequences: PushSequences = idle_pushes(0, horizon)
         self.terms: dict[str, float] = {}
@@ -228,38 +255,25 @@ class Elites:
         """Some of all sequences, from the cheapest to the dearest."""
         return Shown.thinned(self._shown, self._count)
 
-    def add(
-        self,
-        sequences: PushSequences,
-        predicted: PredictedScenes,
-        costs: Scalars,
-        terms: dict[str, Scalars],
-    ) -> None:
+    def add(self, tried: Tried) -> None:
         """Keep what is worth it of some sequences."""
-        self._shown.append(Shown.of(predicted, costs, self._count))
+        costs = tried.costs
+        self._shown.append(Shown.of(tried.predicted, costs, self._count))
         best = np.argsort(costs, kind="stable")[:MOST_ELITES]
         best = best[np.isfinite(costs[best])]
         every = np.concatenate([self._costs, costs[best]])
         order = np.argsort(every, kind="stable")[:MOST_ELITES]
-        self.sequences = np.concatenate([self.sequences, sequences[best]])[order]
+        self.sequences = np.concatenate([self.sequences, tried.sequences[best]])[order]
         self._costs = every[order]
         if len(best) and costs[best[0]] < self.cost:
-            self._note(predicted, costs, terms, int(best[0]))
+            self._note(tried, int(best[0]))
 
-    def prefer(
-        self,
-        sequences: PushSequences,
-        predicted: PredictedScenes,
-        costs: Scalars,
-        terms: dict[str, Scalars],
-    ) -> None:
+    def prefer(self, tried: Tried) -> None:
         """Take the first of some sequences for the best, whatever it costs."""
-        self.sequences = np.concatenate([sequences[:1], self.sequences])[:MOST_ELITES]
-        self._costs = np.concatenate([costs[:1], self._costs])[:MOST_ELITES]
-        self._note(predicted, costs, terms, 0)
+        self.sequences = np.concatenate([tried.sequences[:1], self.sequences])[:MOST_ELITES]
+        self._costs = np.concatenate([tried.costs[:1], self._costs])[:MOST_ELITES]
+        self._note(tried, 0)
 
-    def _note(
-        self, predicted: PredictedScenes, costs: Scalars, terms: dict[str, Scalars], row: int
-    ) -> None:
-        self.cost, self._predicted = float(costs[row]), predicted[row].copy()
-        self.terms = {name: float(values[row]) for name, values in terms.items()}
+    def _note(self, tried: Tried, row: int) -> None:
+        self.cost, self._predicted = float(tried.costs[row]), tried.predicted[row].copy()
+        self.terms = {name: float(values[row]) for name, values in tried.terms.items()}

@@ -1,6 +1,6 @@
 """One plan's search: draws what an algorithm tries, rolls it out, costs it, and keeps the best."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from time import monotonic, perf_counter
 from typing import Final
 
@@ -10,11 +10,13 @@ from sain_core.errors import ModelUnavailableError, NoPushError
 from sain_core.model import RolloutModel, check_rollout
 from sain_core.push import LENGTH, SPEED, idle_pushes
 from sain_core.scene import POSITION
-from sain_core.types import Mask, PredictedScenes, PushArray, Pushes, PushSequences, Scalars
+from sain_core.types import Mask, Pushes, PushSequences, Scalars
 from sain_mppi.algorithms.sampling import (
     Elites,
     PlanResult,
     Times,
+    Tried,
+    WarmStart,
     cost_spread,
     effective_samples,
     gaussian_sequences,
@@ -33,6 +35,9 @@ FIRST_PART: Final = 64  # sequences, until it is known how long they take
 PART: Final = 256
 RESERVE: Final = 0.004  # [s] before the deadline, for what comes after the search
 
+CANDIDATE_SHARE: Final = 0.25  # of informed proposals in each round
+SPREAD: Final = 0.2  # smallest random factor on a sample's noise; the largest is 1
+
 Draw = Callable[[int], PushSequences]
 
 
@@ -44,21 +49,17 @@ class Search:
         model: RolloutModel,
         config: PlannerConfig,
         objective: Objective,
-        refused: Sequence[PushArray] = (),
         deadline: float | None = None,
         prepared: PushSequences | None = None,
-        shortest: float = 0.0,
     ) -> None:
-        """Begin without a sequence, in a scene from which some pushes (5,) were refused.
+        """Begin without a sequence.
 
         The plan is wanted at the deadline, a `time.monotonic`; None: whenever. `prepared` (E, H, 5)
         was planned for about this scene. It is rolled out in one batch with the first sequences
-        that an algorithm tries. Pushes that move their body by less than the `shortest` way [m]
-        are not permitted as the first.
+        that an algorithm tries.
         """
         self.model, self.config, self.objective = model, config, objective
         self.scene, self.feasibility = objective.problem.scene, objective.feasibility
-        self.refused, self.shortest = refused, shortest
         self.elites = Elites(config.horizon, config.shown)
         self._costs_of_round: Scalars = np.empty(0)
         self.samples = self.rounds = 0
@@ -92,12 +93,13 @@ class Search:
         """The situation, for messages."""
         body = self.objective.bodies.pushable[0]
         x, y = self.scene[body, POSITION]
-        refused = f", {len(self.refused)} refused before" if self.refused else ""
+        count = len(self.objective.problem.refused)
+        refused = f", {count} refused before" if count else ""
         return f"from here: body {body} at ({x:.3f}, {y:.3f}) m{refused}"
 
     def permitted(self, pushes: Pushes) -> Mask:
-        """Tell which pushes (B, 5) touch their body, can be carried out, and were not refused."""
-        return self.objective.problem.permitted(pushes, self.refused, self.shortest)
+        """Return which pushes (B, 5) touch their body, can be carried out, and were not refused."""
+        return self.objective.problem.permitted(pushes)
 
     def uniform(self, generator: np.random.Generator, count: int) -> PushSequences:
         """Draw sequences (count, H, 5) of any allowed pushes."""
@@ -153,7 +155,7 @@ class Search:
         Without a mean what would be drawn about it is drawn uniformly.
         """
         config = self.config
-        informed = round(count * config.candidate_share)
+        informed = round(count * CANDIDATE_SHARE)
         about_mean = 0 if mean is None else count - informed
         if mean is not None and round_number == 0:
             about_mean -= min(round(count * config.uniform_share), about_mean)
@@ -172,11 +174,11 @@ class Search:
         self, mean: Pushes, round_number: int, generator: np.random.Generator, count: int
     ) -> PushSequences:
         """Draw about a mean (H, 5), or about what was prepared, each in turn."""
-        about, noise = mean, self.config.noise
+        about = mean
         if len(self.prepared):
             about = self.prepared[np.arange(count) % len(self.prepared)]
-        deviations, limits = noise.deviations(round_number), self.feasibility.limits
-        return gaussian_sequences(about, deviations, noise.spread, limits, generator, count)
+        deviations, limits = self.config.deviations(round_number), self.feasibility.limits
+        return gaussian_sequences(about, deviations, SPREAD, limits, generator, count)
 
     def without_idle(self, sequences: PushSequences) -> PushSequences:
         """Make rests of pushes (K, H, 5) that would end before they touch their body."""
@@ -222,10 +224,9 @@ class Search:
         """Take one sequence (H, 5) as the plan, whatever others cost, if it can be done."""
         if not self.permitted(sequence[:1]).all():
             return
-        predicted = self._rollout(sequence[None])
-        costs, terms = self._costs(sequence[None], predicted)
-        if np.isfinite(costs[0]):
-            self.elites.prefer(sequence[None], predicted, costs, terms)
+        tried = self._roll_out(sequence[None])
+        if np.isfinite(tried.costs[0]):
+            self.elites.prefer(tried)
 
     def result(self) -> PlanResult:
         """Return the best sequence as the plan; something must have been evaluated."""
@@ -242,32 +243,27 @@ class Search:
             self.rounds,
             Times(total, self._rollout_time, self._cost_time),
             elites.shown,
+            WarmStart(elites.sequences, self.scene.copy(), self.objective.goal),
         )
 
     def _try(self, sequences: PushSequences) -> Scalars:
         costs = np.full(len(sequences), np.inf)
         for part in self._pacing.parts(len(sequences)):
-            tried = sequences[part]
-            predicted = self._rollout(tried)
-            costs[part], terms = self._costs(tried, predicted)
-            self.elites.add(tried, predicted, costs[part], terms)
-            self.samples += len(tried)
+            tried = self._roll_out(sequences[part])
+            costs[part] = tried.costs
+            self.elites.add(tried)
+            self.samples += len(tried.costs)
         return costs
 
-    def _rollout(self, sequences: PushSequences) -> PredictedScenes:
+    def _roll_out(self, sequences: PushSequences) -> Tried:
         begun = perf_counter()
         predicted = self.model.rollout(self.scene, sequences)
-        self._rollout_time += perf_counter() - begun
-        return check_rollout(predicted, self.scene, sequences, finite=False)
-
-    def _costs(
-        self, sequences: PushSequences, predicted: PredictedScenes
-    ) -> tuple[Scalars, dict[str, Scalars]]:
-        begun = perf_counter()
+        ended = perf_counter()
+        predicted = check_rollout(predicted, self.scene, sequences, finite=False)
         terms = self.objective.terms(sequences, predicted)
-        costs = total_cost(terms)
-        self._cost_time += perf_counter() - begun
-        return costs, terms
+        self._rollout_time += ended - begun
+        self._cost_time += perf_counter() - ended
+        return Tried(sequences, predicted, total_cost(terms), terms)
 
 
 class Pacing:
@@ -277,7 +273,6 @@ class Pacing:
     """
 
     def __init__(self, deadline: float | None) -> None:
-        """Keep this `time.monotonic`; None: there is no hurry."""
         self._deadline = deadline
         self._pace = 0.0  # [s] a sequence, at most so far
         self._between = 0.0  # [s], longest from one round to the next

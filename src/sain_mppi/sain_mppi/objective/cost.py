@@ -25,6 +25,9 @@ from sain_core.types import Mask, Place, Points, PredictedScenes, PushSequences,
 from sain_mppi.config import COSTS, CostWeights, further_terms
 from sain_mppi.objective.problem import Problem
 
+DONE_WITHIN: Final = 0.01  # [m] of the goal, where alignment, approach and reach fade out
+TOOL_GAP: Final = 0.01  # [m], below which the clearance cost begins
+REACH_MARGIN: Final = 0.10  # [m] to the limits of the reach, below which its cost begins
 ERROR_ROOM: Final = 0.02  # [m], for errors of predictions, where a shape is near the edge
 
 
@@ -73,7 +76,7 @@ class Rollout:
                 place = np.array([pose.x, pose.y])
                 error = predicted[..., pose.body, POSITION] - place
                 distance = np.linalg.norm(error, axis=-1)
-                remaining = np.minimum(distance[:, -1] / weights.done_within, 1.0)
+                remaining = np.minimum(distance[:, -1] / DONE_WITHIN, 1.0)
                 relays.append(Relay(pusher, pose.body, place, error, distance, remaining))
         distances = pose_distance(problem, predicted, weights.lever).sum(axis=-1)
         about = distances, possible, gaps, tuple(relays)
@@ -88,7 +91,6 @@ class Objective:
     """A problem, and how much each term of the cost of its solutions counts."""
 
     def __init__(self, problem: Problem, weights: CostWeights) -> None:
-        """Weigh the terms like this."""
         self.problem, self.weights = problem, weights
         self.goal, self.bodies = problem.goal, problem.bodies
         self.feasibility = problem.feasibility
@@ -207,12 +209,12 @@ def reach(rollout: Rollout, objective: Objective) -> Scalars:
 
     In margins, squared and summed: a pusher in a place without an approach ends the episode.
     """
-    region, margin = objective.feasibility.reach, objective.weights.reach_margin
+    region = objective.feasibility.reach
 
     def term(relay: Relay) -> Scalars:
         place = rollout.after[:, -1, [relay.pusher, relay.body], POSITION]  # (K, 2, 2)
         room = region.room(place)
-        return np.asarray(relay.remaining * np.square(_shortfall(room, margin)).sum(axis=1))
+        return np.asarray(relay.remaining * np.square(_shortfall(room, REACH_MARGIN)).sum(axis=1))
 
     return _over_relays(rollout, term)
 
@@ -242,7 +244,7 @@ def stranded(rollout: Rollout, objective: Objective) -> Scalars:
 
 def clearance(rollout: Rollout, objective: Objective) -> Scalars:
     """Return how deep the tool's way enters the gap it should keep, in gaps squared, summed."""
-    return np.asarray(np.square(_shortfall(rollout.gaps, objective.weights.tool_gap)).sum(axis=1))
+    return np.asarray(np.square(_shortfall(rollout.gaps, TOOL_GAP)).sum(axis=1))
 
 
 def around(rollout: Rollout, objective: Objective) -> Scalars:
@@ -341,12 +343,7 @@ def find_cost(name: str) -> tuple[EntryPoint, Cost]:
 
 
 def _further(name: str, rollout: Rollout, objective: Objective) -> Scalars:
-    """Return the term (K,) of a package, unweighted.
-
-    Raises:
-        ConfigError: it has another shape, is no numbers, or is finite for no prediction that is
-            finite.
-    """
+    """Return the term (K,) of a package, unweighted."""
     entry, cost = find_cost(name)
     found, right = np.asarray(cost(rollout, objective)), (len(rollout.pushes),)
     if found.shape != right:

@@ -1,6 +1,5 @@
 """What is to be solved: a scene, its bodies and a goal that fit together, in reach of an arm."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Final, Self
@@ -30,18 +29,6 @@ REFUSED_NEARBY: Final = np.array([0.15, 0.15, 0.02])  # [rad, rad, m], too like 
 SLIDE: Final = 0.03  # [m], how far bodies may slide on behind a tool that stops
 
 
-def touching(
-    scene: Scene, pushes: Pushes, feasibility: Feasibility, bodies: Bodies, shortest: float = 0.0
-) -> Mask:
-    """Tell which pushes (B, 5) can be carried out in a scene (N, 8), and move their body.
-
-    Where that would be less than the `shortest` way [m], it does not count.
-    """
-    scenes = np.broadcast_to(scene, (len(pushes), *scene.shape))
-    possible = feasibility.mask(scenes, pushes, bodies)
-    return np.asarray(possible & (pushes[:, LENGTH] > feasibility.limits.clearance + shortest))
-
-
 @dataclass(frozen=True, eq=False)
 class Problem:
     """A settled scene and a goal. `of` checks them; nobody else does.
@@ -52,6 +39,8 @@ class Problem:
         bodies: shapes and roles, of N bodies.
         start: (N, 8), the scene in which the goal was given.
         feasibility: what the arm can do.
+        refused: (5,) each, pushes that were refused from this scene.
+        shortest: [m], a first push moves its body by more: less would be lost in noise.
     """
 
     scene: Scene
@@ -59,6 +48,8 @@ class Problem:
     bodies: Bodies
     start: Scene
     feasibility: Feasibility
+    refused: tuple[PushArray, ...] = ()
+    shortest: float = 0.0
 
     @classmethod
     def of(
@@ -104,16 +95,17 @@ class Problem:
         others = (*(body for body in pushable if body not in busy), *pushable)
         return tuple(body if body in pushable else others[0] for body in self.goal.wanted)
 
-    def permitted(
-        self, pushes: Pushes, refused: Sequence[PushArray] = (), shortest: float = 0.0
-    ) -> Mask:
-        """Tell which pushes (B, 5) touch their body, and can be carried out.
+    def possible(self, pushes: Pushes) -> Mask:
+        """Return which pushes (B, 5) can be carried out, and move their body."""
+        scenes = np.broadcast_to(self.scene, (len(pushes), *self.scene.shape))
+        ok = self.feasibility.mask(scenes, pushes, self.bodies)
+        return np.asarray(ok & (pushes[:, LENGTH] > self.feasibility.limits.clearance))
 
-        What was refused, (5,) each, or is very like it, is not permitted either. Nor is what moves
-        its body by less than the `shortest` way [m].
-        """
-        ok = touching(self.scene, pushes, self.feasibility, self.bodies, shortest)
-        for one in refused:
+    def permitted(self, pushes: Pushes) -> Mask:
+        """Return which possible pushes (B, 5) are not too short, nor like those refused."""
+        ok = self.possible(pushes)
+        ok &= pushes[:, LENGTH] > self.feasibility.limits.clearance + self.shortest
+        for one in self.refused:
             apart = np.abs(pushes - one)
             apart[:, LOCATION] = np.abs(wrap_angle(pushes[:, LOCATION] - one[LOCATION]))
             ok &= (apart[:, PATH] > REFUSED_NEARBY).any(axis=1) | (apart[:, BODY] > 0.0)

@@ -52,7 +52,6 @@ class Goals:
     def __init__(
         self, node: Node, reception: Reception, handlers: GoalHandlers, bodies: Callable[[], Bodies]
     ) -> None:
-        """Listen from now on. `bodies` returns those of the latest scene."""
         self._node = node
         self._reception = reception
         self._handlers = handlers

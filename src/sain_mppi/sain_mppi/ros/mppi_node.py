@@ -50,7 +50,6 @@ class Driver:
     def __init__(
         self, node: Node, agent: Agent, plans: Plans, reception: Reception, watch: PeerWatch
     ) -> None:
-        """Publish decisions by `plans`. Actions wait until the watch is `ready`."""
         self._agent, self._plans, self._reception, self._watch = agent, plans, reception, watch
         self._worker = Worker(node, "planning")
         self._waiting: tuple[Action, ...] = ()
@@ -102,7 +101,6 @@ class MppiNode(Node):
     """Turns messages into the agent's events."""
 
     def __init__(self, **options: Any) -> None:
-        """Get the agent ready, and wait for a scene and a goal."""
         super().__init__("mppi_node", namespace=NAMESPACE, **options)
         self.config = config = read_parameters(self, MppiConfig)
         self.notes, self.reception = Notes(self, config.state_file), Reception(self)

@@ -43,7 +43,6 @@ class PlanMarkers:
     """The topic of a plan's markers: RViz and Foxglove show them beside the simulator's bodies."""
 
     def __init__(self, node: Node, topic: str) -> None:
-        """Publish on this topic, at first nothing."""
         self._board = MarkerBoard(node, topic)
         self._episode: int | None = None
 
@@ -90,7 +89,6 @@ class Plans:
         watch: PeerWatch,
         model_of: Callable[[PushDecision], str],
     ) -> None:
-        """Publish nothing yet; `model_of` names the model that planned a push."""
         self._node, self._goals, self._notes, self._watch = node, goals, notes, watch
         self._model_of = model_of
         self._pushes = node.create_publisher(Push, "push", RELIABLE)

@@ -43,7 +43,6 @@ class RemoteRollout:
     """A `RolloutModel` that asks the model's node. Never call it on the executor's thread."""
 
     def __init__(self, node: Node, timeout_s: float, patience: Patience) -> None:
-        """Ask through this node, waiting no longer than `timeout_s` and `patience` allow."""
         self._client = node.create_client(Rollout, "rollout")
         self._name = node.resolve_service_name("rollout")
         self._node_name = node.resolve_service_name(MODEL_NODE)

@@ -118,7 +118,6 @@ class PeerWatch:
     def __init__(
         self, node: Node, diagnostics: Diagnostics, remote: RemoteRollout | None, notes: Notes
     ) -> None:
-        """Look at nothing yet."""
         self._node, self._diagnostics = node, diagnostics
         self._remote, self._notes = remote, notes
         before = notes.subscribers or int(notes.goal is not None)
