@@ -10,14 +10,15 @@ from pathlib import Path
 from typing import Final
 
 UNKNOWN: Final = "unknown"
-FORMAT: Final = "0.2"  # of models, beliefs and laboratories: the minor version that writes them
+FORMAT: Final = "0.2"
+"""Of models, beliefs and laboratories; another with every change of what is in them, or means."""
 
 
-def other_format(found: object, remedy: str) -> str:
+def other_format(found: object, remedy: str = "") -> str:
     """Return what is wrong with a file of a format, and what to do; empty: it is this version's."""
     if found == FORMAT:
         return ""
-    return f"has format {found!r}; this version reads {FORMAT!r}: {remedy}"
+    return f"has format {found!r}; this version reads {FORMAT!r}" + (remedy and f": {remedy}")
 
 
 def provenance(package: str) -> dict[str, str]:

@@ -33,10 +33,10 @@ from sain_core.output import (
     write_json,
     write_whole,
 )
+from sain_core.provenance import FORMAT, other_format
 from sain_lab.keeping.log import LogReader, LogWriter, Record
 from sain_lab.keeping.results import Result
 
-FORMAT: Final = "sain-laboratory-1"
 PREFIX: Final = "lab:"
 NAME: Final = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,63}")
 MANIFEST, LOG, BELIEF = "laboratory.json", "pushes.log", "belief.json"
@@ -331,9 +331,8 @@ def _read_manifest(path: Path) -> Manifest:
         reason = f"it has no {error}" if isinstance(error, KeyError) else error
         raise DatasetError(f"{path / MANIFEST} is damaged: {reason}; copy it again") from error
     if manifest is None:
-        raise DatasetError(
-            f"laboratory {path} has the format {found!r}; this version reads {FORMAT!r}"
-        )
+        wrong = other_format(found, "begin another laboratory")
+        raise DatasetError(f"laboratory {path} {wrong}")
     return manifest
 
 

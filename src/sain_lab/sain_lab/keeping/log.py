@@ -17,8 +17,8 @@ from typing import IO, Any, Final
 from sain_core.errors import DatasetError, OutputError, UntrustedFileError
 from sain_core.guarding.documents import parse_json
 from sain_core.guarding.untrusted import MIB, is_file, open_regular
+from sain_core.provenance import FORMAT, other_format
 
-FORMAT: Final = "sain-laboratory-log-1"
 MOST_BYTES: Final = 4096 * MIB  # of a log; 10,000 pushes have 10
 LONGEST_LINE: Final = MIB  # [bytes]; a push of two bodies has 1,000
 OF_A_PUSH: Final = (b'"kind":"push"', b'"digest":', b'"before":')  # a flipped bit leaves two
@@ -98,10 +98,8 @@ class LogReader:
             return None
         if record["kind"] != "log":
             return record
-        if (found := record.get("format")) != FORMAT:
-            raise DatasetError(
-                f"{self._path} has the format {found!r}; this version reads {FORMAT!r}"
-            )
+        if wrong := other_format(record.get("format"), "begin another laboratory"):
+            raise DatasetError(f"{self._path} {wrong}")
         return None
 
 

@@ -18,6 +18,7 @@ from sain_core.guarding.documents import parse_json
 from sain_core.guarding.untrusted import listed, read_regular
 from sain_core.model import Model
 from sain_core.output import write_json, write_whole
+from sain_core.provenance import FORMAT, other_format
 from sain_core.shapes.shape import BOTTOMS
 from sain_model.dynamics.identify import with_all_parameters
 from sain_model.dynamics.intervals import Intervals
@@ -28,7 +29,6 @@ from sain_model.network.settings import SHIPPED, NetworkConfig
 from sain_model.network.weights import NetworkWeights
 from sain_model.physics.parameters import BY_NAME
 
-FORMAT: Final = "0.2"  # another with every change of cards, or of what networks see
 SUFFIX: Final = ".safetensors"
 
 
@@ -151,18 +151,16 @@ def parse_card(path: Path, text: str) -> ModelCard:
     """
     try:
         values = parse_json(text)
-        version, command = values.get("format"), values.get("command")
-        if version == FORMAT:
+        found, command = values.get("format", values.get("format_version")), values.get("command")
+        if found == FORMAT:
             names = {item.name for item in fields(ModelCard)}
             if others := values.keys() - names:
                 raise ValueError(f"it has {listed(sorted(others))}, and no card has that")
             return ModelCard(**values)
     except (ValueError, TypeError, AttributeError) as error:
         raise CheckpointError(f"{path} is not a checkpoint's card: {error}") from error
-    raise CheckpointError(
-        f"{path} has format {version!r}; this version reads {FORMAT!r}: train it again with:"
-        f" {command or 'ros2 run sain_model train DATASET --out DIR'}"
-    )
+    again = f"train it again with: {command or 'ros2 run sain_model train DATASET --out DIR'}"
+    raise CheckpointError(f"{path} {other_format(found, again)}")
 
 
 def load_builtin(name: str) -> SainDynamics:

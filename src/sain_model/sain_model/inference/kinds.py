@@ -19,6 +19,7 @@ from sain_core.errors import CheckpointError
 from sain_core.guarding.documents import read_json
 from sain_core.model import Model
 from sain_core.output import write_json
+from sain_core.provenance import FORMAT, other_format
 from sain_core.shapes.bodies import Bodies
 from sain_core.types import Pushes, Scalars, Scenes
 from sain_model.physics.parameters import (
@@ -361,7 +362,6 @@ def _value(parameter: Parameter, base: float, z: Float[ndarray, "R"]) -> Scalars
     return np.clip(value, parameter.least, parameter.most)
 
 
-FORMAT: Final = "sain-belief-3"  # before: with a fixed set of parameters
 COMMAND: Final = "ros2 run sain_model identify"
 
 
@@ -386,8 +386,8 @@ def read_belief(path: Path) -> Belief:
         content = read_json(path)
         if not isinstance(content, dict) or "format" not in content:
             raise ValueError("it is no belief")
-        if (found := content.pop("format")) != FORMAT:
-            raise ValueError(f"its format is {found!r}; this version reads {FORMAT!r}")
+        if wrong := other_format(content.pop("format")):
+            raise ValueError(f"it {wrong}")
         kinds = tuple(read_kind(part) for part in content.pop("kinds"))
         odds = float(content.pop("network_log_odds"))
         if not any(kind.corrected for kind in kinds):

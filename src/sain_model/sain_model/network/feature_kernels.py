@@ -181,7 +181,7 @@ def _copy(source, first, count, lane, relation, at):
         relation[at + row, lane] = source[first + row, lane]
 
 
-# A change of meaning, order or scale below needs another `sain_model.dynamics.load.FORMAT`.
+# A change of meaning, order or scale below needs another `sain_core.provenance.FORMAT`.
 BODY_FEATURES = 20  # and the `PLACE_FEATURES` of a network that sees the world
 TURN = 2.0 * np.pi
 
