@@ -18,7 +18,7 @@ FRESH = """
 import sys, gymnasium
 from tests.sain_gym.playing import digest, played, random_actions
 env = gymnasium.make("sain_gym:sain/Push-v0", scenario="anywhere").unwrapped
-print(digest(played(env, 3, random_actions(env, 12))))
+print(digest(played(env, 3, random_actions(env, 6))))
 print(sorted({"torch", "numba", "matplotlib", "rclpy"} & set(sys.modules)))
 """
 
@@ -31,8 +31,7 @@ def check(env: gymnasium.Env) -> None:
         check_env(env)
 
 
-@pytest.mark.parametrize("engine", ["bullet", "mujoco"])
-@pytest.mark.parametrize("observation", ["state", "image"])
+@pytest.mark.parametrize(("observation", "engine"), [("state", "bullet"), ("image", "mujoco")])
 def test_gymnasiums_check_passes(make: MakeEnv, observation: str, engine: str) -> None:
     check(make(observation=observation, engine=engine, render_mode="rgb_array"))
 
@@ -59,15 +58,14 @@ def test_scenes_that_are_drawn_are_none_of_an_evaluation(make: MakeEnv) -> None:
     assert env.reset(options={"scene": 12})[1]["scene_seed"] == 12
 
 
-@pytest.mark.parametrize("engine", ["bullet", "mujoco"])
-@pytest.mark.parametrize("observation", ["state", "image"])
+@pytest.mark.parametrize(("observation", "engine"), [("state", "bullet"), ("image", "mujoco")])
 def test_the_same_seed_and_actions_give_the_same_bytes(
     make: MakeEnv, observation: str, engine: str
 ) -> None:
     first, second = (make(observation=observation, engine=engine) for _ in range(2))
-    actions = random_actions(first, 12)
+    actions = random_actions(first, 6)
     steps = played(first, 3, actions)
-    assert digest(steps) == digest(played(second, 3, actions)) == digest(played(first, 3, actions))
+    assert digest(steps) == digest(played(second, 3, actions))
     assert digest(steps) != digest(played(first, 4, actions))
     assert any(step[-1]["pushes"] for step in steps)
 
@@ -77,7 +75,7 @@ def test_a_fresh_process_gives_the_same_bytes_and_loads_no_planner(make: MakeEnv
     command = [sys.executable, "-c", FRESH]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
-    assert done.stdout.split("\n")[:2] == [digest(played(env, 3, random_actions(env, 12))), "[]"]
+    assert done.stdout.split("\n")[:2] == [digest(played(env, 3, random_actions(env, 6))), "[]"]
 
 
 def test_an_image_is_rendered_only_when_asked_for(make: MakeEnv) -> None:

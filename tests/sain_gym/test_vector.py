@@ -32,7 +32,7 @@ def test_each_is_as_if_alone(envs: gymnasium.vector.VectorEnv, make: MakeEnv) ->
     """Where an episode has ended, the next step begins another one."""
     seeds = [5, 11]
     envs.action_space.seed(1)
-    actions = [envs.action_space.sample() for _ in range(40)]
+    actions = [envs.action_space.sample() for _ in range(25)]
     together = [envs.reset(seed=seeds), *map(envs.step, actions)]
     for index, seed in enumerate(seeds):
         env = make(scenario="anywhere")

@@ -14,7 +14,7 @@ from sain_lab.keeping.log import LogReader
 from sain_lab.learner import Learner
 from tests.sain_lab.table import TRUE, SmallTable
 
-PUSHES = 40
+PUSHES = 24
 
 
 @pytest.fixture(scope="module")

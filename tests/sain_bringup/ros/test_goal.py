@@ -27,11 +27,11 @@ def printed(sender):
 
 
 def test_without_a_planner_it_says_what_it_waits_for_and_then_what_to_do(sender):
-    said = r"no planner in namespace /sain.*ROS_DOMAIN_ID.* \(waited 8 s\)"
+    said = r"no planner in namespace /sain.*ROS_DOMAIN_ID.* \(waited 4 s\)"
     with pytest.raises(SilentPlannerError, match=said):
-        sender.send(Goal(), 8.0)
+        sender.send(Goal(), 4.0)
     first, *then = printed(sender)
-    assert first == "waiting for a planner on /sain/reach, at most 8 s"
+    assert first == "waiting for a planner on /sain/reach, at most 4 s"
     assert sum("no planner in namespace /sain" in line for line in then) == 1
 
 

@@ -127,7 +127,7 @@ def test_what_cannot_be_parsed_is_one_line(name: str, capsys: pytest.CaptureFixt
         main([name, "--help"])
     numbers = re.findall(r" (--\S+) (INT|FLOAT) (?!INT|FLOAT)", capsys.readouterr().out)
     wrong = {"--no-such-option": "there is no option --no-such-option; "}
-    for flag, type_ in numbers[::5]:
+    for type_, flag in {type_: flag for flag, type_ in numbers}.items():
         what = "a whole number" if type_ == "INT" else "a number"
         wrong[f"{flag} 1e30x"] = f"{flag} is '1e30x'; it must be {what}"
         wrong[f"{flag}="] = f"{flag} is ''; it must be {what}"
