@@ -38,11 +38,6 @@ def test_transitions_are_selected_together() -> None:
     assert list(data.arrays) == [Column.STATE, Column.ACTION, Column.NEXT_STATE]
 
 
-@pytest.mark.parametrize("name", ["action", "next_state"])
-def test_the_arrays_of_transitions_are_named_as_columns(name: str) -> None:
-    assert name in Transitions.__dataclass_fields__ and name in set(Column)
-
-
 SCENE = np.zeros((2, 8))
 SCENE[:, MASS], SCENE[:, RADIUS] = 8.0, 0.07
 PUSH = make_push(0.1, 0.2, 0.05)

@@ -28,14 +28,6 @@ if __name__ == "__main__":
     list(run_on_workers(work_of(wait_here), [Path(sys.argv[1])] * 4, two))
 """
 
-COLLECT = """
-import sys
-from sain_sim.commands import collect
-if __name__ == "__main__":
-    sys.argv[1:] = ["--out", sys.argv[1], "--episodes", "10000", "--workers", "2"]
-    sys.exit(collect())
-"""
-
 
 def work_of(function: Callable[[Any], Any]) -> Work[Any, Any]:
     return Work(partial(FunctionRunner, function), Software(("sain_core",), ("numpy",)))
@@ -48,14 +40,6 @@ def wait_here(folder: Path) -> None:
 
 def alive(folder: Path) -> list[int]:
     return [int(path.name) for path in folder.iterdir() if Path("/proc", path.name).exists()]
-
-
-def group_lives(group: int) -> bool:
-    try:
-        os.killpg(group, 0)
-    except ProcessLookupError:
-        return False
-    return True
 
 
 def wait_until(condition: Callable[[], bool], seconds: float = 150.0) -> bool:
@@ -124,22 +108,6 @@ def wait_unless_first(folder: Path) -> int:
     except FileExistsError:
         sleep(100.0)
     return 0
-
-
-def test_ctrl_c_ends_the_command_and_its_workers_at_once(tmp_path: Path) -> None:
-    command = [sys.executable, "-c", COLLECT, str(tmp_path / "data")]
-    here = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
-    with subprocess.Popen(
-        command, env=here, stderr=subprocess.PIPE, text=True, start_new_session=True
-    ) as running:
-        assert wait_until((tmp_path / "data" / "episodes.jsonl").exists)
-        os.killpg(running.pid, signal.SIGINT)  # as a terminal does: to every process
-        begun = monotonic()
-        error = running.communicate(timeout=60.0)[1]
-    assert running.returncode == 130 and monotonic() - begun < 10.0
-    assert "stopped; the same command continues from the last whole" in error
-    assert "Traceback" not in error and "Warning" not in error
-    assert wait_until(lambda: not group_lives(running.pid), 5.0)
 
 
 @pytest.mark.parametrize("ray", ["", "local"])

@@ -40,16 +40,6 @@ def command(name: str, *arguments: str) -> list[str]:
     return [sys.executable, "-c", code, "--ros-args", *arguments]
 
 
-def refused(name: str, *arguments: str) -> str:
-    """Start a node that must not start; return what it says, without rcl's own log lines."""
-    done = subprocess.run(command(name, *arguments), capture_output=True, text=True, timeout=120)
-    assert done.returncode == 1, done.stderr
-    lines = [line for line in done.stderr.splitlines() if line.startswith(f"{name}:")]
-    assert len(lines) == 1, done.stderr
-    assert "Traceback" not in done.stderr
-    return lines[0]
-
-
 @pytest.mark.parametrize(
     ("name", "wrong"),
     [

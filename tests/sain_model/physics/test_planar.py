@@ -136,19 +136,6 @@ def test_a_mirror_mirrors_the_prediction() -> None:
     close(after, mirror_scenes(prior.step(scenes, pushes)), 2e-4)
 
 
-def test_renumbering_the_bodies_renumbers_the_prediction_to_the_bit() -> None:
-    prior = prior_of(*NAMES[3])
-    scenes, pushes = draw(prior.bodies)
-    order = [2, 0, 1]  # of the old numbers
-    shapes = prior.bodies.shapes
-    other = prior_of(*(shapes[old] for old in order))
-    renumbered = pushes.copy()
-    renumbered[:, BODY] = np.argsort(order)[pushes[:, BODY].astype(int)]
-    np.testing.assert_array_equal(
-        other.step(scenes[:, order], renumbered), prior.step(scenes, pushes)[:, order]
-    )
-
-
 def test_another_cut_of_the_same_outline_changes_nothing() -> None:
     left, right = ((0.0, 3.0), (2, 3), (2, 4), (0, 4)), ((2.0, 3.0), (4, 3), (4, 4), (2, 4))
     feet = get_shape("t").supports(1.0)

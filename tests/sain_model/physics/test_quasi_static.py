@@ -21,7 +21,7 @@ from sain_core.types import Points, Scalars
 from sain_model.physics.parameters import TEXTBOOK
 from sain_model.physics.planar import PlanarPrior
 
-RADIUS, LENGTH, FRICTION, STEPS = 0.08, 0.1, 0.3, 200
+RADIUS, LENGTH, FRICTION, STEPS = 0.08, 0.1, 0.3, 80
 SLOW = replace(
     TEXTBOOK, tool_friction=FRICTION, middle_height=0.0, tool_height=0.0, disk_height=0.0
 )

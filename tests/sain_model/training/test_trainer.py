@@ -5,20 +5,18 @@ import math
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
 import pytest
 import torch
 
 from sain_core.cli.command_line import read_options
 from sain_core.cli.program import main
 from sain_core.errors import CheckpointError, ConfigError
-from sain_core.scene import POSITION, TARGET
-from sain_core.transitions import MOVED
+from sain_core.scene import TARGET
 from sain_model import commands
 from sain_model.cli import train
 from sain_model.data.dataset import Split, load_dataset, split_by_episode
 from sain_model.dynamics.residual import residual_model
-from sain_model.evaluation.errors import TARGET_MOVED, TARGETS, evaluate, position_errors
+from sain_model.evaluation.errors import position_errors
 from sain_model.inference.kinds import friction_kind
 from sain_model.network.settings import NetworkConfig
 from sain_model.physics.planar import PlanarPrior
@@ -94,21 +92,6 @@ def test_a_command_line_says_what_is_wrong(
     missing = str(tmp_path / "m.safetensors")
     assert commands.evaluate([str(dataset), "--checkpoint", missing]) == 1
     assert "does not exist" in " ".join(capsys.readouterr().err.split())
-
-
-def test_errors_are_what_they_say(dataset: Path) -> None:
-    data = load_dataset(dataset)
-    found, part = evaluate(data, {}), data.alike
-    groups = found["after"]["1"]["errors"]
-    off = position_errors(PlanarPrior().step(part.state, part.action), part.next_state, TARGET)
-    row = groups[TARGETS]["planar, measured"]
-    assert row["mm"][0] == pytest.approx(off.mean())
-    assert row["p95"] == pytest.approx(np.quantile(off, 0.95))
-    moved = np.linalg.norm((part.next_state - part.state)[:, TARGET, POSITION], axis=-1) > MOVED
-    assert groups[TARGET_MOVED]["no motion"]["number"] == moved.sum()
-    shares = found["removed"][TARGET_MOVED]
-    assert shares["planar, measured"] == pytest.approx(0.0, abs=1e-9)
-    assert shares["no motion"] < 0.0
 
 
 TINY = NetworkConfig(hidden=8, message=4)

@@ -268,17 +268,6 @@ def test_scenes_at_rest_have_the_time_at_which_they_were_observed(graph):
     assert np.mean(np.diff(stamps())) > 0.03  # on a busy machine they come later
 
 
-def test_two_simulators_repeat_each_other_to_the_last_bit(graph):
-    def play(push_id):
-        node = graph.start(SimNode, seed=1)
-        graph.push(graph.reset(seed=9), push_id, (0.2, -0.1, 0.12))
-        result = graph.result(push_id)
-        graph.stop(node)
-        return wire.decode_disks(result.after.disks)
-
-    np.testing.assert_array_equal(play(51), play(52))
-
-
 def test_a_node_in_mujoco_says_so_and_pushes(graph):
     pytest.importorskip("mujoco", reason="MuJoCo is not installed")
     node = graph.start(SimNode, idle_rate=20.0, engine="mujoco", shadow=False)

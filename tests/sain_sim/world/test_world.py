@@ -2,8 +2,6 @@
 
 import dataclasses
 import importlib
-import subprocess
-import sys
 from math import pi
 
 import numpy as np
@@ -93,28 +91,6 @@ def test_worlds_repeat_bit_for_bit_fresh_used_or_watched(config, bench, engine):
             again, refused_again = episode(world, bench, observer)
             assert np.array_equal(again, scenes)
             assert refused_again == refused
-
-
-PROGRAM = """
-import sys
-import numpy as np
-from sain_core.push import make_push
-from sain_sim.world.parameters import nominal_parameters
-from sain_sim.world.world import World
-parameters = nominal_parameters()
-world = World(parameters, engine=sys.argv[1])
-world.reset(parameters.scene(np.array([[0.42, 0.0], [0.561, 0.0]])))
-for angle in (0.2, -0.3):
-    after = world.push(make_push(0.0, angle, 0.1)).after
-print(after.tobytes().hex())
-"""
-
-
-def test_processes_agree_to_the_bit(engine):
-    command = [sys.executable, "-c", PROGRAM, engine]
-    runs = [subprocess.run(command, capture_output=True, text=True, check=True) for _ in range(2)]
-    assert runs[0].stdout == runs[1].stdout
-    assert len(runs[0].stdout.strip()) == 2 * 2 * 8 * 8
 
 
 @pytest.mark.parametrize("config", [WorldConfig(), FULL], ids=["short", "full"])
