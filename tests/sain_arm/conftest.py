@@ -34,7 +34,7 @@ class Planned:
 
 @cache
 def reach_of(name: str) -> ReachTable:
-    return table_of_reach(PushPlanner(read_robot(name)))
+    return table_of_reach(PushPlanner(read_robot(name)), 20)
 
 
 @cache

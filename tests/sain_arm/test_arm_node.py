@@ -324,7 +324,8 @@ def test_without_the_enable_signal_nothing_moves(graph: Any, make: Any) -> None:
     np.testing.assert_allclose(lab.joints(), before, atol=1e-3)
 
 
-def test_a_stroke_whose_enable_signal_is_lost_stops_and_counts(graph: Any, make: Any) -> None:
+def lose_signal(graph: Any, make: Any) -> Laboratory:
+    """In a stroke, which stops and counts."""
     lab = make({"enable_timeout": 1.0}, pace=1.0)
     lab.enabled = True
     push_id = lab.push((0.0, 0.0, 0.12))
@@ -342,8 +343,17 @@ def test_a_stroke_whose_enable_signal_is_lost_stops_and_counts(graph: Any, make:
     assert moved(result)[0] > 0.001
     graph.wait(lambda: lab.arm.phase == "rests", "the end")
     np.testing.assert_allclose(lab.server.cell.tip, stopped, atol=0.02)  # it brakes
+    return lab
+
+
+def test_a_stroke_whose_enable_signal_is_lost_stops_and_counts(graph: Any, make: Any) -> None:
+    lose_signal(graph, make)
+
+
+def test_after_a_stopped_stroke_it_lifts_off_first(graph: Any, make: Any) -> None:
+    lab = lose_signal(graph, make)
     lab.enabled = True
-    again = lab.execute((3.0, 0.0, 0.05))  # it lifts off first
+    again = lab.execute((3.0, 0.0, 0.05))
     assert again.error_code == ErrorCode.OK, again.error_message
 
 

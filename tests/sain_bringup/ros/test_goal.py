@@ -26,7 +26,8 @@ def printed(sender):
     return sender._console.file.getvalue().splitlines()
 
 
-def test_without_a_planner_it_says_what_it_waits_for_and_then_what_to_do(sender):
+def test_without_a_planner_it_says_what_it_waits_for_and_then_what_to_do(sender, monkeypatch):
+    monkeypatch.setattr("sain_bringup.ros.listener.ABSENT", 2.0)
     said = r"no planner in namespace /sain.*ROS_DOMAIN_ID.* \(waited 4 s\)"
     with pytest.raises(SilentPlannerError, match=said):
         sender.send(Goal(), 4.0)
