@@ -37,7 +37,7 @@ def started(folder: Path, log: str, package: str, name: str, *words: str) -> Ite
 
 
 @pytest.fixture(scope="module")
-def place(ros_domain: int, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+def place(ros_domain, tmp_path_factory):
     """A folder in which a graph runs."""
     folder = tmp_path_factory.mktemp("terminal")
     with started(folder, "graph.log", "sain_bringup", "graph", "--model", "planar"):
@@ -46,7 +46,7 @@ def place(ros_domain: int, tmp_path_factory: pytest.TempPathFactory) -> Iterator
 
 
 @pytest.fixture(scope="module")
-def run(place: Path) -> Run:
+def run(place):
     """Runs a command to its end and returns what it prints."""
 
     def run(package: str, name: str, *words: str) -> str:
@@ -60,16 +60,16 @@ def run(place: Path) -> Run:
     return run
 
 
-def test_a_topic_is_printed(run: Run) -> None:
+def test_a_topic_is_printed(run):
     assert "settled" in run("sain_bringup", "watch", "scene", "--count", "1", "--timeout", "60")
 
 
-def test_a_push_is_sent_and_its_result_printed(run: Run) -> None:
+def test_a_push_is_sent_and_its_result_printed(run):
     said = run("sain_bringup", "push", "--location", "0", "--length", "0.10", "--timeout", "60")
     assert "mm" in said
 
 
-def test_another_episode_is_begun_and_its_bodies_printed(run: Run) -> None:
+def test_another_episode_is_begun_and_its_bodies_printed(run):
     def begun() -> tuple[int, str]:
         said = run("sain_bringup", "reset", "--seed", "7", "--timeout", "60")
         found = re.fullmatch(r"episode (\d+): (body 0 at \(0\.350, 0\.000\) m, body 1 .*\n)", said)
@@ -86,7 +86,7 @@ def most_messages(log: str) -> int:
     return max((int(count.replace(",", "")) for count in counts), default=0)
 
 
-def test_a_goal_is_reached_and_recorded(run: Run, place: Path) -> None:
+def test_a_goal_is_reached_and_recorded(run, place):
     recording = place / "bags" / "mine"
     record = ("record", "--out", str(recording), "--status-period", "0.5")
     with (

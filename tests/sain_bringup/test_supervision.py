@@ -4,8 +4,7 @@ import os
 import signal
 import sys
 import time
-from collections.abc import Callable, Iterator
-from pathlib import Path
+from collections.abc import Callable
 
 import pytest
 
@@ -51,12 +50,12 @@ print("joined" if len(asked) == 1 else "parts are left", flush=True)
 
 
 @pytest.fixture
-def told() -> list[str]:
+def told():
     return []
 
 
 @pytest.fixture
-def supervisor(tmp_path: Path, told: list[str]) -> Iterator[Supervisor]:
+def supervisor(tmp_path, told):
     with Supervisor(tmp_path, QUICK, tell=told.append) as made:
         yield made
 

@@ -94,7 +94,7 @@ def test_a_heading_counts_modulo_the_symmetry():
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_turning_and_moving_scene_and_goal_together_changes_no_judgement(seed: int):
+def test_turning_and_moving_scene_and_goal_together_changes_no_judgement(seed):
     random = np.random.default_rng(seed)
     wanted = goal(
         BodyPose(0, *random.uniform(0.3, 0.6, 2), random.uniform(-pi, pi), 0.05, 0.5),
@@ -130,7 +130,7 @@ def test_turning_and_moving_scene_and_goal_together_changes_no_judgement(seed: i
 
 
 @pytest.mark.parametrize("seed", range(10))
-def test_a_goal_is_reached_if_and_only_if_all_errors_are_within_their_tolerances(seed: int):
+def test_a_goal_is_reached_if_and_only_if_all_errors_are_within_their_tolerances(seed):
     random = np.random.default_rng(seed)
     wanted = goal(
         BodyPose(0, 0.5, 0.1, 1.0, *random.uniform(0.01, 0.05, 2)),

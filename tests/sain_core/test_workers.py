@@ -69,7 +69,7 @@ def end_at_five(job: int) -> int:
 
 
 @pytest.mark.parametrize("workers", [1, 2])
-def test_results_do_not_depend_on_the_number_of_workers(workers: int) -> None:
+def test_results_do_not_depend_on_the_number_of_workers(workers):
     options = WorkerOptions(workers=workers)
     assert list(run_on_workers(work_of(square_of), range(30), options)) == [n**2 for n in range(30)]
     unordered = run_on_workers(work_of(square_of), range(30), options, ordered=False)
@@ -78,14 +78,14 @@ def test_results_do_not_depend_on_the_number_of_workers(workers: int) -> None:
     assert active_children() == []
 
 
-def test_an_error_of_a_job_ends_the_work() -> None:
+def test_an_error_of_a_job_ends_the_work():
     for workers in (1, 2):
         with pytest.raises(SainError, match=r"^no room for 5$"):
             list(run_on_workers(work_of(refuse_five), range(9), WorkerOptions(workers=workers)))
         assert active_children() == []
 
 
-def test_a_killed_worker_is_named_in_one_line() -> None:
+def test_a_killed_worker_is_named_in_one_line():
     died = (
         r"^a worker process died with exit code SIGKILL\(-9\) after \d of 9 jobs; .* fewer workers$"
     )
@@ -94,7 +94,7 @@ def test_a_killed_worker_is_named_in_one_line() -> None:
     assert active_children() == []
 
 
-def test_an_error_of_the_caller_ends_workers_in_the_middle_of_a_job(tmp_path: Path) -> None:
+def test_an_error_of_the_caller_ends_workers_in_the_middle_of_a_job(tmp_path):
     work, two = work_of(wait_unless_first), WorkerOptions(workers=2)
     results = run_on_workers(work, [tmp_path] * 4, two, ordered=False)
     assert next(results) == 0
@@ -111,7 +111,7 @@ def wait_unless_first(folder: Path) -> int:
 
 
 @pytest.mark.parametrize("ray", ["", "local"])
-def test_no_worker_outlives_a_process_that_is_killed(tmp_path, ray) -> None:
+def test_no_worker_outlives_a_process_that_is_killed(tmp_path, ray):
     (tmp_path / "program.py").write_text(PROGRAM)
     (tmp_path / "workers").mkdir()
     started = [sys.executable, str(tmp_path / "program.py"), str(tmp_path / "workers"), ray]

@@ -3,11 +3,10 @@
 import os
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import fields, is_dataclass
 from functools import cache
 from importlib import import_module
-from pathlib import Path
 from typing import Any, get_type_hints
 
 import pytest
@@ -41,7 +40,7 @@ LAUNCHER = "import runpy; runpy.run_path('{path}', run_name='__main__')"
 
 
 @pytest.fixture(scope="module")
-def start() -> Iterator[Start]:
+def start():
     """Starts an executable in a process of its own, without paying again for what all import."""
     with Starter() as starter:
         yield lambda package, name, *arguments: starter.start(
@@ -50,7 +49,7 @@ def start() -> Iterator[Start]:
 
 
 @pytest.fixture(scope="module")
-def help_of(start: Start) -> Callable[[str, str], Ended]:
+def help_of(start):
     """What a command prints for --help."""
     return cache(lambda package, name: start(package, name, "--help"))
 
@@ -70,14 +69,14 @@ def entry(package: str, name: str) -> Command | NodeCommand:
     return found
 
 
-def test_each_is_started_by_the_interpreter_of_the_environment() -> None:
+def test_each_is_started_by_the_interpreter_of_the_environment():
     for path in (executable(*script) for script in SCRIPTS):
         assert os.access(path, os.X_OK)
         assert path.read_text().startswith(f"#!{sys.executable}\n")
 
 
 @pytest.mark.parametrize(("package", "name"), SCRIPTS)
-def test_help_comes_at_once(help_of: Any, package: str, name: str) -> None:
+def test_help_comes_at_once(help_of, package, name):
     done = help_of(package, name)
     assert done.returncode == 0, done.stderr
     usage, *lines = done.stdout.splitlines()
@@ -90,7 +89,7 @@ def test_help_comes_at_once(help_of: Any, package: str, name: str) -> None:
     ("package", "name"),
     [("sain_sim", "sim_node"), ("sain_eval", "evaluate"), ("sain_bringup", "closed_loop")],
 )
-def test_an_unknown_argument_is_refused_at_once(start: Start, package: str, name: str) -> None:
+def test_an_unknown_argument_is_refused_at_once(start, package, name):
     """The text is tested for every command in one process, `test_command_line`."""
     done = start(package, name, "--wrold", "rough")
     assert done.returncode == 2, done.stderr
@@ -99,7 +98,7 @@ def test_an_unknown_argument_is_refused_at_once(start: Start, package: str, name
 
 
 @pytest.mark.parametrize(("package", "name"), SCRIPTS)
-def test_every_setting_has_a_text_with_its_values(help_of: Any, package: str, name: str) -> None:
+def test_every_setting_has_a_text_with_its_values(help_of, package, name):
     command = entry(package, name)
     shown = said(help_of(package, name).stdout)
     if isinstance(command, NodeCommand):
@@ -127,7 +126,7 @@ def settings_in(options: type) -> list[Any]:
     return found
 
 
-def test_a_node_says_how_parameters_are_given(start: Start) -> None:
+def test_a_node_says_how_parameters_are_given(start):
     done = start("sain_sim", "sim_node", "--world", "rough")
     assert said(done.stderr) == (
         "sim_node: unknown argument '--world'; allowed are --help and --ros-args. Parameters are"
@@ -152,8 +151,8 @@ def test_a_node_says_how_parameters_are_given(start: Start) -> None:
     ],
 )
 def test_a_wrong_value_is_named_before_anything_is_imported(
-    start: Start, package: str, name: str, arguments: list[str], message: str
-) -> None:
+    start, package, name, arguments, message
+):
     done = start(package, name, *arguments)
     assert done.returncode == 2
     assert message in said(done.stderr)
@@ -178,8 +177,8 @@ def test_a_wrong_value_is_named_before_anything_is_imported(
     ],
 )
 def test_ctrl_c_during_an_import_ends_it_quietly(
-    ros_domain: int, tmp_path: Path, package: str, name: str, arguments: list[str], module: str
-) -> None:
+    ros_domain, tmp_path, package, name, arguments, module
+):
     entry = ENTRY.format(package=package, name=name)
     code = INTERRUPT.format(module=module, arguments=[name, *arguments], start=entry)
     done = subprocess.run(
@@ -191,7 +190,7 @@ def test_ctrl_c_during_an_import_ends_it_quietly(
     assert left == []
 
 
-def test_ctrl_c_before_the_command_is_there_ends_it_quietly(tmp_path: Path) -> None:
+def test_ctrl_c_before_the_command_is_there_ends_it_quietly(tmp_path):
     launcher = LAUNCHER.format(path=executable("sain_eval", "evaluate"))
     code = INTERRUPT.format(module="sain_core", arguments=["evaluate"], start=launcher)
     done = subprocess.run(

@@ -5,7 +5,6 @@ import os
 import shutil
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 
@@ -29,7 +28,7 @@ sys.stderr.write(json.dumps(sorted({{one.name.split()[0] for one in find_command
 
 
 @pytest.fixture(scope="module")
-def tree(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def tree(tmp_path_factory):
     """A copy of what `pip install .` needs, without the optional packages."""
     copy = tmp_path_factory.mktemp("tree")
     for name in ("pyproject.toml", "README.md"):
@@ -39,7 +38,7 @@ def tree(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return copy
 
 
-def test_all_others_are_imported_and_listed_without_them(tree: Path) -> None:
+def test_all_others_are_imported_and_listed_without_them(tree):
     modules = [
         ".".join(path.relative_to(tree / "src" / package).with_suffix("").parts)
         for package in OTHERS
@@ -65,7 +64,7 @@ def test_all_others_are_imported_and_listed_without_them(tree: Path) -> None:
     }
 
 
-def test_the_distribution_is_set_up_without_them(tree: Path) -> None:
+def test_the_distribution_is_set_up_without_them(tree):
     command = [sys.executable, "-c", "import setuptools; setuptools.setup()", "-q", "egg_info"]
     done = subprocess.run(command, cwd=tree, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr

@@ -1,7 +1,6 @@
 """Rows of the tables that learn physics, a network, or both, on pushes of our own simulation."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -19,7 +18,7 @@ SMALL = replace(SETTINGS, epochs=2, network=NetworkConfig(hidden=8, message=4, m
 
 
 @pytest.fixture(scope="module")
-def identified(tmp_path_factory: pytest.TempPathFactory) -> IdentifiedPhysics:
+def identified(tmp_path_factory):
     return IdentifiedPhysics(tmp_path_factory.mktemp("physics"))
 
 
@@ -65,9 +64,7 @@ def test_a_new_body_is_predicted_with_what_others_and_its_own_pushes_show(
 
 
 @pytest.mark.parametrize("alone", [True, False], ids=["learned only", "SAIN"])
-def test_a_network_is_trained_once_and_has_regions(
-    synthetic_pushes, identified, tmp_path: Path, alone
-):
+def test_a_network_is_trained_once_and_has_regions(synthetic_pushes, identified, tmp_path, alone):
     row: Row = NetworkRow(tmp_path, None if alone else identified, SMALL, SMALL)
     train, own, test = fold_of(synthetic_pushes)
     found = row.fit(train, own).predict(test)

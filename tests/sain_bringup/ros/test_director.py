@@ -133,9 +133,7 @@ class StartingSupervisor(Supervisor):
         return f"; the end of its log:\n{name} compiles"
 
 
-def test_a_process_that_gives_signs_of_life_is_waited_for_and_then_named_with_its_log(
-    ros_domain,
-):
+def test_a_process_that_gives_signs_of_life_is_waited_for_and_then_named_with_its_log(ros_domain):
     supervisor = StartingSupervisor(alive_for=1.0)
     with ros_context():
         director = Director(lambda: None, 0.5, supervisor)

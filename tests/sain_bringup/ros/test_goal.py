@@ -36,14 +36,14 @@ def test_without_a_planner_it_says_what_it_waits_for_and_then_what_to_do(sender,
     assert sum("no planner in namespace /sain" in line for line in then) == 1
 
 
-def test_a_heading_or_a_body_makes_it_a_pose() -> None:
+def test_a_heading_or_a_body_makes_it_a_pose():
     (pose,) = goal_message(GoalOptions(place=(0.6, 0.1), heading=1.0)).poses
     assert (pose.body, pose.heading, pose.has_heading) == (1, 1.0, True)
     (pose,) = goal_message(GoalOptions(place=(0.6, 0.1), body=0)).poses
     assert (pose.body, pose.has_heading, pose.x) == (0, False, 0.6)
 
 
-def test_a_second_graph_is_refused_before_anything_starts(graph) -> None:
+def test_a_second_graph_is_refused_before_anything_starts(graph):
     release = lock_namespace(graph.bystander)
     try:
         with pytest.raises(BusyError, match=r"executes pushes in namespace /sain of domain \d+"):
@@ -55,6 +55,6 @@ def test_a_second_graph_is_refused_before_anything_starts(graph) -> None:
 
 
 @pytest.mark.parametrize("words", [["0.6"], ["0.6", "x"], ["0.6", "0.1", "0.2"]])
-def test_a_place_has_two_numbers(words, capsys) -> None:
+def test_a_place_has_two_numbers(words, capsys):
     assert commands.goal(words) == 2
     assert "it must be 2 values, each a number" in capsys.readouterr().err

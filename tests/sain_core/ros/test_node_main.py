@@ -13,7 +13,6 @@ from rclpy.node import Node
 from rclpy.qos import qos_profile_sensor_data
 from std_msgs.msg import String
 
-from sain_core.cli.node_command import NodeCommand
 from sain_core.ros.node_main import LatchedTopic
 from sain_model.commands import model_node
 from sain_model.ros.model_node import ModelNode
@@ -80,7 +79,7 @@ def test_what_is_wrong_at_the_start_is_told_in_one_line(ros_domain, name, wrong)
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_a_node_that_is_told_to_stop_stops_cleanly(ros_domain, number: int):
+def test_a_node_that_is_told_to_stop_stops_cleanly(ros_domain, number):
     process = subprocess.Popen(command("sim_node"), stderr=subprocess.PIPE, text=True)
     assert process.stderr is not None
     for line in process.stderr:
@@ -148,7 +147,7 @@ def names(found: list[tuple[str, list[str]]]) -> set[str]:
 @pytest.mark.parametrize(
     ("command", "kind"), [(sim_node, SimNode), (model_node, ModelNode), (mppi_node, MppiNode)]
 )
-def test_the_help_names_every_topic_and_service(graph, command: NodeCommand, kind) -> None:
+def test_the_help_names_every_topic_and_service(graph, command, kind):
     node: Node = graph.start(kind, **PARAMETERS[kind])
     here = (node.get_name(), node.get_namespace())
     publishes = node.get_publisher_names_and_types_by_node(*here)
@@ -162,7 +161,7 @@ def test_the_help_names_every_topic_and_service(graph, command: NodeCommand, kin
     assert all(name in text for name in (*command.publishes, *command.offers, *command.actions))
 
 
-def test_a_late_listener_with_best_effort_hears_the_last_message_once(graph) -> None:
+def test_a_late_listener_with_best_effort_hears_the_last_message_once(graph):
     speaker = graph.add(Node("speaker", namespace="sain", context=graph.context))
     topic = LatchedTopic(speaker, String, "said")
     graph.listen("said", String)

@@ -22,7 +22,7 @@ def read(folder: Path, text: str) -> BodyFile:
     return read_bodies(path)
 
 
-def test_everything_of_a_body_is_read(tmp_path: Path) -> None:
+def test_everything_of_a_body_is_read(tmp_path):
     file = read(tmp_path, TWO)
     assert [shape.name for shape in file.bodies.shapes] == ["disk", "t"]
     assert file.bodies.roles == (Role.PUSHABLE, Role.MOVABLE)
@@ -121,11 +121,11 @@ def test_everything_of_a_body_is_read(tmp_path: Path) -> None:
         ("bodies: !!python/object:os.system []", "is not read: it has the tag"),
     ],
 )
-def test_what_is_wrong_is_named(tmp_path: Path, text: str, message: str) -> None:
+def test_what_is_wrong_is_named(tmp_path, text, message):
     with pytest.raises(ConfigError, match=rf"bodies file .*bodies\.yaml.*{message}"):
         read(tmp_path, text)
 
 
-def test_radius_and_mass_may_have_an_exponent(tmp_path: Path) -> None:
+def test_radius_and_mass_may_have_an_exponent(tmp_path):
     bodies = read(tmp_path, "bodies: [{shape: disk, radius: 8e-2, mass: 1e0, topic: /mocap/a_1}]")
     assert (bodies.radii, bodies.masses, bodies.topics) == ((0.08,), (1.0,), ("/mocap/a_1",))

@@ -1,7 +1,6 @@
 """Bodies by their outlines."""
 
 import json
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -40,7 +39,7 @@ def smooth(count: int = 600) -> np.ndarray:
 
 
 @pytest.mark.parametrize("name", ["t", "star", "u", "ring_segment"])
-def test_convex_parts_make_up_the_outline(name: str) -> None:
+def test_convex_parts_make_up_the_outline(name):
     outline = get_shape(name).outline(1.0)
     parts = convex_parts(outline)
     assert sum(map(area, parts)) == pytest.approx(area(outline))
@@ -50,7 +49,7 @@ def test_convex_parts_make_up_the_outline(name: str) -> None:
     assert 1 < len(parts) <= 4 * len(get_shape(name).parts(1.0))
 
 
-def test_a_traced_body_is_about_its_centroid() -> None:
+def test_a_traced_body_is_about_its_centroid():
     body = trace("butterfly", smooth())
     assert isinstance(body.shape, Traced) and body.shape.name.startswith("butterfly-")
     np.testing.assert_allclose(body.centre, centroid(smooth()), atol=1e-4)
@@ -66,7 +65,7 @@ def test_a_traced_body_is_about_its_centroid() -> None:
     assert len(body.shape.feet) == 3 and Bodies((body.shape,)).pushable == (0,)
 
 
-def test_outlines_stand_beside_a_data_set(tmp_path: Path) -> None:
+def test_outlines_stand_beside_a_data_set(tmp_path):
     register_outlines(tmp_path)  # there are none
     body = trace("butterfly", smooth())
     write_outlines(tmp_path, [body.shape, get_shape("disk")])
@@ -89,9 +88,7 @@ def comb(teeth: int) -> list[list[float]]:
     return [list(p) for p in [(0.0, 0.0), (0.01 * (2 * teeth - 1), 0.0), *top[::-1]]]
 
 
-def test_an_outline_file_is_a_shape_by_its_path_and_by_its_name(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_outline_file_is_a_shape_by_its_path_and_by_its_name(tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path))
     file = outline_folder() / "comb.yaml"
     file.parent.mkdir(parents=True)
@@ -132,9 +129,7 @@ BODY = "{shapes: {a: {semi_axes: [0.1, 0.2]}}"
         (json.dumps({"shapes": {"comb": comb(20)}}), "convex parts; allowed: 64 and 12"),
     ],
 )
-def test_an_outline_file_that_cannot_be_used_is_named(
-    tmp_path: Path, content: str, text: str
-) -> None:
+def test_an_outline_file_that_cannot_be_used_is_named(tmp_path, content, text):
     path = tmp_path / "mine.yaml"
     path.write_text(content)
     with pytest.raises(ConfigError, match=r"shape '.*mine\.yaml' is not read: .*" + text):
@@ -160,16 +155,12 @@ SQUARE = np.array([[0.0, 0.0], [0.1, 0.0], [0.1, 0.1], [0.0, 0.1]])
         (1e-3 * SQUARE, r"radius of 7.07\de-05 m; allowed"),
     ],
 )
-def test_an_outline_that_is_none_is_refused_with_its_points(
-    points: np.ndarray, message: str
-) -> None:
+def test_an_outline_that_is_none_is_refused_with_its_points(points, message):
     with pytest.raises(DatasetError, match=message):
         trace("mine", points)
 
 
-def test_an_outline_is_mended_with_a_word(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_an_outline_is_mended_with_a_word(tmp_path, monkeypatch, caplog):
     monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path))
     outline_folder().mkdir(parents=True)
     stated = SQUARE[[0, 3, 3, 2, 1, 0]].tolist()

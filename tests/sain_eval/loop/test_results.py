@@ -21,13 +21,7 @@ from sain_eval.loop.results import (
     summarise,
     write_results,
 )
-from sain_eval.loop.tables import (
-    HEADER,
-    failure_line,
-    failures,
-    shape_table,
-    table_cells,
-)
+from sain_eval.loop.tables import HEADER, failure_line, failures, shape_table, table_cells
 from sain_eval.scenes.scenarios import SCENARIOS
 
 CASE = SCENARIOS["paper"].scene(0)
@@ -219,10 +213,7 @@ def test_a_person_finds_all_of_the_table_in_its_pages(records, tmp_path):
         ({"tolerances": "0.02:-1"}, "--tolerances has -1.0 rad; allowed: above 0, at most 5.0 rad"),
         ({"tolerances": "nan"}, "--tolerances has nan m; allowed"),
         ({"controllers": ","}, "controllers is empty"),
-        (
-            {"models": "runs/mine"},
-            "--models is 'runs/mine' without --table; give",
-        ),
+        ({"models": "runs/mine"}, "--models is 'runs/mine' without --table; give"),
         ({"scenes": 0}, r"EvaluateOptions\.scenes is 0; it must be at least 1"),
     ],
 )

@@ -35,7 +35,7 @@ def bodies_at(*poses):
 
 
 @pytest.fixture
-def posed() -> EpisodeRecord:
+def posed():
     """A T and a bar; one push each, the first predicted 5 mm and 0.2 rad off."""
     scenes = [
         bodies_at((0.4, -0.1, 0.5), (0.4, 0.2, 0.0)),
@@ -54,7 +54,7 @@ def posed() -> EpisodeRecord:
 
 
 @pytest.fixture
-def physics(episode) -> EpisodeRecord:
+def physics(episode):
     pushes = tuple(replace(push, physics=push.before) for push in episode.pushes)
     return replace(episode, pushes=pushes, title="paper 4")
 

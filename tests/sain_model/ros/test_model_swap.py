@@ -61,12 +61,12 @@ def set_model(graph: Any, name: str) -> Any:
 
 
 @pytest.fixture
-def first(tmp_path: Path) -> str:
+def first(tmp_path):
     return make_checkpoint(tmp_path / "first.safetensors", 1)
 
 
 @pytest.fixture
-def second(tmp_path: Path) -> str:
+def second(tmp_path):
     return make_checkpoint(tmp_path / "second.safetensors", 2)
 
 

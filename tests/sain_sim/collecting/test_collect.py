@@ -13,11 +13,7 @@ import pytest
 
 import sain_sim.collecting.collect as collection
 import sain_sim.collecting.shards
-from sain_core.errors import (
-    ConfigError,
-    DatasetError,
-    OutputError,
-)
+from sain_core.errors import ConfigError, DatasetError, OutputError
 from sain_core.output import MANIFEST
 from sain_core.randomness import generator
 from sain_core.scene import POSITION, TARGET, surface_gaps
@@ -247,7 +243,7 @@ def test_a_push_that_diverges_ends_its_episode_and_is_not_recorded(monkeypatch, 
     runner.close()
 
 
-def test_every_push_that_is_drawn_is_counted_once(tmp_path) -> None:
+def test_every_push_that_is_drawn_is_counted_once(tmp_path):
     config = CollectConfig(tmp_path / "all", 3, 5, episode=EpisodeConfig(pushes=4, sampler="grid"))
     done = collect(config)
     counts, data = done.counts, load_shards(config.out)

@@ -18,14 +18,14 @@ def content(folder: Path) -> dict[str, bytes]:
 
 
 @pytest.fixture(scope="module")
-def whole(tmp_path_factory) -> tuple[CollectConfig, dict[str, bytes]]:
+def whole(tmp_path_factory):
     """What one process collects undisturbed."""
     config = CollectConfig(tmp_path_factory.mktemp("whole"), episodes=5, seed=4, episode=SHORT)
     collect(config)
     return config, content(config.out)
 
 
-def test_after_a_killed_worker_the_same_command_continues(whole, tmp_path) -> None:
+def test_after_a_killed_worker_the_same_command_continues(whole, tmp_path):
     config, expected = whole
 
     def kill(episodes: int, transitions: int) -> None:

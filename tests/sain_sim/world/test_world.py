@@ -7,20 +7,9 @@ from math import pi
 import numpy as np
 import pytest
 
-from sain_core.errors import (
-    SainError,
-    UnreachableError,
-)
+from sain_core.errors import SainError, UnreachableError
 from sain_core.push import SPEED, make_push
-from sain_core.scene import (
-    MID,
-    POSITION,
-    RADIUS,
-    TARGET,
-    Y,
-    is_settled,
-    unit,
-)
+from sain_core.scene import MID, POSITION, RADIUS, TARGET, Y, is_settled, unit
 from sain_core.shapes.solids import DISK
 from sain_core.world import DivergedError, check_possible
 from sain_sim.world.parameters import nominal_parameters
