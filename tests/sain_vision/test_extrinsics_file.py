@@ -1,3 +1,4 @@
+# ruff: noqa: E501 - a case is a line
 """The file of a camera's pose: what is refused, and in which words, also where a node reads it."""
 
 from pathlib import Path
@@ -95,12 +96,9 @@ def test_a_node_does_not_start_with_a_camera_under_the_table(graph, tmp_path, no
         ({"distortion_coefficients": {"data": [0.1, [0]]}}, r"data\[1\] is \[0\]; allowed: finite"),
         ({"distortion_model": None}, "distortion_model is None; it must be a text"),
         ({"distortion_coefficients": {"data": [-50, 0, 0, 0, 0]}}, r"folds at \(\d+, 240\) px"),
-        (
-            {"camera_matrix": [1200, 0, 640, 0, 1200, 480, 0, 0, 1]},
-            "is K of images of another size",
-        ),
+        ({"camera_matrix": [1200, 0, 640, 0, 1200, 480, 0, 0, 1]}, "is K of images of another size"),
     ],
-)
+)  # fmt: skip
 def test_intrinsics_that_cannot_be_are_refused(tmp_path, change, text):
     pose = write(tmp_path, "camera.yaml", POSE)
     info = write(tmp_path, "info.yaml", INFO | change)

@@ -1,3 +1,4 @@
+# ruff: noqa: E501 - a case is a line
 """Lenses of every model: to pixels and back, and calibrations that are not used."""
 
 from typing import Any
@@ -115,12 +116,7 @@ def edited(*changes: tuple[int, int, float]) -> np.ndarray:
         (edited((0, 0, 4.2), (1, 1, 4.2)), "plumb_bob", 5, "is the camera calibrated, in px"),
         (edited((0, 0, 1700.0)), "plumb_bob", 5, "are 1700 and 850 px; one may be at most 1.2 ti"),
         (edited((1, 1, 420.0)), "plumb_bob", 5, "are 840 and 420 px; one may be at most 1.2 times"),
-        (
-            edited((0, 2, 1300.0)),
-            "plumb_bob",
-            5,
-            r"principal point is \(1300, 479.5\) px; .* 384 to",
-        ),
+        (edited((0, 2, 1300.0)), "plumb_bob", 5, r"principal point is \(1300, 479.5\) px; .* 384 to"),
         (edited((0, 2, 0.0), (1, 2, 0.0)), "plumb_bob", 5, r"principal point is \(0, 0\) px"),
         (2 * K - np.diag([0, 0, 1.0]), "plumb_bob", 5, "is K of images of another size, or of a"),
         (K / 2 + np.diag([0, 0, 0.5]), "plumb_bob", 5, "is K of images of another size, or of a"),
@@ -132,7 +128,7 @@ def edited(*changes: tuple[int, int, float]) -> np.ndarray:
         (K, "rational_polynomial", 14, "has 14 numbers; allowed: 8"),
         (K, "equidistant", 5, "equidistant has 5 numbers; allowed: 4"),
     ],
-)
+)  # fmt: skip
 def test_what_a_calibration_may_not_be(matrix, lens, numbers, text):
     with pytest.raises(InvalidInputError, match=text):
         check_calibration(WIDTH, HEIGHT, matrix, lens, np.full(numbers, 0.01))
@@ -147,16 +143,12 @@ def test_what_a_calibration_may_not_be(matrix, lens, numbers, text):
         ("plumb_bob", [1e300, 0, 0, 0, 0], r"\(1e\+300, 0, 0, 0, 0\) folds at"),
         ("plumb_bob", [1000, 0, 0, 0, 0], r"\(1000, .*\) moves \(0, 480\) px to [\d.]+ times its"),
         ("plumb_bob", [9, 0, 0, 0, 0], "from the principal point, more than 1.5 times; it must be"),
-        (
-            "plumb_bob",
-            [0, 0, 5, 0, 0],
-            r"folds at .* middle of each edge of 1280 x 960 px: calibrate",
-        ),
+        ("plumb_bob", [0, 0, 5, 0, 0], r"folds at .* middle of each edge of 1280 x 960 px: calibrate"),
         ("rational_polynomial", [0, 0, 0, 0, 0, -5, 0, 0], "calibrate the camera again, with the"),
         ("equidistant", [-5, 0, 0, 0], r"equidistant \(-5, 0, 0, 0\) folds at"),
         ("equidistant", [50, 0, 0, 0], r"equidistant \(50, 0, 0, 0\) moves"),
     ],
-)
+)  # fmt: skip
 def test_a_lens_that_cannot_be_is_named_with_the_place(lens, numbers, text):
     with pytest.raises(InvalidInputError, match=text):
         check_calibration(WIDTH, HEIGHT, K, lens, np.array(numbers, dtype=float))

@@ -1,3 +1,4 @@
+# ruff: noqa: E501 - a case is a line
 """Every executable as it is started: its help, its errors and Ctrl-C while it starts."""
 
 import os
@@ -138,18 +139,13 @@ def test_a_node_says_how_parameters_are_given(start):
     ("package", "name", "arguments", "message"),
     [
         ("sain_eval", "evaluate", ["--scenes", "0"], "--scenes is 0; it must be at least 1"),
-        (
-            "sain_eval",
-            "evaluate",
-            ["--planner.samples", "0"],
-            "--planner.samples is 0; it must be at least",
-        ),
+        ("sain_eval", "evaluate", ["--planner.samples", "0"], "--planner.samples is 0; it must be at least"),
         ("sain_model", "train", ["data", "--out", "o", "--batch", "0"], "--batch is 0; it must be"),
         ("sain_sim", "collect", ["--world", "ruff"], "randomised"),
         ("sain_bringup", "closed_loop", ["--scenario", "papper"], "did you mean 'paper'?"),
         ("sain_bringup", "closed_loop", ["--seed", "-1"], "--seed is -1; it must be at least 0"),
     ],
-)
+)  # fmt: skip
 def test_a_wrong_value_is_named_before_anything_is_imported(
     start, package, name, arguments, message
 ):

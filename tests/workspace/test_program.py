@@ -1,3 +1,4 @@
+# ruff: noqa: E501 - a case is a line
 """`sain` without ROS: what `pip install .` installs, and what is said when more is asked."""
 
 import os
@@ -112,11 +113,7 @@ def test_commands_work_without_ros(tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "code", "text"),
     [
-        (
-            ["trian"],
-            2,
-            "sain: there is no command 'trian' (did you mean 'train'?); see sain --help",
-        ),
+        (["trian"], 2, "sain: there is no command 'trian' (did you mean 'train'?); see sain --help"),
         (["record"], 1, "sain record needs ROS 2 (rclpy), which is not installed here: run it"),
         (["sim_node"], 1, "sain sim_node needs ROS 2"),
         (
@@ -126,7 +123,7 @@ def test_commands_work_without_ros(tmp_path):
         ),
         (["evaluate", "--scenes", "0"], 2, "evaluate: --scenes is 0; it must be at least 1"),
     ],
-)
+)  # fmt: skip
 def test_what_cannot_be_is_said(arguments, code, text, tmp_path):
     found = run_without_ros(arguments, tmp_path)
     assert found.returncode == code

@@ -1,3 +1,4 @@
+# ruff: noqa: E501 - a case is a line
 """Only regular files are read."""
 
 import os
@@ -26,15 +27,12 @@ def test_special_files_are_refused(tmp_path):
 @pytest.mark.parametrize(
     ("content", "text"),
     [
-        (
-            b"version https://git-lfs.github.com/spec/v1\noid sha256:0\n",
-            "`git lfs pull` fetches it",
-        ),
+        (b"version https://git-lfs.github.com/spec/v1\noid sha256:0\n", "`git lfs pull` fetches it"),
         (b"\x28\xb5\x2f\xfd rest", "`zstd -d FILE`"),
         (b"\x1f\x8b\x08 rest", "`gunzip FILE`"),
         (b"\xef\xbb\xbf\n <!DOCTYPE html><html>Not found</html>", "it is a web page"),
     ],
-)
+)  # fmt: skip
 def test_what_stands_in_for_a_file_is_named(content, text, tmp_path):
     path = tmp_path / "bodies.yaml"
     path.write_bytes(content)

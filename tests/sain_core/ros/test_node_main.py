@@ -1,3 +1,4 @@
+# ruff: noqa: E501 - a case is a line
 """Executables as they are started: one clear line and an exit code when they cannot start."""
 
 import os
@@ -50,13 +51,7 @@ def command(name: str, *arguments: str) -> list[str]:
                 "parameter 'world' is 'mars'; allowed: 'randomised'": ("-p", "world:=mars"),
             },
         ),
-        (
-            "model_node",
-            {
-                "did you mean 'planar'": ("-p", "model:=planer"),
-                "/none": ("-p", "model:=/none.safetensors"),
-            },
-        ),
+        ("model_node", {"did you mean 'planar'": ("-p", "model:=planer"), "/none": ("-p", "model:=/none.safetensors")}),
         (
             "mppi_node",
             {
@@ -66,7 +61,7 @@ def command(name: str, *arguments: str) -> list[str]:
             },
         ),
     ],
-)
+)  # fmt: skip
 def test_what_is_wrong_at_the_start_is_told_in_one_line(ros_domain, name, wrong):
     code = START_EACH.format(package=PACKAGES[name], name=name, wrong=list(wrong.values()))
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=120)

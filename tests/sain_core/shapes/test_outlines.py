@@ -1,3 +1,4 @@
+# ruff: noqa: E501 - a case is a line
 """Bodies by their outlines."""
 
 import json
@@ -115,10 +116,7 @@ BODY = "{shapes: {a: {semi_axes: [0.1, 0.2]}}"
         (f"{BODY}, tip_radius: -1}}", "tip_radius is -1; allowed: 0.001 to 0.05 m"),
         (f"{BODY}, tip_radius: 5}}", "tip_radius is 5; .* 5 millimetres are 0.005 m"),
         (f"{BODY}, tip_radius: true}}", "tip_radius is True; allowed: 0.001 to 0.05 m"),
-        (
-            "shapes: {a: {semi_axes: [0.1, true]}}",
-            r"semi_axes\[1\] is True; allowed: finite numbers",
-        ),
+        ("shapes: {a: {semi_axes: [0.1, true]}}", r"semi_axes\[1\] is True; allowed: finite numbers"),
         ("shapes: {a: {semi_axes: 3}}", "semi_axes is 3; it must be a list of 2 numbers"),
         ("shapes: {a: [[0, 0], [0, 1], [true, 1]]}", r"point 3 of .*'a'\[0\] is True; allowed"),
         ("shapes: {a: [[0, 0], [0, '1'], [1, 1]]}", r"point 2 of .*\[1\] is '1'; allowed: finite"),
@@ -128,7 +126,7 @@ BODY = "{shapes: {a: {semi_axes: [0.1, 0.2]}}"
         ("shapes: {a: {semi_axes: [0.1, 0.2]}, b: {semi_axes: [0.1, 0.1]}}", "states 2 shapes"),
         (json.dumps({"shapes": {"comb": comb(20)}}), "convex parts; allowed: 64 and 12"),
     ],
-)
+)  # fmt: skip
 def test_an_outline_file_that_cannot_be_used_is_named(tmp_path, content, text):
     path = tmp_path / "mine.yaml"
     path.write_text(content)
@@ -144,17 +142,14 @@ SQUARE = np.array([[0.0, 0.0], [0.1, 0.0], [0.1, 0.1], [0.0, 0.1]])
 @pytest.mark.parametrize(
     ("points", "message"),
     [
-        (
-            SQUARE[[0, 2, 1, 3]],
-            r"at \(0.05, 0.05\) m, where the sides from point 1 to 2 and from 3 to 4",
-        ),
+        (SQUARE[[0, 2, 1, 3]], r"at \(0.05, 0.05\) m, where the sides from point 1 to 2 and from 3 to 4"),
         (SQUARE[[0, 1]][[0, 1, 0]] * [[1, 1]], "encloses nothing: its area is 0 mm"),
         (np.array([[0.0, 0.0], [0.05, 0.05], [0.1, 0.1]]), "encloses nothing: .* points in a line"),
         (SQUARE[[0, 0, 0, 1]], "encloses nothing: its area is 0 mm"),
         (1e3 * SQUARE, "radius of 70.71 m: it looks like millimetres; allowed"),
         (1e-3 * SQUARE, r"radius of 7.07\de-05 m; allowed"),
     ],
-)
+)  # fmt: skip
 def test_an_outline_that_is_none_is_refused_with_its_points(points, message):
     with pytest.raises(DatasetError, match=message):
         trace("mine", points)

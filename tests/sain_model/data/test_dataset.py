@@ -1,3 +1,4 @@
+# ruff: noqa: E501 - a case is a line
 """Data sets: read, checked, mixed, split by episode, and cut into windows."""
 
 from dataclasses import replace
@@ -37,27 +38,11 @@ def in_grams(scenes: np.ndarray) -> np.ndarray:
     ("key", "change", "message"),
     [
         ("state", None, "lacks state"),
-        (
-            "action",
-            lambda a: a[:, :2],
-            r"action cannot be: a push has 5 numbers .* not shape \(60, 2\)",
-        ),
+        ("action", lambda a: a[:, :2], r"action cannot be: a push has 5 numbers .* not shape \(60, 2\)"),
         ("next_state", lambda a: a[:-1], r"next_state has shape \(59, 16\)"),
-        (
-            "state",
-            lambda a: np.where(np.arange(60)[:, None] == 7, np.inf, a),
-            "row 7 of state holds NaN or Inf",
-        ),
-        (
-            "state",
-            lambda a: -a,
-            r"row 0 of state has a mass or radius of -\S+; it must be positive",
-        ),
-        (
-            "state",
-            lambda a: 1e3 * a,
-            r"row 0 of state: x of body \d is \S+; allowed: -10 to 10; len",
-        ),
+        ("state", lambda a: np.where(np.arange(60)[:, None] == 7, np.inf, a), "row 7 of state holds NaN or Inf"),
+        ("state", lambda a: -a, r"row 0 of state has a mass or radius of -\S+; it must be positive"),
+        ("state", lambda a: 1e3 * a, r"row 0 of state: x of body \d is \S+; allowed: -10 to 10; len"),
         ("state", in_grams, r"mass of body 0 is \d{4}\S*; allowed: 0.0001 to 100; .* kg"),
         (
             "next_state",
@@ -65,11 +50,7 @@ def in_grams(scenes: np.ndarray) -> np.ndarray:
             "row 0: radius of body 0 differs by 20.0 % between state and next_state; allowed: 5 %",
         ),
         ("next_state", lambda a: -a, "row 0 of next_state has a mass or radius of"),
-        (
-            "masses",
-            lambda a: np.full((60, 2), -0.5),
-            "row 0 of masses has the value -0.5; it must be positive",
-        ),
+        ("masses", lambda a: np.full((60, 2), -0.5), "row 0 of masses has the value -0.5; it must be positive"),
         ("state", lambda a: a + 1j, "state is complex128; it should be real numbers"),
         ("action", lambda a: a.astype(str), "action is <U.*; it should be real numbers"),
         ("physics_next", lambda a: a > 0, "physics_next is bool; it should be real numbers"),
@@ -78,14 +59,10 @@ def in_grams(scenes: np.ndarray) -> np.ndarray:
         ("roles", lambda a: np.array("movable"), r"roles has shape \(\); it should have 60 rows"),
         ("roles", lambda a: np.full(60, "king,movable"), "bad.npz: the bodies 'disk,disk' cannot"),
         ("episode", lambda a: a.astype(float), "episode is float64"),
-        (
-            "physics_next",
-            lambda a: a[:, :8],
-            r"physics_next has shape \(60, 8\); it should be \(60, 16\)",
-        ),
+        ("physics_next", lambda a: a[:, :8], r"physics_next has shape \(60, 8\); it should be \(60, 16\)"),
         ("friction", lambda a: a[:5], r"friction has shape \(5,\)"),
     ],
-)
+)  # fmt: skip
 def test_a_damaged_shard_is_refused(dataset, tmp_path, key, change, message):
     with np.load(dataset / "shard-0.npz") as shard:
         arrays = dict(shard)

@@ -1,3 +1,4 @@
+# ruff: noqa: E501 - a case is a line
 """Recordings of a real robot become data sets: those of others, and a user's own."""
 
 import json
@@ -172,22 +173,14 @@ def scaled(rows: Recorded, name: str, factor: float) -> Recorded:
 @pytest.mark.parametrize(
     ("name", "factor", "message"),
     [
-        (
-            "before",
-            1e3,
-            r"row 1: before is \[.*\]; it looks like millimetres; give metres, up to 10",
-        ),
+        ("before", 1e3, r"row 1: before is \[.*\]; it looks like millimetres; give metres, up to 10"),
         ("tip_end", 1e3, r"row 1: tip_end is \[.*\]; it looks like millimetres"),
-        (
-            "after",
-            180 / np.pi,
-            r"row \d+: heading after is -?\d+.*; it looks like degrees; give ra",
-        ),
+        ("after", 180 / np.pi, r"row \d+: heading after is -?\d+.*; it looks like degrees; give ra"),
         ("speed", 1e3, r"row 1: speed is 20\.; allowed: 0.001 to 2 m/s; it looks like mm/s"),
         ("speed", 0.0, r"row 1: speed is 0\.; allowed: 0.001 to 2 m/s"),
         ("after", np.nan, r"row 1: after is \[nan nan nan\]; it must be finite"),
     ],
-)
+)  # fmt: skip
 def test_numbers_that_cannot_be_are_refused(rows, tmp_path, name, factor, message):
     write_stated(tmp_path)
     npz = write_npz(tmp_path / "all.npz", scaled(rows, name, factor))
@@ -201,19 +194,13 @@ def test_numbers_that_cannot_be_are_refused(rows, tmp_path, name, factor, messag
     [
         (lambda text: text.replace("theta1", "phi"), "header of .* lacks theta1; it needs object"),
         (lambda text: text[:-40], r"row 25 has \d+ fields; the header 14"),
-        (
-            lambda text: text.replace("0.02,", "slow,", 1),
-            r"row 2: speed is 'slow'; give a finite number",
-        ),
+        (lambda text: text.replace("0.02,", "slow,", 1), r"row 2: speed is 'slow'; give a finite number"),
         (lambda text: text.replace("knee", "", 1), "row 2: object is empty"),
         (lambda text: HEADER, "has a header and no pushes"),
-        (
-            lambda text: text.replace("knee", '"cor', 1),
-            r"line 25 is not read: unexpected end of data",
-        ),
+        (lambda text: text.replace("knee", '"cor', 1), r"line 25 is not read: unexpected end of data"),
         (lambda text: text.replace(",tip_radius", "").replace(",0.00475", ""), "give --tip-radius"),
     ],
-)
+)  # fmt: skip
 def test_a_csv_that_is_none_is_refused(rows, tmp_path, change, message):
     shapes = write_stated(tmp_path)
     path = write_csv(tmp_path / "mine.csv", rows)
@@ -289,10 +276,7 @@ def test_tables_as_people_have_them_are_read(rows, tmp_path, name):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (
-            lambda text: text.replace("tip_radius", "tip_raduis"),
-            "has tip_raduis; rename it to tip_r",
-        ),
+        (lambda text: text.replace("tip_radius", "tip_raduis"), "has tip_raduis; rename it to tip_r"),
         (lambda text: text.replace("theta1", "theta_1"), "has theta_1; rename it to theta1: it ne"),
         (lambda text: text.replace("tip_x0", "x0"), "has x0 twice; it needs object"),
         (lambda text: text.replace("speed", "speed_deg"), "has speed in 'deg'; allowed: m/s, cm/s"),
@@ -307,7 +291,7 @@ def test_tables_as_people_have_them_are_read(rows, tmp_path, name):
         (lambda text: with_column(text, "mass", "500"), r"mass is 500.* to 100 kg; 500 g are 0.5"),
         (lambda text: with_column(text, "radius", "80"), r"radius is 80.* to 0.5 m; 80 mm are 0"),
     ],
-)
+)  # fmt: skip
 def test_a_csv_that_may_be_misread_is_refused(rows, tmp_path, change, message):
     path = write_csv(tmp_path / "mine.csv", rows)
     path.write_text(change(path.read_text()))  # type: ignore[operator]
@@ -329,35 +313,20 @@ ALLOWED = "allowed: a header, then a row for each push, with columns separated b
     ("change", "said"),
     [
         (lambda text: b"", r"is empty \(0 bytes\)"),
-        (
-            lambda text: zipped("xl/workbook.xml"),
-            r"is a spreadsheet \(.xlsx or .ods\); save its tab",
-        ),
+        (lambda text: zipped("xl/workbook.xml"), r"is a spreadsheet \(.xlsx or .ods\); save its tab"),
         (lambda text: zipped("a.txt"), "is a zip archive; `unzip FILE` unpacks it"),
-        (
-            lambda text: text.encode("utf-16"),
-            "is not UTF-8, but UTF-16 or no text; save it as UTF-8",
-        ),
-        (
-            lambda text: text.encode("utf-16-le"),
-            "is not UTF-8, but UTF-16 or no text; save it as UTF-8",
-        ),
+        (lambda text: text.encode("utf-16"), "is not UTF-8, but UTF-16 or no text; save it as UTF-8"),
+        (lambda text: text.encode("utf-16-le"), "is not UTF-8, but UTF-16 or no text; save it as UTF-8"),
         (
             lambda text: f"# of May\n\n{text}".encode(),
             f"begins with '# of May'; its header is line 3: remove what is before it; {ALLOWED}",
         ),
         (lambda text: f"sep=;\n{text}".encode(), "begins with 'sep=;'; its header is line 2: remo"),
-        (
-            lambda text: text.replace(",", "|").encode(),
-            rf"has columns separated by '\|'; {ALLOWED}",
-        ),
-        (
-            lambda text: text.replace(",", "  ").encode(),
-            f"has columns separated by spaces; {ALLOWED}",
-        ),
+        (lambda text: text.replace(",", "|").encode(), rf"has columns separated by '\|'; {ALLOWED}"),
+        (lambda text: text.replace(",", "  ").encode(), f"has columns separated by spaces; {ALLOWED}"),
         (lambda text: text.partition("\n")[2].encode(), "the header of .* lacks object, x0, y0"),
     ],
-)
+)  # fmt: skip
 def test_what_is_no_table_is_named(rows, tmp_path, change, said):
     path = write_csv(tmp_path / "mine.csv", rows)
     path.write_bytes(change(path.read_text()))  # type: ignore[operator]
@@ -512,13 +481,9 @@ def bomb(path: Path) -> None:
         ("log.mat", crash, "log.mat is not a whole MATLAB file"),
         ("log.mat", bomb, "log.mat is not read: it has more than .* bytes in its arrays"),
         ("all.npz", lambda path: path.unlink(), r"all.npz does not exist; the public pushes of Yu"),
-        (
-            "all.npz",
-            lambda path: path.rename(path.with_suffix(".txt")) and path.mkdir(),
-            "holds no",
-        ),
+        ("all.npz", lambda path: path.rename(path.with_suffix(".txt")) and path.mkdir(), "holds no"),
     ],
-)
+)  # fmt: skip
 def test_a_file_that_is_none_is_refused(rows, tmp_path, name, change, message):
     shapes = write_stated(tmp_path)
     path = tmp_path / name

@@ -1,3 +1,4 @@
+# ruff: noqa: E501 - a case is a line
 """The simulator's node: what it carries out, what it refuses, and that its clock goes on."""
 
 from copy import deepcopy
@@ -202,11 +203,7 @@ def test_each_episode_tells_what_its_world_is_made_of(graph, simulator):
 @pytest.mark.parametrize(
     ("request_fields", "code", "text"),
     [
-        (
-            {"world": "mars"},
-            ErrorCode.INVALID,
-            "world is 'mars'; allowed: randomised, rough, measured, nominal",
-        ),
+        ({"world": "mars"}, ErrorCode.INVALID, "world is 'mars'; allowed: randomised, rough, measured, nominal"),
         ({"friction": -1.0}, ErrorCode.OUT_OF_RANGE, "friction is -1.0"),
         ({"friction": float("nan")}, ErrorCode.OUT_OF_RANGE, "friction is nan"),
         ({"shapes": ["disk"]}, ErrorCode.INVALID, "1 shapes are given for 2 disks"),
@@ -222,7 +219,7 @@ def test_each_episode_tells_what_its_world_is_made_of(graph, simulator):
             "shape of body 1 is 'cone' (did you mean 'corner'?); allowed:",
         ),
     ],
-)
+)  # fmt: skip
 def test_a_wrong_reset_changes_nothing(graph, simulator, request_fields, code, text):
     scene = latest(graph)
     response = graph.call(ResetScene, "reset_scene", ResetScene.Request(**request_fields))

@@ -1,3 +1,4 @@
+# ruff: noqa: E501 - a case is a line
 """Where a camera is, from looks at a board: exact where they are good, else refused."""
 
 from dataclasses import replace
@@ -80,13 +81,10 @@ def test_a_bad_calibration_is_refused(given, first, message):
 @pytest.mark.parametrize(
     ("options", "text"),
     [
-        (
-            {"origin": (400.0, 0.0, 0.0)},
-            r"origin is \(400, 0\) m; it must be in x in \[0.16, 1.16\]",
-        ),
+        ({"origin": (400.0, 0.0, 0.0)}, r"origin is \(400, 0\) m; it must be in x in \[0.16, 1.16\]"),
         ({"origin": (0.4, 0.0, 90.0)}, "origin's turn is 90.0; .* 90 degrees are 1.571 rad"),
     ],
-)
+)  # fmt: skip
 def test_an_origin_off_the_table_is_refused_before_the_looks(options, text):
     with pytest.raises(ConfigError, match=text):
         CalibrateOptions(**options)
