@@ -28,18 +28,18 @@ from xdist.scheduler import LoadScopeScheduling
 MOST: Final = 4
 DURATIONS: Final = "results/test_durations.txt"
 TOGETHER: Final = {  # files that share a worker, by a part of their path
-    "system": ("tests/system/", "documentation/test_terminal"),
+    "system": ("tests/system/",),
     "graph": ("/ros/",),
     "processes": ("sain_bringup/", "collecting/", "tests/workspace/", "guarding/test_lifetime"),
 }
 # The longest come first, so that no worker is left with one when all others are done.
 SYSTEM: Final = (  # marked `system`, by a part of their names; others have the mark in their files
     "tests/system/", "tests/benchmarks/", "tests/examples/", "documentation/test_first_steps",
-    "documentation/test_site", "documentation/test_terminal", "workspace/test_optional_packages",
+    "documentation/test_site", "workspace/test_optional_packages",
     "workspace/setup/", "workspace/test_new_shape", "sain_bags/report/test_page",
     "sain_live/page/test_in_browser", "sain_live/test_whole_graph", "sain_live/test_view",
     "sain_live/ros/test_page_node", "training/test_fine_tuning", "training/test_any_bodies",
-    "sain_gym/test_examples", "collecting/test_collect_on_ray", "collecting/test_workers",
+    "sain_gym/test_examples", "collecting/test_collect_on_ray",
     "compute/test_kernel_store", "formats/test_examples", "loop/test_noisy_episodes",
     "sain_arm/test_robot_mutations", "training/test_identified", "evaluation/test_named_models",
     # processes that are killed, stopped or hang

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sain_core.errors import InvalidInputError, OffTableError
+from sain_core.errors import InvalidInputError
 from sain_core.scene import (
     MASS,
     OMEGA,
@@ -13,7 +13,6 @@ from sain_core.scene import (
     THETA,
     VX,
     VY,
-    Table,
     X,
     is_settled,
     make_scene,
@@ -90,20 +89,3 @@ def test_a_scene_that_cannot_exist_is_refused(disk, column, value, message):
     scene[disk, column] = value
     with pytest.raises(InvalidInputError, match=message):
         check_bodies(scene)
-
-
-def test_overlapping_disks_are_refused_and_touching_ones_are_not():
-    def pair(apart: float) -> Scene:
-        positions = np.array([(0.4, 0.0), (0.4 + apart, 0.0)])
-        return make_scene(positions, np.full(2, 8.0), np.array([0.08, 0.06]))
-
-    check_bodies(pair(0.1395))
-    with pytest.raises(InvalidInputError, match=r"\(disk\) overlap by 5.0 mm; at most 1 mm"):
-        check_bodies(pair(0.135))
-
-
-def test_a_disk_off_the_table_is_refused_where_a_table_is_given():
-    scene = make_scene(np.array([(0.4, 0.0), (2.0, 0.1)]), np.full(2, 8.0), np.full(2, 0.06))
-    check_bodies(scene)
-    with pytest.raises(OffTableError, match=r"disk 1 at \(2.000, 0.100\) m is off the table"):
-        check_bodies(scene, table=Table())

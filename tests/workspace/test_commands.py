@@ -4,7 +4,6 @@
 import os
 import subprocess
 import sys
-from collections.abc import Callable
 from dataclasses import fields, is_dataclass
 from functools import cache
 from importlib import import_module
@@ -16,7 +15,7 @@ from sain_bringup.graph import executable
 from sain_core.cli.command_line import Command, load
 from sain_core.cli.node_command import NodeCommand, describe_parameters
 from tests.workspace.source_tree import PYTHON_PACKAGES, console_scripts
-from tests.workspace.starter import Ended, Starter
+from tests.workspace.starter import Starter
 
 SCRIPTS = [(package, name) for package in PYTHON_PACKAGES for name in console_scripts(package)]
 HEAVY = {"torch", "pybullet", "numba", "rclpy", "matplotlib"}
@@ -36,7 +35,6 @@ sys.argv = {arguments!r}
 ENTRY = "sys.exit(getattr(import_module('{package}.commands'), '{name}')())"
 KEPT = (".sain-files", "episodes.jsonl")  # of a folder that was claimed, to be continued
 COLUMNS = 100  # of the terminal
-Start = Callable[..., Ended]
 LAUNCHER = "import runpy; runpy.run_path('{path}', run_name='__main__')"
 
 
@@ -158,17 +156,11 @@ def test_a_wrong_value_is_named_before_anything_is_imported(
 @pytest.mark.parametrize(
     ("package", "name", "arguments", "module"),
     [
-        ("sain_sim", "sim_node", [], "numpy"),
         ("sain_sim", "sim_node", [], "rclpy"),
         ("sain_sim", "sim_node", ["--ros-args"], "pybullet"),
         ("sain_model", "model_node", [], "torch"),
-        ("sain_mppi", "mppi_node", [], "numba"),
-        ("sain_model", "train", ["data", "--out", "none"], "tyro"),
-        ("sain_model", "train", ["data", "--out", "none"], "numpy"),
         ("sain_model", "train", ["data", "--out", "none"], "torch"),
         ("sain_eval", "evaluate", ["--controllers", "sain"], "numba"),
-        ("sain_bringup", "closed_loop", [], "rclpy"),
-        ("sain_bags", "record", ["--out", "none"], "rclpy"),
         ("sain_bags", "info", ["none"], "rich"),
     ],
 )

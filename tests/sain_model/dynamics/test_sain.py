@@ -1,6 +1,5 @@
 """SAIN as a dynamics: frames, numbering, ensembles, and regions of any bodies."""
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -23,8 +22,6 @@ from sain_model.network.interaction_network import InteractionNetwork, ensemble
 from sain_model.network.settings import NetworkConfig
 from sain_model.physics.parameters import PlanarConfig
 from sain_model.physics.planar import PlanarPrior
-
-Draw = Callable[[int, int], tuple[Scenes, Pushes]]
 
 
 def wild_network() -> InteractionNetwork:
