@@ -49,11 +49,7 @@ DEADLINE = 0.05  # [s]
 class Options(ReportOptions):
     """How much to measure."""
 
-    parts: Annotated[tuple[str, ...], tyro.conf.Positional] = (
-        "scaling",
-        "phases",
-        "deadline",
-    )
+    parts: Annotated[tuple[str, ...], tyro.conf.Positional] = ("scaling", "phases", "deadline")
     """What to measure."""
     model: str = "sain"
     """Name or checkpoint; a network on the planar prior."""
@@ -198,9 +194,7 @@ def deadlines(sain: SainDynamics, options: Options) -> list[Figure]:
         planner.reset()
         begun = perf_counter()
         result = planner.plan(
-            Problem.of(case.disks, case.goal),
-            generator(number, "deadline"),
-            monotonic() + DEADLINE,
+            Problem.of(case.disks, case.goal), generator(number, "deadline"), monotonic() + DEADLINE
         )
         late.append(perf_counter() - begun > DEADLINE)
         samples.append(result.samples)
