@@ -54,9 +54,3 @@ def test_what_contradicts_the_belief_is_refused(options, message, dataset, tmp_p
     belief = believe(tmp_path / "belief.json", 1.0)
     assert run(dataset, "--belief", belief, "--out", tmp_path / "out", *options) == 1
     assert message in " ".join(capsys.readouterr().err.split())
-
-
-def test_a_file_that_is_no_belief_is_refused(dataset, tmp_path, capsys):
-    missing = tmp_path / "missing.json"
-    assert run(dataset, "--belief", missing, "--out", tmp_path / "out") == 1
-    assert "make it with: ros2 run sain_model identify" in " ".join(capsys.readouterr().err.split())
