@@ -50,10 +50,11 @@ SYSTEM: Final = (  # marked `system`, by a part of their names; others have the 
     "test_workers_find_the_same_as_one_process", "test_workers_change_no_byte",
     "behind_forty_others", "although_the_middleware_hangs", "although_the_interpreter_cannot",
     "hear_our_nodes[SUBNET]", "hear_our_nodes[LOCALHOST]", "[spawn]",
-    # strokes that are long, or two
+    # strokes that are long, or two; a page of many commands; a fit
     "test_arm_node.py::test_pushes_are_made", "joints_states_are_frozen", "it_lifts_off_first",
     "test_the_arm_goes_home", "that_answers_twice", "from_before_an_abort",
     "test_a_controller_that_aborts[2-",
+    "exist[docs/reference/results.md]", "test_what_is_learned_is_served_and_said",
     # trainings, and arms and files of which another one is in both
     "test_learner.py::test_a_table_that_changes", "test_learner.py::test_a_planted_network",
     "evaluation/test_errors.py::test_the_command_lines", "test_a_belief_of_bodies_is_trained_on",
