@@ -121,10 +121,11 @@ def test_what_cannot_be_parsed_is_one_line(name, capsys):
     numbers = re.findall(r" (--\S+) (INT|FLOAT) (?!INT|FLOAT)", capsys.readouterr().out)
     wrong = {"--no-such-option": "there is no option --no-such-option; "}
     for type_, flag in {type_: flag for flag, type_ in numbers}.items():
-        what = "a whole number" if type_ == "INT" else "a number"
-        wrong[f"{flag} 1e30x"] = f"{flag} is '1e30x'; it must be {what}"
-        wrong[f"{flag}="] = f"{flag} is ''; it must be {what}"
-        wrong[flag] = f"{flag} has no value; it must be {what}"
+        if type_ == "INT":
+            wrong[f"{flag} 1e30x"] = f"{flag} is '1e30x'; it must be a whole number"
+            wrong[f"{flag}="] = f"{flag} is ''; it must be a whole number"
+        else:
+            wrong[flag] = f"{flag} has no value; it must be a number"
     for text, problem in wrong.items():
         assert main([name, *needed(kind), *text.split(" ")]) == 2
         said = capsys.readouterr().err
