@@ -124,7 +124,6 @@ def test_children_end_when_the_supervisor_is_killed(number, tmp_path):
     owner = subprocess.Popen(
         [sys.executable, "-c", textwrap.dedent(code)], stdout=subprocess.PIPE, text=True
     )
-    assert owner.stdout is not None
     child = int(owner.stdout.readline())
     wait_for(tmp_path / "child.log", "up")
     assert not gone(child)

@@ -26,7 +26,6 @@ def start(temporary: Path) -> tuple["subprocess.Popen[str]", Path]:
         stdout=subprocess.PIPE,
         text=True,
     )
-    assert process.stdout is not None
     return process, Path(process.stdout.readline().strip()).parent
 
 

@@ -117,7 +117,6 @@ def test_a_training_ends_with_the_process_that_began_it(tmp_path):
     slow = os.environ | {"PYTHONPATH": f"{slowly(tmp_path)}:{os.environ.get('PYTHONPATH', '')}"}
     with subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, env=slow) as parent:
         try:
-            assert parent.stdout is not None
             training = int(parent.stdout.readline())
             end = time.monotonic() + 120.0
             while not (tmp_path / "trains").exists():

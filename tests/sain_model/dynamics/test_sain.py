@@ -212,9 +212,6 @@ def test_earlier_pushes_widen_regions_in_a_world_unlike_home(shaped):
         bodies=T_AND_STAR,
     )
     rows = predict_with_history(shaped, episode)
-    assert rows.radius is not None
-    assert radius is not None
     np.testing.assert_allclose(rows.radius[5:], radius, rtol=1e-6)
     first = shaped.predict(scenes[:1], pushes[:1]).radius
-    assert first is not None
     np.testing.assert_allclose(rows.radius[:1], first, rtol=1e-6)

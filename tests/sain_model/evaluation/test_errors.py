@@ -11,7 +11,6 @@ from sain_core.view.palette import PALETTE
 from sain_model import commands
 from sain_model.data.dataset import Dataset, Part
 from sain_model.data.windows import Windows
-from sain_model.dynamics.sain import SainDynamics
 from sain_model.evaluation.errors import (
     PUSHED,
     TARGET_MISSED,
@@ -111,7 +110,6 @@ def test_the_command_lines_make_and_compare_the_four_kinds(tmp_path):
         assert commands.train([str(folder), "--out", str(tmp_path / kind), *OPTIONS, *more]) == 0
         card = json.loads(paths[kind].with_suffix(".json").read_text())
         sain = load_dynamics(str(paths[kind]))
-        assert isinstance(sain, SainDynamics)
         assert card["kind"] == sain.origin.kind == kind
         server = ModelServer(sain, ServingConfig(model=str(paths[kind])))
         assert server.description.kind == kind

@@ -18,7 +18,6 @@ from sain_model import commands
 from sain_model.cli.identify import IdentifyOptions, run
 from sain_model.data.dataset import load_dataset
 from sain_model.dynamics.identify import fit_laboratory, identify_bodies, load_recording
-from sain_model.dynamics.sain import SainDynamics
 from sain_model.inference.kinds import FRICTION, NO_AXES, read_belief
 from sain_model.physics.parameters import TEXTBOOK, PlanarConfig
 from sain_model.physics.planar import PlanarPrior
@@ -61,7 +60,6 @@ def recording(tmp_path, random_pushes):
 
 def test_parameters_are_recovered_with_a_friction_for_each_episode(recording):
     sain = load_dynamics("sain")
-    assert isinstance(sain, SainDynamics)
     kind = sain.belief.kinds[1]
     fit = fit_laboratory(kind, load_recording(recording))
     values = kind.values(fit.places)
@@ -84,7 +82,6 @@ def test_identify_writes_a_belief_that_models_begin_with(recording, tmp_path):
     assert belief.card["source"] == {str(recording): EPISODES * PUSHES}
     assert belief.likeliest.name == NO_AXES
     usual, informed = load_dynamics("sain"), believing("sain", out)
-    assert isinstance(informed, SainDynamics)
     assert informed.value("tool_friction") == pytest.approx(0.25, rel=0.05)
     assert not informed.corrects
     data = load_recording(recording)[0]

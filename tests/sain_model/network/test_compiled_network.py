@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 import torch
 
-from sain_core.model import RolloutModel
 from sain_core.push import LENGTH, PushLimits
 from sain_core.scene import POSITION, THETA, make_scene, wrap_angle
 from sain_core.types import Pushes, Scenes
@@ -89,7 +88,6 @@ def test_a_rollout_is_step_after_step_to_the_bit_on_any_number_of_threads(disks)
     )
     scenes, pushes = batch(disks, 4 * 300, seed=2)
     sequences = pushes.reshape(300, 4, 5)
-    assert isinstance(sain, RolloutModel)
     stepwise = sain.rollout(scenes[0], sequences)
     before = numba.get_num_threads()
     try:

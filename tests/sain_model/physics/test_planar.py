@@ -89,7 +89,6 @@ class Supported(Compound):
 
 def supported_by(shape: Shape, places: Points, mirror: float = 1.0) -> Supported:
     """Return a shape with other supports, mirrored in its x axis if `mirror` is -1."""
-    assert isinstance(shape, Compound)
     step = int(mirror)
     polygons = (tuple((x, mirror * y) for x, y in part[::step]) for part in shape.polygons)
     feet = tuple((x, mirror * y) for x, y in places.tolist())

@@ -52,7 +52,6 @@ def owner() -> Iterator["subprocess.Popen[str]"]:
     """A process that locks the namespace, and is killed at the end."""
     command = [sys.executable, "-c", OWNER]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
-        assert process.stdout is not None
         assert process.stdout.readline() == "owns\n"
         yield process
         process.kill()
