@@ -12,6 +12,8 @@ from tests.type_checks import CHECK_SHAPES, pytest_runtest_setup, switch_on  # n
 from tests.workers import (  # noqa: F401 - these are hooks
     pytest_addoption,
     pytest_collection_modifyitems,
+    pytest_ignore_collect,
+    pytest_runtest_call,
     pytest_terminal_summary,
     pytest_xdist_auto_num_workers,
     pytest_xdist_make_scheduler,

@@ -71,10 +71,7 @@ class Kept:
 
     def write(self, step: Step, pushes: PushTable, found: Predicted, seconds: float) -> None:
         """Keep a prediction."""
-        arrays = {
-            "seconds": np.array(seconds),
-            "identity": np.array(step.identity(pushes)),
-        }
+        arrays = {"seconds": np.array(seconds), "identity": np.array(step.identity(pushes))}
         arrays |= {name: part for name in PARTS if (part := getattr(found, name)) is not None}
         write_arrays(self.path(step), arrays)
 

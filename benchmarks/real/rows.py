@@ -127,8 +127,5 @@ class Published:
 
 def published_rows(pushes: PushTable) -> list[Row]:
     """Return a row for each published prediction that is with the data."""
-    titles = {
-        "sim_quadratic": "limit surface, 2nd order",
-        "sim_poly4": "limit surface, 4th order",
-    }
+    titles = {"sim_quadratic": "limit surface, 2nd order", "sim_poly4": "limit surface, 4th order"}
     return [Published(name, titles.get(name, name)) for name in pushes.published]

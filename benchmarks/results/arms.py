@@ -69,35 +69,39 @@ def play_robot(name: str, options: ArmsOptions) -> dict[str, Any]:
     """Return what one robot achieved."""
     robot, size = read_robot(name), SIZES.get(name, SIZE)
     bodies = parse_bodies({"bodies": [{"shape": "t:flat", "radius": size, "role": "pushable"}]})
-    limits = replace(Feasibility().limits, tool_radius=robot.tool_radius)
-    feasibility = Feasibility(limits=limits, reach=table_of_reach(PushPlanner(robot)))
-    config = AgentConfig(feasibility=feasibility)
+    config = AgentConfig(feasibility=feasibility_of(robot))
     episodes = [
         play_episode(robot, bodies, config, seed, options) for seed in range(options.episodes)
     ]
     return summary_of(episodes) | {"episodes": episodes}
 
 
+def feasibility_of(robot: Robot) -> Feasibility:
+    """Return what a robot can push."""
+    limits = replace(Feasibility().limits, tool_radius=robot.tool_radius)
+    return Feasibility(limits=limits, reach=table_of_reach(PushPlanner(robot)))
+
+
 def play_episode(
     robot: Robot, bodies: BodyFile, config: AgentConfig, seed: int, options: ArmsOptions
 ) -> dict[str, Any]:
     """Return what came of one episode."""
-    random = generator(seed, "arms", robot.name)
-    start, goal = draw_pose(random, bodies, config), draw_pose(random, bodies, config)
-    while np.hypot(*(goal - start)[:2]) < min(LEAST_WAY, 2 * bodies.radii[0]):
-        goal = draw_pose(random, bodies, config)
+    start, pose = draw_task(robot, bodies, config, seed, options.tolerance, options.turn)
     world = LaboratoryWorld(robot, bodies, config.feasibility, CellConfig(seed=seed))
     world.reset(bodies.scene(start[None]))
     began, wall = world.cell.time, time.monotonic()
     agent = agent_maker(options.model, config)(SCENARIOS["push_t"].scene(seed))
-    x, y, heading = goal.tolist()
-    pose = BodyPose(0, x, y, heading, options.tolerance, options.turn)
     played = play_goals(agent, world, [Goal((pose,))], bodies.bodies, MOST_PUSHES)
+    episode = {"seed": seed, "solved": not played.failure, "failure": played.failure}
+    episode |= counts_of(world, began, wall)
+    print(robot.name, json.dumps(episode), flush=True)
+    return episode
+
+
+def counts_of(world: LaboratoryWorld, began: float, wall: float) -> dict[str, Any]:
+    """Return what a laboratory has counted since a time of its own and one of the wall [s]."""
     report = world.cell.report
-    episode = {
-        "seed": seed,
-        "solved": not played.failure,
-        "failure": played.failure,
+    return {
         "pushes": world.pushes,
         "refused": list(world.refused),
         "limits": dict(report.limits),
@@ -105,8 +109,18 @@ def play_episode(
         "time": round(world.cell.time - began, 2),
         "wall": round(time.monotonic() - wall, 1),
     }
-    print(robot.name, json.dumps(episode), flush=True)
-    return episode
+
+
+def draw_task(
+    robot: Robot, bodies: BodyFile, config: AgentConfig, seed: int, tolerance: float, turn: float
+) -> tuple[np.ndarray, BodyPose]:
+    """Return a pose (3,) to start from, and one as a goal."""
+    random = generator(seed, "arms", robot.name)
+    start, goal = draw_pose(random, bodies, config), draw_pose(random, bodies, config)
+    while np.hypot(*(goal - start)[:2]) < min(LEAST_WAY, 2 * bodies.radii[0]):
+        goal = draw_pose(random, bodies, config)
+    x, y, heading = goal.tolist()
+    return start, BodyPose(0, x, y, heading, tolerance, turn)
 
 
 def draw_pose(random: np.random.Generator, bodies: BodyFile, config: AgentConfig) -> np.ndarray:

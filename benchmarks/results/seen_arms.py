@@ -19,19 +19,24 @@ import cv2
 import numpy as np
 import tyro
 
-from benchmarks.results.arms import LEAST_WAY, MOST_PUSHES, ROOM, draw_pose
+from benchmarks.results.arms import (
+    MOST_PUSHES,
+    ROOM,
+    counts_of,
+    draw_task,
+    feasibility_of,
+    summary_of,
+)
 from benchmarks.results.seeing import model_of
 from sain_arm.laboratory.laboratory_config import CellConfig
 from sain_arm.laboratory.sight import LaboratoryView
 from sain_arm.laboratory.world import LaboratoryWorld
-from sain_arm.planning.push_planner import ASIDE, PushPlanner
-from sain_arm.planning.reach import table_of_reach
+from sain_arm.planning.push_planner import ASIDE
 from sain_arm.robot.robot import SHIPPED, Robot, read_robot
 from sain_bringup.graph import OUTLINES, SEEN_NOISE, TAGS
 from sain_core.camera.image_camera import ImageCamera, ImageCameraConfig
 from sain_core.config import Config, option
 from sain_core.errors import BlockedError, ErrorCode, SainError, UnreachableError
-from sain_core.feasibility import Feasibility
 from sain_core.goal import BodyPose, Goal
 from sain_core.output import OVERWRITE_HELP, claim_file, write_json
 from sain_core.randomness import generator
@@ -162,15 +167,14 @@ def main(options: SeenArmsOptions) -> None:
     name = f"{options.robot} {options.task} {options.see}"
     rows = found.setdefault(name, {"settings": repr(options), "episodes": []})["episodes"]
     robot = read_robot(options.robot)
-    limits = replace(Feasibility().limits, tool_radius=robot.tool_radius)
-    feasibility = Feasibility(limits=limits, reach=table_of_reach(PushPlanner(robot)))
     estimator = EstimatorConfig(noise=SEEN_NOISE[options.see], unknown="mass")
-    config = AgentConfig(feasibility=feasibility, estimator=estimator)
+    config = AgentConfig(feasibility=feasibility_of(robot), estimator=estimator)
     for seed, bodies, poses, goal in cases(options, robot, config):
         if seed in [row["seed"] for row in rows]:
             continue
         rows.append(play_episode(robot, bodies, poses, goal, config, seed, options))
-        found[name]["summary"] = summary_of(rows)
+        hidden = sum(row["hidden"] for row in rows)
+        found[name]["summary"] = summary_of(rows) | {"hidden": hidden}
         write_json(options.out, found)
         print(json.dumps(rows[-1]), flush=True)
     print(name, json.dumps(found[name]["summary"]), flush=True)
@@ -182,12 +186,8 @@ def cases(
     """Yield seeds, bodies, their poses (N, 3) and goals, all within the arm's reach."""
     for seed in range(options.episodes) if options.task == PUSH_T else ():
         bodies = read_bodies(SHIPPED / "bodies" / "t.yaml")
-        random = generator(seed, "arms", robot.name)
-        start, goal = draw_pose(random, bodies, config), draw_pose(random, bodies, config)
-        while np.hypot(*(goal - start)[:2]) < LEAST_WAY:
-            goal = draw_pose(random, bodies, config)
-        x, y, heading = goal.tolist()
-        yield seed, bodies, start[None], BodyPose(0, x, y, heading, options.tolerance, options.turn)
+        start, goal = draw_task(robot, bodies, config, seed, options.tolerance, options.turn)
+        yield seed, bodies, start[None], goal
     count = seed = 0
     while options.task == ANYWHERE and count < options.episodes:
         case, seed = SCENARIOS[ANYWHERE].scene(seed), seed + 1
@@ -227,37 +227,14 @@ def play_episode(
     pose = world.observe()[goal.body, POSE]
     off = float(np.hypot(pose[0] - goal.x, pose[1] - goal.y))
     turn = 0.0 if goal.heading is None else float(wrap_angle(np.asarray(pose[2] - goal.heading)))
-    report = world.cell.report
     return {
         "seed": seed,
         "solved": not played.failure and off <= goal.tolerance and abs(turn) <= options.turn,
         "failure": played.failure,
         "off_mm": round(1e3 * off, 2),
         "turn": round(abs(turn), 4),
-        "pushes": world.pushes,
-        "refused": list(world.refused),
         "hidden": sight.cleared,
-        "limits": dict(report.limits),
-        "contacts": dict(report.contacts),
-        "time": round(sight.time - began, 2),
-        "wall": round(time.monotonic() - wall, 1),
-    }
-
-
-def summary_of(rows: list[dict[str, Any]]) -> dict[str, Any]:
-    """Return the figures of all episodes."""
-    pushes, refused = (sum(row["pushes"] for row in rows), sum(len(r["refused"]) for r in rows))
-    times = [row["time"] for row in rows if row["solved"]]
-    return {
-        "solved": sum(row["solved"] for row in rows),
-        "of": len(rows),
-        "pushes": pushes,
-        "refused_share": round(refused / max(pushes + refused, 1), 4),
-        "hidden": sum(row["hidden"] for row in rows),
-        "broken_limits": sum(sum(row["limits"].values()) for row in rows),
-        "other_contacts": sum(sum(row["contacts"].values()) for row in rows),
-        "median_time": round(float(np.median(times)), 1) if times else None,
-    }
+    } | counts_of(world, began, wall)
 
 
 if __name__ == "__main__":

@@ -1,7 +1,6 @@
-"""Pushes of the whole library of shapes, in the randomised and a rough world, to learn from.
+"""Pushes of the whole library of shapes, in the randomised world, to learn from.
 
-    ./env python -m benchmarks.results.shapes_collect data/shapes --episodes 900
-    ./env python -m benchmarks.results.shapes_collect data/any --world randomised --episodes 3000
+    ./env python -m benchmarks.results.shapes_collect data/any --episodes 3000
 
 Every fourth shape is unseen: it is in no episode that is learned from. Episodes are written in
 chunks; a second call goes on behind the last chunk.
@@ -9,7 +8,6 @@ chunks; a second call goes on behind the last chunk.
 
 import argparse
 import time
-from dataclasses import replace
 from math import pi
 from pathlib import Path
 from typing import Any
@@ -17,19 +15,16 @@ from typing import Any
 import numpy as np
 from shapely import Polygon
 
-from sain_core.errors import ConfigError, SainError
+from sain_core.errors import SainError
 from sain_core.push import PushLimits, make_push, strokes
 from sain_core.randomness import generator
 from sain_core.scene import POSITION, unit
 from sain_core.shapes import library
 from sain_core.shapes.library import get_shape
-from sain_core.shapes.shape import FOOT_BEARINGS, Shape
 from sain_core.shapes.solids import DISK
 from sain_core.types import PushArray, Scene
 from sain_sim.world.parameters import FRICTION_RANGE, MASS_RANGE, WorldParameters
-from sain_sim.world.roughness import Feet, Roughness
 from sain_sim.world.start import X_RANGE, Y_RANGE, wholly_on
-from sain_sim.world.truth import RANDOMISED, ROUGH, TruthConfig
 from sain_sim.world.world import World, WorldConfig
 
 NAMES = tuple(shape.name for shape in library.library())
@@ -42,11 +37,7 @@ TRIES = 60  # draws for each
 SHORTEST = 0.02  # [m]
 TOUCHING, GAP = 0.5, 0.04  # share of the second bodies that touch; largest gap of the others [m]
 AIMED, AIM = 0.6, 0.6  # share of pushes aimed at the other body, within this angle [rad]
-LEAST_LOAD = 0.12  # share of the weight on the foot that carries least
-EDGE_LAB = 0
 CHUNK = 20  # episodes in a file
-BOTH = "both"  # worlds; one in three first episodes is in the randomised one
-RANDOMISED_UNTIL = 1500
 
 
 def main() -> None:
@@ -55,7 +46,6 @@ def main() -> None:
     parser.add_argument("out", type=Path)
     parser.add_argument("--episodes", type=int, default=900)
     parser.add_argument("--seed", type=int, default=5)
-    parser.add_argument("--world", choices=(BOTH, RANDOMISED), default=BOTH)
     arguments = parser.parse_args()
     arguments.out.mkdir(parents=True, exist_ok=True)
     world: World | None = None
@@ -67,23 +57,19 @@ def main() -> None:
         rows: list[dict[str, Any]] = []
         for number in range(first, first + CHUNK):
             random = generator(arguments.seed, "episode", number)
-            kind, parameters, scene = draw_episode(random, number, arguments.world)
+            unseen, parameters, scene = draw_episode(random, number)
             if world is None:
                 world = World(parameters)
             world.reset(scene, parameters)
-            rows += run_episode(random, world, number, kind)
+            rows += run_episode(random, world, number, unseen)
         total += len(rows)
         write(path, rows)
         rate = total / (time.monotonic() - start)
         print(f"{first + CHUNK} episodes, {total} pushes, {rate:.2f} pushes/s", flush=True)
 
 
-def draw_episode(
-    random: np.random.Generator, number: int, world: str
-) -> tuple[tuple[str, bool], WorldParameters, Scene]:
-    """Draw world, bodies and start: one in six is of shapes that nobody learns from."""
-    randomised = world == RANDOMISED or (number % 3 == 0 and number < RANDOMISED_UNTIL)
-    truth = RANDOMISED if randomised else ROUGH
+def draw_episode(random: np.random.Generator, number: int) -> tuple[bool, WorldParameters, Scene]:
+    """Draw bodies and start: one in six is of shapes that nobody learns from, which it tells."""
     unseen = number // 3 % 6 == 5
     names = tuple(random.choice(UNSEEN if unseen else SEEN, size=1 + int(random.uniform() < 0.5)))
     names = tuple(str(name) for name in names)
@@ -100,61 +86,9 @@ def draw_episode(
             friction=float(random.uniform(*FRICTION_RANGE)),
             roles=("pushable",) * len(names),
         )
-        if truth == ROUGH:
-            parameters = roughen(parameters)
         scene = draw_start(random, parameters)
         if scene is not None:
-            return (truth, unseen), parameters, scene
-
-
-def roughen(parameters: WorldParameters) -> WorldParameters:
-    """Return these bodies in the rough world: all are made by the same careless hand.
-
-    Feet stand off from where they should, and the centre of mass off from the middle, by what the
-    laboratory has for its first disk; a body that would tip over gets a smaller offset.
-    """
-    feetless = tuple(n for n in TruthConfig(ROUGH, lab=EDGE_LAB).effect_names if n != "feet")
-    lab = TruthConfig(ROUGH, lab=EDGE_LAB).roughen(WorldParameters())
-    told = TruthConfig(ROUGH, ",".join(feetless), EDGE_LAB).roughen(parameters)
-    made = [
-        careless_make(get_shape(name), lab.roughness.feet[0], lab.roughness.mass_offsets[0])
-        for name in parameters.shapes
-    ]
-    rough = replace(
-        told.roughness,
-        feet=tuple(feet for feet, _ in made),
-        mass_offsets=tuple(offset for _, offset in made),
-    )
-    return replace(told, roughness=rough)
-
-
-def careless_make(
-    shape: Shape, lab: Feet, offset: tuple[float, float]
-) -> tuple[Feet, tuple[float, float]]:
-    """Return feet and centre of mass of a shape as a laboratory makes it."""
-    regular = zip(lab, FOOT_BEARINGS, strict=True)
-    off = [(away / 0.7, bearing - right) for (away, bearing), right in regular]
-    own = sorted(shape.feet, key=lambda foot: foot[1])
-    for share in (1.0, 0.7, 0.5, 0.35, 0.2, 0.1, 0.0):
-        first, second, third = (
-            (away * (1.0 + share * (more - 1.0)), bearing + share * turn)
-            for (away, bearing), (more, turn) in zip(own, off, strict=True)
-        )
-        feet = first, second, third
-        moved = share * offset[0], share * offset[1]
-        try:
-            Roughness(mass_offsets=(moved,), feet=(feet,))
-        except ConfigError:
-            continue
-        if least_load(feet, moved) >= LEAST_LOAD or share == 0.0:
-            return feet, moved
-    raise AssertionError
-
-
-def least_load(feet: Feet, at: tuple[float, float]) -> float:
-    """Return the share of the weight on the foot of three that carries least."""
-    places = np.array([away * unit(np.asarray(bearing)) for away, bearing in feet])
-    return float(np.linalg.solve(np.column_stack([np.ones(3), places]).T, [1.0, *at]).min())
+            return unseen, parameters, scene
 
 
 def draw_start(random: np.random.Generator, parameters: WorldParameters) -> Scene | None:
@@ -183,7 +117,7 @@ def draw_start(random: np.random.Generator, parameters: WorldParameters) -> Scen
 
 
 def run_episode(
-    random: np.random.Generator, world: World, number: int, kind: tuple[str, bool]
+    random: np.random.Generator, world: World, number: int, unseen: bool
 ) -> list[dict[str, Any]]:
     """Push until there are enough, none is possible, or a body leaves the table."""
     rows: list[dict[str, Any]] = []
@@ -209,8 +143,7 @@ def run_episode(
                 "episode": number,
                 "step": step,
                 "friction": parameters.friction,
-                "rough": kind[0] == ROUGH,
-                "unseen": kind[1],
+                "unseen": unseen,
                 "shapes": np.array([*parameters.shapes, ""][:2]),
             }
         )

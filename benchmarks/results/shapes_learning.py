@@ -1,10 +1,9 @@
 """Data sets of the whole library of shapes, seen and unseen, and errors of a model on them.
 
     ./env python -m benchmarks.results.shapes_collect data/shapes --episodes 5000
-    ./env python -m benchmarks.results.shapes_learning data/shapes --world rough --out runs/shapes
+    ./env python -m benchmarks.results.shapes_learning data/shapes --out runs/shapes
     ./env ros2 run sain_model train runs/shapes/seen --out runs/mine
-    ./env python -m benchmarks.results.shapes_learning data/shapes --world rough --model sain \
-        --out runs/shapes
+    ./env python -m benchmarks.results.shapes_learning data/shapes --model sain --out runs/shapes
 
 The folders `seen` and `unseen` below `--out` are data sets. `--model` measures a model on both, of
 `seen` on what it has not learned from.
@@ -29,6 +28,7 @@ from sain_model.dynamics.sain import SainDynamics
 from sain_model.evaluation.errors import evaluate
 from sain_model.evaluation.predictors import SAIN
 from sain_model.evaluation.presentation import error_tables
+from sain_sim.world.truth import RANDOMISED
 
 STATES = ("state", "next_state")
 
@@ -56,7 +56,6 @@ def parse() -> argparse.Namespace:
     parser.add_argument("data", type=Path)
     parser.add_argument("--out", type=Path, required=True)
     parser.add_argument("--model", help="name or path of a model to measure")
-    parser.add_argument("--world", choices=("randomised", "rough"), default="rough")
     parser.add_argument("--episodes", type=int, default=10**9, help="number of first episodes")
     return parser.parse_args()
 
@@ -65,14 +64,13 @@ def as_shards(arguments: argparse.Namespace) -> list[Path]:
     """Write the pushes of a world as data sets, of seen and unseen shapes; return the folders."""
     chunks = [np.load(path) for path in sorted(arguments.data.glob("chunk-?????.npz"))]
     columns = {name: np.concatenate([chunk[name] for chunk in chunks]) for name in chunks[0].files}
-    wanted = columns["rough"] == (arguments.world == "rough")
-    wanted &= columns["episode"] < arguments.episodes
+    wanted = columns["episode"] < arguments.episodes
     alone = columns["shapes"][:, 1] == ""
     folders = []
     for folder, kind in (("seen", ~columns["unseen"]), ("unseen", columns["unseen"])):
         path = arguments.out / folder
         path.mkdir(parents=True, exist_ok=True)
-        write_json(path / COLLECTION_FILE, {"truth": {"world": arguments.world}})
+        write_json(path / COLLECTION_FILE, {"truth": {"world": RANDOMISED}})
         for count, some in ((1, alone), (2, ~alone)):
             rows = {name: values[wanted & kind & some] for name, values in columns.items()}
             write_arrays(shard_path(path, count), transitions(rows, count))

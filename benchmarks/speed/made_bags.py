@@ -17,15 +17,7 @@ from sain_bags.writing.writer import BagConfig, BagWriter
 from sain_core.randomness import generator
 from sain_core.scene import STATE_NAMES
 
-INTERFACES = (
-    "DiskState",
-    "Scene",
-    "GoalPose",
-    "Goal",
-    "Push",
-    "Prediction",
-    "PushResult",
-)
+INTERFACES = ("DiskState", "Scene", "GoalPose", "Goal", "Push", "Prediction", "PushResult")
 BESIDE = {  # what else a graph says for each scene, with its size [bytes] in CDR
     "/clock": ("rosgraph_msgs/msg/Clock", 12),
     "/sain/joint_states": ("sensor_msgs/msg/JointState", 296),

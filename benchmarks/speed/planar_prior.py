@@ -1,8 +1,7 @@
-"""How fast models predict.
+"""How fast the planar prior predicts.
 
-Whole pushes a second of the planar prior, on one core and on two, and what the network adds. Scenes
-have two touching disks, pushes come from any side. Pushes a second fall when others use the
-machine; processor time per push, of all cores, hardly changes.
+Whole pushes a second on one core and on two. Scenes have two touching disks, pushes come from any
+side. Pushes a second fall when others use the machine; processor time per push hardly changes.
 """
 
 from collections.abc import Iterator, Sequence
@@ -19,10 +18,7 @@ from sain_core.randomness import generator
 from sain_core.scene import STATE_SIZE, make_scene, unit
 from sain_core.shapes.bodies import Bodies
 from sain_core.types import Pushes, Scenes
-from sain_model.dynamics.load import load_shipped
 from sain_model.physics.planar import PlanarPrior
-
-SAMPLES, HORIZON = 1024, 6
 
 
 @dataclass(frozen=True)
@@ -97,22 +93,11 @@ def speed(name: str, push: Shortest, at_least: float | None = None) -> list[Figu
     ]
 
 
-def correction_time(options: Options) -> float:
-    """Return the time of one batch of corrections by the shipped network on one core [s]."""
-    scenes, pushes = draw(SAMPLES, options.seed)
-    sain = load_shipped()
-    physics_next = sain.physics.step(scenes, pushes)
-    with on_threads(1):
-        works = {"correct": lambda: sain.correct(scenes, pushes, physics_next)}
-        return fastest(works, 3 * options.repeats)["correct"].wall
-
-
 def main() -> None:
     """Measure how fast models predict pushes."""
     options = read_options(Options, main.__doc__)
     most = min(2, numba.get_num_threads())
     one, two = prior_time(options, 1), prior_time(options, most)
-    correction = correction_time(options)
     figures = [
         *speed("planar prior on one core", one),
         *speed(f"planar prior on {most} cores", two, at_least=300_000),
@@ -122,8 +107,6 @@ def main() -> None:
             bodies_time(options, ("t", "l", "u"), most),
             at_least=60_000,
         ),
-        Figure("network on one core", SAMPLES / correction, "pushes/s"),
-        Figure(f"network, K = {SAMPLES}, H = {HORIZON}", 1e3 * HORIZON * correction, "ms"),
     ]
     report("Models", figures, options.out)
 

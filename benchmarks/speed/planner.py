@@ -49,11 +49,7 @@ DEADLINE = 0.05  # [s]
 class Options(ReportOptions):
     """How much to measure."""
 
-    parts: Annotated[tuple[str, ...], tyro.conf.Positional] = (
-        "scaling",
-        "phases",
-        "deadline",
-    )
+    parts: Annotated[tuple[str, ...], tyro.conf.Positional] = ("scaling", "phases", "deadline")
     """What to measure."""
     model: str = "sain"
     """Name or checkpoint; a network on the planar prior."""

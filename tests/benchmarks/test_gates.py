@@ -38,7 +38,7 @@ def line(capsys: pytest.CaptureFixture[str], gate: Gate, before: Gate | None) ->
         (replace(SOLVED, value=0.59), 0.9, "worse"),
     ],
 )
-def test_a_figure_is_worse_only_beyond_its_baseline(capsys, gate, before, verdict) -> None:
+def test_a_figure_is_worse_only_beyond_its_baseline(capsys, gate, before, verdict):
     known = None if before is None else replace(gate, value=before)
     assert line(capsys, gate, known) == verdict
 

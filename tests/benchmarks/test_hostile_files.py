@@ -19,13 +19,13 @@ def run(*arguments: str) -> str:
     return done.stdout
 
 
-def test_bags() -> None:
+def test_bags():
     output = run("--kinds", "bag", "--families", *BAGS)
     assert output.splitlines()[-1].endswith(" 0 wrong")
     assert all(f"bag, {name}: " in output for name in ("info", "report", "recover", "play"))
 
 
-def test_other_files() -> None:
+def test_other_files():
     kinds = ("checkpoint", "belief", "data", "results", "parameters")
     output = run("--kinds", *kinds, "--families", "file: fifo", "digits", "false shape")
     assert output.splitlines()[-1].endswith(" 0 wrong")

@@ -15,7 +15,7 @@ PAGE = ROOT / "docs/reference/results.md"
 
 
 @pytest.fixture
-def draw(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+def draw(tmp_path, monkeypatch):
     def pixels_of(text: str) -> np.ndarray:
         page, out = tmp_path / "results.md", tmp_path / "results.png"
         page.write_text(text)
@@ -36,7 +36,7 @@ def changed(one: np.ndarray, other: np.ndarray) -> int:
     return int((np.abs(one - other).max(axis=-1) > 64).sum()) if one.shape == other.shape else -1
 
 
-def test_the_numbers_are_those_of_the_overview() -> None:
+def test_the_numbers_are_those_of_the_overview():
     page = PAGE.read_text()
     found = {(one.scenario, one.world, one.model): one for one in read_overview(page)}
     shipped = found["anywhere", "Bullet", "SAIN as shipped"]
@@ -51,6 +51,6 @@ def test_the_numbers_are_those_of_the_overview() -> None:
     }
 
 
-def test_the_picture_of_the_readme_is_that_of_the_page(draw) -> None:
+def test_the_picture_of_the_readme_is_that_of_the_page(draw):
     shown = pixels(ROOT / "docs/media/results.png")
     assert changed(shown, draw(PAGE.read_text())) == 0, "make it again: its command is in README"

@@ -5,7 +5,6 @@ import re
 import shutil
 import signal
 import subprocess
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -93,7 +92,7 @@ class Terminals:
 
 
 @pytest.fixture(scope="module")
-def terminals(ros_domain: int, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Terminals]:
+def terminals(ros_domain, tmp_path_factory):
     """Two terminals; what they wrote into the checkout is removed."""
     before = set((ROOT / "bags").iterdir())
     terminals = Terminals(tmp_path_factory.mktemp("first_steps") / "first_terminal.log")
@@ -108,7 +107,7 @@ def terminals(ros_domain: int, tmp_path_factory: pytest.TempPathFactory) -> Iter
 
 @pytest.mark.timeout(PATIENCE + 20)
 @pytest.mark.parametrize("step", steps(), ids=label)
-def test_a_step_prints_what_the_page_shows(step: Step, terminals: Terminals) -> None:
+def test_a_step_prints_what_the_page_shows(step, terminals):
     printed = terminals.do(step.command)
     assert missing(step.shown, printed) == [], printed
     if step.command.startswith("./env python"):  # no chance and no clock in it
@@ -140,7 +139,7 @@ def numbers(text: str) -> list[float]:
     return [float(word) for word in re.findall(NUMBER, re.sub(r"[(),;]", " ", text))]
 
 
-def test_a_line_that_is_not_printed_is_found() -> None:
+def test_a_line_that_is_not_printed_is_found():
     shown = "push 1 from 100 mm to the goal\n...\nreached with 3 pushes, …\n"
     printed = "push 1 from 98.5 mm to the goal\npush 2\nreached with 4 pushes, 0.6 mm\n"
     assert missing(shown, printed) == []

@@ -6,7 +6,6 @@ import subprocess
 import sys
 from importlib import import_module
 from itertools import pairwise
-from pathlib import Path
 from shlex import split
 
 import pytest
@@ -18,7 +17,7 @@ from tools.site.notes import code_blocks
 
 
 @pytest.mark.parametrize("page", PAGES, ids=page_name)
-def test_programs_options_and_values_exist(page: Path, tmp_path: Path) -> None:
+def test_programs_options_and_values_exist(page, tmp_path):
     wrong = []
     for block in command_blocks(page):
         for words in commands_in(block.code, tmp_path):
@@ -27,7 +26,7 @@ def test_programs_options_and_values_exist(page: Path, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("page", PAGES, ids=page_name)
-def test_what_is_written_stays_out_of_the_root(page: Path, tmp_path: Path) -> None:
+def test_what_is_written_stays_out_of_the_root(page, tmp_path):
     """Git ignores these folders of the checkout; some pages have a placeholder."""
     commands = [w for block in command_blocks(page) for w in commands_in(block.code, tmp_path)]
     written = [
@@ -38,7 +37,7 @@ def test_what_is_written_stays_out_of_the_root(page: Path, tmp_path: Path) -> No
 
 
 @pytest.mark.parametrize("page", PAGES, ids=page_name)
-def test_python_is_python_and_imports_what_there_is(page: Path) -> None:
+def test_python_is_python_and_imports_what_there_is(page):
     for block in code_blocks(page.read_text(encoding="utf-8")):
         if block.language == "python":
             for node in ast.walk(ast.parse(block.code)):
@@ -54,7 +53,7 @@ def python_of(page: str) -> str:
     return code
 
 
-def test_the_python_of_readme_is_ten_lines_and_prints_what_readme_says() -> None:
+def test_the_python_of_readme_is_ten_lines_and_prints_what_readme_says():
     code = python_of("README.md")
     assert len([line for line in code.splitlines() if line.strip()]) == 10
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
@@ -77,7 +76,7 @@ def numbers_of(text: str) -> list[list[float]]:
     return [[float(word) for word in found[1:-1].split()] for found in re.findall(NUMBERS, text)]
 
 
-def test_a_wrong_command_is_found() -> None:
+def test_a_wrong_command_is_found():
     assert list(problems(["./env", "ros2", "run", "sain_sim", "collect", "--out", "o"])) == []
     for words, problem in (
         ("make coffee", "make has no coffee"),

@@ -2,7 +2,6 @@
 
 import subprocess
 import sys
-from collections.abc import Iterator
 from html.parser import HTMLParser
 from pathlib import Path
 from urllib.parse import unquote, urldefrag, urljoin, urlsplit
@@ -10,7 +9,7 @@ from urllib.parse import unquote, urldefrag, urljoin, urlsplit
 import pytest
 
 from tests.paths import ROOT
-from tests.sain_bags.browser import Browser, opened_browser
+from tests.sain_bags.browser import opened_browser
 
 BUILD = ("mkdocs", "build", "--strict", "--config-file", "tools/site/mkdocs.yml", "--site-dir")
 SHOWN = ("index", "reference/results", "reference/parameters", "reference/commands/sain_eval")
@@ -38,7 +37,7 @@ class Page(HTMLParser):
 
 
 @pytest.fixture(scope="module")
-def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def site(tmp_path_factory):
     """The site, built as `make docs` builds it."""
     folder = tmp_path_factory.mktemp("site")
     done = subprocess.run(
@@ -50,23 +49,23 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def pages(site: Path) -> dict[str, Page]:
+def pages(site):
     """Every page, by its file in the site."""
     return {str(path.relative_to(site)): Page(path) for path in site.rglob("*.html")}
 
 
 @pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
+def browser():
     with opened_browser() as browser:
         yield browser
 
 
-def test_every_page_of_docs_is_in_the_site(pages: dict[str, Page]) -> None:
+def test_every_page_of_docs_is_in_the_site(pages):
     for path in (ROOT / "docs").rglob("*.md"):
         assert str(path.relative_to(ROOT / "docs").with_suffix(".html")) in pages
 
 
-def test_every_link_and_anchor_leads_somewhere(site: Path, pages: dict[str, Page]) -> None:
+def test_every_link_and_anchor_leads_somewhere(site, pages):
     wrong = []
     for name, page in pages.items():
         for link in page.links + page.resources:
@@ -82,13 +81,13 @@ def test_every_link_and_anchor_leads_somewhere(site: Path, pages: dict[str, Page
     assert wrong == []
 
 
-def test_no_resource_is_elsewhere(pages: dict[str, Page]) -> None:
+def test_no_resource_is_elsewhere(pages):
     elsewhere = [one for page in pages.values() for one in page.resources if "//" in one]
     assert elsewhere == []
 
 
 @pytest.mark.parametrize("name", SHOWN)
-def test_a_page_fits_and_asks_nobody_else(browser: Browser, site: Path, name: str) -> None:
+def test_a_page_fits_and_asks_nobody_else(browser, site, name):
     browser.open(site / f"{name}.html", width=390)
     assert browser.complaints() == []
     own = (site.as_uri(), "data:")

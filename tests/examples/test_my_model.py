@@ -3,7 +3,6 @@
 import json
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 
@@ -15,26 +14,24 @@ from tests.sain_model.rolling import make_episodes
 
 
 @pytest.fixture(scope="module")
-def environment(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
+def environment(tmp_path_factory):
     """The variables of processes for which the package is installed, and for no others."""
     return install("my_model", tmp_path_factory.mktemp("model"))
 
 
 @pytest.fixture(scope="module")
-def dataset(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def dataset(tmp_path_factory):
     return make_episodes(tmp_path_factory.mktemp("data"))
 
 
-def test_the_loop_plans_with_it(environment: dict[str, str], tmp_path: Path) -> None:
+def test_the_loop_plans_with_it(environment, tmp_path):
     arguments = ["--controllers", "my_model", "--scenes", 1, "--out", tmp_path / "results"]
     run(environment, [str(executable("sain_eval", "evaluate"))], *arguments)
     (report,) = (tmp_path / "results").glob("*.json")
     assert "my_model" in report.read_text()
 
 
-def test_a_network_learns_on_top_of_it_and_is_loaded_again(
-    environment: dict[str, str], dataset: Path, tmp_path: Path
-) -> None:
+def test_a_network_learns_on_top_of_it_and_is_loaded_again(environment, dataset, tmp_path):
     out = tmp_path / "runs"
     arguments = ["--prior", "my_model", "--epochs", 2, "--out", out]
     run(environment, [str(executable("sain_model", "train"))], dataset, *arguments)
@@ -54,9 +51,7 @@ def test_a_network_learns_on_top_of_it_and_is_loaded_again(
         load_dynamics(checkpoint)  # here, where it is not installed
 
 
-def test_predictions_are_compared_with_its(
-    environment: dict[str, str], dataset: Path, tmp_path: Path
-) -> None:
+def test_predictions_are_compared_with_its(environment, dataset, tmp_path):
     out = tmp_path / "errors.json"
     arguments = ["--beside", "my_model", "--open-loop", 1, 3, "--out", out]
     run(environment, [str(executable("sain_model", "evaluate"))], dataset, *arguments)
@@ -64,7 +59,7 @@ def test_predictions_are_compared_with_its(
     assert 0.0 < rows["my_model"]["mm"][0] < 0.5 * rows["no motion"]["mm"][0]
 
 
-def test_it_is_served_without_loading_pytorch(environment: dict[str, str]) -> None:
+def test_it_is_served_without_loading_pytorch(environment):
     lines = (
         "import sys; from sain_model.serving.server import load_server;"
         " from sain_model.serving.service import ServingConfig;"

@@ -2,7 +2,6 @@
 
 import json
 import sys
-from pathlib import Path
 
 import pytest
 
@@ -17,7 +16,7 @@ BROKEN = {
 
 
 @pytest.fixture(scope="module")
-def environment(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
+def environment(tmp_path_factory):
     """The variables of processes for which the packages are installed, and for no others."""
     folder = tmp_path_factory.mktemp("parts")
     variables = install("my_parts", folder)
@@ -40,7 +39,7 @@ def evaluate(*arguments: object) -> list[str]:
 
 
 @pytest.mark.parametrize("planner", ["my_planner", "my_icem"])
-def test_all_play_together(environment: dict[str, str], tmp_path: Path, planner: str) -> None:
+def test_all_play_together(environment, tmp_path, planner):
     out = tmp_path / "results"
     arguments = ["--scenario", "my_scenario", "--planner.algorithm", planner]
     run(environment, evaluate(*arguments, "--planner.weights.more", "my_centre:0.5", "--out", out))
@@ -49,12 +48,12 @@ def test_all_play_together(environment: dict[str, str], tmp_path: Path, planner:
     assert [row["successes"] for row in results["summary"]] == [1, 1]
 
 
-def test_a_shape_is_pushed(environment: dict[str, str], tmp_path: Path) -> None:
+def test_a_shape_is_pushed(environment, tmp_path):
     collect = [str(executable("sain_sim", "collect")), "--episodes", "1", "--target", "my_arrow"]
     run(environment, collect, "--seed", 1, "--out", tmp_path / "data")
 
 
-def test_the_new_terms_count_where_nothing_is_done(environment: dict[str, str]) -> None:
+def test_the_new_terms_count_where_nothing_is_done(environment):
     lines = (
         "import numpy as np; from sain_core.scene import make_scene;"
         " from sain_mppi.objective.problem import Problem;"
@@ -88,7 +87,7 @@ WRONG = {
 }
 
 
-def test_what_is_wrong_is_named(environment: dict[str, str], tmp_path: Path) -> None:
+def test_what_is_wrong_is_named(environment, tmp_path):
     out = str(tmp_path / "results")
     commands = {wrong: ["evaluate", *SMALL, *wrong.split(), "--out", out] for wrong in WRONG}
     said = refusals(environment, commands)
@@ -109,8 +108,6 @@ def test_what_is_wrong_is_named(environment: dict[str, str], tmp_path: Path) -> 
         ),
     ],
 )
-def test_a_package_that_fails_ends_the_evaluation(
-    environment: dict[str, str], tmp_path: Path, arguments: list[str], message: str
-) -> None:
+def test_a_package_that_fails_ends_the_evaluation(environment, tmp_path, arguments, message):
     words = ["evaluate", *SMALL, "--scenario", "paper", *arguments, "--out", str(tmp_path / "out")]
     assert message in refusals(environment, {"it": words})["it"]

@@ -4,7 +4,6 @@ import json
 import re
 import signal
 import subprocess
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -29,7 +28,7 @@ SMALL = {"planner__samples": 128, "planner__rounds": 2, "planner__horizon": 3}
 
 
 @pytest.fixture
-def robot_class(monkeypatch: pytest.MonkeyPatch) -> Any:
+def robot_class(monkeypatch):
     monkeypatch.syspath_prepend(str(EXAMPLE))
     from my_robot.robot_node import RobotNode
 
@@ -37,7 +36,7 @@ def robot_class(monkeypatch: pytest.MonkeyPatch) -> Any:
 
 
 @pytest.fixture
-def robot(graph: Any, robot_class: Any) -> Any:
+def robot(graph, robot_class):
     """A robot with its converter, and a settled scene."""
     graph.listen("true_poses", PoseArray)
     graph.listen("/diagnostics", DiagnosticArray)
@@ -60,7 +59,7 @@ def true_place(graph: Any, body: int) -> np.ndarray:
     return np.array([pose.x, pose.y])
 
 
-def test_a_goal_is_reached(graph: Any, robot: Any) -> None:
+def test_a_goal_is_reached(graph, robot):
     graph.start(ModelNode, model="planar")
     graph.start(MppiNode, estimator__noise=NOISE, **SMALL)
     goal = np.array([0.62, -0.08])
@@ -78,7 +77,7 @@ def test_a_goal_is_reached(graph: Any, robot: Any) -> None:
         assert np.abs(after - before).max() > 0.005
 
 
-def test_a_push_is_refused_with_the_code_of_its_reason(graph: Any, robot: Any) -> None:
+def test_a_push_is_refused_with_the_code_of_its_reason(graph, robot):
     scene = latest(graph)
     for push_id, push, ids, code in (
         (1, (0.0, 0.0, 0.9), {}, ErrorCode.OUT_OF_RANGE),
@@ -99,7 +98,7 @@ def test_a_push_is_refused_with_the_code_of_its_reason(graph: Any, robot: Any) -
     assert graph.result(7).error_code == ErrorCode.OK
 
 
-def test_bodies_that_somebody_sets_up_anew_begin_an_episode(graph: Any, robot: Any) -> None:
+def test_bodies_that_somebody_sets_up_anew_begin_an_episode(graph, robot):
     before = latest(graph)
     message = graph.heard["true_poses"][-1]
     message.poses[0].position.y += 0.4
@@ -116,7 +115,7 @@ def test_bodies_that_somebody_sets_up_anew_begin_an_episode(graph: Any, robot: A
     assert any(re.match(jumped, text) for text in told)
 
 
-def test_two_foreign_robots_are_named_and_nothing_is_pushed(graph: Any, robot: Any) -> None:
+def test_two_foreign_robots_are_named_and_nothing_is_pushed(graph, robot):
     from sain_interfaces.msg import PushResult
 
     graph.bystander.create_publisher(PushResult, "push_result", 1)
@@ -134,7 +133,7 @@ def test_two_foreign_robots_are_named_and_nothing_is_pushed(graph: Any, robot: A
 
 
 @pytest.mark.system
-def test_the_whole_graph_runs_without_a_simulator(ros_domain: int, tmp_path: Path) -> None:
+def test_the_whole_graph_runs_without_a_simulator(ros_domain, tmp_path):
     variables, site = install("my_robot", tmp_path), tmp_path / "site"
     robot, bodies = site / "bin" / "robot_node", site / "my_robot" / "bodies.yaml"
     graph = [str(executable("sain_bringup", "graph")), "--robot", str(robot), "--bodies"]

@@ -1,7 +1,6 @@
 """The package of `examples/my_world`: its physics, installed and played in; and broken worlds."""
 
 import json
-from pathlib import Path
 
 import pytest
 
@@ -36,7 +35,7 @@ PACKAGE = "of package broken-worlds 0.3"
 
 
 @pytest.fixture(scope="module")
-def environment(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
+def environment(tmp_path_factory):
     """The variables of processes for which the packages are installed, and for no others."""
     folder = tmp_path_factory.mktemp("worlds")
     variables = install("my_world", folder)
@@ -58,7 +57,7 @@ def evaluate(*arguments: object) -> list[str]:
     return [str(executable("sain_eval", "evaluate")), *SMALL, *map(str, arguments)]
 
 
-def test_an_agent_reaches_its_goals_in_it(environment: dict[str, str], tmp_path: Path) -> None:
+def test_an_agent_reaches_its_goals_in_it(environment, tmp_path):
     out = tmp_path / "results"
     run(environment, evaluate("--engine", "my_world", "--scenario", "anywhere", "--out", out))
     results = json.loads((out / "results.json").read_text())
@@ -66,7 +65,7 @@ def test_an_agent_reaches_its_goals_in_it(environment: dict[str, str], tmp_path:
     assert results["config"]["truth"]["engine"] == "my_world"
 
 
-def test_the_graph_plays_in_it(environment: dict[str, str], tmp_path: Path) -> None:
+def test_the_graph_plays_in_it(environment, tmp_path):
     command = [str(executable("sain_bringup", "closed_loop")), "--engine", "my_world"]
     options = ["--scenario", "anywhere", "--model", "planar", "--no-video"]
     said = run(environment, command, *options, "--out", tmp_path / "results")
@@ -85,7 +84,7 @@ WRONG = {
 }
 
 
-def test_a_broken_world_is_one_line(environment: dict[str, str], tmp_path: Path) -> None:
+def test_a_broken_world_is_one_line(environment, tmp_path):
     commands = {}
     for name in WRONG:
         scenario = "push_t" if name == "my_world" else "anywhere"

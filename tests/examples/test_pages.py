@@ -2,7 +2,6 @@
 
 import ast
 import re
-from pathlib import Path
 
 import pytest
 
@@ -38,14 +37,14 @@ def without_docstrings(code: str) -> str:
 
 
 @pytest.mark.parametrize("page", CODE)
-def test_a_page_shows_the_code_of_its_example(page: str) -> None:
+def test_a_page_shows_the_code_of_its_example(page):
     assert without_docstrings(block(page, "python")) == without_docstrings(CODE[page].read_text())
     toml = block(page, "toml").splitlines()
     project = (CODE[page].parent / "pyproject.toml", PARTS / "pyproject.toml")[page != "model"]
     assert set(filter(None, toml)) - {"# pyproject.toml"} <= set(project.read_text().splitlines())
 
 
-def test_a_model_that_is_written_from_its_page_alone_is_evaluated(tmp_path: Path) -> None:
+def test_a_model_that_is_written_from_its_page_alone_is_evaluated(tmp_path):
     folder = tmp_path / "my_model"
     folder.mkdir()
     code = block("model", "python")

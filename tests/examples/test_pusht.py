@@ -3,7 +3,6 @@
 import json
 from contextlib import suppress
 from importlib import import_module
-from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -59,7 +58,7 @@ def possible_push(pusht, world, random: np.random.Generator) -> np.ndarray:
     raise AssertionError("no push is possible")
 
 
-def test_evaluate_plays_it_by_name_to_its_own_measure(tmp_path: Path) -> None:
+def test_evaluate_plays_it_by_name_to_its_own_measure(tmp_path):
     environment = install("pusht", tmp_path)
     names = ["--engine", "gym-pusht", "--scenario", "gym-pusht", "--controllers", "pusht"]
     planner = ["--planner.speeds", str(SPEED), "--planner.correction-speed", str(SPEED)]
@@ -76,7 +75,7 @@ def test_evaluate_plays_it_by_name_to_its_own_measure(tmp_path: Path) -> None:
     assert f"{row['seconds']:.1f} s," in page.read_text()
 
 
-def test_the_world_keeps_the_contract_and_the_episode_of_the_seed(pusht, begun) -> None:
+def test_the_world_keeps_the_contract_and_the_episode_of_the_seed(pusht, begun):
     world, setting = begun(3)
     push = possible_push(pusht, world, np.random.default_rng(0))
     check_world(world, setting, push)
@@ -89,7 +88,7 @@ def test_the_world_keeps_the_contract_and_the_episode_of_the_seed(pusht, begun) 
     assert outcome.duration == pytest.approx(again.steps / gym.control_hz)
 
 
-def test_models_predict_what_gym_pusht_does(pusht, begun) -> None:
+def test_models_predict_what_gym_pusht_does(pusht, begun):
     random, off = np.random.default_rng(1), {"pusht": [], "pusht_oracle": []}
     models = {name: pusht.model.load(name) for name in off}
     for seed in (2, 3, 5, 6, 13):
@@ -103,7 +102,7 @@ def test_models_predict_what_gym_pusht_does(pusht, begun) -> None:
     assert np.median(off["pusht_oracle"]) < 2e-4
 
 
-def test_success_is_that_of_gym_pusht(pusht, begun) -> None:
+def test_success_is_that_of_gym_pusht(pusht, begun):
     world, setting = begun(4)
     goal, (x, y, angle) = pusht.scenario.SCENARIO.scene(4).goal, world.env.goal_pose
     for away in (0.0, 2.0, 4.0, 40.0):
@@ -114,7 +113,7 @@ def test_success_is_that_of_gym_pusht(pusht, begun) -> None:
         assert judged.reached == (world.env._get_coverage() > world.env.success_threshold)
 
 
-def test_a_refused_push_leaves_the_episode_as_it_is(pusht, begun) -> None:
+def test_a_refused_push_leaves_the_episode_as_it_is(pusht, begun):
     world, setting = begun(3)
     moved = world.push(possible_push(pusht, world, np.random.default_rng(0)))
     steps, place = world.steps, tuple(world.env.agent.position)
@@ -131,7 +130,7 @@ def test_a_refused_push_leaves_the_episode_as_it_is(pusht, begun) -> None:
     assert world.steps == 0
 
 
-def test_what_is_wrong_is_said_before_anything_moves(pusht, begun) -> None:
+def test_what_is_wrong_is_said_before_anything_moves(pusht, begun):
     world, setting = begun(3)
     disk = Setting(setting.scene, Bodies.disks(1), setting.friction)
     with pytest.raises(InvalidInputError, match="gym-pusht has one 'pusht_t'"):
@@ -143,7 +142,7 @@ def test_what_is_wrong_is_said_before_anything_moves(pusht, begun) -> None:
         world.push(make_push(0.0, 0.0, 0.05, speed=SPEED))
 
 
-def test_no_path_leads_to_a_corner_that_is_shut_off(pusht, begun) -> None:
+def test_no_path_leads_to_a_corner_that_is_shut_off(pusht, begun):
     world, _ = begun(WALLED)
     scene, limits = world.observe(), PushLimits()
     pushes = limits.sample(np.random.default_rng(0), 100, np.full(100, SPEED))

@@ -34,7 +34,7 @@ class Planned:
 
 @cache
 def reach_of(name: str) -> ReachTable:
-    return table_of_reach(PushPlanner(read_robot(name)))
+    return table_of_reach(PushPlanner(read_robot(name)), 20)
 
 
 @cache
@@ -43,10 +43,10 @@ def planned_robot(name: str) -> Planned:
 
 
 @pytest.fixture(params=shipped())
-def planned(request: pytest.FixtureRequest) -> Planned:
+def planned(request):
     return planned_robot(request.param)
 
 
 @pytest.fixture
-def ur5() -> Planned:
+def ur5():
     return planned_robot("ur5")

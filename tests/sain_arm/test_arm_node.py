@@ -112,7 +112,7 @@ class Laboratory:
 
 
 @pytest.fixture
-def make(graph: Any, monkeypatch: pytest.MonkeyPatch) -> Any:
+def make(graph, monkeypatch):
     reach = reach_of("ur5")  # takes seconds: before the clocks of nodes run
     monkeypatch.setattr(arm_node, "table_of_reach", lambda planner: reach)
 
@@ -129,7 +129,7 @@ def moved(result: Any) -> np.ndarray:
     return np.hypot(*(after - before)[:, :2].T)
 
 
-def test_pushes_are_made_and_answered(graph: Any, make: Any) -> None:
+def test_pushes_are_made_and_answered(graph, make):
     lab = make()
     lab.enabled = True
     first = lab.scene.scene_id
@@ -148,7 +148,7 @@ def test_pushes_are_made_and_answered(graph: Any, make: Any) -> None:
     assert report.tool > 0
 
 
-def test_a_push_is_refused_with_the_code_of_its_reason(graph: Any, make: Any) -> None:
+def test_a_push_is_refused_with_the_code_of_its_reason(graph, make):
     lab = make()
     lab.enabled = True
     for push, ids, code, text in (
@@ -165,7 +165,7 @@ def test_a_push_is_refused_with_the_code_of_its_reason(graph: Any, make: Any) ->
     assert graph.result(lab.push()).error_code == ErrorCode.BUSY
 
 
-def test_a_push_waits_for_the_table_of_reach(graph: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_push_waits_for_the_table_of_reach(graph, monkeypatch):
     reach, found = reach_of("ur5"), Event()
     monkeypatch.setattr(arm_node, "table_of_reach", lambda planner: found.wait(60.0) and reach)
     lab = Laboratory(graph, {}, {})
@@ -184,9 +184,7 @@ def test_a_push_waits_for_the_table_of_reach(graph: Any, monkeypatch: pytest.Mon
         ({"radius": -0.1}, "radius of body 0 is -0.1 m; allowed: 0.001 to 0.5 m"),
     ],
 )
-def test_a_bad_scene_is_named_once_and_moves_nothing(
-    graph: Any, make: Any, capfd: Any, values: dict[str, float] | None, text: str
-) -> None:
+def test_a_bad_scene_is_named_once_and_moves_nothing(graph, make, capfd, values, text):
     lab = make()
     lab.enabled = True
     graph.wait(lambda: lab.arm.driver.scene is not None, "a good scene")
@@ -215,9 +213,7 @@ def test_a_bad_scene_is_named_once_and_moves_nothing(
     np.testing.assert_allclose(lab.server.cell.observe(), before, atol=1e-4)
 
 
-def test_two_that_disagree_about_the_enable_signal_are_named_and_nothing_moves(
-    graph: Any, make: Any
-) -> None:
+def test_two_that_disagree_about_the_enable_signal_are_named_and_nothing_moves(graph, make):
     lab = make()
     lab.enabled = True
     graph.wait(lambda: lab.arm.enable.state(monotonic()) is Enabled.YES, "the enable signal")
@@ -235,9 +231,7 @@ def test_two_that_disagree_about_the_enable_signal_are_named_and_nothing_moves(
     np.testing.assert_allclose(lab.joints(), before, atol=1e-3)
 
 
-def test_false_counts_before_a_goal_is_sent_also_where_it_waits_behind_other_messages(
-    graph: Any, make: Any
-) -> None:
+def test_false_counts_before_a_goal_is_sent_also_where_it_waits_behind_other_messages(graph, make):
     lab = make()
     lab.enabled = True
     graph.wait(lambda: lab.arm.enable.state(monotonic()) is Enabled.YES, "the enable signal")
@@ -260,9 +254,7 @@ class Frozen:
         self.publisher.publish(message)
 
 
-def test_a_push_is_made_where_its_body_was_moved_though_the_joints_states_are_frozen(
-    graph: Any, make: Any
-) -> None:
+def test_a_push_is_made_where_its_body_was_moved_though_the_joints_states_are_frozen(graph, make):
     lab = make()
     lab.enabled = True
     push_id = lab.push((0.0, 0.0, 0.1))
@@ -277,7 +269,7 @@ def test_a_push_is_made_where_its_body_was_moved_though_the_joints_states_are_fr
     assert "/joint_states did not follow the arm's last goal" in again.error_message
 
 
-def test_states_of_joints_that_cannot_be_stop_the_arm(graph: Any, make: Any) -> None:
+def test_states_of_joints_that_cannot_be_stop_the_arm(graph, make):
     lab = make()
     lab.enabled = True
     push_id = lab.approach((0.0, 0.0, 0.1))
@@ -290,7 +282,7 @@ def test_states_of_joints_that_cannot_be_stop_the_arm(graph: Any, make: Any) -> 
     assert not lab.server.controller.busy
 
 
-def test_a_trajectory_that_cannot_be_is_rejected_with_the_reason(graph: Any, make: Any) -> None:
+def test_a_trajectory_that_cannot_be_is_rejected_with_the_reason(graph, make):
     lab = make()
     server, robot = lab.server, lab.server.robot
     home = server.cell.joints
@@ -312,7 +304,7 @@ def test_a_trajectory_that_cannot_be_is_rejected_with_the_reason(graph: Any, mak
         assert text in problem, problem
 
 
-def test_without_the_enable_signal_nothing_moves(graph: Any, make: Any) -> None:
+def test_without_the_enable_signal_nothing_moves(graph, make):
     lab = make()
     before = lab.joints()
     result = graph.result(lab.push())
@@ -321,7 +313,8 @@ def test_without_the_enable_signal_nothing_moves(graph: Any, make: Any) -> None:
     np.testing.assert_allclose(lab.joints(), before, atol=1e-3)
 
 
-def test_a_stroke_whose_enable_signal_is_lost_stops_and_counts(graph: Any, make: Any) -> None:
+def lose_signal(graph: Any, make: Any) -> Laboratory:
+    """In a stroke, which stops and counts."""
     lab = make({"enable_timeout": 1.0}, pace=1.0)
     lab.enabled = True
     push_id = lab.push((0.0, 0.0, 0.12))
@@ -339,17 +332,24 @@ def test_a_stroke_whose_enable_signal_is_lost_stops_and_counts(graph: Any, make:
     assert moved(result)[0] > 0.001
     graph.wait(lambda: lab.arm.phase == "rests", "the end")
     np.testing.assert_allclose(lab.server.cell.tip, stopped, atol=0.02)  # it brakes
+    return lab
+
+
+def test_a_stroke_whose_enable_signal_is_lost_stops_and_counts(graph, make):
+    lose_signal(graph, make)
+
+
+def test_after_a_stopped_stroke_it_lifts_off_first(graph, make):
+    lab = lose_signal(graph, make)
     lab.enabled = True
-    again = lab.execute((3.0, 0.0, 0.05))  # it lifts off first
+    again = lab.execute((3.0, 0.0, 0.05))
     assert again.error_code == ErrorCode.OK, again.error_message
 
 
 @pytest.mark.parametrize(
     ("every", "at", "code"), [(2, 0.35, ErrorCode.OK), (1, 0.2, ErrorCode.CANCELLED)]
 )
-def test_a_controller_that_aborts(
-    graph: Any, make: Any, every: int, at: float, code: ErrorCode
-) -> None:
+def test_a_controller_that_aborts(graph, make, every, at, code):
     """In a stroke: the tool retreats, and the push counts. In an approach: nothing was pushed."""
     lab = make(controller__abort_at=at, controller__abort_every=every)
     lab.enabled = True
@@ -363,7 +363,7 @@ def test_a_controller_that_aborts(
         assert moved(result).max() < 1e-3
 
 
-def test_states_from_before_an_abort_do_not_tell_that_nothing_moved(graph: Any, make: Any) -> None:
+def test_states_from_before_an_abort_do_not_tell_that_nothing_moved(graph, make):
     lab = make(controller__abort_at=0.5, controller__abort_every=2)
     lab.enabled = True
     push_id = lab.push((0.0, 0.0, 0.12))
@@ -374,7 +374,7 @@ def test_states_from_before_an_abort_do_not_tell_that_nothing_moved(graph: Any, 
     assert moved(result)[0] > 0.003
 
 
-def test_a_controller_that_answers_twice_is_not_believed(graph: Any, make: Any) -> None:
+def test_a_controller_that_answers_twice_is_not_believed(graph, make):
     """Its first answers come before the arm has moved."""
     lab = make(twice=True)
     lab.enabled = True
@@ -386,7 +386,7 @@ def test_a_controller_that_answers_twice_is_not_believed(graph: Any, make: Any) 
     assert len(graph.find("push_result", push_id=result.push_id)) == 1
 
 
-def test_a_dry_run_shows_the_way_and_moves_nothing(graph: Any, make: Any) -> None:
+def test_a_dry_run_shows_the_way_and_moves_nothing(graph, make):
     lab = make({"dry_run": True})
     before = lab.joints()
     result = graph.result(lab.push())
@@ -398,7 +398,7 @@ def test_a_dry_run_shows_the_way_and_moves_nothing(graph: Any, make: Any) -> Non
     np.testing.assert_allclose(lab.joints(), before, atol=1e-3)
 
 
-def test_a_controller_that_is_not_there_is_named(graph: Any, make: Any, tmp_path: Path) -> None:
+def test_a_controller_that_is_not_there_is_named(graph, make, tmp_path):
     from sain_arm.robot.robot import SHIPPED
 
     file = tmp_path / "other.yaml"
@@ -412,7 +412,7 @@ def test_a_controller_that_is_not_there_is_named(graph: Any, make: Any, tmp_path
     assert text in result.error_message
 
 
-def test_who_releases_the_arm_stops_the_controller_itself(graph: Any, make: Any) -> None:
+def test_who_releases_the_arm_stops_the_controller_itself(graph, make):
     """As if `arm_node` were dead: it still has its signal."""
     lab = make()
     lab.enabled = True
@@ -424,7 +424,7 @@ def test_who_releases_the_arm_stops_the_controller_itself(graph: Any, make: Any)
     assert graph.result(push_id).error_code == ErrorCode.OK
 
 
-def test_the_arm_goes_home_where_it_may_hide_a_body(graph: Any, make: Any) -> None:
+def test_the_arm_goes_home_where_it_may_hide_a_body(graph, make):
     lab = make()
     lab.enabled = True
     push_id = lab.push()

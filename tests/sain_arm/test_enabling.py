@@ -20,7 +20,7 @@ def beats(first: float, last: float, enabled: bool = True, every: float = 0.1) -
     return [(first + every * number, enabled) for number in range(count + 1)]
 
 
-def test_a_heartbeat_enables_after_a_while_until_it_stops() -> None:
+def test_a_heartbeat_enables_after_a_while_until_it_stops():
     assert fed().state(0.0) is Enabled.SILENT
     gate = fed(*beats(5.0, 5.2))
     assert gate.state(5.2) is Enabled.WAITING
@@ -31,7 +31,7 @@ def test_a_heartbeat_enables_after_a_while_until_it_stops() -> None:
     assert gate.state(7.0) is Enabled.WAITING
 
 
-def test_false_counts_at_once_and_until_only_true_came_for_a_while() -> None:
+def test_false_counts_at_once_and_until_only_true_came_for_a_while():
     gate = fed(*beats(5.0, 6.0), (6.01, False))
     assert gate.state(6.01) is Enabled.DENIED
     for time, enabled in beats(6.05, 7.0):
@@ -40,7 +40,7 @@ def test_false_counts_at_once_and_until_only_true_came_for_a_while() -> None:
     assert not gate.is_disputed(7.0)  # there is one publisher
 
 
-def test_two_that_disagree_never_enable_however_slow_the_one_is() -> None:
+def test_two_that_disagree_never_enable_however_slow_the_one_is():
     """As `ros2 topic pub` does, with 1 Hz, beside a heartbeat."""
     for every in (0.05, 0.1, 0.35, 1.0, 1.9):
         signals = sorted(beats(5.0, 25.0) + beats(5.55, 25.0, False, every))
@@ -62,9 +62,7 @@ SIGNALS = st.lists(
 
 
 @given(SIGNALS)
-def test_whatever_comes_enabled_means_only_true_for_long_enough_and_until_now(
-    signals: list[tuple[float, bool, int]],
-) -> None:
+def test_whatever_comes_enabled_means_only_true_for_long_enough_and_until_now(signals):
     gate, now, came = EnableGate(TIMEOUT), 0.0, list[tuple[float, bool]]()
     for pause, enabled, publishers in signals:
         now += pause

@@ -1,7 +1,6 @@
 """States of joints: a bad one is refused in one line, and nothing is known then."""
 
 from time import monotonic
-from typing import Any
 
 import numpy as np
 import pytest
@@ -41,9 +40,7 @@ DEGREES = np.degrees(HOME).tolist()
     ],
     ids=["nan", "infinite", "huge", "degrees", "short", "twice"],
 )
-def test_a_bad_state_is_refused_at_once_and_where_the_arm_is_is_not_known_then(
-    message: JointState, text: str
-) -> None:
+def test_a_bad_state_is_refused_at_once_and_where_the_arm_is_is_not_known_then(message, text):
     joints = JointListener(UR5, 0.5)
     joints.listen(state())
     began = monotonic()
@@ -56,7 +53,7 @@ def test_a_bad_state_is_refused_at_once_and_where_the_arm_is_is_not_known_then(
     np.testing.assert_array_equal(joints.current, HOME)
 
 
-def test_a_part_of_the_joints_or_an_older_state_is_refused_and_the_one_before_stays() -> None:
+def test_a_part_of_the_joints_or_an_older_state_is_refused_and_the_one_before_stays():
     joints = JointListener(UR5, 0.5)
     joints.listen(state())
     for message, text in (
@@ -68,7 +65,7 @@ def test_a_part_of_the_joints_or_an_older_state_is_refused_and_the_one_before_st
         np.testing.assert_array_equal(joints.current, HOME)
 
 
-def test_noise_is_no_motion_and_a_slow_motion_is_one() -> None:
+def test_noise_is_no_motion_and_a_slow_motion_is_one():
     joints, random = JointListener(UR5, 0.5), np.random.default_rng(0)
     for _ in range(50):
         joints.listen(state(values=(UR5.home + random.uniform(-1e-4, 1e-4, 6)).tolist()))
@@ -78,7 +75,7 @@ def test_noise_is_no_motion_and_a_slow_motion_is_one() -> None:
     assert joints.changed > -np.inf
 
 
-def test_joints_of_others_matter_only_where_the_arm_is_silent(monkeypatch: Any) -> None:
+def test_joints_of_others_matter_only_where_the_arm_is_silent(monkeypatch):
     joints, others = JointListener(UR5, 0.5), state(["finger"], [0.0])
     joints.listen(others)
     monkeypatch.setattr("sain_arm.ros.joint_listener.monotonic", lambda: monotonic() + 3.0)

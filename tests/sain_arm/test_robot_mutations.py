@@ -10,7 +10,6 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
-import pytest
 import yaml
 
 from sain_arm.robot.arm_model import ArmModel
@@ -171,13 +170,11 @@ def load(path: Path) -> ArmModel:
     return arm
 
 
-def test_the_good_files_load(tmp_path: Path) -> None:
+def test_the_good_files_load(tmp_path):
     assert load(write_good(tmp_path)).robot.joints == ("turn", "swing", "lift")
 
 
-def test_a_damaged_robot_loads_or_is_refused_in_one_line(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_damaged_robot_loads_or_is_refused_in_one_line(tmp_path, monkeypatch):
     monkeypatch.setattr("sain_arm.robot.arm_model.DRAWS", 5)
     refused, loaded = set[str](), 0
     for seed in range(MUTATIONS):

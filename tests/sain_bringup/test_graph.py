@@ -6,19 +6,14 @@ from pathlib import Path
 
 import pytest
 
-from sain_bringup.graph import (
-    GraphOptions,
-    executable,
-    graph_commands,
-    restart_command,
-)
+from sain_bringup.graph import GraphOptions, executable, graph_commands, restart_command
 from sain_bringup.ros.closed_loop import ClosedLoopOptions
 from sain_core.errors import ConfigError
 from sain_core.world import ObservationConfig
 
 
 @pytest.fixture
-def prefix(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def prefix(tmp_path, monkeypatch):
     """An install with the four executables of the graph."""
     for name in (
         "sain_sim/sim_node",
@@ -33,7 +28,7 @@ def prefix(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-def test_commands_say_it_all(prefix: Path, tmp_path: Path) -> None:
+def test_commands_say_it_all(prefix, tmp_path):
     parameters = tmp_path / "p.yaml"
     parameters.write_text("mppi_node: {ros__parameters: {}}")
     played = ClosedLoopOptions(model="planar", seed=7, params_file=parameters)
@@ -62,9 +57,7 @@ def test_commands_say_it_all(prefix: Path, tmp_path: Path) -> None:
     )
 
 
-def test_simulator_planner_and_model_are_told_the_same_of_the_camera(
-    prefix: Path, tmp_path: Path
-) -> None:
+def test_simulator_planner_and_model_are_told_the_same_of_the_camera(prefix, tmp_path):
     seen = ObservationConfig(noise="0.005,0.035", delay=0.1, unknown="mass")
     commands = graph_commands(GraphOptions(camera=seen), [], tmp_path)
     for name, part in (("simulator", "camera"), ("planner", "estimator")):
@@ -75,7 +68,7 @@ def test_simulator_planner_and_model_are_told_the_same_of_the_camera(
     assert "unknown:=mass" in commands["model"]
 
 
-def test_what_is_not_installed_is_named(prefix: Path) -> None:
+def test_what_is_not_installed_is_named(prefix):
     assert executable("sain_bags", "record") == prefix / "lib" / "sain_bags" / "record"
     with pytest.raises(ConfigError, match="sain_sim nothing is not installed"):
         executable("sain_sim", "nothing")
@@ -84,7 +77,7 @@ def test_what_is_not_installed_is_named(prefix: Path) -> None:
 ROBOT = "bodies: [{shape: disk, radius: 0.08, mass: 8.0}, {shape: disk, radius: 0.06%s}]\n"
 
 
-def test_a_robot_takes_the_place_of_the_simulator(tmp_path: Path) -> None:
+def test_a_robot_takes_the_place_of_the_simulator(tmp_path):
     bodies = tmp_path / "bodies.yaml"
     bodies.write_text(ROBOT % "")
     seen = ObservationConfig(noise="0.001,0.01")
@@ -106,7 +99,7 @@ def test_a_robot_takes_the_place_of_the_simulator(tmp_path: Path) -> None:
     assert "estimator.unknown:=mass" not in known["planner"]
 
 
-def test_a_robot_sees_by_a_camera(tmp_path: Path) -> None:
+def test_a_robot_sees_by_a_camera(tmp_path):
     bodies = tmp_path / "bodies.yaml"
     bodies.write_text(ROBOT % ", tags: 1")
     options = GraphOptions(robot="elsewhere", bodies=bodies, see="tags")
@@ -132,6 +125,6 @@ def test_a_robot_sees_by_a_camera(tmp_path: Path) -> None:
         ({"robot": "python3", "bodies": Path("b.yaml")}, r"bodies file b\.yaml: No such file"),
     ],
 )
-def test_a_robot_that_makes_no_sense(change: dict[str, object], message: str) -> None:
+def test_a_robot_that_makes_no_sense(change, message):
     with pytest.raises(ConfigError, match=message):
         GraphOptions(**change)  # type: ignore[arg-type]

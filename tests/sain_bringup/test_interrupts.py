@@ -2,7 +2,6 @@
 
 import os
 import signal
-from collections.abc import Iterator
 
 import pytest
 
@@ -10,7 +9,7 @@ from sain_bringup.interrupts import SIGNALS, Interrupts, Stopped
 
 
 @pytest.fixture
-def interrupts() -> Iterator[Interrupts]:
+def interrupts():
     before = {number: signal.getsignal(number) for number in SIGNALS}
     yield Interrupts()
     for number, handler in before.items():
@@ -18,7 +17,7 @@ def interrupts() -> Iterator[Interrupts]:
 
 
 @pytest.mark.parametrize("number", SIGNALS)
-def test_a_signal_is_raised_where_the_program_is(number: int, interrupts: Interrupts) -> None:
+def test_a_signal_is_raised_where_the_program_is(number, interrupts):
     interrupts.check()
     with pytest.raises(Stopped) as caught:
         os.kill(os.getpid(), number)

@@ -1,7 +1,5 @@
 """What the laboratory refuses before it starts anything."""
 
-from pathlib import Path
-
 import pytest
 import yaml
 from rich.console import Console
@@ -13,7 +11,7 @@ from sain_core.errors import ConfigError
 LARGE = SHIPPED / "bodies" / "t.yaml"
 
 
-def test_a_body_too_large_for_the_robot_s_reach_is_named_with_both_sizes() -> None:
+def test_a_body_too_large_for_the_robot_s_reach_is_named_with_both_sizes():
     with pytest.raises(ConfigError) as refused:
         run(LaboratoryOptions(robot="so101", bodies=LARGE), Console())
     assert str(refused.value).startswith(
@@ -22,7 +20,7 @@ def test_a_body_too_large_for_the_robot_s_reach_is_named_with_both_sizes() -> No
     )
 
 
-def test_a_small_robot_has_a_small_t_where_it_can_push_it() -> None:
+def test_a_small_robot_has_a_small_t_where_it_can_push_it():
     options = LaboratoryOptions(robot="so101")
     assert options.bodies_file.name == "so101.yaml"
     x, y, _ = fitting_start(options)
@@ -31,7 +29,7 @@ def test_a_small_robot_has_a_small_t_where_it_can_push_it() -> None:
     assert fitting_start(LaboratoryOptions(robot="ur5")) == ()
 
 
-def test_tags_too_small_for_the_camera_are_named_with_their_pixels(tmp_path: Path) -> None:
+def test_tags_too_small_for_the_camera_are_named_with_their_pixels(tmp_path):
     content = yaml.safe_load(LARGE.read_text())
     content["bodies"][0]["tags"][1]["size"] = 0.01
     path = tmp_path / "small.yaml"

@@ -59,7 +59,7 @@ def wait_for(log: Path, text: str) -> None:
     until(lambda: log.exists() and text in log.read_text())
 
 
-def test_processes_log_and_end_in_order(tmp_path: Path) -> None:
+def test_processes_log_and_end_in_order(tmp_path):
     with Supervisor(tmp_path / "logs", StopConfig(interrupt=20.0)) as supervisor:
         supervisor.start("orderly", python(ORDERLY))
         (child,) = supervisor.children
@@ -69,7 +69,7 @@ def test_processes_log_and_end_in_order(tmp_path: Path) -> None:
     assert (tmp_path / "logs" / "orderly.log").read_text() == "up\nclosing\nclosed\n"
 
 
-def test_a_process_that_dies_is_reported_with_its_last_words(tmp_path: Path) -> None:
+def test_a_process_that_dies_is_reported_with_its_last_words(tmp_path):
     with Supervisor(tmp_path, QUICK) as supervisor:
         supervisor.start("steady", SLEEP)
         supervisor.start(
@@ -84,12 +84,9 @@ def test_a_process_that_dies_is_reported_with_its_last_words(tmp_path: Path) -> 
 
 
 @pytest.mark.parametrize(
-    ("more", "killed"),
-    [("", []), ("signal.signal(signal.SIGTERM, signal.SIG_IGN)", ["deaf"])],
+    ("more", "killed"), [("", []), ("signal.signal(signal.SIGTERM, signal.SIG_IGN)", ["deaf"])]
 )
-def test_a_process_that_ignores_signals_ends_all_the_same(
-    more: str, killed: list[str], tmp_path: Path
-) -> None:
+def test_a_process_that_ignores_signals_ends_all_the_same(more, killed, tmp_path):
     supervisor = Supervisor(tmp_path, QUICK)
     supervisor.start("deaf", python(DEAF.format(more=more)))
     (child,) = supervisor.children
@@ -98,7 +95,7 @@ def test_a_process_that_ignores_signals_ends_all_the_same(
     assert child.process.returncode == (-signal.SIGKILL if killed else -signal.SIGTERM)
 
 
-def test_children_of_children_end_too(tmp_path: Path) -> None:
+def test_children_of_children_end_too(tmp_path):
     code = f"""
         import subprocess, sys
         grandchild = subprocess.Popen([sys.executable, "-IS", "-c", {DEAF.format(more="")!r}])
@@ -114,7 +111,7 @@ def test_children_of_children_end_too(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGKILL])
-def test_children_end_when_the_supervisor_is_killed(number: int, tmp_path: Path) -> None:
+def test_children_end_when_the_supervisor_is_killed(number, tmp_path):
     code = f"""
         import sys, time
         from pathlib import Path
@@ -127,7 +124,6 @@ def test_children_end_when_the_supervisor_is_killed(number: int, tmp_path: Path)
     owner = subprocess.Popen(
         [sys.executable, "-c", textwrap.dedent(code)], stdout=subprocess.PIPE, text=True
     )
-    assert owner.stdout is not None
     child = int(owner.stdout.readline())
     wait_for(tmp_path / "child.log", "up")
     assert not gone(child)
@@ -137,7 +133,7 @@ def test_children_end_when_the_supervisor_is_killed(number: int, tmp_path: Path)
     until(lambda: gone(child))
 
 
-def test_a_second_interrupt_does_not_disturb_the_end(tmp_path: Path) -> None:
+def test_a_second_interrupt_does_not_disturb_the_end(tmp_path):
     code = f"""
         import os, signal, threading
         from pathlib import Path
@@ -163,7 +159,7 @@ def test_a_second_interrupt_does_not_disturb_the_end(tmp_path: Path) -> None:
     assert (tmp_path / "orderly.log").read_text() == "up\nclosing\nclosed\n"
 
 
-def test_a_command_that_does_not_exist_is_reported(tmp_path: Path) -> None:
+def test_a_command_that_does_not_exist_is_reported(tmp_path):
     with Supervisor(tmp_path, QUICK) as supervisor:
         supervisor.start("ghost", [str(tmp_path / "no-such-program")])
         until(lambda: supervisor.children[0].process.poll() is not None)

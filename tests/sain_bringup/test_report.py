@@ -4,7 +4,6 @@ from collections.abc import Iterator
 from dataclasses import replace
 from io import BytesIO, StringIO
 from itertools import pairwise
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -56,7 +55,7 @@ def played(*targets: float, refused: int = 0, name: str = "paper") -> PlayedEpis
     return PlayedEpisode(name, 4, episode)
 
 
-def test_summary_figures() -> None:
+def test_summary_figures():
     summary = played(0.45, 0.52, 0.59, refused=1).summary()
     assert (summary["scenario"], summary["seed"]) == ("paper", 4)
     assert summary["success"]
@@ -68,7 +67,7 @@ def test_summary_figures() -> None:
     assert summary["physics_error"] == pytest.approx(0.004 * 2**0.5)
 
 
-def test_goals_in_a_row_are_counted_and_the_last_is_drawn(tmp_path: Path) -> None:
+def test_goals_in_a_row_are_counted_and_the_last_is_drawn(tmp_path):
     first, second = played(0.45, 0.59).episode, played(0.59, 0.5, 0.4).episode
     whole = replace(second, start=first.start, pushes=first.pushes + second.pushes)
     streak = PlayedEpisode("paper", 4, replace(whole, parts=(first, second)))
@@ -97,7 +96,7 @@ def moments(count: int, step: float) -> list[Moment]:
     ]
 
 
-def test_moments_are_evenly_spaced_and_end_with_the_last() -> None:
+def test_moments_are_evenly_spaced_and_end_with_the_last():
     chosen = choose_moments(moments(101, 0.1), MovieConfig(speed=4.0, rate=8.0))
     times = [moment.time for moment in chosen]
     assert times[0] == 0.0
@@ -152,14 +151,14 @@ def filmed(
     return Film(scenery, moments(5, 0.1), processes=2).frames(), used
 
 
-def test_a_camera_that_hides_the_target_is_moved(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_camera_that_hides_the_target_is_moved(monkeypatch):
     for blind, expected in ((0, [0]), (1, [0, 3]), (2, [0, 3, 6]), (99, [0, 3, 6, 0])):
         frames, used = filmed(monkeypatch, blind)
         assert len(frames) == 5
         assert used == expected
 
 
-def test_the_gif_moves_and_ends_with_a_pause(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_gif_moves_and_ends_with_a_pause(monkeypatch):
     frames, _ = filmed(monkeypatch)
     config = MovieConfig(rate=10.0, hold=1.0)
     with Image.open(BytesIO(encode_gif(frames, config))) as shown:
@@ -181,7 +180,7 @@ def shown(distances: list[float]) -> str:
     return view.summary()
 
 
-def test_the_line_of_an_episode() -> None:
+def test_the_line_of_an_episode():
     assert shown([0.2, 0.1]) == " 1 push    200 → 100 mm"
     assert shown([0.3, 0.2, 0.0154]) == " 2 pushes  300 → 200 → 15 mm"
     long = shown([0.1 * n for n in range(12)])

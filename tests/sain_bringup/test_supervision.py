@@ -4,8 +4,7 @@ import os
 import signal
 import sys
 import time
-from collections.abc import Callable, Iterator
-from pathlib import Path
+from collections.abc import Callable
 
 import pytest
 
@@ -51,12 +50,12 @@ print("joined" if len(asked) == 1 else "parts are left", flush=True)
 
 
 @pytest.fixture
-def told() -> list[str]:
+def told():
     return []
 
 
 @pytest.fixture
-def supervisor(tmp_path: Path, told: list[str]) -> Iterator[Supervisor]:
+def supervisor(tmp_path, told):
     with Supervisor(tmp_path, QUICK, tell=told.append) as made:
         yield made
 
@@ -112,7 +111,7 @@ def test_a_process_that_only_waits_for_a_processor_is_left_alone(supervisor, tol
     start(supervisor, SPINNING)
     wait_until_ready(supervisor)
     monkeypatch.setattr(children, "waiting_times", lambda process: {"1": time.monotonic_ns()})
-    first, enough = supervisor.children[0].process.pid, time.monotonic() + 3.0
+    first, enough = supervisor.children[0].process.pid, time.monotonic() + 1.5
     until(supervisor, lambda: time.monotonic() > enough)
     assert supervisor.children[0].process.pid == first and not told
 
@@ -179,7 +178,7 @@ def start_joining(supervisor: Supervisor, seconds: float, beat: str = "lifetime.
 def test_joining_takes_as_long_as_it_takes_and_that_is_told(
     closed_before, supervisor, told, tmp_path
 ):
-    start_joining(supervisor, 6.0)  # three times as long as anything else may take
+    start_joining(supervisor, 3.0)  # longer than anything else may take
     if closed_before:
         supervisor.close_files(0.1)
     assert supervisor.stop() == []

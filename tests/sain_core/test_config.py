@@ -21,7 +21,7 @@ class Tool(Config):
     lengths: tuple[float, ...] = option((0.1, 0.2), "lengths", unit="m", minimum=0.0)
 
 
-def test_defaults_stand_in_one_place() -> None:
+def test_defaults_stand_in_one_place():
     assert Tool() == Tool(0.012, "stick", 0.0, (0.1, 0.2))
 
 
@@ -38,25 +38,25 @@ def test_defaults_stand_in_one_place() -> None:
         ({"lengths": (0.1, -0.2)}, r"Tool.lengths\[1\] is -0.2 m; it must be at least 0.0 m"),
     ],
 )
-def test_a_value_that_is_not_allowed_is_named(values: dict[str, object], message: str) -> None:
+def test_a_value_that_is_not_allowed_is_named(values, message):
     with pytest.raises(ConfigError, match=message):
         Tool(**values)  # type: ignore[arg-type]
 
 
-def test_an_angle_of_a_file_beyond_a_turn_is_in_degrees() -> None:
+def test_an_angle_of_a_file_beyond_a_turn_is_in_degrees():
     assert check_angle("angle", -6.28) == -6.28
     with pytest.raises(ConfigError, match=r"angle is 45; .*: 45 degrees are 0.7854 rad"):
         check_angle("angle", 45)
 
 
 @pytest.mark.parametrize("value", [True, None, "0.1", float("nan"), [0.1]])
-def test_what_is_no_number_is_refused_with_what_is_allowed(value: object) -> None:
+def test_what_is_no_number_is_refused_with_what_is_allowed(value):
     with pytest.raises(ConfigError, match=r"mass is .*; allowed: 0 to 100 kg"):
         check_number("mass", value, 0.0, 100.0, "kg")
 
 
 @pytest.mark.parametrize("settings", [{"radius": True}, {"lengths": [0.1, False]}])
-def test_true_in_a_file_is_no_number(settings: dict[str, object]) -> None:
+def test_true_in_a_file_is_no_number(settings):
     with pytest.raises(
         TypeError, match=r"(radius|lengths\[1\]) is (True|False); it must be of type"
     ):
@@ -74,12 +74,12 @@ def test_true_in_a_file_is_no_number(settings: dict[str, object]) -> None:
         ({"a": 1}, "sides is {'a': 1}; it must be a list of 2 numbers"),
     ],
 )
-def test_a_list_that_is_not_of_numbers_is_named(values: object, message: str) -> None:
+def test_a_list_that_is_not_of_numbers_is_named(values, message):
     with pytest.raises(ConfigError, match=message):
         check_numbers("sides", values, 2, 2.0, "m")
 
 
-def test_a_whole_number_has_no_fraction() -> None:
+def test_a_whole_number_has_no_fraction():
     assert check_number("count", 3, 1, 9, whole=True) == 3.0
     with pytest.raises(ConfigError, match=r"count is 3\.0; allowed: whole numbers, 1 to 9"):
         check_number("count", 3.0, 1, 9, whole=True)

@@ -62,13 +62,13 @@ def at_random() -> Spoil:
     return spoil
 
 
-def test_a_model_that_keeps_the_contract_passes() -> None:
+def test_a_model_that_keeps_the_contract_passes():
     check_dynamics(Shifting(lambda scenes, pushes, predicted: predicted))
     check_dynamics(IdentityPrior())
 
 
 @pytest.mark.parametrize("disks", [2, 3, 5, 8])
-def test_the_scenes_that_are_tried_can_exist(disks: int) -> None:
+def test_the_scenes_that_are_tried_can_exist(disks):
     scenes, pushes = sample_pushes(12, disks)
     for scene in scenes:
         check_bodies(scene)
@@ -91,7 +91,7 @@ def test_the_scenes_that_are_tried_can_exist(disks: int) -> None:
         (by_batch, "step predicts something else for a push alone than in a batch"),
     ],
 )
-def test_a_rule_that_is_broken_is_named(spoil: Spoil, message: str) -> None:
+def test_a_rule_that_is_broken_is_named(spoil, message):
     assert any(message in line for line in violations(Shifting(spoil)))
     with pytest.raises(ModelUnavailableError, match=r"not keep the contract:\n  \* 2 disks"):
         check_dynamics(Shifting(spoil))

@@ -25,7 +25,7 @@ def dense_gap(scene: Scene, push: np.ndarray) -> float:
 
 
 @given(seeds)
-def test_the_gap_is_the_smallest_on_the_way(seed: int) -> None:
+def test_the_gap_is_the_smallest_on_the_way(seed):
     scene, push = pair(), LIMITS.sample(np.random.default_rng(seed), 1)[0]
     assert Feasibility(limits=LIMITS).assess(scene, push)[1] == pytest.approx(
         dense_gap(scene, push), abs=1e-6
@@ -33,7 +33,7 @@ def test_the_gap_is_the_smallest_on_the_way(seed: int) -> None:
 
 
 @given(seeds)
-def test_feasibility_is_the_same_in_the_mirror(seed: int) -> None:
+def test_feasibility_is_the_same_in_the_mirror(seed):
     scene = pair((0.6, 0.1))
     pushes = LIMITS.sample(np.random.default_rng(seed), 32)
     scenes = np.broadcast_to(scene, (32, *scene.shape))
@@ -42,7 +42,7 @@ def test_feasibility_is_the_same_in_the_mirror(seed: int) -> None:
 
 
 @given(seeds)
-def test_a_reachable_way_is_in_reach_at_every_place(seed: int) -> None:
+def test_a_reachable_way_is_in_reach_at_every_place(seed):
     reach = Reach(inner=0.42, outer=0.62)
     scene, pushes = pair(), LIMITS.sample(np.random.default_rng(seed), 64)
     scenes = np.broadcast_to(scene, (64, *scene.shape))

@@ -1,3 +1,4 @@
+# ruff: noqa: E501 - a case is a line
 from dataclasses import replace
 from math import pi
 
@@ -34,27 +35,15 @@ def moved(body: int, x: float, y: float, heading: float) -> np.ndarray:
     ("wanted", "kind", "message"),
     [
         (goal(BodyPose(0, 0.6, 0.25)), InvalidInputError, "body 0 overlaps fixed body 3 by"),
-        (
-            goal(BodyPose(0, 0.5, 0.0), BodyPose(1, 0.5, 0.0)),
-            InvalidInputError,
-            "body 1 overlaps goal of body 0 by",
-        ),
-        (
-            goal(BodyPose(0, 0.41, 0.19), keep=(2,)),
-            InvalidInputError,
-            "body 0 overlaps kept body 2 by",
-        ),
+        (goal(BodyPose(0, 0.5, 0.0), BodyPose(1, 0.5, 0.0)), InvalidInputError, "body 1 overlaps goal of body 0 by"),
+        (goal(BodyPose(0, 0.41, 0.19), keep=(2,)), InvalidInputError, "body 0 overlaps kept body 2 by"),
         (goal(BodyPose(4, 0.5, 0.0)), InvalidInputError, "body 4; the scene has bodies 0 to 3"),
         (goal(BodyPose(0, 0.5, 0.0), BodyPose(0, 0.6, 0.0)), InvalidInputError, "0 has 2 goals"),
         (goal(BodyPose(2, 0.5, 0.0, 0.3)), InvalidInputError, "heading 0.300 rad; it is a disk"),
         (goal(BodyPose(3, 0.5, 0.0)), InvalidInputError, "body 3 is fixed; it cannot be moved"),
         (goal(BodyPose(0, 1.5, 0.0)), OffTableError, r"\(1.500, 0.000\) m .* off .* 0.6\] m$"),
         (goal(BodyPose(0, 600.0, 100.0)), OffTableError, r"0.6\] m; in mm\? 0.6 0.1 m$"),
-        (
-            goal(BodyPose(0, 0.6, 0.25, 0.0)),
-            InvalidInputError,
-            "the goal of body 0 overlaps fixed body 3 by .* mm",
-        ),
+        (goal(BodyPose(0, 0.6, 0.25, 0.0)), InvalidInputError, "the goal of body 0 overlaps fixed body 3 by .* mm"),
         (
             goal(BodyPose(0, 0.5, 0.0, 0.0), BodyPose(1, 0.5, 0.02, 0.0)),
             InvalidInputError,
@@ -63,7 +52,7 @@ def moved(body: int, x: float, y: float, heading: float) -> np.ndarray:
         (goal(BodyPose(0, 0.5, 0.0), keep=(0,)), InvalidInputError, "body 0 is to be kept and to"),
         (goal(BodyPose(0, 0.5, 0.0), keep=(7,)), InvalidInputError, "body 7 is to be kept"),
     ],
-)
+)  # fmt: skip
 def test_a_goal_that_cannot_be_is_refused_by_body_and_value(wanted, kind, message):
     with pytest.raises(kind, match=message):
         wanted.check(SCENE, BODIES, Table())
@@ -94,7 +83,7 @@ def test_a_heading_counts_modulo_the_symmetry():
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_turning_and_moving_scene_and_goal_together_changes_no_judgement(seed: int):
+def test_turning_and_moving_scene_and_goal_together_changes_no_judgement(seed):
     random = np.random.default_rng(seed)
     wanted = goal(
         BodyPose(0, *random.uniform(0.3, 0.6, 2), random.uniform(-pi, pi), 0.05, 0.5),
@@ -130,7 +119,7 @@ def test_turning_and_moving_scene_and_goal_together_changes_no_judgement(seed: i
 
 
 @pytest.mark.parametrize("seed", range(10))
-def test_a_goal_is_reached_if_and_only_if_all_errors_are_within_their_tolerances(seed: int):
+def test_a_goal_is_reached_if_and_only_if_all_errors_are_within_their_tolerances(seed):
     random = np.random.default_rng(seed)
     wanted = goal(
         BodyPose(0, 0.5, 0.1, 1.0, *random.uniform(0.01, 0.05, 2)),

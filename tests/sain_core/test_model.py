@@ -10,13 +10,7 @@ import pytest
 from sain_core import model
 from sain_core.errors import ConfigError, ModelUnavailableError
 from sain_core.guarding import plugins
-from sain_core.model import (
-    IdentityPrior,
-    Model,
-    as_model,
-    check_rollout,
-    check_step,
-)
+from sain_core.model import IdentityPrior, Model, as_model, check_rollout, check_step
 from sain_core.push import LENGTH, PUSH_SIZE, idle_pushes
 from sain_core.scene import MASS, make_scene
 from sain_core.shapes.bodies import Bodies
@@ -33,7 +27,7 @@ class Shift(Model):
         return after
 
 
-def test_a_rollout_feeds_predictions_back() -> None:
+def test_a_rollout_feeds_predictions_back():
     scene = np.arange(16.0).reshape(2, 8)
     pushes = np.random.default_rng(0).uniform(size=(5, 4, PUSH_SIZE))
     predicted = Shift().rollout(scene, pushes)
@@ -44,7 +38,7 @@ def test_a_rollout_feeds_predictions_back() -> None:
     np.testing.assert_array_equal(predicted[..., 1:], np.broadcast_to(scene[:, 1:], (5, 4, 2, 7)))
 
 
-def test_the_identity_prior_moves_nothing_and_gives_a_copy() -> None:
+def test_the_identity_prior_moves_nothing_and_gives_a_copy():
     scenes = np.ones((3, 2, 8))
     after = IdentityPrior().step(scenes, np.ones((3, PUSH_SIZE)))
     np.testing.assert_array_equal(after, scenes)
@@ -65,7 +59,7 @@ class Stranger:
         self.closed = True
 
 
-def test_step_alone_gives_a_model() -> None:
+def test_step_alone_gives_a_model():
     stranger = Stranger()
     model = as_model(stranger)
     assert as_model(model) is model
@@ -84,7 +78,7 @@ def test_step_alone_gives_a_model() -> None:
     assert stranger.closed
 
 
-def test_what_can_be_no_model_is_refused_and_told_what_is_missing() -> None:
+def test_what_can_be_no_model_is_refused_and_told_what_is_missing():
     with pytest.raises(ConfigError, match="a object has no method step"):
         as_model(object())
 
@@ -113,7 +107,7 @@ def spoilt(predicted: np.ndarray, column: int, value: float) -> np.ndarray:
         (SCENES[:, ::-1], "disks must stay in their order"),
     ],
 )
-def test_a_step_that_cannot_be_an_answer_is_refused(answer: object, message: str) -> None:
+def test_a_step_that_cannot_be_an_answer_is_refused(answer, message):
     with pytest.raises(ModelUnavailableError, match=re.escape(message)):
         check_step(answer, SCENES, "model 'x'")
 
@@ -121,20 +115,17 @@ def test_a_step_that_cannot_be_an_answer_is_refused(answer: object, message: str
 @pytest.mark.parametrize(
     ("answer", "message"),
     [
-        (
-            PREDICTED[:, :3],
-            "of shape (3, 3, 2, 8); the shape must be (3, 4, 2, 8)",
-        ),
+        (PREDICTED[:, :3], "of shape (3, 3, 2, 8); the shape must be (3, 4, 2, 8)"),
         (spoilt(PREDICTED, MASS, 7.0), "predicted disks of other masses or radii"),
     ],
 )
-def test_a_rollout_that_cannot_be_an_answer_is_refused(answer: object, message: str) -> None:
+def test_a_rollout_that_cannot_be_an_answer_is_refused(answer, message):
     with pytest.raises(ModelUnavailableError, match=re.escape(message)):
         check_rollout(answer, SCENE, SEQUENCES)
 
 
 @pytest.fixture
-def asked(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+def asked(monkeypatch):
     """A package that offers dynamics, and the names that it was asked for."""
     names: list[str] = []
     module = ModuleType("offering")
@@ -147,7 +138,7 @@ def asked(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     return names
 
 
-def test_an_unknown_name_is_refused_with_the_nearest(asked: list[str]) -> None:
+def test_an_unknown_name_is_refused_with_the_nearest(asked):
     message = r"model 'planer' is unknown \(did you mean 'planar'\?\); known: broken, planar"
     with pytest.raises(ConfigError, match=message):
         model.load_dynamics("planer")
@@ -163,46 +154,9 @@ class Weighed(IdentityPrior):
     pass
 
 
-def test_a_dynamics_infers_masses_that_are_not_measured_if_it_can() -> None:
+def test_a_dynamics_infers_masses_that_are_not_measured_if_it_can():
     assert isinstance(model.as_observed(Weighing(), "mass"), Weighed)
     assert isinstance(model.as_observed(Weighing(), ""), Weighing)
     assert isinstance(model.as_observed(IdentityPrior(), "mass"), IdentityPrior)
     with pytest.raises(ConfigError, match="unknown is 'weight'; allowed: mass"):
         model.as_observed(IdentityPrior(), "weight")
-
-
-class Package:
-    """The part of a `Distribution` that is shown."""
-
-    def __init__(self, name: str, version: str) -> None:
-        self.name, self.version = name, version
-
-
-def offer(monkeypatch: pytest.MonkeyPatch, *offered: tuple[str, str, str]) -> None:
-    """Let packages of these names offer models: name, value of the entry point, package."""
-    entries = []
-    for name, value, package in offered:
-        entry = EntryPoint(name, value, model.GROUP)
-        vars(entry)["dist"] = Package(package, "1.2")
-        entries.append(entry)
-    monkeypatch.setattr(plugins, "entry_points", lambda group: entries)
-
-
-@pytest.mark.parametrize(
-    ("value", "cause"),
-    [
-        ("no_such_module:load", "ModuleNotFoundError: No module named 'no_such_module'"),
-        ("offering:forgotten", "AttributeError: module 'offering' has no attribute 'forgotten'"),
-        ("offering:fails", "ZeroDivisionError: division by zero"),
-    ],
-)
-def test_a_package_that_fails_is_named_and_the_others_work(
-    asked: list[str], monkeypatch: pytest.MonkeyPatch, value: str, cause: str
-) -> None:
-    sys.modules["offering"].fails = lambda name: 1 / 0  # type: ignore[attr-defined]
-    offer(monkeypatch, ("mine", value, "their-model"), ("good", "offering:load", "one"))
-    message = f"model 'mine' of package their-model 1.2 cannot be loaded: {cause}; repair or"
-    with pytest.raises(ConfigError, match=message) as caught:
-        model.load_dynamics("mine")
-    assert str(caught.value).endswith("Other models: good")
-    assert isinstance(model.load_dynamics("good"), IdentityPrior)

@@ -32,7 +32,7 @@ def next_run() -> None:
 
 
 @pytest.fixture
-def ours(tmp_path: Path) -> Path:
+def ours(tmp_path):
     """A folder that a run of ours made: a file, a file that grows, and a folder below."""
     folder = claim_folder(tmp_path / "ours", ["a.json"])
     write_json(folder / "a.json", 1)
@@ -42,7 +42,7 @@ def ours(tmp_path: Path) -> Path:
     return folder
 
 
-def test_a_second_run_replaces_what_the_first_one_wrote(ours: Path) -> None:
+def test_a_second_run_replaces_what_the_first_one_wrote(ours):
     append_json(ours / "log.jsonl", 2)
     next_run()
     claim_folder(ours, ["a.json", "log.jsonl", "below/b.json"])
@@ -52,7 +52,7 @@ def test_a_second_run_replaces_what_the_first_one_wrote(ours: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["a.json", "below/b.json", "new.json"])
-def test_what_a_user_wrote_or_changed_needs_overwrite(ours: Path, name: str) -> None:
+def test_what_a_user_wrote_or_changed_needs_overwrite(ours, name):
     (ours / name).write_text(MINE)
     reason = (
         "exists, and no list of SAIN names"
@@ -75,7 +75,7 @@ def test_what_a_user_wrote_or_changed_needs_overwrite(ours: Path, name: str) -> 
     claim_folder(ours, [name])
 
 
-def test_a_folder_is_made_with_the_first_file(tmp_path: Path) -> None:
+def test_a_folder_is_made_with_the_first_file(tmp_path):
     for folder in (tmp_path / "empty", tmp_path / "new" / "below"):
         if folder.name == "empty":
             folder.mkdir()
@@ -89,9 +89,7 @@ def test_a_folder_is_made_with_the_first_file(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("overwrite", [False, True])
 @pytest.mark.parametrize("place", ["/", tempfile.gettempdir(), "strangers"])
-def test_a_folder_of_others_is_no_place_for_results(
-    place: str, overwrite: bool, tmp_path: Path
-) -> None:
+def test_a_folder_of_others_is_no_place_for_results(place, overwrite, tmp_path):
     (tmp_path / "strangers").mkdir()
     (tmp_path / "strangers" / "notes.txt").write_text(MINE)
     folder = tmp_path / place
@@ -101,7 +99,7 @@ def test_a_folder_of_others_is_no_place_for_results(
     assert [one.name for one in (tmp_path / "strangers").iterdir()] == ["notes.txt"]
 
 
-def test_in_a_folder_of_the_user_no_manifest_appears_beside_a_single_file(tmp_path: Path) -> None:
+def test_in_a_folder_of_the_user_no_manifest_appears_beside_a_single_file(tmp_path):
     write_whole(claim_file(tmp_path / "page.html"), b"1")
     assert [one.name for one in tmp_path.iterdir()] == ["page.html"]
     next_run()
@@ -110,7 +108,7 @@ def test_in_a_folder_of_the_user_no_manifest_appears_beside_a_single_file(tmp_pa
 
 
 @pytest.mark.parametrize("pattern", ["shard-*.npz", SHARD_PATTERN])
-def test_a_pattern_finds_what_is_in_the_way(pattern: str, tmp_path: Path) -> None:
+def test_a_pattern_finds_what_is_in_the_way(pattern, tmp_path):
     (tmp_path / "shard-00007.npz").write_text(MINE)
     with pytest.raises(OutputError, match=r"shard-00007\.npz exists"):
         claim_folder(tmp_path, [pattern])
@@ -134,9 +132,7 @@ SPECIAL: dict[str, Callable[[Path], object]] = {
 
 @pytest.mark.parametrize("kind", SPECIAL)
 @pytest.mark.parametrize("overwrite", [False, True])
-def test_devices_links_and_folders_are_never_replaced(
-    kind: str, overwrite: bool, tmp_path: Path
-) -> None:
+def test_devices_links_and_folders_are_never_replaced(kind, overwrite, tmp_path):
     (tmp_path / "victim").write_text(MINE)
     SPECIAL[kind](tmp_path / "x")
     before = (tmp_path / "x").lstat()
@@ -153,7 +149,7 @@ def test_devices_links_and_folders_are_never_replaced(
     assert (tmp_path / "victim").read_text() == MINE
 
 
-def test_what_is_no_folder_is_no_place_for_results(tmp_path: Path) -> None:
+def test_what_is_no_folder_is_no_place_for_results(tmp_path):
     (tmp_path / "file").write_text(MINE)
     (tmp_path / "dangling").symlink_to(tmp_path / "nowhere")
     os.mkfifo(tmp_path / "fifo")
@@ -165,7 +161,7 @@ def test_what_is_no_folder_is_no_place_for_results(tmp_path: Path) -> None:
     assert not (tmp_path / "nowhere").exists()
 
 
-def test_a_manifest_that_is_a_link_is_not_followed(tmp_path: Path) -> None:
+def test_a_manifest_that_is_a_link_is_not_followed(tmp_path):
     (tmp_path / "victim").write_text(MINE)
     (tmp_path / "out").mkdir()
     (tmp_path / "out" / MANIFEST).symlink_to(tmp_path / "victim")
@@ -174,7 +170,7 @@ def test_a_manifest_that_is_a_link_is_not_followed(tmp_path: Path) -> None:
     assert (tmp_path / "victim").read_text() == MINE
 
 
-def test_a_folder_of_ours_is_removed_whole(ours: Path) -> None:
+def test_a_folder_of_ours_is_removed_whole(ours):
     (ours / ".a.json.77.partial").write_text("half")  # of a run that was killed
     remove(ours)
     assert not ours.exists()
@@ -182,7 +178,7 @@ def test_a_folder_of_ours_is_removed_whole(ours: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["notes.txt", "below/notes.txt", "a.json", "mine/notes.txt"])
-def test_a_folder_with_something_else_stays_whole(ours: Path, name: str) -> None:
+def test_a_folder_with_something_else_stays_whole(ours, name):
     (ours / name).parent.mkdir(exist_ok=True)
     (ours / name).write_text(MINE)
     strange = "mine" if name == "mine/notes.txt" else name
@@ -192,14 +188,14 @@ def test_a_folder_with_something_else_stays_whole(ours: Path, name: str) -> None
     assert (ours / "log.jsonl").exists() and (ours / "below" / "b.json").exists()
 
 
-def test_a_folder_of_others_is_not_removed(tmp_path: Path) -> None:
+def test_a_folder_of_others_is_not_removed(tmp_path):
     (tmp_path / "empty").mkdir()
     with pytest.raises(OutputError, match=r"SAIN did not make .*empty"):
         remove(tmp_path / "empty")
     assert (tmp_path / "empty").exists()
 
 
-def test_links_are_not_followed_when_something_is_removed(ours: Path, tmp_path: Path) -> None:
+def test_links_are_not_followed_when_something_is_removed(ours, tmp_path):
     (tmp_path / "link").symlink_to(ours)
     for path in (tmp_path / "link", tmp_path / "link" / "a.json", tmp_path / "link" / "below"):
         with pytest.raises(OutputError, match=r"link is a symbolic link; give the path without"):
@@ -211,7 +207,7 @@ def test_links_are_not_followed_when_something_is_removed(ours: Path, tmp_path: 
     assert (ours / "a.json").exists() and (tmp_path / "victim").read_text() == MINE
 
 
-def test_what_child_processes_write_is_named_by_patterns(tmp_path: Path) -> None:
+def test_what_child_processes_write_is_named_by_patterns(tmp_path):
     folder = claim_folder(tmp_path / "ours")
     sign(folder / "logs" / "*.log", grows=True)
     (folder / "logs").mkdir()

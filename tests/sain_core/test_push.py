@@ -20,7 +20,6 @@ from sain_core.push import (
     tool_start,
 )
 from sain_core.scene import MID, POSITION, RADIUS, make_scene, mirror_scenes, rotate_scenes, unit
-from sain_core.types import Scene
 
 LIMITS = PushLimits()
 angles = st.floats(-pi, pi)
@@ -28,7 +27,7 @@ seeds = st.integers(0, 2**32 - 1)
 
 
 @pytest.fixture
-def scene() -> Scene:
+def scene():
     return make_scene(
         np.array([(0.4, 0.1), (0.6, 0.0)]), np.array([8.0, 8.0]), np.array([0.08, 0.06])
     )
@@ -39,7 +38,7 @@ def draw(seed: int, count: int = 64) -> np.ndarray:
 
 
 @given(seeds)
-def test_every_sampled_push_is_inside_the_limits(seed: int) -> None:
+def test_every_sampled_push_is_inside_the_limits(seed):
     for push in draw(seed):
         LIMITS.check(push)
 
@@ -58,14 +57,14 @@ def test_every_sampled_push_is_inside_the_limits(seed: int) -> None:
         ((0.0, 0.0, 0.1, 0.2, 0.5), "the push is against body 0.5, which does not exist"),
     ],
 )
-def test_a_push_out_of_range_is_refused(push: tuple[float, ...], message: str) -> None:
+def test_a_push_out_of_range_is_refused(push, message):
     with pytest.raises(OutOfRangeError, match=message):
         LIMITS.check(make_push(*push[:3], **dict(zip(("speed", "body"), push[3:], strict=False))))
 
 
 @pytest.mark.parametrize("column", range(PUSH_SIZE))
 @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
-def test_nan_and_inf_are_refused_by_name(column: int, value: float) -> None:
+def test_nan_and_inf_are_refused_by_name(column, value):
     push = idle_pushes()
     push[column] = value
     with pytest.raises(InvalidInputError, match=f"{PUSH_NAMES[column]} of the push is {value}"):
@@ -73,7 +72,7 @@ def test_nan_and_inf_are_refused_by_name(column: int, value: float) -> None:
 
 
 @given(seeds)
-def test_the_tool_travels_the_push_s_length_in_its_direction(seed: int) -> None:
+def test_the_tool_travels_the_push_s_length_in_its_direction(seed):
     pushes = draw(seed)
     scene = make_scene(np.array([(0.4, 0.1), (0.6, 0.0)]), np.full(2, 8.0), np.full(2, 0.06))
     scenes = np.broadcast_to(scene, (len(pushes), *scene.shape))
@@ -86,7 +85,7 @@ def test_the_tool_travels_the_push_s_length_in_its_direction(seed: int) -> None:
 
 
 @given(seeds, angles)
-def test_the_tool_s_way_turns_and_mirrors_with_the_scene(seed: int, angle: float) -> None:
+def test_the_tool_s_way_turns_and_mirrors_with_the_scene(seed, angle):
     scene = make_scene(np.array([(0.4, 0.1), (0.6, 0.0)]), np.full(2, 8.0), np.full(2, 0.06))
     push = draw(seed, 1)[0]
     end = tool_end(scene, push, LIMITS)

@@ -7,14 +7,14 @@ import pytest
 from sain_core.randomness import bootstrap_mean, bootstrap_ratio, generator
 
 
-def test_the_same_seed_and_path_give_the_same_bytes_in_another_process() -> None:
+def test_the_same_seed_and_path_give_the_same_bytes_in_another_process():
     use = "from sain_core.randomness import generator"
     code = f"{use};print(generator(7, 'collect', 12).bytes(32).hex())"
     there = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert there.stdout.split()[-1] == generator(7, "collect", 12).bytes(32).hex()
 
 
-def test_a_negative_seed_is_refused() -> None:
+def test_a_negative_seed_is_refused():
     with pytest.raises(ValueError, match="seed is -1"):
         generator(-1)
 

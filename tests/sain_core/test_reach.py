@@ -22,7 +22,7 @@ def table_of(reach: Reach) -> ReachTable:
 TABLE = table_of(RING)
 
 
-def test_a_table_of_a_ring_answers_as_the_ring_but_near_its_ends() -> None:
+def test_a_table_of_a_ring_answers_as_the_ring_but_near_its_ends():
     points = np.random.default_rng(0).uniform(-1.0, 1.0, (5000, 2))
     clear = np.abs(RING.room(points)) > 2 * CELL
     assert (TABLE.contains(points) <= RING.contains(points)).all()
@@ -31,7 +31,7 @@ def test_a_table_of_a_ring_answers_as_the_ring_but_near_its_ends() -> None:
     assert np.abs(TABLE.room(points) - RING.room(points))[ahead].max() < 2 * CELL
 
 
-def test_a_way_is_covered_where_all_of_it_is_in_reach() -> None:
+def test_a_way_is_covered_where_all_of_it_is_in_reach():
     random = np.random.default_rng(1)
     start = random.uniform(-0.9, 0.9, (2000, 2))
     way, length = unit(random.uniform(-np.pi, np.pi, 2000)), random.uniform(0.0, 0.15, 2000)
@@ -42,7 +42,7 @@ def test_a_way_is_covered_where_all_of_it_is_in_reach() -> None:
     assert np.mean(covered != inside.all(axis=0)) < 0.01
 
 
-def test_outlines_enclose_the_squares() -> None:
+def test_outlines_enclose_the_squares():
     from shapely import Point, Polygon
 
     pieces = [Polygon(piece) for piece in TABLE.outlines]
@@ -51,12 +51,12 @@ def test_outlines_enclose_the_squares() -> None:
         assert inside == TABLE.contains(point)
 
 
-def test_a_table_without_a_square_in_reach_is_refused() -> None:
+def test_a_table_without_a_square_in_reach_is_refused():
     with pytest.raises(InvalidInputError, match="none of them in reach"):
         ReachTable.of((0.0, 0.0), CELL, np.zeros((3, 3), dtype=bool))
 
 
-def test_a_table_crosses_the_wire_unchanged() -> None:
+def test_a_table_crosses_the_wire_unchanged():
     from builtin_interfaces.msg import Time
 
     from sain_core.ros.codec import encode_reach

@@ -26,12 +26,11 @@ def start(temporary: Path) -> tuple["subprocess.Popen[str]", Path]:
         stdout=subprocess.PIPE,
         text=True,
     )
-    assert process.stdout is not None
     return process, Path(process.stdout.readline().strip()).parent
 
 
 @pytest.mark.parametrize("how", ENDS)
-def test_a_folder_goes_with_its_process(tmp_path: Path, how: str) -> None:
+def test_a_folder_goes_with_its_process(tmp_path, how):
     process, folder = start(tmp_path)
     old = folder.stat().st_mtime - 2.0 * scratch.YOUNG
     os.utime(folder, (old, old))
@@ -48,7 +47,7 @@ def test_a_folder_goes_with_its_process(tmp_path: Path, how: str) -> None:
 
 
 @pytest.mark.parametrize("what", ["FIFO", "link", "file"])
-def test_what_others_put_among_the_temporary_folders_is_ignored(tmp_path: Path, what: str) -> None:
+def test_what_others_put_among_the_temporary_folders_is_ignored(tmp_path, what):
     planted, victim = tmp_path / f"{scratch.PREFIX}x", tmp_path / "victim"
     victim.mkdir()
     {
@@ -64,9 +63,7 @@ def test_what_others_put_among_the_temporary_folders_is_ignored(tmp_path: Path, 
     process.communicate("")
 
 
-def test_the_private_folder_is_nobody_elses(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_private_folder_is_nobody_elses(tmp_path, monkeypatch):
     folder = untrusted.private_folder()
     assert folder.stat().st_uid == os.getuid()
     assert not folder.stat().st_mode & 0o022

@@ -27,28 +27,27 @@ def same(found: dict[str, np.ndarray], wanted: dict[str, np.ndarray]) -> bool:
     )
 
 
-def test_no_flipped_bit_changes_a_number_in_silence(tmp_path: Path) -> None:
-    """One bit of every third byte, another one each time, and all of those that lead to data."""
+def test_no_flipped_bit_changes_a_number_in_silence(tmp_path):
+    """One bit of every ninth byte, another one each time, and of each that leads to data."""
     path = tmp_path / "shard.npz"
     write_arrays(path, ARRAYS)
     content = path.read_bytes()
     directory = content.index(b"PK\x01\x02")
     outcomes = {"harmless": 0, "told": 0}
-    for place in (*range(0, directory, 3), *range(directory, len(content))):
-        for bit in range(8) if place >= directory else (place % 8,):
-            damaged = bytearray(content)
-            damaged[place] ^= 1 << bit
-            path.write_bytes(damaged)
-            try:
-                assert same(read_arrays(path), ARRAYS), f"bit {bit} of byte {place} went unseen"
-                outcomes["harmless"] += 1  # a date, say
-            except DatasetError as error:
-                assert str(path) in str(error)
-                outcomes["told"] += 1
+    for place in (*range(0, directory, 9), *range(directory, len(content))):
+        damaged = bytearray(content)
+        damaged[place] ^= 1 << place % 8
+        path.write_bytes(damaged)
+        try:
+            assert same(read_arrays(path), ARRAYS), f"a bit of byte {place} went unseen"
+            outcomes["harmless"] += 1  # a date, say
+        except DatasetError as error:
+            assert str(path) in str(error)
+            outcomes["told"] += 1
     assert outcomes["told"] > outcomes["harmless"] > 0
 
 
-def test_a_truncated_file_is_refused_wherever_it_ends(tmp_path: Path) -> None:
+def test_a_truncated_file_is_refused_wherever_it_ends(tmp_path):
     path = tmp_path / "shard.npz"
     write_arrays(path, ARRAYS)
     content = path.read_bytes()
@@ -58,7 +57,7 @@ def test_a_truncated_file_is_refused_wherever_it_ends(tmp_path: Path) -> None:
             read_arrays(path)
 
 
-def test_what_is_no_archive_is_refused_and_never_unpickled(tmp_path: Path) -> None:
+def test_what_is_no_archive_is_refused_and_never_unpickled(tmp_path):
     canary = tmp_path / "canary"
 
     class Trap:
@@ -95,7 +94,7 @@ except OutputError as error:
 """
 
 
-def test_a_full_disk_leaves_the_file_before_whole(tmp_path: Path) -> None:
+def test_a_full_disk_leaves_the_file_before_whole(tmp_path):
     """A limit on the size of files stands for the disk that is full."""
     path = tmp_path / "shard.npz"
     assert resource.getrlimit(resource.RLIMIT_FSIZE)[1] != 20_000

@@ -28,14 +28,6 @@ if __name__ == "__main__":
     list(run_on_workers(work_of(wait_here), [Path(sys.argv[1])] * 4, two))
 """
 
-COLLECT = """
-import sys
-from sain_sim.commands import collect
-if __name__ == "__main__":
-    sys.argv[1:] = ["--out", sys.argv[1], "--episodes", "10000", "--workers", "2"]
-    sys.exit(collect())
-"""
-
 
 def work_of(function: Callable[[Any], Any]) -> Work[Any, Any]:
     return Work(partial(FunctionRunner, function), Software(("sain_core",), ("numpy",)))
@@ -48,14 +40,6 @@ def wait_here(folder: Path) -> None:
 
 def alive(folder: Path) -> list[int]:
     return [int(path.name) for path in folder.iterdir() if Path("/proc", path.name).exists()]
-
-
-def group_lives(group: int) -> bool:
-    try:
-        os.killpg(group, 0)
-    except ProcessLookupError:
-        return False
-    return True
 
 
 def wait_until(condition: Callable[[], bool], seconds: float = 150.0) -> bool:
@@ -84,8 +68,8 @@ def end_at_five(job: int) -> int:
     return job
 
 
-@pytest.mark.parametrize("workers", [1, 2, 3])
-def test_results_do_not_depend_on_the_number_of_workers(workers: int) -> None:
+@pytest.mark.parametrize("workers", [1, 2])
+def test_results_do_not_depend_on_the_number_of_workers(workers):
     options = WorkerOptions(workers=workers)
     assert list(run_on_workers(work_of(square_of), range(30), options)) == [n**2 for n in range(30)]
     unordered = run_on_workers(work_of(square_of), range(30), options, ordered=False)
@@ -94,14 +78,14 @@ def test_results_do_not_depend_on_the_number_of_workers(workers: int) -> None:
     assert active_children() == []
 
 
-def test_an_error_of_a_job_ends_the_work() -> None:
+def test_an_error_of_a_job_ends_the_work():
     for workers in (1, 2):
         with pytest.raises(SainError, match=r"^no room for 5$"):
             list(run_on_workers(work_of(refuse_five), range(9), WorkerOptions(workers=workers)))
         assert active_children() == []
 
 
-def test_a_killed_worker_is_named_in_one_line() -> None:
+def test_a_killed_worker_is_named_in_one_line():
     died = (
         r"^a worker process died with exit code SIGKILL\(-9\) after \d of 9 jobs; .* fewer workers$"
     )
@@ -110,7 +94,7 @@ def test_a_killed_worker_is_named_in_one_line() -> None:
     assert active_children() == []
 
 
-def test_an_error_of_the_caller_ends_workers_in_the_middle_of_a_job(tmp_path: Path) -> None:
+def test_an_error_of_the_caller_ends_workers_in_the_middle_of_a_job(tmp_path):
     work, two = work_of(wait_unless_first), WorkerOptions(workers=2)
     results = run_on_workers(work, [tmp_path] * 4, two, ordered=False)
     assert next(results) == 0
@@ -126,24 +110,8 @@ def wait_unless_first(folder: Path) -> int:
     return 0
 
 
-def test_ctrl_c_ends_the_command_and_its_workers_at_once(tmp_path: Path) -> None:
-    command = [sys.executable, "-c", COLLECT, str(tmp_path / "data")]
-    here = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
-    with subprocess.Popen(
-        command, env=here, stderr=subprocess.PIPE, text=True, start_new_session=True
-    ) as running:
-        assert wait_until((tmp_path / "data" / "episodes.jsonl").exists)
-        os.killpg(running.pid, signal.SIGINT)  # as a terminal does: to every process
-        begun = monotonic()
-        error = running.communicate(timeout=60.0)[1]
-    assert running.returncode == 130 and monotonic() - begun < 10.0
-    assert "stopped; the same command continues from the last whole" in error
-    assert "Traceback" not in error and "Warning" not in error
-    assert wait_until(lambda: not group_lives(running.pid), 5.0)
-
-
 @pytest.mark.parametrize("ray", ["", "local"])
-def test_no_worker_outlives_a_process_that_is_killed(tmp_path, ray) -> None:
+def test_no_worker_outlives_a_process_that_is_killed(tmp_path, ray):
     (tmp_path / "program.py").write_text(PROGRAM)
     (tmp_path / "workers").mkdir()
     started = [sys.executable, str(tmp_path / "program.py"), str(tmp_path / "workers"), ray]

@@ -11,7 +11,7 @@ from sain_eval.episode import EpisodeRecord
 
 
 @pytest.fixture
-def episode() -> EpisodeRecord:
+def episode():
     """Two pushes that bring the target to 40 mm and then to 8 mm from the goal."""
     place = np.array([0.70, 0.0])
     scenes = [

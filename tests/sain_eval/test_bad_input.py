@@ -1,7 +1,6 @@
 """What cannot be is an error of one line: what was wrong, what is allowed, what to do."""
 
 from importlib.metadata import EntryPoint
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -34,17 +33,14 @@ def said(run, arguments: list[str], capsys: pytest.CaptureFixture[str]) -> str:
             "evaluate: bias has a standard deviation of 1 rad; allowed: 0 to 0.35 rad, with which"
             " a body is still where it is seen",
         ),
-        (
-            "--delay 2",
-            "evaluate: --delay is 2.0 s; it must be at most 0.5 s",
-        ),
+        ("--delay 2", "evaluate: --delay is 2.0 s; it must be at most 0.5 s"),
     ],
 )
-def test_noise_and_delay_that_cannot_be(words, error, tmp_path: Path, capsys) -> None:
+def test_noise_and_delay_that_cannot_be(words, error, tmp_path, capsys):
     assert said(commands.evaluate, [*words.split(), "--out", str(tmp_path)], capsys) == error
 
 
-def test_noise_that_hides_the_tolerance_is_the_reason_of_the_failure(tmp_path, capsys) -> None:
+def test_noise_that_hides_the_tolerance_is_the_reason_of_the_failure(tmp_path, capsys):
     arguments = ["--scenario", "paper", "--scenes", "1", "--controllers", "planar"]
     arguments += ["--noise", "0.02,0.35", "--bias", "0.02,0.35", "--out", str(tmp_path)]
     assert commands.evaluate(arguments) == 0
@@ -53,7 +49,7 @@ def test_noise_that_hides_the_tolerance_is_the_reason_of_the_failure(tmp_path, c
     assert "choose wider tolerances" in shown
 
 
-def test_a_cost_that_is_never_finite_ends_the_evaluation(tmp_path, capsys, monkeypatch) -> None:
+def test_a_cost_that_is_never_finite_ends_the_evaluation(tmp_path, capsys, monkeypatch):
     monkeypatch.setattr(cost, "further_terms", lambda more: [("mine", 1.0)])
     entry = EntryPoint("mine", "my_parts:mine", "sain.costs")
     nan = (entry, lambda rollout, objective: np.full(len(rollout.moving), np.nan))
@@ -80,6 +76,6 @@ def test_an_engine_that_explodes_is_the_reason_of_the_failure(tmp_path, capsys, 
     assert "possible are 2 m; 0 pushes" in shown
 
 
-def test_an_empty_folder_is_no_recording_also_for_workers(tmp_path: Path, capsys) -> None:
+def test_an_empty_folder_is_no_recording_also_for_workers(tmp_path, capsys):
     arguments = [str(tmp_path), "--workers", "2", "--out", str(tmp_path / "out")]
     assert str(tmp_path) in said(bags.to_dataset, arguments, capsys)

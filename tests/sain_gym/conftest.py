@@ -1,6 +1,5 @@
 """Environments that are closed after each test."""
 
-from collections.abc import Iterator
 from typing import Any
 
 import gymnasium
@@ -8,11 +7,10 @@ import pytest
 
 import sain_gym  # noqa: F401  (registers the environment)
 from sain_gym.push_env import PushEnv
-from tests.sain_gym.playing import MakeEnv
 
 
 @pytest.fixture
-def make() -> Iterator[MakeEnv]:
+def make():
     """Makes environments without wrappers; all settings may be given."""
     made: list[PushEnv] = []
 

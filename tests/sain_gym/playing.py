@@ -1,15 +1,12 @@
 """Episodes that several tests play."""
 
 import hashlib
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
 from sain_core.randomness import generator
 from sain_gym.push_env import PushEnv
-
-MakeEnv = Callable[..., PushEnv]
 
 
 def random_actions(env: PushEnv, count: int, seed: int = 0) -> list[np.ndarray]:

@@ -11,7 +11,6 @@ from sain_eval.scenes.scenarios import SCENARIOS
 from sain_gym import AgentPolicy
 from sain_gym.push_env import PushEnv
 from sain_sim.world.truth import TruthConfig
-from tests.sain_gym.playing import MakeEnv
 
 
 def play(env: PushEnv, policy: AgentPolicy, seed: int) -> tuple[list[np.ndarray], dict]:
@@ -46,9 +45,7 @@ def evaluated(env: PushEnv, controller: str, seed: int) -> EpisodeOutcome:
         ("paper_shift", "bullet", "straight", 0),
     ],
 )
-def test_pushes_and_success_are_those_of_an_evaluation(
-    make: MakeEnv, scenario: str, engine: str, controller: str, seed: int
-) -> None:
+def test_pushes_and_success_are_those_of_an_evaluation(make, scenario, engine, controller, seed):
     env = make(scenario=scenario, engine=engine)
     pushes, info = play(env, AgentPolicy(env, controller), seed)
     outcome = evaluated(env, controller, seed)
@@ -61,7 +58,7 @@ def test_pushes_and_success_are_those_of_an_evaluation(
     assert info["refusals"] == outcome.refusals
 
 
-def test_it_teaches_from_images_and_in_wrappers(make: MakeEnv) -> None:
+def test_it_teaches_from_images_and_in_wrappers(make):
     env = gymnasium.make("sain/Push-v0", observation="image")
     wrapped = gymnasium.wrappers.RescaleObservation(env, np.float32(0), np.float32(1))
     alone = make()
@@ -71,7 +68,7 @@ def test_it_teaches_from_images_and_in_wrappers(make: MakeEnv) -> None:
     wrapped.close()
 
 
-def test_other_environments_and_controllers_are_refused(make: MakeEnv) -> None:
+def test_other_environments_and_controllers_are_refused(make):
     with pytest.raises(ConfigError, match="the agent plays sain/Push-v0, not CartPoleEnv"):
         AgentPolicy(gymnasium.make("CartPole-v1"))
     with pytest.raises(ConfigError, match="'nobody' is unknown"):

@@ -11,14 +11,14 @@ from gymnasium.utils.env_checker import check_env
 
 from sain_eval.scenes.scenarios import SCENARIOS
 from sain_gym.push_env import FIRST_DRAWN
-from tests.sain_gym.playing import MakeEnv, digest, played, random_actions
+from tests.sain_gym.playing import digest, played, random_actions
 
 UNITS = "we recommend using a symmetric and normalized space"  # ours are metres and radians
 FRESH = """
 import sys, gymnasium
 from tests.sain_gym.playing import digest, played, random_actions
 env = gymnasium.make("sain_gym:sain/Push-v0", scenario="anywhere").unwrapped
-print(digest(played(env, 3, random_actions(env, 12))))
+print(digest(played(env, 3, random_actions(env, 6))))
 print(sorted({"torch", "numba", "matplotlib", "rclpy"} & set(sys.modules)))
 """
 
@@ -31,13 +31,12 @@ def check(env: gymnasium.Env) -> None:
         check_env(env)
 
 
-@pytest.mark.parametrize("engine", ["bullet", "mujoco"])
-@pytest.mark.parametrize("observation", ["state", "image"])
-def test_gymnasiums_check_passes(make: MakeEnv, observation: str, engine: str) -> None:
+@pytest.mark.parametrize(("observation", "engine"), [("state", "bullet"), ("image", "mujoco")])
+def test_gymnasiums_check_passes(make, observation, engine):
     check(make(observation=observation, engine=engine, render_mode="rgb_array"))
 
 
-def test_the_seed_is_the_scene_of_an_evaluation(make: MakeEnv) -> None:
+def test_the_seed_is_the_scene_of_an_evaluation(make):
     env = make(scenario="push_t")
     observation, info = env.reset(seed=7)
     case = SCENARIOS["push_t"].scene(7)
@@ -48,7 +47,7 @@ def test_the_seed_is_the_scene_of_an_evaluation(make: MakeEnv) -> None:
     assert env.case.seed == 7
 
 
-def test_scenes_that_are_drawn_are_none_of_an_evaluation(make: MakeEnv) -> None:
+def test_scenes_that_are_drawn_are_none_of_an_evaluation(make):
     env = make()
     env.reset(seed=7)
     drawn = [env.reset()[1]["scene_seed"] for _ in range(5)]
@@ -59,28 +58,25 @@ def test_scenes_that_are_drawn_are_none_of_an_evaluation(make: MakeEnv) -> None:
     assert env.reset(options={"scene": 12})[1]["scene_seed"] == 12
 
 
-@pytest.mark.parametrize("engine", ["bullet", "mujoco"])
-@pytest.mark.parametrize("observation", ["state", "image"])
-def test_the_same_seed_and_actions_give_the_same_bytes(
-    make: MakeEnv, observation: str, engine: str
-) -> None:
+@pytest.mark.parametrize(("observation", "engine"), [("state", "bullet"), ("image", "mujoco")])
+def test_the_same_seed_and_actions_give_the_same_bytes(make, observation, engine):
     first, second = (make(observation=observation, engine=engine) for _ in range(2))
-    actions = random_actions(first, 12)
+    actions = random_actions(first, 6)
     steps = played(first, 3, actions)
-    assert digest(steps) == digest(played(second, 3, actions)) == digest(played(first, 3, actions))
+    assert digest(steps) == digest(played(second, 3, actions))
     assert digest(steps) != digest(played(first, 4, actions))
     assert any(step[-1]["pushes"] for step in steps)
 
 
-def test_a_fresh_process_gives_the_same_bytes_and_loads_no_planner(make: MakeEnv) -> None:
+def test_a_fresh_process_gives_the_same_bytes_and_loads_no_planner(make):
     env = make()
     command = [sys.executable, "-c", FRESH]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
-    assert done.stdout.split("\n")[:2] == [digest(played(env, 3, random_actions(env, 12))), "[]"]
+    assert done.stdout.split("\n")[:2] == [digest(played(env, 3, random_actions(env, 6))), "[]"]
 
 
-def test_an_image_is_rendered_only_when_asked_for(make: MakeEnv) -> None:
+def test_an_image_is_rendered_only_when_asked_for(make):
     env = make()
     env.reset(seed=0)
     assert env.render() is None

@@ -28,7 +28,7 @@ def at_the_goal(episode: PushEpisode, off: float = 0.0, turned: float = 0.0) -> 
     return scene
 
 
-def test_the_reward_is_the_distance_that_an_evaluation_reports() -> None:
+def test_the_reward_is_the_distance_that_an_evaluation_reports():
     episode = begin("anywhere")
     after = episode.scene.copy()
     after[TARGET, POSITION] += 0.01
@@ -42,7 +42,7 @@ def test_the_reward_is_the_distance_that_an_evaluation_reports() -> None:
     ("off", "turned", "solved"),
     [(0.019, 0.0, True), (0.021, 0.0, False), (0.0, 0.099, True), (0.0, 0.101, False)],
 )
-def test_success_is_that_of_an_evaluation(off: float, turned: float, solved: bool) -> None:
+def test_success_is_that_of_an_evaluation(off, turned, solved):
     episode = begin("push_t")
     goal, start = episode.record.goal, episode.scene
     after = at_the_goal(episode, off, turned)
@@ -54,7 +54,7 @@ def test_success_is_that_of_an_evaluation(off: float, turned: float, solved: boo
     assert episode.failure == ""
 
 
-def test_the_pushes_of_the_scenario_end_an_episode() -> None:
+def test_the_pushes_of_the_scenario_end_an_episode():
     episode = begin("anywhere")
     verdicts = [episode.execute(PUSH, episode.scene.copy()) for _ in range(15)]
     assert [verdict[1:] for verdict in verdicts] == [(False, False)] * 14 + [(False, True)]
@@ -63,7 +63,7 @@ def test_the_pushes_of_the_scenario_end_an_episode() -> None:
     assert episode.failure == "15 pushes left the goal unreached"
 
 
-def test_ten_refusals_from_one_scene_end_an_episode_and_do_not_pay() -> None:
+def test_ten_refusals_from_one_scene_end_an_episode_and_do_not_pay():
     episode = begin("anywhere")
     away = episode.miss
     for _ in range(9):
@@ -78,7 +78,7 @@ def test_ten_refusals_from_one_scene_end_an_episode_and_do_not_pay() -> None:
     assert episode.info()["refusal_code"] == ErrorCode.BLOCKED
 
 
-def test_a_body_off_the_table_ends_an_episode_and_does_not_pay() -> None:
+def test_a_body_off_the_table_ends_an_episode_and_does_not_pay():
     episode = begin("anywhere")
     after = at_the_goal(episode, 0.1)
     after[0, POSITION] = 1.3, 0.0
@@ -86,7 +86,7 @@ def test_a_body_off_the_table_ends_an_episode_and_does_not_pay() -> None:
     assert episode.failure == "push 1 moved body 0 off the table, to (1.300, 0.000) m"
 
 
-def test_goals_follow_one_another_each_with_its_own_pushes() -> None:
+def test_goals_follow_one_another_each_with_its_own_pushes():
     episode = begin("streak")
     case = episode.case
     for number in range(100):

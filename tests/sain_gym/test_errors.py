@@ -1,7 +1,5 @@
 """Bad input is refused with what was wrong and what is allowed, and changes nothing."""
 
-from typing import Any
-
 import gymnasium
 import numpy as np
 import pytest
@@ -11,7 +9,6 @@ import sain_gym.push_env
 from sain_core.errors import ConfigError, ErrorCode, InvalidInputError, OutOfRangeError, SainError
 from sain_core.push import make_push
 from sain_eval.scenes.scenarios import SCENARIOS
-from tests.sain_gym.playing import MakeEnv
 
 AHEAD = make_push(0.0, 0.0, 0.1)
 NAN = float("nan")
@@ -46,9 +43,7 @@ def test_a_scene_with_more_bodies_than_the_first_is_refused(make, monkeypatch):
         ([0, 0.0, 0.0, 0.1, 0.6], OutOfRangeError, "speed of the action is 0.6; allowed: 0.01"),
     ],
 )  # fmt: skip
-def test_a_bad_action_moves_nothing(
-    make: MakeEnv, action: Any, kind: type[SainError], message: str
-) -> None:
+def test_a_bad_action_moves_nothing(make, action, kind, message):
     env = make(scenario="paper")
     env.reset(seed=0)
     before = env.scene
@@ -59,7 +54,7 @@ def test_a_bad_action_moves_nothing(
     assert env.step(AHEAD)[4]["pushes"] == 1
 
 
-def test_a_refused_push_moves_nothing_and_costs(make: MakeEnv) -> None:
+def test_a_refused_push_moves_nothing_and_costs(make):
     env = make(scenario="paper", refusal_cost=0.25)
     _, info = env.reset(seed=0)
     before = env.scene
@@ -73,7 +68,7 @@ def test_a_refused_push_moves_nothing_and_costs(make: MakeEnv) -> None:
     assert (after["pushes"], after["refusals"]) == (0, 1)
 
 
-def test_a_step_before_the_first_episode(make: MakeEnv) -> None:
+def test_a_step_before_the_first_episode(make):
     env = make()
     with pytest.raises(ResetNeeded, match="no episode has begun; call reset first"):
         env.step(AHEAD)
@@ -81,7 +76,7 @@ def test_a_step_before_the_first_episode(make: MakeEnv) -> None:
         gymnasium.make("sain/Push-v0").step(AHEAD)
 
 
-def test_a_step_after_the_end(make: MakeEnv) -> None:
+def test_a_step_after_the_end(make):
     env = make(scenario="paper")
     env.reset(seed=0)
     while not env.episode.over:
@@ -114,7 +109,7 @@ def test_a_step_after_the_end(make: MakeEnv) -> None:
     ],
 )
 @pytest.mark.filterwarnings("ignore:.*render_mode")
-def test_bad_settings(make: MakeEnv, settings: dict[str, Any], message: str) -> None:
+def test_bad_settings(make, settings, message):
     with pytest.raises(ConfigError, match=message):
         make(**settings)
 
@@ -128,9 +123,7 @@ def test_bad_settings(make: MakeEnv, settings: dict[str, Any], message: str) -> 
         ({"goal": 1}, ConfigError, "reset has no option 'goal'; allowed: scene"),
     ],
 )
-def test_bad_options(
-    make: MakeEnv, options: dict[str, Any], kind: type[SainError], message: str
-) -> None:
+def test_bad_options(make, options, kind, message):
     env = make()
     env.reset(seed=1)
     before = env.scene

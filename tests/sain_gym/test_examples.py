@@ -24,7 +24,7 @@ def run(name: str, *arguments: str, folder: Path) -> str:
     return done.stdout
 
 
-def test_a_policy_learns(tmp_path: Path) -> None:
+def test_a_policy_learns(tmp_path):
     rounds = 3
     printed = run("06_train_in_gymnasium.py", str(rounds), folder=tmp_path)
     means = [float(value) for value in re.findall(r"mean return +(-[\d.]+)", printed)]
@@ -34,7 +34,7 @@ def test_a_policy_learns(tmp_path: Path) -> None:
     assert before <= after
 
 
-def test_demonstrations_are_what_the_agent_saw_and_did(tmp_path: Path) -> None:
+def test_demonstrations_are_what_the_agent_saw_and_did(tmp_path):
     printed = run("07_demonstrations_for_lerobot.py", "demos", "1", folder=tmp_path)
     assert printed.count("reached") == 1
     (path,) = (tmp_path / "demos" / "data").rglob("*.parquet")

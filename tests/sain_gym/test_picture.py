@@ -7,13 +7,12 @@ from sain_core.push import make_push
 from sain_core.scene import POSITION
 from sain_core.view.image import TopPicture
 from sain_core.view.palette import PALETTE, rgba
-from tests.sain_gym.playing import MakeEnv
 
 SIZE = 240
 
 
 @pytest.mark.parametrize("scenario", ["anywhere", "rearrange_3"])
-def test_a_push_changes_the_image(make: MakeEnv, scenario: str) -> None:
+def test_a_push_changes_the_image(make, scenario):
     env = make(scenario=scenario, observation="image", image_size=SIZE)
     image, _ = env.reset(seed=2)
     kept = image.copy()

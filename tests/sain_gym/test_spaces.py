@@ -13,7 +13,7 @@ LIMITS = PushLimits()
 
 
 @pytest.mark.parametrize("kind", [np.float16, np.float32, np.float64])
-def test_limits_in_any_precision_are_the_limits(kind: type) -> None:
+def test_limits_in_any_precision_are_the_limits(kind):
     """A policy in single precision that clips to the space must not be out of range."""
     spaces = PushSpaces("anywhere")
     for limit in (spaces.action.low, spaces.action.high):
@@ -23,7 +23,7 @@ def test_limits_in_any_precision_are_the_limits(kind: type) -> None:
         LIMITS.check(push)
 
 
-def test_each_body_has_the_same_share_of_random_actions() -> None:
+def test_each_body_has_the_same_share_of_random_actions():
     spaces = PushSpaces("rearrange_3")
     spaces.action.seed(0)
     bodies = [spaces.push_of(spaces.action.sample())[BODY] for _ in range(3000)]
@@ -31,9 +31,9 @@ def test_each_body_has_the_same_share_of_random_actions() -> None:
 
 
 @pytest.mark.parametrize("scenario", sorted(SCENARIOS))
-def test_scenes_fit(scenario: str) -> None:
+def test_scenes_fit(scenario):
     spaces = PushSpaces(scenario)
-    counts, some = set(), range(3 if scenario == "streak" else 25)
+    counts, some = set(), range(3 if scenario == "streak" else 8)
     for seed in some:
         case = SCENARIOS[scenario].scene(seed)
         counts.add(len(case.disks))
@@ -44,7 +44,7 @@ def test_scenes_fit(scenario: str) -> None:
 
 
 @pytest.mark.parametrize("scenario", ["anywhere", "rearrange_2"])
-def test_a_push_is_an_action(scenario: str) -> None:
+def test_a_push_is_an_action(scenario):
     spaces, push = PushSpaces(scenario), make_push(1.0, 0.2, 0.1, speed=0.05)
     assert push in spaces.action
     assert spaces.push_of(push).tolist() == push.tolist()

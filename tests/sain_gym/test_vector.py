@@ -1,14 +1,11 @@
 """Several environments at once are as each alone."""
 
-from collections.abc import Iterator
-
 import gymnasium
 import numpy as np
 import pytest
 
 from sain_core.errors import InvalidInputError
 from sain_core.push import LENGTH, idle_pushes
-from tests.sain_gym.playing import MakeEnv
 
 COUNT = 2
 
@@ -20,7 +17,7 @@ MODES = {
 
 
 @pytest.fixture(params=MODES)
-def envs(request: pytest.FixtureRequest) -> Iterator[gymnasium.vector.VectorEnv]:
+def envs(request):
     """Two environments."""
     mode = MODES[request.param]
     made = gymnasium.make_vec("sain/Push-v0", num_envs=COUNT, scenario="anywhere", **mode)
@@ -28,11 +25,11 @@ def envs(request: pytest.FixtureRequest) -> Iterator[gymnasium.vector.VectorEnv]
     made.close()
 
 
-def test_each_is_as_if_alone(envs: gymnasium.vector.VectorEnv, make: MakeEnv) -> None:
+def test_each_is_as_if_alone(envs, make):
     """Where an episode has ended, the next step begins another one."""
     seeds = [5, 11]
     envs.action_space.seed(1)
-    actions = [envs.action_space.sample() for _ in range(40)]
+    actions = [envs.action_space.sample() for _ in range(25)]
     together = [envs.reset(seed=seeds), *map(envs.step, actions)]
     for index, seed in enumerate(seeds):
         env = make(scenario="anywhere")
@@ -48,7 +45,7 @@ def test_each_is_as_if_alone(envs: gymnasium.vector.VectorEnv, make: MakeEnv) ->
         assert env.episode.case.seed != seed
 
 
-def test_nan_for_one_is_an_error(envs: gymnasium.vector.VectorEnv) -> None:
+def test_nan_for_one_is_an_error(envs):
     envs.reset(seed=0)
     actions = idle_pushes(COUNT)
     actions[1, LENGTH] = np.nan

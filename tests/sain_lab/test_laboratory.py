@@ -14,13 +14,7 @@ from rich.console import Console
 
 from sain_core.errors import BusyError, DatasetError, OutputError, SainError
 from sain_lab.cli.lab import LabOptions, run
-from sain_lab.keeping.laboratory import (
-    LOG,
-    MANIFEST,
-    Laboratory,
-    OpenLaboratory,
-    forget,
-)
+from sain_lab.keeping.laboratory import LOG, MANIFEST, Laboratory, OpenLaboratory, forget
 from sain_lab.keeping.log import LogReader, LogWriter
 from sain_lab.learner import Learner
 from tests.sain_lab.table import SmallTable
@@ -51,7 +45,7 @@ def numbers(path):
 def test_a_log_that_is_cut_anywhere_keeps_every_whole_record(log):
     content, reader = log.read_bytes(), LogReader(log)
     ends = [reader.place for _ in reader.read()]
-    for size in range(len(content) + 1):
+    for size in sorted({*range(0, len(content) + 1, 3), *ends}):
         log.write_bytes(content[:size])
         again = LogWriter(log)
         again.append({"kind": "push", "number": 9})
@@ -60,10 +54,10 @@ def test_a_log_that_is_cut_anywhere_keeps_every_whole_record(log):
 
 
 def test_a_bit_that_flips_anywhere_is_named_and_the_file_is_not_rewritten(log):
-    """Flip a bit of each byte: at most two lines are lost, said, and nothing is cut off."""
+    """Flip a bit of every third byte: at most two lines are lost, said, and nothing is cut off."""
     content = log.read_bytes()
     first = content.index(b"\n") + 1
-    for place in range(len(content)):
+    for place in range(0, len(content), 3):
         damaged = bytearray(content)
         damaged[place] ^= 1
         log.write_bytes(damaged)

@@ -132,8 +132,8 @@ def place(tmp_path_factory):
     patch.undo()
 
 
-@settings(max_examples=30, suppress_health_check=[HealthCheck.function_scoped_fixture])
-@given(st.lists(OPERATIONS, min_size=8, max_size=40))
+@settings(max_examples=10, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(st.lists(OPERATIONS, min_size=8, max_size=30))
 @example(["receive"] * 6 + ["learn"] * 3 + ["poll", "finish"] + ["learn"] * 3)
 @example(["receive"] * 6 + ["learn"] * 3 + ["finish", ("kill", 0)] + ["learn"] * 3)
 @example(["receive"] * 6 + ["learn"] * 2 + [("kill while it learns", 0, False), "learn"])

@@ -29,9 +29,9 @@ def test_a_steady_gain_becomes_certain_however_small_it_is(share):
 def test_equal_predictors_are_rarely_taken_for_different():
     random = np.random.default_rng(1)
     certain = [
-        becomes_certain(random.standard_t(3, PUSHES), np.full(PUSHES, 9.0)) for _ in range(100)
+        becomes_certain(random.standard_t(3, PUSHES), np.full(PUSHES, 9.0)) for _ in range(50)
     ]
-    assert np.mean(certain) <= 0.05 + 2.0 * np.sqrt(0.05 * 0.95 / 100)
+    assert np.mean(certain) <= 0.05 + 2.0 * np.sqrt(0.05 * 0.95 / 50)
 
 
 def test_what_errs_less_often_but_more_in_sum_is_not_better():

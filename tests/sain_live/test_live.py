@@ -1,7 +1,5 @@
 """The graph with its page, as one command starts it."""
 
-from pathlib import Path
-
 from sain_bringup.graph import (
     GraphOptions,
     executable,
@@ -12,7 +10,7 @@ from sain_bringup.graph import (
 from sain_live.live import LiveOptions
 
 
-def test_the_live_page_is_part_of_its_graph(tmp_path: Path) -> None:
+def test_the_live_page_is_part_of_its_graph(tmp_path):
     options = LiveOptions(scenario="box", seed=4, port=8123, world="rough", real_time_factor=2.0)
     commands = graph_commands(options, ros_arguments([]), tmp_path)
     assert commands["page"][0] == str(executable("sain_live", "page_node"))
@@ -23,5 +21,5 @@ def test_the_live_page_is_part_of_its_graph(tmp_path: Path) -> None:
     assert "page" not in graph_commands(GraphOptions(), [], tmp_path)
 
 
-def test_a_page_that_crashed_does_not_reset_the_scene() -> None:
+def test_a_page_that_crashed_does_not_reset_the_scene():
     assert restart_command("page", ["page_node"])[-1] == "scenario:=''"

@@ -84,7 +84,7 @@ class Reader:
 PUSH = 1  # the second slider
 
 
-def test_a_reader_goes_through_a_recording(ros_domain: int, episode_bag: Path) -> None:
+def test_a_reader_goes_through_a_recording(ros_domain, episode_bag):
     first, second = read_content(Bag(episode_bag)).data["episodes"]
     done = [push for push in first["pushes"] if push["outcome"] == "executed"]
     slow = ("--rate", "0.01")
@@ -115,7 +115,7 @@ def test_a_reader_goes_through_a_recording(ros_domain: int, episode_bag: Path) -
         viewer.close()
 
 
-def test_what_is_no_recording_ends_it_in_words(ros_domain: int, tmp_path: Path) -> None:
+def test_what_is_no_recording_ends_it_in_words(ros_domain, tmp_path):
     process = start(str(tmp_path / "missing"))
     said = process.communicate(timeout=60)[0]
     assert process.returncode == 1 and "missing" in said and "Traceback" not in said

@@ -4,8 +4,7 @@ import re
 import signal
 import subprocess
 import time
-from collections.abc import Callable, Iterator
-from pathlib import Path
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -35,7 +34,7 @@ SIZE = {"width": 1366, "height": 768, "deviceScaleFactor": 1, "mobile": False}
 
 
 @pytest.fixture
-def address(ros_domain: int, tmp_path: Path) -> Iterator[str]:
+def address(ros_domain, tmp_path):
     """A graph in a domain of its own; the address that it prints."""
     port = free_port()
     options = ["--port", str(port), "--no-record", "--model", "planar", "--real-time-factor", "0"]
@@ -131,7 +130,7 @@ def planner_setting(graph: Any, name: str) -> int:
     return int(reply.values[0].integer_value)
 
 
-def test_a_goal_is_dragged_a_slider_moved_and_a_body_arrives(address: str, graph: Any) -> None:
+def test_a_goal_is_dragged_a_slider_moved_and_a_body_arrives(address, graph):
     case = Reset("push_t", 0).case()
     pose = case.goal.poses[0]
     with opened_browser(WEBGL) as browser:

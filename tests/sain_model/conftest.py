@@ -1,4 +1,3 @@
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -34,7 +33,7 @@ def make_trainer(split: Split, prior: Model, config: TrainingConfig, folder: Pat
 
 
 @pytest.fixture(autouse=True)
-def one_torch_thread() -> None:
+def one_torch_thread():
     torch.set_num_threads(1)
 
 
@@ -57,13 +56,13 @@ def draw_pushes(batch: int, seed: int) -> tuple[Scenes, Pushes]:
 
 
 @pytest.fixture
-def random_pushes() -> Callable[[int, int], tuple[Scenes, Pushes]]:
+def random_pushes():
     """Return `draw_pushes`: (batch, seed) -> scenes, pushes."""
     return draw_pushes
 
 
 @pytest.fixture(scope="session")
-def dataset(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def dataset(tmp_path_factory):
     """A folder of two shards, see `write_dataset`."""
     return write_dataset(tmp_path_factory.mktemp("dataset"), EPISODES)
 

@@ -6,7 +6,7 @@ import pytest
 from sain_core.model import Model
 from sain_core.push import LENGTH, PushLimits, push_direction, tool_start
 from sain_core.scene import MID, POSITION, RADIUS, make_scene, unit
-from sain_core.types import Pushes, Scene, Scenes
+from sain_core.types import Pushes, Scenes
 
 
 class PushedApart(Model):
@@ -37,13 +37,13 @@ class PushedApart(Model):
 
 
 @pytest.fixture
-def dynamics() -> PushedApart:
+def dynamics():
     """A model that any planner test can roll out."""
     return PushedApart()
 
 
 @pytest.fixture
-def scene() -> Scene:
+def scene():
     """The target in front of the mid disk, touching it but for 1 mm."""
     return make_scene(
         np.array([[0.40, 0.0], [0.541, 0.0]]), np.array([8.0, 8.0]), np.array([0.08, 0.06])

@@ -60,7 +60,7 @@ class Bench:
 
 
 @pytest.fixture(scope="session")
-def bench() -> Bench:
+def bench():
     return Bench()
 
 
@@ -68,7 +68,7 @@ NEEDS_MUJOCO = pytest.mark.skipif(find_spec("mujoco") is None, reason="MuJoCo is
 
 
 @pytest.fixture(params=[BULLET, pytest.param(MUJOCO, marks=NEEDS_MUJOCO)])
-def engine(request) -> str:
+def engine(request):
     """Each engine in turn, for what is true of any world."""
     return request.param
 

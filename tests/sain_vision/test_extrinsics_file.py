@@ -1,3 +1,4 @@
+# ruff: noqa: E501 - a case is a line
 """The file of a camera's pose: what is refused, and in which words, also where a node reads it."""
 
 from pathlib import Path
@@ -56,13 +57,13 @@ def write(folder: Path, name: str, content: Any) -> Path:
         ({"parent": "cam"}, "frame and parent are both 'cam'"),
     ],
 )
-def test_a_pose_that_cannot_be_is_refused(tmp_path: Path, change: dict, text: str) -> None:
+def test_a_pose_that_cannot_be_is_refused(tmp_path, change, text):
     path = write(tmp_path, "camera.yaml", POSE | change)
     with pytest.raises(ConfigError, match=rf"calibration .*camera\.yaml: {text}"):
         read_extrinsics(path)
 
 
-def test_poses_that_can_be_are_read(tmp_path: Path) -> None:
+def test_poses_that_can_be_are_read(tmp_path):
     write(tmp_path, "camera.yaml", POSE)
     assert read_extrinsics(tmp_path / "camera.yaml").frame == "cam"
     away = POSE | {"parent": "base", "place": [0.0, 0.0, -0.1]}  # where base is, /tf says
@@ -72,7 +73,7 @@ def test_poses_that_can_be_are_read(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("node", [TagNode, OutlineNode])
-def test_a_node_does_not_start_with_a_camera_under_the_table(graph, tmp_path, node) -> None:
+def test_a_node_does_not_start_with_a_camera_under_the_table(graph, tmp_path, node):
     bodies = write(
         tmp_path, "bodies.yaml", {"bodies": [{"shape": "disk", "radius": 0.1, "tags": 1}]}
     )
@@ -95,13 +96,10 @@ def test_a_node_does_not_start_with_a_camera_under_the_table(graph, tmp_path, no
         ({"distortion_coefficients": {"data": [0.1, [0]]}}, r"data\[1\] is \[0\]; allowed: finite"),
         ({"distortion_model": None}, "distortion_model is None; it must be a text"),
         ({"distortion_coefficients": {"data": [-50, 0, 0, 0, 0]}}, r"folds at \(\d+, 240\) px"),
-        (
-            {"camera_matrix": [1200, 0, 640, 0, 1200, 480, 0, 0, 1]},
-            "is K of images of another size",
-        ),
+        ({"camera_matrix": [1200, 0, 640, 0, 1200, 480, 0, 0, 1]}, "is K of images of another size"),
     ],
-)
-def test_intrinsics_that_cannot_be_are_refused(tmp_path: Path, change: dict, text: str) -> None:
+)  # fmt: skip
+def test_intrinsics_that_cannot_be_are_refused(tmp_path, change, text):
     pose = write(tmp_path, "camera.yaml", POSE)
     info = write(tmp_path, "info.yaml", INFO | change)
     with pytest.raises(ConfigError, match=rf"camera info .*info\.yaml cannot be used: .*{text}"):
@@ -109,7 +107,7 @@ def test_intrinsics_that_cannot_be_are_refused(tmp_path: Path, change: dict, tex
 
 
 @pytest.mark.parametrize("change", [{"place": [1.8, 0, 1]}, {"turn": [0.7071068, 0, 0, 0.7071068]}])
-def test_a_lens_that_misses_the_table_is_refused(tmp_path: Path, change: dict) -> None:
+def test_a_lens_that_misses_the_table_is_refused(tmp_path, change):
     pose = write(tmp_path, "camera.yaml", POSE | change)
     read_extrinsics(pose)  # a wide lens would see the table
     with pytest.raises(ConfigError, match="camera.yaml: " + UNSEEN):

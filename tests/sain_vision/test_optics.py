@@ -1,3 +1,4 @@
+# ruff: noqa: E501 - a case is a line
 """Lenses of every model: to pixels and back, and calibrations that are not used."""
 
 from typing import Any
@@ -28,7 +29,7 @@ def camera_of(lens: str, numbers: Any, focal: float = 840.0, skew: float = 0.0) 
 
 
 @pytest.mark.parametrize("lens", LENSES)
-def test_a_pixel_comes_back_to_itself_or_is_refused(lens: str) -> None:
+def test_a_pixel_comes_back_to_itself_or_is_refused(lens):
     """Random lenses, some of which no calibration would give: never a ray of another pixel."""
     random, used = np.random.default_rng(0), []
     for _ in range(100):
@@ -43,7 +44,7 @@ def test_a_pixel_comes_back_to_itself_or_is_refused(lens: str) -> None:
 
 
 @pytest.mark.parametrize("lens", LENSES)
-def test_a_place_comes_back_to_itself_or_is_not_seen(lens: str) -> None:
+def test_a_place_comes_back_to_itself_or_is_not_seen(lens):
     random, used = np.random.default_rng(1), []
     for _ in range(50):
         camera = camera_of(lens, random.uniform(-1, 1, len(LENSES[lens])) * LENSES[lens])
@@ -69,7 +70,7 @@ def test_a_place_comes_back_to_itself_or_is_not_seen(lens: str) -> None:
         ("equidistant", [1e-9, 0, 0, 0], 600),
     ],
 )
-def test_rays_are_those_of_the_lens_own_formula(lens: str, numbers: list, focal: float) -> None:
+def test_rays_are_those_of_the_lens_own_formula(lens, numbers, focal):
     """Each formula as its source has it, written once more: OpenCV's manual, and r = f * angle."""
     camera = camera_of(lens, numbers, focal, skew=5.0)
     check_calibration(WIDTH, HEIGHT, camera.matrix, lens, camera.distortion)  # which all pass
@@ -88,7 +89,7 @@ def test_rays_are_those_of_the_lens_own_formula(lens: str, numbers: list, focal:
     np.testing.assert_allclose(rays[:, :2], right, rtol=1e-6)
 
 
-def test_beyond_the_fold_of_a_lens_nothing_is_seen() -> None:
+def test_beyond_the_fold_of_a_lens_nothing_is_seen():
     camera = camera_of("plumb_bob", [-0.3, 0, 0, 0, 0], 900)  # folds at a slope of 1.05
     assert np.isnan(camera.project(np.array([[1.3, 0.0, 1.0]]))).all()
     assert np.isfinite(camera.project(np.array([[1.0, 0.0, 1.0]]))).all()
@@ -115,12 +116,7 @@ def edited(*changes: tuple[int, int, float]) -> np.ndarray:
         (edited((0, 0, 4.2), (1, 1, 4.2)), "plumb_bob", 5, "is the camera calibrated, in px"),
         (edited((0, 0, 1700.0)), "plumb_bob", 5, "are 1700 and 850 px; one may be at most 1.2 ti"),
         (edited((1, 1, 420.0)), "plumb_bob", 5, "are 840 and 420 px; one may be at most 1.2 times"),
-        (
-            edited((0, 2, 1300.0)),
-            "plumb_bob",
-            5,
-            r"principal point is \(1300, 479.5\) px; .* 384 to",
-        ),
+        (edited((0, 2, 1300.0)), "plumb_bob", 5, r"principal point is \(1300, 479.5\) px; .* 384 to"),
         (edited((0, 2, 0.0), (1, 2, 0.0)), "plumb_bob", 5, r"principal point is \(0, 0\) px"),
         (2 * K - np.diag([0, 0, 1.0]), "plumb_bob", 5, "is K of images of another size, or of a"),
         (K / 2 + np.diag([0, 0, 0.5]), "plumb_bob", 5, "is K of images of another size, or of a"),
@@ -132,8 +128,8 @@ def edited(*changes: tuple[int, int, float]) -> np.ndarray:
         (K, "rational_polynomial", 14, "has 14 numbers; allowed: 8"),
         (K, "equidistant", 5, "equidistant has 5 numbers; allowed: 4"),
     ],
-)
-def test_what_a_calibration_may_not_be(matrix, lens: str, numbers: int, text: str) -> None:
+)  # fmt: skip
+def test_what_a_calibration_may_not_be(matrix, lens, numbers, text):
     with pytest.raises(InvalidInputError, match=text):
         check_calibration(WIDTH, HEIGHT, matrix, lens, np.full(numbers, 0.01))
 
@@ -147,17 +143,13 @@ def test_what_a_calibration_may_not_be(matrix, lens: str, numbers: int, text: st
         ("plumb_bob", [1e300, 0, 0, 0, 0], r"\(1e\+300, 0, 0, 0, 0\) folds at"),
         ("plumb_bob", [1000, 0, 0, 0, 0], r"\(1000, .*\) moves \(0, 480\) px to [\d.]+ times its"),
         ("plumb_bob", [9, 0, 0, 0, 0], "from the principal point, more than 1.5 times; it must be"),
-        (
-            "plumb_bob",
-            [0, 0, 5, 0, 0],
-            r"folds at .* middle of each edge of 1280 x 960 px: calibrate",
-        ),
+        ("plumb_bob", [0, 0, 5, 0, 0], r"folds at .* middle of each edge of 1280 x 960 px: calibrate"),
         ("rational_polynomial", [0, 0, 0, 0, 0, -5, 0, 0], "calibrate the camera again, with the"),
         ("equidistant", [-5, 0, 0, 0], r"equidistant \(-5, 0, 0, 0\) folds at"),
         ("equidistant", [50, 0, 0, 0], r"equidistant \(50, 0, 0, 0\) moves"),
     ],
-)
-def test_a_lens_that_cannot_be_is_named_with_the_place(lens: str, numbers: list, text: str) -> None:
+)  # fmt: skip
+def test_a_lens_that_cannot_be_is_named_with_the_place(lens, numbers, text):
     with pytest.raises(InvalidInputError, match=text):
         check_calibration(WIDTH, HEIGHT, K, lens, np.array(numbers, dtype=float))
 
@@ -173,14 +165,14 @@ def test_a_lens_that_cannot_be_is_named_with_the_place(lens: str, numbers: list,
         ("equidistant", [0.0] * 4, 250.0),  # sees behind itself
     ],
 )
-def test_lenses_that_can_be_are_used(lens: str, numbers: list, focal: float) -> None:
+def test_lenses_that_can_be_are_used(lens, numbers, focal):
     matrix = np.array([[focal, 0, 645.0], [0, focal, 470.0], [0, 0, 1]])
     camera = check_calibration(WIDTH, HEIGHT, matrix, lens, np.array(numbers))
     assert np.isfinite(camera.rays(np.array([[640.0, 480.0]]))).all()
     assert camera.misses_corners == (focal in (950.0, 320.0, 250.0))
 
 
-def test_a_fisheye_without_its_numbers_is_refused() -> None:
+def test_a_fisheye_without_its_numbers_is_refused():
     with pytest.raises(InvalidInputError, match="equidistant has 0 numbers; allowed: 4"):
         check_calibration(WIDTH, HEIGHT, K, "equidistant", np.zeros(0))
     with pytest.raises(InvalidInputError, match="equidistant has 5 numbers"):

@@ -6,7 +6,7 @@ import signal
 import subprocess
 import time
 import uuid
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -106,13 +106,13 @@ def start(folder: Path, domain: int, *arguments: str) -> Run:
 
 
 @pytest.fixture(scope="module")
-def domains() -> Iterator[tuple[int, int]]:
+def domains():
     with domain_coordinator.domain_id() as one, domain_coordinator.domain_id() as other:
         yield one, other
 
 
 @pytest.fixture(scope="module")
-def played(domains: tuple[int, int], tmp_path_factory: pytest.TempPathFactory) -> Run:
+def played(domains, tmp_path_factory):
     """A short run that is over."""
     folder = tmp_path_factory.mktemp("played")
     run = start(folder, domains[0], "--scenario", "anywhere", "--seed", "1")
@@ -121,7 +121,7 @@ def played(domains: tuple[int, int], tmp_path_factory: pytest.TempPathFactory) -
 
 
 @pytest.fixture
-def endless(domains: tuple[int, int], tmp_path: Path) -> Iterator[Run]:
+def endless(domains, tmp_path):
     """A run in the middle of its episodes; ended at the end if the test did not."""
     run = start(tmp_path, domains[1], "--episodes", "500", "--model", "planar")
     try:
@@ -132,7 +132,7 @@ def endless(domains: tuple[int, int], tmp_path: Path) -> Iterator[Run]:
         run.kill()
 
 
-def test_an_episode_succeeds_and_says_so(played: Run) -> None:
+def test_an_episode_succeeds_and_says_so(played):
     summary = json.loads((played.out / "summary.json").read_text())
     assert summary["successes"] == 1
     (episode,) = summary["episodes"]
@@ -143,7 +143,7 @@ def test_an_episode_succeeds_and_says_so(played: Run) -> None:
     assert "reached" in played.text()
 
 
-def test_rosbags_reads_every_topic_of_the_graph(played: Run) -> None:
+def test_rosbags_reads_every_topic_of_the_graph(played):
     counts = dict.fromkeys(TOPICS, 0)
     with AnyReader([played.out / "bag"]) as reader:
         assert {connection.topic for connection in reader.connections} >= TOPICS
@@ -153,7 +153,7 @@ def test_rosbags_reads_every_topic_of_the_graph(played: Run) -> None:
     assert [topic for topic in TOPICS - {"/parameter_events"} if not counts[topic]] == []
 
 
-def test_every_push_is_paired(played: Run) -> None:
+def test_every_push_is_paired(played):
     (episode,) = [e for e in read_episodes(Bag(played.out / "bag")) if e.goal is not None]
     assert episode.success
     for push in episode.executed:
@@ -162,7 +162,7 @@ def test_every_push_is_paired(played: Run) -> None:
         assert push.predicted is not None
 
 
-def test_simulated_time_never_goes_back(played: Run) -> None:
+def test_simulated_time_never_goes_back(played):
     stamps = [
         received.message.clock.sec * 10**9 + received.message.clock.nanosec
         for received in Bag(played.out / "bag").messages(["/clock"])
@@ -171,7 +171,7 @@ def test_simulated_time_never_goes_back(played: Run) -> None:
     assert stamps[-1] > stamps[0]
 
 
-def test_all_headers_have_the_simulator_s_time(played: Run) -> None:
+def test_all_headers_have_the_simulator_s_time(played):
     """Wall time, of which there are 10^9 seconds, would stand out."""
     bag = Bag(played.out / "bag")
     last = max(received.message.clock.sec for received in bag.messages(["/clock"])) + 1
@@ -183,7 +183,7 @@ def test_all_headers_have_the_simulator_s_time(played: Run) -> None:
     assert {topic: max(seen) for topic, seen in stamps.items() if max(seen) > last} == {}
 
 
-def test_every_frame_of_the_film_shows_target_and_goal(played: Run) -> None:
+def test_every_frame_of_the_film_shows_target_and_goal(played):
     with Image.open(played.out / "closed_loop.gif") as movie:
         for frame in ImageSequence.Iterator(movie):
             picture = np.array(frame.convert("RGB")).astype(int)[:320]  # above the caption
@@ -194,9 +194,7 @@ def test_every_frame_of_the_film_shows_target_and_goal(played: Run) -> None:
             assert goal.sum() > 10, f"the goal is hidden in frame {movie.tell()}"
 
 
-def test_interrupt_leaves_no_process_and_a_whole_bag(
-    endless: Run, domains: tuple[int, int], tmp_path: Path
-) -> None:
+def test_interrupt_leaves_no_process_and_a_whole_bag(endless, domains, tmp_path):
     assert len(endless.living()) == 5
     second = start(tmp_path, domains[1], "--scenario", "paper")
     assert second.end() == 1
@@ -214,7 +212,7 @@ def test_interrupt_leaves_no_process_and_a_whole_bag(
         assert reader.message_count == bag.message_count > 0
 
 
-def test_nothing_is_left_when_the_closed_loop_is_killed(endless: Run) -> None:
+def test_nothing_is_left_when_the_closed_loop_is_killed(endless):
     os.kill(endless.process_of("closed_loop"), signal.SIGKILL)
     assert endless.end() == -signal.SIGKILL
     Bag(endless.out / "bag").check()
@@ -224,9 +222,7 @@ VICTIMS = {"sim_node": "simulator", "mppi_node": "planner", "model_node": "model
 
 
 @pytest.mark.parametrize("victims", [("sim_node", "mppi_node"), ("model_node", "record")])
-def test_the_episodes_go_on_when_two_processes_are_killed(
-    victims: tuple[str, str], domains: tuple[int, int], tmp_path: Path
-) -> None:
+def test_the_episodes_go_on_when_two_processes_are_killed(victims, domains, tmp_path):
     episodes = 8
     options = ("--scenario", "anywhere", "--episodes", f"{episodes}", "--no-video")
     run = start(tmp_path, domains[1], *options)
@@ -250,7 +246,7 @@ def test_the_episodes_go_on_when_two_processes_are_killed(
     assert times == sorted(times)
 
 
-def test_a_process_that_crashes_again_and_again_ends_the_loop(endless: Run) -> None:
+def test_a_process_that_crashes_again_and_again_ends_the_loop(endless):
     for count in (1, 2, 3):
         os.kill(endless.process_of("sim_node"), signal.SIGKILL)
         endless.until(

@@ -2,12 +2,11 @@
 
 import os
 import subprocess
-from pathlib import Path
 
 from tests.paths import ROOT
 
 
-def test_colcon_builds_the_packages_and_ros2_runs_them(tmp_path: Path) -> None:
+def test_colcon_builds_the_packages_and_ros2_runs_them(tmp_path):
     (tmp_path / "src").mkdir()  # the messages are those of the environment: they take a minute
     for package in ("sain_core", "sain_sim"):
         (tmp_path / "src" / package).symlink_to(ROOT / "src" / package)

@@ -52,17 +52,6 @@ def test_the_target_is_brought_to_its_goal(graph, running):
     assert left <= 0.02 and end.goal_distance == pytest.approx(left)
 
 
-def test_everything_about_a_push_can_be_paired_by_its_id(graph, running):
-    play(graph, (0.70, 0.06), 1, tolerance=0.02)
-    ids = [result.push_id for result in graph.heard["push_result"]]
-    assert [message.push_id for message in graph.heard["push"]] == ids
-    sent = [plan for plan in graph.heard["plan"] if plan.status == Plan.PUSH]
-    assert [plan.push_id for plan in sent] == ids
-    assert not any(plan.fallback for plan in sent)
-    for plan, result in zip(sent, graph.heard["push_result"], strict=True):
-        assert (plan.scene_id, plan.episode_id) == (result.before.scene_id, result.episode_id)
-
-
 def test_a_second_planner_is_an_error_on_diagnostics(graph, running):
     graph.listen("/diagnostics", DiagnosticArray)
     arguments = ["--ros-args", "-r", "__node:=second"]

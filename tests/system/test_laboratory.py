@@ -3,7 +3,6 @@
 import signal
 import subprocess
 import time
-from pathlib import Path
 
 import pytest
 import rclpy
@@ -25,9 +24,7 @@ def topics(node: Node) -> set[str]:
 
 @pytest.mark.system
 @pytest.mark.parametrize(("see", "pace"), [("tags", "1.0"), ("poses", "2.0")])
-def test_a_goal_is_reached_without_any_topic_of_the_simulator(
-    ros_domain: int, tmp_path: Path, see: str, pace: str
-) -> None:
+def test_a_goal_is_reached_without_any_topic_of_the_simulator(ros_domain, tmp_path, see, pace):
     bag = tmp_path / "bag"
     laboratory = [str(executable("sain_bringup", "laboratory")), "--model", "planar"]
     laboratory += ["--robot", "ur5", "--see", see, "--pace", pace, "--no-page"]

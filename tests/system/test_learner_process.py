@@ -65,9 +65,7 @@ def learned(path: Path) -> list[str]:
 
 
 @pytest.mark.system
-def test_what_a_learner_had_no_time_for_is_learned_by_the_next(
-    ros_domain: int, tmp_path: Path
-) -> None:
+def test_what_a_learner_had_no_time_for_is_learned_by_the_next(ros_domain, tmp_path):
     path = tmp_path / "lab"
     context = rclpy.Context()
     rclpy.init(context=context, domain_id=ros_domain)
@@ -108,7 +106,7 @@ def waits(said: str) -> int:
 
 
 @pytest.mark.system
-def test_a_training_ends_with_the_process_that_began_it(tmp_path: Path) -> None:
+def test_a_training_ends_with_the_process_that_began_it(tmp_path):
     """Kill a process that has begun a training; what it trains on does not matter."""
     code = (
         "import time; from pathlib import Path; from sain_lab.training import Training;"
@@ -119,7 +117,6 @@ def test_a_training_ends_with_the_process_that_began_it(tmp_path: Path) -> None:
     slow = os.environ | {"PYTHONPATH": f"{slowly(tmp_path)}:{os.environ.get('PYTHONPATH', '')}"}
     with subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, env=slow) as parent:
         try:
-            assert parent.stdout is not None
             training = int(parent.stdout.readline())
             end = time.monotonic() + 120.0
             while not (tmp_path / "trains").exists():

@@ -1,6 +1,5 @@
 """Simulators as processes: of several that start together one remains, and a killed one leaves."""
 
-import signal
 import subprocess
 import sys
 import time
@@ -24,16 +23,6 @@ def started(*arguments: str) -> Iterator[subprocess.Popen[str]]:
         process.terminate()
 
 
-def wait_until_ready(process: subprocess.Popen[str]) -> None:
-    assert process.stderr is not None
-    said = []
-    for line in process.stderr:
-        said.append(line)
-        if "ready" in line:
-            return
-    raise AssertionError("".join(said))
-
-
 def test_of_three_that_start_together_one_remains(ros_domain):
     with ExitStack() as stack:
         processes = [stack.enter_context(started()) for _ in range(3)]
@@ -45,17 +34,4 @@ def test_of_three_that_start_together_one_remains(ros_domain):
         (left,) = (one for one in processes if one.poll() is None)
         for process in processes:
             if process.poll() is not None:
-                assert process.stderr is not None
                 assert REFUSED.format(pid=left.pid) in process.stderr.read()
-
-
-def test_after_a_killed_one_the_next_starts_at_once(ros_domain):
-    with started() as first:
-        wait_until_ready(first)
-        first.send_signal(signal.SIGKILL)
-        first.wait()
-        with started() as second:
-            wait_until_ready(second)
-            with started() as third:
-                assert third.wait(PATIENCE) == 1
-            assert second.poll() is None

@@ -2,8 +2,7 @@
 
 import subprocess
 import time
-from collections.abc import Callable, Iterator
-from pathlib import Path
+from collections.abc import Callable
 from typing import Any
 
 import domain_coordinator
@@ -39,7 +38,7 @@ def scene_at(target: tuple[float, float]) -> Scene:
 
 
 @pytest.fixture
-def bag(tmp_path: Path) -> Path:
+def bag(tmp_path):
     """What an older planner did: its pushes and plans are in the bag, too."""
     recording = Recording(BagWriter(tmp_path / "bag"), Messages())
     latched = TopicQos(durability="transient_local", depth=1)
@@ -96,7 +95,7 @@ class Audience:
 
 
 @pytest.fixture
-def audience(monkeypatch: pytest.MonkeyPatch) -> Iterator[Audience]:
+def audience(monkeypatch):
     with domain_coordinator.domain_id() as domain:
         monkeypatch.setenv("ROS_DOMAIN_ID", str(domain))
         monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
@@ -106,7 +105,7 @@ def audience(monkeypatch: pytest.MonkeyPatch) -> Iterator[Audience]:
 
 
 @pytest.fixture
-def nodes(audience: Audience, tmp_path: Path) -> Iterator[None]:
+def nodes(audience, tmp_path):
     """The model and the planner, as docs/guides/replay.md starts them."""
     settings = ["--ros-args", "-p", "result_patience:=0.0"]
     commands = {
@@ -135,7 +134,7 @@ def nodes(audience: Audience, tmp_path: Path) -> Iterator[None]:
 
 
 @pytest.mark.usefixtures("nodes")
-def test_planner_and_model_work_from_a_recording(audience: Audience, bag: Path) -> None:
+def test_planner_and_model_work_from_a_recording(audience, bag):
     topics = ("/sain/scene", "/sain/goal", "/sain/push_result")
     command = [str(executable("sain_bags", "play")), str(bag), "--topics", *topics]
     play = subprocess.Popen([*command, "--rate", "1", "--wait", "30"])

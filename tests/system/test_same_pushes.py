@@ -23,11 +23,7 @@ from sain_sim.world.truth import TruthConfig
 
 TOLERANCE = 0.01
 RANDOMISED, ROUGH = TruthConfig(), TruthConfig(world="rough")
-PLAYED = [
-    ("anywhere", 0, RANDOMISED),
-    ("clutter", 3, ROUGH),
-    ("anywhere_cube", 2, RANDOMISED),
-]
+PLAYED = [("anywhere", 0, RANDOMISED), ("clutter", 3, ROUGH), ("anywhere_cube", 2, RANDOMISED)]
 
 
 def play_on_graph(graph, number, case):

@@ -16,7 +16,7 @@ pytestmark = pytest.mark.system
 GRAPH = ("--robot", "elsewhere", "--model", "planar", "--no-record")
 
 
-def test_a_graph_prints_once_what_it_lacks_and_what_its_nodes_report(graph) -> None:
+def test_a_graph_prints_once_what_it_lacks_and_what_its_nodes_report(graph):
     arm = graph.add(Node("arm_node", namespace="sain", context=graph.context))
     Diagnostics(arm, "arm").set(WARN, "not enabled: the arm does not move")
     command = [str(executable("sain_bringup", "graph")), *GRAPH]

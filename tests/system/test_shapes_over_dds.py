@@ -2,19 +2,14 @@
 
 import numpy as np
 import pytest
-from visualization_msgs.msg import Marker, MarkerArray
+from visualization_msgs.msg import MarkerArray
 
 from sain_core import wire
-from sain_core.errors import ErrorCode
 from sain_core.goal import BodyPose
 from sain_core.goal import Goal as CoreGoal
-from sain_core.push import make_push
 from sain_core.ros import codec
 from sain_core.scene import make_scene
-from sain_core.shapes.bodies import Bodies
-from sain_core.wire.bodies import decode_bodies
 from sain_interfaces.msg import Plan
-from sain_model.physics.planar import PlanarPrior
 from sain_model.ros.model_node import ModelNode
 from sain_mppi.ros.mppi_node import MppiNode
 from sain_sim.ros.sim_node import SimNode
@@ -74,44 +69,3 @@ def test_a_t_is_brought_into_its_pose_and_the_fixed_disk_stays(graph, running):
     plans = graph.find("plan", status=Plan.PUSH)
     assert not any(plan.fallback for plan in plans)
     assert {plan.dynamics for plan in plans} == {"planar"}
-
-
-def test_shapes_are_said_once_an_episode_and_drawn_as_they_are(graph, running):
-    scene = begin(graph)
-    graph.wait(lambda: graph.find("shapes", episode_id=scene.episode_id), "the shapes")
-    (message,) = graph.find("shapes", episode_id=scene.episode_id)
-    assert decode_bodies(message) == Bodies.named(NAMES, ROLES)
-    t, disk, _ = message.bodies
-    assert (t.name, t.role, t.radius, t.symmetry) == ("t", "pushable", 0.09, 2 * np.pi)
-    assert len(t.parts) == 2
-    assert len(t.supports) == 3
-    assert list(disk.parts[0].dimensions) == [0.04, 0.05]
-    graph.wait(
-        lambda: graph.heard["markers"] and len(graph.heard["markers"][-1].markers) == 2 + 6,
-        "markers of three bodies",
-    )
-    drawn = {m.id: m for m in graph.heard["markers"][-1].markers if m.ns == "bodies"}
-    assert [drawn[body].type for body in range(3)] == [
-        Marker.TRIANGLE_LIST, Marker.CYLINDER, Marker.TRIANGLE_LIST,
-    ]  # fmt: skip
-    words = [m.text for m in graph.heard["markers"][-1].markers if m.ns == "labels"]
-    assert words == ["0 t", "1 disk, fixed", "2 l"]
-
-
-def test_a_push_against_any_pushable_body_is_carried_out_and_predicted(graph, running):
-    scene = begin(graph)
-    graph.push(scene, 5, make_push(0.3, 0.1, 0.04, body=2))
-    result = graph.result(5)
-    assert (result.error_code, result.error_message) == (ErrorCode.OK, "")
-    assert result.push.body == 2
-    after = wire.decode_disks(result.after.disks)
-    moved = np.hypot(*(after - START)[:, :2].T)
-    assert moved[2] > 0.01
-    assert moved[0] < 1e-4
-    prediction = result.prediction
-    assert prediction.error_code == ErrorCode.OK, prediction.error_message
-    expected = wire.decode_disks(prediction.disks)
-    assert np.hypot(*(expected - after)[2, :2]) < 0.5 * moved[2]
-    push = wire.decode_push(result.push)
-    planar = PlanarPrior().with_bodies(Bodies.named(NAMES, ROLES)).step(START[None], push[None])[0]
-    assert np.hypot(*(planar - after)[2, :2]) < 0.5 * moved[2]

@@ -3,7 +3,6 @@
 import json
 import os
 import subprocess
-from pathlib import Path
 
 import domain_coordinator
 import numpy as np
@@ -22,7 +21,7 @@ EPISODES, EPOCHS = 3, 2
 
 
 @pytest.fixture(scope="module")
-def walked(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
+def walked(tmp_path_factory):
     """The folder of a walk, and what was printed."""
     folder = tmp_path_factory.mktemp("walk") / "out"
     with domain_coordinator.domain_id() as domain:
@@ -37,7 +36,7 @@ def walked(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
     return folder, done.stdout
 
 
-def test_the_recording_became_rows_and_the_rows_a_model(walked: tuple[Path, str]) -> None:
+def test_the_recording_became_rows_and_the_rows_a_model(walked):
     folder, _ = walked
     data = load_dataset(folder / "data")
     assert len(np.unique(data.alike.episode)) == EPISODES
@@ -48,7 +47,7 @@ def test_the_recording_became_rows_and_the_rows_a_model(walked: tuple[Path, str]
     assert ancestors[1:] == [read_card(shipped_checkpoint()).weights_sha256]
 
 
-def test_the_graph_ran_with_that_model(walked: tuple[Path, str]) -> None:
+def test_the_graph_ran_with_that_model(walked):
     folder, _ = walked
     bag = Bag(folder / "after" / "bag")
     assert bag.custom_data["model"] == str(folder / "model" / "sain.safetensors")
@@ -59,7 +58,7 @@ def test_the_graph_ran_with_that_model(walked: tuple[Path, str]) -> None:
     assert 0.0 < episode["model_error"] < 0.05
 
 
-def test_what_it_says_is_what_was_measured(walked: tuple[Path, str]) -> None:
+def test_what_it_says_is_what_was_measured(walked):
     folder, told = walked
     for report in ("shipped", "tuned"):
         errors = json.loads((folder / f"{report}.json").read_text())

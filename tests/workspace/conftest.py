@@ -9,13 +9,13 @@ from tests.paths import ROOT
 
 
 @pytest.fixture
-def root() -> Path:
+def root():
     """The checkout's root."""
     return ROOT
 
 
 @pytest.fixture
-def make_checkout(tmp_path: Path):
+def make_checkout(tmp_path):
     """Makes a checkout with the real set-up scripts and no packages, in a folder so named."""
 
     def make(name: str = "checkout") -> Path:

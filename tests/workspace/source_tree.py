@@ -5,6 +5,7 @@ import re
 import tomllib
 import xml.etree.ElementTree as ElementTree
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 
 from tests.paths import ROOT
@@ -27,6 +28,7 @@ class Import:
         return f"{self.path.relative_to(SOURCE)}:{self.line} imports {self.module}"
 
 
+@cache
 def imports_in(path: Path) -> list[Import]:
     """Every import in a file, also those inside functions; relative ones stay inside a package."""
     found = []

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 from matplotlib.patches import FancyArrowPatch
+from scipy.spatial import cKDTree
 
 from sain_core.feasibility import Feasibility
 from sain_core.goal import BodyPose, Goal
@@ -167,7 +168,7 @@ class AsImage(Drawn):
         painted = np.argwhere(np.abs(image.astype(float) - wanted).max(axis=-1) < 60)
         assert len(painted) and places
         pixels = np.array([self.picture.pixel(place) for place in places])
-        away = np.linalg.norm(painted[None] - pixels[:, None], axis=-1).min(axis=1)
+        away = cKDTree(painted).query(pixels)[0]
         return bool((away < NEAR / 1.24 * 500).all())
 
 

@@ -5,12 +5,11 @@ import os
 import shutil
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 
 from tests.paths import ROOT
-from tests.workspace.source_tree import PYTHON_PACKAGES, SOURCE, imports_in
+from tests.workspace.source_tree import PYTHON_PACKAGES, SOURCE
 
 OPTIONAL = ("sain_gym", "sain_live")  # a policy's environment, a view
 OTHERS = tuple(name for name in PYTHON_PACKAGES if name not in OPTIONAL)
@@ -29,7 +28,7 @@ sys.stderr.write(json.dumps(sorted({{one.name.split()[0] for one in find_command
 
 
 @pytest.fixture(scope="module")
-def tree(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def tree(tmp_path_factory):
     """A copy of what `pip install .` needs, without the optional packages."""
     copy = tmp_path_factory.mktemp("tree")
     for name in ("pyproject.toml", "README.md"):
@@ -39,7 +38,7 @@ def tree(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return copy
 
 
-def test_all_others_are_imported_and_listed_without_them(tree: Path) -> None:
+def test_all_others_are_imported_and_listed_without_them(tree):
     modules = [
         ".".join(path.relative_to(tree / "src" / package).with_suffix("").parts)
         for package in OTHERS
@@ -65,7 +64,7 @@ def test_all_others_are_imported_and_listed_without_them(tree: Path) -> None:
     }
 
 
-def test_the_distribution_is_set_up_without_them(tree: Path) -> None:
+def test_the_distribution_is_set_up_without_them(tree):
     command = [sys.executable, "-c", "import setuptools; setuptools.setup()", "-q", "egg_info"]
     done = subprocess.run(command, cwd=tree, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
@@ -73,22 +72,3 @@ def test_the_distribution_is_set_up_without_them(tree: Path) -> None:
     assert "sain = sain_core.cli.program:main" in entries and "checkpoint = " in entries
     packages = (tree / "sain.egg-info" / "top_level.txt").read_text().split()
     assert "sain_core" in packages and not set(OPTIONAL) & set(packages)
-
-
-@pytest.mark.parametrize("package", OPTIONAL)
-@pytest.mark.parametrize("folder", ["src", "tools", "benchmarks", "tests"])
-def test_nothing_else_imports_one_of_them_when_it_is_loaded(package: str, folder: str) -> None:
-    """Whatever does not belong to it may ask for it in a function that can do without it."""
-    own = {SOURCE / package, ROOT / "tests" / package}
-    lines = [
-        str(one)
-        for path in sorted((ROOT / folder).rglob("*.py"))
-        if not own & set(path.parents)
-        for one in imports_in(path)
-        if one.module == package and not _in_function(path, one.line)
-    ]
-    assert lines == []
-
-
-def _in_function(path: Path, line: int) -> bool:
-    return path.read_text().splitlines()[line - 1].startswith(" ")

@@ -52,21 +52,18 @@ def refusal(name: str, out: Path, capsys: pytest.CaptureFixture[str], *more: str
     return said
 
 
-def test_every_command_that_writes_is_here() -> None:
+def test_every_command_that_writes_is_here():
     assert sorted(COMMANDS) == sorted(NEEDED)
 
 
 @pytest.mark.parametrize("name", COMMANDS)
-def test_overwrite_is_in_the_help(name: str, capsys: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(SystemExit):
-        COMMANDS[name](["--help"])
-    assert ("--overwrite" in capsys.readouterr().out) == (name not in NEW_ONLY)
+def test_overwrite_is_an_option_where_something_may_be_replaced(name):
+    options = {item.name for item in fields(COMMANDS[name].options())}
+    assert ("overwrite" in options) == (name not in NEW_ONLY)
 
 
 @pytest.mark.parametrize("name", COMMANDS)
-def test_a_file_of_the_user_at_out_is_refused_before_the_work(
-    name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_file_of_the_user_at_out_is_refused_before_the_work(name, tmp_path, capsys):
     (tmp_path / "mine").write_text(MINE)
     said = refusal(name, tmp_path / "mine", capsys)
     assert "mine exists" in said or "mine is not a folder; choose another" in said
@@ -91,9 +88,7 @@ SPECIAL: Final[dict[str, Callable[[Path], object]]] = {
 
 @pytest.mark.parametrize("kind", SPECIAL)
 @pytest.mark.parametrize("name", COMMANDS)
-def test_links_and_devices_stay_what_they_are(
-    name: str, kind: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_links_and_devices_stay_what_they_are(name, kind, tmp_path, capsys):
     (tmp_path / "victim").write_text(MINE)
     SPECIAL[kind](tmp_path / "out")
     before = (tmp_path / "out").lstat()
@@ -105,8 +100,8 @@ def test_links_and_devices_stay_what_they_are(
 
 @pytest.mark.parametrize("name", sorted({*COMMANDS} - {*NEW_ONLY}))
 def test_files_of_the_user_in_the_folder_are_refused_before_the_work(
-    name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+    name, tmp_path, capsys, monkeypatch
+):
     """Each file that the command claims is in the way once."""
     out, claim = tmp_path / "out", output._claim
     claimed: list[Path] = []
@@ -137,16 +132,14 @@ def test_files_of_the_user_in_the_folder_are_refused_before_the_work(
 
 
 @pytest.mark.parametrize("name", COMMANDS)
-def test_a_folder_of_the_user_is_refused_before_the_work(
-    name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_folder_of_the_user_is_refused_before_the_work(name, tmp_path, capsys):
     (tmp_path / "notes.txt").write_text(MINE)
     refusal(name, tmp_path, capsys, *(() if name in NEW_ONLY else ("--overwrite",)))
     assert [one.name for one in tmp_path.iterdir()] == ["notes.txt"]
 
 
 @pytest.mark.parametrize("name", [name for name in COMMANDS if "nowhere" in NEEDED[name]])
-def test_a_command_that_is_refused_makes_no_folder(name: str, tmp_path: Path) -> None:
+def test_a_command_that_is_refused_makes_no_folder(name, tmp_path):
     """What it should read is missing."""
     COMMANDS[name]([*NEEDED[name], "--out", str(tmp_path / "below" / "out")])
     assert [*tmp_path.iterdir()] == []
@@ -157,7 +150,7 @@ def configs(kind: type[Config] = Config) -> "list[type[Config]]":
     return [kind, *(one for child in kind.__subclasses__() for one in configs(child))]
 
 
-def test_every_seed_has_an_upper_limit() -> None:
+def test_every_seed_has_an_upper_limit():
     for command in find_commands().values():
         if isinstance(command, Command):
             command.options()  # imports it
@@ -173,9 +166,7 @@ def test_every_seed_has_an_upper_limit() -> None:
 
 
 @pytest.mark.parametrize("seed", ["1000000000000000000000000000000", "2147483648", "-1"])
-def test_a_seed_out_of_range_is_one_clear_line(
-    seed: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_seed_out_of_range_is_one_clear_line(seed, tmp_path, capsys):
     code = COMMANDS["sain_sim collect"](["--out", str(tmp_path / "out"), "--seed", seed])
     said = capsys.readouterr().err.strip()
     assert code == 2

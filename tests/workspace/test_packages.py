@@ -1,6 +1,5 @@
 """The packaging of the packages: complete, and of one mind with the code."""
 
-import importlib
 import re
 import sys
 
@@ -12,7 +11,6 @@ from tests.workspace.source_tree import (
     PYPROJECT,
     PYTHON_PACKAGES,
     SOURCE,
-    console_scripts,
     depends,
     imports_of,
     manifest,
@@ -21,9 +19,6 @@ from tests.workspace.source_tree import (
 )
 
 VERSION = PYPROJECT["project"]["version"]
-SCRIPTS = [
-    (p, name, target) for p in PYTHON_PACKAGES for name, target in console_scripts(p).items()
-]
 DISTRIBUTION_OF = {
     "cv2": "opencv-python-headless",
     "PIL": "pillow",
@@ -118,10 +113,3 @@ def test_the_page_installs_what_has_no_rosdep_key():
     lines = re.findall(r"^pip install ([^#\n]*)", page, re.MULTILINE)
     used = set().union(*map(distributions_of, PYTHON_PACKAGES)) - set(KEY_OF)
     assert {name for line in lines for name in line.split()} == used
-
-
-@pytest.mark.parametrize(("package", "name", "target"), SCRIPTS)
-def test_executables_exist_and_can_be_started(package, name, target):
-    module, function = target.split(":")
-    assert module.startswith(f"{package}.")
-    assert callable(getattr(importlib.import_module(module), function))

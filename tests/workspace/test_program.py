@@ -1,3 +1,4 @@
+# ruff: noqa: E501 - a case is a line
 """`sain` without ROS: what `pip install .` installs, and what is said when more is asked."""
 
 import os
@@ -36,7 +37,7 @@ sys.meta_path = [Installed if finder is PathFinder else finder for finder in sys
 
 
 @pytest.fixture(scope="module")
-def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def installed(tmp_path_factory):
     """The environment that `pip install .` makes of a clone, its dependencies resolved by pip."""
     folder = tmp_path_factory.mktemp("installed")
     tracked = subprocess.run(["git", "ls-files"], cwd=ROOT, capture_output=True, text=True)
@@ -69,7 +70,7 @@ def run_installed(installed: Path, folder: Path, *command: str) -> str:
 
 
 @pytest.mark.timeout(900)
-def test_pip_install_is_enough_for_the_readme(installed: Path, tmp_path: Path) -> None:
+def test_pip_install_is_enough_for_the_readme(installed, tmp_path):
     """As a person does it: version, help, the README's Python, collect, evaluate, train."""
     assert run_installed(installed, tmp_path, "sain", "--version") == f"sain {VERSION}\n"
     assert "sain COMMAND" in run_installed(installed, tmp_path, "sain", "--help")
@@ -109,7 +110,7 @@ def run_without_ros(
     )
 
 
-def test_commands_work_without_ros(tmp_path: Path) -> None:
+def test_commands_work_without_ros(tmp_path):
     listed = run_without_ros(["--help"], tmp_path)
     assert listed.returncode == 0 and "laboratory" in listed.stdout, listed.stderr
     made = run_without_ros(["collect", "--episodes", "1", "--out", "data"], tmp_path)
@@ -122,11 +123,7 @@ def test_commands_work_without_ros(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("arguments", "code", "text"),
     [
-        (
-            ["trian"],
-            2,
-            "sain: there is no command 'trian' (did you mean 'train'?); see sain --help",
-        ),
+        (["trian"], 2, "sain: there is no command 'trian' (did you mean 'train'?); see sain --help"),
         (["record"], 1, "sain record needs ROS 2 (rclpy), which is not installed here: run it"),
         (["sim_node"], 1, "sain sim_node needs ROS 2"),
         (
@@ -136,8 +133,8 @@ def test_commands_work_without_ros(tmp_path: Path) -> None:
         ),
         (["evaluate", "--scenes", "0"], 2, "evaluate: --scenes is 0; it must be at least 1"),
     ],
-)
-def test_what_cannot_be_is_said(arguments: list[str], code: int, text: str, tmp_path: Path) -> None:
+)  # fmt: skip
+def test_what_cannot_be_is_said(arguments, code, text, tmp_path):
     found = run_without_ros(arguments, tmp_path)
     assert found.returncode == code
     assert text in found.stderr and "Traceback" not in found.stderr
@@ -153,8 +150,8 @@ def test_what_cannot_be_is_said(arguments: list[str], code: int, text: str, tmp_
     ],
 )
 def test_a_package_that_not_every_installation_has_is_named(
-    absent: str, arguments: list[str], brings: str, tmp_path: Path, ros_domain: int
-) -> None:
+    absent, arguments, brings, tmp_path, ros_domain
+):
     found = run_without_ros(arguments, tmp_path, (absent,))
     assert found.returncode == 1
     text = f"{arguments[0]}: needs {absent}, which is not installed; {brings}"

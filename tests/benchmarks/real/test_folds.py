@@ -8,7 +8,7 @@ from benchmarks.real.pushes import PushTable
 
 
 @pytest.fixture(scope="module")
-def pushes(synthetic_pushes: PushTable) -> PushTable:
+def pushes(synthetic_pushes):
     return synthetic_pushes
 
 

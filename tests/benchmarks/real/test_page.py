@@ -38,12 +38,12 @@ class Half:
 
 
 @pytest.fixture(scope="module")
-def half() -> Half:
+def half():
     return Half()
 
 
 @pytest.fixture(scope="module")
-def made(synthetic_pushes: PushTable, half: Half, tmp_path_factory: pytest.TempPathFactory):
+def made(synthetic_pushes, half, tmp_path_factory):
     """The folder that a run of the command has filled."""
     folder = tmp_path_factory.mktemp("page")
     published = {"sim_quadratic": synthetic_pushes.after + np.array([0.003, 0.0, 0.02])}

@@ -17,7 +17,7 @@ from sain_core.errors import ConfigError, OutputError
 DEMO = ClosedLoopOptions()
 
 
-def test_the_demo_is_three_anywhere_one_paper_and_one_push_t() -> None:
+def test_the_demo_is_three_anywhere_one_paper_and_one_push_t():
     names = [plan.scenario for plan in episode_plans(DEMO)]
     assert names == ["anywhere", "anywhere", "anywhere", "paper", "push_t"]
     assert DEMO.tolerance == 0.02
@@ -37,20 +37,20 @@ def test_the_demo_is_three_anywhere_one_paper_and_one_push_t() -> None:
         ({"params_file": Path("missing.yaml")}, r"--params-file missing.yaml: No such file"),
     ],
 )
-def test_options_that_make_no_sense(change: dict[str, object], message: str) -> None:
+def test_options_that_make_no_sense(change, message):
     with pytest.raises(ConfigError, match=message):
         replace(DEMO, **change)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("text", ["a: [", "- 1", "", "sim_node: {seed: 3}"])
-def test_a_parameter_file_must_be_one(text: str, tmp_path: Path) -> None:
+def test_a_parameter_file_must_be_one(text, tmp_path):
     path = tmp_path / "params.yaml"
     path.write_text(text)
     with pytest.raises(ConfigError, match=r"params\.yaml"):
         replace(DEMO, params_file=path)
 
 
-def test_results_are_never_overwritten(tmp_path: Path) -> None:
+def test_results_are_never_overwritten(tmp_path):
     out = tmp_path / "a" / "b"
     assert make_output_folder(replace(DEMO, out=out)) == out
     (out / "bag").mkdir()
@@ -65,7 +65,7 @@ def test_results_are_never_overwritten(tmp_path: Path) -> None:
     assert not (out / "bag").exists()
 
 
-def test_without_an_episode_only_what_the_run_wrote_is_removed(tmp_path: Path) -> None:
+def test_without_an_episode_only_what_the_run_wrote_is_removed(tmp_path):
     out = make_output_folder(replace(DEMO, out=tmp_path / "out"))
     (out / "logs").mkdir()
     (out / "logs" / "planner.log").write_text("failed")

@@ -114,7 +114,7 @@ def test_a_push_without_a_result_is_waited_for_in_vain_only_after_a_crash(
         assert view.reached
     else:
         with pytest.raises(GraphTimeoutError, match="no sign of planner or simulator"):
-            play(graph, statuses, case, timeout=3.0)
+            play(graph, statuses, case, timeout=1.5)
 
 
 class StartingSupervisor(Supervisor):
@@ -133,10 +133,8 @@ class StartingSupervisor(Supervisor):
         return f"; the end of its log:\n{name} compiles"
 
 
-def test_a_process_that_gives_signs_of_life_is_waited_for_and_then_named_with_its_log(
-    ros_domain,
-):
-    supervisor = StartingSupervisor(alive_for=2.0)
+def test_a_process_that_gives_signs_of_life_is_waited_for_and_then_named_with_its_log(ros_domain):
+    supervisor = StartingSupervisor(alive_for=1.0)
     with ros_context():
         director = Director(lambda: None, 0.5, supervisor)
         try:

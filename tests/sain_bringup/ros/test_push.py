@@ -25,7 +25,7 @@ DISKS = make_scene(np.array([(0.4, 0.0), (0.6, 0.0)]), np.array([2.0, 1.0]), np.
 @pytest.fixture
 def sender(ros_domain):
     with command_node("push") as node:
-        yield PushSender(node, 5.0, Console(file=StringIO(), width=200))
+        yield PushSender(node, 3.0, Console(file=StringIO(), width=200))
 
 
 def printed(sender):
@@ -69,8 +69,8 @@ def simulator(graph):
 @pytest.mark.parametrize(
     ("scene_s", "push_s", "awaited"),
     [
-        (0.0, 2.5, "a node that executes pushes on /sain/push, at most 5 s"),
-        (2.5, 0.0, "a settled scene on /sain/scene, at most 5 s"),
+        (0.0, 1.5, "a node that executes pushes on /sain/push, at most 3 s"),
+        (1.5, 0.0, "a settled scene on /sain/scene, at most 3 s"),
     ],
 )
 def test_a_push_waits_for_who_executes_it_and_for_a_scene(
@@ -83,6 +83,6 @@ def test_a_push_waits_for_who_executes_it_and_for_a_scene(
 
 
 def test_without_a_simulator_it_says_what_is_missing(sender):
-    with pytest.raises(SilentSimulatorError, match=r"no source of scenes in namespace /sain.*5 s"):
+    with pytest.raises(SilentSimulatorError, match=r"no source of scenes in namespace /sain.*3 s"):
         sender.send(make_push(0.0, 0.0, 0.1))
-    assert "waiting for a node that executes pushes on /sain/push, at most 5 s" in printed(sender)
+    assert "waiting for a node that executes pushes on /sain/push, at most 3 s" in printed(sender)

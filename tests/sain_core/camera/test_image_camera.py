@@ -64,12 +64,12 @@ WORLDS = {
 
 
 @pytest.fixture(scope="module", params=WORLDS)
-def world(request: pytest.FixtureRequest) -> World:
+def world(request):
     return WORLDS[request.param]
 
 
 @pytest.fixture(scope="module")
-def shot(world: World) -> Shot:
+def shot(world):
     return shoot(world)
 
 
@@ -93,14 +93,14 @@ def seen(shot: Shot, config: ImageCameraConfig) -> dict[int, np.ndarray]:
 
 
 @pytest.mark.parametrize("lens", [(0.0,) * 5, (-0.1, 0.03, 0.001, -0.001, 0.0)])
-def test_tags_are_where_the_bodies_are(world: World, lens: tuple[float, ...]) -> None:
+def test_tags_are_where_the_bodies_are(world, lens):
     poses = seen(shoot(world, distortion=lens), ImageCameraConfig(distortion=lens))
     assert set(poses) == {0, 1}
     for body, pose in poses.items():
         np.testing.assert_allclose(pose, SCENE[body, POSE], atol=0.0005)
 
 
-def test_depth_is_the_distance_along_the_optical_axis(shot: Shot) -> None:
+def test_depth_is_the_distance_along_the_optical_axis(shot):
     model = model_of(ImageCameraConfig())
     places = np.array([(0.45, 0.05, DISK_HEIGHT), (0.8, -0.3, 0.0)])
     for pixel, place in zip(model.project(places).round().astype(int), places, strict=True):
@@ -108,17 +108,17 @@ def test_depth_is_the_distance_along_the_optical_axis(shot: Shot) -> None:
         assert shot.depth[pixel[1], pixel[0]] == pytest.approx(1000 * along, abs=4)
 
 
-def test_a_calibration_that_is_wrong_on_purpose_moves_all_poses_alike(shot: Shot) -> None:
+def test_a_calibration_that_is_wrong_on_purpose_moves_all_poses_alike(shot):
     wrong = ImageCameraConfig(misplaced=(0.01, 0.0, 0.0))
     for body, pose in seen(shot, wrong).items():
         np.testing.assert_allclose(pose[:2] - SCENE[body, :2], (0.01, 0.0), atol=0.0005)
 
 
-def test_the_arm_hides_what_is_behind_it(world: World) -> None:
+def test_the_arm_hides_what_is_behind_it(world):
     assert 0 not in seen(shoot(world, world.reaching), ImageCameraConfig())
 
 
-def test_noise_exposure_and_blur_are_as_set(world: World, shot: Shot) -> None:
+def test_noise_exposure_and_blur_are_as_set(world, shot):
     noisy, dark = shoot(world, noise=5.0, depth_noise=0.002), shoot(world, exposure=0.5)
     flat = np.s_[560:640, 400:800]  # of the table
     spread = noisy.colour[flat].astype(float) - shot.colour[flat]
@@ -135,6 +135,6 @@ def test_noise_exposure_and_blur_are_as_set(world: World, shot: Shot) -> None:
 
 
 @pytest.mark.parametrize("eye", [(0.5, 0.0, 1.0), (0.5, 0.0, 0.0)])
-def test_a_camera_whose_image_has_no_upright_is_refused(eye: tuple[float, float, float]) -> None:
+def test_a_camera_whose_image_has_no_upright_is_refused(eye):
     with pytest.raises(ConfigError, match=r"looks straight up or down at .* no upright; move eye"):
         ImageCameraConfig(eye=eye, focus=(0.5, 0.0, 0.0))

@@ -6,7 +6,6 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from dataclasses import MISSING, fields
-from pathlib import Path
 from typing import get_args, get_type_hints
 
 import pytest
@@ -48,7 +47,7 @@ sys.modules["printing.file"] = sys.modules["printing"] = sys.modules["__main__"]
 @pytest.mark.parametrize(
     ("work", "code"), [("rich", 0), ("plain", 0), ("plain --help", 0), ("another_pipe", 1)]
 )
-def test_who_reads_no_further_ends_the_command_without_an_error(work: str, code: int) -> None:
+def test_who_reads_no_further_ends_the_command_without_an_error(work, code):
     name, *arguments = work.split()
     text = f"{PRINTS}\nrun = {name}\nsys.exit(Command('printing x', 'file')())"
     reader, writer = os.pipe()
@@ -66,7 +65,7 @@ def test_who_reads_no_further_ends_the_command_without_an_error(work: str, code:
     assert errors == "" or (code and "BrokenPipeError" in errors)
 
 
-def test_a_long_line_is_one_line_in_a_pipe() -> None:
+def test_a_long_line_is_one_line_in_a_pipe():
     text = f"{PRINTS}\nrun = long_line\nsys.exit(Command('printing x', 'file')())"
     done = subprocess.run([sys.executable, "-c", text], capture_output=True, text=True)
     assert done.stdout == "word " * 40 + "\n"
@@ -82,21 +81,15 @@ def test_a_long_line_is_one_line_in_a_pipe() -> None:
     ],
 )
 def test_an_empty_path_is_not_the_folder_that_the_user_is_in(
-    arguments: tuple[str, ...],
-    said: str,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+    arguments, said, tmp_path, monkeypatch, capsys
+):
     monkeypatch.chdir(tmp_path)
     assert main([*arguments]) == 2
     assert capsys.readouterr().err.startswith(said)
     assert not [*tmp_path.iterdir()]
 
 
-def test_the_home_folder_is_no_folder_called_tilde(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_home_folder_is_no_folder_called_tilde(tmp_path, monkeypatch):
     (tmp_path / "here").mkdir()
     monkeypatch.chdir(tmp_path / "here")
     monkeypatch.setenv("HOME", str(tmp_path))
@@ -120,18 +113,19 @@ def needed(kind: type) -> Iterator[str]:
 
 
 @pytest.mark.parametrize("name", COMMANDS)
-def test_what_cannot_be_parsed_is_one_line(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_what_cannot_be_parsed_is_one_line(name, capsys):
     command = COMMANDS[name]
     kind = command.options()
     with pytest.raises(SystemExit):
         main([name, "--help"])
     numbers = re.findall(r" (--\S+) (INT|FLOAT) (?!INT|FLOAT)", capsys.readouterr().out)
     wrong = {"--no-such-option": "there is no option --no-such-option; "}
-    for flag, type_ in numbers[::5]:
-        what = "a whole number" if type_ == "INT" else "a number"
-        wrong[f"{flag} 1e30x"] = f"{flag} is '1e30x'; it must be {what}"
-        wrong[f"{flag}="] = f"{flag} is ''; it must be {what}"
-        wrong[flag] = f"{flag} has no value; it must be {what}"
+    for type_, flag in {type_: flag for flag, type_ in numbers}.items():
+        if type_ == "INT":
+            wrong[f"{flag} 1e30x"] = f"{flag} is '1e30x'; it must be a whole number"
+            wrong[f"{flag}="] = f"{flag} is ''; it must be a whole number"
+        else:
+            wrong[flag] = f"{flag} has no value; it must be a number"
     for text, problem in wrong.items():
         assert main([name, *needed(kind), *text.split(" ")]) == 2
         said = capsys.readouterr().err
@@ -155,8 +149,6 @@ def test_what_cannot_be_parsed_is_one_line(name: str, capsys: pytest.CaptureFixt
         ("closed_loop --tolerance inf", "--tolerance is inf; it must be finite"),
     ],
 )
-def test_an_argument_that_is_not_allowed_is_named_with_what_is(
-    arguments: str, said: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_an_argument_that_is_not_allowed_is_named_with_what_is(arguments, said, capsys):
     assert main(arguments.split()) == 2
     assert capsys.readouterr().err.startswith(f"{arguments.split()[0]}: {said}")

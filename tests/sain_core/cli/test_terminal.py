@@ -23,7 +23,7 @@ def shown(width: int, terminal: bool = True) -> str:
     return out.getvalue()
 
 
-def test_columns_are_aligned_where_they_fit() -> None:
+def test_columns_are_aligned_where_they_fit():
     assert shown(80).splitlines() == [
         "Messages of 2 topics in the recording",
         "Topic        Type                        Messages     Rate",
@@ -32,7 +32,7 @@ def test_columns_are_aligned_where_they_fit() -> None:
     ]
 
 
-def test_rows_become_pairs_where_they_do_not() -> None:
+def test_rows_become_pairs_where_they_do_not():
     assert shown(40).splitlines() == [
         "Messages of 2 topics in the recording",
         "/sain/scene",
@@ -45,7 +45,7 @@ def test_rows_become_pairs_where_they_do_not() -> None:
 
 
 @pytest.mark.parametrize("width", range(30, 100, 10))
-def test_no_line_is_too_long_and_no_number_is_cut(width: int) -> None:
+def test_no_line_is_too_long_and_no_number_is_cut(width):
     text = shown(width)
     assert max(map(len, text.splitlines())) <= max(width, len("  Type: sain_interfaces/msg/Scene"))
     assert "1,234,567" in text and "30.0 Hz" in text and "…" not in text

@@ -1,9 +1,6 @@
 """Documents beyond the limits, or that are none, are refused in one line."""
 
 import json
-from collections.abc import Callable
-from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -37,7 +34,7 @@ READERS = [read_json, read_yaml]
         ('[{"b": {"a": 1, "b": 1, "a": 2}}]', "the key 'a' is given twice"),
     ],
 )
-def test_json_is_refused(text: str, reason: str) -> None:
+def test_json_is_refused(text, reason):
     with pytest.raises(UntrustedFileError, match=reason):
         parse_json(text)
 
@@ -65,12 +62,12 @@ def test_json_is_refused(text: str, reason: str) -> None:
         ("[", "expected"),
     ],
 )
-def test_yaml_is_refused(text: str, reason: str) -> None:
+def test_yaml_is_refused(text, reason):
     with pytest.raises(UntrustedFileError, match=reason):
         parse_yaml(text)
 
 
-def test_what_is_within_the_limits_is_read() -> None:
+def test_what_is_within_the_limits_is_read():
     content = {"depth": json.loads("[" * 60 + "]" * 60), "digits": 10**90, "text": "x" * 5000}
     assert parse_json(json.dumps(content)) == content
     assert parse_yaml(json.dumps(content)) == content
@@ -86,12 +83,12 @@ def test_what_is_within_the_limits_is_read() -> None:
         ("1_000", "1_000"), ("0.1 m", "0.1 m"), ("1e", "1e"), (".", "."), ("'1e0'", "1e0"),
     ],
 )  # fmt: skip
-def test_numbers_are_those_of_yaml_1_2(text: str, value: Any) -> None:
+def test_numbers_are_those_of_yaml_1_2(text, value):
     read = parse_yaml(f"a: {text}")["a"]
     assert (type(read), read) == (type(value), value)
 
 
-def test_what_is_dumped_is_read_as_it_was() -> None:
+def test_what_is_dumped_is_read_as_it_was():
     texts = [
         "1e0",
         "7e12",
@@ -112,7 +109,7 @@ def test_what_is_dumped_is_read_as_it_was() -> None:
 
 
 @pytest.mark.parametrize("version", ["%YAML:1.0", "%YAML 1.0", "%YAML 1.2"])
-def test_a_matrix_of_opencv_is_read(version: str) -> None:
+def test_a_matrix_of_opencv_is_read(version):
     text = f"""{version}
 ---
 camera_matrix: !!opencv-matrix
@@ -135,9 +132,7 @@ camera_matrix: !!opencv-matrix
         (None, "No such file or directory; try another one"),
     ],
 )
-def test_a_file_of_a_user_is_refused_in_one_line(
-    tmp_path: Path, content: bytes | None, text: str
-) -> None:
+def test_a_file_of_a_user_is_refused_in_one_line(tmp_path, content, text):
     path = tmp_path / "mine.yaml"
     if content is not None:
         path.write_bytes(content)
@@ -147,7 +142,7 @@ def test_a_file_of_a_user_is_refused_in_one_line(
 
 
 @pytest.mark.parametrize("read", READERS)
-def test_a_file_that_is_no_text(read: Callable[[Path], Any], tmp_path: Path) -> None:
+def test_a_file_that_is_no_text(read, tmp_path):
     path = tmp_path / "file"
     path.write_bytes(b"\xff\xfe")
     with pytest.raises(DatasetError, match="not UTF-8"):

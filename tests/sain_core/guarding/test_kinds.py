@@ -2,7 +2,6 @@
 
 import subprocess
 import zipfile
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -32,7 +31,7 @@ FILES = {
 
 
 @pytest.mark.parametrize("name", FILES)
-def test_a_file_that_is_no_bag(name: str, tmp_path: Path) -> None:
+def test_a_file_that_is_no_bag(name, tmp_path):
     content, said = FILES[name]
     file = tmp_path / name
     file.write_bytes(content)
@@ -47,7 +46,7 @@ def test_a_file_that_is_no_bag(name: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("command", ["info", "report", "view", "to_dataset", "recover", "play"])
-def test_every_command_says_it_in_one_line(command: str, tmp_path: Path) -> None:
+def test_every_command_says_it_in_one_line(command, tmp_path):
     (tmp_path / "ros1.bag").write_bytes(FILES["ros1.bag"][0])
     line = [str(executable("sain_bags", command)), str(tmp_path / "ros1.bag")]
     line += ["--out", str(tmp_path / "out")] if command in ("to_dataset", "recover") else []
@@ -57,7 +56,7 @@ def test_every_command_says_it_in_one_line(command: str, tmp_path: Path) -> None
     assert said.startswith(f"{command}: {tmp_path}/ros1.bag is a bag of ROS 1; `rosbags-convert")
 
 
-def test_bags_and_data_sets_are_told_apart(tmp_path: Path) -> None:
+def test_bags_and_data_sets_are_told_apart(tmp_path):
     bag, data = tmp_path / "bag", tmp_path / "data"
     bag.mkdir()
     data.mkdir()

@@ -13,10 +13,7 @@ import psutil
 import pytest
 
 from sain_core.guarding import lifetime
-from sain_core.guarding.lifetime import (
-    PROFILES,
-    RANGE,
-)
+from sain_core.guarding.lifetime import PROFILES, RANGE
 from sain_sim.commands import sim_node
 
 pytestmark = pytest.mark.ros
@@ -93,37 +90,32 @@ def addresses(pid: int, at_least: int = 2) -> set[str]:
     raise AssertionError(f"process {pid} has fewer than {at_least} sockets")
 
 
-def test_all_sockets_of_a_node_are_on_this_computer(ros_domain: int) -> None:
+def test_all_sockets_of_a_node_are_on_this_computer(ros_domain):
     with running(*python(SPEAK)) as process:
         assert addresses(process.pid) == {"127.0.0.1"}
 
 
-def test_the_usual_variable_opens_the_network(ros_domain: int) -> None:
+def test_the_usual_variable_opens_the_network(ros_domain):
     with running(*python(SPEAK), ROS_AUTOMATIC_DISCOVERY_RANGE="SUBNET") as process:
         assert "0.0.0.0" in addresses(process.pid)
 
 
 @pytest.mark.parametrize("discovery", [None, "LOCALHOST", "SUBNET"])
-def test_the_usual_tools_of_ros_hear_our_nodes(ros_domain: int, discovery: str | None) -> None:
+def test_the_usual_tools_of_ros_hear_our_nodes(ros_domain, discovery):
     """These have shared memory and all network cards, as nobody told them otherwise."""
     listen = LISTEN.format(begin="rclpy.init()")
     with (
         running(*python(SPEAK)),
         running(*python(listen), ROS_AUTOMATIC_DISCOVERY_RANGE=discovery) as listener,
     ):
-        assert listener.stdout is not None
         assert listener.stdout.readline() == "heard\n"
 
 
-def test_a_process_that_comes_late_hears_behind_forty_others(ros_domain: int) -> None:
+def test_a_process_that_comes_late_hears_behind_forty_others(ros_domain):
     """ROS's own LOCALHOST finds 32."""
     with running(*python(IDLE.format(count=40))) as idle:
         assert idle.stdout is not None and idle.stdout.readline() == "up\n"
-        with (
-            running(*python(SPEAK)),
-            running(*python(LISTEN.format(begin=OURS))) as listener,
-        ):
-            assert listener.stdout is not None
+        with running(*python(SPEAK)), running(*python(LISTEN.format(begin=OURS))) as listener:
             assert listener.stdout.readline() == "heard\n"
 
 
@@ -165,7 +157,7 @@ def run(code: str, folder: Path) -> tuple[int, float]:
 
 
 @pytest.mark.parametrize("code", [0, 1, 130])
-def test_what_hangs_ends_with_the_exit_code_of_what_was_done(code: int, tmp_path: Path) -> None:
+def test_what_hangs_ends_with_the_exit_code_of_what_was_done(code, tmp_path):
     inside = f"with ending_within(0.3, {code}):\n    {STUCK}\n"
     ended, seconds = run(
         f"import ctypes\nfrom sain_core.guarding.lifetime import ending_within\n{inside}", tmp_path
@@ -173,9 +165,7 @@ def test_what_hangs_ends_with_the_exit_code_of_what_was_done(code: int, tmp_path
     assert ended == code and seconds < 20.0
 
 
-def test_a_recording_is_whole_although_the_middleware_hangs(
-    tmp_path: Path, ros_domain: int
-) -> None:
+def test_a_recording_is_whole_although_the_middleware_hangs(tmp_path, ros_domain):
     with subprocess.Popen([sys.executable, "-c", RECORD], cwd=tmp_path) as recorder:
         deadline = time.monotonic() + 30.0
         while not list(tmp_path.glob("bag/*.mcap")) and time.monotonic() < deadline:
@@ -188,7 +178,7 @@ def test_a_recording_is_whole_although_the_middleware_hangs(
     assert (tmp_path / "bag/metadata.yaml").exists()
 
 
-def test_nothing_of_a_node_is_in_shared_memory(ros_domain: int) -> None:
+def test_nothing_of_a_node_is_in_shared_memory(ros_domain):
     """So a killed node leaves nothing there that deafens the next one."""
     with running(*python(SPEAK)) as process:
         addresses(process.pid)
@@ -198,7 +188,7 @@ def test_nothing_of_a_node_is_in_shared_memory(ros_domain: int) -> None:
 STUCK_AT_EXIT = f"import ctypes, atexit\natexit.register(lambda: {STUCK})\n"
 
 
-def test_a_command_ends_although_the_interpreter_cannot(tmp_path: Path, ros_domain: int) -> None:
+def test_a_command_ends_although_the_interpreter_cannot(tmp_path, ros_domain):
     code = "import sys\nfrom sain_bringup.commands import reset\n"
     code += "sys.argv = ['reset', '--timeout', '0.1']\nsys.exit(reset())\n"
     ended, seconds = run(STUCK_AT_EXIT + code, tmp_path)

@@ -3,7 +3,6 @@
 import sys
 from importlib.metadata import EntryPoint
 from types import ModuleType
-from typing import Any
 
 import pytest
 
@@ -22,7 +21,7 @@ class Package:
 
 
 @pytest.fixture
-def toys(monkeypatch: pytest.MonkeyPatch) -> Plugins:
+def toys(monkeypatch):
     module = ModuleType("toys")
     module.ball = lambda size: 1 / size  # type: ignore[attr-defined]
     monkeypatch.setitem(sys.modules, "toys", module)
@@ -49,13 +48,13 @@ def toys(monkeypatch: pytest.MonkeyPatch) -> Plugins:
         ),
     ],
 )
-def test_a_name_that_leads_nowhere_is_explained(toys: Plugins, name: str, message: str) -> None:
+def test_a_name_that_leads_nowhere_is_explained(toys, name, message):
     for look in (toys.check, toys.find):
         with pytest.raises(ConfigError, match=message):
             look(name)
 
 
-def test_a_package_that_cannot_be_loaded_is_named(toys: Plugins) -> None:
+def test_a_package_that_cannot_be_loaded_is_named(toys):
     message = (
         "toy 'none' of package their-toys 1.2 cannot be loaded: AttributeError: .*; repair or"
         " uninstall that package. Other toys: ball, kite, twice"
@@ -64,7 +63,7 @@ def test_a_package_that_cannot_be_loaded_is_named(toys: Plugins) -> None:
         toys.load(toys.find("none"))
 
 
-def test_a_function_that_fails_names_its_package(toys: Plugins) -> None:
+def test_a_function_that_fails_names_its_package(toys):
     entry = toys.find("ball")
     ball = toys.guarded(entry, toys.load(entry))
     assert ball(2) == 0.5
@@ -73,9 +72,7 @@ def test_a_function_that_fails_names_its_package(toys: Plugins) -> None:
         ball(0)
 
 
-def test_a_package_that_offers_what_is_built_in_is_told_to_rename_it(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_a_package_that_offers_what_is_built_in_is_told_to_rename_it(monkeypatch):
     entry = EntryPoint("kite", "toys:ball", GROUP)
     vars(entry)["dist"] = Package
     monkeypatch.setattr(plugins, "entry_points", lambda group: [entry])
@@ -101,5 +98,5 @@ def test_a_package_that_offers_what_is_built_in_is_told_to_rename_it(
         ("t", ("triangle", "disk"), ""),
     ],
 )
-def test_a_hint_does_not_depend_on_case_or_space(name: str, names: Any, hint: str) -> None:
+def test_a_hint_does_not_depend_on_case_or_space(name, names, hint):
     assert did_you_mean(name, names) == hint

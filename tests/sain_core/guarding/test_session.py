@@ -14,7 +14,7 @@ from sain_core.guarding.session import Session
 
 
 @pytest.fixture
-def session() -> Session:
+def session():
     session = Session()
     session.begin_episode()
     return session
@@ -24,7 +24,7 @@ def ids(session: Session) -> tuple[int, int]:
     return session.episode_id, session.scene_id
 
 
-def test_executed_pushes_and_resets_count_scenes_and_only_resets_count_episodes(session) -> None:
+def test_executed_pushes_and_resets_count_scenes_and_only_resets_count_episodes(session):
     assert ids(session) == (1, 1)
     session.admit(1, 1, 1)
     session.finish(executed=True)
@@ -41,13 +41,13 @@ def test_executed_pushes_and_resets_count_scenes_and_only_resets_count_episodes(
         ((2, 1, 7), StaleSceneError, "push 2 was planned from scene 7; it is scene 1 now"),
     ],
 )
-def test_a_push_that_names_the_wrong_thing_is_refused(session, push, error, text) -> None:
+def test_a_push_that_names_the_wrong_thing_is_refused(session, push, error, text):
     with pytest.raises(error, match=text):
         session.admit(*push)
     assert not session.busy
 
 
-def test_an_id_works_once_also_when_it_was_refused_or_episodes_ago(session) -> None:
+def test_an_id_works_once_also_when_it_was_refused_or_episodes_ago(session):
     session.admit(1, 1, 1)
     session.finish(executed=True)
     with pytest.raises(StaleSceneError):
@@ -58,7 +58,7 @@ def test_an_id_works_once_also_when_it_was_refused_or_episodes_ago(session) -> N
             session.admit(push_id, *ids(session))
 
 
-def test_one_push_at_a_time(session) -> None:
+def test_one_push_at_a_time(session):
     session.admit(1, 1, 1)
     with pytest.raises(BusyError, match="push 1 is under way; send push 2 anew later"):
         session.admit(2, 1, 1)
@@ -68,7 +68,7 @@ def test_one_push_at_a_time(session) -> None:
     assert not session.busy
 
 
-def test_memory_is_bounded_and_what_is_forgotten_is_stale_anyway(session, monkeypatch) -> None:
+def test_memory_is_bounded_and_what_is_forgotten_is_stale_anyway(session, monkeypatch):
     monkeypatch.setattr(module, "REMEMBERED_PUSHES", 3)
     for push_id in range(1, 6):
         session.admit(push_id, *ids(session))

@@ -1,9 +1,9 @@
+# ruff: noqa: E501 - a case is a line
 """Only regular files are read."""
 
 import os
 import re
 import socket
-from pathlib import Path
 
 import pytest
 
@@ -11,7 +11,7 @@ from sain_core.errors import UntrustedFileError
 from sain_core.guarding.untrusted import open_regular, read_regular
 
 
-def test_special_files_are_refused(tmp_path: Path) -> None:
+def test_special_files_are_refused(tmp_path):
     fifo, zero, listener = tmp_path / "fifo", tmp_path / "zero", tmp_path / "socket"
     os.mkfifo(fifo)
     zero.symlink_to("/dev/zero")
@@ -27,16 +27,13 @@ def test_special_files_are_refused(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("content", "text"),
     [
-        (
-            b"version https://git-lfs.github.com/spec/v1\noid sha256:0\n",
-            "`git lfs pull` fetches it",
-        ),
+        (b"version https://git-lfs.github.com/spec/v1\noid sha256:0\n", "`git lfs pull` fetches it"),
         (b"\x28\xb5\x2f\xfd rest", "`zstd -d FILE`"),
         (b"\x1f\x8b\x08 rest", "`gunzip FILE`"),
         (b"\xef\xbb\xbf\n <!DOCTYPE html><html>Not found</html>", "it is a web page"),
     ],
-)
-def test_what_stands_in_for_a_file_is_named(content: bytes, text: str, tmp_path: Path) -> None:
+)  # fmt: skip
+def test_what_stands_in_for_a_file_is_named(content, text, tmp_path):
     path = tmp_path / "bodies.yaml"
     path.write_bytes(content)
     with pytest.raises(UntrustedFileError, match=re.escape(text)):

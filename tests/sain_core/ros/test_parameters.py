@@ -2,7 +2,6 @@
 
 import os
 from dataclasses import dataclass, field
-from pathlib import Path
 
 import pytest
 from rcl_interfaces.msg import ParameterType
@@ -128,7 +127,7 @@ def test_live_parameters_are_followed_and_others_refused(graph):
     ]
 
 
-def test_a_fifo_is_refused_and_no_file_is_left_to_rcl(tmp_path: Path) -> None:
+def test_a_fifo_is_refused_and_no_file_is_left_to_rcl(tmp_path):
     fifo, good = tmp_path / "fifo", tmp_path / "good.yaml"
     os.mkfifo(fifo)
     good.write_text("{}")

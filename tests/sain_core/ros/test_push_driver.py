@@ -150,9 +150,7 @@ def alone():
 
 @settings(deadline=None)
 @given(st.lists(EVENTS, max_size=40))
-def test_whatever_comes_each_push_gets_one_answer_and_only_good_scenes_are_held(
-    alone: Any, events: list[Any]
-) -> None:
+def test_whatever_comes_each_push_gets_one_answer_and_only_good_scenes_are_held(alone, events):
     robot = Robot()
     alone.setattr(push_driver, "monotonic", lambda: robot.time)
     robot.comes("rests")
@@ -172,7 +170,7 @@ def test_whatever_comes_each_push_gets_one_answer_and_only_good_scenes_are_held(
         assert one.error_code == ErrorCode.OK or not moved
 
 
-def test_the_events_can_lead_to_each_kind_of_answer(alone: Any) -> None:
+def test_the_events_can_lead_to_each_kind_of_answer(alone):
     robot = Robot()
     alone.setattr(push_driver, "monotonic", lambda: robot.time)
     for kind, stroke, code in (

@@ -1,3 +1,4 @@
+# ruff: noqa: E501 - a case is a line
 """The YAML file of bodies: what is refused, and in which words."""
 
 from pathlib import Path
@@ -22,7 +23,7 @@ def read(folder: Path, text: str) -> BodyFile:
     return read_bodies(path)
 
 
-def test_everything_of_a_body_is_read(tmp_path: Path) -> None:
+def test_everything_of_a_body_is_read(tmp_path):
     file = read(tmp_path, TWO)
     assert [shape.name for shape in file.bodies.shapes] == ["disk", "t"]
     assert file.bodies.roles == (Role.PUSHABLE, Role.MOVABLE)
@@ -41,14 +42,8 @@ def test_everything_of_a_body_is_read(tmp_path: Path) -> None:
         ("- 1", r"is not read: it has \[1\]; it must have keys"),
         ("bodies: [3]", "body 0 is 3; it must have keys: name, shape"),
         ("bodies: [{shape: disk}]", "body 0 has no radius; it needs shape and radius"),
-        (
-            "bodies: [{shape: disk, radus: 0.1}]",
-            r"body 0 has the key 'radus' \(did you mean 'radius'\?\)",
-        ),
-        (
-            "bodies: [{shape: dsk, radius: 0.1}]",
-            "shape of body 0 is 'dsk' .did you mean 'disk'.*; allowed: ",
-        ),
+        ("bodies: [{shape: disk, radus: 0.1}]", r"body 0 has the key 'radus' \(did you mean 'radius'\?\)"),
+        ("bodies: [{shape: dsk, radius: 0.1}]", "shape of body 0 is 'dsk' .did you mean 'disk'.*; allowed: "),
         ("bodies: [{shape: disk, radius: 50}]", "radius of body 0 is 50; allowed: 0.001 to 0.5 m"),
         ("bodies: [{shape: disk, radius: .nan}]", "radius of body 0 is nan; allowed"),
         ("bodies: [{shape: disk, radius: 0.1, mass: light}]", "mass of body 0 is 'light'; allowed"),
@@ -58,10 +53,7 @@ def test_everything_of_a_body_is_read(tmp_path: Path) -> None:
             "body 1 has no role and others have",
         ),
         ("bodies: [{shape: disk, radius: 0.1, tags: [{size: 1}]}]", "a tag of body 0 has no id"),
-        (
-            "bodies: [{shape: disk, radius: 0.1, tags: 5000}]",
-            "id of a tag of body 0 is 5000; allow",
-        ),
+        ("bodies: [{shape: disk, radius: 0.1, tags: 5000}]", "id of a tag of body 0 is 5000; allow"),
         (
             "bodies: [{shape: disk, radius: 0.1, tags: 3}, {shape: t, radius: 0.1, tags: [1, 3]}]",
             "tag 3 is on bodies 0 and 1; each tag may be given once",
@@ -75,10 +67,7 @@ def test_everything_of_a_body_is_read(tmp_path: Path) -> None:
             "line 2: the key 'radius' is given twice; remove one",
         ),
         ("bodies: [{shape: disk, radius: 1:30}]", "radius of body 0 is '1:30'; allowed: 0.001"),
-        (
-            "bodies: [{shape: disk, radius: 0.1, topic: a b}]",
-            "topic of body 0 is 'a b'; a name in ROS has letters",
-        ),
+        ("bodies: [{shape: disk, radius: 0.1, topic: a b}]", "topic of body 0 is 'a b'; a name in ROS has letters"),
         ("bodies: [{shape: disk, radius: 0.1, topic: 3d/pose}]", "topic of body 0 is '3d/pose'; "),
         ("bodies: [{shape: disk, radius: 0.1, topic: a/}]", "topic of body 0 is 'a/'; "),
         ("bodies: [{shape: disk, radius: 0.1, topic: a//b}]", "topic of body 0 is 'a//b'; "),
@@ -92,10 +81,7 @@ def test_everything_of_a_body_is_read(tmp_path: Path) -> None:
         ),
         ("bodies: [{shape: disk, radius: true}]", "radius of body 0 is True; allowed: 0.001"),
         ("bodies: [{shape: disk, radius: 0.1, tags: true}]", "id of a tag of body 0 is True; allo"),
-        (
-            "bodies: [{shape: disk, radius: 0.1, tags: 1.0}]",
-            "1.0; allowed: whole numbers, 0 to 586",
-        ),
+        ("bodies: [{shape: disk, radius: 0.1, tags: 1.0}]", "1.0; allowed: whole numbers, 0 to 586"),
         ("bodies: [{shape: disk, radius: 0.1, mass: false}]", "mass of body 0 is False; allowed"),
         (
             "bodies: [{shape: disk, radius: 0.1, tags: [{id: 1, size: 0.3}]}]",
@@ -105,10 +91,7 @@ def test_everything_of_a_body_is_read(tmp_path: Path) -> None:
             "bodies: [{shape: disk, radius: 0.1, tags: [{id: 1, x: 0.2}]}]",
             r"tag 1 of body 0 is at \(0.2, 0\) m, beside the body of radius 0.1 m; its centre must",
         ),
-        (
-            "bodies: [{shape: t, radius: 0.1, tags: [{id: 1, x: 0.06, y: -0.06}]}]",
-            "beside the body",
-        ),
+        ("bodies: [{shape: t, radius: 0.1, tags: [{id: 1, x: 0.06, y: -0.06}]}]", "beside the body"),
         (
             "bodies: [{shape: disk, radius: 0.1, tags: [1, {id: 2, size: 0.02, x: 0.025}]}]",
             "tag 2 of body 0 lies where its tag 1 does; tags must be apart: correct x, y and size",
@@ -120,12 +103,12 @@ def test_everything_of_a_body_is_read(tmp_path: Path) -> None:
         ("bodies: &a [*a]", "is not read: it has an anchor or an alias"),
         ("bodies: !!python/object:os.system []", "is not read: it has the tag"),
     ],
-)
-def test_what_is_wrong_is_named(tmp_path: Path, text: str, message: str) -> None:
+)  # fmt: skip
+def test_what_is_wrong_is_named(tmp_path, text, message):
     with pytest.raises(ConfigError, match=rf"bodies file .*bodies\.yaml.*{message}"):
         read(tmp_path, text)
 
 
-def test_radius_and_mass_may_have_an_exponent(tmp_path: Path) -> None:
+def test_radius_and_mass_may_have_an_exponent(tmp_path):
     bodies = read(tmp_path, "bodies: [{shape: disk, radius: 8e-2, mass: 1e0, topic: /mocap/a_1}]")
     assert (bodies.radii, bodies.masses, bodies.topics) == ((0.08,), (1.0,), ("/mocap/a_1",))

@@ -12,7 +12,7 @@ from tests.hexagon import HEXAGON
 
 
 @pytest.fixture
-def offered(own_shapes: None, monkeypatch: pytest.MonkeyPatch) -> list[EntryPoint]:
+def offered(own_shapes, monkeypatch):
     """The entry points of an installed package with a shape and something else."""
     module = ModuleType("offering")
     module.HEXAGON, module.NUMBER = HEXAGON, 6  # type: ignore[attr-defined]

@@ -1,7 +1,7 @@
+# ruff: noqa: E501 - a case is a line
 """Bodies by their outlines."""
 
 import json
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -40,7 +40,7 @@ def smooth(count: int = 600) -> np.ndarray:
 
 
 @pytest.mark.parametrize("name", ["t", "star", "u", "ring_segment"])
-def test_convex_parts_make_up_the_outline(name: str) -> None:
+def test_convex_parts_make_up_the_outline(name):
     outline = get_shape(name).outline(1.0)
     parts = convex_parts(outline)
     assert sum(map(area, parts)) == pytest.approx(area(outline))
@@ -50,7 +50,7 @@ def test_convex_parts_make_up_the_outline(name: str) -> None:
     assert 1 < len(parts) <= 4 * len(get_shape(name).parts(1.0))
 
 
-def test_a_traced_body_is_about_its_centroid() -> None:
+def test_a_traced_body_is_about_its_centroid():
     body = trace("butterfly", smooth())
     assert isinstance(body.shape, Traced) and body.shape.name.startswith("butterfly-")
     np.testing.assert_allclose(body.centre, centroid(smooth()), atol=1e-4)
@@ -66,7 +66,7 @@ def test_a_traced_body_is_about_its_centroid() -> None:
     assert len(body.shape.feet) == 3 and Bodies((body.shape,)).pushable == (0,)
 
 
-def test_outlines_stand_beside_a_data_set(tmp_path: Path) -> None:
+def test_outlines_stand_beside_a_data_set(tmp_path):
     register_outlines(tmp_path)  # there are none
     body = trace("butterfly", smooth())
     write_outlines(tmp_path, [body.shape, get_shape("disk")])
@@ -89,9 +89,7 @@ def comb(teeth: int) -> list[list[float]]:
     return [list(p) for p in [(0.0, 0.0), (0.01 * (2 * teeth - 1), 0.0), *top[::-1]]]
 
 
-def test_an_outline_file_is_a_shape_by_its_path_and_by_its_name(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_outline_file_is_a_shape_by_its_path_and_by_its_name(tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path))
     file = outline_folder() / "comb.yaml"
     file.parent.mkdir(parents=True)
@@ -118,10 +116,7 @@ BODY = "{shapes: {a: {semi_axes: [0.1, 0.2]}}"
         (f"{BODY}, tip_radius: -1}}", "tip_radius is -1; allowed: 0.001 to 0.05 m"),
         (f"{BODY}, tip_radius: 5}}", "tip_radius is 5; .* 5 millimetres are 0.005 m"),
         (f"{BODY}, tip_radius: true}}", "tip_radius is True; allowed: 0.001 to 0.05 m"),
-        (
-            "shapes: {a: {semi_axes: [0.1, true]}}",
-            r"semi_axes\[1\] is True; allowed: finite numbers",
-        ),
+        ("shapes: {a: {semi_axes: [0.1, true]}}", r"semi_axes\[1\] is True; allowed: finite numbers"),
         ("shapes: {a: {semi_axes: 3}}", "semi_axes is 3; it must be a list of 2 numbers"),
         ("shapes: {a: [[0, 0], [0, 1], [true, 1]]}", r"point 3 of .*'a'\[0\] is True; allowed"),
         ("shapes: {a: [[0, 0], [0, '1'], [1, 1]]}", r"point 2 of .*\[1\] is '1'; allowed: finite"),
@@ -131,10 +126,8 @@ BODY = "{shapes: {a: {semi_axes: [0.1, 0.2]}}"
         ("shapes: {a: {semi_axes: [0.1, 0.2]}, b: {semi_axes: [0.1, 0.1]}}", "states 2 shapes"),
         (json.dumps({"shapes": {"comb": comb(20)}}), "convex parts; allowed: 64 and 12"),
     ],
-)
-def test_an_outline_file_that_cannot_be_used_is_named(
-    tmp_path: Path, content: str, text: str
-) -> None:
+)  # fmt: skip
+def test_an_outline_file_that_cannot_be_used_is_named(tmp_path, content, text):
     path = tmp_path / "mine.yaml"
     path.write_text(content)
     with pytest.raises(ConfigError, match=r"shape '.*mine\.yaml' is not read: .*" + text):
@@ -149,27 +142,20 @@ SQUARE = np.array([[0.0, 0.0], [0.1, 0.0], [0.1, 0.1], [0.0, 0.1]])
 @pytest.mark.parametrize(
     ("points", "message"),
     [
-        (
-            SQUARE[[0, 2, 1, 3]],
-            r"at \(0.05, 0.05\) m, where the sides from point 1 to 2 and from 3 to 4",
-        ),
+        (SQUARE[[0, 2, 1, 3]], r"at \(0.05, 0.05\) m, where the sides from point 1 to 2 and from 3 to 4"),
         (SQUARE[[0, 1]][[0, 1, 0]] * [[1, 1]], "encloses nothing: its area is 0 mm"),
         (np.array([[0.0, 0.0], [0.05, 0.05], [0.1, 0.1]]), "encloses nothing: .* points in a line"),
         (SQUARE[[0, 0, 0, 1]], "encloses nothing: its area is 0 mm"),
         (1e3 * SQUARE, "radius of 70.71 m: it looks like millimetres; allowed"),
         (1e-3 * SQUARE, r"radius of 7.07\de-05 m; allowed"),
     ],
-)
-def test_an_outline_that_is_none_is_refused_with_its_points(
-    points: np.ndarray, message: str
-) -> None:
+)  # fmt: skip
+def test_an_outline_that_is_none_is_refused_with_its_points(points, message):
     with pytest.raises(DatasetError, match=message):
         trace("mine", points)
 
 
-def test_an_outline_is_mended_with_a_word(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_an_outline_is_mended_with_a_word(tmp_path, monkeypatch, caplog):
     monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path))
     outline_folder().mkdir(parents=True)
     stated = SQUARE[[0, 3, 3, 2, 1, 0]].tolist()

@@ -34,7 +34,7 @@ SHAPES = ("disk", "square", "t", "star", "bar", "ring_segment")
 
 
 @pytest.mark.parametrize("name", SHAPES)
-def test_the_points_lie_within_the_outline_and_balance(name: str) -> None:
+def test_the_points_lie_within_the_outline_and_balance(name):
     shape = get_shape(name)
     points, shares = flat_bottom(shape)
     assert 20 <= len(points) <= 60
@@ -43,13 +43,13 @@ def test_the_points_lie_within_the_outline_and_balance(name: str) -> None:
     assert np.hypot(*points.T).max() <= 1.1 * shape.circumradius
 
 
-def test_a_uniform_disk_resists_turning_at_two_thirds_of_its_radius() -> None:
+def test_a_uniform_disk_resists_turning_at_two_thirds_of_its_radius():
     points, shares = flat_bottom(get_shape("disk"))
     assert shares @ np.hypot(*points.T) == pytest.approx(2.0 / 3.0, rel=0.03)
 
 
 @pytest.mark.parametrize("name", SHAPES)
-def test_even_supports_slide_and_turn_as_uniform_pressure(name: str) -> None:
+def test_even_supports_slide_and_turn_as_uniform_pressure(name):
     shape = get_shape(name)
     points = even_supports(shape)
     fine, shares = flat_bottom(shape)

@@ -1,3 +1,4 @@
+# ruff: noqa: E501 - a case is a line
 """Bodies out of messages: the same bodies, or an error that names body and value."""
 
 from types import SimpleNamespace as Message
@@ -86,11 +87,7 @@ BOW = SQUARE[[0, 2, 1, 3]]
         (bodies(body(parts=[])), InvalidInputError, "body 0 ('t') has 0 parts"),
         (bodies(body(parts=[prism(SQUARE)] * 13)), InvalidInputError, "has 13 parts"),
         (bodies(body("mine", parts=[prism(SQUARE[:2])])), InvalidInputError, "has 2 corners"),
-        (
-            bodies(body("x", parts=[prism(np.tile(SQUARE, (17, 1)))])),
-            InvalidInputError,
-            "68 corners",
-        ),
+        (bodies(body("x", parts=[prism(np.tile(SQUARE, (17, 1)))])), InvalidInputError, "68 corners"),
         (bodies(body("x", parts=[prism(SQUARE[::-1])])), InvalidInputError, "counter-clockwise"),
         (bodies(body("x", parts=[prism(BOW)])), InvalidInputError, "a convex polygon"),
         (bodies(body(parts=[prism(99 * SQUARE)])), InvalidInputError, "a corner 5.94 m away"),
@@ -101,13 +98,9 @@ BOW = SQUARE[[0, 2, 1, 3]]
             InvalidInputError,
             "body 0 ('mine') has its centroid or circumscribed circle elsewhere",
         ),
-        (
-            bodies(disk("pushable"), body("disk", parts=[prism(SQUARE)])),
-            InvalidInputError,
-            "body 1",
-        ),
+        (bodies(disk("pushable"), body("disk", parts=[prism(SQUARE)])), InvalidInputError, "body 1"),
     ],
-)
+)  # fmt: skip
 def test_what_cannot_be_is_refused_and_named(message, error, text):
     with pytest.raises(error) as raised:
         decode_bodies(message)

@@ -15,7 +15,7 @@ def disk(**values: float) -> Message:
     return Message(**(dict.fromkeys(STATE_NAMES, 0.0) | values))
 
 
-def test_disks_become_rows() -> None:
+def test_disks_become_rows():
     scene = wire.decode_disks([disk(x=1.0, radius=0.1), disk(theta=2.0, mass=8.0)])
     expected = np.zeros((2, 8))
     expected[0, [0, 7]] = 1.0, 0.1
@@ -23,13 +23,13 @@ def test_disks_become_rows() -> None:
     np.testing.assert_array_equal(scene, expected)
 
 
-def test_a_scene_needs_a_body() -> None:
+def test_a_scene_needs_a_body():
     with pytest.raises(InvalidInputError, match="scene has 0 disks; it needs at least 1"):
         wire.decode_disks([])
     assert wire.decode_disks([disk()]).shape == (1, 8)
 
 
-def test_what_is_not_finite_is_named() -> None:
+def test_what_is_not_finite_is_named():
     with pytest.raises(InvalidInputError, match="before: vy of disk 1 is nan; must be finite"):
         wire.decode_disks([disk(), disk(vy=float("nan"))], "before")
     with pytest.raises(InvalidInputError, match="angle of the push is inf; must be finite"):
@@ -46,7 +46,7 @@ def rollout(**values: object) -> Message:
     return Message(**(ok | values))
 
 
-def test_a_rollout_request_is_decoded() -> None:
+def test_a_rollout_request_is_decoded():
     scene, pushes = wire.decode_rollout_request(rollout())
     assert (scene.shape, pushes.shape) == ((2, 8), (2, 1, PUSH_SIZE))
     _, named = wire.decode_rollout_request(rollout(pushes=[0.0] * 5 + [1.0] * 5))
@@ -66,7 +66,7 @@ def test_a_rollout_request_is_decoded() -> None:
         ({"disks": 3}, r"scene has 16 numbers; 24 were expected, for shape \(3, 8\)"),
     ],
 )
-def test_a_wrong_rollout_request_is_refused(values: dict[str, object], message: str) -> None:
+def test_a_wrong_rollout_request_is_refused(values, message):
     with pytest.raises(InvalidInputError, match=message):
         wire.decode_rollout_request(rollout(**values))
 
@@ -84,7 +84,7 @@ def past(**values: object) -> Message:
     return Message(**(fields | values))
 
 
-def test_the_past_is_decoded_and_may_be_empty() -> None:
+def test_the_past_is_decoded_and_may_be_empty():
     history = wire.decode_past(past())
     assert (len(history), history.disks) == (2, 2)
     none = wire.decode_past(past(past=0, past_scenes=[], past_pushes=[], past_next=[]))
@@ -107,12 +107,12 @@ def test_the_past_is_decoded_and_may_be_empty() -> None:
         ({"past_next": [0.5] * 32}, "a past push changed a mass or radius"),
     ],
 )
-def test_a_past_that_cannot_be_is_refused(values: dict[str, object], message: str) -> None:
+def test_a_past_that_cannot_be_is_refused(values, message):
     with pytest.raises(InvalidInputError, match=message):
         wire.decode_past(past(**values))
 
 
-def test_a_result_is_where_a_push_led() -> None:
+def test_a_result_is_where_a_push_led():
     before, after = (Message(disks=[disk(x=x), disk(x=1.0)]) for x in (0.1, 0.2))
     push = Message(body=1, location=0.5, angle=0.1, length=0.05, speed=0.0)
     scene, action, next_scene = wire.decode_result(Message(before=before, after=after, push=push))

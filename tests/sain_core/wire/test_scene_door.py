@@ -66,9 +66,7 @@ BAD = {
 
 
 @pytest.mark.parametrize(("message", "text"), BAD.values(), ids=BAD)
-def test_a_bad_scene_is_refused_with_what_is_wrong_and_the_good_one_stays(
-    message: Message, text: str
-) -> None:
+def test_a_bad_scene_is_refused_with_what_is_wrong_and_the_good_one_stays(message, text):
     door = SceneDoor()
     door.state_bodies(TWO, 1)
     good = door.take(scene(), 10.0, 100.0)
@@ -84,7 +82,7 @@ def test_a_bad_scene_is_refused_with_what_is_wrong_and_the_good_one_stays(
     door.check_push(10.1, 100.1)
 
 
-def test_a_scene_that_is_old_or_not_settled_moves_nothing() -> None:
+def test_a_scene_that_is_old_or_not_settled_moves_nothing():
     door = SceneDoor()
     with pytest.raises(StaleSceneError, match="no scene came yet"):
         door.check_push(10.0, 100.0)
@@ -111,7 +109,7 @@ def test_a_scene_that_is_old_or_not_settled_moves_nothing() -> None:
         (scene(body(), ids=(2, 2)), "episode 2 has begun"),
     ],
 )
-def test_a_stroke_needs_the_bodies_that_it_was_planned_for(message: Message, text: str) -> None:
+def test_a_stroke_needs_the_bodies_that_it_was_planned_for(message, text):
     door = SceneDoor()
     planned = door.take(scene(), 10.0, 100.0)
     door.take(message, 10.0, 100.0)
@@ -119,14 +117,14 @@ def test_a_stroke_needs_the_bodies_that_it_was_planned_for(message: Message, tex
         door.check_stroke(planned, 10.0, 100.0)
 
 
-def test_bodies_that_come_after_their_scene_show_that_it_was_bad() -> None:
+def test_bodies_that_come_after_their_scene_show_that_it_was_bad():
     door = SceneDoor()
     door.take(scene(body()), 10.0, 100.0)
     door.state_bodies(TWO, 1)
     assert (door.seen, door.trouble) == (None, "it has 1 bodies; episode 1 has 2")
 
 
-def test_a_converter_that_starts_anew_is_believed_after_a_pause() -> None:
+def test_a_converter_that_starts_anew_is_believed_after_a_pause():
     door = SceneDoor()
     door.take(scene(stamp=100.0, ids=(7, 9)), 10.0, 100.0)
     first = scene(body(), stamp=0.5, ids=(1, 1))
@@ -144,9 +142,7 @@ STEPS = st.one_of(
 
 
 @given(st.lists(STEPS, max_size=30))
-def test_whatever_comes_what_is_held_is_good_and_a_push_needs_that_it_is_the_latest(
-    steps: list[tuple[str, float]],
-) -> None:
+def test_whatever_comes_what_is_held_is_good_and_a_push_needs_that_it_is_the_latest(steps):
     door, time, latest = SceneDoor(), 0.0, ""
     good_at = -np.inf
     for step, pause in steps:

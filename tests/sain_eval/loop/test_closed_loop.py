@@ -89,7 +89,7 @@ def test_a_model_that_does_not_exist_is_refused(name):
 
 def test_an_agent_learns_the_friction_of_its_episode_if_so_configured():
     """The error of its predictions falls: the planar prior's friction is off at first."""
-    case = replace(ANYWHERE, friction=0.2)
+    case = replace(ANYWHERE, friction=0.2, max_pushes=6)
     errors = {}
     for history in (True, False):
         agent = agent_maker("planar_axes", AgentConfig(history=history))(case)

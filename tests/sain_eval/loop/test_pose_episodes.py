@@ -1,3 +1,4 @@
+# ruff: noqa: E501 - a case is a line
 """Episodes towards poses with the real arm world, and what a person reads where one cannot be."""
 
 from dataclasses import replace
@@ -119,15 +120,10 @@ def test_one_body_or_ten_are_played_and_drawn(count, tmp_path):
             (BodyPose(1, 0.5, 0.0, 0.5),),
             "body 1 is fixed; it cannot be moved to a goal",
         ),
-        (
-            ("t",),
-            (),
-            (BodyPose(1, 0.5, 0.0, 0.5),),
-            "given for body 1; the scene has bodies 0 to 0",
-        ),
+        (("t",), (), (BodyPose(1, 0.5, 0.0, 0.5),), "given for body 1; the scene has bodies 0 to 0"),
         (("t",), (), (BodyPose(0, 2.0, 0.0, 0.5),), "of body 0 is off the table; it covers"),
     ],
-)
+)  # fmt: skip
 def test_a_goal_that_cannot_be_ends_the_episode_with_its_reason(shapes, roles, poses, message):
     places = [(0.4, 0.0), (0.45, 0.2)][: len(shapes)]
     outcome = play(scene_of(shapes, places, poses, roles))

@@ -8,10 +8,8 @@ import pytest
 from rich.console import Console
 
 from sain_core.errors import ConfigError, OutputError
-from sain_eval import commands
 from sain_eval.cli.evaluate import EvaluateOptions, evaluate, jobs_of
 from sain_eval.cli.evaluate import run as run_command
-from sain_eval.episode import Tolerance
 from sain_eval.loop.closed_loop import EpisodeOutcome
 from sain_eval.loop.results import (
     JOURNAL_FILE,
@@ -21,13 +19,7 @@ from sain_eval.loop.results import (
     summarise,
     write_results,
 )
-from sain_eval.loop.tables import (
-    HEADER,
-    failure_line,
-    failures,
-    shape_table,
-    table_cells,
-)
+from sain_eval.loop.tables import HEADER, failure_line, failures, shape_table, table_cells
 from sain_eval.scenes.scenarios import SCENARIOS
 
 CASE = SCENARIOS["paper"].scene(0)
@@ -131,32 +123,6 @@ def test_workers_find_the_same_as_one_process(tmp_path):
         assert (alone / name).read_bytes() == (together / name).read_bytes()
 
 
-def test_the_whole_table_is_the_papers_and_that_of_shapes(tmp_path):
-    options = EvaluateOptions(out=tmp_path, table=True, scenes=5, models="runs/mine")
-    played = {}
-    for job in jobs_of(options, set()):
-        played.setdefault((job.scenario, job.controller), []).append(job)
-    for scenario in ("paper", "paper_shift", "paper_cube"):
-        for name in ("null", "straight", "random", "planar", "sain", "oracle", "runs/mine"):
-            jobs = played.pop((scenario, name))
-            assert len(jobs) == 5
-            assert jobs[0].tolerances == tuple(map(Tolerance, (0.05, 0.02, 0.01, 0.005)))
-    for scenario in ("anywhere", "anywhere_cube"):
-        for name in ("straight", "planar", "sain", "oracle", "runs/mine"):
-            assert len(played.pop((scenario, name))) == 5
-    shapes = ("box", "push_t", "shapes", "shapes_indirect", "rearrange_2", "rearrange_3")
-    shapes += ("rearrange_4",)
-    poses = (Tolerance(0.02, 0.1), Tolerance(0.01, 0.05), Tolerance(0.005, 0.03))
-    for scenario in (*shapes, "blocked"):
-        baseline = "straight" if scenario == "blocked" else "random"
-        for name in ("planar", "sain", "oracle", "runs/mine", baseline):
-            jobs = played.pop((scenario, name))
-            assert len(jobs) == 5 and jobs[0].tolerances == poses
-    (jobs,) = played.values()
-    assert [(job.scenario, job.seed) for job in jobs] == [("streak", seed) for seed in range(3)]
-    assert options.settings() != EvaluateOptions(out=tmp_path).settings()
-
-
 def keep_a_table(records, tmp_path):
     """Keep a journal of the whole table with 3 scenes; a planner failed in one of them."""
     options = EvaluateOptions(out=tmp_path, table=True, scenes=3)
@@ -219,26 +185,13 @@ def test_a_person_finds_all_of_the_table_in_its_pages(records, tmp_path):
         ({"tolerances": "0.02:-1"}, "--tolerances has -1.0 rad; allowed: above 0, at most 5.0 rad"),
         ({"tolerances": "nan"}, "--tolerances has nan m; allowed"),
         ({"controllers": ","}, "controllers is empty"),
-        (
-            {"models": "runs/mine"},
-            "--models is 'runs/mine' without --table; give",
-        ),
+        ({"models": "runs/mine"}, "--models is 'runs/mine' without --table; give"),
         ({"scenes": 0}, r"EvaluateOptions\.scenes is 0; it must be at least 1"),
     ],
 )
 def test_bad_options_are_named(tmp_path, changes, message):
     with pytest.raises(ConfigError, match=message):
         _ = EvaluateOptions(out=tmp_path, **changes).controller_names
-
-
-def test_help_says_what_the_planners_settings_mean(capsys):
-    with pytest.raises(SystemExit) as done:
-        commands.evaluate(["--help"])
-    shown = " ".join(capsys.readouterr().out.replace("│", " ").split())
-    assert done.value.code == 0
-    assert "--planner.samples INT K, sequences rolled out in the first round" in shown
-    assert "Standard deviation of the location [at least 0 rad] (default: 0.5)" in shown
-    assert "Seed of the first scene" in shown
 
 
 POSE_RECORD = SceneRecord(

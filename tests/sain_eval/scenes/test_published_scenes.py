@@ -28,7 +28,7 @@ PUBLISHED = {
 
 
 @pytest.mark.parametrize("name", SCENARIOS)
-def test_the_first_scenes_are_those_that_were_published(name: str) -> None:
+def test_the_first_scenes_are_those_that_were_published(name):
     digest = hashlib.sha256()
     for seed in range(3):
         case = SCENARIOS[name].scene(seed)

@@ -23,13 +23,6 @@ def scenario(request):
     return SCENARIOS[request.param]
 
 
-def test_the_same_seed_gives_the_same_scene_and_another_another(scenario):
-    first, again, other = scenario.scene(3), scenario.scene(3), scenario.scene(4)
-    assert first.disks.tobytes() == again.disks.tobytes()
-    assert first.goal == again.goal and first.friction == again.friction
-    assert first.friction != other.friction
-
-
 def test_scenes_exist_and_their_goal_is_on_the_table(scenario):
     for seed in SEEDS:
         case = scenario.scene(seed)

@@ -11,7 +11,7 @@ from sain_lab.ros.learner_node import encode_learning
 
 
 @pytest.mark.parametrize("pushes", [1, 7, 59, 333, 2001])
-def test_curves_end_with_the_last_push(pushes: int) -> None:
+def test_curves_end_with_the_last_push(pushes):
     values = np.random.default_rng(pushes).uniform(1.0, 3.0, pushes)  # [mm]
     curves = Curves(dict.fromkeys((SERVICE, PHYSICS, PLANAR), values), {}, ())
     latest = values[-WINDOW:].mean()

@@ -1,8 +1,6 @@
 """Meshes of links: read once, and again when their file changes."""
 
 import sys
-from collections.abc import Iterator
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -29,7 +27,7 @@ MATERIALS = "newmtl red\nKd 1 0 0\nnewmtl blue\nKd 0 0 1\n"
 
 
 @pytest.fixture(autouse=True)
-def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+def cache(tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     scratch.cache_folder.cache_clear()
     yield tmp_path / "cache" / "sain" / "meshes"
@@ -37,7 +35,7 @@ def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
 
 
 @pytest.fixture
-def two(tmp_path: Path) -> Path:
+def two(tmp_path):
     (tmp_path / "two.mtl").write_text(MATERIALS)
     (tmp_path / "two.obj").write_text(TWO_COLOURS)
     return tmp_path / "two.obj"
@@ -52,9 +50,7 @@ def without_trimesh(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "trimesh", None)
 
 
-def test_the_second_time_it_is_not_read_from_its_file(
-    two: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_second_time_it_is_not_read_from_its_file(two, monkeypatch):
     first = read_mesh(str(two), GREY, own=True)
     without_trimesh(monkeypatch)
     second = read_mesh(str(two), GREY, own=True)
@@ -64,7 +60,7 @@ def test_the_second_time_it_is_not_read_from_its_file(
         assert np.array_equal(one.faces, other.faces)
 
 
-def test_parts_of_a_scene_are_where_it_has_them(tmp_path: Path) -> None:
+def test_parts_of_a_scene_are_where_it_has_them(tmp_path):
     scene = trimesh.Scene()
     for height in (1.0, 3.0):
         place = trimesh.transformations.translation_matrix((0, 0, height))
@@ -82,7 +78,7 @@ def test_parts_of_a_scene_are_where_it_has_them(tmp_path: Path) -> None:
         ("http://far.away/two.obj", "allowed: files of type"),
     ],
 )
-def test_what_is_no_mesh_is_refused(tmp_path: Path, name: str, message: str) -> None:
+def test_what_is_no_mesh_is_refused(tmp_path, name, message):
     where = name if "//" in name else str(tmp_path / name)
     with pytest.raises(ConfigError, match=message):
         read_mesh(where, GREY, own=True)

@@ -1,7 +1,7 @@
 """The page as a person sees it, in Chromium."""
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -13,7 +13,7 @@ from sain_live.page.controls import description
 from sain_live.page.live_page import LivePage
 from sain_live.page.scene import HANDLE
 from sain_live.page.serving import CAMERA, FIELD_OF_VIEW, LOOK_AT
-from sain_live.state import Level, LiveState
+from sain_live.state import Level
 from tests.sain_bags.browser import WEBGL, Browser, opened_browser
 from tests.sain_live.straw import AIM, BODIES, SCENE, Written, made_up, served
 
@@ -38,13 +38,13 @@ folded.forEach(one => one.click()); return folded.length"""
 
 
 @pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
+def browser():
     with opened_browser(WEBGL) as browser:
         yield browser
 
 
 @pytest.fixture
-def page() -> Iterator[tuple[LiveState, Written, LivePage]]:
+def page():
     known, orders = made_up(), Written()
     with served(known, orders) as page:
         yield known, orders, page

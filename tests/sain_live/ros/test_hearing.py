@@ -22,12 +22,12 @@ TEE, BOX = Bodies.named(["t", "disk"]), Bodies.named(["box_3x2", "disk"])
 
 
 @pytest.fixture
-def known() -> LiveState:
+def known():
     return LiveState()
 
 
 @pytest.fixture
-def hearing(known) -> Hearing:
+def hearing(known):
     return Hearing(known, lambda: True)
 
 

@@ -22,7 +22,7 @@ ENTRIES = (
 )
 
 
-def test_predictions_run_what_was_compiled() -> None:
+def test_predictions_run_what_was_compiled():
     compile_kernels()
     assert kernels_are_ready()
     scenes = np.stack([make_scene(), make_scene()])

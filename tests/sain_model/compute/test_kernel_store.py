@@ -19,7 +19,7 @@ KEPT = kernel_folder()
 
 
 @pytest.fixture
-def copies(tmp_path: Path) -> tuple[Path, Path]:
+def copies(tmp_path):
     """The sources of both packages, somewhere else."""
     places = tmp_path / "sain_model", tmp_path / "sain_core"
     for source, place in zip((MODEL, CORE), places, strict=True):
@@ -35,11 +35,11 @@ def changed(copies: tuple[Path, Path], path: Path) -> set[str]:
     return {name for name in after if after[name] != before[name]}
 
 
-def test_the_same_sources_have_the_same_hashes_wherever_they_are(copies: tuple[Path, Path]) -> None:
+def test_the_same_sources_have_the_same_hashes_wherever_they_are(copies):
     assert source_hashes(*copies) == source_hashes(MODEL.resolve(), CORE.resolve())
 
 
-def test_an_edit_changes_a_module_and_those_that_use_it(copies: tuple[Path, Path]) -> None:
+def test_an_edit_changes_a_module_and_those_that_use_it(copies):
     network = changed(copies, copies[0] / "network" / "network_kernels.py")
     assert network == {"network_kernels"}
     physics = changed(copies, copies[0] / "physics" / "body_kernels.py")
@@ -47,7 +47,7 @@ def test_an_edit_changes_a_module_and_those_that_use_it(copies: tuple[Path, Path
     assert not physics & {"network_kernels", "patch_kernels", "feature_kernels"}
 
 
-def test_an_edit_compiles_only_what_it_must_and_says_so(copies: tuple[Path, Path]) -> None:
+def test_an_edit_compiles_only_what_it_must_and_says_so(copies):
     compile_kernels()
     store = copies[0] / "__pycache__" / "kernels"
     shutil.copytree(KEPT, store)

@@ -1,7 +1,6 @@
 """Bodies on surfaces: what a robot's pushes of them show, from a data set to a model."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -54,7 +53,7 @@ def pushed(name: str, surface: str, count: int, seed: int = 0) -> Part:
 
 
 @pytest.fixture(scope="module")
-def data() -> Dataset:
+def data():
     parts = [pushed(*pair, 40, seed) for seed, pair in enumerate(TRUTH)]
     square = {
         name: np.concatenate([getattr(part, name) for part in parts[:2]])
@@ -63,7 +62,7 @@ def data() -> Dataset:
     return Dataset((replace(parts[0], **square), parts[2]), sha256="x")
 
 
-def test_own_pushes_show_what_a_body_is_like(data: Dataset) -> None:
+def test_own_pushes_show_what_a_body_is_like(data):
     assert states_bodies(data)
     assert set(body_names(data.parts[0])) == {"square on steel", "square on wood"}
     kind = surface_kind()
@@ -78,9 +77,7 @@ def test_own_pushes_show_what_a_body_is_like(data: Dataset) -> None:
     assert np.median(np.abs(off[..., POSITION])) < 1e-4
 
 
-def test_a_belief_of_bodies_is_trained_on_saved_and_conditioned(
-    data: Dataset, tmp_path: Path
-) -> None:
+def test_a_belief_of_bodies_is_trained_on_saved_and_conditioned(data, tmp_path):
     belief = identify_bodies(data)
     assert set(belief.card["bodies"]) == {"square on steel", "square on wood", "disk on steel"}
     again = read_belief(write_belief(tmp_path / "belief.json", belief))

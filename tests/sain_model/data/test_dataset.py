@@ -1,3 +1,4 @@
+# ruff: noqa: E501 - a case is a line
 """Data sets: read, checked, mixed, split by episode, and cut into windows."""
 
 from dataclasses import replace
@@ -19,7 +20,7 @@ from sain_model.training.objectives import make_examples
 from tests.sain_model.rolling import EPISODES, EVERY, PUSHES, load_episodes
 
 
-def test_all_shards_are_read_in_order(dataset: Path) -> None:
+def test_all_shards_are_read_in_order(dataset):
     data = load_dataset(dataset)
     assert len(data) == 120
     assert data.alike.state.shape == (120, 2, 8)
@@ -37,27 +38,11 @@ def in_grams(scenes: np.ndarray) -> np.ndarray:
     ("key", "change", "message"),
     [
         ("state", None, "lacks state"),
-        (
-            "action",
-            lambda a: a[:, :2],
-            r"action cannot be: a push has 5 numbers .* not shape \(60, 2\)",
-        ),
+        ("action", lambda a: a[:, :2], r"action cannot be: a push has 5 numbers .* not shape \(60, 2\)"),
         ("next_state", lambda a: a[:-1], r"next_state has shape \(59, 16\)"),
-        (
-            "state",
-            lambda a: np.where(np.arange(60)[:, None] == 7, np.inf, a),
-            "row 7 of state holds NaN or Inf",
-        ),
-        (
-            "state",
-            lambda a: -a,
-            r"row 0 of state has a mass or radius of -\S+; it must be positive",
-        ),
-        (
-            "state",
-            lambda a: 1e3 * a,
-            r"row 0 of state: x of body \d is \S+; allowed: -10 to 10; len",
-        ),
+        ("state", lambda a: np.where(np.arange(60)[:, None] == 7, np.inf, a), "row 7 of state holds NaN or Inf"),
+        ("state", lambda a: -a, r"row 0 of state has a mass or radius of -\S+; it must be positive"),
+        ("state", lambda a: 1e3 * a, r"row 0 of state: x of body \d is \S+; allowed: -10 to 10; len"),
         ("state", in_grams, r"mass of body 0 is \d{4}\S*; allowed: 0.0001 to 100; .* kg"),
         (
             "next_state",
@@ -65,11 +50,7 @@ def in_grams(scenes: np.ndarray) -> np.ndarray:
             "row 0: radius of body 0 differs by 20.0 % between state and next_state; allowed: 5 %",
         ),
         ("next_state", lambda a: -a, "row 0 of next_state has a mass or radius of"),
-        (
-            "masses",
-            lambda a: np.full((60, 2), -0.5),
-            "row 0 of masses has the value -0.5; it must be positive",
-        ),
+        ("masses", lambda a: np.full((60, 2), -0.5), "row 0 of masses has the value -0.5; it must be positive"),
         ("state", lambda a: a + 1j, "state is complex128; it should be real numbers"),
         ("action", lambda a: a.astype(str), "action is <U.*; it should be real numbers"),
         ("physics_next", lambda a: a > 0, "physics_next is bool; it should be real numbers"),
@@ -78,17 +59,11 @@ def in_grams(scenes: np.ndarray) -> np.ndarray:
         ("roles", lambda a: np.array("movable"), r"roles has shape \(\); it should have 60 rows"),
         ("roles", lambda a: np.full(60, "king,movable"), "bad.npz: the bodies 'disk,disk' cannot"),
         ("episode", lambda a: a.astype(float), "episode is float64"),
-        (
-            "physics_next",
-            lambda a: a[:, :8],
-            r"physics_next has shape \(60, 8\); it should be \(60, 16\)",
-        ),
+        ("physics_next", lambda a: a[:, :8], r"physics_next has shape \(60, 8\); it should be \(60, 16\)"),
         ("friction", lambda a: a[:5], r"friction has shape \(5,\)"),
     ],
-)
-def test_a_damaged_shard_is_refused(
-    dataset: Path, tmp_path: Path, key: str, change: object, message: str
-) -> None:
+)  # fmt: skip
+def test_a_damaged_shard_is_refused(dataset, tmp_path, key, change, message):
     with np.load(dataset / "shard-0.npz") as shard:
         arrays = dict(shard)
     arrays[key] = change(arrays.get(key)) if change else None  # type: ignore[operator]
@@ -99,7 +74,7 @@ def test_a_damaged_shard_is_refused(
     assert str(path) in str(caught.value)
 
 
-def test_what_is_no_shard_is_refused(dataset: Path, tmp_path: Path) -> None:
+def test_what_is_no_shard_is_refused(dataset, tmp_path):
     with pytest.raises(DatasetError, match="holds no shards"):
         load_dataset(tmp_path)
     with pytest.raises(DatasetError, match="does not exist"):
@@ -134,7 +109,7 @@ def with_more_disks(shard: Path, more: int, to: Path, shift: float = 0.0) -> Pat
 
 
 @pytest.fixture(scope="module")
-def folders(dataset: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path, Path]:
+def folders(dataset, tmp_path_factory):
     """Data with 2 disks, with 4, and with 2 again but other pushes."""
     root = tmp_path_factory.mktemp("mixed")
     shard = dataset / "shard-0.npz"
@@ -143,7 +118,7 @@ def folders(dataset: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Pa
     return dataset, root / "four", root / "again"
 
 
-def test_numbers_of_disks_stay_apart_and_so_do_episodes_of_one_name(folders) -> None:
+def test_numbers_of_disks_stay_apart_and_so_do_episodes_of_one_name(folders):
     data = load_dataset(*folders)
     assert [(part.disks, len(part)) for part in data.parts] == [(2, 180), (4, 60)]
     assert len(np.unique(data.episode)) == 20 + 10 + 10
@@ -160,7 +135,7 @@ def single_rows(data: Dataset) -> list[Part]:
 
 
 @pytest.mark.parametrize("shares", [(0.1, 0.0), (0.2, 0.0), (0.2, 0.3)])
-def test_no_transition_of_a_training_episode_is_held_out(folders, shares) -> None:
+def test_no_transition_of_a_training_episode_is_held_out(folders, shares):
     """By what happened in them, not by their labels: the label of an episode could be wrong."""
     data = load_dataset(*folders)
     split = split_by_episode(data, 1, *shares)
@@ -175,7 +150,7 @@ def test_no_transition_of_a_training_episode_is_held_out(folders, shares) -> Non
     assert sum(map(len, labels)) == 40 == len(set.union(*labels))
 
 
-def test_disks_that_do_not_exist_change_nothing_of_those_that_do(folders) -> None:
+def test_disks_that_do_not_exist_change_nothing_of_those_that_do(folders):
     torch.manual_seed(0)
     network = InteractionNetwork(NetworkConfig())
     for parameter in network.parameters():
@@ -192,7 +167,7 @@ def test_disks_that_do_not_exist_change_nothing_of_those_that_do(folders) -> Non
     assert examples.padded(4) is examples
 
 
-def test_what_was_learned_from_among_others_is_not_evaluated_on(folders, tmp_path, capsys) -> None:
+def test_what_was_learned_from_among_others_is_not_evaluated_on(folders, tmp_path, capsys):
     arguments = [*map(str, folders), "--out", str(tmp_path), "--epochs", "1", "--history", "none"]
     assert train(arguments) == 0
     capsys.readouterr()
@@ -201,7 +176,7 @@ def test_what_was_learned_from_among_others_is_not_evaluated_on(folders, tmp_pat
     assert "learned from this data among others" in " ".join(capsys.readouterr().err.split())
 
 
-def test_windows_never_cross_episodes_and_lose_no_push(tmp_path: Path) -> None:
+def test_windows_never_cross_episodes_and_lose_no_push(tmp_path):
     shuffled = load_episodes(tmp_path, np.random.default_rng(0).permutation(EVERY))
     windows = make_windows(shuffled, 4)
     assert sorted(windows.rows[:, 0]) == list(range(len(EVERY)))
@@ -213,7 +188,7 @@ def test_windows_never_cross_episodes_and_lose_no_push(tmp_path: Path) -> None:
         np.testing.assert_array_equal(shuffled.step[used], np.arange(first, first + length))
 
 
-def test_a_window_is_what_happened(tmp_path: Path) -> None:
+def test_a_window_is_what_happened(tmp_path):
     data = load_episodes(tmp_path)
     windows = make_windows(data, 3, whole=True)
     assert len(windows) == EPISODES * (PUSHES - 2) and windows.known.all()
@@ -224,7 +199,7 @@ def test_a_window_is_what_happened(tmp_path: Path) -> None:
     np.testing.assert_array_equal(windows.next_scenes[:, :-1], later)
 
 
-def test_no_window_spans_a_gap(tmp_path: Path) -> None:
+def test_no_window_spans_a_gap(tmp_path):
     """Neither where a step is missing, nor where a scene is another than the push before left."""
     data = load_episodes(tmp_path / "gap", np.delete(EVERY, 2))
     windows = make_windows(data, PUSHES)

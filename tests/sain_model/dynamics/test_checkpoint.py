@@ -14,7 +14,6 @@ import torch
 
 from sain_core.errors import CheckpointError, ConfigError, OutputError
 from sain_core.model import load_dynamics
-from sain_core.types import Pushes, Scenes
 from sain_model.dynamics.load import ModelCard, card_path, load_checkpoint, save_checkpoint
 from sain_model.dynamics.priors import make_prior, prior_settings
 from sain_model.dynamics.sain import SainDynamics, residual_model
@@ -27,7 +26,7 @@ PRIOR = PlanarPrior(PlanarConfig(friction=0.15))
 
 
 @pytest.fixture
-def checkpoint(tmp_path: Path) -> Path:
+def checkpoint(tmp_path):
     torch.manual_seed(0)
     network = InteractionNetwork(NetworkConfig(hidden=8, message=4))
     with torch.no_grad():
@@ -63,9 +62,7 @@ def retype(path: Path, value: torch.Tensor) -> None:
     rewrite(path, safetensors.torch.save(tensors))
 
 
-def test_what_was_saved_is_loaded_with_the_prior_it_had(
-    checkpoint: Path, random_pushes: Callable[[int, int], tuple[Scenes, Pushes]]
-) -> None:
+def test_what_was_saved_is_loaded_with_the_prior_it_had(checkpoint, random_pushes):
     sain = load_dynamics(str(checkpoint))
     assert isinstance(sain, SainDynamics) and sain.physics == PRIOR
     card = json.loads(sain.origin.card)
@@ -100,9 +97,7 @@ SPOILED: dict[str, tuple[Callable[[Path], object], str]] = {
 
 
 @pytest.mark.parametrize("kind", SPOILED)
-def test_files_that_are_not_sound_are_refused_and_never_unpickled(
-    checkpoint: Path, kind: str
-) -> None:
+def test_files_that_are_not_sound_are_refused_and_never_unpickled(checkpoint, kind):
     spoil, message = SPOILED[kind]
     spoil(checkpoint)
     with pytest.raises(CheckpointError, match=message):
@@ -134,16 +129,14 @@ def test_files_that_are_not_sound_are_refused_and_never_unpickled(
         ("intervals", {"mid": {"noise": "x"}}, "intervals: Region holds 'x'; allowed: finite numb"),
     ],
 )
-def test_cards_that_are_not_sound_are_refused(
-    checkpoint: Path, field: str, value: object, message: str
-) -> None:
+def test_cards_that_are_not_sound_are_refused(checkpoint, field, value, message):
     edit_card(checkpoint, **{field: value})
     with pytest.raises(CheckpointError, match=message) as caught:
         load_dynamics(str(checkpoint))
     assert checkpoint.stem in str(caught.value)
 
 
-def test_unknown_names_and_paths_are_refused(tmp_path: Path) -> None:
+def test_unknown_names_and_paths_are_refused(tmp_path):
     message = r"model 'plannar' is unknown \(did you mean 'planar'\?\); known: .*, planar_axes"
     for load in (load_dynamics, make_prior):
         with pytest.raises(ConfigError, match=message):

@@ -41,10 +41,10 @@ MODELS: dict[str, Model] = {
 
 
 @pytest.mark.parametrize("name", ["planar", "planar_axes", "identity", "sain"])
-def test_every_model_that_is_offered_keeps_the_contract(name: str) -> None:
+def test_every_model_that_is_offered_keeps_the_contract(name):
     check_dynamics(load_dynamics(name), disks=(2, 3, 5))
 
 
 @pytest.mark.parametrize("name", MODELS)
-def test_every_kind_of_network_keeps_the_contract(name: str) -> None:
+def test_every_kind_of_network_keeps_the_contract(name):
     check_dynamics(MODELS[name])

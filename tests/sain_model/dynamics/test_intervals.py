@@ -2,7 +2,6 @@
 
 import json
 from dataclasses import asdict
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -27,7 +26,7 @@ def draw(count: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
     return parts, scale * np.abs(random.standard_t(tails))
 
 
-def test_regions_hold_as_often_as_they_say_also_where_the_spread_is_small_or_large() -> None:
+def test_regions_hold_as_often_as_they_say_also_where_the_spread_is_small_or_large():
     config = fit_disk(*draw(3000, 0), level=0.9)
     parts, off = draw(20_000, 1)
     score = config.score(*parts)
@@ -40,9 +39,7 @@ def test_regions_hold_as_often_as_they_say_also_where_the_spread_is_small_or_lar
     assert (off <= half.radius(half.score(*parts))).mean() == pytest.approx(0.5, abs=0.02)
 
 
-def test_training_fits_them_the_card_keeps_them_and_the_report_measures_them(
-    dataset: Path, tmp_path: Path
-) -> None:
+def test_training_fits_them_the_card_keeps_them_and_the_report_measures_them(dataset, tmp_path):
     options = ["--epochs", "3", "--hidden", "8", "--members", "2", "--validation", "0.3"]
     assert commands.train([str(dataset), "--out", str(tmp_path), *options]) == 0
     path = tmp_path / "sain.safetensors"
@@ -70,7 +67,7 @@ def factor(intervals: Intervals, logs: np.ndarray) -> float:
     return float(intervals.widening(total, count)[0, 0])
 
 
-def test_regions_widen_where_errors_are_larger_than_usual_and_never_shrink() -> None:
+def test_regions_widen_where_errors_are_larger_than_usual_and_never_shrink():
     intervals = Intervals(usual_log=(-1.0, 0.0), usual_log_std=(1.0, 0.0))
     assert intervals.adapts
     assert not Intervals().adapts
@@ -83,7 +80,7 @@ def test_regions_widen_where_errors_are_larger_than_usual_and_never_shrink() -> 
     assert many > 10.0
 
 
-def test_headings_have_regions_of_the_same_kind() -> None:
+def test_headings_have_regions_of_the_same_kind():
     random = np.random.default_rng(3)
     scenes = np.zeros((3000, 1, 8))
     scenes[..., 6:] = 0.2, 0.05  # mass and radius

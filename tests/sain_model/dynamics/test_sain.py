@@ -1,6 +1,5 @@
 """SAIN as a dynamics: frames, numbering, ensembles, and regions of any bodies."""
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -14,7 +13,7 @@ from sain_core.transitions import PushHistory
 from sain_core.types import Pushes, Scenes
 from sain_model.data.dataset import Part
 from sain_model.dynamics.intervals import Intervals, Region
-from sain_model.dynamics.sain import SainDynamics, residual_model, with_intervals
+from sain_model.dynamics.sain import residual_model, with_intervals
 from sain_model.evaluation.predictors import predict_with_history
 from sain_model.inference.kinds import FRICTION, friction_kind
 from sain_model.network.feature_kernels import BODY_FEATURES, RELATION_FEATURES
@@ -23,8 +22,6 @@ from sain_model.network.interaction_network import InteractionNetwork, ensemble
 from sain_model.network.settings import NetworkConfig
 from sain_model.physics.parameters import PlanarConfig
 from sain_model.physics.planar import PlanarPrior
-
-Draw = Callable[[int, int], tuple[Scenes, Pushes]]
 
 
 def wild_network() -> InteractionNetwork:
@@ -38,15 +35,13 @@ def wild_network() -> InteractionNetwork:
 
 
 @pytest.fixture
-def sain() -> SainDynamics:
+def sain():
     return residual_model(
         wild_network().weights, friction_kind(PlanarPrior(), infers=False), "planar"
     )
 
 
-def test_turning_and_moving_scene_and_push_turns_and_moves_the_prediction(
-    sain: SainDynamics, random_pushes: Draw
-) -> None:
+def test_turning_and_moving_scene_and_push_turns_and_moves_the_prediction(sain, random_pushes):
     scenes, pushes = random_pushes(50, 0)
     expected = sain.step(scenes, pushes)
     assert np.abs(expected - sain.physics.step(scenes, pushes)).max() > 1e-3
@@ -62,9 +57,7 @@ def test_turning_and_moving_scene_and_push_turns_and_moves_the_prediction(
     np.testing.assert_allclose(wrap_angle(after[..., THETA] - expected[..., THETA]), 0, atol=1e-3)
 
 
-def test_renumbering_the_other_disks_renumbers_the_prediction(
-    sain: SainDynamics, random_pushes: Draw
-) -> None:
+def test_renumbering_the_other_disks_renumbers_the_prediction(sain, random_pushes):
     positions = np.array([[0.45, 0.0], [0.591, 0.0], [0.5, 0.14], [0.5, -0.15]])
     scene = make_scene(
         positions, np.array([8.0, 7.0, 7.5, 8.5]), np.array([0.08, 0.06, 0.06, 0.06])
@@ -77,7 +70,7 @@ def test_renumbering_the_other_disks_renumbers_the_prediction(
     )
 
 
-def test_the_true_residual_makes_the_prediction_true(random_pushes: Draw) -> None:
+def test_the_true_residual_makes_the_prediction_true(random_pushes):
     scenes, pushes = random_pushes(30, 0)
     physics = PlanarPrior().step(scenes, pushes)
     truth = physics.copy()
@@ -101,7 +94,7 @@ def wild(seed: int, config: NetworkConfig = NARROW) -> InteractionNetwork:
 
 
 @pytest.mark.parametrize("bodies", [2, 4])
-def test_an_ensemble_in_one_call_is_its_members_one_by_one(bodies: int) -> None:
+def test_an_ensemble_in_one_call_is_its_members_one_by_one(bodies):
     lone = [wild(seed) for seed in range(3)]
     together = ensemble(lone)
     random = torch.Generator().manual_seed(0)
@@ -119,9 +112,7 @@ def test_an_ensemble_in_one_call_is_its_members_one_by_one(bodies: int) -> None:
     assert (alone[0] - alone[1]).abs().max() > 1e-3
 
 
-def test_the_mean_is_what_step_predicts_and_the_spread_that_of_the_members(
-    random_pushes: Draw,
-) -> None:
+def test_the_mean_is_what_step_predicts_and_the_spread_that_of_the_members(random_pushes):
     lone = [wild(seed) for seed in range(3)]
     prior = PlanarPrior()
     sain = residual_model(ensemble(lone).weights, friction_kind(prior, infers=False), "planar")
@@ -147,9 +138,7 @@ def test_the_mean_is_what_step_predicts_and_the_spread_that_of_the_members(
     assert (alone.spread == 0.0).all()
 
 
-def test_what_is_not_known_of_the_friction_is_told_and_earlier_pushes_make_it_less(
-    random_pushes: Draw,
-) -> None:
+def test_what_is_not_known_of_the_friction_is_told_and_earlier_pushes_make_it_less(random_pushes):
     prior = PlanarPrior()
     sain = residual_model(wild(0).weights, friction_kind(prior), "planar")
     scenes, pushes = random_pushes(40, 1)
@@ -180,7 +169,7 @@ def pair_network() -> InteractionNetwork:
 
 
 @pytest.fixture
-def shaped() -> SainDynamics:
+def shaped():
     regions = Intervals(mid=Region(scores=(1e-4,), factors=(2.0,)))
     prior = PlanarPrior()
     return residual_model(
@@ -198,7 +187,7 @@ def pushes_of(count: int) -> tuple[Scenes, Pushes]:
     return np.repeat(scene[None], count, axis=0), pushes
 
 
-def test_earlier_pushes_widen_regions_in_a_world_unlike_home(shaped: SainDynamics) -> None:
+def test_earlier_pushes_widen_regions_in_a_world_unlike_home(shaped):
     """In a graph, from the history, as in an evaluation, from the rows of an episode."""
     assert shaped.network is not None and shaped.network.intervals is not None
     adapting = replace(shaped.network.intervals, usual_log=(-1.0, 0.0), usual_log_std=(1.0, 0.0))
@@ -223,9 +212,6 @@ def test_earlier_pushes_widen_regions_in_a_world_unlike_home(shaped: SainDynamic
         bodies=T_AND_STAR,
     )
     rows = predict_with_history(shaped, episode)
-    assert rows.radius is not None
-    assert radius is not None
     np.testing.assert_allclose(rows.radius[5:], radius, rtol=1e-6)
     first = shaped.predict(scenes[:1], pushes[:1]).radius
-    assert first is not None
     np.testing.assert_allclose(rows.radius[:1], first, rtol=1e-6)

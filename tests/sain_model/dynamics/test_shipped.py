@@ -31,10 +31,8 @@ OTHERS = {
 
 
 @pytest.fixture(scope="module")
-def sain() -> SainDynamics:
-    model = load_dynamics("sain")
-    assert isinstance(model, SainDynamics)
-    return model
+def sain():
+    return load_dynamics("sain")
 
 
 def scene_of(count: int) -> Scene:
@@ -47,7 +45,7 @@ def pushes(count: int) -> Pushes:
 
 
 @pytest.mark.parametrize("bodies", [Bodies.disks(2), Bodies.disks(3)])
-def test_named_disks_are_the_papers_disks(sain: SainDynamics, bodies: Bodies) -> None:
+def test_named_disks_are_the_papers_disks(sain, bodies):
     scene, pushed = scene_of(len(bodies)), pushes(40)
     scenes = np.repeat(scene[None], len(pushed), axis=0)
     expected = sain.with_bodies(PAPER_DISKS).step(scenes, pushed)
@@ -55,7 +53,7 @@ def test_named_disks_are_the_papers_disks(sain: SainDynamics, bodies: Bodies) ->
 
 
 @pytest.mark.parametrize("name", OTHERS)
-def test_any_bodies_are_corrected_but_little(sain: SainDynamics, name: str) -> None:
+def test_any_bodies_are_corrected_but_little(sain, name):
     bodies = OTHERS[name]
     placed = sain.with_bodies(bodies)
     assert placed.bodies == bodies
@@ -66,11 +64,10 @@ def test_any_bodies_are_corrected_but_little(sain: SainDynamics, name: str) -> N
     assert 1e-6 < residual.max() < 0.02
     assert not residual[:, list(bodies.fixed)].any()
     radius = placed.predict(scenes, pushed).radius
-    assert radius is not None
     assert ((radius > 0.0) & (radius < 0.2)).all()
 
 
-def test_the_card_belongs_to_the_weights() -> None:
+def test_the_card_belongs_to_the_weights():
     path = shipped_checkpoint()
     card = read_card(path)
     assert card.weights_sha256 == hashlib.sha256(path.read_bytes()).hexdigest()
@@ -83,9 +80,7 @@ def test_the_card_belongs_to_the_weights() -> None:
 
 
 @pytest.mark.parametrize("names", [["t:flat"], ["disk:flat", "t:flat"]])
-def test_bodies_that_lie_flat_are_predicted_by_physics_alone(
-    sain: SainDynamics, names: list[str]
-) -> None:
+def test_bodies_that_lie_flat_are_predicted_by_physics_alone(sain, names):
     placed = sain.with_bodies(Bodies.named(names))
     scenes, pushed = np.repeat(scene_of(len(names))[None], 12, axis=0), pushes(12)
     after = placed.physics.step(scenes, pushed, {FRICTION: np.full(len(pushed), 0.18)})
@@ -97,7 +92,7 @@ def test_bodies_that_lie_flat_are_predicted_by_physics_alone(
     assert sain.with_bodies(Bodies.named(["t"])).corrects
 
 
-def test_pushes_of_a_flat_body_show_where_its_mass_is(sain: SainDynamics) -> None:
+def test_pushes_of_a_flat_body_show_where_its_mass_is(sain):
     """And how hard it is to turn: as of a real body on its surface."""
     bodies, random = Bodies.named(["box_3x2:flat"]), generator(0, "own values")
     limits = PushLimits(tool_radius=0.00475, speed=0.02)

@@ -1,7 +1,6 @@
 """Errors of pushes and rollouts: what they are, over which windows, and what is drawn."""
 
 import json
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,7 +11,6 @@ from sain_core.view.palette import PALETTE
 from sain_model import commands
 from sain_model.data.dataset import Dataset, Part
 from sain_model.data.windows import Windows
-from sain_model.dynamics.sain import SainDynamics
 from sain_model.evaluation.errors import (
     PUSHED,
     TARGET_MISSED,
@@ -21,13 +19,7 @@ from sain_model.evaluation.errors import (
     evaluate,
     shares_removed,
 )
-from sain_model.evaluation.predictors import (
-    BULLET,
-    FLOOR,
-    MEASURED,
-    NAMES,
-    Predictions,
-)
+from sain_model.evaluation.predictors import BULLET, FLOOR, MEASURED, NAMES, Predictions
 from sain_model.evaluation.presentation import KINDS, draw_rollouts
 from sain_model.physics.planar import PlanarPrior
 from sain_model.serving.server import ModelServer
@@ -35,7 +27,7 @@ from sain_model.serving.service import ServingConfig
 from tests.sain_model.rolling import EPISODES, PUSHES, load_episodes, make_episodes, truth
 
 
-def test_shares_are_of_what_lies_between_the_nominal_world_and_the_floor() -> None:
+def test_shares_are_of_what_lies_between_the_nominal_world_and_the_floor():
     means = {BULLET: 5.0, FLOOR: 1.0, "half": 3.0, "worse": 6.0}
     assert shares_removed(means) == {"half": 0.5, "worse": -0.25}
 
@@ -49,11 +41,11 @@ class Oracle(Model):
 
 
 @pytest.fixture(scope="module")
-def data(tmp_path_factory: pytest.TempPathFactory) -> Part:
+def data(tmp_path_factory):
     return load_episodes(tmp_path_factory.mktemp("episodes"))
 
 
-def test_errors_after_some_pushes_are_what_they_say(data: Part) -> None:
+def test_errors_after_some_pushes_are_what_they_say(data):
     found = evaluate(Dataset((data,)), {"oracle": Oracle()}, (3,))["after"]["3"]["errors"]
     row = found[TARGETS][MEASURED]
     assert row["number"] == EPISODES * (PUSHES - 2)
@@ -72,7 +64,7 @@ def test_errors_after_some_pushes_are_what_they_say(data: Part) -> None:
     assert oracle["p95"] == 0.0 and oracle["agreed"] == 1.0
 
 
-def test_groups_are_by_contact_and_by_what_came_before(data: Part) -> None:
+def test_groups_are_by_contact_and_by_what_came_before(data):
     found = evaluate(Dataset((data,)), {})["after"]["1"]["errors"]
     counts = {group: rows[MEASURED]["number"] for group, rows in found.items()}
     way = (data.next_state - data.state)[:, TARGET, POSITION]
@@ -84,7 +76,7 @@ def test_groups_are_by_contact_and_by_what_came_before(data: Part) -> None:
     assert found[TARGETS]["no motion"]["agreed"] == pytest.approx(1 - moved / len(data))
 
 
-def test_ratios_are_of_means_with_an_interval(data: Part) -> None:
+def test_ratios_are_of_means_with_an_interval(data):
     still = {"still": IdentityPrior(), "oracle": Oracle()}
     found = evaluate(Dataset((data,)), still, (3,))["after"]["3"]
     (below,) = found["ratios"][TARGETS]["oracle"]
@@ -96,7 +88,7 @@ def test_ratios_are_of_means_with_an_interval(data: Part) -> None:
     assert ratio == pytest.approx(errors["still"]["mm"][0] / errors[below]["mm"][0])
 
 
-def test_no_ratio_is_to_an_error_of_nothing(data: Part) -> None:
+def test_no_ratio_is_to_an_error_of_nothing(data):
     models = {"still": IdentityPrior(), "oracle": Oracle()}
     found = evaluate(Dataset((data,)), models)["after"]["1"]
     for group, by_name in found["ratios"].items():
@@ -106,7 +98,7 @@ def test_no_ratio_is_to_an_error_of_nothing(data: Part) -> None:
                     assert found["errors"][group][below][unit][0] >= 0.005
 
 
-def test_the_command_lines_make_and_compare_the_four_kinds(tmp_path: Path) -> None:
+def test_the_command_lines_make_and_compare_the_four_kinds(tmp_path):
     folder = make_episodes(tmp_path / "data")
     kinds = {
         "learned": ["--prior", "identity"],
@@ -118,7 +110,6 @@ def test_the_command_lines_make_and_compare_the_four_kinds(tmp_path: Path) -> No
         assert commands.train([str(folder), "--out", str(tmp_path / kind), *OPTIONS, *more]) == 0
         card = json.loads(paths[kind].with_suffix(".json").read_text())
         sain = load_dynamics(str(paths[kind]))
-        assert isinstance(sain, SainDynamics)
         assert card["kind"] == sain.origin.kind == kind
         server = ModelServer(sain, ServingConfig(model=str(paths[kind])))
         assert server.description.kind == kind

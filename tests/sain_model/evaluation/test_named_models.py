@@ -3,7 +3,6 @@
 import json
 import sys
 from importlib.metadata import EntryPoint
-from pathlib import Path
 from types import ModuleType
 
 import numpy as np
@@ -39,7 +38,7 @@ class Foreign:
 
 
 @pytest.fixture
-def foreign(monkeypatch: pytest.MonkeyPatch) -> list[Foreign]:
+def foreign(monkeypatch):
     """What a package that offers "foreign" has made so far."""
     made: list[Foreign] = []
     module = ModuleType("another_package")
@@ -51,7 +50,7 @@ def foreign(monkeypatch: pytest.MonkeyPatch) -> list[Foreign]:
     return made
 
 
-def test_it_is_physics_beside_the_others(tmp_path: Path, foreign: list[Foreign]) -> None:
+def test_it_is_physics_beside_the_others(tmp_path, foreign):
     folder, out = make_episodes(tmp_path / "data"), tmp_path / "errors.json"
     arguments = [str(folder), "--beside", "foreign", "planar_axes", "--out", str(out)]
     assert commands.evaluate([*arguments, "--open-loop", "1", "3"]) == 0
@@ -70,9 +69,7 @@ def test_it_is_physics_beside_the_others(tmp_path: Path, foreign: list[Foreign])
         f" moved nothing: {one.refused}\n" in text  # fmt: skip
 
 
-def test_what_is_not_installed_is_refused_before_anything_is_evaluated(
-    tmp_path: Path, foreign: list[Foreign], capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_what_is_not_installed_is_refused_before_anything_is_evaluated(tmp_path, foreign, capsys):
     folder, out = make_episodes(tmp_path / "data", FEW), tmp_path / "errors.json"
     arguments = [str(folder), "--beside", "foreign", "forein", "--out", str(out)]
     assert commands.evaluate(arguments) == 1

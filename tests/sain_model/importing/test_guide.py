@@ -3,8 +3,6 @@
 import re
 from pathlib import Path
 
-import pytest
-
 from sain_model import commands
 from sain_model.data.dataset import load_dataset
 from tests.documentation.shell import ROOT, command_blocks, commands_in
@@ -13,9 +11,7 @@ PAGE = ROOT / "docs/guides/real_pushes.md"
 SHORT = {"train": ["--epochs", "1", "--epoch-steps", "2"]}
 
 
-def test_the_page_s_commands_run(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_page_s_commands_run(tmp_path, monkeypatch, capsys):
     text, scratch = PAGE.read_text(encoding="utf-8"), tmp_path / "shell"
     scratch.mkdir()
     monkeypatch.chdir(tmp_path)

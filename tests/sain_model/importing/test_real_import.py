@@ -1,3 +1,4 @@
+# ruff: noqa: E501 - a case is a line
 """Recordings of a real robot become data sets: those of others, and a user's own."""
 
 import json
@@ -33,13 +34,11 @@ from tests.sain_model.importing.recorded import (
     write_npz,
     write_stated,
 )
-from tests.sain_model.importing.recorded import (
-    turned as turned_by,
-)
+from tests.sain_model.importing.recorded import turned as turned_by
 
 
 @pytest.fixture(scope="module")
-def rows(tmp_path_factory: pytest.TempPathFactory) -> Recorded:
+def rows(tmp_path_factory):
     return simulate(tmp_path_factory.mktemp("simulated"))
 
 
@@ -57,7 +56,7 @@ def poses(data: Dataset, column: str) -> np.ndarray:
     return found[np.lexsort(np.concatenate([part.state[:, 0] for part in data.parts]).T)]
 
 
-def test_all_forms_become_the_same_rows(rows: Recorded, tmp_path: Path) -> None:
+def test_all_forms_become_the_same_rows(rows, tmp_path):
     shapes = write_stated(tmp_path)
     sources = {
         "npz": write_npz(tmp_path / "all.npz", rows),
@@ -84,7 +83,7 @@ def test_all_forms_become_the_same_rows(rows: Recorded, tmp_path: Path) -> None:
     assert data.parts[0].surface.tolist().count("steel") == 4
 
 
-def test_physics_predicts_what_it_has_simulated(rows: Recorded, tmp_path: Path) -> None:
+def test_physics_predicts_what_it_has_simulated(rows, tmp_path):
     """Frames, centroids and the tool's way are right: the prediction is what was recorded."""
     write_stated(tmp_path)
     data, printed = convert(tmp_path / "out", write_npz(tmp_path / "all.npz", rows))
@@ -96,7 +95,7 @@ def test_physics_predicts_what_it_has_simulated(rows: Recorded, tmp_path: Path) 
     assert "nominal physics errs by 0.00 mm" in printed
 
 
-def test_no_split_divides_repeats(rows: Recorded, tmp_path: Path) -> None:
+def test_no_split_divides_repeats(rows, tmp_path):
     write_stated(tmp_path)
     data, printed = convert(tmp_path / "out", write_npz(tmp_path / "all.npz", rows))
     assert "16 groups of repeats, 67 % of pushes have one, at most 2 in a group" in printed
@@ -108,9 +107,7 @@ def test_no_split_divides_repeats(rows: Recorded, tmp_path: Path) -> None:
     assert card["counts"]["surface"] == {"steel": 8, "wood": 16}
 
 
-def test_a_data_set_has_its_outlines_with_it(
-    rows: Recorded, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_data_set_has_its_outlines_with_it(rows, tmp_path, monkeypatch):
     write_stated(tmp_path)
     data, _ = convert(tmp_path / "out", write_npz(tmp_path / "all.npz", rows))
     assert all(part.bodies.lie_flat for part in data.parts)
@@ -129,7 +126,7 @@ def test_a_data_set_has_its_outlines_with_it(
         load_dataset(tmp_path / "out")
 
 
-def test_pushes_that_begin_inside_are_counted(rows: Recorded, tmp_path: Path) -> None:
+def test_pushes_that_begin_inside_are_counted(rows, tmp_path):
     write_stated(tmp_path)
     inside = rows.tip_start.copy()
     inside[[3, 5]] = rows.before[[3, 5], :2]  # a corner of the outline, by its frame
@@ -148,7 +145,7 @@ def test_pushes_that_begin_inside_are_counted(rows: Recorded, tmp_path: Path) ->
         convert(tmp_path / "other", npz)
 
 
-def test_shapes_of_the_library_need_a_radius(rows: Recorded, tmp_path: Path) -> None:
+def test_shapes_of_the_library_need_a_radius(rows, tmp_path):
     chosen = slice(PUSHES, None)
     columns = {name: value[chosen] for name, value in vars(rows).items()}
     named = Recorded(**columns | {"object": np.full(PUSHES, "ellipse")})
@@ -176,25 +173,15 @@ def scaled(rows: Recorded, name: str, factor: float) -> Recorded:
 @pytest.mark.parametrize(
     ("name", "factor", "message"),
     [
-        (
-            "before",
-            1e3,
-            r"row 1: before is \[.*\]; it looks like millimetres; give metres, up to 10",
-        ),
+        ("before", 1e3, r"row 1: before is \[.*\]; it looks like millimetres; give metres, up to 10"),
         ("tip_end", 1e3, r"row 1: tip_end is \[.*\]; it looks like millimetres"),
-        (
-            "after",
-            180 / np.pi,
-            r"row \d+: heading after is -?\d+.*; it looks like degrees; give ra",
-        ),
+        ("after", 180 / np.pi, r"row \d+: heading after is -?\d+.*; it looks like degrees; give ra"),
         ("speed", 1e3, r"row 1: speed is 20\.; allowed: 0.001 to 2 m/s; it looks like mm/s"),
         ("speed", 0.0, r"row 1: speed is 0\.; allowed: 0.001 to 2 m/s"),
         ("after", np.nan, r"row 1: after is \[nan nan nan\]; it must be finite"),
     ],
-)
-def test_numbers_that_cannot_be_are_refused(
-    rows: Recorded, tmp_path: Path, name: str, factor: float, message: str
-) -> None:
+)  # fmt: skip
+def test_numbers_that_cannot_be_are_refused(rows, tmp_path, name, factor, message):
     write_stated(tmp_path)
     npz = write_npz(tmp_path / "all.npz", scaled(rows, name, factor))
     with pytest.raises(DatasetError, match=message):
@@ -207,22 +194,14 @@ def test_numbers_that_cannot_be_are_refused(
     [
         (lambda text: text.replace("theta1", "phi"), "header of .* lacks theta1; it needs object"),
         (lambda text: text[:-40], r"row 25 has \d+ fields; the header 14"),
-        (
-            lambda text: text.replace("0.02,", "slow,", 1),
-            r"row 2: speed is 'slow'; give a finite number",
-        ),
+        (lambda text: text.replace("0.02,", "slow,", 1), r"row 2: speed is 'slow'; give a finite number"),
         (lambda text: text.replace("knee", "", 1), "row 2: object is empty"),
         (lambda text: HEADER, "has a header and no pushes"),
-        (
-            lambda text: text.replace("knee", '"cor', 1),
-            r"line 25 is not read: unexpected end of data",
-        ),
+        (lambda text: text.replace("knee", '"cor', 1), r"line 25 is not read: unexpected end of data"),
         (lambda text: text.replace(",tip_radius", "").replace(",0.00475", ""), "give --tip-radius"),
     ],
-)
-def test_a_csv_that_is_none_is_refused(
-    rows: Recorded, tmp_path: Path, change: object, message: str
-) -> None:
+)  # fmt: skip
+def test_a_csv_that_is_none_is_refused(rows, tmp_path, change, message):
     shapes = write_stated(tmp_path)
     path = write_csv(tmp_path / "mine.csv", rows)
     path.write_text(change(path.read_text()))  # type: ignore[operator]
@@ -282,7 +261,7 @@ ALSO_READ = {  # what it is changed to, and what is printed about it
 
 
 @pytest.mark.parametrize("name", ALSO_READ)
-def test_tables_as_people_have_them_are_read(rows: Recorded, tmp_path: Path, name: str) -> None:
+def test_tables_as_people_have_them_are_read(rows, tmp_path, name):
     change, note = ALSO_READ[name]
     path = write_csv(tmp_path / "mine.csv", rows)
     plain = read_recordings((path,), write_stated(tmp_path))
@@ -297,10 +276,7 @@ def test_tables_as_people_have_them_are_read(rows: Recorded, tmp_path: Path, nam
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (
-            lambda text: text.replace("tip_radius", "tip_raduis"),
-            "has tip_raduis; rename it to tip_r",
-        ),
+        (lambda text: text.replace("tip_radius", "tip_raduis"), "has tip_raduis; rename it to tip_r"),
         (lambda text: text.replace("theta1", "theta_1"), "has theta_1; rename it to theta1: it ne"),
         (lambda text: text.replace("tip_x0", "x0"), "has x0 twice; it needs object"),
         (lambda text: text.replace("speed", "speed_deg"), "has speed in 'deg'; allowed: m/s, cm/s"),
@@ -312,16 +288,11 @@ def test_tables_as_people_have_them_are_read(rows: Recorded, tmp_path: Path, nam
             r"row 2: \w+ is '.*', and numbers of this file have commas; write decimal points",
         ),
         (as_degrees, r"heading \w+ is -?\d+.*looks like degrees; .*, or of a CSV file .*--degrees"),
-        (
-            lambda text: with_column(text, "mass", "500"),
-            r"mass is 500.* to 100 kg; 500 g are 0.5",
-        ),
+        (lambda text: with_column(text, "mass", "500"), r"mass is 500.* to 100 kg; 500 g are 0.5"),
         (lambda text: with_column(text, "radius", "80"), r"radius is 80.* to 0.5 m; 80 mm are 0"),
     ],
-)
-def test_a_csv_that_may_be_misread_is_refused(
-    rows: Recorded, tmp_path: Path, change: object, message: str
-) -> None:
+)  # fmt: skip
+def test_a_csv_that_may_be_misread_is_refused(rows, tmp_path, change, message):
     path = write_csv(tmp_path / "mine.csv", rows)
     path.write_text(change(path.read_text()))  # type: ignore[operator]
     with pytest.raises(DatasetError, match=message):
@@ -342,38 +313,21 @@ ALLOWED = "allowed: a header, then a row for each push, with columns separated b
     ("change", "said"),
     [
         (lambda text: b"", r"is empty \(0 bytes\)"),
-        (
-            lambda text: zipped("xl/workbook.xml"),
-            r"is a spreadsheet \(.xlsx or .ods\); save its tab",
-        ),
+        (lambda text: zipped("xl/workbook.xml"), r"is a spreadsheet \(.xlsx or .ods\); save its tab"),
         (lambda text: zipped("a.txt"), "is a zip archive; `unzip FILE` unpacks it"),
-        (
-            lambda text: text.encode("utf-16"),
-            "is not UTF-8, but UTF-16 or no text; save it as UTF-8",
-        ),
-        (
-            lambda text: text.encode("utf-16-le"),
-            "is not UTF-8, but UTF-16 or no text; save it as UTF-8",
-        ),
+        (lambda text: text.encode("utf-16"), "is not UTF-8, but UTF-16 or no text; save it as UTF-8"),
+        (lambda text: text.encode("utf-16-le"), "is not UTF-8, but UTF-16 or no text; save it as UTF-8"),
         (
             lambda text: f"# of May\n\n{text}".encode(),
             f"begins with '# of May'; its header is line 3: remove what is before it; {ALLOWED}",
         ),
         (lambda text: f"sep=;\n{text}".encode(), "begins with 'sep=;'; its header is line 2: remo"),
-        (
-            lambda text: text.replace(",", "|").encode(),
-            rf"has columns separated by '\|'; {ALLOWED}",
-        ),
-        (
-            lambda text: text.replace(",", "  ").encode(),
-            f"has columns separated by spaces; {ALLOWED}",
-        ),
+        (lambda text: text.replace(",", "|").encode(), rf"has columns separated by '\|'; {ALLOWED}"),
+        (lambda text: text.replace(",", "  ").encode(), f"has columns separated by spaces; {ALLOWED}"),
         (lambda text: text.partition("\n")[2].encode(), "the header of .* lacks object, x0, y0"),
     ],
-)
-def test_what_is_no_table_is_named(
-    rows: Recorded, tmp_path: Path, change: object, said: str
-) -> None:
+)  # fmt: skip
+def test_what_is_no_table_is_named(rows, tmp_path, change, said):
     path = write_csv(tmp_path / "mine.csv", rows)
     path.write_bytes(change(path.read_text()))  # type: ignore[operator]
     with pytest.raises(DatasetError, match=f"mine.csv .*{said}|{said}"):
@@ -381,9 +335,7 @@ def test_what_is_no_table_is_named(
 
 
 @pytest.mark.parametrize("mark", ["", "_deg"])
-def test_radians_that_are_given_as_degrees_are_named(
-    rows: Recorded, tmp_path: Path, mark: str
-) -> None:
+def test_radians_that_are_given_as_degrees_are_named(rows, tmp_path, mark):
     path = write_csv(tmp_path / "mine.csv", rows)
     path.write_text(path.read_text().replace("theta0", f"theta0{mark}", 1))
     path.write_text(path.read_text().replace("theta1", f"theta1{mark}", 1))
@@ -393,7 +345,7 @@ def test_radians_that_are_given_as_degrees_are_named(
     assert note.endswith("if they are radians, give neither --degrees nor a unit in the header")
 
 
-def test_headings_in_degrees_are_found_by_how_bodies_turn(rows: Recorded, tmp_path: Path) -> None:
+def test_headings_in_degrees_are_found_by_how_bodies_turn(rows, tmp_path):
     """Small ones, which could be radians."""
     write_stated(tmp_path)
     turned = wrap_angle(rows.after[:, 2] - rows.before[:, 2]) * 180 / np.pi
@@ -416,7 +368,7 @@ def test_headings_in_degrees_are_found_by_how_bodies_turn(rows: Recorded, tmp_pa
     assert len(data) == some.sum() and "nominal physics errs by 0.00 mm" in printed
 
 
-def test_another_data_set_is_replaced_only_with_overwrite(rows: Recorded, tmp_path: Path) -> None:
+def test_another_data_set_is_replaced_only_with_overwrite(rows, tmp_path):
     out, path = tmp_path / "out", tmp_path / "rows.csv"
     write_stated(tmp_path)
     write_csv(path, rows)
@@ -433,7 +385,7 @@ def test_another_data_set_is_replaced_only_with_overwrite(rows: Recorded, tmp_pa
     assert len(fewer) == len(first) - 1
 
 
-def test_all_files_of_a_folder_are_read_or_named(rows: Recorded, tmp_path: Path) -> None:
+def test_all_files_of_a_folder_are_read_or_named(rows, tmp_path):
     write_stated(tmp_path).rename(tmp_path / "Outlines.YAML")  # JSON is YAML
     write_csv(tmp_path / "B.CSV", rows)
     (tmp_path / "c.csv.gz").write_bytes(b"packed")
@@ -450,7 +402,7 @@ def test_all_files_of_a_folder_are_read_or_named(rows: Recorded, tmp_path: Path)
         read_recordings((tmp_path,))
 
 
-def test_pushes_that_cannot_be_are_left_out_by_name(rows: Recorded, tmp_path: Path) -> None:
+def test_pushes_that_cannot_be_are_left_out_by_name(rows, tmp_path):
     write_stated(tmp_path)
     after = rows.after.copy()
     ways = np.hypot(*(rows.after - rows.before)[:, :2].T)
@@ -474,7 +426,7 @@ def test_pushes_that_cannot_be_are_left_out_by_name(rows: Recorded, tmp_path: Pa
         convert(tmp_path / "other", npz, skip_bad=False)
 
 
-def test_bodies_that_move_against_the_tool_are_a_warning(rows: Recorded, tmp_path: Path) -> None:
+def test_bodies_that_move_against_the_tool_are_a_warning(rows, tmp_path):
     write_stated(tmp_path)
     after = rows.after.copy()
     after[:, :2] = 1.5 * rows.before[:, :2] - 0.5 * after[:, :2]
@@ -486,9 +438,7 @@ def test_bodies_that_move_against_the_tool_are_a_warning(rows: Recorded, tmp_pat
 
 
 @pytest.mark.parametrize("place", [3.0, 0.03])
-def test_outlines_elsewhere_than_the_pushes_are_refused(
-    rows: Recorded, tmp_path: Path, place: float
-) -> None:
+def test_outlines_elsewhere_than_the_pushes_are_refused(rows, tmp_path, place):
     write_stated(tmp_path)
     knees = {name: value[:PUSHES] for name, value in vars(rows).items()}
     write_stated(tmp_path, {"shapes": {"knee": (np.array(KNEE) + place).tolist()}})
@@ -531,16 +481,10 @@ def bomb(path: Path) -> None:
         ("log.mat", crash, "log.mat is not a whole MATLAB file"),
         ("log.mat", bomb, "log.mat is not read: it has more than .* bytes in its arrays"),
         ("all.npz", lambda path: path.unlink(), r"all.npz does not exist; the public pushes of Yu"),
-        (
-            "all.npz",
-            lambda path: path.rename(path.with_suffix(".txt")) and path.mkdir(),
-            "holds no",
-        ),
+        ("all.npz", lambda path: path.rename(path.with_suffix(".txt")) and path.mkdir(), "holds no"),
     ],
-)
-def test_a_file_that_is_none_is_refused(
-    rows: Recorded, tmp_path: Path, name: str, change: object, message: str
-) -> None:
+)  # fmt: skip
+def test_a_file_that_is_none_is_refused(rows, tmp_path, name, change, message):
     shapes = write_stated(tmp_path)
     path = tmp_path / name
     if name.endswith(".npz"):
@@ -553,7 +497,7 @@ def test_a_file_that_is_none_is_refused(
 
 
 @pytest.mark.skipif("SAIN_REAL_DATA" not in os.environ, reason="SAIN_REAL_DATA names no data")
-def test_the_public_pushes_are_read(tmp_path: Path) -> None:
+def test_the_public_pushes_are_read(tmp_path):
     data, printed = convert(tmp_path / "out", Path(os.environ["SAIN_REAL_DATA"]))
     assert "11,323 pushes of 11 bodies; surfaces: abs 7,242, plywood 4,081" in printed
     assert "51 left out: the tool begins inside the body" in printed

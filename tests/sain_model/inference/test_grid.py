@@ -25,7 +25,7 @@ STEP = np.tile(np.arange(PUSHES), EPISODES)
 
 
 @pytest.fixture
-def planar() -> SainDynamics:
+def planar():
     return SainDynamics(friction_belief(PRIOR))
 
 
@@ -48,16 +48,14 @@ def friction(curves: grid.Curves, known: Known) -> np.ndarray:
 
 @pytest.mark.parametrize("truth", [0.035, 0.12, 0.38])
 def test_a_few_pushes_show_the_friction_also_outside_the_default_range(
-    planar: SainDynamics, random_pushes: Draw, truth: float
-) -> None:
+    planar, random_pushes, truth
+):
     conditioned = planar.condition(history(random_pushes, truth, noise=2e-4))
     assert conditioned.value(FRICTION) == pytest.approx(truth, rel=0.06)
     assert conditioned.spread(FRICTION) < 0.1
 
 
-def test_the_order_of_pushes_and_a_mirror_change_nothing(
-    planar: SainDynamics, random_pushes: Draw
-) -> None:
+def test_the_order_of_pushes_and_a_mirror_change_nothing(planar, random_pushes):
     past = history(random_pushes, 0.17, noise=5e-4)
     truth = planar.condition(past).value(FRICTION)
     turned = past.select(slice(None, None, -1))
@@ -68,9 +66,7 @@ def test_the_order_of_pushes_and_a_mirror_change_nothing(
     assert planar.condition(mirrored).value(FRICTION) == pytest.approx(truth, rel=1e-3)
 
 
-def test_one_push_that_no_friction_explains_does_not_decide(
-    planar: SainDynamics, random_pushes: Draw
-) -> None:
+def test_one_push_that_no_friction_explains_does_not_decide(planar, random_pushes):
     past = history(random_pushes, 0.17, pushes=8)
     wrong = past.next_state.copy()
     wrong[3, :, POSITION] += 0.05
@@ -78,7 +74,7 @@ def test_one_push_that_no_friction_explains_does_not_decide(
     assert found == pytest.approx(0.17, rel=0.05)
 
 
-def test_nothing_leaks_from_the_present_the_future_or_another_episode(random_pushes: Draw) -> None:
+def test_nothing_leaks_from_the_present_the_future_or_another_episode(random_pushes):
     curves, known = grid.curves_of(KIND, world(random_pushes)), Known.earlier(EPISODE, STEP)
     truth, row, changed = friction(curves, known), 3 * PUSHES + 2, curves.copy()
     unseen = (EPISODE[row] != EPISODE) | (STEP[row] <= STEP)
@@ -88,7 +84,7 @@ def test_nothing_leaks_from_the_present_the_future_or_another_episode(random_pus
     assert found[row + 1] != pytest.approx(truth[row + 1], rel=1e-3)
 
 
-def test_hindsight_leaves_the_push_itself_out(random_pushes: Draw) -> None:
+def test_hindsight_leaves_the_push_itself_out(random_pushes):
     curves, known = grid.curves_of(KIND, world(random_pushes)), Known.others(EPISODE)
     truth, changed = friction(curves, known), curves.copy()
     changed[8] += np.linspace(0.0, 200.0, curves.shape[1])[:, None]

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from sain_core.errors import CheckpointError, ConfigError, DatasetError
+from sain_core.errors import CheckpointError, ConfigError
 from sain_core.model import Model, load_dynamics
 from sain_core.push import make_stroke
 from sain_core.shapes.bodies import Bodies
@@ -18,7 +18,6 @@ from sain_model import commands
 from sain_model.cli.identify import IdentifyOptions, run
 from sain_model.data.dataset import load_dataset
 from sain_model.dynamics.identify import fit_laboratory, identify_bodies, observed_pushes
-from sain_model.dynamics.sain import SainDynamics
 from sain_model.inference.kinds import FRICTION, NO_AXES, read_belief
 from sain_model.physics.parameters import TEXTBOOK, PlanarConfig
 from sain_model.physics.planar import PlanarPrior
@@ -55,13 +54,12 @@ def believing(name: str, belief: Path) -> Model:
 
 
 @pytest.fixture
-def recording(tmp_path: Path, random_pushes: Draw) -> Path:
+def recording(tmp_path, random_pushes):
     return record(tmp_path / "lab", random_pushes, LAB, 11, column="friction")
 
 
-def test_parameters_are_recovered_with_a_friction_for_each_episode(recording: Path) -> None:
+def test_parameters_are_recovered_with_a_friction_for_each_episode(recording):
     sain = load_dynamics("sain")
-    assert isinstance(sain, SainDynamics)
     kind = sain.belief.kinds[1]
     fit = fit_laboratory(kind, observed_pushes(load_dataset(recording)))
     values = kind.values(fit.places)
@@ -73,7 +71,7 @@ def test_parameters_are_recovered_with_a_friction_for_each_episode(recording: Pa
     np.testing.assert_allclose(values[FRICTION], truth, rtol=0.05)
 
 
-def test_identify_writes_a_belief_that_models_begin_with(recording: Path, tmp_path: Path) -> None:
+def test_identify_writes_a_belief_that_models_begin_with(recording, tmp_path):
     out = tmp_path / "belief.json"
     console = Console(record=True, width=200)
     run(IdentifyOptions((recording,), out), console)
@@ -84,7 +82,6 @@ def test_identify_writes_a_belief_that_models_begin_with(recording: Path, tmp_pa
     assert belief.card["source"] == {str(recording): EPISODES * PUSHES}
     assert belief.likeliest.name == NO_AXES
     usual, informed = load_dynamics("sain"), believing("sain", out)
-    assert isinstance(informed, SainDynamics)
     assert informed.value("tool_friction") == pytest.approx(0.25, rel=0.05)
     assert not informed.corrects
     data = observed_pushes(load_dataset(recording))[0]
@@ -97,17 +94,13 @@ def test_identify_writes_a_belief_that_models_begin_with(recording: Path, tmp_pa
         believing("planar", out)
 
 
-def test_recordings_of_two_laboratories_are_an_error(
-    recording: Path, tmp_path: Path, random_pushes: Draw, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_recordings_of_two_laboratories_are_an_error(recording, tmp_path, random_pushes, capsys):
     other = record(tmp_path / "other", random_pushes, replace(LAB, tool_friction=0.08), 12)
     options = IdentifyOptions((recording, other), tmp_path / "belief.json")
     message = f"{recording} and {other} disagree about tool_friction"
-    with pytest.raises(DatasetError, match=message):
-        run(options, Console(quiet=True))
-    assert not options.out.exists()
     arguments = [str(recording), str(other), "--out", str(options.out)]
     assert commands.identify(arguments) == 1
+    assert not options.out.exists()
     error = " ".join(capsys.readouterr().err.split())
     assert error.startswith(f"identify: {message}")
     assert error.endswith("standard deviations apart; identify each laboratory by itself")
@@ -141,7 +134,7 @@ def name_bodies(out: Path, touched: bool = True) -> Path:
     return out
 
 
-def test_what_pushes_do_not_show_stays_as_uncertain_as_before(tmp_path: Path) -> None:
+def test_what_pushes_do_not_show_stays_as_uncertain_as_before(tmp_path):
     shown = {}
     for touched in (True, False):
         data = name_bodies(tmp_path / f"{touched}", touched)
@@ -151,18 +144,14 @@ def test_what_pushes_do_not_show_stays_as_uncertain_as_before(tmp_path: Path) ->
     assert shown[True]["centre_x"] < 0.7 * shown[False]["centre_x"]
 
 
-def test_a_model_that_named_bodies_have_no_use_for_is_refused(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_model_that_named_bodies_have_no_use_for_is_refused(tmp_path, capsys):
     data, given = name_bodies(tmp_path / "robot"), ["--model", "nonsense"]
     assert commands.identify([str(data), "--out", str(tmp_path / "belief.json"), *given]) == 1
     message = "--model is 'nonsense'; it is for recordings of a laboratory"
     assert message in " ".join(capsys.readouterr().err.split())
 
 
-def test_as_many_pushes_of_each_named_body_count_as_are_given(
-    tmp_path: Path, recording: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_as_many_pushes_of_each_named_body_count_as_are_given(tmp_path, recording, capsys):
     data, out = name_bodies(tmp_path / "robot"), tmp_path / "belief.json"
     assert commands.identify([str(data), "--out", str(out), "--pushes", "2"]) == 0
     assert "10 pushes of 5" in capsys.readouterr().out
@@ -173,7 +162,7 @@ def test_as_many_pushes_of_each_named_body_count_as_are_given(
 
 
 @pytest.mark.parametrize("content", ["", "{}", '{"format": "sain-belief-2", "structures": []}'])
-def test_a_file_that_is_no_belief_is_refused(tmp_path: Path, content: str) -> None:
+def test_a_file_that_is_no_belief_is_refused(tmp_path, content):
     path = tmp_path / "belief.json"
     path.write_text(content)
     with pytest.raises(CheckpointError, match=r"cannot be read.*ros2 run sain_model identify"):

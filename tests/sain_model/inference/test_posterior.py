@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,7 +10,7 @@ import torch
 from sain_core.scene import MASS, POSITION
 from sain_core.transitions import PushHistory
 from sain_core.types import Pushes, Scenes
-from sain_model.dynamics.sain import SainDynamics, residual_model
+from sain_model.dynamics.sain import residual_model
 from sain_model.inference.evidence import Known, ObservedPushes
 from sain_model.inference.kinds import (
     FRICTION,
@@ -33,12 +32,12 @@ COUNT = 6
 
 
 @pytest.fixture
-def belief() -> Belief:
+def belief():
     return default_belief(PlanarPrior(AXES))
 
 
 @pytest.fixture
-def sain(belief: Belief) -> SainDynamics:
+def sain(belief):
     torch.manual_seed(0)
     model = residual_model(
         InteractionNetwork().weights, friction_kind(PlanarPrior(AXES)), "planar_axes"
@@ -64,9 +63,7 @@ def after(belief: Belief, history: PushHistory) -> Posterior:
 
 
 @pytest.mark.parametrize(("config", "kind"), [(AXES, AXES_FIRST), (TEXTBOOK, TEXTBOOK_SECOND)])
-def test_pushes_show_the_kind_of_physics_and_its_friction(
-    belief: Belief, random_pushes: Draw, config: PlanarConfig, kind: int
-) -> None:
+def test_pushes_show_the_kind_of_physics_and_its_friction(belief, random_pushes, config, kind):
     posterior = after(belief, seen(random_pushes, replace(config, friction=0.17)))
     assert posterior.kind.tolist() == [kind]
     assert not posterior.inferred[0]
@@ -74,9 +71,7 @@ def test_pushes_show_the_kind_of_physics_and_its_friction(
     assert posterior.log_spread(belief, FRICTION)[0] < 0.05
 
 
-def test_pushes_show_parameters_that_are_unlike_the_default_ones(
-    belief: Belief, random_pushes: Draw
-) -> None:
+def test_pushes_show_parameters_that_are_unlike_the_default_ones(belief, random_pushes):
     truth = replace(TEXTBOOK, friction=0.2, tool_friction=0.3, disk_friction=0.05)
     posterior = after(belief, seen(random_pushes, truth, count=10))
     assert posterior.kind[0] == TEXTBOOK_SECOND
@@ -89,7 +84,7 @@ def test_pushes_show_parameters_that_are_unlike_the_default_ones(
         assert abs(off) < 4 * spread + 0.05, parameter.name
 
 
-def test_a_history_and_a_row_of_many_say_the_same(sain: SainDynamics, random_pushes: Draw) -> None:
+def test_a_history_and_a_row_of_many_say_the_same(sain, random_pushes):
     history = seen(random_pushes, replace(TEXTBOOK, friction=0.09))
     order = np.zeros(COUNT, np.int64), np.arange(COUNT)
     inferred = sain.infer(observed(history), Known.earlier(*order))
@@ -100,9 +95,7 @@ def test_a_history_and_a_row_of_many_say_the_same(sain: SainDynamics, random_pus
         np.testing.assert_allclose(one[0], rows.mean[push], atol=1e-9)
 
 
-def test_a_correction_that_pushes_contradict_is_dropped(
-    belief: Belief, random_pushes: Draw
-) -> None:
+def test_a_correction_that_pushes_contradict_is_dropped(belief, random_pushes):
     torch.manual_seed(0)
     module = InteractionNetwork()
     with torch.no_grad():
@@ -145,12 +138,12 @@ def telling(
 
 
 @pytest.fixture
-def weighing() -> Belief:
+def weighing():
     return default_belief(PlanarPrior(AXES)).with_unknown_masses()
 
 
 @pytest.fixture
-def unweighed() -> SainDynamics:
+def unweighed():
     torch.manual_seed(0)
     model = residual_model(
         InteractionNetwork().weights, friction_kind(PlanarPrior(AXES)), "planar_axes"
@@ -159,9 +152,7 @@ def unweighed() -> SainDynamics:
 
 
 @pytest.mark.parametrize("friction", [0.08, 0.2])
-def test_four_pushes_tell_the_ratio_of_masses(
-    weighing: Belief, random_pushes: Draw, friction: float
-) -> None:
+def test_four_pushes_tell_the_ratio_of_masses(weighing, random_pushes, friction):
     history = telling(random_pushes, replace(AXES, friction=friction))
     arrays = history.state, history.action, history.next_state
     pushes = ObservedPushes(*arrays, np.zeros(len(history), np.int64))
@@ -174,9 +165,7 @@ def test_four_pushes_tell_the_ratio_of_masses(
 
 
 @pytest.mark.parametrize("noise", [None, 0.001])
-def test_predictions_rest_on_the_ratio(
-    unweighed: SainDynamics, random_pushes: Draw, noise: float | None
-) -> None:
+def test_predictions_rest_on_the_ratio(unweighed, random_pushes, noise):
     history = telling(random_pushes, noise=noise)
     usual, unknown = unweighed.condition(history), unweighed.with_unknown_masses()
     told = unknown.condition(history)
@@ -194,9 +183,7 @@ def test_predictions_rest_on_the_ratio(
 
 
 @pytest.mark.parametrize("unknown", [False, True])
-def test_a_belief_is_read_as_it_was_written(
-    weighing: Belief, tmp_path: Path, unknown: bool
-) -> None:
+def test_a_belief_is_read_as_it_was_written(weighing, tmp_path, unknown):
     weighing = weighing if unknown else default_belief(PlanarPrior(AXES))
     read = read_belief(write_belief(tmp_path / "belief.json", weighing))
     for kind, other in zip(read.kinds, weighing.kinds, strict=True):

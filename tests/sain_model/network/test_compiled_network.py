@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 import torch
 
-from sain_core.model import RolloutModel
 from sain_core.push import LENGTH, PushLimits
 from sain_core.scene import POSITION, THETA, make_scene, wrap_angle
 from sain_core.types import Pushes, Scenes
@@ -60,7 +59,7 @@ def batch(disks: int, count: int, seed: int = 0) -> tuple[Scenes, Pushes]:
         {"hidden": 13, "message": 1, "layers": 3, "features": "world"},
     ],
 )
-def test_the_kernels_and_pytorch_agree(disks: int, size: dict[str, object]) -> None:
+def test_the_kernels_and_pytorch_agree(disks, size):
     scenes, pushes = batch(disks, 150)
     physics = PlanarPrior().step(scenes, pushes)
     made = network(**size)
@@ -72,7 +71,7 @@ def test_the_kernels_and_pytorch_agree(disks: int, size: dict[str, object]) -> N
     np.testing.assert_array_equal(found[..., THETA + 1 :], expected[..., THETA + 1 :])
 
 
-def test_a_batch_is_a_loop_to_the_bit() -> None:
+def test_a_batch_is_a_loop_to_the_bit():
     scenes, pushes = batch(3, 300)
     sain = residual_model(network().weights, friction_kind(PlanarPrior(), infers=False), "planar")
     together = sain.step(scenes, pushes)
@@ -82,7 +81,7 @@ def test_a_batch_is_a_loop_to_the_bit() -> None:
 
 
 @pytest.mark.parametrize("disks", [2, 4])
-def test_a_rollout_is_step_after_step_to_the_bit_on_any_number_of_threads(disks: int) -> None:
+def test_a_rollout_is_step_after_step_to_the_bit_on_any_number_of_threads(disks):
     sain = residual_model(
         network(1).weights,
         friction_kind(PlanarPrior(PlanarConfig(friction=0.15)), infers=False),
@@ -90,7 +89,6 @@ def test_a_rollout_is_step_after_step_to_the_bit_on_any_number_of_threads(disks:
     )
     scenes, pushes = batch(disks, 4 * 300, seed=2)
     sequences = pushes.reshape(300, 4, 5)
-    assert isinstance(sain, RolloutModel)
     stepwise = sain.rollout(scenes[0], sequences)
     before = numba.get_num_threads()
     try:
@@ -106,7 +104,7 @@ def predict_in_child(queue: "multiprocessing.Queue[bytes]") -> None:
     queue.put(CompiledNetwork(network().weights).correct(scenes, pushes, scenes).tobytes())
 
 
-def test_a_forked_process_predicts_the_same() -> None:
+def test_a_forked_process_predicts_the_same():
     scenes, pushes = batch(2, 300)
     here = CompiledNetwork(network().weights).correct(scenes, pushes, scenes).tobytes()
     context = multiprocessing.get_context("fork")

@@ -91,7 +91,7 @@ def assert_same(first: Features, second: Features) -> None:
     np.testing.assert_allclose(first.relations, second.relations, atol=2e-4)
 
 
-def test_two_ways_to_write_an_outline_look_the_same() -> None:
+def test_two_ways_to_write_an_outline_look_the_same():
     halves = Compound.of(
         "t of halves",
         ((2.0, 3.0), (4.0, 3.0), (4.0, 4.0), (2.0, 4.0)),
@@ -115,7 +115,7 @@ def test_two_ways_to_write_an_outline_look_the_same() -> None:
         )
 
 
-def test_a_turned_scene_looks_the_same() -> None:
+def test_a_turned_scene_looks_the_same():
     bodies = bodies_of(*NAMES)
     scenes, pushes, after = draw(5, 80)
     turned = pushes.copy()
@@ -130,7 +130,7 @@ def test_a_turned_scene_looks_the_same() -> None:
     )
 
 
-def test_renumbering_bodies_renumbers_rows() -> None:
+def test_renumbering_bodies_renumbers_rows():
     order = [2, 0, 4, 1, 3]
     scenes, pushes, after = draw(5, 40)
     renumbered = pushes.copy()
@@ -144,7 +144,7 @@ def test_renumbering_bodies_renumbers_rows() -> None:
     assert_same(told, Features(usual.bodies[:, order], usual.relations[:, slots]))
 
 
-def test_a_mirror_changes_signs_alone() -> None:
+def test_a_mirror_changes_signs_alone():
     mirrored = tuple(
         Compound.of(
             f"{name} in a mirror",
@@ -168,7 +168,7 @@ def test_a_mirror_changes_signs_alone() -> None:
     assert_same(told, usual)
 
 
-def test_a_contact_is_where_two_sides_meet() -> None:
+def test_a_contact_is_where_two_sides_meet():
     """Two cubes of 0.1 m side by side, 4 mm apart, one of them 2 cm to the left."""
     places = np.array([(0.4, 0.0), (0.504, 0.02)])
     scenes = make_scene(places, np.full(2, 8.0), np.full(2, 0.05), np.zeros(2))[None]
@@ -187,7 +187,7 @@ def test_a_contact_is_where_two_sides_meet() -> None:
 
 
 @pytest.mark.parametrize("frame", FRAMES)
-def test_kernels_say_what_pytorch_says(frame: str) -> None:
+def test_kernels_say_what_pytorch_says(frame):
     torch.manual_seed(0)
     network = InteractionNetwork(replace(CONFIG, members=2, features=frame)).eval()
     with torch.no_grad():
@@ -228,7 +228,7 @@ def believed(scenes: np.ndarray, pushes: np.ndarray, values: Values) -> np.ndarr
     return features.bodies[..., BODY_FEATURES:]
 
 
-def test_each_parameter_is_seen() -> None:
+def test_each_parameter_is_seen():
     scenes, pushes, values = draw_believed()
     before = believed(scenes, pushes, values)
     assert before.shape == (20, 2, BELIEVED_FEATURES)
@@ -237,7 +237,7 @@ def test_each_parameter_is_seen() -> None:
         assert (np.abs(after - before).max(axis=(1, 2)) > 0.01).all(), name
 
 
-def test_what_is_believed_turns_with_the_scene() -> None:
+def test_what_is_believed_turns_with_the_scene():
     scenes, pushes, values = draw_believed()
     before, angle = believed(scenes, pushes, values), 0.7
     turned = dict(values)
@@ -249,7 +249,7 @@ def test_what_is_believed_turns_with_the_scene() -> None:
     np.testing.assert_allclose(after, before, atol=1e-5)
 
 
-def test_in_a_mirror_what_lies_across_the_push_changes_its_sign() -> None:
+def test_in_a_mirror_what_lies_across_the_push_changes_its_sign():
     scenes, pushes, values = draw_believed()
     expected = believed(scenes, pushes, values)
     expected[..., list(MIRRORED_BELIEVED)] *= -1.0
@@ -259,7 +259,7 @@ def test_in_a_mirror_what_lies_across_the_push_changes_its_sign() -> None:
 
 
 @pytest.mark.parametrize("frame", ["push", "world"])
-def test_kernels_see_what_pytorch_sees(frame: str) -> None:
+def test_kernels_see_what_pytorch_sees(frame):
     scenes, pushes, values = draw_believed()
     network = new_network(NetworkConfig(believed=True, features=frame, members=2), 0)
     with torch.no_grad():

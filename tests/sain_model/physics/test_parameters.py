@@ -71,9 +71,7 @@ def close(first: Scenes, second: Scenes) -> None:
     ("config", "bottom"), [(PlanarConfig(), "feet"), (AXES, "feet"), (PlanarConfig(), "flat")]
 )
 @pytest.mark.parametrize("names", EVERY)
-def test_the_values_of_the_settings_change_no_bit(
-    names: tuple[str, ...], config: PlanarConfig, bottom: str
-) -> None:
+def test_the_values_of_the_settings_change_no_bit(names, config, bottom):
     scenes, pushes = draw(40)
     prior = PlanarPrior(config, kinds(*names).on(bottom))
     values = {one.name: np.full(40, getattr(config, one.name)) for one in BY_NAME.values()}
@@ -84,7 +82,7 @@ def test_the_values_of_the_settings_change_no_bit(
 
 @ON_BOTH
 @pytest.mark.parametrize("names", EVERY)
-def test_a_batch_is_a_loop_to_the_bit(names: tuple[str, ...], bottom: str) -> None:
+def test_a_batch_is_a_loop_to_the_bit(names, bottom):
     scenes, pushes = draw(30, 1)
     values, prior = draw_values(30, 2, 1), PlanarPrior(PlanarConfig(), kinds(*names).on(bottom))
     together = prior.step(scenes, pushes, values)
@@ -96,7 +94,7 @@ def test_a_batch_is_a_loop_to_the_bit(names: tuple[str, ...], bottom: str) -> No
 
 @ON_BOTH
 @pytest.mark.parametrize("names", EVERY)
-def test_a_turned_scene_on_a_turned_slope_ends_turned(names: tuple[str, ...], bottom: str) -> None:
+def test_a_turned_scene_on_a_turned_slope_ends_turned(names, bottom):
     scenes, pushes = draw(30, 4)
     values, angle = draw_values(30, 2, 4), 1.3
     prior = PlanarPrior(PlanarConfig(), kinds(*names).on(bottom))
@@ -122,7 +120,7 @@ def test_a_turned_scene_on_a_turned_slope_ends_turned(names: tuple[str, ...], bo
 
 
 @pytest.mark.parametrize("names", [("disk", "disk"), ("disk:flat", "square:flat")])
-def test_a_mirrored_scene_ends_mirrored(names: tuple[str, ...]) -> None:
+def test_a_mirrored_scene_ends_mirrored(names):
     scenes, pushes = draw(30, 5)
     values, prior = draw_values(30, 2, 5), PlanarPrior(PlanarConfig(), kinds(*names))
     odd = ("slope_y", "centre_y", "angle_offset", "location_offset", "tip_y")
@@ -137,7 +135,7 @@ def test_a_mirrored_scene_ends_mirrored(names: tuple[str, ...]) -> None:
 
 
 @pytest.mark.parametrize("names", EVERY)
-def test_renumbered_bodies_end_renumbered(names: tuple[str, ...]) -> None:
+def test_renumbered_bodies_end_renumbered(names):
     scenes, pushes = draw(30, 6)
     values = draw_values(30, 2, 6)
     after = PlanarPrior(PlanarConfig(), kinds(*names)).step(scenes, pushes, values)
@@ -152,7 +150,7 @@ def test_renumbered_bodies_end_renumbered(names: tuple[str, ...]) -> None:
 
 
 @pytest.mark.parametrize("name", BY_NAME)
-def test_every_parameter_counts(name: str) -> None:
+def test_every_parameter_counts(name):
     scenes, pushes = draw(30, 7)
     one = BY_NAME[name]
     prior = PlanarPrior(replace(PlanarConfig(), tool_restitution=0.3), kinds("disk:flat", "t:flat"))
@@ -166,7 +164,7 @@ def test_every_parameter_counts(name: str) -> None:
 
 @ON_BOTH
 @pytest.mark.parametrize("names", EVERY)
-def test_no_allowed_value_gives_nan(names: tuple[str, ...], bottom: str) -> None:
+def test_no_allowed_value_gives_nan(names, bottom):
     scenes, pushes = draw(200, 8)
     random, values = np.random.default_rng(8), {}
     for one in BY_NAME.values():
@@ -185,7 +183,7 @@ def test_no_allowed_value_gives_nan(names: tuple[str, ...], bottom: str) -> None
     assert (np.abs(moved[..., POSITION]).max(axis=(1, 2)) < farthest).all()
 
 
-def test_what_is_no_value_is_refused_by_name() -> None:
+def test_what_is_no_value_is_refused_by_name():
     scenes, pushes = draw(3)
     prior = PlanarPrior(PlanarConfig(), kinds("t", "star"))
 

@@ -19,14 +19,7 @@ from sain_core.push import (
     make_stroke,
     rotate_pushes,
 )
-from sain_core.scene import (
-    POSITION,
-    THETA,
-    make_scene,
-    rotate_scenes,
-    unit,
-    wrap_angle,
-)
+from sain_core.scene import POSITION, THETA, make_scene, rotate_scenes, unit, wrap_angle
 from sain_core.shapes.bodies import Bodies
 from sain_core.shapes.library import get_shape
 from sain_core.types import Pushes, Scenes
@@ -75,7 +68,7 @@ def assert_same(first: Features, second: Features, tolerance: float) -> None:
 
 
 @pytest.mark.parametrize("names", [("disk", "disk"), ("t", "disk"), ("star",)])
-def test_a_push_is_predicted_as_the_stroke_that_it_is(names: tuple[str, ...]) -> None:
+def test_a_push_is_predicted_as_the_stroke_that_it_is(names):
     bodies = bodies_of(*names)
     scenes, pushes = draw(len(names), 60)
     free = start_gap(scenes, pushes, LIMITS, bodies) > 0.0  # not in an inner corner
@@ -88,7 +81,7 @@ def test_a_push_is_predicted_as_the_stroke_that_it_is(names: tuple[str, ...]) ->
 
 
 @pytest.mark.parametrize("names", [("disk", "disk"), ("t", "disk"), ("ellipse",)])
-def test_a_turned_stroke_ends_turned_and_looks_the_same(names: tuple[str, ...]) -> None:
+def test_a_turned_stroke_ends_turned_and_looks_the_same(names):
     bodies = bodies_of(*names)
     scenes, _ = draw(len(names), 60)
     strokes = draw_strokes(scenes)
@@ -105,7 +98,7 @@ def test_a_turned_stroke_ends_turned_and_looks_the_same(names: tuple[str, ...]) 
     )
 
 
-def test_the_frame_is_where_the_tool_first_touches() -> None:
+def test_the_frame_is_where_the_tool_first_touches():
     """A cube of 0.12 m, its sides along the axes: against a side, a corner, and past it."""
     scene = make_scene(np.array([(0.5, 0.0)]), np.ones(1), np.array([0.06]), np.zeros(1))
     scenes = np.broadcast_to(scene, (4, 1, 8))
@@ -121,7 +114,7 @@ def test_the_frame_is_where_the_tool_first_touches() -> None:
     np.testing.assert_allclose(frames[:, ANGLE], [0.3, -up, 0.0, 0.0], atol=1e-12)
 
 
-def test_each_stroke_has_its_own_tool() -> None:
+def test_each_stroke_has_its_own_tool():
     bodies = bodies_of("right_triangle")
     scenes, pushes = draw(1, 30)
     radii = (0.004, 0.012, 0.03)
@@ -143,7 +136,7 @@ def test_each_stroke_has_its_own_tool() -> None:
 
 
 @pytest.mark.parametrize("name", ["disk", "l"])
-def test_a_tool_that_begins_inside_a_body_is_refused(name: str) -> None:
+def test_a_tool_that_begins_inside_a_body_is_refused(name):
     bodies = bodies_of(name, "disk")
     scenes, _ = draw(2, 3)
     strokes = draw_strokes(scenes)
@@ -168,7 +161,7 @@ def test_a_tool_that_begins_inside_a_body_is_refused(name: str) -> None:
         (BODY, 1.0, "push 2 is against body 1"),
     ],
 )
-def test_a_stroke_that_cannot_be_is_refused(column: int, value: float, message: str) -> None:
+def test_a_stroke_that_cannot_be_is_refused(column, value, message):
     scenes, _ = draw(1, 4)
     strokes = draw_strokes(scenes)
     strokes[2, column] = value

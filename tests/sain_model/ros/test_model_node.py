@@ -1,3 +1,4 @@
+# ruff: noqa: E501 - a case is a line
 """The model's node: right answers to right questions, and codes and messages to wrong ones."""
 
 import numpy as np
@@ -68,19 +69,11 @@ def test_a_rollout_tells_how_sure_the_model_is_when_asked(graph):
         ({"samples": 5}, ErrorCode.INVALID, "pushes has 20 numbers; 50 were expected"),
         ({"scene": [np.nan] * 16}, ErrorCode.INVALID, "scene at (0, 0) is nan; must be finite"),
         ({"scene": [0.0] * 16}, ErrorCode.INVALID, "mass of disk 0 is 0.0; it must be positive"),
-        (
-            {"pushes": [0, 0, 0.0, 9.0, 0.2] * 4},
-            ErrorCode.OUT_OF_RANGE,
-            "length of push (0, 0) is 9.0",
-        ),
-        (
-            {"disks": 33, "scene": [0.5] * 264},
-            ErrorCode.TOO_MUCH_WORK,
-            "scenes of 33 disks; at most 32",
-        ),
+        ({"pushes": [0, 0, 0.0, 9.0, 0.2] * 4}, ErrorCode.OUT_OF_RANGE, "length of push (0, 0) is 9.0"),
+        ({"disks": 33, "scene": [0.5] * 264}, ErrorCode.TOO_MUCH_WORK, "scenes of 33 disks; at most 32"),
         ({"past": 1}, ErrorCode.INVALID, "past_scenes has 0 numbers; 16 were expected"),
     ],
-)
+)  # fmt: skip
 def test_a_wrong_rollout_request_is_answered_with_what_is_wrong(graph, model, fields, code, text):
     request = rollout_request(pushes(2, 2), **fields)
     response = graph.call(Rollout, "rollout", request)

@@ -61,12 +61,12 @@ def set_model(graph: Any, name: str) -> Any:
 
 
 @pytest.fixture
-def first(tmp_path: Path) -> str:
+def first(tmp_path):
     return make_checkpoint(tmp_path / "first.safetensors", 1)
 
 
 @pytest.fixture
-def second(tmp_path: Path) -> str:
+def second(tmp_path):
     return make_checkpoint(tmp_path / "second.safetensors", 2)
 
 
@@ -107,7 +107,7 @@ def test_a_stream_of_requests_goes_on_through_swaps(graph, first, second):
     node = graph.start(ModelNode, model=first)
     expected = answers_of(first, second)
     assert len(set(expected.values())) == 2
-    stream = Stream(graph, 30)  # more at a time than the middleware keeps by default
+    stream = Stream(graph, 12)  # more at a time than the middleware keeps by default
     for path in (second, first, second):
         stream.run(5)
         loaded = graph.call(LoadModel, "load_model", LoadModel.Request(model=path))
@@ -116,7 +116,7 @@ def test_a_stream_of_requests_goes_on_through_swaps(graph, first, second):
         assert node.get_parameter("model").value == path
     stream.run(5)
     assert set_model(graph, first).successful
-    stream.run(40)
+    stream.run(5)
     stream.finish()
     for answer in stream.answered:
         assert answer.error_code == ErrorCode.OK

@@ -4,10 +4,7 @@ from time import sleep
 import numpy as np
 import pytest
 
-from sain_core.errors import (
-    ConfigError,
-    TooMuchWorkError,
-)
+from sain_core.errors import ConfigError, TooMuchWorkError
 from sain_core.model import IdentityPrior, Model, load_dynamics
 from sain_core.push import PushLimits
 from sain_core.scene import make_scene, wrap_angle
@@ -33,13 +30,13 @@ PUSHES = PushLimits().sample(np.random.default_rng(0), 6)
 
 
 @pytest.fixture
-def sain() -> SainDynamics:
+def sain():
     kind = friction_kind(PlanarPrior(), infers=False)
     model = residual_model(InteractionNetwork().weights, kind, "planar")
     return replace(model, origin=Origin("residual", "planar", "abc", "{}"))
 
 
-def test_next_state_is_physics_plus_residual(sain: SainDynamics) -> None:
+def test_next_state_is_physics_plus_residual(sain):
     server = ModelServer(sain, ServingConfig(model="mine"))
     physics = PlanarPrior().step(SCENES, PUSHES)
     residual, next_state = server.predict(SCENES, PUSHES)
@@ -57,7 +54,7 @@ def past(friction: float, pushes: int = 4) -> PushHistory:
     return PushHistory(scenes, actions, after)
 
 
-def test_what_is_too_much_is_refused_before_anything_is_computed() -> None:
+def test_what_is_too_much_is_refused_before_anything_is_computed():
     server = ModelServer(IdentityPrior(), ServingConfig(max_disks=3))
     crowd = np.ones((1, 4, 8))
     with pytest.raises(TooMuchWorkError, match="scenes of 4 disks; at most 3 are accepted"):
@@ -69,9 +66,7 @@ def test_what_is_too_much_is_refused_before_anything_is_computed() -> None:
         planar.friction(past(0.2, pushes=1))
 
 
-def test_a_device_that_is_not_there_is_refused(
-    monkeypatch: pytest.MonkeyPatch, sain: SainDynamics
-) -> None:
+def test_a_device_that_is_not_there_is_refused(monkeypatch, sain):
     monkeypatch.setattr("torch.cuda.is_available", lambda: False)
     with pytest.raises(ConfigError, match="device is 'cuda', but PyTorch finds no GPU"):
         ModelServer(sain, ServingConfig(device="cuda"))
@@ -92,9 +87,7 @@ class DisksOnly(Model):
         return scenes.copy()
 
 
-def test_a_model_that_is_of_no_use_to_a_planner_replaces_no_other(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_a_model_that_is_of_no_use_to_a_planner_replaces_no_other(monkeypatch):
     models = {"one": IdentityPrior(), "slow": Slow(), "disks": DisksOnly()}
     monkeypatch.setattr(server_module, "load_dynamics", models.__getitem__)
     server = load_server(ServingConfig(model="one", max_work=9))
@@ -107,9 +100,7 @@ def test_a_model_that_is_of_no_use_to_a_planner_replaces_no_other(
     assert server.with_model("one", bodies).description.model == "one"
 
 
-def test_a_served_model_infers_masses_that_are_not_measured(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_a_served_model_infers_masses_that_are_not_measured(monkeypatch):
     sain = residual_model(
         InteractionNetwork().weights, friction_kind(PlanarPrior(AXES)), "planar_axes"
     )

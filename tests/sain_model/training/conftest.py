@@ -1,7 +1,5 @@
 """Small collections in which any body is pushed, of scenes of one to four bodies."""
 
-from pathlib import Path
-
 import pytest
 
 from sain_sim.collecting.collect import CollectConfig, collect
@@ -11,7 +9,7 @@ SCENES = EpisodeConfig(pushes=3, shapes="t,bar,disk", bodies="1-4")
 
 
 @pytest.fixture(scope="session")
-def any_bodies(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def any_bodies(tmp_path_factory):
     """A collection to learn from."""
     folder = tmp_path_factory.mktemp("any")
     collect(CollectConfig(folder, 24, 3, episode=SCENES))
@@ -19,7 +17,7 @@ def any_bodies(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture
-def more_bodies(tmp_path: Path) -> Path:
+def more_bodies(tmp_path):
     """Another one, to go on with."""
     collect(CollectConfig(tmp_path / "more", 12, 4, episode=SCENES))
     return tmp_path / "more"

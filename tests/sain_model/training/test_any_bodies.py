@@ -1,7 +1,5 @@
 """Training, fine-tuning and evaluation on pushes of any body of scenes of any shapes."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -17,13 +15,13 @@ OWN = ("--prior", "planar_axes", "--validation", "0.2", "--test", "0.2")
 
 
 @pytest.fixture(scope="module")
-def trained(any_bodies: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def trained(any_bodies, tmp_path_factory):
     out = tmp_path_factory.mktemp("trained")
     assert commands.train([str(any_bodies), "--out", str(out), *SMALL, *OWN]) == 0
     return out / "sain.safetensors"
 
 
-def test_the_card_states_errors_by_group_and_by_shape(trained: Path) -> None:
+def test_the_card_states_errors_by_group_and_by_shape(trained):
     card = read_card(trained)
     assert card.prior == "planar_axes"
     assert card.friction is not None
@@ -45,27 +43,23 @@ def test_the_card_states_errors_by_group_and_by_shape(trained: Path) -> None:
 
 
 def test_fine_tuning_goes_on_with_pushes_of_any_body(
-    any_bodies: Path,
-    more_bodies: Path,
-    trained: Path,
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+    any_bodies, more_bodies, trained, tmp_path, capsys
+):
     short = ("--epochs", "1", "--test", "0.3", "--validation", "0.3")
     tuned = [str(more_bodies), "--from", str(trained), "--out", str(tmp_path / "tuned"), *short]
     assert commands.train(tuned) == 0
     assert "pushed bodies: mean error on the test episodes" in capsys.readouterr().out
     card = read_card(tmp_path / "tuned" / "sain.safetensors")
     assert card.errors["fine_tuning"]["bodies"] == "pushed bodies"
-    assert load_checkpoint(tmp_path / "tuned" / "sain.safetensors").network.weights.config.members == 2
+    assert (
+        load_checkpoint(tmp_path / "tuned" / "sain.safetensors").network.weights.config.members == 2
+    )
     again = [str(any_bodies), "--from", str(trained), "--out", str(tmp_path / "again")]
     assert commands.train(again) == 1
     assert "has learned from this data set already" in " ".join(capsys.readouterr().err.split())
 
 
-def test_rollouts_and_what_needs_one_kind_of_scene_refuse_them(
-    any_bodies: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_rollouts_and_what_needs_one_kind_of_scene_refuse_them(any_bodies, tmp_path, capsys):
     with pytest.raises(
         DatasetError, match=r"scenes with the same bodies are needed, not: .*; give one folder"
     ):
@@ -75,7 +69,7 @@ def test_rollouts_and_what_needs_one_kind_of_scene_refuse_them(
     assert "scenes with the same bodies are needed" in " ".join(capsys.readouterr().err.split())
 
 
-def test_a_push_of_a_body_that_is_not_there_is_refused(any_bodies: Path, tmp_path: Path) -> None:
+def test_a_push_of_a_body_that_is_not_there_is_refused(any_bodies, tmp_path):
     path = sorted(any_bodies.glob("shard-*.npz"))[0]
     with np.load(path) as shard:
         content = dict(shard)

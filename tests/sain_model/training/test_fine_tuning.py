@@ -3,7 +3,6 @@
 import json
 from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -30,7 +29,7 @@ def run(*arguments: object) -> int:
 
 
 @pytest.fixture(scope="module")
-def parent(dataset: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def parent(dataset, tmp_path_factory):
     """A small ensemble that has learned from the data set of all these tests."""
     out = tmp_path_factory.mktemp("parent")
     assert run(dataset, "--out", out, "--epochs", 5, *SMALL) == 0
@@ -38,7 +37,7 @@ def parent(dataset: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def world(dataset: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def world(dataset, tmp_path_factory):
     """Another world: the target goes further by 3 tenths, along the push; friction is unknown."""
     folder = tmp_path_factory.mktemp("world")
     for shard in sorted(dataset.glob("*.npz")):
@@ -52,14 +51,14 @@ def world(dataset: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def child(parent: Path, world: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def child(parent, world, tmp_path_factory):
     """What becomes of the parent in the other world."""
     out = tmp_path_factory.mktemp("child")
     assert run(world, "--from", parent, "--out", out, *LEARN) == 0
     return out / "sain.safetensors"
 
 
-def test_it_errs_less_where_it_learned(child: Path) -> None:
+def test_it_errs_less_where_it_learned(child):
     gain = read_card(child).errors["fine_tuning"]
     ratio, low, high = gain["ratio"]
     assert gain["after"] == pytest.approx(ratio * gain["before"])
@@ -68,7 +67,7 @@ def test_it_errs_less_where_it_learned(child: Path) -> None:
     assert training["validation_loss"] < training["loss_before"]
 
 
-def test_the_card_tells_where_it_came_from(parent: Path, child: Path, dataset: Path) -> None:
+def test_the_card_tells_where_it_came_from(parent, child, dataset):
     card, before = read_card(child), read_card(parent)
     family = list(card.lineage())
     assert [member.weights_sha256 for member in family] == [
@@ -82,9 +81,7 @@ def test_the_card_tells_where_it_came_from(parent: Path, child: Path, dataset: P
         list(replace(card, parent={"colour": "red"}).lineage())
 
 
-def test_nothing_that_an_ancestor_learned_from_counts_as_held_out(
-    parent: Path, child: Path, dataset: Path, world: Path
-) -> None:
+def test_nothing_that_an_ancestor_learned_from_counts_as_held_out(parent, child, dataset, world):
     old, new = load_dataset(dataset), load_dataset(world)
     by_parent, by_child = unseen(old, read_card(parent)), unseen(old, read_card(child))
     assert 0 < len(by_child) < len(old)
@@ -93,8 +90,8 @@ def test_nothing_that_an_ancestor_learned_from_counts_as_held_out(
 
 
 def test_the_same_command_gives_the_same_bytes_also_after_a_stop(
-    parent: Path, child: Path, world: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+    parent, child, world, tmp_path, monkeypatch
+):
     command = (world, "--from", parent, "--out", tmp_path, *LEARN)
     whole = Trainer.run
 
@@ -128,23 +125,14 @@ def test_the_same_command_gives_the_same_bytes_also_after_a_stop(
         (["--steps-ahead", "3"], "--steps-ahead is for new weights"),
     ],
 )
-def test_what_contradicts_the_parent_is_refused(
-    options: list[str],
-    message: str,
-    parent: Path,
-    world: Path,
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_what_contradicts_the_parent_is_refused(options, message, parent, world, tmp_path, capsys):
     assert run(world, "--from", parent, "--out", tmp_path / "out", *options) == 1
     told = "".join(capsys.readouterr().err.split())
     assert "".join(message.format(parent).split()) in told
     assert not (tmp_path / "out").exists()
 
 
-def test_data_that_an_ancestor_has_seen_are_refused(
-    parent: Path, child: Path, dataset: Path, world: Path
-) -> None:
+def test_data_that_an_ancestor_has_seen_are_refused(parent, child, dataset, world):
     old, new = load_dataset(dataset), load_dataset(world)
     Parent.load(str(parent)).check_data(new)
     for checkpoint, data in ((parent, old), (child, old), (child, new)):
@@ -155,7 +143,7 @@ def test_data_that_an_ancestor_has_seen_are_refused(
         Parent.load(str(parent)).check_data(mixed)
 
 
-def test_what_cannot_be_a_parent_is_refused(tmp_path: Path) -> None:
+def test_what_cannot_be_a_parent_is_refused(tmp_path):
     with pytest.raises(CheckpointError, match="--from is 'planar'; it must be sain, or the path"):
         Parent.load("planar")
     with pytest.raises(CheckpointError, match="does not exist"):

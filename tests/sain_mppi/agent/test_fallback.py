@@ -51,7 +51,7 @@ class Sure(Answering):
         return np.full(predicted.shape[:3], 0.01)
 
 
-def test_regions_are_the_model_s_and_nobody_s_where_it_fails() -> None:
+def test_regions_are_the_model_s_and_nobody_s_where_it_fails():
     model = Sure(1.0)
     rollout = FallbackRollout(model, Sure(2.0))
     predicted = rollout.rollout(SCENE, PUSHES)
@@ -75,7 +75,7 @@ def test_regions_are_the_model_s_and_nobody_s_where_it_fails() -> None:
         (Short(1.0), "the model predicted scenes of shape (3, 0, 2, 8); the shape must be"),
     ],
 )
-def test_a_model_that_fails_is_asked_once_a_plan(model: Answering, text: str) -> None:
+def test_a_model_that_fails_is_asked_once_a_plan(model, text):
     rollout = FallbackRollout(model, Answering(2.0))
     for _ in range(3):
         assert (rollout.rollout(SCENE, PUSHES)[..., 0] == 2.0).all()
@@ -87,7 +87,7 @@ def test_a_model_that_fails_is_asked_once_a_plan(model: Answering, text: str) ->
     assert model.asked == 2
 
 
-def test_bodies_that_the_model_cannot_predict_are_left_to_physics() -> None:
+def test_bodies_that_the_model_cannot_predict_are_left_to_physics():
     class DisksAlone(Answering):
         with_bodies = Model.with_bodies
 

@@ -28,12 +28,12 @@ def view(scene_id: int = 1, episode_id: int = 1, settled: bool = True) -> SceneO
 
 
 @pytest.fixture
-def clock() -> Clock:
+def clock():
     return Clock()
 
 
 @pytest.fixture
-def tracker(clock: Clock) -> GoalTracker:
+def tracker(clock):
     return GoalTracker(2, 5.0, 0.5, clock)
 
 
@@ -45,9 +45,7 @@ def job_of(tracker: GoalTracker) -> PlanJob:
     return PlanJob(tracker.task, scene, problem, tracker.session, tracker.pushes)
 
 
-def test_a_job_at_the_goal_without_pushes_left_or_refused_too_often_is_a_stop(
-    tracker: GoalTracker,
-) -> None:
+def test_a_job_at_the_goal_without_pushes_left_or_refused_too_often_is_a_stop(tracker):
     tracker.set_goal(replace(TASK, max_pushes=1))
     tracker.observe(view())
     job = job_of(tracker)
@@ -64,9 +62,7 @@ def test_a_job_at_the_goal_without_pushes_left_or_refused_too_often_is_a_stop(
     assert there is not None and (there.reason, there.failure) == (StopReason.REACHED, "")
 
 
-def test_sessions_end_with_goal_and_episode_and_when_a_scene_was_not_the_current_one(
-    tracker: GoalTracker,
-) -> None:
+def test_sessions_end_with_goal_and_episode_and_when_a_scene_was_not_the_current_one(tracker):
     tracker.set_goal(TASK)
     tracker.observe(view(1))
     first = job_of(tracker)
@@ -85,7 +81,7 @@ def test_sessions_end_with_goal_and_episode_and_when_a_scene_was_not_the_current
 
 
 @pytest.mark.parametrize("code", [ErrorCode.STALE_SCENE, ErrorCode.BUSY, ErrorCode.UNKNOWN_EPISODE])
-def test_a_push_refused_for_its_scene_waits_for_the_next_look(tracker, code) -> None:
+def test_a_push_refused_for_its_scene_waits_for_the_next_look(tracker, code):
     tracker.set_goal(TASK)
     tracker.observe(view())
     job_of(tracker)
@@ -96,7 +92,7 @@ def test_a_push_refused_for_its_scene_waits_for_the_next_look(tracker, code) -> 
     assert job_of(tracker).problem.refused == ()
 
 
-def test_a_push_that_is_never_answered_is_planned_again(tracker: GoalTracker, clock: Clock) -> None:
+def test_a_push_that_is_never_answered_is_planned_again(tracker, clock):
     tracker.set_goal(TASK)
     tracker.observe(view())
     job_of(tracker)
@@ -109,9 +105,7 @@ def test_a_push_that_is_never_answered_is_planned_again(tracker: GoalTracker, cl
     assert job_of(tracker).observed.key == (1, 1)
 
 
-def test_a_scene_waits_for_the_result_of_the_push_before(
-    tracker: GoalTracker, clock: Clock
-) -> None:
+def test_a_scene_waits_for_the_result_of_the_push_before(tracker, clock):
     tracker.set_goal(TASK)
     tracker.observe(view())
     job_of(tracker)

@@ -53,7 +53,7 @@ def test_moving_a_body_that_is_to_be_kept_costs():
 
 
 @pytest.mark.parametrize(("x", "out"), [(0.4, 0.0), (0.22, 0.02), (0.18, 0.06)])
-def test_a_shape_that_gets_over_the_edge_of_the_table_costs(x: float, out: float):
+def test_a_shape_that_gets_over_the_edge_of_the_table_costs(x, out):
     after = SCENE.copy()
     after[0, POSITION] = x, 0.0  # a circle of 6 cm and 2 cm of room; the edge is at 16 cm
     after[1, POSITION] = 0.5, 0.3

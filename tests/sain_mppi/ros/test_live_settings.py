@@ -1,8 +1,7 @@
 """Settings of the planner as rqt_reconfigure and `ros2 param set` change them."""
 
 import pytest
-from rcl_interfaces.msg import ParameterDescriptor
-from rcl_interfaces.srv import DescribeParameters, SetParametersAtomically
+from rcl_interfaces.srv import SetParametersAtomically
 from rclpy.parameter import Parameter
 
 from sain_core.errors import ErrorCode
@@ -29,11 +28,6 @@ def change(graph, planner):
         ).result
 
     return change
-
-
-def describe(graph, name: str) -> ParameterDescriptor:
-    request = DescribeParameters.Request(names=[name])
-    return graph.call(DescribeParameters, "mppi_node/describe_parameters", request).descriptors[0]
 
 
 def test_the_next_plan_is_made_with_what_was_set(graph, straw, change):
@@ -91,12 +85,3 @@ def test_what_cannot_be_is_refused_with_the_reason_and_nothing_changes(
     assert planner.get_parameter("planner.horizon").value == 2
     assert planner.config.planner == planner.agent.decider._config
     assert planner.config.planner.samples == 64
-
-
-def test_a_reader_sees_which_settings_can_be_changed(graph, planner):
-    samples, model = describe(graph, "planner.samples"), describe(graph, "model")
-    assert not samples.read_only
-    assert samples.additional_constraints == ""
-    assert not describe(graph, "planner.weights.position").read_only
-    assert model.read_only
-    assert "start the node anew" in model.additional_constraints

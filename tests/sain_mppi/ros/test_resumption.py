@@ -17,10 +17,9 @@ def path(tmp_path):
     return tmp_path / "planner.json"
 
 
-def start(graph, path):
-    node = graph.start(
-        MppiNode, dynamics="in_process", model="planar", state_file=str(path), **SMALL
-    )
+def start(graph, path, **settings):
+    settings |= {"dynamics": "in_process", "model": "planar", "state_file": str(path)}
+    node = graph.start(MppiNode, **settings, **SMALL)
     graph.wait(lambda: graph.aiming.get_subscription_count() == 2, "the planner")
     return node
 
@@ -77,7 +76,7 @@ def test_a_planner_that_dies_while_it_says_reached_says_it_again(graph, straw, p
     assert graph.find("plan", goal_id=1)[1].status == Plan.REACHED
 
 
-def test_a_simulator_that_restarts_is_sent_another_push_at_once(graph, straw, path):
+def test_a_simulator_that_restarts_is_sent_another_push(graph, straw, path):
     """It tells the shapes again; nothing else may be heard of the push that was under way."""
     from sain_core.ros import codec
     from sain_core.ros.qos import LATCHED
@@ -87,7 +86,7 @@ def test_a_simulator_that_restarts_is_sent_another_push_at_once(graph, straw, pa
     shapes = graph.bystander.create_publisher(BodiesMessage, "shapes", LATCHED)
     stamp = graph.bystander.get_clock().now().to_msg()
     message = codec.encode_bodies(Bodies.disks(2), START[:, 7].tolist(), stamp=stamp, episode_id=1)
-    start(graph, path)
+    start(graph, path, goal_tracker__answer_timeout=1.0)
     graph.wait(shapes.get_subscription_count, "who wants shapes")
     shapes.publish(message)
     graph.aim(GOAL, 1)

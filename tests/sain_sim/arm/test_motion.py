@@ -13,13 +13,7 @@ from sain_core.errors import ErrorCode, UnreachableError
 from sain_core.feasibility import Reach
 from sain_core.push import TOOL_RADIUS
 from sain_sim.arm.client import Client
-from sain_sim.arm.motion import (
-    FLANGE_DROP,
-    LOWER_LIMITS,
-    UPPER_LIMITS,
-    MotionConfig,
-    trapezoid,
-)
+from sain_sim.arm.motion import FLANGE_DROP, LOWER_LIMITS, UPPER_LIMITS, MotionConfig, trapezoid
 from sain_sim.arm.panda import (
     BASE_FRAME,
     JOINT_NAMES,

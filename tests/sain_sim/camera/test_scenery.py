@@ -16,7 +16,7 @@ def renderer():
         yield renderer
 
 
-@pytest.mark.parametrize("target", [(0.45, 0.15), (0.45, -0.1), (0.49, 0.0), (0.4, 0.2)])
+@pytest.mark.parametrize("target", [(0.45, 0.15), (0.49, 0.0)])
 def test_target_and_goal_are_seen_in_every_picture(renderer, target):
     """The tool comes down all about the target, so that from anywhere the hand once stands before
     it or near it; the mask of the renderer tells what is seen.
@@ -24,7 +24,7 @@ def test_target_and_goal_are_seen_in_every_picture(renderer, target):
     target, goal, ring = np.array(target), np.array([0.5, -0.22]), 0.08
     kinematics = WorldConfig().kinematics
     moments = []
-    for turn in np.linspace(-np.pi, np.pi, 9)[:-1]:
+    for turn in np.linspace(-np.pi, np.pi, 5)[:-1]:
         way = np.array([np.cos(turn), np.sin(turn)])
         scene = nominal_parameters().scene(np.stack([target + 0.15 * way, target]))
         moments.append((kinematics.joints(np.array([*(target + 0.24 * way), 0.02])), scene))

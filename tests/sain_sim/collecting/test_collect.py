@@ -13,11 +13,7 @@ import pytest
 
 import sain_sim.collecting.collect as collection
 import sain_sim.collecting.shards
-from sain_core.errors import (
-    ConfigError,
-    DatasetError,
-    OutputError,
-)
+from sain_core.errors import ConfigError, DatasetError, OutputError
 from sain_core.output import MANIFEST
 from sain_core.randomness import generator
 from sain_core.scene import POSITION, TARGET, surface_gaps
@@ -28,22 +24,22 @@ from sain_sim.collecting.episode import EpisodeConfig, EpisodeRunner
 from sain_sim.collecting.shards import JOURNAL_FILE, load_shards
 from sain_sim.commands import collect as main
 from sain_sim.world.engines import MUJOCO
-from sain_sim.world.parameters import RANGES, WIDE, sample_parameters
+from sain_sim.world.parameters import sample_parameters
 from sain_sim.world.start import draw_start
 from sain_sim.world.truth import TruthConfig
 from sain_sim.world.workcell import WorldConfig
 
-SHORT = EpisodeConfig(pushes=4, floor_episodes=1)
+SHORT = EpisodeConfig(pushes=3, floor_episodes=1)
 
 
 @pytest.fixture(scope="module")
 def collected(tmp_path_factory):
-    """Four short episodes in one go, in shards of five."""
+    """Three short episodes in one go, in shards of four."""
     folder = tmp_path_factory.mktemp("collected")
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(collection, "SHARD_SIZE", 5)
-        patch.setattr("sain_sim.collecting.shards.SHARD_SIZE", 5)
-        config = CollectConfig(out=folder, episodes=4, seed=3, episode=SHORT)
+        patch.setattr(collection, "SHARD_SIZE", 4)
+        patch.setattr("sain_sim.collecting.shards.SHARD_SIZE", 4)
+        config = CollectConfig(out=folder, episodes=3, seed=3, episode=SHORT)
         yield config, collect(config).transitions
 
 
@@ -65,7 +61,7 @@ def test_every_column_is_as_the_schema_has_it(collected):
 def test_transitions_are_what_they_say(collected):
     config, total = collected
     data = load_shards(config.out)
-    assert len(data["state"]) == total > 8
+    assert len(data["state"]) == total > 5
     assert data["state"].shape == data["next_state"].shape == data["physics_next"].shape
     assert data["state"].shape[1:] == (16,) and data["action"].shape[1:] == (5,)
     assert all(np.isfinite(data[name]).all() for name in data if name != "floor_next")
@@ -188,17 +184,6 @@ def test_ctrl_c_ends_a_collection_and_its_workers_quietly(tmp_path, to_all):
     assert len(set(load_shards(out)["episode"])) == 2
 
 
-def test_wide_parameters_are_the_ranges_to_generalise_to():
-    drawn = [sample_parameters(generator(0, i), 3, ranges=RANGES[WIDE]) for i in range(500)]
-    masses, radii = (np.array([getattr(p, name) for p in drawn]) for name in ("masses", "radii"))
-    friction = np.array([p.friction for p in drawn])
-    spans = [(masses, 5.0, 12.0), (friction, 0.05, 0.35)]
-    spans += [(radii[:, 0], 0.8 * 0.08, 1.2 * 0.08), (radii[:, 1:], 0.8 * 0.06, 1.2 * 0.06)]
-    for values, low, high in spans:
-        assert low <= values.min() < low + 0.05 * (high - low)
-        assert high - 0.05 * (high - low) < values.max() <= high
-
-
 def test_missing_and_damaged_shards_are_named(tmp_path):
     with pytest.raises(DatasetError, match="holds no shards"):
         load_shards(tmp_path)
@@ -258,7 +243,7 @@ def test_a_push_that_diverges_ends_its_episode_and_is_not_recorded(monkeypatch, 
     runner.close()
 
 
-def test_every_push_that_is_drawn_is_counted_once(tmp_path) -> None:
+def test_every_push_that_is_drawn_is_counted_once(tmp_path):
     config = CollectConfig(tmp_path / "all", 3, 5, episode=EpisodeConfig(pushes=4, sampler="grid"))
     done = collect(config)
     counts, data = done.counts, load_shards(config.out)

@@ -5,7 +5,6 @@ Ray is not imported here: it reads the variables that make it private when it is
 
 import sys
 import tempfile
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -20,7 +19,7 @@ CONFIG = CollectConfig(episodes=4, seed=6, workers=2, ray="local", episode=Episo
 
 
 @pytest.fixture
-def elsewhere(tmp_path, monkeypatch) -> Iterator[Path]:
+def elsewhere(tmp_path, monkeypatch):
     """A home and a folder for temporary files where everything that is written can be seen."""
     scratch_folder("own").cleanup()  # what this process keeps to its end is not to be there
     with tempfile.TemporaryDirectory(prefix="t-", dir="/tmp") as folder:  # sockets: short paths
@@ -56,7 +55,7 @@ def content(folder: Path) -> dict[str, bytes]:
     return {path.name: path.read_bytes() for path in sorted(folder.iterdir())}
 
 
-def test_a_cluster_writes_the_same_bytes_and_leaves_nothing(elsewhere, tmp_path) -> None:
+def test_a_cluster_writes_the_same_bytes_and_leaves_nothing(elsewhere, tmp_path):
     alone = replace(CONFIG, out=tmp_path / "alone", workers=1, ray="")
     collect(alone)
     shared, home = shared_memory(), entries(tmp_path)
@@ -73,7 +72,7 @@ def test_a_cluster_writes_the_same_bytes_and_leaves_nothing(elsewhere, tmp_path)
     assert entries(tmp_path) == home | {"cluster"}
 
 
-def test_without_ray_there_is_one_clear_line(tmp_path, monkeypatch, capsys) -> None:
+def test_without_ray_there_is_one_clear_line(tmp_path, monkeypatch, capsys):
     monkeypatch.setitem(sys.modules, "ray", None)
     assert main(["--out", str(tmp_path), "--episodes", "1", "--ray", "local"]) == 1
     error = capsys.readouterr().err
@@ -83,6 +82,6 @@ def test_without_ray_there_is_one_clear_line(tmp_path, monkeypatch, capsys) -> N
 
 
 @pytest.mark.parametrize("address", ["127.0.0.1:9", "nowhere", "127.0.0.1:many"])
-def test_an_address_without_a_cluster_is_refused_at_once(tmp_path, address, capsys) -> None:
+def test_an_address_without_a_cluster_is_refused_at_once(tmp_path, address, capsys):
     assert main(["--out", str(tmp_path), "--episodes", "1", "--ray", address]) == 1
     assert f"collect: no Ray cluster at '{address}'" in capsys.readouterr().err

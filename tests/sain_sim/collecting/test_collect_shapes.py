@@ -4,15 +4,7 @@ import numpy as np
 import pytest
 
 from sain_core.errors import ConfigError, InvalidInputError
-from sain_core.push import (
-    BODY,
-    LENGTH,
-    LOCATION,
-    PUSH_SIZE,
-    PushLimits,
-    pushed_bodies,
-    strokes,
-)
+from sain_core.push import BODY, LENGTH, LOCATION, PUSH_SIZE, PushLimits, pushed_bodies, strokes
 from sain_core.scene import RADIUS, make_scene
 from sain_core.shapes.bodies import Bodies, Role
 from sain_core.transitions import Column, row_bodies

@@ -22,7 +22,7 @@ def pushed(places: np.ndarray) -> tuple[np.ndarray, World]:
     return world.push(make_push(0.0, 0.0, 0.10)).after, world
 
 
-def test_bodies_that_are_far_change_nothing() -> None:
+def test_bodies_that_are_far_change_nothing():
     """Twelve bodies are 79 degrees of freedom; four are 31."""
     four, _ = pushed(NEAR)
     twelve, _ = pushed(np.concatenate([NEAR, FAR]))
@@ -31,7 +31,7 @@ def test_bodies_that_are_far_change_nothing() -> None:
     np.testing.assert_allclose(twelve[4:, :2], FAR, atol=1e-5)
 
 
-def test_jacobians_are_dense_and_accelerations_those_of_few_bodies() -> None:
+def test_jacobians_are_dense_and_accelerations_those_of_few_bodies():
     from sain_sim.engines.mujoco_description import describe_world
 
     _, world = pushed(np.concatenate([NEAR, FAR]))

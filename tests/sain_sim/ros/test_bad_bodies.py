@@ -33,13 +33,7 @@ def reset(world, places, shapes, roles=(), size=0.08):
     [
         (INSIDE, ("t", "l"), (), 0.08, "bodies 0 (t) and 1 (l) overlap by 38.1 mm; at most 1 mm"),
         (INSIDE, ("t", "l"), ("pushable", "fixed"), 0.08, "bodies 0 (t) and 1 (l) overlap by 38.1"),
-        (
-            INSIDE,
-            ("disk", "disk"),
-            (),
-            0.08,
-            "1 (disk) overlap by 137.6 mm; at most 1 mm",
-        ),
+        (INSIDE, ("disk", "disk"), (), 0.08, "1 (disk) overlap by 137.6 mm; at most 1 mm"),
         (APART, ("t", "tt"), (), 0.08, "shape of body 1 is 'tt'; allowed: disk, cube,"),
         (APART, ("t", "l"), ("pushable", "glued"), 0.08, "role of body 1 is 'glued'; allowed:"),
         (APART, ("t", "l"), ("fixed", "movable"), 0.08, "no body is pushable: the roles are fixed"),

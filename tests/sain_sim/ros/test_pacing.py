@@ -29,7 +29,7 @@ def pacer(factor: float) -> tuple[Pacer, Wall]:
 
 
 @pytest.mark.parametrize("factor", [0.5, 1.0, 4.0])
-def test_the_world_waits_for_the_wall(factor: float) -> None:
+def test_the_world_waits_for_the_wall(factor):
     pace, wall = pacer(factor)
     for step in range(1, 101):
         pace.follow(step * 0.02)
@@ -41,7 +41,7 @@ def test_the_world_waits_for_the_wall(factor: float) -> None:
     st.sampled_from([0.0, 0.5, 1.0, 10.0]),
     st.lists(st.tuples(st.floats(0, 1), st.floats(0, 1), st.booleans()), max_size=30),
 )
-def test_time_never_goes_back(factor: float, steps: list[tuple[float, float, bool]]) -> None:
+def test_time_never_goes_back(factor, steps):
     pace, wall = pacer(factor)
     world, last = 0.0, pace.now
     for simulated, passed, rests in steps:

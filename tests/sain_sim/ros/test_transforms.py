@@ -101,14 +101,6 @@ def test_frames_follow_a_push_from_scene_to_scene(graph, viewer):
     assert not viewer.buffer.problems
 
 
-def test_a_late_viewer_gets_every_frame_without_a_push(graph, simulator):
-    scene = graph.find("scene", settled=True)[-1]
-    for _ in range(2):
-        viewer = Viewer(graph, "robot_description")
-        graph.wait(lambda viewer=viewer: viewer.sees(scene), "the bodies")
-        assert not viewer.buffer.problems
-
-
 @pytest.mark.parametrize(("given", "prefix"), [("", "lab/"), ("left_", "left_")])
 def test_frames_of_another_graph_have_a_prefix(graph, given, prefix):
     def node(**options):

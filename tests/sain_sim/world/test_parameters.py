@@ -43,10 +43,7 @@ def test_drawn_parameters_fill_the_papers_ranges_and_repeat():
     ("fields", "message"),
     [
         ({"masses": (8.0,)}, "1 masses, 2 radii and 2 shapes"),
-        (
-            {"shapes": ("disk", "cone")},
-            "shape of body 1 is 'cone'",
-        ),
+        ({"shapes": ("disk", "cone")}, "shape of body 1 is 'cone'"),
         ({"friction": -0.1}, "friction is -0.1; it must be at least 0.005"),
         ({"radii": (0.08, float("nan"))}, "radii[1] is nan; it must be finite"),
     ],

@@ -12,7 +12,7 @@ GIVEN = make_scene(
 )
 
 
-def test_the_seed_decides_what_is_not_given() -> None:
+def test_the_seed_decides_what_is_not_given():
     first, start = draw_episode(4, TruthConfig("randomised"))
     again, same = draw_episode(4, TruthConfig("randomised"))
     other, _ = draw_episode(5, TruthConfig("randomised"))
@@ -20,7 +20,7 @@ def test_the_seed_decides_what_is_not_given() -> None:
     np.testing.assert_array_equal(start, same)
 
 
-def test_the_default_start_is_the_paper_s() -> None:
+def test_the_default_start_is_the_paper_s():
     parameters, start = draw_episode(4, TruthConfig("nominal"))
     assert parameters == nominal_parameters()
     assert start[0, :2].tolist() == [0.35, 0.0]
@@ -36,6 +36,6 @@ def test_the_default_start_is_the_paper_s() -> None:
         ({"shapes": ("disk", "cone", "disk")}, InvalidInputError, "shape of body 1 is 'cone'"),
     ],
 )
-def test_what_does_not_exist_is_refused(arguments, error, text) -> None:
+def test_what_does_not_exist_is_refused(arguments, error, text):
     with pytest.raises(error, match=text):
         draw_episode(**({"seed": 0, "truth": TruthConfig(), "scene": GIVEN} | arguments))

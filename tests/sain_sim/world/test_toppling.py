@@ -1,7 +1,6 @@
 """A body that tips over is no outcome in a plane, in any engine; what is too thin is refused."""
 
 import json
-from pathlib import Path
 
 import pytest
 
@@ -26,7 +25,7 @@ def bar(bottom: str = "", friction: float = 0.2, **changes: object) -> WorldPara
     return WorldParameters(shapes=(f"bar{bottom}",), friction=friction, **(one | changes))  # type: ignore[arg-type]
 
 
-def test_a_push_that_tips_a_body_over_is_refused_and_nothing_has_moved(engine: str) -> None:
+def test_a_push_that_tips_a_body_over_is_refused_and_nothing_has_moved(engine):
     with World(bar(roughness=ONE_SIDED), engine=engine) as world:
         scene = world.observe()
         with pytest.raises(ToppledError, match=r"tips over body 0 \(bar\): it leans by \d+ deg"):
@@ -37,9 +36,7 @@ def test_a_push_that_tips_a_body_over_is_refused_and_nothing_has_moved(engine: s
 
 
 @pytest.mark.parametrize("bottom", ["", ":flat"])
-def test_a_body_too_thin_for_its_height_is_refused_with_the_least_width(
-    engine: str, bottom: str
-) -> None:
+def test_a_body_too_thin_for_its_height_is_refused_with_the_least_width(engine, bottom):
     message = r"8 mm wide and 40 mm high: it tips over .* 20 mm above .* friction 0.20; make it ab"
     with pytest.raises(ConfigError, match=message) as error:
         World(bar(bottom, radii=(0.02,)), engine=engine)
@@ -47,9 +44,7 @@ def test_a_body_too_thin_for_its_height_is_refused_with_the_least_width(
     World(bar(bottom, radii=(0.02 * (least + 0.5) / 7.85,)), engine=engine).close()
 
 
-def test_collect_names_a_ruler_that_cannot_be_pushed(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_collect_names_a_ruler_that_cannot_be_pushed(tmp_path, monkeypatch, capsys):
     monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path))
     (tmp_path / "sain/shapes").mkdir(parents=True)
     (tmp_path / "sain/shapes/ruler.yaml").write_text(RULER)
@@ -59,9 +54,7 @@ def test_collect_names_a_ruler_that_cannot_be_pushed(
     assert "mm wide and 40 mm high: it tips over when it is pushed 20 mm above a table" in error
 
 
-def test_what_tips_over_is_no_valid_push_and_ends_its_episode(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_what_tips_over_is_no_valid_push_and_ends_its_episode(tmp_path, monkeypatch):
     draw = EpisodeRunner.run.__globals__["draw_parameters"]
     monkeypatch.setitem(
         EpisodeRunner.run.__globals__,
@@ -76,7 +69,7 @@ def test_what_tips_over_is_no_valid_push_and_ends_its_episode(
     assert all(line["toppled"] <= 1 for line in lines)
 
 
-def test_worlds_in_which_a_body_would_tip_are_drawn_again_and_counted() -> None:
+def test_worlds_in_which_a_body_would_tip_are_drawn_again_and_counted():
     episode = EpisodeConfig(shapes="bar", bodies="3", parameters="wide")
     counts, random = PushCounts(), generator(0, "redraw")
     for _ in range(20):

@@ -2,27 +2,14 @@
 
 import dataclasses
 import importlib
-import subprocess
-import sys
 from math import pi
 
 import numpy as np
 import pytest
 
-from sain_core.errors import (
-    SainError,
-    UnreachableError,
-)
+from sain_core.errors import SainError, UnreachableError
 from sain_core.push import SPEED, make_push
-from sain_core.scene import (
-    MID,
-    POSITION,
-    RADIUS,
-    TARGET,
-    Y,
-    is_settled,
-    unit,
-)
+from sain_core.scene import MID, POSITION, RADIUS, TARGET, Y, is_settled, unit
 from sain_core.shapes.solids import DISK
 from sain_core.world import DivergedError, check_possible
 from sain_sim.world.parameters import nominal_parameters
@@ -70,11 +57,11 @@ def test_the_tool_travels_at_the_speed_of_the_push(world, bench, speed):
 
 
 def episode(world, bench, observer=None, seed=4, count=3):
-    """Push ten times; return every scene, and what was refused."""
+    """Push some times; return every scene, and what was refused."""
     parameters, start = bench.drawn(seed, count)
     world.reset(start, parameters)
     scenes, refused = [], []
-    for push in bench.pushes(seed, start, 6):
+    for push in bench.pushes(seed, start, 4):
         try:
             scenes.append(world.push(push, on_step=observer).after)
         except SainError as error:
@@ -95,33 +82,11 @@ def test_worlds_repeat_bit_for_bit_fresh_used_or_watched(config, bench, engine):
             assert refused_again == refused
 
 
-PROGRAM = """
-import sys
-import numpy as np
-from sain_core.push import make_push
-from sain_sim.world.parameters import nominal_parameters
-from sain_sim.world.world import World
-parameters = nominal_parameters()
-world = World(parameters, engine=sys.argv[1])
-world.reset(parameters.scene(np.array([[0.42, 0.0], [0.561, 0.0]])))
-for angle in (0.2, -0.3):
-    after = world.push(make_push(0.0, angle, 0.1)).after
-print(after.tobytes().hex())
-"""
-
-
-def test_processes_agree_to_the_bit(engine):
-    command = [sys.executable, "-c", PROGRAM, engine]
-    runs = [subprocess.run(command, capture_output=True, text=True, check=True) for _ in range(2)]
-    assert runs[0].stdout == runs[1].stdout
-    assert len(runs[0].stdout.strip()) == 2 * 2 * 8 * 8
-
-
 @pytest.mark.parametrize("config", [WorldConfig(), FULL], ids=["short", "full"])
 def test_the_tool_follows_its_line_and_touches_the_mid_disk_alone(config, bench, engine):
     along, pushed = [], 0
     with World(nominal_parameters(), config, engine=engine) as world:
-        for seed in range(4):
+        for seed in range(2):
             parameters, start = bench.drawn(seed, 4)
             world.reset(start, parameters)
             for push in bench.pushes(seed, start, 6):
@@ -139,7 +104,7 @@ def test_the_tool_follows_its_line_and_touches_the_mid_disk_alone(config, bench,
                     assert not low or (apart - others[:, RADIUS] - radius).min() > -1e-4
                     if sample.phase == "push":
                         along.append(np.abs(sample.tool - sample.commanded_tool).max())
-    assert pushed >= 6
+    assert pushed >= 3
     assert np.percentile(along, 99) < 1.5e-3
 
 

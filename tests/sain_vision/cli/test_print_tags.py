@@ -1,7 +1,5 @@
 """Sheets of tags by the command's options: what they allow, and what the sheets have on them."""
 
-from pathlib import Path
-
 import pytest
 from rich.console import Console
 
@@ -29,14 +27,14 @@ from sain_vision.cli.print_tags import PrintOptions, run
         ({"paper": "b5"}, "paper is 'b5'; allowed: 'a4', 'a3', 'letter'"),
     ],
 )
-def test_what_is_not_printed_is_refused_in_a_line(options, text: str, tmp_path: Path) -> None:
+def test_what_is_not_printed_is_refused_in_a_line(options, text, tmp_path):
     with pytest.raises(ConfigError) as caught:
         run(PrintOptions(out=tmp_path / "tags.pdf", **options), Console())
     assert text in str(caught.value) and "\n" not in str(caught.value)
     assert not list(tmp_path.iterdir())
 
 
-def test_each_tag_has_its_number_size_and_x_axis(tmp_path: Path) -> None:
+def test_each_tag_has_its_number_size_and_x_axis(tmp_path):
     path = tmp_path / "tags.pdf"
     run(PrintOptions(out=path, tags="4,7-8", size=0.147), Console())
     sheets = path.read_bytes()

@@ -19,7 +19,7 @@ BODIES = parse_bodies({"bodies": [{"shape": "t:flat", "radius": 0.09}]})
 
 
 @pytest.mark.parametrize("name", shipped())
-def test_the_mask_has_every_pixel_of_the_arm_and_few_others(name: str) -> None:
+def test_the_mask_has_every_pixel_of_the_arm_and_few_others(name):
     robot, random = read_robot(name), np.random.default_rng(0)
     view, mask = LaboratoryView(Cell(robot, BODIES), CONFIG), ArmMask(robot)
     scene = BODIES.scene(np.array([[0.5, -0.2, 0.3]]))

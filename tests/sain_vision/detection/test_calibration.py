@@ -1,6 +1,6 @@
+# ruff: noqa: E501 - a case is a line
 """Where a camera is, from looks at a board: exact where they are good, else refused."""
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -46,7 +46,7 @@ def looks(
     return made
 
 
-def test_the_camera_is_found_where_it_is() -> None:
+def test_the_camera_is_found_where_it_is():
     lens = np.array([-0.1, 0.03, 0.001, -0.001, 0.0])
     camera = replace(CAMERA, distortion=lens)
     made = calibrate(replace(WITHOUT_POSE, distortion=lens), looks(camera), FIRST, LOOKS)
@@ -73,9 +73,7 @@ def test_the_camera_is_found_where_it_is() -> None:
     ],
     ids=["few", "alike", "noise", "tags", "lens", "first", "origin"],
 )  # fmt: skip
-def test_a_bad_calibration_is_refused(
-    given: Sequence[Look], first: np.ndarray, message: str
-) -> None:
+def test_a_bad_calibration_is_refused(given, first, message):
     with pytest.raises(InvalidInputError, match=message):
         calibrate(WITHOUT_POSE, given, first, LOOKS)
 
@@ -83,19 +81,16 @@ def test_a_bad_calibration_is_refused(
 @pytest.mark.parametrize(
     ("options", "text"),
     [
-        (
-            {"origin": (400.0, 0.0, 0.0)},
-            r"origin is \(400, 0\) m; it must be in x in \[0.16, 1.16\]",
-        ),
+        ({"origin": (400.0, 0.0, 0.0)}, r"origin is \(400, 0\) m; it must be in x in \[0.16, 1.16\]"),
         ({"origin": (0.4, 0.0, 90.0)}, "origin's turn is 90.0; .* 90 degrees are 1.571 rad"),
     ],
-)
-def test_an_origin_off_the_table_is_refused_before_the_looks(options: dict, text: str) -> None:
+)  # fmt: skip
+def test_an_origin_off_the_table_is_refused_before_the_looks(options, text):
     with pytest.raises(ConfigError, match=text):
         CalibrateOptions(**options)
 
 
-def test_a_board_has_tags_of_its_family() -> None:
+def test_a_board_has_tags_of_its_family():
     with pytest.raises(ConfigError, match="tags 580 to 609; 36h11 has 0 to 586: give a smaller"):
         Board(first=580)
 
@@ -111,7 +106,7 @@ def rendered(page, scale: float = 4.0) -> np.ndarray:
     return picture
 
 
-def test_the_printed_board_is_the_one_that_is_looked_for() -> None:
+def test_the_printed_board_is_the_one_that_is_looked_for():
     scale = 4.0
     picture = rendered(board_sheet(BOARD), scale)
     found = TagFinder(TagConfig()).find(picture)
@@ -122,7 +117,7 @@ def test_the_printed_board_is_the_one_that_is_looked_for() -> None:
     assert np.abs(off - off.mean(axis=0)).max() < 0.1  # [mm]: true size, not turned, not mirrored
 
 
-def test_sheets_have_all_tags_in_true_size() -> None:
+def test_sheets_have_all_tags_in_true_size():
     pages = tag_sheets("36h11", range(20), 0.04, "a4")
     found = {}
     for page in pages:

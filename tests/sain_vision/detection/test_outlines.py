@@ -1,6 +1,5 @@
 """Bodies without tags in depth images: exact, also where the arm hides a part, and held apart."""
 
-from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -27,7 +26,7 @@ CAMERA = CameraModel(640, 480, CONFIG.matrix, np.zeros(5), *CONFIG.stated_pose)
 
 
 @pytest.fixture(scope="module")
-def camera() -> Iterator[ImageCamera]:
+def camera():
     with image_camera(CONFIG, START, SHAPES) as made:
         yield made
 
@@ -45,7 +44,7 @@ def errors(sightings, scene: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_bodies_are_found_anywhere(camera: ImageCamera, seed: int) -> None:
+def test_bodies_are_found_anywhere(camera, seed):
     random, scene = np.random.default_rng(seed), START.copy()
     scene[:, :2] += random.uniform(-0.05, 0.05, (2, 2))
     scene[:, 2] = random.uniform(-3.0, 3.0, 2)
@@ -58,7 +57,7 @@ def test_bodies_are_found_anywhere(camera: ImageCamera, seed: int) -> None:
     assert sightings[0].covariance[2, 2] > 1.0  # a disk's heading is not seen
 
 
-def test_a_body_half_under_the_arm_is_held_and_not_moved(camera: ImageCamera) -> None:
+def test_a_body_half_under_the_arm_is_held_and_not_moved(camera):
     depth = look(camera, START)
     left = CAMERA.project(np.array([[*START[1, :2], DISK_HEIGHT]]))[0]
     depth[:, int(left[0]) :] -= 0.3  # something high above the right half of the T and all beyond
@@ -70,7 +69,7 @@ def test_a_body_half_under_the_arm_is_held_and_not_moved(camera: ImageCamera) ->
     assert seen.score < 0.9
 
 
-def test_what_is_not_there_is_not_found(camera: ImageCamera) -> None:
+def test_what_is_not_there_is_not_found(camera):
     bare = START.copy()
     bare[1, :2] = (0.5, 5.0)
     finder = OutlineFinder(FILE, OutlineConfig())
@@ -79,25 +78,19 @@ def test_what_is_not_there_is_not_found(camera: ImageCamera) -> None:
     assert problems == ["body 1 (body_1) is not seen"]
 
 
-def test_one_straight_edge_is_no_body() -> None:
+def test_one_straight_edge_is_no_body():
     above = replace(CAMERA, rotation=np.diag([1.0, -1.0, -1.0]), place=np.array([0.5, 0.0, 1.0]))
     depth = np.full((480, 640), np.nan)
     depth[:, 300:340] = 1.0
     depth[:240, 300:340] -= DISK_HEIGHT  # of a board no other edge is seen
     x, y = above.on_plane(np.array([[320.0, 239.5]]), DISK_HEIGHT)[0]
-    square = replace(
-        file_of(
-            (),
-        ),
-        bodies=Bodies.named(("square",)),
-        radii=(0.1,),
-    )
+    square = replace(file_of(()), bodies=Bodies.named(("square",)), radii=(0.1,))
     finder = OutlineFinder(square, OutlineConfig(least_share=0.1))
     sightings, problems = finder.find(depth, above, {0: [np.array([x, y + 0.0707, 0.0])]})
     assert (sightings, len(problems)) == ([], 1)
 
 
-def test_an_image_full_of_edges_is_searched_in_time_and_says_so(camera: ImageCamera) -> None:
+def test_an_image_full_of_edges_is_searched_in_time_and_says_so(camera):
     """Bodies lie among small blocks of their height; a search of all blocks takes minutes."""
     depth, rows, columns = look(camera, START), *np.mgrid[:480, :640]
     grid = np.stack(np.meshgrid(np.arange(640), np.arange(480)), axis=-1).reshape(-1, 2)

@@ -38,12 +38,12 @@ def off(found: dict[int, Sighting], poses: np.ndarray) -> np.ndarray:
 
 
 @pytest.fixture(scope="module")
-def picture() -> np.ndarray:
+def picture():
     return take(CAMERA, enumerate(POSES), np.random.default_rng(0))
 
 
 @pytest.mark.parametrize("lens", [np.zeros(5), LENS], ids=["ideal", "distorted"])
-def test_poses_are_exact_and_their_covariance_is_of_that_size(lens: np.ndarray) -> None:
+def test_poses_are_exact_and_their_covariance_is_of_that_size(lens):
     camera, errors, scaled = replace(CAMERA, distortion=lens), [], []
     for seed in range(4):
         random = np.random.default_rng(seed)
@@ -60,7 +60,7 @@ def test_poses_are_exact_and_their_covariance_is_of_that_size(lens: np.ndarray) 
     assert 0.3 < np.mean(scaled) / 3 < 3.0
 
 
-def test_what_is_moved_and_turned_is_seen_moved_and_turned(picture: np.ndarray) -> None:
+def test_what_is_moved_and_turned_is_seen_moved_and_turned(picture):
     """A turn of all bodies about the camera's foot, and of the camera, changes no image."""
     angle, way = 0.7, np.array([0.2, -0.1])
     cosine, sine = np.cos(angle), np.sin(angle)
@@ -74,7 +74,7 @@ def test_what_is_moved_and_turned_is_seen_moved_and_turned(picture: np.ndarray) 
         np.testing.assert_allclose(other.covariance, turn @ one.covariance @ turn.T, atol=1e-9)
 
 
-def test_several_tags_are_one_body_and_some_of_them_suffice() -> None:
+def test_several_tags_are_one_body_and_some_of_them_suffice():
     tags = (Tag(5, x=-0.04), Tag(6, x=0.04, angle=1.0), Tag(7, y=0.05))
     body, pose = file_of(tags), np.array([0.45, 0.05, 0.6])
     cosine, sine = np.cos(pose[2]), np.sin(pose[2])
@@ -106,13 +106,13 @@ def test_several_tags_are_one_body_and_some_of_them_suffice() -> None:
     ],
     ids=["twice", "size", "camera"],
 )  # fmt: skip
-def test_what_is_wrong_is_named_and_not_published(file, shown, camera, text) -> None:
+def test_what_is_wrong_is_named_and_not_published(file, shown, camera, text):
     found, problems = locate(take(CAMERA, shown, np.random.default_rng(0)), file, camera)
     assert not found
     assert len(problems) == 1 and text in problems[0]
 
 
-def test_tags_that_nobody_has_are_nobody(picture: np.ndarray) -> None:
+def test_tags_that_nobody_has_are_nobody(picture):
     found, problems = locate(picture, file_of((Tag(77),)))
     assert (found, problems) == ({}, [])
 
@@ -123,7 +123,7 @@ def drawn(number: int, family: str = "36h11", module: int = 10) -> np.ndarray:
     return np.where(np.kron(paper, np.ones((module, module))) > 0, 0, 255).astype(np.uint8)
 
 
-def test_tags_are_the_way_up_that_apriltag_publishes() -> None:
+def test_tags_are_the_way_up_that_apriltag_publishes():
     """Code word and bit places of tag36h11 number 0, of AprilRobotics/apriltag, tag36h11.c."""
     code, rows = 0x0000000D7E00984B, np.ones((8, 8), dtype=bool)
     x = [1, 2, 3, 4, 5, 2, 3, 4, 3, 6, 6, 6, 6, 6, 5, 5, 5, 4]
@@ -138,7 +138,7 @@ def test_tags_are_the_way_up_that_apriltag_publishes() -> None:
 
 @pytest.mark.parametrize("family", FAMILIES)
 @pytest.mark.parametrize("turn", range(4))
-def test_each_turn_of_a_tag_is_read_as_such(family: str, turn: int) -> None:
+def test_each_turn_of_a_tag_is_read_as_such(family, turn):
     picture = np.ascontiguousarray(np.rot90(drawn(7, family), turn))
     ((number, (corners,)),) = TagFinder(TagConfig(family=family)).find(picture).items()
     assert number == 7
@@ -146,7 +146,7 @@ def test_each_turn_of_a_tag_is_read_as_such(family: str, turn: int) -> None:
     np.testing.assert_allclose(way, [(1, 0), (0, -1), (-1, 0), (0, 1)][turn], atol=0.02)
 
 
-def test_small_and_blurred_tags_are_read_and_none_is_misread() -> None:
+def test_small_and_blurred_tags_are_read_and_none_is_misread():
     random, shown, read = np.random.default_rng(4), 0, 0
     for blur in (0.0, 0.8):
         places = [(x, y) for x in (0.3, 0.45, 0.6) for y in (-0.2, 0.0, 0.2)]
@@ -173,7 +173,7 @@ CROWDED = {
 
 
 @pytest.mark.parametrize("name", CROWDED)
-def test_a_crowded_image_is_read_in_time_and_its_largest_squares_are(name: str) -> None:
+def test_a_crowded_image_is_read_in_time_and_its_largest_squares_are(name):
     finder, picture = TagFinder(TagConfig()), CROWDED[name].copy()
     picture[100:260, 100:260] = drawn(5)
     finder.find(picture)
@@ -194,12 +194,12 @@ def test_a_crowded_image_is_read_in_time_and_its_largest_squares_are(name: str) 
         (drawn(5, "16h5"), "the tags in the image are of family 16h5; tags.family is 36h11"),
     ],
 )
-def test_tags_that_are_none_of_the_family_are_named(picture: np.ndarray, text: str) -> None:
+def test_tags_that_are_none_of_the_family_are_named(picture, text):
     finder = TagFinder(TagConfig())
     assert not finder.find(picture) and text in finder.problems[0]
 
 
-def test_tags_that_the_camera_cannot_read_or_the_family_lacks_are_named() -> None:
+def test_tags_that_the_camera_cannot_read_or_the_family_lacks_are_named():
     tiny = file_of((Tag(0, size=0.01),))
     found, problems = locate(take(CAMERA, [], np.random.default_rng(0)), tiny)
     assert not found and "tag 0 of body 0 (body_0) has 9 px along its side" in problems[0]
@@ -207,7 +207,7 @@ def test_tags_that_the_camera_cannot_read_or_the_family_lacks_are_named() -> Non
         TagLocator(file_of((Tag(30),)), TagConfig(family="16h5"))
 
 
-def test_a_tag_of_another_size_is_named_with_the_size_that_it_seems_to_have() -> None:
+def test_a_tag_of_another_size_is_named_with_the_size_that_it_seems_to_have():
     picture = take(CAMERA, [(0, POSES[0])], np.random.default_rng(0))
     _, (problem,) = locate(picture, file_of((Tag(0, size=0.03),)))
     assert "tag 0 seems 40.0 mm large, and is 30 mm" in problem

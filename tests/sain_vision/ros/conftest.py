@@ -84,5 +84,5 @@ class CameraTopics:
 
 
 @pytest.fixture
-def camera_topics(graph: Any) -> CameraTopics:
+def camera_topics(graph):
     return CameraTopics(graph)

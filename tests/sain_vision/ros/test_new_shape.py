@@ -7,7 +7,6 @@ import struct
 import zlib
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import cv2
 import numpy as np
@@ -53,14 +52,14 @@ def picture_of(millimetres: int) -> bytes:
 
 
 @pytest.fixture(scope="module")
-def depth() -> np.ndarray:
+def depth():
     config, random = replace(CONFIG, depth_noise=0.0003), generator(0, "look")
     with image_camera(config, START, SHAPES) as camera:
         return camera.take(AWAY, START, random).depth
 
 
 @pytest.fixture
-def look(tmp_path: Path, depth: np.ndarray, monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
+def look(tmp_path, depth, monkeypatch):
     """Files of a look, as options of the command."""
     monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path))
     rotation, place = CONFIG.stated_pose
@@ -80,9 +79,7 @@ def look(tmp_path: Path, depth: np.ndarray, monkeypatch: pytest.MonkeyPatch) -> 
     return {"name": "mine", "near": near, "yes": True, "info": tmp_path / "info.yaml", **files}
 
 
-def test_one_look_makes_a_shape_that_is_found_by_its_name(
-    look: dict[str, Any], tmp_path: Path, depth: np.ndarray, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_one_look_makes_a_shape_that_is_found_by_its_name(look, tmp_path, depth, capsys):
     run(NewShapeOptions(**look), Console(width=200))
     said = capsys.readouterr().out
     row = yaml.safe_load(said[said.index("{name") :])
@@ -130,13 +127,7 @@ def test_one_look_makes_a_shape_that_is_found_by_its_name(
         ({"depth": png(9_000, 9_000)}, "announces 9000 x 9000 px; at most 50,000,000 are read"),
     ],
 )
-def test_what_cannot_be_used_is_said(
-    look: dict[str, Any],
-    monkeypatch: pytest.MonkeyPatch,
-    tmp_path: Path,
-    change: dict[str, Any],
-    text: str,
-) -> None:
+def test_what_cannot_be_used_is_said(look, monkeypatch, tmp_path, change, text):
     for key, content in change.items():
         if key in ("info", "depth") and isinstance(content, str | bytes):
             change = {key: tmp_path / f"other_{key}"}
@@ -146,9 +137,7 @@ def test_what_cannot_be_used_is_said(
         run(NewShapeOptions(**(look | change)), Console())
 
 
-def test_a_fisheye_without_distortion_is_a_fisheye(
-    look: dict[str, Any], tmp_path: Path, depth: np.ndarray, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_fisheye_without_distortion_is_a_fisheye(look, tmp_path, depth, capsys):
     """A box of 100 x 60 mm, 0.9 m below and well off the middle, where a pinhole is 7 mm off."""
     down = np.array([[0.0, -1, 0], [-1, 0, 0], [0, 0, -1]])
     write_extrinsics(
@@ -169,7 +158,7 @@ def test_a_fisheye_without_distortion_is_a_fisheye(
     assert abs(long - 100) <= 2 and abs(short - 60) <= 2
 
 
-def test_an_empty_table_has_no_shape(look: dict[str, Any], depth: np.ndarray) -> None:
+def test_an_empty_table_has_no_shape(look, depth):
     cv2.imwrite(str(look["depth"]), np.full_like(depth, 5000))
     with pytest.raises(SainError, match="no object stands on the table"):
         run(NewShapeOptions(**look), Console())
@@ -202,12 +191,12 @@ def table_with(*boxes: tuple[int, int, int, int]) -> np.ndarray:
         ),
     ],
 )
-def test_what_has_no_top_is_refused(depths: np.ndarray, text: str) -> None:
+def test_what_has_no_top_is_refused(depths, text):
     with pytest.raises(InvalidInputError, match=text):
         trace_top(depths, ABOVE, None)
 
 
-def test_one_of_two_objects_is_named_as_such() -> None:
+def test_one_of_two_objects_is_named_as_such():
     top = trace_top(table_with((280, 200, 60, 40), (400, 200, 60, 41)), ABOVE, None)
     text = describe(top, trace("mine", top.outline))
     assert text.startswith("one of 2 objects, chosen by --near or as the largest; 103 x 70 mm")

@@ -1,7 +1,5 @@
 """From depth images on topics to poses of bodies without tags."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
@@ -27,7 +25,7 @@ bodies:
 """
 
 
-def test_depth_images_become_poses(graph, tmp_path: Path) -> None:
+def test_depth_images_become_poses(graph, tmp_path):
     path = tmp_path / "bodies.yaml"
     path.write_text(BODIES)
     with image_camera(CONFIG, START, SHAPES) as camera:
@@ -59,7 +57,7 @@ def test_depth_images_become_poses(graph, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("encoding", ["16UC1", "32FC1"])
-def test_depths_of_both_encodings_are_metres(encoding: str) -> None:
+def test_depths_of_both_encodings_are_metres(encoding):
     depth = np.array([[0.5, 0.0], [1.25, 2.0]])
     pixels = {"16UC1": (1000 * depth).astype("<u2"), "32FC1": depth.astype("<f4")}[encoding]
     message = codec.encode_image(pixels, encoding, codec.header(codec.encode_time(0)))
@@ -77,7 +75,7 @@ def test_depths_of_both_encodings_are_metres(encoding: str) -> None:
         (np.full((2, 2), np.inf, "<f4"), "their median is inf m"),
     ],
 )
-def test_depths_that_no_table_has_are_refused(pixels: np.ndarray, text: str) -> None:
+def test_depths_that_no_table_has_are_refused(pixels, text):
     encoding = "16UC1" if pixels.dtype.kind == "u" else "32FC1"
     message = codec.encode_image(pixels, encoding, codec.header(codec.encode_time(0)))
     message.data = pixels.tobytes()
@@ -94,7 +92,7 @@ def test_depths_that_no_table_has_are_refused(pixels: np.ndarray, text: str) -> 
         ({"step": 2}, "in rows of 2; it must have 2 rows of at least 4"),
     ],
 )
-def test_a_depth_image_that_is_not_one_is_refused(change: dict[str, object], text: str) -> None:
+def test_a_depth_image_that_is_not_one_is_refused(change, text):
     pixels = np.ones((2, 2), dtype="<u2")
     message = codec.encode_image(pixels, "16UC1", codec.header(codec.encode_time(0)))
     for name, value in change.items():

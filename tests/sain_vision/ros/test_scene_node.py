@@ -86,7 +86,7 @@ class Camera:
 
 
 @pytest.fixture
-def camera(graph: Any) -> Camera:
+def camera(graph):
     return Camera(graph)
 
 
@@ -97,7 +97,7 @@ def start(graph: Any, folder: Path, text: str, **parameters: Any) -> SceneNode:
 
 
 @pytest.mark.parametrize("source", ["poses", "frames"])
-def test_poses_become_a_settled_scene(graph, camera, tmp_path, source) -> None:
+def test_poses_become_a_settled_scene(graph, camera, tmp_path, source):
     start(graph, tmp_path, ARRAY if source == "poses" else FRAMES)
     camera.until(getattr(camera, source), lambda: graph.find("scene", settled=True), "a scene")
     message = graph.find("scene", settled=True)[0]
@@ -111,7 +111,7 @@ def test_poses_become_a_settled_scene(graph, camera, tmp_path, source) -> None:
     assert [body.name for body in graph.heard["shapes"][0].bodies] == ["disk", "t"]
 
 
-def test_viewers_see_the_bodies_where_they_are(graph, camera, tmp_path) -> None:
+def test_viewers_see_the_bodies_where_they_are(graph, camera, tmp_path):
     graph.listen("markers", MarkerArray)
     start(graph, tmp_path, ARRAY)
     camera.until(camera.poses, lambda: graph.heard["markers"], "markers")
@@ -127,7 +127,7 @@ def test_viewers_see_the_bodies_where_they_are(graph, camera, tmp_path) -> None:
     assert shown["bodies", 1].type == Marker.TRIANGLE_LIST and shown["bodies", 1].points
 
 
-def test_old_frames_are_named(graph, camera, tmp_path) -> None:
+def test_old_frames_are_named(graph, camera, tmp_path):
     start(graph, tmp_path, FRAMES)
     camera.late = 3.0
     text = "body 0 (mug), frame 'tag_7', was last seen 3.0 s ago"
@@ -136,7 +136,7 @@ def test_old_frames_are_named(graph, camera, tmp_path) -> None:
 
 
 @pytest.mark.parametrize("static", [False, True])
-def test_a_parent_that_is_not_published_is_named(graph, camera, tmp_path, static) -> None:
+def test_a_parent_that_is_not_published_is_named(graph, camera, tmp_path, static):
     """Not even one frame of another may come on /tf: a static camera is all that there is."""
     start(graph, tmp_path, FRAMES)
     text = "frame 'tag_7' was never seen on /tf; it must be connected with 'world'"
@@ -162,7 +162,7 @@ def test_a_second_source_of_scenes_is_named_and_no_scene_is_settled(graph, camer
     assert not graph.find("scene", settled=True)
 
 
-def test_ids_go_on_after_a_crash(graph, camera, tmp_path) -> None:
+def test_ids_go_on_after_a_crash(graph, camera, tmp_path):
     state = str(tmp_path / "state.json")
     node = start(graph, tmp_path, ARRAY, state_file=state)
     camera.until(camera.poses, lambda: graph.find("scene", settled=True), "a scene")
@@ -172,12 +172,12 @@ def test_ids_go_on_after_a_crash(graph, camera, tmp_path) -> None:
     assert graph.find("scene", episode_id=2)[-1].scene_id == 2
 
 
-def test_without_a_file_of_bodies_it_does_not_start(graph) -> None:
+def test_without_a_file_of_bodies_it_does_not_start(graph):
     with pytest.raises(ConfigError, match="parameter 'bodies' is empty; give the YAML file"):
         graph.start(SceneNode)
 
 
-def test_other_bodies_begin_another_episode(graph, camera, tmp_path) -> None:
+def test_other_bodies_begin_another_episode(graph, camera, tmp_path):
     node = start(graph, tmp_path, ARRAY)
     camera.until(camera.poses, lambda: graph.find("scene", settled=True), "a scene")
     other = tmp_path / "other.yaml"

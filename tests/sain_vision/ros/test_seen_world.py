@@ -1,7 +1,5 @@
 """The simulator with no scenes of its own: its images become the scene that a push starts from."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 from sensor_msgs.msg import Image
@@ -19,11 +17,11 @@ SMALL = {"shadow": False, "images__detail": 0.25, "images__rate": 5.0}
 
 
 @pytest.fixture
-def simulator(graph) -> SimNode:
+def simulator(graph):
     return graph.start(SimNode, scenes=False, bullet__wait_aside=True, **SMALL)
 
 
-def test_images_are_taken_only_while_somebody_subscribes(graph, simulator) -> None:
+def test_images_are_taken_only_while_somebody_subscribes(graph, simulator):
     for _ in range(20):
         graph.executor.spin_once(timeout_sec=0.05)
     assert simulator.simulator._images is None
@@ -34,7 +32,7 @@ def test_images_are_taken_only_while_somebody_subscribes(graph, simulator) -> No
     assert message.header.frame_id == "camera_color_optical_frame"
 
 
-def test_a_push_starts_from_a_scene_that_was_seen(graph, simulator, tmp_path: Path) -> None:
+def test_a_push_starts_from_a_scene_that_was_seen(graph, simulator, tmp_path):
     world = simulator.simulator.parameters
     start = simulator.simulator.world.observe()
     path = tmp_path / "bodies.yaml"

@@ -1,7 +1,5 @@
 """From images on topics to a scene; and what is wrong with a camera is said, and nothing sent."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 from rclpy.parameter import Parameter
@@ -23,18 +21,18 @@ bodies:
 
 
 @pytest.fixture(scope="module")
-def picture() -> np.ndarray:
+def picture():
     return take(CAMERA, enumerate(POSES), np.random.default_rng(0))
 
 
 @pytest.fixture
-def bodies(tmp_path: Path) -> str:
+def bodies(tmp_path):
     path = tmp_path / "bodies.yaml"
     path.write_text(BODIES)
     return str(path)
 
 
-def test_images_become_a_settled_scene(graph, camera_topics, bodies, picture) -> None:
+def test_images_become_a_settled_scene(graph, camera_topics, bodies, picture):
     patient = {"bodies": bodies, "max_age": 20.0}  # also on a machine that is busy
     graph.start(TagNode, **patient)
     graph.start(SceneNode, noise="0.0005,0.005", **patient)
@@ -78,7 +76,7 @@ def test_images_become_a_settled_scene(graph, camera_topics, bodies, picture) ->
 )
 def test_what_is_wrong_is_said_and_nothing_is_sent(
     graph, camera_topics, bodies, picture, settings, text
-) -> None:
+):
     graph.start(TagNode, bodies=bodies)
     if "pose" in settings:
         rotation, place = settings.pop("pose")
@@ -91,7 +89,7 @@ def test_what_is_wrong_is_said_and_nothing_is_sent(
     assert not graph.heard["detections"]
 
 
-def test_bodies_without_tags_are_refused(graph, tmp_path) -> None:
+def test_bodies_without_tags_are_refused(graph, tmp_path):
     path = tmp_path / "bodies.yaml"
     path.write_text("bodies: [{shape: disk, radius: 0.06}]")
     with pytest.raises(ConfigError, match=r"no body in .* has tags; give 'tags' to one of them"):
@@ -101,7 +99,7 @@ def test_bodies_without_tags_are_refused(graph, tmp_path) -> None:
 @pytest.mark.parametrize(
     ("encoding", "channels"), [("mono8", 1), ("rgb8", 3), ("bgr8", 3), ("rgba8", 4), ("bgra8", 4)]
 )
-def test_encodings_of_one_grey_are_one_image(encoding: str, channels: int) -> None:
+def test_encodings_of_one_grey_are_one_image(encoding, channels):
     grey = np.arange(12, dtype=np.uint8).reshape(3, 4) * 20
     pixels = np.full((3, 4, channels), 255, np.uint8)
     pixels[..., : min(channels, 3)] = grey[..., None]
@@ -113,7 +111,7 @@ def test_encodings_of_one_grey_are_one_image(encoding: str, channels: int) -> No
 
 def test_rectified_images_are_refused_where_their_lens_is_stated(
     graph, camera_topics, bodies, picture
-) -> None:
+):
     remapped = ["--ros-args", "-r", "camera/color/image_raw:=camera/color/image_rect"]
     given = [Parameter("bodies", value=bodies)]
     graph.add(TagNode(context=graph.context, cli_args=remapped, parameter_overrides=given))

@@ -17,7 +17,7 @@ def about(axis: int, angle: float) -> tuple[float, float, float, float]:
     return tuple(turn)  # type: ignore[return-value]
 
 
-def test_a_camera_that_looks_down_is_taken_into_account() -> None:
+def test_a_camera_that_looks_down_is_taken_into_account():
     """It hangs 1 m above (0.5, 0): its x axis along the world's, its z axis down."""
     tree = FrameTree("world")
     tree.take("world", "camera", (0.5, 0.0, 1.0), about(0, pi), inf)
@@ -28,7 +28,7 @@ def test_a_camera_that_looks_down_is_taken_into_account() -> None:
     assert stamp == 7.0
 
 
-def test_chains_agree_with_matrices() -> None:
+def test_chains_agree_with_matrices():
     random = np.random.default_rng(1)
     tree, place, heading = FrameTree("world"), np.zeros(2), 0.0
     parent = "world"
@@ -55,7 +55,7 @@ def test_chains_agree_with_matrices() -> None:
         ([("world", "tag", about(0, 1.0), 1.0)], "frame 'tag' is tilted by 57 degrees"),
     ],
 )
-def test_trees_that_are_none(links: list[tuple], message: str) -> None:
+def test_trees_that_are_none(links, message):
     tree = FrameTree("world")
     for parent, child, turn, stamp in links:
         tree.take(parent, child, (0.0, 0.0, 0.0), turn, stamp)
@@ -70,6 +70,6 @@ def test_trees_that_are_none(links: list[tuple], message: str) -> None:
         ((0.0, float("nan"), 0.0, 1.0), "has a number that is NaN or Inf"),
     ],
 )
-def test_what_is_no_pose_is_refused(turn: tuple[float, ...], message: str) -> None:
+def test_what_is_no_pose_is_refused(turn, message):
     with pytest.raises(InvalidInputError, match=f"frame 'tag' .*{message}"):
         FrameTree("world").take("world", "tag", (0.0, 0.0, 0.0), turn, 1.0)

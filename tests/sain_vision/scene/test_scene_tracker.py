@@ -67,7 +67,7 @@ class Laboratory:
         return self.tracker.episode_id, self.tracker.scene_id
 
 
-def test_bodies_are_a_scene_once_they_rest() -> None:
+def test_bodies_are_a_scene_once_they_rest():
     lab = Laboratory()
     lab.look()
     assert not lab.tracker.settled and not lab.tracker.ready
@@ -79,14 +79,14 @@ def test_bodies_are_a_scene_once_they_rest() -> None:
     assert not scene[:, VELOCITY].any()
 
 
-def test_ids_go_on_after_those_of_another_process() -> None:
+def test_ids_go_on_after_those_of_another_process():
     lab = Laboratory()
     lab.tracker = SceneTracker(body_file("disk", "disk"), TrackingConfig(), (3, 9))
     lab.look(10)
     assert lab.ids == (4, 10)
 
 
-def test_bodies_that_move_have_velocities_and_are_not_settled() -> None:
+def test_bodies_that_move_have_velocities_and_are_not_settled():
     lab = Laboratory()
     lab.look(10)
     lab.move(0, (0.03, 0.0), 9)
@@ -94,7 +94,7 @@ def test_bodies_that_move_have_velocities_and_are_not_settled() -> None:
     assert lab.tracker.scene()[0, VX] == pytest.approx(0.1, rel=1e-6)
 
 
-def test_each_executed_push_counts_and_no_refused_one() -> None:
+def test_each_executed_push_counts_and_no_refused_one():
     lab = Laboratory()
     lab.look(10)
     lab.tracker.sent(5, 1, 1, lab.time)
@@ -117,7 +117,7 @@ def test_each_executed_push_counts_and_no_refused_one() -> None:
     assert lab.ids == (1, 3)
 
 
-def test_frames_from_before_the_end_of_a_push_show_no_scene_after_it() -> None:
+def test_frames_from_before_the_end_of_a_push_show_no_scene_after_it():
     """A camera may be late: what rests in its frames has not been pushed yet."""
     lab = Laboratory()
     lab.look(10)
@@ -129,7 +129,7 @@ def test_frames_from_before_the_end_of_a_push_show_no_scene_after_it() -> None:
     assert lab.tracker.settled and lab.ids == (1, 2)
 
 
-def test_a_push_without_a_result_is_lost_after_a_while() -> None:
+def test_a_push_without_a_result_is_lost_after_a_while():
     lab = Laboratory(push_timeout=2.0)
     lab.look(10)
     lab.tracker.sent(5, 1, 1, lab.time)
@@ -138,7 +138,7 @@ def test_a_push_without_a_result_is_lost_after_a_while() -> None:
     assert lab.tracker.settled
 
 
-def test_a_body_that_somebody_moved_makes_another_scene() -> None:
+def test_a_body_that_somebody_moved_makes_another_scene():
     lab = Laboratory()
     lab.look(10)
     lab.move(1, (0.0, 0.05), 10)
@@ -146,7 +146,7 @@ def test_a_body_that_somebody_moved_makes_another_scene() -> None:
     assert lab.tracker.settled and lab.ids == (1, 2)
 
 
-def test_a_jump_ends_the_episode() -> None:
+def test_a_jump_ends_the_episode():
     lab = Laboratory()
     lab.look(10)
     lab.poses[1, 0] += 0.2
@@ -161,14 +161,14 @@ def test_a_jump_ends_the_episode() -> None:
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_noise_is_no_motion(seed: int) -> None:
+def test_noise_is_no_motion(seed):
     lab = Laboratory("t", "t", noise="0.002,0.02")
     lab.random = np.random.default_rng(seed)
     lab.look(300)
     assert lab.tracker.settled and lab.ids == (1, 1)
 
 
-def test_a_symmetric_body_that_is_seen_turned_has_not_moved() -> None:
+def test_a_symmetric_body_that_is_seen_turned_has_not_moved():
     lab = Laboratory("square", "disk")
     lab.look(10)
     lab.poses[0, 2] += pi / 2
@@ -178,7 +178,7 @@ def test_a_symmetric_body_that_is_seen_turned_has_not_moved() -> None:
     np.testing.assert_allclose(lab.tracker.scene()[:, 2], 0.0, atol=1e-9)
 
 
-def test_poses_that_stop_coming_are_told() -> None:
+def test_poses_that_stop_coming_are_told():
     lab = Laboratory()
     lab.look(10)
     lab.tracker.note_time(lab.time + 0.3)
@@ -193,7 +193,7 @@ def test_poses_that_stop_coming_are_told() -> None:
     assert lab.tracker.settled and lab.ids == (1, 1)
 
 
-def test_a_hidden_body_is_held_and_settles_nothing() -> None:
+def test_a_hidden_body_is_held_and_settles_nothing():
     lab = Laboratory()
     lab.look(10)
     lab.look(10, hidden=(1,))
@@ -207,7 +207,7 @@ def test_a_hidden_body_is_held_and_settles_nothing() -> None:
     assert lab.tracker.settled and lab.ids == (1, 2)
 
 
-def test_where_an_arm_hides_a_body_in_a_push_nothing_is_at_rest() -> None:
+def test_where_an_arm_hides_a_body_in_a_push_nothing_is_at_rest():
     lab = Laboratory()
     lab.look(20)
     lab.tracker.sent(1, *lab.ids, lab.time)
@@ -217,7 +217,7 @@ def test_where_an_arm_hides_a_body_in_a_push_nothing_is_at_rest() -> None:
     np.testing.assert_allclose(lab.tracker.scene()[:, :2], lab.poses[:, :2])
 
 
-def test_where_an_arm_hides_all_bodies_in_a_push_they_are_held() -> None:
+def test_where_an_arm_hides_all_bodies_in_a_push_they_are_held():
     lab = Laboratory("disk")
     lab.poses = START[:1].copy()
     lab.look(20)
@@ -239,7 +239,7 @@ def test_where_an_arm_hides_all_bodies_in_a_push_they_are_held() -> None:
     assert lab.tracker.settled
 
 
-def test_no_scene_before_each_body_was_seen() -> None:
+def test_no_scene_before_each_body_was_seen():
     lab = Laboratory()
     lab.look(20, hidden=(1,))
     assert not lab.tracker.ready
@@ -248,7 +248,7 @@ def test_no_scene_before_each_body_was_seen() -> None:
     assert lab.tracker.settled and lab.ids == (1, 1)
 
 
-def test_bodies_may_come_one_by_one() -> None:
+def test_bodies_may_come_one_by_one():
     lab = Laboratory()
     for _ in range(12):
         lab.look(hidden=(0,))
@@ -256,7 +256,7 @@ def test_bodies_may_come_one_by_one() -> None:
     assert lab.tracker.settled and lab.ids == (1, 1)
 
 
-def test_the_estimate_weighs_poses_and_shares_their_errors() -> None:
+def test_the_estimate_weighs_poses_and_shares_their_errors():
     lab = Laboratory()
     for offset, scale in ((0.0, 1.0), (0.0004, 3.0)) * 5:
         lab.time += PERIOD

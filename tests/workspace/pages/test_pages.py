@@ -63,7 +63,7 @@ def exists(module: str) -> bool:
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
-def test_links_and_names_of_a_page_lead_somewhere(page: Path) -> None:
+def test_links_and_names_of_a_page_lead_somewhere(page):
     text = page.read_text()
     assert list(broken_links(page)) == []
     assert [name for name in NAMED_PATH.findall(text) if not (ROOT / name).exists()] == []
@@ -78,7 +78,7 @@ def test_links_and_names_of_a_page_lead_somewhere(page: Path) -> None:
     assert [run for run in runs if run[1] not in SCRIPTS.get(run[0], {})] == []
 
 
-def test_a_broken_link_and_a_missing_heading_are_found(tmp_path: Path) -> None:
+def test_a_broken_link_and_a_missing_heading_are_found(tmp_path):
     page = tmp_path / "page.md"
     page.write_text(
         "# A `code` title: it's here\n[a](#a-code-title-its-here) [b](#gone) [c](gone.md) "

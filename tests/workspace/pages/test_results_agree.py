@@ -43,14 +43,14 @@ def measured(where: str, learned: str) -> tuple[str, str]:
     return row["planar prior, history"], row[name]
 
 
-def test_readme_has_the_figures_of_the_pages() -> None:
+def test_readme_has_the_figures_of_the_pages():
     stated = list(figures(README.read_text()))
     assert len(stated) == 7
     for where, learned, physics, sain in stated:
         assert (physics, sain) == measured(where, learned), where
 
 
-def test_the_papers_figure_is_that_of_the_page_of_results() -> None:
+def test_the_papers_figure_is_that_of_the_page_of_results():
     page = (ROOT / RESULTS).read_text()
     row = next(line for line in page.splitlines() if line.startswith("| `paper` |"))
     assert "40 of 40 `paper` scenes to 5 cm" in " ".join(README.read_text().split())

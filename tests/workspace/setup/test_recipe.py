@@ -12,7 +12,7 @@ PROBE += '; echo "$packages_now"; echo "$messages_now"'
 
 
 @pytest.fixture
-def checkout(make_checkout) -> Path:
+def checkout(make_checkout):
     return make_checkout()
 
 

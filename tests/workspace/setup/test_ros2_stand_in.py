@@ -31,7 +31,7 @@ def install(prefix: Path, package: str, executable: str) -> None:
 
 
 @pytest.fixture
-def overlay(tmp_path: Path) -> Path:
+def overlay(tmp_path):
     install(tmp_path / "over", "arm", "reach")
     install(tmp_path / "under", "arm", "reach")
     install(tmp_path / "under", "table", "stand")
@@ -40,7 +40,7 @@ def overlay(tmp_path: Path) -> Path:
 
 
 @pytest.fixture
-def ros2(overlay: Path, root: Path):
+def ros2(overlay, root):
     def start(*arguments: str) -> subprocess.Popen[str]:
         environment = dict(os.environ, AMENT_PREFIX_PATH=f"{overlay}/over:{overlay}/under:/nowhere")
         command = [str(root / "tools" / "ros2"), *arguments]

@@ -18,7 +18,7 @@ COMMANDS_OF_THE_SCRIPTS = """
 
 
 @pytest.fixture
-def tools_only(tmp_path: Path):
+def tools_only(tmp_path):
     """Makes a PATH that has only the named commands and what the scripts themselves use."""
 
     def make(*extra: str) -> str:

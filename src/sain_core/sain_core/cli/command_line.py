@@ -12,6 +12,7 @@ import sys
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, fields, is_dataclass
+from functools import cache
 from importlib import import_module
 from inspect import cleandoc
 from pathlib import Path
@@ -362,6 +363,7 @@ def _wrapped_docstring(kind: type) -> str:
     return "\n\n".join(wrap.fill(" ".join(one.split())) for one in paragraphs)
 
 
+@cache  # a second description would stand beside the first, and each slows down every parse
 def describe_options(settings: type) -> None:
     """Let `tyro` find the descriptions of a settings class and of those nested in it.
 

@@ -7,7 +7,6 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
-from pathlib import Path
 
 import pytest
 import rclpy
@@ -33,7 +32,7 @@ with ros_context():
 
 
 @pytest.fixture
-def other(ros_domain: int) -> Iterator[Node]:
+def other(ros_domain):
     """A node that stands for another process."""
     context = Context()
     rclpy.init(context=context, domain_id=ros_domain)
@@ -44,7 +43,7 @@ def other(ros_domain: int) -> Iterator[Node]:
 
 
 @pytest.fixture
-def node(graph) -> Node:
+def node(graph):
     return graph.add(Node("mine", namespace="sain", context=graph.context))
 
 
@@ -53,7 +52,6 @@ def owner() -> Iterator["subprocess.Popen[str]"]:
     """A process that locks the namespace, and is killed at the end."""
     command = [sys.executable, "-c", OWNER]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
-        assert process.stdout is not None
         assert process.stdout.readline() == "owns\n"
         yield process
         process.kill()
@@ -99,7 +97,7 @@ def test_a_second_publisher_is_named_until_it_ends(graph, node, other):
 
 
 @pytest.mark.parametrize("what", ["FIFO", "link"])
-def test_what_is_no_regular_file_is_named(node, what, tmp_path: Path, monkeypatch):
+def test_what_is_no_regular_file_is_named(node, what, tmp_path, monkeypatch):
     monkeypatch.setattr(ownership, "private_folder", lambda: tmp_path)
     path = tmp_path / lock_name(node.context.get_domain_id(), "/sain")
     os.mkfifo(path) if what == "FIFO" else path.symlink_to(tmp_path / "victim")

@@ -14,7 +14,7 @@ from sain_interfaces.srv import LoadModel, ResetScene, Rollout
 
 
 @pytest.fixture
-def node(graph) -> Node:
+def node(graph):
     return graph.add(Node("node", namespace="sain", context=graph.context))
 
 
