@@ -1,10 +1,9 @@
 """``ros2 run sain_bringup closed_loop``: the whole graph, from a clean start to a report."""
 
-import sys
 import time
 from collections import Counter
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Final
 
@@ -16,13 +15,10 @@ from sain_bringup.display import Display
 from sain_bringup.graph import (
     EPISODES_KEY,
     NAMESPACE_KEY,
-    PATIENT,
     RECORDINGS,
+    Graph,
     GraphConfig,
-    GraphOptions,
-    graph_commands,
-    restart_command,
-    ros_arguments,
+    start,
 )
 from sain_bringup.interrupts import Interrupts, Stopped
 from sain_bringup.processes import UNHURRIED, Supervisor
@@ -94,11 +90,6 @@ class ClosedLoopOptions(GraphConfig):
         super().__post_init__()
         if self.scenario is not None:
             OFFERED.check(self.scenario)
-
-    def graph(self, bag: Path | None) -> GraphOptions:
-        """Return the options of the graph that records to a folder."""
-        shared = {item.name: getattr(self, item.name) for item in fields(GraphConfig)}
-        return GraphOptions(**shared, bag=bag)
 
 
 @dataclass(frozen=True)
@@ -198,6 +189,7 @@ def play_and_report(
 
         with interrupts.deferred():
             play(options, folder, supervisor, display, check)
+        interrupts.check()
         with display.stage("closing the recording", "graph stopped, recording closed"):
             supervisor.close_files(UNHURRIED.interrupt)
             supervisor.stop(UNHURRIED)
@@ -232,14 +224,12 @@ def play(
         namespace = director.get_namespace()
         about = {EPISODES_KEY: episodes, NAMESPACE_KEY: namespace, "model": options.model}
         about |= provenance("sain_bringup")
-        graph = options.graph(folder / BAG)
-        ros = ros_arguments(sys.argv[1:])
-        commands = graph_commands(graph, ros, folder / LOGS, about, full_motion=True)
-        for name, command in commands.items():
-            again = restart_command(name, command)
-            supervisor.start(name, command, patient=name in PATIENT, again=again)
+        moving = {"bullet.full_motion": "true"}  # all the way, for whom watches the recording
+        graph = Graph(options, options.see, bag=folder / BAG, about=about, simulator=moving)
+        start(supervisor, graph, folder / LOGS)
+        names = [child.name for child in supervisor.children]
         director.wait_for_graph(
-            lambda: supervisor.starting(tuple(commands)),
+            lambda: supervisor.starting(names),
             lambda missing: display.status(waiting_for(missing)),
         )
     for number, plan in enumerate(plans, start=1):
