@@ -50,31 +50,6 @@ def heading_of(turn: Sequence[float]) -> float:
     return float(2.0 * np.arctan2(turn[3], turn[0]))
 
 
-def turned(first: Quaternion, second: Quaternion) -> Quaternion:
-    """Return the turn that is the first one, and in its frame the second."""
-    w, x, y, z = first
-    a, b, c, d = second
-    return (
-        w * a - x * b - y * c - z * d,
-        w * b + x * a + y * d - z * c,
-        w * c - x * d + y * a + z * b,
-        w * d + x * c - y * b + z * a,
-    )
-
-
-def about(axis: Vector, angle: float) -> Quaternion:
-    """Return the turn about a unit axis by an angle [rad]."""
-    x, y, z = axis
-    s = sin(angle / 2)
-    return cos(angle / 2), s * x, s * y, s * z
-
-
-def of_angles(roll: float, pitch: float, yaw: float) -> Quaternion:
-    """Return the turn of fixed-axis roll, pitch and yaw [rad], as in URDF."""
-    x, y, z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
-    return turned(turned(about(z, yaw), about(y, pitch)), about(x, roll))
-
-
 def lifted(points: Points, height: float) -> ndarray:
     """Return points (..., 2) at a height [m], (..., 3)."""
     return np.concatenate([points, np.full((*points.shape[:-1], 1), height)], axis=-1)
