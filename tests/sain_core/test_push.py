@@ -15,12 +15,10 @@ from sain_core.push import (
     make_push,
     mirror_pushes,
     push_direction,
-    rotate_pushes,
-    tool_end,
-    tool_start,
 )
 from sain_core.scene import MID, POSITION, RADIUS, make_scene, mirror_scenes, rotate_scenes, unit
 from sain_core.types import Scene
+from tests.strokes import rotate_pushes, tool_end, tool_start
 
 LIMITS = PushLimits()
 angles = st.floats(-pi, pi)

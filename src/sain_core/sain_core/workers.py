@@ -23,7 +23,7 @@ from pathlib import Path
 from pickle import dumps, loads
 from threading import Thread
 from time import sleep
-from typing import Any, Final, Generic, Protocol, TypeVar
+from typing import Any, Final, Generic, TypeVar
 
 from joblib import Parallel, delayed, parallel_config
 from joblib.externals.loky import get_reusable_executor
@@ -35,8 +35,6 @@ from sain_core.provenance import versions
 
 Job = TypeVar("Job")
 Done = TypeVar("Done")
-JobIn = TypeVar("JobIn", contravariant=True)
-DoneOut = TypeVar("DoneOut", covariant=True)
 
 LOCAL: Final = "local"
 AUTO: Final = "auto"
@@ -71,20 +69,8 @@ class WorkerOptions(Config):
     )
 
 
-class Runner(Protocol[JobIn, DoneOut]):
-    """Does jobs, one after the other, and keeps between them what it needs."""
-
-    def run(self, job: JobIn, /) -> DoneOut:
-        """Do a job; a `SainError` ends the whole work."""
-        ...
-
-    def close(self) -> None:
-        """Release what it keeps."""
-        ...
-
-
 class FunctionRunner(Generic[Job, Done]):
-    """A `Runner` that calls a function and keeps nothing."""
+    """Does jobs by a function, and keeps nothing between them."""
 
     def __init__(self, function: Callable[[Job], Done]) -> None:
         """Call this function."""
@@ -96,15 +82,10 @@ class FunctionRunner(Generic[Job, Done]):
 
 @dataclass(frozen=True)
 class Software:
-    """What decides about the bytes that work gives.
+    """What decides about the bytes that work gives."""
 
-    Attributes:
-        sources: packages whose Python files count.
-        packages: distributions whose versions count.
-    """
-
-    sources: tuple[str, ...]
-    packages: tuple[str, ...]
+    sources: tuple[str, ...]  # packages whose Python files count
+    packages: tuple[str, ...]  # distributions whose versions count
 
     def here(self) -> dict[str, str]:
         """Return it as it is on this machine."""
@@ -122,11 +103,11 @@ class Work(Generic[Job, Done]):
     """Work that workers share.
 
     Attributes:
-        start: makes, in a worker, what does the jobs; it can be pickled.
+        start: makes, in a worker, what does jobs by `run`, one after another, until `close`.
         software: what the results depend on.
     """
 
-    start: Callable[[], Runner[Job, Done]]
+    start: Callable[[], Any]
     software: Software
 
 
@@ -223,7 +204,7 @@ def _do(task: bytes, job: Any) -> Any:
 
 
 @cache
-def _runner(task: bytes) -> Runner[Any, Any]:
+def _runner(task: bytes) -> Any:
     """Return what does the jobs, in a worker."""
     work, software, folder = loads(task)
     if (here := work.software.here()) != software:

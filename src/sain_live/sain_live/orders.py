@@ -5,7 +5,9 @@ The node carries orders out; tests of the page take note of them. A goal is chec
 
 import dataclasses
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass, replace
+from itertools import product
 from typing import Any, Final, Protocol
 
 import numpy as np
@@ -108,19 +110,14 @@ def first_aim(scene: Scene, bodies: Bodies, table: Table = FEASIBILITY.table) ->
     movable = [body for body in range(len(bodies)) if bodies.roles[body] is not Role.FIXED]
     body = TARGET if TARGET in movable else movable[0]
     shape = bodies.shapes[body]
-    for way in (1.0, -1.0, 0.5, -0.5, 0.0):
-        for turned in (np.array(FIRST_WAY), np.array(FIRST_WAY[::-1])):
-            place = scene[body, POSITION] + way * turned
-            if not table.contains(place):
-                continue
-            x, y = place.tolist()
-            heading = None if shape.is_round else float(scene[body, THETA])
-            goal = Goal((BodyPose(body, x, y, heading),))
-            try:
+    heading = None if shape.is_round else float(scene[body, THETA])
+    for far, way in product((1.0, -1.0, 0.5, -0.5, 0.0), (FIRST_WAY, FIRST_WAY[::-1])):
+        place = scene[body, POSITION] + far * np.array(way)
+        if table.contains(place):
+            goal = Goal((BodyPose(body, *place.tolist(), heading),))
+            with suppress(ValueError):  # another place may be free
                 check_aim(goal, scene, bodies)
-            except (InvalidInputError, ValueError):
-                continue
-            return goal
+                return goal
     return None
 
 

@@ -103,19 +103,12 @@ class LogLine:
 
 @dataclass(frozen=True, eq=False)
 class LiveCurves:
-    """The charts of an episode, a number after each push, from none on; NaN: it is not known.
+    """The charts of an episode, a number after each push, from none on; NaN: it is not known."""
 
-    Attributes:
-        distance: [mm], largest distance of a body from its place in the goal.
-        planned: [mm], largest error of the planner's prediction.
-        physics: [mm], of the nominal physics.
-        planning: [ms], from settled scene to push.
-    """
-
-    distance: tuple[float, ...] = ()
-    planned: tuple[float, ...] = ()
-    physics: tuple[float, ...] = ()
-    planning: tuple[float, ...] = ()
+    distance: tuple[float, ...] = ()  # [mm], largest distance of a body from its place in the goal
+    planned: tuple[float, ...] = ()  # [mm], largest error of the planner's prediction
+    physics: tuple[float, ...] = ()  # [mm], of the nominal physics
+    planning: tuple[float, ...] = ()  # [ms], from settled scene to push
 
     @classmethod
     def of(cls, pushes: Sequence[LiveResult]) -> Self:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import torch
 
-from sain_core.push import LENGTH, rotate_pushes
+from sain_core.push import LENGTH
 from sain_core.scene import POSITION, THETA, X, make_scene, rotate_scenes, wrap_angle
 from sain_core.shapes.bodies import Bodies
 from sain_core.transitions import PushHistory
@@ -24,6 +24,7 @@ from sain_model.network.interaction_network import InteractionNetwork, ensemble
 from sain_model.network.settings import NetworkConfig
 from sain_model.physics.parameters import PlanarConfig
 from sain_model.physics.planar import PlanarPrior
+from tests.strokes import rotate_pushes
 
 Draw = Callable[[int, int], tuple[Scenes, Pushes]]
 

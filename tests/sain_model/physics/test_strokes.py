@@ -17,7 +17,6 @@ from sain_core.push import (
     PushLimits,
     as_strokes,
     make_stroke,
-    rotate_pushes,
 )
 from sain_core.scene import (
     POSITION,
@@ -34,6 +33,7 @@ from sain_model.network.features import Features, network_inputs, push_frames
 from sain_model.network.settings import NetworkConfig
 from sain_model.physics.parameters import PlanarConfig
 from sain_model.physics.planar import PlanarPrior, first_touch
+from tests.strokes import rotate_pushes
 
 LIMITS = PushLimits()
 TIP = 0.00475

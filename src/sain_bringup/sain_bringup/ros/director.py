@@ -90,6 +90,17 @@ class GraphTimeoutError(SainError):
     """The graph did not do in time what it should."""
 
 
+def reset_request(case: ScenarioScene) -> ResetScene.Request:
+    """Return the request for the scene of a scenario."""
+    return ResetScene.Request(
+        seed=case.seed,
+        disks=encode_disks(case.disks),
+        shapes=list(case.shapes),
+        roles=list(map(str, case.roles)),
+        friction=case.friction,
+    )
+
+
 class Director(Node):
     """Plays episodes. All waiting is done in `wait`, which looks after the graph meanwhile."""
 
@@ -187,7 +198,10 @@ class Director(Node):
         Raises:
             SainError: the simulator refused the scene, or nothing happened any more.
         """
-        self._wait_for_restarts()
+        self.wait(  # until what has crashed has found the others again
+            lambda: time.monotonic() - self._back_at() > REUNION,
+            lambda: "a process that crashed is not back",
+        )
         episode_id = self._reset(case, view)
         self._events.clear()
         progress = Progress(view)
@@ -196,13 +210,6 @@ class Director(Node):
             self._pursue(replace(case, goal=goal, further=()), episode_id, progress)
             if not view.reached:
                 break
-
-    def _wait_for_restarts(self) -> None:
-        """Wait until what has crashed is back, and has found the others."""
-        self.wait(
-            lambda: time.monotonic() - self._back_at() > REUNION,
-            lambda: "a process that crashed is not back",
-        )
 
     def _back_at(self) -> float:
         """The time [s] when the last process came back that had crashed; never, if one is not."""
@@ -236,10 +243,7 @@ class Director(Node):
             event = self._events.popleft()
             if event.episode_id != episode_id:
                 continue
-            if isinstance(event, Plan):
-                progress.on_plan(event)
-            else:
-                progress.on_result(event)
+            (progress.on_plan if isinstance(event, Plan) else progress.on_result)(event)
         return count
 
     def wait(
@@ -287,14 +291,7 @@ class Director(Node):
         return reply
 
     def _reset(self, case: ScenarioScene, view: EpisodeView) -> int:
-        request = ResetScene.Request(
-            seed=case.seed,
-            disks=encode_disks(case.disks),
-            shapes=list(case.shapes),
-            roles=list(map(str, case.roles)),
-            friction=case.friction,
-        )
-        scene = self.call("reset_scene", request).scene
+        scene = self.call("reset_scene", reset_request(case)).scene
         view.at(distance(case, scene))
         if (sight := self._sight) is None:
             return int(scene.episode_id)
@@ -305,8 +302,7 @@ class Director(Node):
     def _give_goal(self, case: ScenarioScene, episode_id: int) -> Goal:
         self._goals += 1
         named = {"goal_id": self._goals, "episode_id": episode_id, "max_pushes": case.max_pushes}
-        stamp = self.get_clock().now().to_msg()
-        message = encode_goal(case.goal, stamp=stamp, **named)
+        message = encode_goal(case.goal, stamp=self.get_clock().now().to_msg(), **named)
         self._goal.publish(message)
         return message
 

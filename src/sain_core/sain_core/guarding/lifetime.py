@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from importlib.resources import files
 from pathlib import Path
-from typing import Final, Protocol, runtime_checkable
+from typing import Any, Final
 
 from sain_core.errors import OutputError, SainError
 
@@ -103,15 +103,7 @@ def start_timer(seconds: float, code: int) -> ctypes.c_void_p:
     return timer
 
 
-@runtime_checkable
-class Destroyable(Protocol):
-    """A node; named so that commands without ROS can import this module."""
-
-    def destroy_node(self) -> None:
-        """Give back what the middleware gave."""
-
-
-def release(node: Destroyable) -> None:
+def release(node: Any) -> None:
     """Destroy a node of a command whose results are saved."""
     with ending_within():
         node.destroy_node()

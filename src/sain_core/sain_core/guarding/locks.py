@@ -55,9 +55,21 @@ def lock_file(path: Path, owner: str, wait: float = ENDING_S) -> int:
     return descriptor
 
 
-def _is_locked(descriptor: int) -> bool:
+def is_held(path: Path) -> bool:
+    """Return True if another process holds the lock of a file."""
     try:
-        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        descriptor = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_CLOEXEC)
+    except OSError:
+        return False
+    try:
+        return not _is_locked(descriptor, fcntl.LOCK_SH)
+    finally:
+        os.close(descriptor)
+
+
+def _is_locked(descriptor: int, kind: int = fcntl.LOCK_EX) -> bool:
+    try:
+        fcntl.flock(descriptor, kind | fcntl.LOCK_NB)
     except BlockingIOError:
         return False
     return True

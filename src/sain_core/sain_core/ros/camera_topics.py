@@ -6,9 +6,10 @@ import numpy as np
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Quaternion, TransformStamped, Vector3
 from rclpy.node import Node
+from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import CameraInfo, Image
 
-from sain_core.camera.image_camera import ImageCameraConfig, Matrix, Shot
+from sain_core.camera.image_camera import ImageCameraConfig, Shot
 from sain_core.ros import codec
 from sain_core.ros.qos import RELIABLE
 
@@ -39,7 +40,8 @@ class CameraTopics:
         x, y, z = place.tolist()
         one = TransformStamped(header=codec.header(stamp), child_frame_id=self._frame)
         one.transform.translation = Vector3(x=x, y=y, z=z)
-        one.transform.rotation = _quaternion(rotation)
+        a, b, c, w = Rotation.from_matrix(rotation).as_quat().tolist()
+        one.transform.rotation = Quaternion(x=a, y=b, z=c, w=w)
         return one
 
     def publish(self, shot: Shot, stamp: Time) -> None:
@@ -66,19 +68,3 @@ class CameraTopics:
         ):
             if publisher.get_subscription_count():
                 publisher.publish(codec.encode_image(pixels, encoding, header))
-
-
-def _quaternion(rotation: Matrix) -> Quaternion:
-    """Return the turn of a matrix (3, 3)."""
-    (a, b, c), (d, e, f), (g, h, i) = rotation.tolist()
-    # It is the eigenvector of this matrix for the largest eigenvalue (Bar-Itzhack 2000).
-    balance = np.array(
-        [
-            [a - e - i, b + d, c + g, h - f],
-            [b + d, e - a - i, f + h, c - g],
-            [c + g, f + h, i - a - e, d - b],
-            [h - f, c - g, d - b, a + e + i],
-        ]
-    )
-    x, y, z, w = np.linalg.eigh(balance)[1][:, -1].tolist()
-    return Quaternion(x=x, y=y, z=z, w=w)

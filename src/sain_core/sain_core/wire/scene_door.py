@@ -32,25 +32,15 @@ class Standing(Enum):
 
 @dataclass(frozen=True, eq=False)
 class SeenScene:
-    """A scene that was observed, and checked.
+    """A scene that was observed, and checked."""
 
-    Attributes:
-        disks: (N, 8).
-        episode_id: number of its episode.
-        scene_id: number of the scene.
-        settled: whether the bodies are at rest, as the message states.
-        stamp: of the observation [s], by the clock of the headers.
-        came: when it came [s], of a steady clock.
-        message: as it came.
-    """
-
-    disks: Scene
-    episode_id: int = 0
-    scene_id: int = 0
-    settled: bool = True
-    stamp: float = 0.0
-    came: float = 0.0
-    message: Any = None
+    disks: Scene  # (N, 8)
+    episode_id: int = 0  # number of its episode
+    scene_id: int = 0  # number of the scene
+    settled: bool = True  # whether the bodies are at rest, as the message states
+    stamp: float = 0.0  # of the observation [s], by the clock of the headers
+    came: float = 0.0  # when it came [s], of a steady clock
+    message: Any = None  # as it came
 
     @classmethod
     def of(cls, message: Any, came: float = 0.0) -> Self:

@@ -75,19 +75,12 @@ Scenes solved and pushes, at the smallest tolerance of each scenario.
 
 @dataclass(frozen=True)
 class RunResults:
-    """What one evaluation wrote.
+    """What one evaluation wrote."""
 
-    Attributes:
-        reality: where it was played, as people read it.
-        command: that played it.
-        commit: of the code.
-        summary: its rows; see `sain_eval.loop.results.summarise`.
-    """
-
-    reality: str
-    command: str
-    commit: str
-    summary: Sequence[dict[str, Any]]
+    reality: str  # where it was played, as people read it
+    command: str  # that played it
+    commit: str  # of the code
+    summary: Sequence[dict[str, Any]]  # its rows; see `sain_eval.loop.results.summarise`
 
 
 def read_results(folder: Path) -> RunResults:

@@ -160,11 +160,7 @@ def checkpoints(folder: Path) -> Sequence[str]:
 
 
 def read_seed(text: str) -> int:
-    """Return the seed that was typed.
-
-    Raises:
-        ConfigError: it is none.
-    """
+    """Return the seed that was typed. Raises `ConfigError`: it is none."""
     words = text.strip()
     if not (words.isascii() and words.isdigit()) or int(words[:20]) > LARGEST_SEED:
         raise ConfigError(f"seed is {text!r}; type a whole number from 0 to {LARGEST_SEED}")
@@ -223,10 +219,6 @@ class PlannerForm:
                 if control.value != shown:
                     control.value = shown
 
-    def control(self, name: str) -> Any:
-        """Return the control of a parameter."""
-        return self._controls[name][0]
-
     def _on_update(self, name: str) -> Any:
         def take(event: viser.GuiEvent[Any]) -> None:
             if event.client is None:
@@ -236,10 +228,9 @@ class PlannerForm:
                 try:
                     value = read_numbers(value)
                 except ValueError:
-                    self._known.tell(
-                        Level.REFUSAL, f"{name} is {value!r}; it must be numbers, as [1, 2]"
-                    )
-                    self._known.update(planner=dict(self._known.planner))
+                    text = f"{name} is {value!r}; it must be numbers, as [1, 2]"
+                    self._known.tell(Level.REFUSAL, text)
+                    self._known.update(planner=dict(self._known.planner))  # the text goes back
                     self._shown = {}
                     return
             elif isinstance(default, bool | int | float):
@@ -277,10 +268,9 @@ def _bare_control(gui: viser.GuiApi, label: str, about: Mapping[str, Any], defau
     if low is not None and high is not None and high - low <= WIDEST[kind]:
         step = kind(1) if kind is int else (high - low) / STEPS
         return gui.add_slider(label, kind(low), kind(high), step, default)
-    limits = {
-        name: kind(value) for name, value in (("min", low), ("max", high)) if value is not None
-    }
-    return gui.add_number(label, default, step=1 if kind is int else None, **limits)
+    limits = {"min": low, "max": high}
+    given = {name: kind(value) for name, value in limits.items() if value is not None}
+    return gui.add_number(label, default, step=1 if kind is int else None, **given)
 
 
 def read_numbers(text: str) -> list[float]:

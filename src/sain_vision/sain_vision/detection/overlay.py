@@ -30,9 +30,9 @@ def draw_overlay(
         state[:3], state[RADIUS] = seen.pose, bodies.radii[seen.body]
         flat = bodies.bodies.shapes[seen.body].placed(state)
         top = np.column_stack([flat, np.full(len(flat), bodies.heights[seen.body])])
-        _draw_line(picture, camera.project(top), OUTLINE)
+        draw_line(picture, camera.project(top), OUTLINE)
         for outline in seen.outlines:
-            _draw_line(picture, outline, FOUND)
+            draw_line(picture, outline, FOUND)
         x, y = camera.project(np.array([[*seen.pose[:2], bodies.heights[seen.body]]]))[0]
         if np.isfinite((x, y)).all():
             text, place = bodies.names[seen.body], (int(x) + 4, int(y) - 4)
@@ -40,7 +40,8 @@ def draw_overlay(
     return picture
 
 
-def _draw_line(picture: ndarray, pixels: ndarray, colour: tuple[int, int, int]) -> None:
+def draw_line(picture: ndarray, pixels: ndarray, colour: tuple[int, int, int]) -> None:
+    """Draw a closed line of pixels (M, 2) into a picture; nothing where one of them is unknown."""
     if np.isfinite(pixels).all():
         fixed = (pixels * 2**FRACTION).round().astype(np.int32)
         cv2.polylines(picture, [fixed], True, colour, 1, cv2.LINE_AA, FRACTION)

@@ -20,7 +20,6 @@ from sain_core.ros.qos import LATCHED, LATCHED_QUEUE, TRANSFORMS
 from sain_vision.extrinsics_file import read_extrinsics
 from sain_vision.optics import CameraModel, check_calibration, check_view, rotation_of
 from sain_vision.ros.settings import CameraInputConfig
-from sain_vision.ros.transforms import take_transforms
 from sain_vision.scene.frame_tree import FrameTree
 from sain_vision.scene.scene_tracker import FUTURE
 
@@ -58,8 +57,8 @@ class CameraInput:
         self._stampless = Time()
         self._model: CameraModel | None = None  # of the latest calibration, without its pose
         reception.listen(CameraInfo, self._info_topic, self._on_info, NEWEST, refuse)
-        reception.listen(TFMessage, "/tf", self._on_tf, TRANSFORMS, refuse)
-        static = partial(self._on_tf, static=True)
+        reception.listen(TFMessage, "/tf", self._tree.take_message, TRANSFORMS, refuse)
+        static = partial(self._tree.take_message, static=True)
         reception.listen(TFMessage, "/tf_static", static, LATCHED_QUEUE, refuse)
         reception.listen(Image, self._image_topic, self._on_frame, NEWEST, refuse, LARGE_BYTES)
 
@@ -92,9 +91,6 @@ class CameraInput:
         distortion = np.array(message.d, dtype=np.float64)
         size = int(message.width), int(message.height)
         return check_calibration(*size, matrix, message.distortion_model, distortion)
-
-    def _on_tf(self, message: TFMessage, static: bool = False) -> None:
-        take_transforms(self._tree, message, static)
 
     def _on_frame(self, message: Image) -> None:
         self._check_time(codec.decode_time(message.header.stamp))

@@ -8,15 +8,16 @@ import numpy as np
 from rclpy.node import Node
 from sensor_msgs.msg import Image, JointState
 
+from sain_core.errors import BusyError
 from sain_core.guarding.ros.reception import Reception, shortened
 from sain_core.ros.node_main import NAMESPACE, WARN
 from sain_core.ros.parameters import LiveParameters, read_parameters
 from sain_core.ros.qos import RELIABLE
 from sain_core.scene import POSE, STATE_SIZE
+from sain_core.types import Mask
 from sain_interfaces.msg import Plan
 from sain_vision.detection.outlines import Depth, OutlineFinder, Pose
 from sain_vision.optics import CameraModel
-from sain_vision.ros.arm_watch import ArmWatch
 from sain_vision.ros.body_parameter import followed, read_body_file
 from sain_vision.ros.camera_input import CameraInput, CameraPlace
 from sain_vision.ros.images import decode_depth
@@ -39,15 +40,33 @@ class OutlineNode(Node):
         self.output = SightingOutput(self, reception, "outlines", "camera/outlines")
         self.diagnostics = self.output.diagnostics
         self.place = CameraPlace(self, config.extrinsics, config.frame)
-        self.arm = ArmWatch(config.robot, config.max_age) if config.robot else None
-        if self.arm is not None:
-            reception.listen(JointState, "/joint_states", self.arm.listen, RELIABLE)
-        hear = self._on_image, self._ignore
-        self.input = CameraInput(self, reception, DEPTH_TOPICS, config, *hear)
+        if config.robot:
+            self._listen_to_arm(config)
+        given = config, self._on_image, self._ignore
+        self.input = CameraInput(self, reception, DEPTH_TOPICS, *given)
         reception.listen(Plan, "plan", self._on_plan, RELIABLE)
         self.diagnostics.set(WARN, self.input.missing)
         LiveParameters(self, config, followed(self, self._use))
         self.ready = f"outlines of {len(self.bodies.names)} bodies"
+
+    def _listen_to_arm(self, config: OutlineNodeConfig) -> None:
+        # MuJoCo, which these need, is not there without a robot arm.
+        from sain_arm.robot.robot import read_robot
+        from sain_arm.ros.joint_listener import JointListener
+        from sain_vision.detection.arm_mask import ArmMask
+
+        robot = read_robot(config.robot)
+        self._joints, self._arm = JointListener(robot, config.max_age), ArmMask(robot)
+        self.reception.listen(JointState, "/joint_states", self._joints.listen, RELIABLE)
+
+    def _mask(self, camera: CameraModel) -> tuple[Mask | None, list[str]]:
+        """Return which pixels may show the arm; None where that is not known, and why."""
+        if not self.config.robot:
+            return None, []
+        try:
+            return self._arm.draw(self._joints.current, camera), []
+        except BusyError as error:
+            return None, [f"the arm is masked by its height alone: {error}"]
 
     def _use(self, config: OutlineNodeConfig) -> None:
         """Look for the bodies that a file states."""
@@ -73,9 +92,9 @@ class OutlineNode(Node):
             for body in range(len(self.bodies.names))
         }
         search = monotonic() >= self.next_search
-        arm, problem = (None, "") if self.arm is None else self.arm.mask(camera)
+        arm, problems = self._mask(camera)
         found = self.finder.find(depth, camera, known, everywhere=search, arm=arm)
-        found[1].extend(filter(None, [problem]))
+        found[1].extend(problems)
         if search:
             self.next_search = monotonic() + self.config.search_period
         self.last |= {one.body: one.pose for one in found[0]}
