@@ -23,7 +23,7 @@ from pathlib import Path
 from pickle import dumps, loads
 from threading import Thread
 from time import sleep
-from typing import Any, Final, Generic, TypeVar
+from typing import Any, Final
 
 from joblib import Parallel, delayed, parallel_config
 from joblib.externals.loky import get_reusable_executor
@@ -32,9 +32,6 @@ from joblib.externals.loky.process_executor import TerminatedWorkerError
 from sain_core.config import Config, option
 from sain_core.errors import ConfigError, SainError
 from sain_core.provenance import versions
-
-Job = TypeVar("Job")
-Done = TypeVar("Done")
 
 LOCAL: Final = "local"
 AUTO: Final = "auto"
@@ -69,10 +66,10 @@ class WorkerOptions(Config):
     )
 
 
-class FunctionRunner(Generic[Job, Done]):
+class FunctionRunner:
     """Does jobs by a function, and keeps nothing between them."""
 
-    def __init__(self, function: Callable[[Job], Done]) -> None:
+    def __init__(self, function: Callable[[Any], Any]) -> None:
         """Call this function."""
         self.run = function
 
@@ -99,7 +96,7 @@ class Software:
 
 
 @dataclass(frozen=True)
-class Work(Generic[Job, Done]):
+class Work:
     """Work that workers share.
 
     Attributes:
@@ -112,8 +109,8 @@ class Work(Generic[Job, Done]):
 
 
 def run_on_workers(
-    work: Work[Job, Done], jobs: Sequence[Job], options: WorkerOptions, ordered: bool = True
-) -> Generator[Done, None, None]:
+    work: Work, jobs: Sequence[Any], options: WorkerOptions, ordered: bool = True
+) -> Generator[Any, None, None]:
     """Do all jobs; yield their results in the order of the jobs, or else as they come.
 
     One worker without Ray is this process. Workers end with this process, killed or not.
@@ -137,8 +134,8 @@ def run_on_workers(
 
 
 def start_processes(
-    work: Work[Job, Done], jobs: Sequence[Job], size: int, ordered: bool = True
-) -> Generator[Done, None, None]:
+    work: Work, jobs: Sequence[Any], size: int, ordered: bool = True
+) -> Generator[Any, None, None]:
     """Begin to do jobs in so many processes, and return the generator of their results.
 
     To close it ends the processes, also in the middle of a job.
@@ -194,7 +191,7 @@ def _end_with(owner: int) -> None:
     Thread(target=look, daemon=True).start()
 
 
-def _calls(work: Work[Any, Any], jobs: Sequence[Any]) -> Iterator[Any]:
+def _calls(work: Work, jobs: Sequence[Any]) -> Iterator[Any]:
     task = dumps((work, work.software.here(), str(Path.cwd())))
     return (delayed(_do)(task, job) for job in jobs)
 

@@ -114,7 +114,8 @@ def first_aim(scene: Scene, bodies: Bodies, table: Table = FEASIBILITY.table) ->
     for far, way in product((1.0, -1.0, 0.5, -0.5, 0.0), (FIRST_WAY, FIRST_WAY[::-1])):
         place = scene[body, POSITION] + far * np.array(way)
         if table.contains(place):
-            goal = Goal((BodyPose(body, *place.tolist(), heading),))
+            x, y = place.tolist()
+            goal = Goal((BodyPose(body, x, y, heading),))
             with suppress(ValueError):  # another place may be free
                 check_aim(goal, scene, bodies)
                 return goal

@@ -59,8 +59,9 @@ def check_free(host: str, port: int) -> None:
         ConfigError: this computer has no such address.
     """
     try:
-        stream = {"type": socket.SOCK_STREAM, "flags": socket.AI_PASSIVE}
-        family, _, _, _, where = socket.getaddrinfo(host or None, port, **stream)[0]
+        stream, passive = socket.SOCK_STREAM, socket.AI_PASSIVE
+        found = socket.getaddrinfo(host or None, port, type=stream, flags=passive)
+        family, _, _, _, where = found[0]
         socket.create_server(where[:2], family=family, backlog=1).close()
     except PermissionError as error:
         raise ConfigError(

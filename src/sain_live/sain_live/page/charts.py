@@ -1,9 +1,7 @@
 """Charts of the episode, the log, and a legend."""
 
 import math
-from collections.abc import Mapping
 from html import escape
-from types import MappingProxyType
 from typing import Any, Final
 
 import numpy as np
@@ -73,7 +71,7 @@ def push_chart(gui: viser.GuiApi, title: str, curves: int) -> Any:
         uplot.Series(stroke=stroke, width=2, points={"show": True, "size": 5})
         for stroke in (PALETTE.predicted, PALETTE.physics)[:curves]
     ]
-    return add_chart(gui, title, HEIGHT, columns(*[()] * curves), series, {"incrs": WHOLE})
+    return add_chart(gui, title, HEIGHT, columns(*[()] * curves), series, WHOLE)
 
 
 def add_chart(
@@ -82,9 +80,9 @@ def add_chart(
     height: int,
     data: tuple[np.ndarray, ...],
     series: list[uplot.Series],
-    across: Mapping[str, Any] = MappingProxyType({}),
+    step: tuple[int, ...] | None = None,
 ) -> Any:
-    """Return a chart of series against pushes, of a height [px]; `across` is of its x axis."""
+    """Return a chart of series against pushes, of a height [px]; steps of its ticks."""
     return gui.add_uplot(
         data,
         (uplot.Series(label="push"), *series),
@@ -92,7 +90,10 @@ def add_chart(
         height=height,
         scales=scales(),
         legend={"show": False},
-        axes=({"size": 26, "font": FONT, **across}, {"size": NUMBERS, "font": FONT, "space": 16}),
+        axes=(
+            {"size": 26, "font": FONT, **({"incrs": step} if step else {})},
+            {"size": NUMBERS, "font": FONT, "space": 16},
+        ),
         cursor={"show": False},
     )
 
