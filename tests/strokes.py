@@ -1,9 +1,9 @@
-"""Where the tool stands at the ends of a push, and pushes turned with their scenes."""
+"""Where the tool stands at the ends of a push, and pushes and scenes that are turned."""
 
 import numpy as np
 
 from sain_core.push import LENGTH, LOCATION, START_X, START_Y, PushLimits, is_stroke, strokes
-from sain_core.scene import unit, wrap_angle
+from sain_core.scene import POSITION, THETA, VX, VY, unit, wrap_angle
 from sain_core.shapes.bodies import PAPER_DISKS, Bodies
 from sain_core.types import Points, Pushes, Scenes
 
@@ -21,6 +21,17 @@ def tool_end(
     """Return where the tool's axis stands after its travel, (..., 2) [m]."""
     start, heading = strokes(scenes, pushes, limits, bodies)
     return start + pushes[..., LENGTH, None] * unit(heading)
+
+
+def rotate_scenes(scenes: Scenes, angle: float) -> Scenes:
+    """Turn scenes about the world's origin by an angle [rad]."""
+    cos, sin = np.cos(angle), np.sin(angle)
+    turn = np.array([[cos, sin], [-sin, cos]])  # row vectors times the transpose
+    turned = scenes.copy()
+    turned[..., POSITION] = scenes[..., POSITION] @ turn
+    turned[..., VX : VY + 1] = scenes[..., VX : VY + 1] @ turn
+    turned[..., THETA] = wrap_angle(scenes[..., THETA] + angle)
+    return turned
 
 
 def rotate_pushes(pushes: Pushes, angle: float) -> Pushes:

@@ -16,9 +16,9 @@ from sain_core.push import (
     mirror_pushes,
     push_direction,
 )
-from sain_core.scene import MID, POSITION, RADIUS, make_scene, mirror_scenes, rotate_scenes, unit
+from sain_core.scene import MID, POSITION, RADIUS, make_scene, mirror_scenes, unit
 from sain_core.types import Scene
-from tests.strokes import rotate_pushes, tool_end, tool_start
+from tests.strokes import rotate_pushes, rotate_scenes, tool_end, tool_start
 
 LIMITS = PushLimits()
 angles = st.floats(-pi, pi)

@@ -18,7 +18,8 @@ from sain_bringup.children import ProcessDiedError
 from sain_bringup.conditions import show_line
 from sain_bringup.interrupts import Interrupts, Stopped
 from sain_bringup.processes import UNHURRIED, Supervisor
-from sain_core.cli.command_line import command_of_node, executable, split_ros_arguments
+from sain_core.cli.arguments import split_ros_arguments
+from sain_core.cli.command_line import command_of_node, executable
 from sain_core.config import MOST_SEED, Config, option
 from sain_core.errors import ConfigError
 from sain_core.guarding import lifetime

@@ -16,7 +16,7 @@ from sain_core.config import Config
 from sain_core.errors import ConfigError, InvalidInputError
 from sain_core.feasibility import Feasibility
 from sain_core.goal import MOST_SHARED, BodyPose, Goal
-from sain_core.scene import POSITION, TARGET, THETA, Table
+from sain_core.scene import POSITION, TARGET, THETA
 from sain_core.shapes.bodies import Bodies, Role, overlap
 from sain_core.types import Scene
 from sain_eval.scenes.families import AnywhereScenario, PoseScenario, ScenarioScene
@@ -105,7 +105,7 @@ FIRST_WAY: Final = (0.12, 0.0)  # [m], from a body to the goal that it is given 
 FEASIBILITY: Final = Feasibility()
 
 
-def first_aim(scene: Scene, bodies: Bodies, table: Table = FEASIBILITY.table) -> Goal | None:
+def first_aim(scene: Scene, bodies: Bodies) -> Goal | None:
     """Return a goal to begin with, for a scene that has none: near the target, on the table."""
     movable = [body for body in range(len(bodies)) if bodies.roles[body] is not Role.FIXED]
     body = TARGET if TARGET in movable else movable[0]
@@ -113,7 +113,7 @@ def first_aim(scene: Scene, bodies: Bodies, table: Table = FEASIBILITY.table) ->
     heading = None if shape.is_round else float(scene[body, THETA])
     for far, way in product((1.0, -1.0, 0.5, -0.5, 0.0), (FIRST_WAY, FIRST_WAY[::-1])):
         place = scene[body, POSITION] + far * np.array(way)
-        if table.contains(place):
+        if FEASIBILITY.table.contains(place):
             x, y = place.tolist()
             goal = Goal((BodyPose(body, x, y, heading),))
             with suppress(ValueError):  # another place may be free
@@ -122,9 +122,7 @@ def first_aim(scene: Scene, bodies: Bodies, table: Table = FEASIBILITY.table) ->
     return None
 
 
-def check_aim(
-    goal: Goal, scene: Scene, bodies: Bodies, feasibility: Feasibility = FEASIBILITY
-) -> None:
+def check_aim(goal: Goal, scene: Scene, bodies: Bodies) -> None:
     """Check that bodies can be brought to a goal, before it is sent.
 
     Bodies that the tool may push are no obstacle: the planner moves them away.
@@ -134,8 +132,8 @@ def check_aim(
         UnreachableError: the arm cannot push a target there, from any side.
         InvalidInputError: into a body that stays where it is; all else that `Goal` checks.
     """
-    goal.check(scene, bodies, feasibility.table)
-    Problem(scene, goal, bodies, scene, feasibility).check_reach()
+    goal.check(scene, bodies, FEASIBILITY.table)
+    Problem(scene, goal, bodies, scene, FEASIBILITY).check_reach()
     placed = goal.placed(scene)
     for body in goal.wanted:
         for other, role in enumerate(bodies.roles):

@@ -28,7 +28,6 @@ from sain_core.scene import (
     Y,
     make_scene,
     mirror_scenes,
-    rotate_scenes,
     unit,
     wrap_angle,
 )
@@ -39,7 +38,7 @@ from sain_core.shapes.solids import Compound, Polygon
 from sain_core.types import Points, Pushes, Scenes
 from sain_model.physics.parameters import AXES
 from sain_model.physics.planar import PlanarConfig, PlanarPrior, check_batch
-from tests.strokes import rotate_pushes
+from tests.strokes import rotate_pushes, rotate_scenes
 
 BATCH = 60
 LIMITS = PushLimits()

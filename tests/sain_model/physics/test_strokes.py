@@ -22,7 +22,6 @@ from sain_core.scene import (
     POSITION,
     THETA,
     make_scene,
-    rotate_scenes,
     unit,
     wrap_angle,
 )
@@ -33,7 +32,7 @@ from sain_model.network.features import Features, network_inputs, push_frames
 from sain_model.network.settings import NetworkConfig
 from sain_model.physics.parameters import PlanarConfig
 from sain_model.physics.planar import PlanarPrior, first_touch
-from tests.strokes import rotate_pushes
+from tests.strokes import rotate_pushes, rotate_scenes
 
 LIMITS = PushLimits()
 TIP = 0.00475

@@ -8,12 +8,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Final
 
-from sain_core.cli.command_line import (
-    WRONG_USAGE,
-    end_with_the_reader,
-    load,
-    split_ros_arguments,
-)
+from sain_core.cli.arguments import split_ros_arguments
+from sain_core.cli.command_line import WRONG_USAGE, end_with_the_reader, load
 from sain_core.config import Config, describe_values, settings_of, show_value
 from sain_core.errors import INTERRUPTED, SainError
 from sain_core.guarding.lifetime import check_host
@@ -98,9 +94,7 @@ class NodeCommand:
                 yield from wrapped(", ".join(names), f"{title + ':':12}")
         yield ""
         yield "parameters:"
-        for name, default, allowed, meaning in describe_parameters(
-            load(self.name, self.settings)()
-        ):
+        for name, default, allowed, meaning in self._parameters():
             yield f"  {name}"
             notes = "; ".join(filter(None, (allowed, f"default: {default}")))
             yield from wrapped(f"{meaning} ({notes})", " " * 6)

@@ -154,12 +154,8 @@ class EvaluateOptions(WorkerOptions):
         if self.table:
             return tuple(part.with_models(_words(self.models)) for part in TABLE_PARTS)
         scenarios = _split(self.scenario, "scenario")
-        return (TablePart(scenarios, self.controller_names, self.tolerance_values),)
-
-    @property
-    def controller_names(self) -> tuple[str, ...]:
-        """The controllers to run without `table`."""
-        return _split(self.controllers, "controllers")
+        controllers = _split(self.controllers, "controllers")
+        return (TablePart(scenarios, controllers, self.tolerance_values),)
 
     @property
     def tolerance_values(self) -> tuple[Tolerance, ...]:

@@ -190,7 +190,8 @@ def _overview(cells: Cells, reality: str, order: Sequence[str]) -> str:
         found = {line.model: _short(cells[line][reality]) for line in lines}
         paper = [PAPER.get(scenario, "")] if with_paper else []
         scenes = [lines[0].within, *paper, *(found.get(model, "") for model in models)]
-        rows.append([f"`{scenario}`", *map(_unbroken, scenes)])
+        unbroken = [cell.replace(" ", "\u00a0") for cell in scenes]  # on a narrow screen, too
+        rows.append([f"`{scenario}`", *unbroken])
     header = ("scenario", "within", *([PAPER_COLUMN] if with_paper else []), *models)
     return f"### {reality}\n\n{markdown_table(header, rows)}"
 
@@ -211,11 +212,6 @@ def _details(cells: Cells, scenario: str, realities: Sequence[str], order: Seque
     ]
     header = ("within", "model", *paper, *played)
     return f"## `{scenario}`\n\n{markdown_table(header, rows)}"
-
-
-def _unbroken(cell: str) -> str:
-    """Return a cell that stays on one line where a screen is narrow."""
-    return cell.replace(" ", "\u00a0")
 
 
 def _papers(line: Line) -> str:
