@@ -18,7 +18,7 @@ DEMO = ClosedLoopOptions()
 
 
 def test_the_demo_is_three_anywhere_one_paper_and_one_push_t() -> None:
-    names = [plan.scenario for plan in episode_plans(DEMO)]
+    names = [scenario for scenario, _ in episode_plans(DEMO)]
     assert names == ["anywhere", "anywhere", "anywhere", "paper", "push_t"]
     assert DEMO.tolerance == 0.02
 

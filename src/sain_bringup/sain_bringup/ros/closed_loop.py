@@ -92,26 +92,18 @@ class ClosedLoopOptions(GraphConfig):
             OFFERED.check(self.scenario)
 
 
-@dataclass(frozen=True)
-class EpisodePlan:
-    """One episode to play."""
-
-    scenario: str
-    seed: int
-
-
-def episode_plans(options: ClosedLoopOptions) -> tuple[EpisodePlan, ...]:
-    """Return the episodes to play."""
+def episode_plans(options: ClosedLoopOptions) -> list[tuple[str, int]]:
+    """Return scenario and seed of each episode to play."""
     if options.scenario is None and options.episodes is None:
         wanted = [name for name, count in DEMO for _ in range(count)]
     else:
         wanted = [options.scenario or DEMO[0][0]] * (options.episodes or 1)
-    return tuple(EpisodePlan(name, options.seed + number) for number, name in enumerate(wanted))
+    return [(name, options.seed + number) for number, name in enumerate(wanted)]
 
 
-def describe(plans: Sequence[EpisodePlan], options: ClosedLoopOptions) -> str:
+def describe(plans: Sequence[tuple[str, int]], options: ClosedLoopOptions) -> str:
     """Return in a few words what is going to be played."""
-    counts = Counter(plan.scenario for plan in plans)
+    counts = Counter(scenario for scenario, _ in plans)
     what = ", ".join(f"{count} × {name}" for name, count in counts.items())
     engine = "" if options.engine == BULLET else f" in {options.engine}"
     engine += "" if options.bottom == FEET else f" on {options.bottom} bottoms"
@@ -220,7 +212,7 @@ def play(
     with display.stage("starting the graph", "simulator, model, planner and recorder are up"):
         sight = (folder / LOGS, options.see) if options.see else None
         director = Director(check, options.timeout, supervisor, sight, display.note)
-        episodes = " ".join(f"{plan.scenario}:{plan.seed}" for plan in plans)
+        episodes = " ".join(f"{scenario}:{seed}" for scenario, seed in plans)
         namespace = director.get_namespace()
         about = {EPISODES_KEY: episodes, NAMESPACE_KEY: namespace, "model": options.model}
         about |= provenance("sain_bringup")
@@ -232,10 +224,9 @@ def play(
             lambda: supervisor.starting(names),
             lambda missing: display.status(waiting_for(missing)),
         )
-    for number, plan in enumerate(plans, start=1):
-        case = draw_scene(plan.scenario, plan.seed)
-        with display.episode(number, len(plans), f"{plan.scenario} {plan.seed}") as view:
-            director.play(case, options.tolerance, view)
+    for number, (scenario, seed) in enumerate(plans, start=1):
+        with display.episode(number, len(plans), f"{scenario} {seed}") as view:
+            director.play(draw_scene(scenario, seed), options.tolerance, view)
 
 
 def waiting_for(missing: str) -> str:

@@ -108,7 +108,7 @@ class Director(Node):
         self,
         check: Callable[[], None],
         timeout: float,
-        supervisor: Supervisor | None = None,
+        supervisor: Supervisor,
         sight: tuple[Path, str] | None = None,
         show: Callable[[str], None] | None = None,
     ) -> None:
@@ -151,6 +151,7 @@ class Director(Node):
         Raises:
             GraphTimeoutError: naming what is missing, and what it said last.
         """
+        supervisor = self._supervisor
         missing = [Missing(name, name) for name in starting()]
         next_look = changed_at = 0.0
 
@@ -168,19 +169,17 @@ class Director(Node):
 
         def problem() -> str:
             what = ", ".join(part.what for part in missing)
-            return f"still missing: {what}{self._last_words(missing[0].process)}"
+            process = missing[0].process
+            words = supervisor.last_words(process)
+            stuck = f"; {process} makes no progress{words}" if words else ""
+            return f"still missing: {what}{stuck}"
 
-        self.wait(up, problem, since=lambda: max(changed_at, self._heard_at(missing)))
+        def since() -> float:
+            return max(changed_at, supervisor.heard_at([part.process for part in missing]))
+
+        self.wait(up, problem, since)
         if self._show is not None:
             GraphListener(self, self._show, starts=True)
-
-    def _heard_at(self, missing: list[Missing]) -> float:
-        names = [part.process for part in missing]
-        return -inf if self._supervisor is None else self._supervisor.heard_at(names)
-
-    def _last_words(self, process: str) -> str:
-        words = "" if self._supervisor is None else self._supervisor.last_words(process)
-        return f"; {process} makes no progress{words}" if words else ""
 
     def _missing(self) -> list[Missing]:
         missing = missing_parts(
@@ -199,7 +198,7 @@ class Director(Node):
             SainError: the simulator refused the scene, or nothing happened any more.
         """
         self.wait(  # until what has crashed has found the others again
-            lambda: time.monotonic() - self._back_at() > REUNION,
+            lambda: time.monotonic() - self._supervisor.back_at > REUNION,
             lambda: "a process that crashed is not back",
         )
         episode_id = self._reset(case, view)
@@ -210,10 +209,6 @@ class Director(Node):
             self._pursue(replace(case, goal=goal, further=()), episode_id, progress)
             if not view.reached:
                 break
-
-    def _back_at(self) -> float:
-        """The time [s] when the last process came back that had crashed; never, if one is not."""
-        return -inf if self._supervisor is None else self._supervisor.back_at
 
     def _pursue(self, case: ScenarioScene, episode_id: int, progress: Progress) -> None:
         """Give the goal of a case, and follow what happens until the planner is done with it.
@@ -229,10 +224,10 @@ class Director(Node):
             if self._follow(episode_id, progress):
                 given = time.monotonic()
             now = time.monotonic()
-            if -inf < self._back_at() < now - SILENT and given < now - SILENT:
+            if -inf < self._supervisor.back_at < now - SILENT and given < now - SILENT:
                 given = now
                 self._goal.publish(goal)
-            return progress.is_over(self._back_at())
+            return progress.is_over(self._supervisor.back_at)
 
         self.wait(over, lambda: "no sign of planner or simulator", since=lambda: progress.heard_at)
 
@@ -276,7 +271,7 @@ class Director(Node):
 
         def answered() -> bool:
             nonlocal asked_at, future
-            now, back = time.monotonic(), self._back_at()
+            now, back = time.monotonic(), self._supervisor.back_at
             due = back + REUNION if asked_at < back + REUNION else asked_at + LOST
             if back > -inf and now > due and not future.done():
                 asked_at, future = now, self._servers[name].call_async(request)

@@ -177,20 +177,14 @@ class OutlineFinder:
         """
         if len(edges.places) < FEWEST:
             return None
-        best: tuple[float, Sighting] | None = None
-        for start in starts:
-            fitted = self._fit(body, edges, start)
-            if fitted is None:
-                continue
-            misfit, sighting = fitted
-            if sighting.score < least_share:
-                continue
-            if any(np.hypot(*(sighting.pose - pose)[:2]) < least for pose, least in taken):
-                continue
-            rating = misfit - 0.01 * sighting.score
-            if best is None or rating < best[0]:
-                best = rating, sighting
-        return None if best is None else best[1]
+        fitted = [fit for start in starts if (fit := self._fit(body, edges, start)) is not None]
+        free = [
+            (misfit - 0.01 * sighting.score, sighting)
+            for misfit, sighting in fitted
+            if sighting.score >= least_share
+            and all(np.hypot(*(sighting.pose - pose)[:2]) >= least for pose, least in taken)
+        ]
+        return min(free, key=lambda one: one[0])[1] if free else None
 
     def _starts(self, body: int, edges: _Edges, taken: list[tuple[Pose, float]]) -> list[Pose]:
         """Return the poses to begin with whose outlines are nearest to edges, from all headings.
@@ -303,8 +297,7 @@ def _placed(marks: tuple[Marks, Marks], pose: Pose) -> tuple[Marks, Marks]:
 def _nearest(places: Float[ndarray, "A 2"], to: Float[ndarray, "B 2"]) -> tuple[ndarray, ndarray]:
     """Return for each of some points which place is nearest, and how far it is [m]."""
     apart = np.linalg.norm(to[:, None] - places, axis=2)
-    nearest = apart.argmin(axis=1)
-    return nearest, apart[np.arange(len(to)), nearest]
+    return apart.argmin(axis=1), apart.min(axis=1)
 
 
 def _widened(mask: Bool[ndarray, "height width"]) -> Bool[ndarray, "height width"]:

@@ -7,15 +7,16 @@ from typing import Any
 
 import numpy as np
 from builtin_interfaces.msg import Time
-from geometry_msgs.msg import Quaternion, TransformStamped, Vector3
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import CameraInfo, Image
+from std_msgs.msg import Header
 from tf2_msgs.msg import TFMessage
 
 from sain_core.errors import InvalidInputError
 from sain_core.guarding.ros.reception import LARGE_BYTES, Reception
 from sain_core.ros import codec
+from sain_core.ros.camera_topics import make_transform
 from sain_core.ros.qos import LATCHED, LATCHED_QUEUE, TRANSFORMS
 from sain_vision.extrinsics_file import read_extrinsics
 from sain_vision.optics import CameraModel, check_calibration, check_view, rotation_of
@@ -171,11 +172,7 @@ class CameraPlace:
         if not path:
             return
         pose = read_extrinsics(Path(path).expanduser(), table)
-        (x, y, z), (a, b, c, d) = pose.place.tolist(), pose.turn.tolist()
-        one = TransformStamped(child_frame_id=pose.frame)
-        one.header = codec.header(node.get_clock().now().to_msg())
-        one.header.frame_id = pose.parent
-        one.transform.translation = Vector3(x=x, y=y, z=z)
-        one.transform.rotation = Quaternion(x=a, y=b, z=c, w=d)
+        header = Header(stamp=node.get_clock().now().to_msg(), frame_id=pose.parent)
+        one = make_transform(header, pose.frame, pose.place, pose.turn)
         self._publisher = node.create_publisher(TFMessage, "/tf_static", LATCHED)
         self._publisher.publish(TFMessage(transforms=[one]))
