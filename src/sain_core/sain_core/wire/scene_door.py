@@ -4,7 +4,6 @@ No middleware here. Scenes go in by `take`; a bad one raises, and what is held s
 """
 
 from dataclasses import dataclass
-from enum import Enum
 from typing import Any, Final, Self
 
 import numpy as np
@@ -18,16 +17,6 @@ from sain_core.types import Scene
 OLD: Final = 0.5  # [s], age of a scene above which no stroke is made from it
 ANEW: Final = 1.0  # [s] without a scene, after which stamps and ids may begin anew
 MOVED: Final = 0.005  # [m], of a body since the push was planned
-
-
-class Standing(Enum):
-    """Whether the scene that is held may be used for a stroke."""
-
-    NONE = "no scene came yet"
-    BAD = "the latest scene was refused"
-    OLD = "the latest scene is old"
-    UNSETTLED = "the latest scene is not settled"
-    GOOD = "good"
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,24 +97,10 @@ class SceneDoor:
         self.seen, self.trouble = seen, ""
         return seen
 
-    def standing(self, now: float, clock: float) -> Standing:
-        """Return whether a stroke may be made from what is held."""
-        seen, settled = self.seen, self._settled
-        if self.trouble:
-            return Standing.BAD
-        if seen is None:
-            return Standing.NONE
-        if seen.age(now, clock) > self._old:
-            return Standing.OLD
-        if settled is None or settled.age(now, clock) > self._old:
-            return Standing.UNSETTLED
-        return Standing.GOOD
-
     def check_push(self, now: float, clock: float) -> None:
         """Raise `StaleSceneError` where no push may begin from what is held."""
-        standing = self.standing(now, clock)
-        if standing is not Standing.GOOD:
-            raise StaleSceneError(self._said(standing, now, clock))
+        if text := self._unseen(now, clock) or self._unsettled(now, clock):
+            raise StaleSceneError(text)
 
     def check_stroke(self, planned: SeenScene, now: float, clock: float) -> None:
         """Check that bodies are where they were in the scene that a push was planned from.
@@ -135,9 +110,9 @@ class SceneDoor:
         Raises:
             StaleSceneError: they are not, or what is held is bad or old.
         """
-        standing, seen = self.standing(now, clock), self.seen
-        if seen is None or standing not in (Standing.GOOD, Standing.UNSETTLED):
-            raise StaleSceneError(self._said(standing, now, clock))
+        text, seen = self._unseen(now, clock), self.seen
+        if text or seen is None:
+            raise StaleSceneError(text)
         if seen.ids[0] != planned.ids[0]:
             raise StaleSceneError(
                 f"episode {seen.ids[0]} has begun; the push was planned in episode {planned.ids[0]}"
@@ -152,14 +127,24 @@ class SceneDoor:
             text = f"body {int(np.argmax(apart))} was moved by {1e3 * apart.max():.0f} mm"
             raise StaleSceneError(f"{text} since the push was planned")
 
-    def _said(self, standing: Standing, now: float, clock: float) -> str:
-        if standing is Standing.BAD:
-            return f"{standing.value}: {self.trouble}"
-        old = self.seen if standing is Standing.OLD else self._settled
-        if old is None:
-            return standing.value
-        age = f"{standing.value}: {old.age(now, clock):.1f} s since the last"
-        return f"{age}{' settled' * (standing is Standing.UNSETTLED)} one; allowed: {self._old:g} s"
+    def _unseen(self, now: float, clock: float) -> str:
+        """Return in words that no good scene is current; empty: one is."""
+        if self.trouble:
+            return f"the latest scene was refused: {self.trouble}"
+        if self.seen is None:
+            return "no scene came yet"
+        if (age := self.seen.age(now, clock)) <= self._old:
+            return ""
+        return f"the latest scene is old: {age:.1f} s since the last one; allowed: {self._old:g} s"
+
+    def _unsettled(self, now: float, clock: float) -> str:
+        """Return in words that the bodies are not at rest; empty: they are."""
+        text, settled = "the latest scene is not settled", self._settled
+        if settled is None:
+            return text
+        if (age := settled.age(now, clock)) <= self._old:
+            return ""
+        return f"{text}: {age:.1f} s since the last settled one; allowed: {self._old:g} s"
 
     def _miscounted(self, seen: SeenScene) -> str:
         """Return in words that bodies came or went within an episode; empty: none did."""
