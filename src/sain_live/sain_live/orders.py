@@ -4,7 +4,6 @@ The node carries orders out; tests of the page take note of them. A goal is chec
 """
 
 import dataclasses
-from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import product
@@ -12,7 +11,7 @@ from typing import Any, Final, Protocol
 
 import numpy as np
 
-from sain_core.config import Config
+from sain_core.config import FieldSetting, settings_of
 from sain_core.errors import ConfigError, InvalidInputError
 from sain_core.feasibility import Feasibility
 from sain_core.goal import MOST_SHARED, BodyPose, Goal
@@ -85,20 +84,9 @@ class Orders(Protocol):
         """Learn from pushes, or not."""
 
 
-def planner_settings(
-    config: Config = PlannerConfig(), prefix: str = PREFIX
-) -> Iterator[tuple[str, str, Field, Any]]:
-    """Yield group, parameter, field and default of each setting of the planner."""
-    group = prefix.removesuffix(".").rpartition(".")[2]
-    nested = []
-    for item in dataclasses.fields(config):
-        value = getattr(config, item.name)
-        if isinstance(value, Config):
-            nested.append((item.name, value))
-        else:
-            yield group, prefix + item.name, item, value
-    for name, value in nested:
-        yield from planner_settings(value, f"{prefix}{name}.")
+def planner_settings() -> list[FieldSetting]:
+    """Return the planner's settings by the names of its parameters, those of its groups last."""
+    return sorted(settings_of(PlannerConfig(), PREFIX), key=lambda one: one.name.count("."))
 
 
 FIRST_WAY: Final = (0.12, 0.0)  # [m], from a body to the goal that it is given first

@@ -199,13 +199,14 @@ class PlannerForm:
         self._shown: Mapping[str, Any] = {}
         self._controls: dict[str, tuple[Any, Any]] = {}
         gui, folders = server.gui, {}
-        for group, name, item, default in planner_settings():
+        for one in planner_settings():
+            group = one.name.split(".")[-2]
             if group not in folders:
                 folders[group] = gui.add_folder(group, expand_by_default=group == OPEN)
             with folders[group]:
-                control = make_control(gui, item, default)
-            self._controls[name] = (control, default)
-            control.on_update(self._on_update(name))
+                control = make_control(gui, one.item, one.value)
+            self._controls[one.name] = (control, one.value)
+            control.on_update(self._on_update(one.name))
 
     def show(self, known: LiveState) -> None:
         """Show the settings as the planner has them."""

@@ -50,7 +50,7 @@ class Tuning:
             node.create_client(GetParameters, f"{name}/get_parameters")
             for name in (PLANNER, LEARNER)
         )
-        self._names = [name for _, name, _, _ in planner_settings()]
+        self._names = [one.name for one in planner_settings()]
         self._wanted: dict[str, Any] = {}  # parameters to set
         self._setting = False
         settings = GetParameters.Request(names=self._names)
