@@ -159,20 +159,15 @@ def _check_raw(message: CameraInfo, topic: str) -> None:
         )
 
 
-class CameraPlace:
-    """Publishes where a camera is, as the file of its calibration has it."""
+def publish_place(node: Node, config: CameraInputConfig) -> None:
+    """Publish where a camera is, as the file of its calibration has it; nothing without a file.
 
-    def __init__(self, node: Node, path: str, table: str) -> None:
-        """Publish it, from which the `table` is seen; without a path nothing: somebody else does.
-
-        Raises:
-            ConfigError: the file cannot be used.
-        """
-        self._publisher = None
-        if not path:
-            return
-        pose = read_extrinsics(Path(path).expanduser(), table)
-        header = Header(stamp=node.get_clock().now().to_msg(), frame_id=pose.parent)
-        one = make_transform(header, pose.frame, pose.place, pose.turn)
-        self._publisher = node.create_publisher(TFMessage, "/tf_static", LATCHED)
-        self._publisher.publish(TFMessage(transforms=[one]))
+    Raises:
+        ConfigError: the file cannot be used.
+    """
+    if not config.extrinsics:
+        return  # somebody else does
+    pose = read_extrinsics(Path(config.extrinsics).expanduser(), config.frame)
+    header = Header(stamp=node.get_clock().now().to_msg(), frame_id=pose.parent)
+    one = make_transform(header, pose.frame, pose.place, pose.turn)
+    node.create_publisher(TFMessage, "/tf_static", LATCHED).publish(TFMessage(transforms=[one]))

@@ -17,6 +17,7 @@ from sain_core.guarding.documents import dump_yaml
 from sain_core.output import OVERWRITE_HELP, claim_file, write_whole
 from sain_core.shapes.library import OUTLINES, PLAIN, outline_folder, shape_names
 from sain_core.shapes.outlines import METRES, SHAPES, UNIT, BodyOutline, trace
+from sain_vision.detection.overlay import grey_of
 from sain_vision.detection.tracing import (
     HEIGHT_ERROR,
     HIGHEST,
@@ -29,7 +30,6 @@ from sain_vision.extrinsics_file import read_extrinsics
 from sain_vision.look_files import read_camera, read_depth, read_picture
 from sain_vision.optics import CameraModel
 
-FARTHEST: Final = 3.0  # [m], that is black in a picture of depth
 SCALE: Final = 2  # times as large a picture is shown
 
 
@@ -192,6 +192,4 @@ def averaged(depths: Sequence[Any]) -> np.ndarray:
 
 
 def _grey(depth: np.ndarray) -> np.ndarray:
-    share = 1.0 - np.nan_to_num(depth, nan=FARTHEST) / FARTHEST
-    grey = np.asarray(255 * np.clip(share, 0.0, 1.0), dtype=np.uint8)
-    return np.asarray(cv2.cvtColor(grey, cv2.COLOR_GRAY2BGR))
+    return np.asarray(cv2.cvtColor(grey_of(depth), cv2.COLOR_GRAY2BGR))
