@@ -332,7 +332,8 @@ def graph_commands(graph: Graph, ros: Sequence[str], states: Path) -> dict[str, 
         ConfigError: a package of the graph is not installed.
     """
     options, clock = graph.options, {} if graph.robot else {"use_sim_time": "true"}
-    node = partial(_node, [*ros, *_parameter_files(options)], states.absolute())
+    files = () if options.params_file is None else ("--params-file", str(options.params_file))
+    node = partial(_node, [*ros, *files], states.absolute())
     model = {"model": options.model, **clock}
     if options.belief:
         model["belief"] = str(Path(options.belief).absolute())
@@ -368,10 +369,6 @@ def _node(
     """Return the command of a node, which keeps its state in a folder if it remembers anything."""
     kept = {} if name in SEEING.values() else {"state_file": str(states / f"{name}.json")}
     return command_of_node(package, name, ros, **parameters, **kept)
-
-
-def _parameter_files(options: GraphConfig) -> list[str]:
-    return [] if options.params_file is None else ["--params-file", str(options.params_file)]
 
 
 def _recorder(bag: Path, about: Mapping[str, str], ros: Sequence[str]) -> list[str]:

@@ -68,10 +68,10 @@ class _Untriggered(CallbackGroup):
 class LatestMessage:
     """Takes the latest message of a topic when it is asked for; none of them wakes the executor."""
 
-    def __init__(self, node: Node, kind: type, topic: str, callback: Any = print) -> None:
+    def __init__(self, node: Node, kind: type, topic: str) -> None:
         """Subscribe."""
         self._subscription = node.create_subscription(
-            kind, topic, callback, QoSProfile(depth=1), callback_group=_Untriggered()
+            kind, topic, print, QoSProfile(depth=1), callback_group=_Untriggered()
         )
 
     def take(self, raw: bool = False) -> Any:

@@ -53,7 +53,6 @@ class ControlsView:
             self._add_episode(config)
         with self._gui.add_folder("Model"):
             self._add_model()
-            self._add_learning()
 
     def show(self, known: LiveState) -> None:
         """Show how the loop is doing, and the model that is served or on its way."""
@@ -109,8 +108,6 @@ class ControlsView:
         button = self._gui.add_button("Load file", icon=viser.Icon.DOWNLOAD)
         button.on_click(self._guarded(lambda: self._load(path.value.strip())))
         self._model.on_update(self._on_model)
-
-    def _add_learning(self) -> None:
         self._learns: Any = self._gui.add_checkbox("learn from pushes", False, visible=False)
         self._learns.on_update(self._on_learns)
 

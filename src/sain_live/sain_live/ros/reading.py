@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from sain_bags.bag.metadata import OWN_TYPES
-from sain_bags.reading.reader import Bag, Received, TopicSummary
+from sain_bags.reading.reader import Bag, Received
 from sain_bags.report.frames import Frame, frame_times
 from sain_bags.report.gathering import graphs
 from sain_bags.report.titles import EpisodePart, episode_titles
@@ -108,17 +108,14 @@ def _unique(titles: list[str]) -> list[str]:
     return [f"{t} ({n + 1})" if n else t for t, n in zip(titles, before, strict=True)]
 
 
-def _is_own(topic: TopicSummary) -> bool:
-    return topic.type.startswith(OWN_TYPES)
-
-
 class _Reader:
     """Reads the episodes of one graph."""
 
     def __init__(self, bag: Bag, namespace: str, lines: int) -> None:
         self.known = LiveState(log=deque(), lines=lines)
         # A topic's own type counts, where others came on it, too.
-        topics = {topic.name: topic.type for topic in sorted(bag.topics, key=_is_own)}
+        last = sorted(bag.topics, key=lambda topic: topic.type.startswith(OWN_TYPES))
+        topics = {topic.name: topic.type for topic in last}
         shapes_come = f"{namespace}/shapes" in topics
         updater = StateUpdater(self.known, lambda: shapes_come, offers_goal=False)
         self._takes = {

@@ -126,7 +126,10 @@ class StateUpdater:
             "goal": (Goal, self._on_goal),
             "plan": (Plan, self._on_plan),
             "push_result": (PushResult, self._on_result),
-            "world_parameters": (WorldParameters, self._on_world),
+            "world_parameters": (
+                WorldParameters,
+                lambda message: known.update(world=message.world),
+            ),
             "learning": (Learning, self._on_learning),
             "robot_description": (String, self._on_description),
             "/robot_description": (String, self._on_description),
@@ -328,6 +331,3 @@ class StateUpdater:
         known.update(result=self._note(message.push_id, **values))
         if known.phase is Phase.PUSHING:
             known.update(phase=Phase.PLANNING)
-
-    def _on_world(self, message: WorldParameters) -> None:
-        self._known.update(world=message.world)
