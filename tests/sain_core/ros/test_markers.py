@@ -11,6 +11,7 @@ from tests.rviz import Rviz, shown
 def cubes(count):
     made = [make_marker("cubes", number, Marker.CUBE, "#ffffff") for number in range(count)]
     for marker in made:
+        marker.header.frame_id = "world"
         marker.scale = Vector3(x=0.1, y=0.1, z=0.1)
     return made
 
