@@ -29,7 +29,7 @@ from benchmarks.faults.running import own_domain
 from benchmarks.faults.table import Row
 from sain_arm.laboratory.controller import Ending
 from sain_arm.ros.trajectory_server import TrajectoryServer
-from sain_bringup.children import ProcessDiedError
+from sain_bringup.children import ProcessDiedError, RestartLimits
 from sain_bringup.graph import (
     MODEL,
     PLANNER,
@@ -41,8 +41,8 @@ from sain_bringup.graph import (
     restart_command,
     ros_arguments,
 )
-from sain_bringup.laboratory import ENABLE, SERVER, LaboratoryOptions, graph_options
-from sain_bringup.processes import UNHURRIED, RestartConfig, Supervisor
+from sain_bringup.laboratory import ENABLE, SERVER, LaboratoryOptions, laboratory_graph
+from sain_bringup.processes import UNHURRIED, Supervisor
 from sain_core import wire
 from sain_core.errors import ErrorCode
 from sain_core.ros import codec
@@ -55,7 +55,7 @@ from sain_interfaces.msg import Goal, GoalPose, Plan, PushResult
 from sain_vision.detection.sighting import Sighting
 from sain_vision.ros.detections import encode_sightings
 
-NEVER: Final = RestartConfig(crashes=10**9)
+NEVER: Final = RestartLimits(crashes=10**9)
 ENDING: Final = (ROBOT, ENABLE)  # processes whose death ends the graph, and stops the arm
 PACE: Final = 2.0
 FRAME: Final = 1.0 / 30.0  # [s]
@@ -224,7 +224,7 @@ class Hall:
         thread.start()
         self.supervisor = stack.enter_context(Supervisor(self._folder, UNHURRIED, NEVER))
         seen = ObservationConfig(noise=",".join(map(str, NOISE)))
-        graph = replace(graph_options(options), camera=seen)
+        graph = laboratory_graph(replace(options, camera=seen))
         commands = graph_commands(graph, ros_arguments(()), self._folder)
         del commands[SERVER]  # it is in this process
         for name, command in commands.items():

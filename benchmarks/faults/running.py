@@ -16,6 +16,7 @@ import domain_coordinator
 import numpy as np
 from rich.console import Console
 
+from sain_bringup.children import RestartLimits
 from sain_bringup.display import Display, EpisodeView
 from sain_bringup.graph import (
     MODEL,
@@ -27,7 +28,7 @@ from sain_bringup.graph import (
     restart_command,
     ros_arguments,
 )
-from sain_bringup.processes import UNHURRIED, RestartConfig, Supervisor
+from sain_bringup.processes import UNHURRIED, Supervisor
 from sain_bringup.ros.director import Director
 from sain_core.errors import ErrorCode, SainError
 from sain_core.ros.node_main import ros_context
@@ -37,7 +38,7 @@ from sain_interfaces.msg import PushResult, Scene
 
 PARTS: Final = (SIMULATOR, MODEL, PLANNER, RECORDER)
 TOLERANCE: Final = 0.02  # [m]
-NEVER: Final = RestartConfig(crashes=10**9)  # too many crashes: they are what is wanted here
+NEVER: Final = RestartLimits(crashes=10**9)  # too many crashes: they are what is wanted here
 SAME: Final = 1e-9  # [m] and [rad]: a heading that becomes a quaternion and back is rounded
 
 
@@ -137,7 +138,7 @@ def graph(
     folder: Path,
     options: GraphOptions | None = None,
     environment: dict[str, str] | None = None,
-    restarts: RestartConfig = NEVER,
+    restarts: RestartLimits = NEVER,
     timeout: float = 60.0,
 ) -> Iterator[Graph]:
     """Run a graph with a recording, and end it."""
@@ -159,7 +160,7 @@ def graph(
         director.create_subscription(PushResult, "push_result", observed.on_result, QUEUE)
         options = options or GraphOptions(bag=folder / "bag")
         try:
-            for name, command in graph_commands(options, ros_arguments(()), folder).items():
+            for name, command in graph_commands(options.graph(), ros_arguments(()), folder).items():
                 again = restart_command(name, command)
                 supervisor.start(name, command, environment, patient=name == RECORDER, again=again)
             director.wait_for_graph(lambda: supervisor.starting(PARTS), lambda text: None)

@@ -11,9 +11,8 @@ from typing import Final
 from benchmarks.faults.running import graph
 from benchmarks.faults.table import Row
 from sain_bags.reading.reader import Bag
-from sain_bringup.children import ProcessDiedError
+from sain_bringup.children import ProcessDiedError, RestartLimits
 from sain_bringup.graph import GraphOptions, executable
-from sain_bringup.processes import RestartConfig
 from sain_core.errors import SainError
 from sain_core.guarding.lifetime import SHARED
 
@@ -121,7 +120,7 @@ def disks(folder: Path, tries: int) -> Iterator[Row]:
 
 def _ends_with_a_reason(folder: Path, place: Path) -> bool:
     try:
-        with graph(folder, GraphOptions(bag=place / "bag"), restarts=RestartConfig()) as running:
+        with graph(folder, GraphOptions(bag=place / "bag"), restarts=RestartLimits()) as running:
             for _ in range(1000):
                 running.play()
     except ProcessDiedError as error:

@@ -11,7 +11,8 @@ from pathlib import Path
 
 import yaml
 
-from sain_core.cli.command_line import Command, load, read_options, split_ros_arguments
+from sain_core.cli.arguments import read_options, split_ros_arguments
+from sain_core.cli.command_line import Command, load
 from sain_core.cli.node_command import NodeCommand, describe_parameters
 from sain_core.errors import SainError
 from tests.documentation.modules import module_problem

@@ -6,7 +6,13 @@ from pathlib import Path
 
 import pytest
 
-from sain_bringup.graph import GraphOptions, executable, graph_commands, restart_command
+from sain_bringup.graph import (
+    Graph,
+    GraphOptions,
+    executable,
+    graph_commands,
+    restart_command,
+)
 from sain_bringup.ros.closed_loop import ClosedLoopOptions
 from sain_core.errors import ConfigError
 from sain_core.world import ObservationConfig
@@ -32,9 +38,9 @@ def test_commands_say_it_all(prefix, tmp_path):
     parameters = tmp_path / "p.yaml"
     parameters.write_text("mppi_node: {ros__parameters: {}}")
     played = ClosedLoopOptions(model="planar", seed=7, params_file=parameters)
-    options = played.graph(Path("out/bag"))
-    about = (["-r", "__ns:=/lab"], tmp_path, {"a": "b c"})
-    commands = graph_commands(options, *about)
+    graph = Graph(played, bag=Path("out/bag"), about={"a": "b c"})
+    given = (["-r", "__ns:=/lab"], tmp_path)
+    commands = graph_commands(graph, *given)
     assert list(commands) == ["model", "recorder", "simulator", "planner"]
     for command in commands.values():
         assert "__ns:=/lab" in command
@@ -49,17 +55,17 @@ def test_commands_say_it_all(prefix, tmp_path):
     for name, node in (("planner", "mppi_node"), ("simulator", "sim_node")):
         assert f"state_file:={tmp_path / node}.json" in commands[name]
     assert "gui:=true" not in commands["simulator"]
-    assert "gui:=true" in graph_commands(replace(options, gui=True), *about)["simulator"]
+    shown = replace(graph, options=replace(played, gui=True))
+    assert "gui:=true" in graph_commands(shown, *given)["simulator"]
     assert not any("engine" in word for word in commands["simulator"])
     pytest.importorskip("mujoco", reason="MuJoCo is not installed")
-    assert (
-        "engine:=mujoco" in graph_commands(replace(options, engine="mujoco"), *about)["simulator"]
-    )
+    other = replace(graph, options=replace(played, engine="mujoco"))
+    assert "engine:=mujoco" in graph_commands(other, *given)["simulator"]
 
 
 def test_simulator_planner_and_model_are_told_the_same_of_the_camera(prefix, tmp_path):
     seen = ObservationConfig(noise="0.005,0.035", delay=0.1, unknown="mass")
-    commands = graph_commands(GraphOptions(camera=seen), [], tmp_path)
+    commands = graph_commands(GraphOptions(camera=seen).graph(), [], tmp_path)
     for name, part in (("simulator", "camera"), ("planner", "estimator")):
         assert f"{part}.noise:=0.005,0.035" in commands[name]
         assert f"{part}.delay:=0.1" in commands[name]
@@ -82,7 +88,8 @@ def test_a_robot_takes_the_place_of_the_simulator(tmp_path):
     bodies.write_text(ROBOT % "")
     seen = ObservationConfig(noise="0.001,0.01")
     options = GraphOptions(robot="python3 'my driver.py' -v", bodies=bodies, camera=seen)
-    commands = graph_commands(options, ["-r", "__ns:=/lab"], tmp_path)
+    graph = replace(options, record=False).graph()
+    commands = graph_commands(graph, ["-r", "__ns:=/lab"], tmp_path)
     assert list(commands) == ["model", "robot", "scenes", "planner"]
     assert commands["robot"] == [
         "python3", "my driver.py", "-v", "--ros-args", "-r", "__ns:=/lab",
@@ -94,7 +101,7 @@ def test_a_robot_takes_the_place_of_the_simulator(tmp_path):
     assert restart_command("robot", commands["robot"]) == []
     assert restart_command("scenes", commands["scenes"]) == commands["scenes"]
     bodies.write_text(ROBOT % ", mass: 8.0")
-    known = graph_commands(replace(options, robot="elsewhere"), [], tmp_path)
+    known = graph_commands(replace(graph, robot="elsewhere"), [], tmp_path)
     assert list(known) == ["model", "scenes", "planner"]
     assert "estimator.unknown:=mass" not in known["planner"]
 
@@ -102,8 +109,8 @@ def test_a_robot_takes_the_place_of_the_simulator(tmp_path):
 def test_a_robot_sees_by_a_camera(tmp_path):
     bodies = tmp_path / "bodies.yaml"
     bodies.write_text(ROBOT % ", tags: 1")
-    options = GraphOptions(robot="elsewhere", bodies=bodies, see="tags")
-    commands = graph_commands(options, [], tmp_path)
+    options = GraphOptions(robot="elsewhere", bodies=bodies, see="tags", record=False)
+    commands = graph_commands(options.graph(), [], tmp_path)
     assert list(commands) == ["model", "tags", "scenes", "planner"]
     assert f"bodies:={bodies}" in commands["tags"]
     assert {f"bodies:={bodies}", "noise:=0.0005,0.005"} <= set(commands["scenes"])

@@ -11,9 +11,9 @@ from pathlib import Path
 import pytest
 
 from sain_bringup.children import ProcessDiedError
-from sain_bringup.processes import StopConfig, Supervisor
+from sain_bringup.processes import StopTimes, Supervisor
 
-QUICK = StopConfig(interrupt=0.3, terminate=0.3, patience=0.5, kill=1.0)
+QUICK = StopTimes(interrupt=0.3, terminate=0.3, patience=0.5, kill=1.0)
 SLEEP = [sys.executable, "-IS", "-c", "import time; print('up', flush=True); time.sleep(600)"]
 DEAF = """
 import signal, time
@@ -59,8 +59,8 @@ def wait_for(log: Path, text: str) -> None:
     until(lambda: log.exists() and text in log.read_text())
 
 
-def test_processes_log_and_end_in_order(tmp_path):
-    with Supervisor(tmp_path / "logs", StopConfig(interrupt=20.0)) as supervisor:
+def test_processes_log_and_end_in_order(tmp_path: Path) -> None:
+    with Supervisor(tmp_path / "logs", StopTimes(interrupt=20.0)) as supervisor:
         supervisor.start("orderly", python(ORDERLY))
         (child,) = supervisor.children
         wait_for(child.log, "up")

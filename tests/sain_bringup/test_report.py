@@ -14,7 +14,7 @@ from sain_bags.rows.episodes import Episode
 from sain_bags.rows.results import PlanRecord, RecordedPush
 from sain_bringup import movie
 from sain_bringup.display import Display, EpisodeView
-from sain_bringup.movie import Film, Moment, MovieConfig, Scenery, choose_moments, encode_gif
+from sain_bringup.movie import Film, Moment, Scenery, choose_moments, encode_gif
 from sain_bringup.report import PlayedEpisode, draw_picture, summary_table, written_files
 from sain_core.goal import Goal, Judgement
 from sain_core.output import claim_folder, write_whole
@@ -96,12 +96,12 @@ def moments(count: int, step: float) -> list[Moment]:
     ]
 
 
-def test_moments_are_evenly_spaced_and_end_with_the_last():
-    chosen = choose_moments(moments(101, 0.1), MovieConfig(speed=4.0, rate=8.0))
+def test_moments_are_evenly_spaced_and_end_with_the_last() -> None:
+    chosen = choose_moments(moments(201, 0.05))
     times = [moment.time for moment in chosen]
     assert times[0] == 0.0
     assert times[-1] == pytest.approx(10.0)
-    np.testing.assert_allclose(np.diff(times), 0.5)
+    np.testing.assert_allclose(np.diff(times), 0.25)
 
 
 class FakeRenderer:
@@ -147,7 +147,7 @@ def filmed(
     used: list[float] = []
     monkeypatch.setattr(movie, "start_processes", in_this_process)
     monkeypatch.setattr(movie.Scenery, "renderer", lambda _: FakeRenderer(blind, used))
-    scenery = Scenery(scene(0.4), None, None, GOAL, 0.08, "paper 4", MovieConfig())
+    scenery = Scenery(scene(0.4), None, None, GOAL, 0.08, "paper 4")
     return Film(scenery, moments(5, 0.1), processes=2).frames(), used
 
 
@@ -160,14 +160,13 @@ def test_a_camera_that_hides_the_target_is_moved(monkeypatch):
 
 def test_the_gif_moves_and_ends_with_a_pause(monkeypatch):
     frames, _ = filmed(monkeypatch)
-    config = MovieConfig(rate=10.0, hold=1.0)
-    with Image.open(BytesIO(encode_gif(frames, config))) as shown:
+    with Image.open(BytesIO(encode_gif(frames))) as shown:
         assert shown.n_frames == 5
         assert shown.size == (128, 96)
-        assert shown.info["duration"] == 100
+        assert shown.info["duration"] == 80
         red = np.array(shown.convert("RGB")).reshape(-1, 3)
         shown.seek(4)
-        assert shown.info["duration"] == 1100
+        assert shown.info["duration"] == 2080
         last = np.array(shown.convert("RGB"))
     assert (np.abs(red.astype(int) - (200, 60, 30)).sum(axis=1) < 40).any()
     assert np.abs(last[50, 36].astype(int) - (200, 60, 30)).sum() < 40

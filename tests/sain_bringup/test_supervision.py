@@ -9,10 +9,10 @@ from collections.abc import Callable
 import pytest
 
 from sain_bringup.children import ProcessDiedError
-from sain_bringup.processes import StopConfig, Supervisor
+from sain_bringup.processes import StopTimes, Supervisor
 from sain_core.guarding import lifetime
 
-QUICK = StopConfig(interrupt=0.3, terminate=0.3, patience=0.5, kill=1.0)
+QUICK = StopTimes(interrupt=0.3, terminate=0.3, patience=0.5, kill=1.0)
 LIVELY = """
 import time
 from sain_core.guarding import lifetime

@@ -4,9 +4,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sain_core.feasibility import Feasibility, Reach, reachable
-from sain_core.push import PushLimits, mirror_pushes, tool_end, tool_start
+from sain_core.push import PushLimits, mirror_pushes
 from sain_core.scene import POSITION, RADIUS, make_scene, mirror_scenes
 from sain_core.types import Scene
+from tests.strokes import tool_end, tool_start
 
 LIMITS = PushLimits()
 seeds = st.integers(0, 2**32 - 1)

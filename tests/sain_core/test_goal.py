@@ -7,8 +7,9 @@ import pytest
 
 from sain_core.errors import InvalidInputError, OffTableError, OutOfRangeError, SainError
 from sain_core.goal import BodyPose, Goal
-from sain_core.scene import Table, make_scene, rotate_scenes
+from sain_core.scene import Table, make_scene
 from sain_core.shapes.bodies import Bodies
+from tests.strokes import rotate_scenes
 
 BODIES = Bodies.named(
     ("t", "box_2x1", "disk", "square"), ("pushable", "pushable", "pushable", "fixed")

@@ -15,11 +15,9 @@ from sain_core.push import (
     make_push,
     mirror_pushes,
     push_direction,
-    rotate_pushes,
-    tool_end,
-    tool_start,
 )
-from sain_core.scene import MID, POSITION, RADIUS, make_scene, mirror_scenes, rotate_scenes, unit
+from sain_core.scene import MID, POSITION, RADIUS, make_scene, mirror_scenes, unit
+from tests.strokes import rotate_pushes, rotate_scenes, tool_end, tool_start
 
 LIMITS = PushLimits()
 angles = st.floats(-pi, pi)

@@ -17,13 +17,13 @@ from sain_core.scene import (
     is_settled,
     make_scene,
     mirror_scenes,
-    rotate_scenes,
     surface_gaps,
     unit,
     wrap_angle,
 )
 from sain_core.shapes.bodies import check_bodies
 from sain_core.types import Scene
+from tests.strokes import rotate_scenes
 
 angles = st.floats(-50.0, 50.0)
 seeds = st.integers(0, 2**32 - 1)

@@ -29,7 +29,7 @@ if __name__ == "__main__":
 """
 
 
-def work_of(function: Callable[[Any], Any]) -> Work[Any, Any]:
+def work_of(function: Callable[[Any], Any]) -> Work:
     return Work(partial(FunctionRunner, function), Software(("sain_core",), ("numpy",)))
 
 

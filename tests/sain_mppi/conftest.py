@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 
 from sain_core.model import Model
-from sain_core.push import LENGTH, PushLimits, push_direction, tool_start
+from sain_core.push import LENGTH, PushLimits, push_direction
 from sain_core.scene import MID, POSITION, RADIUS, make_scene, unit
 from sain_core.types import Pushes, Scenes
+from tests.strokes import tool_start
 
 
 class PushedApart(Model):

@@ -12,12 +12,19 @@ from scipy.spatial import cKDTree
 
 from sain_core.feasibility import Feasibility
 from sain_core.goal import BodyPose, Goal
-from sain_core.push import make_push, tool_end, tool_start
+from sain_core.push import make_push
 from sain_core.scene import POSITION, THETA, make_scene
 from sain_core.shapes.bodies import Bodies
 from sain_core.view.image import TopPicture
 from sain_core.view.palette import PALETTE, rgba
-from sain_core.view.scenes import bodies_in, episode_things, plan_things, row_things, stage
+from sain_core.view.scenes import (
+    bodies_in,
+    episode_things,
+    plan_things,
+    predictions,
+    push_arrow,
+    stage,
+)
 from sain_core.view.things import (
     BodyPath,
     DrawnBody,
@@ -31,6 +38,7 @@ from sain_core.view.things import (
     hue,
 )
 from sain_core.world import PushRecord
+from tests.strokes import tool_end, tool_start
 
 BODIES = Bodies.named(("t", "disk", "star"), ("pushable", "movable", "fixed"))
 GOAL = Goal((BodyPose(0, 0.60, 0.30, 0.8, 0.03), BodyPose(1, 0.80, -0.30, None, 0.03)))
@@ -58,6 +66,15 @@ ROW = PushRecord(PUSH, START, AFTER, EXPECTED, PHYSICS)
 REGIONS = np.full((2, 3), 0.05)
 LATER = np.stack([AFTER, moved(AFTER, 1, (0.08, -0.1))])
 OTHERS = np.stack([LATER, LATER])[..., POSITION] + np.array([0.04, 0.1])[:, None, None, None]
+
+
+def row_things(row: PushRecord, bodies: Bodies, number: int = 0) -> list[Thing]:
+    """Return a push and what was predicted of it."""
+    return [
+        *predictions(row.before, row.after, row.physics, bodies, Look.PHYSICS),
+        *predictions(row.before, row.after, row.predicted, bodies, Look.EXPECTED),
+        *push_arrow(row.before, row.push, bodies, number),
+    ]
 
 
 def plan() -> list[Thing]:

@@ -11,7 +11,8 @@ from typing import Any, Final
 
 import tyro
 
-from sain_core.cli.command_line import Command, describe_options
+from sain_core.cli.arguments import describe_options
+from sain_core.cli.command_line import Command
 from sain_core.cli.node_command import NodeCommand
 
 PACKAGES: Final = (

@@ -3,7 +3,6 @@
 For its heartbeats see `sain_core.guarding.lifetime`.
 """
 
-import contextlib
 import os
 import signal
 import socket
@@ -13,11 +12,10 @@ import sys
 import time
 from collections.abc import Iterator
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from sain_core.config import Config, option
 from sain_core.errors import INTERRUPTED, OutputError, SainError
 from sain_core.guarding import lifetime
 
@@ -26,27 +24,25 @@ LONGEST: Final = 200  # bytes of a datagram that are read
 
 
 @dataclass(frozen=True)
-class HeartbeatConfig(Config):
-    """When a process counts as hung. `bond` has 4 s and 10 s: four heartbeats, as here."""
+class RestartLimits:
+    """When a process counts as hung, and when it is restarted no more. Times are in seconds."""
 
-    timeout: float = option(
-        1.0, "silence after which a process counts as hung", unit="s", minimum=0.1
-    )
-    connect_timeout: float = option(
-        30.0, "time for a restarted process to get ready", unit="s", minimum=1.0
-    )
+    timeout: float = 1.0  # silence after which it counts as hung: four heartbeats, as in `bond`
+    connect_timeout: float = 30.0  # for a restarted process to get ready
+    crashes: int = 3  # within the window, that end the graph
+    window: float = 60.0
 
 
 class Heartbeats:
     """The heartbeats of one process, which gets `environment`."""
 
-    def __init__(self, config: HeartbeatConfig) -> None:
+    def __init__(self, limits: RestartLimits) -> None:
         """Listen at an address of our own."""
-        self._config = config
+        self._limits = limits
         self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
         self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_PASSCRED, 1)
         self._socket.setblocking(False)
-        self._socket.bind("")  # the kernel finds an abstract address that nobody has
+        self._socket.bind("")  # the kernel chooses an abstract address that is free
         self._last = time.monotonic()
         self._suspected: dict[str, int] | None = None
         self.ready = False
@@ -56,7 +52,7 @@ class Heartbeats:
     def environment(self) -> dict[str, str]:
         """What makes a process send heartbeats here."""
         address = self._socket.getsockname().decode("ascii").replace("\0", "@")
-        return {lifetime.SOCKET: address, lifetime.TIMEOUT: str(round(1e6 * self._config.timeout))}
+        return {lifetime.SOCKET: address, lifetime.TIMEOUT: str(round(1e6 * self._limits.timeout))}
 
     def heard_at(self, process_id: int) -> float:
         """Return when the last heartbeat came [s], or when the process was started.
@@ -82,13 +78,14 @@ class Heartbeats:
 
         A process that waits for a processor or a disk is late, and not hung.
         """
-        silence, timeout = time.monotonic() - self._last, self._config.timeout
+        silence, timeout = time.monotonic() - self._last, self._limits.timeout
         if not self.ready or self.closing:
             silence -= self._waited(process_id)
-            limit = self._config.connect_timeout
-            if self.closing:
-                return f"was silent for {limit:g} s while {self.closing}" if silence > limit else ""
-            return f"was not ready within {limit:g} s" if silence > limit else ""
+            limit = self._limits.connect_timeout
+            if silence <= limit:
+                return ""
+            closing = f"was silent for {limit:g} s while {self.closing}"
+            return closing if self.closing else f"was not ready within {limit:g} s"
         if silence < timeout / 2:
             return ""
         if self._suspected is None:
@@ -110,9 +107,8 @@ class Heartbeats:
     def _datagrams(self) -> Iterator[tuple[bytes, int]]:
         while True:
             try:
-                word, about, _, _ = self._socket.recvmsg(
-                    LONGEST, socket.CMSG_SPACE(CREDENTIALS.size)
-                )
+                space = socket.CMSG_SPACE(CREDENTIALS.size)
+                word, about, _, _ = self._socket.recvmsg(LONGEST, space)
             except BlockingIOError:
                 return
             for level, kind, data in about:
@@ -144,12 +140,7 @@ ASKED_TO_END: Final = (0, INTERRUPTED, -signal.SIGINT)  # codes of a process tha
 
 
 class ProcessDiedError(SainError):
-    """A process of the graph ended though nobody asked it to.
-
-    Attributes:
-        reason: in one line.
-        exit_code: of the process, as a shell has it.
-    """
+    """A process of the graph ended on its own; `reason` is one line, `exit_code` as in a shell."""
 
     def __init__(self, text: str, reason: str = "", exit_code: int = 1) -> None:
         """Say why, and what the process said last."""
@@ -157,148 +148,105 @@ class ProcessDiedError(SainError):
         self.reason, self.exit_code = reason or text, exit_code
 
 
-@dataclass(frozen=True)
-class Fault:
-    """Why a process was restarted, and when [s]."""
-
-    why: str
-    at: float
-
-
-@dataclass(frozen=True)
 class Child:
     """A process that runs, or ran.
 
     Attributes:
-        name: what it is called in messages.
-        command: what was run.
-        log: where it writes.
-        environment: variables that it has more than this process.
         patient: it has a file to close, and is not hurried before the others are gone.
-        again: what restarts it; nothing: its end is the graph's.
-        config: of its heartbeats.
-        fault: why it was restarted, until it is ready.
+        fault: why it was restarted, until it is ready; empty: it was not.
+        failed_at: when it had to be restarted [s].
     """
 
-    name: str
-    command: tuple[str, ...]
-    log: Path
-    environment: dict[str, str]
-    patient: bool
-    again: tuple[str, ...]
-    config: HeartbeatConfig
-    process: "subprocess.Popen[bytes]"
-    heartbeats: Heartbeats
-    fault: Fault | None = None
-
-    @classmethod
-    def start(
-        cls,
+    def __init__(
+        self,
         name: str,
         command: tuple[str, ...],
         log: Path,
         environment: dict[str, str],
         patient: bool,
         again: tuple[str, ...],
-        config: HeartbeatConfig,
-    ) -> "Child":
-        """Start a process with an empty log.
+        limits: RestartLimits,
+    ) -> None:
+        """Start a process with an empty log; `again` restarts it, nothing: its end is the graph's.
 
         Raises:
             OutputError: its log cannot be written.
         """
+        self.name, self.log, self.patient = name, log, patient
+        self._environment, self._again, self._limits = environment, again, limits
+        self.fault, self.failed_at = "", 0.0
         try:
             log.parent.mkdir(parents=True, exist_ok=True)
             log.write_bytes(b"")
-            running = run(command, log, environment, config)
+            self._run(command)
         except OSError as error:
             raise OutputError(f"cannot start {name} with its log {log}: {error}") from error
-        return cls(name, command, log, environment, patient, again, config, *running)
 
-    def restarted(self, why: str) -> "Child":
-        """Return this one anew; what is left of it is killed.
+    def _run(self, command: tuple[str, ...]) -> None:
+        """Run a command that leads a session of its own and appends to the log."""
+        self.heartbeats = Heartbeats(self._limits)
+        more = {"PYTHONUNBUFFERED": "1", **self.heartbeats.environment, **self._environment}
+        with self.log.open("ab") as stream:
+            self.process = subprocess.Popen(
+                [sys.executable, "-IS", str(CHILD), str(os.getpid()), *command],
+                stdin=subprocess.DEVNULL,
+                stdout=stream,
+                stderr=subprocess.STDOUT,
+                env={**os.environ, **more},
+                start_new_session=True,
+            )
 
-        Raises:
-            OutputError: its log cannot be written.
-        """
+    def restart(self, why: str) -> None:
+        """Run it anew; what is left of it is killed. Raises `OutputError` as its start."""
         self.send(signal.SIGKILL)
         self.process.wait()
         self.heartbeats.close()
+        self.failed_at = self.failed_at if self.fault else time.monotonic()
+        self.fault = why
         try:
-            process, heartbeats = run(self.again, self.log, self.environment, self.config)
+            self._run(self._again)
         except OSError as error:
             raise OutputError(f"cannot restart {self.name}: {error}") from error
-        since = time.monotonic() if self.fault is None else self.fault.at
-        return replace(self, process=process, heartbeats=heartbeats, fault=Fault(why, since))
-
-    @property
-    def was_ready(self) -> bool:
-        """Whether it, or one that it replaces, has ever been ready."""
-        return self.heartbeats.ready or self.fault is not None
 
     @property
     def has_crashed(self) -> bool:
-        """Whether it did not just end as if asked to, and may be restarted."""
-        return bool(self.again) and self.was_ready and self.process.poll() not in ASKED_TO_END
+        """Whether it was ready and did not end as if asked to: it may be restarted."""
+        return bool(self._again) and self._was_ready and self.process.poll() not in ASKED_TO_END
+
+    @property
+    def _was_ready(self) -> bool:
+        return self.heartbeats.ready or bool(self.fault)
 
     def trouble(self) -> str:
         """Return in words what is wrong with it; empty: nothing."""
-        if self.process.poll() is not None:
-            return self.describe_end()
+        code = self.process.poll()
+        if code is not None:
+            killed = f"was killed by {signal.Signals(-code).name}" if code < 0 else ""
+            return killed or f"ended with exit code {code}"
         self.heartbeats.hear(self.process.pid)
         # The first start has the time that it takes: whoever waits for it has his own limit.
-        return self.heartbeats.fault(self.process.pid) if self.was_ready else ""
+        return self.heartbeats.fault(self.process.pid) if self._was_ready else ""
 
     def closing(self) -> str:
         """Return in words what it does before it ends; empty: nothing, or it hangs."""
         self.heartbeats.hear(self.process.pid)
-        hangs = self.heartbeats.fault(self.process.pid)
-        return "" if hangs else self.heartbeats.closing
-
-    def describe_end(self) -> str:
-        """Return in words how it ended."""
-        code = self.process.returncode
-        if code is not None and code < 0:
-            return f"was killed by {signal.Signals(-code).name}"
-        return f"ended with exit code {code}"
+        return "" if self.heartbeats.fault(self.process.pid) else self.heartbeats.closing
 
     def death(self, trouble: str) -> ProcessDiedError:
         """Return the error that says how it ended and what it said last."""
         code = self.process.returncode or 0
-        exit_code = code if code >= 0 else 128 - code
         reason = f"{self.name} {trouble}"
-        return ProcessDiedError(reason + self.last_words(), reason, exit_code)
+        return ProcessDiedError(
+            reason + self.last_words(), reason, code if code >= 0 else 128 - code
+        )
 
     def last_words(self) -> str:
-        """Return what to add to an error of this process: what it said last."""
-        said = self.last_lines()
-        return f"; the end of its log:\n{said}" if said else " and said nothing"
-
-    def last_lines(self, count: int = LAST_LINES) -> str:
-        """Return the end of its log."""
+        """Return what to add to an error of this process: the end of its log."""
         text = self.log.read_text(encoding="utf-8", errors="replace")
-        lines = [line for line in text.splitlines() if line.strip()]
-        return "\n".join(lines[-count:])
+        lines = [line for line in text.splitlines() if line.strip()][-LAST_LINES:]
+        return "; the end of its log:\n" + "\n".join(lines) if lines else " and said nothing"
 
     def send(self, number: int) -> None:
         """Send a signal to it and all that it started."""
-        with contextlib.suppress(ProcessLookupError):
+        with suppress(ProcessLookupError):
             os.killpg(self.process.pid, number)
-
-
-def run(
-    command: tuple[str, ...], log: Path, environment: dict[str, str], config: HeartbeatConfig
-) -> tuple["subprocess.Popen[bytes]", Heartbeats]:
-    """Run a command that leads a session of its own and appends to a log; raises `OSError`."""
-    heartbeats = Heartbeats(config)
-    more = {"PYTHONUNBUFFERED": "1", **heartbeats.environment, **environment}
-    with log.open("ab") as stream:
-        process = subprocess.Popen(
-            [sys.executable, "-IS", str(CHILD), str(os.getpid()), *command],
-            stdin=subprocess.DEVNULL,
-            stdout=stream,
-            stderr=subprocess.STDOUT,
-            env={**os.environ, **more},
-            start_new_session=True,
-        )
-    return process, heartbeats

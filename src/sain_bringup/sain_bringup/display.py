@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Iterator
-from contextlib import AbstractContextManager, contextmanager, nullcontext
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import Final
 
@@ -37,10 +37,7 @@ class Display:
     @contextmanager
     def episode(self, number: int, total: int, name: str) -> Iterator["EpisodeView"]:
         """Show an episode while it is played; a line with its outcome stays."""
-        moving: AbstractContextManager[object] = (
-            self._waiting if self.console.is_terminal else nullcontext()
-        )
-        with moving:
+        with self._waiting if self.console.is_terminal else nullcontext():
             view = EpisodeView(self, f"{number}/{total}  {name}")
             view.show()
             yield view
@@ -48,12 +45,8 @@ class Display:
         self._line(style, mark, f"{view.name:<18}", view.summary())
 
     def headline(self, what: str, where: Path) -> None:
-        """Say what is about to be done, and where its results go."""
-        self.console.print(
-            Text.assemble(("SAIN", "bold"), f"  {what}  ", (f"{where}/", "dim")),
-            highlight=False,
-            soft_wrap=True,
-        )
+        """Print what is about to be done, and where its results go."""
+        self._print(Text.assemble(("SAIN", "bold"), f"  {what}  ", (f"{where}/", "dim")))
 
     def status(self, text: str) -> None:
         """Change the moving line."""
@@ -66,11 +59,11 @@ class Display:
     def _line(self, style: str, mark: str, text: str, more: str) -> None:
         if not self.console.is_terminal and self.console.encoding.lower() != "utf-8":
             mark = {"✓": "ok", "✗": "no"}.get(mark, mark)
-        self.console.print(
-            Text.assemble("  ", (mark, style), " ", text, (f"  {more}" if more else "", "dim")),
-            highlight=False,
-            soft_wrap=True,
-        )
+        more = f"  {more}" if more else ""
+        self._print(Text.assemble("  ", (mark, style), " ", text, (more, "dim")))
+
+    def _print(self, text: Text) -> None:
+        self.console.print(text, highlight=False, soft_wrap=True)
 
 
 class EpisodeView:

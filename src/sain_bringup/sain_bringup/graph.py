@@ -5,9 +5,8 @@ import shutil
 import sys
 import tempfile
 import time
-from collections.abc import Mapping, Sequence
-from contextlib import suppress
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, Final
@@ -19,7 +18,8 @@ from sain_bringup.children import ProcessDiedError
 from sain_bringup.conditions import show_line
 from sain_bringup.interrupts import Interrupts, Stopped
 from sain_bringup.processes import UNHURRIED, Supervisor
-from sain_core.cli.command_line import command_of_node, executable, split_ros_arguments
+from sain_core.cli.arguments import split_ros_arguments
+from sain_core.cli.command_line import command_of_node, executable
 from sain_core.config import MOST_SEED, Config, option
 from sain_core.errors import ConfigError
 from sain_core.guarding import lifetime
@@ -136,40 +136,10 @@ class GraphOptions(GraphConfig):
         super().__post_init__()
         self._check_robot()
 
-    @property
-    def observed(self) -> ObservationConfig:
-        """What planner and model have to be told of observations."""
-        camera = replace(self.camera, noise=self.pose_noise)
-        bodies = None if self.bodies is None else read_bodies(self.bodies)
-        if bodies is None or bodies.weighed or MASSES in camera.unknown_names:
-            return camera
-        return replace(camera, unknown=",".join((*camera.unknown_names, MASSES)))
-
-    @property
-    def pose_noise(self) -> str:
-        """Standard deviation of the poses that scenes are made of: METRES,RADIANS."""
-        return SEEN_NOISE[self.see] if self.see else self.camera.noise
-
-    @property
-    def arm(self) -> str:
-        """YAML file or name of the robot arm that a camera may see; empty: it is not known."""
-        return ""
-
-    @property
-    def simulator(self) -> dict[str, str]:
-        """Parameters of the simulator that differ from their defaults."""
-        given = {"engine": self.engine, "bottom": self.bottom}
-        defaults = {"engine": DEFAULT_ENGINE, "bottom": FEET}
-        return {name: value for name, value in given.items() if value != defaults[name]}
-
-    @property
-    def planner(self) -> dict[str, str]:
-        """Parameters of the planner that differ from their defaults."""
-        return {}
-
-    def more_commands(self, ros: Sequence[str]) -> dict[str, list[str]]:
-        """Return commands of more processes, by name; `ros` are arguments for every node."""
-        return {}
+    def graph(self) -> "Graph":
+        """Return the graph that these options ask for."""
+        bag = recording_folder(self.record, self.bag)
+        return Graph(self, self.see, self.robot, self.bodies, bag=bag)
 
     def _check_robot(self) -> None:
         """Check that robot and bodies belong together, and that no option is the simulator's."""
@@ -197,8 +167,61 @@ class GraphOptions(GraphConfig):
             read_bodies(self.bodies)
 
 
+def recording_folder(record: bool, folder: Path | None) -> Path | None:
+    """Return the folder to record to: the given one, or one by the time; None: nothing is."""
+    return (folder or RECORDINGS / time.strftime("%Y%m%d-%H%M%S")) if record else None
+
+
+@dataclass(frozen=True)
+class Graph:
+    """A graph that a command starts: its processes, and how they differ from their defaults.
+
+    Attributes:
+        options: that all graphs have.
+        see: by what bodies are seen in images; empty: they are not.
+        robot: command of its driver, or `ELSEWHERE`; empty: the simulator.
+        bodies: file of the robot's bodies, whose poses become scenes.
+        arm: file or name of the arm that a camera may see; empty: it is not known.
+        bag: folder to record to; None: nothing is recorded.
+        about: what the bag should say about itself.
+        simulator: parameters of the simulator.
+        planner: parameters of the planner.
+        more: returns commands of more processes, by name, with these arguments for ROS.
+    """
+
+    options: GraphConfig
+    see: str = ""
+    robot: str = ""
+    bodies: Path | None = None
+    arm: str = ""
+    bag: Path | None = None
+    about: Mapping[str, str] = field(default_factory=dict)
+    simulator: Mapping[str, str] = field(default_factory=dict)
+    planner: Mapping[str, str] = field(default_factory=dict)
+    more: Callable[[Sequence[str]], dict[str, list[str]]] = lambda ros: {}
+
+    @property
+    def pose_noise(self) -> str:
+        """Standard deviation of the poses that scenes are made of: METRES,RADIANS."""
+        return SEEN_NOISE[self.see] if self.see else self.options.camera.noise
+
+    @property
+    def observed(self) -> dict[str, Any]:
+        """What planner and model are given of observations that are not exact."""
+        camera = replace(self.options.camera, noise=self.pose_noise)
+        weighed = self.bodies is None or read_bodies(self.bodies).weighed
+        if not weighed and MASSES not in camera.unknown_names:
+            camera = replace(camera, unknown=",".join((*camera.unknown_names, MASSES)))
+        return changed_settings(camera)
+
+
 def run(options: GraphOptions, console: Console) -> int:
-    """Run the graph until it is interrupted, or a process ends; return that one's exit code.
+    """Run the graph of some options; see `run_graph`."""
+    return run_graph(options.graph(), console)
+
+
+def run_graph(graph: Graph, console: Console) -> int:
+    """Run a graph until it is interrupted, or a process ends; return that one's exit code.
 
     Raises:
         BusyError: another graph runs already.
@@ -210,17 +233,16 @@ def run(options: GraphOptions, console: Console) -> int:
 
     interrupts, code = Interrupts(), 0
     try:
-        check_free(options)
+        check_free(graph)
         compile_visibly(console)
     except Stopped:
         return 0
     with (
-        suppress(Stopped),  # which `deferred` raises at the end
         interrupts.deferred(),
         tempfile.TemporaryDirectory(prefix="sain-graph-") as folder,
         Supervisor(Path(folder), UNHURRIED, tell=tell) as supervisor,
     ):
-        logs = start(supervisor, options, Path(folder))
+        logs = start(supervisor, graph, Path(folder))
         try:
             watch(supervisor, logs, interrupts, console)
         except ProcessDiedError as error:
@@ -234,9 +256,9 @@ def run(options: GraphOptions, console: Console) -> int:
     return code
 
 
-def check_free(options: GraphOptions) -> None:
+def check_free(graph: Graph) -> None:
     """Raise `BusyError` where another simulator has the namespace; a robot locks it itself."""
-    if options.robot:
+    if graph.robot:
         return
     from sain_core.guarding.ros.ownership import lock_namespace
     from sain_core.ros.node_main import command_node
@@ -270,14 +292,11 @@ def watch(supervisor: Supervisor, logs: "Logs", interrupts: Interrupts, console:
             listen(POLL)
 
 
-def start(supervisor: Supervisor, options: GraphOptions, folder: Path) -> "Logs":
+def start(supervisor: Supervisor, graph: Graph, folder: Path) -> "Logs":
     """Start the processes of the graph; return their logs."""
-    bag = options.bag or RECORDINGS / time.strftime("%Y%m%d-%H%M%S")
-    options = replace(options, bag=bag if options.record else None)
-    commands = graph_commands(options, ros_arguments(sys.argv[1:]), folder)
-    for name, command in commands.items():
-        again = restart_command(name, command)
+    for name, command in graph_commands(graph, ros_arguments(sys.argv[1:]), folder).items():
         variables = UNWATCHED if name == ROBOT else {}
+        again = restart_command(name, command)
         supervisor.start(name, command, variables, patient=name in PATIENT, again=again)
     return Logs([child.log for child in supervisor.children])
 
@@ -301,119 +320,78 @@ class Logs:
         sys.stdout.flush()
 
 
-def graph_commands(
-    options: GraphOptions,
-    ros: Sequence[str],
-    states: Path,
-    custom_data: Mapping[str, str] | None = None,
-    full_motion: bool = False,
-) -> dict[str, list[str]]:
+def graph_commands(graph: Graph, ros: Sequence[str], states: Path) -> dict[str, list[str]]:
     """Return the command of each process, by its name; the one that starts slowest comes first.
 
     Args:
-        options: of the graph; without a bag nothing is recorded.
+        graph: the graph.
         ros: arguments for ROS of every node, as `ros_arguments` returns them.
         states: folder for what nodes go on from after a crash.
-        custom_data: what the bag should say about itself.
-        full_motion: let the arm move all the way, for whom watches the recording, and not set
-            it down.
 
     Raises:
         ConfigError: a package of the graph is not installed.
     """
-    nodes = _Nodes(options, tuple(ros), states.absolute())
-    commands = {MODEL: nodes.model()}
+    options, clock = graph.options, {} if graph.robot else {"use_sim_time": "true"}
+    files = () if options.params_file is None else ("--params-file", str(options.params_file))
+    node = partial(_node, [*ros, *files], states.absolute())
+    model = {"model": options.model, **clock}
+    if options.belief:
+        model["belief"] = str(Path(options.belief).absolute())
+    if unknown := graph.observed.get("unknown"):
+        model["unknown"] = unknown
+    commands = {MODEL: node("sain_model", "model_node", model)}
     if options.learn:
-        commands[LEARNER] = nodes.learner()
-    commands |= options.more_commands(ros)
-    if options.bag is not None:
-        commands[RECORDER] = nodes.recorder(options.bag, custom_data or {})
-    if not options.robot:
-        commands[SIMULATOR] = nodes.simulator(full_motion)
-    elif options.robot != ELSEWHERE:
-        commands[ROBOT] = [*shlex.split(options.robot), "--ros-args", *ros]
-    commands |= nodes.seeing()
-    commands[PLANNER] = nodes.planner()
+        commands[LEARNER] = node("sain_lab", "learner_node", learner_of(graph))
+    commands |= graph.more(ros)
+    if graph.bag is not None:
+        commands[RECORDER] = _recorder(graph.bag, graph.about, ros)
+    if not graph.robot:
+        commands[SIMULATOR] = node("sain_sim", "sim_node", _simulator(graph))
+    elif graph.robot != ELSEWHERE:
+        commands[ROBOT] = [*shlex.split(graph.robot), "--ros-args", *ros]
+    if graph.bodies is not None or graph.see:
+        bodies = write_seen_bodies(options, states) if graph.bodies is None else graph.bodies
+        given = {"bodies": str(bodies.absolute()), **clock}
+        if graph.see:
+            arm = {"robot": graph.arm} if graph.arm and graph.see == OUTLINES else {}
+            commands[graph.see] = node("sain_vision", SEEING[graph.see], given | arm)
+        given["noise"] = graph.pose_noise
+        commands[SCENES] = node("sain_vision", "scene_node", given)
+    planner = {**graph.planner, **_named("estimator", graph.observed), **clock}
+    planner |= {"dynamics": "service", "seed": str(options.seed)}
+    commands[PLANNER] = node("sain_mppi", "mppi_node", planner)
     return commands
 
 
-@dataclass(frozen=True)
-class _Nodes:
-    """The nodes of a graph: each method returns the command of one.
+def _node(
+    ros: Sequence[str], states: Path, package: str, name: str, parameters: dict[str, str]
+) -> list[str]:
+    """Return the command of a node, which keeps its state in a folder if it remembers anything."""
+    kept = {} if name in SEEING.values() else {"state_file": str(states / f"{name}.json")}
+    return command_of_node(package, name, ros, **parameters, **kept)
 
-    Attributes:
-        options: of the graph.
-        ros: arguments for ROS of every node.
-        states: folder for what nodes go on from after a crash.
-    """
 
-    options: GraphOptions
-    ros: tuple[str, ...]
-    states: Path
+def _recorder(bag: Path, about: Mapping[str, str], ros: Sequence[str]) -> list[str]:
+    data = ["--custom-data", *(f"{key}={value}" for key, value in about.items())] if about else []
+    command = [str(executable("sain_bags", "record")), "--out", str(bag), *data]
+    return [*command, "--bag.flush-period", FLUSH_PERIOD, "--ros-args", *ros]
 
-    @property
-    def _time(self) -> dict[str, str]:
-        """The simulator's time is in all headers; with a robot it is the wall clock's."""
-        return {} if self.options.robot else {"use_sim_time": "true"}
 
-    def _node(self, package: str, name: str, **parameters: str) -> list[str]:
-        file = self.options.params_file
-        files = [] if file is None else ["--params-file", str(file)]
-        if name not in SEEING.values():  # which remember nothing
-            parameters["state_file"] = str(self.states / f"{name}.json")
-        return command_of_node(package, name, [*self.ros, *files], **parameters)
-
-    def model(self) -> list[str]:
-        options, given = self.options, {}
-        if options.belief:
-            given["belief"] = str(Path(options.belief).absolute())
-        if unknown := changed_settings(options.observed).get("unknown"):
-            given["unknown"] = unknown
-        return self._node("sain_model", "model_node", **given, model=options.model, **self._time)
-
-    def learner(self) -> list[str]:
-        noise = {"noise": self.options.camera.noise} if self.options.robot else {}
-        return self._node("sain_lab", "learner_node", **learner_of(self.options), **noise)
-
-    def recorder(self, bag: Path, custom_data: Mapping[str, str]) -> list[str]:
-        about = [f"{key}={value}" for key, value in custom_data.items()]
-        data = ["--custom-data", *about] if about else []
-        command = [str(executable("sain_bags", "record")), "--out", str(bag), *data]
-        return [*command, "--bag.flush-period", FLUSH_PERIOD, "--ros-args", *self.ros]
-
-    def simulator(self, full_motion: bool) -> list[str]:
-        options, given = self.options, self.options.simulator
-        if full_motion:
-            given["bullet.full_motion"] = "true"
-        if options.see:
-            given |= {"scenes": "false", "bullet.wait_aside": "true"}
-            given |= DEPTH_IMAGES if options.see == OUTLINES else {}
-        else:
-            given |= _named("camera", changed_settings(options.observed))
-        if options.gui:
-            given |= {"gui": "true", "real_time_factor": "1.0"}
-        return self._node("sain_sim", "sim_node", seed=str(options.seed), **given)
-
-    def planner(self) -> list[str]:
-        options = self.options
-        given = options.planner | _named("estimator", changed_settings(options.observed))
-        given |= {"dynamics": "service", "seed": str(options.seed)}
-        return self._node("sain_mppi", "mppi_node", **given, **self._time)
-
-    def seeing(self) -> dict[str, list[str]]:
-        """Return the commands of the node that sees bodies, and of the one that makes scenes."""
-        options, bodies = self.options, self.options.bodies
-        if bodies is None and not options.see:
-            return {}
-        bodies = write_seen_bodies(options, self.states) if bodies is None else bodies
-        given = {"bodies": str(bodies.absolute()), **self._time}
-        commands = {}
-        if options.see:
-            arm = {"robot": options.arm} if options.arm and options.see == OUTLINES else {}
-            commands[options.see] = self._node("sain_vision", SEEING[options.see], **given, **arm)
-        noise = options.pose_noise
-        commands[SCENES] = self._node("sain_vision", "scene_node", **given, noise=noise)
-        return commands
+def _simulator(graph: Graph) -> dict[str, str]:
+    """Return the parameters of the simulator that differ from their defaults."""
+    options, given = graph.options, dict(graph.simulator)
+    if options.engine != DEFAULT_ENGINE:
+        given["engine"] = options.engine
+    if options.bottom != FEET:
+        given["bottom"] = options.bottom
+    if graph.see:
+        given |= {"scenes": "false", "bullet.wait_aside": "true"}
+        given |= DEPTH_IMAGES if graph.see == OUTLINES else {}
+    else:
+        given |= _named("camera", graph.observed)
+    if options.gui:
+        given |= {"gui": "true", "real_time_factor": "1.0"}
+    return {"seed": str(options.seed), **given}
 
 
 def _named(group: str, settings: Mapping[str, Any]) -> dict[str, str]:
@@ -421,12 +399,13 @@ def _named(group: str, settings: Mapping[str, Any]) -> dict[str, str]:
     return {f"{group}.{name}": str(value) for name, value in settings.items()}
 
 
-def learner_of(options: GraphConfig) -> dict[str, str]:
+def learner_of(graph: Graph) -> dict[str, str]:
     """Return parameters of the learner, which runs in another folder."""
-    return {"laboratory": str(laboratory_path(options.learn).absolute())}
+    noise = {"noise": graph.options.camera.noise} if graph.robot else {}
+    return {"laboratory": str(laboratory_path(graph.options.learn).absolute()), **noise}
 
 
-def write_seen_bodies(options: GraphOptions, folder: Path) -> Path:
+def write_seen_bodies(options: GraphConfig, folder: Path) -> Path:
     """Write the file of the bodies that the simulator begins with; return its path."""
     truth = TruthConfig(engine=options.engine, bottom=options.bottom)
     parameters, scene = draw_episode(options.seed, truth, None, (), 0.0)

@@ -44,13 +44,12 @@ class Interrupts:
 
     @contextmanager
     def deferred(self) -> Iterator[None]:
-        """Leave it to `check` to raise what comes meanwhile."""
+        """Leave it to `check` to raise what comes within this."""
         self._deferred = True
         try:
             yield
         finally:
             self._deferred = False
-        self.check()
 
     def _on_signal(self, number: int, frame: FrameType | None) -> None:
         self._number = number

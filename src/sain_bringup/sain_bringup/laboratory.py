@@ -1,7 +1,8 @@
 """``ros2 run sain_bringup laboratory``: the graph of a robot, with an arm in a test laboratory."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Final
 
@@ -17,10 +18,11 @@ from sain_bringup.graph import (
     ROBOT,
     SEEN_NOISE,
     TAGS,
+    Graph,
     GraphConfig,
-    GraphOptions,
+    recording_folder,
+    run_graph,
 )
-from sain_bringup.graph import run as run_graph
 from sain_core.camera.image_camera import ImageCameraConfig
 from sain_core.cli.command_line import command_of_node, executable
 from sain_core.config import option
@@ -75,46 +77,6 @@ class LaboratoryOptions(GraphConfig):
         return self.bodies or (own if own.exists() else SHIPPED / "bodies" / "t.yaml")
 
 
-@dataclass(frozen=True)
-class _Graph(GraphOptions):
-    """The graph of a robot that is started here, too."""
-
-    laboratory: LaboratoryOptions = LaboratoryOptions()
-    place: tuple[float, ...] = ()  # x, y, heading of each body; none: in a row
-
-    @property
-    def planner(self) -> dict[str, str]:
-        """Parameters of the planner: the tool of the robot."""
-        radius = read_robot(self.laboratory.robot).tool_radius
-        differs = radius != PushLimits().tool_radius
-        return {"feasibility.limits.tool_radius": str(radius)} if differs else {}
-
-    @property
-    def arm(self) -> str:
-        """The robot."""
-        return self.laboratory.robot
-
-    def more_commands(self, ros: Sequence[str]) -> dict[str, list[str]]:
-        """Return the commands of the laboratory, of the arm's driver and of who enables it."""
-        own = self.laboratory
-        bodies = str(own.bodies_file.absolute())
-        given = {"robot": own.robot, "bodies": bodies, "pace": own.pace}
-        given |= {"place": list(self.place)} if self.place else {}
-        given |= {"poses": "false"} if self.see else {}
-        given |= DEPTH_IMAGES if self.see == OUTLINES else {}
-        server = command_of_node("sain_arm", "trajectory_server", ros, **given)
-        # A camera that is computed on the same cores is late; a real one keeps to the default.
-        late = {"scene_timeout": SEEN_TIMEOUT} if self.see else {}
-        arm = command_of_node("sain_arm", "arm_node", ros, robot=own.robot, **late)
-        commands = {SERVER: server, ROBOT: arm}
-        if own.page:
-            commands[PAGE] = command_of_node("sain_live", "page_node", ros, port=own.port)
-        if own.enable:
-            enable = [str(executable("sain_arm", "enable")), "--robot", own.robot]
-            commands[ENABLE] = [*enable, "--ros-args", *ros]
-        return commands
-
-
 def run(options: LaboratoryOptions, console: Console) -> int:
     """Run it until it is interrupted, or a process ends; return the exit code.
 
@@ -125,7 +87,7 @@ def run(options: LaboratoryOptions, console: Console) -> int:
     place = fitting_start(options)
     if options.see == TAGS and options.params_file is None:
         check_tags(read_bodies(options.bodies_file), place)
-    return run_graph(graph_options(options, place), console)
+    return run_graph(laboratory_graph(options, place), console)
 
 
 def fitting_start(options: LaboratoryOptions) -> tuple[float, ...]:
@@ -171,17 +133,40 @@ def check_tags(bodies: BodyFile, place: tuple[float, ...]) -> None:
                 )
 
 
-def graph_options(options: LaboratoryOptions, place: tuple[float, ...] = ()) -> GraphOptions:
-    """Return the graph of a robot, with the processes of its laboratory."""
-    names = [item.name for item in fields(GraphConfig) if item.name != "see"]
-    common = {name: getattr(options, name) for name in names}
-    return _Graph(
-        **common,
-        see="" if options.see == POSES else options.see,
-        robot=ELSEWHERE,
-        bodies=options.bodies_file,
-        record=options.record,
-        bag=options.bag,
-        laboratory=options,
-        place=place,
+def laboratory_graph(options: LaboratoryOptions, place: tuple[float, ...] = ()) -> Graph:
+    """Return the graph of a robot, with bodies at places, or in a row, in its laboratory."""
+    radius = read_robot(options.robot).tool_radius
+    differs = radius != PushLimits().tool_radius
+    see = "" if options.see == POSES else options.see
+    return Graph(
+        options,
+        see,
+        ELSEWHERE,
+        options.bodies_file,
+        arm=options.robot,
+        bag=recording_folder(options.record, options.bag),
+        planner={"feasibility.limits.tool_radius": str(radius)} if differs else {},
+        more=partial(_laboratory_commands, options, see, place),
     )
+
+
+def _laboratory_commands(
+    options: LaboratoryOptions, see: str, place: tuple[float, ...], ros: Sequence[str]
+) -> dict[str, list[str]]:
+    """Return the commands of the laboratory, of the arm's driver and of who enables it."""
+    bodies = str(options.bodies_file.absolute())
+    given = {"robot": options.robot, "bodies": bodies, "pace": options.pace}
+    given |= {"place": list(place)} if place else {}
+    given |= {"poses": "false"} if see else {}
+    given |= DEPTH_IMAGES if see == OUTLINES else {}
+    server = command_of_node("sain_arm", "trajectory_server", ros, **given)
+    # A camera that is computed on the same cores is late; a real one keeps to the default.
+    late = {"scene_timeout": SEEN_TIMEOUT} if see else {}
+    arm = command_of_node("sain_arm", "arm_node", ros, robot=options.robot, **late)
+    commands = {SERVER: server, ROBOT: arm}
+    if options.page:
+        commands[PAGE] = command_of_node("sain_live", "page_node", ros, port=options.port)
+    if options.enable:
+        enable = [str(executable("sain_arm", "enable")), "--robot", options.robot]
+        commands[ENABLE] = [*enable, "--ros-args", *ros]
+    return commands

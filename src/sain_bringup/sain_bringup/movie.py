@@ -8,6 +8,7 @@ import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
+from io import BytesIO
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
@@ -20,10 +21,8 @@ from sain_bags.reading.reader import Bag
 from sain_bags.rows.episodes import Episode
 from sain_bags.rows.topics import SCENE
 from sain_bringup.graph import NAMESPACE_KEY
-from sain_core.config import Config, option
 from sain_core.goal import Judgement
 from sain_core.types import Points, Scene
-from sain_core.view.film import gif_of
 from sain_core.view.palette import PALETTE
 from sain_core.wire import decode_disks, decode_stamp
 from sain_core.workers import FunctionRunner, Software, Work, start_processes
@@ -34,22 +33,16 @@ if TYPE_CHECKING:
 JOINTS: Final = "sensor_msgs/msg/JointState"
 MARGIN: Final = 16  # [px]
 MOST_PROCESSES: Final = 8
+SPEED: Final = 3.0  # simulated time by shown time
+RATE: Final = 12.0  # [Hz], of pictures
+HOLD: Final = 2.0  # [s] that the last picture stands
+WIDTH, HEIGHT = 480, 360  # [px], of a picture
+LONGEST: Final = 60  # pictures at most; a longer episode is shown faster
+SAMPLES: Final = 8  # pictures that the common palette is made from
+SWATCH: Final = 40  # [px], rows that a rare colour gets in the sheet for the palette
 VIEWS: Final = 3  # cameras that are tried until one shows target and goal in every picture
 
 Picture = UInt8[ndarray, "height width 3"]
-
-
-@dataclass(frozen=True)
-class MovieConfig(Config):
-    """How a recording becomes a moving picture."""
-
-    speed: float = option(3.0, "simulated time by shown time", minimum=0.1, maximum=100.0)
-    rate: float = option(12.0, "pictures a second", unit="Hz", minimum=1.0, maximum=50.0)
-    hold: float = option(2.0, "the last picture stands", unit="s", minimum=0.0, maximum=20.0)
-    width: int = option(480, "of a picture", unit="px", minimum=64, maximum=1920)
-    height: int = option(360, "of a picture", unit="px", minimum=64, maximum=1080)
-    colours: int = option(256, "in the palette", minimum=8, maximum=256)
-    longest: int = option(60, "pictures at most; a longer episode is shown faster", minimum=2)
 
 
 @dataclass(frozen=True)
@@ -91,13 +84,13 @@ def _is_of(scene: Any, log_time: int, episode: Episode) -> bool:
     return bool(scene.episode_id == episode.episode_id and first <= log_time <= last)
 
 
-def choose_moments(moments: Sequence[Moment], config: MovieConfig) -> list[Moment]:
+def choose_moments(moments: Sequence[Moment]) -> list[Moment]:
     """Return the moments to show: evenly spaced in simulated time, the last one included."""
     if not moments:
         return []
     times = np.array([moment.time for moment in moments])
     span = times[-1] - times[0]
-    step = max(config.speed / config.rate, span / (config.longest - 1))
+    step = max(SPEED / RATE, span / (LONGEST - 1))
     wanted = np.append(np.arange(times[0], times[-1], step), times[-1])
     nearest = np.searchsorted(times, wanted - 1e-9)
     return [moments[index] for index in dict.fromkeys(nearest.tolist())]
@@ -113,29 +106,23 @@ class Scenery:
     goal: Points  # (2,) [m]
     ring: float  # [m], radius
     title: str  # on each picture
-    config: MovieConfig
 
     def renderer(self) -> "Renderer":
         """Return what renders the pictures."""
         from sain_sim.camera.render import CameraConfig, Renderer
 
-        camera = CameraConfig(width=self.config.width, height=self.config.height)
-        renderer = Renderer(self.start, self.shapes, camera)
+        renderer = Renderer(self.start, self.shapes, CameraConfig(width=WIDTH, height=HEIGHT))
         if self.outline is not None:
             renderer.mark_goal(self.outline)
         return renderer
 
 
 class FilmPart(NamedTuple):
-    """Moments of a film, seen from one place.
-
-    Attributes:
-        whatever: pictures that hide the target or the goal count, too.
-    """
+    """Moments of a film, seen from one place."""
 
     moments: Sequence[Moment]
     eye: Float[ndarray, "3"]  # [m]
-    whatever: bool
+    whatever: bool  # pictures that hide the target or the goal count, too
 
 
 def render(scenery: Scenery, part: FilmPart) -> list[Image.Image] | None:
@@ -188,10 +175,28 @@ class Film:
         self._pictures.close()
 
 
-def encode_gif(frames: Sequence[Image.Image], config: MovieConfig) -> bytes:
-    """Return the film as an animated GIF."""
-    rare = (PALETTE.success, PALETTE.goal, PALETTE.ink)
-    return gif_of(frames, config.rate, config.hold, config.colours, rare)
+def encode_gif(frames: Sequence[Image.Image]) -> bytes:
+    """Return a film as an animated GIF, with one palette for all pictures: nothing flickers."""
+    palette = _common_palette(frames, (PALETTE.success, PALETTE.goal, PALETTE.ink))
+    first, *others = (frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames)
+    durations = [round(1000 / RATE)] * len(frames)  # [ms]
+    durations[-1] += round(1000 * HOLD)
+    memory, options = BytesIO(), {"duration": durations, "loop": 0, "optimize": True}
+    first.save(memory, format="GIF", save_all=True, append_images=others, **options)
+    return memory.getvalue()
+
+
+def _common_palette(frames: Sequence[Image.Image], rare: Sequence[str]) -> Image.Image:
+    """Return a palette that has some colours in any case: of too few pixels to count."""
+    picked = [frames[i] for i in np.linspace(0, len(frames) - 1, SAMPLES).astype(int)]
+    width, height = picked[0].size
+    sheet = Image.new("RGB", (width, height * len(picked) + len(rare) * SWATCH))
+    for place, frame in enumerate(picked):
+        sheet.paste(frame, (0, place * height))
+    for place, colour in enumerate(rare):
+        top = height * len(picked) + place * SWATCH
+        sheet.paste(colour, (0, top, width, top + SWATCH))
+    return sheet.quantize(256, method=Image.Quantize.MEDIANCUT)
 
 
 def _caption(picture: Picture, title: str, judged: Judgement) -> Image.Image:

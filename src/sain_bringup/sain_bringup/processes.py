@@ -4,42 +4,31 @@ Every process leads a session of its own: a Ctrl-C in the terminal reaches only 
 which then ends all of them in order; and whatever a process started itself ends with it.
 """
 
-import contextlib
 import signal
 import time
 from collections import deque
 from collections.abc import Callable, Collection, Iterator, Sequence
-from dataclasses import dataclass, replace
+from contextlib import contextmanager
 from math import inf
 from pathlib import Path
-from typing import Final
+from typing import Final, NamedTuple, Self
 
-from sain_bringup.children import Child, HeartbeatConfig
-from sain_core.config import Config, option
+from sain_bringup.children import Child, RestartLimits
 
 POLL: Final = 0.02  # [s]
 HURRIED: Final = 1.2  # [s], the longest wait after a second signal
 
 
-@dataclass(frozen=True)
-class RestartConfig(HeartbeatConfig):
-    """When a process is restarted, and when no more."""
+class StopTimes(NamedTuple):
+    """How long the end waits [s] before a harder signal is sent. In all below 3 s."""
 
-    crashes: int = option(3, "crashes in a row of short time that end the graph", minimum=1)
-    window: float = option(60.0, "that time", unit="s", minimum=0.0)
-
-
-@dataclass(frozen=True)
-class StopConfig(Config):
-    """How patient the end is: after these times a harder signal is sent. In all below 3 s."""
-
-    interrupt: float = option(1.2, "time to end after SIGINT", unit="s", minimum=0.0)
-    terminate: float = option(0.3, "time to end after SIGTERM", unit="s", minimum=0.0)
-    patience: float = option(0.7, "more time for what has a file to close", unit="s", minimum=0.0)
-    kill: float = option(0.2, "time to be gone after SIGKILL", unit="s", minimum=0.0)
+    interrupt: float = 1.2  # after SIGINT
+    terminate: float = 0.3  # after SIGTERM
+    patience: float = 0.7  # more for what has a file to close
+    kill: float = 0.2  # after SIGKILL
 
 
-UNHURRIED: Final = StopConfig(interrupt=15.0)  # nobody waits, and a recording is to be closed
+UNHURRIED: Final = StopTimes(interrupt=15.0)  # nobody waits, and a recording is to be closed
 
 
 class Supervisor:
@@ -48,15 +37,13 @@ class Supervisor:
     def __init__(
         self,
         log_folder: Path,
-        config: StopConfig = StopConfig(),
-        restarts: RestartConfig = RestartConfig(),
+        times: StopTimes = StopTimes(),
+        restarts: RestartLimits = RestartLimits(),
         tell: Callable[[str], None] = lambda text: None,
     ) -> None:
         """Log to ``<log_folder>/<name>.log``, one file a process; `tell` hears of restarts."""
         self._log_folder = log_folder
-        self._config = config
-        self._restarts = restarts
-        self._tell = tell
+        self._times, self._restarts, self._tell = times, restarts, tell
         self._children: list[Child] = []
         self._crashes: deque[float] = deque()
         self._back_at = -inf
@@ -88,7 +75,7 @@ class Supervisor:
         """
         log = self._log_folder / f"{name}.log"
         given = (environment or {}, patient, tuple(again))
-        self._children.append(Child.start(name, tuple(command), log, *given, self._restarts))
+        self._children.append(Child(name, tuple(command), log, *given, self._restarts))
 
     def starting(self, names: Collection[str]) -> list[str]:
         """Return which of these processes have not said that they are ready."""
@@ -113,15 +100,17 @@ class Supervisor:
                 as if asked to, or is one of too many within a short time. It names the process,
                 how it ended, and its log's last lines.
         """
-        for place, child in enumerate(self._children):
+        for child in self._children:
             if trouble := child.trouble():
                 self._count_crash(child, trouble)
-                self._children[place] = child.restarted(trouble)
-            elif child.fault is not None and child.heartbeats.ready:
+                child.restart(trouble)
+            elif child.fault and child.heartbeats.ready:
                 self._back_at = time.monotonic()
-                back = f"it was restarted, and is back after {self._back_at - child.fault.at:.1f} s"
-                self._tell(f"{child.name} {child.fault.why}; {back}")
-                self._children[place] = replace(child, fault=None)
+                back = (
+                    f"it was restarted, and is back after {self._back_at - child.failed_at:.1f} s"
+                )
+                self._tell(f"{child.name} {child.fault}; {back}")
+                child.fault = ""
 
     def _count_crash(self, child: Child, trouble: str) -> None:
         """Raise `ProcessDiedError` where a process that died or hangs is not to be restarted."""
@@ -145,36 +134,36 @@ class Supervisor:
             self._ask(child)
         self._wait(patience, closing)
 
-    def stop(self, config: StopConfig | None = None) -> list[str]:
+    def stop(self, times: StopTimes | None = None) -> list[str]:
         """End all processes: SIGINT, then SIGTERM, then SIGKILL, each to whole process groups.
 
         A process that says what it does before it ends gets the time, unless a signal comes in
         `signals_noted`. Return the names of those that had to be killed.
         """
-        config = config or self._config
+        times = times or self._times
         killed: list[str] = []
         for child in self._running():
             self._ask(child)
         for number, patience in (
-            (None, config.interrupt),
-            (signal.SIGTERM, config.terminate),
-            (signal.SIGKILL, config.patience),
+            (None, times.interrupt),
+            (signal.SIGTERM, times.terminate),
+            (signal.SIGKILL, times.patience),
         ):
             killed += self._force(number, [c for c in self._running() if not c.patient])
             self._wait(patience, self._children)
         self._wait_for_files()
         if self._hurried:
             self._force(signal.SIGINT, self._running())
-            self._wait(config.patience, self._children)
+            self._wait(times.patience, self._children)
         killed += self._force(signal.SIGKILL, self._running())
-        self._wait(config.kill, self._children)
+        self._wait(times.kill, self._children)
         for child in self._children:
             child.send(signal.SIGKILL)  # what a process may have left behind
             child.heartbeats.close()
         self._children.clear()
         return killed
 
-    def __enter__(self) -> "Supervisor":
+    def __enter__(self) -> Self:
         """Return the supervisor."""
         return self
 
@@ -183,7 +172,7 @@ class Supervisor:
         with self.signals_noted():
             self.stop()
 
-    @contextlib.contextmanager
+    @contextmanager
     def signals_noted(self) -> Iterator[None]:
         """Let signals do nothing but end the wait for those that close their files."""
         numbers = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)

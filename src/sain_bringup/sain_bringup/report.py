@@ -1,5 +1,6 @@
 """What a run leaves behind: summary, pictures and a page, all read back from the bag."""
 
+from collections.abc import Sequence
 from contextlib import ExitStack, closing
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -14,14 +15,7 @@ from sain_bags.report.writing import write_page
 from sain_bags.rows.episodes import Episode, read_episodes
 from sain_bringup.display import Display
 from sain_bringup.graph import EPISODES_KEY, NAMESPACE_KEY
-from sain_bringup.movie import (
-    Film,
-    MovieConfig,
-    Scenery,
-    choose_moments,
-    encode_gif,
-    episode_moments,
-)
+from sain_bringup.movie import Film, Scenery, choose_moments, encode_gif, episode_moments
 from sain_core.cli.terminal import FittingTable
 from sain_core.output import write_json, write_whole
 from sain_core.view.scenes import goal_marks
@@ -100,9 +94,9 @@ def played_episodes(bag: Bag) -> tuple[PlayedEpisode, ...]:
     return tuple(played)
 
 
-def write_summary(path: Path, bag: Bag, summaries: tuple[EpisodeSummary, ...]) -> None:
+def write_summary(path: Path, bag: Bag, summaries: Sequence[EpisodeSummary]) -> None:
     """Write the summary as JSON, whole or not at all."""
-    content: dict[str, Any] = {
+    content = {
         "recording": dict(bag.custom_data),
         "messages": bag.message_count,
         "duration": bag.duration,
@@ -112,7 +106,7 @@ def write_summary(path: Path, bag: Bag, summaries: tuple[EpisodeSummary, ...]) -
     write_json(path, content)
 
 
-def summary_table(summaries: tuple[EpisodeSummary, ...]) -> FittingTable:
+def summary_table(summaries: Sequence[EpisodeSummary]) -> FittingTable:
     """Return the summary as a table for people; errors are of the target, mean over pushes."""
     table = FittingTable()
     table.add_column("Episode")
@@ -120,23 +114,19 @@ def summary_table(summaries: tuple[EpisodeSummary, ...]) -> FittingTable:
         table.add_column(name, justify="right")
     table.add_column("Goal")
     for summary in summaries:
+        goal = "reached" if summary["success"] else "not reached"
+        if summary["goals"] > 1:
+            goal = f"{summary['goals_in_a_row']} of {summary['goals']} reached in a row"
         table.add_row(
             f"{summary['scenario']} {summary['seed']}",
             str(summary["pushes"]),
-            f"{1e3 * summary['final_distance']:.1f} mm",
+            _scaled(summary["final_distance"], "mm", 1),
             _scaled(summary["planning_time"], "ms", 0),
             _scaled(summary["model_error"], "mm", 1),
             _scaled(summary["physics_error"], "mm", 1),
-            _goal_text(summary),
+            Text(goal, "green" if summary["success"] else "red"),
         )
     return table
-
-
-def _goal_text(summary: EpisodeSummary) -> Text:
-    text = "reached" if summary["success"] else "not reached"
-    if summary["goals"] > 1:
-        text = f"{summary['goals_in_a_row']} of {summary['goals']} reached in a row"
-    return Text(text, "green" if summary["success"] else "red")
 
 
 def _mean(values: list[float] | list[float | None]) -> float | None:
@@ -175,7 +165,7 @@ def write_results(folder: Path, video: bool, display: Display) -> bool:
             write_page(folder / "report.html", read_content(bag).data)
         if film is not None:
             with display.stage("rendering the moving picture", "moving picture rendered"):
-                gif = encode_gif(film.frames(), MovieConfig())
+                gif = encode_gif(film.frames())
                 write_whole(folder / "closed_loop.gif", gif)
     display.console.print()
     display.console.print(summary_table(summaries), soft_wrap=True)
@@ -187,9 +177,10 @@ def write_results(folder: Path, video: bool, display: Display) -> bool:
 
 def written_files(folder: Path) -> list[Path]:
     """Return what a run has written, the report page first, the bag and the logs last."""
-    files = [path for path in sorted(folder.glob("[!.]*")) if path.is_file()]
-    files.sort(key=lambda path: (path.suffix != ".html", path.suffix != ".gif"))
-    return [*files, *(path for path in sorted(folder.iterdir()) if path.is_dir())]
+    order = {".html": 0, ".gif": 1}
+    return sorted(
+        folder.glob("[!.]*"), key=lambda path: (path.is_dir(), order.get(path.suffix, 2), path)
+    )
 
 
 def draw_picture(folder: Path, played: tuple[PlayedEpisode, ...]) -> None:
@@ -202,17 +193,17 @@ def draw_picture(folder: Path, played: tuple[PlayedEpisode, ...]) -> None:
         write_png(draw_overview(records), folder / "overview.png")
 
 
-def choose_episode(played: tuple[PlayedEpisode, ...]) -> PlayedEpisode:
+def choose_episode(played: Sequence[PlayedEpisode]) -> PlayedEpisode:
     """Return the episode that is nicest to watch: a success, long but not too long."""
 
-    def charm(one: PlayedEpisode) -> tuple[bool, int]:
+    def rank(one: PlayedEpisode) -> tuple[bool, int]:
         pushes = len(one.episode.executed)
         return one.episode.success, pushes if pushes <= LIVELY else -pushes
 
-    return max(played, key=charm)
+    return max(played, key=rank)
 
 
-def begin_film(bag: Bag, one: PlayedEpisode, config: MovieConfig = MovieConfig()) -> Film:
+def begin_film(bag: Bag, one: PlayedEpisode) -> Film:
     """Begin to render one episode from its recording."""
     one = one.last_part()
     assert one.episode.goal is not None
@@ -222,5 +213,5 @@ def begin_film(bag: Bag, one: PlayedEpisode, config: MovieConfig = MovieConfig()
     # The body has reached its place when it lies wholly inside the ring.
     ring = mark.body.radius + mark.tolerance
     shapes = tuple(shape.name for shape in bodies.shapes)
-    scenery = Scenery(start, shapes, outline, mark.body.place, ring, one.title, config)
-    return Film(scenery, choose_moments(episode_moments(bag, one.episode), config))
+    scenery = Scenery(start, shapes, outline, mark.body.place, ring, one.title)
+    return Film(scenery, choose_moments(episode_moments(bag, one.episode)))

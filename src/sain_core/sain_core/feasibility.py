@@ -154,19 +154,11 @@ class ReachTable(Reach):
     @cached_property
     def _rooms(self) -> Float[ndarray, "Y X"]:
         """How far the middle of each square is from where the reach ends."""
-        free = np.pad(self.free, 1)
-        near = np.zeros_like(free)  # squares beside some of the other kind
-        for axis in (0, 1):
-            differs = np.diff(free, axis=axis)
-            first, last = (np.s_[:-1], np.s_[1:]) if axis == 0 else (np.s_[:, :-1], np.s_[:, 1:])
-            near[first] |= differs
-            near[last] |= differs
-        rooms = np.empty(free.shape)
-        for kind, sign in ((True, 1.0), (False, -1.0)):
-            border = np.argwhere(near & (free != kind))
-            places = np.argwhere(free == kind)
-            apart = np.linalg.norm(places[:, None] - border, axis=-1).min(axis=1)
-            rooms[free == kind] = sign * (apart - 0.5) * self.cell
+        from scipy.ndimage import distance_transform_edt
+
+        free = np.pad(self.free, 1)  # nothing beyond the table is in reach
+        within, beyond = distance_transform_edt(free), distance_transform_edt(~free)
+        rooms = np.where(free, within - 0.5, 0.5 - beyond) * self.cell
         return np.asarray(rooms[1:-1, 1:-1])
 
 

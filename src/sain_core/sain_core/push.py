@@ -244,21 +244,6 @@ def push_direction(pushes: Pushes) -> Angles:
     return wrap_angle(pushes[..., LOCATION] + pushes[..., ANGLE])
 
 
-def tool_start(
-    scenes: Scenes, pushes: Pushes, limits: PushLimits, bodies: Bodies = PAPER_DISKS
-) -> Points:
-    """Return where the tool's axis stands before it travels, (..., 2) [m]; see `strokes`."""
-    return strokes(scenes, pushes, limits, bodies)[0]
-
-
-def tool_end(
-    scenes: Scenes, pushes: Pushes, limits: PushLimits, bodies: Bodies = PAPER_DISKS
-) -> Points:
-    """Return where the tool's axis stands after its travel, (..., 2) [m]; see `strokes`."""
-    start, heading = strokes(scenes, pushes, limits, bodies)
-    return np.asarray(start + pushes[..., LENGTH, None] * unit(heading))
-
-
 def strokes(
     scenes: Scenes, pushes: Pushes, limits: PushLimits, bodies: Bodies = PAPER_DISKS
 ) -> tuple[Points, Angles]:
@@ -341,17 +326,6 @@ def _contact(states: States, locations: Angles, shape: Shape) -> tuple[Points, A
     x, y = places.T * states[:, RADIUS]
     turned = np.stack([cos * x - sin * y, sin * x + cos * y], axis=-1)
     return states[:, POSITION] + turned, wrap_angle(inward + states[:, THETA])
-
-
-def rotate_pushes(pushes: Pushes, angle: float) -> Pushes:
-    """Turn pushes on disks, or strokes, by an angle [rad], as `rotate_scenes` turns the scene."""
-    turned = pushes.copy()
-    turned[..., LOCATION] = wrap_angle(pushes[..., LOCATION] + angle)
-    if is_stroke(pushes):
-        x, y = pushes[..., START_X], pushes[..., START_Y]
-        turned[..., START_X] = np.cos(angle) * x - np.sin(angle) * y
-        turned[..., START_Y] = np.sin(angle) * x + np.cos(angle) * y
-    return turned
 
 
 def mirror_pushes(pushes: Pushes) -> Pushes:

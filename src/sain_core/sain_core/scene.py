@@ -160,17 +160,6 @@ def unit(angle: Angles) -> Points:
     return np.stack([np.cos(angle), np.sin(angle)], axis=-1)
 
 
-def rotate_scenes(scenes: Scenes, angle: float) -> Scenes:
-    """Turn scenes about the world's origin by an angle [rad]."""
-    cos, sin = np.cos(angle), np.sin(angle)
-    turn = np.array([[cos, sin], [-sin, cos]])  # row vectors times the transpose
-    turned = scenes.copy()
-    turned[..., POSITION] = scenes[..., POSITION] @ turn
-    turned[..., VX : VY + 1] = scenes[..., VX : VY + 1] @ turn
-    turned[..., THETA] = wrap_angle(scenes[..., THETA] + angle)
-    return turned
-
-
 def mirror_scenes(scenes: Scenes) -> Scenes:
     """Reflect scenes in the x axis."""
     mirrored = scenes.copy()

@@ -23,7 +23,7 @@ from pathlib import Path
 from pickle import dumps, loads
 from threading import Thread
 from time import sleep
-from typing import Any, Final, Generic, Protocol, TypeVar
+from typing import Any, Final
 
 from joblib import Parallel, delayed, parallel_config
 from joblib.externals.loky import get_reusable_executor
@@ -32,11 +32,6 @@ from joblib.externals.loky.process_executor import TerminatedWorkerError
 from sain_core.config import Config, option
 from sain_core.errors import ConfigError, SainError
 from sain_core.provenance import versions
-
-Job = TypeVar("Job")
-Done = TypeVar("Done")
-JobIn = TypeVar("JobIn", contravariant=True)
-DoneOut = TypeVar("DoneOut", covariant=True)
 
 LOCAL: Final = "local"
 AUTO: Final = "auto"
@@ -71,22 +66,10 @@ class WorkerOptions(Config):
     )
 
 
-class Runner(Protocol[JobIn, DoneOut]):
-    """Does jobs, one after the other, and keeps between them what it needs."""
+class FunctionRunner:
+    """Does jobs by a function, and keeps nothing between them."""
 
-    def run(self, job: JobIn, /) -> DoneOut:
-        """Do a job; a `SainError` ends the whole work."""
-        ...
-
-    def close(self) -> None:
-        """Release what it keeps."""
-        ...
-
-
-class FunctionRunner(Generic[Job, Done]):
-    """A `Runner` that calls a function and keeps nothing."""
-
-    def __init__(self, function: Callable[[Job], Done]) -> None:
+    def __init__(self, function: Callable[[Any], Any]) -> None:
         """Call this function."""
         self.run = function
 
@@ -96,15 +79,10 @@ class FunctionRunner(Generic[Job, Done]):
 
 @dataclass(frozen=True)
 class Software:
-    """What decides about the bytes that work gives.
+    """What decides about the bytes that work gives."""
 
-    Attributes:
-        sources: packages whose Python files count.
-        packages: distributions whose versions count.
-    """
-
-    sources: tuple[str, ...]
-    packages: tuple[str, ...]
+    sources: tuple[str, ...]  # packages whose Python files count
+    packages: tuple[str, ...]  # distributions whose versions count
 
     def here(self) -> dict[str, str]:
         """Return it as it is on this machine."""
@@ -118,21 +96,21 @@ class Software:
 
 
 @dataclass(frozen=True)
-class Work(Generic[Job, Done]):
+class Work:
     """Work that workers share.
 
     Attributes:
-        start: makes, in a worker, what does the jobs; it can be pickled.
+        start: makes, in a worker, what does jobs by `run`, one after another, until `close`.
         software: what the results depend on.
     """
 
-    start: Callable[[], Runner[Job, Done]]
+    start: Callable[[], Any]
     software: Software
 
 
 def run_on_workers(
-    work: Work[Job, Done], jobs: Sequence[Job], options: WorkerOptions, ordered: bool = True
-) -> Generator[Done, None, None]:
+    work: Work, jobs: Sequence[Any], options: WorkerOptions, ordered: bool = True
+) -> Generator[Any, None, None]:
     """Do all jobs; yield their results in the order of the jobs, or else as they come.
 
     One worker without Ray is this process. Workers end with this process, killed or not.
@@ -156,8 +134,8 @@ def run_on_workers(
 
 
 def start_processes(
-    work: Work[Job, Done], jobs: Sequence[Job], size: int, ordered: bool = True
-) -> Generator[Done, None, None]:
+    work: Work, jobs: Sequence[Any], size: int, ordered: bool = True
+) -> Generator[Any, None, None]:
     """Begin to do jobs in so many processes, and return the generator of their results.
 
     To close it ends the processes, also in the middle of a job.
@@ -213,7 +191,7 @@ def _end_with(owner: int) -> None:
     Thread(target=look, daemon=True).start()
 
 
-def _calls(work: Work[Any, Any], jobs: Sequence[Any]) -> Iterator[Any]:
+def _calls(work: Work, jobs: Sequence[Any]) -> Iterator[Any]:
     task = dumps((work, work.software.here(), str(Path.cwd())))
     return (delayed(_do)(task, job) for job in jobs)
 
@@ -223,7 +201,7 @@ def _do(task: bytes, job: Any) -> Any:
 
 
 @cache
-def _runner(task: bytes) -> Runner[Any, Any]:
+def _runner(task: bytes) -> Any:
     """Return what does the jobs, in a worker."""
     work, software, folder = loads(task)
     if (here := work.software.here()) != software:

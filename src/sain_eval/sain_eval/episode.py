@@ -12,15 +12,10 @@ from sain_core.world import PushRecord
 
 @dataclass(frozen=True, order=True)
 class Tolerance:
-    """A distance and a turn that count as success.
+    """A distance and a turn that count as success."""
 
-    Attributes:
-        distance: [m], of places.
-        given_turn: [rad], of headings; None: `TURN_PER_METRE` times the distance.
-    """
-
-    distance: float
-    given_turn: float | None = None
+    distance: float  # [m], of places
+    given_turn: float | None = None  # [rad], of headings; None: `TURN_PER_METRE` times the distance
 
     @classmethod
     def of(cls, value: "Tolerance | float") -> "Tolerance":

@@ -10,7 +10,7 @@ from sain_core.types import PushArray
 from sain_eval.loop.closed_loop import agent_maker
 from sain_gym.episode import PushEpisode
 from sain_gym.push_env import PushEnv
-from sain_mppi.agent.agent import AgentConfig, act
+from sain_mppi.agent.agent import act
 from sain_mppi.agent.events import (
     EpisodeBegun,
     GoalGiven,
@@ -33,12 +33,7 @@ class AgentPolicy:
     and for an environment in wrappers.
     """
 
-    def __init__(
-        self,
-        env: gymnasium.Env[Any, Any],
-        controller: str = "sain",
-        config: AgentConfig = AgentConfig(),
-    ) -> None:
+    def __init__(self, env: gymnasium.Env[Any, Any], controller: str = "sain") -> None:
         """Load a controller by a name of `sain_eval evaluate`.
 
         Raises:
@@ -49,7 +44,7 @@ class AgentPolicy:
         if not isinstance(inner, PushEnv):
             raise ConfigError(f"the agent plays sain/Push-v0, not {type(inner).__name__}")
         self._env = inner
-        self._make = agent_maker(controller, config)
+        self._make = agent_maker(controller)
         self._episode: PushEpisode | None = None
         self._goals = self._push_id = self._decided = 0  # goals reached, and steps then
         self._action = np.zeros(0)

@@ -44,8 +44,9 @@ class PushSpaces:
         state: of scenes and goals.
     """
 
-    def __init__(self, scenario: str, limits: PushLimits = PushLimits()) -> None:
-        """Make the spaces of a scenario with pushes within these limits."""
+    def __init__(self, scenario: str) -> None:
+        """Make the spaces of a scenario."""
+        limits = PushLimits()
         first = draw_scene(scenario, 0)
         self.most = MOST_BODIES_IN.get(scenario, len(first.disks))
         alone = Bodies.named(first.shapes, first.roles).pushable == (0,)

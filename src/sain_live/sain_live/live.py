@@ -1,12 +1,10 @@
 """``ros2 run sain_live live``: the whole graph with its live page, until Ctrl-C."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from rich.console import Console
 
-from sain_bringup.graph import PAGE, GraphOptions
-from sain_bringup.graph import run as run_graph
+from sain_bringup.graph import PAGE, Graph, GraphOptions, run_graph
 from sain_core.cli.command_line import command_of_node
 from sain_core.config import option
 from sain_eval.scenes.scenarios import SCENARIOS
@@ -39,16 +37,15 @@ class LiveOptions(GraphOptions):
         TruthConfig(self.world, engine=self.engine, bottom=self.bottom)
         PageConfig(self.host, self.port, self.scenario, self.seed)
 
-    @property
-    def simulator(self) -> dict[str, str]:
-        """Parameters of the simulator: the arm moves all the way, as fast as is asked for."""
+    def graph(self) -> Graph:
+        """Return the graph with its page; its arm moves all the way, as fast as is asked for."""
+        page = {name: getattr(self, name) for name in ("host", "port", "seed", "scenario")}
         pace = {"bullet.full_motion": "true", "real_time_factor": str(self.real_time_factor)}
-        return {**super().simulator, **pace, "world": self.world}
-
-    def more_commands(self, ros: Sequence[str]) -> dict[str, list[str]]:
-        """Return the command of the live page."""
-        given = {name: getattr(self, name) for name in ("host", "port", "seed", "scenario")}
-        return {PAGE: command_of_node("sain_live", "page_node", ros, **given)}
+        return replace(
+            super().graph(),
+            simulator={**pace, "world": self.world},
+            more=lambda ros: {PAGE: command_of_node("sain_live", "page_node", ros, **page)},
+        )
 
 
 def run(options: LiveOptions, console: Console) -> int:
@@ -59,4 +56,4 @@ def run(options: LiveOptions, console: Console) -> int:
         SainError: a package is not installed, or a log cannot be written.
     """
     check_free(options.host, options.port)
-    return run_graph(options, console)
+    return run_graph(options.graph(), console)

@@ -4,17 +4,18 @@ The node carries orders out; tests of the page take note of them. A goal is chec
 """
 
 import dataclasses
-from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass, replace
+from itertools import product
 from typing import Any, Final, Protocol
 
 import numpy as np
 
-from sain_core.config import Config
+from sain_core.config import FieldSetting, settings_of
 from sain_core.errors import ConfigError, InvalidInputError
 from sain_core.feasibility import Feasibility
 from sain_core.goal import MOST_SHARED, BodyPose, Goal
-from sain_core.scene import POSITION, TARGET, THETA, Table
+from sain_core.scene import POSITION, TARGET, THETA
 from sain_core.shapes.bodies import Bodies, Role, overlap
 from sain_core.types import Scene
 from sain_eval.scenes.families import AnywhereScenario, PoseScenario, ScenarioScene
@@ -83,50 +84,33 @@ class Orders(Protocol):
         """Learn from pushes, or not."""
 
 
-def planner_settings(
-    config: Config = PlannerConfig(), prefix: str = PREFIX
-) -> Iterator[tuple[str, str, Field, Any]]:
-    """Yield group, parameter, field and default of each setting of the planner."""
-    group = prefix.removesuffix(".").rpartition(".")[2]
-    nested = []
-    for item in dataclasses.fields(config):
-        value = getattr(config, item.name)
-        if isinstance(value, Config):
-            nested.append((item.name, value))
-        else:
-            yield group, prefix + item.name, item, value
-    for name, value in nested:
-        yield from planner_settings(value, f"{prefix}{name}.")
+def planner_settings() -> list[FieldSetting]:
+    """Return the planner's settings by the names of its parameters, those of its groups last."""
+    return sorted(settings_of(PlannerConfig(), PREFIX), key=lambda one: one.name.count("."))
 
 
 FIRST_WAY: Final = (0.12, 0.0)  # [m], from a body to the goal that it is given first
 FEASIBILITY: Final = Feasibility()
 
 
-def first_aim(scene: Scene, bodies: Bodies, table: Table = FEASIBILITY.table) -> Goal | None:
+def first_aim(scene: Scene, bodies: Bodies) -> Goal | None:
     """Return a goal to begin with, for a scene that has none: near the target, on the table."""
     movable = [body for body in range(len(bodies)) if bodies.roles[body] is not Role.FIXED]
     body = TARGET if TARGET in movable else movable[0]
     shape = bodies.shapes[body]
-    for way in (1.0, -1.0, 0.5, -0.5, 0.0):
-        for turned in (np.array(FIRST_WAY), np.array(FIRST_WAY[::-1])):
-            place = scene[body, POSITION] + way * turned
-            if not table.contains(place):
-                continue
+    heading = None if shape.is_round else float(scene[body, THETA])
+    for far, way in product((1.0, -1.0, 0.5, -0.5, 0.0), (FIRST_WAY, FIRST_WAY[::-1])):
+        place = scene[body, POSITION] + far * np.array(way)
+        if FEASIBILITY.table.contains(place):
             x, y = place.tolist()
-            heading = None if shape.is_round else float(scene[body, THETA])
             goal = Goal((BodyPose(body, x, y, heading),))
-            try:
+            with suppress(ValueError):  # another place may be free
                 check_aim(goal, scene, bodies)
-            except (InvalidInputError, ValueError):
-                continue
-            return goal
+                return goal
     return None
 
 
-def check_aim(
-    goal: Goal, scene: Scene, bodies: Bodies, feasibility: Feasibility = FEASIBILITY
-) -> None:
+def check_aim(goal: Goal, scene: Scene, bodies: Bodies) -> None:
     """Check that bodies can be brought to a goal, before it is sent.
 
     Bodies that the tool may push are no obstacle: the planner moves them away.
@@ -136,8 +120,8 @@ def check_aim(
         UnreachableError: the arm cannot push a target there, from any side.
         InvalidInputError: into a body that stays where it is; all else that `Goal` checks.
     """
-    goal.check(scene, bodies, feasibility.table)
-    Problem(scene, goal, bodies, scene, feasibility).check_reach()
+    goal.check(scene, bodies, FEASIBILITY.table)
+    Problem(scene, goal, bodies, scene, FEASIBILITY).check_reach()
     placed = goal.placed(scene)
     for body in goal.wanted:
         for other, role in enumerate(bodies.roles):

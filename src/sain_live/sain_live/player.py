@@ -14,30 +14,19 @@ from sain_live.state import LOG_LINES, LiveState, LogLine
 
 @dataclass(frozen=True, eq=False)
 class Snapshot:
-    """What is known at one time.
+    """What is known at one time."""
 
-    Attributes:
-        time: [s], from the start of its chapter.
-        values: attributes of `LiveState`, by their names.
-    """
-
-    time: float
-    values: Mapping[str, Any]
+    time: float  # [s], from the start of its chapter
+    values: Mapping[str, Any]  # attributes of `LiveState`, by their names
 
 
 @dataclass(frozen=True, eq=False)
 class Chapter:
-    """An episode, or the part of it towards one of its goals.
+    """An episode, or the part of it towards one of its goals."""
 
-    Attributes:
-        title: as on the report page.
-        moments: in order; at least one.
-        rests: [s], the start, and the end of each push that was carried out.
-    """
-
-    title: str
-    moments: tuple[Snapshot, ...]
-    rests: tuple[float, ...]
+    title: str  # as on the report page
+    moments: tuple[Snapshot, ...]  # in order; at least one
+    rests: tuple[float, ...]  # [s], the start, and the end of each push that was carried out
 
     @property
     def duration(self) -> float:
@@ -127,11 +116,7 @@ class RecordingPlayer:
             self._show()
 
     def open(self, title: str) -> None:
-        """Go to the start of a chapter.
-
-        Raises:
-            InvalidInputError: there is none of that title.
-        """
+        """Go to the start of a chapter. Raises `InvalidInputError`: there is none of that title."""
         titles = [chapter.title for chapter in self.recording.chapters]
         if title not in titles:
             raise InvalidInputError(f"there is no {title!r}; there are {', '.join(titles)}")
@@ -150,19 +135,13 @@ class RecordingPlayer:
     def step(self, forward: bool) -> None:
         """Stand still at the end of the next or previous push, if need be of another chapter."""
         with self._lock:
-            self.playing = False
-            if forward:
-                later = [rest for rest in self.chapter.rests if rest > self._time]
-                if later:
-                    self._go(self._chapter, later[0])
-                else:
-                    self._go(self._chapter + 1, 0.0)
-                return
-            earlier = [rest for rest in self.chapter.rests if rest < self.time]
-            if earlier:
-                self._go(self._chapter, earlier[-1])
+            self.playing, rests = False, self.chapter.rests
+            later = [rest for rest in rests if rest > self._time]
+            earlier = [rest for rest in rests if rest < self.time]
+            if later if forward else earlier:
+                self._go(self._chapter, later[0] if forward else earlier[-1])
             else:
-                self._go(self._chapter - 1, None)
+                self._go(self._chapter + (1 if forward else -1), 0.0 if forward else None)
 
     def _go(self, chapter: int, seconds: float | None) -> None:
         """Show a time [s] of a chapter, None: its last rest; beyond the last comes the first."""

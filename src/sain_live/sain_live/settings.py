@@ -3,7 +3,6 @@
 import errno
 import ipaddress
 import socket
-from contextlib import closing
 from dataclasses import dataclass
 from typing import Final
 
@@ -60,13 +59,10 @@ def check_free(host: str, port: int) -> None:
         ConfigError: this computer has no such address.
     """
     try:
-        family, kind, protocol, _, where = socket.getaddrinfo(
-            host or None, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE
-        )[0]
-        with closing(socket.socket(family, kind, protocol)) as probe:
-            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-            probe.bind(where)
-            probe.listen(1)
+        stream, passive = socket.SOCK_STREAM, socket.AI_PASSIVE
+        found = socket.getaddrinfo(host or None, port, type=stream, flags=passive)
+        family, _, _, _, where = found[0]
+        socket.create_server(where[:2], family=family, backlog=1).close()
     except PermissionError as error:
         raise ConfigError(
             f"port {port} is reserved for the system; choose one above 1023, for example port 8081"

@@ -5,11 +5,12 @@ thread sees each as a whole and can tell by identity whether it is new.
 """
 
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
+from math import nan
 from threading import Event
-from typing import Any, Final
+from typing import Any, Final, Self
 
 import numpy as np
 from jaxtyping import Float, UInt8
@@ -73,13 +74,22 @@ class LivePlan:
 
 @dataclass(frozen=True, eq=False)
 class LiveResult:
-    """A push that was carried out, beside what was predicted (N, 8) of it."""
+    """A push, as far as it has come: scenes (N, 8), beside what was predicted; NaN: not known."""
 
     push_id: int
-    after: Scene
+    after: Scene | None = None
     before: Scene | None = None
     planned: Scene | None = None
     physics: Scene | None = None
+    distance: float = nan  # [mm], from the goal before it
+    left: float = nan  # [mm], after it
+    planning: float = nan  # [ms]
+
+    def error(self, predicted: Scene | None) -> float:
+        """Return the largest distance [mm] of a body from where it was predicted."""
+        if predicted is None or self.after is None or predicted.shape != self.after.shape:
+            return nan
+        return 1e3 * float(np.hypot(*(predicted[:, :2] - self.after[:, :2]).T).max())
 
 
 @dataclass(frozen=True)
@@ -93,19 +103,22 @@ class LogLine:
 
 @dataclass(frozen=True, eq=False)
 class LiveCurves:
-    """The charts of an episode, a number after each push, from none on; NaN: it is not known.
+    """The charts of an episode, a number after each push, from none on; NaN: it is not known."""
 
-    Attributes:
-        distance: [mm], largest distance of a body from its place in the goal.
-        planned: [mm], largest error of the planner's prediction.
-        physics: [mm], of the nominal physics.
-        planning: [ms], from settled scene to push.
-    """
+    distance: tuple[float, ...] = ()  # [mm], largest distance of a body from its place in the goal
+    planned: tuple[float, ...] = ()  # [mm], largest error of the planner's prediction
+    physics: tuple[float, ...] = ()  # [mm], of the nominal physics
+    planning: tuple[float, ...] = ()  # [ms], from settled scene to push
 
-    distance: tuple[float, ...] = ()
-    planned: tuple[float, ...] = ()
-    physics: tuple[float, ...] = ()
-    planning: tuple[float, ...] = ()
+    @classmethod
+    def of(cls, pushes: Sequence[LiveResult]) -> Self:
+        """Return the charts of pushes, of at least one."""
+        return cls(
+            (*(one.distance for one in pushes), pushes[-1].left),
+            (nan, *(one.error(one.planned) for one in pushes)),
+            (nan, *(one.error(one.physics) for one in pushes)),
+            (nan, *(one.planning for one in pushes)),
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -189,10 +202,3 @@ class LiveState:
         self.log.append(LogLine(self.time, kind, text))
         self.lines += 1
         self.changed.set()
-
-
-def largest_error(predicted: Scene | None, after: Scene) -> float:
-    """Return the largest distance [mm] of a body from where it was predicted; NaN: it was not."""
-    if predicted is None or predicted.shape != after.shape:
-        return float("nan")
-    return 1e3 * float(np.hypot(*(predicted[:, :2] - after[:, :2]).T).max())

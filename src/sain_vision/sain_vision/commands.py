@@ -38,7 +38,7 @@ scene_node: Final = NodeCommand(
     " come as detections, as frames on /tf, on topics of their own or as an array. A YAML file"
     " states shapes and masses.",
     node="ros.scene_node:SceneNode",
-    settings="ros.settings:SceneNodeConfig",
+    settings="scene.body_track:TrackingConfig",
     publishes=("scene", "shapes", "estimates", "markers", "/diagnostics"),
     subscribes=("detections", "poses", "/tf", "/tf_static", "push", "push_result"),
     example="bodies:=bodies.yaml",

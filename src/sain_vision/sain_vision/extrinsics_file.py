@@ -32,19 +32,12 @@ WIDE: Final = CameraModel(  # sees 60 degrees to each side: what it does not, no
 
 @dataclass(frozen=True, eq=False)
 class Extrinsics:
-    """The pose of a camera.
+    """The pose of a camera."""
 
-    Attributes:
-        frame: its optical frame.
-        parent: the frame that the pose is in.
-        place: (3,) [m].
-        turn: (4,) quaternion x y z w.
-    """
-
-    frame: str
-    parent: str
-    place: Float[ndarray, "3"]
-    turn: Turn
+    frame: str  # its optical frame
+    parent: str  # the frame that the pose is in
+    place: Float[ndarray, "3"]  # (3,) [m]
+    turn: Turn  # (4,) quaternion x y z w
 
     def placed(self, camera: CameraModel) -> CameraModel:
         """Return a camera at this pose in the world.

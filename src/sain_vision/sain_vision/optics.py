@@ -44,25 +44,15 @@ Matrix = Float[ndarray, "3 3"]
 
 @dataclass(frozen=True, eq=False)
 class CameraModel:
-    """A calibrated camera at a known place.
+    """A calibrated camera at a known place."""
 
-    Attributes:
-        width: of its images [px].
-        height: of its images [px].
-        matrix: (3, 3) focal lengths, skew and principal point [px].
-        distortion: (D,) of the lens, as OpenCV has it; zeros: none.
-        rotation: (3, 3) from its optical frame to the world.
-        place: (3,) [m] in the world.
-        lens: model of the distortion, of `LENSES`.
-    """
-
-    width: int
-    height: int
-    matrix: Matrix
-    distortion: Float[ndarray, "D"]
-    rotation: Matrix
-    place: Float[ndarray, "3"]
-    lens: str = "plumb_bob"
+    width: int  # of its images [px]
+    height: int  # of its images [px]
+    matrix: Matrix  # (3, 3) focal lengths, skew and principal point [px]
+    distortion: Float[ndarray, "D"]  # (D,) of the lens, as OpenCV has it; zeros: none
+    rotation: Matrix  # (3, 3) from its optical frame to the world
+    place: Float[ndarray, "3"]  # (3,) [m] in the world
+    lens: str = "plumb_bob"  # model of the distortion, of `LENSES`
 
     def slopes(self, pixels: Pixels) -> Slopes:
         """Return the slopes (P, 2) of the rays of pixels; NaN where the lens has no inverse.
@@ -118,6 +108,12 @@ class CameraModel:
         """Return the directions (P, 3) in the world in which pixels look; NaN as `slopes`."""
         flat = self.slopes(pixels)
         return np.asarray(np.column_stack([flat, np.ones(len(flat))]) @ self.rotation.T)
+
+    def rays_of_all(self) -> Float[ndarray, "height width 3"]:
+        """Return the directions in which all pixels look; as `rays`."""
+        grid = np.stack(np.meshgrid(np.arange(self.width), np.arange(self.height)), axis=-1)
+        flat = self.rays(grid.reshape(-1, 2).astype(np.float64))
+        return flat.reshape(self.height, self.width, 3)
 
     def on_plane(self, pixels: Pixels, height: float) -> PlanePoints:
         """Return where pixels (P, 2) see a level plane at a height [m]; NaN: nowhere."""

@@ -17,8 +17,8 @@ from sain_core.errors import ConfigError, OutputError
 DEMO = ClosedLoopOptions()
 
 
-def test_the_demo_is_three_anywhere_one_paper_and_one_push_t():
-    names = [plan.scenario for plan in episode_plans(DEMO)]
+def test_the_demo_is_three_anywhere_one_paper_and_one_push_t() -> None:
+    names = [scenario for scenario, _ in episode_plans(DEMO)]
     assert names == ["anywhere", "anywhere", "anywhere", "paper", "push_t"]
     assert DEMO.tolerance == 0.02
 

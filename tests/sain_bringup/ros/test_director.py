@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from io import StringIO
+from pathlib import Path
 from time import monotonic
 
 import pytest
@@ -52,6 +53,7 @@ class Straw:
 
 
 def play(graph, statuses, case=CASE, supervisor=None, timeout=20.0):
+    supervisor = supervisor or Supervisor(Path())
     straw = Straw(graph, statuses)
     view = EpisodeView(Display(Console(file=StringIO(), width=120)), "1/1  streak 0")
     with ros_context():

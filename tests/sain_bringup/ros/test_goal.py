@@ -47,11 +47,11 @@ def test_a_second_graph_is_refused_before_anything_starts(graph):
     release = lock_namespace(graph.bystander)
     try:
         with pytest.raises(BusyError, match=r"executes pushes in namespace /sain of domain \d+"):
-            check_free(GraphOptions())
-        check_free(GraphOptions(robot="elsewhere"))  # arm_node has it
+            check_free(GraphOptions().graph())
+        check_free(GraphOptions(robot="elsewhere").graph())  # arm_node has it
     finally:
         release()
-    check_free(GraphOptions())
+    check_free(GraphOptions().graph())
 
 
 @pytest.mark.parametrize("words", [["0.6"], ["0.6", "x"], ["0.6", "0.1", "0.2"]])

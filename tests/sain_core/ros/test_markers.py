@@ -1,7 +1,6 @@
 """Markers as viewers show them."""
 
 import pytest
-from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Vector3
 from visualization_msgs.msg import Marker, MarkerArray
 
@@ -10,8 +9,9 @@ from tests.rviz import Rviz, shown
 
 
 def cubes(count):
-    made = [make_marker("cubes", number, Marker.CUBE, "#ffffff", Time()) for number in range(count)]
+    made = [make_marker("cubes", number, Marker.CUBE, "#ffffff") for number in range(count)]
     for marker in made:
+        marker.header.frame_id = "world"
         marker.scale = Vector3(x=0.1, y=0.1, z=0.1)
     return made
 

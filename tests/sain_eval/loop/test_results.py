@@ -191,7 +191,7 @@ def test_a_person_finds_all_of_the_table_in_its_pages(records, tmp_path):
 )
 def test_bad_options_are_named(tmp_path, changes, message):
     with pytest.raises(ConfigError, match=message):
-        _ = EvaluateOptions(out=tmp_path, **changes).controller_names
+        _ = EvaluateOptions(out=tmp_path, **changes).parts
 
 
 POSE_RECORD = SceneRecord(

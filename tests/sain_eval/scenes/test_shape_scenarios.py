@@ -44,7 +44,7 @@ def test_bodies_and_poses_are_on_the_table_apart_and_with_room_for_the_tool(name
         case.goal.check(case.disks, bodies, FEASIBILITY.table)
         ends = case.goal.placed(case.disks)
         for scene in (case.disks, ends):
-            assert has_tool_room(scene[:, POSITION], sizes, FEASIBILITY).all()
+            assert has_tool_room(scene[:, POSITION], sizes).all()
             assert min(gaps(scene[:, POSITION], sizes), default=1.0) >= 0.03
         way = np.linalg.norm((ends - case.disks)[:, POSITION], axis=1)
         assert way.min() >= 0.08
@@ -72,7 +72,7 @@ def test_body_0_alone_may_be_touched_where_it_pushes_another():
         bodies = bodies_of(case)
         assert bodies.pushable == (0,) and case.shapes[0] != case.shapes[1]
         check_bodies(case.disks, bodies, FEASIBILITY.table)
-        assert has_tool_room(case.disks[:, POSITION], sizes_of(case), FEASIBILITY).all()
+        assert has_tool_room(case.disks[:, POSITION], sizes_of(case)).all()
         away = np.linalg.norm(case.goal.places[0] - case.disks[TARGET, POSITION])
         assert 0.15 <= away <= 0.30
 
@@ -93,7 +93,7 @@ def test_what_blocks_the_way_stands_in_the_straight_lane_and_may_be_touched():
             widest = side * (1.0 + 0.5 * sizes[body] / sizes[TARGET])
             lane = np.stack([target - widest, goal - widest, goal + widest, target + widest])
             assert is_inside(place, lane)
-            assert has_tool_room(place, sizes[body], FEASIBILITY)
+            assert has_tool_room(place, sizes[body])
     assert counts == {3, 4}
 
 
@@ -104,5 +104,5 @@ def test_a_streak_is_many_poses_each_away_from_the_one_before():
     places += [np.array([goal.poses[0].x, goal.poses[0].y]) for goal in case.goals]
     ways = np.linalg.norm(np.diff(places, axis=0), axis=1)
     assert ways.min() >= 0.08
-    assert has_tool_room(np.stack(places), sizes_of(case)[0], FEASIBILITY).all()
+    assert has_tool_room(np.stack(places), sizes_of(case)[0]).all()
     assert len(PoseScenario("streak", "t", goals=3).scene(0).goals) == 3

@@ -144,8 +144,6 @@ def test_each_setting_has_its_description_in_the_text(browser, page):
     text = "return document.body.textContent"
     wait(lambda: "overshoot to where the arm" in browser.run(text), "the settings")
     written = browser.run(text)
-    assert [
-        item.name for _, _, item, _ in planner_settings() if description(item) not in written
-    ] == []
+    assert [one.name for one in planner_settings() if description(one.item) not in written] == []
     seen = browser.run("return document.body.innerText")
     assert "K, sequences rolled out in the first round" in seen

@@ -3,7 +3,7 @@
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 
-from sain_live.ros.hearing import Health
+from sain_live.ros.updates import Health
 from sain_live.state import Level, LiveState
 
 OK, WARN = DiagnosticStatus.OK, DiagnosticStatus.WARN
@@ -20,7 +20,7 @@ def say(known):
 
     def take(level, message):
         name = "/sain/mppi_node: planning"
-        health.hear(
+        health.update(
             DiagnosticArray(status=[DiagnosticStatus(level=level, name=name, message=message)])
         )
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 import torch
 
-from sain_core.push import LENGTH, rotate_pushes
-from sain_core.scene import POSITION, THETA, X, make_scene, rotate_scenes, wrap_angle
+from sain_core.push import LENGTH
+from sain_core.scene import POSITION, THETA, X, make_scene, wrap_angle
 from sain_core.shapes.bodies import Bodies
 from sain_core.transitions import PushHistory
 from sain_core.types import Pushes, Scenes
@@ -22,6 +22,7 @@ from sain_model.network.interaction_network import InteractionNetwork, ensemble
 from sain_model.network.settings import NetworkConfig
 from sain_model.physics.parameters import PlanarConfig
 from sain_model.physics.planar import PlanarPrior
+from tests.strokes import rotate_pushes, rotate_scenes
 
 
 def wild_network() -> InteractionNetwork:

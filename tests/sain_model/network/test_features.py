@@ -6,17 +6,8 @@ import numpy as np
 import pytest
 import torch
 
-from sain_core.push import (
-    ANGLE,
-    BODY,
-    LENGTH,
-    LOCATION,
-    PushLimits,
-    make_push,
-    mirror_pushes,
-    rotate_pushes,
-)
-from sain_core.scene import THETA, make_scene, mirror_scenes, rotate_scenes, wrap_angle
+from sain_core.push import ANGLE, BODY, LENGTH, LOCATION, PushLimits, make_push, mirror_pushes
+from sain_core.scene import THETA, make_scene, mirror_scenes, wrap_angle
 from sain_core.shapes.bodies import PAPER_DISKS, Bodies, Role
 from sain_core.shapes.library import get_shape
 from sain_core.shapes.solids import Compound
@@ -47,6 +38,7 @@ from sain_model.network.features import (
 from sain_model.network.interaction_network import InteractionNetwork, TorchNetwork, new_network
 from sain_model.network.settings import FRAMES, NetworkConfig
 from sain_model.physics.parameters import Values
+from tests.strokes import rotate_pushes, rotate_scenes
 
 CONFIG = NetworkConfig()
 NAMES = ("t", "right_triangle", "disk", "ellipse", "l")

@@ -7,11 +7,12 @@ import pytest
 
 from sain_core.errors import InvalidInputError
 from sain_core.push import ANGLE, BODY, LOCATION, SPEED
-from sain_core.scene import POSITION, THETA, make_scene, mirror_scenes, rotate_scenes, wrap_angle
+from sain_core.scene import POSITION, THETA, make_scene, mirror_scenes, wrap_angle
 from sain_core.shapes.bodies import Bodies, Role
 from sain_core.types import Pushes, Scenes
 from sain_model.physics.parameters import AXES, BY_NAME, OF_BODIES, PlanarConfig
 from sain_model.physics.planar import PlanarPrior
+from tests.strokes import rotate_scenes
 
 EVERY = ("disk", "disk"), ("t", "star"), ("disk", "half_ring")
 ON_BOTH = pytest.mark.parametrize("bottom", ["feet", "flat"])

@@ -17,7 +17,6 @@ from sain_core.push import (
     make_push,
     mirror_pushes,
     push_direction,
-    rotate_pushes,
 )
 from sain_core.scene import (
     MASS,
@@ -29,7 +28,6 @@ from sain_core.scene import (
     Y,
     make_scene,
     mirror_scenes,
-    rotate_scenes,
     unit,
     wrap_angle,
 )
@@ -40,6 +38,7 @@ from sain_core.shapes.solids import Compound, Polygon
 from sain_core.types import Points, Pushes, Scenes
 from sain_model.physics.parameters import AXES
 from sain_model.physics.planar import PlanarConfig, PlanarPrior, check_batch
+from tests.strokes import rotate_pushes, rotate_scenes
 
 BATCH = 60
 LIMITS = PushLimits()

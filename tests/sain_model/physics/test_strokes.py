@@ -17,9 +17,14 @@ from sain_core.push import (
     PushLimits,
     as_strokes,
     make_stroke,
-    rotate_pushes,
 )
-from sain_core.scene import POSITION, THETA, make_scene, rotate_scenes, unit, wrap_angle
+from sain_core.scene import (
+    POSITION,
+    THETA,
+    make_scene,
+    unit,
+    wrap_angle,
+)
 from sain_core.shapes.bodies import Bodies
 from sain_core.shapes.library import get_shape
 from sain_core.types import Pushes, Scenes
@@ -27,6 +32,7 @@ from sain_model.network.features import Features, network_inputs, push_frames
 from sain_model.network.settings import NetworkConfig
 from sain_model.physics.parameters import PlanarConfig
 from sain_model.physics.planar import PlanarPrior, first_touch
+from tests.strokes import rotate_pushes, rotate_scenes
 
 LIMITS = PushLimits()
 TIP = 0.00475

@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 import torch
 
-from sain_core.cli.command_line import read_options
+from sain_core.cli.arguments import read_options
 from sain_core.cli.program import main
 from sain_core.errors import CheckpointError, ConfigError
 from sain_core.scene import TARGET

@@ -9,14 +9,15 @@ import pytest
 from sain_core.errors import ConfigError
 from sain_core.feasibility import Feasibility
 from sain_core.goal import BodyPose, Goal
-from sain_core.push import idle_pushes, rotate_pushes
+from sain_core.push import idle_pushes
 from sain_core.randomness import generator
-from sain_core.scene import MID, POSITION, RADIUS, TARGET, rotate_scenes, unit
+from sain_core.scene import MID, POSITION, RADIUS, TARGET, unit
 from sain_core.shapes.bodies import PAPER_DISKS, Bodies
 from sain_mppi.config import CostWeights
 from sain_mppi.objective import cost
 from sain_mppi.objective.cost import Objective, pose_distance, total_cost
 from sain_mppi.objective.problem import Problem
+from tests.strokes import rotate_pushes, rotate_scenes
 
 FEASIBILITY = Feasibility()
 WEIGHTS = CostWeights()

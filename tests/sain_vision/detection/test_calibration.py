@@ -6,21 +6,22 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from sain_core.camera.decals import tag_family
 from sain_core.errors import ConfigError, InvalidInputError
 from sain_vision.detection.board import Board
-from sain_vision.detection.calibration import CalibrationConfig, Look, calibrate
+from sain_vision.detection.calibration import Accepted, Look, calibrate
 from sain_vision.detection.planar_fit import turned
 from sain_vision.detection.tags import TagConfig, TagFinder
 from sain_vision.optics import CameraModel
 from sain_vision.printing.pdf import pdf_of
-from sain_vision.printing.sheets import board_sheet, tag_modules, tag_sheets
+from sain_vision.printing.sheets import board_sheet, tag_sheets
 from sain_vision.ros.calibrate_camera import CalibrateOptions
 from tests.sain_vision.pictures import CAMERA
 
 BOARD = Board()
 FIRST = np.array([0.3, -0.1, 0.2])
 WITHOUT_POSE = CAMERA.moved(np.eye(3), np.zeros(3))
-LOOKS = CalibrationConfig()
+LOOKS = Accepted()
 NOISE = np.random.default_rng(0).uniform(0, 700, (4 * len(BOARD.corners()), 2))
 WRONG_LENS = replace(CAMERA, matrix=CAMERA.matrix @ np.diag([1.2, 1, 1]))
 
@@ -126,4 +127,4 @@ def test_sheets_have_all_tags_in_true_size():
     sides = [np.linalg.norm(four[0][0] - four[0][1]) for four in found.values()]
     np.testing.assert_allclose(sides, 160.0, atol=0.5)
     assert pdf_of(pages).startswith(b"%PDF-1.4") and pdf_of(pages).endswith(b"%%EOF\n")
-    assert tag_modules("16h5", 3).shape == (6, 6)
+    assert tag_family("16h5")[3].shape == (6, 6)

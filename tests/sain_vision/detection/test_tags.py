@@ -6,14 +6,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sain_core.camera.decals import FAMILIES
+from sain_core.camera.decals import FAMILIES, tag_family
 from sain_core.errors import ConfigError
 from sain_core.scene import wrap_angle
 from sain_core.shapes.body_file import Tag
 from sain_vision.detection.sighting import Sighting
 from sain_vision.detection.tags import TagConfig, TagFinder, TagLocator
 from sain_vision.optics import CameraModel
-from sain_vision.printing.sheets import tag_modules
 from tests.sain_vision.pictures import CAMERA, file_of, take
 
 UNBIASED = {"place_bias": 0.0, "turn_bias": 0.0, "corner_noise": 0.03}
@@ -119,7 +118,7 @@ def test_tags_that_nobody_has_are_nobody(picture):
 
 def drawn(number: int, family: str = "36h11", module: int = 10) -> np.ndarray:
     """Return a grey picture of a tag with paper around it, as `sain print` draws it."""
-    paper = np.pad(tag_modules(family, number), 4)
+    paper = np.pad(tag_family(family)[number], 4)
     return np.where(np.kron(paper, np.ones((module, module))) > 0, 0, 255).astype(np.uint8)
 
 
@@ -131,7 +130,7 @@ def test_tags_are_the_way_up_that_apriltag_publishes():
     across, down = x + [7 - one for one in x], y + [7 - one for one in y]
     for bit, place in enumerate(zip(down, across, strict=True)):
         rows[place] = not (code >> (35 - bit)) & 1
-    np.testing.assert_array_equal(tag_modules("36h11", 0), rows)
+    np.testing.assert_array_equal(tag_family("36h11")[0], rows)
     ((corners,),) = TagFinder(TagConfig()).find(drawn(0)).values()
     np.testing.assert_allclose(corners, [(40, 40), (120, 40), (120, 120), (40, 120)], atol=1.0)
 

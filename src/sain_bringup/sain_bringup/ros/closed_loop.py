@@ -1,10 +1,9 @@
 """``ros2 run sain_bringup closed_loop``: the whole graph, from a clean start to a report."""
 
-import sys
 import time
 from collections import Counter
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Final
 
@@ -16,13 +15,10 @@ from sain_bringup.display import Display
 from sain_bringup.graph import (
     EPISODES_KEY,
     NAMESPACE_KEY,
-    PATIENT,
     RECORDINGS,
+    Graph,
     GraphConfig,
-    GraphOptions,
-    graph_commands,
-    restart_command,
-    ros_arguments,
+    start,
 )
 from sain_bringup.interrupts import Interrupts, Stopped
 from sain_bringup.processes import UNHURRIED, Supervisor
@@ -95,32 +91,19 @@ class ClosedLoopOptions(GraphConfig):
         if self.scenario is not None:
             OFFERED.check(self.scenario)
 
-    def graph(self, bag: Path | None) -> GraphOptions:
-        """Return the options of the graph that records to a folder."""
-        shared = {item.name: getattr(self, item.name) for item in fields(GraphConfig)}
-        return GraphOptions(**shared, bag=bag)
 
-
-@dataclass(frozen=True)
-class EpisodePlan:
-    """One episode to play."""
-
-    scenario: str
-    seed: int
-
-
-def episode_plans(options: ClosedLoopOptions) -> tuple[EpisodePlan, ...]:
-    """Return the episodes to play."""
+def episode_plans(options: ClosedLoopOptions) -> list[tuple[str, int]]:
+    """Return scenario and seed of each episode to play."""
     if options.scenario is None and options.episodes is None:
         wanted = [name for name, count in DEMO for _ in range(count)]
     else:
         wanted = [options.scenario or DEMO[0][0]] * (options.episodes or 1)
-    return tuple(EpisodePlan(name, options.seed + number) for number, name in enumerate(wanted))
+    return [(name, options.seed + number) for number, name in enumerate(wanted)]
 
 
-def describe(plans: Sequence[EpisodePlan], options: ClosedLoopOptions) -> str:
+def describe(plans: Sequence[tuple[str, int]], options: ClosedLoopOptions) -> str:
     """Return in a few words what is going to be played."""
-    counts = Counter(plan.scenario for plan in plans)
+    counts = Counter(scenario for scenario, _ in plans)
     what = ", ".join(f"{count} × {name}" for name, count in counts.items())
     engine = "" if options.engine == BULLET else f" in {options.engine}"
     engine += "" if options.bottom == FEET else f" on {options.bottom} bottoms"
@@ -198,6 +181,7 @@ def play_and_report(
 
         with interrupts.deferred():
             play(options, folder, supervisor, display, check)
+        interrupts.check()
         with display.stage("closing the recording", "graph stopped, recording closed"):
             supervisor.close_files(UNHURRIED.interrupt)
             supervisor.stop(UNHURRIED)
@@ -228,24 +212,21 @@ def play(
     with display.stage("starting the graph", "simulator, model, planner and recorder are up"):
         sight = (folder / LOGS, options.see) if options.see else None
         director = Director(check, options.timeout, supervisor, sight, display.note)
-        episodes = " ".join(f"{plan.scenario}:{plan.seed}" for plan in plans)
+        episodes = " ".join(f"{scenario}:{seed}" for scenario, seed in plans)
         namespace = director.get_namespace()
         about = {EPISODES_KEY: episodes, NAMESPACE_KEY: namespace, "model": options.model}
         about |= provenance("sain_bringup")
-        graph = options.graph(folder / BAG)
-        ros = ros_arguments(sys.argv[1:])
-        commands = graph_commands(graph, ros, folder / LOGS, about, full_motion=True)
-        for name, command in commands.items():
-            again = restart_command(name, command)
-            supervisor.start(name, command, patient=name in PATIENT, again=again)
+        moving = {"bullet.full_motion": "true"}  # all the way, for whom watches the recording
+        graph = Graph(options, options.see, bag=folder / BAG, about=about, simulator=moving)
+        start(supervisor, graph, folder / LOGS)
+        names = [child.name for child in supervisor.children]
         director.wait_for_graph(
-            lambda: supervisor.starting(tuple(commands)),
+            lambda: supervisor.starting(names),
             lambda missing: display.status(waiting_for(missing)),
         )
-    for number, plan in enumerate(plans, start=1):
-        case = draw_scene(plan.scenario, plan.seed)
-        with display.episode(number, len(plans), f"{plan.scenario} {plan.seed}") as view:
-            director.play(case, options.tolerance, view)
+    for number, (scenario, seed) in enumerate(plans, start=1):
+        with display.episode(number, len(plans), f"{scenario} {seed}") as view:
+            director.play(draw_scene(scenario, seed), options.tolerance, view)
 
 
 def waiting_for(missing: str) -> str:

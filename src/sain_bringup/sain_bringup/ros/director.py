@@ -90,6 +90,17 @@ class GraphTimeoutError(SainError):
     """The graph did not do in time what it should."""
 
 
+def reset_request(case: ScenarioScene) -> ResetScene.Request:
+    """Return the request for the scene of a scenario."""
+    return ResetScene.Request(
+        seed=case.seed,
+        disks=encode_disks(case.disks),
+        shapes=list(case.shapes),
+        roles=list(map(str, case.roles)),
+        friction=case.friction,
+    )
+
+
 class Director(Node):
     """Plays episodes. All waiting is done in `wait`, which looks after the graph meanwhile."""
 
@@ -97,7 +108,7 @@ class Director(Node):
         self,
         check: Callable[[], None],
         timeout: float,
-        supervisor: Supervisor | None = None,
+        supervisor: Supervisor,
         sight: tuple[Path, str] | None = None,
         show: Callable[[str], None] | None = None,
     ) -> None:
@@ -140,6 +151,7 @@ class Director(Node):
         Raises:
             GraphTimeoutError: naming what is missing, and what it said last.
         """
+        supervisor = self._supervisor
         missing = [Missing(name, name) for name in starting()]
         next_look = changed_at = 0.0
 
@@ -157,19 +169,17 @@ class Director(Node):
 
         def problem() -> str:
             what = ", ".join(part.what for part in missing)
-            return f"still missing: {what}{self._last_words(missing[0].process)}"
+            process = missing[0].process
+            words = supervisor.last_words(process)
+            stuck = f"; {process} makes no progress{words}" if words else ""
+            return f"still missing: {what}{stuck}"
 
-        self.wait(up, problem, since=lambda: max(changed_at, self._heard_at(missing)))
+        def since() -> float:
+            return max(changed_at, supervisor.heard_at([part.process for part in missing]))
+
+        self.wait(up, problem, since)
         if self._show is not None:
             GraphListener(self, self._show, starts=True)
-
-    def _heard_at(self, missing: list[Missing]) -> float:
-        names = [part.process for part in missing]
-        return -inf if self._supervisor is None else self._supervisor.heard_at(names)
-
-    def _last_words(self, process: str) -> str:
-        words = "" if self._supervisor is None else self._supervisor.last_words(process)
-        return f"; {process} makes no progress{words}" if words else ""
 
     def _missing(self) -> list[Missing]:
         missing = missing_parts(
@@ -187,7 +197,10 @@ class Director(Node):
         Raises:
             SainError: the simulator refused the scene, or nothing happened any more.
         """
-        self._wait_for_restarts()
+        self.wait(  # until what has crashed has found the others again
+            lambda: time.monotonic() - self._supervisor.back_at > REUNION,
+            lambda: "a process that crashed is not back",
+        )
         episode_id = self._reset(case, view)
         self._events.clear()
         progress = Progress(view)
@@ -196,17 +209,6 @@ class Director(Node):
             self._pursue(replace(case, goal=goal, further=()), episode_id, progress)
             if not view.reached:
                 break
-
-    def _wait_for_restarts(self) -> None:
-        """Wait until what has crashed is back, and has found the others."""
-        self.wait(
-            lambda: time.monotonic() - self._back_at() > REUNION,
-            lambda: "a process that crashed is not back",
-        )
-
-    def _back_at(self) -> float:
-        """The time [s] when the last process came back that had crashed; never, if one is not."""
-        return -inf if self._supervisor is None else self._supervisor.back_at
 
     def _pursue(self, case: ScenarioScene, episode_id: int, progress: Progress) -> None:
         """Give the goal of a case, and follow what happens until the planner is done with it.
@@ -222,10 +224,10 @@ class Director(Node):
             if self._follow(episode_id, progress):
                 given = time.monotonic()
             now = time.monotonic()
-            if -inf < self._back_at() < now - SILENT and given < now - SILENT:
+            if -inf < self._supervisor.back_at < now - SILENT and given < now - SILENT:
                 given = now
                 self._goal.publish(goal)
-            return progress.is_over(self._back_at())
+            return progress.is_over(self._supervisor.back_at)
 
         self.wait(over, lambda: "no sign of planner or simulator", since=lambda: progress.heard_at)
 
@@ -236,10 +238,7 @@ class Director(Node):
             event = self._events.popleft()
             if event.episode_id != episode_id:
                 continue
-            if isinstance(event, Plan):
-                progress.on_plan(event)
-            else:
-                progress.on_result(event)
+            (progress.on_plan if isinstance(event, Plan) else progress.on_result)(event)
         return count
 
     def wait(
@@ -272,7 +271,7 @@ class Director(Node):
 
         def answered() -> bool:
             nonlocal asked_at, future
-            now, back = time.monotonic(), self._back_at()
+            now, back = time.monotonic(), self._supervisor.back_at
             due = back + REUNION if asked_at < back + REUNION else asked_at + LOST
             if back > -inf and now > due and not future.done():
                 asked_at, future = now, self._servers[name].call_async(request)
@@ -287,14 +286,7 @@ class Director(Node):
         return reply
 
     def _reset(self, case: ScenarioScene, view: EpisodeView) -> int:
-        request = ResetScene.Request(
-            seed=case.seed,
-            disks=encode_disks(case.disks),
-            shapes=list(case.shapes),
-            roles=list(map(str, case.roles)),
-            friction=case.friction,
-        )
-        scene = self.call("reset_scene", request).scene
+        scene = self.call("reset_scene", reset_request(case)).scene
         view.at(distance(case, scene))
         if (sight := self._sight) is None:
             return int(scene.episode_id)
@@ -305,8 +297,7 @@ class Director(Node):
     def _give_goal(self, case: ScenarioScene, episode_id: int) -> Goal:
         self._goals += 1
         named = {"goal_id": self._goals, "episode_id": episode_id, "max_pushes": case.max_pushes}
-        stamp = self.get_clock().now().to_msg()
-        message = encode_goal(case.goal, stamp=stamp, **named)
+        message = encode_goal(case.goal, stamp=self.get_clock().now().to_msg(), **named)
         self._goal.publish(message)
         return message
 

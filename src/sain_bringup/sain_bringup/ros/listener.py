@@ -1,10 +1,8 @@
 """Listens to a graph, and prints what keeps it from working."""
 
-import fcntl
-import os
 import re
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from time import monotonic
 from typing import Any, Final, NamedTuple
 
@@ -14,8 +12,9 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 
-from sain_bringup.conditions import Conditions, described
+from sain_bringup.conditions import LASTS, Conditions, described
 from sain_core.cli.terminal import WaitingLine
+from sain_core.guarding.locks import is_held
 from sain_core.guarding.ros.ownership import full_name, lock_name
 from sain_core.guarding.untrusted import private_folder
 from sain_core.ros.node_main import (
@@ -69,10 +68,10 @@ class _Untriggered(CallbackGroup):
 class LatestMessage:
     """Takes the latest message of a topic when it is asked for; none of them wakes the executor."""
 
-    def __init__(self, node: Node, kind: type, topic: str, callback: Any = print) -> None:
+    def __init__(self, node: Node, kind: type, topic: str) -> None:
         """Subscribe."""
         self._subscription = node.create_subscription(
-            kind, topic, callback, QoSProfile(depth=1), callback_group=_Untriggered()
+            kind, topic, print, QoSProfile(depth=1), callback_group=_Untriggered()
         )
 
     def take(self, raw: bool = False) -> Any:
@@ -129,8 +128,8 @@ class GraphListener:
         self._scenes = LatestMessage(node, Scene, "scene") if SCENES in parts else None
         self._scene_at = monotonic()
         self._planner = node.resolve_topic_name("mppi_node")
-        heard = self._on_diagnostics
-        node.create_subscription(DiagnosticArray, "/diagnostics", heard, RELIABLE)
+        diagnostics = self._on_diagnostics
+        node.create_subscription(DiagnosticArray, "/diagnostics", diagnostics, RELIABLE)
         steady_timer(node, LOOK, self._look)
 
     def absence(self, part: Part) -> str:
@@ -159,9 +158,9 @@ class GraphListener:
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         for status in message.status:
-            self._hear(status)
+            self._report(status)
 
-    def _hear(self, status: DiagnosticStatus) -> None:
+    def _report(self, status: DiagnosticStatus) -> None:
         node, _, _ = str(status.name).partition(SEPARATOR)
         space, _, name = node.rpartition("/")
         own = space == self._node.get_namespace().rstrip("/")
@@ -171,10 +170,8 @@ class GraphListener:
         if node == self._planner and self._waiting(text):
             text = ""
         line = text and described(name if own else node, text)
-        if status.level == ERROR or any(pair.key == CAUSE for pair in status.values):
-            self._conditions.report(status.name, line, lasts=0.0)
-        else:
-            self._conditions.report(status.name, line)
+        at_once = status.level == ERROR or any(pair.key == CAUSE for pair in status.values)
+        self._conditions.report(status.name, line, 0.0 if at_once else LASTS)
 
     def _look(self) -> None:
         for part in self._parts:
@@ -200,19 +197,7 @@ def domains_of(namespace: str) -> list[int]:
     """Return the ROS domains of this computer in which a graph of this user has a namespace."""
     pattern = re.compile(re.escape(lock_name("N", namespace)).replace("N", r"(\d+)", 1))
     found = ((pattern.fullmatch(path.name), path) for path in private_folder().iterdir())
-    return sorted(int(match[1]) for match, path in found if match and _is_locked(str(path)))
-
-
-def _is_locked(path: str) -> bool:
-    with suppress(OSError):
-        descriptor = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_CLOEXEC)
-        try:
-            fcntl.flock(descriptor, fcntl.LOCK_SH | fcntl.LOCK_NB)
-        except BlockingIOError:
-            return True
-        finally:
-            os.close(descriptor)
-    return False
+    return sorted(int(match[1]) for match, path in found if match and is_held(path))
 
 
 @contextmanager

@@ -9,24 +9,15 @@ from rclpy.client import Client
 from rclpy.node import Node
 
 from sain_bringup.display import EpisodeView
-from sain_bringup.graph import (
-    MODEL,
-    OUTLINES,
-    PLANNER,
-    RECORDER,
-    SCENES,
-    SEEING,
-    SIMULATOR,
-    TAGS,
-)
+from sain_bringup.graph import MODEL, OUTLINES, PLANNER, RECORDER, SCENES, SEEING, SIMULATOR, TAGS
 from sain_core.errors import ErrorCode
 from sain_core.wire import decode_disks
 from sain_eval.scenes.families import ScenarioScene
 from sain_interfaces.msg import Plan, PushResult, Scene
 from sain_interfaces.srv import DescribeModel, ResetScene, Rollout
-from sain_model import commands as commands_of_model
-from sain_mppi import commands as commands_of_mppi
-from sain_sim import commands as commands_of_sim
+from sain_model.commands import model_node
+from sain_mppi.commands import mppi_node
+from sain_sim.commands import sim_node
 from sain_vision import commands as commands_of_vision
 
 LOST: Final = 5.0  # [s] after which what was not heard has got lost, where a process has crashed
@@ -108,25 +99,14 @@ def distance(case: ScenarioScene, message: Scene) -> float:
 
 
 PROCESSES: Final = {  # by the name of the node in each
-    "sim_node": SIMULATOR,
-    "model_node": MODEL,
-    "mppi_node": PLANNER,
-    "recorder": RECORDER,
-    "tag_node": TAGS,
-    "outline_node": OUTLINES,
-    "scene_node": SCENES,
-}
-NODES: Final = {
-    "sim_node": commands_of_sim.sim_node,
-    "model_node": commands_of_model.model_node,
-    "mppi_node": commands_of_mppi.mppi_node,
-}
+    "sim_node": SIMULATOR, "model_node": MODEL, "mppi_node": PLANNER, "recorder": RECORDER,
+    "tag_node": TAGS, "outline_node": OUTLINES, "scene_node": SCENES,
+}  # fmt: skip
+NODES: Final = {one.subcommand: one for one in (sim_node, model_node, mppi_node)}
 SERVERS: Final = {service: name for name, node in NODES.items() for service in node.offers}
 SERVER_PARTS: Final = {  # that the director asks
-    "reset_scene": ResetScene,
-    "rollout": Rollout,
-    "describe_model": DescribeModel,
-}
+    "reset_scene": ResetScene, "rollout": Rollout, "describe_model": DescribeModel,
+}  # fmt: skip
 SEEN: Final = ("scene", "shapes")  # by the node that sees the bodies, if there is one
 IMAGES: Final = "camera/"  # topics that are sent only where somebody asks for them
 
@@ -138,11 +118,9 @@ def seeing_nodes(see: str) -> tuple[str, ...]:
 
 def published_topics(see: str) -> dict[str, tuple[str, ...]]:
     """Return what each node of a graph publishes, whose scenes come from images or not."""
-    seeing = [getattr(commands_of_vision, name) for name in seeing_nodes(see)]
-    nodes = {**NODES, **{one.subcommand: one for one in seeing}}
-    topics = {name: set(node.publishes) for name, node in nodes.items()}
-    if see:
-        topics["sim_node"] -= set(SEEN)
+    seeing = {name: getattr(commands_of_vision, name) for name in seeing_nodes(see)}
+    topics = {name: set(node.publishes) for name, node in (NODES | seeing).items()}
+    topics["sim_node"] -= set(SEEN) if see else set()
     kept = {
         name: tuple(sorted(one for one in some if not one.startswith(IMAGES)))
         for name, some in topics.items()
@@ -159,14 +137,10 @@ class Missing(NamedTuple):
 
 def missing_parts(node: Node, clients: Iterable[Client], see: str = "") -> list[Missing]:
     """Return everything that the graph still lacks, as this node sees it."""
-    parts = [
-        Missing(
-            PROCESSES[SERVERS[client.srv_name.rpartition("/")[2]]], f"service {client.srv_name}"
-        )
-        for client in clients
-        if not client.service_is_ready()
-    ]
-    return [*parts, *_missing_topics(node, see)]
+    names = [client.srv_name for client in clients if not client.service_is_ready()]
+    servers = [PROCESSES[SERVERS[name.rpartition("/")[2]]] for name in names]
+    services = [f"service {name}" for name in names]
+    return [*map(Missing, servers, services), *_missing_topics(node, see)]
 
 
 def _missing_topics(node: Node, see: str) -> Iterator[Missing]:

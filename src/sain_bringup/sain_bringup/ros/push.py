@@ -76,11 +76,10 @@ class PushSender:
         self._executor_at = inf  # when the one that executes pushes was discovered [s]
         self.shapes: tuple[str, ...] = ()  # of the bodies, where the simulator states them
         self._publisher = self.node.create_publisher(Push, "push", RELIABLE)
-        self.node.create_subscription(Scene, "scene", self._on_scene, RELIABLE)
-        self._results = self.node.create_subscription(
-            PushResult, "push_result", self._on_result, RELIABLE
-        )
-        self.node.create_subscription(Bodies, "shapes", self._on_bodies, LATCHED)
+        node.create_subscription(Scene, "scene", self._on_scene, RELIABLE)
+        on_result = PushResult, "push_result", self._on_result
+        self._results = node.create_subscription(*on_result, RELIABLE)
+        node.create_subscription(Bodies, "shapes", self._on_bodies, LATCHED)
 
     def send(self, push: PushArray) -> "PushResult":
         """Send a push from the next settled scene and return its result.

@@ -54,8 +54,7 @@ class Watcher:
 
     def topics(self) -> dict[str, str]:
         """Return the type of each topic that is seen by now."""
-        found = self.node.get_topic_names_and_types()
-        return {name: kinds[0] for name, kinds in found}
+        return {name: kinds[0] for name, kinds in self.node.get_topic_names_and_types()}
 
     def all_topics(self, timeout_s: float) -> dict[str, str]:
         """Return the type of each topic of the graph.
@@ -125,13 +124,12 @@ def matching_qos(offered: "list[QoSProfile]") -> "QoSProfile":
     """Return a profile that gets all that these publishers give."""
     from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
-    latched = all(qos.durability == DurabilityPolicy.TRANSIENT_LOCAL for qos in offered)
-    reliable = all(qos.reliability == ReliabilityPolicy.RELIABLE for qos in offered)
-    return QoSProfile(
-        depth=100,
-        durability=DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE,
-        reliability=ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT,
-    )
+    asked = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    if any(qos.durability != DurabilityPolicy.TRANSIENT_LOCAL for qos in offered):
+        asked.durability = DurabilityPolicy.VOLATILE
+    if any(qos.reliability != ReliabilityPolicy.RELIABLE for qos in offered):
+        asked.reliability = ReliabilityPolicy.BEST_EFFORT
+    return asked
 
 
 def message_class(type_name: str) -> Any:

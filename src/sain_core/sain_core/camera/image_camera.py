@@ -128,15 +128,10 @@ class ImageRenderer(Protocol):
 
 
 class Shot(NamedTuple):
-    """What a camera takes at one moment.
+    """What a camera takes at one moment."""
 
-    Attributes:
-        colour: red, green, blue.
-        depth: along the optical axis [mm]; 0: unknown.
-    """
-
-    colour: UInt8[ndarray, "height width 3"]
-    depth: UInt16[ndarray, "height width"]
+    colour: UInt8[ndarray, "height width 3"]  # red, green, blue
+    depth: UInt16[ndarray, "height width"]  # along the optical axis [mm]; 0: unknown
 
 
 class _Ideal(NamedTuple):

@@ -8,12 +8,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Final
 
-from sain_core.cli.command_line import (
-    WRONG_USAGE,
-    end_with_the_reader,
-    load,
-    split_ros_arguments,
-)
+from sain_core.cli.arguments import split_ros_arguments
+from sain_core.cli.command_line import WRONG_USAGE, end_with_the_reader, load
 from sain_core.config import Config, describe_values, settings_of, show_value
 from sain_core.errors import INTERRUPTED, SainError
 from sain_core.guarding.lifetime import check_host
@@ -89,34 +85,19 @@ class NodeCommand:
     def help(self, program: str = "") -> Iterator[str]:
         """Yield the lines of the help."""
         program = program or f"ros2 run {self.name}"
-        width = min(shutil.get_terminal_size().columns, WIDEST)
         yield f"usage: {program} [--help] [--ros-args -p NAME:=VALUE ...]"
         yield ""
-        yield from textwrap.wrap(self.about, width)
+        yield from wrapped(self.about)
         yield ""
         for title in ("publishes", "subscribes", "offers", "calls", "actions"):
             if names := getattr(self, title):
-                start = f"{title + ':':12}"
-                yield from textwrap.wrap(
-                    ", ".join(names),
-                    width,
-                    initial_indent=start,
-                    subsequent_indent=" " * len(start),
-                    break_long_words=False,
-                )
+                yield from wrapped(", ".join(names), f"{title + ':':12}")
         yield ""
         yield "parameters:"
         for name, default, allowed, meaning in self._parameters():
             yield f"  {name}"
-            notes = f"{meaning} (" + "; ".join(filter(None, (allowed, f"default: {default}"))) + ")"
-            indent = " " * 6
-            yield from textwrap.wrap(
-                notes,
-                width,
-                initial_indent=indent,
-                subsequent_indent=indent,
-                break_long_words=False,
-            )
+            notes = "; ".join(filter(None, (allowed, f"default: {default}")))
+            yield from wrapped(f"{meaning} ({notes})", " " * 6)
         yield ""
         yield "example:"
         yield f"  {program} --ros-args -p {self.example}"
@@ -134,6 +115,12 @@ class NodeCommand:
             f"unknown argument {word!r}; allowed are --help and --ros-args. Parameters are given as"
             f" --ros-args -p {name}:={value if near else 'VALUE'}"
         )
+
+
+def wrapped(text: str, start: str = "") -> list[str]:
+    """Return a text in lines of the terminal, the first one after `start`, the others below it."""
+    width, indent = min(shutil.get_terminal_size().columns, WIDEST), " " * len(start)
+    return textwrap.TextWrapper(width, start, indent, break_long_words=False).wrap(text)
 
 
 def describe_parameters(settings: Config) -> list[tuple[str, str, str, str]]:

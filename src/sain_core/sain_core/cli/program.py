@@ -5,9 +5,7 @@ installed; all others work without it.
 """
 
 import pkgutil
-import shutil
 import sys
-import textwrap
 from collections.abc import Iterator
 from importlib import import_module
 from importlib.metadata import version
@@ -16,12 +14,11 @@ from pathlib import Path
 from typing import Final
 
 from sain_core.cli.command_line import WRONG_USAGE, Command, end_with_the_reader
-from sain_core.cli.node_command import NodeCommand
+from sain_core.cli.node_command import NodeCommand, wrapped
 from sain_core.guarding.plugins import did_you_mean
 
 PROGRAM: Final = "sain"
 OWN: Final = "sain_"  # how the names of packages begin
-WIDEST: Final = 100  # columns of the help
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -72,15 +69,10 @@ def help_lines() -> Iterator[str]:
     yield ""
     yield f"{PROGRAM} COMMAND --help has the options. ros2 run PACKAGE NAME starts the same."
     commands = find_commands()
-    width, wide = min(shutil.get_terminal_size().columns, WIDEST), 2 + max(map(len, commands))
+    wide = 2 + max(map(len, commands))
     for title, needs_ros in (("without ROS 2", False), ("on ROS 2", True)):
         yield ""
         yield f"{title}:"
         for name, command in commands.items():
             if command.needs_ros == needs_ros:
-                yield from textwrap.wrap(
-                    command.summary,
-                    width,
-                    initial_indent=f"  {name:<{wide}}",
-                    subsequent_indent=" " * (wide + 2),
-                )
+                yield from wrapped(command.summary, f"  {name:<{wide}}")

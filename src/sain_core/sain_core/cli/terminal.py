@@ -5,7 +5,6 @@ import time
 from collections.abc import Iterable, Iterator, Sequence
 from math import inf
 from textwrap import wrap
-from types import TracebackType
 from typing import TYPE_CHECKING, Final, Self
 
 from rich.cells import cell_len
@@ -140,12 +139,7 @@ class WaitingLine:
             self._status.start()
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         """Clear the line."""
         if self._status is not None:
             self._status.stop()

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from importlib.resources import files
 from pathlib import Path
-from typing import Final, Protocol, runtime_checkable
+from typing import Any, Final
 
 from sain_core.errors import OutputError, SainError
 
@@ -103,15 +103,7 @@ def start_timer(seconds: float, code: int) -> ctypes.c_void_p:
     return timer
 
 
-@runtime_checkable
-class Destroyable(Protocol):
-    """A node; named so that commands without ROS can import this module."""
-
-    def destroy_node(self) -> None:
-        """Give back what the middleware gave."""
-
-
-def release(node: Destroyable) -> None:
+def release(node: Any) -> None:
     """Destroy a node of a command whose results are saved."""
     with ending_within():
         node.destroy_node()
@@ -154,30 +146,30 @@ def check_host() -> None:
     check_loopback()
 
 
-def check_shared_memory(folder: Path = SHARED) -> None:
+def check_shared_memory() -> None:
     """Check that there is room: without any, ROS dies with SIGBUS and says nothing.
 
     Our own messages do not go through shared memory. But ROS is built with LTTng, which maps a page
     of a small file there as soon as a process loads it.
     """
-    if not folder.is_dir() or shutil.disk_usage(folder).free >= LEAST:
+    if not SHARED.is_dir() or shutil.disk_usage(SHARED).free >= LEAST:
         return
     raise OutputError(
-        f"{folder} is full, and ROS cannot start without a page there; remove what killed"
-        f" processes have left, such as {folder}/fastrtps_*, or enlarge it"
+        f"{SHARED} is full, and ROS cannot start without a page there; remove what killed"
+        f" processes have left, such as {SHARED}/fastrtps_*, or enlarge it"
     )
 
 
-def check_loopback(address: str = LOOPBACK) -> None:
+def check_loopback() -> None:
     """Check that nodes can send to each other on this computer, unless the network is opened."""
     if os.environ.get(RANGE, "") not in CLOSED:
         return
     try:
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as own:
-            own.bind((address, 0))
+            own.bind((LOOPBACK, 0))
             own.sendto(b"", own.getsockname())
     except OSError as error:
         raise NoNetworkError(
-            f"nodes talk over {address}, which cannot be used here: {error.strerror}; run"
+            f"nodes talk over {LOOPBACK}, which cannot be used here: {error.strerror}; run"
             " `sudo ip link set lo up`, or start the container with a network"
         ) from error

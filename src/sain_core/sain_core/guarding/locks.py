@@ -23,13 +23,12 @@ class LockedError(SainError):
         self.holder = holder
 
 
-def lock_file(path: Path, owner: str, wait: float = ENDING_S) -> int:
+def lock_file(path: Path, owner: str) -> int:
     """Return a descriptor of a file that is locked until it is closed.
 
     Args:
         path: of the file, which is made if need be.
         owner: what the file then says, after the number of this process.
-        wait: for another process that ends [s].
 
     Raises:
         LockedError: another process holds the lock.
@@ -41,7 +40,7 @@ def lock_file(path: Path, owner: str, wait: float = ENDING_S) -> int:
         if not S_ISREG(os.fstat(descriptor).st_mode):
             os.close(descriptor)
             raise FileExistsError(EEXIST, "it is no regular file; remove it")
-        end = time.monotonic() + wait
+        end = time.monotonic() + ENDING_S
         while not _is_locked(descriptor):
             if time.monotonic() >= end:
                 holder = os.pread(descriptor, 300, 0).decode(errors="replace").strip()
@@ -55,9 +54,21 @@ def lock_file(path: Path, owner: str, wait: float = ENDING_S) -> int:
     return descriptor
 
 
-def _is_locked(descriptor: int) -> bool:
+def is_held(path: Path) -> bool:
+    """Return True if another process holds the lock of a file."""
     try:
-        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        descriptor = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_CLOEXEC)
+    except OSError:
+        return False
+    try:
+        return not _is_locked(descriptor, fcntl.LOCK_SH)
+    finally:
+        os.close(descriptor)
+
+
+def _is_locked(descriptor: int, kind: int = fcntl.LOCK_EX) -> bool:
+    try:
+        fcntl.flock(descriptor, kind | fcntl.LOCK_NB)
     except BlockingIOError:
         return False
     return True

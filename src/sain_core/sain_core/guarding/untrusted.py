@@ -12,7 +12,6 @@ from contextlib import suppress
 from io import BufferedReader
 from pathlib import Path
 from stat import S_IMODE, S_ISDIR
-from types import TracebackType
 from typing import Final
 
 from sain_core.errors import ConfigError, OutputError, UntrustedFileError
@@ -89,11 +88,14 @@ def shown(value: object, most: int = 60) -> str:
     return text if len(text) <= most else f"{text[:most]}..."
 
 
-def listed(names: Iterable[str], most: int = 20) -> str:
+MOST_LISTED: Final = 20
+
+
+def listed(names: Iterable[str]) -> str:
     """Return names as an error lists them: the first ones, and how many more there are."""
     names = list(names)
-    more = f" and {len(names) - most} more" if len(names) > most else ""
-    return ", ".join(shown(name)[1:-1] for name in names[:most]) + more
+    more = f" and {len(names) - MOST_LISTED} more" if len(names) > MOST_LISTED else ""
+    return ", ".join(shown(name)[1:-1] for name in names[:MOST_LISTED]) + more
 
 
 def one_line(text: object, most: int = 800) -> str:
@@ -251,9 +253,7 @@ class TimeAllowance:
         """Begin to count."""
         self._began = time.thread_time()
 
-    def __exit__(
-        self, kind: type[BaseException] | None, _: BaseException | None, __: TracebackType | None
-    ) -> None:
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
         """Count; raises `UntrustedFileError`: it was more than is allowed."""
         self._left -= time.thread_time() - self._began
         if self._left < 0.0 and kind is None:

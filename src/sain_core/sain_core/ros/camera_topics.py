@@ -5,10 +5,14 @@ from typing import Final
 import numpy as np
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Quaternion, TransformStamped, Vector3
+from jaxtyping import Float
+from numpy import ndarray
 from rclpy.node import Node
+from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import CameraInfo, Image
+from std_msgs.msg import Header
 
-from sain_core.camera.image_camera import ImageCameraConfig, Matrix, Shot
+from sain_core.camera.image_camera import ImageCameraConfig, Shot
 from sain_core.ros import codec
 from sain_core.ros.qos import RELIABLE
 
@@ -16,6 +20,17 @@ COLOUR: Final = "camera/color/image_raw"
 INFO: Final = "camera/color/camera_info"
 DEPTH: Final = "camera/aligned_depth_to_color/image_raw"
 OPTICAL_FRAME: Final = "camera_color_optical_frame"
+
+
+def make_transform(
+    header: Header, child: str, place: Float[ndarray, "3"], turn: Float[ndarray, "4"]
+) -> TransformStamped:
+    """Return where a frame is in another one: its place [m] and its turn as x, y, z, w."""
+    (x, y, z), (a, b, c, w) = place.tolist(), turn.tolist()
+    made = TransformStamped(header=header, child_frame_id=child)
+    made.transform.translation = Vector3(x=x, y=y, z=z)
+    made.transform.rotation = Quaternion(x=a, y=b, z=c, w=w)
+    return made
 
 
 class CameraTopics:
@@ -36,11 +51,8 @@ class CameraTopics:
     def transform(self, stamp: Time) -> TransformStamped:
         """Return where the camera is, as its calibration has it."""
         rotation, place = self._config.stated_pose
-        x, y, z = place.tolist()
-        one = TransformStamped(header=codec.header(stamp), child_frame_id=self._frame)
-        one.transform.translation = Vector3(x=x, y=y, z=z)
-        one.transform.rotation = _quaternion(rotation)
-        return one
+        turn = Rotation.from_matrix(rotation).as_quat()
+        return make_transform(codec.header(stamp), self._frame, place, turn)
 
     def publish(self, shot: Shot, stamp: Time) -> None:
         """Publish images that were taken at a time, with their calibration."""
@@ -66,19 +78,3 @@ class CameraTopics:
         ):
             if publisher.get_subscription_count():
                 publisher.publish(codec.encode_image(pixels, encoding, header))
-
-
-def _quaternion(rotation: Matrix) -> Quaternion:
-    """Return the turn of a matrix (3, 3)."""
-    (a, b, c), (d, e, f), (g, h, i) = rotation.tolist()
-    # It is the eigenvector of this matrix for the largest eigenvalue (Bar-Itzhack 2000).
-    balance = np.array(
-        [
-            [a - e - i, b + d, c + g, h - f],
-            [b + d, e - a - i, f + h, c - g],
-            [c + g, f + h, i - a - e, d - b],
-            [h - f, c - g, d - b, a + e + i],
-        ]
-    )
-    x, y, z, w = np.linalg.eigh(balance)[1][:, -1].tolist()
-    return Quaternion(x=x, y=y, z=z, w=w)

@@ -17,7 +17,7 @@ from sain_core.ros.qos import RELIABLE
 from sain_core.scene import DISK_HEIGHT
 from sain_core.shapes.bodies import MOST_BODIES
 from sain_core.shapes.shape import Solid
-from sain_core.types import Points
+from sain_core.types import Place, Points
 from sain_core.view.palette import PALETTE, rgba
 from sain_core.view.things import (
     BodyPath,
@@ -86,54 +86,54 @@ def markers_of(things: Iterable[Thing], stamp: Time) -> list[Marker]:
     """
     things = list(things)
     others = [thing for thing in things if isinstance(thing, BodyPath) and _is_other(thing)]
-    markers = _other_lines(others, stamp)
+    markers = _other_lines(others)
     taken: set[tuple[str, int]] = set()
     for thing in things:
-        for marker in _markers(thing, stamp):
+        for marker in _markers(thing):
             marker.id = getattr(thing, "number", 0)
             while (marker.ns, marker.id) in taken:
                 marker.id += MOST_BODIES
             taken.add((marker.ns, marker.id))
             markers.append(marker)
+    for marker in markers:
+        marker.header = header(stamp)
     return markers
 
 
-def _markers(thing: Thing, stamp: Time) -> list[Marker]:
+def _markers(thing: Thing) -> list[Marker]:
     match thing:
         case TableTop():
-            return [_table(thing, stamp)]
+            return [_table(thing)]
         case ReachArea():
             rings = map(_closed, thing.outlines)
-            return [_line("reach", ring, FLAT, "reach_edge", stamp) for ring in rings]
+            return [_line("reach", ring, FLAT, "reach_edge") for ring in rings]
         case DrawnBody():
-            return _body(thing, stamp)
+            return _body(thing)
         case BodyPath():
-            line = _line("path", thing.points, DISK_HEIGHT, thing.colour, stamp)
+            line = _line("path", thing.points, DISK_HEIGHT, thing.colour)
             return [] if _is_other(thing) else [line]
         case GoalMark():
-            return _goal(thing, stamp)
+            return _goal(thing)
         case PushArrow():
-            return [_arrow(thing, stamp)]
+            return [_arrow(thing)]
         case Region():
-            return [_region(thing, stamp)]
+            return [_region(thing)]
 
 
 def tool_marker(tip: Sequence[float], stamp: Time) -> Marker:
     """Return the stick of the arm with its tip at x, y, z [m]."""
-    marker = make_marker("tool", 0, Marker.CYLINDER, TOOL_COLOUR, stamp)
+    marker = make_marker("tool", 0, Marker.CYLINDER, TOOL_COLOUR)
+    marker.header = header(stamp)
     x, y, z = tip
     marker.pose = make_pose(x, y, z + TOOL_LENGTH / 2)
     marker.scale = Vector3(x=2 * TOOL_RADIUS, y=2 * TOOL_RADIUS, z=TOOL_LENGTH)
     return marker
 
 
-def make_marker(
-    group: str, number: int, kind: int, colour: str, stamp: Time, opacity: float = 1.0
-) -> Marker:
-    """Return a marker at the origin; group and number identify it in viewers."""
+def make_marker(group: str, number: int, kind: int, colour: str, opacity: float = 1.0) -> Marker:
+    """Return a marker at the origin without header; group and number identify it in viewers."""
     red, green, blue, alpha = rgba(colour, opacity)
     return Marker(
-        header=header(stamp),
         ns=group,
         id=number,
         type=kind,
@@ -149,8 +149,8 @@ def make_pose(x: float, y: float, z: float, yaw: float = 0.0) -> Pose:
     return Pose(position=Point(x=x, y=y, z=z), orientation=turn)
 
 
-def _table(table: TableTop, stamp: Time) -> Marker:
-    marker = make_marker("table", 0, Marker.CUBE, TABLE_COLOUR, stamp)
+def _table(table: TableTop) -> Marker:
+    marker = make_marker("table", 0, Marker.CUBE, TABLE_COLOUR)
     x, y = ((table.low + table.high) / 2).tolist()
     wide, long = (table.high - table.low).tolist()
     marker.pose = make_pose(x, y, -TABLE_THICKNESS / 2)
@@ -158,12 +158,12 @@ def _table(table: TableTop, stamp: Time) -> Marker:
     return marker
 
 
-def _body(body: DrawnBody, stamp: Time) -> list[Marker]:
+def _body(body: DrawnBody) -> list[Marker]:
     """Return a body as it is: a cylinder, a box, or the surface of its prisms; now with a name."""
     now = body.look is Look.NOW
     group = "bodies" if now else body.look.value
     opacity = OPACITY.get(body.look, 0.4)
-    marker = make_marker(group, 0, SOLIDS[body.shape.solid], hue(body), stamp, opacity)
+    marker = make_marker(group, 0, SOLIDS[body.shape.solid], hue(body), opacity)
     x, y = body.place.tolist()
     marker.pose = make_pose(x, y, DISK_HEIGHT / 2, body.heading)
     marker.scale = Vector3(x=2 * body.radius, y=2 * body.radius, z=DISK_HEIGHT)
@@ -173,64 +173,56 @@ def _body(body: DrawnBody, stamp: Time) -> list[Marker]:
         marker.points = [Point(x=x, y=y, z=z) for x, y, z in corners]
     if not now:
         return [marker]
-    label = make_marker("labels", 0, Marker.TEXT_VIEW_FACING, PALETTE.ink, stamp)
+    label = make_marker("labels", 0, Marker.TEXT_VIEW_FACING, PALETTE.ink)
     label.pose = make_pose(x, y, DISK_HEIGHT + LABEL_HEIGHT)
     label.scale = Vector3(z=LABEL_HEIGHT)
     label.text = body.name
     return [marker, label]
 
 
-def _goal(goal: GoalMark, stamp: Time) -> list[Marker]:
+def _goal(goal: GoalMark) -> list[Marker]:
     """Return a disk as wide as the tolerance, and where the heading counts the outline."""
-    x, y = goal.body.place.tolist()
-    disk = _disk("goal", x, y, goal.tolerance, FLAT / 2, hue(goal), 0.8, stamp)
+    disk = _disk("goal", goal.body.place, goal.tolerance, FLAT / 2, hue(goal), 0.8)
     if not goal.body.marked:
         return [disk]
-    return [_line("goal", _closed(goal.body.outline), FLAT, goal.colour, stamp), disk]
+    return [_line("goal", _closed(goal.body.outline), FLAT, goal.colour), disk]
 
 
-def _region(region: Region, stamp: Time) -> Marker:
-    x, y = region.place.tolist()
+def _region(region: Region) -> Marker:
     height = DISK_HEIGHT + LINE
-    return _disk("region", x, y, region.radius, height, hue(region), 0.35, stamp)
+    return _disk("region", region.place, region.radius, height, hue(region), 0.35)
 
 
 def _disk(
-    group: str,
-    x: float,
-    y: float,
-    radius: float,
-    height: float,
-    colour: str,
-    opacity: float,
-    stamp: Time,
+    group: str, place: Place, radius: float, height: float, colour: str, opacity: float
 ) -> Marker:
-    marker = make_marker(group, 0, Marker.CYLINDER, colour, stamp, opacity)
+    marker = make_marker(group, 0, Marker.CYLINDER, colour, opacity)
+    x, y = place.tolist()
     marker.pose = make_pose(x, y, height)
     marker.scale = Vector3(x=2 * radius, y=2 * radius, z=FLAT)
     return marker
 
 
-def _arrow(push: PushArrow, stamp: Time) -> Marker:
-    marker = make_marker("push", 0, Marker.ARROW, hue(push), stamp)
+def _arrow(push: PushArrow) -> Marker:
+    marker = make_marker("push", 0, Marker.ARROW, hue(push))
     shaft, width, length = ARROW
     marker.scale = Vector3(x=shaft, y=width, z=length)
     marker.points = _points(np.stack([push.start, push.end]), DISK_HEIGHT + LINE)
     return marker
 
 
-def _line(group: str, points: Points, height: float, colour: str, stamp: Time) -> Marker:
-    marker = make_marker(group, 0, Marker.LINE_STRIP, PALETTE.named(colour), stamp, 0.9)
+def _line(group: str, points: Points, height: float, colour: str) -> Marker:
+    marker = make_marker(group, 0, Marker.LINE_STRIP, PALETTE.named(colour), 0.9)
     marker.scale = Vector3(x=LINE)
     marker.points = _points(points, height)
     return marker
 
 
-def _other_lines(paths: Sequence[BodyPath], stamp: Time) -> list[Marker]:
+def _other_lines(paths: Sequence[BodyPath]) -> list[Marker]:
     """Return other sequences as one marker: its lines pale from the cheapest to the dearest."""
     if not paths:
         return []
-    marker = make_marker("others", 0, Marker.LINE_LIST, PALETTE.ink, stamp)
+    marker = make_marker("others", 0, Marker.LINE_LIST, PALETTE.ink)
     marker.scale = Vector3(x=THIN)
     for path in paths:
         legs = np.stack([path.points[:-1], path.points[1:]], axis=1).reshape(-1, 2)

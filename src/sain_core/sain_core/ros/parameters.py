@@ -160,15 +160,12 @@ def _descriptor(item: "dataclasses.Field[Any]", kind: Any, live: bool) -> Parame
 def _set_range(
     descriptor: ParameterDescriptor, kind: Any, low: float | None, high: float | None
 ) -> None:
-    if kind is float:
-        bounds = FloatingPointRange(
-            from_value=-LARGEST_FLOAT if low is None else float(low),
-            to_value=LARGEST_FLOAT if high is None else float(high),
-        )
-        descriptor.floating_point_range = [bounds]
-    elif kind is int:
-        limits = IntegerRange(
-            from_value=-LARGEST_INT if low is None else int(low),
-            to_value=LARGEST_INT if high is None else int(high),
-        )
-        descriptor.integer_range = [limits]
+    if kind not in (int, float):
+        return
+    limits, most = (
+        (FloatingPointRange(), LARGEST_FLOAT) if kind is float else (IntegerRange(), LARGEST_INT)
+    )
+    limits.from_value = -most if low is None else kind(low)
+    limits.to_value = most if high is None else kind(high)
+    name = "floating_point_range" if kind is float else "integer_range"
+    setattr(descriptor, name, [limits])

@@ -40,19 +40,12 @@ SEEN: Final = 0.001  # [m], of a body that was moved: far more than rest, less t
 
 @dataclass(frozen=True, eq=False)
 class PushOrder:
-    """A push that is to be carried out: checked, against the scene it was planned from.
+    """A push that is to be carried out: checked, against the scene it was planned from."""
 
-    Attributes:
-        push: (5,).
-        stroke: the tool's way.
-        scene: (N, 8), at rest.
-        bodies: shapes and roles.
-    """
-
-    push: PushArray
-    stroke: Stroke
-    scene: SceneArray
-    bodies: Bodies
+    push: PushArray  # (5,)
+    stroke: Stroke  # the tool's way
+    scene: SceneArray  # (N, 8), at rest
+    bodies: Bodies  # shapes and roles
 
 
 class PushDriver:

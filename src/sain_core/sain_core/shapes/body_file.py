@@ -73,29 +73,17 @@ class Tag:
 
 @dataclass(frozen=True)
 class BodyFile:
-    """What is known of the bodies on a table, in the order of its scenes.
+    """What is known of the bodies on a table, in the order of its scenes."""
 
-    Attributes:
-        bodies: shapes and roles.
-        names: of each its own, for messages and detections.
-        radii: [m], as in a scene.
-        masses: [kg]; nominal where unknown.
-        heights: [m], of the tops over the table.
-        tags: on the tops; none: found otherwise.
-        frames: on ``/tf``; "": none.
-        topics: with poses; "": none.
-        weighed: whether all masses are known.
-    """
-
-    bodies: Bodies
-    names: tuple[str, ...]
-    radii: tuple[float, ...]
-    masses: tuple[float, ...]
-    heights: tuple[float, ...]
-    tags: tuple[tuple[Tag, ...], ...]
-    frames: tuple[str, ...]
-    topics: tuple[str, ...]
-    weighed: bool
+    bodies: Bodies  # shapes and roles
+    names: tuple[str, ...]  # of each its own, for messages and detections
+    radii: tuple[float, ...]  # [m], as in a scene
+    masses: tuple[float, ...]  # [kg]; nominal where unknown
+    heights: tuple[float, ...]  # [m], of the tops over the table
+    tags: tuple[tuple[Tag, ...], ...]  # on the tops; none: found otherwise
+    frames: tuple[str, ...]  # on ``/tf``; "": none
+    topics: tuple[str, ...]  # with poses; "": none
+    weighed: bool  # whether all masses are known
 
     def scene(self, poses: Poses) -> Scene:
         """Return bodies at rest (N, 8) at poses (N, 3)."""

@@ -52,8 +52,8 @@ def _clipped_box(width: float, depth: float, cut: float) -> tuple[Pair, ...]:
     )  # fmt: skip
 
 
-def _ellipse(width: float, depth: float, sides: int = 24) -> tuple[Pair, ...]:
-    return tuple((width * x, depth * y) for x, y in _arc(0.0, 2 * pi, sides)[:-1])
+def _ellipse(width: float, depth: float) -> tuple[Pair, ...]:
+    return tuple((width * x, depth * y) for x, y in _arc(0.0, 2 * pi, 24)[:-1])
 
 
 def _ring_segment(start: float, end: float, inner: float, sides: int) -> list[tuple[Pair, ...]]:

@@ -28,7 +28,7 @@ from sain_core.guarding.untrusted import (
 from sain_core.output import write_json
 from sain_core.scene import unit
 from sain_core.shapes.shape import FEET, Pair, Ring, Shape
-from sain_core.shapes.solids import DISK, TOLERANCE, Disk, Prism, balanced_feet, centroid
+from sain_core.shapes.solids import DISK, TOLERANCE, Disk, Prism, centroid
 from sain_core.types import Points
 
 OUTLINES_FILE: Final = "outlines.json"
@@ -60,12 +60,6 @@ class Traced(Prism):
         return radius * np.array(self.corners)
 
     @cached_property
-    def feet(self) -> tuple[Pair, ...]:
-        """Distance [radii] and bearing [rad] of three points that carry the body well."""
-        x, y = balanced_feet(self.outline(1.0)).T
-        return tuple(zip(np.hypot(x, y).tolist(), np.arctan2(y, x).tolist(), strict=True))
-
-    @cached_property
     def _convex_parts(self) -> tuple[Ring, ...]:
         return convex_parts(self.outline(1.0))
 
@@ -76,19 +70,12 @@ class Traced(Prism):
 
 @dataclass(frozen=True)
 class BodyOutline:
-    """A body as its user states it.
+    """A body as its user states it."""
 
-    Attributes:
-        shape: about its centroid; a disk where both axes of an ellipse are equal.
-        radius: circumscribed about the centroid [m].
-        centre: of the centroid in the user's frame of the body (x, y) [m].
-        mended: what was changed in the user's outline, in words.
-    """
-
-    shape: Shape
-    radius: float
-    centre: Pair
-    mended: tuple[str, ...] = ()
+    shape: Shape  # about its centroid; a disk where both axes of an ellipse are equal
+    radius: float  # circumscribed about the centroid [m]
+    centre: Pair  # of the centroid in the user's frame of the body (x, y) [m]
+    mended: tuple[str, ...] = ()  # what was changed in the user's outline, in words
 
 
 def convex_parts(outline: Points) -> tuple[Ring, ...]:
@@ -97,7 +84,7 @@ def convex_parts(outline: Points) -> tuple[Ring, ...]:
     Triangles are joined across an edge as long as the union stays convex (Hertel and Mehlhorn,
     1983: at most four times as many as are needed).
     """
-    from shapely import Polygon, constrained_delaunay_triangles, get_parts
+    from shapely import Polygon, constrained_delaunay_triangles, get_parts, orient_polygons
 
     whole = Polygon(outline)
     parts = [whole] if _is_convex(whole) else list(get_parts(constrained_delaunay_triangles(whole)))
@@ -111,19 +98,13 @@ def convex_parts(outline: Points) -> tuple[Ring, ...]:
                     parts[first], joined = union, True
                     del parts[second]
                     break
-    rings = (np.array(part.exterior.coords)[:-1] for part in parts)
-    return tuple(ring if _area(ring) > 0.0 else ring[::-1] for ring in rings)
+    return tuple(np.array(orient_polygons(part).exterior.coords)[:-1] for part in parts)
 
 
 def _is_convex(polygon: Any) -> bool:
     hull = polygon.convex_hull
     whole = polygon.geom_type == "Polygon" and not polygon.interiors
     return bool(whole and hull.area - polygon.area < TOLERANCE * hull.area)
-
-
-def _area(ring: Points) -> float:
-    after = np.roll(ring, -1, axis=0)
-    return float(0.5 * (ring[:, 0] * after[:, 1] - ring[:, 1] * after[:, 0]).sum())
 
 
 # --- what users state -----------------------------------------------------------------------------

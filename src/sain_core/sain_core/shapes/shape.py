@@ -160,17 +160,11 @@ LEFTMOST: Final = 1e-6  # [radii], within which points are equally far left
 
 @dataclass(frozen=True, eq=False)
 class Outline:
-    """A closed polygon as a function of the location, in the body's frame and units of its radius.
+    """A closed polygon as a function of the location, in its frame and units of its radius."""
 
-    Attributes:
-        corners: (M + 1, 2), from the point with location 0 round to it again.
-        shares: (M + 1,), of the perimeter up to each corner, 0 to 1.
-        perimeter: [radii].
-    """
-
-    corners: Float[ndarray, "M 2"]
-    shares: Float[ndarray, "M"]
-    perimeter: float
+    corners: Float[ndarray, "M 2"]  # (M + 1, 2), from the point with location 0 round to it again
+    shares: Float[ndarray, "M"]  # (M + 1,), of the perimeter up to each corner, 0 to 1
+    perimeter: float  # [radii]
 
     def at(self, locations: Angles) -> tuple[Points, Angles]:
         """Return the points (..., 2) [radii] at locations (...,), and the headings of the inward

@@ -122,9 +122,7 @@ def _area(shape: Shape) -> float:
     """Return the area in units of the square of the circumscribed radius."""
     if shape.is_round:
         return np.pi
-    here = shape.outline(1.0) / shape.circumradius
-    after = np.roll(here, -1, axis=0)
-    return float(0.5 * (here[:, 0] * after[:, 1] - here[:, 1] * after[:, 0]).sum())
+    return 0.5 * float(_cross(*_sides(shape.outline(1.0) / shape.circumradius)).sum())
 
 
 def _within(shape: Shape, points: Points) -> Mask:
@@ -173,6 +171,12 @@ class Prism(Shape):
     """An upright prism; what follows from its outline."""
 
     solid: ClassVar = Solid.PRISM
+
+    @cached_property
+    def feet(self) -> tuple[Pair, ...]:
+        """Distance [radii] and bearing [rad] of three points that carry the body well."""
+        x, y = balanced_feet(self.outline(1.0)).T
+        return tuple(zip(np.hypot(x, y).tolist(), np.arctan2(y, x).tolist(), strict=True))
 
     @cached_property
     def symmetry(self) -> float:
@@ -261,12 +265,6 @@ class Compound(Prism):
         scale = float(np.hypot(*(outline - centre).T).max())
         moved = (((np.array(polygon) - centre) / scale).tolist() for polygon in polygons)
         return cls(name, tuple(tuple((x, y) for x, y in polygon) for polygon in moved))
-
-    @cached_property
-    def feet(self) -> tuple[Pair, ...]:
-        """Distance [radii] and bearing [rad] of three points that carry the body well."""
-        x, y = balanced_feet(self._outline).T
-        return tuple(zip(np.hypot(x, y).tolist(), np.arctan2(y, x).tolist(), strict=True))
 
     @cached_property
     def _outline(self) -> Points:

@@ -11,8 +11,7 @@ from jaxtyping import UInt8
 from numpy import ndarray
 from PIL import Image, ImageDraw
 
-from sain_core.feasibility import Feasibility
-from sain_core.scene import unit
+from sain_core.scene import Table, unit
 from sain_core.types import Place, Points
 from sain_core.view.palette import PALETTE
 from sain_core.view.scenes import stage
@@ -42,15 +41,15 @@ HEAD: Final = 0.03  # [m], length of the head of an arrow
 class TopPicture:
     """Draws scenes from above, always the same part of the world: the table."""
 
-    def __init__(self, size: int, feasibility: Feasibility = Feasibility()) -> None:
+    def __init__(self, size: int) -> None:
         """Draw images of size x size pixels."""
-        table = feasibility.table
+        table = Table()
         self._side = max(table.x_max - table.x_min, table.y_max - table.y_min) + 2 * MARGIN
         middle = np.array([table.x_min + table.x_max, table.y_min + table.y_max]) / 2
         self._corner = middle + self._side / 2  # the upper left one
         self._scale = FINENESS * size / self._side  # [px/m]
         self._empty = Image.new("RGB", (FINENESS * size,) * 2, PALETTE.line)
-        self._draw_stage(stage(feasibility))
+        self._draw_stage(stage())
 
     def draw(self, things: Iterable[Thing]) -> TopImage:
         """Return an image of things on the table."""

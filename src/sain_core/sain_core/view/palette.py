@@ -47,18 +47,10 @@ class Palette:
         return "\n".join(f"  --{name}: {colour};" for name, colour in names)
 
 
-BODIES: Final = (
-    "mid",
-    "target",
-    "history",
-    "inside",
-    "learned",
-    "alarm",
-    "identified",
-    "physics",
-    "soft",
+BODIES: Final = (  # names of the colours of bodies, by their places in the scene
+    "mid", "target", "history", "inside", "learned", "alarm", "identified", "physics", "soft",
     "ink",
-)  # fmt: skip - the names of the colours of bodies by their places in the scene
+)  # fmt: skip
 PALETTE: Final = Palette()
 DARK: Final = Palette(
     page="#131518",

@@ -110,17 +110,6 @@ def push_arrow(
     return [PushArrow(start, start + push[LENGTH] * unit(heading), number)]
 
 
-def row_things(
-    row: PushRecord, bodies: Bodies, number: int = 0, limits: PushLimits = LIMITS
-) -> list[Thing]:
-    """Return a push and what was predicted of it, of bodies that moved or should have."""
-    return [
-        *predictions(row.before, row.after, row.physics, bodies, Look.PHYSICS),
-        *predictions(row.before, row.after, row.predicted, bodies, Look.EXPECTED),
-        *push_arrow(row.before, row.push, bodies, number, limits),
-    ]
-
-
 def predictions(
     before: Scene | None, after: Scene | None, predicted: Scene | None, bodies: Bodies, look: Look
 ) -> list[DrawnBody]:

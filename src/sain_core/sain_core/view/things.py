@@ -51,15 +51,10 @@ class TableTop:
 
 @dataclass(frozen=True, eq=False)
 class ReachArea:
-    """The part of a table where the tool can stand.
+    """The part of a table where the tool can stand."""
 
-    Attributes:
-        pieces: of the reach, the corners (M, 2) [m] of each.
-        table: it.
-    """
-
-    pieces: list[Points]
-    table: TableTop
+    pieces: list[Points]  # of the reach, the corners (M, 2) [m] of each
+    table: TableTop  # it
 
     @property
     def outlines(self) -> list[Points]:
@@ -74,29 +69,17 @@ class ReachArea:
 
 @dataclass(frozen=True, eq=False)
 class DrawnBody:
-    """A body of a scene.
+    """A body of a scene."""
 
-    Attributes:
-        number: its place in the scene.
-        name: what it is called beside it.
-        shape: its shape.
-        state: (8,).
-        colour: the name of its colour in the palette.
-        look: what it is drawn for.
-        fixed: whether nothing moves it.
-        marked: whether its heading counts.
-        share: of the pushes of a plan that are over, 1 for the last; of other looks 0.
-    """
-
-    number: int
-    name: str
-    shape: Shape
-    state: Float[ndarray, "8"]
-    colour: str
-    look: Look = Look.NOW
-    fixed: bool = False
-    marked: bool = False
-    share: float = 0.0
+    number: int  # its place in the scene
+    name: str  # what it is called beside it
+    shape: Shape  # its shape
+    state: Float[ndarray, "8"]  # (8,)
+    colour: str  # the name of its colour in the palette
+    look: Look = Look.NOW  # what it is drawn for
+    fixed: bool = False  # whether nothing moves it
+    marked: bool = False  # whether its heading counts
+    share: float = 0.0  # of the pushes of a plan that are over, 1 for the last; of other looks 0
 
     @property
     def place(self) -> Place:
@@ -131,32 +114,22 @@ class DrawnBody:
 
 @dataclass(frozen=True, eq=False)
 class BodyPath:
-    """Where a body's centre goes, by places (M, 2) [m].
-
-    Attributes:
-        share: of other sequences, 0 for the cheapest and 1 for the dearest.
-    """
+    """Where a body's centre goes, by places (M, 2) [m]."""
 
     number: int
     points: Points
     colour: str
     look: Look = Look.NOW
-    share: float = 0.0
+    share: float = 0.0  # of other sequences, 0 for the cheapest and 1 for the dearest
 
 
 @dataclass(frozen=True, eq=False)
 class GoalMark:
-    """Where a body should come to rest.
+    """Where a body should come to rest."""
 
-    Attributes:
-        body: it, as it should lie; with a mark where its heading counts.
-        tolerance: [m], about its place.
-        colour: of the mark; that of the body is the body's.
-    """
-
-    body: DrawnBody
-    tolerance: float
-    colour: str = "goal"
+    body: DrawnBody  # it, as it should lie; with a mark where its heading counts
+    tolerance: float  # [m], about its place
+    colour: str = "goal"  # of the mark; that of the body is the body's
 
     @property
     def number(self) -> int:

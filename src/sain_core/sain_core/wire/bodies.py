@@ -9,6 +9,8 @@ from collections.abc import Sequence
 from typing import Any, Final
 
 import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
 
 from sain_core.errors import ConfigError, InvalidInputError, OutOfRangeError
 from sain_core.guarding.plugins import did_you_mean
@@ -16,7 +18,6 @@ from sain_core.guarding.untrusted import (
     LEAST_RADIUS,
     LONGEST_NAME,
     MOST_BODIES,
-    MOST_PARTS,
     MOST_RADIUS,
 )
 from sain_core.shapes.bodies import Bodies, Role
@@ -96,21 +97,14 @@ def _shape(number: int, body: Any) -> Shape:
         raise OutOfRangeError(
             f"radius of body {number} is {radius} m; allowed: {LEAST_RADIUS} to {MOST_RADIUS} m"
         )
-    if not 0 < len(body.name) <= LONGEST_NAME:
-        raise InvalidInputError(
-            f"the name of body {number} has {len(body.name)} characters;"
-            f" allowed: 1 to {LONGEST_NAME}"
-        )
-    outline = _parts(number, body, radius)
+    parts = _parts(f"body {number} ({body.name[:LONGEST_NAME]!r})", body, radius)
     bottom = FLAT if body.name.endswith(FLAT_MARK) or len(body.supports) != FEET_COUNT else FEET
     name = body.name.removesuffix(FLAT_MARK)
     try:
-        installed: Shape | None = get_shape(name)
+        installed = get_shape(name)
     except ConfigError:
-        installed = None
-    if installed is None:
-        return _made(number, name, outline).on(bottom)
-    if not _same(installed, outline):
+        return _made(number, name, parts).on(bottom)
+    if not _same(installed, parts):
         raise InvalidInputError(
             f"body {number} is a {body.name!r} with another outline than that shape has here;"
             " install the same version of the shape, or give it another name"
@@ -118,56 +112,41 @@ def _shape(number: int, body: Any) -> Shape:
     return installed.on(bottom)
 
 
-def _parts(number: int, body: Any, radius: float) -> list[Ring] | None:
+def _parts(what: str, body: Any, radius: float) -> list[Ring] | None:
     """Return the parts (M, 2) [radii]; None: one cylinder of the body's radius."""
-    if not 1 <= len(body.parts) <= MOST_PARTS:
-        raise InvalidInputError(
-            f"body {number} ({body.name!r}) has {len(body.parts)} parts; allowed: 1 to {MOST_PARTS}"
-        )
     kinds = [int(part.type) for part in body.parts]
     if kinds == [CYLINDER]:
-        across = _dimension(number, body.parts[0].dimensions, 1)
+        across = _lengths(what, body.parts[0].dimensions, 2)[1]
         if abs(across - radius) > SINGLE * radius:
             raise InvalidInputError(
-                f"body {number} is a cylinder with radius {across} m; the body has {radius} m"
+                f"{what} is a cylinder with radius {across} m; the body has {radius} m"
             )
         return None
-    return [
-        _part(f"part {place} of body {number} ({body.name!r})", number, part) / radius
-        for place, part in enumerate(body.parts)
-    ]
+    return [_part(what, part) / radius for part in body.parts]
 
 
-def _part(what: str, number: int, part: Any) -> Points:
+def _part(what: str, part: Any) -> Points:
     if int(part.type) == BOX:
-        x, y = (_dimension(number, part.dimensions, side) / 2 for side in (0, 1))
+        x, y = _lengths(what, part.dimensions, 2)[:2] / 2
         return np.array([(x, y), (-x, y), (-x, -y), (x, -y)])
     if int(part.type) != PRISM:
         raise InvalidInputError(
-            f"{what} has type {part.type}; allowed: {PRISM} (prism), {BOX} (box), or one"
+            f"{what} has a part of type {part.type}; allowed: {PRISM} (prism), {BOX} (box), or one"
             f" {CYLINDER} (cylinder) alone"
         )
-    points = np.array([(corner.x, corner.y) for corner in part.polygon.points]).reshape(-1, 2)
-    farthest = np.abs(points).max(initial=0.0)
-    if not farthest <= MOST_RADIUS:  # also NaN
-        raise InvalidInputError(
-            f"{what} has a corner {farthest:.3g} m away; allowed: {MOST_RADIUS} m"
-        )
-    return points
+    corners = [length for corner in part.polygon.points for length in (corner.x, corner.y)]
+    return _lengths(what, corners, 0).reshape(-1, 2)
 
 
-def _dimension(number: int, dimensions: Sequence[float], place: int) -> float:
-    if len(dimensions) <= place:
+def _lengths(what: str, values: Sequence[float], least: int) -> Float[ndarray, "M"]:
+    """Return lengths [m], at least so many, of which none is larger than a body."""
+    lengths = np.array(values, dtype=np.float64)
+    if len(lengths) < least or not (np.abs(lengths) <= 2 * MOST_RADIUS).all():  # also NaN
         raise InvalidInputError(
-            f"body {number} has a part with {len(dimensions)} dimensions;"
-            f" it needs {place + 1} or more"
+            f"{what} has a part of {lengths.round(3).tolist()} m; allowed: {least} or more numbers"
+            f" up to {2 * MOST_RADIUS:g} m"
         )
-    value = float(dimensions[place])
-    if not 0.0 < value <= 2 * MOST_RADIUS:
-        raise InvalidInputError(
-            f"body {number} has a part of {value} m; allowed: above 0, to {2 * MOST_RADIUS} m"
-        )
-    return value
+    return lengths
 
 
 def _same(shape: Shape, parts: list[Ring] | None) -> bool:

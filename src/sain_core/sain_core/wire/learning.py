@@ -31,23 +31,14 @@ class LearnedCurve:
 
 @dataclass(frozen=True, eq=False)
 class Learned:
-    """What a laboratory has learned so far.
+    """What a laboratory has learned so far."""
 
-    Attributes:
-        laboratory: its name.
-        service: what predicts now.
-        pushes: learned from.
-        errors: [m], of predictions before learning.
-        parameters: of the believed physics.
-        events: number of pushes, kind and text of each.
-    """
-
-    laboratory: str
-    service: str
-    pushes: int
-    errors: tuple[LearnedCurve, ...]
-    parameters: tuple[LearnedCurve, ...]
-    events: tuple[tuple[int, str, str], ...]
+    laboratory: str  # its name
+    service: str  # what predicts now
+    pushes: int  # learned from
+    errors: tuple[LearnedCurve, ...]  # [m], of predictions before learning
+    parameters: tuple[LearnedCurve, ...]  # of the believed physics
+    events: tuple[tuple[int, str, str], ...]  # number of pushes, kind and text of each
 
 
 def decode_learning(message: Any) -> Learned:

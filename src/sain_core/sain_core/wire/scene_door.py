@@ -4,7 +4,6 @@ No middleware here. Scenes go in by `take`; a bad one raises, and what is held s
 """
 
 from dataclasses import dataclass
-from enum import Enum
 from typing import Any, Final, Self
 
 import numpy as np
@@ -20,37 +19,17 @@ ANEW: Final = 1.0  # [s] without a scene, after which stamps and ids may begin a
 MOVED: Final = 0.005  # [m], of a body since the push was planned
 
 
-class Standing(Enum):
-    """Whether the scene that is held may be used for a stroke."""
-
-    NONE = "no scene came yet"
-    BAD = "the latest scene was refused"
-    OLD = "the latest scene is old"
-    UNSETTLED = "the latest scene is not settled"
-    GOOD = "good"
-
-
 @dataclass(frozen=True, eq=False)
 class SeenScene:
-    """A scene that was observed, and checked.
+    """A scene that was observed, and checked."""
 
-    Attributes:
-        disks: (N, 8).
-        episode_id: number of its episode.
-        scene_id: number of the scene.
-        settled: whether the bodies are at rest, as the message states.
-        stamp: of the observation [s], by the clock of the headers.
-        came: when it came [s], of a steady clock.
-        message: as it came.
-    """
-
-    disks: Scene
-    episode_id: int = 0
-    scene_id: int = 0
-    settled: bool = True
-    stamp: float = 0.0
-    came: float = 0.0
-    message: Any = None
+    disks: Scene  # (N, 8)
+    episode_id: int = 0  # number of its episode
+    scene_id: int = 0  # number of the scene
+    settled: bool = True  # whether the bodies are at rest, as the message states
+    stamp: float = 0.0  # of the observation [s], by the clock of the headers
+    came: float = 0.0  # when it came [s], of a steady clock
+    message: Any = None  # as it came
 
     @classmethod
     def of(cls, message: Any, came: float = 0.0) -> Self:
@@ -118,24 +97,10 @@ class SceneDoor:
         self.seen, self.trouble = seen, ""
         return seen
 
-    def standing(self, now: float, clock: float) -> Standing:
-        """Return whether a stroke may be made from what is held."""
-        seen, settled = self.seen, self._settled
-        if self.trouble:
-            return Standing.BAD
-        if seen is None:
-            return Standing.NONE
-        if seen.age(now, clock) > self._old:
-            return Standing.OLD
-        if settled is None or settled.age(now, clock) > self._old:
-            return Standing.UNSETTLED
-        return Standing.GOOD
-
     def check_push(self, now: float, clock: float) -> None:
         """Raise `StaleSceneError` where no push may begin from what is held."""
-        standing = self.standing(now, clock)
-        if standing is not Standing.GOOD:
-            raise StaleSceneError(self._said(standing, now, clock))
+        if text := self._unseen(now, clock) or self._unsettled(now, clock):
+            raise StaleSceneError(text)
 
     def check_stroke(self, planned: SeenScene, now: float, clock: float) -> None:
         """Check that bodies are where they were in the scene that a push was planned from.
@@ -145,9 +110,9 @@ class SceneDoor:
         Raises:
             StaleSceneError: they are not, or what is held is bad or old.
         """
-        standing, seen = self.standing(now, clock), self.seen
-        if seen is None or standing not in (Standing.GOOD, Standing.UNSETTLED):
-            raise StaleSceneError(self._said(standing, now, clock))
+        text, seen = self._unseen(now, clock), self.seen
+        if text or seen is None:
+            raise StaleSceneError(text)
         if seen.ids[0] != planned.ids[0]:
             raise StaleSceneError(
                 f"episode {seen.ids[0]} has begun; the push was planned in episode {planned.ids[0]}"
@@ -162,14 +127,24 @@ class SceneDoor:
             text = f"body {int(np.argmax(apart))} was moved by {1e3 * apart.max():.0f} mm"
             raise StaleSceneError(f"{text} since the push was planned")
 
-    def _said(self, standing: Standing, now: float, clock: float) -> str:
-        if standing is Standing.BAD:
-            return f"{standing.value}: {self.trouble}"
-        old = self.seen if standing is Standing.OLD else self._settled
-        if old is None:
-            return standing.value
-        age = f"{standing.value}: {old.age(now, clock):.1f} s since the last"
-        return f"{age}{' settled' * (standing is Standing.UNSETTLED)} one; allowed: {self._old:g} s"
+    def _unseen(self, now: float, clock: float) -> str:
+        """Return in words that no good scene is current; empty: one is."""
+        if self.trouble:
+            return f"the latest scene was refused: {self.trouble}"
+        if self.seen is None:
+            return "no scene came yet"
+        if (age := self.seen.age(now, clock)) <= self._old:
+            return ""
+        return f"the latest scene is old: {age:.1f} s since the last one; allowed: {self._old:g} s"
+
+    def _unsettled(self, now: float, clock: float) -> str:
+        """Return in words that the bodies are not at rest; empty: they are."""
+        text, settled = "the latest scene is not settled", self._settled
+        if settled is None:
+            return text
+        if (age := settled.age(now, clock)) <= self._old:
+            return ""
+        return f"{text}: {age:.1f} s since the last settled one; allowed: {self._old:g} s"
 
     def _miscounted(self, seen: SeenScene) -> str:
         """Return in words that bodies came or went within an episode; empty: none did."""

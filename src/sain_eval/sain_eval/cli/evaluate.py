@@ -32,19 +32,12 @@ from sain_sim.world.truth import RANDOMISED_TRUTH, TruthConfig
 
 @dataclass(frozen=True)
 class TablePart:
-    """Scenarios that are played by the same controllers to the same tolerances.
+    """Scenarios that are played by the same controllers to the same tolerances."""
 
-    Attributes:
-        scenarios: their names.
-        controllers: their names.
-        tolerances: the widest first.
-        most_scenes: of each scenario; None: as many as are asked for.
-    """
-
-    scenarios: tuple[str, ...]
-    controllers: tuple[str, ...]
-    tolerances: tuple[Tolerance, ...]
-    most_scenes: int | None = None
+    scenarios: tuple[str, ...]  # their names
+    controllers: tuple[str, ...]  # their names
+    tolerances: tuple[Tolerance, ...]  # the widest first
+    most_scenes: int | None = None  # of each scenario; None: as many as are asked for
 
     def scenes(self, asked: int) -> int:
         """Return how many scenes of each scenario are played where so many are asked for."""
@@ -161,12 +154,8 @@ class EvaluateOptions(WorkerOptions):
         if self.table:
             return tuple(part.with_models(_words(self.models)) for part in TABLE_PARTS)
         scenarios = _split(self.scenario, "scenario")
-        return (TablePart(scenarios, self.controller_names, self.tolerance_values),)
-
-    @property
-    def controller_names(self) -> tuple[str, ...]:
-        """The controllers to run without `table`."""
-        return _split(self.controllers, "controllers")
+        controllers = _split(self.controllers, "controllers")
+        return (TablePart(scenarios, controllers, self.tolerance_values),)
 
     @property
     def tolerance_values(self) -> tuple[Tolerance, ...]:

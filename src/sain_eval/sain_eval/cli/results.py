@@ -30,17 +30,14 @@ class ResultsOptions(Config):
         super().__post_init__()
         if not self.folders:
             raise ConfigError("no folder of an evaluation is given; at least one is needed")
-        if any("=" not in word for word in self._pairs):
+        self.renamed()
+
+    def renamed(self) -> dict[str, str]:
+        """Return the names of models, by the name or path with which they were evaluated."""
+        pairs = [word.strip().partition("=") for word in self.names.split(",") if word.strip()]
+        if not all(equals for _, equals, _ in pairs):
             raise ConfigError(f"--names is {self.names!r}; allowed: MODEL=TEXT, with commas")
-
-    @property
-    def name_of(self) -> dict[str, str]:
-        """The names of models, by the name or path with which they were evaluated."""
-        return dict(word.split("=", 1) for word in self._pairs)
-
-    @property
-    def _pairs(self) -> list[str]:
-        return [word for word in map(str.strip, self.names.split(",")) if word]
+        return {model: text for model, _, text in pairs}
 
 
 def run(options: ResultsOptions, console: Console) -> None:
@@ -53,6 +50,6 @@ def run(options: ResultsOptions, console: Console) -> None:
     from sain_eval.loop.results_page import read_results, results_page
 
     claim_file(options.out, options.overwrite)
-    page = results_page([read_results(folder) for folder in options.folders], options.name_of)
+    page = results_page([read_results(folder) for folder in options.folders], options.renamed())
     write_whole(options.out, page.encode())
     console.print(str(options.out), markup=False, highlight=False, soft_wrap=True)

@@ -198,11 +198,7 @@ class RandomDecider(Decider):
         self._feasibility = feasibility
 
     def decide(self, job: PlanJob, generator: np.random.Generator) -> PushDecision:
-        """Draw one permitted push.
-
-        Raises:
-            NoPushError: none of many draws is permitted.
-        """
+        """Draw one permitted push. Raises `NoPushError`: none of many draws is permitted."""
         pushes = self._feasibility.limits.sample(generator, RANDOM_DRAWS)
         bodies = job.problem.bodies
         if bodies.pushable != (MID,):

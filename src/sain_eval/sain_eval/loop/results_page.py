@@ -75,19 +75,12 @@ Scenes solved and pushes, at the smallest tolerance of each scenario.
 
 @dataclass(frozen=True)
 class RunResults:
-    """What one evaluation wrote.
+    """What one evaluation wrote."""
 
-    Attributes:
-        reality: where it was played, as people read it.
-        command: that played it.
-        commit: of the code.
-        summary: its rows; see `sain_eval.loop.results.summarise`.
-    """
-
-    reality: str
-    command: str
-    commit: str
-    summary: Sequence[dict[str, Any]]
+    reality: str  # where it was played, as people read it
+    command: str  # that played it
+    commit: str  # of the code
+    summary: Sequence[dict[str, Any]]  # its rows; see `sain_eval.loop.results.summarise`
 
 
 def read_results(folder: Path) -> RunResults:
@@ -197,7 +190,8 @@ def _overview(cells: Cells, reality: str, order: Sequence[str]) -> str:
         found = {line.model: _short(cells[line][reality]) for line in lines}
         paper = [PAPER.get(scenario, "")] if with_paper else []
         scenes = [lines[0].within, *paper, *(found.get(model, "") for model in models)]
-        rows.append([f"`{scenario}`", *map(_unbroken, scenes)])
+        unbroken = [cell.replace(" ", "\u00a0") for cell in scenes]  # on a narrow screen, too
+        rows.append([f"`{scenario}`", *unbroken])
     header = ("scenario", "within", *([PAPER_COLUMN] if with_paper else []), *models)
     return f"### {reality}\n\n{markdown_table(header, rows)}"
 
@@ -218,11 +212,6 @@ def _details(cells: Cells, scenario: str, realities: Sequence[str], order: Seque
     ]
     header = ("within", "model", *paper, *played)
     return f"## `{scenario}`\n\n{markdown_table(header, rows)}"
-
-
-def _unbroken(cell: str) -> str:
-    """Return a cell that stays on one line where a screen is narrow."""
-    return cell.replace(" ", "\u00a0")
 
 
 def _papers(line: Line) -> str:

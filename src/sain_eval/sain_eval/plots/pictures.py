@@ -94,12 +94,7 @@ def draw_top_view(
 
 
 def draw_plan(
-    axes: Axes,
-    scene: Scene,
-    goal: Goal,
-    plan: PlanResult,
-    feasibility: Feasibility | None = None,
-    bodies: Bodies = PAPER_DISKS,
+    axes: Axes, scene: Scene, goal: Goal, plan: PlanResult, bodies: Bodies = PAPER_DISKS
 ) -> list[str]:
     """Draw a plan from a scene (N, 8) towards a goal into axes, in metres.
 
@@ -111,7 +106,6 @@ def draw_plan(
     Returns:
         What `draw_legend` explains.
     """
-    feasibility = feasibility or Feasibility()
     others = plan.others.predicted[..., POSITION]
     things = plan_things(
         scene,
@@ -121,11 +115,10 @@ def draw_plan(
         plan.predicted,
         plan.regions,
         others,
-        feasibility.limits,
     )
     frame_view(axes, extent(things))
     now = bodies_in(scene, bodies, goal)
-    return draw_things(axes, [*stage(feasibility), *now, *things])
+    return draw_things(axes, [*stage(), *now, *things])
 
 
 def describe_result(record: EpisodeRecord) -> str:

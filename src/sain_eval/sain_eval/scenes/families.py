@@ -14,7 +14,6 @@ from typing import Any, Final, Self
 
 import numpy as np
 
-from sain_core.feasibility import Feasibility
 from sain_core.goal import BodyPose, Goal
 from sain_core.randomness import generator
 from sain_core.scene import POSITION, RADIUS, TARGET, THETA, make_scene, unit
@@ -23,6 +22,7 @@ from sain_core.shapes.library import check_shapes, get_shape, library
 from sain_core.shapes.solids import DISK
 from sain_core.types import Angles, Points, Scene
 from sain_eval.scenes.placement import (
+    FEASIBILITY,
     draw_blockers,
     draw_extra_disks,
     draw_goal,
@@ -97,6 +97,11 @@ class ScenarioScene:
 
 CONTACT_GAP: Final = 0.001  # [m], "touching": as near as disks can be set without overlap
 LIBRARY_SHAPES: Final = 33  # of the library, that are used
+PAPER_MID: Final = (0.35, 0.0)  # [m]
+PAPER_GOAL: Final = (0.80, 0.0)  # [m]
+MIDDLE: Final = (0.45, 0.0)  # [m], of body 0 elsewhere
+SCATTER: Final = 0.03  # [m], of it in x and y
+GOAL_DISTANCE: Final = (0.15, 0.30)  # [m], from body 1
 ONE_SIZE: Final = (0.09, 0.11)  # [m], circumscribed radius of a body that is alone
 MANY_SIZE: Final = (0.06, 0.08)  # [m], of one of several
 LEAST_WAY: Final = 0.08  # [m], from start to goal
@@ -166,8 +171,6 @@ class PaperScenario:
     """The paper's own: the target straight ahead of the mid disk, the goal straight ahead of it."""
 
     name: str = "paper"
-    mid: tuple[float, float] = (0.35, 0.0)  # [m]
-    goal: tuple[float, float] = (0.80, 0.0)  # [m]
     shift: float = 0.0  # [m], of the goal in x and in y, with random signs
     target_shape: str = DISK
 
@@ -175,9 +178,9 @@ class PaperScenario:
         """Draw masses, radii, friction and the goal's shift."""
         random = generator(seed, "scenario", self.name)
         drawn = _Drawn.paper(random, (DISK, self.target_shape))
-        mid = np.array(self.mid)
+        mid = np.array(PAPER_MID)
         target = mid + np.array([drawn.radii.sum() + CONTACT_GAP, 0.0])
-        goal = np.array(self.goal) + self.shift * random.choice([-1.0, 1.0], 2)
+        goal = np.array(PAPER_GOAL) + self.shift * random.choice([-1.0, 1.0], 2)
         disks = drawn.at(np.stack([mid, target]))
         return drawn.case(self.name, seed, disks, Goal.place(*goal))
 
@@ -187,9 +190,7 @@ class AnywhereScenario:
     """What a user would ask: the target at any side of the mid disk, the goal in any direction."""
 
     name: str = "anywhere"
-    mid: tuple[float, float] = (0.45, 0.0)  # [m]
-    scatter: float = 0.03  # [m], of the mid disk in x and y
-    goal_distance: tuple[float, float] = (0.15, 0.30)  # [m], from the target
+    goal_distance: tuple[float, float] = GOAL_DISTANCE  # [m], from the target
     extra_disks: tuple[int, int] = (0, 0)  # fewest and most further disks
     target_shape: str = DISK  # one with corners turns a side to the mid disk
     friction: tuple[float, float] = FRICTION_RANGE  # with the table
@@ -203,23 +204,23 @@ class AnywhereScenario:
         low, high = self.extra_disks
         extra = int(random.integers(low, high + 1))
         shapes = (DISK, self.target_shape, *(DISK,) * extra)
-        drawn, feasibility = _Drawn.paper(random, shapes, self.friction), Feasibility()
+        drawn = _Drawn.paper(random, shapes, self.friction)
         while True:
             pair = self._draw_pair(random, drawn)
-            goal = draw_goal(pair, self.goal_distance, feasibility, random)
+            goal = draw_goal(pair, self.goal_distance, random)
             if goal is None:
                 continue
-            places = draw_extra_disks(pair, goal, drawn.radii[2:], feasibility, random)
+            places = draw_extra_disks(pair, goal, drawn.radii[2:], random)
             if places is None:
                 continue
             positions = np.concatenate([pair[:, POSITION], places])
             disks = drawn.at(positions, np.append(pair[:, THETA], np.zeros(extra)))
-            check_bodies(disks, table=feasibility.table)
+            check_bodies(disks, table=FEASIBILITY.table)
             return drawn.case(self.name, seed, disks, Goal.place(*goal))
 
     def _draw_pair(self, random: np.random.Generator, drawn: _Drawn) -> Scene:
         """Return mid disk and target (2, 8), touching at a uniform bearing."""
-        mid = np.array(self.mid) + random.uniform(-self.scatter, self.scatter, 2)
+        mid = np.array(MIDDLE) + random.uniform(-SCATTER, SCATTER, 2)
         bearing = np.asarray(random.uniform(-np.pi, np.pi))
         pair = drawn.at(np.stack([mid, mid]))
         pair[TARGET, POSITION] = mid + (touching_distance(pair) + CONTACT_GAP) * unit(bearing)
@@ -232,27 +233,24 @@ class IndirectScenario:
     """The paper's task with any two shapes: body 0 pushes body 1 to a place."""
 
     name: str = "shapes_indirect"
-    pusher: tuple[float, float] = (0.45, 0.0)  # [m]
-    scatter: float = 0.03  # [m], of body 0 in x and y
-    goal_distance: tuple[float, float] = (0.15, 0.30)  # [m], from body 1
 
     def scene(self, seed: int) -> ScenarioScene:
         """Draw two shapes, places and a goal; redraw the places until the scene can be solved."""
         random = generator(seed, "scenario", self.name)
         shapes = random.choice(library_shapes(), 2, replace=False).tolist()
-        drawn, feasibility = _Drawn.sized(random, shapes, MANY_SIZE), Feasibility()
+        drawn = _Drawn.sized(random, shapes, MANY_SIZE)
         while True:
-            first = np.array(self.pusher) + random.uniform(-self.scatter, self.scatter, 2)
+            first = np.array(MIDDLE) + random.uniform(-SCATTER, SCATTER, 2)
             apart = drawn.sizes.sum() + random.uniform(*INDIRECT_GAP)
             bearing = random.uniform(-pi, pi)
             second = first + apart * np.array([np.cos(bearing), np.sin(bearing)])
             disks = drawn.turned(np.stack([first, second]), random)
-            if not has_tool_room(disks[:, POSITION], drawn.sizes, feasibility).all():
+            if not has_tool_room(disks[:, POSITION], drawn.sizes).all():
                 continue
             circles = disks.copy()
             circles[:, RADIUS] = drawn.sizes
-            place = draw_goal(circles, self.goal_distance, feasibility, random)
-            if place is not None and has_tool_room(place, drawn.sizes[TARGET], feasibility):
+            place = draw_goal(circles, GOAL_DISTANCE, random)
+            if place is not None and has_tool_room(place, drawn.sizes[TARGET]):
                 return drawn.case(self.name, seed, disks, Goal.place(*place))
 
 

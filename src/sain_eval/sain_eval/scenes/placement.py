@@ -8,7 +8,7 @@ import numpy as np
 
 from sain_core.feasibility import Feasibility, reachable
 from sain_core.push import make_push
-from sain_core.scene import MID, POSITION, RADIUS, TARGET, Table, make_scene, unit
+from sain_core.scene import MID, POSITION, RADIUS, TARGET, make_scene, unit
 from sain_core.types import Angles, Mask, Place, Points, Scalars, Scene
 
 GOAL_TRIES: Final = 20  # before the disks are placed anew
@@ -19,6 +19,7 @@ DISK_ROOM: Final = 0.02  # [m], between further disks and the others
 NEIGHBOURHOOD: Final = 0.35  # [m], further disks lie this near the middle of the target's path
 BODY_GAP: Final = 0.03  # [m], between circumscribed circles: the tool fits in between
 BLOCKER_GAP: Final = 0.02  # [m], between circumscribed circles of bodies in the way and all others
+FEASIBILITY: Final = Feasibility()
 LANE_SHARE: Final = 0.5  # of the two radii: a body whose centre is so near the path blocks it
 
 
@@ -27,22 +28,21 @@ def touching_distance(scene: Scene) -> float:
     return float(scene[MID, RADIUS] + scene[TARGET, RADIUS])
 
 
-def has_room(point: Place, radius: float, table: Table) -> bool:
+def has_room(point: Place, radius: float) -> bool:
     """Tell whether a disk at a point (2,) lies on the table with some room to the edge."""
     margin = radius + EDGE_ROOM
     corners = point + margin * np.array([[-1, -1], [1, 1]])
-    return bool(table.contains(corners).all())
+    return bool(FEASIBILITY.table.contains(corners).all())
 
 
-def has_tool_room(points: Points, sizes: Scalars, feasibility: Feasibility) -> Mask:
+def has_tool_room(points: Points, sizes: Scalars) -> Mask:
     """Tell where bodies lie on the table with room for the tool all around.
 
     Args:
         points: (..., 2) [m], their centres.
         sizes: (...,) [m], their circumscribed radii.
-        feasibility: table, reach and tool.
     """
-    table, reach, limits = feasibility.table, feasibility.reach, feasibility.limits
+    table, reach, limits = FEASIBILITY.table, FEASIBILITY.reach, FEASIBILITY.limits
     edge = np.asarray(sizes + EDGE_ROOM)[..., None]
     on_table = table.contains(points - edge) & table.contains(points + edge)
     away = sizes + limits.clearance + limits.tool_radius
@@ -52,10 +52,7 @@ def has_tool_room(points: Points, sizes: Scalars, feasibility: Feasibility) -> M
 
 
 def draw_goal(
-    pair: Scene,
-    distance: tuple[float, float],
-    feasibility: Feasibility,
-    random: np.random.Generator,
+    pair: Scene, distance: tuple[float, float], random: np.random.Generator
 ) -> Place | None:
     """Draw a goal (2,) that a straight push from behind can reach; None: none was drawn."""
     target = pair[TARGET, POSITION]
@@ -63,28 +60,24 @@ def draw_goal(
         heading = np.asarray(random.uniform(-pi, pi))
         length = random.uniform(*distance)
         goal = target + length * unit(heading)
-        if not has_room(goal, pair[TARGET, RADIUS], feasibility.table):
+        if not has_room(goal, pair[TARGET, RADIUS]):
             continue
-        if feasibility.reach.contains(goal) and _can_be_pushed(pair, heading, length, feasibility):
+        if FEASIBILITY.reach.contains(goal) and _can_be_pushed(pair, heading, length):
             return np.asarray(goal)
     return None
 
 
-def _can_be_pushed(pair: Scene, heading: Angles, length: float, feasibility: Feasibility) -> bool:
+def _can_be_pushed(pair: Scene, heading: Angles, length: float) -> bool:
     """Tell whether the arm can push straight along, once the mid disk is behind the target."""
     behind = pair.copy()
     behind[MID, POSITION] = pair[TARGET, POSITION] - touching_distance(pair) * unit(heading)
     stroke = make_push(float(heading), 0.0, length)
-    room = has_room(behind[MID, POSITION], pair[MID, RADIUS], feasibility.table)
-    return room and bool(reachable(behind, stroke, feasibility.limits, feasibility.reach))
+    room = has_room(behind[MID, POSITION], pair[MID, RADIUS])
+    return room and bool(reachable(behind, stroke, FEASIBILITY.limits, FEASIBILITY.reach))
 
 
 def draw_extra_disks(
-    pair: Scene,
-    goal: Place,
-    radii: Iterable[float],
-    feasibility: Feasibility,
-    random: np.random.Generator,
+    pair: Scene, goal: Place, radii: Iterable[float], random: np.random.Generator
 ) -> Points | None:
     """Draw places (N - 2, 2) for further disks that leave the straight path to the goal open.
 
@@ -96,12 +89,12 @@ def draw_extra_disks(
     for radius in radii:
         for _ in range(TRIES):
             place = middle + random.uniform(-NEIGHBOURHOOD, NEIGHBOURHOOD, 2)
-            if not has_room(place, radius, feasibility.table):
+            if not has_room(place, radius):
                 continue
             apart = np.linalg.norm(placed[:, POSITION] - place, axis=-1)
             if (apart < placed[:, RADIUS] + radius + DISK_ROOM).any():
                 continue
-            if _leaves_path_open(place, radius, pair, goal, feasibility):
+            if _leaves_path_open(place, radius, pair, goal):
                 break
         else:
             return None
@@ -110,23 +103,17 @@ def draw_extra_disks(
     return places
 
 
-def _leaves_path_open(
-    place: Place, radius: float, pair: Scene, goal: Place, feasibility: Feasibility
-) -> bool:
+def _leaves_path_open(place: Place, radius: float, pair: Scene, goal: Place) -> bool:
     target = pair[TARGET, POSITION]
     ahead = (goal - target) / np.linalg.norm(goal - target)
-    limits = feasibility.limits
+    limits = FEASIBILITY.limits
     behind = touching_distance(pair)
     tool = behind + pair[MID, RADIUS] + limits.clearance + limits.tool_radius
-    lanes = (
-        (0.0, pair[TARGET, RADIUS]),
-        (behind, pair[MID, RADIUS]),
-        (tool, limits.tool_radius),
-    )
+    widths = pair[TARGET, RADIUS], pair[MID, RADIUS], limits.tool_radius
     return all(
         _segment_distance(place, target - back * ahead, goal - back * ahead)
         >= radius + width + CORRIDOR_ROOM
-        for back, width in lanes
+        for back, width in zip((0.0, behind, tool), widths, strict=True)
     )
 
 
@@ -141,18 +128,17 @@ def draw_places(
     random: np.random.Generator,
     starts: Points | None = None,
     least_way: float = 0.0,
-    feasibility: Feasibility = Feasibility(),
 ) -> Points:
     """Draw places (N, 2) for bodies with circumscribed radii (N,) [m], anywhere that is allowed.
 
     Each is at least `least_way` [m] from the body's start (N, 2), where there are starts.
     """
-    outer = feasibility.reach.outer
+    outer = FEASIBILITY.reach.outer
     while True:
         places: list[np.ndarray] = []
         for body, size in enumerate(sizes.tolist()):
             draws = random.uniform((0.0, -outer), (outer, outer), (TRIES, 2))
-            fits = has_tool_room(draws, np.full(TRIES, size), feasibility)
+            fits = has_tool_room(draws, np.full(TRIES, size))
             for other, place in enumerate(places):
                 apart = np.linalg.norm(draws - place, axis=1)
                 fits &= apart >= size + sizes[other] + BODY_GAP
@@ -166,11 +152,7 @@ def draw_places(
 
 
 def draw_blockers(
-    pair: Scene,
-    goal: Place,
-    sizes: Scalars,
-    random: np.random.Generator,
-    feasibility: Feasibility = Feasibility(),
+    pair: Scene, goal: Place, sizes: Scalars, random: np.random.Generator
 ) -> Points | None:
     """Draw places (B, 2) in the straight lane of the target of a scene (2, 8) to its goal (2,).
 
@@ -188,7 +170,7 @@ def draw_blockers(
         along = random.uniform(0.0, length, TRIES)
         beside = random.uniform(-half, half, TRIES)
         draws = target + along[:, None] * ahead + beside[:, None] * across
-        fits = has_tool_room(draws, np.full(TRIES, size), feasibility)
+        fits = has_tool_room(draws, np.full(TRIES, size))
         for place, radius in taken:
             fits &= np.linalg.norm(draws - place, axis=1) >= size + radius + BLOCKER_GAP
         if not fits.any():

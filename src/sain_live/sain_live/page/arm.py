@@ -4,8 +4,6 @@ Meshes are read once, as that takes longer than the rest of a page. What was rea
 kept in the user's cache folder, until the file changes.
 """
 
-import hashlib
-import json
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
@@ -16,17 +14,16 @@ from urllib.parse import unquote, urlsplit
 
 import numpy as np
 import viser
+from joblib import Memory
+from scipy.spatial.transform import Rotation
 
-from sain_core.errors import ConfigError, SainError
-from sain_core.output import make_folder, remove
+from sain_core.errors import ConfigError
 from sain_core.scratch import cache_folder
-from sain_core.storage import read_arrays, write_arrays
-from sain_live.page.things import Quaternion, Vector, about, of_angles, turned
+from sain_live.page.things import Quaternion, Vector
 from sain_live.state import Level, LiveArm, LiveState
 
 LARGEST_MESH: Final = 50_000_000  # bytes of a file
 MESHES: Final = (".obj", ".stl", ".ply", ".glb")
-VERSION: Final = 1  # of what is kept
 KEPT: Final = 200  # meshes; older ones are forgotten
 
 Colour = tuple[int, int, int]
@@ -56,47 +53,15 @@ def read_mesh(filename: str, colour: Colour, own: bool) -> list[Mesh]:
         raise ConfigError(f"mesh {filename!r}; allowed: files of type {', '.join(MESHES)}")
     if not path.is_file() or path.stat().st_size > LARGEST_MESH:
         raise ConfigError(f"mesh {path} is missing or larger than {LARGEST_MESH >> 20} MB")
-    kept = _place(path, colour, own)
-    with suppress(SainError, KeyError, ValueError):  # it is not there, or damaged
-        return _from_arrays(read_arrays(kept))
-    meshes = list(_read(path, colour, own))
-    with suppress(SainError, OSError):  # a full disk: it is read the next time, too
-        make_folder(kept.parent)
-        _forget_old(kept.parent)
-        write_arrays(kept, _to_arrays(meshes), deflate_numbers=False)
+    memory = Memory(cache_folder() / "meshes", verbose=0)
+    with suppress(OSError):
+        memory.reduce_size(items_limit=KEPT)
+    meshes: list[Mesh] = memory.cache(_read)(path, path.stat().st_mtime_ns, colour, own)
     return meshes
 
 
-def _place(path: Path, colour: Colour, own: bool) -> Path:
-    """Return where a mesh is kept: another place for each state of its file."""
-    state = path.stat()
-    known = [VERSION, str(path.resolve()), state.st_size, state.st_mtime_ns, colour, own]
-    name = hashlib.sha256(json.dumps(known).encode()).hexdigest()[:32]
-    return cache_folder() / "meshes" / f"{name}.npz"
-
-
-def _forget_old(folder: Path) -> None:
-    kept = sorted(folder.glob("*.npz"), key=lambda one: one.stat().st_mtime_ns)
-    for path in kept[: max(len(kept) - KEPT + 1, 0)]:
-        remove(path)
-
-
-def _to_arrays(meshes: list[Mesh]) -> dict[str, np.ndarray]:
-    arrays = {"colours": np.array([mesh.colour for mesh in meshes], np.uint8).reshape(-1, 3)}
-    for number, mesh in enumerate(meshes):
-        arrays[f"vertices{number}"] = mesh.vertices
-        arrays[f"faces{number}"] = mesh.faces
-    return arrays
-
-
-def _from_arrays(arrays: dict[str, np.ndarray]) -> list[Mesh]:
-    return [
-        Mesh(arrays[f"vertices{number}"], arrays[f"faces{number}"], (red, green, blue))
-        for number, (red, green, blue) in enumerate(arrays["colours"].tolist())
-    ]
-
-
-def _read(path: Path, colour: Colour, own: bool) -> Iterator[Mesh]:
+def _read(path: Path, _changed: int, colour: Colour, own: bool) -> list[Mesh]:
+    """Return the parts of a file that was changed at a time [ns]."""
     import trimesh  # for a second
 
     shades: dict[Colour, list[tuple[np.ndarray, np.ndarray]]] = {}
@@ -109,11 +74,14 @@ def _read(path: Path, colour: Colour, own: bool) -> Iterator[Mesh]:
         red, green, blue = colour if main is None or not own else map(int, main[:3])
         vertices = np.asarray(part.vertices) @ transform[:3, :3].T + transform[:3, 3]
         shades.setdefault((red, green, blue), []).append((vertices, np.asarray(part.faces)))
+    meshes = []
     for shade, parts in shades.items():
         before = np.cumsum([0, *(len(vertices) for vertices, _ in parts[:-1])])
         faces = [faces + first for (_, faces), first in zip(parts, before, strict=True)]
         vertices = np.concatenate([vertices for vertices, _ in parts])
-        yield Mesh(vertices.astype(np.float32), np.concatenate(faces).astype(np.uint32), shade)
+        single = vertices.astype(np.float32), np.concatenate(faces).astype(np.uint32)
+        meshes.append(Mesh(*single, shade))
+    return meshes
 
 
 PLAIN: Final = (210, 212, 215)
@@ -128,16 +96,15 @@ class Joint:
     kind: str
     parent: str
     child: str
-    place: Vector
-    turn: Quaternion
-    axis: Vector
+    place: np.ndarray
+    turn: Rotation
+    axis: np.ndarray  # a unit vector
 
     def pose(self, value: float) -> tuple[Vector, Quaternion]:
         """Return the pose of the child in the parent at a position [rad or m] of the joint."""
         if self.kind == "prismatic":
-            x, y, z = self.place + _matrix(self.turn) @ (value * np.array(self.axis))
-            return (float(x), float(y), float(z)), self.turn
-        return self.place, turned(self.turn, about(self.axis, value))
+            return _pose(self.place + self.turn.apply(value * self.axis), self.turn)
+        return _pose(self.place, self.turn * Rotation.from_rotvec(value * self.axis))
 
 
 class ArmView:
@@ -193,7 +160,7 @@ class ArmView:
         path: str,
         links: Mapping[str, ElementTree.Element],
         joints: list[Joint],
-        colours: Mapping[str, tuple[int, int, int]],
+        colours: Mapping[str, Colour],
     ) -> None:
         """Draw a link and all that hangs on it."""
         for number, visual in enumerate(links[link].findall("visual")):
@@ -212,13 +179,13 @@ class ArmView:
         self,
         name: str,
         visual: ElementTree.Element,
-        colours: Mapping[str, tuple[int, int, int]],
+        colours: Mapping[str, Colour],
     ) -> None:
         geometry = visual.find("geometry")
         shape = None if geometry is None else next(iter(geometry), None)
         if shape is None:
             return
-        place, turn = _origin(visual)
+        place, turn = _pose(*_origin(visual))
         colour, scene = _colour(visual, colours), self._scene
         scene.add_frame(name, show_axes=False, position=place, wxyz=turn)
         if shape.tag == "mesh":
@@ -242,18 +209,21 @@ def read_joint(part: ElementTree.Element) -> Joint:
     ends = {one.tag: one.get("link", "") for one in part if one.tag in ("parent", "child")}
     axis = part.find("axis")
     direction = _numbers("1 0 0" if axis is None else axis.get("xyz", "1 0 0"))
-    x, y, z = (direction / max(float(np.linalg.norm(direction)), 1e-9)).tolist()
-    place, turn = _origin(part)
     names = str(part.get("name")), str(part.get("type")), ends["parent"], ends["child"]
-    return Joint(*names, place, turn, (x, y, z))
+    return Joint(*names, *_origin(part), direction / max(float(np.linalg.norm(direction)), 1e-9))
 
 
-def _origin(part: ElementTree.Element) -> tuple[Vector, Quaternion]:
+def _origin(part: ElementTree.Element) -> tuple[np.ndarray, Rotation]:
     origin = part.find("origin")
-    place = _numbers("0 0 0" if origin is None else origin.get("xyz", "0 0 0"))
-    angles = _numbers("0 0 0" if origin is None else origin.get("rpy", "0 0 0"))
-    x, y, z = place.tolist()
-    return (x, y, z), of_angles(*angles.tolist())
+    given = {} if origin is None else origin.attrib
+    place, angles = (_numbers(given.get(name, "0 0 0")) for name in ("xyz", "rpy"))
+    return place, Rotation.from_euler("xyz", angles)  # about fixed axes
+
+
+def _pose(place: np.ndarray, turn: Rotation) -> tuple[Vector, Quaternion]:
+    """Return x y z, and the quaternion w x y z, as viser has them."""
+    (x, y, z), (a, b, c, w) = place.tolist(), turn.as_quat().tolist()
+    return (x, y, z), (w, a, b, c)
 
 
 def _numbers(text: str) -> np.ndarray:
@@ -263,15 +233,13 @@ def _numbers(text: str) -> np.ndarray:
     return numbers
 
 
-def _named_colours(robot: ElementTree.Element) -> Iterator[tuple[str, tuple[int, int, int]]]:
+def _named_colours(robot: ElementTree.Element) -> Iterator[tuple[str, Colour]]:
     for material in robot.iter("material"):
         if (colour := _own_colour(material)) is not None:
             yield str(material.get("name")), colour
 
 
-def _colour(
-    visual: ElementTree.Element, colours: Mapping[str, tuple[int, int, int]]
-) -> tuple[int, int, int] | None:
+def _colour(visual: ElementTree.Element, colours: Mapping[str, Colour]) -> Colour | None:
     """Return the colour of a visual; None: white or none, so the file of its mesh knows better."""
     material = visual.find("material")
     if material is None:
@@ -280,20 +248,9 @@ def _colour(
     return None if found == (255, 255, 255) else found
 
 
-def _own_colour(material: ElementTree.Element) -> tuple[int, int, int] | None:
+def _own_colour(material: ElementTree.Element) -> Colour | None:
     colour = material.find("color")
     if colour is None:
         return None
     red, green, blue = (round(255 * float(x)) for x in colour.get("rgba", "1 1 1 1").split()[:3])
     return red, green, blue
-
-
-def _matrix(turn: Quaternion) -> np.ndarray:
-    w, x, y, z = turn
-    return np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-        ]
-    )

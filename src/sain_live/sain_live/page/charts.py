@@ -18,7 +18,6 @@ HEIGHT: Final = 110  # pixels of a chart
 WIDTH: Final = 330  # pixels of the panel
 NUMBERS: Final = 58  # pixels, for the numbers beside a chart: 200,000 fits
 HEADROOM: Final = 1.08  # top of a chart over its largest value
-TICKS: Final = 16  # pixels, least distance of two of them: their numbers do not touch
 COLOURS: Final = {
     Level.NOTE: PALETTE.soft,
     Level.REFUSAL: PALETTE.alarm,
@@ -45,35 +44,14 @@ class ChartsView:
         panel = server.gui.add_panel()
         gui = server.gui
         with panel.add_tab("Charts", viser.Icon.CHART_LINE):
-            self._distance = self._chart(gui, "distance to the goal after each push [mm]", 1)
-            self._errors = self._chart(gui, "error of the predicted push [mm]", 2)
-            self._planning = self._chart(gui, "planning time of each push [ms]", 1)
+            self._distance = push_chart(gui, "distance to the goal after each push [mm]", 1)
+            self._errors = push_chart(gui, "error of the predicted push [mm]", 2)
+            self._planning = push_chart(gui, "planning time of each push [ms]", 1)
             gui.add_html(legend())
             self._log = gui.add_html("")
         self.panel = panel
         panel.dock_left()
         panel.set_width(WIDTH)
-
-    @staticmethod
-    def _chart(gui: viser.GuiApi, title: str, curves: int) -> Any:
-        series = [uplot.Series(label="push")]
-        series += [
-            uplot.Series(stroke=stroke, width=2, points={"show": True, "size": 5})
-            for stroke in (PALETTE.predicted, PALETTE.physics)[:curves]
-        ]
-        return gui.add_uplot(
-            columns(*[()] * curves),
-            tuple(series),
-            title=title,
-            height=HEIGHT,
-            scales=scales(),
-            legend={"show": False},
-            axes=(
-                {"size": 26, "font": FONT, "incrs": WHOLE},
-                {"size": NUMBERS, "font": FONT, "space": TICKS},
-            ),
-            cursor={"show": False},
-        )
 
     def show(self, known: LiveState) -> None:
         """Draw what has changed."""
@@ -85,6 +63,39 @@ class ChartsView:
         if known.lines != self._lines:
             self._lines = known.lines
             self._log.content = log_text(list(known.log)[-LINES:])
+
+
+def push_chart(gui: viser.GuiApi, title: str, curves: int) -> Any:
+    """Return an empty chart of curves against the number of pushes in an episode."""
+    series = [
+        uplot.Series(stroke=stroke, width=2, points={"show": True, "size": 5})
+        for stroke in (PALETTE.predicted, PALETTE.physics)[:curves]
+    ]
+    return add_chart(gui, title, HEIGHT, columns(*[()] * curves), series, WHOLE)
+
+
+def add_chart(
+    gui: viser.GuiApi,
+    title: str,
+    height: int,
+    data: tuple[np.ndarray, ...],
+    series: list[uplot.Series],
+    step: tuple[int, ...] | None = None,
+) -> Any:
+    """Return a chart of series against pushes, of a height [px]; steps of its ticks."""
+    return gui.add_uplot(
+        data,
+        (uplot.Series(label="push"), *series),
+        title=title,
+        height=height,
+        scales=scales(),
+        legend={"show": False},
+        axes=(
+            {"size": 26, "font": FONT, **({"incrs": step} if step else {})},
+            {"size": NUMBERS, "font": FONT, "space": 16},
+        ),
+        cursor={"show": False},
+    )
 
 
 def draw(chart: Any, *curves: tuple[float, ...]) -> None:

@@ -53,7 +53,6 @@ class ControlsView:
             self._add_episode(config)
         with self._gui.add_folder("Model"):
             self._add_model()
-            self._add_learning()
 
     def show(self, known: LiveState) -> None:
         """Show how the loop is doing, and the model that is served or on its way."""
@@ -109,8 +108,6 @@ class ControlsView:
         button = self._gui.add_button("Load file", icon=viser.Icon.DOWNLOAD)
         button.on_click(self._guarded(lambda: self._load(path.value.strip())))
         self._model.on_update(self._on_model)
-
-    def _add_learning(self) -> None:
         self._learns: Any = self._gui.add_checkbox("learn from pushes", False, visible=False)
         self._learns.on_update(self._on_learns)
 
@@ -160,11 +157,7 @@ def checkpoints(folder: Path) -> Sequence[str]:
 
 
 def read_seed(text: str) -> int:
-    """Return the seed that was typed.
-
-    Raises:
-        ConfigError: it is none.
-    """
+    """Return the seed that was typed. Raises `ConfigError`: it is none."""
     words = text.strip()
     if not (words.isascii() and words.isdigit()) or int(words[:20]) > LARGEST_SEED:
         raise ConfigError(f"seed is {text!r}; type a whole number from 0 to {LARGEST_SEED}")
@@ -203,13 +196,14 @@ class PlannerForm:
         self._shown: Mapping[str, Any] = {}
         self._controls: dict[str, tuple[Any, Any]] = {}
         gui, folders = server.gui, {}
-        for group, name, item, default in planner_settings():
+        for one in planner_settings():
+            group = one.name.split(".")[-2]
             if group not in folders:
                 folders[group] = gui.add_folder(group, expand_by_default=group == OPEN)
             with folders[group]:
-                control = make_control(gui, item, default)
-            self._controls[name] = (control, default)
-            control.on_update(self._on_update(name))
+                control = make_control(gui, one.item, one.value)
+            self._controls[one.name] = (control, one.value)
+            control.on_update(self._on_update(one.name))
 
     def show(self, known: LiveState) -> None:
         """Show the settings as the planner has them."""
@@ -223,10 +217,6 @@ class PlannerForm:
                 if control.value != shown:
                     control.value = shown
 
-    def control(self, name: str) -> Any:
-        """Return the control of a parameter."""
-        return self._controls[name][0]
-
     def _on_update(self, name: str) -> Any:
         def take(event: viser.GuiEvent[Any]) -> None:
             if event.client is None:
@@ -236,10 +226,9 @@ class PlannerForm:
                 try:
                     value = read_numbers(value)
                 except ValueError:
-                    self._known.tell(
-                        Level.REFUSAL, f"{name} is {value!r}; it must be numbers, as [1, 2]"
-                    )
-                    self._known.update(planner=dict(self._known.planner))
+                    text = f"{name} is {value!r}; it must be numbers, as [1, 2]"
+                    self._known.tell(Level.REFUSAL, text)
+                    self._known.update(planner=dict(self._known.planner))  # the text goes back
                     self._shown = {}
                     return
             elif isinstance(default, bool | int | float):
@@ -277,10 +266,9 @@ def _bare_control(gui: viser.GuiApi, label: str, about: Mapping[str, Any], defau
     if low is not None and high is not None and high - low <= WIDEST[kind]:
         step = kind(1) if kind is int else (high - low) / STEPS
         return gui.add_slider(label, kind(low), kind(high), step, default)
-    limits = {
-        name: kind(value) for name, value in (("min", low), ("max", high)) if value is not None
-    }
-    return gui.add_number(label, default, step=1 if kind is int else None, **limits)
+    limits = {"min": low, "max": high}
+    given = {name: kind(value) for name, value in limits.items() if value is not None}
+    return gui.add_number(label, default, step=1 if kind is int else None, **given)
 
 
 def read_numbers(text: str) -> list[float]:

@@ -1,7 +1,7 @@
 """What a laboratory learns: errors and parameters against the number of pushes, and events."""
 
 from html import escape
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 import viser
@@ -9,13 +9,13 @@ from viser import uplot
 
 from sain_core.view.palette import PALETTE
 from sain_core.wire.learning import Learned, LearnedCurve
-from sain_live.page.charts import FONT, HEADROOM, NUMBERS, TICKS
+from sain_live.page.charts import add_chart, columns, scales
 from sain_live.state import LiveState
 
 HEIGHT: Final = 170  # pixels of a chart
 EVENTS: Final = 8  # that are shown
 COLOURS: Final = (PALETTE.soft, PALETTE.physics, PALETTE.predicted)  # planar, physics, in service
-THIN: Final = 0.7  # pixels of the ends of an interval
+THIN: Final = 0.7
 Data = tuple[np.ndarray, ...]
 
 
@@ -26,25 +26,15 @@ class LearningView:
         """Make the tab's contents, in the tab that is open."""
         self._shown: Learned | None = None
         self._text = gui.add_html(learning_text(None))
-        series = [uplot.Series(label="pushes")]
-        for colour in COLOURS:
-            series += [uplot.Series(stroke=colour, width=width) for width in (2, THIN, THIN)]
-        self._errors = self._chart(gui, "mean error of 50 pushes, 95 % interval [mm]", series)
+        series = [
+            uplot.Series(stroke=colour, width=width)
+            for colour in COLOURS
+            for width in (2, THIN, THIN)  # of a mean, and of the ends of its interval [px]
+        ]
+        empty = columns(*[()] * len(series))
+        title = "mean error of 50 pushes, 95 % interval [mm]"
+        self._errors = add_chart(gui, title, HEIGHT, empty, series)
         self._table = gui.add_html("")
-
-    @staticmethod
-    def _chart(gui: viser.GuiApi, title: str, series: list[uplot.Series]) -> Any:
-        empty = (np.arange(2.0), *[np.full(2, np.nan)] * (len(series) - 1))
-        return gui.add_uplot(
-            empty,
-            tuple(series),
-            title=title,
-            height=HEIGHT,
-            scales=_scales(empty),
-            legend={"show": False},
-            axes=({"size": 26, "font": FONT}, {"size": NUMBERS, "font": FONT, "space": TICKS}),
-            cursor={"show": False},
-        )
 
     def show(self, known: LiveState) -> None:
         """Draw what has changed."""
@@ -55,7 +45,8 @@ class LearningView:
         self._text.content = learning_text(learned)
         self._table.content = parameter_table(learned)
         data = error_data(learned)
-        self._errors.data, self._errors.scales = data, _scales(data)
+        # All means fit: an interval of few pushes may leave the chart.
+        self._errors.data, self._errors.scales = data, scales(*map(tuple, data[1::3]))
 
 
 def error_data(learned: Learned) -> Data:
@@ -68,13 +59,6 @@ def error_data(learned: Learned) -> Data:
         columns += list(rows.T)
     missing = 3 * len(COLOURS) - len(columns)
     return (at.astype(np.float64), *columns, *[np.full(len(at), np.nan)] * missing)
-
-
-def _scales(data: Data) -> dict[str, uplot.Scale]:
-    """Return scales from 0 that hold all means: an interval of few pushes may leave them."""
-    means = np.concatenate(data[1::3])
-    top = HEADROOM * (float(np.nanmax(means, initial=0.0)) or 1.0)
-    return {"x": {"time": False}, "y": {"range": (0.0, top)}}
 
 
 def learning_text(learned: Learned | None) -> str:

@@ -84,7 +84,7 @@ def _plan(known: LiveState, plan: LivePlan) -> list[Thing]:
 
 
 def _result(result: LiveResult, bodies: Bodies) -> list[Thing]:
-    if len(result.after) != len(bodies):
+    if result.after is None or len(result.after) != len(bodies):
         return []
     before, after = result.before, result.after
     return [

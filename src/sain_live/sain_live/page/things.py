@@ -14,19 +14,9 @@ from numpy import ndarray
 
 from sain_core.scene import DISK_HEIGHT, unit
 from sain_core.types import Points
+from sain_core.view import things as seen
 from sain_core.view.palette import PALETTE, rgba
-from sain_core.view.things import (
-    BodyPath,
-    DrawnBody,
-    GoalMark,
-    Look,
-    PushArrow,
-    ReachArea,
-    Region,
-    TableTop,
-    Thing,
-    hue,
-)
+from sain_core.view.things import BodyPath, DrawnBody, GoalMark, Look, PushArrow, Thing, hue
 
 Quaternion = tuple[float, float, float, float]  # w, x, y, z
 Vector = tuple[float, float, float]
@@ -48,31 +38,6 @@ def upright(heading: float) -> Quaternion:
 def heading_of(turn: Sequence[float]) -> float:
     """Return the heading [rad] of a turn about z."""
     return float(2.0 * np.arctan2(turn[3], turn[0]))
-
-
-def turned(first: Quaternion, second: Quaternion) -> Quaternion:
-    """Return the turn that is the first one, and in its frame the second."""
-    w, x, y, z = first
-    a, b, c, d = second
-    return (
-        w * a - x * b - y * c - z * d,
-        w * b + x * a + y * d - z * c,
-        w * c - x * d + y * a + z * b,
-        w * d + x * c - y * b + z * a,
-    )
-
-
-def about(axis: Vector, angle: float) -> Quaternion:
-    """Return the turn about a unit axis by an angle [rad]."""
-    x, y, z = axis
-    s = sin(angle / 2)
-    return cos(angle / 2), s * x, s * y, s * z
-
-
-def of_angles(roll: float, pitch: float, yaw: float) -> Quaternion:
-    """Return the turn of fixed-axis roll, pitch and yaw [rad], as in URDF."""
-    x, y, z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
-    return turned(turned(about(z, yaw), about(y, pitch)), about(x, roll))
 
 
 def lifted(points: Points, height: float) -> ndarray:
@@ -142,7 +107,7 @@ class ThingsView:
             self._remove_body(number)
         for body in bodies:
             drawn = self._bodies.get(body.number)
-            if drawn is not None and not _alike(drawn[0], body):
+            if drawn is not None and _look(drawn[0]) != _look(body):
                 self._remove_body(body.number)
                 drawn = None
             if drawn is None or not np.array_equal(drawn[0].state[:3], body.state[:3]):
@@ -158,7 +123,7 @@ class ThingsView:
         nodes = self._nodes[group] = []
         for thing in things:
             match thing:
-                case TableTop():
+                case seen.TableTop():
                     nodes += add_table(self._scene, f"/{group}/table", thing)
                 case PushArrow():
                     nodes.append(self._add_arrow(f"/{group}/push", thing))
@@ -166,7 +131,7 @@ class ThingsView:
                     nodes.append(add_goal(self._scene, f"/{group}/goal{thing.number}", thing))
                 case _:
                     name, line_of, pixels = _as_lines(thing)
-                    colour = PALETTE.reach_edge if isinstance(thing, ReachArea) else hue(thing)
+                    colour = PALETTE.reach_edge if isinstance(thing, seen.ReachArea) else hue(thing)
                     lines.setdefault((name, colour, pixels), []).append(line_of)
         for (name, colour, pixels), segments in lines.items():  # one node for those of a colour
             path = f"/{group}/{name}_{colour[1:]}"
@@ -222,13 +187,9 @@ class ThingsView:
         return frame
 
 
-def _alike(one: DrawnBody, other: DrawnBody) -> bool:
-    """Whether one body is the other, perhaps elsewhere."""
-    return one.shape is other.shape and (one.radius, one.colour, one.name) == (
-        other.radius,
-        other.colour,
-        other.name,
-    )
+def _look(body: DrawnBody) -> tuple[Any, ...]:
+    """Return what a body looks like, wherever it is."""
+    return id(body.shape), body.radius, body.colour, body.name
 
 
 def _place(body: DrawnBody, nodes: tuple[Any, Any, Any]) -> None:
@@ -239,12 +200,14 @@ def _place(body: DrawnBody, nodes: tuple[Any, Any, Any]) -> None:
     name.position = (*(body.place + (body.size + GAP) * BESIDE).tolist(), 0.0)
 
 
-def _as_lines(thing: DrawnBody | BodyPath | ReachArea | Region) -> tuple[str, Segments, float]:
+def _as_lines(
+    thing: DrawnBody | BodyPath | seen.ReachArea | seen.Region,
+) -> tuple[str, Segments, float]:
     """Return the name of a node, the lines (S, 2, 3) [m] in it, and how thick they are."""
-    if isinstance(thing, ReachArea):
+    if isinstance(thing, seen.ReachArea):
         rings = [ring(outline, ABOVE) for outline in thing.outlines]
         return "reach", np.concatenate(rings), EDGE
-    if isinstance(thing, Region):
+    if isinstance(thing, seen.Region):
         return "regions", circle(thing.place, thing.radius, FLOOR + 2 * LIFT), THIN
     if isinstance(thing, BodyPath):
         height = FLOOR + (0.0 if thing.look is Look.OTHER else LIFT)
@@ -290,7 +253,7 @@ def draw_goal(scene: viser.SceneApi, name: str, goal: GoalMark) -> None:
     screen_lines(scene, f"{name}/edges", np.concatenate(edges), colour, GOAL_EDGE)
 
 
-def add_table(scene: viser.SceneApi, name: str, table: TableTop) -> list[Any]:
+def add_table(scene: viser.SceneApi, name: str, table: seen.TableTop) -> list[Any]:
     """Add the top of a table, what it stands on, and its edges."""
     (x, y), (wide, long) = (table.low + table.high) / 2, table.high - table.low
 

@@ -2,15 +2,17 @@
 
 import time
 from collections.abc import Callable
+from functools import partial
 from queue import SimpleQueue
 from typing import Any, Final
 
 from rclpy.action import ActionClient
 from rclpy.node import Node
 
+from sain_bringup.ros.director import reset_request
 from sain_core.errors import ErrorCode
 from sain_core.goal import Goal
-from sain_core.ros.codec import encode_disks, encode_goal
+from sain_core.ros.codec import encode_goal
 from sain_core.ros.node_main import steady_timer
 from sain_eval.scenes.families import ScenarioScene
 from sain_interfaces.action import Reach
@@ -37,7 +39,7 @@ class Asking:
         self._tuning = Tuning(node, known, lambda: self.has_simulator)
         self._handle: Any = None  # of the goal that is followed
         self._goal = 0  # number of it
-        self._retry: tuple[float, Callable[[], None]] | None = None
+        self._retry: Callable[[], None] = lambda: None  # sends a reset again
         steady_timer(node, AGAIN, self._try_again)
 
     @property
@@ -49,11 +51,11 @@ class Asking:
 
     def start(self) -> None:
         """Follow the goal, push by push."""
-        self._put(lambda: self._follow(0))
+        self._put(self._follow, 0)
 
     def push_once(self) -> None:
         """Follow the goal for one push."""
-        self._put(lambda: self._follow(1))
+        self._put(self._follow, 1)
 
     def pause(self) -> None:
         """Follow no goal any more."""
@@ -66,22 +68,22 @@ class Asking:
     def reset(self, reset: Reset) -> None:
         """Start a new episode; raises `ConfigError` where there is no such scene."""
         case = reset.case()
-        self._put(lambda: self._begin_reset(case, reset.world))
+        self._put(self._begin_reset, case, reset.world)
 
     def set(self, name: str, value: Any) -> None:
         """Change a parameter of the planner."""
-        self._put(lambda: self._tuning.set(name, value))
+        self._put(self._tuning.set, name, value)
 
     def load(self, model: str) -> None:
         """Serve another model."""
-        self._put(lambda: self._tuning.load(model))
+        self._put(self._tuning.load, model)
 
     def learn(self, learns: bool) -> None:
         """Learn from pushes, or not."""
-        self._put(lambda: self._tuning.learn(learns))
+        self._put(self._tuning.learn, learns)
 
-    def _put(self, order: Callable[[], None]) -> None:
-        self._orders.put(order)
+    def _put(self, order: Callable[..., None], *given: Any) -> None:
+        self._orders.put(partial(order, *given))
         self._guard.trigger()
 
     # --- on the executor's thread
@@ -112,8 +114,9 @@ class Asking:
         known.update(followed=most == 0)
         self._goal += 1
         number = self._goal
+        stamp = self._node.get_clock().now().to_msg()
         about = {"episode_id": known.scene.episode_id, "max_pushes": most}
-        goal = encode_goal(known.aim, stamp=self._stamp(), goal_id=0, **about)
+        goal = encode_goal(known.aim, stamp=stamp, goal_id=0, **about)
         sent = self._reach.send_goal_async(Reach.Goal(goal=goal))
         sent.add_done_callback(lambda done: self._on_accepted(number, done))
 
@@ -152,34 +155,24 @@ class Asking:
             return
         if self._handle is not None or self._known.followed:
             self._pause()
-        request = ResetScene.Request(
-            seed=case.seed,
-            world=world,
-            disks=encode_disks(case.disks),
-            shapes=list(case.shapes),
-            roles=list(map(str, case.roles)),
-            friction=case.friction,
-        )
+        request = reset_request(case)
+        request.world = world
         self._ask_reset(case, request, time.monotonic() + PATIENCE)
+
+    def _try_again(self) -> None:
+        self._retry()
 
     def _ask_reset(self, case: ScenarioScene, request: Any, until: float) -> None:
         def on_reply(done: Any) -> None:
             reply, known = done.result(), self._known
             if reply.error_code == ErrorCode.BUSY and time.monotonic() < until:
                 known.update(why="waits for the push under way, to reset")
-                self._retry = time.monotonic(), lambda: self._ask_reset(case, request, until)
+                self._retry = lambda: self._ask_reset(case, request, until)
             elif reply.error_code != ErrorCode.OK:
                 self._refuse(f"reset: {reply.error_message}")
             else:
                 known.update(aim=case.goal, phase=Phase.PAUSED, why="", pushes=0)
                 known.tell(Level.NOTE, f"{case.scenario}, seed {case.seed}")
 
-        self._retry = None
+        self._retry = lambda: None
         self._reset_scene.call_async(request).add_done_callback(on_reply)
-
-    def _try_again(self) -> None:
-        if self._retry is not None:
-            self._retry[1]()
-
-    def _stamp(self) -> Any:
-        return self._node.get_clock().now().to_msg()

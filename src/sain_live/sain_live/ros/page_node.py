@@ -47,7 +47,7 @@ class PageNode(Node):
         self.asking = Asking(self, self.known)
         listening = Listening(self, self.known)
         self.page = LivePage(self.known, self.asking, self.config)
-        self._parts += [listening, self.page]
+        self._parts += [self.page]
         self._reset_to = self.config.scenario
         steady_timer(self, LOOK, self._begin)
         steady_timer(self, LOOK, lambda: listening.watch_camera(self.page.viewers > 0))

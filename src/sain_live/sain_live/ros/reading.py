@@ -7,13 +7,13 @@ from pathlib import Path
 from typing import Any, Final
 
 from sain_bags.bag.metadata import OWN_TYPES
-from sain_bags.reading.reader import Bag, Received, TopicSummary
+from sain_bags.reading.reader import Bag, Received
 from sain_bags.report.frames import Frame, frame_times
 from sain_bags.report.gathering import graphs
 from sain_bags.report.titles import EpisodePart, episode_titles
 from sain_core.errors import DatasetError, ErrorCode
 from sain_live.player import Chapter, Recording, Snapshot
-from sain_live.ros.hearing import Hearing, Take
+from sain_live.ros.updates import StateUpdater, Take
 from sain_live.state import Level, LiveState, LogLine
 
 SHOWN: Final = (
@@ -108,26 +108,24 @@ def _unique(titles: list[str]) -> list[str]:
     return [f"{t} ({n + 1})" if n else t for t, n in zip(titles, before, strict=True)]
 
 
-def _is_own(topic: TopicSummary) -> bool:
-    return topic.type.startswith(OWN_TYPES)
-
-
 class _Reader:
     """Reads the episodes of one graph."""
 
     def __init__(self, bag: Bag, namespace: str, lines: int) -> None:
         self.known = LiveState(log=deque(), lines=lines)
         # A topic's own type counts, where others came on it, too.
-        topics = {topic.name: topic.type for topic in sorted(bag.topics, key=_is_own)}
-        hearing = Hearing(self.known, lambda: f"{namespace}/shapes" in topics, offers_goal=False)
+        last = sorted(bag.topics, key=lambda topic: topic.type.startswith(OWN_TYPES))
+        topics = {topic.name: topic.type for topic in last}
+        shapes_come = f"{namespace}/shapes" in topics
+        updater = StateUpdater(self.known, lambda: shapes_come, offers_goal=False)
         self._takes = {
             name: (topic, take)
-            for topic, (kind, take) in hearing.handlers.items()
+            for topic, (kind, take) in updater.handlers.items()
             for name in (topic if topic.startswith("/") else f"{namespace}/{topic}",)
             if topics.get(name) == f"{kind.__module__.partition('.')[0]}/msg/{kind.__name__}"
         }
         self._types = {topics[name] for name in self._takes}
-        self._see = hearing.handlers["scene"][1]
+        self._see = updater.handlers["scene"][1]
         self._bag = bag
         self._goals: dict[int, list[int]] = {}  # ids of those of an episode
         self._open: list[int] = []  # id of the latest that names no episode

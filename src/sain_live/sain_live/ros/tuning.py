@@ -1,10 +1,12 @@
 """The planner's parameters and the model: as they are, and as viewers want them."""
 
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from typing import Any, Final
 
 from rcl_interfaces.msg import ParameterEvent
 from rcl_interfaces.srv import GetParameters, SetParameters
+from rclpy.client import Client
 from rclpy.node import Node
 from rclpy.parameter import Parameter, parameter_value_to_python
 
@@ -22,6 +24,19 @@ LEARNS: Final = "learns"  # its parameter
 LOOK_AROUND: Final = 0.5  # [s]
 
 
+@dataclass
+class _Node:
+    """Another node: what it is asked once it is there, and what follows its end."""
+
+    name: str  # in the log; empty: it is not mentioned
+    client: Client
+    request: Any
+    on_reply: Callable[[Any], None]
+    on_end: Callable[[], None]
+    there: bool = False
+    came: bool = False
+
+
 class Tuning:
     """Follows and changes parameters and model. All calls come from the executor's thread."""
 
@@ -29,16 +44,34 @@ class Tuning:
         """Look for planner and model."""
         self._node, self._known, self._has_simulator = node, known, has_simulator
         self._load_model = node.create_client(LoadModel, "load_model")
-        self._describe = node.create_client(DescribeModel, "describe_model")
         self._set = node.create_client(SetParameters, f"{PLANNER}/set_parameters")
-        self._get = node.create_client(GetParameters, f"{PLANNER}/get_parameters")
         self._set_learner = node.create_client(SetParameters, f"{LEARNER}/set_parameters")
-        self._get_learner = node.create_client(GetParameters, f"{LEARNER}/get_parameters")
-        self._names = [name for _, name, _, _ in planner_settings()]
+        planner, learner = (
+            node.create_client(GetParameters, f"{name}/get_parameters")
+            for name in (PLANNER, LEARNER)
+        )
+        self._names = [one.name for one in planner_settings()]
         self._wanted: dict[str, Any] = {}  # parameters to set
-        self._setting = self._got = self._described = False
-        self._there = {"the planner": False, "the model": False}
-        self._came: set[str] = set()
+        self._setting = False
+        settings = GetParameters.Request(names=self._names)
+        learns = GetParameters.Request(names=[LEARNS])
+        self._nodes = (
+            _Node("the planner", planner, settings, self._on_planner, self._end_planner),
+            _Node(
+                "the model",
+                node.create_client(DescribeModel, "describe_model"),
+                DescribeModel.Request(),
+                lambda done: known.update(model=done.result().model),
+                lambda: known.update(loading=""),  # it may have ended before it could answer
+            ),
+            _Node(
+                "",
+                learner,
+                learns,
+                lambda done: known.update(learns=done.result().values[0].bool_value),
+                lambda: known.update(learns=None),
+            ),
+        )
         steady_timer(node, LOOK_AROUND, self._look_around)
         events = "/parameter_events"
         node.create_subscription(ParameterEvent, events, self._on_parameters, RELIABLE)
@@ -99,68 +132,42 @@ class Tuning:
             parameter = Parameter(LEARNS, value=learns).to_parameter_msg()
             self._set_learner.call_async(SetParameters.Request(parameters=[parameter]))
 
-    def _look_for_learner(self) -> None:
-        """Ask a learner that is new whether it learns."""
-        if not self._get_learner.service_is_ready():
-            if self._known.learns is not None:
-                self._known.update(learns=None)
-        elif self._known.learns is None:
-            asked = self._get_learner.call_async(GetParameters.Request(names=[LEARNS]))
-            asked.add_done_callback(
-                lambda done: self._known.update(learns=done.result().values[0].bool_value)
-            )
-
     def _look_around(self) -> None:
-        """Ask who is new what the page should know; tell who comes and goes."""
-        clients = (self._get, self._describe)
-        for name, client in zip(self._there, clients, strict=True):
-            there = bool(client.service_is_ready())
-            if there != self._there[name]:
-                self._there[name] = there
-                self._came.add(name)
+        """Ask each node that is new for what the page shows; log which come and go."""
+        for node in self._nodes:
+            there = bool(node.client.service_is_ready())
+            if there == node.there:
+                continue
+            node.there = there
+            if node.name:
+                node.came = True
                 kind = Level.NOTE if there else Level.FAULT
-                self._known.tell(kind, f"{name} is {'ready' if there else 'gone'}")
-        self._look_what_starts()
-        self._look_for_learner()
-        if not self._get.service_is_ready():
-            self._got = self._setting = False  # a planner that ended answers nothing any more
-        elif not self._got:
-            self._got = True
-            asked = self._get.call_async(GetParameters.Request(names=self._names))
-            asked.add_done_callback(self._on_got)
-        if not self._describe.service_is_ready():
-            self._described = False
-            if self._known.loading:  # it ended before it could answer
-                self._known.update(loading="")
-        elif not self._described:
-            self._described = True
-            asked = self._describe.call_async(DescribeModel.Request())
-            asked.add_done_callback(lambda done: self._known.update(model=done.result().model))
-
-    def _look_what_starts(self) -> None:
-        """Say what the graph still waits for, and how far its kernels are compiled."""
-        missing = [name for name in self._there if name not in self._came]
+                self._known.tell(kind, f"{node.name} is {'ready' if there else 'gone'}")
+            if there:
+                node.client.call_async(node.request).add_done_callback(node.on_reply)
+            else:
+                node.on_end()
+        missing = [node.name for node in self._nodes if node.name and not node.came]
         text = describe_compilation() if missing else ""
-        if not text and missing and (self._came or self._has_simulator()):  # else a recording
+        if not text and 0 < len(missing) < 2 + self._has_simulator():  # else a recording
             text = f"waits for {' and '.join(missing)}"
         if text != self._known.starting:
             self._known.update(starting=text)
 
-    def _on_got(self, done: Any) -> None:
+    def _on_planner(self, done: Any) -> None:
         values = map(parameter_value_to_python, done.result().values)
         self._known.update(planner=dict(zip(self._names, values, strict=False)))
 
+    def _end_planner(self) -> None:
+        self._setting = False  # it answers nothing any more
+
     def _on_parameters(self, event: ParameterEvent) -> None:
-        if event.node == self._node.resolve_topic_name(LEARNER):
-            for one in (*event.new_parameters, *event.changed_parameters):
-                if one.name == LEARNS:
-                    self._known.update(learns=bool(one.value.bool_value))
-        if event.node != self._node.resolve_topic_name(PLANNER):
-            return
-        changed = {
+        given = {
             one.name: parameter_value_to_python(one.value)
             for one in (*event.new_parameters, *event.changed_parameters)
-            if one.name in self._names
         }
-        if changed:
+        if event.node == self._node.resolve_topic_name(LEARNER) and LEARNS in given:
+            self._known.update(learns=given[LEARNS])
+        changed = {name: value for name, value in given.items() if name in self._names}
+        if event.node == self._node.resolve_topic_name(PLANNER) and changed:
             self._known.update(planner={**self._known.planner, **changed})

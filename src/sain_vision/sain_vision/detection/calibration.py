@@ -15,7 +15,6 @@ from jaxtyping import Float
 from numpy import ndarray
 from scipy.optimize import least_squares
 
-from sain_core.config import Config, option
 from sain_core.errors import InvalidInputError
 from sain_core.types import Points
 from sain_vision.detection.planar_fit import fit_pose, turned
@@ -26,15 +25,12 @@ COVERAGE: Final = 0.25  # share of the image's width and height that all looks s
 Pose = Float[ndarray, "3"]
 
 
-@dataclass(frozen=True)
-class CalibrationConfig(Config):
+class Accepted(NamedTuple):
     """What a calibration needs, and what of it is accepted."""
 
-    looks: int = option(10, "looks at the board", minimum=2, maximum=100)
-    max_error: float = option(
-        1.0, "largest error of a place on the table, p95", unit="mm", minimum=0.01
-    )
-    max_bias: float = option(0.5, "largest mean error of a look's places", unit="mm", minimum=0.01)
+    looks: int = 10  # at the board
+    max_error: float = 1.0  # [mm], of a place on the table, p95
+    max_bias: float = 0.5  # [mm], mean error of a look's places
 
 
 class Look(NamedTuple):
@@ -62,14 +58,14 @@ class Calibration:
 
 
 def calibrate(
-    camera: CameraModel, looks: Sequence[Look], first: Pose, config: CalibrationConfig
+    camera: CameraModel, looks: Sequence[Look], first: Pose, limits: Accepted
 ) -> Calibration:
     """Return the camera at the place that fits all looks; the first board is at a known pose.
 
     Raises:
         InvalidInputError: too few looks or tags, looks that are all alike, or a bad result.
     """
-    _check_looks(camera, looks, config)
+    _check_looks(camera, looks, limits)
     start = _start(camera, looks[0], first)
     poses = [
         fit_pose(one.points, start.on_plane(one.pixels, 0.0), _units(len(one.points))).pose
@@ -94,12 +90,12 @@ def calibrate(
         return np.nan_to_num(np.concatenate(off).ravel(), nan=1e3)
 
     solved = least_squares(errors, begin, loss="huber", f_scale=0.5, x_scale="jac")
-    return _checked(_camera_at(camera, solved.x), looks, first, config)
+    return _checked(_camera_at(camera, solved.x), looks, first, limits)
 
 
-def _check_looks(camera: CameraModel, looks: Sequence[Look], config: CalibrationConfig) -> None:
-    if len(looks) < config.looks:
-        raise InvalidInputError(f"there are {len(looks)} looks; at least {config.looks} are needed")
+def _check_looks(camera: CameraModel, looks: Sequence[Look], limits: Accepted) -> None:
+    if len(looks) < limits.looks:
+        raise InvalidInputError(f"there are {len(looks)} looks; at least {limits.looks} are needed")
     for number, one in enumerate(looks, start=1):
         if len(one.points) < 4 * FEWEST_TAGS:
             raise InvalidInputError(
@@ -146,7 +142,7 @@ def _units(count: int) -> Float[ndarray, "P 2 2"]:
 
 
 def _checked(
-    camera: CameraModel, looks: Sequence[Look], first: Pose, config: CalibrationConfig
+    camera: CameraModel, looks: Sequence[Look], first: Pose, limits: Accepted
 ) -> Calibration:
     """Return a calibration with its errors, or raise what is wrong with it."""
     off, scales = [], []
@@ -162,16 +158,16 @@ def _checked(
     made = Calibration(
         camera, error, (float(bias[0]), float(bias[1])), float(np.mean(scales)) - 1.0
     )
-    if not error <= config.max_error:
+    if not error <= limits.max_error:
         raise InvalidInputError(
-            f"places on the table are off by {error:.2f} mm (p95); at most {config.max_error:g} mm"
+            f"places on the table are off by {error:.2f} mm (p95); at most {limits.max_error:g} mm"
             f" is accepted. The board seems {100 * made.stretch:+.2f} % larger than it is: measure"
             " the ruler on it, and check the camera's own calibration"
         )
-    if not np.linalg.norm(bias) <= config.max_bias:
+    if not np.linalg.norm(bias) <= limits.max_bias:
         raise InvalidInputError(
             f"the first board is off by {bias[0]:.2f}, {bias[1]:.2f} mm; at most"
-            f" {config.max_bias:g} mm is accepted: was it where --board says?"
+            f" {limits.max_bias:g} mm is accepted: was it where --board says?"
         )
     check_view(camera, "the calibrated camera")
     return made

@@ -7,7 +7,7 @@ to where it was last.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Final
 
 import cv2
@@ -64,19 +64,12 @@ class OutlineConfig(Config):
 
 @dataclass(frozen=True, eq=False)
 class _Edges:
-    """Edges of tops.
+    """Edges of tops."""
 
-    Attributes:
-        places: (E, 2) [m].
-        pixels: (E, 2).
-        groups: (E,), the same number for those of one top, or of some that touch.
-        grain: size of a pixel there [m].
-    """
-
-    places: Places
-    pixels: Float[ndarray, "E 2"]
-    groups: Int[ndarray, "E"]
-    grain: float
+    places: Places  # (E, 2) [m]
+    pixels: Float[ndarray, "E 2"]  # (E, 2)
+    groups: Int[ndarray, "E"]  # (E,), the same number for those of one top, or of some that touch
+    grain: float  # size of a pixel there [m]
 
 
 class OutlineFinder:
@@ -136,9 +129,7 @@ class OutlineFinder:
     def _rays_of(self, camera: CameraModel) -> Float[ndarray, "height width 3"]:
         before = self._camera
         if before is None or not _is_same(before, camera):
-            grid = np.stack(np.meshgrid(np.arange(camera.width), np.arange(camera.height)), axis=-1)
-            flat = camera.rays(grid.reshape(-1, 2).astype(np.float64))
-            self._camera, self._rays = camera, flat.reshape(camera.height, camera.width, 3)
+            self._camera, self._rays = camera, camera.rays_of_all()
         return self._rays
 
     def _edges(
@@ -186,20 +177,14 @@ class OutlineFinder:
         """
         if len(edges.places) < FEWEST:
             return None
-        best: tuple[float, Sighting] | None = None
-        for start in starts:
-            fitted = self._fit(body, edges, start)
-            if fitted is None:
-                continue
-            misfit, sighting = fitted
-            if sighting.score < least_share:
-                continue
-            if any(np.hypot(*(sighting.pose - pose)[:2]) < least for pose, least in taken):
-                continue
-            rating = misfit - 0.01 * sighting.score
-            if best is None or rating < best[0]:
-                best = rating, sighting
-        return None if best is None else best[1]
+        fitted = [fit for start in starts if (fit := self._fit(body, edges, start)) is not None]
+        free = [
+            (misfit - 0.01 * sighting.score, sighting)
+            for misfit, sighting in fitted
+            if sighting.score >= least_share
+            and all(np.hypot(*(sighting.pose - pose)[:2]) >= least for pose, least in taken)
+        ]
+        return min(free, key=lambda one: one[0])[1] if free else None
 
     def _starts(self, body: int, edges: _Edges, taken: list[tuple[Pose, float]]) -> list[Pose]:
         """Return the poses to begin with whose outlines are nearest to edges, from all headings.
@@ -311,11 +296,8 @@ def _placed(marks: tuple[Marks, Marks], pose: Pose) -> tuple[Marks, Marks]:
 
 def _nearest(places: Float[ndarray, "A 2"], to: Float[ndarray, "B 2"]) -> tuple[ndarray, ndarray]:
     """Return for each of some points which place is nearest, and how far it is [m]."""
-    if not len(places):
-        return np.zeros(len(to), dtype=int), np.full(len(to), np.inf)
     apart = np.linalg.norm(to[:, None] - places, axis=2)
-    nearest = apart.argmin(axis=1)
-    return nearest, apart[np.arange(len(to)), nearest]
+    return apart.argmin(axis=1), apart.min(axis=1)
 
 
 def _widened(mask: Bool[ndarray, "height width"]) -> Bool[ndarray, "height width"]:
@@ -324,11 +306,7 @@ def _widened(mask: Bool[ndarray, "height width"]) -> Bool[ndarray, "height width
 
 
 def _is_same(one: CameraModel, other: CameraModel) -> bool:
-    pairs = (
-        (one.matrix, other.matrix),
-        (one.distortion, other.distortion),
-        (one.rotation, other.rotation),
-        (one.place, other.place),
+    return all(
+        np.array_equal(getattr(one, item.name), getattr(other, item.name))
+        for item in fields(CameraModel)
     )
-    same = all(np.array_equal(a, b) for a, b in pairs)
-    return same and (one.width, one.height, one.lens) == (other.width, other.height, other.lens)

@@ -4,7 +4,7 @@ from collections.abc import Iterable
 
 import cv2
 import numpy as np
-from jaxtyping import UInt8
+from jaxtyping import Float, UInt8
 from numpy import ndarray
 
 from sain_core.scene import RADIUS, STATE_SIZE
@@ -14,6 +14,7 @@ from sain_vision.optics import CameraModel
 
 FOUND = (60, 220, 60)  # blue, green, red: what was found in the image
 OUTLINE = (255, 160, 40)  # the outline of the body that follows from it
+FARTHEST = 3.0  # [m], that is black in a picture of depth
 FRACTION = 3  # bits of a pixel in which OpenCV is given places
 
 
@@ -30,9 +31,9 @@ def draw_overlay(
         state[:3], state[RADIUS] = seen.pose, bodies.radii[seen.body]
         flat = bodies.bodies.shapes[seen.body].placed(state)
         top = np.column_stack([flat, np.full(len(flat), bodies.heights[seen.body])])
-        _draw_line(picture, camera.project(top), OUTLINE)
+        draw_line(picture, camera.project(top), OUTLINE)
         for outline in seen.outlines:
-            _draw_line(picture, outline, FOUND)
+            draw_line(picture, outline, FOUND)
         x, y = camera.project(np.array([[*seen.pose[:2], bodies.heights[seen.body]]]))[0]
         if np.isfinite((x, y)).all():
             text, place = bodies.names[seen.body], (int(x) + 4, int(y) - 4)
@@ -40,7 +41,14 @@ def draw_overlay(
     return picture
 
 
-def _draw_line(picture: ndarray, pixels: ndarray, colour: tuple[int, int, int]) -> None:
+def draw_line(picture: ndarray, pixels: ndarray, colour: tuple[int, int, int]) -> None:
+    """Draw a closed line of pixels (M, 2) into a picture; nothing where one of them is unknown."""
     if np.isfinite(pixels).all():
         fixed = (pixels * 2**FRACTION).round().astype(np.int32)
         cv2.polylines(picture, [fixed], True, colour, 1, cv2.LINE_AA, FRACTION)
+
+
+def grey_of(depth: Float[ndarray, "height width"]) -> UInt8[ndarray, "height width"]:
+    """Return depth [m] as brightness, near is bright."""
+    share = 1.0 - np.nan_to_num(depth, nan=FARTHEST) / FARTHEST
+    return np.asarray(255 * np.clip(share, 0.0, 1.0), dtype=np.uint8)

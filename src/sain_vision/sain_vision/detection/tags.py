@@ -239,11 +239,7 @@ class TagLocator:
     """From the corners of tags to the poses of the bodies that carry them."""
 
     def __init__(self, bodies: BodyFile, config: TagConfig) -> None:
-        """Take the tags of bodies.
-
-        Raises:
-            ConfigError: a body has a tag that the family lacks.
-        """
+        """Take the tags of bodies. Raises `ConfigError`: a body has a tag that the family lacks."""
         count = len(tag_family(config.family))
         for body, tags in enumerate(bodies.tags):
             for tag in tags:

@@ -12,14 +12,17 @@ import numpy as np
 from jaxtyping import Bool, Float, UInt8
 from numpy import ndarray
 
-from sain_core.config import Config, option
 from sain_core.errors import InvalidInputError
 from sain_core.guarding.untrusted import MOST_PARTS, MOST_RADIUS
 from sain_core.shapes.library import MOST_OUTLINE
 from sain_core.shapes.outlines import convex_parts
 from sain_core.types import Points
+from sain_vision.detection.overlay import FOUND, draw_line
 from sain_vision.optics import CameraModel
 
+LOWEST: Final = 0.008  # [m] above the table, below which nothing counts
+HIGHEST: Final = 0.3  # [m], above which it is the arm or a hand
+HEIGHT_ERROR: Final = 0.006  # [m], largest
 FINER: Final = 4  # times as many pixels as the image has, for the edge of the top
 SMALLEST: Final = 100  # pixels of a top
 EDGE: Final = 0.95  # of an object's heights, that its top is as high as
@@ -30,52 +33,34 @@ TOLERANCES: Final = (0.0005, 0.001, 0.0015, 0.002, 0.003, 0.005)  # [m], of corn
 Depth = Float[ndarray, "height width"]
 
 
-@dataclass(frozen=True)
-class TracingConfig(Config):
-    """Which object is traced, and how."""
-
-    lowest: float = option(
-        0.008, "height above the table below which nothing counts", unit="m", minimum=0.002
-    )
-    highest: float = option(0.3, "height above which it is the arm or a hand", unit="m")
-    height_error: float = option(0.006, "largest error of a height", unit="m", minimum=0.001)
-
-
 @dataclass(frozen=True, eq=False)
 class TracedTop:
-    """The top of an object.
+    """The top of an object."""
 
-    Attributes:
-        outline: (M, 2) [m] in the world, counter-clockwise.
-        height: of the top over the table [m].
-        tolerance: within which corners were left out [m].
-        count: of objects in the image, of which it is one.
-    """
-
-    outline: Points
-    height: float
-    tolerance: float
-    count: int = 1
+    outline: Points  # (M, 2) [m] in the world, counter-clockwise
+    height: float  # of the top over the table [m]
+    tolerance: float  # within which corners were left out [m]
+    count: int = 1  # of objects in the image, of which it is one
 
 
 def trace_top(
     depth: Depth,
     camera: CameraModel,
     near: Float[ndarray, "2"] | None,
-    config: TracingConfig = TracingConfig(),
+    lowest: float = LOWEST,
+    highest: float = HIGHEST,
+    height_error: float = HEIGHT_ERROR,
 ) -> TracedTop:
     """Return the top of the object in a depth image [m] that is nearest to a place, or largest.
 
     Raises:
         InvalidInputError: nothing stands there, or it is cut by the image's edge.
     """
-    grid = np.stack(np.meshgrid(np.arange(camera.width), np.arange(camera.height)), axis=-1)
-    rays = camera.rays(grid.reshape(-1, 2).astype(np.float64)).reshape(*depth.shape, 3)
-    points = camera.place + depth[..., None] * rays
+    points = camera.place + depth[..., None] * camera.rays_of_all()
     heights = np.nan_to_num(points[..., 2], nan=-1.0)
-    stands = (heights > config.lowest) & (heights < config.highest)
+    stands = (heights > lowest) & (heights < highest)
     mask, count = _chosen(stands, points[..., :2], near)
-    height, error = float(np.quantile(heights[mask], EDGE)), config.height_error
+    height, error = float(np.quantile(heights[mask], EDGE)), height_error
     upper = heights[mask & (abs(heights - height) < error)]
     height = float(np.median(upper))
     # Sides that the camera sees are no top: the error that is allowed is that of this image.
@@ -166,9 +151,8 @@ def draw_top(
     """Draw an outline into a picture, with its centre and a text."""
     rim = np.column_stack([top.outline, np.full(len(top.outline), top.height)])
     pixels = camera.project(rim)
-    fixed = (8 * pixels).round().astype(np.int32)
-    cv2.polylines(picture, [fixed], True, (60, 220, 60), 1, cv2.LINE_AA, 3)
+    draw_line(picture, pixels, FOUND)
     for x, y in pixels.round().astype(int).tolist():
         cv2.circle(picture, (x, y), 2, (40, 160, 255), -1)
     x, y = pixels.min(axis=0).astype(int).tolist()
-    cv2.putText(picture, text, (x, max(y - 8, 12)), cv2.FONT_HERSHEY_SIMPLEX, 0.5, (60, 220, 60), 1)
+    cv2.putText(picture, text, (x, max(y - 8, 12)), cv2.FONT_HERSHEY_SIMPLEX, 0.5, FOUND, 1)

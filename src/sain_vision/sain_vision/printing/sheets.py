@@ -4,8 +4,6 @@ from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
-from jaxtyping import Bool
-from numpy import ndarray
 
 from sain_core.camera.decals import tag_family
 from sain_core.errors import ConfigError
@@ -20,21 +18,9 @@ MODULES: Final = {"36h11": 8, "25h9": 7, "16h5": 6}  # along a side, with the bl
 LETTERS: Final = 3.0  # [mm], their height
 
 
-def tag_modules(family: str, number: int) -> Bool[ndarray, "M M"]:
-    """Return which modules of a tag are black, upright, from the upper left one on.
-
-    Raises:
-        ConfigError: the family has no such tag.
-    """
-    tags = tag_family(family)
-    if not 0 <= number < len(tags):
-        raise ConfigError(f"family {family} has no tag {number}; allowed: 0 to {len(tags) - 1}")
-    return tags[number]
-
-
 def draw_tag(page: Page, family: str, number: int, x: float, y: float, size: float) -> None:
     """Draw a tag with its lower left corner at a place, with a side [mm]."""
-    black = tag_modules(family, number)
+    black = tag_family(family)[number]
     step = size / len(black)
     for row, modules in enumerate(black):
         bottom = y + size - (row + 1) * step

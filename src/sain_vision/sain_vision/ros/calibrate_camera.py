@@ -12,7 +12,7 @@ from sain_core.errors import ConfigError, SainError
 from sain_core.guarding.untrusted import check_frame
 from sain_core.output import OVERWRITE_HELP, claim_file
 from sain_vision.detection.board import Board
-from sain_vision.detection.calibration import FEWEST_TAGS, CalibrationConfig, Look, calibrate
+from sain_vision.detection.calibration import FEWEST_TAGS, Accepted, Look, calibrate
 from sain_vision.detection.tags import TagConfig, TagFinder
 from sain_vision.extrinsics_file import Extrinsics, write_extrinsics
 from sain_vision.optics import TABLE, turn_of
@@ -36,7 +36,16 @@ class CalibrateOptions(Config):
         0.0, "time between looks; 0: Enter takes one", unit="s", minimum=0.0, maximum=60.0
     )
     board: Board = Board()
-    quality: CalibrationConfig = CalibrationConfig()
+    looks: int = option(Accepted().looks, "looks at the board", minimum=2, maximum=100)
+    max_error: float = option(
+        Accepted().max_error,
+        "largest error of a place on the table, p95",
+        unit="mm",
+        minimum=0.01,
+    )
+    max_bias: float = option(
+        Accepted().max_bias, "largest mean error of a look's places", unit="mm", minimum=0.01
+    )
 
     def __post_init__(self) -> None:
         """Check the fields, and that the board lies on the table."""
@@ -62,10 +71,10 @@ def run(options: CalibrateOptions, console: Console) -> None:
     looks: list[Look] = []
     with command_node("calibrate_camera") as node:
         watcher = ImageWatcher(node)
-        while len(looks) < options.quality.looks:
+        while len(looks) < options.looks:
             number = len(looks) + 1
             where = "with its origin at its place" if number == 1 else "somewhere else"
-            _wait(options, console, f"look {number} of {options.quality.looks}: board {where}")
+            _wait(options, console, f"look {number} of {options.looks}: board {where}")
             message, camera = watcher.next_image()
             frame = check_frame(
                 "frame_id of images", check_text("frame_id of images", message.header.frame_id)
@@ -75,7 +84,8 @@ def run(options: CalibrateOptions, console: Console) -> None:
             console.print(count, *finder.problems, sep="; ")
             if len(points) >= 4 * FEWEST_TAGS:
                 looks.append(Look(points, pixels))
-    made = calibrate(camera, looks, np.array(options.origin), options.quality)
+    accepted = Accepted(options.looks, options.max_error, options.max_bias)
+    made = calibrate(camera, looks, np.array(options.origin), accepted)
     pose = Extrinsics(frame, "world", made.camera.place, turn_of(made.camera.rotation))
     about = {"error_mm": round(made.error, 3), "bias_mm": [round(one, 3) for one in made.bias]}
     write_extrinsics(options.out, pose, about)

@@ -7,20 +7,20 @@ from typing import Any
 
 import numpy as np
 from builtin_interfaces.msg import Time
-from geometry_msgs.msg import Quaternion, TransformStamped, Vector3
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import CameraInfo, Image
+from std_msgs.msg import Header
 from tf2_msgs.msg import TFMessage
 
 from sain_core.errors import InvalidInputError
 from sain_core.guarding.ros.reception import LARGE_BYTES, Reception
 from sain_core.ros import codec
+from sain_core.ros.camera_topics import make_transform
 from sain_core.ros.qos import LATCHED, LATCHED_QUEUE, TRANSFORMS
 from sain_vision.extrinsics_file import read_extrinsics
 from sain_vision.optics import CameraModel, check_calibration, check_view, rotation_of
 from sain_vision.ros.settings import CameraInputConfig
-from sain_vision.ros.transforms import take_transforms
 from sain_vision.scene.frame_tree import FrameTree
 from sain_vision.scene.scene_tracker import FUTURE
 
@@ -58,8 +58,8 @@ class CameraInput:
         self._stampless = Time()
         self._model: CameraModel | None = None  # of the latest calibration, without its pose
         reception.listen(CameraInfo, self._info_topic, self._on_info, NEWEST, refuse)
-        reception.listen(TFMessage, "/tf", self._on_tf, TRANSFORMS, refuse)
-        static = partial(self._on_tf, static=True)
+        reception.listen(TFMessage, "/tf", self._tree.take_message, TRANSFORMS, refuse)
+        static = partial(self._tree.take_message, static=True)
         reception.listen(TFMessage, "/tf_static", static, LATCHED_QUEUE, refuse)
         reception.listen(Image, self._image_topic, self._on_frame, NEWEST, refuse, LARGE_BYTES)
 
@@ -92,9 +92,6 @@ class CameraInput:
         distortion = np.array(message.d, dtype=np.float64)
         size = int(message.width), int(message.height)
         return check_calibration(*size, matrix, message.distortion_model, distortion)
-
-    def _on_tf(self, message: TFMessage, static: bool = False) -> None:
-        take_transforms(self._tree, message, static)
 
     def _on_frame(self, message: Image) -> None:
         self._check_time(codec.decode_time(message.header.stamp))
@@ -162,24 +159,15 @@ def _check_raw(message: CameraInfo, topic: str) -> None:
         )
 
 
-class CameraPlace:
-    """Publishes where a camera is, as the file of its calibration has it."""
+def publish_place(node: Node, config: CameraInputConfig) -> None:
+    """Publish where a camera is, as the file of its calibration has it; nothing without a file.
 
-    def __init__(self, node: Node, path: str, table: str) -> None:
-        """Publish it, from which the `table` is seen; without a path nothing: somebody else does.
-
-        Raises:
-            ConfigError: the file cannot be used.
-        """
-        self._publisher = None
-        if not path:
-            return
-        pose = read_extrinsics(Path(path).expanduser(), table)
-        (x, y, z), (a, b, c, d) = pose.place.tolist(), pose.turn.tolist()
-        one = TransformStamped(child_frame_id=pose.frame)
-        one.header = codec.header(node.get_clock().now().to_msg())
-        one.header.frame_id = pose.parent
-        one.transform.translation = Vector3(x=x, y=y, z=z)
-        one.transform.rotation = Quaternion(x=a, y=b, z=c, w=d)
-        self._publisher = node.create_publisher(TFMessage, "/tf_static", LATCHED)
-        self._publisher.publish(TFMessage(transforms=[one]))
+    Raises:
+        ConfigError: the file cannot be used.
+    """
+    if not config.extrinsics:
+        return  # somebody else does
+    pose = read_extrinsics(Path(config.extrinsics).expanduser(), config.frame)
+    header = Header(stamp=node.get_clock().now().to_msg(), frame_id=pose.parent)
+    one = make_transform(header, pose.frame, pose.place, pose.turn)
+    node.create_publisher(TFMessage, "/tf_static", LATCHED).publish(TFMessage(transforms=[one]))

@@ -5,7 +5,7 @@ from typing import Any, Final
 
 import numpy as np
 from builtin_interfaces.msg import Time
-from geometry_msgs.msg import Point, Pose, Quaternion, Vector3
+from geometry_msgs.msg import Vector3
 from jaxtyping import Float
 from numpy import ndarray
 from vision_msgs.msg import Detection3D, Detection3DArray, ObjectHypothesisWithPose
@@ -13,6 +13,7 @@ from vision_msgs.msg import Detection3D, Detection3DArray, ObjectHypothesisWithP
 from sain_core import wire
 from sain_core.errors import InvalidInputError
 from sain_core.ros import codec
+from sain_core.ros.markers import make_pose
 from sain_core.shapes.body_file import BodyFile
 from sain_vision.detection.sighting import Sighting
 from sain_vision.scene.body_track import Observed
@@ -30,7 +31,8 @@ def encode_sightings(
     header.frame_id = frame
     detections = []
     for seen in sightings:
-        pose = _encode_pose(seen.pose, bodies.heights[seen.body] / 2)
+        x, y, heading = seen.pose.tolist()
+        pose = make_pose(x, y, bodies.heights[seen.body] / 2, heading)
         result = ObjectHypothesisWithPose()
         result.hypothesis.class_id = bodies.bodies.shapes[seen.body].name
         result.hypothesis.score = float(seen.score)
@@ -67,12 +69,6 @@ def decode_detections(message: Any, bodies: BodyFile, frame: str) -> dict[int, O
         pose = wire.decode_pose(best.pose.pose, f"the pose of {bodies.called(body)}")
         seen[body] = Observed(pose, _decode_covariance(best.pose.covariance, bodies.called(body)))
     return seen
-
-
-def _encode_pose(pose: Float[ndarray, "3"], height: float) -> Pose:
-    x, y, heading = pose.tolist()
-    turn = Quaternion(z=float(np.sin(heading / 2)), w=float(np.cos(heading / 2)))
-    return Pose(position=Point(x=x, y=y, z=height), orientation=turn)
 
 
 def _encode_covariance(covariance: Float[ndarray, "3 3"]) -> Float[ndarray, "36"]:

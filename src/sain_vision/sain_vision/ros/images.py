@@ -10,20 +10,16 @@ from numpy import ndarray
 from sain_core.errors import InvalidInputError
 from sain_vision.look_files import known_depths
 
-TO_GREY: Final = {
-    "mono8": None,
-    "8UC1": None,
-    "rgb8": cv2.COLOR_RGB2GRAY,
-    "bgr8": cv2.COLOR_BGR2GRAY,
-    "rgba8": cv2.COLOR_RGBA2GRAY,
-    "bgra8": cv2.COLOR_BGRA2GRAY,
-    "yuv422_yuy2": cv2.COLOR_YUV2GRAY_YUY2,
-    "yuv422": cv2.COLOR_YUV2GRAY_UYVY,
+TO_GREY: Final[dict[str, tuple[int, int | None]]] = {  # bytes of a pixel, and the conversion
+    "mono8": (1, None),
+    "8UC1": (1, None),
+    "rgb8": (3, cv2.COLOR_RGB2GRAY),
+    "bgr8": (3, cv2.COLOR_BGR2GRAY),
+    "rgba8": (4, cv2.COLOR_RGBA2GRAY),
+    "bgra8": (4, cv2.COLOR_BGRA2GRAY),
+    "yuv422_yuy2": (2, cv2.COLOR_YUV2GRAY_YUY2),
+    "yuv422": (2, cv2.COLOR_YUV2GRAY_UYVY),
 }
-CHANNELS: Final = {
-    "mono8": 1, "8UC1": 1, "rgb8": 3, "bgr8": 3, "rgba8": 4, "bgra8": 4, "yuv422_yuy2": 2,
-    "yuv422": 2,
-}  # fmt: skip
 DEPTHS: Final = {"16UC1": ("u2", 1e-3), "mono16": ("u2", 1e-3), "32FC1": ("f4", 1.0)}
 """Types of depth images, with the size of their unit [m]."""
 
@@ -37,15 +33,13 @@ def decode_grey(message: Any) -> Grey:
     Raises:
         InvalidInputError: an encoding that is not read, or data of another size.
     """
-    channels = CHANNELS.get(message.encoding)
-    if channels is None:
+    if message.encoding not in TO_GREY:
         raise InvalidInputError(
             f"the image has the encoding {message.encoding!r}; allowed: {', '.join(TO_GREY)}:"
             " let the driver or image_proc convert it"
         )
-    rows = _rows(message, channels)
-    pixels = rows.reshape(message.height, message.width, channels)
-    conversion = TO_GREY[message.encoding]
+    channels, conversion = TO_GREY[message.encoding]
+    pixels = _rows(message, channels).reshape(message.height, message.width, channels)
     if conversion is None:
         return np.ascontiguousarray(pixels[..., 0])
     return np.asarray(cv2.cvtColor(pixels, conversion))

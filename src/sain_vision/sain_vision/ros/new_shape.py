@@ -17,12 +17,19 @@ from sain_core.guarding.documents import dump_yaml
 from sain_core.output import OVERWRITE_HELP, claim_file, write_whole
 from sain_core.shapes.library import OUTLINES, PLAIN, outline_folder, shape_names
 from sain_core.shapes.outlines import METRES, SHAPES, UNIT, BodyOutline, trace
-from sain_vision.detection.tracing import TracedTop, TracingConfig, draw_top, trace_top
+from sain_vision.detection.overlay import grey_of
+from sain_vision.detection.tracing import (
+    HEIGHT_ERROR,
+    HIGHEST,
+    LOWEST,
+    TracedTop,
+    draw_top,
+    trace_top,
+)
 from sain_vision.extrinsics_file import read_extrinsics
 from sain_vision.look_files import read_camera, read_depth, read_picture
 from sain_vision.optics import CameraModel
 
-FARTHEST: Final = 3.0  # [m], that is black in a picture of depth
 SCALE: Final = 2  # times as large a picture is shown
 
 
@@ -47,7 +54,11 @@ class NewShapeOptions(Config):
     out: Path | None = option(None, "file to write; by default NAME.yaml among this user's shapes")
     overwrite: bool = option(False, OVERWRITE_HELP)
     yes: bool = option(False, "write without asking")
-    tracing: TracingConfig = TracingConfig()
+    lowest: float = option(
+        LOWEST, "height above the table below which nothing counts", unit="m", minimum=0.002
+    )
+    highest: float = option(HIGHEST, "height above which it is the arm or a hand", unit="m")
+    height_error: float = option(HEIGHT_ERROR, "largest error of a height", unit="m", minimum=0.001)
 
     def __post_init__(self) -> None:
         """Check the fields, and that the name is free."""
@@ -90,7 +101,7 @@ def run(options: NewShapeOptions, console: Console) -> None:
             f" {camera.height} px; all must be of one size"
         )
     near = None if options.near is None else np.array(options.near)
-    top = trace_top(depth, camera, near, options.tracing)
+    top = trace_top(depth, camera, near, options.lowest, options.highest, options.height_error)
     body = trace(options.name, top.outline)
     what = describe(top, body)
     draw_top(picture, top, camera, options.name)
@@ -181,6 +192,4 @@ def averaged(depths: Sequence[Any]) -> np.ndarray:
 
 
 def _grey(depth: np.ndarray) -> np.ndarray:
-    share = 1.0 - np.nan_to_num(depth, nan=FARTHEST) / FARTHEST
-    grey = np.asarray(255 * np.clip(share, 0.0, 1.0), dtype=np.uint8)
-    return np.asarray(cv2.cvtColor(grey, cv2.COLOR_GRAY2BGR))
+    return np.asarray(cv2.cvtColor(grey_of(depth), cv2.COLOR_GRAY2BGR))

@@ -3,53 +3,63 @@
 from time import monotonic, perf_counter
 from typing import Any
 
-import cv2
 import numpy as np
-from rclpy.node import Node
 from sensor_msgs.msg import Image, JointState
 
-from sain_core.guarding.ros.reception import Reception, shortened
-from sain_core.ros.node_main import NAMESPACE, WARN
-from sain_core.ros.parameters import LiveParameters, read_parameters
+from sain_core.errors import BusyError
 from sain_core.ros.qos import RELIABLE
 from sain_core.scene import POSE, STATE_SIZE
+from sain_core.types import Mask
 from sain_interfaces.msg import Plan
-from sain_vision.detection.outlines import Depth, OutlineFinder, Pose
+from sain_vision.detection.outlines import OutlineFinder, Pose
+from sain_vision.detection.overlay import grey_of
 from sain_vision.optics import CameraModel
-from sain_vision.ros.arm_watch import ArmWatch
-from sain_vision.ros.body_parameter import followed, read_body_file
-from sain_vision.ros.camera_input import CameraInput, CameraPlace
+from sain_vision.ros.body_parameter import read_body_file
 from sain_vision.ros.images import decode_depth
 from sain_vision.ros.settings import DEPTH_TOPICS, OutlineNodeConfig
-from sain_vision.ros.sighting_output import SightingOutput
-
-FARTHEST = 3.0  # [m], that is black in the overlay
+from sain_vision.ros.sighting_node import SightingNode
 
 
-class OutlineNode(Node):
+class OutlineNode(SightingNode):
     """Publishes the bodies without tags whose tops a depth image shows."""
+
+    config: OutlineNodeConfig
 
     def __init__(self, **options: Any) -> None:
         """Read the bodies and wait for images."""
-        super().__init__("outline_node", namespace=NAMESPACE, **options)
-        config = read_parameters(self, OutlineNodeConfig)
-        self._use(config)
-        cv2.setNumThreads(1)
-        self.reception = reception = Reception(self)
-        self.output = SightingOutput(self, reception, "outlines", "camera/outlines")
-        self.diagnostics = self.output.diagnostics
-        self.place = CameraPlace(self, config.extrinsics, config.frame)
-        self.arm = ArmWatch(config.robot, config.max_age) if config.robot else None
-        if self.arm is not None:
-            reception.listen(JointState, "/joint_states", self.arm.listen, RELIABLE)
-        hear = self._on_image, self._ignore
-        self.input = CameraInput(self, reception, DEPTH_TOPICS, config, *hear)
-        reception.listen(Plan, "plan", self._on_plan, RELIABLE)
-        self.diagnostics.set(WARN, self.input.missing)
-        LiveParameters(self, config, followed(self, self._use))
+        super().__init__(
+            "outline_node",
+            OutlineNodeConfig,
+            "outlines",
+            DEPTH_TOPICS,
+            "camera/outlines",
+            **options,
+        )
+        if self.config.robot:
+            self._listen_to_arm(self.config)
+        self.reception.listen(Plan, "plan", self._on_plan, RELIABLE)
         self.ready = f"outlines of {len(self.bodies.names)} bodies"
 
-    def _use(self, config: OutlineNodeConfig) -> None:
+    def _listen_to_arm(self, config: OutlineNodeConfig) -> None:
+        # MuJoCo, which these need, is not there without a robot arm.
+        from sain_arm.robot.robot import read_robot
+        from sain_arm.ros.joint_listener import JointListener
+        from sain_vision.detection.arm_mask import ArmMask
+
+        robot = read_robot(config.robot)
+        self._joints, self._arm = JointListener(robot, config.max_age), ArmMask(robot)
+        self.reception.listen(JointState, "/joint_states", self._joints.listen, RELIABLE)
+
+    def _mask(self, camera: CameraModel) -> tuple[Mask | None, list[str]]:
+        """Return which pixels may show the arm; None where that is not known, and why."""
+        if not self.config.robot:
+            return None, []
+        try:
+            return self._arm.draw(self._joints.current, camera), []
+        except BusyError as error:
+            return None, [f"the arm is masked by its height alone: {error}"]
+
+    def use(self, config: OutlineNodeConfig) -> None:
         """Look for the bodies that a file states."""
         self.config, self.bodies = config, read_body_file(config.bodies)
         self.finder = OutlineFinder(self.bodies, config.outlines)
@@ -66,28 +76,18 @@ class OutlineNode(Node):
             if np.isfinite(scene).all():
                 self.planned = dict(enumerate(scene[:, POSE]))
 
-    def _on_image(self, message: Image, camera: CameraModel) -> None:
+    def on_image(self, message: Image, camera: CameraModel) -> None:
+        """Find outlines, and publish the bodies that have them."""
         begun, depth = perf_counter(), decode_depth(message)
         known = {
             body: [poses[body] for poses in (self.last, self.planned) if body in poses]
             for body in range(len(self.bodies.names))
         }
         search = monotonic() >= self.next_search
-        arm, problem = (None, "") if self.arm is None else self.arm.mask(camera)
+        arm, problems = self._mask(camera)
         found = self.finder.find(depth, camera, known, everywhere=search, arm=arm)
-        found[1].extend(filter(None, [problem]))
+        found[1].extend(problems)
         if search:
             self.next_search = monotonic() + self.config.search_period
         self.last |= {one.body: one.pose for one in found[0]}
-        self.output.publish(
-            message, camera, self.bodies, self.config.frame, found, lambda: _grey(depth), begun
-        )
-
-    def _ignore(self, message: Any, error: BaseException) -> None:
-        self.diagnostics.set(WARN, shortened(str(error)))
-
-
-def _grey(depth: Depth) -> np.ndarray:
-    """Return depth [m] as brightness, near is bright."""
-    share = 1.0 - np.nan_to_num(depth, nan=FARTHEST) / FARTHEST
-    return np.asarray(255 * np.clip(share, 0.0, 1.0), dtype=np.uint8)
+        self.publish(message, camera, found, lambda: grey_of(depth), begun)

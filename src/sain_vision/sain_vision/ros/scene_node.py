@@ -36,9 +36,7 @@ from sain_interfaces.msg import Scene as SceneMessage
 from sain_vision.detection.sighting import Sighting
 from sain_vision.ros.body_parameter import followed, read_body_file
 from sain_vision.ros.detections import decode_detections, encode_sightings
-from sain_vision.ros.settings import SceneNodeConfig
-from sain_vision.ros.transforms import take_transforms
-from sain_vision.scene.body_track import Observed
+from sain_vision.scene.body_track import Observed, TrackingConfig
 from sain_vision.scene.frame_tree import FrameTree
 from sain_vision.scene.scene_tracker import SceneTracker
 
@@ -56,7 +54,7 @@ class SceneNode(Node):
     def __init__(self, **options: Any) -> None:
         """Read the bodies and wait for poses."""
         super().__init__("scene_node", namespace=NAMESPACE, **options)
-        self.config = config = read_parameters(self, SceneNodeConfig)
+        self.config = config = read_parameters(self, TrackingConfig)
         self.bodies = read_body_file(config.bodies)
         self.state = StateFile(self, config.state_file)
         ids = self._ids_left()
@@ -75,7 +73,7 @@ class SceneNode(Node):
         if not self.bodies.weighed:
             self.ready += "; not all masses are known: give planner and model unknown:=mass"
 
-    def _use(self, config: SceneNodeConfig) -> None:
+    def _use(self, config: TrackingConfig) -> None:
         """Follow the bodies that another file states, from a new episode on."""
         bodies = read_body_file(config.bodies)
         sources = [
@@ -158,7 +156,7 @@ class SceneNode(Node):
             )
 
     def _on_tf(self, message: TFMessage, static: bool = False) -> None:
-        take_transforms(self.tree, message, static)
+        self.tree.take_message(message, static)
         if static:
             return
         framed = [body for body, frame in enumerate(self.bodies.frames) if frame]

@@ -5,40 +5,33 @@ from dataclasses import dataclass
 from sain_core.config import Config, option
 from sain_vision.detection.outlines import OutlineConfig
 from sain_vision.detection.tags import TagConfig
-from sain_vision.scene.body_track import TrackingConfig
+from sain_vision.scene.body_track import BODIES
 
 COLOUR_TOPICS = ("camera/color/image_raw", "camera/color/camera_info")
 DEPTH_TOPICS = ("camera/aligned_depth_to_color/image_raw", "camera/color/camera_info")
-BODIES = "YAML file of the bodies: shape, role, radius, mass, and how each is found"
 
 
 @dataclass(frozen=True)
 class CameraInputConfig(Config):
-    """Which images are used."""
+    """Which images are used, and the bodies that are looked for in them."""
 
     bodies: str = option("", BODIES, live=True)
     frame: str = option("world", "frame of the poses, with the table at z = 0 and z up")
     max_age: float = option(0.5, "age above which images are not used", unit="s", minimum=0.02)
-
-
-@dataclass(frozen=True)
-class SeeingConfig(CameraInputConfig):
-    """What a node reads that sees bodies."""
-
     extrinsics: str = option(
         "", "file of `calibrate_camera`, whose pose goes to /tf_static; empty: it comes from there"
     )
 
 
 @dataclass(frozen=True)
-class TagNodeConfig(SeeingConfig):
+class TagNodeConfig(CameraInputConfig):
     """What the node of tags reads."""
 
     tags: TagConfig = TagConfig()
 
 
 @dataclass(frozen=True)
-class OutlineNodeConfig(SeeingConfig):
+class OutlineNodeConfig(CameraInputConfig):
     """What the node of outlines reads."""
 
     robot: str = option(
@@ -49,13 +42,3 @@ class OutlineNodeConfig(SeeingConfig):
         minimum=0.1,
     )  # fmt: skip
     outlines: OutlineConfig = OutlineConfig()
-
-
-@dataclass(frozen=True)
-class SceneNodeConfig(TrackingConfig):
-    """What the node of scenes reads, and how often it publishes."""
-
-    bodies: str = option("", BODIES, live=True)
-    frame: str = option("world", "frame of the poses, whose z axis points up")
-    rate: float = option(30.0, "most scenes per second", unit="Hz", minimum=1.0, maximum=240.0)
-    state_file: str = option("", "file that keeps the ids, so that none is used twice; empty: none")

@@ -17,6 +17,7 @@ AT_ONCE = 0.005  # [m], that two poses may differ at any time
 TURN_AT_ONCE = 0.05  # [rad]
 ROUNDING = 1e-5  # [s], of stamps
 SHORTEST = 0.05  # [s], over which a velocity is a difference
+BODIES = "YAML file of the bodies: shape, role, radius, mass, and how each is found"
 
 Pose = Float[ndarray, "3"]  # x, y [m], heading [rad]
 Covariance = Float[ndarray, "3 3"]
@@ -24,7 +25,7 @@ Covariance = Float[ndarray, "3 3"]
 
 @dataclass(frozen=True)
 class TrackingConfig(Config):
-    """How poses of bodies become scenes."""
+    """How poses of bodies become scenes, and how often these are published."""
 
     noise: str = option(
         "0,0",
@@ -47,6 +48,10 @@ class TrackingConfig(Config):
     push_timeout: float = option(
         60.0, "time after which a push without a result counts as lost", unit="s", minimum=1.0
     )
+    bodies: str = option("", BODIES, live=True)
+    frame: str = option("world", "frame of the poses, whose z axis points up")
+    rate: float = option(30.0, "most scenes per second", unit="Hz", minimum=1.0, maximum=240.0)
+    state_file: str = option("", "file that keeps the ids, so that none is used twice; empty: none")
 
     def __post_init__(self) -> None:
         """Check the fields and the numbers in words."""

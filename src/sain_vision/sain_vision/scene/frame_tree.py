@@ -3,15 +3,16 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import inf
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
+from scipy.spatial.transform import Rotation
 
 from sain_core.errors import InvalidInputError
 from sain_core.guarding.plugins import did_you_mean
-from sain_core.wire import Place, Turn, check_pose, flat_pose
+from sain_core.wire import Place, Turn, check_pose, decode_stamp, flat_pose
 
 DEEPEST: Final = 32  # frames from a body to the world
 MOST_FRAMES: Final = 1000
@@ -53,6 +54,14 @@ class FrameTree:
         pose = check_pose(place, turn, f"frame {child!r}")
         self._links[child] = _Link(parent, *pose, stamp, contested)
 
+    def take_message(self, message: Any, static: bool = False) -> None:
+        """Take the frames of a ``TFMessage``, those that never move or others; see `take`."""
+        for one in message.transforms:
+            place, turn = one.transform.translation, one.transform.rotation
+            given = (place.x, place.y, place.z), (turn.x, turn.y, turn.z, turn.w)
+            stamp = inf if static else 1e-9 * decode_stamp(one.header.stamp)
+            self.take(one.header.frame_id, one.child_frame_id, *given, stamp)
+
     def pose(self, frame: str) -> tuple[Float[ndarray, "3"], float]:
         """Return x, y and heading (3,) of a frame in the root, and the oldest stamp on the way.
 
@@ -68,10 +77,10 @@ class FrameTree:
         Raises:
             InvalidInputError: no such frame was seen, it is not connected, or has two parents.
         """
-        place, turn, stamp, name = np.zeros(3), np.array([0.0, 0.0, 0.0, 1.0]), inf, frame
+        place, turn, stamp, name = np.zeros(3), Rotation.identity(), inf, frame
         for _ in range(DEEPEST):
             if name == self._root:
-                return place, turn, stamp
+                return place, turn.as_quat(), stamp
             link = self._links.get(name)
             if link is None:
                 hint = did_you_mean(frame, self._links)
@@ -84,25 +93,7 @@ class FrameTree:
                     f"frame {name!r} has two parents, {link.contested!r} and {link.parent!r};"
                     " stop one of those who publish it"
                 )
-            place = link.place + _rotated(link.turn, place)
-            turn, stamp, name = _product(link.turn, turn), min(stamp, link.stamp), link.parent
+            own = Rotation.from_quat(link.turn)
+            place, turn = link.place + own.apply(place), own * turn
+            stamp, name = min(stamp, link.stamp), link.parent
         raise InvalidInputError(f"frame {frame!r} is in a circle of frames on /tf")
-
-
-def _product(first: Turn, second: Turn) -> Turn:
-    """Return the quaternion of the second turn, then the first."""
-    (a, b, c, d), (x, y, z, w) = first.tolist(), second.tolist()
-    return np.array(
-        [
-            d * x + a * w + b * z - c * y,
-            d * y - a * z + b * w + c * x,
-            d * z + a * y - b * x + c * w,
-            d * w - a * x - b * y - c * z,
-        ]
-    )
-
-
-def _rotated(turn: Turn, place: Place) -> Place:
-    axis, w = turn[:3], float(turn[3])
-    across = 2.0 * np.cross(axis, place)
-    return np.asarray(place + w * across + np.cross(axis, across))

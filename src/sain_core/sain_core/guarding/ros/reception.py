@@ -161,14 +161,19 @@ class Reception:
 
         Without it, such a message is ignored: logged once, and shown as `trouble`.
         """
-        handle = self.guarded(topic, callback, refuse or self._ignore(topic), most)
+        handle = self.guarded(topic, callback, refuse, most)
         return self._node.create_subscription(kind, topic, handle, qos)
 
     def guarded(
-        self, name: str, callback: Callable[[Any], None], refuse: Refuse, most: int = MOST_BYTES
+        self,
+        name: str,
+        callback: Callable[[Any], None],
+        refuse: Refuse | None = None,
+        most: int = MOST_BYTES,
     ) -> Callable[[Any], None]:
-        """Return a callback for messages that lets no error out."""
+        """Return a callback for messages that lets no error out; see `listen`."""
         self._received[name] = 0
+        refuse = refuse or self._ignore(name)
 
         def take(message: Any) -> None:
             self._received[name] += 1

@@ -1,7 +1,7 @@
 """What messages mean for the page: they become `LiveState`, with the pushes of an episode."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any, Final
 
 import numpy as np
@@ -17,7 +17,6 @@ from sain_core.ros import codec
 from sain_core.ros.node_main import OK, node_of
 from sain_core.scene import STATE_SIZE
 from sain_core.shapes.bodies import Bodies as CoreBodies
-from sain_core.types import Scene as SceneArray
 from sain_core.wire.bodies import decode_bodies
 from sain_core.wire.learning import decode_learning
 from sain_core.wire.scene_door import SeenScene
@@ -42,7 +41,6 @@ from sain_live.state import (
     LiveResult,
     LiveState,
     Phase,
-    largest_error,
 )
 
 PLAIN: Final = {
@@ -56,100 +54,31 @@ PLAIN: Final = {
 
 
 class Health:
-    """Follows ``/diagnostics``."""
+    """Writes what nodes report on ``/diagnostics`` into the log."""
 
     def __init__(self, known: LiveState) -> None:
-        """Begin with nobody."""
+        """Begin without a report."""
         self._known = known
         self._levels: dict[str, tuple[bytes, str]] = {}
 
-    def hear(self, message: DiagnosticArray) -> None:
-        """Tell what is new; while the graph starts, no trouble of a node is a fault."""
+    def update(self, message: DiagnosticArray) -> None:
+        """Log what is new; while the graph starts, no trouble of a node is a fault."""
+        known = self._known
         for status in message.status:
-            values: dict[str, Any] = {pair.key: pair.value for pair in status.values}
-            engine = values.get("engine", self._known.engine)
-            if engine != self._known.engine:
-                self._known.update(engine=engine)
+            engines = [pair.value for pair in status.values if pair.key == "engine"]
+            if engines and engines[0] != known.engine:
+                known.update(engine=engines[0])
             level, before = bytes(status.level), self._levels.get(status.name, (OK, ""))
             if (level, status.message) == before or status.message == "starting":
                 continue
-            if level != OK:
-                first, starting = status.name not in self._levels, self._known.starting
-                if first or not starting:  # else the page says all the time what it waits for
-                    kind = Level.NOTE if first or starting else Level.FAULT
-                    self._known.tell(kind, f"{plain_name(node_of(status))}: {status.message}")
-            elif before[0] != OK:
-                self._known.tell(Level.NOTE, f"{plain_name(node_of(status))}: {status.message}")
+            first, starting = status.name not in self._levels, bool(known.starting)
+            recovered = level == OK and before[0] != OK
+            # The page shows all the time what a graph that starts waits for.
+            if recovered or (level != OK and (first or not starting)):
+                kind = Level.NOTE if recovered or first or starting else Level.FAULT
+                name = node_of(status).rpartition("/")[2]
+                known.tell(kind, f"{PLAIN.get(name, name)}: {status.message}")
             self._levels[status.name] = level, status.message
-
-
-def plain_name(node: str) -> str:
-    """Return what a reader calls a node."""
-    name = node.rpartition("/")[2]
-    return PLAIN.get(name, name)
-
-
-UNKNOWN = float("nan")
-
-
-@dataclass(eq=False)
-class PushStory:
-    """All about one push, as far as it has come."""
-
-    distance: float = UNKNOWN  # [mm], before it
-    left: float = UNKNOWN  # [mm], after it
-    planning: float = UNKNOWN  # [ms]
-    planned: SceneArray | None = None
-    physics: SceneArray | None = None
-    before: SceneArray | None = None
-    after: SceneArray | None = None
-
-
-class Stories:
-    """The pushes of an episode, by their ids."""
-
-    def __init__(self) -> None:
-        """Begin with none."""
-        self._stories: dict[int, PushStory] = {}
-
-    def clear(self) -> None:
-        """Begin another episode."""
-        self._stories.clear()
-
-    def of(self, push_id: int) -> PushStory:
-        """Return what is known of a push."""
-        if push_id not in self._stories and len(self._stories) >= MOST_POINTS:
-            del self._stories[next(iter(self._stories))]
-        return self._stories.setdefault(push_id, PushStory())
-
-    def result(self, push_id: int) -> LiveResult | None:
-        """Return a push that was carried out, beside its predictions; None: it was not yet."""
-        story = self.of(push_id)
-        if story.after is None:
-            return None
-        return LiveResult(push_id, story.after, story.before, story.planned, story.physics)
-
-    def curves(self) -> LiveCurves:
-        """Return the charts."""
-        stories = list(self._stories.values())
-        if not stories:
-            return LiveCurves()
-        planned, physics = (
-            (
-                UNKNOWN,
-                *(
-                    UNKNOWN if s.after is None else largest_error(getattr(s, name), s.after)
-                    for s in stories
-                ),
-            )
-            for name in ("planned", "physics")
-        )
-        return LiveCurves(
-            (*(s.distance for s in stories), stories[-1].left),
-            planned,
-            physics,
-            (UNKNOWN, *(s.planning for s in stories)),
-        )
 
 
 MOST_SHAPES: Final = 16  # episodes whose shapes are kept until their scenes come
@@ -157,16 +86,13 @@ Take = Callable[[Any], None]
 RECENT: Final = 5.0  # [s]
 WORLD: Final = "world"
 WALL_CLOCK: Final = 1e8  # [s]; no simulation is so long
-MOST_FRAMES: Final = 100
-MOST_MARKERS: Final = 100
 LARGEST_PICTURE: Final = 640  # pixels, its width
-LONGEST_DESCRIPTION: Final = 4_000_000  # characters of a URDF
 ENDED: Final = {Plan.REACHED: Phase.REACHED, Plan.EXHAUSTED: Phase.PAUSED}
 SILENT: Final = (ErrorCode.OK, ErrorCode.UNKNOWN, ErrorCode.CANCELLED)
 
 
-class Hearing:
-    """Writes into `LiveState` what messages say, of a running graph or of a recording.
+class StateUpdater:
+    """Writes into `LiveState` what messages state, of a running graph or of a recording.
 
     Attributes:
         handlers: what takes the messages of a topic, by its name.
@@ -178,15 +104,13 @@ class Hearing:
         shapes_come: Callable[[], bool] = lambda: True,
         offers_goal: bool = True,
     ) -> None:
-        """Know nothing yet.
+        """Update this state.
 
-        Args:
-            known: where it is written.
-            shapes_come: tells whether each episode begins with its bodies.
-            offers_goal: whether a scene without a goal gets one, to be dragged.
+        `shapes_come` returns whether each episode begins with its bodies. A scene without a goal
+        gets one to be dragged, if the page offers it.
         """
         self._known, self._shapes_come, self._offers_goal = known, shapes_come, offers_goal
-        self._stories = Stories()
+        self._pushes: dict[int, LiveResult] = {}  # of the episode, by their ids
         self._bodies_of = 0  # episode
         self._shapes: dict[int, CoreBodies] = {}  # of this episode and others, by episode
         self._goal_of = 0  # episode; 0: any
@@ -202,13 +126,16 @@ class Hearing:
             "goal": (Goal, self._on_goal),
             "plan": (Plan, self._on_plan),
             "push_result": (PushResult, self._on_result),
-            "world_parameters": (WorldParameters, self._on_world),
+            "world_parameters": (
+                WorldParameters,
+                lambda message: known.update(world=message.world),
+            ),
             "learning": (Learning, self._on_learning),
             "robot_description": (String, self._on_description),
             "/robot_description": (String, self._on_description),
             "ghost": (MarkerArray, self._on_ghost),
             "/tf_static": (TFMessage, self._on_fixed_frames),
-            "/diagnostics": (DiagnosticArray, Health(known).hear),
+            "/diagnostics": (DiagnosticArray, Health(known).update),
         }
 
     def _on_learning(self, message: Learning) -> None:
@@ -251,11 +178,21 @@ class Hearing:
 
     def _begin(self, seen: SeenScene) -> None:
         """Forget the episode before."""
-        self._stories.clear()
+        self._pushes.clear()
         self._goal_id = None
         if not self._offers_goal and self._goal_of not in (0, seen.episode_id):
             self._known.update(aim=None)
-        self._known.update(plan=None, result=None, curves=self._stories.curves(), pushes=0)
+        self._known.update(plan=None, result=None, curves=LiveCurves(), pushes=0)
+
+    def _note(self, push_id: int, **values: Any) -> LiveResult:
+        """Take note of a push; return all about it, as far as it has come."""
+        if push_id not in self._pushes and len(self._pushes) >= MOST_POINTS:
+            del self._pushes[next(iter(self._pushes))]
+        push = self._pushes[push_id] = replace(
+            self._pushes.get(push_id, LiveResult(push_id)), **values
+        )
+        self._known.update(curves=LiveCurves.of(list(self._pushes.values())))
+        return push
 
     def _on_bodies(self, message: Bodies) -> None:
         bodies, episode = decode_bodies(message), message.episode_id
@@ -265,11 +202,9 @@ class Hearing:
         self._shapes[episode] = bodies
         if episode == self._bodies_of:
             self._known.update(bodies=bodies)
-        early, self._early = self._early, None
-        if early is not None and early.episode_id == episode:
+        if (early := self._early) is not None and early.episode_id == episode:
+            self._early = None
             self._see(early)
-        elif early is not None:
-            self._early = early
 
     def _on_joints(self, message: JointState) -> None:
         names, positions = len(message.name), len(message.position)
@@ -278,31 +213,27 @@ class Hearing:
         self._known.update(joints=dict(zip(message.name, message.position, strict=True)))
 
     def _on_description(self, message: String) -> None:
-        known = self._known
-        if len(message.data) > LONGEST_DESCRIPTION:
-            known.tell(Level.FAULT, f"the arm is not drawn: {len(message.data)} characters of URDF")
-        elif known.arm is None or known.arm.description != message.data:
-            known.update(arm=LiveArm(message.data, self._frames))
+        arm = self._known.arm
+        if arm is None or arm.description != message.data:
+            self._known.update(arm=LiveArm(message.data, self._frames))
 
     def _on_fixed_frames(self, message: TFMessage) -> None:
         """Take what stands in the world: the arm's root, perhaps a camera."""
         found = dict(self._frames)
-        for frame in message.transforms[:MOST_FRAMES]:
+        for frame in message.transforms:
             if frame.header.frame_id.rpartition("/")[2] == WORLD:
                 place, turn = frame.transform.translation, frame.transform.rotation
                 pose = (place.x, place.y, place.z), (turn.w, turn.x, turn.y, turn.z)
                 found[frame.child_frame_id.rpartition("/")[2]] = pose
-        if found == self._frames or len(found) > MOST_FRAMES:
-            return
         self._frames = found
-        if (arm := self._known.arm) is not None:
+        if (arm := self._known.arm) is not None and arm.frames != found:
             self._known.update(arm=LiveArm(arm.description, found))
 
     def _on_ghost(self, message: MarkerArray) -> None:
         """Take the lines of a way; an empty one after them forgets them."""
         lines = []
-        for marker in message.markers[:MOST_MARKERS]:
-            points = np.array([(p.x, p.y, p.z) for p in marker.points[:MOST_POINTS]])
+        for marker in message.markers:
+            points = np.array([(p.x, p.y, p.z) for p in marker.points])
             if marker.type != Marker.LINE_STRIP or len(points) < 2:
                 continue
             colour = [marker.color.r, marker.color.g, marker.color.b]
@@ -334,20 +265,17 @@ class Hearing:
             known.update(aim=aim)
         if again:  # heard twice, perhaps after its first plan
             return
-        self._count_anew(message.goal_id)
+        self._goal_id = message.goal_id
+        known.update(pushes=0)
         sent, scene = codec.decode_time(message.header.stamp), known.scene
         if scene is not None and abs(sent - scene.stamp) < RECENT:  # else it was latched long ago
             known.update(phase=Phase.PLANNING, why="")
 
-    def _count_anew(self, goal_id: int) -> None:
-        """Count the pushes of another goal."""
-        self._goal_id = goal_id
-        self._known.update(pushes=0)
-
     def _on_plan(self, message: Plan) -> None:
         known = self._known
         if message.goal_id != self._goal_id:  # plans may overtake their goal
-            self._count_anew(message.goal_id)
+            self._goal_id = message.goal_id
+            known.update(pushes=0)
         if message.status == Plan.PUSH:
             self._on_push(message)
             return
@@ -366,10 +294,12 @@ class Hearing:
         horizon, disks = message.horizon, message.disks
         if start is None or start.episode_id != message.episode_id or disks != len(start.disks):
             return
-        story = self._stories.of(message.push_id)
-        story.distance = 1e3 * message.goal_distance
-        story.planning = 1e3 * message.planning_time
-        story.planned = predicted[0] if len(predicted) else None
+        push = self._note(
+            message.push_id,
+            distance=1e3 * message.goal_distance,
+            planning=1e3 * message.planning_time,
+            planned=predicted[0] if len(predicted) else None,
+        )
         count = len(message.other_costs)
         places = np.asarray(message.other_places, dtype=np.float64)
         regions = np.asarray(message.regions, dtype=np.float64)
@@ -382,12 +312,8 @@ class Hearing:
             np.asarray(message.other_costs),
             places.reshape(count, -1, disks, 2) if count else np.empty((0, horizon, disks, 2)),
         )
-        known.update(
-            curves=self._stories.curves(),
-            pushes=known.pushes + 1,
-            model=known.model or message.dynamics,
-        )
-        if story.after is None:  # a plan that is completed late may come after its push's result
+        known.update(pushes=known.pushes + 1, model=known.model or message.dynamics)
+        if push.after is None:  # a plan that is completed late may come after its push's result
             known.update(plan=plan, phase=Phase.PUSHING, why=message.concern)
 
     def _on_result(self, message: PushResult) -> None:
@@ -396,15 +322,12 @@ class Hearing:
             known.tell(Level.REFUSAL, f"push refused: {message.error_message}")
             known.update(pushes=max(known.pushes - 1, 0))
             return
-        story = self._stories.of(message.push_id)
-        story.before, _, story.after = wire.decode_result(message)
+        before, _, after = wire.decode_result(message)
+        values: dict[str, Any] = {"before": before, "after": after}
         if message.prediction.error_code == ErrorCode.OK:
-            story.physics = wire.decode_disks(message.prediction.disks)
-        if (judged := known.judge(story.after)) is not None:
-            story.left = 1e3 * judged.distance
-        known.update(result=self._stories.result(message.push_id), curves=self._stories.curves())
+            values["physics"] = wire.decode_disks(message.prediction.disks)
+        if (judged := known.judge(after)) is not None:
+            values["left"] = 1e3 * judged.distance
+        known.update(result=self._note(message.push_id, **values))
         if known.phase is Phase.PUSHING:
             known.update(phase=Phase.PLANNING)
-
-    def _on_world(self, message: WorldParameters) -> None:
-        self._known.update(world=message.world)

@@ -14,7 +14,7 @@ from sain_core.ros import codec
 from sain_core.scene import make_scene
 from sain_core.shapes.bodies import Bodies
 from sain_core.wire.scene_door import SeenScene
-from sain_live.ros.hearing import Hearing
+from sain_live.ros.updates import StateUpdater
 from sain_live.state import LiveState
 
 SCENE = make_scene(np.array([(0.4, 0.0), (0.6, 0.2)]), np.full(2, 8.0), np.full(2, 0.06))
@@ -27,8 +27,8 @@ def known():
 
 
 @pytest.fixture
-def hearing(known):
-    return Hearing(known, lambda: True)
+def updater(known) -> StateUpdater:
+    return StateUpdater(known, lambda: True)
 
 
 def scene(episode_id, scene_id=1):
@@ -40,25 +40,25 @@ def shapes(bodies, episode_id):
     return codec.encode_bodies(bodies, [0.06, 0.06], stamp=Time(), episode_id=episode_id)
 
 
-def test_shapes_of_another_episode_wait_for_its_scenes(known, hearing):
-    hearing._on_scene(scene(1))
+def test_shapes_of_another_episode_wait_for_its_scenes(known, updater):
+    updater._on_scene(scene(1))
     assert known.scene is None  # its shapes are on their way
-    hearing._on_bodies(shapes(BOX, 7))
-    hearing._on_bodies(shapes(TEE, 1))
+    updater._on_bodies(shapes(BOX, 7))
+    updater._on_bodies(shapes(TEE, 1))
     assert (known.scene.episode_id, known.bodies) == (1, TEE)
     for episode in range(100, 200):
-        hearing._on_bodies(shapes(BOX, episode))
-    hearing._on_scene(scene(1, 2))
+        updater._on_bodies(shapes(BOX, episode))
+    updater._on_scene(scene(1, 2))
     assert (known.scene.scene_id, known.bodies) == (2, TEE)
-    hearing._on_scene(scene(199))
+    updater._on_scene(scene(199))
     assert (known.scene.episode_id, known.bodies) == (199, BOX)
 
 
-def test_joints_of_unequal_lengths_are_refused(known, hearing):
-    hearing._on_joints(JointState(name=["a"], position=[0.5]))
+def test_joints_of_unequal_lengths_are_refused(known, updater):
+    updater._on_joints(JointState(name=["a"], position=[0.5]))
     wrong = JointState(name=["a", "b", "c"], position=[0.1, 0.2])
     with pytest.raises(InvalidInputError, match="3 names and 2 positions; allowed: as many"):
-        hearing._on_joints(wrong)
+        updater._on_joints(wrong)
     assert known.joints == {"a": 0.5}
 
 
@@ -69,8 +69,8 @@ def fixed(child, x):
     return frame
 
 
-def test_the_arm_stands_on_its_root_and_not_on_the_camera(known, hearing):
-    hear = {topic: take for topic, (_, take) in hearing.handlers.items()}
+def test_the_arm_stands_on_its_root_and_not_on_the_camera(known, updater):
+    hear = {topic: take for topic, (_, take) in updater.handlers.items()}
     hear["/tf_static"](TFMessage(transforms=[fixed("camera_link", 1.5)]))
     hear["/robot_description"](String(data="<robot/>"))
     hear["/tf_static"](TFMessage(transforms=[fixed("base", 0.3)]))
@@ -78,41 +78,41 @@ def test_the_arm_stands_on_its_root_and_not_on_the_camera(known, hearing):
     assert places == {"camera_link": 1.5, "base": 0.3}
 
 
-def test_a_way_becomes_lines_and_the_next_one_replaces_it(known, hearing):
+def test_a_way_becomes_lines_and_the_next_one_replaces_it(known, updater):
     def way(*xs):
         points = [Point(x=float(x)) for x in xs]
         strip = Marker(type=Marker.LINE_STRIP, points=points)
         strip.scale.x, strip.color.r = 0.004, 1.0
         return MarkerArray(markers=[Marker(action=Marker.DELETEALL), strip])
 
-    hearing._on_ghost(way(0, 1, 2))
+    updater._on_ghost(way(0, 1, 2))
     (line,) = known.ghost
     assert (line.points[:, 0].tolist(), line.width, line.colour) == ([0, 1, 2], 0.004, (255, 0, 0))
     with pytest.raises(InvalidInputError, match="NaN or Inf"):
-        hearing._on_ghost(way(0, np.nan))
-    hearing._on_ghost(way(5, 6))
+        updater._on_ghost(way(0, np.nan))
+    updater._on_ghost(way(5, 6))
     assert known.ghost[0].points[:, 0].tolist() == [5, 6]
 
 
-def test_a_picture_is_made_small_and_has_its_colours(known, hearing):
+def test_a_picture_is_made_small_and_has_its_colours(known, updater):
     pixels = np.zeros((20, 1280, 3), np.uint8)
     pixels[..., 0] = 200  # blue
     picture = Image(height=20, width=1280, encoding="bgr8", data=pixels.tobytes())
-    hearing.on_picture(picture)
+    updater.on_picture(picture)
     assert known.picture.shape == (10, 640, 3) and known.picture[0, 0].tolist() == [0, 0, 200]
     picture.height = 30
     with pytest.raises(InvalidInputError, match="1280 x 30 px"):
-        hearing.on_picture(picture)
+        updater.on_picture(picture)
 
 
-def test_the_time_of_a_robot_begins_with_the_page(known, hearing):
+def test_the_time_of_a_robot_begins_with_the_page(known, updater):
     for seconds in (1_795_716_544, 1_795_716_554):
         message = scene(1, seconds % 100)
         message.header.stamp = Time(sec=seconds)
-        hearing._early = None
-        hearing._see(hearing_scene(message))
+        updater._early = None
+        updater._see(seen_scene(message))
     assert known.time == 10.0
 
 
-def hearing_scene(message):
+def seen_scene(message):
     return SeenScene(SCENE, 1, message.scene_id, True, codec.decode_time(message.header.stamp))
