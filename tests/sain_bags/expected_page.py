@@ -43,7 +43,7 @@ class ExpectedEpisode:
 def expected_episodes(folder: Path) -> dict[int, ExpectedEpisode]:
     """Return what the page should show of each episode that has a result of a push."""
     found = recorded(folder)
-    goals = {goal.episode_id: goal for goal in found.get("goal", [])}
+    goals = {goal.episode_id: goal.poses[0] for goal in found.get("goal", [])}
     plans: dict[int, Any] = {}
     for plan in found.get("plan", []):
         plans.setdefault(plan.push_id, plan)

@@ -305,23 +305,23 @@ def test_a_folder_of_sqlite3_is_named_with_what_saves_it(
 
 
 def test_many_channels_are_recovered_in_seconds(tmp_path: Path) -> None:
-    """It took the square of their number: more than 120 s."""
-    path, count = tmp_path / "many.mcap", 20_000
+    """The time grew with the square of their number: to 120 s for 20,000."""
+    path, count = tmp_path / "many.mcap", 6_000
     with path.open("wb") as stream:
         writer = McapWriter(stream, chunk_size=4096)
         writer.start()
         schema = writer.register_schema("std_msgs/msg/String", "ros2msg", TEXT.encode())
         for number in range(count):
             about = {"of": str(number)}
-            channel = writer.register_channel(f"/t{number % 5000}", "cdr", schema, about)
+            channel = writer.register_channel(f"/t{number % 1500}", "cdr", schema, about)
             if number % 2 == 0:
                 writer.add_message(channel, number, bytes(4), number)
     content = path.read_bytes()
     path.write_bytes(content[: int(0.9 * len(content))])
     began = time.process_time()
     report = recover(path, tmp_path / "saved")
-    assert time.process_time() - began < 30.0
-    assert report.span.messages > 5000
+    assert time.process_time() - began < 5.0
+    assert report.span.messages > 1500
     assert len(saved(tmp_path / "saved" / "saved_0.mcap")) == report.span.messages
     topics = read_metadata(tmp_path / "saved")["topics_with_message_count"]
     assert sum(topic["message_count"] for topic in topics) == report.span.messages

@@ -189,3 +189,54 @@ def test_episodes_and_the_page_have_bodies_and_poses(shaped_bag: Path) -> None:
     assert shown["poses"] == [{"body": 0, "x": 0.52, "y": 0.01}]
     assert [push["body"] for push in shown["pushes"]] == [0, 0]
     assert shown["pushes"][0]["moved"] == pytest.approx(0.03)
+
+
+@pytest.mark.parametrize(
+    ("poses", "said"),
+    [
+        ({"x": float("nan")}, "x of the goal of body 1 is nan; it must be finite"),
+        ({"x": 0.5, "tolerance": -1.0}, "tolerance of body 1 is -1.0 m; allowed: above 0"),
+        ({"x": 0.5, "body": 40}, "a goal is given for body 40; at most 32"),
+        (None, "the goal has no poses; give one or more"),
+    ],
+)
+def test_pushes_towards_a_goal_that_cannot_be_are_left_out(
+    poses: dict[str, Any] | None, said: str, record: Callable[..., Any], tmp_path: Path
+) -> None:
+    recording = record("bag")
+    asked = recording.messages.poses(**poses) if poses else []
+    for episode, goal in ((1, recording.messages.poses(0.5)), (2, asked)):
+        recording.add("/sain/goal", "Goal", goal_id=episode, episode_id=episode, poses=goal)
+        recording.push(episode, episode, *STATES[:2])
+    recording.writer.close()
+    done = convert([tmp_path / "bag"], tmp_path / "npz", KEPT)
+    assert (done.transitions, done.dropped) == (1, {"makes no sense": 1})
+    assert said in done.left_out[0]
+
+
+def test_a_goal_of_the_target_is_for_the_only_body(
+    record: Callable[..., Any], tmp_path: Path
+) -> None:
+    recording = record("bag")
+    poses = recording.messages.poses(0.5, 0.1)
+    recording.add("/sain/goal", "Goal", goal_id=1, episode_id=1, poses=poses)
+    recording.push(1, 1, *(state[1:] for state in STATES[:2]))
+    recording.writer.close()
+    convert([tmp_path / "bag"], tmp_path / "npz", KEPT)
+    rows = read_npz(tmp_path / "npz")
+    np.testing.assert_array_equal(rows[Column.GOAL_POSES], [[0.5, 0.1, np.nan]])
+
+
+def test_bodies_that_come_after_the_first_push_hold_for_the_episode(
+    record: Callable[..., Any], tmp_path: Path
+) -> None:
+    recording = record("bag")
+    recording.push(1, 1, *STATES[:2])
+    recording.push(2, 2, *STATES[:2])
+    add_bodies(recording, 2)
+    recording.push(3, 2, *STATES[1:])
+    recording.push(4, 3, *STATES[:2])
+    recording.writer.close()
+    convert([tmp_path / "bag"], tmp_path / "npz", KEPT)
+    shapes = read_npz(tmp_path / "npz")[Column.SHAPES].tolist()
+    assert shapes == ["disk,disk", "t,disk", "t,disk", "disk,disk"]

@@ -16,7 +16,7 @@ from sain_core.randomness import generator
 from tests.sain_bags.driven import Drive
 from tests.sain_bags.independent import shards
 
-ROUNDS = 150
+ROUNDS = 60
 NO_CRCS = "it has no CRCs"
 
 

@@ -87,7 +87,7 @@ def test_the_slider_shows_the_recorded_scenes(browser, bag, page):
 
 def test_disks_and_goal_have_their_true_size(browser, bag, page):
     browser.open(page)
-    scene, goal = shown_scenes(bag, 1)[0], recorded(bag)["goal"][0]
+    scene, (goal,) = shown_scenes(bag, 1)[0], recorded(bag)["goal"][0].poses
     radii = browser.numbers("#view .disks circle", "r")
     assert radii == pytest.approx([1000 * disk.radius for disk in scene.disks], abs=0.05)
     ring = browser.one("#view .ring")

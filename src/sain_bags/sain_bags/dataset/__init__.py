@@ -1,1 +1,1 @@
-"""Rows become a data set on disk. May import `transitions`."""
+"""Pushes become rows, and rows a data set on disk."""

@@ -5,19 +5,21 @@ to; ``card.json`` is written last, and where it stands the data set is whole. Ro
 are gathered as npz shards, which makes every conversion one to go on with.
 """
 
+import os
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 
-from sain_bags.dataset.dataset_export import clear, export, put_in_place, remove_files
-from sain_bags.dataset.formats import MADE, SHARDS, find_format
+from sain_bags.dataset.formats import MADE, SHARDS, FormatName, StoredRows, Write, find_format
 from sain_bags.dataset.formats.sharding import write_shard
 from sain_core.errors import DatasetError, OutputError
 from sain_core.guarding.documents import read_json
-from sain_core.output import MANIFEST, claim_folder, write_json
+from sain_core.guarding.untrusted import PARTIAL
+from sain_core.output import MANIFEST, claim_file, claim_folder, is_ours, remove, sign, write_json
 from sain_core.transitions import (
     PARTS,
     SEED,
@@ -34,6 +36,8 @@ IDENTITY_FILE: Final = "conversion.json"
 CARD_FILE: Final = "card.json"
 PICTURE_FILE: Final = "card.png"  # drawn from the card
 GATHERED: Final = ".rows"  # folder of the shards until they are written in another format
+EXPORT: Final = f".export{PARTIAL}"  # where another format stands until it is whole
+DISKS: Final = "disks-"  # with a number: folders of data sets, where numbers of disks differ
 
 CardContent = dict[str, Any]
 Episodes = dict[str, frozenset[int]]  # by part of the split
@@ -188,3 +192,91 @@ def describe_split(episodes: Episodes, counts: Counts) -> dict[str, Any]:
     }
     named = {part: sorted(episodes[part]) for part in PARTS if part != TRAIN}
     return {"seed": SEED, "shares": SHARES, "transitions": rows, "episodes": named}
+
+
+def export(
+    write: Write,
+    folder: Path,
+    shards: Mapping[int, Sequence[Path]],
+    parts: dict[str, frozenset[int]],
+    card: dict[str, Any],
+    advance: Callable[[int], None],
+) -> None:
+    """Write gathered rows in another format: one data set for each number of disks.
+
+    A single data set is put into the folder, several into ``disks-N`` below. `advance` is called
+    with the number of further rows written.
+
+    Raises:
+        OutputError: the folder cannot be written, or the disk is full.
+    """
+    partial = folder / EXPORT
+    with _writing(folder), _removed_after_error(partial):
+        if len(shards) > 1:
+            partial.mkdir()
+        for disks, paths in shards.items():
+            name = folder.name if len(shards) == 1 else f"{DISKS}{disks}"
+            rows = StoredRows(name, disks, tuple(paths), parts, card, advance)
+            write(rows, partial if len(shards) == 1 else partial / name)
+        for path in partial.rglob("*"):
+            if path.is_file():
+                _keep(path)
+
+
+def put_in_place(folder: Path, name: FormatName) -> None:
+    """Replace an earlier data set by the exported one; raises `OutputError`."""
+    clear(folder, name)
+    partial = folder / EXPORT
+    with _writing(folder):
+        for path in filter(Path.is_file, partial.rglob("*")):
+            place = folder / path.relative_to(partial)
+            place.parent.mkdir(parents=True, exist_ok=True)
+            claim_file(place)
+            path.replace(place)
+            sign(place)
+        remove(partial)
+
+
+def clear(folder: Path, name: FormatName) -> None:
+    """Remove the files of a data set in a format, and nothing else; raises `OutputError`."""
+    with _writing(folder):
+        for pattern in MADE.get(name, ()):
+            for place in (folder, *folder.glob(f"{DISKS}[0-9]*")):
+                remove_files(place, pattern, folder)
+
+
+def remove_files(folder: Path, pattern: str, top: Path) -> None:
+    """Remove our files of a pattern, and the folders up to `top` that are empty then."""
+    for path in filter(is_ours, sorted(folder.glob(pattern))):
+        remove(path)
+        for parent in path.parents:
+            if parent == top or {one.name for one in parent.iterdir()} - {MANIFEST}:
+                break
+            remove(parent)
+
+
+@contextmanager
+def _removed_after_error(partial: Path) -> Iterator[None]:
+    """Begin without what an earlier run left, and leave nothing after an error or a stop."""
+    sign(partial / "*", grows=True)
+    remove(partial)
+    try:
+        yield
+    except BaseException:
+        with suppress(OutputError):
+            remove(partial)
+        raise
+
+
+@contextmanager
+def _writing(folder: Path) -> Iterator[None]:
+    try:
+        yield
+    except OSError as error:
+        raise OutputError(f"cannot write {folder}: {error.strerror or error}") from error
+
+
+def _keep(path: Path) -> None:
+    """Write a file through to the disk."""
+    with path.open("rb") as file:
+        os.fsync(file.fileno())

@@ -1,1 +1,1 @@
-"""Pushes of a recording as rows: one `PushResult` is one row, for all who read recordings."""
+"""What a recording has of the graph: columns of messages, pushes, goals, episodes."""

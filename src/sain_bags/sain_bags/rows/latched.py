@@ -101,13 +101,26 @@ class Goals:
         self.faults: dict[int, str] = {}  # of goals that cannot be, by number
         self._episodes, self._times = np.empty(0, np.uint64), np.empty(0, np.int64)
         self._numbers = np.empty(0, np.int64)
-        self._known: dict[tuple[bytes, bytes, float], int] = {}
+        self._known: dict[tuple[bytes, int], int] = {}
         self._asked = [_asked(None, MOST_BODIES)]
         self._asked_alone = [_asked(None, 1)]  # the same, of a scene with one body
 
     def add(self, table: MessageTable, times: ndarray) -> None:
         """Add goals that were received at these times [ns since the epoch]."""
-        numbers = [self._number(table, place) for place in range(len(times))]
+        parts = [table.sequences[name] for name in ("poses", "keep")]
+        tolerances = table.columns["keep_tolerance"][:, None]
+        counts = np.stack([part.counts for part in parts], axis=-1)
+        numbers = np.empty(len(times), dtype=np.int64)
+        for some in np.unique(counts, axis=0):
+            rows = np.flatnonzero((counts == some).all(axis=1))
+            flat = [
+                part.take(rows, count).reshape(len(rows), count * part.values.shape[1])
+                for part, count in zip(parts, some.tolist(), strict=True)
+            ]
+            asked = np.concatenate([*flat, tolerances[rows]], axis=1)
+            _, first, again = np.unique(_bytes(asked), return_index=True, return_inverse=True)
+            found = [self._number(asked[row], int(some[0])) for row in first.tolist()]
+            numbers[rows] = np.array(found)[again]
         self._episodes = np.append(self._episodes, table.columns["episode_id"])
         self._times = np.append(self._times, times)
         self._numbers = np.append(self._numbers, numbers)
@@ -141,15 +154,16 @@ class Goals:
         found[order] = goal
         return found[count:]
 
-    def _number(self, table: MessageTable, place: int) -> int:
-        poses, keep = (table.sequences[name].one(place) for name in ("poses", "keep"))
-        tolerance = float(table.columns["keep_tolerance"][place])
-        key = (poses.tobytes(), keep.tobytes(), tolerance)
+    def _number(self, asked: ndarray, count: int) -> int:
+        """Return the number of a goal of so many poses; the rest is what to keep, and how near."""
+        key = (asked.tobytes(), count)
         if key not in self._known:
             self._known[key] = number = len(self._asked)
+            *keep, tolerance = asked[count * len(POSE_NAMES) :].tolist()
+            poses = asked[: count * len(POSE_NAMES)].reshape(-1, len(POSE_NAMES)).tolist()
             message = SimpleNamespace(
                 poses=[SimpleNamespace(**dict(zip(POSE_NAMES, row, strict=True))) for row in poses],
-                keep=keep[:, 0],
+                keep=keep,
                 keep_tolerance=tolerance,
             )
             goal: Goal | None = None
@@ -160,6 +174,12 @@ class Goals:
             self._asked.append(_asked(goal, MOST_BODIES))
             self._asked_alone.append(_asked(goal and goal.fitted(1), 1))
         return self._known[key]
+
+
+def _bytes(rows: ndarray) -> ndarray:
+    """Return each row (M,) as its bytes, so that NaN is equal to itself."""
+    whole = np.ascontiguousarray(rows)
+    return whole.view(f"V{whole.dtype.itemsize * whole.shape[1]}")[:, 0]
 
 
 def _checked(goal: Goal) -> Goal:
