@@ -32,7 +32,7 @@ PACKAGES: Final = {
     ),
     "sain_bags": (
         "Recordings without ROS.",
-        ("reading.reader", "rows.episodes", "dataset.conversion"),
+        ("reading.reader", "rows.episodes", "dataset.conversion", "dataset.rows"),
     ),
     "sain_eval": (
         "Scenarios and closed loops without ROS.",

@@ -86,7 +86,7 @@ def test_a_simulator_that_restarts_is_sent_another_push(graph, straw, path):
     shapes = graph.bystander.create_publisher(BodiesMessage, "shapes", LATCHED)
     stamp = graph.bystander.get_clock().now().to_msg()
     message = codec.encode_bodies(Bodies.disks(2), START[:, 7].tolist(), stamp=stamp, episode_id=1)
-    start(graph, path, goal_tracker__answer_timeout=1.0)
+    start(graph, path, answer_timeout=1.0)
     graph.wait(shapes.get_subscription_count, "who wants shapes")
     shapes.publish(message)
     graph.aim(GOAL, 1)
