@@ -52,8 +52,8 @@ SYSTEM: Final = (  # marked `system`, by a part of their names; others have the 
     "behind_forty_others", "although_the_middleware_hangs", "although_the_interpreter_cannot",
     "hear_our_nodes[SUBNET]", "hear_our_nodes[LOCALHOST]", "[spawn]",
     # strokes that are long, or two; a page of many commands; a fit
-    "test_arm_node.py::test_pushes_are_made", "joints_states_are_frozen", "whose_enable_signal_is_lost",
-    "test_images_become_a_settled_scene",
+    "test_arm_node.py::test_pushes_are_made", "joints_states_are_frozen", "it_lifts_off_first",
+    "whose_enable_signal_is_lost", "test_images_become_a_settled_scene",
     "test_the_arm_goes_home", "that_answers_twice", "from_before_an_abort",
     "test_a_controller_that_aborts[2-",
     "exist[docs/reference/results.md]", "test_what_is_learned_is_served_and_said",
