@@ -81,14 +81,15 @@ def test_lerobot_is_read_back_by_lerobot(bag: Path, rows: Rows, tmp_path: Path) 
     assert (data.num_frames, data.num_episodes, data.fps) == (len(rows["episode"]), 2 * EPISODES, 1)
     exact = data.hf_dataset.with_format(None)
     renamed = {"state": STATE, "next_state": "next.state"}
-    for key in rows.keys() - {"goal_poses", "goal_tolerances"}:
+    for key in rows:
         values = exact[renamed.get(key, key)]
         if wanted[key].dtype == np.uint64:  # of which LeRobot has none
             values = np.array(list(values)).view(np.uint64)
         assert_same(values, wanted[key], key)
-    goals = np.column_stack([wanted["goal_poses"], wanted["goal_tolerances"]])
-    assert_same(exact[GOAL], goals, GOAL)
-    distance = np.linalg.norm(wanted["next_state"][:, 8:10] - goals[:, 3:5], axis=1)
+    places = wanted["goal_poses"][:, 3:5]  # of the target alone, with any heading
+    asked = [np.insert(np.pad(place, (0, 2)), 0, 1.0) for place in places]
+    assert_same(exact[GOAL], np.column_stack([np.zeros((len(asked), 5)), asked]), GOAL)
+    distance = np.linalg.norm(wanted["next_state"][:, 8:10] - places, axis=1)
     np.testing.assert_allclose(exact["next.reward"], -distance, rtol=1e-14)
     assert exact["next.done"][:] == [False, True] * (2 * EPISODES)  # two pushes, the gap, two more
     assert not any(exact["next.success"])
@@ -132,19 +133,22 @@ def test_statistics_of_lerobot_are_of_what_is_there(
     of_episodes = {key: np.array(table[key], float) for key in table if key.startswith("stats/")}
     assert len(of_episodes) > 100
     assert [key for key, found in of_episodes.items() if not np.isfinite(found).all()] == []
-    assert sorted(of_episodes[f"stats/{GOAL}/count"].ravel()) == [0, 0] + [1] * with_goal
+    assert sorted(of_episodes["stats/goal_poses/count"].ravel()) == [0, 0] + [1] * with_goal
     stats = json.loads((out / "meta/stats.json").read_text())
     data = LeRobotDataset("pushes", root=out)
     rewards = np.array(data.hf_dataset.with_format(None)[REWARD])
     there = rewards[np.isfinite(rewards)]
     assert len(there) == with_goal
     if not with_goal:
-        assert GOAL not in stats and REWARD not in stats
+        assert "goal_poses" not in stats and REWARD not in stats
+        assert not np.any(stats[GOAL]["max"])
         return
-    names = ["target_goal_x", "target_goal_y", "target_tolerance"]
-    places = [data.features[GOAL]["names"].index(name) for name in names]
-    np.testing.assert_allclose(np.array(stats[GOAL]["mean"])[places], [0.1, 0.2, 0.02])
-    assert stats[GOAL]["count"] == [1] and stats["action"]["count"] == [3]
+    names = data.features[GOAL]["names"]
+    assert names[5:] == [
+        f"target_goal_{one}" for one in ("wanted", "x", "y", "theta_wanted", "theta")
+    ]
+    np.testing.assert_allclose(stats[GOAL]["max"][5:], [1.0, 0.1, 0.2, 0.0, 0.0])
+    assert stats["goal_poses"]["count"] == [1] and stats["action"]["count"] == [3]
     for name in ("min", "mean", "max", "q01", "q50", "q99"):
         np.testing.assert_allclose(stats[REWARD][name], there)
     texts = {key for key, feature in data.features.items() if feature["dtype"] == "string"}

@@ -1,7 +1,7 @@
 """LeRobot's format, version 3.0, through `lerobot`: a frame is a push, at one frame a second.
 
 An unbroken sequence of pushes (see `StoredRows.sequences`) is an episode. Its frames hold the state
-before the push (``observation.state``), the goal's poses and tolerances
+before the push (``observation.state``), the goal as a policy observes it, always finite
 (``observation.environment_state``), the push (``action``), what became of it (``next.*``), and the
 other columns of the npz shards under their own names. ``timestamp`` counts frames; real times are
 in the stamps [ns]. LeRobot's loader has no unsigned numbers: ids are stored as signed ones.
@@ -23,7 +23,7 @@ from numpy import ndarray
 from sain_bags.dataset.formats.stored_rows import StoredRows, goal_distance, reached
 from sain_core.push import PUSH_NAMES
 from sain_core.scene import STATE_NAMES
-from sain_core.transitions import FRICTIONS, PARTS, Column, Columns
+from sain_core.transitions import FRICTIONS, PARTS, POSED, Column, Columns
 
 os.environ.setdefault("HF_HUB_OFFLINE", "1")  # nothing here needs a hub; read on import
 declared: Final = torch.library.Library("torchvision", "FRAGMENT")  # for as long as this lives
@@ -60,13 +60,13 @@ GOAL: Final = "observation.environment_state"
 RENAMED: Final[dict[str, str]] = {Column.STATE: STATE, Column.NEXT_STATE: NEXT_STATE}
 REWARD: Final = "next.reward"
 MAY_LACK: Final = frozenset(  # these have NaN where a recording does not state them
-    map(str, (GOAL, REWARD, Column.DURATION, Column.GOAL_KEEP, *FRICTIONS))
+    map(str, (REWARD, Column.DURATION, *FRICTIONS, *POSED))
 )
 TAKEN: Final[dict[str, Callable[[ndarray], Any]]] = {
     "min": np.min, "max": np.max, "mean": np.mean, "std": np.std,
     **{f"q{share:02}": partial(np.percentile, q=share) for share in (1, 10, 50, 90, 99)},
 }  # fmt: skip
-JOINED: Final = (Column.GOAL_POSES, Column.GOAL_TOLERANCES)  # are `GOAL`
+ASKED: Final = ("wanted", "x", "y", "theta_wanted", "theta")  # of each body, in `GOAL`
 
 
 def write(rows: StoredRows, folder: Path) -> None:
@@ -114,8 +114,7 @@ def _create(folder: Path, frames: Columns, rows: StoredRows) -> LeRobotDataset:
     names = ("mid", "target", *(f"disk{index}" for index in range(2, rows.disks)))[: rows.disks]
     states = [f"{disk}_{name}" for disk in names for name in STATE_NAMES]
     named = {STATE: states, NEXT_STATE: states, Column.PHYSICS_NEXT: states}
-    goal = [f"{disk}_goal_{name}" for disk in names for name in ("x", "y", "theta")]
-    goal += [f"{disk}_{name}" for disk in names for name in ("tolerance", "heading_tolerance")]
+    goal = [f"{disk}_goal_{name}" for disk in names for name in ASKED]
     named |= {Column.ACTION: list(PUSH_NAMES), GOAL: goal}
     features = {
         key: {
@@ -137,17 +136,22 @@ def _create(folder: Path, frames: Columns, rows: StoredRows) -> LeRobotDataset:
 
 def _frames(columns: Columns) -> Columns:
     """Return the columns of a frame, by LeRobot's keys."""
-    frames = {
-        RENAMED.get(key, key): _storable(values)
-        for key, values in columns.items()
-        if key not in JOINED
-    }
-    frames[GOAL] = np.concatenate([columns[key] for key in JOINED], axis=1)
+    frames = {RENAMED.get(key, key): _storable(values) for key, values in columns.items()}
+    frames[GOAL] = _observed_goals(columns)
     frames[REWARD] = -goal_distance(columns)
     frames["next.success"] = reached(columns)
     count = len(columns[Column.EPISODE])
     frames["next.done"] = np.arange(count) == count - 1
     return frames
+
+
+def _observed_goals(columns: Columns) -> ndarray:
+    """Return the goals (M, 5 N) as a policy can observe them: `ASKED`, and 0 for what is not."""
+    poses = columns[Column.GOAL_POSES].reshape(len(columns[Column.EPISODE]), -1, 3)
+    asked = np.isfinite(poses[..., [0, 2]]).astype(np.float64)
+    numbers = np.nan_to_num(poses)
+    rows = (asked[..., :1], numbers[..., :2], asked[..., 1:], numbers[..., 2:])
+    return np.concatenate(rows, axis=-1).reshape(len(poses), -1)
 
 
 def _storable(values: ndarray) -> ndarray:
