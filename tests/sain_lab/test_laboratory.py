@@ -14,10 +14,13 @@ from rich.console import Console
 
 from sain_core.errors import BusyError, DatasetError, OutputError, SainError
 from sain_lab.cli.lab import LabOptions, run
-from sain_lab.keeping.laboratory import LOG, MANIFEST, Laboratory, OpenLaboratory, forget
+from sain_lab.keeping.laboratory import LOG, MANIFEST, WAITING, Laboratory, OpenLaboratory, forget
 from sain_lab.keeping.log import LogReader, LogWriter
 from sain_lab.learner import Learner
 from tests.sain_lab.table import SmallTable
+
+PUSH = {"kind": "push", **SmallTable().push().record()}
+EVENT = {"event": "loaded", "text": "", "pushes": 0, "time": 0.0}
 
 
 def sain_lab(action, *names, **options):
@@ -81,14 +84,48 @@ def test_a_file_of_something_else_is_not_made_a_log(tmp_path):
     assert path.read_text() == "my diary"
 
 
+@pytest.mark.parametrize(
+    ("record", "reason"),
+    [
+        ({"kind": "push"}, "it has no 'before'); 1 push is missing"),
+        ({**PUSH, "errors": 1.0}, "is damaged"),
+        (PUSH, "it has no 'errors'); 1 push is missing"),
+        ({"kind": "event", **EVENT, "event": "not learned", "about": {"id": []}}, "[] is no text"),
+        ({"kind": "event", **EVENT, "event": "training", "about": []}, "about is []"),
+        ({"kind": "event", "event": "loaded"}, "it has no 'text'); no push is missing"),
+        ({"kind": "event", **EVENT, "about": {"service": "../x"}}, "service is '../x'"),
+        ({"kind": "event", **EVENT, "about": {}}, "it has no 'service'"),
+        ({"kind": "event", **EVENT, "about": 3}, "is damaged"),
+        ({"kind": "event", **EVENT, "about": {}, "pushes": -1}, "pushes is -1"),
+        ({"kind": "belief", "pushes": 1, "parameters": {"luck": [1, 2]}}, "it has no 'luck'"),
+        ({"kind": "belief", "pushes": 1, "parameters": {"friction": [1]}}, "is damaged"),
+        ({"kind": "belief", "pushes": 1, "parameters": []}, "is damaged"),
+        ({"kind": "dream"}, "its kind 'dream' is not of this version"),
+        ({"kind": ["push"]}, "it has no kind"),
+    ],
+)
+def test_a_record_without_what_its_kind_needs_is_named_and_left_out(tmp_path, record, reason):
+    path, table = tmp_path / "lab", SmallTable()
+    with OpenLaboratory(path) as laboratory:
+        push = {"kind": "push", "errors": {}, "turns": {}}
+        for line in (push | table.push().record(), record, push | table.push().record()):
+            laboratory.append(line)
+    text = sain_lab("show", str(path))
+    assert "2 pushes" in text
+    assert f"line 3 of {path / LOG} is damaged" in text and reason in text
+
+
 def test_what_waits_is_counted_without_what_was_learned(tmp_path):
+    """A damaged line keeps the file of what was received."""
     path, table = tmp_path / "lab", SmallTable()
     first, second = (table.push().identified() for _ in range(2))
     with OpenLaboratory(path) as laboratory:
         laboratory.append({"kind": "push", "errors": {}, "turns": {}, **first.record()})
-        for record in (first.record(), second.record()):
-            laboratory.receive({"kind": "push", **record})
-    assert "1 pushes were received and wait" in sain_lab("show", str(path))
+        for record in ({"kind": "push"}, PUSH | first.record(), PUSH | second.record()):
+            laboratory.receive(record)
+    text = sain_lab("show", str(path))
+    assert "1 pushes were received and wait" in text
+    assert f"line 2 of {path / WAITING} is damaged (it has no 'before')" in text
 
 
 def test_a_belief_that_was_changed_is_not_replaced(tmp_path):

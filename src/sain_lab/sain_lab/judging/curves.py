@@ -10,7 +10,7 @@ from numpy import ndarray
 
 from sain_core.randomness import Interval, bootstrap_mean, generator
 from sain_lab.keeping.events import Event
-from sain_lab.keeping.laboratory import PHYSICS, PLANAR, Laboratory
+from sain_lab.keeping.laboratory import PHYSICS, PLANAR, Laboratory, check_record
 from sain_lab.keeping.log import LogReader, Record
 
 SERVICE: Final = "in service"
@@ -54,7 +54,7 @@ class CurveReader:
     """The curves of a laboratory in which somebody learns."""
 
     def __init__(self, laboratory: Laboratory) -> None:
-        self._log = LogReader(laboratory.log_path)
+        self._log = LogReader(laboratory.log_path, check_record)
         self._records: list[Record] = []  # without scenes
 
     def read(self) -> Curves:

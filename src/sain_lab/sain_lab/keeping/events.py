@@ -40,4 +40,6 @@ class Event:
     def of_record(cls, record: Mapping[str, Any]) -> Self:
         """Return what `record` made."""
         own = {name: record[name] for name in ("text", "pushes", "time", "about")}
+        if not isinstance(record["event"], str) or not isinstance(own["text"], str):
+            raise TypeError(f"event is {record['event']!r}, text is {own['text']!r}")
         return cls(record["event"], **own)

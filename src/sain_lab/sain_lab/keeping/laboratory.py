@@ -15,10 +15,12 @@ not write in the folder stays as it is (`sain_core.output`).
 import os
 import re
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final, Self
+
+import numpy as np
 
 from sain_core.errors import BusyError, ConfigError, DatasetError, OutputError, SainError
 from sain_core.guarding.documents import read_json
@@ -34,8 +36,12 @@ from sain_core.output import (
     write_whole,
 )
 from sain_core.provenance import FORMAT, other_format
+from sain_core.scene import STATE_SIZE
+from sain_lab.keeping import events
+from sain_lab.keeping.events import Event
 from sain_lab.keeping.log import LogReader, LogWriter, Record
 from sain_lab.keeping.results import Result
+from sain_model.physics.parameters import BY_NAME
 
 PREFIX: Final = "lab:"
 NAME: Final = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,63}")
@@ -153,15 +159,16 @@ class Laboratory:
 
     def records(self) -> Iterator[Record]:
         """Yield the records of the log; raises `DatasetError`. `damage` says what is missing."""
-        yield from self._read(self.log_path)
+        yield from self._read(self.log_path, check_record)
 
     def waiting(self) -> Iterator[Result]:
         """Yield results that were received, and may not be in the log yet; as `records`."""
         if (self.path / WAITING).exists():
-            yield from map(Result.of_record, self._read(self.path / WAITING))
+            found = self._read(self.path / WAITING, Result.of_record)
+            yield from map(Result.of_record, found)
 
-    def _read(self, path: Path) -> Iterator[Record]:
-        reader = LogReader(path)
+    def _read(self, path: Path, check: Callable[[Record], object]) -> Iterator[Record]:
+        reader = LogReader(path, check)
         yield from reader.read()
         self.damage += [text for text in reader.damage if text not in self.damage]
 
@@ -310,6 +317,80 @@ def _sign(path: Path) -> None:
                 f"{changed} was changed since SAIN wrote it, and would be replaced; move it away"
             )
     claim_folder(path, (MANIFEST, BELIEF, RECORDINGS))
+
+
+def check_record(record: Record) -> None:
+    """Check that a record of a log has what its kind needs.
+
+    Raises:
+        SainError, LookupError, TypeError, ValueError: it has not.
+    """
+    match record["kind"]:
+        case "push":
+            Result.of_record(record)
+            for name in ("errors", "turns"):
+                _check_numbers(record[name])
+        case "belief":
+            _check_count(record["pushes"])
+            for name, pair in record["parameters"].items():
+                value, spread = pair
+                _check_numbers({BY_NAME[name].name: value, f"spread of {name}": spread})
+        case "event":
+            _check_event(Event.of_record(record))
+        case "end":
+            pass
+        case kind:
+            raise ValueError(f"its kind {kind!r} is not of this version")
+
+
+def _check_event(event: Event) -> None:
+    _check_count(event.pushes)
+    _check_numbers({"time": event.time})
+    if not isinstance(event.about, dict):
+        raise TypeError(f"about is {event.about!r}")
+    about = event.about
+    service, model = about.get("service", PHYSICS), about.get("model", f"{MODELS}/0")
+    if service not in (PHYSICS, PLANAR, SHIPPED) and not NETWORK.fullmatch(service):
+        raise ValueError(f"service is {service!r}")
+    if not NETWORK.fullmatch(model):
+        raise ValueError(f"model is {model!r}")
+    match event.kind:
+        case events.TRAINING:
+            _check_count(about.get("since", 0))
+        case events.NOT_LEARNED:
+            _check_not_learned(about)
+        case events.LOADED | events.DROPPED:
+            _ = about["service"]
+        case events.TRAINED | events.LEFT_OUT:
+            _ = about["model"]
+            errors = [error for error in about.get("unseen", ()) if error is not None]
+            _check_numbers({f"error {place}": error for place, error in enumerate(errors)})
+        case events.CHANGED:
+            _ = about["service"]
+            _check_count(about["keep"])
+            _check_numbers(about["anchor"])
+
+
+def _check_numbers(numbers: dict[str, float]) -> None:
+    for name, value in numbers.items():
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            raise TypeError(f"{name} is {value!r}, not a number")
+
+
+def _check_not_learned(about: dict[str, Any]) -> None:
+    texts = [about.get("id", "")]
+    if "after" in about:
+        texts.append(about["episode"])
+        if np.array(about["after"], np.float64).shape[1:] != (STATE_SIZE,):
+            raise ValueError("after is no scene")
+    for text in texts:
+        if not isinstance(text, str):
+            raise TypeError(f"{text!r} is no text")
+
+
+def _check_count(count: int) -> None:
+    if type(count) is not int or count < 0:
+        raise TypeError(f"pushes is {count!r}, not a number of pushes")
 
 
 def _write_manifest(path: Path, manifest: Manifest) -> None:

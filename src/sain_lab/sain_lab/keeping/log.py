@@ -9,12 +9,12 @@ import json
 import os
 import re
 import zlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from pathlib import Path
 from typing import IO, Any, Final
 
-from sain_core.errors import DatasetError, OutputError, UntrustedFileError
+from sain_core.errors import DatasetError, OutputError, SainError, UntrustedFileError
 from sain_core.guarding.documents import parse_json
 from sain_core.guarding.untrusted import MIB, is_file, open_regular
 from sain_core.provenance import FORMAT, other_format
@@ -57,8 +57,8 @@ class LogReader:
         damage: a sentence for each damaged line so far.
     """
 
-    def __init__(self, path: Path) -> None:
-        self._path, self._lines = path, 0
+    def __init__(self, path: Path, check: Callable[[Record], object] = lambda _: None) -> None:
+        self._path, self._check, self._lines = path, check, 0
         self.place = 0
         self.damage: list[str] = []
 
@@ -91,13 +91,15 @@ class LogReader:
         """Return the record of a line; None: the line is damaged, or states the format."""
         try:
             record = decoded(line)
-        except (UntrustedFileError, ValueError) as error:
+            if record["kind"] != "log":
+                self._check(record)
+                return record
+        except (SainError, LookupError, TypeError, ValueError, AttributeError) as error:
+            reason = f"it has no {error}" if isinstance(error, KeyError) else error
             self.damage.append(
-                f"line {self._lines} of {self._path} is damaged ({error}); {_missing(line)}"
+                f"line {self._lines} of {self._path} is damaged ({reason}); {_missing(line)}"
             )
             return None
-        if record["kind"] != "log":
-            return record
         if wrong := other_format(record.get("format"), "begin another laboratory"):
             raise DatasetError(f"{self._path} {wrong}")
         return None

@@ -122,16 +122,22 @@ class Result:
 
     @classmethod
     def of_record(cls, record: Mapping[str, Any]) -> Self:
-        """Return what `record` made."""
+        """Return what `record` made.
+
+        Raises:
+            SainError, ValueError, LookupError, TypeError: it was not.
+        """
         before, push, after = (
             np.array(record[name], np.float64) for name in ("before", "push", "after")
         )
         noise = np.array(record["noise"], np.float64) if "noise" in record else None
         bodies = bodies_named(record["shapes"], record["roles"], len(before))
-        return cls(
-            before, push, after, bodies, record["episode"], record["id"], noise,
-            record.get("object", ""), record.get("surface", ""), record["time"],
+        found = cls(
+            before, push, after, bodies, str(record["episode"]), str(record["id"]), noise,
+            str(record.get("object", "")), str(record.get("surface", "")), float(record["time"]),
         )  # fmt: skip
+        found.check()
+        return found
 
 
 def _check_scene(name: str, scene: Scene, count: int) -> None:
