@@ -127,6 +127,13 @@ def test_files_that_are_not_sound_are_refused_and_never_unpickled(checkpoint, ki
         ("network", {"width": 8}, "width"),
         ("intervals", {"mid": {"factors": [1.0, 2.0]}}, "intervals: Region has scores"),
         ("intervals", {"mid": {"noise": "x"}}, "intervals: Region holds 'x'; allowed: finite numb"),
+        ("intervals", {"mid": 3}, "intervals: mid is 3; a region is needed"),
+        ("intervals", {"mid": {}, "turn": {}}, "intervals: target is None; a region is needed"),
+        (
+            "intervals",
+            {"mid": {}, "target": {}, "turn": {}, "usual_log": [0.0]},
+            "there are two logarithms each",
+        ),
     ],
 )
 def test_cards_that_are_not_sound_are_refused(checkpoint, field, value, message):

@@ -132,15 +132,22 @@ class Intervals:
     def __post_init__(self) -> None:
         check_all("Intervals", 0.0, self.level, *self.usual_log_std, *self.bodies_log_std)
         check_all("Intervals", -np.inf, *self.usual_log)
+        pairs = self.usual_log, self.usual_log_std, self.bodies_log_std
+        if not self.level < 1.0 or any(len(pair) != 2 for pair in pairs):
+            raise ConfigError(
+                f"Intervals has level {self.level} and {pairs}; the level must be below 1, and"
+                " there are two logarithms each: of places and of headings"
+            )
 
     @classmethod
     def parse(cls, part: dict[str, Any]) -> Self:
         """Return the intervals on a card; raises what values of another kind raise."""
-        found = {
-            name: Region(**_tuples(value)) if isinstance(value, dict) else value
-            for name, value in part.items()
-        }
-        return cls(**_tuples(found))
+        regions = {}
+        for name in ("mid", "target", "turn"):
+            if not isinstance(part.get(name), dict):
+                raise ConfigError(f"{name} is {part.get(name)!r}; a region is needed")
+            regions[name] = Region(**_tuples(part[name]))
+        return cls(**_tuples(part | regions))
 
     @property
     def adapts(self) -> bool:
