@@ -5,10 +5,11 @@ A file is read up to its first damage: no message comes through that its chunk's
 
 import os
 import struct
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import IO, Any, Final
@@ -41,6 +42,7 @@ from sain_core.guarding.kinds import describe
 from sain_core.guarding.untrusted import PIECE_BYTES, open_regular
 
 CHUNK_SIZE: Final = 1 << 20  # [bytes], so that the index of a bag of 10 GB stays small in memory
+CUT_OFF: Final = (EndOfFile, struct.error)  # inside a record
 
 Advance = Callable[[int], object]  # called with the number of bytes that were read
 
@@ -154,10 +156,8 @@ def _copy(
             except UntrustedFileError as error:
                 raise DatasetError(f"{path} is not read: {error}") from error
             with source:
-                file = _File(source)
-                copy.take(file, advance)
-            if file.damage:
-                losses.append(f"{path.name}: {file.damage}")
+                if damage := copy.take(source, advance):
+                    losses.append(f"{path.name}: {damage}")
         copy.writer.finish()
         stream.flush()
         os.fsync(stream.fileno())
@@ -169,88 +169,80 @@ class _Copy:
 
     def __init__(self, stream: IO[bytes]) -> None:
         self.about: Mapping[str, Any] = {}  # the metadata of the bag
-        self.writer = McapWriter(stream, chunk_size=CHUNK_SIZE, enable_data_crcs=True)
+        self.writer = writer = McapWriter(stream, chunk_size=CHUNK_SIZE, enable_data_crcs=True)
         self.writer.start(profile=Profile.ROS2, library="sain_bags")
-        self._numbers: dict[tuple[Any, ...], int] = {("", "", b""): 0}  # of schemas and channels
+        # The same schema or channel of several files has one number here.
+        self._schema = cache(writer.register_schema)
+        self._channel = cache(
+            lambda topic, encoding, schema, more: writer.register_channel(
+                topic, encoding, schema, dict(more)
+            )
+        )
 
-    def take(self, file: "_File", advance: Advance) -> None:
-        """Copy what can be read of a file."""
-        numbers: dict[int, int] = {}  # here, of its channels
-        for one in file.records(advance):
-            if isinstance(one, Message):
-                number, times = numbers[one.channel_id], (one.log_time, one.publish_time)
-                self.writer.add_message(number, times[0], one.data, times[1], one.sequence)
-            elif isinstance(one, Channel):
-                numbers[one.id] = self._number(one, file.schemas[one.schema_id])
-            elif isinstance(one, Metadata) and one.name in (METADATA_RECORD, START_RECORD):
-                self.about = read_record(one) or self.about
-            elif isinstance(one, Metadata):
-                self.writer.add_metadata(one.name, one.metadata)
-            elif isinstance(one, Attachment):
-                kind = (one.name, one.media_type, one.data)
-                self.writer.add_attachment(one.create_time, one.log_time, *kind)
+    def take(self, stream: IO[bytes], advance: Advance) -> str:
+        """Copy a file up to its first damage; return where and what that is; empty: none."""
+        known: dict[tuple[type, int], Any] = {(Schema, 0): Schema(0, b"", "", "")}
+        unpacking, place, last = Unpacking(stream.seek(0, 2)), stream.seek(0), 0
+        records = iter(StreamReader(stream, False, True, True, PIECE_BYTES).records)
+        while True:
+            try:
+                record = next(records)
+                found = _opened(record, known, unpacking)
+            except (DatasetError, *DAMAGE) as error:
+                why = "the file has no end" if isinstance(error, CUT_OFF) else error
+                when = f"after the message of {1e-9 * last:.3f} s"
+                when = when if last else "before any message"
+                return f"not read from byte {place:,} on, {when}: {why}"
+            if isinstance(record, DataEnd):
+                return _check_end(stream, records)
+            for one in found:
+                self._add(one, known)
+                last = max(last, one.log_time) if isinstance(one, Message) else last
+            advance(stream.tell() - place)
+            place = stream.tell()
 
-    def _number(self, channel: Channel, schema: Schema) -> int:
-        """Return the number here of a channel; the same one of several files has one."""
-        kind = (schema.name, schema.encoding, schema.data)
-        if kind not in self._numbers:
-            self._numbers[kind] = self.writer.register_schema(*kind)
-        about = (channel.topic, channel.message_encoding, self._numbers[kind])
-        key = (*about, *channel.metadata.items())
-        if key not in self._numbers:
-            self._numbers[key] = self.writer.register_channel(*about, channel.metadata)
-        return self._numbers[key]
+    def _add(self, one: McapRecord, known: Mapping[tuple[type, int], Any]) -> None:
+        if isinstance(one, Message | Channel):
+            channel = known[Channel, one.channel_id if isinstance(one, Message) else one.id]
+            schema = known[Schema, channel.schema_id]
+            about = self._schema(schema.name, schema.encoding, schema.data)
+            more = tuple(channel.metadata.items())
+            number = self._channel(channel.topic, channel.message_encoding, about, more)
+        if isinstance(one, Message):
+            self.writer.add_message(number, one.log_time, one.data, one.publish_time, one.sequence)
+        elif isinstance(one, Metadata) and one.name in (METADATA_RECORD, START_RECORD):
+            self.about = read_record(one) or self.about
+        elif isinstance(one, Metadata):
+            self.writer.add_metadata(one.name, one.metadata)
+        elif isinstance(one, Attachment):
+            about = (one.name, one.media_type, one.data)
+            self.writer.add_attachment(one.create_time, one.log_time, *about)
 
 
-class _File:
-    """Reads one MCAP file up to its first damage."""
+def _check_end(stream: IO[bytes], summary: Iterator[McapRecord]) -> str:
+    """Return what stands behind the end, as where files were joined; damage there is no loss."""
+    with suppress(*DAMAGE):
+        deque(summary, maxlen=0)
+        if stream.read(1):
+            return f"not read from byte {stream.tell() - 1:,} on: bytes follow its end"
+    return ""
 
-    def __init__(self, stream: IO[bytes]) -> None:
-        self.damage = ""  # from where on it cannot be read, and why
-        self.schemas = {0: Schema(id=0, data=b"", encoding="", name="")}
-        self._channels: dict[int, Channel] = {}
-        self._stream, self._unpacking = stream, Unpacking(stream.seek(0, 2))
-        stream.seek(0)
 
-    def records(self, advance: Advance) -> Iterator[McapRecord]:
-        """Yield what is to be copied; a chunk comes whole or not at all."""
-        place, last, ended = 0, 0, False
-        reader = StreamReader(self._stream, False, True, True, PIECE_BYTES)
-        try:
-            for record in reader.records:
-                ended |= isinstance(record, DataEnd)
-                for one in () if ended else self._opened(record):
-                    last = max(last, one.log_time) if isinstance(one, Message) else last
-                    yield one
-                advance(self._stream.tell() - place)
-                place = self._stream.tell()
-            if self._stream.read(1):
-                self.damage = f"not read from byte {place + 8:,} on: bytes follow its end"
-        except (DatasetError, *DAMAGE) as error:
-            if not ended:  # behind the data is the summary, which is made anew
-                after = (
-                    f"after the message of {1e-9 * last:.3f} s" if last else "before any message"
-                )
-                is_cut = isinstance(error, EndOfFile | struct.error)
-                why = "the file has no end" if is_cut else error
-                self.damage = f"not read from byte {place:,} on, {after}: {why}"
-
-    def _opened(self, record: McapRecord) -> list[McapRecord]:
-        """Return the records of a chunk, or the one record; remember what describes messages."""
-        found = [record]
-        if isinstance(record, Chunk):
-            size = record.uncompressed_size
-            self._unpacking.take(size)
-            record.data = unpack(record.compression.encode(), record.data, size)
-            record.compression = ""
-            found = breakup_chunk(record, validate_crc=True)
-        for one in found:
-            if isinstance(one, Message) and one.channel_id not in self._channels:
-                raise McapError(f"a message is of channel {one.channel_id}, which is not described")
-            if isinstance(one, Channel) and one.schema_id not in self.schemas:
-                raise McapError(f"the schema of {one.topic} is missing")
-            if isinstance(one, Schema | Channel):
-                known: dict[int, Any] = self.schemas if isinstance(one, Schema) else self._channels
-                if known.setdefault(one.id, one) != one:
-                    raise McapError("it describes a channel otherwise than the file does before")
-        return found
+def _opened(
+    record: McapRecord, known: dict[tuple[type, int], Any], unpacking: Unpacking
+) -> list[McapRecord]:
+    """Return the records of a chunk, whole, or the one; add what describes messages to `known`."""
+    found = [record]
+    if isinstance(record, Chunk):
+        unpacking.take(size := record.uncompressed_size)
+        record.data = unpack(record.compression.encode(), record.data, size)
+        record.compression = ""
+        found = breakup_chunk(record, validate_crc=True)
+    for one in found:
+        if isinstance(one, Message) and (Channel, one.channel_id) not in known:
+            raise McapError(f"a message is of channel {one.channel_id}, which is not described")
+        if isinstance(one, Channel) and (Schema, one.schema_id) not in known:
+            raise McapError(f"the schema of {one.topic} is missing")
+        if isinstance(one, Schema | Channel) and known.setdefault((type(one), one.id), one) != one:
+            raise McapError("it describes a channel otherwise than the file does before")
+    return found
