@@ -42,7 +42,7 @@ from sain_core.guarding.kinds import describe
 from sain_core.guarding.untrusted import PIECE_BYTES, open_regular
 
 CHUNK_SIZE: Final = 1 << 20  # [bytes], so that the index of a bag of 10 GB stays small in memory
-CUT_OFF: Final = (EndOfFile, struct.error)  # inside a record
+CUT_OFF: Final = (EndOfFile, struct.error, StopIteration)  # before the record that ends the data
 
 Advance = Callable[[int], object]  # called with the number of bytes that were read
 
@@ -188,10 +188,10 @@ class _Copy:
             try:
                 record = next(records)
                 found = _opened(record, known, unpacking)
-            except (DatasetError, *DAMAGE) as error:
+            except (DatasetError, *CUT_OFF, *DAMAGE) as error:
                 why = "the file has no end" if isinstance(error, CUT_OFF) else error
-                when = f"after the message of {1e-9 * last:.3f} s"
-                when = when if last else "before any message"
+                last_message = f"after the message of {1e-9 * last:.3f} s"
+                when = last_message if last else "before any message"
                 return f"not read from byte {place:,} on, {when}: {why}"
             if isinstance(record, DataEnd):
                 return _check_end(stream, records)
