@@ -174,10 +174,18 @@ def test_messages_outside_of_chunks_are_saved_up_to_a_cut(tmp_path: Path) -> Non
         assert "the file has no end" in lost[0]
 
 
+def test_data_without_its_last_record_have_no_end(zstd_bag: Original, tmp_path: Path) -> None:
+    data_end = 1 + 8 + 4  # [bytes], of that record
+    content = zstd_bag.content[: zstd_bag.data_end - data_end]
+    lost, messages = recovered(content + zstd_bag.content[zstd_bag.data_end :], tmp_path)
+    assert "the file has no end" in lost[0]
+    assert messages == zstd_bag.messages
+
+
 def test_bytes_behind_the_end_are_named(zstd_bag: Original, tmp_path: Path) -> None:
     lost, messages = recovered(2 * zstd_bag.content, tmp_path)
     size = f"{len(zstd_bag.content):,}"
-    assert lost == [f"out.mcap: not read from byte {size} on: {size} bytes behind its end"]
+    assert lost == [f"out.mcap: not read from byte {size} on: bytes follow its end"]
     assert messages == zstd_bag.messages
 
 
@@ -283,18 +291,6 @@ def test_a_bag_made_elsewhere_is_saved_too(tmp_path: Path) -> None:
         assert new.connections[0].msgdef == old.connections[0].msgdef
 
 
-def test_two_types_on_a_topic_are_counted_apart(tmp_path: Path) -> None:
-    store = get_typestore(Stores.ROS2_JAZZY)
-    with Writer(tmp_path / "bag", version=9, storage_plugin=StoragePlugin.MCAP) as writer:
-        for number, kind in enumerate(("std_msgs/msg/String", "std_msgs/msg/Bool")):
-            connection = writer.add_connection("/chat", kind, typestore=store)
-            for time in range(3 - number):
-                writer.write(connection, 1000 + time, bytes([0, 1, 0, 0, 0]))
-    assert not recover(tmp_path / "bag", tmp_path / "out").losses
-    counts = {one.type: one.messages for one in Bag(tmp_path / "out").topics}
-    assert counts == {"std_msgs/msg/String": 3, "std_msgs/msg/Bool": 2}
-
-
 def test_a_folder_of_sqlite3_is_named_with_what_saves_it(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -325,3 +321,15 @@ def test_many_channels_are_recovered_in_seconds(tmp_path: Path) -> None:
     assert len(saved(tmp_path / "saved" / "saved_0.mcap")) == report.span.messages
     topics = read_metadata(tmp_path / "saved")["topics_with_message_count"]
     assert sum(topic["message_count"] for topic in topics) == report.span.messages
+
+
+def test_two_types_on_a_topic_are_counted_apart(tmp_path: Path) -> None:
+    store = get_typestore(Stores.ROS2_JAZZY)
+    with Writer(tmp_path / "bag", version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+        for number, kind in enumerate(("std_msgs/msg/String", "std_msgs/msg/Bool")):
+            connection = writer.add_connection("/chat", kind, typestore=store)
+            for time in range(3 - number):
+                writer.write(connection, 1000 + time, bytes([0, 1, 0, 0, 0]))
+    assert not recover(tmp_path / "bag", tmp_path / "out").losses
+    counts = {one.type: one.messages for one in Bag(tmp_path / "out").topics}
+    assert counts == {"std_msgs/msg/String": 3, "std_msgs/msg/Bool": 2}

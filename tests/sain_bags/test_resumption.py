@@ -6,10 +6,11 @@ import pytest
 from rich.console import Console
 
 from sain_bags.bag.metadata import Topic, TopicQos
+from sain_bags.bag.parts import set_aside
 from sain_bags.cli import recover
 from sain_bags.cli.info import show
 from sain_bags.reading.reader import Bag
-from sain_bags.recovery import join, set_aside
+from sain_bags.recovery import join
 from sain_bags.writing.writer import BagWriter
 from sain_core.errors import DatasetError, OutputError
 

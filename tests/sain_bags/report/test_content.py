@@ -4,7 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from sain_bags.report.frames import Frames
+from sain_bags.report.gathering import Frames
 from sain_core.scene import STATE_NAMES
 from tests.sain_bags.report.contents import content
 from tests.sain_bags.shown import STEPS, Show, shown_scenes

@@ -17,8 +17,9 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from rich.console import Console
 from std_msgs.msg import String
 
+from sain_bags.bag.parts import set_aside
 from sain_bags.reading.reader import Bag
-from sain_bags.recovery import recover, set_aside
+from sain_bags.recovery import recover
 from sain_bags.ros.record import join_parts
 from sain_bags.writing.gaps import read_gaps
 from sain_bringup.graph import executable

@@ -62,6 +62,34 @@ def remove_parts(folder: Path, bag: str) -> None:
     folder.rmdir()
 
 
+def set_aside(folder: Path) -> Path | None:
+    """Make room for a bag where a recording was cut off; return where that is now; None: nowhere.
+
+    Raises:
+        OutputError: there is a whole bag, or something else that is no recording.
+    """
+    aside = earlier(folder)
+    try:
+        check_parts(aside, folder.name)
+        check_parts(folder, folder.name)
+        if folder.exists():
+            move_files(folder, aside)
+    except OutputError:
+        raise
+    except OSError as error:
+        raise OutputError(f"cannot go on with {folder}: {error.strerror or error}") from error
+    return aside if aside.exists() else None
+
+
+def move_files(folder: Path, aside: Path) -> None:
+    """Move the files of a recording behind those that are aside already, and remove its folder."""
+    aside.mkdir(exist_ok=True)
+    numbers = [int(path.stem.rpartition("_")[2]) for path in mcap_files(aside)]
+    for number, path in enumerate(mcap_files(folder), start=max(numbers, default=-1) + 1):
+        path.rename(aside / f"{folder.name}_{number}.mcap")
+    remove_parts(folder, folder.name)
+
+
 def _is_part(path: Path, bag: str) -> bool:
     """Tell whether the recorder of a bag wrote a file, perhaps only its beginning."""
     if not stat.S_ISREG(path.lstat().st_mode):

@@ -126,8 +126,8 @@ class Unpacking:
             )
 
 
-def chunk_data(content: memoryview) -> tuple[memoryview, bool]:
-    """Decompress a chunk record's content; return it, and whether it has a CRC, which is right.
+def chunk_data(content: memoryview) -> memoryview:
+    """Decompress a chunk record's content; if it has a CRC, that is right.
 
     Raises:
         DatasetError: it is damaged; the message says how it shows.
@@ -139,13 +139,7 @@ def chunk_data(content: memoryview) -> tuple[memoryview, bool]:
         raise DatasetError("its CRC is wrong")
     if not crc and len(data) != size:
         raise DatasetError(f"it has {len(data)} bytes instead of {size}")
-    return memoryview(data), bool(crc)
-
-
-def message_places(data: memoryview) -> list[int]:
-    """Return where the message records of a chunk begin."""
-    head = RECORD_HEAD.size
-    return [start - head for opcode, start, _ in records_in(data) if opcode == Opcode.MESSAGE]
+    return memoryview(data)
 
 
 def _decompress(compression: bytes, data: memoryview, size: int) -> Any:

@@ -8,6 +8,7 @@ Format: https://mcap.dev/spec.
 """
 
 import struct
+import zlib
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,6 +17,7 @@ from typing import IO, Any, Final
 import numpy as np
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
+from mcap.writer import MCAP0_MAGIC
 from numpy import ndarray
 
 from sain_bags.mcap.integrity import (
@@ -26,16 +28,16 @@ from sain_bags.mcap.integrity import (
     Unpacking,
     check_summary,
     chunk_data,
-    message_places,
     opened,
+    records_in,
 )
 from sain_bags.mcap.summary import Stretch, read_summary
-from sain_bags.mcap.whole_file import data_records
 from sain_core.errors import DatasetError, UntrustedFileError
+from sain_core.guarding.untrusted import PIECE_BYTES
 
 CHANNELS: Final = 1 << 16  # their numbers have 16 bits
 CRC_PLACE: Final = 8 + 8 + 8  # [bytes], in a chunk: two times and its size stand before it
-CRC_SIZE: Final = 4  # [bytes], also at the end of the data
+CRC_SIZE: Final = 4  # [bytes], also at the end of the data and of an attachment
 STRETCH: Final = 1 << 18  # [bytes], of messages outside of chunks that are read together
 
 INDEX_HEAD: Final = struct.Struct("<BQHI")  # opcode, length; channel, length of the entries
@@ -68,12 +70,11 @@ class McapFile:
         """
         self.path = path
         with opened(path) as stream:
-            footer = check_summary(stream)
-            self.is_verified = bool(footer.summary_crc)
-            summary = read_summary(stream, footer.summary_start)
-            self.has_crcs = _has_crcs(stream, summary.chunks, footer.summary_start)
+            start = check_summary(stream).summary_start
+            summary = read_summary(stream, start)
+            self.has_crcs = _has_crcs(stream, summary.chunks, start)
         self.channels, self.schemas = summary.channels, summary.schemas
-        self.statistics, self.metadata = summary.statistics, summary.metadata
+        self.statistics = summary.statistics
         self._chunks = summary.chunks
 
     def stretches(self, channels: Collection[int]) -> tuple[Stretch, ...]:
@@ -130,14 +131,18 @@ def _messages(content: bytes, stretch: Stretch, channels: Collection[int]) -> Me
         try:
             if CHUNK_HEAD.unpack_from(data, RECORD_HEAD.size)[2] != stretch.unpacked_size:
                 raise DatasetError("its size is not as in its index")
-            data, _ = chunk_data(data[RECORD_HEAD.size :])
+            data = chunk_data(data[RECORD_HEAD.size :])
         except DatasetError as error:
             raise McapError(f"the chunk at byte {stretch.offset}: {error}") from error
     array = np.frombuffer(data, dtype=np.uint8)
     if stretch.index_places:
         return _indexed(array, content, stretch, channels)
-    places = np.array(message_places(memoryview(data)), dtype=np.int64)
-    found = _at(array, places)
+    places = [
+        start - RECORD_HEAD.size
+        for opcode, start, _ in records_in(memoryview(data))
+        if opcode == Opcode.MESSAGE
+    ]
+    found = _at(array, np.array(places, dtype=np.int64))
     wanted = np.isin(found.heads["channel"], list(channels))
     return Messages(array, found.heads[wanted], found.starts[wanted])
 
@@ -193,18 +198,69 @@ def _scan(stream: IO[bytes]) -> Iterator[Stretch]:
     unpacking = Unpacking(stream.seek(0, 2))
     times: list[int] = []
     start = 0
-    for record in data_records(stream):
-        is_message = record.opcode == Opcode.MESSAGE
-        if times and (not is_message or record.start - start > STRETCH):
-            yield Stretch(min(times), max(times), start, record.start - start, False)
+    for opcode, place, content in data_records(stream):
+        is_message = opcode == Opcode.MESSAGE
+        if times and (not is_message or place - start > STRETCH):
+            yield Stretch(min(times), max(times), start, place - start, False)
             times = []
+        end = place + RECORD_HEAD.size + len(content)
         if is_message:
-            start = start if times else record.start
-            times.append(MESSAGE_HEAD.unpack_from(record.content)[2])
-        elif record.opcode == Opcode.CHUNK:
-            first, last, size, _ = CHUNK_HEAD.unpack_from(record.content)
+            start = start if times else place
+            times.append(MESSAGE_HEAD.unpack_from(content)[2])
+        elif opcode == Opcode.CHUNK:
+            first, last, size, _ = CHUNK_HEAD.unpack_from(content)
             unpacking.take(size)
-            length = record.end - record.start
-            yield Stretch(first, last, record.start, length, True, unpacked_size=size)
+            yield Stretch(first, last, place, end - place, True, unpacked_size=size)
     if times:
-        yield Stretch(min(times), max(times), start, record.end - start, False)
+        yield Stretch(min(times), max(times), start, end - start, False)
+
+
+def data_records(stream: IO[bytes]) -> Iterator[tuple[int, int, bytes]]:
+    """Yield each record's opcode, where it begins and its content, up to the end of the data.
+
+    The CRC of the data is compared.
+
+    Raises:
+        McapError, struct.error: it is damaged.
+        UntrustedFileError: a record is larger than is allowed.
+    """
+    size = stream.seek(0, 2)
+    stream.seek(0)
+    magic = stream.read(len(MCAP0_MAGIC))
+    if magic != MCAP0_MAGIC:
+        raise McapError("it does not begin as MCAP")
+    place, crc = len(magic), zlib.crc32(magic)
+    while True:
+        stream.seek(place)
+        head = stream.read(RECORD_HEAD.size)
+        opcode, length = RECORD_HEAD.unpack(head)
+        if length > size - place:
+            raise McapError("it ends inside a record")
+        if length > PIECE_BYTES:
+            raise UntrustedFileError(f"a record has {length:,} bytes; allowed: {PIECE_BYTES:,}")
+        content = stream.read(length)
+        if opcode == Opcode.DATA_END:
+            expected = int.from_bytes(content, "little")
+            if expected and expected != crc:
+                raise McapError("its data does not match its CRC")
+            return
+        crc = zlib.crc32(content, zlib.crc32(head, crc))
+        yield opcode, place, content
+        place += len(head) + length
+
+
+def check_file(stream: IO[bytes]) -> None:
+    """Read a whole file and compare every CRC in it; raises as `data_records`."""
+    unpacking = Unpacking(stream.seek(0, 2))
+    for opcode, place, content in data_records(stream):
+        if opcode == Opcode.CHUNK:
+            unpacking.take(CHUNK_HEAD.unpack_from(content)[2])
+            try:
+                chunk_data(memoryview(content))
+            except DatasetError as error:
+                raise McapError(f"the chunk at byte {place}: {error}") from error
+        elif opcode == Opcode.ATTACHMENT:
+            expected = int.from_bytes(content[-CRC_SIZE:], "little")
+            if expected and expected != zlib.crc32(memoryview(content)[:-CRC_SIZE]):
+                raise McapError(f"the CRC of the attachment at byte {place} is wrong")
+    check_summary(stream)

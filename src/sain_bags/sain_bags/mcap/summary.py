@@ -12,7 +12,7 @@ from typing import IO, Any, Final
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
-from mcap.records import Channel, MetadataIndex, Schema, Statistics
+from mcap.records import Channel, Schema, Statistics
 from mcap.writer import MCAP0_MAGIC
 
 from sain_bags.mcap.integrity import Unpacking, records_in
@@ -26,7 +26,6 @@ KINDS: Final[dict[int, Any]] = {
     Opcode.SCHEMA: Schema,
     Opcode.CHANNEL: Channel,
     Opcode.STATISTICS: Statistics,
-    Opcode.METADATA_INDEX: MetadataIndex,
 }
 
 
@@ -62,7 +61,6 @@ class Summary:
     statistics: Statistics = field(default_factory=lambda: Statistics(0, 0, {}, 0, 0, 0, 0, 0, 0))
     channels: dict[int, Channel] = field(default_factory=dict)
     schemas: dict[int, Schema] = field(default_factory=dict)
-    metadata: list[str] = field(default_factory=list)  # names of its metadata
     chunks: list[Stretch] = field(default_factory=list)  # in the order of the file
 
 
@@ -99,11 +97,9 @@ def _take(summary: Summary, record: Any) -> None:
     elif isinstance(record, Schema):
         limit("characters in the name of a type", len(record.name), NAME_LENGTH)
         summary.schemas[record.id] = record
-    elif isinstance(record, Channel):
+    else:
         limit("characters in the name of a topic", len(record.topic), NAME_LENGTH)
         summary.channels[record.id] = record
-    else:
-        summary.metadata.append(record.name)
 
 
 def _check_chunks(chunks: list[Stretch], size: int) -> None:

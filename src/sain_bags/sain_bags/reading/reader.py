@@ -24,7 +24,7 @@ from sain_bags.bag.metadata import (
     whole_span,
 )
 from sain_bags.mcap.integrity import opened
-from sain_bags.mcap.whole_file import check_file
+from sain_bags.mcap.mcap_file import check_file
 from sain_bags.reading.bag_files import BagChannel, BagFiles
 from sain_bags.reading.foreign import CopiedBag, is_foreign
 from sain_core.errors import DatasetError, UntrustedFileError

@@ -12,10 +12,21 @@ import numpy as np
 from sain_bags.reading.reader import Bag
 from sain_bags.reading.timing import BINS, TopicTiming, read_timings
 from sain_bags.report.drawn import as_json
-from sain_bags.report.episode_content import describe_episode, outcome
-from sain_bags.report.gathering import Gathered, Limits, Progress, gather, graphs
-from sain_bags.report.pushes import models, rounded, target_error
-from sain_bags.report.titles import episode_titles
+from sain_bags.report.episode_content import (
+    describe_episode,
+    models,
+    outcome,
+    rounded,
+    target_error,
+)
+from sain_bags.report.gathering import (
+    Gathered,
+    Limits,
+    Progress,
+    episode_titles,
+    gather,
+    graphs,
+)
 from sain_core.errors import DatasetError, InvalidInputError
 from sain_core.view.scenes import stage
 from sain_core.wire.learning import Learned, LearnedCurve, decode_learning

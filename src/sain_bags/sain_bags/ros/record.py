@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Annotated, Final
 import tyro
 from rich.console import Console
 
-from sain_bags.bag.parts import mcap_files
+from sain_bags.bag.parts import mcap_files, set_aside
 from sain_bags.mcap.integrity import rescue
-from sain_bags.recovery import join, set_aside
+from sain_bags.recovery import join
 from sain_bags.ros.stop_signal import StopSignal
 from sain_bags.writing.gaps import MISSING_KEY, SILENT_KEY, UNRECORDED_KEY, describe_gaps
 from sain_bags.writing.recording_status import RecordingStatus, StatusDisplay

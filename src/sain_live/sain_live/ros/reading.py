@@ -8,9 +8,7 @@ from typing import Any, Final
 
 from sain_bags.bag.metadata import OWN_TYPES
 from sain_bags.reading.reader import Bag, Received
-from sain_bags.report.frames import Frame, frame_times
-from sain_bags.report.gathering import graphs
-from sain_bags.report.titles import EpisodePart, episode_titles
+from sain_bags.report.gathering import EpisodePart, Frame, episode_titles, frame_times, graphs
 from sain_core.errors import DatasetError, ErrorCode
 from sain_live.player import Chapter, Recording, Snapshot
 from sain_live.ros.updates import StateUpdater, Take
