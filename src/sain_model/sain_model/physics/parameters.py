@@ -10,6 +10,7 @@ from functools import lru_cache
 from typing import Any, Final, Literal, NamedTuple
 
 import numpy as np
+from jaxtyping import Float
 from numpy import ndarray
 
 from sain_core.config import Config, option
@@ -17,7 +18,7 @@ from sain_core.errors import InvalidInputError
 from sain_core.push import BODY, PUSH_SIZE, STROKE_SIZE, TOOL_RADIUS, check_predictable
 from sain_core.scene import MASS, MID, RADIUS, STATE_NAMES, STATE_SIZE
 from sain_core.shapes.bodies import PAPER_DISKS, Bodies
-from sain_core.types import Scalars, Scenes
+from sain_core.types import Scenes
 
 
 def check_batch(scenes: np.ndarray, pushes: np.ndarray, bodies: Bodies = PAPER_DISKS) -> None:
@@ -348,14 +349,14 @@ def check_values(values: Values, batch: int, bodies: int) -> None:
             )
 
 
-def with_mass_ratio(scenes: Scenes, ratio: Scalars | float) -> Scenes:
+def with_mass_ratio(scenes: Scenes, ratio: Float[ndarray, "R"] | float) -> Scenes:
     """Return scenes (B, N, 8) whose masses of bodies 1 and on, over that of body 0, are scaled.
 
     Half of the logarithm goes to body 0: the masses stay near those that networks were trained on.
 
     Args:
         scenes: as observed.
-        ratio: by how much, one for all or (B,).
+        ratio: by how much, one for all, also as (1,), or (B,).
     """
     if np.all(ratio == 1.0):
         return scenes
