@@ -9,10 +9,7 @@ import numpy as np
 import pytest
 
 from sain_arm.planning.arm_config import MotionConfig
-from sain_arm.planning.push_execution import (
-    FINDING,
-    HIDES,
-    WAIT,
+from sain_arm.planning.push_events import (
     ArmState,
     Cancel,
     Ended,
@@ -23,7 +20,6 @@ from sain_arm.planning.push_execution import (
     PlanHome,
     PlanPush,
     PlanRetreat,
-    PushExecution,
     PushOrdered,
     PushPlanned,
     ReachFound,
@@ -33,6 +29,7 @@ from sain_arm.planning.push_execution import (
     TimePassed,
     WayPlanned,
 )
+from sain_arm.planning.push_execution import FINDING, HIDES, WAIT, PushExecution
 from sain_arm.planning.push_planner import PushPlan
 from sain_arm.planning.timing import Trajectory
 from sain_core.errors import BusyError, CancelledError, StaleSceneError, UnreachableError

@@ -6,18 +6,37 @@ moved: the arm retreats, and the push counts as executed, unless tool and bodies
 were. Without the enable signal or the joints' states a goal is cancelled, and nothing more is sent.
 """
 
-from dataclasses import dataclass
-from enum import Enum, StrEnum
 from typing import Final
 
 import numpy as np
-from jaxtyping import Float
-from numpy import ndarray
 
 from sain_arm.planning.arm_config import MotionConfig
+from sain_arm.planning.push_events import (
+    Action,
+    ArmState,
+    Cancel,
+    Ended,
+    Ending,
+    Event,
+    Executed,
+    GoalEnded,
+    Phase,
+    PlanHome,
+    PlanPush,
+    PlanRetreat,
+    PushOrdered,
+    PushPlanned,
+    ReachFound,
+    Refused,
+    Say,
+    Send,
+    SendRefused,
+    ShowPlan,
+    TimePassed,
+    WayPlanned,
+)
 from sain_arm.planning.push_planner import ASIDE, PushPlan
 from sain_arm.planning.timing import Trajectory
-from sain_arm.robot.robot import Vector
 from sain_core.errors import BusyError, CancelledError
 from sain_core.feasibility import Stroke
 from sain_core.scene import unit
@@ -27,203 +46,6 @@ FINDING: Final = 40.0  # [s] for the table of reach; a planner waits for 60
 ARRIVED: Final = 0.02  # [rad], of a joint from the end of its goal
 HIDES: Final = 1.5  # [s] after a stroke without a scene at rest: the arm may hide a body
 LAG: Final = 0.3  # [s] by which joints, and states of them, may be behind a goal
-
-
-class Phase(StrEnum):
-    """What the arm does; the values are those of /diagnostics."""
-
-    STARTS = "finds out where it reaches"
-    RESTS = "rests"
-    WAITS = "waits"
-    PLANS = "plans"
-    APPROACHES = "approaches"
-    PUSHES = "pushes"
-    STOPS = "stops"
-    RETREATS = "retreats"
-    GOES_HOME = "goes home"
-
-
-class Ended(Enum):
-    """How a goal ended."""
-
-    SUCCEEDED = "succeeded"
-    REJECTED = "was rejected"  # nothing has moved
-    CANCELLED = "was cancelled"
-    ABORTED = "was aborted"
-    LOST = "has no result"  # the controller is silent
-
-
-@dataclass(frozen=True)
-class Ending:
-    """How a goal ended, and what the controller said."""
-
-    how: Ended
-    why: str = ""
-
-    def __str__(self) -> str:
-        """Return it in words."""
-        return f"the controller's goal {self.how.value}" + (f": {self.why}" if self.why else "")
-
-
-@dataclass(frozen=True, eq=False)
-class ArmState:
-    """What is known of the arm when an event comes.
-
-    Attributes:
-        time: [s], of a steady clock.
-        clock: [s], of ROS.
-        joints: (J,) [rad]; None: not known.
-        tip: (3,) [m], of the tool at these joints; None: not known.
-        stamp: of the joints' state [s], of ROS.
-        changed: when a joint moved last [s], of the steady clock.
-        still: whether the arm rests.
-        unknown: why the joints are not known.
-        disabled: why the arm is not enabled; empty: it is.
-        missing: why no controller takes goals; empty: one does.
-        hidden: for how long [s] no scene at rest has come after a stroke.
-    """
-
-    time: float
-    clock: float
-    joints: Vector | None = None
-    tip: Float[ndarray, "3"] | None = None
-    stamp: float = -np.inf
-    changed: float = -np.inf
-    still: bool = False
-    unknown: str = ""
-    disabled: str = ""
-    missing: str = ""
-    hidden: float = 0.0
-
-    @property
-    def stopped(self) -> str:
-        """Why the arm may not move; empty: it may."""
-        return self.unknown or self.disabled
-
-
-# --- events --------------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True)
-class PushOrdered:
-    """A push is to be carried out: it was checked."""
-
-    stroke: Stroke
-
-
-@dataclass(frozen=True)
-class ReachFound:
-    """It is known where the arm reaches."""
-
-
-@dataclass(frozen=True)
-class PushPlanned:
-    """The plan that `PlanPush` asked for, or why there is none."""
-
-    plan: PushPlan | BaseException
-
-
-@dataclass(frozen=True)
-class WayPlanned:
-    """The way that `PlanHome` or `PlanRetreat` asked for, or why there is none."""
-
-    way: Trajectory | BaseException
-
-
-@dataclass(frozen=True)
-class GoalEnded:
-    """The goal of `Send` has ended."""
-
-    ending: Ending
-
-
-@dataclass(frozen=True)
-class SendRefused:
-    """The goal of `Send` was not sent: bodies are not seen where they were."""
-
-    error: BaseException
-
-
-@dataclass(frozen=True)
-class TimePassed:
-    """Nothing else has happened."""
-
-
-# --- actions -------------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True, eq=False)
-class PlanPush:
-    """Plan the push from where the arm has joints (J,)."""
-
-    joints: Vector
-
-
-@dataclass(frozen=True, eq=False)
-class PlanRetreat:
-    """Plan the way straight up from joints (J,)."""
-
-    joints: Vector
-
-
-@dataclass(frozen=True, eq=False)
-class PlanHome:
-    """Plan the way above the bodies from joints (J,) to home, turned by an angle [rad]."""
-
-    joints: Vector
-    turn: float
-
-
-@dataclass(frozen=True)
-class ShowPlan:
-    """Show a plan; nothing moves by it."""
-
-    plan: PushPlan
-
-
-@dataclass(frozen=True)
-class Send:
-    """Send a goal. One that `touches` leads to a body: all bodies must be seen where they were."""
-
-    trajectory: Trajectory
-    touches: bool = False
-
-
-@dataclass(frozen=True)
-class Cancel:
-    """Have the controller stop."""
-
-    why: str
-
-
-@dataclass(frozen=True)
-class Executed:
-    """Answer that the push was executed; with a doubt, if a body is seen to have moved."""
-
-    doubt: CancelledError | None = None
-
-
-@dataclass(frozen=True)
-class Refused:
-    """Answer that no body was moved, and why."""
-
-    error: BaseException
-
-
-@dataclass(frozen=True)
-class Say:
-    """Log a line, as an error or a warning."""
-
-    text: str
-    is_error: bool = True
-
-
-Event = (
-    PushOrdered | ReachFound | PushPlanned | WayPlanned | GoalEnded | SendRefused | TimePassed
-)  # fmt: skip
-Action = (
-    PlanPush | PlanRetreat | PlanHome | ShowPlan | Send | Cancel | Executed | Refused | Say
-)  # fmt: skip
 
 
 class PushExecution:
@@ -291,9 +113,12 @@ class PushExecution:
                 actions = self._on_time(arm)
         return actions + self._cancel_if_stopped(arm)
 
-    def frozen(self, arm: ArmState) -> str:
-        """Return in words that the joints' states did not follow a goal; empty: they do."""
-        if arm.changed >= self._froze:
+    def frozen(self, changed: float) -> str:
+        """Return in words that the joints' states did not follow a goal; empty: they do.
+
+        `changed` is when a joint moved last [s], of the steady clock.
+        """
+        if changed >= self._froze:
             return ""
         return (
             "/joint_states did not follow the arm's last goal, and have not changed since: the"
@@ -331,7 +156,7 @@ class PushExecution:
         """Return what a push waits for; empty: it can be planned."""
         if not self._has_reach:
             return "the arm's reach is being found out"
-        missing = arm.missing or arm.disabled or self.frozen(arm)
+        missing = arm.missing or arm.disabled or self.frozen(arm.changed)
         if arm.unknown or (missing and not self._dry_run):
             return arm.unknown or missing
         return "" if self._goal is None and arm.still else "the arm still moves"
@@ -447,7 +272,7 @@ class PushExecution:
         if self._seems_untouched(arm):
             self._doubt = _untouched(ending)
         said: list[Action] = [Say(f"{ending}; bodies may have moved", is_error=False)]
-        if arm.joints is None or (why := self.frozen(arm)):
+        if arm.joints is None or (why := self.frozen(arm.changed)):
             why = arm.unknown if arm.joints is None else why
             return [*said, Say(f"no retreat: {why}"), *self._conclude()]
         return [*said, PlanRetreat(arm.joints)]
@@ -487,7 +312,7 @@ class PushExecution:
         tried = len(ASIDE) - len(self._turns)
         if not self._turns or arm.hidden < HIDES * (tried + 1):
             return []
-        if self._goal is not None or not arm.still or arm.stopped or self.frozen(arm):
+        if self._goal is not None or not arm.still or arm.stopped or self.frozen(arm.changed):
             return []
         assert arm.joints is not None
         self.phase = Phase.GOES_HOME

@@ -17,7 +17,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool
 
 from sain_arm.planning.arm_config import ArmConfig
-from sain_arm.planning.push_execution import (
+from sain_arm.planning.push_events import (
     Action,
     ArmState,
     Cancel,
@@ -30,7 +30,6 @@ from sain_arm.planning.push_execution import (
     PlanHome,
     PlanPush,
     PlanRetreat,
-    PushExecution,
     PushOrdered,
     PushPlanned,
     ReachFound,
@@ -42,6 +41,7 @@ from sain_arm.planning.push_execution import (
     TimePassed,
     WayPlanned,
 )
+from sain_arm.planning.push_execution import PushExecution
 from sain_arm.planning.push_planner import PushPlan, PushPlanner
 from sain_arm.planning.reach import table_of_reach
 from sain_arm.robot.robot import Vector, read_robot
@@ -137,7 +137,7 @@ class ArmNode(Node):
             self._is_updating = False
 
     def arm_state(self) -> ArmState:
-        """Return what is known of the arm now, by all that has come."""
+        """Return the state of the arm now, by all that has come."""
         for subscription in self._inputs:
             take_waiting(subscription)
         joints, tip, unknown = None, None, ""
@@ -268,7 +268,7 @@ class ArmNode(Node):
     def _report(self) -> None:
         problem = self.driver.reception.trouble or self.client.missing
         if not self.config.dry_run:
-            problem = problem or self.execution.frozen(self.arm_state()) or self._disabled()
+            problem = problem or self.execution.frozen(self.joints.changed) or self._disabled()
         if conflict := self.driver.conflict:
             self.diagnostics.set(ERROR, conflict, **self.driver.counts)
         else:

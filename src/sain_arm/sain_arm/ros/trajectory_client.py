@@ -11,7 +11,7 @@ from rclpy.action import ActionClient
 from rclpy.node import Node
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-from sain_arm.planning.push_execution import Ended, Ending
+from sain_arm.planning.push_events import Ended, Ending
 from sain_arm.planning.timing import Trajectory
 from sain_arm.robot.robot import Robot
 from sain_core.ros.node_main import steady_timer
