@@ -8,7 +8,7 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from sain_core.errors import InvalidInputError, OffTableError, OutOfRangeError
-from sain_core.scene import POSE, POSITION, RADIUS, TARGET, THETA, Table, is_settled
+from sain_core.scene import POSE, POSITION, RADIUS, TARGET, THETA, Table, X, is_settled
 from sain_core.shapes.bodies import Bodies, overlap
 from sain_core.shapes.library import get_shape
 from sain_core.shapes.shape import outline_of
@@ -25,6 +25,7 @@ KEEP_TOLERANCE: Final = 0.005  # [m], of a goal that states none
 MOST_SHARED: Final = 1e-3  # [m], by which the bodies of two goals may overlap
 MOST_TOLERANCE: Final = 1.0  # [m], less than a table is wide
 MOST_TURN: Final = 5.0  # [rad]; any heading is nearer than pi
+OBSERVED: Final = ("wanted", "x", "y", "theta_wanted", "theta")  # of a body, by a policy
 
 
 @dataclass(frozen=True)
@@ -316,6 +317,14 @@ class Judgement:
     def reached(self) -> bool:
         """Whether the goal is reached: it is met, and all bodies are at rest."""
         return self.at_rest and self.met
+
+
+def observed_poses(poses: Float[ndarray, "*B 3"]) -> Float[ndarray, "*B 5"]:
+    """Return x, y and heading asked of bodies, NaN where they are not, as `OBSERVED`: finite."""
+    asked = np.isfinite(poses[..., [X, THETA]]).astype(np.float64)
+    numbers = np.nan_to_num(poses)
+    parts = asked[..., :1], numbers[..., POSITION], asked[..., 1:], numbers[..., THETA:]
+    return np.concatenate(parts, axis=-1)
 
 
 def heading_error(headings: Angles, pose: BodyPose, bodies: Bodies) -> Angles:

@@ -18,14 +18,13 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from sain_core.errors import InvalidInputError, OutOfRangeError
-from sain_core.goal import Goal
+from sain_core.goal import Goal, observed_poses
 from sain_core.push import BODY, LOCATION, PUSH_NAMES, PushLimits
 from sain_core.scene import STATE_SIZE
 from sain_core.shapes.bodies import Bodies
 from sain_core.types import PushArray, Scene
 from sain_eval.scenes.scenarios import draw_scene
 
-GOAL_SIZE: Final = 5
 MOST_BODIES_IN: Final = {"clutter": 5, "blocked": 4}  # of scenarios whose scenes differ in number
 FARTHEST: Final = 10.0  # [m], any coordinate: a body that falls off the table stays well within
 # x, y, theta, vx, vy, omega, mass, radius
@@ -115,8 +114,7 @@ class PushSpaces:
 
     def goal_of(self, goal: Goal) -> Float[ndarray, "M 5"]:
         """Return a goal as it is observed."""
-        rows = np.zeros((self.most, GOAL_SIZE))
+        poses = np.full((self.most, 3), np.nan)
         for pose in goal.poses:
-            turned = pose.heading is not None
-            rows[pose.body] = 1.0, pose.x, pose.y, turned, pose.heading or 0.0
-        return rows
+            poses[pose.body] = pose.x, pose.y, np.nan if pose.heading is None else pose.heading
+        return observed_poses(poses)

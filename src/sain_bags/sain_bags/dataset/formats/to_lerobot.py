@@ -21,6 +21,7 @@ import torch
 from numpy import ndarray
 
 from sain_bags.dataset.formats.stored_rows import StoredRows, goal_distance, reached
+from sain_core.goal import OBSERVED, observed_poses
 from sain_core.push import PUSH_NAMES
 from sain_core.scene import STATE_NAMES
 from sain_core.transitions import FRICTIONS, PARTS, POSED, Column, Columns
@@ -66,7 +67,6 @@ TAKEN: Final[dict[str, Callable[[ndarray], Any]]] = {
     "min": np.min, "max": np.max, "mean": np.mean, "std": np.std,
     **{f"q{share:02}": partial(np.percentile, q=share) for share in (1, 10, 50, 90, 99)},
 }  # fmt: skip
-ASKED: Final = ("wanted", "x", "y", "theta_wanted", "theta")  # of each body, in `GOAL`
 
 
 def write(rows: StoredRows, folder: Path) -> None:
@@ -114,7 +114,7 @@ def _create(folder: Path, frames: Columns, rows: StoredRows) -> LeRobotDataset:
     names = ("mid", "target", *(f"disk{index}" for index in range(2, rows.disks)))[: rows.disks]
     states = [f"{disk}_{name}" for disk in names for name in STATE_NAMES]
     named = {STATE: states, NEXT_STATE: states, Column.PHYSICS_NEXT: states}
-    goal = [f"{disk}_goal_{name}" for disk in names for name in ASKED]
+    goal = [f"{disk}_goal_{name}" for disk in names for name in OBSERVED]
     named |= {Column.ACTION: list(PUSH_NAMES), GOAL: goal}
     features = {
         key: {
@@ -137,21 +137,13 @@ def _create(folder: Path, frames: Columns, rows: StoredRows) -> LeRobotDataset:
 def _frames(columns: Columns) -> Columns:
     """Return the columns of a frame, by LeRobot's keys."""
     frames = {RENAMED.get(key, key): _storable(values) for key, values in columns.items()}
-    frames[GOAL] = _observed_goals(columns)
+    count = len(columns[Column.EPISODE])
+    observed = observed_poses(columns[Column.GOAL_POSES].reshape(count, -1, 3))
+    frames[GOAL] = observed.reshape(count, -1)
     frames[REWARD] = -goal_distance(columns)
     frames["next.success"] = reached(columns)
-    count = len(columns[Column.EPISODE])
     frames["next.done"] = np.arange(count) == count - 1
     return frames
-
-
-def _observed_goals(columns: Columns) -> ndarray:
-    """Return the goals (M, 5 N) as a policy can observe them: `ASKED`, and 0 for what is not."""
-    poses = columns[Column.GOAL_POSES].reshape(len(columns[Column.EPISODE]), -1, 3)
-    asked = np.isfinite(poses[..., [0, 2]]).astype(np.float64)
-    numbers = np.nan_to_num(poses)
-    rows = (asked[..., :1], numbers[..., :2], asked[..., 1:], numbers[..., 2:])
-    return np.concatenate(rows, axis=-1).reshape(len(poses), -1)
 
 
 def _storable(values: ndarray) -> ndarray:
