@@ -32,6 +32,7 @@ from sain_interfaces.srv import ResetScene
 
 N = TypeVar("N", bound=Node)
 DEADLINE = 60.0  # [s], for what takes far less unless something is broken
+STEP = 0.02  # [s] that the executor waits for work
 
 HEARD = {
     "scene": SceneMessage,
@@ -77,7 +78,18 @@ class Graph:
         end = time.monotonic() + DEADLINE
         while not done():
             assert time.monotonic() < end, f"waited {DEADLINE} s for {what}; heard {self.summary()}"
-            self.executor.spin_once(timeout_sec=0.05)
+            self.spin()
+
+    def spin(self, seconds: float = 0.0) -> None:
+        """Let everything run for a time [s]; 0: one callback.
+
+        The step is always the same: where it changes, rclpy's executor forgets who else was ready
+        and begins with the first node again, so that on a slow machine the last node has no turn.
+        """
+        end = time.monotonic() + seconds
+        self.executor.spin_once(timeout_sec=STEP)
+        while time.monotonic() < end:
+            self.executor.spin_once(timeout_sec=STEP)
 
     def call(self, kind: Any, name: str, request: Any) -> Any:
         client = self.bystander.create_client(kind, name)

@@ -127,8 +127,7 @@ def test_two_foreign_robots_are_named_and_nothing_is_pushed(graph, robot):
     graph.wait(told, "the diagnostic")
     graph.wait(lambda: not graph.heard["scene"][-1].settled, "an unsettled scene")
     count = len(graph.find("scene", settled=True))
-    for _ in range(20):
-        graph.executor.spin_once(timeout_sec=0.05)
+    graph.spin(1.0)
     assert len(graph.find("scene", settled=True)) == count
 
 

@@ -55,7 +55,7 @@ class Laboratory:
         graph.bystander.create_timer(0.05, self._beat)
         server = {"pace": 2.0, "place": PLACE} | server
         self.server = graph.start(TrajectoryServer, robot="ur5", bodies=BODIES, **server)
-        patient = {"enable_timeout": 2.0, "joints_timeout": 2.0, "patience": 15.0}
+        patient = {"enable_timeout": 10.0, "joints_timeout": 2.0, "patience": 15.0}
         patient["scene_timeout"] = 5.0  # one thread does all
         arm = {"robot": "ur5"} | patient | arm
         self.arm = graph.start(ArmNode, **arm)
@@ -195,7 +195,7 @@ def test_a_bad_scene_is_named_once_and_moves_nothing(graph, make, capfd, values,
     bad.disks = bad.disks if values else []
     for _ in range(10):
         lab.scenes.publish(bad)
-        graph.executor.spin_once(timeout_sec=0.05)
+        graph.spin(0.05)
     graph.wait(lambda: text in lab.report(), "the report")
     assert lab.arm.driver.scene.shape == (2, 8)
     lines = [one for one in capfd.readouterr().err.splitlines() if "[WARN]" in one]

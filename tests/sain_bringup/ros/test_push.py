@@ -55,7 +55,7 @@ def simulator(graph):
             if monotonic() - begun > push_s and not results:
                 results.append(node.create_publisher(PushResult, "push_result", RELIABLE))
                 node.create_subscription(Push, "push", execute, RELIABLE)
-            graph.executor.spin_once(timeout_sec=0.05)
+            graph.spin()
 
     def start(*times):
         threads.append(Thread(target=run, args=times))

@@ -104,8 +104,7 @@ def test_what_cannot_be_learned_from_is_said(graph, sending, tmp_path):
 def test_the_switch_stops_the_learning(graph, sending, tmp_path):
     learner = graph.start(LearnerNode, nice=0, laboratory=str(tmp_path / "lab"), learns=False)
     send(graph, sending, learner, results(2))
-    for _ in range(20):
-        graph.executor.spin_once(timeout_sec=0.05)
+    graph.spin(1.0)
     assert learner.learner.pushes == 0
 
 

@@ -149,8 +149,7 @@ def test_a_cancelled_action_sends_no_more_pushes(graph, straw, planner, client):
     assert answer.result.error_code == ErrorCode.CANCELLED
     straw.answer(push, ErrorCode.OK, before=START, after=START)
     straw.show(scene_id=2)
-    for _ in range(20):
-        graph.executor.spin_once(timeout_sec=0.05)
+    graph.spin(1.0)
     assert len(graph.heard["push"]) == 1
 
 

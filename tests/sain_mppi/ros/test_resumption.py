@@ -72,7 +72,7 @@ def test_a_planner_that_dies_while_it_says_reached_says_it_again(graph, straw, p
     start(graph, path)
     while len(graph.find("plan", goal_id=1)) < 2:
         straw.show()
-        graph.executor.spin_once(timeout_sec=0.05)
+        graph.spin(0.05)
     assert graph.find("plan", goal_id=1)[1].status == Plan.REACHED
 
 
@@ -95,7 +95,7 @@ def test_a_simulator_that_restarts_is_sent_another_push(graph, straw, path):
     shapes.publish(message)
     while len(graph.heard["push"]) < 2:  # as a simulator does, which says again and again what is
         straw.show()
-        graph.executor.spin_once(timeout_sec=0.05)
+        graph.spin(0.05)
     second = graph.heard["push"][1]
     assert second.push_id != first.push_id and second.scene_id == first.scene_id
     assert plan(graph, push_id=second.push_id).error_code == ErrorCode.OK

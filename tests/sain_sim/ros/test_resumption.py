@@ -38,8 +38,7 @@ def left(graph, tmp_path):
     graph.wait(lambda: json.loads(path.read_text())["subscribers"] == 1, "the subscriber")
     graph.wait(lambda: latest(graph).scene_id == scene.scene_id, "the last scene")
     graph.stop(node)
-    for _ in range(20):  # what is still on its way
-        graph.executor.spin_once(timeout_sec=0.02)
+    graph.spin(0.4)  # what is still on its way
     return path
 
 

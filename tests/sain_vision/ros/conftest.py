@@ -1,6 +1,5 @@
 """A camera on topics: images, calibration and extrinsics."""
 
-import time
 from dataclasses import replace
 from typing import Any
 
@@ -68,9 +67,7 @@ class CameraTopics:
 
         def shown() -> bool:
             self.show(picture)
-            end = time.monotonic() + PERIOD
-            while time.monotonic() < end:  # all nodes have their turn before the next image
-                self.graph.executor.spin_once(timeout_sec=PERIOD / 5)
+            self.graph.spin(PERIOD)
             return bool(done())
 
         self.graph.wait(shown, what)

@@ -41,8 +41,7 @@ def test_depth_images_become_poses(graph, tmp_path):
 
     def found() -> bool:
         topics.publish(shot, node.get_clock().now().to_msg())
-        for _ in range(20):
-            graph.executor.spin_once(timeout_sec=0.02)
+        graph.spin(0.4)
         return any(len(m.detections) == 2 for m in graph.heard["detections"])
 
     graph.wait(found, "both bodies")

@@ -75,8 +75,7 @@ class Camera:
 
         def sent() -> bool:
             send()
-            for _ in range(10):  # all nodes have their turn before the next poses
-                self.graph.executor.spin_once(timeout_sec=0.002)
+            self.graph.spin(0.02)
             return bool(done())
 
         self.graph.wait(sent, what)
@@ -152,13 +151,13 @@ def test_a_parent_that_is_not_published_is_named(graph, camera, tmp_path, static
 def test_a_second_source_of_scenes_is_named_and_no_scene_is_settled(graph, camera, tmp_path):
     node = start(graph, tmp_path, ARRAY)
     camera.until(camera.poses, lambda: graph.find("scene", settled=True), "a scene")
-    start(graph, tmp_path, ARRAY)
+    nodes = [node, start(graph, tmp_path, ARRAY)]
     expected = "/sain/scene_node and /sain/scene_node publish /sain/scene; there must be one"
-    graph.wait(lambda: node.conflict.startswith(expected), "the conflict")
+    graph.wait(lambda: all(one.conflict.startswith(expected) for one in nodes), "the conflict")
     graph.heard["scene"].clear()
     for _ in range(20):
         camera.poses()
-        graph.executor.spin_once(timeout_sec=0.02)
+        graph.spin(0.02)
     assert not graph.find("scene", settled=True)
 
 

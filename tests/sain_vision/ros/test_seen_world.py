@@ -22,8 +22,7 @@ def simulator(graph):
 
 
 def test_images_are_taken_only_while_somebody_subscribes(graph, simulator):
-    for _ in range(20):
-        graph.executor.spin_once(timeout_sec=0.05)
+    graph.spin(1.0)
     assert simulator.simulator._images is None
     graph.listen("camera/color/image_raw", Image)
     graph.wait(lambda: graph.heard["camera/color/image_raw"], "an image")
