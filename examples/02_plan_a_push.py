@@ -8,9 +8,10 @@ import numpy as np
 from sain_core.goal import Goal
 from sain_core.push import ANGLE, LENGTH, LOCATION
 from sain_core.scene import make_scene
+from sain_core.world import PushRecord
 from sain_model.physics.planar import PlanarPrior
 from sain_mppi.agent.agent import AgentConfig, act, planning_agent
-from sain_mppi.agent.events import GoalGiven, PushDecision, PushExecuted, SceneObserved, Task
+from sain_mppi.agent.events import GoalGiven, PushDecision, PushEnded, SceneObserved, Task
 
 scene = make_scene(
     positions=np.array([[0.45, 0.0], [0.591, 0.0]]),
@@ -33,8 +34,9 @@ while isinstance(decision, PushDecision):
         f" target {1e3 * decision.job.judgement.distance:5.1f} mm from the goal"
     )
     after = prior.step(scene[None], push[None])[0]  # in place of a real push
-    executed = PushExecuted(decision.push_id, 1, scene, push, after)
-    decision = act(agent, executed, SceneObserved(after, 1, scene_id=agent.pushes + 1))
+    record = PushRecord(push, scene, after)
+    ended = PushEnded(decision.push_id, record=record, episode_id=1)
+    decision = act(agent, ended, SceneObserved(after, 1, scene_id=agent.pushes + 1))
     scene = after
 
 if decision is None or decision.failure:

@@ -10,7 +10,7 @@ from typing import Any, Final, Protocol, TypeVar, runtime_checkable
 import numpy as np
 
 from sain_core.config import Config, option
-from sain_core.errors import ConfigError, SainError
+from sain_core.errors import ConfigError, ErrorCode, SainError
 from sain_core.guarding.plugins import did_you_mean
 from sain_core.scene import MASS, POSITION, SETTLED_SPEED, SETTLED_SPIN, is_settled
 from sain_core.shapes.bodies import Bodies
@@ -69,10 +69,10 @@ class Outcome:
 
 @dataclass(frozen=True, eq=False)
 class PushRecord:
-    """A push that was executed, however it was run: closed loop, graph, bag.
+    """A push that was executed or refused, however it was run: closed loop, graph, bag.
 
     Attributes:
-        push: as executed.
+        push: (5,), or a stroke (8,), as executed.
         before: (N, 8), settled.
         after: (N, 8), settled.
         predicted: (N, 8), what the planner's model expected.
@@ -80,6 +80,8 @@ class PushRecord:
         planning_time: [s].
         duration: [s] of the world; 0: not measured.
         noise: (N,) [m], of estimated scenes: see `sain_core.transitions.PushHistory`.
+        code: `ErrorCode.OK`, or why it was refused; then `after` is `before`.
+        message: of the refusal.
     """
 
     push: PushArray
@@ -90,6 +92,8 @@ class PushRecord:
     planning_time: float = 0.0
     duration: float = 0.0
     noise: Scalars | None = None
+    code: int = ErrorCode.OK
+    message: str = ""
 
     def error(self, body: int) -> float | None:
         """Return how far [m] the prediction put a body from where it came to rest."""

@@ -16,7 +16,6 @@ from sain_mppi.agent.events import (
     GoalGiven,
     PushDecision,
     PushEnded,
-    PushExecuted,
     SceneObserved,
     Stop,
     Task,
@@ -88,13 +87,12 @@ class AgentPolicy:
         task = Task(self._goals + 1, EPISODE, record.goal, pushes)
         return act(self._agent, GoalGiven(task))
 
-    def _ended(self, episode: PushEpisode) -> PushExecuted | PushEnded:
+    def _ended(self, episode: PushEpisode) -> PushEnded:
         """Return what came of the last push."""
-        answer = episode.answer
-        assert answer is not None, "a step has an answer"
-        if answer.code != ErrorCode.OK:
-            return PushEnded(self._push_id, answer.code)
-        return PushExecuted(self._push_id, EPISODE, answer.before, answer.push, answer.after)
+        record = episode.answer
+        assert record is not None, "a step has an answer"
+        executed = record if record.code == ErrorCode.OK else None
+        return PushEnded(self._push_id, record.code, record=executed, episode_id=EPISODE)
 
     def _look(self, episode: PushEpisode) -> Decision:
         return act(self._agent, SceneObserved(episode.scene, EPISODE, episode.pushes + 1))

@@ -1,6 +1,5 @@
 """An episode of the environment: goals, counts, rewards and how it ends; no engine in here."""
 
-from dataclasses import dataclass
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -10,7 +9,7 @@ from sain_core.feasibility import Feasibility
 from sain_core.goal import TURN_PER_METRE
 from sain_core.scene import POSITION, is_settled
 from sain_core.types import PushArray, Scene
-from sain_core.world import DivergedError
+from sain_core.world import DivergedError, PushRecord
 from sain_eval.episode import EpisodeRecord, Tolerance
 from sain_eval.scenes.families import ScenarioScene
 from sain_mppi.agent.agent import AgentConfig
@@ -18,17 +17,6 @@ from sain_mppi.agent.goal_tracker import LOOK_AGAIN
 
 TABLE: Final = Feasibility().table
 MOST_REFUSALS: Final = AgentConfig().max_refusals  # from one scene, as in an evaluation
-
-
-@dataclass(frozen=True)
-class PushAnswer:
-    """What came of a push: the scenes (N, 8) before and after it, and the code of a refusal."""
-
-    push: PushArray
-    before: Scene
-    after: Scene
-    code: ErrorCode
-    message: str = ""
 
 
 class StepVerdict(NamedTuple):
@@ -61,7 +49,7 @@ class PushEpisode:
         self.case, self.scene = case, scene
         self._within, self._refusal_cost = within, refusal_cost
         self.pushes = self.refusals = self.goals_reached = 0
-        self.answer: PushAnswer | None = None
+        self.answer: PushRecord | None = None
         self.failure = ""
         self.over = False
         self._aim()
@@ -92,7 +80,7 @@ class PushEpisode:
 
     def execute(self, push: PushArray, after: Scene) -> StepVerdict:
         """Take note of an executed push (5,) and the scene (N, 8) after it."""
-        self.answer = PushAnswer(push, self.scene, after, ErrorCode.OK)
+        self.answer = PushRecord(push, self.scene, after)
         self.scene = after
         self.pushes += 1
         self._left -= 1
@@ -123,7 +111,8 @@ class PushEpisode:
 
     def refuse(self, push: PushArray, error: SainError) -> StepVerdict:
         """Take note of a push (5,) that was refused: nothing has moved."""
-        self.answer = PushAnswer(push, self.scene, self.scene, ErrorCode(error.code), str(error))
+        scene, code = self.scene, ErrorCode(error.code)
+        self.answer = PushRecord(push, scene, scene, code=code, message=str(error))
         self.refusals += 1
         self._refused += 1
         if isinstance(error, DivergedError) or error.code in LOOK_AGAIN:

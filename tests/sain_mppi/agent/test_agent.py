@@ -13,6 +13,7 @@ from sain_core.push import make_push
 from sain_core.scene import POSITION, TARGET
 from sain_core.shapes.bodies import PAPER_DISKS
 from sain_core.transitions import PushHistory
+from sain_core.world import PushRecord
 from sain_mppi.agent.agent import Agent, AgentConfig, act, planning_agent
 from sain_mppi.agent.events import (
     Computation,
@@ -21,7 +22,6 @@ from sain_mppi.agent.events import (
     GoalGiven,
     PushDecision,
     PushEnded,
-    PushExecuted,
     SceneObserved,
     Stop,
     StopReason,
@@ -84,6 +84,10 @@ def pushed(decision) -> PushDecision:
     return decision
 
 
+def executed(push_id, push, before, after) -> PushEnded:
+    return PushEnded(push_id, record=PushRecord(push, before, after), episode_id=1)
+
+
 def stopped(decision) -> Stop:
     assert isinstance(decision, Stop), decision
     return decision
@@ -97,7 +101,7 @@ def test_it_brings_the_target_to_the_goal_and_stops(agent, scene, dynamics):
             break
         after = dynamics.step(scene[None], decision.push[None])[0]
         np.testing.assert_allclose(decision.predicted, after)
-        act(agent, PushExecuted(decision.push_id, 1, scene, decision.push, after))
+        act(agent, executed(decision.push_id, decision.push, scene, after))
         scene = after
     assert (decision.reason, decision.failure) == (StopReason.REACHED, "")
     assert np.linalg.norm(scene[TARGET, POSITION] - PLACE) <= 0.01
@@ -176,7 +180,7 @@ def test_random_streams_depend_on_seed_goal_and_scene_and_on_no_id_from_the_wire
 def test_a_plan_rests_on_its_own_episode_s_pushes_and_on_none_if_so_configured(scene, history):
     model, physics = Still(), Still()
     agent = planning_agent(model, physics, replace(CONFIG, history=history))
-    act(agent, GoalGiven(TASK), PushExecuted(SOMEBODY, 1, scene, PUSH, scene))
+    act(agent, GoalGiven(TASK), executed(SOMEBODY, PUSH, scene, scene))
     for episode in (1, 2):
         sent = pushed(act(agent, SceneObserved(scene, episode, 1)))
         act(agent, PushEnded(sent.push_id, ErrorCode.OK))
@@ -186,7 +190,7 @@ def test_a_plan_rests_on_its_own_episode_s_pushes_and_on_none_if_so_configured(s
 def test_physics_takes_over_with_the_same_history_and_the_decision_says_so(scene):
     physics = Still()
     agent = planning_agent(Silent(), physics, CONFIG)
-    act(agent, PushExecuted(SOMEBODY, 1, scene, PUSH, scene))
+    act(agent, executed(SOMEBODY, PUSH, scene, scene))
     decision = pushed(begun(agent, scene))
     assert (physics.conditioned, str(decision.failure)) == ([1], "silent")
     assert decision.plan.regions is None  # a model that failed is not asked for them

@@ -32,7 +32,6 @@ from sain_mppi.agent.events import (
     Prepared,
     PushDecision,
     PushEnded,
-    PushExecuted,
     SceneObserved,
     Stop,
     StopReason,
@@ -162,9 +161,9 @@ class Agent:
                 self._begin(event)
             case SceneObserved():
                 self._observe(event)
-            case PushExecuted():
-                self._execute(event)
             case PushEnded():
+                if event.record is not None and self._estimator is None:
+                    self._remember(event.episode_id, event.record)  # else only own, as estimated
                 self._end_push(event.push_id, event.code, event.time)
             case GoalGiven():
                 return (*self._set_goal(event), *self._next())
@@ -232,12 +231,6 @@ class Agent:
             logger.warning("a push is left out of the history: %s", error)
             return
         self._history = episode_id, history.latest(MOST_PUSHES)
-
-    def _execute(self, event: PushExecuted) -> None:
-        if self._estimator is None:  # else only own ones count, as estimated
-            record = PushRecord(event.push, event.before, event.after)
-            self._remember(event.episode_id, record)
-        self._end_push(event.push_id, ErrorCode.OK, event.time)
 
     def _end_push(self, push_id: int, code: int, time: float) -> None:
         if self._estimator is not None:

@@ -11,12 +11,13 @@ from threading import Event as Flag
 
 import numpy as np
 
-from sain_core.errors import CancelledError, SainError
+from sain_core.errors import CancelledError, ErrorCode, SainError
 from sain_core.goal import Goal, Judgement
 from sain_core.scene import MASS, POSITION, RADIUS
 from sain_core.shapes.bodies import Bodies
 from sain_core.transitions import PushHistory
 from sain_core.types import PushArray, Scalars, Scene
+from sain_core.world import PushRecord
 from sain_mppi.agent.dead_end import DeadEnd
 from sain_mppi.agent.uncertainty import Uncertainty
 from sain_mppi.algorithms.sampling import PlanResult
@@ -81,27 +82,22 @@ class SceneObserved:
 
 
 @dataclass(frozen=True, eq=False)
-class PushExecuted:
-    """A push (5,), whoever sent it, led from one scene (N, 8) to another, until a time [s]."""
-
-    push_id: int
-    episode_id: int
-    before: Scene
-    push: PushArray
-    after: Scene
-    time: float = 0.0
-
-
-@dataclass(frozen=True)
 class PushEnded:
-    """A push, whoever sent it, ended with a code of `sain_core.errors.ErrorCode`.
+    """A push, whoever sent it, was executed or refused.
 
-    It was refused. Or it was executed (OK), and the scene to which it led is unknown.
+    Attributes:
+        push_id: of the push.
+        code: of `sain_core.errors.ErrorCode`; OK: it was executed.
+        time: when it ended [s], by the clock of the scenes.
+        record: of a push that was executed; None: its scenes are unknown.
+        episode_id: of the record.
     """
 
     push_id: int
-    code: int
+    code: int = ErrorCode.OK
     time: float = 0.0
+    record: PushRecord | None = None
+    episode_id: int = 0
 
 
 @dataclass(frozen=True, eq=False)
@@ -275,7 +271,7 @@ class Prepared:
 
 
 Event = (
-    EpisodeBegun | SceneObserved | PushExecuted | PushEnded | GoalGiven | GoalCancelled
+    EpisodeBegun | SceneObserved | PushEnded | GoalGiven | GoalCancelled
     | TimePassed | Decided | Completed | Prepared
 )  # fmt: skip
 

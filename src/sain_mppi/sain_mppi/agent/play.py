@@ -6,7 +6,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from sain_core.errors import ConfigError, SainError
+from sain_core.errors import ConfigError, ErrorCode, SainError
 from sain_core.scene import POSITION, is_settled
 from sain_core.shapes.bodies import Bodies
 from sain_core.types import PushArray, Scene
@@ -17,7 +17,6 @@ from sain_mppi.agent.events import (
     GoalGiven,
     PushDecision,
     PushEnded,
-    PushExecuted,
     SceneObserved,
     Stop,
     Task,
@@ -158,13 +157,14 @@ class _Play:
             return act(self._agent, PushEnded(push_id, error.code))
         time = 0.0 if decision.plan is None else decision.plan.times.total
         took = self._sight.time - begun
-        self.pushes.append(
-            PushRecord(push, before, after, decision.predicted, planning_time=time, duration=took)
+        record = PushRecord(
+            push, before, after, decision.predicted, planning_time=time, duration=took
         )
+        self.pushes.append(record)
         self.fallbacks += decision.failure is not None
         self.scene = after
-        executed = PushExecuted(push_id, EPISODE, before, push, after, self._sight.time)
-        return act(self._agent, executed)
+        ended = PushEnded(push_id, ErrorCode.OK, self._sight.time, record, EPISODE)
+        return act(self._agent, ended)
 
     def _unsettled(self) -> str:
         """Return why there is no scene to decide on."""

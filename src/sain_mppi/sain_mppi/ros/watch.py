@@ -12,22 +12,24 @@ from sain_core.guarding.ros.ownership import find_second_publisher
 from sain_core.guarding.ros.state_file import StateFile, Subscribers, id_in, message_of, text_of
 from sain_core.ros.codec import decode_time
 from sain_core.ros.node_main import ERROR, OK, WARN, Diagnostics, steady_timer
+from sain_core.world import PushRecord
 from sain_interfaces.msg import Goal, Plan, PushResult
 from sain_mppi.agent.agent import MOST_PUSHES
-from sain_mppi.agent.events import PushEnded, PushExecuted
+from sain_mppi.agent.events import PushEnded
 from sain_mppi.ros.remote import RemoteRollout
 
 
-def event_of(message: PushResult, logger: RcutilsLogger) -> PushExecuted | PushEnded:
-    """Return what a result says; one whose scenes cannot be read is only an end."""
-    time = decode_time(message.header.stamp)
+def event_of(message: PushResult, logger: RcutilsLogger) -> PushEnded:
+    """Return what a result says; one whose scenes cannot be read has no record."""
+    record = None
     if message.error_code == ErrorCode.OK:
         try:
-            states = wire.decode_result(message)
-            return PushExecuted(message.push_id, message.episode_id, *states, time)
+            before, push, after = wire.decode_result(message)
+            record = PushRecord(push, before, after)
         except SainError as error:
             logger.warning(f"push {message.push_id} is left out of the history: {error}")
-    return PushEnded(message.push_id, message.error_code, time)
+    time = decode_time(message.header.stamp)
+    return PushEnded(message.push_id, message.error_code, time, record, message.episode_id)
 
 
 class Notes:
