@@ -153,7 +153,11 @@ class LearnerNode(Node):
         self._publish()
         self.ready = f"learns in {self.learner.laboratory.path}, after {self.learner.pushes} pushes"
         self.ready += f"; {waiting} more were received before" if waiting else ""
-        # Last: what is delivered to a node that is interrupted in its start is lost.
+        self._results: Any = None
+        # Once the node spins: what is delivered to a node that is interrupted in its start is lost.
+        self.create_guard_condition(self._listen).trigger()
+
+    def _listen(self) -> None:
         self._results = self.reception.listen(PushResult, "push_result", self._on_result, QUEUE)
 
     def _name_of_run(self) -> str:
@@ -283,7 +287,8 @@ class LearnerNode(Node):
             self._closed = True
             lifetime.stopping("saving what it received")
             self.worker.drop()  # its thread would slow down what follows
-            while taken := self._results.handle.take_message(PushResult, False):
-                self._results.callback(taken[0])
+            results = self._results
+            while results and (taken := results.handle.take_message(PushResult, False)):
+                results.callback(taken[0])
         self.worker.close(self._end)
         super().destroy_node()
