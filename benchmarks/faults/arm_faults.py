@@ -27,7 +27,7 @@ from vision_msgs.msg import Detection3DArray
 
 from benchmarks.faults.running import own_domain
 from benchmarks.faults.table import Row
-from sain_arm.laboratory.controller import Ending
+from sain_arm.planning.push_events import Ended, Ending
 from sain_arm.ros.trajectory_server import TrajectoryServer
 from sain_bringup.children import ProcessDiedError, RestartLimits
 from sain_bringup.graph import (
@@ -128,7 +128,7 @@ class Table(TrajectoryServer):
     def abort(self) -> None:
         """Stop as a robot does that was touched."""
         self.controller.stop(self.cell.time)
-        self._end(Ending.ABORTED, "protective stop")
+        self._end(Ending(Ended.ABORTED, "protective stop"))
 
     def move_by_hand(self) -> None:
         """Take the body away from the tool and put it down beside it."""

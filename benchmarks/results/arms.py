@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 import tyro
 
-from sain_arm.laboratory.laboratory_config import CellConfig
+from sain_arm.laboratory.laboratory_config import LaboratoryConfig
 from sain_arm.laboratory.world import LaboratoryWorld
 from sain_arm.planning.push_planner import PushPlanner
 from sain_arm.planning.reach import table_of_reach
@@ -87,7 +87,7 @@ def play_episode(
 ) -> dict[str, Any]:
     """Return what came of one episode."""
     start, pose = draw_task(robot, bodies, config, seed, options.tolerance, options.turn)
-    world = LaboratoryWorld(robot, bodies, config.feasibility, CellConfig(seed=seed))
+    world = LaboratoryWorld(robot, bodies, config.feasibility, LaboratoryConfig(seed=seed))
     world.reset(bodies.scene(start[None]))
     began, wall = world.cell.time, time.monotonic()
     agent = agent_maker(options.model, config)(SCENARIOS["push_t"].scene(seed))

@@ -28,7 +28,7 @@ from benchmarks.results.arms import (
     summary_of,
 )
 from benchmarks.results.seeing import model_of
-from sain_arm.laboratory.laboratory_config import CellConfig
+from sain_arm.laboratory.laboratory_config import LaboratoryConfig
 from sain_arm.laboratory.sight import LaboratoryView
 from sain_arm.laboratory.world import LaboratoryWorld
 from sain_arm.planning.push_planner import ASIDE
@@ -218,7 +218,7 @@ def play_episode(
     options: SeenArmsOptions,
 ) -> dict[str, Any]:
     """Return what came of one episode."""
-    world = LaboratoryWorld(robot, bodies, config.feasibility, CellConfig(seed=seed))
+    world = LaboratoryWorld(robot, bodies, config.feasibility, LaboratoryConfig(seed=seed))
     world.reset(bodies.scene(poses))
     sight = ImageSight(world, bodies, options.see, seed)
     began, wall = sight.time, time.monotonic()

@@ -351,7 +351,7 @@ def test_after_a_stopped_stroke_it_lifts_off_first(graph, make):
 )
 def test_a_controller_that_aborts(graph, make, every, at, code):
     """In a stroke: the tool retreats, and the push counts. In an approach: nothing was pushed."""
-    lab = make(controller__abort_at=at, controller__abort_every=every)
+    lab = make(abort_at=at, abort_every=every)
     lab.enabled = True
     result = graph.result(lab.push((0.0, 0.0, 0.12)))
     assert result.error_code == code, result.error_message
@@ -364,7 +364,7 @@ def test_a_controller_that_aborts(graph, make, every, at, code):
 
 
 def test_states_from_before_an_abort_do_not_tell_that_nothing_moved(graph, make):
-    lab = make(controller__abort_at=0.5, controller__abort_every=2)
+    lab = make(abort_at=0.5, abort_every=2)
     lab.enabled = True
     push_id = lab.push((0.0, 0.0, 0.12))
     graph.wait(lambda: lab.arm.phase == "pushes", "the stroke")

@@ -22,7 +22,7 @@ trajectory_server: Final = NodeCommand(
     about="A laboratory in place of a robot: moves the arm of a YAML file in MuJoCo, with bodies on"
     " a table, and serves FollowJointTrajectory. It delays, tolerates and aborts as asked.",
     node="ros.trajectory_server:TrajectoryServer",
-    settings="laboratory.laboratory_config:ServerConfig",
+    settings="laboratory.laboratory_config:LaboratoryConfig",
     publishes=("/joint_states", "/robot_description", "poses", "laboratory", "/diagnostics"),
     example="robot:=ur5",
 )

@@ -12,7 +12,7 @@ from typing import Any, Final
 import mujoco
 import numpy as np
 
-from sain_arm.laboratory.laboratory_config import CellConfig
+from sain_arm.laboratory.laboratory_config import LaboratoryConfig
 from sain_arm.robot.arm_model import BODY, TABLE, ArmModel, robot_spec, solid_geoms
 from sain_arm.robot.robot import Robot, Vector
 from sain_arm.robot.urdf import ROD, TIP
@@ -46,7 +46,9 @@ class Report:
 class Cell:
     """The simulated laboratory; its clock is the sum of its steps."""
 
-    def __init__(self, robot: Robot, bodies: BodyFile, config: CellConfig = CellConfig()) -> None:
+    def __init__(
+        self, robot: Robot, bodies: BodyFile, config: LaboratoryConfig = LaboratoryConfig()
+    ) -> None:
         """Draw what is unknown, with the arm at home and the bodies in a row."""
         self.robot, self.bodies = robot, bodies
         self._random = generator(config.seed, "laboratory")
@@ -151,7 +153,7 @@ class Cell:
             else:
                 self.report.contacts[" and ".join(names)] += 1
 
-    def _built(self, arm: ArmModel, config: CellConfig) -> Any:
+    def _built(self, arm: ArmModel, config: LaboratoryConfig) -> Any:
         spec = robot_spec(self.robot)
         spec.option.timestep = STEP
         spec.option.jacobian = (

@@ -1,29 +1,21 @@
 """What `joint_trajectory_controller` does of a goal: follows, tolerates, aborts. No middleware."""
 
-from enum import Enum
 from typing import Final
 
 import numpy as np
 
-from sain_arm.laboratory.laboratory_config import ControllerConfig
+from sain_arm.laboratory.laboratory_config import LaboratoryConfig
+from sain_arm.planning.push_events import Ended, Ending
 from sain_arm.planning.timing import Trajectory
 from sain_arm.robot.robot import Robot, Vector
 
 STOP_TIME: Final = 0.15  # [s], from a cancelled goal to rest
 
 
-class Ending(Enum):
-    """How a goal ended."""
-
-    SUCCEEDED = "succeeded"
-    ABORTED = "aborted"
-    CANCELLED = "cancelled"
-
-
 class Controller:
     """Follows one goal at a time, by a clock of its own."""
 
-    def __init__(self, robot: Robot, config: ControllerConfig, joints: Vector) -> None:
+    def __init__(self, robot: Robot, config: LaboratoryConfig, joints: Vector) -> None:
         """Hold joints (J,)."""
         self._robot, self._config = robot, config
         self._hold = joints.copy()
@@ -64,8 +56,8 @@ class Controller:
             return self._hold, velocity * (1.0 - share)
         return self._hold, np.zeros_like(self._hold)
 
-    def ending(self, joints: Vector, time: float) -> tuple[Ending, str] | None:
-        """Return how the goal ended for joints (J,), and why; None: it goes on."""
+    def ending(self, joints: Vector, time: float) -> Ending | None:
+        """Return how the goal ended for joints (J,); None: it goes on."""
         goal, config = self._goal, self._config
         if goal is None:
             return None
@@ -73,18 +65,18 @@ class Controller:
         faulty = config.abort_at > 0.0 and self._goals % config.abort_every == 0
         if faulty and since >= config.abort_at:
             self.stop(time)
-            return Ending.ABORTED, "protective stop"
+            return Ending(Ended.ABORTED, "protective stop")
         error = np.abs(joints - self._hold)
         joint = self._robot.joints[int(np.argmax(error))]
         if since < goal.duration:
             if error.max() <= config.path_tolerance:
                 return None
             self.stop(time)
-            return Ending.ABORTED, f"joint {joint} is {error.max():.3f} rad off its path"
+            return Ending(Ended.ABORTED, f"joint {joint} is {error.max():.3f} rad off its path")
         if error.max() <= config.goal_tolerance:
             self._goal, self._hold = None, goal.positions[-1]
-            return Ending.SUCCEEDED, ""
+            return Ending(Ended.SUCCEEDED)
         if since <= goal.duration + config.goal_time:
             return None
         self.stop(time)
-        return Ending.ABORTED, f"joint {joint} ended {error.max():.3f} rad off its goal"
+        return Ending(Ended.ABORTED, f"joint {joint} ended {error.max():.3f} rad off its goal")

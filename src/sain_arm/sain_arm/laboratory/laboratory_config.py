@@ -7,9 +7,19 @@ from sain_core.config import MOST_SEED, Config, option
 
 
 @dataclass(frozen=True)
-class CellConfig(Config):
-    """What is drawn for an episode."""
+class LaboratoryConfig(Config):
+    """The laboratory: robot and bodies, what is drawn, and the controller with its faults."""
 
+    robot: str = option("", "YAML file of the robot, or the name of a shipped one")
+    bodies: str = option("", "YAML file of the bodies")
+    place: tuple[float, ...] = option((), "x, y [m] and heading [rad] of each body; none: in a row")
+    pace: float = option(
+        1.0, "how many times as fast as the wall clock it runs", minimum=0.05, maximum=20.0
+    )
+    noise: str = option("0,0", "noise of the published poses: METRES,RADIANS")
+    poses: bool = option(True, "publish the poses of the bodies; false: a camera sees them")
+    twice: bool = option(False, "answer each goal twice, first at once: a fault")
+    images: ImageCameraConfig = ImageCameraConfig()
     seed: int = option(0, "of friction, centres of mass and noise", minimum=0, maximum=MOST_SEED)
     table_friction: tuple[float, float] = option((0.15, 0.35), "of bodies on the table")
     tool_friction: tuple[float, float] = option((0.1, 0.3), "of bodies and tool")
@@ -17,12 +27,6 @@ class CellConfig(Config):
         0.05, "most that the centre of mass is off, in radii", minimum=0.0, maximum=0.3
     )
     mass: tuple[float, float] = option((0.4, 1.2), "of a body whose file states none", unit="kg")
-
-
-@dataclass(frozen=True)
-class ControllerConfig(Config):
-    """Delays, tolerances and faults."""
-
     delay: float = option(
         0.02, "from the acceptance of a goal to its motion", unit="s", minimum=0.0, maximum=2.0
     )
@@ -37,21 +41,3 @@ class ControllerConfig(Config):
     abort_every: int = option(
         2, "of how many goals one is aborted: 2 is each stroke, after its approach", minimum=1
     )
-
-
-@dataclass(frozen=True)
-class ServerConfig(Config):
-    """The laboratory."""
-
-    robot: str = option("", "YAML file of the robot, or the name of a shipped one")
-    bodies: str = option("", "YAML file of the bodies")
-    place: tuple[float, ...] = option((), "x, y [m] and heading [rad] of each body; none: in a row")
-    pace: float = option(
-        1.0, "how many times as fast as the wall clock it runs", minimum=0.05, maximum=20.0
-    )
-    noise: str = option("0,0", "noise of the published poses: METRES,RADIANS")
-    poses: bool = option(True, "publish the poses of the bodies; false: a camera sees them")
-    twice: bool = option(False, "answer each goal twice, first at once: a fault")
-    images: ImageCameraConfig = ImageCameraConfig()
-    cell: CellConfig = CellConfig()
-    controller: ControllerConfig = ControllerConfig()

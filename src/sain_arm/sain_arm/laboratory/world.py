@@ -5,9 +5,10 @@ from typing import Final
 import numpy as np
 
 from sain_arm.laboratory.cell import Cell, settle
-from sain_arm.laboratory.controller import Controller, Ending
-from sain_arm.laboratory.laboratory_config import CellConfig, ControllerConfig
+from sain_arm.laboratory.controller import Controller
+from sain_arm.laboratory.laboratory_config import LaboratoryConfig
 from sain_arm.planning.arm_config import MotionConfig
+from sain_arm.planning.push_events import Ended
 from sain_arm.planning.push_planner import PushPlanner
 from sain_arm.planning.timing import Trajectory
 from sain_arm.robot.robot import Robot
@@ -35,13 +36,17 @@ class LaboratoryWorld:
         robot: Robot,
         bodies: BodyFile,
         feasibility: Feasibility,
-        cell: CellConfig = CellConfig(),
+        config: LaboratoryConfig = LaboratoryConfig(),
         motion: MotionConfig = MotionConfig(),
     ) -> None:
         """Set the table; `feasibility` has the robot's table of reach."""
-        self.cell, self._bodies, self._feasibility = Cell(robot, bodies, cell), bodies, feasibility
+        self.cell, self._bodies, self._feasibility = (
+            Cell(robot, bodies, config),
+            bodies,
+            feasibility,
+        )
         self._planner = PushPlanner(robot, bodies.bodies, bodies.radii, motion)
-        self._controller = Controller(robot, ControllerConfig(), self.cell.joints)
+        self._controller = Controller(robot, config, self.cell.joints)
         self.pushes, self.refused = 0, list[str]()
 
     def reset(self, start: Scene) -> Scene:
@@ -96,8 +101,8 @@ class LaboratoryWorld:
             ending = self._controller.ending(self.cell.joints, self.cell.time)
             if ending is None:
                 continue
-            if ending[0] is not Ending.SUCCEEDED:
-                raise WorldFailedError(f"the controller gave up: {ending[1]}")
+            if ending.how is not Ended.SUCCEEDED:
+                raise WorldFailedError(f"the controller gave up: {ending.why}")
             return
 
     def _settle(self) -> bool:

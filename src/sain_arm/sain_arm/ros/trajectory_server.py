@@ -19,9 +19,10 @@ from std_msgs.msg import String
 from tf2_msgs.msg import TFMessage
 
 from sain_arm.laboratory.cell import STEP, Cell
-from sain_arm.laboratory.controller import Controller, Ending
-from sain_arm.laboratory.laboratory_config import ServerConfig
+from sain_arm.laboratory.controller import Controller
+from sain_arm.laboratory.laboratory_config import LaboratoryConfig
 from sain_arm.laboratory.sight import LaboratoryView
+from sain_arm.planning.push_events import Ended, Ending
 from sain_arm.planning.timing import Trajectory
 from sain_arm.robot.robot import FASTEST, Robot, read_robot
 from sain_arm.robot.urdf import visible
@@ -98,16 +99,16 @@ class TrajectoryServer(Node):
     def __init__(self, **options: Any) -> None:
         """Set the table and wait for goals."""
         super().__init__("trajectory_server", namespace=NAMESPACE, **options)
-        self.config = config = read_parameters(self, ServerConfig)
+        self.config = config = read_parameters(self, LaboratoryConfig)
         self.robot = read_robot(config.robot)
         if not config.bodies:
             raise ConfigError("parameter 'bodies' is empty; give the YAML file of the bodies")
         bodies = read_bodies(Path(config.bodies).expanduser())
-        self.cell = Cell(self.robot, bodies, config.cell)
+        self.cell = Cell(self.robot, bodies, config)
         self.cell.place(_places(config.place, len(bodies.names), self.robot))
-        self.controller = Controller(self.robot, config.controller, self.cell.joints)
+        self.controller = Controller(self.robot, config, self.cell.joints)
         self._noise = ObservationConfig(noise=config.noise).noise_std
-        self._random = generator(config.cell.seed, "camera")
+        self._random = generator(config.seed, "camera")
         self._last, self._frame = monotonic(), 0.0
         self._goal: tuple[ServerGoalHandle, Future] | None = None
         self._states = self.create_publisher(JointState, "/joint_states", RELIABLE)
@@ -126,7 +127,7 @@ class TrajectoryServer(Node):
         )
         if config.twice:
             self._hasty = ActionServer(self, FollowJointTrajectory, name, self._answer_at_once)
-        self.camera = LaboratoryCamera(self, self.cell, config.images, config.cell.seed)
+        self.camera = LaboratoryCamera(self, self.cell, config.images, config.seed)
         self.diagnostics = Diagnostics(self, "laboratory")
         self.diagnostics.set(OK, "runs")
         steady_timer(self, TICK, self._tick)
@@ -189,19 +190,19 @@ class TrajectoryServer(Node):
     async def _execute(self, handle: ServerGoalHandle) -> FollowJointTrajectory.Result:
         """Follow a goal; a newer one ends it."""
         if self._goal is not None:
-            self._end(Ending.ABORTED, "another goal came")
+            self._end(Ending(Ended.ABORTED, "another goal came"))
         done: Future = Future(executor=self.executor)
         self._goal = handle, done
         self.controller.start(self._decoded(handle.request), self.cell.time)
-        how, why = await done
-        if how is Ending.SUCCEEDED:
+        ending = await done
+        if ending.how is Ended.SUCCEEDED:
             handle.succeed()
-        elif how is Ending.CANCELLED:
+        elif ending.how is Ended.CANCELLED:
             handle.canceled()
         else:
             handle.abort()
-        result = FollowJointTrajectory.Result(error_string=why)
-        if how is Ending.ABORTED:
+        result = FollowJointTrajectory.Result(error_string=ending.why)
+        if ending.how is Ended.ABORTED:
             result.error_code = result.PATH_TOLERANCE_VIOLATED
         return result
 
@@ -210,11 +211,11 @@ class TrajectoryServer(Node):
         handle.succeed()
         return FollowJointTrajectory.Result()
 
-    def _end(self, how: Ending, why: str) -> None:
+    def _end(self, ending: Ending) -> None:
         if self._goal is not None:
             _, done = self._goal
             self._goal = None
-            done.set_result((how, why))
+            done.set_result(ending)
 
     def _tick(self) -> None:
         """Let the time pass that has passed on the wall clock."""
@@ -232,9 +233,9 @@ class TrajectoryServer(Node):
         handle, _ = self._goal
         if handle.is_cancel_requested:
             self.controller.stop(self.cell.time)
-            self._end(Ending.CANCELLED, "cancelled")
+            self._end(Ending(Ended.CANCELLED, "cancelled"))
         elif (ending := self.controller.ending(self.cell.joints, self.cell.time)) is not None:
-            self._end(*ending)
+            self._end(ending)
 
     def _publish(self) -> None:
         stamp = self.get_clock().now().to_msg()
