@@ -7,7 +7,7 @@ from typing import Any, Final
 
 from benchmarks.real.measures import Figures
 from benchmarks.real.pictures import own_counts
-from benchmarks.real.rows import LEVELS, STATED
+from benchmarks.real.rows import STATED
 from sain_core.output import write_whole
 
 OURS: Final = ("sain", "identified", "learned")  # rows of the sentence above the first table
@@ -60,11 +60,10 @@ def page(results: Figures, media: str) -> str:
         _data(results),
         *_result(results),
         *_noise(results),
-        *_pictures(results, media, "objects", "angles"),
+        *_pictures(media, "objects"),
         *_training(results),
         *_left_out(results, media),
-        *_regions(results, media),
-        *_pictures(results, media, "pushes", "field"),
+        *_regions(results),
         HOW,
         _provenance(results),
     ]
@@ -152,32 +151,13 @@ def _noise(results: Figures) -> Iterator[str]:
 
 TEXTS: Final = {
     "objects": "Errors by object, five folds. Brackets: number of pushes.",
-    "angles": "Errors by the angle between the tool's motion and the normal at the first contact.",
     "own": "Errors on objects that were left out, by the number of own pushes.",
-    "regions": "How often regions hold what happened, over their level.",
 }
 
 
-def _pictures(results: Figures, media: str, *names: str) -> Iterator[str]:
+def _pictures(media: str, *names: str) -> Iterator[str]:
     for name in names:
-        yield f"{_text(results, name)}\n\n![{_text(results, name)}]({media}/real_{name}.png)"
-
-
-def _text(results: Figures, name: str) -> str:
-    if name == "pushes":
-        quantiles = ", ".join(f"{100 * one['quantile']:.0f}" for one in results["examples"])
-        return (
-            "Pushes: before (light), after (filled), predicted (lines) and the tool (red). Errors"
-            " of the last model are at these percentiles of its errors on the object:"
-            f" {quantiles}."
-        )
-    if name == "field":
-        field = results["field"]
-        return (
-            f"What predictions leave on `{field['object']}`, {field['pushes']:,} pushes: mean of"
-            " truth less prediction. Right is along the outline, up is into the body."
-        )
-    return TEXTS[name]
+        yield f"{TEXTS[name]}\n\n![{TEXTS[name]}]({media}/real_{name}.png)"
 
 
 def _training(results: Figures) -> Iterator[str]:
@@ -222,7 +202,7 @@ def _left_out(results: Figures, media: str) -> Iterator[str]:
             f" {case['pushes']:,} pushes; position [mm] and heading [degrees] by own pushes."
         )
         yield _by_case(results, [f"object_{count}" for count in counts])
-        yield from _pictures(results, media, "own")
+        yield from _pictures(media, "own")
         if "object_20" in results["cases"]:
             yield "With intervals, 20 own pushes of each body:"
             yield _errors(results, results["cases"]["object_20"])
@@ -233,12 +213,11 @@ def _left_out(results: Figures, media: str) -> Iterator[str]:
             yield _errors(results, case)
 
 
-def _regions(results: Figures, media: str) -> Iterator[str]:
+def _regions(results: Figures) -> Iterator[str]:
     cases = {key: case for key, case in results["cases"].items() if case["regions"]}
     if not cases:
         return
     yield "## Regions"
-    level = LEVELS.index(STATED)
     yield (
         f"Regions of {100 * STATED:.0f} %: how many pushes they hold, in all and for the objects"
         " with the fewest and the most, and their mean size."
@@ -246,22 +225,20 @@ def _regions(results: Figures, media: str) -> Iterator[str]:
     rows = [
         (
             f"{results['rows'][key]}, {case['title']}",
-            *_held(found["mm"], level),
-            *_held(found["degrees"], level),
+            *_held(found["mm"]),
+            *_held(found["degrees"]),
         )
         for case in cases.values()
         for key, found in case["regions"].items()
     ]
     sizes = ("position", "by object", "mm", "heading", "by object", "degrees")
     yield table(("model and case", *sizes), rows)
-    if {"folds", "object_20", "surface_20"} & set(cases):
-        yield from _pictures(results, media, "regions")
 
 
-def _held(found: Mapping[str, Any], level: int) -> list[str]:
+def _held(found: Mapping[str, Any]) -> list[str]:
     of = found["by_object"].values()
     return [
-        f"{100 * found['held'][level]:.1f} %",
+        f"{100 * found['held']:.1f} %",
         f"{100 * min(of):.0f} to {100 * max(of):.0f} %",
         f"{found['size']:.1f}",
     ]

@@ -8,8 +8,6 @@
    it. First pushes of episodes have a figure of their own, from the goal on: nothing was planned
    before. Once as fast as the arm can be simulated, and once in real time, which leaves the planner
    the time of a push.
-3. The same loop in real time with a learner at work, and without, in turns: the path from scene to
-   push must not wait for it.
 """
 
 import os
@@ -58,10 +56,8 @@ class Options(ReportOptions):
     """plans from each scene, of which the fastest counts"""
     model: str = "sain"
     """name or checkpoint"""
-    only: tuple[str, ...] = ("service", "loops", "learner")
+    only: tuple[str, ...] = ("service", "loops")
     """parts to measure"""
-    turns: int = 2
-    """of the loop with a learner and without"""
 
 
 def service_and_process(options: Options) -> list[Figure]:
@@ -135,13 +131,12 @@ def served(model: str) -> Iterator[RolloutModel]:
         server.wait()
 
 
-def played(scenario: str, episodes: int, real_time: bool, learn: str = "") -> Times:
+def played(scenario: str, episodes: int, real_time: bool) -> Times:
     """Play episodes on the whole graph; return latencies and planning times from the bag."""
     with tempfile.TemporaryDirectory(prefix="sain-bench-") as folder:
         out = Path(folder) / "run"
         command = ["ros2", "run", "sain_bringup", "closed_loop", "--scenario", scenario]
         command += ["--episodes", str(episodes), "--no-video", "--out", str(out)]
-        command += ["--learn", learn] if learn else []
         if real_time:
             settings = Path(folder) / "real_time.yaml"
             settings.write_text(REAL_TIME)
@@ -163,23 +158,6 @@ def closed_loop(scenario: str, episodes: int, real_time: bool) -> list[Figure]:
         figures.append(Figure(title, float(p50), "ms"))
         figures.append(Figure("... 95th percentile", float(p95), "ms", at_most=at_most))
     return figures
-
-
-def with_a_learner(options: Options) -> list[Figure]:
-    """Play with a learner and without, in turns; the laboratory keeps its pushes."""
-    found: dict[str, list[np.ndarray]] = {"without": [], "with": []}
-    with tempfile.TemporaryDirectory(prefix="sain-bench-") as folder:
-        for _ in range(options.turns):
-            for name, values in found.items():
-                learn = str(Path(folder) / "laboratory") if name == "with" else ""
-                values.append(played("anywhere", options.episodes, True, learn)[LATENCY])
-    late = {name: float(np.percentile(np.concatenate(some), 95)) for name, some in found.items()}
-    count = sum(map(len, found["with"]))
-    return [
-        Figure(f"anywhere, real time: {LATENCY}, p95 without a learner", late["without"], "ms"),
-        Figure(f"... with a learner, {count} pushes", late["with"], "ms"),
-        Figure("... with / without", late["with"] / late["without"], "", at_most=1.1),
-    ]
 
 
 def read(bag: Bag) -> Times:
@@ -214,8 +192,6 @@ def main() -> None:
         episodes = -(-options.episodes // 3) if few else options.episodes
         figures += closed_loop(scenario, episodes, real_time=False)
         figures += closed_loop(scenario, episodes, real_time=True)
-    if "learner" in options.only:
-        figures += with_a_learner(options)
     figures.append(Figure("load average meanwhile", os.getloadavg()[0], ""))
     report("Service path, default settings", figures, options.out)
 
