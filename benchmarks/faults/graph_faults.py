@@ -46,8 +46,6 @@ class Options:
     """mutated ones"""
     arm: int = 20
     """of a table with a robot arm, each"""
-    arm_only: str = ""
-    """words in the names of those faults; empty: all of them"""
     only: tuple[str, ...] = KINDS
     """kinds of faults"""
     parts: tuple[str, ...] = (*PARTS, LEARNER)
@@ -115,7 +113,7 @@ def measure(options: Options, folder: Path) -> Iterator[Row]:
         "stop": lambda: strikes(folder, "stop", options.stops, options.seed, options.parts),
         "messages": lambda: hostile_messages(options.messages, options.seed),
         "files": lambda: iter([files(folder, options.files, options.seed)]),
-        "arm": lambda: arm_faults(folder, options.arm, options.arm_only),
+        "arm": lambda: arm_faults(folder, options.arm),
     }
     for kind in options.only:
         yield from given[kind]()

@@ -17,6 +17,7 @@ from collections.abc import Callable
 from copy import deepcopy
 from importlib import import_module
 from pathlib import Path
+from subprocess import DEVNULL
 from typing import Any, Final
 
 import numpy as np
@@ -38,6 +39,7 @@ from sain_model.dynamics.load import shipped_checkpoint
 Random = np.random.Generator
 MOST_SECONDS: Final = 10.0  # of the processor
 PATIENCE: Final = 60.0  # [s]
+STARTS: Final = 300.0  # [s], which may include that kernels are compiled
 MEMORY: Final = 1 << 30  # [bytes], more than this process has
 LARGEST: Final = (1 << 64) - 1
 PACKAGES: Final = {"sim_node": "sain_sim", "model_node": "sain_model", "mppi_node": "sain_mppi"}
@@ -208,8 +210,8 @@ def messages(name: str, count: int, seed: int) -> Row:
     command = [sys.executable, "-c", code]
     command += ["--ros-args", "-p", "model:=planar"] if name == "model_node" else []
     sent = answered = 0
-    quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
-    with command_node("flooder") as node, subprocess.Popen(command, **quiet) as process:
+    process = subprocess.Popen(command, stdout=DEVNULL, stderr=DEVNULL)
+    with command_node("flooder") as node, process:
         try:
             for topic, kind, valid in requests()[name]:
                 random = generator(seed, topic)
@@ -226,7 +228,7 @@ def messages(name: str, count: int, seed: int) -> Row:
 def called(node: Node, topic: str, kind: Any, some: list[Any]) -> int:
     """Call a service; return how many calls it answered."""
     client = node.create_client(kind, topic)
-    spin(node, client.service_is_ready)
+    spin(node, client.service_is_ready, STARTS)
     futures = [client.call_async(one) for one in some]
     spin(node, lambda: all(one.done() for one in futures))
     return sum(one.done() for one in futures)
@@ -238,7 +240,7 @@ def published(node: Node, topic: str, kind: Any, some: list[Any]) -> int:
     publisher = node.create_publisher(kind, topic, len(some))
     if topic == "push":
         node.create_subscription(msg.PushResult, "push_result", results.append, len(some))
-    spin(node, publisher.get_subscription_count)
+    spin(node, publisher.get_subscription_count, STARTS)
     for number, one in enumerate(some):
         if topic == "push":
             one.push_id = number + 1
@@ -247,8 +249,8 @@ def published(node: Node, topic: str, kind: Any, some: list[Any]) -> int:
     return len({one.push_id for one in results}) if topic == "push" else len(some)
 
 
-def spin(node: Node, done: Callable[[], object]) -> None:
-    """Handle what comes until something is so, but not for ever."""
-    end = time.monotonic() + PATIENCE
+def spin(node: Node, done: Callable[[], object], longest: float = PATIENCE) -> None:
+    """Handle what comes until something is so, but not for ever [s]."""
+    end = time.monotonic() + longest
     while not done() and time.monotonic() < end:
         rclpy.spin_once(node, timeout_sec=0.05)

@@ -9,7 +9,7 @@ from numpy import ndarray
 
 from benchmarks.real.folds import Case
 from benchmarks.real.kept import DEGREE, Kept, Outcome, outcome, pose_errors, rows_of
-from benchmarks.real.pushes import Names, PushTable
+from benchmarks.real.pushes import PushTable
 from benchmarks.real.rows import Row
 from sain_core.randomness import bootstrap_mean, generator
 from sain_core.scene import unit
@@ -48,7 +48,6 @@ def measure(
             }
             for case in cases
         },
-        "by_object": grouped(main, pushes.object),
         "seconds": {
             key: sum(one[key].seconds for one in found.values() if key in one) for key in main
         },
@@ -122,22 +121,6 @@ def noise(pushes: PushTable, main: Mapping[str, Outcome], seed: int) -> Figures:
         ]
         for key, one in main.items()
     }
-    return found
-
-
-# --- groups of pushes -----------------------------------------------------------------------------
-
-
-def grouped(main: Mapping[str, Outcome], names: Names) -> Figures:
-    """Return the number of pushes and the mean errors of each row by groups of pushes."""
-    found: Figures = {}
-    for name in np.unique(names):
-        found[str(name)] = {"pushes": 0, "mm": {}, "degrees": {}}
-        for key, one in main.items():
-            here = names[one.rows] == name
-            found[str(name)]["pushes"] = int(here.sum())
-            found[str(name)]["mm"][key] = float(one.mm[here].mean())
-            found[str(name)]["degrees"][key] = float(one.degrees[here].mean())
     return found
 
 

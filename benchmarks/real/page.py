@@ -1,14 +1,10 @@
 """docs/reference/real.md, from the file of results: no number of it is written by hand."""
 
-import os
 from collections.abc import Iterator, Mapping, Sequence
-from pathlib import Path
 from typing import Any, Final
 
 from benchmarks.real.measures import Figures
-from benchmarks.real.pictures import own_counts
 from benchmarks.real.rows import STATED
-from sain_core.output import write_whole
 
 OURS: Final = ("sain", "identified", "learned")  # rows of the sentence above the first table
 SOURCE: Final = (
@@ -21,7 +17,7 @@ OWN: Final = "The data are recordings of your own."
 ABOUT: Final = """# Real pushes
 
 For users who own a robot: how well models predict pushes of real objects that a real robot made.
-`make real DATA=PATH` writes this page and its pictures.
+`make real DATA=PATH` writes this page.
 
 <!-- not tested: needs the data, and an hour -->
 ```
@@ -53,16 +49,15 @@ HOW: Final = """## How it is measured
 """
 
 
-def page(results: Figures, media: str) -> str:
-    """Return the page in Markdown; pictures are at `media`, seen from the page."""
+def page(results: Figures) -> str:
+    """Return the page in Markdown."""
     parts = [
         ABOUT,
         _data(results),
         *_result(results),
         *_noise(results),
-        *_pictures(media, "objects"),
         *_training(results),
-        *_left_out(results, media),
+        *_left_out(results),
         *_regions(results),
         HOW,
         _provenance(results),
@@ -149,17 +144,6 @@ def _noise(results: Figures) -> Iterator[str]:
     yield table(("model", "noise in position", "noise in heading"), rows)
 
 
-TEXTS: Final = {
-    "objects": "Errors by object, five folds. Brackets: number of pushes.",
-    "own": "Errors on objects that were left out, by the number of own pushes.",
-}
-
-
-def _pictures(media: str, *names: str) -> Iterator[str]:
-    for name in names:
-        yield f"{TEXTS[name]}\n\n![{TEXTS[name]}]({media}/real_{name}.png)"
-
-
 def _training(results: Figures) -> Iterator[str]:
     sizes = [key for key in results["cases"] if key.startswith("train_")]
     if not sizes:
@@ -167,14 +151,6 @@ def _training(results: Figures) -> Iterator[str]:
     yield "## By number of training pushes"
     yield "Five folds; position [mm] and heading [degrees]."
     yield _by_case(results, [*sizes, "folds"], ["all"])
-    yield from _ratio(results, sizes[0])
-
-
-def _ratio(results: Figures, key: str) -> Iterator[str]:
-    errors = results["cases"][key]["errors"]
-    if {"sain", "learned"} <= set(errors):
-        ratio = errors["sain"]["mm"][0] / errors["learned"]["mm"][0]
-        yield f"With {results['cases'][key]['title']}, SAIN / learned only is {ratio:.2f}."
 
 
 def _by_case(results: Figures, keys: Sequence[str], last: Sequence[str] = ()) -> str:
@@ -193,8 +169,8 @@ def _pair(errors: Figures | None) -> str:
     return f"{errors['mm'][0]:.2f}, {errors['degrees'][0]:.1f}"
 
 
-def _left_out(results: Figures, media: str) -> Iterator[str]:
-    if counts := own_counts(results):
+def _left_out(results: Figures) -> Iterator[str]:
+    if counts := sorted(int(k[7:]) for k in results["cases"] if k.startswith("object_")):
         yield "## An object left out"
         case = results["cases"][f"object_{counts[0]}"]
         yield (
@@ -202,7 +178,6 @@ def _left_out(results: Figures, media: str) -> Iterator[str]:
             f" {case['pushes']:,} pushes; position [mm] and heading [degrees] by own pushes."
         )
         yield _by_case(results, [f"object_{count}" for count in counts])
-        yield from _pictures(media, "own")
         if "object_20" in results["cases"]:
             yield "With intervals, 20 own pushes of each body:"
             yield _errors(results, results["cases"]["object_20"])
@@ -252,8 +227,3 @@ def _provenance(results: Figures) -> str:
         f" {minutes:.0f} minutes of computing. The seed of folds, own pushes, training and"
         f" bootstrap is {made['seed']}. The data have SHA-256 {results['data']['sha256'][:12]}."
     )
-
-
-def write(results: Figures, path: Path, media: Path) -> None:
-    """Write the page; its pictures are in the folder `media`."""
-    write_whole(path, page(results, os.path.relpath(media, path.parent)).encode())

@@ -30,7 +30,6 @@ Names = ndarray  # of texts, (M,)
 PUBLISHED: Final = "sim_"  # names of arrays of predicted poses begin so
 TIP_START, BEFORE = "tip_init", "init_pose"  # arrays beside them
 ALIKE: Final = 1e-6  # [m], within which starts of the tool are the same
-MISSED: Final = np.pi  # [rad], larger than any angle between a motion and a normal
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,11 +6,9 @@
 2. The closed loop on the whole graph, recorder and all: from the settled scene to the push, as the
    recorder received them, at the default settings; the planner's own time for the same plans beside
    it. First pushes of episodes have a figure of their own, from the goal on: nothing was planned
-   before. Once as fast as the arm can be simulated, and once in real time, which leaves the planner
-   the time of a push.
+   before. The arm moves in real time, which leaves the planner the time of a push.
 """
 
-import os
 import subprocess
 import sys
 import tempfile
@@ -22,6 +20,7 @@ from threading import Thread
 
 import numpy as np
 
+from benchmarks.faults.running import own_domain
 from benchmarks.report import Figure, ReportOptions, read_options, report
 from benchmarks.timing import fastest
 from sain_bags.reading.reader import Bag
@@ -62,15 +61,11 @@ class Options(ReportOptions):
 
 def service_and_process(options: Options) -> list[Figure]:
     """Plan with the model here and behind its node, in a domain of its own."""
-    import domain_coordinator  # needs the middleware
-
     model = load_dynamics(options.model)
     figures = []
-    with domain_coordinator.domain_id() as domain:
-        os.environ["ROS_DOMAIN_ID"] = str(domain)
-        with served(options.model) as remote:
-            for config in (PlannerConfig(), PlannerConfig(samples=1024, horizon=15)):
-                figures += compare_all(config, model, remote, options)
+    with own_domain(), served(options.model) as remote:
+        for config in (PlannerConfig(), PlannerConfig(samples=1024, horizon=15)):
+            figures += compare_all(config, model, remote, options)
     return figures
 
 
@@ -131,30 +126,28 @@ def served(model: str) -> Iterator[RolloutModel]:
         server.wait()
 
 
-def played(scenario: str, episodes: int, real_time: bool) -> Times:
+def played(scenario: str, episodes: int) -> Times:
     """Play episodes on the whole graph; return latencies and planning times from the bag."""
     with tempfile.TemporaryDirectory(prefix="sain-bench-") as folder:
         out = Path(folder) / "run"
         command = ["ros2", "run", "sain_bringup", "closed_loop", "--scenario", scenario]
         command += ["--episodes", str(episodes), "--no-video", "--out", str(out)]
-        if real_time:
-            settings = Path(folder) / "real_time.yaml"
-            settings.write_text(REAL_TIME)
-            command += ["--params-file", str(settings)]
+        settings = Path(folder) / "real_time.yaml"
+        settings.write_text(REAL_TIME)
+        command += ["--params-file", str(settings)]
         done = subprocess.run(command, capture_output=True, text=True, check=False)
         if not (out / "bag" / "metadata.yaml").is_file():
             sys.exit(f"the closed loop did not run:\n{done.stdout}\n{done.stderr}")
         return read(Bag(out / "bag"))
 
 
-def closed_loop(scenario: str, episodes: int, real_time: bool) -> list[Figure]:
+def closed_loop(scenario: str, episodes: int) -> list[Figure]:
     """Return figures of a closed loop."""
     figures = []
-    for name, values in played(scenario, episodes, real_time).items():
+    for name, values in played(scenario, episodes).items():
         p50, p95 = np.percentile(values, [50, 95])
-        at_most = MOST_MS[scenario] if name == LATENCY and real_time else None
-        pace = "real time" if real_time else "fast"
-        title = f"{scenario}, {pace}: {name}, {len(values)} pushes, median"
+        at_most = MOST_MS[scenario] if name == LATENCY else None
+        title = f"{scenario}: {name}, {len(values)} pushes, median"
         figures.append(Figure(title, float(p50), "ms"))
         figures.append(Figure("... 95th percentile", float(p95), "ms", at_most=at_most))
     return figures
@@ -190,9 +183,7 @@ def main() -> None:
     for scenario in MOST_MS if "loops" in options.only else ():
         few = scenario == "rearrange_4"  # these take many pushes
         episodes = -(-options.episodes // 3) if few else options.episodes
-        figures += closed_loop(scenario, episodes, real_time=False)
-        figures += closed_loop(scenario, episodes, real_time=True)
-    figures.append(Figure("load average meanwhile", os.getloadavg()[0], ""))
+        figures += closed_loop(scenario, episodes)
     report("Service path, default settings", figures, options.out)
 
 

@@ -10,11 +10,9 @@ same bag, and nothing else. All on one core, in turns, the shortest time of some
 pushes chunks of their own, which all readers gain from: the target is against `rosbags` on 3.
 """
 
-import os
 import shutil
 import tempfile
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -26,7 +24,7 @@ from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, W
 
 from benchmarks.report import Figure, ReportOptions, read_options, report
 from benchmarks.speed.made_bags import MadeBag
-from benchmarks.timing import fastest
+from benchmarks.timing import fastest, one_core
 from sain_bags.dataset.conversion import convert
 from sain_bags.dataset.sources import find_sources
 
@@ -71,17 +69,6 @@ def with_sain(bag: Path, out: Path) -> int:
     """Convert a bag from the beginning; return how many transitions."""
     shutil.rmtree(out, ignore_errors=True)
     return convert([bag], out).transitions
-
-
-@contextmanager
-def on_one_core() -> Iterator[None]:
-    """Let this process have one core."""
-    cores = os.sched_getaffinity(0)
-    os.sched_setaffinity(0, {max(cores)})
-    try:
-        yield
-    finally:
-        os.sched_setaffinity(0, cores)
 
 
 def speed(name: str, bag: Path, folder: Path, repeats: int, others: Path) -> list[Figure]:
@@ -142,7 +129,7 @@ def main() -> None:
         make_graph_bag(folder / "graph", options.graph_pushes, options.scenes)
         for title in ("pushes", "graph"):
             write_as_rosbag2(folder / title, folder / f"{title}_rosbag2")
-        with on_one_core():
+        with one_core():
             figures = [
                 figure
                 for title in ("pushes", "graph")
