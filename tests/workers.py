@@ -44,7 +44,6 @@ SYSTEM: Final = (  # marked `system`, by a part of their names; others have the 
     "sain_arm/test_robot_mutations", "training/test_identified", "evaluation/test_named_models",
     # processes that are killed, stopped or hang
     "test_program.py::test_pip_install", "test_program.py::test_make_dist",
-    "test_program.py::test_commands_work_without_ros",
     "test_no_worker_outlives_a_process_that_is_killed", "test_a_recorder_that",
     "test_a_second_signal", "makes_the_bag_whole[15]",
     "test_push_and_watch_work_from_a_terminal", "test_ctrl_c_ends_a_collection_and_its_workers",
