@@ -3,9 +3,8 @@
     ./env python -m benchmarks.faults.enable_signal --tries 50
 
 Driver, laboratory and converter have one executor; both publishers and the pushes another one. A
-goal is wrong that was sent later than `SLACK` after the first `false`; one that was sent before may
-be accepted later, and is cancelled then. Motion is wrong later than `BRAKES` after the driver
-received it, which a busy machine delays: that time is printed.
+goal is wrong that was sent later than `SLACK` after the first `false`. Motion is wrong later than
+`BRAKES` after the driver received it, which a busy machine delays: that time is printed.
 """
 
 import random

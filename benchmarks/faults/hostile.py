@@ -160,7 +160,7 @@ def _be_child(run: Callable[[], int | None], output: int) -> None:
 
 
 def requests() -> dict[str, list[tuple[str, Any, Any]]]:
-    """Return what nodes take: the name of a topic or service, its type, and a valid message."""
+    """Return what nodes take: names of topics and services, their types, and valid messages."""
     places = np.array([(0.40, 0.0), (0.541, 0.0)])
     scene = make_scene(places, np.array([8.0, 8.0]), np.array([0.08, 0.06]))
     disks, stamp = codec.encode_disks(scene), codec.encode_time(0)

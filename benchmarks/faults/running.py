@@ -37,6 +37,7 @@ from sain_interfaces.msg import PushResult, Scene
 
 PARTS: Final = (SIMULATOR, MODEL, PLANNER, RECORDER)
 TOLERANCE: Final = 0.02  # [m]
+TIMEOUT: Final = 60.0  # [s]
 NEVER: Final = RestartLimits(crashes=10**9)  # too many crashes: they are what is wanted here
 SAME: Final = 1e-9  # [m] and [rad]: a heading that becomes a quaternion and back is rounded
 
@@ -131,11 +132,7 @@ def own_domain() -> Iterator[None]:
 
 
 @contextmanager
-def graph(
-    folder: Path,
-    options: GraphOptions,
-    timeout: float = 60.0,
-) -> Iterator[Graph]:
+def graph(folder: Path, options: GraphOptions) -> Iterator[Graph]:
     """Run a graph with a recording, and end it."""
     made: list[Graph] = []
 
@@ -149,7 +146,7 @@ def graph(
         ros_context(),
         Supervisor(folder, UNHURRIED, NEVER) as supervisor,
     ):
-        director = Director(check, timeout, supervisor)
+        director = Director(check, TIMEOUT, supervisor)
         observed = Observed()
         director.create_subscription(PushResult, "push_result", observed.on_result, QUEUE)
         try:

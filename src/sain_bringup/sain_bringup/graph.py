@@ -155,8 +155,6 @@ class GraphOptions(GraphConfig):
             words = shlex.split(self.robot)
         except ValueError as error:
             raise ConfigError(f"--robot is {self.robot!r}: {error}") from error
-        if "--ros-args" in words:
-            raise ConfigError("--robot has --ros-args; the graph adds its own to the command")
         if words and words[0] != ELSEWHERE and shutil.which(words[0]) is None:
             raise ConfigError(
                 f"--robot is {self.robot!r}; there is no command {words[0]!r}. It starts a driver:"
