@@ -1,11 +1,11 @@
-"""The benchmarks: ``./env python -m benchmarks`` lists them, ``... NAME`` runs some.
+"""The benchmarks: ``./env python -m benchmarks`` lists them, ``... NAME`` runs one or a room.
 
 A name is that of a benchmark or of a room. Each is a module that takes options:
 ``./env python -m benchmarks.ROOM.NAME --help``.
 """
 
-import importlib.util
 import pkgutil
+import runpy
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -37,18 +37,14 @@ def main() -> int:
         for name, line in known.items():
             print(f"  {name.removeprefix('benchmarks.'):28} {line}")
         return 0
-    first = next((i for i, word in enumerate(wanted) if word.startswith("-")), len(wanted))
-    for word in wanted[:first]:
-        names = [name for name in known if word in name.split(".")[1:]]
-        if not names:
-            allowed = ", ".join(name.removeprefix("benchmarks.") for name in known)
-            print(f"no benchmark {word!r}; there are: {allowed}", file=sys.stderr)
-            return 2
-        for name in names:
-            sys.argv = [name, *wanted[first:]]
-            place = importlib.util.find_spec(name)
-            is_package = place is not None and place.submodule_search_locations is not None
-            importlib.import_module(f"{name}.__main__" if is_package else name).main()
+    names = [name for name in known if wanted[0] in name.split(".")[1:]]
+    if not names:
+        allowed = ", ".join(name.removeprefix("benchmarks.") for name in known)
+        print(f"no benchmark {wanted[0]!r}; there are: {allowed}", file=sys.stderr)
+        return 2
+    for name in names:
+        sys.argv = [name, *wanted[1:]]
+        runpy.run_module(name, run_name="__main__")
     return 0
 
 

@@ -1,7 +1,9 @@
 """How long calls take, measured side by side."""
 
+import os
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 
 import numpy as np
@@ -25,3 +27,14 @@ def fastest(works: Mapping[str, Callable[[], object]], repeats: int) -> dict[str
             work()
             times[name].append((time.perf_counter() - begun, time.process_time() - used))
     return {name: Shortest(*np.min(values[1:], axis=0)) for name, values in times.items()}
+
+
+@contextmanager
+def one_core() -> Iterator[None]:
+    """Let this process, and those that it starts, have one core."""
+    cores = os.sched_getaffinity(0)
+    os.sched_setaffinity(0, {min(cores)})
+    try:
+        yield
+    finally:
+        os.sched_setaffinity(0, cores)

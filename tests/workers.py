@@ -36,15 +36,14 @@ TOGETHER: Final = {  # files that share a worker, by a part of their path
 SYSTEM: Final = (  # marked `system`, by a part of their names; others have the mark in their files
     "tests/system/", "tests/benchmarks/", "tests/examples/", "documentation/test_first_steps",
     "documentation/test_site", "workspace/test_optional_packages",
-    "workspace/setup/", "workspace/test_new_shape", "sain_bags/report/test_page",
-    "sain_live/page/test_in_browser", "sain_live/test_whole_graph", "sain_live/test_view",
+    "workspace/setup/", "sain_bags/report/test_page",
+    "sain_live/test_whole_graph", "sain_live/test_view",
     "sain_live/ros/test_page_node", "training/test_fine_tuning", "training/test_any_bodies",
     "sain_gym/test_examples", "collecting/test_collect_on_ray", "collecting/test_workers",
     "compute/test_kernel_store", "formats/test_examples", "loop/test_noisy_episodes",
     "sain_arm/test_robot_mutations", "training/test_identified", "evaluation/test_named_models",
     # processes that are killed, stopped or hang
     "test_program.py::test_pip_install", "test_program.py::test_make_dist",
-    "test_program.py::test_commands_work_without_ros",
     "test_no_worker_outlives_a_process_that_is_killed", "test_a_recorder_that",
     "test_a_second_signal", "makes_the_bag_whole[15]",
     "test_push_and_watch_work_from_a_terminal", "test_ctrl_c_ends_a_collection_and_its_workers",

@@ -1,1 +1,1 @@
-"""What goes wrong: killed processes, full disks, hostile messages and files, hours of use."""
+"""What goes wrong: killed processes, hostile messages and files, a table with an arm."""

@@ -60,7 +60,6 @@ ENDING: Final = (ROBOT, ENABLE)  # processes whose death ends the graph, and sto
 PACE: Final = 2.0
 FRAME: Final = 1.0 / 30.0  # [s]
 LASTING: Final = 5.0  # [s] that a fault of the camera lasts
-LATE: Final = 1.0  # [s], of frames
 NOISE: Final = (0.0005, 0.005)  # [m], [rad]
 TOLERANCE: Final = 0.01  # [m]
 PLACES: Final = ((0.45, -0.2), (0.65, 0.2))  # [m], corners of where goals are
@@ -80,18 +79,16 @@ EMPTY: Final = np.zeros((0, 0, 2))
 class Table(TrajectoryServer):
     """Arm, bodies and camera, with faults on demand; it takes note of what must not happen."""
 
-    def __init__(self, bodies: Path, twice: bool = False) -> None:
+    def __init__(self, bodies: Path) -> None:
         """Set the table."""
         given = {"robot": "ur5", "bodies": str(bodies), "pace": PACE, "poses": False}
-        given |= {"twice": twice}
         super().__init__(parameter_overrides=[Parameter(k, value=v) for k, v in given.items()])
         self.file = read_bodies(bodies)
         self.orders: deque[Callable[[], None]] = deque()
         self.wrong: list[str] = []
         self.results: list[tuple[float, PushResult]] = []
-        self.enabled_at = self.dark_until = self.late_until = self.covered_until = 0.0
+        self.enabled_at = self.dark_until = self.covered_until = 0.0
         self.struck_by_hand = False
-        self._frames: deque[tuple[float, Detection3DArray]] = deque()
         self._lowered = self.by_hand = self.pushes = False
         self._touched = 0
         self._before = self.cell.observe()
@@ -150,11 +147,8 @@ class Table(TrajectoryServer):
             if now > self.covered_until
         ]
         stamp = self.get_clock().now().to_msg()
-        due = now + (LATE if now < self.late_until else 0.0)
         if now > self.dark_until:
-            self._frames.append((due, encode_sightings(seen, self.file, "world", stamp)))
-        while self._frames and self._frames[0][0] <= now:
-            self._sees.publish(self._frames.popleft()[1])
+            self._sees.publish(encode_sightings(seen, self.file, "world", stamp))
 
     # --- what must not happen --------------------------------------------------------------------
 
@@ -201,10 +195,10 @@ class Table(TrajectoryServer):
 class Hall:
     """A table with the processes of its graph. Use it as a context manager."""
 
-    def __init__(self, folder: Path, twice: bool = False) -> None:
+    def __init__(self, folder: Path) -> None:
         """Start all in a domain of its own."""
         self._stack = ExitStack()
-        self._folder, self._twice = folder, twice
+        self._folder = folder
         self.random = random.Random(str(folder.name))
         self._goals = 0
 
@@ -214,7 +208,7 @@ class Hall:
         stack.enter_context(own_domain())
         stack.enter_context(ros_context())
         options = LaboratoryOptions(model="planar", page=False, bag=self._folder / "bag")
-        self.table = Table(options.bodies_file, self._twice)
+        self.table = Table(options.bodies_file)
         executor = SingleThreadedExecutor()
         executor.add_node(self.table)
         thread = Thread(target=executor.spin, daemon=True)
@@ -343,23 +337,19 @@ def until(name: str) -> Callable[[Hall], None]:
 
 FAULTS: Final[dict[str, tuple[Callable[[Hall], Callable[[], bool]], Callable[[Hall], None]]]] = {
     f"camera dark for {LASTING:g} s": (soon, until("dark_until")),
-    f"frames {LATE:g} s late for {LASTING:g} s": (soon, until("late_until")),
     f"body covered for {LASTING:g} s": (soon, until("covered_until")),
     "a hand moves the body in a stroke": (in_stroke, at_table(Table.move_by_hand)),
     "the controller aborts a stroke": (in_stroke, at_table(Table.abort)),
-    "the controller answers twice": (in_stroke, lambda hall: None),
     f"the enable signal is lost in a stroke for {LASTING:g} s": (in_stroke, pause(ENABLE)),
     **{f"SIGKILL: {name}": (soon, kill(name)) for name in (SCENES, MODEL, PLANNER)},
     **{f"SIGKILL: {name} in a stroke": (in_stroke, kill(name)) for name in ENDING},
 }
-TWICE: Final = "the controller answers twice"
 
 
-def arm_faults(folder: Path, tries: int, only: str = "") -> Iterator[Row]:
+def arm_faults(folder: Path, tries: int) -> Iterator[Row]:
     """Do each fault so often, one goal each."""
     for number, fault in enumerate(FAULTS):
-        if only in fault:
-            yield _row(folder / f"arm_{number}", fault, tries)
+        yield _row(folder / f"arm_{number}", fault, tries)
 
 
 def _row(folder: Path, fault: str, tries: int) -> Row:
@@ -368,7 +358,7 @@ def _row(folder: Path, fault: str, tries: int) -> Row:
     wrong: list[str] = []
     recoveries: list[float] = []
     while len(outcomes) < tries:
-        with Hall(folder / f"{len(outcomes)}", fault == TWICE) as hall:
+        with Hall(folder / f"{len(outcomes)}") as hall:
             try:
                 while len(outcomes) < tries:
                     outcome, recovery = hall.reach(partial(strike, hall), when(hall))

@@ -3,9 +3,8 @@
     ./env python -m benchmarks.faults.enable_signal --tries 50
 
 Driver, laboratory and converter have one executor; both publishers and the pushes another one. A
-goal is wrong that was sent later than `SLACK` after the first `false`; one that was sent before may
-be accepted later, and is cancelled then. Motion is wrong later than `BRAKES` after the driver
-received it, which a busy machine delays: that time is printed.
+goal is wrong that was sent later than `SLACK` after the first `false`. Motion is wrong later than
+`BRAKES` after the driver received it, which a busy machine delays: that time is printed.
 """
 
 import random
@@ -19,7 +18,6 @@ from typing import Any, Final
 
 import numpy as np
 import tyro
-from action_msgs.msg import GoalStatusArray
 from nav_msgs.msg import OccupancyGrid
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
@@ -51,7 +49,6 @@ PATIENT: Final[dict[str, Any]] = {  # the machine may be busy; false counts at o
     "scene_timeout": 5.0,
     "patience": 15.0,
 }
-ACTION: Final = "/scaled_joint_trajectory_controller/follow_joint_trajectory"
 
 
 @dataclass(frozen=True)
@@ -70,11 +67,9 @@ class Owner(Node):
         super().__init__("owner", namespace=NAMESPACE)
         self.scene: Scene | None = None
         self.results: dict[int, PushResult] = {}
-        self.accepted = dict[bytes, float]()  # goals, and when [s]
         self.moved_at, self.reaches = -np.inf, False
         self.create_subscription(Scene, "scene", self._on_scene, RELIABLE)
         self.create_subscription(PushResult, "push_result", self._on_result, RELIABLE)
-        self.create_subscription(GoalStatusArray, f"{ACTION}/_action/status", self._on_goals, 10)
         self.create_subscription(JointState, "/joint_states", self._on_joints, RELIABLE)
         self.create_subscription(OccupancyGrid, "reach_table", self._on_reach, LATCHED)
         self.pushes = self.create_publisher(Push, "push", RELIABLE)
@@ -86,11 +81,6 @@ class Owner(Node):
 
     def _on_result(self, message: PushResult) -> None:
         self.results[message.push_id] = message
-
-    def _on_goals(self, message: GoalStatusArray) -> None:
-        for status in message.status_list:
-            goal = bytes(status.goal_info.goal_id.uuid)
-            self.accepted.setdefault(goal, codec.decode_time(status.goal_info.stamp))
 
     def _on_joints(self, message: JointState) -> None:
         if np.abs(message.velocity).max() > MOVES:
@@ -218,7 +208,6 @@ def one_try(
     wait(executor, lambda: time.monotonic() > end and number + 1 in owner.results)
     since = pendant.since
     late = [at - since for at in arm.sent if at > since + SLACK]
-    accepted = max((at - since for at in owner.accepted.values()), default=-np.inf)
     heard = min((at - since for at in arm.received if at > since), default=np.inf)
     ran = owner.moved_at - since
     code = ErrorCode(owner.results[number + 1].error_code).name
@@ -227,7 +216,7 @@ def one_try(
     wait(executor, lambda: time.monotonic() > restless)
     print(
         f"{number + 1}: {code}; from the first false on, {period} s apart: received {heard:.3f} s,"
-        f" goals sent {late}, last one accepted {accepted:.3f} s, last motion {ran:.3f} s",
+        f" goals sent {late}, last motion {ran:.3f} s",
         flush=True,
     )
     if late:

@@ -4,7 +4,6 @@ import io
 import os
 import random
 import time
-from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -38,6 +37,7 @@ from sain_interfaces.msg import PushResult, Scene
 
 PARTS: Final = (SIMULATOR, MODEL, PLANNER, RECORDER)
 TOLERANCE: Final = 0.02  # [m]
+TIMEOUT: Final = 60.0  # [s]
 NEVER: Final = RestartLimits(crashes=10**9)  # too many crashes: they are what is wanted here
 SAME: Final = 1e-9  # [m] and [rad]: a heading that becomes a quaternion and back is rounded
 
@@ -100,8 +100,6 @@ class Graph:
     supervisor: Supervisor
     director: Director
     observed: Observed
-    folder: Path
-    told: deque[str]
     interference: Callable[[], None] = lambda: None
     seed: int = 0
 
@@ -134,15 +132,8 @@ def own_domain() -> Iterator[None]:
 
 
 @contextmanager
-def graph(
-    folder: Path,
-    options: GraphOptions | None = None,
-    environment: dict[str, str] | None = None,
-    restarts: RestartLimits = NEVER,
-    timeout: float = 60.0,
-) -> Iterator[Graph]:
+def graph(folder: Path, options: GraphOptions) -> Iterator[Graph]:
     """Run a graph with a recording, and end it."""
-    told: deque[str] = deque()
     made: list[Graph] = []
 
     def check() -> None:
@@ -153,18 +144,17 @@ def graph(
     with (
         own_domain(),
         ros_context(),
-        Supervisor(folder, UNHURRIED, restarts, told.append) as supervisor,
+        Supervisor(folder, UNHURRIED, NEVER) as supervisor,
     ):
-        director = Director(check, timeout, supervisor)
+        director = Director(check, TIMEOUT, supervisor)
         observed = Observed()
         director.create_subscription(PushResult, "push_result", observed.on_result, QUEUE)
-        options = options or GraphOptions(bag=folder / "bag")
         try:
             for name, command in graph_commands(options.graph(), ros_arguments(()), folder).items():
                 again = restart_command(name, command)
-                supervisor.start(name, command, environment, patient=name == RECORDER, again=again)
+                supervisor.start(name, command, patient=name == RECORDER, again=again)
             director.wait_for_graph(lambda: supervisor.starting(PARTS), lambda text: None)
-            made.append(Graph(supervisor, director, observed, folder, told))
+            made.append(Graph(supervisor, director, observed))
             yield made[0]
         finally:
             made.clear()

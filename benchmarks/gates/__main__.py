@@ -4,26 +4,24 @@ Each figure is compared with what is allowed, and with the same figure of a base
 allowed is reached, or there is only a baseline, and it is no worse. *open*: not reached, but no
 worse than the baseline. *worse*: than the baseline, beyond its interval or the noise of a time.
 
-`one_push` collects its sample below `--data` on first use; `speed` needs an idle machine; `graph`,
-played only if named, starts the whole graph. All but `graph` take about eight minutes on two idle
-cores. ``--out benchmarks/gates/baseline.json`` makes these figures the baseline.
+`one_push` collects its sample below `--data` on first use; `speed` needs an idle machine. All take
+about eight minutes on two idle cores. ``--out benchmarks/gates/baseline.json`` makes these figures
+the baseline.
 """
 
 import sys
-from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
-from importlib import import_module
 from pathlib import Path
 from time import perf_counter
 from typing import Final, Literal
 
 import tyro
 
+from benchmarks.gates import loops, speed
 from benchmarks.gates.table import Baseline, Gate, print_gates, write_gates
 from sain_core.output import claim_file
 
-Name = Literal["speed", "one_push", "loops", "graph"]
+Name = Literal["speed", "one_push", "loops"]
 BASELINE: Final = Path(__file__).with_name("baseline.json")
 
 
@@ -52,27 +50,18 @@ def main() -> None:
     sound = True
     for name in options.only:
         start = perf_counter()
-        gates = measurement(name, options)()
+        gates = measure(name, options)
         title = f"{name}, {perf_counter() - start:.0f} s"
         sound = print_gates(title, gates, Baseline.read(options.baseline, name)) and sound
         write_gates(options.out, name, gates)
     sys.exit(0 if sound else 1)
 
 
-def measurement(name: Name, options: Options) -> Callable[[], list[Gate]]:
-    """Return what measures a group; others need not be loaded."""
+def measure(name: Name, options: Options) -> list[Gate]:
+    """Measure a group."""
     if name == "one_push":
-        return partial(_of("loops", "measure_one_push"), options.data)
-    if name == "graph":
-        return _of("speed", "measure_graph")
-    return _of(name, "measure")
-
-
-def _of(module: str, function: str) -> Callable[..., list[Gate]]:
-    measure: Callable[..., list[Gate]] = getattr(
-        import_module(f"benchmarks.gates.{module}"), function
-    )
-    return measure
+        return loops.measure_one_push(options.data)
+    return loops.measure() if name == "loops" else speed.measure()
 
 
 if __name__ == "__main__":

@@ -28,7 +28,6 @@ class Gate:
         name: of the figure; a baseline is compared by it.
         value: as measured.
         unit: of the value.
-        before: the figure that the allowed one was set beside; empty: none.
         at_most: what is allowed; None: only the baseline counts.
         at_least: likewise.
         interval: 95 % of the value; None: it has no spread.
@@ -40,7 +39,6 @@ class Gate:
     name: str
     value: float
     unit: str = ""
-    before: str = ""
     at_most: float | None = None
     at_least: float | None = None
     interval: tuple[float, float] | None = None
@@ -92,7 +90,7 @@ class Gate:
 def print_gates(title: str, gates: Iterable[Gate], baseline: "Baseline") -> bool:
     """Print the gates of a group; tell whether none is worse than in the baseline."""
     table = Table(title=title, title_justify="left")
-    for column in ("gate", "before", "allowed", f"baseline {baseline.commit}", "measured"):
+    for column in ("gate", "allowed", f"baseline {baseline.commit}", "measured"):
         table.add_column(column, justify="left" if column == "gate" else "right")
     table.add_column("")
     colours = {OK: "green", OPEN: "yellow", WORSE: "red", "": "default"}
@@ -101,7 +99,7 @@ def print_gates(title: str, gates: Iterable[Gate], baseline: "Baseline") -> bool
         kept = baseline.gates.get(gate.name)
         verdict = gate.verdict(kept)
         sound = sound and verdict != WORSE
-        cells = gate.name, gate.before, gate.allowed, kept.text if kept else "", gate.text
+        cells = gate.name, gate.allowed, kept.text if kept else "", gate.text
         table.add_row(*cells, f"[{colours[verdict]}]{verdict}[/]")
     Console(width=None if sys.stdout.isatty() else WIDTH).print(table)
     return sound

@@ -9,7 +9,7 @@ from typing import Final
 import tyro
 from rich.console import Console
 
-from benchmarks.real import page, pictures
+from benchmarks.real import page
 from benchmarks.real.folds import all_cases
 from benchmarks.real.kept import Kept, all_steps, compute
 from benchmarks.real.measures import Figures, measure
@@ -19,7 +19,7 @@ from benchmarks.real.pushes import PushTable, read_pushes
 from benchmarks.real.rows import Row, fixed_rows, published_rows
 from benchmarks.real.trees import Trees
 from sain_core.errors import DatasetError, SainError
-from sain_core.output import claim_file, claim_folder, write_json
+from sain_core.output import claim_file, claim_folder, write_json, write_whole
 from sain_core.provenance import git_commit, processor
 from sain_model.importing.real_pushes import FOUND_AT
 
@@ -33,13 +33,11 @@ class Options:
     data: Path | None = None
     """recordings, as `ros2 run sain_model real_import` reads them"""
     again: bool = False
-    """make page and pictures again, from the results in the folder; computes nothing"""
+    """make the page again, from the results in the folder; computes nothing"""
     out: Path = Path("results/real")
-    """folder of results, page and pictures; an interrupted run continues with it"""
+    """folder of results and page; an interrupted run continues with it"""
     page: Path | None = None
     """Markdown page to write in place of real.md in that folder"""
-    media: Path | None = None
-    """folder of its pictures; by default that of the page"""
     overwrite: bool = False
     """replace what others wrote there, such as docs/reference/real.md"""
     cases: tuple[str, ...] = ()
@@ -49,22 +47,17 @@ class Options:
 
 
 def main() -> int:
-    """Compute what is not kept, measure it, and write page and pictures."""
+    """Compute what is not kept, measure it, and write the page."""
     options = tyro.cli(Options, description=__doc__)
     console = Console(stderr=True)
     written = options.page or options.out / "real.md"
-    media = options.media or written.parent
     try:
         claim_folder(options.out, (RESULTS,), options.overwrite)
         claim_file(written, options.overwrite)
-        for name in pictures.NAMES:
-            claim_file(media / name, options.overwrite)
         if not options.again:
             write_json(options.out / RESULTS, computed(options, console))
         results = read_results(options.out / RESULTS)
-        for path in pictures.draw_all(results, media):
-            console.print(f"wrote {path}", markup=False, highlight=False, soft_wrap=True)
-        page.write(results, written, media)
+        write_whole(written, page.page(results).encode())
     except SainError as error:
         print(f"error: {error}", file=sys.stderr)
         return 1

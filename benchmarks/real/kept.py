@@ -26,7 +26,7 @@ SOURCES: Final = (  # that predictions depend on
     *("sain_model.physics", "sain_model.training", "sain_core.shapes", "benchmarks.real"),
 )
 DEGREE: Final = np.pi / 180.0
-SHOWING: Final = ("page", "pictures", "measures", "single", "__main__")  # not of them
+SHOWING: Final = ("page", "measures", "__main__")  # not of them
 
 
 @dataclass(frozen=True)

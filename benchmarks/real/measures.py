@@ -1,7 +1,6 @@
 """What predictions of real pushes are worth: errors, noise, regions, for one file of JSON."""
 
 from collections.abc import Mapping, Sequence
-from itertools import pairwise
 from typing import Any, Final
 
 import numpy as np
@@ -10,16 +9,14 @@ from numpy import ndarray
 
 from benchmarks.real.folds import Case
 from benchmarks.real.kept import DEGREE, Kept, Outcome, outcome, pose_errors, rows_of
-from benchmarks.real.pushes import Names, PushTable
-from benchmarks.real.rows import LEVELS, STATED, Row
-from benchmarks.real.single import examples, field
+from benchmarks.real.pushes import PushTable
+from benchmarks.real.rows import Row
 from sain_core.randomness import bootstrap_mean, generator
 from sain_core.scene import unit
 
 Figures = dict[str, Any]
 
 NEAR: Final = 0.5e-3  # [m], between the starts and between the ends of what counts as repeats
-ANGLES: Final = (0, 10, 20, 30, 40, 50, 60, 90)  # [degrees], ends of bins
 
 
 def measure(
@@ -51,10 +48,6 @@ def measure(
             }
             for case in cases
         },
-        "by_object": grouped(main, pushes.object),
-        "by_angle": grouped(main, angle_names(pushes)),
-        "field": field(pushes, main),
-        "examples": examples(pushes, main, rows[-1].key),
         "seconds": {
             key: sum(one[key].seconds for one in found.values() if key in one) for key in main
         },
@@ -131,45 +124,20 @@ def noise(pushes: PushTable, main: Mapping[str, Outcome], seed: int) -> Figures:
     return found
 
 
-# --- groups of pushes -----------------------------------------------------------------------------
-
-
-def angle_names(pushes: PushTable) -> Names:
-    """Return the bin of the angle between motion and normal of each push (M,)."""
-    names = [f"{low} to {high}" for low, high in pairwise(ANGLES)]
-    place = np.searchsorted(np.array(ANGLES[1:]) * DEGREE, pushes.slant)
-    return np.array([*names, "no contact"], dtype=object)[np.minimum(place, len(names))]
-
-
-def grouped(main: Mapping[str, Outcome], names: Names) -> Figures:
-    """Return the number of pushes and the mean errors of each row by groups of pushes."""
-    found: Figures = {}
-    for name in np.unique(names):
-        found[str(name)] = {"pushes": 0, "mm": {}, "degrees": {}}
-        for key, one in main.items():
-            here = names[one.rows] == name
-            found[str(name)]["pushes"] = int(here.sum())
-            found[str(name)]["mm"][key] = float(one.mm[here].mean())
-            found[str(name)]["degrees"][key] = float(one.degrees[here].mean())
-    return found
-
-
 def regions_of(one: Outcome, pushes: PushTable) -> Figures:
-    """Return how often regions hold what happened, for each level and for each object."""
+    """Return how often regions hold what happened, in all and for each object."""
     radius, turn = one.predicted.radius, one.predicted.turn
     assert radius is not None and turn is not None
     sizes = {"mm": 1e3 * radius, "degrees": turn / DEGREE}
     errors = {"mm": one.mm, "degrees": one.degrees}
-    held = {name: errors[name][:, None] <= size for name, size in sizes.items()}
-    stated = LEVELS.index(STATED)
+    held = {name: errors[name] <= size for name, size in sizes.items()}
     objects = pushes.object[one.rows]
     return {
         name: {
-            "held": some.mean(axis=0).tolist(),
-            "size": float(sizes[name][:, stated].mean()),
+            "held": float(some.mean()),
+            "size": float(sizes[name].mean()),
             "by_object": {
-                str(body): float(some[objects == body, stated].mean())
-                for body in np.unique(objects)
+                str(body): float(some[objects == body].mean()) for body in np.unique(objects)
             },
         }
         for name, some in held.items()

@@ -13,7 +13,7 @@ from numpy import ndarray
 from benchmarks.real.folds import first_of_each_body
 from benchmarks.real.physics import IdentifiedPhysics, Physics
 from benchmarks.real.pushes import PushTable
-from benchmarks.real.rows import LEVELS, PARTS, STATED, Predicted, Predictor
+from benchmarks.real.rows import PARTS, STATED, Predicted, Predictor
 from sain_core.model import IdentityPrior
 from sain_core.randomness import generator
 from sain_core.scene import POSE
@@ -34,9 +34,6 @@ from sain_model.training.trainer import Trainer
 
 NEW_SHARE: Final = 0.2  # of the objects, that stand for new ones
 JUDGED: Final = 60  # pushes of each body that regions of new ones are fitted to
-STATED_LEVEL: Final = LEVELS.index(STATED)
-
-Levels = Sequence[Intervals]  # regions at each of `LEVELS`
 
 SETTINGS: Final = TrainingConfig(
     history=NOTHING,
@@ -148,12 +145,12 @@ class OfKnown:
         """Return the members' mean, and regions that follow each body's errors in `held`."""
         parts = self.held.dataset.parts
         predictions = [self.predicted(part) for part in parts]
-        levels = regions_at_levels(predictions, parts)
-        widening = _of_bodies(levels[STATED_LEVEL], predictions, parts)
+        regions = fit_regions(predictions, parts, STATED)
+        widening = _of_bodies(regions, predictions, parts)
         found = []
         for part in pushes.dataset.parts:
             factors = np.stack([widening.get(name, np.ones(2)) for name in body_names(part)], 1)
-            found.append(_stated(self.predicted(part), part, levels, factors))
+            found.append(_stated(self.predicted(part), part, regions, factors))
         return joined(found)
 
     def predicted(self, part: Part, corrected: bool = True) -> Prediction:
@@ -185,16 +182,16 @@ class OfKnownAndNew:
             parts.append((np.flatnonzero(known), trained.predict(pushes.select(known))))
         if not known.all():
             model = self.row.trained(self.train, self.physics, known=False).model
-            levels = self.regions_of_new(model)
-            model = with_intervals(model, levels[STATED_LEVEL])
+            regions = self.regions_of_new(model)
+            model = with_intervals(model, regions)
             for body in np.unique(pushes.body[~known]):
                 rows = np.flatnonzero(pushes.body == body)
-                found = self.of_new(model, levels, body, pushes.select(rows))
+                found = self.of_new(model, regions, body, pushes.select(rows))
                 parts.append((rows, found))
         return joined([one for _, one in parts], np.concatenate([rows for rows, _ in parts]))
 
     def of_new(
-        self, model: SainDynamics, levels: Levels, body: str, pushes: PushTable
+        self, model: SainDynamics, regions: Intervals, body: str, pushes: PushTable
     ) -> Predicted:
         """Predict pushes of a body by a model that is conditioned on its own pushes."""
         (part,) = pushes.dataset.parts
@@ -206,9 +203,9 @@ class OfKnownAndNew:
         rows = conditioned.now.repeated(len(part))
         prediction = conditioned.predict_rows(part.state, part.action, rows)
         factors = np.repeat(conditioned.widening[:, None], len(part), axis=1)
-        return _stated(prediction, part, levels, factors)
+        return _stated(prediction, part, regions, factors)
 
-    def regions_of_new(self, model: SainDynamics) -> Levels:
+    def regions_of_new(self, model: SainDynamics) -> Intervals:
         """Return regions for bodies that nothing is known of but as many own pushes as here.
 
         They are fitted to bodies of the training, each predicted from so few of its pushes.
@@ -218,7 +215,7 @@ class OfKnownAndNew:
         kind = self.physics.kind
         as_new = OfKnown(model, Physics(kind, infer_bodies(kind, few.dataset)), others)
         parts = others.dataset.parts
-        return regions_at_levels([as_new.predicted(part, False) for part in parts], parts)
+        return fit_regions([as_new.predicted(part, False) for part in parts], parts, STATED)
 
 
 def _few_and_others(pushes: PushTable, count: int) -> tuple[PushTable, PushTable]:
@@ -231,15 +228,6 @@ def _few_and_others(pushes: PushTable, count: int) -> tuple[PushTable, PushTable
 
 
 # --- regions --------------------------------------------------------------------------------------
-
-
-def regions_at_levels(predictions: Sequence[Prediction], parts: Sequence[Part]) -> Levels:
-    """Return regions at all levels, with the scores of the stated one."""
-    stated = fit_regions(predictions, parts, STATED)
-    return [
-        stated if level == STATED else fit_regions(predictions, parts, level, stated)
-        for level in LEVELS
-    ]
 
 
 def _of_bodies(
@@ -262,13 +250,12 @@ def _of_bodies(
 
 
 def _stated(
-    prediction: Prediction, part: Part, levels: Levels, factors: Float[ndarray, "2 M"]
+    prediction: Prediction, part: Part, regions: Intervals, factors: Float[ndarray, "2 M"]
 ) -> Predicted:
-    """Return poses with regions that do not become smaller where the level rises."""
-    about = [with_regions(one, prediction, part).widened(factors) for one in levels]
-    sizes = (np.stack([getattr(one, name)[:, 0] for one in about], 1) for name in PARTS[1:])
-    risen = [np.maximum.accumulate(size, axis=1) for size in sizes]
-    return Predicted(prediction.mean[:, 0, POSE], *risen)
+    """Return poses with regions."""
+    about = with_regions(regions, prediction, part).widened(factors)
+    sizes = (getattr(about, name)[:, 0] for name in PARTS[1:])
+    return Predicted(prediction.mean[:, 0, POSE], *sizes)
 
 
 def joined(parts: Sequence[Predicted], rows: Indices | None = None) -> Predicted:

@@ -1,14 +1,10 @@
 """docs/reference/real.md, from the file of results: no number of it is written by hand."""
 
-import os
 from collections.abc import Iterator, Mapping, Sequence
-from pathlib import Path
 from typing import Any, Final
 
 from benchmarks.real.measures import Figures
-from benchmarks.real.pictures import own_counts
-from benchmarks.real.rows import LEVELS, STATED
-from sain_core.output import write_whole
+from benchmarks.real.rows import STATED
 
 OURS: Final = ("sain", "identified", "learned")  # rows of the sentence above the first table
 SOURCE: Final = (
@@ -21,7 +17,7 @@ OWN: Final = "The data are recordings of your own."
 ABOUT: Final = """# Real pushes
 
 For users who own a robot: how well models predict pushes of real objects that a real robot made.
-`make real DATA=PATH` writes this page and its pictures.
+`make real DATA=PATH` writes this page.
 
 <!-- not tested: needs the data, and an hour -->
 ```
@@ -53,18 +49,16 @@ HOW: Final = """## How it is measured
 """
 
 
-def page(results: Figures, media: str) -> str:
-    """Return the page in Markdown; pictures are at `media`, seen from the page."""
+def page(results: Figures) -> str:
+    """Return the page in Markdown."""
     parts = [
         ABOUT,
         _data(results),
         *_result(results),
         *_noise(results),
-        *_pictures(results, media, "objects", "angles"),
         *_training(results),
-        *_left_out(results, media),
-        *_regions(results, media),
-        *_pictures(results, media, "pushes", "field"),
+        *_left_out(results),
+        *_regions(results),
         HOW,
         _provenance(results),
     ]
@@ -150,36 +144,6 @@ def _noise(results: Figures) -> Iterator[str]:
     yield table(("model", "noise in position", "noise in heading"), rows)
 
 
-TEXTS: Final = {
-    "objects": "Errors by object, five folds. Brackets: number of pushes.",
-    "angles": "Errors by the angle between the tool's motion and the normal at the first contact.",
-    "own": "Errors on objects that were left out, by the number of own pushes.",
-    "regions": "How often regions hold what happened, over their level.",
-}
-
-
-def _pictures(results: Figures, media: str, *names: str) -> Iterator[str]:
-    for name in names:
-        yield f"{_text(results, name)}\n\n![{_text(results, name)}]({media}/real_{name}.png)"
-
-
-def _text(results: Figures, name: str) -> str:
-    if name == "pushes":
-        quantiles = ", ".join(f"{100 * one['quantile']:.0f}" for one in results["examples"])
-        return (
-            "Pushes: before (light), after (filled), predicted (lines) and the tool (red). Errors"
-            " of the last model are at these percentiles of its errors on the object:"
-            f" {quantiles}."
-        )
-    if name == "field":
-        field = results["field"]
-        return (
-            f"What predictions leave on `{field['object']}`, {field['pushes']:,} pushes: mean of"
-            " truth less prediction. Right is along the outline, up is into the body."
-        )
-    return TEXTS[name]
-
-
 def _training(results: Figures) -> Iterator[str]:
     sizes = [key for key in results["cases"] if key.startswith("train_")]
     if not sizes:
@@ -187,14 +151,6 @@ def _training(results: Figures) -> Iterator[str]:
     yield "## By number of training pushes"
     yield "Five folds; position [mm] and heading [degrees]."
     yield _by_case(results, [*sizes, "folds"], ["all"])
-    yield from _ratio(results, sizes[0])
-
-
-def _ratio(results: Figures, key: str) -> Iterator[str]:
-    errors = results["cases"][key]["errors"]
-    if {"sain", "learned"} <= set(errors):
-        ratio = errors["sain"]["mm"][0] / errors["learned"]["mm"][0]
-        yield f"With {results['cases'][key]['title']}, SAIN / learned only is {ratio:.2f}."
 
 
 def _by_case(results: Figures, keys: Sequence[str], last: Sequence[str] = ()) -> str:
@@ -213,8 +169,8 @@ def _pair(errors: Figures | None) -> str:
     return f"{errors['mm'][0]:.2f}, {errors['degrees'][0]:.1f}"
 
 
-def _left_out(results: Figures, media: str) -> Iterator[str]:
-    if counts := own_counts(results):
+def _left_out(results: Figures) -> Iterator[str]:
+    if counts := sorted(int(k[7:]) for k in results["cases"] if k.startswith("object_")):
         yield "## An object left out"
         case = results["cases"][f"object_{counts[0]}"]
         yield (
@@ -222,7 +178,6 @@ def _left_out(results: Figures, media: str) -> Iterator[str]:
             f" {case['pushes']:,} pushes; position [mm] and heading [degrees] by own pushes."
         )
         yield _by_case(results, [f"object_{count}" for count in counts])
-        yield from _pictures(results, media, "own")
         if "object_20" in results["cases"]:
             yield "With intervals, 20 own pushes of each body:"
             yield _errors(results, results["cases"]["object_20"])
@@ -233,12 +188,11 @@ def _left_out(results: Figures, media: str) -> Iterator[str]:
             yield _errors(results, case)
 
 
-def _regions(results: Figures, media: str) -> Iterator[str]:
+def _regions(results: Figures) -> Iterator[str]:
     cases = {key: case for key, case in results["cases"].items() if case["regions"]}
     if not cases:
         return
     yield "## Regions"
-    level = LEVELS.index(STATED)
     yield (
         f"Regions of {100 * STATED:.0f} %: how many pushes they hold, in all and for the objects"
         " with the fewest and the most, and their mean size."
@@ -246,22 +200,20 @@ def _regions(results: Figures, media: str) -> Iterator[str]:
     rows = [
         (
             f"{results['rows'][key]}, {case['title']}",
-            *_held(found["mm"], level),
-            *_held(found["degrees"], level),
+            *_held(found["mm"]),
+            *_held(found["degrees"]),
         )
         for case in cases.values()
         for key, found in case["regions"].items()
     ]
     sizes = ("position", "by object", "mm", "heading", "by object", "degrees")
     yield table(("model and case", *sizes), rows)
-    if {"folds", "object_20", "surface_20"} & set(cases):
-        yield from _pictures(results, media, "regions")
 
 
-def _held(found: Mapping[str, Any], level: int) -> list[str]:
+def _held(found: Mapping[str, Any]) -> list[str]:
     of = found["by_object"].values()
     return [
-        f"{100 * found['held'][level]:.1f} %",
+        f"{100 * found['held']:.1f} %",
         f"{100 * min(of):.0f} to {100 * max(of):.0f} %",
         f"{found['size']:.1f}",
     ]
@@ -275,8 +227,3 @@ def _provenance(results: Figures) -> str:
         f" {minutes:.0f} minutes of computing. The seed of folds, own pushes, training and"
         f" bootstrap is {made['seed']}. The data have SHA-256 {results['data']['sha256'][:12]}."
     )
-
-
-def write(results: Figures, path: Path, media: Path) -> None:
-    """Write the page; its pictures are in the folder `media`."""
-    write_whole(path, page(results, os.path.relpath(media, path.parent)).encode())

@@ -15,7 +15,6 @@ from sain_core.errors import DatasetError
 from sain_core.output import claim_folder
 from sain_core.push import LENGTH, SPEED, START, TIP_RADIUS, is_stroke, push_direction
 from sain_core.scene import POSE, RADIUS, THETA, unit, wrap_angle
-from sain_core.shapes.library import get_shape
 from sain_core.storage import read_arrays
 from sain_core.types import Angles, Indices, Mask, Points, Scalars
 from sain_model.data.dataset import Dataset, Part, load_dataset
@@ -31,7 +30,6 @@ Names = ndarray  # of texts, (M,)
 PUBLISHED: Final = "sim_"  # names of arrays of predicted poses begin so
 TIP_START, BEFORE = "tip_init", "init_pose"  # arrays beside them
 ALIKE: Final = 1e-6  # [m], within which starts of the tool are the same
-MISSED: Final = np.pi  # [rad], larger than any angle between a motion and a normal
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,12 +120,6 @@ class PushTable:
         return np.asarray(self.distance <= self.length)
 
     @cached_property
-    def slant(self) -> Angles:
-        """The angle (M,) [rad] between the motion and the body's normal at the first contact."""
-        away = np.abs(wrap_angle(self.heading - self.normal))
-        return np.where(self.touches, away, MISSED)
-
-    @cached_property
     def contact(self) -> Points:
         """Where the tool first touches the body (M, 2) [m]; of a miss the end of its travel."""
         gone = np.where(self.touches, self.distance, self.length)
@@ -152,10 +144,6 @@ class PushTable:
         """Return the poses that moves (M, 3) in the frames of the bodies lead to."""
         place = self.before[:, :2] + turned(moves[:, :2], self.before[:, 2])
         return np.column_stack([place, wrap_angle(self.before[:, 2] + moves[:, 2])])
-
-    def outline(self, index: int) -> Points:
-        """Return the outline (C, 2) [m] of a body in its frame."""
-        return get_shape(str(self.shape[index])).outline(float(self.radius[index]))
 
 
 def turned(vectors: Points, angles: Angles) -> Points:

@@ -4,19 +4,17 @@ from dataclasses import dataclass, replace
 from typing import Final, Protocol
 
 import numpy as np
-from jaxtyping import Float
-from numpy import ndarray
 
 from benchmarks.real.pushes import Poses, PushTable
 from sain_core.model import IdentityPrior, Model, load_dynamics
 from sain_core.scene import POSE
+from sain_core.types import Scalars
 from sain_model.dynamics.sain import SainDynamics
 from sain_model.inference.kinds import surface_kind
 
-LEVELS: Final = (0.1, 0.25, 0.5, 0.75, 0.9, 0.95)  # of regions
 PARTS: Final = ("poses", "radius", "turn")  # of a prediction
 SHIPPED: Final = "sain"  # its name
-STATED: Final = 0.9  # the level that models state their regions at
+STATED: Final = 0.9  # the level of regions
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,13 +23,13 @@ class Predicted:
 
     Attributes:
         poses: after the pushes.
-        radius: [m], of the circle about the place for each level; None: no regions.
-        turn: [rad], half of the interval about the heading for each level; None likewise.
+        radius: [m], of the circle about the place; None: no regions.
+        turn: [rad], half of the interval about the heading; None likewise.
     """
 
     poses: Poses
-    radius: Float[ndarray, "M L"] | None = None
-    turn: Float[ndarray, "M L"] | None = None
+    radius: Scalars | None = None
+    turn: Scalars | None = None
 
 
 class Predictor(Protocol):

@@ -7,13 +7,12 @@ The planner brings targets to goals of `anywhere` within 0.5 cm, with the model 
 laboratory. Every push is predicted by planar physics, by the shipped model, and by the model in
 service, all with the earlier pushes of the episode, before it is learned from. A training ends
 `TRAINING` pushes after it began, as on a robot that needs 6 s a push. What was stopped goes on.
-`--stream` takes the pushes of an earlier run, whose planner had another model, in place of playing.
 """
 
 import argparse
 import json
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
@@ -24,13 +23,11 @@ from sain_core.errors import SainError
 from sain_core.model import RolloutModel, load_dynamics
 from sain_core.output import claim_folder, write_json
 from sain_core.randomness import Interval, bootstrap_ratio, generator
-from sain_core.scene import POSITION
 from sain_core.shapes.bodies import Bodies
 from sain_core.transitions import PushHistory
 from sain_core.types import PredictedScenes, PushSequences, Scene
 from sain_eval.scenes.families import ScenarioScene
 from sain_eval.scenes.scenarios import draw_scene
-from sain_lab.keeping.laboratory import Laboratory
 from sain_lab.keeping.results import Result
 from sain_lab.learner import Learner, Lesson, prediction_error
 from sain_lab.teaching.lesson_plan import Watched
@@ -48,9 +45,6 @@ LABS: Final = {
     **{f"rough_{lab}": TruthConfig(ROUGH, lab=lab, engine=BULLET) for lab in (101, 102, 103)},
     **{f"measured_{lab}": TruthConfig(MEASURED, lab=lab, engine=MUJOCO) for lab in (101, 102)},
 }
-SHIFTED: Final = "shifted"  # MuJoCo with one friction, which is doubled
-SHIFT_AT: Final = 150
-FRICTION: Final = 0.12
 SEED: Final = 300_000  # of the first scene
 PUSHES: Final = 350
 TOLERANCE: Final = 0.005  # [m]
@@ -58,7 +52,6 @@ TRAINING: Final = 10  # pushes
 NEXT: Final = 50  # pushes that the error of the next one is the mean of
 TARGETS: Final = {25: (0.8, 0.85), 100: (0.65, 0.75), 300: (0.55, 0.7)}  # measured: the second
 WORST: Final = 1.05
-BACK: Final = 1.1
 SHIPPED, PLANAR, SERVICE = "shipped", "planar", "service"
 
 
@@ -103,10 +96,7 @@ class Work:
     def case(self, seed: int) -> ScenarioScene:
         """Return a scene of this laboratory."""
         case = draw_scene("anywhere", seed)
-        if self.name != SHIFTED:
-            return case.within(LABS[self.name])
-        doubled = 2.0 if len(self.rows) >= SHIFT_AT else 1.0
-        return replace(case.within(LABS["mujoco"]), friction=doubled * FRICTION)
+        return case.within(LABS[self.name])
 
     def run(self, pushes: int) -> None:
         """Work until there are so many pushes."""
@@ -126,19 +116,6 @@ class Work:
                 except SainError as error:
                     print(f"{self.name} scene {seed}: {error}", flush=True)
             seed += 1
-
-    def stream(self, results: Iterator[Result], most: int) -> None:
-        """Learn from pushes that were made before, as if they were made now."""
-        episode, history = "", PushHistory.empty()
-        for number, result in enumerate(results):
-            if number < len(self.rows):
-                continue
-            if len(self.rows) >= most:
-                return
-            if result.episode != episode:
-                episode, history = result.episode, PushHistory.empty(len(result.before))
-            self.learn(result, history)
-            history = history.then(result.before, result.push, result.after)
 
     def learn(self, result: Result, history: PushHistory) -> None:
         """Learn from a push, and keep what was measured of it."""
@@ -166,29 +143,6 @@ class Work:
             print(f"{self.name} {len(self.rows)}: {event}", flush=True)
 
 
-def pushes_of(path: Path) -> Iterator[Result]:
-    """Yield the pushes of a laboratory."""
-    for record in Laboratory(path).records():
-        if record["kind"] == "push":
-            yield Result.of_record(record)
-
-
-def with_noise(results: Iterator[Result], deviation: float) -> Iterator[Result]:
-    """Yield results whose places [m] were seen with noise, those of a scene once."""
-    random, seen = generator(0, "noise"), ("", np.empty(0))
-    for one in results:
-        before, after = one.before.copy(), one.after.copy()
-        shape = before[:, POSITION].shape
-        if one.episode == seen[0]:
-            before[:, POSITION] = seen[1]
-        else:
-            before[:, POSITION] += random.normal(0.0, deviation, shape)
-        after[:, POSITION] += random.normal(0.0, deviation, shape)
-        seen = one.episode, after[:, POSITION]
-        noise = np.full(len(before), deviation * 2**0.5)
-        yield replace(one, before=before, after=after, noise=noise, identity="")
-
-
 def figures_of(name: str, rows: list[dict[str, Any]]) -> Iterator[tuple[Figure, Interval]]:
     """Yield the figures of a laboratory with their intervals."""
     rows = [row for row in rows if not row["reason"] and PLANAR in row["errors"]]
@@ -200,9 +154,6 @@ def figures_of(name: str, rows: list[dict[str, Any]]) -> Iterator[tuple[Figure, 
     def ratio(above: np.ndarray, below: np.ndarray, some: slice) -> Interval:
         return bootstrap_ratio(above[some], below[some], generator(0, "learning"), seeds[some])
 
-    if name == SHIFTED:
-        yield from _return(planar, service, seeds)
-        return
     for count, targets in TARGETS.items():
         some = slice(count, count + NEXT)
         if len(rows) < count + NEXT // 3:
@@ -221,48 +172,22 @@ def figures_of(name: str, rows: list[dict[str, Any]]) -> Iterator[tuple[Figure, 
         yield Figure(f"{name}: worst {NEXT} pushes, over planar", worst[0], "", WORST), worst
 
 
-def _return(
-    planar: np.ndarray, service: np.ndarray, seeds: np.ndarray
-) -> Iterator[tuple[Figure, Interval]]:
-    """Yield after how many pushes the error is back, in units of that of planar physics."""
-    if len(service) < SHIFT_AT + NEXT:
-        return
-    before = slice(SHIFT_AT - 100, SHIFT_AT)
-    usual = service[before].mean() / planar[before].mean()
-    back = float("inf")
-    for first in range(SHIFT_AT, len(service) - 24):
-        some = slice(first, first + 25)
-        if service[some].mean() / planar[some].mean() <= BACK * usual:
-            back = float(first - SHIFT_AT)
-            break
-    name = "friction doubled: pushes until the error is back within 10 %"
-    yield Figure(name, back, "pushes", 25), Interval(back, np.nan, np.nan)
-
-
 def main() -> None:
     """Work in one laboratory, or report of all."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--out", type=Path, required=True)
-    parser.add_argument("--lab", choices=(*LABS, SHIFTED))
+    parser.add_argument("--lab", choices=tuple(LABS))
     parser.add_argument("--pushes", type=int, default=PUSHES)
-    parser.add_argument("--stream", type=Path, help="laboratory whose pushes are learned from anew")
-    parser.add_argument("--noise", type=float, default=0.0, help="of places that are streamed [m]")
     options = parser.parse_args()
     claim_folder(options.out, ("intervals.json",))
     if options.lab:
         compile_kernels()
         with Learner.named(str((options.out / options.lab).absolute())) as learner:
             work = Work(options.lab, options.out, learner)
-            if options.stream:
-                results = pushes_of(options.stream)
-                if options.noise:
-                    results = with_noise(results, options.noise)
-                work.stream(results, options.pushes)
-            else:
-                work.run(options.pushes)
+            work.run(options.pushes)
         return
     figures, intervals = [], {}
-    for name in (*LABS, SHIFTED):
+    for name in LABS:
         path = options.out / f"{name}.jsonl"
         rows = [json.loads(line) for line in path.read_text().splitlines()] if path.exists() else []
         for figure, interval in figures_of(name, rows):

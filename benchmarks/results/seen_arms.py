@@ -27,7 +27,6 @@ from benchmarks.results.arms import (
     feasibility_of,
     summary_of,
 )
-from benchmarks.results.seeing import model_of
 from sain_arm.laboratory.laboratory_config import LaboratoryConfig
 from sain_arm.laboratory.sight import LaboratoryView
 from sain_arm.laboratory.world import LaboratoryWorld
@@ -52,6 +51,7 @@ from sain_vision.detection.arm_mask import ArmMask
 from sain_vision.detection.outlines import OutlineConfig, OutlineFinder
 from sain_vision.detection.sighting import Sighting
 from sain_vision.detection.tags import TagConfig, TagFinder, TagLocator
+from sain_vision.optics import CameraModel
 from sain_vision.scene.body_track import Observed, TrackingConfig
 from sain_vision.scene.scene_tracker import SceneTracker
 
@@ -90,13 +90,15 @@ class ImageSight(Sight):
             config = replace(config, width=640, height=480, detail=1.0)
         view = LaboratoryView(world.cell, config)
         self._camera = ImageCamera(config, view, bodies.tags)
-        self._model, self._period = model_of(config), 1.0 / config.rate
+        self._period = 1.0 / config.rate
+        size, lens = (config.width, config.height), np.array(config.distortion)
+        self._model = CameraModel(*size, config.matrix, lens, *config.stated_pose)
         self._random = generator(seed, "images")
         self._outlines = OutlineFinder(bodies, OutlineConfig()) if see == OUTLINES else None
         self._mask = ArmMask(world.cell.robot)
         self._tags = TagFinder(TagConfig()), TagLocator(bodies, TagConfig())
         self._last: dict[int, np.ndarray] = {}
-        self._pushes = self.cleared = 0
+        self._pushes = 0
         self.tracker = SceneTracker(bodies, TrackingConfig(noise=SEEN_NOISE[see]))
 
     @property
@@ -131,7 +133,6 @@ class ImageSight(Sight):
             if self.tracker.settled:
                 return True
             if turns and self.time > began + HIDDEN * (1 + len(ASIDE) - len(turns)):
-                self.cleared += 1
                 with suppress(UnreachableError, BlockedError):
                     self.world.clear_view(self.world.observe(), turns.pop(0))
         return False
@@ -173,8 +174,7 @@ def main(options: SeenArmsOptions) -> None:
         if seed in [row["seed"] for row in rows]:
             continue
         rows.append(play_episode(robot, bodies, poses, goal, config, seed, options))
-        hidden = sum(row["hidden"] for row in rows)
-        found[name]["summary"] = summary_of(rows) | {"hidden": hidden}
+        found[name]["summary"] = summary_of(rows)
         write_json(options.out, found)
         print(json.dumps(rows[-1]), flush=True)
     print(name, json.dumps(found[name]["summary"]), flush=True)
@@ -233,7 +233,6 @@ def play_episode(
         "failure": played.failure,
         "off_mm": round(1e3 * off, 2),
         "turn": round(abs(turn), 4),
-        "hidden": sight.cleared,
     } | counts_of(world, began, wall)
 
 

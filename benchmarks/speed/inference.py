@@ -1,12 +1,11 @@
 """How fast SAIN predicts.
 
-A rollout of K = 1024, H = 15, N = 2 in this process, beside its prior alone, beside PyTorch step by
-step, and the share of the machine's measured matrix-multiply peak that the network part reaches.
+A rollout of K = 1024, H = 15, N = 2 in this process, beside PyTorch step by step, and the share of
+the machine's measured matrix-multiply peak that the network part reaches.
 Times are the shortest of many, taken in turns. Processor time hardly depends on who else uses the
 machine; the load average says whether anybody did.
 """
 
-import os
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -89,30 +88,22 @@ def rollouts(sain: SainDynamics, options: Options) -> list[Figure]:
     times = fastest(
         {
             "rollout": lambda: sain.rollout(scene, sequences),
-            "prior": lambda: sain.physics.rollout(scene, sequences),
             "network": lambda: sain.correct(before, pushes, physics),
             "reference": lambda: reference.rollout(scene, sequences),
             "peak": peak(threads),
-            "peak of one": peak(1),
         },
         options.repeats,
     )
     work = multiplications(sain, len(scene)) * len(pushes)
     most = 2.0 * SIZE**3 / times["peak"].wall
-    most_of_one = 2.0 * SIZE**3 / times["peak of one"].processor
     rollout, network, old = times["rollout"], times["network"], times["reference"]
     return [
         Figure(f"rollout on {threads} cores", 1e3 * rollout.wall, "ms", at_most=60.0),
-        Figure("its processor time, all cores", 1e3 * rollout.processor, "ms"),
-        Figure("processor time of its prior, step by step", 1e3 * times["prior"].processor, "ms"),
-        Figure("of its network, features included", 1e3 * network.processor, "ms"),
         Figure("PyTorch step by step / rollout", old.wall / rollout.wall, "times"),
         Figure("the same in processor time", old.processor / rollout.processor, "times"),
         Figure("difference of the two", 1e9 * far, "nm", at_most=1000.0),
         Figure(f"matrix-multiply peak of {threads} cores", 1e-9 * most, "GFLOP/s"),
-        Figure("matrix-multiply peak of one", 1e-9 * most_of_one, "GFLOP/s"),
         Figure("share of the peak, network and features", work / network.wall / most, ""),
-        Figure("the same in processor time", work / network.processor / most_of_one, ""),
     ]
 
 
@@ -123,7 +114,6 @@ def main() -> None:
     if not isinstance(sain, SainDynamics):
         sys.exit(f"{options.model} has no network")
     figures = rollouts(sain, options)
-    figures.append(Figure("load average meanwhile", os.getloadavg()[0], ""))
     title = f"Inference, K = {SAMPLES}, H = {HORIZON}, N = 2"
     report(title, figures, options.out)
 

@@ -40,7 +40,7 @@ class MadeBag:
             self._store.register(get_types_from_msg(self._definitions.text(full), full))
         self._now, self._scene_id = 1_700_000_000_000_000_000, 0
 
-    def pushes(self, count: int, first: int = 1, results: bool = True) -> None:
+    def pushes(self, count: int, first: int = 1) -> None:
         """Write pushes, each planned from the scene that the one before led to."""
         for number in range(first, first + count):
             episode = 1 + number // PUSHES_AN_EPISODE
@@ -48,25 +48,19 @@ class MadeBag:
                 self._scene_id += 1
                 poses = [self._make("GoalPose", body=1, x=0.8, y=0.1, tolerance=0.02)]
                 self._send("goal", "Goal", goal_id=episode, episode_id=episode, poses=poses)
-            self._push(number, episode, results)
+            self._push(number, episode)
 
-    def scenes(self, count: int, beside: bool = True) -> None:
+    def scenes(self, count: int) -> None:
         """Write scenes of something that moves, at 100 Hz, and what else a graph says."""
         message = self._scene(1, settled=False)
         data = self._serialize("Scene", message)
         for _ in range(count):
             self._write("/sain/scene", "sain_interfaces/msg/Scene", data, PERIOD)
-            for topic, (kind, size) in (BESIDE if beside else {}).items():
+            for topic, (kind, size) in BESIDE.items():
                 fresh = self._random.bytes(min(size, CHANGING))
                 self._write(topic, kind, bytes(size - len(fresh)) + fresh, 0)
 
-    def images(self, count: int, size: int) -> None:
-        """Write images of a camera that nobody asked for."""
-        data = self._random.bytes(size)
-        for _ in range(count):
-            self._write("/camera", "sensor_msgs/msg/Image", data, PERIOD)
-
-    def _push(self, number: int, episode: int, result: bool) -> None:
+    def _push(self, number: int, episode: int) -> None:
         ids: dict[str, Any] = {"push_id": number, "episode_id": episode}
         angles = self._random.uniform(-0.7, 0.7, 2)
         before = self._scene(episode)
@@ -77,18 +71,13 @@ class MadeBag:
         self._write("/sain/push", "sain_interfaces/msg/Push", self._serialize("Push", push))
         self._scene_id += 1
         after = self._scene(episode)
-        if result:
-            prediction = self._make(
-                "Prediction", error_code=1, model="bullet_nominal", disks=self._disks()
-            )
-            self._send(
-                "push_result", "PushResult", **ids, error_code=1, push=push, before=before,
-                after=after, duration=1.25, prediction=prediction,
-            )  # fmt: skip
-        else:
-            for scene in (before, after):
-                data = self._serialize("Scene", scene)
-                self._write("/sain/scene", "sain_interfaces/msg/Scene", data)
+        prediction = self._make(
+            "Prediction", error_code=1, model="bullet_nominal", disks=self._disks()
+        )
+        self._send(
+            "push_result", "PushResult", **ids, error_code=1, push=push, before=before,
+            after=after, duration=1.25, prediction=prediction,
+        )  # fmt: skip
 
     def _scene(self, episode: int, settled: bool = True) -> Any:
         header = self._make("Header", package="std_msgs", frame_id="world")

@@ -18,6 +18,7 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks.faults.running import own_domain
 from benchmarks.report import Figure, ReportOptions, read_options, report
 from sain_bags.reading.reader import Bag
 from sain_bags.writing.gaps import read_gaps
@@ -116,14 +117,10 @@ def whole_graph(options: Options, folder: Path) -> list[Figure]:
     missing = read_gaps(bag.custom_data)
     if missing is None:
         sys.exit("the bag does not say what is missing")
-    size = sum(path.stat().st_size for path in (out / "bag").glob("*.mcap"))
     return [
         Figure(f"{published:,} scenes at {options.rate:g} Hz, lost", published - len(numbers), "",
                at_most=0),
         Figure("topics of which a sequence number is missing", len(missing), "", at_most=0),
-        Figure(f"messages in {bag.duration:.0f} s on {len(bag.topics)} topics",
-               bag.message_count, ""),
-        Figure("size of the bag", size / 1e6, "MB"),
         Figure("processor, recorder", 100 * recording, "% of a core"),
         Figure("processor, bare raw subscriptions", 100 * peer, "% of a core"),
         Figure("recorder / bare", recording / peer, "", at_most=1.3),
@@ -132,14 +129,9 @@ def whole_graph(options: Options, folder: Path) -> list[Figure]:
 
 def main() -> None:
     """Measure what the recorder costs, and what it loses."""
-    import domain_coordinator  # needs the middleware
-
     options = read_options(Options, __doc__)
-    temporary = tempfile.TemporaryDirectory(prefix="sain-bench-")
-    with temporary as folder, domain_coordinator.domain_id() as domain:
-        os.environ["ROS_DOMAIN_ID"] = str(domain)
+    with tempfile.TemporaryDirectory(prefix="sain-bench-") as folder, own_domain():
         figures = whole_graph(options, Path(folder))
-    figures.append(Figure("load average meanwhile", os.getloadavg()[0], ""))
     report("The recorder", figures, options.out)
 
 

@@ -6,13 +6,9 @@
 2. The closed loop on the whole graph, recorder and all: from the settled scene to the push, as the
    recorder received them, at the default settings; the planner's own time for the same plans beside
    it. First pushes of episodes have a figure of their own, from the goal on: nothing was planned
-   before. Once as fast as the arm can be simulated, and once in real time, which leaves the planner
-   the time of a push.
-3. The same loop in real time with a learner at work, and without, in turns: the path from scene to
-   push must not wait for it.
+   before. The arm moves in real time, which leaves the planner the time of a push.
 """
 
-import os
 import subprocess
 import sys
 import tempfile
@@ -24,6 +20,7 @@ from threading import Thread
 
 import numpy as np
 
+from benchmarks.faults.running import own_domain
 from benchmarks.report import Figure, ReportOptions, read_options, report
 from benchmarks.timing import fastest
 from sain_bags.reading.reader import Bag
@@ -58,23 +55,17 @@ class Options(ReportOptions):
     """plans from each scene, of which the fastest counts"""
     model: str = "sain"
     """name or checkpoint"""
-    only: tuple[str, ...] = ("service", "loops", "learner")
+    only: tuple[str, ...] = ("service", "loops")
     """parts to measure"""
-    turns: int = 2
-    """of the loop with a learner and without"""
 
 
 def service_and_process(options: Options) -> list[Figure]:
     """Plan with the model here and behind its node, in a domain of its own."""
-    import domain_coordinator  # needs the middleware
-
     model = load_dynamics(options.model)
     figures = []
-    with domain_coordinator.domain_id() as domain:
-        os.environ["ROS_DOMAIN_ID"] = str(domain)
-        with served(options.model) as remote:
-            for config in (PlannerConfig(), PlannerConfig(samples=1024, horizon=15)):
-                figures += compare_all(config, model, remote, options)
+    with own_domain(), served(options.model) as remote:
+        for config in (PlannerConfig(), PlannerConfig(samples=1024, horizon=15)):
+            figures += compare_all(config, model, remote, options)
     return figures
 
 
@@ -135,51 +126,31 @@ def served(model: str) -> Iterator[RolloutModel]:
         server.wait()
 
 
-def played(scenario: str, episodes: int, real_time: bool, learn: str = "") -> Times:
+def played(scenario: str, episodes: int) -> Times:
     """Play episodes on the whole graph; return latencies and planning times from the bag."""
     with tempfile.TemporaryDirectory(prefix="sain-bench-") as folder:
         out = Path(folder) / "run"
         command = ["ros2", "run", "sain_bringup", "closed_loop", "--scenario", scenario]
         command += ["--episodes", str(episodes), "--no-video", "--out", str(out)]
-        command += ["--learn", learn] if learn else []
-        if real_time:
-            settings = Path(folder) / "real_time.yaml"
-            settings.write_text(REAL_TIME)
-            command += ["--params-file", str(settings)]
+        settings = Path(folder) / "real_time.yaml"
+        settings.write_text(REAL_TIME)
+        command += ["--params-file", str(settings)]
         done = subprocess.run(command, capture_output=True, text=True, check=False)
         if not (out / "bag" / "metadata.yaml").is_file():
             sys.exit(f"the closed loop did not run:\n{done.stdout}\n{done.stderr}")
         return read(Bag(out / "bag"))
 
 
-def closed_loop(scenario: str, episodes: int, real_time: bool) -> list[Figure]:
+def closed_loop(scenario: str, episodes: int) -> list[Figure]:
     """Return figures of a closed loop."""
     figures = []
-    for name, values in played(scenario, episodes, real_time).items():
+    for name, values in played(scenario, episodes).items():
         p50, p95 = np.percentile(values, [50, 95])
-        at_most = MOST_MS[scenario] if name == LATENCY and real_time else None
-        pace = "real time" if real_time else "fast"
-        title = f"{scenario}, {pace}: {name}, {len(values)} pushes, median"
+        at_most = MOST_MS[scenario] if name == LATENCY else None
+        title = f"{scenario}: {name}, {len(values)} pushes, median"
         figures.append(Figure(title, float(p50), "ms"))
         figures.append(Figure("... 95th percentile", float(p95), "ms", at_most=at_most))
     return figures
-
-
-def with_a_learner(options: Options) -> list[Figure]:
-    """Play with a learner and without, in turns; the laboratory keeps its pushes."""
-    found: dict[str, list[np.ndarray]] = {"without": [], "with": []}
-    with tempfile.TemporaryDirectory(prefix="sain-bench-") as folder:
-        for _ in range(options.turns):
-            for name, values in found.items():
-                learn = str(Path(folder) / "laboratory") if name == "with" else ""
-                values.append(played("anywhere", options.episodes, True, learn)[LATENCY])
-    late = {name: float(np.percentile(np.concatenate(some), 95)) for name, some in found.items()}
-    count = sum(map(len, found["with"]))
-    return [
-        Figure(f"anywhere, real time: {LATENCY}, p95 without a learner", late["without"], "ms"),
-        Figure(f"... with a learner, {count} pushes", late["with"], "ms"),
-        Figure("... with / without", late["with"] / late["without"], "", at_most=1.1),
-    ]
 
 
 def read(bag: Bag) -> Times:
@@ -212,11 +183,7 @@ def main() -> None:
     for scenario in MOST_MS if "loops" in options.only else ():
         few = scenario == "rearrange_4"  # these take many pushes
         episodes = -(-options.episodes // 3) if few else options.episodes
-        figures += closed_loop(scenario, episodes, real_time=False)
-        figures += closed_loop(scenario, episodes, real_time=True)
-    if "learner" in options.only:
-        figures += with_a_learner(options)
-    figures.append(Figure("load average meanwhile", os.getloadavg()[0], ""))
+        figures += closed_loop(scenario, episodes)
     report("Service path, default settings", figures, options.out)
 
 

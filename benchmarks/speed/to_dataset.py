@@ -8,18 +8,11 @@
 the shards, safe on the disk. `rosbags` and `mcap-ros2-support-fast` decode the same topics of the
 same bag, and nothing else. All on one core, in turns, the shortest time of some. Our recorder gives
 pushes chunks of their own, which all readers gain from: the target is against `rosbags` on 3.
-
-With ``--memory``: the most memory that a conversion takes, of a bag of 100 MB and of one of 10 GB.
 """
 
-import os
-import resource
 import shutil
-import subprocess
-import sys
 import tempfile
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -31,16 +24,9 @@ from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, W
 
 from benchmarks.report import Figure, ReportOptions, read_options, report
 from benchmarks.speed.made_bags import MadeBag
-from benchmarks.timing import fastest
+from benchmarks.timing import fastest, one_core
 from sain_bags.dataset.conversion import convert
 from sain_bags.dataset.sources import find_sources
-from sain_bags.writing.writer import BagConfig
-
-MEBIBYTE = 1 << 20
-SMALL, LARGE = 100 * 10**6, 10 * 10**9  # [bytes]
-IMAGE = 100_000  # [bytes]
-IMAGE_SHARE = 0.9  # of the bytes of a bag whose memory is measured
-SCENE = 211  # [bytes], with its record
 
 
 @dataclass(frozen=True)
@@ -55,8 +41,6 @@ class Options(ReportOptions):
     """between two pushes, in the second"""
     repeats: int = 7
     """of each, of which the fastest counts"""
-    memory: bool = False
-    """measure memory instead"""
 
 
 def with_rosbags(bag: Path, topics: frozenset[str]) -> int:
@@ -85,17 +69,6 @@ def with_sain(bag: Path, out: Path) -> int:
     """Convert a bag from the beginning; return how many transitions."""
     shutil.rmtree(out, ignore_errors=True)
     return convert([bag], out).transitions
-
-
-@contextmanager
-def on_one_core() -> Iterator[None]:
-    """Let this process have one core."""
-    cores = os.sched_getaffinity(0)
-    os.sched_setaffinity(0, {max(cores)})
-    try:
-        yield
-    finally:
-        os.sched_setaffinity(0, cores)
 
 
 def speed(name: str, bag: Path, folder: Path, repeats: int, others: Path) -> list[Figure]:
@@ -145,63 +118,18 @@ def write_as_rosbag2(bag: Path, folder: Path) -> None:
             writer.write(to[connection.id], time, raw)
 
 
-def make_large_bag(folder: Path, size: int) -> None:
-    """Write a bag of so many bytes: images, scenes and, every thousand scenes, pushes.
-
-    Some pushes have no result, so that the scenes must be read.
-    """
-    bag = MadeBag(folder, BagConfig(compression="none", flush_period=60.0))
-    scenes = 1000
-    images = round(scenes * SCENE * IMAGE_SHARE / (1 - IMAGE_SHARE) / IMAGE)
-    rounds = round(size / (scenes * SCENE + images * IMAGE))
-    for number in range(rounds):
-        bag.pushes(8, first=10 * number + 1)
-        bag.pushes(1, first=10 * number + 9, results=False)
-        bag.images(images, IMAGE)
-        bag.scenes(scenes, beside=False)
-    bag.writer.close()
-
-
-def memory(folder: Path) -> list[Figure]:
-    """Measure the most memory that a conversion takes, in a process of its own."""
-    peaks = {}
-    for name, size in (("100 MB", SMALL), ("10 GB", LARGE)):
-        bag = folder / "bag"
-        make_large_bag(bag, size)
-        command = [sys.executable, "-m", "benchmarks.speed.to_dataset", "--child", str(bag)]
-        done = subprocess.run(command, check=True, capture_output=True, text=True)
-        peaks[name] = int(done.stdout.split()[-1]) / MEBIBYTE
-        shutil.rmtree(bag)
-    figures = [Figure(f"memory for {name}", peak, "MiB") for name, peak in peaks.items()]
-    more = peaks["10 GB"] - peaks["100 MB"]
-    return [*figures, Figure("10 GB more than 100 MB", more, "MiB", at_most=50.0)]
-
-
-def child(bag: Path) -> None:
-    """Convert a bag and print the most memory that it took [bytes]."""
-    with tempfile.TemporaryDirectory() as out:
-        convert([bag], Path(out) / "out")
-    print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024)
-
-
 def main() -> None:
     """Run from the command line."""
-    if sys.argv[1:2] == ["--child"]:
-        child(Path(sys.argv[2]))
-        return
     options = read_options(Options, __doc__)
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        if options.memory:
-            report("Memory of a conversion", memory(folder), options.out)
-            return
         bag = MadeBag(folder / "pushes")
         bag.pushes(options.pushes)
         bag.writer.close()
         make_graph_bag(folder / "graph", options.graph_pushes, options.scenes)
         for title in ("pushes", "graph"):
             write_as_rosbag2(folder / title, folder / f"{title}_rosbag2")
-        with on_one_core():
+        with one_core():
             figures = [
                 figure
                 for title in ("pushes", "graph")

@@ -1,11 +1,9 @@
 """What `benchmarks.gates` prints: ok, open or worse, and figures that can be read again."""
 
-import sys
 from dataclasses import replace
 
 import pytest
 
-from benchmarks.gates import __main__ as gates
 from benchmarks.gates.table import Baseline, Gate, print_gates
 
 NONE = Baseline("", {})
@@ -41,11 +39,3 @@ def line(capsys: pytest.CaptureFixture[str], gate: Gate, before: Gate | None) ->
 def test_a_figure_is_worse_only_beyond_its_baseline(capsys, gate, before, verdict):
     known = None if before is None else replace(gate, value=before)
     assert line(capsys, gate, known) == verdict
-
-
-def play(monkeypatch: pytest.MonkeyPatch, *arguments: object) -> object:
-    """The exit code of the script."""
-    monkeypatch.setattr(sys, "argv", ["gates", "--only", "structure", *map(str, arguments)])
-    with pytest.raises(SystemExit) as end:
-        gates.main()
-    return end.value.code

@@ -84,7 +84,7 @@ def test_a_wrong_command_is_found():
         ("ros2 run sain_sim collect --out o --loud", "--loud"),
         ("ros2 run sain_sim sim_node --ros-args -p wrold:=rough", "no parameter wrold"),
         ("ros2 topic pub /sain/goal sain_interfaces/msg/Goal '{z: 1}'", "Goal.msg has no z"),
-        ("python -m benchmarks.faults.soak --loud", "--loud"),
+        ("python -m benchmarks.faults.graph_faults --loud", "--loud"),
         ("python examples/00.py", "examples/00.py does not exist"),
     ):
         found = list(problems(split(words)))

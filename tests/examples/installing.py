@@ -6,19 +6,15 @@ import subprocess
 import sys
 from pathlib import Path
 from shutil import copytree, ignore_patterns
+from typing import Any
 
 from tests.paths import ROOT
 
 
 def install(name: str, folder: Path) -> dict[str, str]:
-    """Install a package of `examples/` below a folder, as `install_folder`."""
-    build = folder / "build"
-    copytree(ROOT / "examples" / name, build, ignore=ignore_patterns("__pycache__"))
-    return install_folder(build, folder / "site")
-
-
-def install_folder(package: Path, site: Path) -> dict[str, str]:
-    """Install the package in a folder; return the variables of processes that find it."""
+    """Install a package of `examples/` in a folder; return the variables of processes with it."""
+    package, site = folder / "build", folder / "site"
+    copytree(ROOT / "examples" / name, package, ignore=ignore_patterns("__pycache__"))
     flags = ["--no-deps", "--no-build-isolation", "--no-index", "--quiet", "--target", str(site)]
     pip = [sys.executable, "-m", "pip", "install", *flags, str(package)]
     subprocess.run(pip, check=True, capture_output=True, text=True)
@@ -55,8 +51,8 @@ json.dump(said, sys.__stdout__)
 """
 
 
-def refusals(environment: dict[str, str], commands: dict[str, list[str]]) -> dict[str, str]:
-    """Run commands of ``sain`` that fail, in one process; return the error of each."""
+def outcomes(environment: dict[str, str], commands: dict[str, list[str]]) -> dict[str, Any]:
+    """Run commands of ``sain`` in one process; return the exit code and the error of each."""
     done = subprocess.run(
         [sys.executable, "-c", EACH],
         env=environment,
@@ -66,7 +62,13 @@ def refusals(environment: dict[str, str], commands: dict[str, list[str]]) -> dic
         check=False,
     )
     assert done.returncode == 0, done.stderr
-    said = json.loads(done.stdout.splitlines()[-1])
-    assert [name for name, (code, _) in said.items() if code in (0, None)] == []
     assert "Traceback" not in done.stderr + done.stdout
+    said = json.loads(done.stdout.splitlines()[-1])
+    return {name: (code or 0, error) for name, (code, error) in said.items()}
+
+
+def refusals(environment: dict[str, str], commands: dict[str, list[str]]) -> dict[str, str]:
+    """Run commands of ``sain`` that fail, in one process; return the error of each."""
+    said = outcomes(environment, commands)
+    assert [name for name, (code, _) in said.items() if code == 0] == []
     return {name: " ".join(text.replace("│", " ").split()) for name, (_, text) in said.items()}

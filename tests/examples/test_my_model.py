@@ -25,7 +25,8 @@ def dataset(tmp_path_factory):
 
 
 def test_the_loop_plans_with_it(environment, tmp_path):
-    arguments = ["--controllers", "my_model", "--scenes", 1, "--out", tmp_path / "results"]
+    arguments = ["--controllers", "my_model", "--scenes", 1, "--scenario", "paper"]
+    arguments += ["--planner.samples", 128, "--out", tmp_path / "results"]
     run(environment, [str(executable("sain_eval", "evaluate"))], *arguments)
     (report,) = (tmp_path / "results").glob("*.json")
     assert "my_model" in report.read_text()
@@ -33,7 +34,7 @@ def test_the_loop_plans_with_it(environment, tmp_path):
 
 def test_a_network_learns_on_top_of_it_and_is_loaded_again(environment, dataset, tmp_path):
     out = tmp_path / "runs"
-    arguments = ["--prior", "my_model", "--epochs", 2, "--out", out]
+    arguments = ["--prior", "my_model", "--epochs", 1, "--hidden", 8, "--layers", 1, "--out", out]
     run(environment, [str(executable("sain_model", "train"))], dataset, *arguments)
     card = json.loads((out / "sain.json").read_text())
     assert (card["prior"], card["prior_config"], card["kind"]) == ("my_model", {}, "residual")
@@ -53,7 +54,7 @@ def test_a_network_learns_on_top_of_it_and_is_loaded_again(environment, dataset,
 
 def test_predictions_are_compared_with_its(environment, dataset, tmp_path):
     out = tmp_path / "errors.json"
-    arguments = ["--beside", "my_model", "--open-loop", 1, 3, "--out", out]
+    arguments = ["--beside", "my_model", "--open-loop", 1, "--out", out]
     run(environment, [str(executable("sain_model", "evaluate"))], dataset, *arguments)
     rows = json.loads(out.read_text())["after"]["1"]["errors"]["pushed"]
     assert 0.0 < rows["my_model"]["mm"][0] < 0.5 * rows["no motion"]["mm"][0]

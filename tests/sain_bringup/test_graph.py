@@ -128,7 +128,6 @@ def test_a_robot_sees_by_a_camera(tmp_path):
         ({"robot": "no_such_driver"}, "there is no command 'no_such_driver'"),
         ({"robot": "ur5"}, "'ur5'. It starts a driver: .*--robot elsewhere and start arm_node"),
         ({"robot": "python3 '"}, "No closing quotation"),
-        ({"robot": "python3 --ros-args"}, "--robot has --ros-args; the graph adds its own"),
         ({"robot": "python3", "bodies": Path("b.yaml")}, r"bodies file b\.yaml: No such file"),
     ],
 )

@@ -218,43 +218,17 @@ def test_nothing_is_left_when_the_closed_loop_is_killed(endless):
     Bag(endless.out / "bag").check()
 
 
-VICTIMS = {"sim_node": "simulator", "mppi_node": "planner", "model_node": "model"}
-
-
-@pytest.mark.parametrize("victims", [("sim_node", "mppi_node"), ("model_node", "record")])
-def test_the_episodes_go_on_when_two_processes_are_killed(victims, domains, tmp_path):
-    episodes = 8
-    options = ("--scenario", "anywhere", "--episodes", f"{episodes}", "--no-video")
-    run = start(tmp_path, domains[1], *options)
-    run.wait_for(UP)
-    for victim in victims:
-        os.kill(run.process_of(victim), signal.SIGKILL)
-        name = VICTIMS.get(victim, "recorder")
-        run.wait_for(f"{name} was killed by SIGKILL; it was restarted, and is back after")
-    code = run.end()
-    assert run.text().count("✓ ") >= episodes
-    bag = Bag(run.out / "bag")
+def test_processes_that_are_killed_come_back_and_the_third_within_a_minute_ends_the_loop(endless):
+    for victim, name in (("sim_node", "simulator"), ("model_node", "model")):
+        os.kill(endless.process_of(victim), signal.SIGKILL)
+        endless.wait_for(f"{name} was killed by SIGKILL; it was restarted, and is back after")
+    os.kill(endless.process_of("mppi_node"), signal.SIGKILL)
+    assert endless.end() == 1
+    assert "planner was killed by SIGKILL, the last of 3 crashes within 60 s" in endless.text()
+    bag = Bag(endless.out / "bag")
     bag.check()
-    played = [one for one in read_episodes(bag) if one.goal is not None]
-    if "record" not in victims:  # which hears nothing for a second
-        assert code == 0, run.text()
-        assert len(played) == episodes
-    pushes = [push.push_id for one in played for push in one.executed]
-    assert len(pushes) == len(set(pushes)), "a push was executed twice"
+    pushes = [push.push_id for one in read_episodes(bag) for push in one.executed]
+    assert len(pushes) == len(set(pushes)) > 0, "a push was executed twice"
     clock = [received.message.clock for received in bag.messages(["/clock"])]
     times = [(time.sec, time.nanosec) for time in clock]
     assert times == sorted(times)
-
-
-def test_a_process_that_crashes_again_and_again_ends_the_loop(endless):
-    for count in (1, 2, 3):
-        os.kill(endless.process_of("sim_node"), signal.SIGKILL)
-        endless.until(
-            lambda count=count: (
-                endless.text().count("is back after") == count or endless.process.poll() is not None
-            )
-        )
-    assert endless.end() == 1
-    reason = "simulator was killed by SIGKILL, the last of 3 crashes within 60 s"
-    assert reason in endless.text()
-    Bag(endless.out / "bag").check()

@@ -23,7 +23,7 @@ from sain_lab.keeping.laboratory import Laboratory
 from sain_model.physics.parameters import TEXTBOOK
 from sain_model.physics.planar import PlanarPrior
 
-COUNT = 505
+COUNT = 120
 SCENE = make_scene(
     np.array([(0.42, 0.0), (0.56, 0.02)]), np.array([8.0, 8.0]), np.array([0.08, 0.06])
 )

@@ -110,16 +110,6 @@ def run_without_ros(
     )
 
 
-def test_commands_work_without_ros(tmp_path):
-    listed = run_without_ros(["--help"], tmp_path)
-    assert listed.returncode == 0 and "laboratory" in listed.stdout, listed.stderr
-    made = run_without_ros(["collect", "--episodes", "1", "--out", "data"], tmp_path)
-    assert made.returncode == 0, made.stderr
-    assert "1 episodes" in made.stderr and list((tmp_path / "data").glob("*.npz"))
-    asked = run_without_ros(["collect", "--help"], tmp_path)
-    assert asked.stdout.startswith("usage: sain collect")
-
-
 @pytest.mark.parametrize(
     ("arguments", "code", "text"),
     [

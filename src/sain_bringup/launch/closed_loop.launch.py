@@ -20,7 +20,6 @@ from launch.events.process import ProcessExited
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
-from sain_bringup.graph import view_of
 from sain_sim.world.engines import DEFAULT_ENGINE
 
 CONFIG = Path(get_package_share_directory("sain_bringup"), "config")
@@ -40,7 +39,7 @@ ARGUMENTS = {
     "goal": ("", "goal to begin with, as 'X Y' in metres; empty: none"),
     "record": ("true", "record all topics"),
     "bag": (f"bags/{datetime.now():%Y%m%d-%H%M%S}", "folder to make for the recording"),
-    "rviz": ("false", "start RViz, where rviz2 is installed"),
+    "rviz": ("false", "start RViz with the topics of /sain, where rviz2 is installed"),
 }
 
 
@@ -70,7 +69,7 @@ def nodes(context: LaunchContext) -> list[Node]:
     if value["goal"]:
         started.append(Node(executable="goal", arguments=value["goal"].split(), **ours))
     if is_true(value["rviz"]):
-        view = str(view_of(value["namespace"], CONFIG / "sain.rviz"))
+        view = str(CONFIG / "sain.rviz")
         given = {"parameters": [{"use_sim_time": True}], "output": "screen"}  # as all headers
         started.append(Node(package="rviz2", executable="rviz2", arguments=["-d", view], **given))
     return started

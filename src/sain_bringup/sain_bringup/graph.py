@@ -155,8 +155,6 @@ class GraphOptions(GraphConfig):
             words = shlex.split(self.robot)
         except ValueError as error:
             raise ConfigError(f"--robot is {self.robot!r}: {error}") from error
-        if "--ros-args" in words:
-            raise ConfigError("--robot has --ros-args; the graph adds its own to the command")
         if words and words[0] != ELSEWHERE and shutil.which(words[0]) is None:
             raise ConfigError(
                 f"--robot is {self.robot!r}; there is no command {words[0]!r}. It starts a driver:"
@@ -443,22 +441,3 @@ def _check_parameter_file(path: Path) -> None:
         raise ConfigError(
             f"--params-file {path} must hold, for each node, its name and below it ros__parameters"
         )
-
-
-NO_PREFIX: Final = 'TF Prefix: ""'  # in a file for RViz
-
-
-def view_of(namespace: str, config: Path) -> Path:
-    """Return the file with a namespace's topics and frames: the given one for ``/sain``.
-
-    RViz cannot be told a namespace of its topics, so another one needs a file of its own.
-    """
-    name = namespace.strip("/")
-    if name == NAMESPACE:
-        return config
-    text = config.read_text().replace(f"/{NAMESPACE}/", f"/{name}/" if name else "/")
-    if name:
-        text = text.replace(NO_PREFIX, f"TF Prefix: {name}")
-    with tempfile.NamedTemporaryFile("w", suffix=".rviz", delete=False) as file:
-        file.write(text)
-    return Path(file.name)

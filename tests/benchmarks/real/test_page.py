@@ -11,7 +11,7 @@ import pytest
 from benchmarks.real import __main__ as command
 from benchmarks.real import page
 from benchmarks.real.pushes import PushTable
-from benchmarks.real.rows import LEVELS, Fixed, Predicted, Predictor, Row, published_rows
+from benchmarks.real.rows import Fixed, Predicted, Predictor, Row, published_rows
 from benchmarks.real.trees import Trees
 from sain_core.model import IdentityPrior
 
@@ -33,7 +33,7 @@ class Half:
         return self
 
     def predict(self, pushes: PushTable) -> Predicted:
-        sizes = np.tile(LEVELS, (len(pushes), 1))
+        sizes = np.ones(len(pushes))
         return Predicted(pushes.placed(0.5 * pushes.moves), 0.04 * sizes, 0.5 * sizes)
 
 
@@ -61,8 +61,7 @@ def made(synthetic_pushes, half, tmp_path_factory):
 
 
 def arguments(folder: Path) -> list[str]:
-    page, media = folder / "real.md", folder / "media"
-    return ["--out", str(folder / "work"), "--page", str(page), "--media", str(media)]
+    return ["--out", str(folder / "work"), "--page", str(folder / "real.md")]
 
 
 def results_of(folder: Path) -> dict:
@@ -75,19 +74,16 @@ def test_numbers_of_the_page_are_those_of_the_results(made):
     np.testing.assert_allclose(shown["mm"], 3.0, atol=1e-9)
     np.testing.assert_allclose(shown["degrees"][0], np.degrees(0.02), rtol=1e-9)
     results["cases"]["folds"]["errors"]["sim_quadratic"]["mm"][0] = 123.45
-    assert "123.45" in page.page(results, "media")
+    assert "123.45" in page.page(results)
     assert "123.45" not in (made / "real.md").read_text()
 
 
-def test_page_and_pictures_are_made_again_from_the_results_alone(made, monkeypatch):
-    before = {path.name: path.read_bytes() for path in (made / "media").glob("*.png")}
+def test_the_page_is_made_again_from_the_results_alone(made, monkeypatch):
     text = (made / "real.md").read_bytes()
-    for path in [made / "real.md", *(made / "media").glob("*.png")]:
-        path.unlink()
+    (made / "real.md").unlink()
     monkeypatch.setattr(sys, "argv", ["real", *arguments(made), "--again"])
     assert command.main() == 0
     assert (made / "real.md").read_bytes() == text
-    assert {path.name: path.read_bytes() for path in (made / "media").glob("*.png")} == before
 
 
 def test_noise_is_what_the_simulation_added(made):
@@ -119,4 +115,3 @@ def test_a_page_of_others_stays_and_by_default_all_is_written_below_out(
     monkeypatch.setattr(sys, "argv", given)
     assert command.main() == 0
     assert (made / "work" / "real.md").read_text().startswith("# Real pushes")
-    assert (made / "work" / "real_objects.png").exists()

@@ -10,7 +10,7 @@ from benchmarks.real.kept import pose_errors
 from benchmarks.real.network import SETTINGS, NetworkRow
 from benchmarks.real.physics import IdentifiedPhysics
 from benchmarks.real.pushes import PushTable
-from benchmarks.real.rows import LEVELS, Predicted, Row, fixed_rows
+from benchmarks.real.rows import Predicted, Row, fixed_rows
 from sain_model.network.settings import NetworkConfig
 from tests.benchmarks.real.synthetic import SURFACES
 
@@ -66,9 +66,8 @@ def test_a_network_is_trained_once_and_has_regions(synthetic_pushes, identified,
     row: Row = NetworkRow(tmp_path, None if alone else identified, SMALL, SMALL)
     train, own, test = fold_of(synthetic_pushes)
     found = row.fit(train, own).predict(test)
-    assert found.radius.shape == found.turn.shape == (len(test), len(LEVELS))
-    assert (np.diff(found.radius) >= 0.0).all()
-    assert (np.diff(found.turn) >= 0.0).all()
+    assert found.radius.shape == found.turn.shape == (len(test),)
+    assert (found.radius > 0.0).all()
     files = list((tmp_path / row.key).glob("[!.]*"))
     assert len(files) == 1
     again = row.fit(train, own).predict(test)

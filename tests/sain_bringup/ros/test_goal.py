@@ -7,7 +7,8 @@ from rich.console import Console
 
 from sain_bringup import commands
 from sain_bringup.graph import GraphOptions, check_free
-from sain_bringup.ros.goal import GoalOptions, GoalSender, SilentPlannerError, goal_message
+from sain_bringup.ros.goal import GoalOptions, GoalSender, goal_message
+from sain_bringup.ros.listener import SilentError
 from sain_core.errors import BusyError
 from sain_core.guarding.ros.ownership import lock_namespace
 from sain_core.ros.node_main import command_node
@@ -29,7 +30,7 @@ def printed(sender):
 def test_without_a_planner_it_says_what_it_waits_for_and_then_what_to_do(sender, monkeypatch):
     monkeypatch.setattr("sain_bringup.ros.listener.ABSENT", 2.0)
     said = r"no planner in namespace /sain.*ROS_DOMAIN_ID.* \(waited 4 s\)"
-    with pytest.raises(SilentPlannerError, match=said):
+    with pytest.raises(SilentError, match=said):
         sender.send(Goal(), 4.0)
     first, *then = printed(sender)
     assert first == "waiting for a planner on /sain/reach, at most 4 s"

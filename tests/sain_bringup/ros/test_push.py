@@ -9,7 +9,8 @@ import pytest
 from rclpy.node import Node
 from rich.console import Console
 
-from sain_bringup.ros.push import PushSender, SilentSimulatorError
+from sain_bringup.ros.listener import SilentError
+from sain_bringup.ros.push import PushSender
 from sain_core.errors import ErrorCode
 from sain_core.push import make_push
 from sain_core.ros import codec
@@ -83,6 +84,6 @@ def test_a_push_waits_for_who_executes_it_and_for_a_scene(
 
 
 def test_without_a_simulator_it_says_what_is_missing(sender):
-    with pytest.raises(SilentSimulatorError, match=r"no source of scenes in namespace /sain.*3 s"):
+    with pytest.raises(SilentError, match=r"no source of scenes in namespace /sain.*3 s"):
         sender.send(make_push(0.0, 0.0, 0.1))
     assert "waiting for a node that executes pushes on /sain/push, at most 3 s" in printed(sender)

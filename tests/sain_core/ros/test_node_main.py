@@ -1,7 +1,5 @@
-# ruff: noqa: E501 - a case is a line
 """Executables as they are started: one clear line and an exit code when they cannot start."""
 
-import os
 import re
 import signal
 import subprocess
@@ -24,14 +22,25 @@ from sain_sim.ros.sim_node import SimNode
 PACKAGES = {"sim_node": "sain_sim", "model_node": "sain_model", "mppi_node": "sain_mppi"}
 START_EACH = """
 import sys
+from importlib import import_module
 from sain_core.cli.command_line import load
 from sain_core.ros.node_main import run_node
-from {package}.commands import {name}
 
-for arguments in {wrong!r}:
-    sys.argv = ["{name}", "--ros-args", *arguments]
-    print(run_node(load({name}.name, {name}.node), "{name}"))
+for name, package, arguments in {wrong!r}:
+    command = getattr(import_module(f"{{package}}.commands"), name)
+    sys.argv = [name, "--ros-args", *arguments]
+    print(run_node(load(command.name, command.node), name))
 """  # in one process: each would import PyTorch or Numba for itself
+WRONG = {
+    "parameter 'sede' is unknown; near it: seed": ("sim_node", "-p", "sede:=3"),
+    "'seed' is 'three'; it must be an integer": ("sim_node", "-p", "seed:=three"),
+    "parameter 'world' is 'mars'; allowed: 'randomised'": ("sim_node", "-p", "world:=mars"),
+    "did you mean 'planar'": ("model_node", "-p", "model:=planer"),
+    "/none": ("model_node", "-p", "model:=/none.safetensors"),
+    "near it: planner.samples": ("mppi_node", "-p", "planner.sample:=3"),
+    "'planner.samples' is 0; it must be at least": ("mppi_node", "-p", "planner.samples:=0"),
+    "Couldn't parse params file": ("mppi_node", "--params-file", "/none.yaml"),
+}
 
 
 def command(name: str, *arguments: str) -> list[str]:
@@ -39,52 +48,33 @@ def command(name: str, *arguments: str) -> list[str]:
     return [sys.executable, "-c", code, "--ros-args", *arguments]
 
 
-@pytest.mark.parametrize(
-    ("name", "wrong"),
-    [
-        (
-            "sim_node",
-            {
-                "parameter 'sede' is unknown; near it: seed": ("-p", "sede:=3"),
-                "'seed' is 'three'; it must be an integer": ("-p", "seed:=three"),
-                "parameter 'world' is 'mars'; allowed: 'randomised'": ("-p", "world:=mars"),
-            },
-        ),
-        ("model_node", {"did you mean 'planar'": ("-p", "model:=planer"), "/none": ("-p", "model:=/none.safetensors")}),
-        (
-            "mppi_node",
-            {
-                "near it: planner.samples": ("-p", "planner.sample:=3"),
-                "'planner.samples' is 0; it must be at least": ("-p", "planner.samples:=0"),
-                "Couldn't parse params file": ("--params-file", "/none.yaml"),
-            },
-        ),
-    ],
-)  # fmt: skip
-def test_what_is_wrong_at_the_start_is_told_in_one_line(ros_domain, name, wrong):
-    code = START_EACH.format(package=PACKAGES[name], name=name, wrong=list(wrong.values()))
+def test_what_is_wrong_at_the_start_is_told_in_one_line(ros_domain):
+    wrong = [(name, PACKAGES[name], arguments) for name, *arguments in WRONG.values()]
+    code = START_EACH.format(wrong=wrong)
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=120)
     assert done.stdout.split() == ["1"] * len(wrong), done.stderr
-    lines = [line for line in done.stderr.splitlines() if line.startswith(f"{name}:")]
+    lines = [line for line in done.stderr.splitlines() if line.startswith(tuple(PACKAGES))]
     assert len(lines) == len(wrong), done.stderr
-    for line, text in zip(lines, wrong, strict=True):
-        assert text in line
+    for line, (text, (name, *_)) in zip(lines, WRONG.items(), strict=True):
+        assert line.startswith(f"{name}:") and text in line
     assert "Traceback" not in done.stderr
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_a_node_that_is_told_to_stop_stops_cleanly(ros_domain, number):
+def test_a_node_that_is_told_to_stop_stops_cleanly(ros_domain):
     process = subprocess.Popen(command("sim_node"), stderr=subprocess.PIPE, text=True)
     for line in process.stderr:
         if "ready" in line:
             break
-    os.kill(process.pid, number)
+    process.terminate()
     _, rest = process.communicate(timeout=60)
     assert process.returncode == 0, rest
     assert "Traceback" not in rest
 
 
 def test_push_and_watch_work_from_a_terminal(ros_domain):
+    alone = tool("watch", "--timeout", "0.5")
+    assert alone.returncode == 1
+    assert alone.stderr.strip() == "watch: no other node in 0.5 s; is anything running?"
     simulator = subprocess.Popen(command("sim_node"), stderr=subprocess.PIPE, text=True)
     try:
         push = tool("push", "--length", "0.1")
@@ -106,12 +96,6 @@ def test_push_and_watch_work_from_a_terminal(ros_domain):
     finally:
         simulator.send_signal(signal.SIGINT)
         simulator.communicate(timeout=60)
-
-
-def test_watch_without_a_graph_says_so(ros_domain):
-    alone = tool("watch", "--timeout", "0.5")
-    assert alone.returncode == 1
-    assert alone.stderr.strip() == "watch: no other node in 0.5 s; is anything running?"
 
 
 def tool(name: str, *arguments: str) -> "subprocess.CompletedProcess[str]":

@@ -110,21 +110,24 @@ def test_pause_ends_the_goal(graph, whole):
     assert faults(whole) == []
 
 
-def test_settings_are_live_and_refusals_are_told(graph, whole):
+def test_settings_and_models_are_live_and_refusals_are_told(graph, whole):
     planner = next(node for node in graph.nodes if isinstance(node, MppiNode))
     whole.asking.set("planner.samples", 32)
     graph.wait(lambda: planner.config.planner.samples == 32, "the setting")
     whole.asking.set("planner.samples", 0)
     graph.wait(lambda: "planner.samples = 0" in told(whole), "the refusal")
     assert whole.known.planner["planner.samples"] == 32
-
-
-def test_models_are_loaded_and_those_that_are_none_are_told(graph, whole):
     whole.asking.load("identity")
     graph.wait(lambda: whole.known.model == "identity", "the model")
     whole.asking.load("nothing")
     graph.wait(lambda: "load nothing:" in told(whole), "the refusal")
     assert whole.known.model == "identity"
+    scene, stamp = whole.known.scene, graph.bystander.get_clock().now().to_msg()
+    ids = {"episode_id": scene.episode_id, "scene_id": 99}
+    message = codec.encode_scene(scene.disks, stamp=stamp, settled=True, **ids)
+    graph.push(message, 5, (0.0, 0.0, 0.1))
+    assert graph.result(5).error_code == ErrorCode.STALE_SCENE
+    graph.wait(lambda: "push refused" in told(whole), "the line")
 
 
 class DisksAlone(Model):
@@ -162,20 +165,6 @@ def test_the_page_says_what_the_graph_waits_for(graph, alone, monkeypatch):
     graph.start(MppiNode, **SMALL)
     graph.wait(lambda: known.starting == "", "all")
     assert faults(alone) == []
-
-
-def test_refused_pushes_are_told(graph, whole):
-    scene = whole.known.scene
-    message = codec.encode_scene(
-        scene.disks,
-        stamp=graph.bystander.get_clock().now().to_msg(),
-        episode_id=scene.episode_id,
-        scene_id=99,
-        settled=True,
-    )
-    graph.push(message, 5, (0.0, 0.0, 0.1))
-    assert graph.result(5).error_code == ErrorCode.STALE_SCENE
-    graph.wait(lambda: "push refused" in told(whole), "the line")
 
 
 def test_without_a_graph_orders_are_refused_in_words(graph, alone):

@@ -85,63 +85,63 @@ def test_viewers_show_the_bodies_of_this_episode_and_none_of_the_last(graph, sim
     expect(2)
 
 
-@pytest.mark.parametrize(
-    ("push", "ids", "code", "text"),
-    [
-        ((np.nan, 0.0, 0.1), {}, ErrorCode.INVALID, "location of the push is nan; must be finite"),
-        ((0.0, 0.0, np.inf), {}, ErrorCode.INVALID, "length of the push is inf; must be finite"),
-        ((4.0, 0.0, 0.1), {}, ErrorCode.OUT_OF_RANGE, "push location is 4.0000 rad; allowed"),
-        ((0.0, 1.0, 0.1), {}, ErrorCode.OUT_OF_RANGE, "push angle is 1.0000 rad; allowed"),
-        ((0.0, 0.0, 0.2), {}, ErrorCode.OUT_OF_RANGE, "push length is 0.2000 m; allowed"),
-        ((0.0, 0.0, -1e300), {}, ErrorCode.OUT_OF_RANGE, "push length is -1e+300 m; allowed"),
-        (AHEAD, {"scene_id": 99}, ErrorCode.STALE_SCENE, "was planned from scene 99; it is scene"),
-        (AHEAD, {"episode_id": 9}, ErrorCode.UNKNOWN_EPISODE, "is for episode 9; episode 1 is"),
-        ((np.pi, 0.0, 0.1), {}, ErrorCode.BLOCKED, "another body"),
-    ],
-)
-def test_a_refused_push_moves_nothing_and_says_why(graph, simulator, push, ids, code, text):
+REFUSED = [
+    ((np.nan, 0.0, 0.1), {}, ErrorCode.INVALID, "location of the push is nan; must be finite"),
+    ((0.0, 0.0, np.inf), {}, ErrorCode.INVALID, "length of the push is inf; must be finite"),
+    ((4.0, 0.0, 0.1), {}, ErrorCode.OUT_OF_RANGE, "push location is 4.0000 rad; allowed"),
+    ((0.0, 1.0, 0.1), {}, ErrorCode.OUT_OF_RANGE, "push angle is 1.0000 rad; allowed"),
+    ((0.0, 0.0, 0.2), {}, ErrorCode.OUT_OF_RANGE, "push length is 0.2000 m; allowed"),
+    ((0.0, 0.0, -1e300), {}, ErrorCode.OUT_OF_RANGE, "push length is -1e+300 m; allowed"),
+    (AHEAD, {"scene_id": 99}, ErrorCode.STALE_SCENE, "was planned from scene 99; it is scene"),
+    (AHEAD, {"episode_id": 9}, ErrorCode.UNKNOWN_EPISODE, "is for episode 9; episode 1 is"),
+    ((np.pi, 0.0, 0.1), {}, ErrorCode.BLOCKED, "another body"),
+]
+
+
+def test_a_refused_push_moves_nothing_and_says_why(graph, simulator):
     scene = latest(graph)
-    graph.push(scene, 11, push, **ids)
-    result = graph.result(11)
-    assert ErrorCode(result.error_code) is code
-    assert text in result.error_message
-    assert result.before == result.after == scene
+    for push_id, (push, ids, code, text) in enumerate(REFUSED, start=11):
+        graph.push(scene, push_id, push, **ids)
+        result = graph.result(push_id)
+        assert ErrorCode(result.error_code) is code
+        assert text in result.error_message
+        assert result.before == result.after == scene
+        assert result.prediction == Prediction()
     count = len(graph.heard["scene"])
     graph.wait(lambda: len(graph.heard["scene"]) > count + 2, "further scenes")
     assert latest(graph) == scene
-    assert result.prediction == Prediction()
 
 
-@pytest.mark.parametrize(
-    ("values", "text"),
-    [
-        ({"x": np.nan}, "scene of the push: x of disk 0 is nan; must be finite"),
-        ({"x": 1e300}, "scene of the push: x of body 0 is 1e+300 m; allowed: -10 to 10 m"),
-        ({"theta": 1e300}, "scene of the push: theta of body 0 is 1e+300 rad; allowed"),
-        ({"vx": -1e300}, "scene of the push: vx of body 0 is -1e+300 m/s; allowed"),
-        ({"mass": 1e300}, "scene of the push: mass of body 0 is 1e+300 kg; allowed"),
-        (None, "the push was planned for 1 bodies; this world has 2"),
-    ],
-)
-def test_a_push_for_bodies_that_cannot_be_is_refused(graph, simulator, values, text):
+NO_BODIES = [
+    ({"x": np.nan}, "scene of the push: x of disk 0 is nan; must be finite"),
+    ({"x": 1e300}, "scene of the push: x of body 0 is 1e+300 m; allowed: -10 to 10 m"),
+    ({"theta": 1e300}, "scene of the push: theta of body 0 is 1e+300 rad; allowed"),
+    ({"vx": -1e300}, "scene of the push: vx of body 0 is -1e+300 m/s; allowed"),
+    ({"mass": 1e300}, "scene of the push: mass of body 0 is 1e+300 kg; allowed"),
+    (None, "the push was planned for 1 bodies; this world has 2"),
+]
+
+
+def test_a_push_for_bodies_that_cannot_be_is_refused(graph, simulator):
     scene = latest(graph)
-    disks = deepcopy(scene.disks)[: None if values else 1]
-    for name, value in (values or {}).items():
-        setattr(disks[0], name, value)
-    push = codec.encode_push(
-        make_push(*AHEAD),
-        stamp=scene.header.stamp,
-        push_id=12,
-        source="test",
-        episode_id=1,
-        scene_id=1,
-    )
-    push.disks = disks
-    graph.pushing.publish(push)
-    result = graph.result(12)
-    assert ErrorCode(result.error_code) is ErrorCode.INVALID
-    assert text in result.error_message
-    assert result.before == result.after == scene
+    for push_id, (values, text) in enumerate(NO_BODIES, start=12):
+        disks = deepcopy(scene.disks)[: None if values else 1]
+        for name, value in (values or {}).items():
+            setattr(disks[0], name, value)
+        push = codec.encode_push(
+            make_push(*AHEAD),
+            stamp=scene.header.stamp,
+            push_id=push_id,
+            source="test",
+            episode_id=1,
+            scene_id=1,
+        )
+        push.disks = disks
+        graph.pushing.publish(push)
+        result = graph.result(push_id)
+        assert ErrorCode(result.error_code) is ErrorCode.INVALID
+        assert text in result.error_message
+        assert result.before == result.after == scene
 
 
 def test_a_push_id_works_once(graph, simulator):
@@ -200,32 +200,32 @@ def test_each_episode_tells_what_its_world_is_made_of(graph, simulator):
     assert (second.world, second.friction) == (simulator.simulator.config.world, 0.3)
 
 
-@pytest.mark.parametrize(
-    ("request_fields", "code", "text"),
-    [
-        ({"world": "mars"}, ErrorCode.INVALID, "world is 'mars'; allowed: randomised, rough, measured, nominal"),
-        ({"friction": -1.0}, ErrorCode.OUT_OF_RANGE, "friction is -1.0"),
-        ({"friction": float("nan")}, ErrorCode.OUT_OF_RANGE, "friction is nan"),
-        ({"shapes": ["disk"]}, ErrorCode.INVALID, "1 shapes are given for 2 disks"),
-        (
-            {"disks": [DiskState(x=0.4, theta=90.0, mass=8.0, radius=0.08)]},
-            ErrorCode.INVALID,
-            "scene of the reset: theta of body 0 is 90 rad; allowed: -6.28319 to 6.28319 rad; it"
-            " looks like degrees",
-        ),
-        (
-            {"shapes": ["disk", "cone"]},
-            ErrorCode.INVALID,
-            "shape of body 1 is 'cone' (did you mean 'corner'?); allowed:",
-        ),
-    ],
-)  # fmt: skip
-def test_a_wrong_reset_changes_nothing(graph, simulator, request_fields, code, text):
+WRONG_RESETS = [
+    ({"world": "mars"}, ErrorCode.INVALID, "world is 'mars'; allowed: randomised, rough, measured, nominal"),
+    ({"friction": -1.0}, ErrorCode.OUT_OF_RANGE, "friction is -1.0"),
+    ({"friction": float("nan")}, ErrorCode.OUT_OF_RANGE, "friction is nan"),
+    ({"shapes": ["disk"]}, ErrorCode.INVALID, "1 shapes are given for 2 disks"),
+    (
+        {"disks": [DiskState(x=0.4, theta=90.0, mass=8.0, radius=0.08)]},
+        ErrorCode.INVALID,
+        "scene of the reset: theta of body 0 is 90 rad; allowed: -6.28319 to 6.28319 rad; it"
+        " looks like degrees",
+    ),
+    (
+        {"shapes": ["disk", "cone"]},
+        ErrorCode.INVALID,
+        "shape of body 1 is 'cone' (did you mean 'corner'?); allowed:",
+    ),
+]  # fmt: skip
+
+
+def test_a_wrong_reset_changes_nothing(graph, simulator):
     scene = latest(graph)
-    response = graph.call(ResetScene, "reset_scene", ResetScene.Request(**request_fields))
-    assert ErrorCode(response.error_code) is code
-    assert text in response.error_message
-    assert response.scene == scene
+    for request_fields, code, text in WRONG_RESETS:
+        response = graph.call(ResetScene, "reset_scene", ResetScene.Request(**request_fields))
+        assert ErrorCode(response.error_code) is code
+        assert text in response.error_message
+        assert response.scene == scene
     graph.push(scene, 31, AHEAD)
     assert graph.result(31).error_code == ErrorCode.OK
 

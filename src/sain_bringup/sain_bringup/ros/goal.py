@@ -12,7 +12,7 @@ from rich.markup import escape
 from sain_bringup.conditions import show_line
 from sain_core.cli.terminal import WaitingLine
 from sain_core.config import Config, option
-from sain_core.errors import ErrorCode, SainError
+from sain_core.errors import ErrorCode
 from sain_core.scene import TARGET
 
 if TYPE_CHECKING:
@@ -51,10 +51,6 @@ class GoalOptions(Config):
     timeout: float = option(10.0, "longest wait for the planner", unit="s", minimum=0.0)
 
 
-class SilentPlannerError(SainError):
-    """The planner does not answer."""
-
-
 class GoalSender:
     """Sends one goal by the action, and prints what the planner says."""
 
@@ -75,20 +71,16 @@ class GoalSender:
         """Send a goal; return its handle.
 
         Raises:
-            SilentPlannerError: no planner, or no answer in time.
+            SilentError: no planner, or no answer in time.
         """
-        from sain_bringup.ros.listener import PLANNER, wait_visibly
+        from sain_bringup.ros.listener import wait_visibly
         from sain_interfaces.action import Reach
 
         where = self.node.resolve_topic_name("reach")
-        waited = f"(waited {timeout_s:g} s)"
-        wait = partial(wait_visibly, self.node, self._line, timeout_s)
-        if not wait(self._client.server_is_ready, f"a planner on {where}"):
-            missing = self._listener.absence(PLANNER) or f"no planner takes goals on {where}"
-            raise SilentPlannerError(f"{missing} {waited}")
+        wait = partial(wait_visibly, self._listener, self._line, timeout_s)
+        wait(self._client.server_is_ready, f"a planner on {where}")
         sent = self._client.send_goal_async(Reach.Goal(goal=goal), self._tell)
-        if not wait(sent.done, f"the answer of the planner on {where}"):
-            raise SilentPlannerError(f"the planner did not answer on {where} {waited}")
+        wait(sent.done, f"the answer of the planner on {where}")
         return sent.result()
 
     def result(self, handle: Any) -> "Reach.Result":

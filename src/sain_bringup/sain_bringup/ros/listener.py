@@ -14,6 +14,7 @@ from rclpy.qos import QoSProfile
 
 from sain_bringup.conditions import LASTS, Conditions, described
 from sain_core.cli.terminal import WaitingLine
+from sain_core.errors import SainError
 from sain_core.guarding.locks import is_held
 from sain_core.guarding.ros.ownership import full_name, lock_name
 from sain_core.guarding.untrusted import private_folder
@@ -82,23 +83,36 @@ class LatestMessage:
         return None if found is None else found[0]
 
 
+class SilentError(SainError):
+    """A part of the graph is missing, or does not answer."""
+
+
 def wait_visibly(
-    node: Node, line: WaitingLine, timeout_s: float, done: Callable[[], bool], what: str
-) -> bool:
-    """Spin until something is done, and show what is waited for; return whether it came in time.
+    listener: "GraphListener",
+    line: WaitingLine,
+    timeout_s: float,
+    done: Callable[[], bool],
+    what: str,
+) -> None:
+    """Spin until something is done, and show what is waited for.
 
     Time for compiling kernels is extra.
+
+    Raises:
+        SilentError: it did not come in time; with the first part of the graph that is missing.
     """
+    node = listener.node
     end = monotonic() + timeout_s
     with line:
         while not spin_until(node, done, LOOK):
             if compilation := describe_compilation():
                 end = monotonic() + timeout_s
             elif monotonic() >= end:
-                return False
+                missing = (listener.absence(part) for part in listener.parts)
+                problem = next(filter(None, missing), f"{what} has not come")
+                raise SilentError(f"{problem} (waited {timeout_s:g} s)")
             more = f": {compilation}" if compilation else f", at most {timeout_s:g} s"
             line.say(f"waiting for {what}{more}")
-    return True
 
 
 class GraphListener:
@@ -123,7 +137,7 @@ class GraphListener:
             starts: whether this command starts the parts; no other graph is the one that is meant.
         """
         self._starts = starts
-        self._node, self._show, self._parts, self._waiting = node, show, parts, waiting
+        self.node, self.parts, self._show, self._waiting = node, parts, show, waiting
         self._conditions = Conditions()
         self._scenes = LatestMessage(node, Scene, "scene") if SCENES in parts else None
         self._scene_at = monotonic()
@@ -134,7 +148,7 @@ class GraphListener:
 
     def absence(self, part: Part) -> str:
         """Return the line to print where nothing publishes the topic of a part; "": it is there."""
-        node, topic = self._node, self._node.resolve_topic_name(part.topic)
+        node, topic = self.node, self.node.resolve_topic_name(part.topic)
         if node.count_publishers(topic):
             return ""
         missing = f"{part.missing} {node.get_namespace()}"
@@ -150,10 +164,10 @@ class GraphListener:
         return f"{missing}: {part.start}; ROS_DOMAIN_ID is {domain} here"
 
     def _other_namespaces(self, part: Part) -> list[str]:
-        found = self._node.get_topic_names_and_types()
+        found = self.node.get_topic_names_and_types()
         ours = [name for name, kinds in found if any(kind.startswith(SAIN) for kind in kinds)]
         topics = [name for name in ours if name.endswith(f"/{part.topic}")]
-        published = [name for name in topics if self._node.count_publishers(name)]
+        published = [name for name in topics if self.node.count_publishers(name)]
         return [name.rpartition("/")[0] or "/" for name in published]
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
@@ -163,7 +177,7 @@ class GraphListener:
     def _report(self, status: DiagnosticStatus) -> None:
         node, _, _ = str(status.name).partition(SEPARATOR)
         space, _, name = node.rpartition("/")
-        own = space == self._node.get_namespace().rstrip("/")
+        own = space == self.node.get_namespace().rstrip("/")
         if status.hardware_id == SAIN and not own:
             return  # of another graph
         text = "" if status.level == OK else status.message or "reports an error without a text"
@@ -174,7 +188,7 @@ class GraphListener:
         self._conditions.report(status.name, line, 0.0 if at_once else LASTS)
 
     def _look(self) -> None:
-        for part in self._parts:
+        for part in self.parts:
             self._conditions.report(part.topic, self.absence(part), lasts=ABSENT)
         if self._scenes is not None:
             self._conditions.report("silence", self._silence(self._scenes), lasts=0.0)
@@ -183,8 +197,8 @@ class GraphListener:
 
     def _silence(self, scenes: LatestMessage) -> str:
         """Return the line for scenes that do not come though a node should publish them."""
-        now, topic = monotonic(), self._node.resolve_topic_name(SCENES.topic)
-        sources = self._node.get_publishers_info_by_topic(topic)
+        now, topic = monotonic(), self.node.resolve_topic_name(SCENES.topic)
+        sources = self.node.get_publishers_info_by_topic(topic)
         if scenes.take(raw=True) is not None or not sources:
             self._scene_at = now
         if now - self._scene_at < SILENT:

@@ -14,7 +14,7 @@ from rich.markup import escape
 from sain_bringup.conditions import show_line
 from sain_core.cli.terminal import FittingTable, WaitingLine
 from sain_core.config import Config, option
-from sain_core.errors import ErrorCode, SainError
+from sain_core.errors import ErrorCode
 from sain_core.push import DEFAULT_SPEED, make_push, push_ids
 from sain_core.scene import POSITION, THETA
 from sain_core.shapes.solids import DISK
@@ -53,10 +53,6 @@ class PushOptions(Config):
     timeout: float = option(10.0, "longest wait for the simulator", unit="s", minimum=0.0)
 
 
-class SilentSimulatorError(SainError):
-    """The simulator does not answer."""
-
-
 class PushSender:
     """Sends one push from the scene that it sees."""
 
@@ -85,7 +81,7 @@ class PushSender:
         """Send a push from the next settled scene and return its result.
 
         Raises:
-            SilentSimulatorError: no simulator, or no answer in time.
+            SilentError: no simulator, or no answer in time.
         """
         from sain_core.ros.codec import encode_push
 
@@ -123,11 +119,9 @@ class PushSender:
         return min(matched) > 0 and now - self._executor_at > MATCHING
 
     def _wait(self, done: Callable[[], bool], what: str) -> None:
-        from sain_bringup.ros.listener import SCENES, wait_visibly
+        from sain_bringup.ros.listener import wait_visibly
 
-        if not wait_visibly(self.node, self._line, self._timeout_s, done, what):
-            problem = self._listener.absence(SCENES) or f"{what} has not come"
-            raise SilentSimulatorError(f"{problem} (waited {self._timeout_s:g} s)")
+        wait_visibly(self._listener, self._line, self._timeout_s, done, what)
 
     def _on_scene(self, message: "Scene") -> None:
         self._scene = message if message.settled else None

@@ -1,6 +1,5 @@
 """``ros2 run sain_bringup reset``: another episode, and where its bodies are."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Final
@@ -9,7 +8,8 @@ from rich.console import Console
 from rich.markup import escape
 
 from sain_bringup.conditions import show_line
-from sain_bringup.ros.push import SilentSimulatorError
+from sain_bringup.ros.push import PATIENCE
+from sain_core.cli.terminal import WaitingLine
 from sain_core.config import MOST_SEED, Config, option
 from sain_core.errors import ErrorCode
 from sain_core.scene import POSITION
@@ -36,7 +36,7 @@ def run(options: ResetOptions, console: Console) -> int:
     from sain_core.ros.node_main import command_node
 
     with command_node("reset") as node:
-        reply = _reset(node, options, partial(show_line, console))
+        reply = _reset(node, options, console)
     if reply.error_code != ErrorCode.OK:
         console.print(f"[red]not reset[/]: {escape(reply.error_message)}", soft_wrap=True)
         return int(reply.error_code) or 1
@@ -46,19 +46,14 @@ def run(options: ResetOptions, console: Console) -> int:
     return 0
 
 
-def _reset(
-    node: "Node", options: ResetOptions, show: Callable[[str], None]
-) -> "ResetScene.Response":
-    from sain_bringup.ros.listener import SCENES, GraphListener
-    from sain_core.ros.node_main import spin_until
+def _reset(node: "Node", options: ResetOptions, console: Console) -> "ResetScene.Response":
+    from sain_bringup.ros.listener import SCENES, GraphListener, wait_visibly
     from sain_interfaces.srv import ResetScene
 
-    listener, client = GraphListener(node, show, (SCENES,)), node.create_client(ResetScene, SERVICE)
-    name = node.resolve_service_name(SERVICE)
-    if not spin_until(node, client.service_is_ready, options.timeout):
-        missing = listener.absence(SCENES) or f"no simulator serves {name}; a robot has no reset"
-        raise SilentSimulatorError(f"{missing} (waited {options.timeout:g} s)")
+    listener = GraphListener(node, partial(show_line, console), (SCENES,))
+    wait = partial(wait_visibly, listener, WaitingLine(console, PATIENCE), options.timeout)
+    client, name = node.create_client(ResetScene, SERVICE), node.resolve_service_name(SERVICE)
+    wait(client.service_is_ready, f"a simulator on {name}, which a robot has not,")
     answer = client.call_async(ResetScene.Request(seed=options.seed))
-    if not spin_until(node, answer.done, options.timeout):
-        raise SilentSimulatorError(f"{name} did not answer within {options.timeout:g} s")
+    wait(answer.done, f"the answer on {name}")
     return answer.result()
