@@ -1,5 +1,6 @@
 """Figures, moments and pictures of a run, made from episodes as a bag gives them."""
 
+from collections.abc import Iterator
 from dataclasses import replace
 from io import BytesIO, StringIO
 from itertools import pairwise
@@ -13,13 +14,14 @@ from sain_bags.rows.episodes import Episode
 from sain_bags.rows.results import PlanRecord, RecordedPush
 from sain_bringup import movie
 from sain_bringup.display import Display, EpisodeView
-from sain_bringup.movie import Moment, Scenery, choose_moments, encode_gif, film
+from sain_bringup.movie import Film, Moment, Scenery, choose_moments, encode_gif
 from sain_bringup.report import PlayedEpisode, draw_picture, summary_table, written_files
 from sain_core.goal import Goal, Judgement
 from sain_core.output import claim_folder, write_whole
 from sain_core.push import idle_pushes, make_push
 from sain_core.scene import make_scene
 from sain_core.types import Scene
+from sain_core.workers import Work
 
 GOAL = np.array([0.60, 0.0])
 
@@ -134,13 +136,19 @@ class FakeRenderer:
         return picture
 
 
+def in_this_process(work: Work, jobs: list, size: int) -> Iterator[object]:
+    assert size == len(jobs)
+    return iter([work.start().run(job) for job in jobs])
+
+
 def filmed(
     monkeypatch: pytest.MonkeyPatch, blind: int = 0
 ) -> tuple[list[Image.Image], list[float]]:
     used: list[float] = []
+    monkeypatch.setattr(movie, "start_processes", in_this_process)
     monkeypatch.setattr(movie.Scenery, "renderer", lambda _: FakeRenderer(blind, used))
     scenery = Scenery(scene(0.4), None, None, GOAL, 0.08, "paper 4")
-    return film(scenery, moments(5, 0.1)), used
+    return Film(scenery, moments(5, 0.1), processes=2).frames(), used
 
 
 def test_a_camera_that_hides_the_target_is_moved(monkeypatch):

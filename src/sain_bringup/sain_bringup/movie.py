@@ -4,10 +4,13 @@ The arm's joints and the disks come from the bag and nothing is simulated again:
 is what happened.
 """
 
+import os
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from io import BytesIO
-from typing import TYPE_CHECKING, Any, Final
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 from jaxtyping import Float, UInt8
@@ -22,12 +25,14 @@ from sain_core.goal import Judgement
 from sain_core.types import Points, Scene
 from sain_core.view.palette import PALETTE
 from sain_core.wire import decode_disks, decode_stamp
+from sain_core.workers import FunctionRunner, Software, Work, start_processes
 
 if TYPE_CHECKING:
     from sain_sim.camera.render import Renderer  # takes a second to load
 
 JOINTS: Final = "sensor_msgs/msg/JointState"
 MARGIN: Final = 16  # [px]
+MOST_PROCESSES: Final = 8
 SPEED: Final = 3.0  # simulated time by shown time
 RATE: Final = 12.0  # [Hz], of pictures
 HOLD: Final = 2.0  # [s] that the last picture stands
@@ -112,25 +117,62 @@ class Scenery:
         return renderer
 
 
-def film(scenery: Scenery, moments: Sequence[Moment]) -> list[Image.Image]:
-    """Return the pictures of an episode.
+class FilmPart(NamedTuple):
+    """Moments of a film, seen from one place."""
+
+    moments: Sequence[Moment]
+    eye: Float[ndarray, "3"]  # [m]
+    whatever: bool  # pictures that hide the target or the goal count, too
+
+
+def render(scenery: Scenery, part: FilmPart) -> list[Image.Image] | None:
+    """Return the pictures of a part; None where one hides the target or the goal."""
+    frames = []
+    with scenery.renderer() as renderer:
+        renderer.look_from(part.eye)
+        for moment in part.moments:
+            picture = renderer.picture(moment.joints, moment.scene, scenery.goal, scenery.ring)
+            if not (part.whatever or all(renderer.pixels)):
+                return None
+            frames.append(_caption(picture, scenery.title, moment.judged))
+    return frames
+
+
+class Film:
+    """The pictures of an episode, rendered on all cores as soon as this is made.
 
     The camera stands where no picture hides the target or the goal, or else in the best place.
     """
-    with scenery.renderer() as renderer:
-        seen = [(moment.joints, moment.scene) for moment in moments]
-        eyes = renderer.eyes(seen, scenery.goal, scenery.ring)
-        for eye, whatever in (*((eye, False) for eye in eyes[:VIEWS]), (eyes[0], True)):
-            renderer.look_from(eye)
-            frames = []
-            for moment in moments:
-                picture = renderer.picture(moment.joints, moment.scene, scenery.goal, scenery.ring)
-                if not (whatever or all(renderer.pixels)):
-                    break
-                frames.append(_caption(picture, scenery.title, moment.judged))
-            else:
-                break
-    return frames
+
+    def __init__(self, scenery: Scenery, moments: Sequence[Moment], processes: int = 0) -> None:
+        """Begin to render in so many processes; 0: one for each core."""
+        with scenery.renderer() as renderer:
+            seen = [(moment.joints, moment.scene) for moment in moments]
+            eyes = renderer.eyes(seen, scenery.goal, scenery.ring)
+        self._views = [*((eye, False) for eye in eyes[:VIEWS]), (eyes[0], True)]
+        size = min(processes or len(os.sched_getaffinity(0)), MOST_PROCESSES, len(moments))
+        ends = np.linspace(0, len(moments), size + 1).astype(int).tolist()
+        self._parts = [moments[first:last] for first, last in pairwise(ends)]
+        start = partial(FunctionRunner, partial(render, scenery))
+        self._work = Work(start, Software((), ()))  # there is nothing that pictures must agree with
+        self._begin()
+
+    def _begin(self) -> None:
+        eye, whatever = self._views.pop(0)
+        parts = [FilmPart(moments, eye, whatever) for moments in self._parts]
+        self._pictures = start_processes(self._work, parts, len(parts))
+
+    def frames(self) -> list[Image.Image]:
+        """Wait for the pictures and return them."""
+        while True:
+            parts = list(self._pictures)
+            if None not in parts:
+                return [frame for part in parts if part is not None for frame in part]
+            self._begin()  # from the next place; from the last one, all pictures count
+
+    def close(self) -> None:
+        """End the processes, also in the middle of the work."""
+        self._pictures.close()
 
 
 def encode_gif(frames: Sequence[Image.Image]) -> bytes:

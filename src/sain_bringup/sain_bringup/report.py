@@ -1,12 +1,12 @@
 """What a run leaves behind: summary, pictures and a page, all read back from the bag."""
 
 from collections.abc import Sequence
+from contextlib import ExitStack, closing
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-from PIL import Image
 from rich.text import Text
 
 from sain_bags.reading.reader import Bag
@@ -15,7 +15,7 @@ from sain_bags.report.writing import write_page
 from sain_bags.rows.episodes import Episode, read_episodes
 from sain_bringup.display import Display
 from sain_bringup.graph import EPISODES_KEY, NAMESPACE_KEY
-from sain_bringup.movie import Scenery, choose_moments, encode_gif, episode_moments, film
+from sain_bringup.movie import Film, Scenery, choose_moments, encode_gif, episode_moments
 from sain_core.cli.terminal import FittingTable
 from sain_core.output import write_json, write_whole
 from sain_core.view.scenes import goal_marks
@@ -154,15 +154,19 @@ def write_results(folder: Path, video: bool, display: Display) -> bool:
         played = played_episodes(bag)
         summaries = tuple(episode.summary() for episode in played)
         write_summary(folder / "summary.json", bag, summaries)
-    with display.stage("drawing the episodes", "episodes drawn"):
-        draw_picture(folder, played)
-        write_page(folder / "report.html", read_content(bag).data)
-    if video and played and not is_installed(BULLET):
-        display.console.print(f"  no moving picture: it {needs(BULLET)}", soft_wrap=True)
-    elif video and played:
-        with display.stage("rendering the moving picture", "moving picture rendered"):
-            gif = encode_gif(film_of(bag, choose_episode(played)))
-            write_whole(folder / "closed_loop.gif", gif)
+    with ExitStack() as rendering:
+        film = None
+        if video and played and not is_installed(BULLET):
+            display.console.print(f"  no moving picture: it {needs(BULLET)}", soft_wrap=True)
+        elif video and played:
+            film = rendering.enter_context(closing(begin_film(bag, choose_episode(played))))
+        with display.stage("drawing the episodes", "episodes drawn"):
+            draw_picture(folder, played)
+            write_page(folder / "report.html", read_content(bag).data)
+        if film is not None:
+            with display.stage("rendering the moving picture", "moving picture rendered"):
+                gif = encode_gif(film.frames())
+                write_whole(folder / "closed_loop.gif", gif)
     display.console.print()
     display.console.print(summary_table(summaries), soft_wrap=True)
     display.console.print("\nWritten, to be opened in this order:")
@@ -199,8 +203,8 @@ def choose_episode(played: Sequence[PlayedEpisode]) -> PlayedEpisode:
     return max(played, key=rank)
 
 
-def film_of(bag: Bag, one: PlayedEpisode) -> list[Image.Image]:
-    """Render one episode from its recording."""
+def begin_film(bag: Bag, one: PlayedEpisode) -> Film:
+    """Begin to render one episode from its recording."""
     one = one.last_part()
     assert one.episode.goal is not None
     bodies, start = one.record().bodies, one.episode.start
@@ -210,4 +214,4 @@ def film_of(bag: Bag, one: PlayedEpisode) -> list[Image.Image]:
     ring = mark.body.radius + mark.tolerance
     shapes = tuple(shape.name for shape in bodies.shapes)
     scenery = Scenery(start, shapes, outline, mark.body.place, ring, one.title)
-    return film(scenery, choose_moments(episode_moments(bag, one.episode)))
+    return Film(scenery, choose_moments(episode_moments(bag, one.episode)))
