@@ -219,7 +219,7 @@ def test_nothing_is_left_when_the_closed_loop_is_killed(endless):
 
 
 def test_processes_that_are_killed_come_back_and_the_third_within_a_minute_ends_the_loop(endless):
-    for victim, name in (("sim_node", "simulator"), ("model_node", "model")):
+    for victim, name in (("sim_node", "simulator"), ("record", "recorder")):
         os.kill(endless.process_of(victim), signal.SIGKILL)
         endless.wait_for(f"{name} was killed by SIGKILL; it was restarted, and is back after")
     os.kill(endless.process_of("mppi_node"), signal.SIGKILL)

@@ -63,12 +63,19 @@ def check_free(host: str, port: int) -> None:
         found = socket.getaddrinfo(host or None, port, type=stream, flags=passive)
         family, _, _, _, where = found[0]
         socket.create_server(where[:2], family=family, backlog=1).close()
+    except PermissionError as error:
+        raise ConfigError(
+            f"port {port} is reserved for the system; choose one above 1023, for example port 8081"
+        ) from error
     except OSError as error:
-        kind = BusyError if error.errno == errno.EADDRINUSE else ConfigError
-        why = str(error.strerror).partition(" (")[0]
-        raise kind(
-            f"the page cannot be served on port {port} of {host}: {why}; choose another port, for"
-            f" example {port + 1 if 1023 < port < 65535 else 8081}, or the host 127.0.0.1"
+        if isinstance(error, socket.gaierror) or error.errno == errno.EADDRNOTAVAIL:
+            raise ConfigError(
+                f"host is {host!r}; this computer has no such address: use 127.0.0.1, or 0.0.0.0"
+                " for all computers"
+            ) from error
+        raise BusyError(
+            f"port {port} of {host} is in use by another program; stop it, or choose another"
+            f" port, for example {port + 1 if port < 65535 else 8081}"
         ) from error
 
 

@@ -91,6 +91,8 @@ class ControlsView:
         self._hint = gui.add_html("")
         reset = gui.add_button("Reset", icon=viser.Icon.REFRESH)
         reset.on_click(self._guarded(self._reset))
+        following = gui.add_button("Next seed", icon=viser.Icon.PLAYER_TRACK_NEXT)
+        following.on_click(self._guarded(self._next))
         for choice in (self._scenario, self._seed, self._shape, self._world):
             choice.on_update(self._on_choice)
 
@@ -131,6 +133,10 @@ class ControlsView:
         seed = read_seed(self._seed.value)
         self._orders.reset(Reset(self._scenario.value, seed, self._shape.value, world))
         self._hint.content = ""
+
+    def _next(self) -> None:
+        self._seed.value = str(min(read_seed(self._seed.value) + 1, LARGEST_SEED))
+        self._reset()
 
     def _guarded(self, work: Callable[[], None]) -> Callable[[Any], None]:
         """Return a callback that tells errors in the log."""

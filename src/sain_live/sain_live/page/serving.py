@@ -23,6 +23,15 @@ AMBIENT: Final = 0.3  # brightness of lights
 SKY: Final = 0.7
 PANEL_WIDTH: Final = 330  # pixels
 UNFRAMED: Final = {"Content-Security-Policy": "frame-ancestors 'none'", "X-Frame-Options": "DENY"}
+ON_A_PHONE: Final = """<style>@media (max-width: 36em) {
+div:has(> .mantine-Paper-root[style*="20em"]) { flex-direction: column }
+div:has(~ .mantine-Paper-root[style*="20em"]) { min-height: 0 }
+.mantine-Paper-root[style*="20em"] { position: static !important; width: 100% !important;
+  max-height: 50% !important; flex: none }
+.mantine-Paper-root[style*="20em"] [style*="20em"] { width: 100% !important }
+.mantine-ScrollArea-content { display: block !important; min-width: 0 !important; width: 100% }
+.mantine-ScrollArea-content * { overflow-wrap: anywhere }
+}</style>"""  # viser's panel covers the scene there; this puts it below, and as wide as the screen
 
 Check = Callable[[Any, Any], Any]
 
@@ -39,7 +48,7 @@ def open_server(config: PageConfig) -> viser.ViserServer:
         server = viser.ViserServer(config.host, config.port, label=TITLE, verbose=False)
     if server.get_port() != config.port:  # somebody was faster
         server.stop()
-        raise BusyError(f"port {config.port} of {config.host} was taken just now; start again")
+        raise BusyError(f"port {config.port} of {config.host} is in use; choose another port")
     for message in (_messages.ShareUrlRequest, _messages.ShareUrlDisconnect):
         server._websock_server.unregister_handler(message)  # a tunnel to the internet
     _furnish(server)
@@ -53,6 +62,7 @@ def _furnish(server: viser.ViserServer) -> None:
     )
     server.gui.main_panel.dock_right()
     server.gui.main_panel.set_width(PANEL_WIDTH)
+    server.gui.add_html(ON_A_PHONE)
     server.scene.set_up_direction("+z")
     server.scene.world_axes.visible = False
     # Without a graphics card, shadows and an environment map took a second for each picture.
