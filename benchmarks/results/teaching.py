@@ -26,9 +26,8 @@ from sain_lab.keeping.results import Result
 from sain_lab.learner import prediction_error
 from sain_lab.physics import Believer
 from sain_lab.settings import TeachOptions
-from sain_lab.teaching.information import Work
+from sain_lab.teaching.information import Teacher, Work
 from sain_lab.teaching.lesson_plan import Room, Rooms, Teaching, rooms_of, work_of
-from sain_lab.teaching.teacher import Teacher
 from sain_model.compute.kernel_store import compile_kernels
 from sain_model.dynamics.load import load_shipped
 from sain_model.dynamics.sain import SainDynamics

@@ -8,9 +8,8 @@ import pytest
 from sain_core.errors import ErrorCode
 from sain_core.model import load_dynamics
 from sain_lab.judging.curves import read_curves
-from sain_lab.keeping.events import CHANGED, DROPPED, JUMPED, LOADED, NOT_LEARNED
 from sain_lab.keeping.laboratory import LOG, MANIFEST, Laboratory
-from sain_lab.keeping.log import LogReader
+from sain_lab.keeping.log import CHANGED, DROPPED, JUMPED, LOADED, NOT_LEARNED, LogReader
 from sain_lab.learner import Learner
 from tests.sain_lab.table import TRUE, SmallTable
 

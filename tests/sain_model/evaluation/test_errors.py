@@ -9,8 +9,7 @@ from sain_core.model import IdentityPrior, Model, load_dynamics
 from sain_core.scene import POSITION, TARGET
 from sain_core.view.palette import PALETTE
 from sain_model import commands
-from sain_model.data.dataset import Dataset, Part
-from sain_model.data.windows import Windows
+from sain_model.data.dataset import Dataset, Part, Windows
 from sain_model.evaluation.errors import (
     PUSHED,
     TARGET_MISSED,

@@ -37,7 +37,7 @@ from sain_model.physics.parameters import Values
 from tests.sain_model.conftest import random_network
 from tests.strokes import rotate_scenes
 
-CONFIG, SEEING = NetworkConfig(), NetworkConfig(believed=True)
+SEEING = NetworkConfig(believed=True)
 SEEN = (
     "tool_friction", "torsion", "pressure", "centre_x", "centre_y", "grain_x", "grain_y",
     "table_grain_x", "table_grain_y", "tip_x", "tip_y",
@@ -89,7 +89,7 @@ def features_of(
 ) -> Features:
     frames = push_frames(scenes, pushes, bodies)
     return network_inputs(
-        CONFIG if values is None else SEEING, scenes, frames, after, bodies, values
+        NetworkConfig(believed=values is not None), scenes, frames, after, bodies, values
     )
 
 

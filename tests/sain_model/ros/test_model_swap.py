@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-import torch
 from rcl_interfaces.srv import SetParameters
 from rclpy.parameter import Parameter
 
@@ -18,27 +17,18 @@ from sain_core.guarding.ros.reception import SERVICE
 from sain_core.model import IdentityPrior, Model, load_dynamics
 from sain_core.push import PushLimits
 from sain_core.ros import codec
-from sain_core.scene import make_scene
 from sain_core.types import Pushes, Scenes
 from sain_interfaces.srv import DescribeModel, LoadModel, Rollout
 from sain_model.dynamics.load import ModelCard, card_path, save_checkpoint
-from sain_model.network.interaction_network import InteractionNetwork
-from sain_model.network.settings import NetworkConfig
 from sain_model.ros.model_node import ModelNode
 from sain_model.serving import server
+from tests.sain_model.conftest import SCENE, random_network
 
-SCENE = make_scene(
-    np.array([(0.40, 0.0), (0.541, 0.0)]), np.array([8.0, 8.0]), np.array([0.08, 0.06])
-)
 SEQUENCES = PushLimits().sample(np.random.default_rng(0), 40).reshape(20, 2, 5)
 
 
 def make_checkpoint(path: Path, seed: int) -> str:
-    torch.manual_seed(seed)
-    network = InteractionNetwork(NetworkConfig(hidden=8, message=4))
-    with torch.no_grad():
-        for parameter in network.parameters():
-            parameter.add_(0.3 * torch.randn_like(parameter))
+    network = random_network(0.3, seed, hidden=8, message=4)
     save_checkpoint(path, network.weights, ModelCard("planar", {}, {}))
     return str(path)
 

@@ -37,9 +37,8 @@ from sain_core.output import (
 )
 from sain_core.provenance import FORMAT, other_format
 from sain_core.scene import STATE_SIZE
-from sain_lab.keeping import events
-from sain_lab.keeping.events import Event
-from sain_lab.keeping.log import LogReader, LogWriter, Record
+from sain_lab.keeping import log
+from sain_lab.keeping.log import Event, LogReader, LogWriter, Record
 from sain_lab.keeping.results import Result
 from sain_model.physics.parameters import BY_NAME
 
@@ -355,17 +354,17 @@ def _check_event(event: Event) -> None:
     if not NETWORK.fullmatch(model):
         raise ValueError(f"model is {model!r}")
     match event.kind:
-        case events.TRAINING:
+        case log.TRAINING:
             _check_count(about.get("since", 0))
-        case events.NOT_LEARNED:
+        case log.NOT_LEARNED:
             _check_not_learned(about)
-        case events.LOADED | events.DROPPED:
+        case log.LOADED | log.DROPPED:
             _ = about["service"]
-        case events.TRAINED | events.LEFT_OUT:
+        case log.TRAINED | log.LEFT_OUT:
             _ = about["model"]
             errors = [error for error in about.get("unseen", ()) if error is not None]
             _check_numbers({f"error {place}": error for place, error in enumerate(errors)})
-        case events.CHANGED:
+        case log.CHANGED:
             _ = about["service"]
             _check_count(about["keep"])
             _check_numbers(about["anchor"])

@@ -3,21 +3,65 @@
 A line is the CRC-32 of a JSON text in eight hexadecimal digits, a space, and that text. Where a
 process was killed, the last line may be cut off: it counts for nothing, and the next owner of the
 laboratory removes it. A damaged line stays in the file: it is named, and the lines after it count.
+
+Decisions of a learner, and what it noticed.
 """
 
 import json
 import os
 import re
 import zlib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import IO, Any, Final
+from typing import IO, Any, Final, Self
 
 from sain_core.errors import DatasetError, OutputError, SainError, UntrustedFileError
 from sain_core.guarding.documents import parse_json
 from sain_core.guarding.untrusted import MIB, is_file, open_regular
 from sain_core.provenance import FORMAT, other_format
+
+TRAINING, TRAINED, FAILED = "training", "trained", "training failed"
+LOADED, DROPPED, CHANGED = "loaded", "dropped", "table changed"
+JUMPED: Final = "friction changed"
+NOT_LEARNED: Final = "not learned"
+NOT_PREDICTED: Final = "not predicted"
+LEFT_OUT: Final = "left out"
+NOT_REMOVED: Final = "not removed"
+
+
+@dataclass(frozen=True)
+class Event:
+    """A decision, or something that was noticed.
+
+    Attributes:
+        kind: one of those above.
+        text: for people.
+        pushes: learned from so far.
+        time: seconds since 1970.
+        about: more, by name.
+    """
+
+    kind: str
+    text: str
+    pushes: int = 0
+    time: float = 0.0
+    about: Mapping[str, Any] = field(default_factory=dict)
+
+    def record(self) -> dict[str, Any]:
+        """Return it as the log has it."""
+        content = {name: value for name, value in vars(self).items() if name != "kind"}
+        return {"kind": "event", "event": self.kind, **content, "about": dict(self.about)}
+
+    @classmethod
+    def of_record(cls, record: Mapping[str, Any]) -> Self:
+        """Return what `record` made."""
+        own = {name: record[name] for name in ("text", "pushes", "time", "about")}
+        if not isinstance(record["event"], str) or not isinstance(own["text"], str):
+            raise TypeError(f"event is {record['event']!r}, text is {own['text']!r}")
+        return cls(record["event"], **own)
+
 
 MOST_BYTES: Final = 4096 * MIB  # of a log; 10,000 pushes have 10
 LONGEST_LINE: Final = MIB  # [bytes]; a push of two bodies has 1,000

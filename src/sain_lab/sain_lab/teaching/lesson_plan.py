@@ -19,8 +19,7 @@ from sain_eval.scenes.scenarios import draw_scene
 from sain_lab.keeping.results import Result
 from sain_lab.learner import Learner, prediction_error
 from sain_lab.settings import TeachOptions
-from sain_lab.teaching.information import Certainty, Work, expected_error
-from sain_lab.teaching.teacher import Teacher, imagined_work
+from sain_lab.teaching.information import Certainty, Teacher, Work, expected_error, imagined_work
 from sain_model.dynamics.sain import SainDynamics
 from sain_mppi.agent.agent import MOST_PUSHES, Agent, AgentConfig
 from sain_mppi.agent.events import Task

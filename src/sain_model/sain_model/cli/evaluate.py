@@ -55,8 +55,7 @@ class EvaluateModelOptions(Config):
 
 def run(options: EvaluateModelOptions, console: Console) -> None:
     """Evaluate, print tables and write JSON, Markdown and picture."""
-    from sain_model.data.dataset import load_dataset
-    from sain_model.data.windows import make_windows
+    from sain_model.data.dataset import load_dataset, make_windows
     from sain_model.dynamics.load import parse_card, shipped_checkpoint
     from sain_model.evaluation.errors import report
     from sain_model.evaluation.predictors import predict_all

@@ -18,8 +18,7 @@ from sain_core.model import IdentityPrior, Model, answering, check_step
 from sain_core.push import LENGTH
 from sain_core.scene import MASS, MID, NOMINAL_MASS, RADIUS
 from sain_core.types import Indices, Pushes, Scalars, Scenes
-from sain_model.data.dataset import Dataset, Part
-from sain_model.data.windows import Windows, make_windows
+from sain_model.data.dataset import Dataset, Part, Windows, make_windows
 from sain_model.dynamics.identify import body_names
 from sain_model.dynamics.intervals import Prediction
 from sain_model.dynamics.sain import LEARNED as LEARNED_KIND

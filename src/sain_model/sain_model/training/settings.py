@@ -38,10 +38,9 @@ HALVING_STEPS: Final = "halving_steps"
 HALVING_EPOCHS: Final = "halving_epochs"
 NOTHING: Final = "none"
 EPISODE: Final = "episode"
-OF_ROLLOUTS: Final = (
-    *("steps_ahead", "rollout_epochs", "rollout_batch"),
-    *("rollout_learning_rate", "rollout_max_grad_norm"),
-)
+OF_ROLLOUTS: Final = ("steps_ahead", "rollout_epochs")
+ROLLOUT_BATCH: Final = 64  # windows in an optimizer step
+ROLLOUT_RATE: Final = 1e-3  # learning rate at the start; it falls to 0 along a cosine
 LAMBDA: Final = 1e-6  # of equation 5, of a loss in units of 1 mm
 
 
@@ -92,11 +91,6 @@ class TrainingConfig(Config):
     weight_decay: float = option(
         0.1, "weight decay of the optimizer, the paper's lambda", minimum=0.0
     )
-    max_grad_norm: float = option(
-        0.0,
-        "largest norm of a member's gradient; longer ones are scaled to it; 0: any",
-        minimum=0.0,
-    )
     diversity: str = option(
         ORDER,
         "data of each member: all pushes in another order, or episodes drawn with replacement",
@@ -122,13 +116,6 @@ class TrainingConfig(Config):
         1, "pushes of a training rollout; 1: single pushes only", minimum=1, maximum=100
     )
     rollout_epochs: int = option(12, "passes over the windows", minimum=1)
-    rollout_batch: int = option(64, "windows in an optimizer step", minimum=1)
-    rollout_learning_rate: float = option(
-        1e-3, "learning rate at the start; it falls to 0 along a cosine", minimum=1e-7
-    )
-    rollout_max_grad_norm: float = option(
-        1.0, "largest norm of a gradient; longer ones are scaled to it", minimum=1e-6
-    )
     network: NetworkConfig = NetworkConfig()
 
     @property
@@ -148,9 +135,8 @@ class TrainingConfig(Config):
             epoch_steps=0,
             validate_every=1,
             patience=0,
-            batch=self.rollout_batch,
-            learning_rate=self.rollout_learning_rate,
-            max_grad_norm=self.rollout_max_grad_norm,
+            batch=ROLLOUT_BATCH,
+            learning_rate=ROLLOUT_RATE,
             diversity=ORDER,
             optimizer=ADAMW,
             schedule=COSINE,

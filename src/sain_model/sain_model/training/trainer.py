@@ -37,11 +37,13 @@ class LearningObjective(ABC):
         identity: of the data and of all else that the losses depend on.
         episodes: which episode each of the M rows to learn from belongs to.
         members: for how many networks rows are drawn; 1: the same rows for all.
+        max_grad_norm: largest norm of a member's gradient; longer ones are scaled to it.
     """
 
     identity: str
     episodes: Int[ndarray, "M"]
     members: int = 1
+    max_grad_norm: float = math.inf
 
     @abstractmethod
     def losses(self, network: InteractionNetwork, rows: Int[Tensor, "M b"]) -> Tensor:
@@ -201,8 +203,7 @@ class Trainer:
             losses = self._objective.losses(self.network, rows)
             self._optimizer.zero_grad()
             losses.sum().backward()  # so that each member learns as if it were alone
-            if config.max_grad_norm:
-                clip_gradients(self.network, config.max_grad_norm)
+            clip_gradients(self.network, self._objective.max_grad_norm)
             self._optimizer.step()
             total += losses.mean().item() * rows.shape[-1]
             seen += rows.shape[-1]
@@ -257,6 +258,8 @@ class Trainer:
 
 def clip_gradients(network: InteractionNetwork, most: float) -> None:
     """Scale the gradient of each member whose norm is larger to this norm."""
+    if most == math.inf:
+        return
     members = network.config.members
     gradients = [p.grad for p in network.parameters() if p.grad is not None]
     squares = sum((g.reshape(members, -1) ** 2).sum(dim=1) for g in gradients)
