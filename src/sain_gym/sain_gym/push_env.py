@@ -73,8 +73,7 @@ class PushEnvConfig(Config):
     def of(cls, settings: Mapping[str, Any]) -> Self:
         """Return the settings of these names and values.
 
-        Raises:
-            ConfigError: an unknown name, a value of another type or outside its range.
+        Raises `ConfigError`: an unknown name, a value of another type or outside its range.
         """
         known = [item.name for item in fields(cls)]
         if unknown := [name for name in settings if name not in known]:
@@ -119,9 +118,8 @@ class PushEnv(gymnasium.Env[Any, Any]):
     def __init__(self, render_mode: str | None = None, **settings: Any) -> None:
         """Make the spaces; the engine is loaded at the first `reset`.
 
-        Raises:
-            ConfigError: an unknown setting, one of another type or outside its range, or an engine
-                that is not installed.
+        Raises `ConfigError`: an unknown setting, one of another type or outside its range, or an
+        engine that is not installed.
         """
         if render_mode not in (None, RGB_ARRAY):
             raise ConfigError(f"render_mode is {render_mode!r}; allowed: None, {RGB_ARRAY!r}")
@@ -143,11 +141,7 @@ class PushEnv(gymnasium.Env[Any, Any]):
 
     @property
     def episode(self) -> PushEpisode:
-        """The episode that was begun last.
-
-        Raises:
-            EpisodeEndedError: none was.
-        """
+        """The episode that was begun last; raises `EpisodeEndedError`: none was."""
         if self._episode is None:
             raise EpisodeEndedError("no episode has begun; call reset first")
         return self._episode

@@ -145,8 +145,7 @@ class Learner:
     def receive(self, result: Result) -> None:
         """Keep a result, over a kill too, until `observe` has it; on any thread.
 
-        Raises:
-            OutputError: the disk is full; the result waits in memory.
+        Raises `OutputError`: the disk is full; the result waits in memory.
         """
         result = result.identified()
         with self._lock:
@@ -162,8 +161,7 @@ class Learner:
     def observe(self, result: Result) -> Lesson:
         """Learn from a result.
 
-        Raises:
-            OutputError: the disk is full; nothing was learned, and the laboratory is whole.
+        Raises `OutputError`: the disk is full; nothing was learned, and the laboratory is whole.
         """
         result = result.identified()
         try:
@@ -403,8 +401,7 @@ class NotFiniteError(SainError):
 def error_of(model: SainDynamics, result: Result, history: PushHistory) -> tuple[float, float]:
     """Return the errors of a model on a push, as `prediction_error`.
 
-    Raises:
-        SainError: it does not predict it.
+    Raises `SainError`: it does not predict it.
     """
     conditioned = model.with_bodies(result.own_bodies).condition(history)
     after = conditioned.step(result.before[None], result.push[None])[0]

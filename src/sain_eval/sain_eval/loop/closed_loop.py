@@ -171,8 +171,7 @@ class StraightDecider(Decider):
     def decide(self, job: PlanJob, generator: np.random.Generator) -> PushDecision:
         """Push along the line from mid disk to goal by the distance left for the target.
 
-        Raises:
-            NoPushError: this push was refused, or the goal is more than a place.
+        Raises `NoPushError`: this push was refused, or the goal is more than a place.
         """
         if not job.problem.goal.is_place:
             raise NoPushError(

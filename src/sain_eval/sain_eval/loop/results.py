@@ -239,9 +239,7 @@ class Journal:
         """Open the journal in a folder. `add` makes or replaces it.
 
         With `overwrite`, one of other settings, or a damaged one, is begun anew.
-
-        Raises:
-            OutputError: it was kept with other settings, is damaged or cannot be written.
+        Raises `OutputError`: it was kept with other settings, is damaged or cannot be written.
         """
         self.path = folder / JOURNAL_FILE
         self.records: list[SceneRecord] = []

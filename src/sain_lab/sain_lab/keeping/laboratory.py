@@ -61,8 +61,7 @@ def data_folder() -> Path:
 def laboratory_path(name: str) -> Path:
     """Return the folder of a laboratory: a name, ``lab:NAME``, or a path.
 
-    Raises:
-        ConfigError: neither.
+    Raises `ConfigError`: neither.
     """
     name = name.removeprefix(PREFIX)
     if "/" in name or name.startswith(("~", ".")):
@@ -321,8 +320,7 @@ def _sign(path: Path) -> None:
 def check_record(record: Record) -> None:
     """Check that a record of a log has what its kind needs.
 
-    Raises:
-        SainError, LookupError, TypeError, ValueError: it has not.
+    Raises `SainError`, `LookupError`, `TypeError` or `ValueError`: it has not.
     """
     match record["kind"]:
         case "push":

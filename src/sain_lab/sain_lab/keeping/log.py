@@ -81,8 +81,7 @@ def encoded(record: Record) -> bytes:
 def decoded(line: bytes) -> Record:
     """Return the record of a line.
 
-    Raises:
-        UntrustedFileError, ValueError: it does not have its checksum, or is no record.
+    Raises `UntrustedFileError` or `ValueError`: it does not have its checksum, or is no record.
     """
     text = line[9:-1]
     if not line.endswith(b"\n") or line[:9] != b"%08x " % zlib.crc32(text):
@@ -109,8 +108,7 @@ class LogReader:
     def read(self) -> Iterator[Record]:
         """Yield the records since the last time.
 
-        Raises:
-            DatasetError: no such file, of another version, or too large.
+        Raises `DatasetError`: no such file, of another version, or too large.
         """
         try:
             with open_regular(self._path) as file:
@@ -214,8 +212,7 @@ class LogWriter:
     def append(self, record: Record) -> None:
         """Append a record: whole, or not at all.
 
-        Raises:
-            OutputError: the disk is full, or the log has reached its largest size.
+        Raises `OutputError`: the disk is full, or the log has reached its largest size.
         """
         line = encoded(record)
         try:

@@ -21,8 +21,7 @@ from sain_model.data.shard import NO_STEP, read_shard
 def read_recording(path: Path) -> Iterator[Result]:
     """Yield the results of a data set, a bag or a folder of bags, in the order of time.
 
-    Raises:
-        DatasetError: it is none, or damaged.
+    Raises `DatasetError`: it is none, or damaged.
     """
     if not path.exists():
         raise DatasetError(f"{path} does not exist; give a bag, or a folder of shards *.npz")
@@ -37,8 +36,7 @@ def read_recording(path: Path) -> Iterator[Result]:
 def read_data_set(path: Path) -> Iterator[Result]:
     """Yield the results of a folder of shards, or of one shard, episode by episode.
 
-    Raises:
-        DatasetError: a shard is damaged.
+    Raises `DatasetError`: a shard is damaged.
     """
     for shard in shard_paths(path):
         columns = read_shard(shard)

@@ -124,8 +124,7 @@ class Result:
     def of_record(cls, record: Mapping[str, Any]) -> Self:
         """Return what `record` made.
 
-        Raises:
-            SainError, ValueError, LookupError, TypeError: it was not.
+        Raises `SainError`, `ValueError`, `LookupError` or `TypeError`: it was not.
         """
         before, push, after = (
             np.array(record[name], np.float64) for name in ("before", "push", "after")

@@ -199,8 +199,7 @@ class Teacher(Decider):
     def decide(self, job: PlanJob, generator: np.random.Generator) -> PushDecision:
         """Choose a push whose outcome keeps all bodies in reach, whatever the parameters are.
 
-        Raises:
-            NoPushError: there is none.
+        Raises `NoPushError`: there is none.
         """
         scene, bodies = job.problem.scene, job.problem.bodies
         pushes = drawn_pushes(job, generator, self._draws)
@@ -222,8 +221,7 @@ class Teacher(Decider):
 def drawn_pushes(job: PlanJob, generator: np.random.Generator, count: int) -> Pushes:
     """Draw permitted pushes (B, 5): half of them anywhere, half as a planner would try.
 
-    Raises:
-        NoPushError: none is permitted.
+    Raises `NoPushError`: none is permitted.
     """
     objective = Objective(job.problem, CostWeights())
     half = [draw(objective, generator, 2 * count, 1)[:, 0] for draw in (uniform, candidates)]
@@ -271,8 +269,7 @@ class ImaginedWorld:
 def imagined_work(cases: list[ScenarioScene], model: Model, config: AgentConfig) -> Work:
     """Return the pushes of plans in scenes with the same bodies, where a model is the truth.
 
-    Raises:
-        SainError: there is no plan in any of the scenes.
+    Raises `SainError`: there is no plan in any of the scenes.
     """
     bodies = cases[0].bodies
     scenes: list[Scene] = []

@@ -85,8 +85,7 @@ class Teaching:
     def run(self, rooms: Rooms, settings: TeachOptions) -> Taught:
         """Make the pushes, in one room after another.
 
-        Raises:
-            NoPushError: no push is possible in several rooms, or there is none any more.
+        Raises `NoPushError`: no push is possible in several rooms, or there is none any more.
         """
         with closing(rooms):
             why = self.visit(rooms, settings)
@@ -180,8 +179,7 @@ def work_of(settings: TeachOptions, model: SainDynamics) -> Work:
 def teach_in_world(settings: TeachOptions) -> Taught:
     """Teach in a simulated world.
 
-    Raises:
-        SainError: no push is possible, or the laboratory cannot be opened.
+    Raises `SainError`: no push is possible, or the laboratory cannot be opened.
     """
     with Learner.named(settings.laboratory) as learner:
         model = lambda: learner.believer.model  # noqa: E731

@@ -27,8 +27,7 @@ if TYPE_CHECKING:
 def options(arguments: Sequence[str]) -> type[TrainOptions]:
     """Return the options with the defaults that ``--preset`` and ``--from`` give.
 
-    Raises:
-        CheckpointError: the checkpoint of ``--from`` is not sound.
+    Raises `CheckpointError`: the checkpoint of ``--from`` is not sound.
     """
     scout = argparse.ArgumentParser(add_help=False, allow_abbrev=False, exit_on_error=False)
     scout.add_argument("--preset", default=DEFAULT)

@@ -49,8 +49,7 @@ RANDOMISED: Final = "randomised"
 def made_in(path: Path) -> str:
     """Return engine and world of a folder, or of the folder of a shard; else the folder's name.
 
-    Raises:
-        DatasetError: its description is damaged.
+    Raises `DatasetError`: its description is damaged.
     """
     folder = path if path.is_dir() else path.parent
     file = folder / COLLECTION_FILE
@@ -142,11 +141,7 @@ class Dataset:
 
     @property
     def alike(self) -> Part:
-        """All pushes, where scenes have the same bodies.
-
-        Raises:
-            DatasetError: they have not.
-        """
+        """All pushes, where scenes have the same bodies; raises `DatasetError`: they have not."""
         if len(self.parts) == 1:
             return self.parts[0]
         names = "; ".join(", ".join(s.name for s in part.bodies.shapes) for part in self.parts)
@@ -200,9 +195,8 @@ class Split:
 def load_dataset(*paths: Path) -> Dataset:
     """Read one or more shards or folders of them as one data set.
 
-    Raises:
-        DatasetError: nothing there, a damaged shard, a missing key, arrays that do not fit
-            together, NaN or Inf; or a push that is in two of the folders.
+    Raises `DatasetError`: nothing there, a damaged shard, a missing key, arrays that do not fit
+    together, NaN or Inf; or a push that is in two of the folders.
     """
     sources = [(path, *read) for path in paths for read in _read_folder(path)]
     _check_apart([(path, part) for path, part, _ in sources])
@@ -223,9 +217,7 @@ def split_by_episode(
 
     With no share for the test, training and validation share all: 90 to 10 or 80 to 20 in the
     paper. `transitions` are how many to train on; 0: all.
-
-    Raises:
-        DatasetError: too few episodes for the parts, or too few transitions.
+    Raises `DatasetError`: too few episodes for the parts, or too few transitions.
     """
     split = Split(*map(data.select, draw_parts(data.episode, seed, validation, test)))
     return _limit_training(split, transitions) if transitions else split
@@ -251,8 +243,7 @@ def _limit_training(split: Split, transitions: int) -> Split:
 def shard_paths(path: Path) -> list[Path]:
     """Return the paths of a folder's shards, in the order of names; a shard's own is alone.
 
-    Raises:
-        DatasetError: the folder has none.
+    Raises `DatasetError`: the folder has none.
     """
     shards = sorted(path.glob("*.npz")) if path.is_dir() else [path]
     if not shards:
@@ -391,9 +382,7 @@ def make_windows(data: Part, steps: int, whole: bool = False) -> Windows:
     """Return one window of at most so many pushes from every push of the data on.
 
     `whole`: only windows of all T pushes, not the shorter ones at the end of an episode.
-
-    Raises:
-        DatasetError: no window is left.
+    Raises `DatasetError`: no window is left.
     """
     after = following(data)
     rows = np.full((len(data), steps), -1)

@@ -70,8 +70,7 @@ def joined(recordings: Recordings) -> list[ObservedPushes]:
 def fit_recordings(kinds: Sequence[Kind], recordings: Recordings) -> list[Fit]:
     """Return fits of each kind to all recordings together.
 
-    Raises:
-        DatasetError: two recordings disagree about the kind of physics or a friction.
+    Raises `DatasetError`: two recordings disagree about the kind of physics or a friction.
     """
     fits = [fit_laboratory(kind, joined(recordings)) for kind in kinds]
     if len(recordings) > 1:
@@ -171,8 +170,7 @@ def _card(recordings: Recordings, fits: Sequence[Fit]) -> dict[str, Any]:
 def check_kinds(fits: Mapping[str, Sequence[Fit]]) -> None:
     """Check what recordings, by name, say about the kind of physics; all have a fit of each kind.
 
-    Raises:
-        DatasetError: two are certain of different kinds; naming them.
+    Raises `DatasetError`: two are certain of different kinds; naming them.
     """
     for (name, first), (other, second) in combinations(fits.items(), 2):
         kinds = [_likeliest(some).kind.name for some in (first, second)]
@@ -193,8 +191,7 @@ def check_kinds(fits: Mapping[str, Sequence[Fit]]) -> None:
 def check_frictions(fits: Mapping[str, Fit]) -> None:
     """Check what recordings, by name, say about the frictions of one kind of physics.
 
-    Raises:
-        DatasetError: two disagree; naming them and the parameter that differs most.
+    Raises `DatasetError`: two disagree; naming them and the parameter that differs most.
     """
     worst, message = 1.0, ""
     for (name, first), (other, second) in combinations(fits.items(), 2):
@@ -242,8 +239,7 @@ OfBodies = Mapping[str, Float[ndarray, "D"]]  # vectors z by the names of bodies
 def states_bodies(data: Dataset) -> bool:
     """Return whether all pushes are of one body that is named, as a robot's recordings are.
 
-    Raises:
-        DatasetError: some are, and some are not.
+    Raises `DatasetError`: some are, and some are not.
     """
     named = [part.object is not None and (part.object != "").all() for part in data.parts]
     if any(named) and not all(named):
@@ -257,8 +253,7 @@ def states_bodies(data: Dataset) -> bool:
 def body_names(part: Part) -> ndarray:
     """Return the name of the body on its surface of each push, (M,).
 
-    Raises:
-        DatasetError: the data do not name bodies.
+    Raises `DatasetError`: the data do not name bodies.
     """
     if part.object is None or (part.object == "").any():
         raise DatasetError(
@@ -388,8 +383,7 @@ def _network_odds(model: SainDynamics, number: int, found: Fit, parts: Parts) ->
 def with_all_parameters(model: SainDynamics) -> SainDynamics:
     """Return a model whose belief is about kinds of physics and all of their parameters.
 
-    Raises:
-        ConfigError: it infers nothing from pushes.
+    Raises `ConfigError`: it infers nothing from pushes.
     """
     kind = model.belief.trained
     if len(model.belief.kinds) > 1:

@@ -77,8 +77,7 @@ class ModelCard:
     def lineage(self) -> Iterator["ModelCard"]:
         """Yield this card, that of its parent, and so on.
 
-        Raises:
-            CheckpointError: a parent's is no card.
+        Raises `CheckpointError`: a parent's is no card.
         """
         card: ModelCard | None = self
         while card is not None:
@@ -113,9 +112,8 @@ def save_checkpoint(path: Path, weights: NetworkWeights, card: ModelCard) -> Mod
 def read_checkpoint(path: Path) -> tuple[bytes, ModelCard, str]:
     """Read weights, their card and the card's JSON text, and check them.
 
-    Raises:
-        CheckpointError: missing, truncated, of another version or with a card that belongs to
-            other weights; the message names the file and what is wrong.
+    Raises `CheckpointError`: missing, truncated, of another version or with a card that belongs to
+    other weights; the message names the file and what is wrong.
     """
     content = _read(path)
     text = _read(card_path(path)).decode(errors="replace")
@@ -145,9 +143,8 @@ def _read(path: Path) -> bytes:
 def parse_card(path: Path, text: str) -> ModelCard:
     """Return the card with this JSON text.
 
-    Raises:
-        CheckpointError: it is no card, or one of another version; naming the command that makes
-            the checkpoint anew.
+    Raises `CheckpointError`: it is no card, or one of another version; naming the command that
+    makes the checkpoint anew.
     """
     try:
         values = parse_json(text)
@@ -166,8 +163,7 @@ def parse_card(path: Path, text: str) -> ModelCard:
 def load_builtin(name: str) -> SainDynamics:
     """Return the model ``sain``, which comes with this package, or the checkpoint at a path.
 
-    Raises:
-        CheckpointError: no sound checkpoint at that path.
+    Raises `CheckpointError`: no sound checkpoint at that path.
     """
     return load_shipped() if name == SHIPPED else load_checkpoint(Path(name).expanduser())
 
@@ -180,8 +176,7 @@ def load_shipped() -> SainDynamics:
 def load_checkpoint(path: Path) -> SainDynamics:
     """Return the checkpoint at this path on the prior that it was trained on.
 
-    Raises:
-        CheckpointError: the checkpoint is not sound.
+    Raises `CheckpointError`: the checkpoint is not sound.
     """
     content, card, text = read_checkpoint(path)
     with naming(str(card_path(path))):
@@ -222,8 +217,7 @@ def _bottoms(card: ModelCard) -> tuple[str, ...]:
 def card_part(name: str, kind: type[C], settings: Settings) -> C:
     """Return the settings of this name on a card.
 
-    Raises:
-        CheckpointError: they are not of this kind.
+    Raises `CheckpointError`: they are not of this kind.
     """
     with naming(name):
         return kind(**typed_settings(kind, settings))

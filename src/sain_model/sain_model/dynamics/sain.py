@@ -155,8 +155,7 @@ class SainDynamics(Model):
     def with_bodies(self, bodies: Bodies) -> Self:
         """Return the model of scenes of these bodies.
 
-        Raises:
-            ConfigError: its physics cannot predict them.
+        Raises `ConfigError`: its physics cannot predict them.
         """
         if bodies == self.bodies:
             return self
@@ -195,8 +194,7 @@ class SainDynamics(Model):
     def believing(self, belief: Belief) -> Self:
         """Return this model with another belief.
 
-        Raises:
-            ConfigError: it is for a network on another prior.
+        Raises `ConfigError`: it is for a network on another prior.
         """
         if belief.trained.has_axes != self.belief.trained.has_axes:
             raise ConfigError(

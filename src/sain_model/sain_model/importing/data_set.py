@@ -369,8 +369,7 @@ def _places(groups: Int[ndarray, "M"]) -> Int[ndarray, "M"]:
 def write_imported(folder: Path, made: Imported, card: dict[str, Any]) -> int:
     """Replace a data set: shards, outlines and, last, the card; return the number of shards.
 
-    Raises:
-        OutputError: the folder cannot be written.
+    Raises `OutputError`: the folder cannot be written.
     """
     for path in [path for name in WRITTEN for path in folder.glob(name)]:
         remove(path)

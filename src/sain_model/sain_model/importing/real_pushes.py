@@ -129,9 +129,8 @@ def joined(parts: Sequence[RealPushes]) -> RealPushes:
 def check_real(pushes: RealPushes) -> RealPushes:
     """Return pushes that can be, with headings in (-pi, pi].
 
-    Raises:
-        DatasetError: naming the row and the value of the first that is NaN or Inf, looks like
-            millimetres or degrees, or is out of range.
+    Raises `DatasetError`: naming the row and the value of the first that is NaN or Inf, looks like
+    millimetres or degrees, or is out of range.
     """
     _check_numbers(pushes)
     for name in ("before", "after", "tip_start", "tip_end"):
@@ -203,11 +202,7 @@ def is_one_push(path: Path) -> bool:
 
 
 def read_npz(path: Path) -> RealPushes:
-    """Return the pushes of an npz.
-
-    Raises:
-        DatasetError: it is damaged, or of another form.
-    """
+    """Return the pushes of an npz; raises `DatasetError`: it is damaged, or of another form."""
     arrays = read_arrays(path)
     if missing := [name for name in COLUMNS if name not in arrays]:
         raise DatasetError(f"{path} is of another form: it lacks {', '.join(missing)}")

@@ -379,8 +379,7 @@ def write_belief(path: Path, belief: Belief) -> Path:
 def read_belief(path: Path) -> Belief:
     """Read a belief.
 
-    Raises:
-        CheckpointError: no such file, not a belief, or one of an earlier version.
+    Raises `CheckpointError`: no such file, not a belief, or one of an earlier version.
     """
     try:
         content = read_json(path)

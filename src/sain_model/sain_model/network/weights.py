@@ -42,8 +42,7 @@ class NetworkWeights:
     def parse(cls, config: NetworkConfig, content: bytes) -> "NetworkWeights":
         """Return the weights in the content of a safetensors file.
 
-        Raises:
-            CheckpointError: they are not safetensors, of other names or shapes, or not finite.
+        Raises `CheckpointError`: they are not safetensors, of other names or shapes, or not finite.
         """
         try:
             tensors = safetensors.numpy.load(content)

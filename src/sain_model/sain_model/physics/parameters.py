@@ -61,11 +61,7 @@ def _check_pushed(pushed: np.ndarray, count: int) -> None:
 
 
 def check_finite(name: str, values: np.ndarray) -> None:
-    """Check that values are finite.
-
-    Raises:
-        InvalidInputError: naming the first that is not.
-    """
+    """Check that values are finite; raises `InvalidInputError`: naming the first that is not."""
     if not np.isfinite(values).all():
         where = tuple(int(i) for i in np.argwhere(~np.isfinite(values))[0])
         raise InvalidInputError(f"{name}{list(where)} is {values[where]}; it must be finite")
@@ -326,8 +322,7 @@ def _settings(config: Hashable) -> tuple[ndarray, ndarray]:
 def check_values(values: Values, batch: int, bodies: int) -> None:
     """Check that values are of parameters, fit a batch of B scenes with N bodies, and are allowed.
 
-    Raises:
-        InvalidInputError: naming what is not, and what is allowed.
+    Raises `InvalidInputError`: naming what is not, and what is allowed.
     """
     for name, value in values.items():
         one = BY_NAME.get(name)

@@ -235,9 +235,7 @@ def check_starts(scenes: Scenes, strokes: Pushes, bodies: Bodies) -> None:
     """Check that no stroke (B, 8) that moves begins with the tool inside a body.
 
     An overlap of up to `OVERLAP_TOLERANCE` is taken as touching: poses are measured.
-
-    Raises:
-        InvalidInputError: naming the first that does.
+    Raises `InvalidInputError`: naming the first that does.
     """
     touch = first_touch(scenes, strokes, bodies)
     wrong = touch.inside & (strokes[:, LENGTH] > 0.0)

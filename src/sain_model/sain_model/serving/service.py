@@ -163,11 +163,7 @@ class ModelService:
     # --- requests ---------------------------------------------------------------------------------
 
     def take(self) -> None:
-        """Note that a request was taken.
-
-        Raises:
-            BusyError: too many are waiting.
-        """
+        """Note that a request was taken; raises `BusyError`: too many are waiting."""
         waiting, most = self.record.queue, self.config.max_queue
         self.record.take()
         if waiting >= most:

@@ -67,8 +67,7 @@ STATES: Final = (f"{PUSHES}.pt", f"{ROLLOUTS}.pt")
 def trained_kind(config: TrainingConfig) -> Kind:
     """Return the physics that settings ask for, and what pushes show of it.
 
-    Raises:
-        ConfigError: no such prior.
+    Raises `ConfigError`: no such prior.
     """
     check_model_name(config.prior)
     planar = config.prior in PLANAR_PRIORS
@@ -195,8 +194,7 @@ class Parent:
     def settings(self) -> TrainingConfig:
         """How it goes on learning where nothing else is asked for.
 
-        Raises:
-            CheckpointError: its card has settings that make no sense.
+        Raises `CheckpointError`: its card has settings that make no sense.
         """
         learned, infers = self.card.training, self.sain.belief.trained.names
         return card_part(
@@ -215,8 +213,7 @@ class Parent:
     def check_options(self, options: TrainOptions) -> None:
         """Check that a training keeps what the weights were made for.
 
-        Raises:
-            ConfigError: naming the option that asks for something else.
+        Raises `ConfigError`: naming the option that asks for something else.
         """
         config = options.training
         kept = {**vars(self.settings), **vars(self.settings.network)}
@@ -241,8 +238,7 @@ class Parent:
     def check_data(self, data: Dataset) -> None:
         """Check that a data set is new to it: what is held out must not have been learned from.
 
-        Raises:
-            DatasetError: it, or one that it learned from in its turn, has seen this data set.
+        Raises `DatasetError`: it, or one that it learned from in its turn, has seen this data set.
         """
         seen = {sha for card in self.card.lineage() for sha in _data_hashes(card)}
         for sha in (data.sha256, *data.sources):

@@ -313,11 +313,7 @@ class Rollouts(LearningObjective):
     max_grad_norm = 1.0
 
     def __init__(self, split: Split, kind: Kind, config: TrainingConfig) -> None:
-        """Prepare the windows.
-
-        Raises:
-            DatasetError: scenes with different bodies.
-        """
+        """Prepare the windows; raises `DatasetError`: scenes with different bodies."""
         self.identity = _identity(split, kind)
         train, validation = split.train.alike, split.validation.alike
         self._bodies, self._config = train.bodies, config

@@ -151,9 +151,7 @@ class Trainer:
 
         With `keeps_start`, the weights stay as they are if no epoch is better. With `overwrite`, a
         file of other settings or data is replaced.
-
-        Raises:
-            CheckpointError: the file is damaged or of other settings or data.
+        Raises `CheckpointError`: the file is damaged or of other settings or data.
         """
         settle_threads()
         self.network, self._objective, self._config = network, objective, config
