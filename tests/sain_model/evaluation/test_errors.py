@@ -16,20 +16,13 @@ from sain_model.evaluation.errors import (
     TARGET_MOVED,
     TARGETS,
     evaluate,
-    shares_removed,
 )
-from sain_model.evaluation.predictors import BULLET, FLOOR, MEASURED, NAMES, Predictions
+from sain_model.evaluation.predictors import MEASURED, NAMES, Predictions
 from sain_model.evaluation.presentation import KINDS, draw_rollouts
 from sain_model.physics.planar import PlanarPrior
 from sain_model.serving.server import ModelServer
 from sain_model.serving.service import ServingConfig
 from tests.sain_model.rolling import EPISODES, PUSHES, load_episodes, make_episodes, truth
-
-
-def test_shares_are_of_what_lies_between_the_nominal_world_and_the_floor():
-    means = {BULLET: 5.0, FLOOR: 1.0, "half": 3.0, "worse": 6.0}
-    assert shares_removed(means) == {"half": 0.5, "worse": -0.25}
-
 
 OPTIONS = ["--epochs", "2", "--hidden", "8", "--message", "4", "--test", "0.3"]
 

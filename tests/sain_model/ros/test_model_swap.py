@@ -1,7 +1,6 @@
 """Another model while requests come in: none is lost; unsound ones are refused."""
 
 import json
-from collections.abc import Callable
 from pathlib import Path
 from threading import Event
 from typing import Any
@@ -19,7 +18,7 @@ from sain_core.push import PushLimits
 from sain_core.ros import codec
 from sain_core.types import Pushes, Scenes
 from sain_interfaces.srv import DescribeModel, LoadModel, Rollout
-from sain_model.dynamics.load import ModelCard, card_path, save_checkpoint
+from sain_model.dynamics.load import ModelCard, save_checkpoint
 from sain_model.ros.model_node import ModelNode
 from sain_model.serving import server
 from tests.sain_model.conftest import SCENE, random_network
@@ -171,20 +170,12 @@ def test_requests_are_answered_while_a_model_loads(graph, monkeypatch):
     assert graph.call(Rollout, "rollout", request()).model == "later"
 
 
-SPOILED: dict[str, tuple[Callable[[Path], object], str]] = {  # more: dynamics/test_checkpoint.py
-    "missing": (Path.unlink, "does not exist"),
-    "truncated": (lambda path: path.write_bytes(path.read_bytes()[:-50]), "truncated, changed"),
-    "card": (lambda path: card_path(path).write_text("{"), "is not a checkpoint's card"),
-}
-
-
-@pytest.mark.parametrize("kind", sorted(SPOILED))
-def test_a_bad_checkpoint_is_refused_and_the_old_one_goes_on(graph, first, tmp_path, kind):
-    spoil, reason = SPOILED[kind]
+def test_a_bad_checkpoint_is_refused_and_the_old_one_goes_on(graph, first, tmp_path):
+    reason = "truncated, changed"  # more: dynamics/test_checkpoint.py
     node = graph.start(ModelNode, model=first)
     bad = tmp_path / "bad.safetensors"
     make_checkpoint(bad, 3)
-    spoil(bad)
+    bad.write_bytes(bad.read_bytes()[:-50])
     loaded = graph.call(LoadModel, "load_model", LoadModel.Request(model=str(bad)))
     assert loaded.error_code == ErrorCode.CHECKPOINT
     assert reason in loaded.error_message

@@ -165,13 +165,10 @@ def _open_loop_files(options: EvaluateModelOptions) -> list[Path]:
 
 def _show(errors: "Figures", refused: dict[str, int], console: Console) -> None:
     """Print errors of single pushes as tables."""
-    from sain_model.evaluation.errors import TARGET_MOVED
     from sain_model.evaluation.presentation import error_tables
 
     for table in error_tables(errors):
         console.print(table, soft_wrap=True)
-    for name, share in errors["removed"].get(TARGET_MOVED, {}).items():
-        console.print(f"{name}: {100 * share:.0f} % of the reducible error removed")
     for name, count in refused.items():
         console.print(f"{name}: pushes of its rollouts that could not be carried out: {count}")
     console.print(f"{errors['transitions']} transitions of {errors['episodes']} episodes")

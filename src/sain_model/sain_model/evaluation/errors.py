@@ -20,7 +20,6 @@ from sain_core.transitions import MOVED
 from sain_core.types import Mask, Scalars, Scenes
 from sain_model.data.dataset import Dataset
 from sain_model.evaluation.predictors import (
-    BULLET,
     FLOOR,
     LEARNED,
     NO_MOTION,
@@ -161,8 +160,7 @@ def report(
 
     "after" has for each number of pushes that any window reaches, "1" at least: "errors" by group
     and predictor, "ratios" of models to the best physics, to the network alone, and to the prior
-    of the first model. "removed" is the share of the reducible error, the nominal world's above the
-    floor, that predictors remove after one push.
+    of the first model.
     """
     parts = [one.part for one in predictions]
     reached = [
@@ -189,12 +187,6 @@ def report(
             for group, chosen in groups.items()
         }
         found["after"][str(step)] = {"errors": errors, "ratios": ratios}
-        if step == 1:
-            found["removed"] = {
-                group: shares_removed({name: one[MM][0] for name, one in errors[group].items()})
-                for group in groups
-                if group.startswith(TARGETS)
-            }
     return found
 
 
@@ -216,21 +208,6 @@ def _ratios(
                 if (ratio := rows.ratio(name, under, chosen, seed, unit)) is not None
             }
     return found
-
-
-def shares_removed(means: Mapping[str, float]) -> dict[str, float]:
-    """Return which share of the reducible error each predictor removes.
-
-    Reducible is what the nominal world errs by above the floor; nothing where either is not known.
-    """
-    reducible = means.get(BULLET, np.nan) - means.get(FLOOR, np.nan)
-    if not reducible > 0.0:
-        return {}
-    return {
-        name: float((means[BULLET] - mean) / reducible)
-        for name, mean in means.items()
-        if name not in (BULLET, FLOOR)
-    }
 
 
 # --- of arrays ------------------------------------------------------------------------------------

@@ -44,7 +44,7 @@ from sain_model.evaluation.errors import position_errors
 from sain_model.evaluation.predictors import step_with_history
 from sain_model.inference.kinds import FRICTION, Kind, friction_kind, read_belief
 from sain_model.network.interaction_network import InteractionNetwork, new_network
-from sain_model.network.settings import PLANAR, PLANAR_AXES, PLANAR_PRIORS, SHIPPED
+from sain_model.network.settings import PLANAR, PLANAR_AXES, SHIPPED
 from sain_model.training.interval_fit import fit_intervals
 from sain_model.training.objectives import Rollouts, SinglePushes
 from sain_model.training.settings import (
@@ -70,9 +70,7 @@ def trained_kind(config: TrainingConfig) -> Kind:
     Raises `ConfigError`: no such prior.
     """
     check_model_name(config.prior)
-    planar = config.prior in PLANAR_PRIORS
-    prior = make_prior(config.prior, {"friction": config.prior_friction} if planar else None)
-    return friction_kind(prior, config.history != NOTHING)
+    return friction_kind(make_prior(config.prior), config.history != NOTHING)
 
 
 def identified_kind(path: Path, config: TrainingConfig) -> tuple[TrainingConfig, Kind]:
@@ -152,7 +150,7 @@ def _with_bodies(split: Split, kind: Kind) -> Split:
     return Split(*(with_beliefs(part, kind, bodies) for part in parts))
 
 
-KEPT: Final = ("prior", "prior_friction", "history")  # and its network: weights fit no others
+KEPT: Final = ("prior", "history")  # and its network: weights fit no others
 INHERITED: Final = (
     *("weight_decay", "mirror", "diversity"),
     *("robust", "position_scale", "velocity_scale", "heading_scale"),
@@ -204,7 +202,6 @@ class Parent:
                 **vars(DEFAULTS),
                 **{name: learned[name] for name in INHERITED if name in learned},
                 "prior": self.card.prior,
-                "prior_friction": self.card.prior_config.get("friction", DEFAULTS.prior_friction),
                 "history": learned.get("history", EPISODE) if infers else NOTHING,
                 "network": weights_of(self.sain).config,
             },

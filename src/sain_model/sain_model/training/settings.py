@@ -71,9 +71,6 @@ class TrainingConfig(Config):
         PLANAR,
         "model that is corrected: a name in the registry of models; identity: the network alone",
     )
-    prior_friction: float = option(
-        0.12, "nominal friction of the planar prior", minimum=0.01, maximum=1.0
-    )
     history: str = option(
         EPISODE,
         "pushes that the friction is inferred from in training: none, or all others of the episode;"
