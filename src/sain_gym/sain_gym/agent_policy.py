@@ -92,8 +92,8 @@ class AgentPolicy:
         """Return what came of the last push."""
         answer = episode.answer
         assert answer is not None, "a step has an answer"
-        if answer.code != ErrorCode.OK:
-            return PushEnded(self._push_id, answer.code)
+        if episode.refusal is not None:
+            return PushEnded(self._push_id, ErrorCode(episode.refusal.code))
         return PushExecuted(self._push_id, EPISODE, answer.before, answer.push, answer.after)
 
     def _look(self, episode: PushEpisode) -> Decision:

@@ -1,6 +1,5 @@
 """An episode of the environment: goals, counts, rewards and how it ends; no engine in here."""
 
-from dataclasses import dataclass
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -10,7 +9,7 @@ from sain_core.feasibility import Feasibility
 from sain_core.goal import TURN_PER_METRE
 from sain_core.scene import POSITION, is_settled
 from sain_core.types import PushArray, Scene
-from sain_core.world import DivergedError
+from sain_core.world import DivergedError, PushRecord
 from sain_eval.episode import EpisodeRecord, Tolerance
 from sain_eval.scenes.families import ScenarioScene
 from sain_mppi.agent.agent import AgentConfig
@@ -18,17 +17,6 @@ from sain_mppi.agent.goal_tracker import LOOK_AGAIN
 
 TABLE: Final = Feasibility().table
 MOST_REFUSALS: Final = AgentConfig().max_refusals  # from one scene, as in an evaluation
-
-
-@dataclass(frozen=True)
-class PushAnswer:
-    """What came of a push: the scenes (N, 8) before and after it, and the code of a refusal."""
-
-    push: PushArray
-    before: Scene
-    after: Scene
-    code: ErrorCode
-    message: str = ""
 
 
 class StepVerdict(NamedTuple):
@@ -50,6 +38,7 @@ class PushEpisode:
         refusals: so far.
         goals_reached: so far.
         answer: what came of the last push; None: there was none.
+        refusal: why that was refused; None: it was not.
         failure: why the episode ended short of a goal; empty: it did not.
         over: whether it has ended.
     """
@@ -61,7 +50,8 @@ class PushEpisode:
         self.case, self.scene = case, scene
         self._within, self._refusal_cost = within, refusal_cost
         self.pushes = self.refusals = self.goals_reached = 0
-        self.answer: PushAnswer | None = None
+        self.answer: PushRecord | None = None
+        self.refusal: SainError | None = None
         self.failure = ""
         self.over = False
         self._aim()
@@ -92,7 +82,7 @@ class PushEpisode:
 
     def execute(self, push: PushArray, after: Scene) -> StepVerdict:
         """Take note of an executed push (5,) and the scene (N, 8) after it."""
-        self.answer = PushAnswer(push, self.scene, after, ErrorCode.OK)
+        self.answer, self.refusal = PushRecord(push, self.scene, after), None
         self.scene = after
         self.pushes += 1
         self._left -= 1
@@ -123,7 +113,7 @@ class PushEpisode:
 
     def refuse(self, push: PushArray, error: SainError) -> StepVerdict:
         """Take note of a push (5,) that was refused: nothing has moved."""
-        self.answer = PushAnswer(push, self.scene, self.scene, ErrorCode(error.code), str(error))
+        self.answer, self.refusal = PushRecord(push, self.scene, self.scene), error
         self.refusals += 1
         self._refused += 1
         if isinstance(error, DivergedError) or error.code in LOOK_AGAIN:
@@ -135,14 +125,12 @@ class PushEpisode:
     def _fail(self, failure: str) -> StepVerdict:
         """End short of the goal: what the scene is worth counts for each push that was left."""
         self.failure, self.over = failure, True
-        refused = self.answer is not None and self.answer.code != ErrorCode.OK
-        cost = self._refusal_cost if refused else 0.0
+        cost = self._refusal_cost if self.refusal else 0.0
         return StepVerdict(-self.miss * (1 + self._left) - cost, True, False)
 
     def info(self) -> dict[str, Any]:
         """Return what is known besides the observation."""
         judged = self.record.judge(self.scene)
-        answer = self.answer
         return {
             "scene_seed": self.case.seed,
             "is_success": self.is_success,
@@ -151,7 +139,7 @@ class PushEpisode:
             "pushes": self.pushes,
             "refusals": self.refusals,
             "goals_reached": self.goals_reached,
-            "refusal_code": int(ErrorCode.OK if answer is None else answer.code),
-            "refusal": "" if answer is None else answer.message,
+            "refusal_code": int(self.refusal.code if self.refusal else ErrorCode.OK),
+            "refusal": str(self.refusal or ""),
             "failure": self.failure,
         }
