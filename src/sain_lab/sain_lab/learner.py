@@ -55,21 +55,14 @@ GROWTH: Final = 1.5  # of the number of pushes from one training to the next
 
 @dataclass(frozen=True)
 class Lesson:
-    """What became of a result.
+    """What became of a result."""
 
-    Attributes:
-        learned: whether it was learned from.
-        reason: why not; empty: it was.
-        errors: mean error of bodies that moved [mm], by contender.
-        turns: likewise of headings [degrees].
-        events: what was decided.
-    """
-
-    learned: bool
-    reason: str = ""
+    learned: bool  # whether it was learned from
+    reason: str = ""  # why not; empty: it was
+    # mean error of bodies that moved [mm], by contender
     errors: Mapping[str, float] = field(default_factory=dict)
-    turns: Mapping[str, float] = field(default_factory=dict)
-    events: tuple[Event, ...] = ()
+    turns: Mapping[str, float] = field(default_factory=dict)  # likewise of headings [degrees]
+    events: tuple[Event, ...] = ()  # what was decided
 
 
 class Learner:

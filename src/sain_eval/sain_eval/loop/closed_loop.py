@@ -83,21 +83,13 @@ class CameraSight(Sight):
 
 @dataclass(frozen=True)
 class EpisodeOutcome:
-    """What became of an episode.
+    """What became of an episode."""
 
-    Attributes:
-        records: one for each goal that was given, in order.
-        final: (N, 8), the last scene.
-        refusals: pushes that were not executed.
-        fallbacks: pushes that physics planned because the model failed.
-        failure: why it ended short of the tightest tolerance; empty: it did not.
-    """
-
-    records: tuple[EpisodeRecord, ...]
-    final: Scene
-    refusals: int = 0
-    fallbacks: int = 0
-    failure: str = ""
+    records: tuple[EpisodeRecord, ...]  # one for each goal that was given, in order
+    final: Scene  # (N, 8), the last scene
+    refusals: int = 0  # pushes that were not executed
+    fallbacks: int = 0  # pushes that physics planned because the model failed
+    failure: str = ""  # why it ended short of the tightest tolerance; empty: it did not
 
     @property
     def record(self) -> EpisodeRecord:

@@ -45,32 +45,20 @@ MAX_PUSHES: Final = 15  # paper section II-D
 
 @dataclass(frozen=True)
 class ScenarioScene:
-    """One scene to solve, with the hidden truth about its world.
+    """One scene to solve, with the hidden truth about its world."""
 
-    Attributes:
-        scenario: its name.
-        seed: what it was drawn from.
-        disks: (N, 8), the bodies at rest.
-        friction: between bodies and table; hidden from all controllers but the oracle.
-        shapes: a footprint for each body, as `sain_core.shapes` names them.
-        goal: what bodies should come to.
-        max_pushes: for each goal.
-        truth: the world that it plays in.
-        roles: of each body; none: the paper's.
-        further: goals that follow without a reset, each once the one before is reached.
-        success: what counts as one, where the goals judge by something else than a tolerance.
-    """
-
-    scenario: str
-    seed: int
-    disks: Scene
-    friction: float
-    shapes: tuple[str, ...]
-    goal: Goal
-    max_pushes: int = MAX_PUSHES
-    truth: TruthConfig = RANDOMISED_TRUTH
-    roles: tuple[str, ...] = ()
+    scenario: str  # its name
+    seed: int  # what it was drawn from
+    disks: Scene  # (N, 8), the bodies at rest
+    friction: float  # between bodies and table; hidden from all controllers but the oracle
+    shapes: tuple[str, ...]  # a footprint for each body, as `sain_core.shapes` names them
+    goal: Goal  # what bodies should come to
+    max_pushes: int = MAX_PUSHES  # for each goal
+    truth: TruthConfig = RANDOMISED_TRUTH  # the world that it plays in
+    roles: tuple[str, ...] = ()  # of each body; none: the paper's
+    # goals that follow without a reset, each once the one before is reached
     further: tuple[Goal, ...] = ()
+    # what counts as one, where the goals judge by something else than a tolerance
     success: str = ""
 
     @property
@@ -286,20 +274,14 @@ class BlockedScenario:
 
 @dataclass(frozen=True)
 class PoseScenario:
-    """Bodies to poses; all are pushable.
+    """Bodies to poses; all are pushable."""
 
-    Attributes:
-        name: of the scenario.
-        shape: of every body; None: one body has the shape with the seed's number in the library,
-            several have any shapes.
-        count: number of bodies.
-        goals: poses of each body in a row, without a reset.
-    """
-
-    name: str
+    name: str  # of the scenario
+    # of every body; None: one body has the shape with the seed's number in the library, several
+    # have any shapes
     shape: str | None = None
-    count: int = 1
-    goals: int = 1
+    count: int = 1  # number of bodies
+    goals: int = 1  # poses of each body in a row, without a reset
 
     def scene(self, seed: int) -> ScenarioScene:
         """Draw bodies, starts and poses."""

@@ -19,19 +19,14 @@ SCENES: Final = {"before", "push", "after", "noise", "digest"}  # what no curve 
 
 @dataclass(frozen=True, eq=False)
 class Curves:
-    """What was logged of M pushes.
+    """What was logged of M pushes."""
 
-    Attributes:
-        errors: mean errors [mm] by contender (M,); NaN where it did not predict. "in service" is
-            whatever was in service then.
-        parameters: by name, arrays (C, 3): number of pushes, value, spread (of the logarithm, if
-            it is a factor).
-        events: in order.
-    """
-
+    # mean errors [mm] by contender (M,); NaN where it did not predict. "in service" is whatever was
+    # in service then
     errors: dict[str, Float[ndarray, "M"]]
+    # by name, arrays (C, 3): number of pushes, value, spread (of the logarithm, if it is a factor)
     parameters: dict[str, Float[ndarray, "C 3"]]
-    events: tuple[Event, ...]
+    events: tuple[Event, ...]  # in order
 
     @property
     def pushes(self) -> int:

@@ -87,22 +87,14 @@ def service_of(pushes: int) -> str:
 
 @dataclass(frozen=True)
 class Manifest:
-    """What a laboratory states of itself.
+    """What a laboratory states of itself."""
 
-    Attributes:
-        name: of it.
-        made: seconds since 1970.
-        log_bytes: its log is at least as long.
-        service: `PHYSICS`, `PLANAR`, `SHIPPED`, or the folder of the network in service, below the
-            laboratory.
-        generation: how often what is in service has changed.
-    """
-
-    name: str
-    made: float
-    log_bytes: int = 0
+    name: str  # of it
+    made: float  # seconds since 1970
+    log_bytes: int = 0  # its log is at least as long
+    # `PHYSICS`, `PLANAR`, `SHIPPED`, or the folder of the network in service, below the laboratory
     service: str = PHYSICS
-    generation: int = 0
+    generation: int = 0  # how often what is in service has changed
 
     @property
     def has_network(self) -> bool:

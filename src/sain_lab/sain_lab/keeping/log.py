@@ -33,21 +33,13 @@ NOT_REMOVED: Final = "not removed"
 
 @dataclass(frozen=True)
 class Event:
-    """A decision, or something that was noticed.
+    """A decision, or something that was noticed."""
 
-    Attributes:
-        kind: one of those above.
-        text: for people.
-        pushes: learned from so far.
-        time: seconds since 1970.
-        about: more, by name.
-    """
-
-    kind: str
-    text: str
-    pushes: int = 0
-    time: float = 0.0
-    about: Mapping[str, Any] = field(default_factory=dict)
+    kind: str  # one of those above
+    text: str  # for people
+    pushes: int = 0  # learned from so far
+    time: float = 0.0  # seconds since 1970
+    about: Mapping[str, Any] = field(default_factory=dict)  # more, by name
 
     def record(self) -> dict[str, Any]:
         """Return it as the log has it."""

@@ -47,19 +47,12 @@ ONE: Final = np.zeros(1, np.int64)  # the problem of an episode alone
 
 @dataclass(frozen=True, eq=False)
 class Certainty:
-    """How certain the parameters of a kind of physics are.
+    """How certain the parameters of a kind of physics are."""
 
-    Attributes:
-        kind: of physics.
-        place: the most likely vector z.
-        covariance: of z, in the episode that goes on.
-        factor: of the noise of pushes, see `sain_model.inference.evidence`.
-    """
-
-    kind: Kind
-    place: Float[ndarray, "D"]
-    covariance: Float[ndarray, "D D"]
-    factor: float = 1.0
+    kind: Kind  # of physics
+    place: Float[ndarray, "D"]  # the most likely vector z
+    covariance: Float[ndarray, "D D"]  # of z, in the episode that goes on
+    factor: float = 1.0  # of the noise of pushes, see `sain_model.inference.evidence`
 
     @classmethod
     def of(cls, model: SainDynamics, bodies: Bodies, history: PushHistory) -> Self:
@@ -99,19 +92,12 @@ class Certainty:
 
 @dataclass(frozen=True, eq=False)
 class Answers:
-    """How B pushes answer to what is not certain.
+    """How B pushes answer to what is not certain."""
 
-    Attributes:
-        after: the predicted scenes (B, N, 8), at the mean.
-        extremes: those at the points one deviation away.
-        slopes: change of x, y and turn [m] of each body along each direction.
-        curvature: variance [m^2] of what is not linear.
-    """
-
-    after: Scenes
-    extremes: Float[ndarray, "B P N 8"]
-    slopes: Float[ndarray, "B M D"]
-    curvature: Float[ndarray, "B M"]
+    after: Scenes  # the predicted scenes (B, N, 8), at the mean
+    extremes: Float[ndarray, "B P N 8"]  # those at the points one deviation away
+    slopes: Float[ndarray, "B M D"]  # change of x, y and turn [m] of each body along each direction
+    curvature: Float[ndarray, "B M"]  # variance [m^2] of what is not linear
 
 
 def answers(certainty: Certainty, bodies: Bodies, scenes: Scenes, pushes: Pushes) -> Answers:

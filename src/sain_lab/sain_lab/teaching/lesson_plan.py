@@ -40,42 +40,30 @@ Model = Callable[[], SainDynamics]
 
 @dataclass(frozen=True)
 class Taught:
-    """What a teaching brought.
+    """What a teaching brought."""
 
-    Attributes:
-        kind: of physics that is the likeliest.
-        pushes: that were made.
-        parameters: by name, value and spread before and after.
-        errors: [mm] of the later half of the pushes, with what was believed at first and then;
-            None: there are none.
-        expected: [mm], error of plans from uncertain parameters, now and after as many pushes more.
-    """
-
-    kind: str
-    pushes: int
+    kind: str  # of physics that is the likeliest
+    pushes: int  # that were made
+    # by name, value and spread before and after
     parameters: Mapping[str, tuple[tuple[float, float], tuple[float, float]]]
+    # [mm] of the later half of the pushes, with what was believed at first and then; None: there
+    # are none
     errors: tuple[float, float] | None
+    # [mm], error of plans from uncertain parameters, now and after as many pushes more
     expected: tuple[float, float]
 
 
 @dataclass
 class Teaching:
-    """Pushes of a teacher, and the errors of what was believed on each.
+    """Pushes of a teacher, and the errors of what was believed on each."""
 
-    Attributes:
-        model: returns the physics as it is believed now.
-        take: learns from a result.
-        work: pushes of typical plans.
-        decider: makes what chooses the pushes.
-        believed: whether `model` has learned from the last scene's pushes when the teaching ends.
-        errors: [mm] of each push, with what was believed at first and then.
-    """
-
-    model: Model
-    take: Callable[[Result], object]
-    work: Work
-    decider: Callable[[Model, Work], Decider] = Teacher
+    model: Model  # returns the physics as it is believed now
+    take: Callable[[Result], object]  # learns from a result
+    work: Work  # pushes of typical plans
+    decider: Callable[[Model, Work], Decider] = Teacher  # makes what chooses the pushes
+    # whether `model` has learned from the last scene's pushes when the teaching ends
     believed: bool = False
+    # [mm] of each push, with what was believed at first and then
     errors: list[tuple[float, float]] = field(default_factory=list)
 
     def __post_init__(self) -> None:

@@ -67,33 +67,23 @@ Order = tuple[int, str, tuple[str, ...], int]
 
 @dataclass(frozen=True, eq=False)
 class Part(Transitions):
-    """M pushes in scenes of the same bodies, with what physics predicted and what happened.
+    """M pushes in scenes of the same bodies, with what physics predicted and what happened."""
 
-    Attributes:
-        physics_next: (M, N, 8), the nominal world's prediction, the paper's f_p.
-        episode: which episode each belongs to.
-        step: its place in the episode: the order of the data where no ``step`` is given.
-        friction: the true friction with the table; NaN where it is not known.
-        floor_next: the same push repeated in a world set to the observed state; NaN likewise.
-        bodies: of all scenes.
-        surface: what the body stood on, in a real robot's pushes; empty where it is not stated.
-        object: the pushed body, as its user calls it; likewise.
-        run: the recording; likewise.
-        setting: engine, world and bottom of the scenes, or the data set's name; None: likewise.
-        given: values of parameters of the physics that are believed for each push, (M,) by name;
-            None: nothing but what episodes show.
-    """
-
-    physics_next: Scenes
-    episode: Int[ndarray, "M"]
+    physics_next: Scenes  # (M, N, 8), the nominal world's prediction, the paper's f_p
+    episode: Int[ndarray, "M"]  # which episode each belongs to
+    # its place in the episode: the order of the data where no ``step`` is given
     step: Int[ndarray, "M"]
-    friction: Scalars
-    floor_next: Scenes
-    bodies: Bodies = PAPER_DISKS
+    friction: Scalars  # the true friction with the table; NaN where it is not known
+    floor_next: Scenes  # the same push repeated in a world set to the observed state; NaN likewise
+    bodies: Bodies = PAPER_DISKS  # of all scenes
+    # what the body stood on, in a real robot's pushes; empty where it is not stated
     surface: ndarray | None = None
-    object: ndarray | None = None
-    run: ndarray | None = None
+    object: ndarray | None = None  # the pushed body, as its user calls it; likewise
+    run: ndarray | None = None  # the recording; likewise
+    # engine, world and bottom of the scenes, or the data set's name; None: likewise
     setting: ndarray | None = None
+    # values of parameters of the physics that are believed for each push, (M,) by name; None:
+    # nothing but what episodes show
     given: Values | None = None
 
     @property
@@ -118,17 +108,12 @@ class Part(Transitions):
 
 @dataclass(frozen=True, eq=False)
 class Dataset:
-    """M pushes of scenes with any bodies.
+    """M pushes of scenes with any bodies."""
 
-    Attributes:
-        parts: those of the same bodies and width of pushes each; disks first, by their number.
-        sha256: of all parts.
-        sources: SHA-256 of each folder and number of bodies that it was put together from; empty:
-            it is one.
-    """
-
+    # those of the same bodies and width of pushes each; disks first, by their number
     parts: tuple[Part, ...]
-    sha256: str = ""
+    sha256: str = ""  # of all parts
+    # SHA-256 of each folder and number of bodies that it was put together from; empty: it is one
     sources: tuple[str, ...] = ()
 
     def __len__(self) -> int:

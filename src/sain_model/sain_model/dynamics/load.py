@@ -34,45 +34,35 @@ SUFFIX: Final = ".safetensors"
 
 @dataclass(frozen=True)
 class ModelCard:
-    """What a checkpoint says of itself.
+    """What a checkpoint says of itself."""
 
-    Attributes:
-        prior: name of the prior that it corrects, as in `sain_core.model.load_dynamics`.
-        prior_config: its parameters, so that a later calibration does not change this model.
-        network: size of the network.
-        bottoms: what the bodies stood on that it learned from: it corrects the prior for these
-            alone. Empty: it corrects all.
-        friction: how friction is inferred from an episode's earlier pushes; None: the model was
-            trained without them, and knows the nominal friction alone.
-        bodies: the physics of bodies on surfaces, as a belief has it; None: of no such.
-        intervals: regions about its predictions, fitted to the validation episodes; None: not.
-        kind: as in `dynamics.sain`.
-        data: what it was trained on: path, SHA-256, transitions, episodes, split.
-        training: settings, seed, epochs done, losses.
-        errors: errors on the held-out episodes [mm], for it and what it is compared with.
-        versions: of Python, its packages, this project, system and processor.
-        command: the command line that made it.
-        weights_sha256: of the safetensors file.
-        parent: card of the checkpoint that it was fine-tuned from; None: from none.
-        format: of cards and of what networks see.
-    """
-
-    prior: str
+    prior: str  # name of the prior that it corrects, as in `sain_core.model.load_dynamics`
+    # its parameters, so that a later calibration does not change this model
     prior_config: dict[str, Any]
-    network: dict[str, Any]
+    network: dict[str, Any]  # size of the network
+    # what the bodies stood on that it learned from: it corrects the prior for these alone. Empty:
+    # it corrects all
     bottoms: list[str] = field(default_factory=list)
+    # how friction is inferred from an episode's earlier pushes; None: the model was trained without
+    # them, and knows the nominal friction alone
     friction: dict[str, Any] | None = None
+    # the physics of bodies on surfaces, as a belief has it; None: of no such
     bodies: dict[str, Any] | None = None
+    # regions about its predictions, fitted to the validation episodes; None: not
     intervals: dict[str, Any] | None = None
-    kind: str = ""
+    kind: str = ""  # as in `dynamics.sain`
+    # what it was trained on: path, SHA-256, transitions, episodes, split
     data: dict[str, Any] = field(default_factory=dict)
-    training: dict[str, Any] = field(default_factory=dict)
+    training: dict[str, Any] = field(default_factory=dict)  # settings, seed, epochs done, losses
+    # errors on the held-out episodes [mm], for it and what it is compared with
     errors: dict[str, Any] = field(default_factory=dict)
+    # of Python, its packages, this project, system and processor
     versions: dict[str, str] = field(default_factory=dict)
-    command: str = ""
-    weights_sha256: str = ""
+    command: str = ""  # the command line that made it
+    weights_sha256: str = ""  # of the safetensors file
+    # card of the checkpoint that it was fine-tuned from; None: from none
     parent: dict[str, Any] | None = None
-    format: str = FORMAT
+    format: str = FORMAT  # of cards and of what networks see
 
     def lineage(self) -> Iterator["ModelCard"]:
         """Yield this card, that of its parent, and so on.

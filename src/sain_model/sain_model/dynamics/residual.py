@@ -34,21 +34,13 @@ if TYPE_CHECKING:  # predictions on the CPU need no PyTorch
 
 
 class PhysicsPrediction(NamedTuple):
-    """What physics predicts for B pushes: what a network corrects.
+    """What physics predicts for B pushes: what a network corrects."""
 
-    Attributes:
-        scenes: before the pushes (B, N, 8), with masses as the physics takes them to be.
-        pushes: (B, A).
-        after: (B, N, 8), what physics predicts.
-        bodies: of the scenes.
-        values: what is believed of the physics, by name; nothing for a network that does not see
-            it.
-    """
-
-    scenes: Scenes
-    pushes: Pushes
-    after: Scenes
-    bodies: Bodies
+    scenes: Scenes  # before the pushes (B, N, 8), with masses as the physics takes them to be
+    pushes: Pushes  # (B, A)
+    after: Scenes  # (B, N, 8), what physics predicts
+    bodies: Bodies  # of the scenes
+    # what is believed of the physics, by name; nothing for a network that does not see it
     values: Values
 
 
@@ -92,18 +84,12 @@ class CompiledNetwork:
 
 @dataclass(frozen=True, eq=False)
 class ResidualNetwork:
-    """f_theta of the paper's equation 2, and regions about its predictions.
+    """f_theta of the paper's equation 2, and regions about its predictions."""
 
-    Attributes:
-        weights: the trained weights.
-        intervals: the regions of predictions; None: they were not fitted.
-        device: what it runs on, ``cpu`` or ``cuda``. The physics stays on the CPU.
-        bottoms: of the bodies that it learned from; for others physics predicts.
-    """
-
-    weights: NetworkWeights
-    intervals: Intervals | None = None
-    device: str = CPU
+    weights: NetworkWeights  # the trained weights
+    intervals: Intervals | None = None  # the regions of predictions; None: they were not fitted
+    device: str = CPU  # what it runs on, ``cpu`` or ``cuda``. The physics stays on the CPU
+    # of the bodies that it learned from; for others physics predicts
     bottoms: tuple[str, ...] = BOTTOMS
 
     @cached_property

@@ -44,21 +44,16 @@ Figures = dict[str, Any]
 
 @dataclass(frozen=True, eq=False)
 class ErrorRows:
-    """R bodies after so many pushes from the first scene.
+    """R bodies after so many pushes from the first scene."""
 
-    Attributes:
-        about: what each row is of: "episode", "shape", "body", "pushed" (by the latest push),
-            "setting", "alone", "moved" [m] since the first scene, "earlier" pushes of the episode.
-        off: distances [mm] by predictor; NaN where it says nothing.
-        turned: likewise of headings [deg].
-        agreed: whether the latest push moved the body in prediction and truth, or in neither.
-        regions: columns "spread" and "radius" [mm] of models that have them.
-    """
-
+    # what each row is of: "episode", "shape", "body", "pushed" (by the latest push), "setting",
+    # "alone", "moved" [m] since the first scene, "earlier" pushes of the episode
     about: dict[str, ndarray]
-    off: dict[str, Float[ndarray, "R"]]
-    turned: dict[str, Float[ndarray, "R"]]
+    off: dict[str, Float[ndarray, "R"]]  # distances [mm] by predictor; NaN where it says nothing
+    turned: dict[str, Float[ndarray, "R"]]  # likewise of headings [deg]
+    # whether the latest push moved the body in prediction and truth, or in neither
     agreed: dict[str, ndarray]
+    # columns "spread" and "radius" [mm] of models that have them
     regions: dict[str, dict[str, Float[ndarray, "R"]]]
 
     @classmethod

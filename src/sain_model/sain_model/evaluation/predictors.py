@@ -76,21 +76,13 @@ Advance = Callable[[str, int], None]  # called with the name of a model, and how
 
 @dataclass(frozen=True, eq=False)
 class Predictions:
-    """What all predictors say over the same windows of one part.
+    """What all predictors say over the same windows of one part."""
 
-    Attributes:
-        part: the data.
-        windows: of successive pushes; one begins at every push.
-        by_name: rollouts; NaN where a predictor says nothing.
-        regions: of models that have any, for the first push of each window.
-        earlier: how many pushes came before each window in its episode.
-    """
-
-    part: Part
-    windows: Windows
-    by_name: dict[str, Rollouts]
-    regions: dict[str, Prediction]
-    earlier: Int[ndarray, "W"]
+    part: Part  # the data
+    windows: Windows  # of successive pushes; one begins at every push
+    by_name: dict[str, Rollouts]  # rollouts; NaN where a predictor says nothing
+    regions: dict[str, Prediction]  # of models that have any, for the first push of each window
+    earlier: Int[ndarray, "W"]  # how many pushes came before each window in its episode
 
 
 def predict_all(
@@ -226,17 +218,11 @@ def infers(model: SainDynamics) -> bool:
 
 @dataclass(frozen=True, eq=False)
 class Informed:
-    """A model that makes use of the earlier pushes of each push's own episode, as in deployment.
+    """A model that makes use of the earlier pushes of each push's own episode, as in deployment."""
 
-    Attributes:
-        model: of the bodies of the part.
-        part: the data.
-        rows: what the earlier pushes of each push say.
-    """
-
-    model: SainDynamics
-    part: Part
-    rows: Inferred
+    model: SainDynamics  # of the bodies of the part
+    part: Part  # the data
+    rows: Inferred  # what the earlier pushes of each push say
 
     @classmethod
     def make(cls, model: SainDynamics, part: Part) -> "Informed":

@@ -81,21 +81,14 @@ PHYSICS: Final = surface_kind().config  # nominal physics of real bodies, as in 
 
 @dataclass(frozen=True, eq=False)
 class Imported:
-    """A data set in memory.
+    """A data set in memory."""
 
-    Attributes:
-        columns: of all rows.
-        bodies: by the name of the shape.
-        left_out: where the pushes are that cannot be, by what is wrong with them.
-        misses: how many never touch it.
-        groups: of near repeats.
-    """
-
-    columns: Columns
-    bodies: dict[BodyKey, Bodies]
+    columns: Columns  # of all rows
+    bodies: dict[BodyKey, Bodies]  # by the name of the shape
+    # where the pushes are that cannot be, by what is wrong with them
     left_out: dict[str, tuple[str, ...]]
-    misses: int
-    groups: Int[ndarray, "M"]
+    misses: int  # how many never touch it
+    groups: Int[ndarray, "M"]  # of near repeats
 
 
 def import_pushes(

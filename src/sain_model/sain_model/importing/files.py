@@ -72,17 +72,11 @@ def unit_of(name: str) -> str:
 
 @dataclass(frozen=True)
 class Header:
-    """The header of a CSV file.
+    """The header of a CSV file."""
 
-    Attributes:
-        names: of its columns in order; empty for those that are not used.
-        factors: what numbers of a column are multiplied with, by name.
-        unused: columns that are left out, in words.
-    """
-
-    names: tuple[str, ...]
-    factors: Mapping[str, float]
-    unused: tuple[str, ...]
+    names: tuple[str, ...]  # of its columns in order; empty for those that are not used
+    factors: Mapping[str, float]  # what numbers of a column are multiplied with, by name
+    unused: tuple[str, ...]  # columns that are left out, in words
 
 
 def read_csv(path: Path, degrees: bool = False) -> tuple[RealPushes, list[str]]:
@@ -289,21 +283,13 @@ BodyKey = tuple[str, float]  # name, and the radius [m] that a row states; NaN: 
 
 @dataclass(frozen=True)
 class Recordings:
-    """What was read.
+    """What was read."""
 
-    Attributes:
-        pushes: of all files.
-        bodies: by name and stated radius of each row's body.
-        keys: of each row.
-        notes: lines about what was left out or turned round.
-        paths: the files.
-    """
-
-    pushes: RealPushes
-    bodies: dict[BodyKey, BodyOutline]
-    keys: list[BodyKey]
-    notes: tuple[str, ...]
-    paths: tuple[Path, ...]
+    pushes: RealPushes  # of all files
+    bodies: dict[BodyKey, BodyOutline]  # by name and stated radius of each row's body
+    keys: list[BodyKey]  # of each row
+    notes: tuple[str, ...]  # lines about what was left out or turned round
+    paths: tuple[Path, ...]  # the files
 
 
 def read_recordings(

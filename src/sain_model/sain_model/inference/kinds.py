@@ -91,29 +91,20 @@ Places = Float[ndarray, "R D"]  # a vector z for each of R rows
 
 @dataclass(frozen=True, eq=False)
 class Kind:
-    """A kind of physics, and what is believed of its parameters.
+    """A kind of physics, and what is believed of its parameters."""
 
-    Attributes:
-        name: for people.
-        prior: with the most likely parameters.
-        names: of the D parameters that pushes show; none: the prior stays as it is.
-        covariance: of the vector z, (D, D).
-        log_odds: logarithm of how likely this kind is, up to a constant.
-        flat_log_odds: what is added to it where all bodies lie flat.
-        only_flat: whether it is of no other bodies.
-        corrected: whether the network was trained on this kind.
-        of_bodies: whether episodes are those of a body on a surface each, which has a value of its
-            own of every parameter.
-    """
-
-    name: str
-    prior: Model
+    name: str  # for people
+    prior: Model  # with the most likely parameters
+    # of the D parameters that pushes show; none: the prior stays as it is
     names: tuple[str, ...] = (FRICTION,)
+    # of the vector z, (D, D)
     covariance: Float[ndarray, "D D"] = field(default_factory=lambda: np.eye(1))
-    log_odds: float = 0.0
-    flat_log_odds: float = 0.0
-    only_flat: bool = False
-    corrected: bool = False
+    log_odds: float = 0.0  # logarithm of how likely this kind is, up to a constant
+    flat_log_odds: float = 0.0  # what is added to it where all bodies lie flat
+    only_flat: bool = False  # whether it is of no other bodies
+    corrected: bool = False  # whether the network was trained on this kind
+    # whether episodes are those of a body on a surface each, which has a value of its own of every
+    # parameter
     of_bodies: bool = False
 
     def log_odds_of(self, bodies: Bodies) -> float:
@@ -245,16 +236,11 @@ class Kind:
 
 @dataclass(frozen=True, eq=False)
 class Belief:
-    """What is believed of the physics before an episode's first push.
+    """What is believed of the physics before an episode's first push."""
 
-    Attributes:
-        kinds: of physics; that with the network is the first.
-        network_log_odds: logarithm of the odds that the network's correction holds.
-        card: where this comes from; empty: no laboratory was recorded.
-    """
-
-    kinds: tuple[Kind, ...]
-    network_log_odds: float = KEEP
+    kinds: tuple[Kind, ...]  # of physics; that with the network is the first
+    network_log_odds: float = KEEP  # logarithm of the odds that the network's correction holds
+    # where this comes from; empty: no laboratory was recorded
     card: dict[str, Any] = field(default_factory=dict)
 
     @property

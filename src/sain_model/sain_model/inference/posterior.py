@@ -46,23 +46,14 @@ Parts = Sequence[ObservedPushes]
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """The most likely parameters of R problems with C episodes.
+    """The most likely parameters of R problems with C episodes."""
 
-    Attributes:
-        kind: of physics that the vectors z are about.
-        problem: of each episode, (C,).
-        places: z of each episode.
-        normal: the normal equations there, for the noise of `factor`.
-        factor: of the noise, of each problem.
-        log_evidence: by Laplace's approximation.
-    """
-
-    kind: Kind
-    problem: Int[ndarray, "C"]
-    places: Float[ndarray, "C D"]
-    normal: "Normal"
-    factor: Float[ndarray, "R"]
-    log_evidence: Float[ndarray, "R"]
+    kind: Kind  # of physics that the vectors z are about
+    problem: Int[ndarray, "C"]  # of each episode, (C,)
+    places: Float[ndarray, "C D"]  # z of each episode
+    normal: "Normal"  # the normal equations there, for the noise of `factor`
+    factor: Float[ndarray, "R"]  # of the noise, of each problem
+    log_evidence: Float[ndarray, "R"]  # by Laplace's approximation
 
     @property
     def covariance(self) -> Float[ndarray, "C D D"]:
@@ -305,23 +296,16 @@ STEPS_OF_BODIES: Final = 12  # of a body on a surface, whose own pushes may be m
 
 @dataclass(frozen=True, eq=False)
 class Posterior:
-    """What each of R rows says about the kinds of a belief.
+    """What each of R rows says about the kinds of a belief."""
 
-    Attributes:
-        kind: number of the most likely one.
-        inferred: whether all parameters are inferred; else those of the grid alone.
-        places: vectors z of that kind; 0 beyond its own parameters.
-        spreads: standard deviations of z.
-        log_evidence: of each kind by its grid, and of all parameters of the best one.
-        pushes: how many pushes each row is conditioned on.
-    """
-
-    kind: Int[ndarray, "R"]
+    kind: Int[ndarray, "R"]  # number of the most likely one
+    # whether all parameters are inferred; else those of the grid alone
     inferred: Bool[ndarray, "R"]
-    places: Places
-    spreads: Places
+    places: Places  # vectors z of that kind; 0 beyond its own parameters
+    spreads: Places  # standard deviations of z
+    # of each kind by its grid, and of all parameters of the best one
     log_evidence: Float[ndarray, "R H"]
-    pushes: Int[ndarray, "R"]
+    pushes: Int[ndarray, "R"]  # how many pushes each row is conditioned on
 
     @classmethod
     def at(cls, belief: Belief, kind: int, places: Places) -> Self:

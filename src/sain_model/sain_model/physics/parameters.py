@@ -72,28 +72,18 @@ Values = Mapping[str, ndarray]  # (B,) by name; parameters of bodies (B,) for al
 
 
 class Parameter(NamedTuple):
-    """One parameter of the physics, and what is believed of it before any push.
+    """One parameter of the physics, and what is believed of it before any push."""
 
-    Attributes:
-        name: the field of `PlanarConfig`, of the solver's rows, and of `Values`.
-        meaning: in plain words.
-        unit: of its value; empty for a share or a factor.
-        scope: what it belongs to. A value for each body may be given for those of scope "body";
-            each episode has its own of scope "episode".
-        spread: standard deviation before any push.
-        logarithm: whether the spread is that of the logarithm.
-        least: smallest value.
-        most: largest value.
-    """
-
-    name: str
-    meaning: str
-    unit: str
+    name: str  # the field of `PlanarConfig`, of the solver's rows, and of `Values`
+    meaning: str  # in plain words
+    unit: str  # of its value; empty for a share or a factor
+    # what it belongs to. A value for each body may be given for those of scope "body"; each episode
+    # has its own of scope "episode"
     scope: Scope
-    spread: float
-    logarithm: bool
-    least: float
-    most: float
+    spread: float  # standard deviation before any push
+    logarithm: bool  # whether the spread is that of the logarithm
+    least: float  # smallest value
+    most: float  # largest value
 
 
 HARMONICS: Final = (("cos", 1), ("sin", 1), ("cos", 2), ("sin", 2))  # by which offsets differ

@@ -31,18 +31,12 @@ Progress = Callable[[int, "LossHistory"], None]  # called with the epochs done, 
 
 
 class LearningObjective(ABC):
-    """What a network is to learn.
+    """What a network is to learn."""
 
-    Attributes:
-        identity: of the data and of all else that the losses depend on.
-        episodes: which episode each of the M rows to learn from belongs to.
-        members: for how many networks rows are drawn; 1: the same rows for all.
-        max_grad_norm: largest norm of a member's gradient; longer ones are scaled to it.
-    """
-
-    identity: str
-    episodes: Int[ndarray, "M"]
-    members: int = 1
+    identity: str  # of the data and of all else that the losses depend on
+    episodes: Int[ndarray, "M"]  # which episode each of the M rows to learn from belongs to
+    members: int = 1  # for how many networks rows are drawn; 1: the same rows for all
+    # largest norm of a member's gradient; longer ones are scaled to it
     max_grad_norm: float = math.inf
 
     @abstractmethod
@@ -59,16 +53,12 @@ class LossHistory:
     """Losses after each epoch, and which epoch was best.
 
     An epoch that was not validated has the last loss that was, or infinity before the first.
-
-    Attributes:
-        train: of the training part.
-        validation: of the validation part.
-        start: of the validation part before the first epoch, where the weights to start from may
-            be kept; None: they may not.
     """
 
-    train: list[float] = field(default_factory=list)
-    validation: list[float] = field(default_factory=list)
+    train: list[float] = field(default_factory=list)  # of the training part
+    validation: list[float] = field(default_factory=list)  # of the validation part
+    # of the validation part before the first epoch, where the weights to start from may be kept;
+    # None: they may not
     start: float | None = None
 
     @property
