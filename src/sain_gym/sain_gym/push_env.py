@@ -39,8 +39,7 @@ class PushEnvConfig(Config):
     """What is to be solved, in which world, and what is observed."""
 
     scenario: str = option(
-        "anywhere",
-        f"what is to be solved: {', '.join(SCENARIOS)}, or one of an installed package",
+        "anywhere", f"what is to be solved: {', '.join(SCENARIOS)}, or one of an installed package"
     )
     engine: str = option(DEFAULT_ENGINE, ENGINE_HELP)
     world: str = option(RANDOMISED, "the paper's world, or a laboratory", choices=TRUTHS)

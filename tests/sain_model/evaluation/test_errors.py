@@ -10,13 +10,7 @@ from sain_core.scene import POSITION, TARGET
 from sain_core.view.palette import PALETTE
 from sain_model import commands
 from sain_model.data.dataset import Dataset, Part, Windows
-from sain_model.evaluation.errors import (
-    PUSHED,
-    TARGET_MISSED,
-    TARGET_MOVED,
-    TARGETS,
-    evaluate,
-)
+from sain_model.evaluation.errors import PUSHED, TARGET_MISSED, TARGET_MOVED, TARGETS, evaluate
 from sain_model.evaluation.predictors import MEASURED, NAMES, Predictions
 from sain_model.evaluation.presentation import KINDS, draw_rollouts
 from sain_model.physics.planar import PlanarPrior

@@ -81,11 +81,7 @@ def draw_values(bodies: int, batch: int) -> dict[str, np.ndarray]:
 
 
 def features_of(
-    scenes: Scenes,
-    pushes: Pushes,
-    after: Scenes,
-    bodies: Bodies,
-    values: Values | None = None,
+    scenes: Scenes, pushes: Pushes, after: Scenes, bodies: Bodies, values: Values | None = None
 ) -> Features:
     frames = push_frames(scenes, pushes, bodies)
     return network_inputs(

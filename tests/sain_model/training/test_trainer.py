@@ -42,11 +42,7 @@ def split(dataset):
 def test_training_learns_a_residual(tmp_path):
     split = split_by_episode(load_dataset(write_dataset(tmp_path, 60)), 0, 0.2, 0.2)
     config = TrainingConfig(
-        epochs=30,
-        batch=16,
-        learning_rate=4e-3,
-        network=SMALL,
-        position_scale=0.005,
+        epochs=30, batch=16, learning_rate=4e-3, network=SMALL, position_scale=0.005
     )
     prior = PlanarPrior()
     trainer = make_trainer(split, prior, config, tmp_path)

@@ -85,10 +85,7 @@ def run_jobs(
 ) -> Generator[list[SceneRecord], None, None]:
     """Run all jobs on workers, write their pictures, and yield their records as they come."""
     engines = modules_of(job.truth.engine for job in jobs)
-    work = Work(
-        partial(FunctionRunner, run_job),
-        Software(SOURCES, (*PACKAGES, *engines)),
-    )
+    work = Work(partial(FunctionRunner, run_job), Software(SOURCES, (*PACKAGES, *engines)))
     with closing(run_on_workers(work, jobs, options, ordered=False)) as results:
         for done in results:
             if done.picture is not None:

@@ -25,15 +25,7 @@ from typing import Any, Final
 import numpy as np
 
 from sain_lab.keeping.laboratory import PHYSICS, PLANAR, SHIPPED
-from sain_lab.keeping.log import (
-    CHANGED,
-    DROPPED,
-    FAILED,
-    LEFT_OUT,
-    LOADED,
-    TRAINED,
-    TRAINING,
-)
+from sain_lab.keeping.log import CHANGED, DROPPED, FAILED, LEFT_OUT, LOADED, TRAINED, TRAINING
 
 CERTAIN: Final = 20.0  # wealth: at most 5 % of candidates that are no better ever reach it
 ALARM: Final = 30.0  # likewise of a bet that resets: by chance once in 30 pushes at worst
@@ -55,11 +47,7 @@ class Bet:
     """
 
     def __init__(
-        self,
-        resets: bool = False,
-        wealth: float = 1.0,
-        alarm: float = ALARM,
-        worth: float = 0.0,
+        self, resets: bool = False, wealth: float = 1.0, alarm: float = ALARM, worth: float = 0.0
     ) -> None:
         self.resets, self.worth, self.pushes = resets, worth, 0
         self._enough = alarm if resets else CERTAIN

@@ -112,12 +112,7 @@ def answers(certainty: Certainty, bodies: Bodies, scenes: Scenes, pushes: Pushes
     off = errors_of(after[:, 1:], after[:, :1]).reshape(batch, 2, count, -1)
     slopes = (off[:, 0] - off[:, 1]) / 2  # (B, D, M)
     bends = (off[:, 0] + off[:, 1]) / 2
-    return Answers(
-        after[:, 0],
-        after[:, 1:],
-        np.swapaxes(slopes, 1, 2),
-        (bends**2).sum(axis=1) / 2,
-    )
+    return Answers(after[:, 0], after[:, 1:], np.swapaxes(slopes, 1, 2), (bends**2).sum(axis=1) / 2)
 
 
 def variance_of(

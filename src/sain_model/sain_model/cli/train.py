@@ -12,12 +12,7 @@ from rich.console import Console
 
 from sain_core.output import claim_folder
 from sain_model.network.settings import STEPS, require_torch
-from sain_model.training.settings import (
-    DEFAULT,
-    PRESETS,
-    TrainingConfig,
-    TrainOptions,
-)
+from sain_model.training.settings import DEFAULT, PRESETS, TrainingConfig, TrainOptions
 
 if TYPE_CHECKING:
     from sain_model.data.dataset import Dataset

@@ -18,12 +18,7 @@ from sain_model.compute.kernel_store import compile_visibly
 from sain_model.compute.threads import run_blocks
 from sain_model.dynamics.intervals import Intervals, Prediction
 from sain_model.network.feature_kernels import LANES
-from sain_model.network.features import (
-    elongations,
-    network_beliefs,
-    outline_table,
-    push_frames,
-)
+from sain_model.network.features import elongations, network_beliefs, outline_table, push_frames
 from sain_model.network.network_kernels import correct_block
 from sain_model.network.settings import CPU, WORLD_FRAME
 from sain_model.network.weights import NetworkWeights

@@ -22,12 +22,7 @@ from sain_model.data.dataset import Dataset, Part, Windows, make_windows
 from sain_model.dynamics.identify import body_names
 from sain_model.dynamics.intervals import Prediction
 from sain_model.dynamics.sain import LEARNED as LEARNED_KIND
-from sain_model.dynamics.sain import (
-    RECURRENT,
-    RESIDUAL,
-    Inferred,
-    SainDynamics,
-)
+from sain_model.dynamics.sain import RECURRENT, RESIDUAL, Inferred, SainDynamics
 from sain_model.inference.evidence import Known
 from sain_model.inference.kinds import FRICTION, friction_belief
 from sain_model.physics.planar import PlanarPrior

@@ -122,11 +122,7 @@ class Reduced:
 
 
 def fit(
-    kind: Kind,
-    parts: Parts,
-    start: Float[ndarray, "C D"],
-    problem: Int[ndarray, "C"],
-    steps: int,
+    kind: Kind, parts: Parts, start: Float[ndarray, "C D"], problem: Int[ndarray, "C"], steps: int
 ) -> Fit:
     """Return the most likely parameters of each problem.
 

@@ -47,13 +47,7 @@ from sain_model.network.interaction_network import InteractionNetwork, new_netwo
 from sain_model.network.settings import PLANAR, PLANAR_AXES, SHIPPED
 from sain_model.training.interval_fit import fit_intervals
 from sain_model.training.objectives import Rollouts, SinglePushes
-from sain_model.training.settings import (
-    DEFAULT,
-    EPISODE,
-    NOTHING,
-    TrainingConfig,
-    TrainOptions,
-)
+from sain_model.training.settings import DEFAULT, EPISODE, NOTHING, TrainingConfig, TrainOptions
 from sain_model.training.trainer import LearningObjective, LossHistory, Progress, Trainer
 
 Show = Callable[[str, int, int], AbstractContextManager[Progress]]

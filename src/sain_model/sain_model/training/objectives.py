@@ -144,10 +144,7 @@ def _flat(parts: tuple[ndarray, ...]) -> Float[ndarray, "B V"]:
 
 
 def _slopes(
-    scenes: Scenes,
-    pushes: Pushes,
-    look: Look,
-    values: Float[ndarray, "B V"],
+    scenes: Scenes, pushes: Pushes, look: Look, values: Float[ndarray, "B V"]
 ) -> Float[ndarray, "B V P"]:
     """Return the derivative of all that is seen by each of the P = 3 N numbers of the poses."""
     batch, disks, _ = scenes.shape

@@ -19,13 +19,7 @@ import tyro
 from sain_core.config import MOST_SEED, Config, option, required
 from sain_core.output import OVERWRITE_HELP
 from sain_core.transitions import SHARES, TEST, VALIDATION
-from sain_model.network.settings import (
-    BOOTSTRAP,
-    ORDER,
-    PLANAR,
-    PUSH_FRAME,
-    NetworkConfig,
-)
+from sain_model.network.settings import BOOTSTRAP, ORDER, PLANAR, PUSH_FRAME, NetworkConfig
 
 if TYPE_CHECKING:
     import torch
