@@ -74,11 +74,7 @@ class Learner:
     """
 
     def __init__(self, laboratory: OpenLaboratory, trains: bool = True) -> None:
-        """Go on where the log ends.
-
-        Args:
-            laboratory: open; closed with the learner.
-            trains: whether networks are trained at all.
+        """Go on where the log ends; the laboratory is closed with the learner.
 
         Raises:
             DatasetError, CheckpointError: the laboratory is damaged.

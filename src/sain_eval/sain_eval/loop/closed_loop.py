@@ -104,14 +104,10 @@ def play_goals(
     bodies: Bodies,
     max_pushes: int,
 ) -> EpisodeOutcome:
-    """Play an agent in a world that was reset, and keep a record for each goal.
+    """Play a new agent in a world that was reset, and keep a record for each goal.
 
-    Args:
-        agent: a new one.
-        world: the world, or how the agent sees it.
-        goals: given one after another, each once the one before is reached.
-        bodies: as they are recorded.
-        max_pushes: for each goal; 0: any number.
+    Goals are given one after another, each once the one before is reached, with so many pushes
+    each (0: any number). Bodies are recorded as given.
     """
     tasks = [Task(number, 0, goal, max_pushes) for number, goal in enumerate(goals, start=1)]
     played = play(agent, world, tasks, bodies)

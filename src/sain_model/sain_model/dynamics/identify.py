@@ -106,16 +106,13 @@ def fit_laboratory(
 def over_bodies(kind: Kind, parts: Parts) -> tuple[Kind, Places]:
     """Return a kind with what pushes of several bodies show of one that was not pushed yet.
 
-    Also returned are the vectors z of these bodies, as the new kind has them.
+    Also returned are the vectors z of these bodies, as the new kind has them. Each episode is one
+    body on one surface.
 
     The mean is that of the values that explain the pushes of each best. The spread is that of
     these values and, besides, how uncertain they are (empirical Bayes, a step of the EM
     algorithm): what pushes do not show stays as uncertain as before. Of a few bodies only the mean
     counts.
-
-    Args:
-        kind: with what is believed before any push.
-        parts: pushes, whose episodes are those of one body on one surface each.
     """
     count = count_episodes(parts)
     found = fit(kind, parts, np.zeros((count, len(kind.names))), np.arange(count), STEPS)
@@ -330,14 +327,9 @@ def observed_pushes(data: Dataset, most: int = 0) -> list[ObservedPushes]:
 
 
 def identify(model: SainDynamics, recordings: Recordings) -> Belief:
-    """Return what the recordings of one laboratory say.
+    """Return what the recordings of one laboratory, by name, add to the belief of a model.
 
-    Args:
-        model: with a belief to begin with.
-        recordings: by name; the episodes of each are counted from 0.
-
-    Raises:
-        DatasetError: two recordings disagree about the kind of physics or a friction.
+    Raises `DatasetError`: two recordings disagree about the kind of physics or a friction.
     """
     kinds = [kind for kind in model.belief.kinds if not kind.of_bodies]  # what all episodes share
     fits = fit_recordings(kinds, recordings)

@@ -180,13 +180,10 @@ class Intervals:
         pushed: Indices | None = None,
         elongation: Float[ndarray, "N"] | None = None,
     ) -> "Prediction":
-        """Return a prediction from these scenes with the region of every body.
+        """Return a prediction from scenes (B, N, 8) with the region of every body.
 
-        Args:
-            opened: the prediction.
-            scenes: (B, N, 8), before the pushes.
-            pushed: which body each push is against (B,); None: body 0.
-            elongation: of each body's supports (N,); None: they are disks.
+        `pushed` (B,) are the bodies that pushes are against, None: body 0; `elongation` (N,) is that
+        of the bodies' supports, None: they are disks.
         """
         way = np.linalg.norm((opened.mean - scenes)[..., POSITION], axis=-1)
         radii, arcs = np.empty_like(way), np.empty_like(way)

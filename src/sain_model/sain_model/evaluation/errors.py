@@ -137,12 +137,8 @@ def evaluate(
 ) -> Figures:
     """Return the errors of all there is to compare; see `report` and `predictors.predict_all`.
 
-    Args:
-        data: pushes that no model was trained on.
-        models: by name; the first is the one that the ratio to its own prior is of.
-        steps: after how many pushes errors are taken.
-        seed: of the bootstrap.
-        others: more physics by name.
+    No model was trained on these pushes. The ratio to its own prior is of the first one. Errors are
+    taken after so many pushes as `steps` has. `others` are more physics by name.
     """
     wanted = tuple(steps) or (1,)
     return report(predict_all(data, models, max(wanted), others), [*models], wanted, seed)

@@ -89,13 +89,8 @@ def predict_all(
 ) -> list[Predictions]:
     """Return what physics and models say over all windows of at most so many pushes, by part.
 
-    Args:
-        data: pushes that no model was trained on.
-        models: by name; each that infers from pushes is asked with and without history. The prior
-            of the first one is asked, too.
-        steps: the most pushes of a window.
-        others: more physics by name, without history.
-        advance: is called as these predict.
+    Each model that infers from pushes is asked with and without history. The prior of the first one
+    is asked, too. `others` are more physics by name, without history; `advance` follows these.
     """
     found = []
     for part in data.parts:

@@ -97,17 +97,12 @@ def import_pushes(
     skip_bad: bool,
     progress: Callable[[int, int], None] = lambda done, of: None,
 ) -> Imported:
-    """Return recordings as a data set.
+    """Return recordings as a data set; bodies have this mass [kg] where no row states one.
 
-    Args:
-        found: what was read.
-        mass: of bodies whose mass no row states [kg].
-        skip_bad: leave out pushes that cannot be, see `faults_of`; else they are an error.
-        progress: called with how many rows are predicted, and of how many.
+    `progress` is called with how many rows are predicted, and of how many.
 
-    Raises:
-        DatasetError: a push that cannot be, unless they are left out; most of them cannot be, most
-            never touch the body, or headings are in degrees.
+    Raises `DatasetError`: a push that cannot be, unless they are left out (`skip_bad`); most of
+    them cannot be, most never touch the body, or headings are in degrees.
     """
     bodies = {key: Bodies((body.shape.on(FLAT),)) for key, body in found.bodies.items()}
     state, after, strokes = _scenes(found, mass)

@@ -265,12 +265,9 @@ def surface_kind() -> Kind:
 
 
 def friction_kind(prior: Model, infers: bool = True, deviation: float = 1.0) -> Kind:
-    """Return a kind of physics of which pushes show the friction at most.
+    """Return a kind of physics of which pushes show the friction at most, if the prior is planar.
 
-    Args:
-        prior: of any package; pushes show nothing of those that are not planar.
-        infers: whether they show the friction.
-        deviation: of its z before any push.
+    `deviation` is that of the friction's z before any push.
     """
     if not infers or not isinstance(prior, PlanarPrior):
         return Kind("given", prior, (), np.zeros((0, 0)), corrected=True)
@@ -326,13 +323,9 @@ def default_belief(prior: PlanarPrior) -> Belief:
 
 
 def laboratory_kinds(belief: Belief, flat: bool) -> list[Kind]:
-    """Return the kinds that the pushes of a laboratory are explained by.
+    """Return the kinds that the pushes of a laboratory, where all bodies lie flat or not, show.
 
     They have all parameters that many pushes show, which all episodes share.
-
-    Args:
-        belief: as `default_belief` has it.
-        flat: whether all bodies lie flat.
     """
     shared = [replace(kind, of_bodies=False) for kind in belief.kinds]
     if flat:

@@ -124,14 +124,9 @@ class Reduced:
 def fit(
     kind: Kind, parts: Parts, start: Float[ndarray, "C D"], problem: Int[ndarray, "C"], steps: int
 ) -> Fit:
-    """Return the most likely parameters of each problem.
+    """Return the most likely parameters of each problem, after so many steps at most.
 
-    Args:
-        kind: of physics, and what is believed of its parameters.
-        parts: the pushes; `episode` counts the C episodes, each of which has one.
-        start: first vectors z.
-        problem: of each episode.
-        steps: at most so many.
+    Each of the C episodes that `parts` count has a first vector z and a problem.
     """
     places, count = start.copy(), 1 + int(problem.max())
     totals = _totals(kind, parts, places, problem, count)
@@ -341,13 +336,7 @@ class Posterior:
 
 
 def infer(belief: Belief, pushes: ObservedPushes, known: Known) -> Posterior:
-    """Return what each row says.
-
-    Args:
-        belief: what is believed before any push.
-        pushes: M of them.
-        known: which of them each row is conditioned on.
-    """
+    """Return what each row of known pushes says, and of a belief before any push."""
     width, rows = max(len(kind.names) for kind in belief.kinds), np.arange(known.rows)
     alone = [marginals(kind, known.total(_curves(kind, pushes))) for kind in belief.kinds]
     odds = np.array([kind.log_odds_of(pushes.bodies) for kind in belief.kinds])

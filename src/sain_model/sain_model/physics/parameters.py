@@ -285,11 +285,7 @@ BODY_ROW: Final = np.dtype([(name, np.float64) for name in OF_BODIES])
 def rows_of(config: Hashable, values: Values, batch: int, bodies: int) -> tuple[ndarray, ndarray]:
     """Return what the solver reads for each push: `PUSH_ROW` (B,), and `BODY_ROW` (B, N).
 
-    Args:
-        config: has what `values` has not.
-        values: checked, see `check_values`.
-        batch: B.
-        bodies: N.
+    `config` has what the checked `values` have not; see `check_values`.
     """
     row_of_push, row_of_body = _settings(config)
     pushes, own = np.full(batch, row_of_push), np.full((batch, bodies), row_of_body)
@@ -335,13 +331,9 @@ def check_values(values: Values, batch: int, bodies: int) -> None:
 
 
 def with_mass_ratio(scenes: Scenes, ratio: Float[ndarray, "R"] | float) -> Scenes:
-    """Return scenes (B, N, 8) whose masses of bodies 1 and on, over that of body 0, are scaled.
+    """Return scenes (B, N, 8) with masses of bodies 1 and on, over that of body 0, times a ratio.
 
     Half of the logarithm goes to body 0: the masses stay near those that networks were trained on.
-
-    Args:
-        scenes: as observed.
-        ratio: by how much, one for all, also as (1,), or (B,).
     """
     if np.all(ratio == 1.0):
         return scenes

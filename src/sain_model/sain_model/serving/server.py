@@ -75,14 +75,9 @@ class ModelServer:
         self._learned: tuple[PushHistory, Bodies, Model] | None = None
 
     def with_model(self, name: str, bodies: Bodies = PAPER_DISKS) -> "ModelServer":
-        """Return a server of another model with these settings, for a planner.
+        """Return a server of another model (see `load_server`) in a scene of bodies, for a planner.
 
-        Args:
-            name: of the model; see `load_server`.
-            bodies: of the scene in which it goes on.
-
-        Raises:
-            ConfigError: it cannot predict these bodies, or too slowly; also as `load_server`.
+        Raises `ConfigError`: it cannot predict these bodies, or too slowly; also as `load_server`.
         """
         other = load_server(replace(self.config, model=name))
         other.knowing(None, bodies)

@@ -97,13 +97,9 @@ class Seen(NamedTuple):
 
 
 def see(pose: Float[Tensor, "B N 3"], scenes: Scenes, pushes: Pushes, look: Look) -> Seen:
-    """Return what the network sees in scenes with these poses.
+    """Return what the network sees in scenes with the poses of disks that were predicted so far.
 
-    Args:
-        pose: of each disk, predicted so far; what is returned may depend on it.
-        scenes: with masses and radii; the poses in them are overwritten.
-        pushes: one a scene.
-        look: returns what is seen.
+    What is returned depends on the poses by derivatives, too. Those in the scenes do not count.
     """
     scenes = scenes.copy()
     scenes[..., POSE] = pose.detach().numpy()
