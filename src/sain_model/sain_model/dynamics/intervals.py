@@ -182,8 +182,8 @@ class Intervals:
     ) -> "Prediction":
         """Return a prediction from scenes (B, N, 8) with the region of every body.
 
-        `pushed` (B,) are the bodies that pushes are against, None: body 0; `elongation` (N,) is that
-        of the bodies' supports, None: they are disks.
+        `pushed` (B,) are the bodies that pushes are against, None: body 0; `elongation` (N,) is
+        that of the bodies' supports, None: they are disks.
         """
         way = np.linalg.norm((opened.mean - scenes)[..., POSITION], axis=-1)
         radii, arcs = np.empty_like(way), np.empty_like(way)

@@ -336,7 +336,7 @@ class Posterior:
 
 
 def infer(belief: Belief, pushes: ObservedPushes, known: Known) -> Posterior:
-    """Return what each row of known pushes says, and of a belief before any push."""
+    """Return what each row of known pushes says of the physics, with the belief before them."""
     width, rows = max(len(kind.names) for kind in belief.kinds), np.arange(known.rows)
     alone = [marginals(kind, known.total(_curves(kind, pushes))) for kind in belief.kinds]
     odds = np.array([kind.log_odds_of(pushes.bodies) for kind in belief.kinds])
