@@ -31,8 +31,7 @@ from sain_core.randomness import generator
 from sain_core.types import Scene
 from sain_core.view.figures import TEXT, new_figure, style_axes, write_png
 from sain_core.view.palette import PALETTE
-from sain_eval.scenes.families import ScenarioScene
-from sain_eval.scenes.scenarios import SCENARIOS
+from sain_eval.scenes.scenarios import SCENARIOS, ScenarioScene
 from sain_model.dynamics.sain import SainDynamics
 from sain_mppi.algorithms.sampling import PlanResult
 from sain_mppi.config import MPPI, PlannerConfig

@@ -321,21 +321,13 @@ def _check_apart(sources: Sequence[tuple[Path, Part]]) -> None:
 
 @dataclass(frozen=True, eq=False)
 class Windows:
-    """W windows of up to T successive pushes.
+    """W windows of up to T successive pushes."""
 
-    Attributes:
-        rows: which transition of the data each push is; -1 behind a window's end.
-        scenes: before the first push.
-        pushes: of zero length behind a window's end: nothing moves there.
-        next_scenes: after each push; behind a window's end the last one again.
-        episodes: which episode each window is of.
-    """
-
-    rows: Int[ndarray, "W T"]
-    scenes: Float[ndarray, "W N 8"]
-    pushes: Float[ndarray, "W T A"]  # five numbers, or a stroke's eight
-    next_scenes: Float[ndarray, "W T N 8"]
-    episodes: Int[ndarray, "W"]
+    rows: Int[ndarray, "W T"]  # which transition of the data each push is; -1 behind a window's end
+    scenes: Float[ndarray, "W N 8"]  # before the first push
+    pushes: Float[ndarray, "W T A"]  # of zero length behind a window's end: nothing moves there
+    next_scenes: Float[ndarray, "W T N 8"]  # after each push; behind the end the last one again
+    episodes: Int[ndarray, "W"]  # which episode each window is of
 
     def __len__(self) -> int:
         return len(self.rows)
