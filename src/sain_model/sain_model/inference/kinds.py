@@ -35,45 +35,17 @@ from sain_model.physics.planar import PlanarPrior, step_knowing
 FRICTION: Final = "friction"
 MASS_RATIO: Final = "mass_ratio"
 LABORATORY: Final = (  # what pushes show of the physics of a table, a tool and bodies
-    FRICTION,
-    "tool_friction",
-    "disk_friction",
-    "tool_restitution",
-    "disk_restitution",
-    "foot_radius",
-    "inertia",
-    "tool_height",
-    "disk_height",
-    "middle_height",
-    "speed_factor",
-)
+    FRICTION, "tool_friction", "disk_friction", "tool_restitution", "disk_restitution",
+    "foot_radius", "inertia", "tool_height", "disk_height", "middle_height", "speed_factor",
+)  # fmt: skip
 BODY_ON_SURFACE: Final = (  # what pushes show of a body on a surface, and of where the tool is
-    "tool_friction",
-    "torsion",
-    "pressure",
-    "centre_x",
-    "centre_y",
-    "grain_x",
-    "grain_y",
-    "table_grain_x",
-    "table_grain_y",
-    "tip_x",
-    "tip_y",
-)
+    "tool_friction", "torsion", "pressure", "centre_x", "centre_y", "grain_x", "grain_y",
+    "table_grain_x", "table_grain_y", "tip_x", "tip_y",
+)  # fmt: skip
 OF_TABLE: Final = (  # what many pushes show besides: of a table, and of a robot that is not exact
-    "slope_x",
-    "slope_y",
-    "table_grain_x",
-    "table_grain_y",
-    "centre_x",
-    "centre_y",
-    "torsion",
-    "tool_compliance",
-    "length_offset",
-    "angle_offset",
-    "location_offset",
-    *BY_HEADING,
-)
+    "slope_x", "slope_y", "table_grain_x", "table_grain_y", "centre_x", "centre_y", "torsion",
+    "tool_compliance", "length_offset", "angle_offset", "location_offset", *BY_HEADING,
+)  # fmt: skip
 ACROSS: Final = "yield_across"
 ALONG_AXES: Final = "axes_yield"
 POINTS: Final = {FRICTION: 61, MASS_RATIO: 17}  # of a grid, for parameters that have one
