@@ -15,7 +15,7 @@ not write in the folder stays as it is (`sain_core.output`).
 import os
 import re
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final, Self
@@ -347,7 +347,8 @@ def check_record(record: Record) -> None:
 
     Raises `SainError`, `LookupError`, `TypeError` or `ValueError`: it has not.
     """
-    kind, about = record["kind"], record
+    kind = record["kind"]
+    about: Mapping[str, Any] = record
     if kind not in RECORDS:
         raise ValueError(f"its kind {kind!r} is not of this version")
     if kind == "push":
