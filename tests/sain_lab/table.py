@@ -4,10 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 
+from sain_core.model import load_dynamics
 from sain_core.push import PushLimits
 from sain_core.scene import STATE_SIZE
 from sain_core.shapes.bodies import Bodies
 from sain_lab.keeping.results import Result
+from sain_model.dynamics.load import parse_card, save_checkpoint, shipped_checkpoint
+from sain_model.dynamics.sain import weights_of
 from sain_model.physics.parameters import TEXTBOOK
 from sain_model.physics.planar import PlanarPrior
 
@@ -43,3 +46,13 @@ class SmallTable:
         after[:, :2] += self.random.normal(0.0, self.noise, (2, 2))
         self.scene = after
         return Result(before, push[0], after, DISKS, f"small/{self.episode}")
+
+
+def plant(path):
+    """Write the shipped network, which belongs to no table here, made worse."""
+    shipped = load_dynamics("sain")
+    weights = weights_of(shipped)
+    for name in weights.tensors:
+        weights.tensors[name] *= 1.5 if name.startswith("dynamics") else 1.0
+    path.parent.mkdir(parents=True, exist_ok=True)
+    save_checkpoint(path, weights, parse_card(shipped_checkpoint(), shipped.origin.card))

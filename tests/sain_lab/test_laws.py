@@ -9,9 +9,8 @@ from hypothesis import strategies as st
 
 import sain_lab.learner
 from sain_core.output import write_whole
-from sain_lab.keeping.events import FAILED, TRAINED, TRAINING
 from sain_lab.keeping.laboratory import LOG, Laboratory
-from sain_lab.keeping.log import encoded
+from sain_lab.keeping.log import FAILED, TRAINED, TRAINING, encoded
 from sain_lab.learner import Learner
 from sain_lab.physics import Believer
 from sain_model.dynamics.load import card_path, shipped_checkpoint

@@ -8,11 +8,10 @@ import pytest
 from sain_core.errors import ErrorCode
 from sain_core.model import load_dynamics
 from sain_lab.judging.curves import read_curves
-from sain_lab.keeping.events import CHANGED, DROPPED, JUMPED, LOADED, NOT_LEARNED
 from sain_lab.keeping.laboratory import LOG, MANIFEST, Laboratory
-from sain_lab.keeping.log import LogReader
+from sain_lab.keeping.log import CHANGED, DROPPED, JUMPED, LOADED, NOT_LEARNED, TRAINED, LogReader
 from sain_lab.learner import Learner
-from tests.sain_lab.table import TRUE, SmallTable
+from tests.sain_lab.table import TRUE, SmallTable, plant
 
 PUSHES = 24
 
@@ -130,7 +129,11 @@ def test_a_planted_network_is_dropped_within_30_pushes(tmp_path):
     with Learner.named(str(tmp_path / "lab"), trains=False) as learner:
         for _ in range(30):
             learner.observe(table.push())
-        plant(learner, "models/000030")
+        service = "models/000030"
+        plant(learner.laboratory.model_path(service))
+        for kind in (TRAINED, LOADED):
+            learner._log(kind, "planted", model=service, service=service)
+        learner._publish()
         assert learner.model.network is not None
         kinds = []
         while DROPPED not in kinds:
@@ -140,23 +143,6 @@ def test_a_planted_network_is_dropped_within_30_pushes(tmp_path):
         assert learner.model.network is None
     with Learner.named(str(tmp_path / "lab"), trains=False) as learner:
         assert learner.judge.service == "physics"
-
-
-def plant(learner, service):
-    """Put the shipped network, which does not belong to this table, made worse, into service."""
-    from sain_model.dynamics.load import parse_card, save_checkpoint, shipped_checkpoint
-    from sain_model.dynamics.sain import weights_of
-
-    shipped = load_dynamics("sain")
-    weights = weights_of(shipped)
-    for name in weights.tensors:
-        weights.tensors[name] *= 1.5 if name.startswith("dynamics") else 1.0
-    card = parse_card(shipped_checkpoint(), shipped.origin.card)
-    save_checkpoint(learner.laboratory.model_path(service), weights, card)
-    for kind in ("trained", LOADED):
-        about = {"model": service, "service": service}
-        learner._log(kind, "planted", **about)
-    learner._publish()
 
 
 @pytest.mark.parametrize(

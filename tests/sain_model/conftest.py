@@ -11,13 +11,27 @@ from sain_core.types import Pushes, Scenes
 from sain_model.data.dataset import Split
 from sain_model.dynamics.load import ModelCard, card_path, parse_card
 from sain_model.inference.kinds import friction_kind
-from sain_model.network.interaction_network import new_network
+from sain_model.network.interaction_network import InteractionNetwork, new_network
+from sain_model.network.settings import NetworkConfig
 from sain_model.physics.planar import PlanarPrior
 from sain_model.training.objectives import SinglePushes
 from sain_model.training.settings import TrainingConfig
 from sain_model.training.trainer import Trainer
 
 EPISODES, PUSHES = 20, 6
+SCENE = make_scene(
+    np.array([(0.40, 0.0), (0.541, 0.0)]), np.array([8.0, 8.0]), np.array([0.08, 0.06])
+)
+
+
+def random_network(scale: float, seed: int = 0, **size: object) -> InteractionNetwork:
+    """Return a network whose weights are moved at random, so that a law that fails shows."""
+    torch.manual_seed(seed)
+    network = InteractionNetwork(NetworkConfig(**size))  # type: ignore[arg-type]
+    with torch.no_grad():
+        for parameter in network.parameters():
+            parameter.add_(scale * torch.randn_like(parameter))
+    return network.eval()
 
 
 def read_card(path: Path) -> ModelCard:

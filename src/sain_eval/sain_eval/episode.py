@@ -26,8 +26,7 @@ class Tolerance:
     def parse(cls, word: str) -> Self:
         """Return the tolerance that ``METRES`` or ``METRES:RADIANS`` stands for.
 
-        Raises:
-            ValueError: it is neither.
+        Raises `ValueError`: it is neither.
         """
         distance, separator, turn = word.partition(":")
         return cls(float(distance), float(turn) if separator else None)

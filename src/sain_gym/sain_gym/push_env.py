@@ -15,8 +15,7 @@ from sain_core.types import Scene
 from sain_core.view.image import TopImage, TopPicture
 from sain_core.view.scenes import bodies_in, goal_marks
 from sain_eval.episode import Tolerance
-from sain_eval.scenes.families import ScenarioScene
-from sain_eval.scenes.scenarios import OFFERED, SCENARIOS, draw_scene
+from sain_eval.scenes.scenarios import OFFERED, SCENARIOS, ScenarioScene, draw_scene
 from sain_gym.episode import PushEpisode
 from sain_gym.spaces import PushSpaces
 from sain_sim.world.engines import DEFAULT_ENGINE, ENGINE_HELP
@@ -39,8 +38,7 @@ class PushEnvConfig(Config):
     """What is to be solved, in which world, and what is observed."""
 
     scenario: str = option(
-        "anywhere",
-        f"what is to be solved: {', '.join(SCENARIOS)}, or one of an installed package",
+        "anywhere", f"what is to be solved: {', '.join(SCENARIOS)}, or one of an installed package"
     )
     engine: str = option(DEFAULT_ENGINE, ENGINE_HELP)
     world: str = option(RANDOMISED, "the paper's world, or a laboratory", choices=TRUTHS)
@@ -73,8 +71,7 @@ class PushEnvConfig(Config):
     def of(cls, settings: Mapping[str, Any]) -> Self:
         """Return the settings of these names and values.
 
-        Raises:
-            ConfigError: an unknown name, a value of another type or outside its range.
+        Raises `ConfigError`: an unknown name, a value of another type or outside its range.
         """
         known = [item.name for item in fields(cls)]
         if unknown := [name for name in settings if name not in known]:
@@ -119,9 +116,8 @@ class PushEnv(gymnasium.Env[Any, Any]):
     def __init__(self, render_mode: str | None = None, **settings: Any) -> None:
         """Make the spaces; the engine is loaded at the first `reset`.
 
-        Raises:
-            ConfigError: an unknown setting, one of another type or outside its range, or an engine
-                that is not installed.
+        Raises `ConfigError`: an unknown setting, one of another type or outside its range, or an
+        engine that is not installed.
         """
         if render_mode not in (None, RGB_ARRAY):
             raise ConfigError(f"render_mode is {render_mode!r}; allowed: None, {RGB_ARRAY!r}")
@@ -143,11 +139,7 @@ class PushEnv(gymnasium.Env[Any, Any]):
 
     @property
     def episode(self) -> PushEpisode:
-        """The episode that was begun last.
-
-        Raises:
-            EpisodeEndedError: none was.
-        """
+        """The episode that was begun last; raises `EpisodeEndedError`: none was."""
         if self._episode is None:
             raise EpisodeEndedError("no episode has begun; call reset first")
         return self._episode

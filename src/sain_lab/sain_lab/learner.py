@@ -16,7 +16,7 @@
 3. A network is trained in a process of its own (`sain_lab.training`) when the pushes have grown by
    half since the last one. It becomes the candidate, and is judged on the pushes that came while it
    was trained. It goes into service when it errs less beyond chance on pushes that it has not
-   seen, and out when it errs more (`sain_lab.judging.betting`).
+   seen, and out when it errs more (`sain_lab.judging.judge`).
 
 All state is in the log: a learner that opens a laboratory reads it, goes on with a training that
 was begun, and finds in `waiting` what was received and not learned from.
@@ -37,9 +37,9 @@ from sain_core.scene import POSITION, THETA, wrap_angle
 from sain_core.transitions import MOVED, PushHistory
 from sain_core.types import Scene
 from sain_lab.judging.judge import RECENT, Judge
-from sain_lab.keeping import events
-from sain_lab.keeping.events import Event
+from sain_lab.keeping import log
 from sain_lab.keeping.laboratory import PHYSICS, PLANAR, SHIPPED, OpenLaboratory, service_of
+from sain_lab.keeping.log import Event
 from sain_lab.keeping.results import Result, why_not
 from sain_lab.physics import Believer
 from sain_lab.serving import model_name, planar
@@ -55,21 +55,14 @@ GROWTH: Final = 1.5  # of the number of pushes from one training to the next
 
 @dataclass(frozen=True)
 class Lesson:
-    """What became of a result.
+    """What became of a result."""
 
-    Attributes:
-        learned: whether it was learned from.
-        reason: why not; empty: it was.
-        errors: mean error of bodies that moved [mm], by contender.
-        turns: likewise of headings [degrees].
-        events: what was decided.
-    """
-
-    learned: bool
-    reason: str = ""
+    learned: bool  # whether it was learned from
+    reason: str = ""  # why not; empty: it was
+    # mean error of bodies that moved [mm], by contender
     errors: Mapping[str, float] = field(default_factory=dict)
-    turns: Mapping[str, float] = field(default_factory=dict)
-    events: tuple[Event, ...] = ()
+    turns: Mapping[str, float] = field(default_factory=dict)  # likewise of headings [degrees]
+    events: tuple[Event, ...] = ()  # what was decided
 
 
 class Learner:
@@ -81,11 +74,7 @@ class Learner:
     """
 
     def __init__(self, laboratory: OpenLaboratory, trains: bool = True) -> None:
-        """Go on where the log ends.
-
-        Args:
-            laboratory: open; closed with the learner.
-            trains: whether networks are trained at all.
+        """Go on where the log ends; the laboratory is closed with the learner.
 
         Raises:
             DatasetError, CheckpointError: the laboratory is damaged.
@@ -145,8 +134,7 @@ class Learner:
     def receive(self, result: Result) -> None:
         """Keep a result, over a kill too, until `observe` has it; on any thread.
 
-        Raises:
-            OutputError: the disk is full; the result waits in memory.
+        Raises `OutputError`: the disk is full; the result waits in memory.
         """
         result = result.identified()
         with self._lock:
@@ -162,8 +150,7 @@ class Learner:
     def observe(self, result: Result) -> Lesson:
         """Learn from a result.
 
-        Raises:
-            OutputError: the disk is full; nothing was learned, and the laboratory is whole.
+        Raises `OutputError`: the disk is full; nothing was learned, and the laboratory is whole.
         """
         result = result.identified()
         try:
@@ -248,7 +235,7 @@ class Learner:
         return Lesson(True, "", errors, turns, (*decided, *self._train_if_due()))
 
     def _left_out(self, result: Result, reason: str, **place: Any) -> Event:
-        return self._log(events.NOT_LEARNED, reason, id=result.identity, **place)
+        return self._log(log.NOT_LEARNED, reason, id=result.identity, **place)
 
     def _predict(
         self, result: Result
@@ -272,11 +259,11 @@ class Learner:
         text = f"{name} did not predict a push: {error}"
         lost = isinstance(error, CheckpointError)
         if lost and name == self.judge.service:
-            yield self._log(events.DROPPED, text, service=PHYSICS)
+            yield self._log(log.DROPPED, text, service=PHYSICS)
         elif lost and name == self.judge.candidate:
-            yield self._log(events.LEFT_OUT, text, model=name)
+            yield self._log(log.LEFT_OUT, text, model=name)
         elif text not in self._state.problems:
-            yield self._log(events.NOT_PREDICTED, text)
+            yield self._log(log.NOT_PREDICTED, text)
 
     def _contender(self, name: str, result: Result | None = None) -> SainDynamics | None:
         if name == PLANAR:
@@ -300,7 +287,7 @@ class Learner:
         found: list[Event] = []
         while (decision := self.judge.decide()) is not None:
             kind, text, about = decision
-            if kind == events.CHANGED:
+            if kind == log.CHANGED:
                 about = about | {"anchor": self.believer.values}
             found.append(self._log(kind, text, **about))
         return (*found, *self._publish())
@@ -313,7 +300,7 @@ class Learner:
             return ()
         now = self.believer.values[FRICTION]
         text = f"friction with the table is {now:.3g}; it was {before:.3g}"
-        return (self._log(events.JUMPED, text, before=before, now=now),)
+        return (self._log(log.JUMPED, text, before=before, now=now),)
 
     def _publish(self) -> tuple[Event, ...]:
         """Write what others load, where it has changed; remove networks of no use any more."""
@@ -343,7 +330,7 @@ class Learner:
                 self.laboratory.remove_network(name)
             except OutputError as error:
                 if str(error) not in self._state.problems:
-                    found.append(self._log(events.NOT_REMOVED, str(error), model=name))
+                    found.append(self._log(log.NOT_REMOVED, str(error), model=name))
         return tuple(found)
 
     def _train_if_due(self) -> tuple[Event, ...]:
@@ -354,11 +341,11 @@ class Learner:
         if own < max(FIRST_TRAINING, GROWTH * before):
             return ()
         service, text = service_of(state.pushes), f"a network is trained on {own} pushes"
-        begun = self._log(events.TRAINING, text, model=service, since=state.since)
+        begun = self._log(log.TRAINING, text, model=service, since=state.since)
         try:
             self.laboratory.check_network(service)
         except OutputError as error:
-            return begun, self._log(events.FAILED, str(error))
+            return begun, self._log(log.FAILED, str(error))
         return (begun, *self.poll())
 
     def _has_network(self, job: Job) -> bool:
@@ -374,19 +361,19 @@ class Learner:
         if not problem and job.since != self._state.since:
             problem = "the table has changed during this time"
         if problem:
-            return self._log(events.FAILED, problem)
+            return self._log(log.FAILED, problem)
         try:
             model = self._contender(job.service)
             assert model is not None
         except CheckpointError as error:
-            return self._log(events.FAILED, str(error))
+            return self._log(log.FAILED, str(error))
         unseen = [self._unseen_error(model, *one) for one in self._state.unseen]
         failed = unseen.count(None)
         text = (
             f"a network was trained on {job.pushes - job.since} pushes, and judged on the"
             f" {len(unseen)} since" + (f", of which it does not predict {failed}" if failed else "")
         )
-        return self._log(events.TRAINED, text, model=job.service, unseen=unseen)
+        return self._log(log.TRAINED, text, model=job.service, unseen=unseen)
 
     @staticmethod
     def _unseen_error(model: SainDynamics, result: Result, history: PushHistory) -> float | None:
@@ -403,8 +390,7 @@ class NotFiniteError(SainError):
 def error_of(model: SainDynamics, result: Result, history: PushHistory) -> tuple[float, float]:
     """Return the errors of a model on a push, as `prediction_error`.
 
-    Raises:
-        SainError: it does not predict it.
+    Raises `SainError`: it does not predict it.
     """
     conditioned = model.with_bodies(result.own_bodies).condition(history)
     after = conditioned.step(result.before[None], result.push[None])[0]

@@ -27,8 +27,7 @@ class LearnerConfig(Config):
     )
     trains: bool = option(True, "train networks; off: the physics alone is learned")
     noise: str = option(
-        "0,0",
-        "standard deviation of the places [m] and headings [rad] in results: METRES,RADIANS",
+        "0,0", "standard deviation of the places [m] and headings [rad] in results: METRES,RADIANS"
     )
     nice: int = option(10, "how far the priority is below that of the graph", minimum=0, maximum=19)
     state_file: str = option("", "file that keeps the name of the run over a crash; empty: none")

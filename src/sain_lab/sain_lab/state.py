@@ -18,12 +18,11 @@ import numpy as np
 from sain_core.scene import POSITION, THETA, wrap_angle
 from sain_core.transitions import PushHistory
 from sain_core.types import Scene
-from sain_lab.bodies import BodyBeliever
 from sain_lab.judging.judge import Judge
-from sain_lab.keeping import events
+from sain_lab.keeping import log
 from sain_lab.keeping.laboratory import service_of
 from sain_lab.keeping.results import Result, history_of
-from sain_lab.physics import Believer
+from sain_lab.physics import Believer, BodyBeliever
 from sain_model.dynamics.sain import SainDynamics
 from sain_mppi.agent.agent import MOST_PUSHES
 
@@ -91,22 +90,22 @@ class State:
 
     def _take_event(self, kind: str, record: Mapping[str, Any], about: Mapping[str, Any]) -> None:
         match kind:
-            case events.TRAINING:
+            case log.TRAINING:
                 pushes = record["pushes"]
                 service = about.get("model", service_of(pushes))
                 self.training = Job(about.get("since", self.since), pushes, service)
                 self.trained_at, self.unseen = pushes, []
                 self.networks.add(service)
-            case events.TRAINED | events.FAILED:
+            case log.TRAINED | log.FAILED:
                 self.training, self.unseen = None, []
-                self.networks |= {about["model"]} if kind == events.TRAINED else set()
-            case events.JUMPED:
+                self.networks |= {about["model"]} if kind == log.TRAINED else set()
+            case log.JUMPED:
                 self.jumped = True
-            case events.CHANGED:
+            case log.CHANGED:
                 self._begin_anew(about["keep"], about["anchor"])
-            case events.NOT_PREDICTED | events.NOT_REMOVED:
+            case log.NOT_PREDICTED | log.NOT_REMOVED:
                 self.problems.add(record["text"])
-            case events.NOT_LEARNED if "id" in about:
+            case log.NOT_LEARNED if "id" in about:
                 self.seen[about["id"]] = f"it was left out before: {record['text']}"
                 if "after" in about:
                     self._note(about["episode"], np.array(about["after"], np.float64))

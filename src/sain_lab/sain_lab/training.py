@@ -94,8 +94,7 @@ class Training:
 def train(laboratory: Laboratory, since: int, pushes: int) -> Path:
     """Train on the pushes of a laboratory from one number to another; return the checkpoint.
 
-    Raises:
-        SainError: too few episodes, or the laboratory is damaged.
+    Raises `SainError`: too few episodes, or the laboratory is damaged.
     """
     from sain_model.data.dataset import split_by_episode
     from sain_model.dynamics.load import save_checkpoint

@@ -5,22 +5,12 @@ import pytest
 from sain_core.scene import MASS, NOMINAL_MASS
 from sain_eval.cli.evaluate import EvaluateOptions
 from sain_eval.loop.evaluation import EpisodeJob, play_job
-from sain_sim.world.truth import TruthConfig
+from sain_sim.camera.camera import WorldCameraConfig
 
 
-def play(seed, engine="bullet", **camera):
-    from sain_sim.camera.camera import WorldCameraConfig
-
+def play(seed, **camera):
     options = EvaluateOptions(camera=WorldCameraConfig(**camera))
-    job = EpisodeJob(
-        "anywhere",
-        seed,
-        "planar",
-        (0.01,),
-        options.agent,
-        truth=TruthConfig(engine=engine),
-        camera=options.camera,
-    )
+    job = EpisodeJob("anywhere", seed, "planar", (0.01,), options.agent, camera=options.camera)
     return play_job(job)
 
 

@@ -15,8 +15,7 @@ from sain_eval.episode import Tolerance
 from sain_eval.loop.closed_loop import agent_maker, run_episode
 from sain_eval.loop.results import scene_records
 from sain_eval.plots.pictures import draw_episode
-from sain_eval.scenes.families import PoseScenario, ScenarioScene
-from sain_eval.scenes.scenarios import SCENARIOS
+from sain_eval.scenes.scenarios import SCENARIOS, PoseScenario, ScenarioScene
 from sain_mppi.agent.agent import Agent, AgentConfig
 from sain_mppi.agent.events import PushDecision
 from sain_mppi.agent.planning import Decider
@@ -102,24 +101,9 @@ def test_one_body_or_ten_are_played_and_drawn(count, tmp_path):
     ("shapes", "roles", "poses", "message"),
     [
         (("disk",), (), (BodyPose(0, 0.5, 0.1, 1.0),), "heading 1.000 rad; it is a disk and has"),
-        (
-            ("t", "l"),
-            ("pushable", "fixed"),
-            (BodyPose(0, 0.45, 0.22, 0.5),),
-            "the goal of body 0 overlaps fixed body 1 by",
-        ),
-        (
-            ("t", "l"),
-            (),
-            (BodyPose(0, 0.5, 0.0, 0.5), BodyPose(1, 0.51, 0.0, 0.5)),
-            "the goal of body 1 overlaps goal of body 0 by",
-        ),
-        (
-            ("t", "l"),
-            ("pushable", "fixed"),
-            (BodyPose(1, 0.5, 0.0, 0.5),),
-            "body 1 is fixed; it cannot be moved to a goal",
-        ),
+        (("t", "l"), ("pushable", "fixed"), (BodyPose(0, 0.45, 0.22, 0.5),), "the goal of body 0 overlaps fixed body 1 by"),
+        (("t", "l"), (), (BodyPose(0, 0.5, 0.0, 0.5), BodyPose(1, 0.51, 0.0, 0.5)), "the goal of body 1 overlaps goal of body 0 by"),
+        (("t", "l"), ("pushable", "fixed"), (BodyPose(1, 0.5, 0.0, 0.5),), "body 1 is fixed; it cannot be moved to a goal"),
         (("t",), (), (BodyPose(1, 0.5, 0.0, 0.5),), "given for body 1; the scene has bodies 0 to 0"),
         (("t",), (), (BodyPose(0, 2.0, 0.0, 0.5),), "of body 0 is off the table; it covers"),
     ],

@@ -1,12 +1,7 @@
 """The learner of a graph: it hears results, serves what it has learned, and says what it does."""
 
-import hashlib
-import json
-import shutil
-
 import numpy as np
 import pytest
-import safetensors.numpy
 
 from sain_core.errors import ConfigError, ErrorCode
 from sain_core.push import LENGTH, PushLimits
@@ -17,10 +12,10 @@ from sain_core.wire.learning import decode_learning
 from sain_interfaces.msg import Learning, PushResult
 from sain_lab.keeping.laboratory import Laboratory, OpenLaboratory
 from sain_lab.ros.learner_node import LearnerNode
-from sain_model.dynamics.load import card_path, shipped_checkpoint
 from sain_model.physics.parameters import TEXTBOOK
 from sain_model.physics.planar import PlanarPrior
 from sain_model.ros.model_node import ModelNode
+from tests.sain_lab.table import plant
 
 SCENE = make_scene(
     np.array([(0.42, 0.0), (0.56, 0.02)]), np.array([8.0, 8.0]), np.array([0.08, 0.06])
@@ -111,7 +106,7 @@ def test_the_switch_stops_the_learning(graph, sending, tmp_path):
 def test_a_network_that_got_worse_is_dropped_and_that_is_said(graph, sending, tmp_path):
     path, service = tmp_path / "lab", "models/000001"
     with OpenLaboratory(path) as laboratory:
-        plant(laboratory.path / service)
+        plant(laboratory.model_path(service))
         about = {"service": service}
         event = {"event": "loaded", "text": "planted", "pushes": 0, "time": 0.0, "about": about}
         laboratory.append({"kind": "event", **event})
@@ -123,23 +118,6 @@ def test_a_network_that_got_worse_is_dropped_and_that_is_said(graph, sending, tm
     graph.wait(lambda: graph.heard["learning"][-1].service == "physics", "the drop")
     assert "dropped" in [event.kind for event in graph.heard["learning"][-1].events]
     assert Laboratory(path).manifest.service == "physics"
-
-
-def plant(folder):
-    """Write the shipped network with weights that make it worse."""
-    folder.mkdir(parents=True)
-    source, path = shipped_checkpoint(), folder / "sain.safetensors"
-    tensors = safetensors.numpy.load_file(source)
-    random = np.random.default_rng(0)
-    worse = {
-        k: v + 0.3 * random.standard_normal(v.shape).astype(v.dtype) for k, v in tensors.items()
-    }
-    content = safetensors.numpy.save(worse)
-    path.write_bytes(content)
-    shutil.copyfile(card_path(source), card_path(path))
-    card = json.loads(card_path(path).read_text())
-    card["weights_sha256"] = hashlib.sha256(content).hexdigest()
-    card_path(path).write_text(json.dumps(card))
 
 
 def test_a_laboratory_needs_a_name(graph):

@@ -14,13 +14,15 @@ from sain_core.transitions import PushHistory
 from sain_eval.scenes.scenarios import draw_scene
 from sain_lab.teaching.information import (
     Certainty,
+    Teacher,
     Work,
     answers,
     expected_error,
     gains,
+    imagined_work,
+    stays_in_reach,
     variance_of,
 )
-from sain_lab.teaching.teacher import Teacher, imagined_work, stays_in_reach
 from sain_model.dynamics.sain import SainDynamics
 from sain_model.inference.kinds import ACROSS, LABORATORY, Kind, only
 from sain_model.physics.parameters import TEXTBOOK

@@ -11,8 +11,7 @@ import torch
 from sain_core.errors import DatasetError
 from sain_core.scene import STATE_SIZE, X, Y
 from sain_model.commands import evaluate, train
-from sain_model.data.dataset import Dataset, Part, load_dataset, split_by_episode
-from sain_model.data.windows import make_windows
+from sain_model.data.dataset import Dataset, Part, load_dataset, make_windows, split_by_episode
 from sain_model.network.interaction_network import InteractionNetwork
 from sain_model.network.settings import NetworkConfig
 from sain_model.physics.planar import PlanarPrior

@@ -21,16 +21,14 @@ from sain_model.inference.kinds import friction_kind
 from sain_model.network.interaction_network import InteractionNetwork
 from sain_model.network.settings import NetworkConfig
 from sain_model.physics.planar import PlanarConfig, PlanarPrior
+from tests.sain_model.conftest import random_network
 
 PRIOR = PlanarPrior(PlanarConfig(friction=0.15))
 
 
 @pytest.fixture
 def checkpoint(tmp_path):
-    torch.manual_seed(0)
-    network = InteractionNetwork(NetworkConfig(hidden=8, message=4))
-    with torch.no_grad():
-        network.dynamics[-1].bias.fill_(0.1)
+    network = random_network(0.1, hidden=8, message=4)
     path = tmp_path / "model.safetensors"
     save_checkpoint(path, network.weights, ModelCard("planar", prior_settings(PRIOR), {}))
     return path

@@ -1,7 +1,5 @@
 """SAIN as a dynamics: frames, numbering, ensembles, and regions of any bodies."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 import torch
@@ -13,33 +11,27 @@ from sain_core.transitions import PushHistory
 from sain_core.types import Pushes, Scenes
 from sain_model.data.dataset import Part
 from sain_model.dynamics.intervals import Intervals, Region
-from sain_model.dynamics.sain import residual_model, with_intervals
+from sain_model.dynamics.sain import SainDynamics, residual_model, with_intervals
 from sain_model.evaluation.predictors import predict_with_history
 from sain_model.inference.kinds import FRICTION, friction_kind
 from sain_model.network.feature_kernels import BODY_FEATURES, RELATION_FEATURES
 from sain_model.network.features import apply_residual, true_residual
 from sain_model.network.interaction_network import InteractionNetwork, ensemble
-from sain_model.network.settings import NetworkConfig
 from sain_model.physics.parameters import PlanarConfig
 from sain_model.physics.planar import PlanarPrior
+from tests.sain_model.conftest import random_network
 from tests.strokes import rotate_pushes, rotate_scenes
 
+NARROW = {"hidden": 16, "message": 8}
 
-def wild_network() -> InteractionNetwork:
-    """A network whose residuals are large, so that a law that fails shows."""
-    torch.manual_seed(1)
-    network = InteractionNetwork(NetworkConfig(hidden=16, message=8))
-    with torch.no_grad():
-        for parameter in network.parameters():
-            parameter.copy_(torch.randn_like(parameter))
-    return network
+
+def alone(network: InteractionNetwork, infers: bool = False) -> SainDynamics:
+    return residual_model(network.weights, friction_kind(PlanarPrior(), infers), "planar")
 
 
 @pytest.fixture
 def sain():
-    return residual_model(
-        wild_network().weights, friction_kind(PlanarPrior(), infers=False), "planar"
-    )
+    return alone(random_network(1.0, 1, **NARROW))
 
 
 def test_turning_and_moving_scene_and_push_turns_and_moves_the_prediction(sain, random_pushes):
@@ -82,66 +74,43 @@ def test_the_true_residual_makes_the_prediction_true(random_pushes):
     np.testing.assert_allclose(wrap_angle(again[..., THETA] - truth[..., THETA]), 0, atol=1e-9)
 
 
-NARROW = NetworkConfig(hidden=16, message=8)
-
-
-def wild(seed: int, config: NetworkConfig = NARROW) -> InteractionNetwork:
-    torch.manual_seed(seed)
-    network = InteractionNetwork(config)
-    with torch.no_grad():
-        for parameter in network.parameters():
-            parameter.copy_(0.5 * torch.randn_like(parameter))
-    return network
-
-
 @pytest.mark.parametrize("bodies", [2, 4])
 def test_an_ensemble_in_one_call_is_its_members_one_by_one(bodies):
-    lone = [wild(seed) for seed in range(3)]
+    lone = [random_network(0.5, seed, **NARROW) for seed in range(3)]
     together = ensemble(lone)
     random = torch.Generator().manual_seed(0)
     inputs = [torch.randn(3, 5, bodies, BODY_FEATURES, generator=random)]
     inputs += [torch.randn(3, 5, bodies * bodies, RELATION_FEATURES, generator=random)]
     shared = [part[0] for part in inputs]
     with torch.inference_mode():
-        alone = torch.stack([network(*shared) for network in lone])
+        each = torch.stack([network(*shared) for network in lone])
         own = torch.stack([lone[m](inputs[0][m], inputs[1][m]) for m in range(3)])
-        torch.testing.assert_close(together.each(*shared), alone, atol=1e-6, rtol=1e-5)
-        torch.testing.assert_close(together(*shared), alone.mean(0), atol=1e-6, rtol=1e-5)
+        torch.testing.assert_close(together.each(*shared), each, atol=1e-6, rtol=1e-5)
+        torch.testing.assert_close(together(*shared), each.mean(0), atol=1e-6, rtol=1e-5)
         torch.testing.assert_close(together.each(*inputs), own, atol=1e-6, rtol=1e-5)
         many = [part[:1].expand(1100, *part.shape[1:]) for part in shared]  # more than a chunk
-        torch.testing.assert_close(together(*many)[-1], alone.mean(0)[0], atol=1e-6, rtol=1e-5)
-    assert (alone[0] - alone[1]).abs().max() > 1e-3
+        torch.testing.assert_close(together(*many)[-1], each.mean(0)[0], atol=1e-6, rtol=1e-5)
+    assert (each[0] - each[1]).abs().max() > 1e-3
 
 
 def test_the_mean_is_what_step_predicts_and_the_spread_that_of_the_members(random_pushes):
-    lone = [wild(seed) for seed in range(3)]
-    prior = PlanarPrior()
-    sain = residual_model(ensemble(lone).weights, friction_kind(prior, infers=False), "planar")
+    lone = [random_network(0.5, seed, **NARROW) for seed in range(3)]
+    sain = alone(ensemble(lone))
     scenes, pushes = random_pushes(40, 0)
     pushes[:5, LENGTH] = 0.0
     prediction = sain.predict(scenes, pushes)
     np.testing.assert_array_equal(prediction.mean, sain.step(scenes, pushes))
-    places = np.stack(
-        [
-            residual_model(n.weights, friction_kind(prior, infers=False), "planar").step(
-                scenes, pushes
-            )
-            for n in lone
-        ]
-    )
+    places = np.stack([alone(network).step(scenes, pushes) for network in lone])
     spread = np.sqrt(places[..., :2].var(axis=0, ddof=1).sum(axis=-1))
     np.testing.assert_allclose(prediction.members, spread, atol=1e-6)
     assert spread.max() > 1e-3 and (prediction.members[:5] == 0.0).all()
     assert prediction.radius is None
-    alone = residual_model(lone[0].weights, friction_kind(prior, infers=False), "planar").predict(
-        scenes, pushes
-    )
-    assert (alone.spread == 0.0).all()
+    assert (alone(lone[0]).predict(scenes, pushes).spread == 0.0).all()
 
 
 def test_what_is_not_known_of_the_friction_is_told_and_earlier_pushes_make_it_less(random_pushes):
     prior = PlanarPrior()
-    sain = residual_model(wild(0).weights, friction_kind(prior), "planar")
+    sain = alone(random_network(0.5, **NARROW), infers=True)
     scenes, pushes = random_pushes(40, 1)
     first = sain.predict(scenes, pushes)
     assert sain.spread(FRICTION) == pytest.approx(0.5, rel=0.05)  # of the belief at the start
@@ -160,22 +129,14 @@ def test_what_is_not_known_of_the_friction_is_told_and_earlier_pushes_make_it_le
 T_AND_STAR = Bodies.named(["t", "star"], ["pushable", "pushable"])
 
 
-def pair_network() -> InteractionNetwork:
-    torch.manual_seed(0)
-    made = InteractionNetwork(NetworkConfig(hidden=8, message=4, members=2))
-    with torch.no_grad():
-        for parameter in made.parameters():
-            parameter.add_(0.05 * torch.randn_like(parameter))
-    return made
-
-
 @pytest.fixture
 def shaped():
-    regions = Intervals(mid=Region(scores=(1e-4,), factors=(2.0,)))
-    prior = PlanarPrior()
-    return residual_model(
-        pair_network().weights, friction_kind(prior), "planar", intervals=regions
-    ).with_bodies(T_AND_STAR)
+    network = random_network(0.05, hidden=8, message=4, members=2)
+    adapting = Intervals(
+        mid=Region(scores=(1e-4,), factors=(2.0,)), usual_log=(-1.0, 0.0), usual_log_std=(1.0, 0.0)
+    )
+    sain = with_intervals(alone(network, infers=True), adapting)
+    return sain.with_bodies(T_AND_STAR)
 
 
 def pushes_of(count: int) -> tuple[Scenes, Pushes]:
@@ -190,9 +151,6 @@ def pushes_of(count: int) -> tuple[Scenes, Pushes]:
 
 def test_earlier_pushes_widen_regions_in_a_world_unlike_home(shaped):
     """In a graph, from the history, as in an evaluation, from the rows of an episode."""
-    assert shaped.network is not None and shaped.network.intervals is not None
-    adapting = replace(shaped.network.intervals, usual_log=(-1.0, 0.0), usual_log_std=(1.0, 0.0))
-    shaped = with_intervals(shaped, adapting)
     scenes, pushes = pushes_of(6)
     after = PlanarPrior(PlanarConfig(friction=0.19)).with_bodies(T_AND_STAR).step(scenes, pushes)
     after[..., :2] += 0.02
@@ -201,17 +159,8 @@ def test_earlier_pushes_widen_regions_in_a_world_unlike_home(shaped):
     assert told.widening[0] > 2.0
     assert shaped.condition(PushHistory(state[:0], action[:0], following[:0])).widening[0] == 1.0
     radius = told.predict(scenes[5:], pushes[5:]).radius
-    episode = Part(
-        state=scenes,
-        action=pushes,
-        next_state=after,
-        physics_next=scenes,
-        episode=np.zeros(6, np.int64),
-        step=np.arange(6),
-        friction=np.full(6, 0.19),
-        floor_next=scenes,
-        bodies=T_AND_STAR,
-    )
+    nothing, step = np.full(6, 0.19), np.arange(6)
+    episode = Part(scenes, pushes, after, scenes, 0 * step, step, nothing, scenes, T_AND_STAR)
     rows = predict_with_history(shaped, episode)
     np.testing.assert_allclose(rows.radius[5:], radius, rtol=1e-6)
     first = shaped.predict(scenes[:1], pushes[:1]).radius

@@ -7,30 +7,14 @@ import pytest
 
 from sain_core.model import IdentityPrior, Model, load_dynamics
 from sain_core.scene import POSITION, TARGET
-from sain_core.view.palette import PALETTE
 from sain_model import commands
-from sain_model.data.dataset import Dataset, Part
-from sain_model.data.windows import Windows
-from sain_model.evaluation.errors import (
-    PUSHED,
-    TARGET_MISSED,
-    TARGET_MOVED,
-    TARGETS,
-    evaluate,
-    shares_removed,
-)
-from sain_model.evaluation.predictors import BULLET, FLOOR, MEASURED, NAMES, Predictions
-from sain_model.evaluation.presentation import KINDS, draw_rollouts
+from sain_model.data.dataset import Dataset
+from sain_model.evaluation.errors import PUSHED, TARGET_MISSED, TARGET_MOVED, TARGETS, evaluate
+from sain_model.evaluation.predictors import MEASURED, NAMES
 from sain_model.physics.planar import PlanarPrior
 from sain_model.serving.server import ModelServer
 from sain_model.serving.service import ServingConfig
 from tests.sain_model.rolling import EPISODES, PUSHES, load_episodes, make_episodes, truth
-
-
-def test_shares_are_of_what_lies_between_the_nominal_world_and_the_floor():
-    means = {BULLET: 5.0, FLOOR: 1.0, "half": 3.0, "worse": 6.0}
-    assert shares_removed(means) == {"half": 0.5, "worse": -0.25}
-
 
 OPTIONS = ["--epochs", "2", "--hidden", "8", "--message", "4", "--test", "0.3"]
 
@@ -88,16 +72,6 @@ def test_ratios_are_of_means_with_an_interval(data):
     assert ratio == pytest.approx(errors["still"]["mm"][0] / errors[below]["mm"][0])
 
 
-def test_no_ratio_is_to_an_error_of_nothing(data):
-    models = {"still": IdentityPrior(), "oracle": Oracle()}
-    found = evaluate(Dataset((data,)), models)["after"]["1"]
-    for group, by_name in found["ratios"].items():
-        for one in by_name.values():
-            for below, ratio in one.items():
-                for unit in ratio:
-                    assert found["errors"][group][below][unit][0] >= 0.005
-
-
 def test_the_command_lines_make_and_compare_the_four_kinds(tmp_path):
     folder = make_episodes(tmp_path / "data")
     kinds = {
@@ -132,32 +106,3 @@ def test_the_command_lines_make_and_compare_the_four_kinds(tmp_path):
     table = (tmp_path / "errors_open_loop.md").read_text()
     assert "### After 5 pushes, target" in table and "| recurrent SAIN, history |" in table
     assert (tmp_path / "errors_open_loop.png").stat().st_size > 10_000
-
-
-WINDOWS, STEPS = 6, 4
-
-
-@pytest.fixture
-def figure():
-    """Each kind errs by its place in the legend [mm], times the number of pushes."""
-    truth = np.zeros((WINDOWS, STEPS, 2, 8))
-    predictions = {}
-    for place, name in enumerate(KINDS, start=1):
-        predictions[name] = truth.copy()
-        for step in range(STEPS):
-            predictions[name][:, step, :, POSITION.start] = 1e-3 * place * (step + 1)
-    rows = np.arange(WINDOWS * STEPS).reshape(WINDOWS, STEPS)
-    pushes, episodes = np.ones((WINDOWS, STEPS, 5)), np.arange(WINDOWS) // 2
-    windows = Windows(rows, truth[:, 0], pushes, truth, episodes)
-    row, none = truth[:, 0], np.zeros(WINDOWS)
-    part = Part(row, np.ones((WINDOWS, 5)), row, row, episodes, episodes, none, row)
-    loop = Predictions(part, windows, predictions, {}, np.zeros(WINDOWS, int))
-    return draw_rollouts([loop], 0)
-
-
-def test_every_curve_is_in_the_legend_and_has_its_last_value(figure):
-    names = [text.get_text() for text in figure.legends[0].get_texts()]
-    assert names == [label for label, _ in KINDS.values()]
-    for axes in figure.axes:
-        labels = {text.get_color(): text.get_text() for text in axes.texts}
-        assert labels[PALETTE.physics] == "4 mm" and labels[PALETTE.history] == "16 mm"

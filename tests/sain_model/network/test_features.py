@@ -1,14 +1,11 @@
 """Features: what acts between bodies, however their shapes are written, and what is believed."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
-import torch
 
-from sain_core.push import ANGLE, BODY, LENGTH, LOCATION, PushLimits, make_push, mirror_pushes
-from sain_core.scene import THETA, make_scene, mirror_scenes, wrap_angle
-from sain_core.shapes.bodies import PAPER_DISKS, Bodies, Role
+from sain_core.push import ANGLE, BODY, LENGTH, LOCATION, PushLimits, make_push
+from sain_core.scene import POSITION, THETA, make_scene, mirror_scenes, wrap_angle
+from sain_core.shapes.bodies import Bodies, Role
 from sain_core.shapes.library import get_shape
 from sain_core.shapes.solids import Compound
 from sain_core.types import Pushes, Scenes
@@ -23,24 +20,29 @@ from sain_model.network.feature_kernels import (
     GAP_SCALE,
     HEADINGS,
     IS_TOOL,
-    MIRRORED_BODY,
     MIRRORED_RELATION,
     PLACE_SCALE,
     SENDER,
 )
 from sain_model.network.features import (
     BELIEVED_FEATURES,
-    MIRRORED_BELIEVED,
     Features,
+    mirrored_columns,
     network_inputs,
     push_frames,
 )
-from sain_model.network.interaction_network import InteractionNetwork, TorchNetwork, new_network
-from sain_model.network.settings import FRAMES, NetworkConfig
+from sain_model.network.interaction_network import TorchNetwork
+from sain_model.network.settings import NetworkConfig
 from sain_model.physics.parameters import Values
-from tests.strokes import rotate_pushes, rotate_scenes
+from tests.sain_model.conftest import random_network
+from tests.strokes import rotate_scenes
 
-CONFIG = NetworkConfig()
+SEEING = NetworkConfig(believed=True)
+SEEN = (
+    "tool_friction", "torsion", "pressure", "centre_x", "centre_y", "grain_x", "grain_y",
+    "table_grain_x", "table_grain_y", "tip_x", "tip_y",
+)  # fmt: skip
+ODD = ("centre_y", "grain_y", "table_grain_y", "tip_y")  # in a mirror
 NAMES = ("t", "right_triangle", "disk", "ellipse", "l")
 FEET = [5, 6, 16, 17, 18]  # features of where the supports are
 PLACES = np.array([(0.45, 0.0), (0.57, 0.03), (0.5, 0.14), (0.44, -0.13), (0.72, 0.1)])
@@ -71,11 +73,20 @@ def draw(count: int, batch: int, seed: int = 0) -> tuple[Scenes, Pushes, Scenes]
     return scenes, pushes, after
 
 
+def draw_values(bodies: int, batch: int) -> dict[str, np.ndarray]:
+    """Return what may be believed of the physics of each push; of one name, of each body."""
+    random = np.random.default_rng(0)
+    values = {name: random.uniform(0.01, 0.3, batch) for name in SEEN}
+    return values | {"centre_x": random.uniform(-0.1, 0.1, (batch, bodies))}
+
+
 def features_of(
-    scenes: Scenes, pushes: Pushes, after: Scenes, bodies: Bodies, config: NetworkConfig = CONFIG
+    scenes: Scenes, pushes: Pushes, after: Scenes, bodies: Bodies, values: Values | None = None
 ) -> Features:
     frames = push_frames(scenes, pushes, bodies)
-    return network_inputs(config, scenes, frames, after, bodies)
+    return network_inputs(
+        NetworkConfig(believed=values is not None), scenes, frames, after, bodies, values
+    )
 
 
 def assert_same(first: Features, second: Features) -> None:
@@ -107,18 +118,21 @@ def test_two_ways_to_write_an_outline_look_the_same():
         )
 
 
-def test_a_turned_scene_looks_the_same():
-    bodies = bodies_of(*NAMES)
+def test_a_turned_scene_looks_the_same_and_what_is_believed_turns_with_it():
+    bodies, angle = bodies_of(*NAMES), 0.7
     scenes, pushes, after = draw(5, 80)
-    turned = pushes.copy()
+    turned, values = pushes.copy(), draw_values(5, 80)
     rounded = np.array([shape.is_round for shape in bodies.shapes])[pushes[:, BODY].astype(int)]
-    turned[:, LOCATION] = np.where(
-        rounded, wrap_angle(pushes[:, LOCATION] + 0.7), pushes[:, LOCATION]
-    )
-    other = (rotate_scenes(some, 0.7) for some in (scenes, after))
-    before, physics = other
+    turned[rounded, LOCATION] = wrap_angle(pushes[rounded, LOCATION] + angle)
+    other = dict(values)
+    for name, times in (("table_grain", 2.0), ("tip", 1.0)):
+        x, y = values[f"{name}_x"], values[f"{name}_y"]
+        cos, sin = np.cos(times * angle), np.sin(times * angle)
+        other |= {f"{name}_x": cos * x - sin * y, f"{name}_y": sin * x + cos * y}
+    before, physics = (rotate_scenes(some, angle) for some in (scenes, after))
     assert_same(
-        features_of(scenes, pushes, after, bodies), features_of(before, turned, physics, bodies)
+        features_of(scenes, pushes, after, bodies, values),
+        features_of(before, turned, physics, bodies, other),
     )
 
 
@@ -146,13 +160,14 @@ def test_a_mirror_changes_signs_alone():
     )
     bodies = bodies_of("right_triangle", "random_0")
     scenes, pushes, after = draw(2, 60)
-    image = pushes.copy()
+    image, values = pushes.copy(), draw_values(2, 60)
     image[:, LOCATION], image[:, ANGLE] = wrap_angle(-pushes[:, LOCATION]), -pushes[:, ANGLE]
-    usual = features_of(scenes, pushes, after, bodies)
+    usual = features_of(scenes, pushes, after, bodies, values)
     told = features_of(
-        mirror_scenes(scenes), image, mirror_scenes(after), Bodies(mirrored, (Role.PUSHABLE,) * 2)
-    )
-    usual.bodies[..., list(MIRRORED_BODY)] *= -1
+        mirror_scenes(scenes), image, mirror_scenes(after), Bodies(mirrored, (Role.PUSHABLE,) * 2),
+        values | {name: -values[name] for name in ODD},
+    )  # fmt: skip
+    usual.bodies[..., list(mirrored_columns(SEEING))] *= -1
     usual.relations[..., list(MIRRORED_RELATION)] *= -1
     for some in (told, usual):  # a mirrored outline gets other feet, which are left out
         some.bodies[..., FEET] = 0.0
@@ -178,89 +193,42 @@ def test_a_contact_is_where_two_sides_meet():
     assert tool[GAP_BEFORE] == pytest.approx(np.tanh(0.005 / GAP_SCALE), abs=1e-5)
 
 
-@pytest.mark.parametrize("frame", FRAMES)
-def test_kernels_say_what_pytorch_says(frame):
-    torch.manual_seed(0)
-    network = InteractionNetwork(replace(CONFIG, members=2, features=frame)).eval()
-    with torch.no_grad():
-        for parameter in network.parameters():
-            parameter.add_(0.1 * torch.randn_like(parameter))
-    bodies = bodies_of("t", "disk", "star")
-    scenes, pushes, after = draw(3, 150)
-    pushes[::7, LENGTH] = 0.0
-    compiled = CompiledNetwork(network.weights).correct(scenes, pushes, after, bodies)
-    told = TorchNetwork(network.weights, "cpu").correct(scenes, pushes, after, bodies)
-    np.testing.assert_allclose(compiled, told, atol=2e-6)
-    np.testing.assert_array_equal(compiled[::7], after[::7])
-    assert np.abs(compiled - after)[..., :2].max() > 1e-3
-
-
-SEEING = NetworkConfig(believed=True)
-SEEN = (
-    "tool_friction", "torsion", "pressure", "centre_x", "centre_y", "grain_x", "grain_y",
-    "table_grain_x", "table_grain_y", "tip_x", "tip_y",
-)  # fmt: skip
-ODD = ("centre_y", "grain_y", "table_grain_y", "tip_y")  # in a mirror
-
-
-def draw_believed(count: int = 20) -> tuple[np.ndarray, np.ndarray, dict[str, np.ndarray]]:
-    random = np.random.default_rng(0)
-    scene = make_scene(np.array([(0.5, 0.0), (0.7, 0.03)]), np.full(2, 8.0), np.full(2, 0.08))
-    scenes = np.repeat(scene[None], count, axis=0)
-    scenes[..., THETA] = random.uniform(-3.0, 3.0, scenes.shape[:2])
-    pushes = make_push(*random.uniform((-3.0, -0.7, 0.05), (3.0, 0.7, 0.15), (count, 3)).T)
-    values = {name: random.uniform(0.01, 0.3, count) for name in SEEN}
-    values["centre_x"] = random.uniform(-0.1, 0.1, (count, 2))  # of each body its own
-    return scenes, pushes, values
-
-
-def believed(scenes: np.ndarray, pushes: np.ndarray, values: Values) -> np.ndarray:
-    frames = push_frames(scenes, pushes, PAPER_DISKS)
-    features = network_inputs(SEEING, scenes, frames, scenes, PAPER_DISKS, values)
-    return features.bodies[..., BODY_FEATURES:]
-
-
 def test_each_parameter_is_seen():
-    scenes, pushes, values = draw_believed()
-    before = believed(scenes, pushes, values)
+    scenes, pushes, after = draw(2, 20)
+    values, bodies = draw_values(2, 20), bodies_of("t", "disk")
+
+    def believed(**more: np.ndarray) -> np.ndarray:
+        features = features_of(scenes, pushes, after, bodies, values | more)
+        return features.bodies[..., BODY_FEATURES:]
+
+    before = believed()
     assert before.shape == (20, 2, BELIEVED_FEATURES)
     for name in SEEN:
-        after = believed(scenes, pushes, values | {name: values[name] + 0.1})
-        assert (np.abs(after - before).max(axis=(1, 2)) > 0.01).all(), name
+        moved = np.abs(believed(**{name: values[name] + 0.1}) - before)
+        assert (moved.max(axis=(1, 2)) > 0.01).all(), name
 
 
-def test_what_is_believed_turns_with_the_scene():
-    scenes, pushes, values = draw_believed()
-    before, angle = believed(scenes, pushes, values), 0.7
-    turned = dict(values)
-    for name, times in (("table_grain", 2.0), ("tip", 1.0)):
-        x, y = values[f"{name}_x"], values[f"{name}_y"]
-        cos, sin = np.cos(times * angle), np.sin(times * angle)
-        turned |= {f"{name}_x": cos * x - sin * y, f"{name}_y": sin * x + cos * y}
-    after = believed(rotate_scenes(scenes, angle), rotate_pushes(pushes, angle), turned)
-    np.testing.assert_allclose(after, before, atol=1e-5)
-
-
-def test_in_a_mirror_what_lies_across_the_push_changes_its_sign():
-    scenes, pushes, values = draw_believed()
-    expected = believed(scenes, pushes, values)
-    expected[..., list(MIRRORED_BELIEVED)] *= -1.0
-    image = values | {name: -values[name] for name in ODD}
-    after = believed(mirror_scenes(scenes), mirror_pushes(pushes), image)
-    np.testing.assert_allclose(after, expected, atol=1e-5)
-
-
-@pytest.mark.parametrize("frame", ["push", "world"])
-def test_kernels_see_what_pytorch_sees(frame):
-    scenes, pushes, values = draw_believed()
-    network = new_network(NetworkConfig(believed=True, features=frame, members=2), 0)
-    with torch.no_grad():
-        for weights in network.parameters():
-            weights.add_(0.05 * torch.randn_like(weights))
-    expected = TorchNetwork(network.weights, "cpu").correct(
-        scenes, pushes, scenes, PAPER_DISKS, values
-    )
-    found = CompiledNetwork(network.weights).correct(scenes, pushes, scenes, PAPER_DISKS, values)
-    np.testing.assert_allclose(found, expected, atol=1e-6)
-    other = CompiledNetwork(network.weights).correct(scenes, pushes, scenes, PAPER_DISKS)
-    assert np.abs(other - found).max() > 1e-5
+@pytest.mark.parametrize(
+    "size",
+    [
+        {},
+        {"hidden": 9, "message": 5, "layers": 1, "members": 2},
+        {"hidden": 13, "message": 1, "layers": 3, "features": "world", "believed": True},
+        {"believed": True, "members": 2},
+    ],
+)
+def test_kernels_say_what_pytorch_says(size):
+    network, bodies = random_network(0.1, **size), bodies_of("t", "disk", "star")
+    scenes, pushes, after = draw(3, 150)
+    pushes[::7, LENGTH] = 0.0
+    asked = scenes, pushes, after, bodies
+    values = draw_values(3, 150)
+    compiled = CompiledNetwork(network.weights).correct(*asked, values)
+    told = TorchNetwork(network.weights, "cpu").correct(*asked, values)
+    np.testing.assert_allclose(compiled[..., POSITION], told[..., POSITION], rtol=0, atol=2e-7)
+    np.testing.assert_allclose(wrap_angle(compiled - told)[..., THETA], 0, atol=1e-5)
+    np.testing.assert_array_equal(compiled[..., THETA + 1 :], told[..., THETA + 1 :])
+    np.testing.assert_array_equal(compiled[::7], after[::7])
+    assert np.abs(compiled - after)[..., :2].max() > 1e-3
+    other = CompiledNetwork(network.weights).correct(*asked)
+    assert (np.abs(other - compiled).max() > 1e-5) == ("believed" in size)

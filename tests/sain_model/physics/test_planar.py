@@ -1,6 +1,6 @@
 """Laws of the planar prior for bodies of any shape: symmetries, mechanics, contacts."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numba
 import numpy as np
@@ -9,7 +9,6 @@ import pytest
 from sain_core.errors import InvalidInputError
 from sain_core.feasibility import Feasibility
 from sain_core.push import (
-    ANGLE,
     BODY,
     LENGTH,
     LOCATION,
@@ -34,17 +33,15 @@ from sain_core.scene import (
 from sain_core.shapes.bodies import Bodies, Role, overlap
 from sain_core.shapes.library import get_shape
 from sain_core.shapes.shape import Shape
-from sain_core.shapes.solids import Compound, Polygon
-from sain_core.types import Points, Pushes, Scenes
+from sain_core.shapes.solids import Polygon
+from sain_core.types import Pushes, Scenes
 from sain_model.physics.parameters import AXES
-from sain_model.physics.planar import PlanarConfig, PlanarPrior, check_batch
+from sain_model.physics.planar import PlanarConfig, PlanarPrior
 from tests.strokes import rotate_pushes, rotate_scenes
 
 BATCH = 60
 LIMITS = PushLimits()
 NAMES = {1: ("t",), 2: ("l", "disk"), 3: ("t", "u", "triangle")}
-BAR = (0.0, 3.0), (4.0, 3.0), (4.0, 4.0), (0.0, 4.0)
-STEM = (1.5, 0.0), (2.5, 0.0), (2.5, 3.0), (1.5, 3.0)
 
 
 def prior_of(*shapes: Shape | str, roles: tuple[Role, ...] = ()) -> PlanarPrior:
@@ -76,24 +73,6 @@ def close(first: Scenes, second: Scenes, tolerance: float) -> None:
     np.testing.assert_allclose(turned, 0.0, atol=20 * tolerance)
 
 
-@dataclass(frozen=True)
-class Supported(Compound):
-    """A shape with given supports: those of the library depend on where its outline begins."""
-
-    places: tuple[tuple[float, float], ...] = ()
-
-    def supports(self, radius: float) -> Points:
-        return radius * np.array(self.places)
-
-
-def supported_by(shape: Shape, places: Points, mirror: float = 1.0) -> Supported:
-    """Return a shape with other supports, mirrored in its x axis if `mirror` is -1."""
-    step = int(mirror)
-    polygons = (tuple((x, mirror * y) for x, y in part[::step]) for part in shape.polygons)
-    feet = tuple((x, mirror * y) for x, y in places.tolist())
-    return Supported(f"{shape.name} {mirror}", tuple(polygons), feet)
-
-
 @pytest.mark.parametrize("count", NAMES)
 def test_the_input_is_left_alone_and_what_comes_out_is_settled(count):
     prior = prior_of(*NAMES[count])
@@ -121,26 +100,6 @@ def test_a_batch_is_a_loop_on_any_number_of_threads(count):
     for index in range(0, 70, 7):
         one = slice(index, index + 1)
         assert prior.step(scenes[one], pushes[one]).tobytes() == alone[one].tobytes()
-
-
-def test_a_mirror_mirrors_the_prediction():
-    shapes = tuple(get_shape(name) for name in ("t", "l", "u"))
-    prior = prior_of(*shapes)
-    other = prior_of(*(supported_by(shape, shape.supports(1.0), -1.0) for shape in shapes))
-    scenes, pushes = draw(prior.bodies)
-    flipped = pushes.copy()
-    flipped[:, [LOCATION, ANGLE]] *= -1.0
-    after = other.step(mirror_scenes(scenes), flipped)
-    close(after, mirror_scenes(prior.step(scenes, pushes)), 2e-4)
-
-
-def test_another_cut_of_the_same_outline_changes_nothing():
-    left, right = ((0.0, 3.0), (2, 3), (2, 4), (0, 4)), ((2.0, 3.0), (4, 3), (4, 4), (2, 4))
-    feet = get_shape("t").supports(1.0)
-    whole = prior_of(supported_by(Compound.of("t", BAR, STEM), feet))
-    parts = prior_of(supported_by(Compound.of("cut", left, STEM, right), feet))
-    scenes, pushes = draw(whole.bodies)
-    close(parts.step(scenes, pushes), whole.step(scenes, pushes), 1e-5)
 
 
 @pytest.mark.parametrize("config", [PlanarConfig(), AXES])
@@ -234,16 +193,6 @@ def test_the_tool_touches_what_is_in_its_way_and_says_so():
     assert touched.tolist() == [[True, True, False], [True, False, False]] or touched[1, 0]
 
 
-def test_what_does_not_fit_the_bodies_is_refused_by_name():
-    prior = prior_of("t", "l")
-    scenes, pushes = draw(prior.bodies, batch=3)
-    with pytest.raises(InvalidInputError, match=r"shape \(B, N, 8\) with N = 2, not \(3, 1, 8\)"):
-        prior.step(scenes[:, :1], pushes)
-    pushes[1, BODY] = 2.0
-    with pytest.raises(InvalidInputError, match="push 1 is against body 2; the scenes have bod"):
-        prior.step(scenes, pushes)
-
-
 def test_pushed_disks_move_along_with_the_push_and_gain_no_energy():
     """Nothing gets farther than the tool's way and a slide from its speed, bounce included."""
     prior, (scenes, pushes) = PlanarPrior(), draw(Bodies.disks(3), batch=200)
@@ -260,21 +209,22 @@ def test_pushed_disks_move_along_with_the_push_and_gain_no_energy():
 
 
 def test_bad_input_is_refused_by_name():
-    prior = PlanarPrior()
     scenes, pushes = draw(Bodies.disks(2), batch=3)
-    broken = scenes.copy()
-    broken[1, 0, X] = np.nan
-    with pytest.raises(InvalidInputError, match=r"scenes\[1, 0, 0\] is nan; it must be finite"):
-        prior.step(broken, pushes)
-    broken[1, 0, X], broken[2, 1, MASS] = 0.0, 0.0
-    with pytest.raises(
-        InvalidInputError, match=r"mass of disk 1 in scene 2 is 0.0; it must be pos"
+    broken, other = scenes.copy(), pushes.copy()
+    broken[1, 0, X], other[1, BODY] = np.nan, 2.0
+    weightless = scenes.copy()
+    weightless[2, 1, MASS] = 0.0
+    for asked, message in (
+        ((broken, pushes), r"scenes\[1, 0, 0\] is nan; it must be finite"),
+        ((weightless, pushes), r"mass of disk 1 in scene 2 is 0.0; it must be pos"),
+        ((scenes, pushes[:2]), r"pushes have shape \(3, 5\), one for each"),
+        ((scenes[:, :0], pushes), r"scenes have shape \(B, N, 8\) with N = 1 to 32"),
+        ((scenes, other), "push 1 is against body 2; the scenes have bod"),
     ):
-        prior.step(broken, pushes)
-    with pytest.raises(InvalidInputError, match=r"pushes have shape \(3, 5\), one for each"):
-        check_batch(scenes, pushes[:2])
-    with pytest.raises(InvalidInputError, match=r"scenes have shape \(B, N, 8\) with N = 1 to 32"):
-        check_batch(scenes[:, :0], pushes)
+        with pytest.raises(InvalidInputError, match=message):
+            PlanarPrior().step(*asked)
+    with pytest.raises(InvalidInputError, match=r"shape \(B, N, 8\) with N = 2, not \(3, 1, 8\)"):
+        prior_of("t", "l").step(scenes[:, :1], pushes)
 
 
 def test_friction_along_the_axes_turns_by_quarters_and_in_their_mirror():

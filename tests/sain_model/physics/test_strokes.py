@@ -18,13 +18,7 @@ from sain_core.push import (
     as_strokes,
     make_stroke,
 )
-from sain_core.scene import (
-    POSITION,
-    THETA,
-    make_scene,
-    unit,
-    wrap_angle,
-)
+from sain_core.scene import POSITION, THETA, make_scene, unit, wrap_angle
 from sain_core.shapes.bodies import Bodies
 from sain_core.shapes.library import get_shape
 from sain_core.types import Pushes, Scenes

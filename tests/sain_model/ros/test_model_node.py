@@ -9,15 +9,12 @@ from sain_core.errors import CheckpointError, ConfigError, ErrorCode
 from sain_core.model import load_dynamics
 from sain_core.push import PushLimits
 from sain_core.ros import codec
-from sain_core.scene import MASS, POSE, make_scene
+from sain_core.scene import MASS, POSE
 from sain_core.transitions import PushHistory
 from sain_interfaces.srv import PredictResidual, Rollout
 from sain_model.physics.planar import PlanarPrior
 from sain_model.ros.model_node import ModelNode
-
-SCENE = make_scene(
-    np.array([(0.40, 0.0), (0.541, 0.0)]), np.array([8.0, 8.0]), np.array([0.08, 0.06])
-)
+from tests.sain_model.conftest import SCENE
 
 
 def pushes(*shape):

@@ -7,7 +7,7 @@ import pytest
 from sain_core.errors import ConfigError, TooMuchWorkError
 from sain_core.model import IdentityPrior, Model, load_dynamics
 from sain_core.push import PushLimits
-from sain_core.scene import make_scene, wrap_angle
+from sain_core.scene import wrap_angle
 from sain_core.shapes.bodies import Bodies
 from sain_core.transitions import PushHistory
 from sain_core.types import Pushes, Scenes
@@ -21,10 +21,8 @@ from sain_model.physics.planar import PlanarPrior
 from sain_model.serving import server as server_module
 from sain_model.serving.server import ModelServer, load_server
 from sain_model.serving.service import ServingConfig
+from tests.sain_model.conftest import SCENE
 
-SCENE = make_scene(
-    np.array([(0.40, 0.0), (0.541, 0.0)]), np.array([8.0, 8.0]), np.array([0.08, 0.06])
-)
 SCENES = np.stack([SCENE] * 6)
 PUSHES = PushLimits().sample(np.random.default_rng(0), 6)
 

@@ -120,7 +120,6 @@ def test_the_same_command_gives_the_same_bytes_also_after_a_stop(
         (["--features", "world"], "--features is 'world'; {} has 'push'"),
         (["--prior", "planar_axes"], "--prior is 'planar_axes'; {} has 'planar'"),
         (["--history", "none"], "--history is 'none'; {} has 'episode'"),
-        (["--prior-friction", "0.2"], "--prior-friction is 0.2; {} has 0.12"),
         (["--preset", "paper"], "--preset paper is for new weights"),
         (["--steps-ahead", "3"], "--steps-ahead is for new weights"),
     ],

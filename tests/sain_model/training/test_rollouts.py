@@ -1,5 +1,6 @@
 """Rollouts to learn from: what they predict, how gradients run through them, and resuming."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -7,19 +8,17 @@ import pytest
 import torch
 
 from sain_core.scene import POSE, POSITION, TARGET
-from sain_model.data.dataset import Dataset, Split, split_by_episode
-from sain_model.data.windows import make_windows
+from sain_model.data.dataset import Dataset, Split, make_windows, split_by_episode
 from sain_model.dynamics.sain import residual_model
 from sain_model.evaluation.predictors import plain, roll_out
 from sain_model.inference.kinds import friction_kind
 from sain_model.network.interaction_network import InteractionNetwork
 from sain_model.network.settings import NetworkConfig
 from sain_model.physics.planar import PlanarPrior
-from sain_model.training.objectives import Rollouts
-from sain_model.training.rollouts import roll
+from sain_model.training.objectives import Rollouts, roll
 from sain_model.training.settings import TrainingConfig
 from sain_model.training.trainer import Trainer
-from tests.sain_model.conftest import make_trainer
+from tests.sain_model.conftest import make_trainer, random_network
 from tests.sain_model.rolling import load_episodes
 
 SMALL = NetworkConfig(hidden=16, message=8)
@@ -35,20 +34,13 @@ def split(data):
     return split_by_episode(Dataset((data,)), 0, 0.2, 0.2)
 
 
-def some_network(seed: int = 1, features: str = "push") -> InteractionNetwork:
-    """A network with corrections of some millimetres, so that what is not the same shows."""
-    torch.manual_seed(seed)
-    network = InteractionNetwork(NetworkConfig(hidden=16, message=8, features=features))
-    with torch.no_grad():
-        for parameter in network.parameters():
-            parameter.copy_(0.4 * torch.randn_like(parameter))
-    return network.eval()
-
-
 def test_training_rolls_out_what_is_deployed(data):
     windows = make_windows(data, 4, whole=True)
     sain = residual_model(
-        some_network().weights, friction_kind(PlanarPrior(), infers=False), "planar", recurrent=True
+        random_network(0.4, 1, hidden=16, message=8).weights,
+        friction_kind(PlanarPrior(), infers=False),
+        "planar",
+        recurrent=True,
     )
 
     def at_friction(scenes: np.ndarray, pushes: np.ndarray, rows: np.ndarray) -> np.ndarray:
@@ -68,7 +60,7 @@ def test_training_rolls_out_what_is_deployed(data):
 
 def test_differences_give_the_gradient_of_the_whole_rollout(data):
     """Compared with nudging the weights themselves, which knows nothing of how it is done."""
-    network = some_network()
+    network = random_network(0.4, 1, hidden=16, message=8)
     windows = make_windows(data, 2, whole=True).select(np.arange(8))
     bias = network.dynamics[-1].bias
     roll(network, windows, PlanarPrior())[:, 1, TARGET, :2].sum().backward()
@@ -90,19 +82,13 @@ def train(split: Split, folder: Path, config: TrainingConfig) -> Trainer:
     single = make_trainer(split, PlanarPrior(), config.of_pushes, folder)
     single.run()
     rollouts = Rollouts(split, friction_kind(PlanarPrior(), infers=False), config)
-    return Trainer(single.network, rollouts, config.of_rollouts, folder / "rollouts.pt")
+    quick = replace(config.of_rollouts, batch=8, learning_rate=5e-3)
+    return Trainer(single.network, rollouts, quick, folder / "rollouts.pt")
 
 
 def test_training_on_rollouts_lowers_the_error_of_rollouts(split, tmp_path):
     config = TrainingConfig(
-        epochs=2,
-        batch=32,
-        network=SMALL,
-        seed=3,
-        steps_ahead=3,
-        rollout_epochs=4,
-        rollout_batch=8,
-        rollout_learning_rate=5e-3,
+        epochs=2, batch=32, network=SMALL, seed=3, steps_ahead=3, rollout_epochs=4
     )
     trainer = train(split, tmp_path, config)
     windows = make_windows(split.test.alike, 3, whole=True)

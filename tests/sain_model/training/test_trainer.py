@@ -42,11 +42,7 @@ def split(dataset):
 def test_training_learns_a_residual(tmp_path):
     split = split_by_episode(load_dataset(write_dataset(tmp_path, 60)), 0, 0.2, 0.2)
     config = TrainingConfig(
-        epochs=30,
-        batch=16,
-        learning_rate=4e-3,
-        network=SMALL,
-        position_scale=0.005,
+        epochs=30, batch=16, learning_rate=4e-3, network=SMALL, position_scale=0.005
     )
     prior = PlanarPrior()
     trainer = make_trainer(split, prior, config, tmp_path)
@@ -92,11 +88,6 @@ def test_a_command_line_says_what_is_wrong(dataset, tmp_path, capsys):
 TINY = NetworkConfig(hidden=8, message=4)
 
 
-@pytest.fixture
-def divided(dataset):
-    return split_by_episode(load_dataset(dataset), 0, 0.2, 0.2)
-
-
 def test_adam_adds_the_l2_term_of_equation_5():
     weight = torch.nn.Parameter(torch.tensor([0.3, -2.0]))
     other = torch.nn.Parameter(weight.detach().clone())
@@ -112,24 +103,24 @@ def test_adam_adds_the_l2_term_of_equation_5():
     torch.testing.assert_close(weight, other)
 
 
-def test_patience_ends_a_training_that_brings_nothing_more(divided, tmp_path):
+def test_patience_ends_a_training_that_brings_nothing_more(split, tmp_path):
     config = TrainingConfig(epochs=60, batch=16, network=TINY, patience=3, learning_rate=0.05)
-    stopped = make_trainer(divided, PlanarPrior(), config, tmp_path)
+    stopped = make_trainer(split, PlanarPrior(), config, tmp_path)
     stopped.run()
     history = stopped.history
     assert stopped.epoch < 60 and stopped.epoch == history.best + 1 + 3
-    again = make_trainer(divided, PlanarPrior(), config, tmp_path)
+    again = make_trainer(split, PlanarPrior(), config, tmp_path)
     again.run()  # it is finished: it only takes the best weights
     assert again.history == history
     for name, value in stopped.network.state_dict().items():
         assert torch.equal(again.network.state_dict()[name], value)
 
 
-def test_only_validated_epochs_can_be_best(divided, tmp_path):
+def test_only_validated_epochs_can_be_best(split, tmp_path):
     config = TrainingConfig(epochs=8, batch=16, network=TINY)
-    every = make_trainer(divided, PlanarPrior(), config, tmp_path / "1")
+    every = make_trainer(split, PlanarPrior(), config, tmp_path / "1")
     every.run()
-    third = make_trainer(divided, PlanarPrior(), replace(config, validate_every=3), tmp_path / "3")
+    third = make_trainer(split, PlanarPrior(), replace(config, validate_every=3), tmp_path / "3")
     third.run()
     assert third.history.train == every.history.train
     losses = every.history.validation

@@ -92,8 +92,7 @@ class EvaluateOptions(WorkerOptions):
     )
     overwrite: bool = option(False, OVERWRITE_HELP)
     scenario: str = option(
-        "anywhere",
-        f"one or more, with commas, of {', '.join(SCENARIOS)}, or of installed packages",
+        "anywhere", f"one or more, with commas, of {', '.join(SCENARIOS)}, or of installed packages"
     )
     scenes: int = option(40, "scenes of each scenario", minimum=1)
     seed: int = option(

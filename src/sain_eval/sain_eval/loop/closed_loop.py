@@ -18,7 +18,7 @@ from sain_core.shapes.bodies import Bodies
 from sain_core.types import PushArray, Scene
 from sain_core.world import AnyWorld
 from sain_eval.episode import EpisodeRecord, Tolerance
-from sain_eval.scenes.families import ScenarioScene
+from sain_eval.scenes.scenarios import ScenarioScene
 from sain_mppi.agent.agent import Agent, AgentConfig, planning_agent
 from sain_mppi.agent.events import PlanJob, PushDecision, Task
 from sain_mppi.agent.planning import Decider
@@ -83,21 +83,13 @@ class CameraSight(Sight):
 
 @dataclass(frozen=True)
 class EpisodeOutcome:
-    """What became of an episode.
+    """What became of an episode."""
 
-    Attributes:
-        records: one for each goal that was given, in order.
-        final: (N, 8), the last scene.
-        refusals: pushes that were not executed.
-        fallbacks: pushes that physics planned because the model failed.
-        failure: why it ended short of the tightest tolerance; empty: it did not.
-    """
-
-    records: tuple[EpisodeRecord, ...]
-    final: Scene
-    refusals: int = 0
-    fallbacks: int = 0
-    failure: str = ""
+    records: tuple[EpisodeRecord, ...]  # one for each goal that was given, in order
+    final: Scene  # (N, 8), the last scene
+    refusals: int = 0  # pushes that were not executed
+    fallbacks: int = 0  # pushes that physics planned because the model failed
+    failure: str = ""  # why it ended short of the tightest tolerance; empty: it did not
 
     @property
     def record(self) -> EpisodeRecord:
@@ -112,14 +104,10 @@ def play_goals(
     bodies: Bodies,
     max_pushes: int,
 ) -> EpisodeOutcome:
-    """Play an agent in a world that was reset, and keep a record for each goal.
+    """Play a new agent in a world that was reset, and keep a record for each goal.
 
-    Args:
-        agent: a new one.
-        world: the world, or how the agent sees it.
-        goals: given one after another, each once the one before is reached.
-        bodies: as they are recorded.
-        max_pushes: for each goal; 0: any number.
+    Goals are given one after another, each once the one before is reached, with so many pushes
+    each (0: any number). Bodies are recorded as given.
     """
     tasks = [Task(number, 0, goal, max_pushes) for number, goal in enumerate(goals, start=1)]
     played = play(agent, world, tasks, bodies)
@@ -171,8 +159,7 @@ class StraightDecider(Decider):
     def decide(self, job: PlanJob, generator: np.random.Generator) -> PushDecision:
         """Push along the line from mid disk to goal by the distance left for the target.
 
-        Raises:
-            NoPushError: this push was refused, or the goal is more than a place.
+        Raises `NoPushError`: this push was refused, or the goal is more than a place.
         """
         if not job.problem.goal.is_place:
             raise NoPushError(

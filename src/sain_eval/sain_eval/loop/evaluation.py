@@ -21,8 +21,7 @@ from sain_core.workers import FunctionRunner, Software, Work, WorkerOptions, run
 from sain_eval.episode import Tolerance, tightest
 from sain_eval.loop.closed_loop import EpisodeOutcome, agent_maker, run_episode
 from sain_eval.loop.results import PACKAGES, Journal, SceneRecord, scene_records
-from sain_eval.scenes.families import ScenarioScene
-from sain_eval.scenes.scenarios import draw_scene
+from sain_eval.scenes.scenarios import ScenarioScene, draw_scene
 from sain_mppi.agent.agent import AgentConfig
 from sain_sim.camera.camera import WorldCameraConfig
 from sain_sim.world.engines import modules_of
@@ -85,10 +84,7 @@ def run_jobs(
 ) -> Generator[list[SceneRecord], None, None]:
     """Run all jobs on workers, write their pictures, and yield their records as they come."""
     engines = modules_of(job.truth.engine for job in jobs)
-    work = Work(
-        partial(FunctionRunner, run_job),
-        Software(SOURCES, (*PACKAGES, *engines)),
-    )
+    work = Work(partial(FunctionRunner, run_job), Software(SOURCES, (*PACKAGES, *engines)))
     with closing(run_on_workers(work, jobs, options, ordered=False)) as results:
         for done in results:
             if done.picture is not None:

@@ -23,8 +23,7 @@ from sain_core.types import Scene
 from sain_core.world import PushRecord
 from sain_eval.episode import EpisodeRecord, Tolerance
 from sain_eval.loop.closed_loop import EpisodeOutcome
-from sain_eval.scenes.families import ScenarioScene
-from sain_eval.scenes.scenarios import SCENARIOS
+from sain_eval.scenes.scenarios import SCENARIOS, ScenarioScene
 
 TURNED: Final = 0.02  # [rad], as little as `MOVED` at the rim of a body of 0.1 m
 SCHEMA: Final = "sain-results-1"
@@ -239,9 +238,7 @@ class Journal:
         """Open the journal in a folder. `add` makes or replaces it.
 
         With `overwrite`, one of other settings, or a damaged one, is begun anew.
-
-        Raises:
-            OutputError: it was kept with other settings, is damaged or cannot be written.
+        Raises `OutputError`: it was kept with other settings, is damaged or cannot be written.
         """
         self.path = folder / JOURNAL_FILE
         self.records: list[SceneRecord] = []

@@ -86,8 +86,7 @@ class RunResults:
 def read_results(folder: Path) -> RunResults:
     """Read the results of an evaluation from its folder.
 
-    Raises:
-        DatasetError: there are none, or these are not results.
+    Raises `DatasetError`: there are none, or these are not results.
     """
     path = folder / RESULTS_FILE
     try:

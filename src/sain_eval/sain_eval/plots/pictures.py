@@ -18,14 +18,7 @@ from sain_core.shapes.bodies import PAPER_DISKS, Bodies
 from sain_core.types import Scalars, Scene
 from sain_core.view.figures import TEXT, new_figure, style_axes
 from sain_core.view.palette import PALETTE
-from sain_core.view.scenes import (
-    bodies_in,
-    colours_of,
-    episode_things,
-    extent,
-    plan_things,
-    stage,
-)
+from sain_core.view.scenes import bodies_in, colours_of, episode_things, extent, plan_things, stage
 from sain_eval.episode import EpisodeRecord
 from sain_eval.plots.axes import (
     BASE_RADIUS,
@@ -74,10 +67,7 @@ def draw_episode(
 
 
 def draw_top_view(
-    axes: Axes,
-    record: EpisodeRecord,
-    feasibility: Feasibility | None = None,
-    aspect: float = 1.0,
+    axes: Axes, record: EpisodeRecord, feasibility: Feasibility | None = None, aspect: float = 1.0
 ) -> list[str]:
     """Draw an episode from above into axes whose width is `aspect` times their height.
 
@@ -108,13 +98,7 @@ def draw_plan(
     """
     others = plan.others.predicted[..., POSITION]
     things = plan_things(
-        scene,
-        bodies.fitted(len(scene)),
-        goal,
-        plan.pushes,
-        plan.predicted,
-        plan.regions,
-        others,
+        scene, bodies.fitted(len(scene)), goal, plan.pushes, plan.predicted, plan.regions, others
     )
     frame_view(axes, extent(things))
     now = bodies_in(scene, bodies, goal)

@@ -38,9 +38,7 @@ def has_room(point: Place, radius: float) -> bool:
 def has_tool_room(points: Points, sizes: Scalars) -> Mask:
     """Tell where bodies lie on the table with room for the tool all around.
 
-    Args:
-        points: (..., 2) [m], their centres.
-        sizes: (...,) [m], their circumscribed radii.
+    Points (..., 2) [m] are their centres, sizes (...,) [m] their circumscribed radii.
     """
     table, reach, limits = FEASIBILITY.table, FEASIBILITY.reach, FEASIBILITY.limits
     edge = np.asarray(sizes + EDGE_ROOM)[..., None]

@@ -14,12 +14,12 @@ from sain_core.cli.terminal import FittingTable, make_table
 from sain_core.config import Config, option, required
 from sain_core.errors import ConfigError
 from sain_core.output import OVERWRITE_HELP
-from sain_lab.keeping.events import NOT_LEARNED
+from sain_lab.keeping.log import NOT_LEARNED
 
 if TYPE_CHECKING:
     from sain_lab.judging.curves import Curves
-    from sain_lab.keeping.events import Event
     from sain_lab.keeping.laboratory import Laboratory
+    from sain_lab.keeping.log import Event
     from sain_lab.keeping.results import Result
     from sain_lab.learner import Learner
 
@@ -48,9 +48,6 @@ class LabOptions(Config):
     )
     train: bool = option(True, "add, replay: train networks on the way")
     laboratory: str = option("", "replay: laboratory that is kept; empty: none is")
-    order: str = option("time", "replay: order of the pushes", choices=("time", "random"))
-    shape: str = option("", "replay: these bodies only, with commas; empty: all")
-    surface: str = option("", "replay: these surfaces only, with commas; empty: all")
     overwrite: bool = option(False, OVERWRITE_HELP)
 
     def __post_init__(self) -> None:
@@ -253,13 +250,12 @@ def learn(
 def replay(options: LabOptions, console: Console) -> None:
     """Stream recorded pushes through a learner as if they happened now."""
     from sain_core.scratch import scratch_folder
-    from sain_lab.keeping.recordings import chosen, read_recording
+    from sain_lab.keeping.recordings import read_recording
     from sain_lab.learner import Learner
 
     with scratch_folder("replay") as scratch:
         name = options.laboratory or str(Path(scratch) / "replay")
-        which = options.shape, options.surface, options.order
-        recordings = [begin(chosen(read_recording(Path(path)), *which)) for path in options.names]
+        recordings = [begin(read_recording(Path(path))) for path in options.names]
         with Learner.named(name, options.train) as learner:
             for path, results in zip(options.names, recordings, strict=True):
                 learn(learner, results, path, console, wait=True)

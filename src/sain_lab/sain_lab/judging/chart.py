@@ -3,16 +3,14 @@
 from typing import Final
 
 import numpy as np
-from jaxtyping import Float
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from numpy import ndarray
 
 from sain_core.view.figures import TEXT, new_figure, style_axes
 from sain_core.view.palette import PALETTE
-from sain_lab.judging.curves import SERVICE, WINDOW, Curves
-from sain_lab.keeping.events import CHANGED, DROPPED, JUMPED, LOADED
+from sain_lab.judging.curves import SERVICE, WINDOW, Curves, running
 from sain_lab.keeping.laboratory import PHYSICS, PLANAR
+from sain_lab.keeping.log import CHANGED, DROPPED, JUMPED, LOADED
 from sain_model.physics.parameters import BY_NAME
 
 LINES: Final = {
@@ -72,21 +70,3 @@ def _draw_parameters(axes: Axes, curves: Curves) -> None:
     axes.set_ylim(0.0, 1.1)
     if sharpest:
         axes.legend(frameon=False, fontsize=TEXT - 1, ncols=2, loc="upper right")
-
-
-def running(
-    values: Float[ndarray, "M"], window: int = WINDOW
-) -> tuple[Float[ndarray, "M"], Float[ndarray, "M"]]:
-    """Return means of the latest values, so many at most, and half of their 95 % intervals."""
-    known = np.isfinite(values)
-    filled = np.where(known, values, 0.0)
-
-    def sums(some: ndarray) -> ndarray:
-        total = np.concatenate([[0.0], np.cumsum(some)])
-        ends = np.arange(1, len(some) + 1)
-        return np.asarray(total[ends] - total[np.maximum(ends - window, 0)])
-
-    with np.errstate(divide="ignore", invalid="ignore"):
-        count, mean = sums(known), sums(filled) / sums(known)
-        variance = np.maximum(sums(filled**2) / count - mean**2, 0.0)
-        return mean, 1.96 * np.sqrt(variance / np.maximum(count - 1.0, 1.0))

@@ -9,9 +9,8 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from sain_core.randomness import Interval, bootstrap_mean, generator
-from sain_lab.keeping.events import Event
 from sain_lab.keeping.laboratory import PHYSICS, PLANAR, Laboratory, check_record
-from sain_lab.keeping.log import LogReader, Record
+from sain_lab.keeping.log import Event, LogReader, Record
 
 SERVICE: Final = "in service"
 WINDOW: Final = 50  # pushes of a running mean
@@ -20,19 +19,14 @@ SCENES: Final = {"before", "push", "after", "noise", "digest"}  # what no curve 
 
 @dataclass(frozen=True, eq=False)
 class Curves:
-    """What was logged of M pushes.
+    """What was logged of M pushes."""
 
-    Attributes:
-        errors: mean errors [mm] by contender (M,); NaN where it did not predict. "in service" is
-            whatever was in service then.
-        parameters: by name, arrays (C, 3): number of pushes, value, spread (of the logarithm, if
-            it is a factor).
-        events: in order.
-    """
-
+    # mean errors [mm] by contender (M,); NaN where it did not predict. "in service" is whatever was
+    # in service then
     errors: dict[str, Float[ndarray, "M"]]
+    # by name, arrays (C, 3): number of pushes, value, spread (of the logarithm, if it is a factor)
     parameters: dict[str, Float[ndarray, "C 3"]]
-    events: tuple[Event, ...]
+    events: tuple[Event, ...]  # in order
 
     @property
     def pushes(self) -> int:
@@ -93,3 +87,21 @@ def _parameters(beliefs: list[tuple[int, dict[str, Any]]]) -> dict[str, ndarray]
         name: np.array([(count, *values[name]) for count, values in beliefs if name in values])
         for name in names
     }
+
+
+def running(
+    values: Float[ndarray, "M"], window: int = WINDOW
+) -> tuple[Float[ndarray, "M"], Float[ndarray, "M"]]:
+    """Return means of the latest values, so many at most, and half of their 95 % intervals."""
+    known = np.isfinite(values)
+    filled = np.where(known, values, 0.0)
+
+    def sums(some: ndarray) -> ndarray:
+        total = np.concatenate([[0.0], np.cumsum(some)])
+        ends = np.arange(1, len(some) + 1)
+        return np.asarray(total[ends] - total[np.maximum(ends - window, 0)])
+
+    with np.errstate(divide="ignore", invalid="ignore"):
+        count, mean = sums(known), sums(filled) / sums(known)
+        variance = np.maximum(sums(filled**2) / count - mean**2, 0.0)
+        return mean, 1.96 * np.sqrt(variance / np.maximum(count - 1.0, 1.0))

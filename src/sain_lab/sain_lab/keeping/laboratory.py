@@ -15,7 +15,7 @@ not write in the folder stays as it is (`sain_core.output`).
 import os
 import re
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final, Self
@@ -37,9 +37,8 @@ from sain_core.output import (
 )
 from sain_core.provenance import FORMAT, other_format
 from sain_core.scene import STATE_SIZE
-from sain_lab.keeping import events
-from sain_lab.keeping.events import Event
-from sain_lab.keeping.log import LogReader, LogWriter, Record
+from sain_lab.keeping import log
+from sain_lab.keeping.log import Event, LogReader, LogWriter, Record
 from sain_lab.keeping.results import Result
 from sain_model.physics.parameters import BY_NAME
 
@@ -62,8 +61,7 @@ def data_folder() -> Path:
 def laboratory_path(name: str) -> Path:
     """Return the folder of a laboratory: a name, ``lab:NAME``, or a path.
 
-    Raises:
-        ConfigError: neither.
+    Raises `ConfigError`: neither.
     """
     name = name.removeprefix(PREFIX)
     if "/" in name or name.startswith(("~", ".")):
@@ -89,22 +87,14 @@ def service_of(pushes: int) -> str:
 
 @dataclass(frozen=True)
 class Manifest:
-    """What a laboratory states of itself.
+    """What a laboratory states of itself."""
 
-    Attributes:
-        name: of it.
-        made: seconds since 1970.
-        log_bytes: its log is at least as long.
-        service: `PHYSICS`, `PLANAR`, `SHIPPED`, or the folder of the network in service, below the
-            laboratory.
-        generation: how often what is in service has changed.
-    """
-
-    name: str
-    made: float
-    log_bytes: int = 0
+    name: str  # of it
+    made: float  # seconds since 1970
+    log_bytes: int = 0  # its log is at least as long
+    # `PHYSICS`, `PLANAR`, `SHIPPED`, or the folder of the network in service, below the laboratory
     service: str = PHYSICS
-    generation: int = 0
+    generation: int = 0  # how often what is in service has changed
 
     @property
     def has_network(self) -> bool:
@@ -319,78 +309,61 @@ def _sign(path: Path) -> None:
     claim_folder(path, (MANIFEST, BELIEF, RECORDINGS))
 
 
+def _is_count(value: Any) -> bool:
+    return type(value) is int and value >= 0
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def _are_numbers(value: Any) -> bool:
+    return all(map(_is_number, value.values()))
+
+
+ALLOWED: Final[dict[str, Callable[[Any], object]]] = {  # of records and events, by name
+    **dict.fromkeys(("pushes", "since", "keep"), _is_count),
+    **dict.fromkeys(("errors", "turns", "anchor"), _are_numbers),
+    **dict.fromkeys(("id", "episode"), lambda text: isinstance(text, str)),
+    "time": _is_number,
+    "service": lambda name: name in (PHYSICS, PLANAR, SHIPPED) or NETWORK.fullmatch(name),
+    "model": NETWORK.fullmatch,
+    "unseen": lambda errors: all(error is None or _is_number(error) for error in errors),
+    "parameters": lambda found: all(
+        _is_number(value) and _is_number(spread) and BY_NAME[name]
+        for name, (value, spread) in found.items()
+    ),
+}
+RECORDS: Final = ("push", "belief", "event", "end")
+NEEDED: Final = {  # by kinds of records and of events
+    "push": ("errors", "turns"), "belief": ("pushes", "parameters"),
+    log.LOADED: ("service",), log.DROPPED: ("service",), log.TRAINED: ("model",),
+    log.LEFT_OUT: ("model",), log.CHANGED: ("service", "keep", "anchor"),
+}  # fmt: skip
+
+
 def check_record(record: Record) -> None:
     """Check that a record of a log has what its kind needs.
 
-    Raises:
-        SainError, LookupError, TypeError, ValueError: it has not.
+    Raises `SainError`, `LookupError`, `TypeError` or `ValueError`: it has not.
     """
-    match record["kind"]:
-        case "push":
-            Result.of_record(record)
-            for name in ("errors", "turns"):
-                _check_numbers(record[name])
-        case "belief":
-            _check_count(record["pushes"])
-            for name, pair in record["parameters"].items():
-                value, spread = pair
-                _check_numbers({BY_NAME[name].name: value, f"spread of {name}": spread})
-        case "event":
-            _check_event(Event.of_record(record))
-        case "end":
-            pass
-        case kind:
-            raise ValueError(f"its kind {kind!r} is not of this version")
-
-
-def _check_event(event: Event) -> None:
-    _check_count(event.pushes)
-    _check_numbers({"time": event.time})
-    if not isinstance(event.about, dict):
-        raise TypeError(f"about is {event.about!r}")
-    about = event.about
-    service, model = about.get("service", PHYSICS), about.get("model", f"{MODELS}/0")
-    if service not in (PHYSICS, PLANAR, SHIPPED) and not NETWORK.fullmatch(service):
-        raise ValueError(f"service is {service!r}")
-    if not NETWORK.fullmatch(model):
-        raise ValueError(f"model is {model!r}")
-    match event.kind:
-        case events.TRAINING:
-            _check_count(about.get("since", 0))
-        case events.NOT_LEARNED:
-            _check_not_learned(about)
-        case events.LOADED | events.DROPPED:
-            _ = about["service"]
-        case events.TRAINED | events.LEFT_OUT:
-            _ = about["model"]
-            errors = [error for error in about.get("unseen", ()) if error is not None]
-            _check_numbers({f"error {place}": error for place, error in enumerate(errors)})
-        case events.CHANGED:
-            _ = about["service"]
-            _check_count(about["keep"])
-            _check_numbers(about["anchor"])
-
-
-def _check_numbers(numbers: dict[str, float]) -> None:
-    for name, value in numbers.items():
-        if isinstance(value, bool) or not isinstance(value, int | float):
-            raise TypeError(f"{name} is {value!r}, not a number")
-
-
-def _check_not_learned(about: dict[str, Any]) -> None:
-    texts = [about.get("id", "")]
-    if "after" in about:
-        texts.append(about["episode"])
-        if np.array(about["after"], np.float64).shape[1:] != (STATE_SIZE,):
+    kind = record["kind"]
+    about: Mapping[str, Any] = record
+    if kind not in RECORDS:
+        raise ValueError(f"its kind {kind!r} is not of this version")
+    if kind == "push":
+        Result.of_record(record)
+    elif kind == "event":
+        event = Event.of_record(record)
+        kind, about = event.kind, event.about
+        if not isinstance(about, dict):
+            raise TypeError(f"about is {about!r}")
+        if "after" in about and np.array(about["after"], np.float64).shape[1:] != (STATE_SIZE,):
             raise ValueError("after is no scene")
-    for text in texts:
-        if not isinstance(text, str):
-            raise TypeError(f"{text!r} is no text")
-
-
-def _check_count(count: int) -> None:
-    if type(count) is not int or count < 0:
-        raise TypeError(f"pushes is {count!r}, not a number of pushes")
+    content = {**record, **about, **{name: about[name] for name in NEEDED.get(kind, ())}}
+    for name in ALLOWED.keys() & content.keys():
+        if not ALLOWED[name](content[name]):
+            raise ValueError(f"{name} is {content[name]!r}")
 
 
 def _write_manifest(path: Path, manifest: Manifest) -> None:

@@ -3,21 +3,57 @@
 A line is the CRC-32 of a JSON text in eight hexadecimal digits, a space, and that text. Where a
 process was killed, the last line may be cut off: it counts for nothing, and the next owner of the
 laboratory removes it. A damaged line stays in the file: it is named, and the lines after it count.
+
+Decisions of a learner, and what it noticed.
 """
 
 import json
 import os
 import re
 import zlib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import IO, Any, Final
+from typing import IO, Any, Final, Self
 
 from sain_core.errors import DatasetError, OutputError, SainError, UntrustedFileError
 from sain_core.guarding.documents import parse_json
 from sain_core.guarding.untrusted import MIB, is_file, open_regular
 from sain_core.provenance import FORMAT, other_format
+
+TRAINING, TRAINED, FAILED = "training", "trained", "training failed"
+LOADED, DROPPED, CHANGED = "loaded", "dropped", "table changed"
+JUMPED: Final = "friction changed"
+NOT_LEARNED: Final = "not learned"
+NOT_PREDICTED: Final = "not predicted"
+LEFT_OUT: Final = "left out"
+NOT_REMOVED: Final = "not removed"
+
+
+@dataclass(frozen=True)
+class Event:
+    """A decision, or something that was noticed."""
+
+    kind: str  # one of those above
+    text: str  # for people
+    pushes: int = 0  # learned from so far
+    time: float = 0.0  # seconds since 1970
+    about: Mapping[str, Any] = field(default_factory=dict)  # more, by name
+
+    def record(self) -> dict[str, Any]:
+        """Return it as the log has it."""
+        content = {name: value for name, value in vars(self).items() if name != "kind"}
+        return {"kind": "event", "event": self.kind, **content, "about": dict(self.about)}
+
+    @classmethod
+    def of_record(cls, record: Mapping[str, Any]) -> Self:
+        """Return what `record` made."""
+        own = {name: record[name] for name in ("text", "pushes", "time", "about")}
+        if not isinstance(record["event"], str) or not isinstance(own["text"], str):
+            raise TypeError(f"event is {record['event']!r}, text is {own['text']!r}")
+        return cls(record["event"], **own)
+
 
 MOST_BYTES: Final = 4096 * MIB  # of a log; 10,000 pushes have 10
 LONGEST_LINE: Final = MIB  # [bytes]; a push of two bodies has 1,000
@@ -37,8 +73,7 @@ def encoded(record: Record) -> bytes:
 def decoded(line: bytes) -> Record:
     """Return the record of a line.
 
-    Raises:
-        UntrustedFileError, ValueError: it does not have its checksum, or is no record.
+    Raises `UntrustedFileError` or `ValueError`: it does not have its checksum, or is no record.
     """
     text = line[9:-1]
     if not line.endswith(b"\n") or line[:9] != b"%08x " % zlib.crc32(text):
@@ -65,8 +100,7 @@ class LogReader:
     def read(self) -> Iterator[Record]:
         """Yield the records since the last time.
 
-        Raises:
-            DatasetError: no such file, of another version, or too large.
+        Raises `DatasetError`: no such file, of another version, or too large.
         """
         try:
             with open_regular(self._path) as file:
@@ -170,8 +204,7 @@ class LogWriter:
     def append(self, record: Record) -> None:
         """Append a record: whole, or not at all.
 
-        Raises:
-            OutputError: the disk is full, or the log has reached its largest size.
+        Raises `OutputError`: the disk is full, or the log has reached its largest size.
         """
         line = encoded(record)
         try:

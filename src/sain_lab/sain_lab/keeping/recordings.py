@@ -1,17 +1,15 @@
 """Recordings as results: bags, MCAP files and data sets, the same way as live results."""
 
 import hashlib
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 
 from sain_bags.dataset.conversion import convert
 from sain_bags.dataset.rows import ConversionConfig
 from sain_core.errors import DatasetError
-from sain_core.push import BODY
-from sain_core.randomness import generator
 from sain_core.scratch import scratch_folder
 from sain_core.shapes.bodies import bodies_named
 from sain_core.transitions import SHAPED, Column, Columns
@@ -19,14 +17,11 @@ from sain_lab.keeping.results import Result
 from sain_model.data.dataset import shard_paths
 from sain_model.data.shard import NO_STEP, read_shard
 
-RANDOM: Final = "random"  # an order of pushes
-
 
 def read_recording(path: Path) -> Iterator[Result]:
     """Yield the results of a data set, a bag or a folder of bags, in the order of time.
 
-    Raises:
-        DatasetError: it is none, or damaged.
+    Raises `DatasetError`: it is none, or damaged.
     """
     if not path.exists():
         raise DatasetError(f"{path} does not exist; give a bag, or a folder of shards *.npz")
@@ -38,35 +33,10 @@ def read_recording(path: Path) -> Iterator[Result]:
         yield from read_data_set(Path(scratch) / "rows")
 
 
-def chosen(results: Iterable[Result], shapes: str, surfaces: str, order: str) -> Iterator[Result]:
-    """Yield the results of bodies and surfaces by name, with commas; empty: of all.
-
-    Raises:
-        DatasetError: there are none.
-    """
-    bodies, tables = ({word for word in text.split(",") if word} for text in (shapes, surfaces))
-    found: set[str] = set()
-    some = []
-    for one in results:
-        name = one.object or one.own_bodies.shapes[int(one.push[BODY])].name
-        found.add(" on ".join(filter(None, (name, one.surface))))
-        if (not bodies or name in bodies) and (not tables or one.surface in tables):
-            some.append(one)
-    if not some:
-        raise DatasetError(
-            f"no push of {shapes or 'any body'} on {surfaces or 'any surface'};"
-            f" recorded are: {', '.join(sorted(found))}"
-        )
-    if order == RANDOM:
-        some = [some[row] for row in generator(0, "replay").permutation(len(some))]
-    yield from some
-
-
 def read_data_set(path: Path) -> Iterator[Result]:
     """Yield the results of a folder of shards, or of one shard, episode by episode.
 
-    Raises:
-        DatasetError: a shard is damaged.
+    Raises `DatasetError`: a shard is damaged.
     """
     for shard in shard_paths(path):
         columns = read_shard(shard)

@@ -26,34 +26,22 @@ LONGEST_IDENTITY: Final = 256  # characters
 
 @dataclass(frozen=True, eq=False)
 class Result:
-    """A push that was executed, or refused.
+    """A push that was executed, or refused."""
 
-    Attributes:
-        before: (N, 8), at rest.
-        push: (5,), or a stroke (8,), as executed.
-        after: (N, 8), at rest.
-        bodies: of the scenes.
-        episode: which one it belongs to, with its session; the next push of it begins where this
-            one ended. Empty: it stands alone.
-        identity: of the push; empty: its digest.
-        noise: (N,) [m], of estimated scenes: see `sain_core.transitions.PushHistory`.
-        object: the pushed body, as its user calls it; empty: `bodies` say what it is.
-        surface: what it stands on, likewise.
-        time: when it ended, seconds since 1970; 0: not known.
-        code: `ErrorCode.OK` of a push that was executed, or why it was refused.
-    """
-
-    before: Scene
-    push: PushArray
-    after: Scene
-    bodies: Bodies = PAPER_DISKS
+    before: Scene  # (N, 8), at rest
+    push: PushArray  # (5,), or a stroke (8,), as executed
+    after: Scene  # (N, 8), at rest
+    bodies: Bodies = PAPER_DISKS  # of the scenes
+    # which one it belongs to, with its session; the next push of it begins where this one ended.
+    # Empty: it stands alone
     episode: str = ""
-    identity: str = ""
+    identity: str = ""  # of the push; empty: its digest
+    # (N,) [m], of estimated scenes: see `sain_core.transitions.PushHistory`
     noise: Scalars | None = None
-    object: str = ""
-    surface: str = ""
-    time: float = 0.0
-    code: int = ErrorCode.OK
+    object: str = ""  # the pushed body, as its user calls it; empty: `bodies` say what it is
+    surface: str = ""  # what it stands on, likewise
+    time: float = 0.0  # when it ended, seconds since 1970; 0: not known
+    code: int = ErrorCode.OK  # `ErrorCode.OK` of a push that was executed, or why it was refused
 
     @cached_property
     def digest(self) -> str:
@@ -124,8 +112,7 @@ class Result:
     def of_record(cls, record: Mapping[str, Any]) -> Self:
         """Return what `record` made.
 
-        Raises:
-            SainError, ValueError, LookupError, TypeError: it was not.
+        Raises `SainError`, `ValueError`, `LookupError` or `TypeError`: it was not.
         """
         before, push, after = (
             np.array(record[name], np.float64) for name in ("before", "push", "after")

@@ -39,9 +39,9 @@ from sain_core.shapes.bodies import Bodies as Shapes
 from sain_core.wire.bodies import decode_bodies
 from sain_interfaces.msg import Bodies, LearnedCurve, LearnerEvent, Learning, PushResult
 from sain_interfaces.srv import LoadModel
-from sain_lab.judging.curves import SERVICE, WINDOW, CurveReader, Curves
-from sain_lab.keeping.events import Event
+from sain_lab.judging.curves import SERVICE, CurveReader, Curves, running
 from sain_lab.keeping.laboratory import PHYSICS, PLANAR, WAITING
+from sain_lab.keeping.log import Event
 from sain_lab.keeping.results import Result
 from sain_lab.learner import Learner, Lesson
 from sain_lab.settings import LearnerConfig
@@ -90,15 +90,9 @@ def spaced(count: int) -> Int[ndarray, "C"]:
 
 def _error_curve(curves: Curves, name: str) -> LearnedCurve:
     """Return the mean error over the latest pushes [m] with its 95 % interval."""
-    values, at = 1e-3 * curves.errors[name], spaced(curves.pushes)
-    rows = []
-    for place in at:
-        some = values[max(place - WINDOW, 0) : place]
-        some = some[np.isfinite(some)]
-        mean = some.mean() if len(some) else np.nan
-        half = QUANTILE * some.std(ddof=1) / np.sqrt(len(some)) if len(some) > 1 else np.nan
-        rows.append((mean, mean - half, mean + half))
-    return _curve(NAMES[name], "m", at, np.array(rows).reshape(-1, 3))
+    at = spaced(curves.pushes)
+    mean, half = (1e-3 * some[at - 1] for some in running(curves.errors[name]))
+    return _curve(NAMES[name], "m", at, np.stack([mean, mean - half, mean + half], axis=1))
 
 
 def _parameter_curve(name: str, rows: Float[ndarray, "C 3"]) -> LearnedCurve:

@@ -8,8 +8,11 @@ the push answers to that direction; what both have in common is curvature, and c
 A push that is observed shrinks the covariance (Gauss, Kalman). Of many pushes the one is chosen
 after which the pushes of typical plans are predicted best: least expected squared error.
 Parameters that no plan's push answers to are worth nothing, however uncertain they are.
+
+A teacher: an agent's decider that makes pushes which inform, within the planner's limits.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Final, Self
 
@@ -17,14 +20,26 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
+from sain_core.errors import NoPushError, SainError
+from sain_core.feasibility import Feasibility
+from sain_core.model import Model
+from sain_core.scene import MASS, POSITION, RADIUS, unit
 from sain_core.shapes.bodies import Bodies
 from sain_core.transitions import PushHistory
-from sain_core.types import Pushes, Scalars, Scenes
+from sain_core.types import Mask, PushArray, Pushes, Scalars, Scene, Scenes
+from sain_core.world import Outcome
+from sain_eval.scenes.scenarios import ScenarioScene
 from sain_model.dynamics.sain import SainDynamics
 from sain_model.inference.evidence import SIZE, TAIL, ObservedPushes, errors_of
-from sain_model.inference.gauss_newton import fit
 from sain_model.inference.kinds import Kind
-from sain_model.inference.posterior import STEPS
+from sain_model.inference.posterior import STEPS, fit
+from sain_mppi.agent.agent import AgentConfig, planning_agent
+from sain_mppi.agent.events import PlanJob, PushDecision, Task
+from sain_mppi.agent.planning import Decider
+from sain_mppi.agent.play import play
+from sain_mppi.config import CostWeights
+from sain_mppi.objective.cost import Objective
+from sain_mppi.objective.proposals import candidates, uniform
 
 HEAVY: Final = (TAIL + SIZE + 2) / (TAIL + SIZE)  # variance that Student's t is worth, in scales^2
 ONE: Final = np.zeros(1, np.int64)  # the problem of an episode alone
@@ -32,19 +47,12 @@ ONE: Final = np.zeros(1, np.int64)  # the problem of an episode alone
 
 @dataclass(frozen=True, eq=False)
 class Certainty:
-    """How certain the parameters of a kind of physics are.
+    """How certain the parameters of a kind of physics are."""
 
-    Attributes:
-        kind: of physics.
-        place: the most likely vector z.
-        covariance: of z, in the episode that goes on.
-        factor: of the noise of pushes, see `sain_model.inference.evidence`.
-    """
-
-    kind: Kind
-    place: Float[ndarray, "D"]
-    covariance: Float[ndarray, "D D"]
-    factor: float = 1.0
+    kind: Kind  # of physics
+    place: Float[ndarray, "D"]  # the most likely vector z
+    covariance: Float[ndarray, "D D"]  # of z, in the episode that goes on
+    factor: float = 1.0  # of the noise of pushes, see `sain_model.inference.evidence`
 
     @classmethod
     def of(cls, model: SainDynamics, bodies: Bodies, history: PushHistory) -> Self:
@@ -84,19 +92,12 @@ class Certainty:
 
 @dataclass(frozen=True, eq=False)
 class Answers:
-    """How B pushes answer to what is not certain.
+    """How B pushes answer to what is not certain."""
 
-    Attributes:
-        after: the predicted scenes (B, N, 8), at the mean.
-        extremes: those at the points one deviation away.
-        slopes: change of x, y and turn [m] of each body along each direction.
-        curvature: variance [m^2] of what is not linear.
-    """
-
-    after: Scenes
-    extremes: Float[ndarray, "B P N 8"]
-    slopes: Float[ndarray, "B M D"]
-    curvature: Float[ndarray, "B M"]
+    after: Scenes  # the predicted scenes (B, N, 8), at the mean
+    extremes: Float[ndarray, "B P N 8"]  # those at the points one deviation away
+    slopes: Float[ndarray, "B M D"]  # change of x, y and turn [m] of each body along each direction
+    curvature: Float[ndarray, "B M"]  # variance [m^2] of what is not linear
 
 
 def answers(certainty: Certainty, bodies: Bodies, scenes: Scenes, pushes: Pushes) -> Answers:
@@ -111,12 +112,7 @@ def answers(certainty: Certainty, bodies: Bodies, scenes: Scenes, pushes: Pushes
     off = errors_of(after[:, 1:], after[:, :1]).reshape(batch, 2, count, -1)
     slopes = (off[:, 0] - off[:, 1]) / 2  # (B, D, M)
     bends = (off[:, 0] + off[:, 1]) / 2
-    return Answers(
-        after[:, 0],
-        after[:, 1:],
-        np.swapaxes(slopes, 1, 2),
-        (bends**2).sum(axis=1) / 2,
-    )
+    return Answers(after[:, 0], after[:, 1:], np.swapaxes(slopes, 1, 2), (bends**2).sum(axis=1) / 2)
 
 
 def variance_of(
@@ -167,3 +163,107 @@ def gains(
 def expected_error(certainty: Certainty, needs: Float[ndarray, "D D"]) -> float:
     """Return the root of the squared error [m] of work that uncertain parameters leave."""
     return float(np.sqrt(max(np.trace(needs @ certainty.covariance), 0.0)))
+
+
+DRAWS: Final = 256  # pushes that one is chosen from
+STILL: Final = 1e-3  # [m], a body that moves less is where it was
+SIDES: Final = unit(np.linspace(-np.pi, np.pi, 8, endpoint=False))
+
+
+class Teacher(Decider):
+    """Chooses the push that informs most."""
+
+    def __init__(self, model: Callable[[], SainDynamics], work: Work, draws: int = DRAWS) -> None:
+        """Ask before each push what is believed, and choose from so many pushes."""
+        self._model, self._work, self._draws = model, work, draws
+
+    def decide(self, job: PlanJob, generator: np.random.Generator) -> PushDecision:
+        """Choose a push whose outcome keeps all bodies in reach, whatever the parameters are.
+
+        Raises `NoPushError`: there is none.
+        """
+        scene, bodies = job.problem.scene, job.problem.bodies
+        pushes = drawn_pushes(job, generator, self._draws)
+        certainty = Certainty.of(self._model(), bodies, job.history)
+        scenes = np.broadcast_to(scene, (len(pushes), *scene.shape))
+        found = answers(certainty, bodies, scenes, pushes)
+        safe = stays_in_reach(scene, found, job.problem.feasibility)
+        if not safe.any():
+            raise NoPushError(
+                f"none of {len(pushes)} pushes is sure to keep the bodies in reach; move them"
+                " towards the middle of the table, or reset the scene"
+            )
+        variance = variance_of(certainty, bodies, scenes, pushes, found.after)
+        needs = self._work.needs(certainty)
+        gained = np.where(safe, gains(found, variance, needs, certainty.root), -np.inf)
+        return PushDecision(job, pushes[int(gained.argmax())])
+
+
+def drawn_pushes(job: PlanJob, generator: np.random.Generator, count: int) -> Pushes:
+    """Draw permitted pushes (B, 5): half of them anywhere, half as a planner would try.
+
+    Raises `NoPushError`: none is permitted.
+    """
+    objective = Objective(job.problem, CostWeights())
+    half = [draw(objective, generator, 2 * count, 1)[:, 0] for draw in (uniform, candidates)]
+    permitted = [part[job.problem.permitted(part)][: count // 2] for part in half]
+    pushes = np.concatenate(permitted)
+    if not len(pushes):
+        raise NoPushError("no push can be carried out from here; move a body, or reset the scene")
+    return pushes
+
+
+def stays_in_reach(scene: Scene, found: Answers, feasibility: Feasibility) -> Mask:
+    """Tell which pushes leave every body that they move on the table, with reach on all sides."""
+    ends = np.concatenate([found.after[:, None], found.extremes], axis=1)  # (B, P, N, 8)
+    places = ends[..., POSITION]
+    moved = np.linalg.norm(places - scene[:, POSITION], axis=-1) > STILL
+    around = ends[..., RADIUS, None, None] * SIDES  # (B, P, N, S, 2)
+    inside = feasibility.table.contains(places[..., None, :] + around).all(axis=-1)
+    inside &= feasibility.reach.contains(places)
+    return np.asarray((inside | ~moved).all(axis=(1, 2)))
+
+
+class ImaginedWorld:
+    """A world in which what a model predicts comes true."""
+
+    def __init__(self, model: Model) -> None:
+        self._model, self._scene = model, np.empty((0, 8))
+
+    def reset(self, start: Scene, /) -> Scene:
+        """Begin with a scene (N, 8)."""
+        self._scene = start.copy()
+        return self.observe()
+
+    def observe(self) -> Scene:
+        """Return the scene (N, 8) as it is."""
+        return self._scene.copy()
+
+    def push(self, push: PushArray, *, seen: Scene | None = None) -> Outcome:
+        """Let the predicted scene come true."""
+        before = self._scene
+        self._scene = self._model.step(before[None], push[None])[0]
+        self._scene[:, MASS:] = before[:, MASS:]
+        return Outcome(before, self.observe())
+
+
+def imagined_work(cases: list[ScenarioScene], model: Model, config: AgentConfig) -> Work:
+    """Return the pushes of plans in scenes with the same bodies, where a model is the truth.
+
+    Raises `SainError`: there is no plan in any of the scenes.
+    """
+    bodies = cases[0].bodies
+    scenes: list[Scene] = []
+    pushes: list[PushArray] = []
+    model = model.with_bodies(bodies)
+    for case in cases:
+        world = ImaginedWorld(model)
+        world.reset(case.disks)
+        agent = planning_agent(model, model, config)
+        played = play(agent, world, [Task(1, 0, case.goal, case.max_pushes)], bodies)
+        for record in played.pursuits[0].pushes:
+            scenes.append(record.before)
+            pushes.append(record.push)
+    if not scenes:
+        raise SainError("no plan was found in any scene of the scenario")
+    return Work(bodies, np.stack(scenes), np.stack(pushes))

@@ -14,13 +14,11 @@ from sain_core.shapes.bodies import Bodies
 from sain_core.transitions import PushHistory
 from sain_core.types import PushArray, Scene
 from sain_core.world import AnyWorld
-from sain_eval.scenes.families import ScenarioScene
-from sain_eval.scenes.scenarios import draw_scene
+from sain_eval.scenes.scenarios import ScenarioScene, draw_scene
 from sain_lab.keeping.results import Result
 from sain_lab.learner import Learner, prediction_error
 from sain_lab.settings import TeachOptions
-from sain_lab.teaching.information import Certainty, Work, expected_error
-from sain_lab.teaching.teacher import Teacher, imagined_work
+from sain_lab.teaching.information import Certainty, Teacher, Work, expected_error, imagined_work
 from sain_model.dynamics.sain import SainDynamics
 from sain_mppi.agent.agent import MOST_PUSHES, Agent, AgentConfig
 from sain_mppi.agent.events import Task
@@ -41,42 +39,30 @@ Model = Callable[[], SainDynamics]
 
 @dataclass(frozen=True)
 class Taught:
-    """What a teaching brought.
+    """What a teaching brought."""
 
-    Attributes:
-        kind: of physics that is the likeliest.
-        pushes: that were made.
-        parameters: by name, value and spread before and after.
-        errors: [mm] of the later half of the pushes, with what was believed at first and then;
-            None: there are none.
-        expected: [mm], error of plans from uncertain parameters, now and after as many pushes more.
-    """
-
-    kind: str
-    pushes: int
+    kind: str  # of physics that is the likeliest
+    pushes: int  # that were made
+    # by name, value and spread before and after
     parameters: Mapping[str, tuple[tuple[float, float], tuple[float, float]]]
+    # [mm] of the later half of the pushes, with what was believed at first and then; None: there
+    # are none
     errors: tuple[float, float] | None
+    # [mm], error of plans from uncertain parameters, now and after as many pushes more
     expected: tuple[float, float]
 
 
 @dataclass
 class Teaching:
-    """Pushes of a teacher, and the errors of what was believed on each.
+    """Pushes of a teacher, and the errors of what was believed on each."""
 
-    Attributes:
-        model: returns the physics as it is believed now.
-        take: learns from a result.
-        work: pushes of typical plans.
-        decider: makes what chooses the pushes.
-        believed: whether `model` has learned from the last scene's pushes when the teaching ends.
-        errors: [mm] of each push, with what was believed at first and then.
-    """
-
-    model: Model
-    take: Callable[[Result], object]
-    work: Work
-    decider: Callable[[Model, Work], Decider] = Teacher
+    model: Model  # returns the physics as it is believed now
+    take: Callable[[Result], object]  # learns from a result
+    work: Work  # pushes of typical plans
+    decider: Callable[[Model, Work], Decider] = Teacher  # makes what chooses the pushes
+    # whether `model` has learned from the last scene's pushes when the teaching ends
     believed: bool = False
+    # [mm] of each push, with what was believed at first and then
     errors: list[tuple[float, float]] = field(default_factory=list)
 
     def __post_init__(self) -> None:
@@ -86,8 +72,7 @@ class Teaching:
     def run(self, rooms: Rooms, settings: TeachOptions) -> Taught:
         """Make the pushes, in one room after another.
 
-        Raises:
-            NoPushError: no push is possible in several rooms, or there is none any more.
+        Raises `NoPushError`: no push is possible in several rooms, or there is none any more.
         """
         with closing(rooms):
             why = self.visit(rooms, settings)
@@ -181,8 +166,7 @@ def work_of(settings: TeachOptions, model: SainDynamics) -> Work:
 def teach_in_world(settings: TeachOptions) -> Taught:
     """Teach in a simulated world.
 
-    Raises:
-        SainError: no push is possible, or the laboratory cannot be opened.
+    Raises `SainError`: no push is possible, or the laboratory cannot be opened.
     """
     with Learner.named(settings.laboratory) as learner:
         model = lambda: learner.believer.model  # noqa: E731

@@ -55,8 +55,7 @@ class EvaluateModelOptions(Config):
 
 def run(options: EvaluateModelOptions, console: Console) -> None:
     """Evaluate, print tables and write JSON, Markdown and picture."""
-    from sain_model.data.dataset import load_dataset
-    from sain_model.data.windows import make_windows
+    from sain_model.data.dataset import load_dataset, make_windows
     from sain_model.dynamics.load import parse_card, shipped_checkpoint
     from sain_model.evaluation.errors import report
     from sain_model.evaluation.predictors import predict_all
@@ -166,13 +165,10 @@ def _open_loop_files(options: EvaluateModelOptions) -> list[Path]:
 
 def _show(errors: "Figures", refused: dict[str, int], console: Console) -> None:
     """Print errors of single pushes as tables."""
-    from sain_model.evaluation.errors import TARGET_MOVED
     from sain_model.evaluation.presentation import error_tables
 
     for table in error_tables(errors):
         console.print(table, soft_wrap=True)
-    for name, share in errors["removed"].get(TARGET_MOVED, {}).items():
-        console.print(f"{name}: {100 * share:.0f} % of the reducible error removed")
     for name, count in refused.items():
         console.print(f"{name}: pushes of its rollouts that could not be carried out: {count}")
     console.print(f"{errors['transitions']} transitions of {errors['episodes']} episodes")

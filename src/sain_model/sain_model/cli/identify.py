@@ -86,8 +86,7 @@ def _write(options: IdentifyOptions, belief: "Belief", console: Console) -> None
 def load_recordings(options: IdentifyOptions) -> "dict[str, Sequence[ObservedPushes]]":
     """Return recordings by name.
 
-    Raises:
-        DatasetError: one is damaged, or its first episode has more pushes than are asked for.
+    Raises `DatasetError`: one is damaged, or its first episode has more pushes than are asked for.
     """
     from sain_model.data.dataset import load_dataset
     from sain_model.dynamics.identify import observed_pushes

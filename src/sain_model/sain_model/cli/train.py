@@ -12,12 +12,7 @@ from rich.console import Console
 
 from sain_core.output import claim_folder
 from sain_model.network.settings import STEPS, require_torch
-from sain_model.training.settings import (
-    DEFAULT,
-    PRESETS,
-    TrainingConfig,
-    TrainOptions,
-)
+from sain_model.training.settings import DEFAULT, PRESETS, TrainingConfig, TrainOptions
 
 if TYPE_CHECKING:
     from sain_model.data.dataset import Dataset
@@ -27,8 +22,7 @@ if TYPE_CHECKING:
 def options(arguments: Sequence[str]) -> type[TrainOptions]:
     """Return the options with the defaults that ``--preset`` and ``--from`` give.
 
-    Raises:
-        CheckpointError: the checkpoint of ``--from`` is not sound.
+    Raises `CheckpointError`: the checkpoint of ``--from`` is not sound.
     """
     scout = argparse.ArgumentParser(add_help=False, allow_abbrev=False, exit_on_error=False)
     scout.add_argument("--preset", default=DEFAULT)

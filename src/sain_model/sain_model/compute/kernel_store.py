@@ -100,9 +100,7 @@ def source_hashes(package: Path = PACKAGE, core: Path = CORE) -> dict[str, str]:
 
     That is its own source, the kernels and constants that it imports, and how kernels are compiled.
     Kernels are followed through their imports; of other modules only the file itself counts.
-
-    Raises:
-        FileNotFoundError: there are no kernels, so that none could be found stale.
+    Raises `FileNotFoundError`: there are no kernels, so that none could be found stale.
     """
     kernels = sorted(package.rglob(f"*{SUFFIX}"))
     if not kernels:
@@ -286,9 +284,7 @@ def compile_visibly(console: "Console | None" = None) -> None:
     """Return when all kernels are compiled, at once where they are; show how far that is.
 
     By default on standard error.
-
-    Raises:
-        ModelUnavailableError: they cannot be compiled.
+    Raises `ModelUnavailableError`: they cannot be compiled.
     """
     if kernels_are_ready():
         return

@@ -4,6 +4,12 @@ Scenes of N = 2 and N = 5 fit into no common array, nor do pushes and strokes: a
 `Part` for all of the same bodies and width. Episodes of different folders never have the same
 label, and a push that is in two of the folders is refused: it could end up on both sides of a
 split.
+
+Windows: successive pushes of one episode, to roll a model out over.
+
+A window starts at a push and goes on with those that came right after it, as long as the scene
+after one push is, to the bit, the scene before the next. Where pushes are missing between two,
+as after the paper's 2 mm filter, no window spans the gap; none ever spans two episodes.
 """
 
 import hashlib
@@ -13,14 +19,14 @@ from pathlib import Path
 from typing import Any, Final, Self
 
 import numpy as np
-from jaxtyping import Int
+from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
 from sain_core.errors import DatasetError
 from sain_core.guarding.documents import read_json
 from sain_core.guarding.kinds import describe
-from sain_core.push import mirror_pushes
-from sain_core.scene import mirror_scenes
+from sain_core.push import idle_pushes, mirror_pushes
+from sain_core.scene import POSE, mirror_scenes
 from sain_core.shapes.bodies import PAPER_DISKS, Bodies, bodies_named
 from sain_core.transitions import (
     COLLECTION_FILE,
@@ -43,8 +49,7 @@ RANDOMISED: Final = "randomised"
 def made_in(path: Path) -> str:
     """Return engine and world of a folder, or of the folder of a shard; else the folder's name.
 
-    Raises:
-        DatasetError: its description is damaged.
+    Raises `DatasetError`: its description is damaged.
     """
     folder = path if path.is_dir() else path.parent
     file = folder / COLLECTION_FILE
@@ -62,33 +67,23 @@ Order = tuple[int, str, tuple[str, ...], int]
 
 @dataclass(frozen=True, eq=False)
 class Part(Transitions):
-    """M pushes in scenes of the same bodies, with what physics predicted and what happened.
+    """M pushes in scenes of the same bodies, with what physics predicted and what happened."""
 
-    Attributes:
-        physics_next: (M, N, 8), the nominal world's prediction, the paper's f_p.
-        episode: which episode each belongs to.
-        step: its place in the episode: the order of the data where no ``step`` is given.
-        friction: the true friction with the table; NaN where it is not known.
-        floor_next: the same push repeated in a world set to the observed state; NaN likewise.
-        bodies: of all scenes.
-        surface: what the body stood on, in a real robot's pushes; empty where it is not stated.
-        object: the pushed body, as its user calls it; likewise.
-        run: the recording; likewise.
-        setting: engine, world and bottom of the scenes, or the data set's name; None: likewise.
-        given: values of parameters of the physics that are believed for each push, (M,) by name;
-            None: nothing but what episodes show.
-    """
-
-    physics_next: Scenes
-    episode: Int[ndarray, "M"]
+    physics_next: Scenes  # (M, N, 8), the nominal world's prediction, the paper's f_p
+    episode: Int[ndarray, "M"]  # which episode each belongs to
+    # its place in the episode: the order of the data where no ``step`` is given
     step: Int[ndarray, "M"]
-    friction: Scalars
-    floor_next: Scenes
-    bodies: Bodies = PAPER_DISKS
+    friction: Scalars  # the true friction with the table; NaN where it is not known
+    floor_next: Scenes  # the same push repeated in a world set to the observed state; NaN likewise
+    bodies: Bodies = PAPER_DISKS  # of all scenes
+    # what the body stood on, in a real robot's pushes; empty where it is not stated
     surface: ndarray | None = None
-    object: ndarray | None = None
-    run: ndarray | None = None
+    object: ndarray | None = None  # the pushed body, as its user calls it; likewise
+    run: ndarray | None = None  # the recording; likewise
+    # engine, world and bottom of the scenes, or the data set's name; None: likewise
     setting: ndarray | None = None
+    # values of parameters of the physics that are believed for each push, (M,) by name; None:
+    # nothing but what episodes show
     given: Values | None = None
 
     @property
@@ -113,17 +108,12 @@ class Part(Transitions):
 
 @dataclass(frozen=True, eq=False)
 class Dataset:
-    """M pushes of scenes with any bodies.
+    """M pushes of scenes with any bodies."""
 
-    Attributes:
-        parts: those of the same bodies and width of pushes each; disks first, by their number.
-        sha256: of all parts.
-        sources: SHA-256 of each folder and number of bodies that it was put together from; empty:
-            it is one.
-    """
-
+    # those of the same bodies and width of pushes each; disks first, by their number
     parts: tuple[Part, ...]
-    sha256: str = ""
+    sha256: str = ""  # of all parts
+    # SHA-256 of each folder and number of bodies that it was put together from; empty: it is one
     sources: tuple[str, ...] = ()
 
     def __len__(self) -> int:
@@ -136,11 +126,7 @@ class Dataset:
 
     @property
     def alike(self) -> Part:
-        """All pushes, where scenes have the same bodies.
-
-        Raises:
-            DatasetError: they have not.
-        """
+        """All pushes, where scenes have the same bodies; raises `DatasetError`: they have not."""
         if len(self.parts) == 1:
             return self.parts[0]
         names = "; ".join(", ".join(s.name for s in part.bodies.shapes) for part in self.parts)
@@ -194,9 +180,8 @@ class Split:
 def load_dataset(*paths: Path) -> Dataset:
     """Read one or more shards or folders of them as one data set.
 
-    Raises:
-        DatasetError: nothing there, a damaged shard, a missing key, arrays that do not fit
-            together, NaN or Inf; or a push that is in two of the folders.
+    Raises `DatasetError`: nothing there, a damaged shard, a missing key, arrays that do not fit
+    together, NaN or Inf; or a push that is in two of the folders.
     """
     sources = [(path, *read) for path in paths for read in _read_folder(path)]
     _check_apart([(path, part) for path, part, _ in sources])
@@ -217,9 +202,7 @@ def split_by_episode(
 
     With no share for the test, training and validation share all: 90 to 10 or 80 to 20 in the
     paper. `transitions` are how many to train on; 0: all.
-
-    Raises:
-        DatasetError: too few episodes for the parts, or too few transitions.
+    Raises `DatasetError`: too few episodes for the parts, or too few transitions.
     """
     split = Split(*map(data.select, draw_parts(data.episode, seed, validation, test)))
     return _limit_training(split, transitions) if transitions else split
@@ -245,8 +228,7 @@ def _limit_training(split: Split, transitions: int) -> Split:
 def shard_paths(path: Path) -> list[Path]:
     """Return the paths of a folder's shards, in the order of names; a shard's own is alone.
 
-    Raises:
-        DatasetError: the folder has none.
+    Raises `DatasetError`: the folder has none.
     """
     shards = sorted(path.glob("*.npz")) if path.is_dir() else [path]
     if not shards:
@@ -335,3 +317,76 @@ def _check_apart(sources: Sequence[tuple[Path, Part]]) -> None:
                 f"{seen[key]} and {path} hold the same push; give each data set once"
             )
         seen |= dict.fromkeys(keys, path)
+
+
+@dataclass(frozen=True, eq=False)
+class Windows:
+    """W windows of up to T successive pushes."""
+
+    rows: Int[ndarray, "W T"]  # which transition of the data each push is; -1 behind a window's end
+    scenes: Float[ndarray, "W N 8"]  # before the first push
+    pushes: Float[ndarray, "W T A"]  # of zero length behind a window's end: nothing moves there
+    next_scenes: Float[ndarray, "W T N 8"]  # after each push; behind the end the last one again
+    episodes: Int[ndarray, "W"]  # which episode each window is of
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    @property
+    def steps(self) -> int:
+        """The most pushes T of a window."""
+        return int(self.rows.shape[1])
+
+    @property
+    def known(self) -> Bool[ndarray, "W T"]:
+        """Which steps were pushed; the others are behind a window's end."""
+        return np.asarray(self.rows >= 0)
+
+    def and_then(self, others: Self) -> Self:
+        """Return these windows and others of as many steps."""
+        joined = {
+            name: np.concatenate([array, getattr(others, name)])
+            for name, array in vars(self).items()
+        }
+        return type(self)(**joined)
+
+    def select(self, which: ndarray) -> Self:
+        """Return the windows that a mask (W,) or indices pick."""
+        return type(self)(**{name: array[which] for name, array in vars(self).items()})
+
+
+def make_windows(data: Part, steps: int, whole: bool = False) -> Windows:
+    """Return one window of at most so many pushes from every push of the data on.
+
+    `whole`: only windows of all T pushes, not the shorter ones at the end of an episode.
+    Raises `DatasetError`: no window is left.
+    """
+    after = following(data)
+    rows = np.full((len(data), steps), -1)
+    rows[:, 0] = np.arange(len(data))
+    for step in range(1, steps):
+        before = rows[:, step - 1]
+        rows[:, step] = np.where(before >= 0, after[before], -1)
+    if whole:
+        rows = rows[rows[:, -1] >= 0]
+    if len(rows) == 0:
+        raise DatasetError(f"no episode has {steps} successive pushes; fewer, or longer episodes")
+    last = np.maximum.accumulate(np.where(rows >= 0, np.arange(steps), 0), axis=1)
+    filled = np.take_along_axis(rows, last, axis=1)
+    idle = idle_pushes(size=data.action.shape[1])
+    pushes = np.where((rows >= 0)[..., None], data.action[filled], idle)
+    first = rows[:, 0]
+    return Windows(rows, data.state[first], pushes, data.next_state[filled], data.episode[first])
+
+
+def following(data: Part) -> Int[ndarray, "M"]:
+    """Return which push came right after each push (M,) in its episode; -1 where none did."""
+    order = np.lexsort((data.step, data.episode))
+    this, following_one = order[:-1], order[1:]
+    follows = data.episode[this] == data.episode[following_one]
+    follows &= data.step[following_one] == data.step[this] + 1
+    poses = data.next_state[this][..., POSE], data.state[following_one][..., POSE]
+    follows &= (poses[0] == poses[1]).all(axis=(1, 2))
+    after = np.full(len(data), -1)
+    after[this[follows]] = following_one[follows]
+    return after

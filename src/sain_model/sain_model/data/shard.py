@@ -46,11 +46,9 @@ def read_shard(path: Path) -> Columns:
     """Read and check one shard; states come back as (M, N, 8), with shapes and roles of each row.
 
     Shapes may be those whose outlines stand beside the shard.
-
-    Raises:
-        DatasetError: a damaged shard, a missing column, no rows, arrays that do not fit together,
-            NaN or Inf, a number that cannot be, pushes that no model may be asked about, or against
-            bodies that are not pushable.
+    Raises `DatasetError`: a damaged shard, a missing column, no rows, arrays that do not fit
+    together, NaN or Inf, a number that cannot be, pushes that no model may be asked about, or
+    against bodies that are not pushable.
     """
     arrays = read_arrays(path)
     if missing := [column for column in NEEDED if column not in arrays]:

@@ -26,7 +26,6 @@ from sain_model.inference.evidence import (
     log_density,
     marginals,
 )
-from sain_model.inference.gauss_newton import Fit, Parts, fit
 from sain_model.inference.kinds import (
     FRICTION,
     KEEP,
@@ -36,7 +35,7 @@ from sain_model.inference.kinds import (
     default_belief,
     surface_kind,
 )
-from sain_model.inference.posterior import Posterior
+from sain_model.inference.posterior import Fit, Parts, Posterior, fit
 from sain_model.physics.planar import PlanarPrior
 
 STEPS: Final = 25
@@ -71,8 +70,7 @@ def joined(recordings: Recordings) -> list[ObservedPushes]:
 def fit_recordings(kinds: Sequence[Kind], recordings: Recordings) -> list[Fit]:
     """Return fits of each kind to all recordings together.
 
-    Raises:
-        DatasetError: two recordings disagree about the kind of physics or a friction.
+    Raises `DatasetError`: two recordings disagree about the kind of physics or a friction.
     """
     fits = [fit_laboratory(kind, joined(recordings)) for kind in kinds]
     if len(recordings) > 1:
@@ -108,16 +106,13 @@ def fit_laboratory(
 def over_bodies(kind: Kind, parts: Parts) -> tuple[Kind, Places]:
     """Return a kind with what pushes of several bodies show of one that was not pushed yet.
 
-    Also returned are the vectors z of these bodies, as the new kind has them.
+    Also returned are the vectors z of these bodies, as the new kind has them. Each episode is one
+    body on one surface.
 
     The mean is that of the values that explain the pushes of each best. The spread is that of
     these values and, besides, how uncertain they are (empirical Bayes, a step of the EM
     algorithm): what pushes do not show stays as uncertain as before. Of a few bodies only the mean
     counts.
-
-    Args:
-        kind: with what is believed before any push.
-        parts: pushes, whose episodes are those of one body on one surface each.
     """
     count = count_episodes(parts)
     found = fit(kind, parts, np.zeros((count, len(kind.names))), np.arange(count), STEPS)
@@ -172,8 +167,7 @@ def _card(recordings: Recordings, fits: Sequence[Fit]) -> dict[str, Any]:
 def check_kinds(fits: Mapping[str, Sequence[Fit]]) -> None:
     """Check what recordings, by name, say about the kind of physics; all have a fit of each kind.
 
-    Raises:
-        DatasetError: two are certain of different kinds; naming them.
+    Raises `DatasetError`: two are certain of different kinds; naming them.
     """
     for (name, first), (other, second) in combinations(fits.items(), 2):
         kinds = [_likeliest(some).kind.name for some in (first, second)]
@@ -194,8 +188,7 @@ def check_kinds(fits: Mapping[str, Sequence[Fit]]) -> None:
 def check_frictions(fits: Mapping[str, Fit]) -> None:
     """Check what recordings, by name, say about the frictions of one kind of physics.
 
-    Raises:
-        DatasetError: two disagree; naming them and the parameter that differs most.
+    Raises `DatasetError`: two disagree; naming them and the parameter that differs most.
     """
     worst, message = 1.0, ""
     for (name, first), (other, second) in combinations(fits.items(), 2):
@@ -243,8 +236,7 @@ OfBodies = Mapping[str, Float[ndarray, "D"]]  # vectors z by the names of bodies
 def states_bodies(data: Dataset) -> bool:
     """Return whether all pushes are of one body that is named, as a robot's recordings are.
 
-    Raises:
-        DatasetError: some are, and some are not.
+    Raises `DatasetError`: some are, and some are not.
     """
     named = [part.object is not None and (part.object != "").all() for part in data.parts]
     if any(named) and not all(named):
@@ -258,8 +250,7 @@ def states_bodies(data: Dataset) -> bool:
 def body_names(part: Part) -> ndarray:
     """Return the name of the body on its surface of each push, (M,).
 
-    Raises:
-        DatasetError: the data do not name bodies.
+    Raises `DatasetError`: the data do not name bodies.
     """
     if part.object is None or (part.object == "").any():
         raise DatasetError(
@@ -336,14 +327,9 @@ def observed_pushes(data: Dataset, most: int = 0) -> list[ObservedPushes]:
 
 
 def identify(model: SainDynamics, recordings: Recordings) -> Belief:
-    """Return what the recordings of one laboratory say.
+    """Return what the recordings of one laboratory, by name, add to the belief of a model.
 
-    Args:
-        model: with a belief to begin with.
-        recordings: by name; the episodes of each are counted from 0.
-
-    Raises:
-        DatasetError: two recordings disagree about the kind of physics or a friction.
+    Raises `DatasetError`: two recordings disagree about the kind of physics or a friction.
     """
     kinds = [kind for kind in model.belief.kinds if not kind.of_bodies]  # what all episodes share
     fits = fit_recordings(kinds, recordings)
@@ -389,8 +375,7 @@ def _network_odds(model: SainDynamics, number: int, found: Fit, parts: Parts) ->
 def with_all_parameters(model: SainDynamics) -> SainDynamics:
     """Return a model whose belief is about kinds of physics and all of their parameters.
 
-    Raises:
-        ConfigError: it infers nothing from pushes.
+    Raises `ConfigError`: it infers nothing from pushes.
     """
     kind = model.belief.trained
     if len(model.belief.kinds) > 1:

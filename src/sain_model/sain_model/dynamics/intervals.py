@@ -53,25 +53,15 @@ def _tuples(values: dict[str, Any]) -> dict[str, Any]:
 
 @dataclass(frozen=True)
 class Region:
-    """The radius of one body's region.
+    """The radius of one body's region."""
 
-    Attributes:
-        noise: score of a body about which nothing is open [m].
-        members: weight of the members' spread.
-        friction: weight of the friction's spread.
-        way: weight of the predicted way.
-        elongation: weight of the elongation of a body's supports, in the exponent.
-        scores: [m], rising.
-        factors: the radius is so many scores, at these.
-    """
-
-    noise: float = 1e-4
-    members: float = 1.0
-    friction: float = 1.0
-    way: float = 0.0
-    elongation: float = 0.0
-    scores: tuple[float, ...] = (1e-4,)
-    factors: tuple[float, ...] = (2.0,)
+    noise: float = 1e-4  # score of a body about which nothing is open [m]
+    members: float = 1.0  # weight of the members' spread
+    friction: float = 1.0  # weight of the friction's spread
+    way: float = 0.0  # weight of the predicted way
+    elongation: float = 0.0  # weight of the elongation of a body's supports, in the exponent
+    scores: tuple[float, ...] = (1e-4,)  # [m], rising
+    factors: tuple[float, ...] = (2.0,)  # the radius is so many scores, at these
 
     def __post_init__(self) -> None:
         weights = (self.members, self.friction, self.way)
@@ -109,25 +99,17 @@ class Intervals:
     """The regions of a model's disks; further disks are taken like the target.
 
     The logarithms of error over region are those of pushed bodies: of places, and of headings.
-
-    Attributes:
-        level: share of the pushes whose region contains the disk.
-        mid: of pushed bodies.
-        target: of others.
-        turn: of headings.
-        usual_log: mean logarithms of error over region.
-        usual_log_std: their standard deviations; 0 of places: regions are never widened; 0 of
-            headings: these have no regions.
-        bodies_log_std: how much of that is between bodies.
     """
 
-    level: float = LEVEL
-    mid: Region = Region()
-    target: Region = Region()
-    turn: Region = Region()
-    usual_log: tuple[float, float] = (0.0, 0.0)
+    level: float = LEVEL  # share of the pushes whose region contains the disk
+    mid: Region = Region()  # of pushed bodies
+    target: Region = Region()  # of others
+    turn: Region = Region()  # of headings
+    usual_log: tuple[float, float] = (0.0, 0.0)  # mean logarithms of error over region
+    # their standard deviations; 0 of places: regions are never widened; 0 of headings: these have
+    # no regions
     usual_log_std: tuple[float, float] = (0.0, 0.0)
-    bodies_log_std: tuple[float, float] = (0.0, 0.0)
+    bodies_log_std: tuple[float, float] = (0.0, 0.0)  # how much of that is between bodies
 
     def __post_init__(self) -> None:
         check_all("Intervals", 0.0, self.level, *self.usual_log_std, *self.bodies_log_std)
@@ -198,13 +180,10 @@ class Intervals:
         pushed: Indices | None = None,
         elongation: Float[ndarray, "N"] | None = None,
     ) -> "Prediction":
-        """Return a prediction from these scenes with the region of every body.
+        """Return a prediction from scenes (B, N, 8) with the region of every body.
 
-        Args:
-            opened: the prediction.
-            scenes: (B, N, 8), before the pushes.
-            pushed: which body each push is against (B,); None: body 0.
-            elongation: of each body's supports (N,); None: they are disks.
+        `pushed` (B,) are the bodies that pushes are against, None: body 0; `elongation` (N,) is
+        that of the bodies' supports, None: they are disks.
         """
         way = np.linalg.norm((opened.mean - scenes)[..., POSITION], axis=-1)
         radii, arcs = np.empty_like(way), np.empty_like(way)
@@ -222,21 +201,17 @@ class Intervals:
 
 @dataclass(frozen=True)
 class Prediction:
-    """Where pushes lead, and how sure that is.
+    """Where pushes lead, and how sure that is."""
 
-    Attributes:
-        mean: the predicted scenes, the members' mean.
-        members: standard deviation of the members' places [m]; 0 for a lone network.
-        friction: how far the place moves with one standard deviation of the friction, and of the
-            ratio of masses where these are not measured [m].
-        radius: of the circle that holds the disk [m]; None: the model has no intervals.
-        turn: half of the interval that holds the heading [rad]; None: it has none of headings.
-    """
-
-    mean: Float[ndarray, "B N 8"]
+    mean: Float[ndarray, "B N 8"]  # the predicted scenes, the members' mean
+    # standard deviation of the members' places [m]; 0 for a lone network
     members: Float[ndarray, "B N"]
+    # how far the place moves with one standard deviation of the friction, and of the ratio of
+    # masses where these are not measured [m]
     friction: Float[ndarray, "B N"]
+    # of the circle that holds the disk [m]; None: the model has no intervals
     radius: Float[ndarray, "B N"] | None = None
+    # half of the interval that holds the heading [rad]; None: it has none of headings
     turn: Float[ndarray, "B N"] | None = None
 
     @property

@@ -34,51 +34,40 @@ SUFFIX: Final = ".safetensors"
 
 @dataclass(frozen=True)
 class ModelCard:
-    """What a checkpoint says of itself.
+    """What a checkpoint says of itself."""
 
-    Attributes:
-        prior: name of the prior that it corrects, as in `sain_core.model.load_dynamics`.
-        prior_config: its parameters, so that a later calibration does not change this model.
-        network: size of the network.
-        bottoms: what the bodies stood on that it learned from: it corrects the prior for these
-            alone. Empty: it corrects all.
-        friction: how friction is inferred from an episode's earlier pushes; None: the model was
-            trained without them, and knows the nominal friction alone.
-        bodies: the physics of bodies on surfaces, as a belief has it; None: of no such.
-        intervals: regions about its predictions, fitted to the validation episodes; None: not.
-        kind: as in `dynamics.sain`.
-        data: what it was trained on: path, SHA-256, transitions, episodes, split.
-        training: settings, seed, epochs done, losses.
-        errors: errors on the held-out episodes [mm], for it and what it is compared with.
-        versions: of Python, its packages, this project, system and processor.
-        command: the command line that made it.
-        weights_sha256: of the safetensors file.
-        parent: card of the checkpoint that it was fine-tuned from; None: from none.
-        format: of cards and of what networks see.
-    """
-
-    prior: str
+    prior: str  # name of the prior that it corrects, as in `sain_core.model.load_dynamics`
+    # its parameters, so that a later calibration does not change this model
     prior_config: dict[str, Any]
-    network: dict[str, Any]
+    network: dict[str, Any]  # size of the network
+    # what the bodies stood on that it learned from: it corrects the prior for these alone. Empty:
+    # it corrects all
     bottoms: list[str] = field(default_factory=list)
+    # how friction is inferred from an episode's earlier pushes; None: the model was trained without
+    # them, and knows the nominal friction alone
     friction: dict[str, Any] | None = None
+    # the physics of bodies on surfaces, as a belief has it; None: of no such
     bodies: dict[str, Any] | None = None
+    # regions about its predictions, fitted to the validation episodes; None: not
     intervals: dict[str, Any] | None = None
-    kind: str = ""
+    kind: str = ""  # as in `dynamics.sain`
+    # what it was trained on: path, SHA-256, transitions, episodes, split
     data: dict[str, Any] = field(default_factory=dict)
-    training: dict[str, Any] = field(default_factory=dict)
+    training: dict[str, Any] = field(default_factory=dict)  # settings, seed, epochs done, losses
+    # errors on the held-out episodes [mm], for it and what it is compared with
     errors: dict[str, Any] = field(default_factory=dict)
+    # of Python, its packages, this project, system and processor
     versions: dict[str, str] = field(default_factory=dict)
-    command: str = ""
-    weights_sha256: str = ""
+    command: str = ""  # the command line that made it
+    weights_sha256: str = ""  # of the safetensors file
+    # card of the checkpoint that it was fine-tuned from; None: from none
     parent: dict[str, Any] | None = None
-    format: str = FORMAT
+    format: str = FORMAT  # of cards and of what networks see
 
     def lineage(self) -> Iterator["ModelCard"]:
         """Yield this card, that of its parent, and so on.
 
-        Raises:
-            CheckpointError: a parent's is no card.
+        Raises `CheckpointError`: a parent's is no card.
         """
         card: ModelCard | None = self
         while card is not None:
@@ -113,9 +102,8 @@ def save_checkpoint(path: Path, weights: NetworkWeights, card: ModelCard) -> Mod
 def read_checkpoint(path: Path) -> tuple[bytes, ModelCard, str]:
     """Read weights, their card and the card's JSON text, and check them.
 
-    Raises:
-        CheckpointError: missing, truncated, of another version or with a card that belongs to
-            other weights; the message names the file and what is wrong.
+    Raises `CheckpointError`: missing, truncated, of another version or with a card that belongs to
+    other weights; the message names the file and what is wrong.
     """
     content = _read(path)
     text = _read(card_path(path)).decode(errors="replace")
@@ -145,9 +133,8 @@ def _read(path: Path) -> bytes:
 def parse_card(path: Path, text: str) -> ModelCard:
     """Return the card with this JSON text.
 
-    Raises:
-        CheckpointError: it is no card, or one of another version; naming the command that makes
-            the checkpoint anew.
+    Raises `CheckpointError`: it is no card, or one of another version; naming the command that
+    makes the checkpoint anew.
     """
     try:
         values = parse_json(text)
@@ -166,8 +153,7 @@ def parse_card(path: Path, text: str) -> ModelCard:
 def load_builtin(name: str) -> SainDynamics:
     """Return the model ``sain``, which comes with this package, or the checkpoint at a path.
 
-    Raises:
-        CheckpointError: no sound checkpoint at that path.
+    Raises `CheckpointError`: no sound checkpoint at that path.
     """
     return load_shipped() if name == SHIPPED else load_checkpoint(Path(name).expanduser())
 
@@ -180,8 +166,7 @@ def load_shipped() -> SainDynamics:
 def load_checkpoint(path: Path) -> SainDynamics:
     """Return the checkpoint at this path on the prior that it was trained on.
 
-    Raises:
-        CheckpointError: the checkpoint is not sound.
+    Raises `CheckpointError`: the checkpoint is not sound.
     """
     content, card, text = read_checkpoint(path)
     with naming(str(card_path(path))):
@@ -222,8 +207,7 @@ def _bottoms(card: ModelCard) -> tuple[str, ...]:
 def card_part(name: str, kind: type[C], settings: Settings) -> C:
     """Return the settings of this name on a card.
 
-    Raises:
-        CheckpointError: they are not of this kind.
+    Raises `CheckpointError`: they are not of this kind.
     """
     with naming(name):
         return kind(**typed_settings(kind, settings))

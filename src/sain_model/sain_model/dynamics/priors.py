@@ -57,8 +57,7 @@ def prior_settings(prior: Model) -> Settings:
 def naming(part: str) -> Iterator[None]:
     """Turn what goes wrong with a part of a card into an error that names the part.
 
-    Raises:
-        CheckpointError: anything went wrong.
+    Raises `CheckpointError`: anything went wrong.
     """
     try:
         yield

@@ -18,12 +18,7 @@ from sain_model.compute.kernel_store import compile_visibly
 from sain_model.compute.threads import run_blocks
 from sain_model.dynamics.intervals import Intervals, Prediction
 from sain_model.network.feature_kernels import LANES
-from sain_model.network.features import (
-    elongations,
-    network_beliefs,
-    outline_table,
-    push_frames,
-)
+from sain_model.network.features import elongations, network_beliefs, outline_table, push_frames
 from sain_model.network.network_kernels import correct_block
 from sain_model.network.settings import CPU, WORLD_FRAME
 from sain_model.network.weights import NetworkWeights
@@ -34,21 +29,13 @@ if TYPE_CHECKING:  # predictions on the CPU need no PyTorch
 
 
 class PhysicsPrediction(NamedTuple):
-    """What physics predicts for B pushes: what a network corrects.
+    """What physics predicts for B pushes: what a network corrects."""
 
-    Attributes:
-        scenes: before the pushes (B, N, 8), with masses as the physics takes them to be.
-        pushes: (B, A).
-        after: (B, N, 8), what physics predicts.
-        bodies: of the scenes.
-        values: what is believed of the physics, by name; nothing for a network that does not see
-            it.
-    """
-
-    scenes: Scenes
-    pushes: Pushes
-    after: Scenes
-    bodies: Bodies
+    scenes: Scenes  # before the pushes (B, N, 8), with masses as the physics takes them to be
+    pushes: Pushes  # (B, A)
+    after: Scenes  # (B, N, 8), what physics predicts
+    bodies: Bodies  # of the scenes
+    # what is believed of the physics, by name; nothing for a network that does not see it
     values: Values
 
 
@@ -92,18 +79,12 @@ class CompiledNetwork:
 
 @dataclass(frozen=True, eq=False)
 class ResidualNetwork:
-    """f_theta of the paper's equation 2, and regions about its predictions.
+    """f_theta of the paper's equation 2, and regions about its predictions."""
 
-    Attributes:
-        weights: the trained weights.
-        intervals: the regions of predictions; None: they were not fitted.
-        device: what it runs on, ``cpu`` or ``cuda``. The physics stays on the CPU.
-        bottoms: of the bodies that it learned from; for others physics predicts.
-    """
-
-    weights: NetworkWeights
-    intervals: Intervals | None = None
-    device: str = CPU
+    weights: NetworkWeights  # the trained weights
+    intervals: Intervals | None = None  # the regions of predictions; None: they were not fitted
+    device: str = CPU  # what it runs on, ``cpu`` or ``cuda``. The physics stays on the CPU
+    # of the bodies that it learned from; for others physics predicts
     bottoms: tuple[str, ...] = BOTTOMS
 
     @cached_property

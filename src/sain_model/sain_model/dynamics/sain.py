@@ -47,19 +47,12 @@ RECURRENT: Final = "recurrent"  # Fig. 1d, equations 3 and 4: trained on its own
 
 @dataclass(frozen=True)
 class Origin:
-    """Where a model comes from.
+    """Where a model comes from."""
 
-    Attributes:
-        kind: `PHYSICS`, `LEARNED`, `RESIDUAL` or `RECURRENT`.
-        prior_name: of the physics that was corrected, for `sain_core.model.load_dynamics`.
-        model_hash: SHA-256 of the weights; empty when they come from no checkpoint.
-        card: the checkpoint's JSON card; empty likewise.
-    """
-
-    kind: str = PHYSICS
-    prior_name: str = ""
-    model_hash: str = ""
-    card: str = ""
+    kind: str = PHYSICS  # `PHYSICS`, `LEARNED`, `RESIDUAL` or `RECURRENT`
+    prior_name: str = ""  # of the physics that was corrected, for `sain_core.model.load_dynamics`
+    model_hash: str = ""  # SHA-256 of the weights; empty when they come from no checkpoint
+    card: str = ""  # the checkpoint's JSON card; empty likewise
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,23 +70,15 @@ class Inferred:
 
 @dataclass(frozen=True, eq=False)
 class SainDynamics(Model):
-    """s' = f_p(s, a) + f_theta(f_p(s, a), s, a), the paper's equation 2.
+    """s' = f_p(s, a) + f_theta(f_p(s, a), s, a), the paper's equation 2."""
 
-    Attributes:
-        belief: kinds of physics, and what is believed of their parameters before an episode.
-        network: what it adds; None: nothing.
-        origin: where it comes from.
-        bodies: that are pushed.
-        history: the earlier pushes of the episode that it is conditioned on.
-        inferred: what these say, one row; None: there are none.
-    """
-
-    belief: Belief
-    network: ResidualNetwork | None = None
-    origin: Origin = Origin()
-    bodies: Bodies = PAPER_DISKS
+    belief: Belief  # kinds of physics, and what is believed of their parameters before an episode
+    network: ResidualNetwork | None = None  # what it adds; None: nothing
+    origin: Origin = Origin()  # where it comes from
+    bodies: Bodies = PAPER_DISKS  # that are pushed
+    # the earlier pushes of the episode that it is conditioned on
     history: PushHistory | None = None
-    inferred: Inferred | None = None
+    inferred: Inferred | None = None  # what these say, one row; None: there are none
 
     @property
     def _name(self) -> str:
@@ -155,8 +140,7 @@ class SainDynamics(Model):
     def with_bodies(self, bodies: Bodies) -> Self:
         """Return the model of scenes of these bodies.
 
-        Raises:
-            ConfigError: its physics cannot predict them.
+        Raises `ConfigError`: its physics cannot predict them.
         """
         if bodies == self.bodies:
             return self
@@ -195,8 +179,7 @@ class SainDynamics(Model):
     def believing(self, belief: Belief) -> Self:
         """Return this model with another belief.
 
-        Raises:
-            ConfigError: it is for a network on another prior.
+        Raises `ConfigError`: it is for a network on another prior.
         """
         if belief.trained.has_axes != self.belief.trained.has_axes:
             raise ConfigError(

@@ -20,7 +20,6 @@ from sain_core.transitions import MOVED
 from sain_core.types import Mask, Scalars, Scenes
 from sain_model.data.dataset import Dataset
 from sain_model.evaluation.predictors import (
-    BULLET,
     FLOOR,
     LEARNED,
     NO_MOTION,
@@ -45,21 +44,16 @@ Figures = dict[str, Any]
 
 @dataclass(frozen=True, eq=False)
 class ErrorRows:
-    """R bodies after so many pushes from the first scene.
+    """R bodies after so many pushes from the first scene."""
 
-    Attributes:
-        about: what each row is of: "episode", "shape", "body", "pushed" (by the latest push),
-            "setting", "alone", "moved" [m] since the first scene, "earlier" pushes of the episode.
-        off: distances [mm] by predictor; NaN where it says nothing.
-        turned: likewise of headings [deg].
-        agreed: whether the latest push moved the body in prediction and truth, or in neither.
-        regions: columns "spread" and "radius" [mm] of models that have them.
-    """
-
+    # what each row is of: "episode", "shape", "body", "pushed" (by the latest push), "setting",
+    # "alone", "moved" [m] since the first scene, "earlier" pushes of the episode
     about: dict[str, ndarray]
-    off: dict[str, Float[ndarray, "R"]]
-    turned: dict[str, Float[ndarray, "R"]]
+    off: dict[str, Float[ndarray, "R"]]  # distances [mm] by predictor; NaN where it says nothing
+    turned: dict[str, Float[ndarray, "R"]]  # likewise of headings [deg]
+    # whether the latest push moved the body in prediction and truth, or in neither
     agreed: dict[str, ndarray]
+    # columns "spread" and "radius" [mm] of models that have them
     regions: dict[str, dict[str, Float[ndarray, "R"]]]
 
     @classmethod
@@ -143,12 +137,8 @@ def evaluate(
 ) -> Figures:
     """Return the errors of all there is to compare; see `report` and `predictors.predict_all`.
 
-    Args:
-        data: pushes that no model was trained on.
-        models: by name; the first is the one that the ratio to its own prior is of.
-        steps: after how many pushes errors are taken.
-        seed: of the bootstrap.
-        others: more physics by name.
+    No model was trained on these pushes. The ratio to its own prior is of the first one. Errors are
+    taken after so many pushes as `steps` has. `others` are more physics by name.
     """
     wanted = tuple(steps) or (1,)
     return report(predict_all(data, models, max(wanted), others), [*models], wanted, seed)
@@ -161,8 +151,7 @@ def report(
 
     "after" has for each number of pushes that any window reaches, "1" at least: "errors" by group
     and predictor, "ratios" of models to the best physics, to the network alone, and to the prior
-    of the first model. "removed" is the share of the reducible error, the nominal world's above the
-    floor, that predictors remove after one push.
+    of the first model.
     """
     parts = [one.part for one in predictions]
     reached = [
@@ -189,12 +178,6 @@ def report(
             for group, chosen in groups.items()
         }
         found["after"][str(step)] = {"errors": errors, "ratios": ratios}
-        if step == 1:
-            found["removed"] = {
-                group: shares_removed({name: one[MM][0] for name, one in errors[group].items()})
-                for group in groups
-                if group.startswith(TARGETS)
-            }
     return found
 
 
@@ -216,21 +199,6 @@ def _ratios(
                 if (ratio := rows.ratio(name, under, chosen, seed, unit)) is not None
             }
     return found
-
-
-def shares_removed(means: Mapping[str, float]) -> dict[str, float]:
-    """Return which share of the reducible error each predictor removes.
-
-    Reducible is what the nominal world errs by above the floor; nothing where either is not known.
-    """
-    reducible = means.get(BULLET, np.nan) - means.get(FLOOR, np.nan)
-    if not reducible > 0.0:
-        return {}
-    return {
-        name: float((means[BULLET] - mean) / reducible)
-        for name, mean in means.items()
-        if name not in (BULLET, FLOOR)
-    }
 
 
 # --- of arrays ------------------------------------------------------------------------------------

@@ -18,17 +18,11 @@ from sain_core.model import IdentityPrior, Model, answering, check_step
 from sain_core.push import LENGTH
 from sain_core.scene import MASS, MID, NOMINAL_MASS, RADIUS
 from sain_core.types import Indices, Pushes, Scalars, Scenes
-from sain_model.data.dataset import Dataset, Part
-from sain_model.data.windows import Windows, make_windows
+from sain_model.data.dataset import Dataset, Part, Windows, make_windows
 from sain_model.dynamics.identify import body_names
 from sain_model.dynamics.intervals import Prediction
 from sain_model.dynamics.sain import LEARNED as LEARNED_KIND
-from sain_model.dynamics.sain import (
-    RECURRENT,
-    RESIDUAL,
-    Inferred,
-    SainDynamics,
-)
+from sain_model.dynamics.sain import RECURRENT, RESIDUAL, Inferred, SainDynamics
 from sain_model.inference.evidence import Known
 from sain_model.inference.kinds import FRICTION, friction_belief
 from sain_model.physics.planar import PlanarPrior
@@ -77,21 +71,13 @@ Advance = Callable[[str, int], None]  # called with the name of a model, and how
 
 @dataclass(frozen=True, eq=False)
 class Predictions:
-    """What all predictors say over the same windows of one part.
+    """What all predictors say over the same windows of one part."""
 
-    Attributes:
-        part: the data.
-        windows: of successive pushes; one begins at every push.
-        by_name: rollouts; NaN where a predictor says nothing.
-        regions: of models that have any, for the first push of each window.
-        earlier: how many pushes came before each window in its episode.
-    """
-
-    part: Part
-    windows: Windows
-    by_name: dict[str, Rollouts]
-    regions: dict[str, Prediction]
-    earlier: Int[ndarray, "W"]
+    part: Part  # the data
+    windows: Windows  # of successive pushes; one begins at every push
+    by_name: dict[str, Rollouts]  # rollouts; NaN where a predictor says nothing
+    regions: dict[str, Prediction]  # of models that have any, for the first push of each window
+    earlier: Int[ndarray, "W"]  # how many pushes came before each window in its episode
 
 
 def predict_all(
@@ -103,13 +89,8 @@ def predict_all(
 ) -> list[Predictions]:
     """Return what physics and models say over all windows of at most so many pushes, by part.
 
-    Args:
-        data: pushes that no model was trained on.
-        models: by name; each that infers from pushes is asked with and without history. The prior
-            of the first one is asked, too.
-        steps: the most pushes of a window.
-        others: more physics by name, without history.
-        advance: is called as these predict.
+    Each model that infers from pushes is asked with and without history. The prior of the first one
+    is asked, too. `others` are more physics by name, without history; `advance` follows these.
     """
     found = []
     for part in data.parts:
@@ -227,17 +208,11 @@ def infers(model: SainDynamics) -> bool:
 
 @dataclass(frozen=True, eq=False)
 class Informed:
-    """A model that makes use of the earlier pushes of each push's own episode, as in deployment.
+    """A model that makes use of the earlier pushes of each push's own episode, as in deployment."""
 
-    Attributes:
-        model: of the bodies of the part.
-        part: the data.
-        rows: what the earlier pushes of each push say.
-    """
-
-    model: SainDynamics
-    part: Part
-    rows: Inferred
+    model: SainDynamics  # of the bodies of the part
+    part: Part  # the data
+    rows: Inferred  # what the earlier pushes of each push say
 
     @classmethod
     def make(cls, model: SainDynamics, part: Part) -> "Informed":

@@ -54,11 +54,6 @@ def error_tables(found: Figures) -> Iterator[FittingTable]:
             yield make_table(title, PREDICTION, rows)
     if pair := _beside_its_prior(ratios):
         yield _group_table(errors, ratios, *pair)
-    yield from _history_table(errors)
-    names = dict.fromkeys(name for by_name in errors.values() for name in by_name)
-    for name in names:
-        if any("coverage" in by_name.get(name, {}) for by_name in errors.values()):
-            yield _region_table(errors, name)
 
 
 def _cells(one: Figures) -> list[str]:
@@ -95,39 +90,6 @@ def _group_table(errors: Figures, ratios: Figures, main: str, prior: str) -> Fit
         held = by_name[main].get("coverage")
         rows.append([*cells, f"{100 * held[0]:.0f}" if held else ""])
     return make_table("Errors after one push, by bodies", [*header, "coverage %"], rows)
-
-
-def _history_table(errors: Figures) -> Iterator[FittingTable]:
-    """Yield the mean target errors by the number of earlier pushes of the episode."""
-    groups = {name: one for name, one in errors.items() if name.endswith(" earlier")}
-    if not groups:
-        return
-    names = dict.fromkeys(name for one in groups.values() for name in one)
-    counts = [group.removeprefix("target, ").removesuffix(" earlier") for group in groups]
-    rows = (
-        (name, *(f"{one[name][MM][0]:.2f}" if name in one else "" for one in groups.values()))
-        for name in names
-    )
-    yield make_table("the target's error [mm] by earlier pushes", ["prediction", *counts], rows)
-
-
-def _region_table(errors: Figures, name: str) -> FittingTable:
-    """Return how often the regions of a model hold what it predicts, by group."""
-    header = ("bodies", "number", "held [%]", "95 %", "error [mm]", "spread", "radius")
-    rows = (
-        (
-            group,
-            str(one["number"]),
-            f"{100 * one['coverage'][0]:.1f}",
-            f"{100 * one['coverage'][1]:.0f}-{100 * one['coverage'][2]:.0f}",
-            f"{one[MM][0]:.3f}",
-            f"{one['spread']:.3f}",
-            f"{one['radius']:.3f}",
-        )
-        for group, by_name in errors.items()
-        if (one := by_name.get(name)) and "coverage" in one
-    )
-    return make_table(f"90 % regions of {name}", header, rows)
 
 
 def rollout_markdown(found: Figures) -> str:

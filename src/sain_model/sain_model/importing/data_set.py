@@ -81,21 +81,14 @@ PHYSICS: Final = surface_kind().config  # nominal physics of real bodies, as in 
 
 @dataclass(frozen=True, eq=False)
 class Imported:
-    """A data set in memory.
+    """A data set in memory."""
 
-    Attributes:
-        columns: of all rows.
-        bodies: by the name of the shape.
-        left_out: where the pushes are that cannot be, by what is wrong with them.
-        misses: how many never touch it.
-        groups: of near repeats.
-    """
-
-    columns: Columns
-    bodies: dict[BodyKey, Bodies]
+    columns: Columns  # of all rows
+    bodies: dict[BodyKey, Bodies]  # by the name of the shape
+    # where the pushes are that cannot be, by what is wrong with them
     left_out: dict[str, tuple[str, ...]]
-    misses: int
-    groups: Int[ndarray, "M"]
+    misses: int  # how many never touch it
+    groups: Int[ndarray, "M"]  # of near repeats
 
 
 def import_pushes(
@@ -104,17 +97,12 @@ def import_pushes(
     skip_bad: bool,
     progress: Callable[[int, int], None] = lambda done, of: None,
 ) -> Imported:
-    """Return recordings as a data set.
+    """Return recordings as a data set; bodies have this mass [kg] where no row states one.
 
-    Args:
-        found: what was read.
-        mass: of bodies whose mass no row states [kg].
-        skip_bad: leave out pushes that cannot be, see `faults_of`; else they are an error.
-        progress: called with how many rows are predicted, and of how many.
+    `progress` is called with how many rows are predicted, and of how many.
 
-    Raises:
-        DatasetError: a push that cannot be, unless they are left out; most of them cannot be, most
-            never touch the body, or headings are in degrees.
+    Raises `DatasetError`: a push that cannot be, unless they are left out (`skip_bad`); most of
+    them cannot be, most never touch the body, or headings are in degrees.
     """
     bodies = {key: Bodies((body.shape.on(FLAT),)) for key, body in found.bodies.items()}
     state, after, strokes = _scenes(found, mass)
@@ -369,8 +357,7 @@ def _places(groups: Int[ndarray, "M"]) -> Int[ndarray, "M"]:
 def write_imported(folder: Path, made: Imported, card: dict[str, Any]) -> int:
     """Replace a data set: shards, outlines and, last, the card; return the number of shards.
 
-    Raises:
-        OutputError: the folder cannot be written.
+    Raises `OutputError`: the folder cannot be written.
     """
     for path in [path for name in WRITTEN for path in folder.glob(name)]:
         remove(path)

@@ -72,31 +72,21 @@ def unit_of(name: str) -> str:
 
 @dataclass(frozen=True)
 class Header:
-    """The header of a CSV file.
+    """The header of a CSV file."""
 
-    Attributes:
-        names: of its columns in order; empty for those that are not used.
-        factors: what numbers of a column are multiplied with, by name.
-        unused: columns that are left out, in words.
-    """
-
-    names: tuple[str, ...]
-    factors: Mapping[str, float]
-    unused: tuple[str, ...]
+    names: tuple[str, ...]  # of its columns in order; empty for those that are not used
+    factors: Mapping[str, float]  # what numbers of a column are multiplied with, by name
+    unused: tuple[str, ...]  # columns that are left out, in words
 
 
 def read_csv(path: Path, degrees: bool = False) -> tuple[RealPushes, list[str]]:
     """Return the pushes of a CSV file, and notes about what was not read as it stands.
 
     Commas, semicolons or tabs separate its columns. A header may state units: `x0_mm`, `x0 [mm]`.
+    With `degrees`, headings without a unit are in degrees.
 
-    Args:
-        path: of the file.
-        degrees: whether headings are in degrees where the header states no unit.
-
-    Raises:
-        DatasetError: it does not exist, lacks a column, has too many rows, or a field that is
-            missing or no number.
+    Raises `DatasetError`: it does not exist, lacks a column, has too many rows, or a field that is
+    missing or no number.
     """
     try:
         if what := describe(path, texts=False):
@@ -289,21 +279,13 @@ BodyKey = tuple[str, float]  # name, and the radius [m] that a row states; NaN: 
 
 @dataclass(frozen=True)
 class Recordings:
-    """What was read.
+    """What was read."""
 
-    Attributes:
-        pushes: of all files.
-        bodies: by name and stated radius of each row's body.
-        keys: of each row.
-        notes: lines about what was left out or turned round.
-        paths: the files.
-    """
-
-    pushes: RealPushes
-    bodies: dict[BodyKey, BodyOutline]
-    keys: list[BodyKey]
-    notes: tuple[str, ...]
-    paths: tuple[Path, ...]
+    pushes: RealPushes  # of all files
+    bodies: dict[BodyKey, BodyOutline]  # by name and stated radius of each row's body
+    keys: list[BodyKey]  # of each row
+    notes: tuple[str, ...]  # lines about what was left out or turned round
+    paths: tuple[Path, ...]  # the files
 
 
 def read_recordings(
@@ -314,16 +296,12 @@ def read_recordings(
 ) -> Recordings:
     """Read files and folders of real pushes.
 
-    Args:
-        paths: of files, or of folders of them.
-        shapes: file of outlines; None: one of `BESIDE` next to the first path, or none.
-        tip_radius: of the tool where rows do not state it [m]; None: that of the file of outlines,
-            or of the laboratory that published the form.
-        degrees: whether headings of CSV files are in degrees, where a header states no unit.
+    Without a file of outlines, one of `BESIDE` next to the first path is read, if any. Where
+    neither rows nor that file state the tool's radius [m], it is that of the laboratory that
+    published the form. `degrees` as in `read_csv`.
 
-    Raises:
-        DatasetError: nothing there, a file that is damaged or of another form, a number that
-            cannot be, a body without an outline, or a tool without a radius.
+    Raises `DatasetError`: nothing there, a file that is damaged or of another form, a number that
+    cannot be, a body without an outline, or a tool without a radius.
     """
     found, notes = _find(paths)
     logs = [path for path in found if form_of(path) == MAT]

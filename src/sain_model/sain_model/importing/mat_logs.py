@@ -39,8 +39,7 @@ PIECE: Final = 1 << 16
 def read_mats(paths: Sequence[Path]) -> list[RealPushes]:
     """Return the pushes of each log.
 
-    Raises:
-        DatasetError: one is damaged, too large, or of another form.
+    Raises `DatasetError`: one is damaged, too large, or of another form.
     """
     if not paths:
         return []

@@ -34,39 +34,23 @@ FOUND_AT: Final = (
 
 @dataclass(frozen=True, eq=False)
 class RealPushes:
-    """M pushes, in the frame of the body that its user states.
+    """M pushes, in the frame of the body that its user states."""
 
-    Attributes:
-        surface: name (M,); empty where it is not stated.
-        object: name of the pushed body (M,).
-        run: name of the recording (M,).
-        before: pose of the body x, y [m] and heading [rad], (M, 3).
-        after: likewise.
-        tip_start: where the tool's axis began (M, 2) [m].
-        tip_end: where it ended.
-        speed: of the tool (M,) [m/s].
-        tip_radius: of the tool (M,) [m]; NaN: not stated.
-        mass: of the body (M,) [kg]; NaN: not stated.
-        radius: circumscribed, of a body whose shape is one of the library's (M,) [m]; NaN likewise.
-        file: number of the file that each is from, (M,).
-        row: its number there, as people count it.
-        files: names of the files.
-    """
-
-    surface: ndarray
-    object: ndarray
-    run: ndarray
-    before: Float[ndarray, "M 3"]
-    after: Float[ndarray, "M 3"]
-    tip_start: Float[ndarray, "M 2"]
-    tip_end: Float[ndarray, "M 2"]
-    speed: Float[ndarray, "M"]
-    tip_radius: Float[ndarray, "M"]
-    mass: Float[ndarray, "M"]
+    surface: ndarray  # name (M,); empty where it is not stated
+    object: ndarray  # name of the pushed body (M,)
+    run: ndarray  # name of the recording (M,)
+    before: Float[ndarray, "M 3"]  # pose of the body x, y [m] and heading [rad], (M, 3)
+    after: Float[ndarray, "M 3"]  # likewise
+    tip_start: Float[ndarray, "M 2"]  # where the tool's axis began (M, 2) [m]
+    tip_end: Float[ndarray, "M 2"]  # where it ended
+    speed: Float[ndarray, "M"]  # of the tool (M,) [m/s]
+    tip_radius: Float[ndarray, "M"]  # of the tool (M,) [m]; NaN: not stated
+    mass: Float[ndarray, "M"]  # of the body (M,) [kg]; NaN: not stated
+    # circumscribed, of a body whose shape is one of the library's (M,) [m]; NaN likewise
     radius: Float[ndarray, "M"]
-    file: Int[ndarray, "M"]
-    row: Int[ndarray, "M"]
-    files: tuple[str, ...]
+    file: Int[ndarray, "M"]  # number of the file that each is from, (M,)
+    row: Int[ndarray, "M"]  # its number there, as people count it
+    files: tuple[str, ...]  # names of the files
 
     def __len__(self) -> int:
         return len(self.speed)
@@ -129,9 +113,8 @@ def joined(parts: Sequence[RealPushes]) -> RealPushes:
 def check_real(pushes: RealPushes) -> RealPushes:
     """Return pushes that can be, with headings in (-pi, pi].
 
-    Raises:
-        DatasetError: naming the row and the value of the first that is NaN or Inf, looks like
-            millimetres or degrees, or is out of range.
+    Raises `DatasetError`: naming the row and the value of the first that is NaN or Inf, looks like
+    millimetres or degrees, or is out of range.
     """
     _check_numbers(pushes)
     for name in ("before", "after", "tip_start", "tip_end"):
@@ -203,11 +186,7 @@ def is_one_push(path: Path) -> bool:
 
 
 def read_npz(path: Path) -> RealPushes:
-    """Return the pushes of an npz.
-
-    Raises:
-        DatasetError: it is damaged, or of another form.
-    """
+    """Return the pushes of an npz; raises `DatasetError`: it is damaged, or of another form."""
     arrays = read_arrays(path)
     if missing := [name for name in COLUMNS if name not in arrays]:
         raise DatasetError(f"{path} is of another form: it lacks {', '.join(missing)}")

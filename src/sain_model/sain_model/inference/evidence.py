@@ -36,20 +36,15 @@ TURN_ARM: Final = 0.5  # [radii], on which a turn counts as a way
 
 @dataclass(frozen=True, eq=False)
 class ObservedPushes(Transitions):
-    """M pushes of the same bodies, and what is to be explained.
+    """M pushes of the same bodies, and what is to be explained."""
 
-    Attributes:
-        episode: which episode each belongs to, (M,); in many recordings counted over all of them.
-        bodies: of all scenes.
-        noise: (M, N), standard deviation [m] of each coordinate of the way that a body was seen to
-            move; None: scenes are exact.
-        given: values of parameters that are not inferred, (M,) by name.
-    """
-
+    # which episode each belongs to, (M,); in many recordings counted over all of them
     episode: Int[ndarray, "M"]
-    bodies: Bodies = PAPER_DISKS
+    bodies: Bodies = PAPER_DISKS  # of all scenes
+    # (M, N), standard deviation [m] of each coordinate of the way that a body was seen to move;
+    # None: scenes are exact
     noise: Float[ndarray, "M N"] | None = None
-    given: Values | None = None
+    given: Values | None = None  # values of parameters that are not inferred, (M,) by name
 
     def select(self, rows: Mask | Indices | slice) -> Self:
         """Return some pushes, any of them as often as its number is given."""
@@ -201,17 +196,11 @@ Curves = Float[ndarray, "M G K"]  # logarithm of the density of each push at eac
 
 @dataclass(frozen=True, eq=False)
 class Marginals:
-    """What pushes say about the parameters of a grid, for each of R rows.
+    """What pushes say about the parameters of a grid, for each of R rows."""
 
-    Attributes:
-        places: means of the vectors z; parameters without a grid stay as believed before.
-        spreads: standard deviations of z.
-        log_evidence: of the kind of physics with these parameters alone.
-    """
-
-    places: Places
-    spreads: Places
-    log_evidence: Float[ndarray, "R"]
+    places: Places  # means of the vectors z; parameters without a grid stay as believed before
+    spreads: Places  # standard deviations of z
+    log_evidence: Float[ndarray, "R"]  # of the kind of physics with these parameters alone
 
 
 def marginals(kind: Kind, totals: Float[ndarray, "R G K"]) -> Marginals:

@@ -35,45 +35,17 @@ from sain_model.physics.planar import PlanarPrior, step_knowing
 FRICTION: Final = "friction"
 MASS_RATIO: Final = "mass_ratio"
 LABORATORY: Final = (  # what pushes show of the physics of a table, a tool and bodies
-    FRICTION,
-    "tool_friction",
-    "disk_friction",
-    "tool_restitution",
-    "disk_restitution",
-    "foot_radius",
-    "inertia",
-    "tool_height",
-    "disk_height",
-    "middle_height",
-    "speed_factor",
-)
+    FRICTION, "tool_friction", "disk_friction", "tool_restitution", "disk_restitution",
+    "foot_radius", "inertia", "tool_height", "disk_height", "middle_height", "speed_factor",
+)  # fmt: skip
 BODY_ON_SURFACE: Final = (  # what pushes show of a body on a surface, and of where the tool is
-    "tool_friction",
-    "torsion",
-    "pressure",
-    "centre_x",
-    "centre_y",
-    "grain_x",
-    "grain_y",
-    "table_grain_x",
-    "table_grain_y",
-    "tip_x",
-    "tip_y",
-)
+    "tool_friction", "torsion", "pressure", "centre_x", "centre_y", "grain_x", "grain_y",
+    "table_grain_x", "table_grain_y", "tip_x", "tip_y",
+)  # fmt: skip
 OF_TABLE: Final = (  # what many pushes show besides: of a table, and of a robot that is not exact
-    "slope_x",
-    "slope_y",
-    "table_grain_x",
-    "table_grain_y",
-    "centre_x",
-    "centre_y",
-    "torsion",
-    "tool_compliance",
-    "length_offset",
-    "angle_offset",
-    "location_offset",
-    *BY_HEADING,
-)
+    "slope_x", "slope_y", "table_grain_x", "table_grain_y", "centre_x", "centre_y", "torsion",
+    "tool_compliance", "length_offset", "angle_offset", "location_offset", *BY_HEADING,
+)  # fmt: skip
 ACROSS: Final = "yield_across"
 ALONG_AXES: Final = "axes_yield"
 POINTS: Final = {FRICTION: 61, MASS_RATIO: 17}  # of a grid, for parameters that have one
@@ -91,29 +63,20 @@ Places = Float[ndarray, "R D"]  # a vector z for each of R rows
 
 @dataclass(frozen=True, eq=False)
 class Kind:
-    """A kind of physics, and what is believed of its parameters.
+    """A kind of physics, and what is believed of its parameters."""
 
-    Attributes:
-        name: for people.
-        prior: with the most likely parameters.
-        names: of the D parameters that pushes show; none: the prior stays as it is.
-        covariance: of the vector z, (D, D).
-        log_odds: logarithm of how likely this kind is, up to a constant.
-        flat_log_odds: what is added to it where all bodies lie flat.
-        only_flat: whether it is of no other bodies.
-        corrected: whether the network was trained on this kind.
-        of_bodies: whether episodes are those of a body on a surface each, which has a value of its
-            own of every parameter.
-    """
-
-    name: str
-    prior: Model
+    name: str  # for people
+    prior: Model  # with the most likely parameters
+    # of the D parameters that pushes show; none: the prior stays as it is
     names: tuple[str, ...] = (FRICTION,)
+    # of the vector z, (D, D)
     covariance: Float[ndarray, "D D"] = field(default_factory=lambda: np.eye(1))
-    log_odds: float = 0.0
-    flat_log_odds: float = 0.0
-    only_flat: bool = False
-    corrected: bool = False
+    log_odds: float = 0.0  # logarithm of how likely this kind is, up to a constant
+    flat_log_odds: float = 0.0  # what is added to it where all bodies lie flat
+    only_flat: bool = False  # whether it is of no other bodies
+    corrected: bool = False  # whether the network was trained on this kind
+    # whether episodes are those of a body on a surface each, which has a value of its own of every
+    # parameter
     of_bodies: bool = False
 
     def log_odds_of(self, bodies: Bodies) -> float:
@@ -245,16 +208,11 @@ class Kind:
 
 @dataclass(frozen=True, eq=False)
 class Belief:
-    """What is believed of the physics before an episode's first push.
+    """What is believed of the physics before an episode's first push."""
 
-    Attributes:
-        kinds: of physics; that with the network is the first.
-        network_log_odds: logarithm of the odds that the network's correction holds.
-        card: where this comes from; empty: no laboratory was recorded.
-    """
-
-    kinds: tuple[Kind, ...]
-    network_log_odds: float = KEEP
+    kinds: tuple[Kind, ...]  # of physics; that with the network is the first
+    network_log_odds: float = KEEP  # logarithm of the odds that the network's correction holds
+    # where this comes from; empty: no laboratory was recorded
     card: dict[str, Any] = field(default_factory=dict)
 
     @property
@@ -279,12 +237,9 @@ def surface_kind() -> Kind:
 
 
 def friction_kind(prior: Model, infers: bool = True, deviation: float = 1.0) -> Kind:
-    """Return a kind of physics of which pushes show the friction at most.
+    """Return a kind of physics of which pushes show the friction at most, if the prior is planar.
 
-    Args:
-        prior: of any package; pushes show nothing of those that are not planar.
-        infers: whether they show the friction.
-        deviation: of its z before any push.
+    `deviation` is that of the friction's z before any push.
     """
     if not infers or not isinstance(prior, PlanarPrior):
         return Kind("given", prior, (), np.zeros((0, 0)), corrected=True)
@@ -340,13 +295,9 @@ def default_belief(prior: PlanarPrior) -> Belief:
 
 
 def laboratory_kinds(belief: Belief, flat: bool) -> list[Kind]:
-    """Return the kinds that the pushes of a laboratory are explained by.
+    """Return the kinds that the pushes of a laboratory, where all bodies lie flat or not, show.
 
     They have all parameters that many pushes show, which all episodes share.
-
-    Args:
-        belief: as `default_belief` has it.
-        flat: whether all bodies lie flat.
     """
     shared = [replace(kind, of_bodies=False) for kind in belief.kinds]
     if flat:
@@ -379,8 +330,7 @@ def write_belief(path: Path, belief: Belief) -> Path:
 def read_belief(path: Path) -> Belief:
     """Read a belief.
 
-    Raises:
-        CheckpointError: no such file, not a belief, or one of an earlier version.
+    Raises `CheckpointError`: no such file, not a belief, or one of an earlier version.
     """
     try:
         content = read_json(path)

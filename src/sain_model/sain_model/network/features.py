@@ -63,10 +63,8 @@ MIRRORED_BELIEVED: Final = tuple(  # columns that change their sign in a mirror
 def believed_features(scenes: Scenes, headings: Scalars, values: Values) -> Float[ndarray, "B N P"]:
     """Return what is believed of each body's physics, scaled to be of order one.
 
-    Args:
-        scenes: (B, N, 8).
-        headings: of the frames of the pushes, (B,) [rad].
-        values: of parameters by name, (B,) or (B, N); those that are missing are 0 here.
+    Headings (B,) [rad] are those of the frames of the pushes; values (B,) or (B, N) that are
+    missing are 0 here.
     """
     columns = [
         np.log(_value(scenes, values, name, middle) / middle) / _scale(name)
@@ -196,15 +194,9 @@ def network_inputs(
     bodies: Bodies,
     values: Values | None = None,
 ) -> Features:
-    """Return the inputs of a network.
+    """Return the inputs of a network for pushes in the frames that `push_frames` makes.
 
-    Args:
-        config: of the network.
-        scenes: before the pushes.
-        frames: of the pushes, as `push_frames` makes them.
-        physics_next: the prior's prediction.
-        bodies: of the scenes.
-        values: what is believed of the physics, by name.
+    `physics_next` is the prior's prediction, `values` are what is believed of the physics.
     """
     batch, count, _ = scenes.shape
     believed = network_beliefs(config, scenes, frames, values or {})

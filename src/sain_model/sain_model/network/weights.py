@@ -26,24 +26,19 @@ Tensors = dict[str, Float32[ndarray, "..."]]
 
 @dataclass(frozen=True, eq=False)
 class NetworkWeights:
-    """A trained network: its size, and its weights by name.
+    """A trained network: its size, and its weights by name."""
 
-    Attributes:
-        config: its size, and what it sees.
-        tensors: of the linear layers of f_rel and f_dyn, named as PyTorch names them:
-            ``relation.0.weight`` (outputs, inputs) and ``relation.0.bias`` (outputs,); those of an
-            ensemble of M members have M in front.
-    """
-
-    config: NetworkConfig
+    config: NetworkConfig  # its size, and what it sees
+    # of the linear layers of f_rel and f_dyn, named as PyTorch names them: ``relation.0.weight``
+    # (outputs, inputs) and ``relation.0.bias`` (outputs,); those of an ensemble of M members have M
+    # in front
     tensors: Tensors
 
     @classmethod
     def parse(cls, config: NetworkConfig, content: bytes) -> "NetworkWeights":
         """Return the weights in the content of a safetensors file.
 
-        Raises:
-            CheckpointError: they are not safetensors, of other names or shapes, or not finite.
+        Raises `CheckpointError`: they are not safetensors, of other names or shapes, or not finite.
         """
         try:
             tensors = safetensors.numpy.load(content)

@@ -61,11 +61,7 @@ def _check_pushed(pushed: np.ndarray, count: int) -> None:
 
 
 def check_finite(name: str, values: np.ndarray) -> None:
-    """Check that values are finite.
-
-    Raises:
-        InvalidInputError: naming the first that is not.
-    """
+    """Check that values are finite; raises `InvalidInputError`: naming the first that is not."""
     if not np.isfinite(values).all():
         where = tuple(int(i) for i in np.argwhere(~np.isfinite(values))[0])
         raise InvalidInputError(f"{name}{list(where)} is {values[where]}; it must be finite")
@@ -76,28 +72,18 @@ Values = Mapping[str, ndarray]  # (B,) by name; parameters of bodies (B,) for al
 
 
 class Parameter(NamedTuple):
-    """One parameter of the physics, and what is believed of it before any push.
+    """One parameter of the physics, and what is believed of it before any push."""
 
-    Attributes:
-        name: the field of `PlanarConfig`, of the solver's rows, and of `Values`.
-        meaning: in plain words.
-        unit: of its value; empty for a share or a factor.
-        scope: what it belongs to. A value for each body may be given for those of scope "body";
-            each episode has its own of scope "episode".
-        spread: standard deviation before any push.
-        logarithm: whether the spread is that of the logarithm.
-        least: smallest value.
-        most: largest value.
-    """
-
-    name: str
-    meaning: str
-    unit: str
+    name: str  # the field of `PlanarConfig`, of the solver's rows, and of `Values`
+    meaning: str  # in plain words
+    unit: str  # of its value; empty for a share or a factor
+    # what it belongs to. A value for each body may be given for those of scope "body"; each episode
+    # has its own of scope "episode"
     scope: Scope
-    spread: float
-    logarithm: bool
-    least: float
-    most: float
+    spread: float  # standard deviation before any push
+    logarithm: bool  # whether the spread is that of the logarithm
+    least: float  # smallest value
+    most: float  # largest value
 
 
 HARMONICS: Final = (("cos", 1), ("sin", 1), ("cos", 2), ("sin", 2))  # by which offsets differ
@@ -299,11 +285,7 @@ BODY_ROW: Final = np.dtype([(name, np.float64) for name in OF_BODIES])
 def rows_of(config: Hashable, values: Values, batch: int, bodies: int) -> tuple[ndarray, ndarray]:
     """Return what the solver reads for each push: `PUSH_ROW` (B,), and `BODY_ROW` (B, N).
 
-    Args:
-        config: has what `values` has not.
-        values: checked, see `check_values`.
-        batch: B.
-        bodies: N.
+    `config` has what the checked `values` have not; see `check_values`.
     """
     row_of_push, row_of_body = _settings(config)
     pushes, own = np.full(batch, row_of_push), np.full((batch, bodies), row_of_body)
@@ -326,8 +308,7 @@ def _settings(config: Hashable) -> tuple[ndarray, ndarray]:
 def check_values(values: Values, batch: int, bodies: int) -> None:
     """Check that values are of parameters, fit a batch of B scenes with N bodies, and are allowed.
 
-    Raises:
-        InvalidInputError: naming what is not, and what is allowed.
+    Raises `InvalidInputError`: naming what is not, and what is allowed.
     """
     for name, value in values.items():
         one = BY_NAME.get(name)
@@ -350,13 +331,9 @@ def check_values(values: Values, batch: int, bodies: int) -> None:
 
 
 def with_mass_ratio(scenes: Scenes, ratio: Float[ndarray, "R"] | float) -> Scenes:
-    """Return scenes (B, N, 8) whose masses of bodies 1 and on, over that of body 0, are scaled.
+    """Return scenes (B, N, 8) with masses of bodies 1 and on, over that of body 0, times a ratio.
 
     Half of the logarithm goes to body 0: the masses stay near those that networks were trained on.
-
-    Args:
-        scenes: as observed.
-        ratio: by how much, one for all, also as (1,), or (B,).
     """
     if np.all(ratio == 1.0):
         return scenes

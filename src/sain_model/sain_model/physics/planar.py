@@ -202,18 +202,14 @@ def _starts(groups: Sequence[ndarray]) -> ndarray:
 
 @dataclass(frozen=True, eq=False)
 class FirstTouch:
-    """Of each of B strokes.
+    """Of each of B strokes."""
 
-    Attributes:
-        gap: between the tool and the nearest body before the stroke [m]; negative: they overlap.
-        nearest: which body that is.
-        distance: of travel until the tool touches the body that is pushed [m]; infinite: it misses.
-        normal: heading of that body's inward normal there [rad]; of a miss that of travel.
-    """
-
+    # between the tool and the nearest body before the stroke [m]; negative: they overlap
     gap: Float[ndarray, "B"]
-    nearest: Indices
+    nearest: Indices  # which body that is
+    # of travel until the tool touches the body that is pushed [m]; infinite: it misses
     distance: Float[ndarray, "B"]
+    # heading of that body's inward normal there [rad]; of a miss that of travel
     normal: Float[ndarray, "B"]
 
     @property
@@ -235,9 +231,7 @@ def check_starts(scenes: Scenes, strokes: Pushes, bodies: Bodies) -> None:
     """Check that no stroke (B, 8) that moves begins with the tool inside a body.
 
     An overlap of up to `OVERLAP_TOLERANCE` is taken as touching: poses are measured.
-
-    Raises:
-        InvalidInputError: naming the first that does.
+    Raises `InvalidInputError`: naming the first that does.
     """
     touch = first_touch(scenes, strokes, bodies)
     wrong = touch.inside & (strokes[:, LENGTH] > 0.0)

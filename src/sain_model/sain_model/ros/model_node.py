@@ -166,17 +166,17 @@ class ModelNode(Node):
         """Do the work on the thread for it, and fill in what every answer has."""
         taken = perf_counter()
         try:
-            self.service.take()
+            self.service.record.take()
             await self.worker.run(lambda: self.service.compute(work, response))
         except Exception as error:
-            self.service.answered(taken, shortened(error_reply(error)[1]))
+            self.service.record.answered(taken, shortened(error_reply(error)[1]))
             self._report()  # else the timer does: nobody is to wait for it
             raise
-        self.service.answered(taken)
+        self.service.record.answered(taken)
         return response
 
     def _report(self) -> None:
-        refusal = self.service.refusal
+        refusal = self.service.record.refusal
         level, message = (WARN, f"refused: {refusal}") if refusal else (OK, SERVING)
         self.diagnostics.set(level, message, **self.service.figures())
 

@@ -62,8 +62,7 @@ class ModelServer:
     def __init__(self, dynamics: Model, config: "ServingConfig") -> None:
         """Serve this dynamics, on the device that the settings choose.
 
-        Raises:
-            ConfigError: a GPU is wanted and there is none.
+        Raises `ConfigError`: a GPU is wanted and there is none.
         """
         if isinstance(dynamics, SainDynamics) and dynamics.network is not None:
             dynamics = dynamics.on(choose_device(config.device))
@@ -76,14 +75,9 @@ class ModelServer:
         self._learned: tuple[PushHistory, Bodies, Model] | None = None
 
     def with_model(self, name: str, bodies: Bodies = PAPER_DISKS) -> "ModelServer":
-        """Return a server of another model with these settings, for a planner.
+        """Return a server of another model (see `load_server`) in a scene of bodies, for a planner.
 
-        Args:
-            name: of the model; see `load_server`.
-            bodies: of the scene in which it goes on.
-
-        Raises:
-            ConfigError: it cannot predict these bodies, or too slowly; also as `load_server`.
+        Raises `ConfigError`: it cannot predict these bodies, or too slowly; also as `load_server`.
         """
         other = load_server(replace(self.config, model=name))
         other.knowing(None, bodies)
@@ -93,8 +87,7 @@ class ModelServer:
     def check_pace(self) -> None:
         """Check that a planner can wait for this model.
 
-        Raises:
-            ConfigError: it predicts too slowly.
+        Raises `ConfigError`: it predicts too slowly.
         """
         times = []
         for _ in range(TRIALS):
@@ -110,8 +103,7 @@ class ModelServer:
     def try_out(self) -> None:
         """Answer requests of both kinds, so that none from outside waits for compilation.
 
-        Raises:
-            ModelUnavailableError: the model answers with something that no answer can be.
+        Raises `ModelUnavailableError`: the model answers with something that no answer can be.
         """
         with answering(self._name):
             self.rollout(WARM_UP_SCENE, WARM_UP_PUSHES)

@@ -63,8 +63,10 @@ LONGEST_PATH: Final = 4096  # characters, as Linux has it
 class ServiceRecord:
     """Counts requests from when they are taken to when they are answered. Of one thread."""
 
+    most: int  # that may wait
     requests: int = 0  # answered so far
     failures: int = 0  # of them, with an error
+    refusal: str = ""  # of the latest request; empty: it was answered
     queue: int = 0  # taken and not yet answered
     longest_queue: int = 0
     longest: float = 0.0  # [s]
@@ -72,16 +74,20 @@ class ServiceRecord:
     latencies: deque[float] = field(default_factory=lambda: deque(maxlen=RECENT))
 
     def take(self) -> None:
-        """Note that a request was taken."""
+        """Note that a request was taken; raises `BusyError`: too many are waiting."""
+        waiting = self.queue
         self.queue += 1
         self.longest_queue = max(self.longest_queue, self.queue)
+        if waiting >= self.most:
+            raise BusyError(f"{waiting} requests are waiting already; at most {self.most} may")
 
-    def answer(self, latency: float, well: bool) -> None:
-        """Note that one was answered, so long after it was taken [s]."""
+    def answered(self, taken: float, refusal: str = "") -> None:
+        """Note that a request that was taken then was answered, or why it was refused."""
+        latency = perf_counter() - taken
         self.queue -= 1
         self.requests += 1
-        self.failures += not well
-        self.longest = max(self.longest, latency)
+        self.failures += bool(refusal)
+        self.refusal, self.longest = refusal, max(self.longest, latency)
         self.latencies.append(latency)
 
     def percentile(self, share: float) -> float:
@@ -115,10 +121,9 @@ class ModelService:
 
     def __init__(self, config: ServingConfig) -> None:
         self.config = config
-        self.record = ServiceRecord()
+        self.record = ServiceRecord(config.max_queue)
         self.bodies: Bodies = PAPER_DISKS  # of the episode
         self.doing = f"loading {config.model}"  # what is done; `SERVING`: requests are answered
-        self.refusal = ""  # of the latest request; empty: it was answered
         self.prepared: ModelServer | None = None  # waits for `swap`
 
     def start(self) -> None:
@@ -161,22 +166,6 @@ class ModelService:
         return self.server.description
 
     # --- requests ---------------------------------------------------------------------------------
-
-    def take(self) -> None:
-        """Note that a request was taken.
-
-        Raises:
-            BusyError: too many are waiting.
-        """
-        waiting, most = self.record.queue, self.config.max_queue
-        self.record.take()
-        if waiting >= most:
-            raise BusyError(f"{waiting} requests are waiting already; at most {most} may")
-
-    def answered(self, taken: float, refusal: str = "") -> None:
-        """Note that a request that was taken then was answered, or why it was refused."""
-        self.record.answer(perf_counter() - taken, well=not refusal)
-        self.refusal = refusal
 
     def compute(self, work: Callable[["ModelServer"], None], response: Any) -> None:
         """Answer with the model that is served now, whatever is served when it is done."""

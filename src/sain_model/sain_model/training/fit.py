@@ -44,16 +44,10 @@ from sain_model.evaluation.errors import position_errors
 from sain_model.evaluation.predictors import step_with_history
 from sain_model.inference.kinds import FRICTION, Kind, friction_kind, read_belief
 from sain_model.network.interaction_network import InteractionNetwork, new_network
-from sain_model.network.settings import PLANAR, PLANAR_AXES, PLANAR_PRIORS, SHIPPED
+from sain_model.network.settings import PLANAR, PLANAR_AXES, SHIPPED
 from sain_model.training.interval_fit import fit_intervals
 from sain_model.training.objectives import Rollouts, SinglePushes
-from sain_model.training.settings import (
-    DEFAULT,
-    EPISODE,
-    NOTHING,
-    TrainingConfig,
-    TrainOptions,
-)
+from sain_model.training.settings import DEFAULT, EPISODE, NOTHING, TrainingConfig, TrainOptions
 from sain_model.training.trainer import LearningObjective, LossHistory, Progress, Trainer
 
 Show = Callable[[str, int, int], AbstractContextManager[Progress]]
@@ -67,13 +61,10 @@ STATES: Final = (f"{PUSHES}.pt", f"{ROLLOUTS}.pt")
 def trained_kind(config: TrainingConfig) -> Kind:
     """Return the physics that settings ask for, and what pushes show of it.
 
-    Raises:
-        ConfigError: no such prior.
+    Raises `ConfigError`: no such prior.
     """
     check_model_name(config.prior)
-    planar = config.prior in PLANAR_PRIORS
-    prior = make_prior(config.prior, {"friction": config.prior_friction} if planar else None)
-    return friction_kind(prior, config.history != NOTHING)
+    return friction_kind(make_prior(config.prior), config.history != NOTHING)
 
 
 def identified_kind(path: Path, config: TrainingConfig) -> tuple[TrainingConfig, Kind]:
@@ -153,7 +144,7 @@ def _with_bodies(split: Split, kind: Kind) -> Split:
     return Split(*(with_beliefs(part, kind, bodies) for part in parts))
 
 
-KEPT: Final = ("prior", "prior_friction", "history")  # and its network: weights fit no others
+KEPT: Final = ("prior", "history")  # and its network: weights fit no others
 INHERITED: Final = (
     *("weight_decay", "mirror", "diversity"),
     *("robust", "position_scale", "velocity_scale", "heading_scale"),
@@ -195,8 +186,7 @@ class Parent:
     def settings(self) -> TrainingConfig:
         """How it goes on learning where nothing else is asked for.
 
-        Raises:
-            CheckpointError: its card has settings that make no sense.
+        Raises `CheckpointError`: its card has settings that make no sense.
         """
         learned, infers = self.card.training, self.sain.belief.trained.names
         return card_part(
@@ -206,7 +196,6 @@ class Parent:
                 **vars(DEFAULTS),
                 **{name: learned[name] for name in INHERITED if name in learned},
                 "prior": self.card.prior,
-                "prior_friction": self.card.prior_config.get("friction", DEFAULTS.prior_friction),
                 "history": learned.get("history", EPISODE) if infers else NOTHING,
                 "network": weights_of(self.sain).config,
             },
@@ -215,8 +204,7 @@ class Parent:
     def check_options(self, options: TrainOptions) -> None:
         """Check that a training keeps what the weights were made for.
 
-        Raises:
-            ConfigError: naming the option that asks for something else.
+        Raises `ConfigError`: naming the option that asks for something else.
         """
         config = options.training
         kept = {**vars(self.settings), **vars(self.settings.network)}
@@ -241,8 +229,7 @@ class Parent:
     def check_data(self, data: Dataset) -> None:
         """Check that a data set is new to it: what is held out must not have been learned from.
 
-        Raises:
-            DatasetError: it, or one that it learned from in its turn, has seen this data set.
+        Raises `DatasetError`: it, or one that it learned from in its turn, has seen this data set.
         """
         seen = {sha for card in self.card.lineage() for sha in _data_hashes(card)}
         for sha in (data.sha256, *data.sources):

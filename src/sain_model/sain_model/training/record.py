@@ -58,8 +58,7 @@ def epoch_bar(console: Console, epochs: int, done: int) -> Iterator[Progress]:
 def event_log(folder: Path, done: int) -> Iterator[Progress]:
     """Write the losses of each epoch below a folder; those after `done` epochs are replaced.
 
-    Raises:
-        ConfigError: tensorboardX is not installed.
+    Raises `ConfigError`: tensorboardX is not installed.
     """
     try:
         from tensorboardX import SummaryWriter
@@ -190,8 +189,7 @@ def save_settings(command: TrainOptions, data: Dataset) -> None:
 def written_names(name: str) -> list[str]:
     """Return the files that a training of this name writes.
 
-    Raises:
-        ConfigError: the name is a path, hidden, a pattern, or that of another file.
+    Raises `ConfigError`: the name is a path, hidden, a pattern, or that of another file.
     """
     if not re.fullmatch(r"\w[\w.+-]*", name) or f"{name}.json" == SETTINGS:
         raise ConfigError(

@@ -19,13 +19,7 @@ import tyro
 from sain_core.config import MOST_SEED, Config, option, required
 from sain_core.output import OVERWRITE_HELP
 from sain_core.transitions import SHARES, TEST, VALIDATION
-from sain_model.network.settings import (
-    BOOTSTRAP,
-    ORDER,
-    PLANAR,
-    PUSH_FRAME,
-    NetworkConfig,
-)
+from sain_model.network.settings import BOOTSTRAP, ORDER, PLANAR, PUSH_FRAME, NetworkConfig
 
 if TYPE_CHECKING:
     import torch
@@ -38,10 +32,9 @@ HALVING_STEPS: Final = "halving_steps"
 HALVING_EPOCHS: Final = "halving_epochs"
 NOTHING: Final = "none"
 EPISODE: Final = "episode"
-OF_ROLLOUTS: Final = (
-    *("steps_ahead", "rollout_epochs", "rollout_batch"),
-    *("rollout_learning_rate", "rollout_max_grad_norm"),
-)
+OF_ROLLOUTS: Final = ("steps_ahead", "rollout_epochs")
+ROLLOUT_BATCH: Final = 64  # windows in an optimizer step
+ROLLOUT_RATE: Final = 1e-3  # learning rate at the start; it falls to 0 along a cosine
 LAMBDA: Final = 1e-6  # of equation 5, of a loss in units of 1 mm
 
 
@@ -72,9 +65,6 @@ class TrainingConfig(Config):
         PLANAR,
         "model that is corrected: a name in the registry of models; identity: the network alone",
     )
-    prior_friction: float = option(
-        0.12, "nominal friction of the planar prior", minimum=0.01, maximum=1.0
-    )
     history: str = option(
         EPISODE,
         "pushes that the friction is inferred from in training: none, or all others of the episode;"
@@ -91,11 +81,6 @@ class TrainingConfig(Config):
     learning_rate: float = option(2e-3, "learning rate at the start", minimum=1e-7)
     weight_decay: float = option(
         0.1, "weight decay of the optimizer, the paper's lambda", minimum=0.0
-    )
-    max_grad_norm: float = option(
-        0.0,
-        "largest norm of a member's gradient; longer ones are scaled to it; 0: any",
-        minimum=0.0,
     )
     diversity: str = option(
         ORDER,
@@ -122,13 +107,6 @@ class TrainingConfig(Config):
         1, "pushes of a training rollout; 1: single pushes only", minimum=1, maximum=100
     )
     rollout_epochs: int = option(12, "passes over the windows", minimum=1)
-    rollout_batch: int = option(64, "windows in an optimizer step", minimum=1)
-    rollout_learning_rate: float = option(
-        1e-3, "learning rate at the start; it falls to 0 along a cosine", minimum=1e-7
-    )
-    rollout_max_grad_norm: float = option(
-        1.0, "largest norm of a gradient; longer ones are scaled to it", minimum=1e-6
-    )
     network: NetworkConfig = NetworkConfig()
 
     @property
@@ -148,9 +126,8 @@ class TrainingConfig(Config):
             epoch_steps=0,
             validate_every=1,
             patience=0,
-            batch=self.rollout_batch,
-            learning_rate=self.rollout_learning_rate,
-            max_grad_norm=self.rollout_max_grad_norm,
+            batch=ROLLOUT_BATCH,
+            learning_rate=ROLLOUT_RATE,
             diversity=ORDER,
             optimizer=ADAMW,
             schedule=COSINE,

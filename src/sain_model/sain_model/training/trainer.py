@@ -31,17 +31,13 @@ Progress = Callable[[int, "LossHistory"], None]  # called with the epochs done, 
 
 
 class LearningObjective(ABC):
-    """What a network is to learn.
+    """What a network is to learn."""
 
-    Attributes:
-        identity: of the data and of all else that the losses depend on.
-        episodes: which episode each of the M rows to learn from belongs to.
-        members: for how many networks rows are drawn; 1: the same rows for all.
-    """
-
-    identity: str
-    episodes: Int[ndarray, "M"]
-    members: int = 1
+    identity: str  # of the data and of all else that the losses depend on
+    episodes: Int[ndarray, "M"]  # which episode each of the M rows to learn from belongs to
+    members: int = 1  # for how many networks rows are drawn; 1: the same rows for all
+    # largest norm of a member's gradient; longer ones are scaled to it
+    max_grad_norm: float = math.inf
 
     @abstractmethod
     def losses(self, network: InteractionNetwork, rows: Int[Tensor, "M b"]) -> Tensor:
@@ -57,16 +53,12 @@ class LossHistory:
     """Losses after each epoch, and which epoch was best.
 
     An epoch that was not validated has the last loss that was, or infinity before the first.
-
-    Attributes:
-        train: of the training part.
-        validation: of the validation part.
-        start: of the validation part before the first epoch, where the weights to start from may
-            be kept; None: they may not.
     """
 
-    train: list[float] = field(default_factory=list)
-    validation: list[float] = field(default_factory=list)
+    train: list[float] = field(default_factory=list)  # of the training part
+    validation: list[float] = field(default_factory=list)  # of the validation part
+    # of the validation part before the first epoch, where the weights to start from may be kept;
+    # None: they may not
     start: float | None = None
 
     @property
@@ -149,9 +141,7 @@ class Trainer:
 
         With `keeps_start`, the weights stay as they are if no epoch is better. With `overwrite`, a
         file of other settings or data is replaced.
-
-        Raises:
-            CheckpointError: the file is damaged or of other settings or data.
+        Raises `CheckpointError`: the file is damaged or of other settings or data.
         """
         settle_threads()
         self.network, self._objective, self._config = network, objective, config
@@ -201,8 +191,7 @@ class Trainer:
             losses = self._objective.losses(self.network, rows)
             self._optimizer.zero_grad()
             losses.sum().backward()  # so that each member learns as if it were alone
-            if config.max_grad_norm:
-                clip_gradients(self.network, config.max_grad_norm)
+            clip_gradients(self.network, self._objective.max_grad_norm)
             self._optimizer.step()
             total += losses.mean().item() * rows.shape[-1]
             seen += rows.shape[-1]
@@ -257,6 +246,8 @@ class Trainer:
 
 def clip_gradients(network: InteractionNetwork, most: float) -> None:
     """Scale the gradient of each member whose norm is larger to this norm."""
+    if most == math.inf:
+        return
     members = network.config.members
     gradients = [p.grad for p in network.parameters() if p.grad is not None]
     squares = sum((g.reshape(members, -1) ** 2).sum(dim=1) for g in gradients)
