@@ -64,10 +64,10 @@ table: ## results/results.md and its picture: all scenarios in Bullet, its rough
 		results/table/measured results/table/pusht $(NAMES)
 	@./env python -m benchmarks.results.results_figure
 
-faults: ## results/faults.md: what the graph makes of killed nodes, lost datagrams, full disks and hostile input; takes an hour
+faults: ## results/faults.md: what the graph makes of killed and stopped nodes, an arm that fails, and hostile input; takes an hour
 	@./env python -m benchmarks.faults.graph_faults --page results/faults.md $(ARGS)
 
-real: ## results/real/: a page with pictures: errors on the real pushes at DATA=PATH; takes an hour, and continues after a stop
+real: ## results/real/: a page of errors on the real pushes at DATA=PATH; takes an hour, and continues after a stop
 	@./env python -m benchmarks.real $(if $(DATA),--data "$(DATA)") $(ARGS)
 
 dist: ## results/dist: sdist and wheel of this version, checked by twine and by an install
