@@ -13,9 +13,9 @@ from rich.console import Console
 from rich.table import Table
 
 from sain_core.output import write_json
-from sain_core.provenance import git_commit, processor, versions
+from sain_core.provenance import DISTRIBUTION, git_commit, processor, versions
 
-PACKAGES: Final = ("numpy", "numba", "torch", "pybullet", "mujoco", "sain_core")
+PACKAGES: Final = ("numpy", "numba", "torch", "pybullet", "mujoco", DISTRIBUTION)
 OK, OPEN, WORSE = "ok", "open", "worse"
 WIDTH: Final = 120  # of tables in a file
 

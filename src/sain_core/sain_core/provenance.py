@@ -9,6 +9,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Final
 
+DISTRIBUTION: Final = "sain"
 UNKNOWN: Final = "unknown"
 FORMAT: Final = "0.2"
 """Of models, beliefs and laboratories; another with every change of what is in them, or means."""
@@ -21,12 +22,12 @@ def other_format(found: object, remedy: str = "") -> str:
     return f"has format {found!r}; this version reads {FORMAT!r}" + (remedy and f": {remedy}")
 
 
-def provenance(package: str) -> dict[str, str]:
-    """Return what a recording states about how it was made, and by which version of a package."""
+def provenance() -> dict[str, str]:
+    """Return what a recording or a data set states about how it was made."""
     return {
         "command": command(),
         "commit": git_commit(),
-        "version": _version(package),
+        "version": _version(DISTRIBUTION),
         "python": platform.python_version(),
         "machine": f"{platform.system()} {platform.machine()}",
     }

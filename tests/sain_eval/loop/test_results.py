@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import replace
+from importlib.metadata import version
 from io import StringIO
 
 import pytest
@@ -65,6 +66,7 @@ def test_results_hold_all_it_takes_to_make_them_again(records, tmp_path):
     content = json.loads(write_results(tmp_path, records, {"seed": 0}, "evaluate").read_text())
     assert content["schema"] == "sain-results-1"
     assert content["config"] == {"seed": 0} and content["command"] == "evaluate"
+    assert content["versions"]["sain"] == version("sain")
     assert content["versions"]["numpy"] and len(content["git_commit"]) >= 7
     assert {"cpu", "system"} == set(content["machine"])
     assert set(content["scenes"][0]) == set(SceneRecord.__dataclass_fields__)

@@ -164,6 +164,7 @@ def test_the_settings_beside_a_checkpoint(dataset, tmp_path):
     assert settings["training"]["seed"] == card["training"]["seed"] == 0
     assert settings["environment"] == card["versions"]
     assert card["versions"]["torch"] == torch.__version__
+    assert card["versions"]["sain"] == version("sain")
     assert card["training"]["epochs_done"] == 2
     before = (tmp_path / "config.json").read_bytes()
     assert commands.train([str(dataset), "--out", str(tmp_path), "--epochs", "3"]) == 1

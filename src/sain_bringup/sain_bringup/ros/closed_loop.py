@@ -215,7 +215,7 @@ def play(
         episodes = " ".join(f"{scenario}:{seed}" for scenario, seed in plans)
         namespace = director.get_namespace()
         about = {EPISODES_KEY: episodes, NAMESPACE_KEY: namespace, "model": options.model}
-        about |= provenance("sain_bringup")
+        about |= provenance()
         moving = {"bullet.full_motion": "true"}  # all the way, for whom watches the recording
         graph = Graph(options, options.see, bag=folder / BAG, about=about, simulator=moving)
         start(supervisor, graph, folder / LOGS)

@@ -15,7 +15,7 @@ from sain_core.errors import OutputError, UntrustedFileError
 from sain_core.guarding.documents import parse_json
 from sain_core.guarding.untrusted import read_regular_text
 from sain_core.output import append_json, write_whole
-from sain_core.provenance import git_commit, processor, system, versions
+from sain_core.provenance import DISTRIBUTION, git_commit, processor, system, versions
 from sain_core.randomness import Interval, bootstrap_mean, generator
 from sain_core.scene import POSITION, THETA, wrap_angle
 from sain_core.transitions import MOVED
@@ -30,7 +30,7 @@ SCHEMA: Final = "sain-results-1"
 RESULTS_FILE: Final = "results.json"
 JOURNAL_FILE: Final = "episodes.jsonl"
 RESULT_FILES: Final = (RESULTS_FILE, JOURNAL_FILE)
-PACKAGES: Final = ("numpy", "scipy", "numba", "torch", "pybullet", "sain_core")
+PACKAGES: Final = ("numpy", "scipy", "numba", "torch", "pybullet", DISTRIBUTION)
 
 
 @dataclass(frozen=True)

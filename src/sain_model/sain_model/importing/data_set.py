@@ -366,7 +366,7 @@ def write_imported(folder: Path, made: Imported, card: dict[str, Any]) -> int:
     for index, first in enumerate(firsts):
         rows = slice(first, first + SHARD_SIZE)
         write_arrays(shard_path(folder, index), {str(n): v[rows] for n, v in made.columns.items()})
-    write_json(folder / CARD_FILE, {**provenance("sain_model"), **card, **_summary(made)})
+    write_json(folder / CARD_FILE, {**provenance(), **card, **_summary(made)})
     return len(firsts)
 
 

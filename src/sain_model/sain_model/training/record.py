@@ -17,7 +17,7 @@ from rich.progress import Progress as Bars
 
 from sain_core.errors import ConfigError
 from sain_core.output import write_whole
-from sain_core.provenance import processor, ros2_command, system, versions
+from sain_core.provenance import DISTRIBUTION, processor, ros2_command, system, versions
 from sain_core.view.figures import TEXT, new_figure, style_axes
 from sain_core.view.palette import PALETTE
 from sain_model.data.dataset import Dataset, Split
@@ -80,7 +80,7 @@ def event_log(folder: Path, done: int) -> Iterator[Progress]:
 
 
 RESIDUALS: Final = (RESIDUAL, RECURRENT)  # without physics a network predicts all by itself
-PACKAGES: Final = ("sain_model", "torch", "numpy", "numba", "scipy", "safetensors")
+PACKAGES: Final = (DISTRIBUTION, "torch", "numpy", "numba", "scipy", "safetensors")
 
 
 def make_card(
