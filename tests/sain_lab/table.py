@@ -45,7 +45,7 @@ class SmallTable:
         after = self.world.step(before[None], push)[0]
         after[:, :2] += self.random.normal(0.0, self.noise, (2, 2))
         self.scene = after
-        return Result(before, push[0], after, DISKS, f"small/{self.episode}")
+        return Result(push[0], before, after, bodies=DISKS, episode=f"small/{self.episode}")
 
 
 def plant(path):

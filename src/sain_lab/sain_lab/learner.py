@@ -1,7 +1,7 @@
 """The learner: results in, and out come the belief, networks and decisions of a laboratory.
 
     with Learner.named("my_table") as learner:          # or a path; locked by this process
-        lesson = learner.observe(Result(before, push, after, bodies, episode="run 7/12"))
+        lesson = learner.observe(Result(push, before, after, bodies=bodies, episode="run 7/12"))
         lesson.learned, lesson.reason                    # False: why nothing was learned from it
         lesson.errors                                    # {"planar": 1.7, "physics": 1.2, ...} [mm]
         lesson.events                                    # what was decided: Event(kind, text, ...)

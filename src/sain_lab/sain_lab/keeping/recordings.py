@@ -62,10 +62,11 @@ def _result(columns: Columns, row: int, source: str) -> Result:
     }
     episode = f"{source}/{columns[Column.EPISODE][row]}"
     return Result(
-        before,
         columns[Column.ACTION][row],
+        before,
         columns[Column.NEXT_STATE][row],
-        bodies_named(shapes, roles, len(before)),
-        "" if about["object"] else episode,  # a robot's pushes of named bodies stand alone
+        bodies=bodies_named(shapes, roles, len(before)),
+        # a robot's pushes of named bodies stand alone
+        episode="" if about["object"] else episode,
         **about,
     )

@@ -18,30 +18,24 @@ from sain_core.push import BODY, PUSH_SIZE, STROKE_SIZE, check_predictable
 from sain_core.scene import POSITION, STATE_SIZE, is_settled
 from sain_core.shapes.bodies import PAPER_DISKS, Bodies, as_names, bodies_named
 from sain_core.transitions import PushHistory
-from sain_core.types import PushArray, Pushes, Scalars, Scene, Scenes
-from sain_core.world import MOST_WAY
+from sain_core.types import Pushes, Scene, Scenes
+from sain_core.world import MOST_WAY, PushRecord
 
 LONGEST_IDENTITY: Final = 256  # characters
 
 
 @dataclass(frozen=True, eq=False)
-class Result:
-    """A push that was executed, or refused."""
+class Result(PushRecord):
+    """A push that was executed or refused, with what it was made on and when."""
 
-    before: Scene  # (N, 8), at rest
-    push: PushArray  # (5,), or a stroke (8,), as executed
-    after: Scene  # (N, 8), at rest
     bodies: Bodies = PAPER_DISKS  # of the scenes
     # which one it belongs to, with its session; the next push of it begins where this one ended.
     # Empty: it stands alone
     episode: str = ""
     identity: str = ""  # of the push; empty: its digest
-    # (N,) [m], of estimated scenes: see `sain_core.transitions.PushHistory`
-    noise: Scalars | None = None
     object: str = ""  # the pushed body, as its user calls it; empty: `bodies` say what it is
     surface: str = ""  # what it stands on, likewise
     time: float = 0.0  # when it ended, seconds since 1970; 0: not known
-    code: int = ErrorCode.OK  # `ErrorCode.OK` of a push that was executed, or why it was refused
 
     @cached_property
     def digest(self) -> str:
@@ -120,9 +114,17 @@ class Result:
         noise = np.array(record["noise"], np.float64) if "noise" in record else None
         bodies = bodies_named(record["shapes"], record["roles"], len(before))
         found = cls(
-            before, push, after, bodies, str(record["episode"]), str(record["id"]), noise,
-            str(record.get("object", "")), str(record.get("surface", "")), float(record["time"]),
-        )  # fmt: skip
+            push,
+            before,
+            after,
+            noise=noise,
+            bodies=bodies,
+            episode=str(record["episode"]),
+            identity=str(record["id"]),
+            object=str(record.get("object", "")),
+            surface=str(record.get("surface", "")),
+            time=float(record["time"]),
+        )
         found.check()
         return found
 

@@ -191,12 +191,12 @@ class LearnerNode(Node):
         if self.config.place_noise > 0.0:
             noise = np.full(len(before), BOTH_ENDS * self.config.place_noise)
         return Result(
-            before,
             wire.decode_push(message.push),
+            before,
             wire.decode_disks(message.after.disks, "after"),
-            self._bodies.get(message.episode_id, PAPER_DISKS).fitted(len(before)),
-            f"{self._run}/{message.episode_id}",
             noise=noise,
+            bodies=self._bodies.get(message.episode_id, PAPER_DISKS).fitted(len(before)),
+            episode=f"{self._run}/{message.episode_id}",
             time=self.get_clock().now().nanoseconds * 1e-9,
         )
 

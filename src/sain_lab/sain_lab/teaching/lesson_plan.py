@@ -143,7 +143,7 @@ class Watched(Sight):
         before = self.world.observe()
         after = super().push(push, seen)
         if is_settled(after):
-            result = Result(before, push, after, self._bodies, self._episode)
+            result = Result(push, before, after, bodies=self._bodies, episode=self._episode)
             self._learn(result, self._history)
             self._history = self._history.then(before, push, after)
         return after
