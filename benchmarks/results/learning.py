@@ -26,7 +26,8 @@ from sain_core.randomness import Interval, bootstrap_ratio, generator
 from sain_core.shapes.bodies import Bodies
 from sain_core.transitions import PushHistory
 from sain_core.types import PredictedScenes, PushSequences, Scene
-from sain_eval.scenes.scenarios import ScenarioScene, draw_scene
+from sain_eval.scenes.families import ScenarioScene
+from sain_eval.scenes.scenarios import draw_scene
 from sain_lab.keeping.results import Result
 from sain_lab.learner import Learner, Lesson, prediction_error
 from sain_lab.teaching.lesson_plan import Watched

@@ -25,7 +25,8 @@ from sain_core.model import IdentityPrior, load_dynamics
 from sain_core.push import LENGTH
 from sain_core.randomness import generator
 from sain_core.types import Scene
-from sain_eval.scenes.scenarios import SCENARIOS, ScenarioScene
+from sain_eval.scenes.families import ScenarioScene
+from sain_eval.scenes.scenarios import SCENARIOS
 from sain_model.dynamics.sain import SainDynamics
 from sain_mppi.algorithms.sampling import PlanResult
 from sain_mppi.objective.problem import Problem

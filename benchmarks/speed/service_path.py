@@ -27,7 +27,8 @@ from sain_bags.reading.reader import Bag
 from sain_core.model import RolloutModel, load_dynamics
 from sain_core.randomness import generator
 from sain_core.types import Pushes
-from sain_eval.scenes.scenarios import SCENARIOS, ScenarioScene
+from sain_eval.scenes.families import ScenarioScene
+from sain_eval.scenes.scenarios import SCENARIOS
 from sain_mppi.config import PlannerConfig
 from sain_mppi.objective.problem import Problem
 from sain_mppi.planner import Planner

@@ -7,7 +7,7 @@ import numpy as np
 from sain_core.goal import Goal
 from sain_core.randomness import generator
 from sain_core.scene import make_scene
-from sain_eval.scenes.scenarios import ScenarioScene
+from sain_eval.scenes.families import ScenarioScene
 
 
 @dataclass(frozen=True)

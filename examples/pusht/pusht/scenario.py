@@ -11,7 +11,7 @@ from pusht.world import PushtWorld, friction_of
 from sain_core.goal import BodyPose, Goal, Judgement
 from sain_core.scene import THETA, Table
 from sain_core.shapes.bodies import Bodies
-from sain_eval.scenes.scenarios import ScenarioScene
+from sain_eval.scenes.families import ScenarioScene
 
 ENOUGH: Final = 0.95  # share of the goal's area: gym-pusht's success_threshold
 MAX_PUSHES: Final = 100  # more than there are steps for

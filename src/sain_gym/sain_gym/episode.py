@@ -11,7 +11,7 @@ from sain_core.scene import POSITION, is_settled
 from sain_core.types import PushArray, Scene
 from sain_core.world import DivergedError, PushRecord
 from sain_eval.episode import EpisodeRecord, Tolerance
-from sain_eval.scenes.scenarios import ScenarioScene
+from sain_eval.scenes.families import ScenarioScene
 from sain_mppi.agent.agent import AgentConfig
 from sain_mppi.agent.goal_tracker import LOOK_AGAIN
 

@@ -15,7 +15,8 @@ from sain_core.types import Scene
 from sain_core.view.image import TopImage, TopPicture
 from sain_core.view.scenes import bodies_in, goal_marks
 from sain_eval.episode import Tolerance
-from sain_eval.scenes.scenarios import OFFERED, SCENARIOS, ScenarioScene, draw_scene
+from sain_eval.scenes.families import ScenarioScene
+from sain_eval.scenes.scenarios import OFFERED, SCENARIOS, draw_scene
 from sain_gym.episode import PushEpisode
 from sain_gym.spaces import PushSpaces
 from sain_sim.world.engines import DEFAULT_ENGINE, ENGINE_HELP

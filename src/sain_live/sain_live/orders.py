@@ -18,13 +18,8 @@ from sain_core.goal import MOST_SHARED, BodyPose, Goal
 from sain_core.scene import POSITION, TARGET, THETA
 from sain_core.shapes.bodies import Bodies, Role, overlap
 from sain_core.types import Scene
-from sain_eval.scenes.scenarios import (
-    AnywhereScenario,
-    PoseScenario,
-    ScenarioScene,
-    draw_scene,
-    find_scenario,
-)
+from sain_eval.scenes.families import AnywhereScenario, PoseScenario, ScenarioScene
+from sain_eval.scenes.scenarios import draw_scene, find_scenario
 from sain_mppi.config import PlannerConfig
 from sain_mppi.objective.problem import Problem
 

@@ -17,7 +17,7 @@ from sain_core.errors import ErrorCode
 from sain_core.ros import codec
 from sain_core.ros.node_main import ros_context
 from sain_core.ros.qos import LATCHED, RELIABLE
-from sain_eval.scenes.scenarios import PoseScenario
+from sain_eval.scenes.families import PoseScenario
 from sain_interfaces.msg import Goal, Plan
 from sain_interfaces.msg import Scene as SceneMessage
 from sain_interfaces.srv import ResetScene

@@ -15,7 +15,8 @@ from sain_eval.episode import Tolerance
 from sain_eval.loop.closed_loop import agent_maker, run_episode
 from sain_eval.loop.results import scene_records
 from sain_eval.plots.pictures import draw_episode
-from sain_eval.scenes.scenarios import SCENARIOS, PoseScenario, ScenarioScene
+from sain_eval.scenes.families import PoseScenario, ScenarioScene
+from sain_eval.scenes.scenarios import SCENARIOS
 from sain_mppi.agent.agent import Agent, AgentConfig
 from sain_mppi.agent.events import PushDecision
 from sain_mppi.agent.planning import Decider

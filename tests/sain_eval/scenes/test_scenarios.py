@@ -7,7 +7,8 @@ from sain_core.feasibility import Feasibility, reachable
 from sain_core.push import make_push
 from sain_core.scene import MID, POSITION, RADIUS, TARGET, surface_gaps
 from sain_core.shapes.bodies import check_bodies
-from sain_eval.scenes.scenarios import CONTACT_GAP, SCENARIOS
+from sain_eval.scenes.families import CONTACT_GAP
+from sain_eval.scenes.scenarios import SCENARIOS
 from sain_sim.world.truth import TruthConfig
 
 FEASIBILITY = Feasibility()

@@ -10,8 +10,9 @@ from sain_core.push import BODY, LENGTH, LOCATION, idle_pushes
 from sain_core.scene import POSITION, RADIUS, TARGET
 from sain_core.shapes.bodies import Bodies, check_bodies
 from sain_core.shapes.shape import is_inside
+from sain_eval.scenes.families import PoseScenario
 from sain_eval.scenes.placement import has_tool_room
-from sain_eval.scenes.scenarios import SCENARIOS, PoseScenario
+from sain_eval.scenes.scenarios import SCENARIOS
 
 FEASIBILITY = Feasibility()
 POSES = ("box", "push_t", "shapes", "rearrange_2", "rearrange_3", "rearrange_4")

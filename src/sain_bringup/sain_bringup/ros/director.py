@@ -34,7 +34,7 @@ from sain_core.ros.node_main import NAMESPACE, SIMULATED, node_of
 from sain_core.ros.qos import LATCHED, RELIABLE
 from sain_core.shapes.body_file import write_tagged_bodies
 from sain_eval.episode import Tolerance
-from sain_eval.scenes.scenarios import ScenarioScene
+from sain_eval.scenes.families import ScenarioScene
 from sain_interfaces.msg import Goal, Plan, PushResult, Scene
 from sain_interfaces.srv import ResetScene
 

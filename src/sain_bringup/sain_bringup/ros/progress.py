@@ -12,7 +12,7 @@ from sain_bringup.display import EpisodeView
 from sain_bringup.graph import MODEL, OUTLINES, PLANNER, RECORDER, SCENES, SEEING, SIMULATOR, TAGS
 from sain_core.errors import ErrorCode
 from sain_core.wire import decode_disks
-from sain_eval.scenes.scenarios import ScenarioScene
+from sain_eval.scenes.families import ScenarioScene
 from sain_interfaces.msg import Plan, PushResult, Scene
 from sain_interfaces.srv import DescribeModel, ResetScene, Rollout
 from sain_model.commands import model_node

@@ -18,7 +18,7 @@ from sain_core.shapes.bodies import Bodies
 from sain_core.types import PushArray, Scene
 from sain_core.world import AnyWorld
 from sain_eval.episode import EpisodeRecord, Tolerance
-from sain_eval.scenes.scenarios import ScenarioScene
+from sain_eval.scenes.families import ScenarioScene
 from sain_mppi.agent.agent import Agent, AgentConfig, planning_agent
 from sain_mppi.agent.events import PlanJob, PushDecision, Task
 from sain_mppi.agent.planning import Decider

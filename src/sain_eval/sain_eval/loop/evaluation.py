@@ -21,7 +21,8 @@ from sain_core.workers import FunctionRunner, Software, Work, WorkerOptions, run
 from sain_eval.episode import Tolerance, tightest
 from sain_eval.loop.closed_loop import EpisodeOutcome, agent_maker, run_episode
 from sain_eval.loop.results import PACKAGES, Journal, SceneRecord, scene_records
-from sain_eval.scenes.scenarios import ScenarioScene, draw_scene
+from sain_eval.scenes.families import ScenarioScene
+from sain_eval.scenes.scenarios import draw_scene
 from sain_mppi.agent.agent import AgentConfig
 from sain_sim.camera.camera import WorldCameraConfig
 from sain_sim.world.engines import modules_of

@@ -23,7 +23,8 @@ from sain_core.types import Scene
 from sain_core.world import PushRecord
 from sain_eval.episode import EpisodeRecord, Tolerance
 from sain_eval.loop.closed_loop import EpisodeOutcome
-from sain_eval.scenes.scenarios import SCENARIOS, ScenarioScene
+from sain_eval.scenes.families import ScenarioScene
+from sain_eval.scenes.scenarios import SCENARIOS
 
 TURNED: Final = 0.02  # [rad], as little as `MOVED` at the rim of a body of 0.1 m
 SCHEMA: Final = "sain-results-1"

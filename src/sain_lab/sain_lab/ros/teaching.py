@@ -21,7 +21,7 @@ from sain_core.shapes.bodies import PAPER_DISKS, Bodies
 from sain_core.types import PushArray, Scene
 from sain_core.wire.bodies import decode_bodies
 from sain_core.world import Outcome
-from sain_eval.scenes.scenarios import ScenarioScene
+from sain_eval.scenes.families import ScenarioScene
 from sain_interfaces.msg import Bodies as BodiesMessage
 from sain_interfaces.msg import Push, PushResult
 from sain_interfaces.msg import Scene as SceneMessage

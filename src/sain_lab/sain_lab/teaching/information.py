@@ -28,7 +28,7 @@ from sain_core.shapes.bodies import Bodies
 from sain_core.transitions import PushHistory
 from sain_core.types import Mask, PushArray, Pushes, Scalars, Scene, Scenes
 from sain_core.world import Outcome
-from sain_eval.scenes.scenarios import ScenarioScene
+from sain_eval.scenes.families import ScenarioScene
 from sain_model.dynamics.sain import SainDynamics
 from sain_model.inference.evidence import SIZE, TAIL, ObservedPushes, errors_of
 from sain_model.inference.kinds import Kind

@@ -14,7 +14,8 @@ from sain_core.shapes.bodies import Bodies
 from sain_core.transitions import PushHistory
 from sain_core.types import PushArray, Scene
 from sain_core.world import AnyWorld
-from sain_eval.scenes.scenarios import ScenarioScene, draw_scene
+from sain_eval.scenes.families import ScenarioScene
+from sain_eval.scenes.scenarios import draw_scene
 from sain_lab.keeping.results import Result
 from sain_lab.learner import Learner, prediction_error
 from sain_lab.settings import TeachOptions

@@ -14,7 +14,7 @@ from sain_core.errors import ErrorCode
 from sain_core.goal import Goal
 from sain_core.ros.codec import encode_goal
 from sain_core.ros.node_main import steady_timer
-from sain_eval.scenes.scenarios import ScenarioScene
+from sain_eval.scenes.families import ScenarioScene
 from sain_interfaces.action import Reach
 from sain_interfaces.msg import Plan
 from sain_interfaces.srv import ResetScene
