@@ -16,7 +16,7 @@
 3. A network is trained in a process of its own (`sain_lab.training`) when the pushes have grown by
    half since the last one. It becomes the candidate, and is judged on the pushes that came while it
    was trained. It goes into service when it errs less beyond chance on pushes that it has not
-   seen, and out when it errs more (`sain_lab.judging.judge`).
+   seen, and out when it errs more (`sain_lab.judging.betting`).
 
 All state is in the log: a learner that opens a laboratory reads it, goes on with a training that
 was begun, and finds in `waiting` what was received and not learned from.

@@ -37,6 +37,7 @@ from sain_model.dynamics.identify import (
 )
 from sain_model.dynamics.sain import PHYSICS, Origin, SainDynamics
 from sain_model.inference.evidence import ObservedPushes
+from sain_model.inference.gauss_newton import Fit, fit
 from sain_model.inference.kinds import (
     FRICTION,
     Belief,
@@ -45,7 +46,6 @@ from sain_model.inference.kinds import (
     surface_kind,
     written_kind,
 )
-from sain_model.inference.posterior import Fit, fit
 from sain_model.physics.planar import PlanarPrior
 
 WINDOW: Final = 300  # pushes that the belief is inferred from

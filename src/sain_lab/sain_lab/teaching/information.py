@@ -31,8 +31,9 @@ from sain_core.world import Outcome
 from sain_eval.scenes.families import ScenarioScene
 from sain_model.dynamics.sain import SainDynamics
 from sain_model.inference.evidence import SIZE, TAIL, ObservedPushes, errors_of
+from sain_model.inference.gauss_newton import fit
 from sain_model.inference.kinds import Kind
-from sain_model.inference.posterior import STEPS, fit
+from sain_model.inference.posterior import STEPS
 from sain_mppi.agent.agent import AgentConfig, planning_agent
 from sain_mppi.agent.events import PlanJob, PushDecision, Task
 from sain_mppi.agent.planning import Decider

@@ -1,0 +1,271 @@
+"""Most likely parameters of many pushes: damped Gauss-Newton (Levenberg, Marquardt), Student's t.
+
+There are R problems of C episodes. The episodes of a problem share its parameters, but for those
+of the scope "episode": of them each episode has a value of its own. An episode's history is a
+problem of one episode, the recordings of a laboratory are one problem of many.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from jaxtyping import Float, Int
+from numpy import ndarray
+
+from sain_core.types import Mask
+from sain_model.inference.evidence import (
+    FACTORS,
+    SIZE,
+    TAIL,
+    ObservedPushes,
+    errors_of,
+    log_density,
+    over_factors,
+)
+from sain_model.inference.kinds import Kind, Places
+
+DIFFERENCE: Final = 0.2  # [spreads], of a finite difference
+LONGEST: Final = 1.5  # [spreads], of a step
+DAMPING: Final = np.array([0.0, 0.1, 1.0, 10.0, 100.0])  # of steps, shares of the diagonal
+ENOUGH: Final = 0.05  # a smaller gain of the logarithm of the posterior density is the last
+LEAST_FACTOR: Final = 1.0  # of the noise: many pushes fitted closely are worth less than all fitted
+
+Parts = Sequence[ObservedPushes]
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """The most likely parameters of R problems with C episodes."""
+
+    kind: Kind  # of physics that the vectors z are about
+    problem: Int[ndarray, "C"]  # of each episode, (C,)
+    places: Float[ndarray, "C D"]  # z of each episode
+    normal: "Normal"  # the normal equations there, for the noise of `factor`
+    factor: Float[ndarray, "R"]  # of the noise, of each problem
+    log_evidence: Float[ndarray, "R"]  # by Laplace's approximation
+
+    @property
+    def covariance(self) -> Float[ndarray, "C D D"]:
+        """Of the parameters of an episode that is its problem alone."""
+        return np.linalg.inv(self.normal.information + self.kind.precision)
+
+    @property
+    def own_variances(self) -> Float[ndarray, "D"]:
+        """Mean over the episodes, of what each has of its own; 0 of what they share."""
+        own = self.kind.of_episode
+        inside = self.normal.information[:, own][:, :, own] + self.kind.precision[np.ix_(own, own)]
+        variances = np.zeros(len(own))
+        variances[own] = np.diagonal(np.linalg.inv(inside), axis1=1, axis2=2).mean(axis=0)
+        return variances
+
+    @property
+    def shared_covariance(self) -> Float[ndarray, "D D"]:
+        """Of what all episodes share, where they are one problem; 0 for what they do not.
+
+        Errors of one episode have causes in common, which are counted once: White's estimate over
+        episodes is added.
+        """
+        kind, shared = self.kind, ~self.kind.of_episode
+        reduced = Reduced.of(self.normal, kind, self.problem, 1)
+        inverse = np.linalg.inv(reduced.rest[0])
+        solved = np.linalg.solve(reduced.own, self.normal.pull[:, kind.of_episode, None])
+        scores = self.normal.pull[:, shared] - (reduced.ties @ solved)[..., 0]
+        covariance = np.zeros_like(kind.precision)
+        covariance[np.ix_(shared, shared)] = inverse + inverse @ (scores.T @ scores) @ inverse
+        return covariance
+
+
+@dataclass(frozen=True, eq=False)
+class Normal:
+    """What pushes add to the normal equations of each of C episodes."""
+
+    information: Float[ndarray, "C D D"]
+    pull: Float[ndarray, "C D"]
+
+
+@dataclass(frozen=True, eq=False)
+class Reduced:
+    """Normal equations without what episodes have of their own, and how they tie to it."""
+
+    own: Float[ndarray, "C O O"]
+    ties: Float[ndarray, "C S O"]
+    rest: Float[ndarray, "R S S"]
+
+    @classmethod
+    def of(cls, normal: Normal, kind: Kind, problem: ndarray, count: int) -> "Reduced":
+        """Eliminate what each episode has of its own."""
+        own, shared = kind.of_episode, ~kind.of_episode
+        inside = normal.information[:, own][:, :, own] + kind.precision[np.ix_(own, own)]
+        ties = normal.information[:, shared][:, :, own]
+        rest = normal.information[:, shared][:, :, shared]
+        rest = rest - ties @ np.linalg.solve(inside, np.swapaxes(ties, 1, 2))
+        rest = _sums(rest, problem, count) + kind.precision[np.ix_(shared, shared)]
+        return cls(inside, ties, rest)
+
+    def log_room(self, kind: Kind, problem: ndarray) -> Float[ndarray, "R"]:
+        """Return the logarithm of how much pushes tighten the belief."""
+        own, shared = kind.of_episode, ~kind.of_episode
+        each = np.linalg.slogdet(self.own)[1] - _log_size(kind.precision, own)
+        rest = np.linalg.slogdet(self.rest)[1] - _log_size(kind.precision, shared)
+        return np.asarray(rest + _sums(each, problem, len(self.rest)))
+
+
+def fit(
+    kind: Kind, parts: Parts, start: Float[ndarray, "C D"], problem: Int[ndarray, "C"], steps: int
+) -> Fit:
+    """Return the most likely parameters of each problem, after so many steps at most.
+
+    Each of the C episodes that `parts` count has a first vector z and a problem.
+    """
+    places, count = start.copy(), 1 + int(problem.max())
+    totals = _totals(kind, parts, places, problem, count)
+    damping, goes_on = np.zeros(count, np.int64), np.ones(count, dtype=bool)
+    for _ in range(steps):
+        score, factor = _best(totals)
+        some = _of_episodes(parts, goes_on[problem])
+        normal = normal_equations(kind, some, places, factor[problem])
+        tried = goes_on
+        while tried.any():
+            step = _step(normal, kind, places, problem, DAMPING[damping])
+            moved = places + tried[problem, None] * step
+            now = _totals(kind, _of_episodes(parts, tried[problem]), moved, problem, count)
+            better = tried & (_best(now)[0] > score)
+            totals[better], places[better[problem]] = now[better], moved[better[problem]]
+            tried = tried & ~better & (damping < len(DAMPING) - 1)
+            damping[tried] += 1
+            damping[better] = np.maximum(damping[better] - 1, 0)
+        goes_on = _best(totals)[0] > score + ENOUGH
+        if not goes_on.any():
+            break
+    _, factor = _best(totals)
+    normal = normal_equations(kind, parts, places, factor[problem])
+    return Fit(
+        kind, problem, places, normal, factor, _evidence(kind, normal, totals, problem, factor)
+    )
+
+
+def normal_equations(
+    kind: Kind, parts: Parts, places: Float[ndarray, "C D"], factor: Float[ndarray, "C"]
+) -> Normal:
+    """Return the normal equations of each episode at vectors z, with a factor of the noise each."""
+    count, size = places.shape
+    information, pull = np.zeros((count, size, size)), np.zeros((count, size))
+    for part in parts:
+        errors, slopes = slopes_of(kind, part, places[part.episode])
+        scale = part.scales(factor[part.episode, None])
+        errors, slopes = errors / scale[..., None], slopes / scale[..., None, None]
+        weight = (TAIL + SIZE) / (TAIL + (errors**2).sum(axis=-1))  # (P, N), of Student's t
+        weighted = weight[..., None, None] * slopes
+        np.add.at(information, part.episode, np.einsum("pnid,pnie->pde", weighted, slopes))
+        np.add.at(pull, part.episode, np.einsum("pnid,pni->pd", weighted, errors))
+    return Normal(information, pull)
+
+
+def slopes_of(
+    kind: Kind, pushes: ObservedPushes, places: Places
+) -> tuple[Float[ndarray, "P N 3"], Float[ndarray, "P N 3 D"]]:
+    """Return errors, and how they change with each parameter, from one batch of predictions.
+
+    Where a parameter is at its largest value, the difference is to a smaller one.
+    """
+    count = places.shape[1]
+    step = np.where(kind.at_most(places + DIFFERENCE), -DIFFERENCE, DIFFERENCE)  # (P, D)
+    many = np.repeat(places[:, None], count + 1, axis=1)
+    many[:, 1:] += step[:, None] * np.eye(count)
+    many = many.reshape(-1, count)
+    again = pushes.select(np.repeat(np.arange(len(places)), count + 1))
+    errors = errors_at(kind, again, many)
+    errors = errors.reshape(len(places), count + 1, *errors.shape[1:])
+    slopes = (errors[:, 1:] - errors[:, :1]) / step[..., None, None]
+    return errors[:, 0], np.moveaxis(slopes, 1, -1)
+
+
+def errors_at(kind: Kind, pushes: ObservedPushes, places: Places) -> Float[ndarray, "P N 3"]:
+    """Return errors [m] of predictions, each with parameters z of its own (P, D)."""
+    values = kind.values(places) | dict(pushes.given or {})
+    after = kind.step(pushes.bodies, pushes.state, pushes.action, values)
+    return errors_of(after, pushes.next_state)
+
+
+def _totals(
+    kind: Kind, parts: Parts, places: ndarray, problem: ndarray, count: int
+) -> Float[ndarray, "R K"]:
+    """Return the logarithm of the posterior density of each problem for each factor."""
+    own, far = kind.of_episode, np.zeros(len(places))
+    first = np.unique(problem, return_index=True)[1]
+    far += _far(places, kind.precision, own)
+    far[first] += _far(places[first], kind.precision, ~own)
+    total = np.repeat(-0.5 * _sums(far, problem, count)[:, None], len(FACTORS), axis=1)
+    for part in parts:
+        errors = errors_at(kind, part, places[part.episode])
+        np.add.at(total, problem[part.episode], log_density(errors, part.scales(FACTORS)))
+    return total
+
+
+def _best(totals: Float[ndarray, "R K"]) -> tuple[Float[ndarray, "R"], Float[ndarray, "R"]]:
+    """Return the largest total of each problem among factors that count, and its factor."""
+    counts = FACTORS >= LEAST_FACTOR
+    return totals[:, counts].max(axis=1), FACTORS[counts][totals[:, counts].argmax(axis=1)]
+
+
+def _evidence(
+    kind: Kind, normal: Normal, totals: ndarray, problem: ndarray, factor: ndarray
+) -> Float[ndarray, "R"]:
+    rooms = []
+    for other in FACTORS:
+        share = (factor / other) ** 2
+        less = Normal(normal.information * share[problem, None, None], normal.pull)
+        reduced = Reduced.of(less, kind, problem, len(factor))
+        rooms.append(reduced.log_room(kind, problem))
+    return over_factors(totals - 0.5 * np.stack(rooms, axis=1))
+
+
+def _step(
+    normal: Normal, kind: Kind, places: ndarray, problem: ndarray, damping: Float[ndarray, "R"]
+) -> Float[ndarray, "C D"]:
+    """Return the change of the parameters of each episode, none too long.
+
+    `damping` is added to the diagonals of the normal equations of each problem, as a share of them.
+    """
+    own, shared = kind.of_episode, ~kind.of_episode
+    diagonal = np.einsum("cdd->cd", normal.information) + np.diag(kind.precision)
+    added = (damping[problem, None] * diagonal)[..., None] * np.eye(len(own))
+    damped, count = Normal(normal.information + added, normal.pull), len(damping)
+    reduced = Reduced.of(damped, kind, problem, count)
+    first = np.unique(problem, return_index=True)[1]
+    pull_own = normal.pull[:, own] + places[:, own] @ kind.precision[np.ix_(own, own)]
+    solved = np.linalg.solve(reduced.own, pull_own[..., None])
+    pull = _sums(normal.pull[:, shared] - (reduced.ties @ solved)[..., 0], problem, count)
+    pull += places[first][:, shared] @ kind.precision[np.ix_(shared, shared)]
+    change = -np.linalg.solve(reduced.rest, pull[..., None])[..., 0]  # (R, S)
+    longest = np.abs(change).max(axis=1, keepdims=True, initial=0.0)
+    change *= LONGEST / np.maximum(longest, LONGEST)
+    rest = pull_own + np.einsum("cso,cs->co", reduced.ties, change[problem])
+    each = -np.linalg.solve(reduced.own, rest[..., None])[..., 0]
+    step = np.empty_like(places)
+    step[:, shared], step[:, own] = change[problem], np.clip(each, -LONGEST, LONGEST)
+    return step
+
+
+def _of_episodes(parts: Parts, chosen: Mask) -> Parts:
+    """Return the pushes of some episodes."""
+    return parts if chosen.all() else [part.select(chosen[part.episode]) for part in parts]
+
+
+def _far(places: ndarray, precision: ndarray, chosen: Mask) -> Float[ndarray, "C"]:
+    some, matrix = places[:, chosen], precision[np.ix_(chosen, chosen)]
+    return np.einsum("cd,de,ce->c", some, matrix, some)
+
+
+def _log_size(precision: ndarray, chosen: Mask) -> float:
+    return float(np.linalg.slogdet(precision[np.ix_(chosen, chosen)])[1])
+
+
+def _sums(values: Float[ndarray, "C *V"], problem: ndarray, count: int) -> Float[ndarray, "R *V"]:
+    """Return sums over the episodes of each problem."""
+    if len(values) == count:
+        return values  # each has one
+    sums = np.zeros((count, *values.shape[1:]))
+    np.add.at(sums, problem, values)
+    return sums
