@@ -30,20 +30,20 @@ def modules() -> Iterator[tuple[str, str]]:
 
 def main() -> int:
     """List the benchmarks, or run those that are named, with the options behind the names."""
-    known = dict(modules())
-    wanted = sys.argv[1:]
-    if not wanted or {"-h", "--help"} & set(wanted):
+    lines = dict(modules())
+    given = sys.argv[1:]
+    if not given or {"-h", "--help"} & set(given):
         print(__doc__)
-        for name, line in known.items():
+        for name, line in lines.items():
             print(f"  {name.removeprefix('benchmarks.'):28} {line}")
         return 0
-    names = [name for name in known if wanted[0] in name.split(".")[1:]]
+    names = [name for name in lines if given[0] in name.split(".")[1:]]
     if not names:
-        allowed = ", ".join(name.removeprefix("benchmarks.") for name in known)
-        print(f"no benchmark {wanted[0]!r}; there are: {allowed}", file=sys.stderr)
+        allowed = ", ".join(name.removeprefix("benchmarks.") for name in lines)
+        print(f"no benchmark {given[0]!r}; there are: {allowed}", file=sys.stderr)
         return 2
     for name in names:
-        sys.argv = [name, *wanted[1:]]
+        sys.argv = [name, *given[1:]]
         runpy.run_module(name, run_name="__main__")
     return 0
 

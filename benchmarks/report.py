@@ -66,7 +66,7 @@ def read_options(kind: type[Options], description: str | None) -> Options:
 
 def report(title: str, figures: list[Figure], out: Path | None = None) -> None:
     """Print figures and the load as a table, and write them to a JSON file when one is named."""
-    figures = [*figures, Figure("load average meanwhile", os.getloadavg()[0], "")]
+    figures = [*figures, Figure("load average", os.getloadavg()[0], "")]
     table = Table(title=title, title_justify="left")
     for column, justify in (("figure", "left"), ("value", "right"), ("target", "right")):
         table.add_column(column, justify=justify)  # type: ignore[arg-type]

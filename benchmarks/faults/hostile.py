@@ -235,7 +235,7 @@ def called(node: Node, topic: str, kind: Any, some: list[Any]) -> int:
 
 
 def published(node: Node, topic: str, kind: Any, some: list[Any]) -> int:
-    """Publish; return how many pushes had a result, or all of what is only heard."""
+    """Publish; return how many pushes had a result, or how many of another topic were sent."""
     results: list[msg.PushResult] = []
     publisher = node.create_publisher(kind, topic, len(some))
     if topic == "push":

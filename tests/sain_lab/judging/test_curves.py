@@ -19,6 +19,7 @@ def test_curves_end_with_the_last_push(pushes):
     for curve in message.errors:
         assert curve.pushes[-1] == pushes
         assert curve.value[-1] == pytest.approx(1e-3 * latest)
+        assert np.isnan([curve.low[-1], curve.high[-1]]).all() == (pushes == 1)
     above = draw_curves(curves).axes[0]
     for line in above.lines[:3]:
         assert line.get_xdata()[-1] == pushes

@@ -40,11 +40,8 @@ class LaboratoryWorld:
         motion: MotionConfig = MotionConfig(),
     ) -> None:
         """Set the table; `feasibility` has the robot's table of reach."""
-        self.cell, self._bodies, self._feasibility = (
-            Cell(robot, bodies, config),
-            bodies,
-            feasibility,
-        )
+        self.cell = Cell(robot, bodies, config)
+        self._bodies, self._feasibility = bodies, feasibility
         self._planner = PushPlanner(robot, bodies.bodies, bodies.radii, motion)
         self._controller = Controller(robot, config, self.cell.joints)
         self.pushes, self.refused = 0, list[str]()

@@ -62,7 +62,7 @@ def scenario_names() -> tuple[str, ...]:
 def find_scenario(name: str) -> Scenario:
     """Return the scenario of this name, which an installed package may offer.
 
-    Raises `ConfigError`: nobody offers it, two packages do, or its package fails.
+    Raises `ConfigError`: no package offers it, two do, or its package fails.
     """
     return SCENARIOS[name] if name in SCENARIOS else _offered(name)
 

@@ -92,7 +92,10 @@ def _parameters(beliefs: list[tuple[int, dict[str, Any]]]) -> dict[str, ndarray]
 def running(
     values: Float[ndarray, "M"], window: int = WINDOW
 ) -> tuple[Float[ndarray, "M"], Float[ndarray, "M"]]:
-    """Return means of the latest values, so many at most, and half of their 95 % intervals."""
+    """Return means of the latest values, so many at most, and half of their 95 % intervals.
+
+    One value has no interval: NaN.
+    """
     known = np.isfinite(values)
     filled = np.where(known, values, 0.0)
 
@@ -104,4 +107,4 @@ def running(
     with np.errstate(divide="ignore", invalid="ignore"):
         count, mean = sums(known), sums(filled) / sums(known)
         variance = np.maximum(sums(filled**2) / count - mean**2, 0.0)
-        return mean, 1.96 * np.sqrt(variance / np.maximum(count - 1.0, 1.0))
+        return mean, 1.96 * np.sqrt(variance / np.where(count > 1.0, count - 1.0, np.nan))

@@ -30,7 +30,7 @@ def find_algorithm(name: str) -> Algorithm:
     """Return the algorithm of this name, which an installed package may offer.
 
     Raises:
-        ConfigError: nobody offers it, two packages do, or its package fails.
+        ConfigError: no package offers it, two do, or its package fails.
     """
     if name in ALGORITHMS:
         return ALGORITHMS[name]

@@ -333,7 +333,7 @@ def find_cost(name: str) -> tuple[EntryPoint, Cost]:
     """Return the cost term of this name that an installed package offers, and who offers it.
 
     Raises:
-        ConfigError: nobody offers it, two packages do, its package fails, or a term of SAIN has
+        ConfigError: no package offers it, two do, its package fails, or a term of SAIN has
             this name.
     """
     entry, cost = COSTS.function(name)

@@ -91,7 +91,7 @@ def load_world(engine: str) -> AnyWorld[Setting]:
     """Return the world that an installed package offers by this name.
 
     Raises:
-        ConfigError: nobody offers it, two packages do, its package fails, or it is no world.
+        ConfigError: no package offers it, two do, its package fails, or it is no world.
     """
     entry = OFFERED.find(engine)
     loaded = OFFERED.load(entry, lambda load: load(engine))
