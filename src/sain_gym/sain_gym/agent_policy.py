@@ -35,9 +35,8 @@ class AgentPolicy:
     def __init__(self, env: gymnasium.Env[Any, Any], controller: str = "sain") -> None:
         """Load a controller by a name of `sain_eval evaluate`.
 
-        Raises:
-            ConfigError: an unknown controller, or another environment.
-            CheckpointError: a checkpoint that cannot be loaded.
+        Raises `ConfigError`: an unknown controller, or another environment; `CheckpointError`: a
+        checkpoint that cannot be loaded.
         """
         inner = env.unwrapped
         if not isinstance(inner, PushEnv):
@@ -53,9 +52,8 @@ class AgentPolicy:
 
         Called again before the next step, it returns the same action.
 
-        Raises:
-            NoPushError: the agent has none, and why.
-            EpisodeEndedError: no episode has begun.
+        Raises `NoPushError`: the agent has none, and why; `EpisodeEndedError`: no episode has
+        begun.
         """
         episode = self._env.episode
         if episode is not self._episode:

@@ -193,11 +193,9 @@ class PushEnv(gymnasium.Env[Any, Any]):
     def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
         """Execute the push that an action stands for; see `sain_gym.spaces`.
 
-        Raises:
-            InvalidInputError: another shape, NaN or Inf; nothing has moved.
-            OutOfRangeError: a number outside its range; nothing has moved.
-            EpisodeEndedError: the episode has ended, or none has begun.
-            EnvironmentClosedError: after `close`.
+        Raises `InvalidInputError`: another shape, NaN or Inf; nothing has moved; `OutOfRangeError`:
+        a number outside its range; nothing has moved; `EpisodeEndedError`: the episode has ended,
+        or none has begun; `EnvironmentClosedError`: after `close`.
         """
         self._check_open()
         episode, world = self.episode, self._world

@@ -69,9 +69,8 @@ class PushSpaces:
         A number in single or half precision that equals a limit rounded to that precision is the
         limit. The location -pi is pi.
 
-        Raises:
-            InvalidInputError: no array of numbers, another shape, NaN or Inf.
-            OutOfRangeError: a number outside its range.
+        Raises `InvalidInputError`: no array of numbers, another shape, NaN or Inf;
+        `OutOfRangeError`: a number outside its range.
         """
         push = self._numbers(action)
         low, high = self.action.low, self.action.high

@@ -76,8 +76,7 @@ class Learner:
     def __init__(self, laboratory: OpenLaboratory, trains: bool = True) -> None:
         """Go on where the log ends; the laboratory is closed with the learner.
 
-        Raises:
-            DatasetError, CheckpointError: the laboratory is damaged.
+        Raises `DatasetError` or `CheckpointError`: the laboratory is damaged.
         """
         self.laboratory, self._trains = laboratory, trains
         self._shipped, self._planar = load_shipped(), planar()

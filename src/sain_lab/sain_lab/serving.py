@@ -14,9 +14,8 @@ from sain_model.inference.kinds import friction_belief, read_belief
 def load_in_service(name: str) -> SainDynamics:
     """Return what is in service in the laboratory of this name or path.
 
-    Raises:
-        DatasetError: no laboratory, one of another version, or one copied in part.
-        CheckpointError: its network or its belief is damaged.
+    Raises `DatasetError`: no laboratory, one of another version, or one copied in part;
+    `CheckpointError`: its network or its belief is damaged.
     """
     return in_service(Laboratory.named(name))
 

@@ -42,8 +42,7 @@ class Extrinsics:
     def placed(self, camera: CameraModel) -> CameraModel:
         """Return a camera at this pose in the world.
 
-        Raises:
-            InvalidInputError: the pose is in another frame, or no point of the table is seen.
+        Raises `InvalidInputError`: the pose is in another frame, or no point of the table is seen.
         """
         if self.parent != WORLD:
             raise InvalidInputError(
@@ -62,8 +61,7 @@ class Extrinsics:
 def write_extrinsics(path: Path, pose: Extrinsics, about: Mapping[str, Any]) -> None:
     """Write a file, with what else is known of the calibration.
 
-    Raises:
-        OutputError: it cannot be written.
+    Raises `OutputError`: it cannot be written.
     """
     content = {
         "frame": pose.frame,
@@ -78,9 +76,8 @@ def write_extrinsics(path: Path, pose: Extrinsics, about: Mapping[str, Any]) -> 
 def read_extrinsics(path: Path, table: str = WORLD) -> Extrinsics:
     """Return the pose that a file states.
 
-    Raises:
-        ConfigError: naming the file and what is wrong; also if the pose is in the frame of the
-            `table`, and no usual lens would show that.
+    Raises `ConfigError`: naming the file and what is wrong; also if the pose is in the frame of the
+    `table`, and no usual lens would show that.
     """
     content = read_user_yaml(path, "calibration")
     if any(key not in content for key in KEYS):

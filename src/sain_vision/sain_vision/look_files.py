@@ -32,8 +32,7 @@ INFO: Final = (
 def read_depth(path: Path) -> Float[ndarray, "height width"]:
     """Return the distances [m] of a PNG with 16 bits, in mm; NaN: unknown.
 
-    Raises:
-        ConfigError: there is no such file, or it is another image.
+    Raises `ConfigError`: there is no such file, or it is another image.
     """
     pixels = _read_image(path, cv2.IMREAD_UNCHANGED)
     if pixels.dtype != np.uint16 or pixels.ndim != 2:
@@ -47,8 +46,7 @@ def read_depth(path: Path) -> Float[ndarray, "height width"]:
 def known_depths(metres: Float[ndarray, "height width"]) -> Float[ndarray, "height width"]:
     """Return distances [m], NaN where they are unknown, which is 0.
 
-    Raises:
-        InvalidInputError: none is one that a camera over a table sees.
+    Raises `InvalidInputError`: none is one that a camera over a table sees.
     """
     known = metres[metres > 0.0]
     if not ((known > DEPTHS[0]) & (known < DEPTHS[1])).any():
@@ -68,8 +66,7 @@ def read_picture(path: Path) -> UInt8[ndarray, "height width 3"]:
 def read_camera(info: Path, extrinsics: Path) -> CameraModel:
     """Return the camera of two files: as `camera_calibration` and as `calibrate_camera` write them.
 
-    Raises:
-        ConfigError: one of them cannot be used.
+    Raises `ConfigError`: one of them cannot be used.
     """
     if info.is_file() and info.open("rb").read(6) == b"%YAML:":
         raise ConfigError(

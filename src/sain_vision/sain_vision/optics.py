@@ -203,8 +203,7 @@ def check_calibration(
 ) -> CameraModel:
     """Return the camera that a calibration of raw images states, at no place yet.
 
-    Raises:
-        InvalidInputError: naming what is wrong.
+    Raises `InvalidInputError`: naming what is wrong.
     """
     if not (np.isfinite(matrix).all() and np.isfinite(distortion).all()):
         raise InvalidInputError("the camera's calibration has NaN or Inf; all must be finite")
@@ -237,8 +236,7 @@ def _check_lens(camera: CameraModel) -> None:
 
     Corners may be lost, see `CameraModel.misses_corners`.
 
-    Raises:
-        InvalidInputError: the distortion folds, or it stretches the image as no lens does.
+    Raises `InvalidInputError`: the distortion folds, or it stretches the image as no lens does.
     """
     wide, high = camera.width - 1, camera.height - 1
     edges = np.array([(0, high / 2), (wide, high / 2), (wide / 2, 0), (wide / 2, high)])
@@ -279,8 +277,7 @@ def sees_table(camera: CameraModel) -> bool:
 def check_view(camera: CameraModel, what: str, hint: str = "") -> None:
     """Check that a camera sees a part of the table.
 
-    Raises:
-        InvalidInputError: no pixel sees one; with where the camera is and looks.
+    Raises `InvalidInputError`: no pixel sees one; with where the camera is and looks.
     """
     if sees_table(camera):
         return

@@ -211,9 +211,8 @@ def run(options: EvaluateOptions, console: Console) -> None:
 def evaluate(options: EvaluateOptions, command: str, console: Console) -> list[SceneRecord]:
     """Run what is left of an evaluation and write its results.
 
-    Raises:
-        OutputError: the folder cannot be written or holds other results.
-        CheckpointError: a controller's model cannot be loaded.
+    Raises `OutputError`: the folder cannot be written or holds other results; `CheckpointError`: a
+    controller's model cannot be loaded.
     """
     pictures = [one.picture.name for one in jobs_of(options, set()) if one.picture]
     claim_folder(options.out, (*RESULT_FILES, *TABLES, *pictures), options.overwrite)

@@ -43,9 +43,7 @@ class ResultsOptions(Config):
 def run(options: ResultsOptions, console: Console) -> None:
     """Write the page, and print its path.
 
-    Raises:
-        DatasetError: a folder holds no results.
-        OutputError: the page cannot be written.
+    Raises `DatasetError`: a folder holds no results; `OutputError`: the page cannot be written.
     """
     from sain_eval.loop.results_page import read_results, results_page
 

@@ -213,9 +213,8 @@ def agent_maker(name: str, config: AgentConfig = AgentConfig(), belief: str = ""
     sain, ...), or a checkpoint's path. A belief is for dynamics that take one. The oracle plans
     with the planar prior at the true friction, and never learns from earlier pushes.
 
-    Raises:
-        ConfigError: an empty or unknown name.
-        CheckpointError: a checkpoint that cannot be loaded.
+    Raises `ConfigError`: an empty or unknown name; `CheckpointError`: a checkpoint that cannot be
+    loaded.
     """
     if not name:
         raise ConfigError(f"a controller needs a name: {', '.join(BASELINES)} or a dynamics")

@@ -174,9 +174,8 @@ def _interval(mean: float, low: float, high: float) -> str:
 def export(laboratory: "Laboratory", options: LabOptions, console: Console) -> None:
     """Write what a robot without the laboratory needs: the belief, and the network in service.
 
-    Raises:
-        DatasetError: nothing was learned yet.
-        OutputError: the folder cannot be written, or a file there is not ours.
+    Raises `DatasetError`: nothing was learned yet; `OutputError`: the folder cannot be written, or
+    a file there is not ours.
     """
     from sain_core.errors import DatasetError
     from sain_core.guarding.untrusted import read_regular

@@ -187,10 +187,8 @@ class OpenLaboratory(Laboratory):
     def __init__(self, path: Path, owner: str = "learner") -> None:
         """Lock the laboratory; make it where there is none.
 
-        Raises:
-            BusyError: another process has it; naming that.
-            OutputError: it cannot be written.
-            DatasetError: as `Laboratory`.
+        Raises `BusyError`: another process has it; naming that; `OutputError`: it cannot be
+        written; `DatasetError`: as `Laboratory`.
         """
         if not (path / MANIFEST).exists():
             claim_folder(path)
@@ -269,10 +267,8 @@ class OpenLaboratory(Laboratory):
 def forget(name: str) -> Path:
     """Remove a laboratory; return where it was.
 
-    Raises:
-        DatasetError: there is none.
-        BusyError: a learner has it.
-        OutputError: something in it is not ours, or a link leads there: nothing is removed.
+    Raises `DatasetError`: there is none; `BusyError`: a learner has it; `OutputError`: something in
+    it is not ours, or a link leads there: nothing is removed.
     """
     path = laboratory_path(name)
     _read_manifest(path)

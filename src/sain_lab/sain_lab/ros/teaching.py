@@ -39,10 +39,8 @@ FIRST: Final = 3.0  # [s], for a simulator to be found
 def teach_on_graph(settings: TeachOptions) -> Taught:
     """Teach on the graph that runs.
 
-    Raises:
-        ModelUnavailableError: nobody answers on the graph.
-        ConfigError: its bodies are others than those of the scenario.
-        NoPushError: no push is possible from where the bodies are.
+    Raises `ModelUnavailableError`: nobody answers on the graph; `ConfigError`: its bodies are
+    others than those of the scenario; `NoPushError`: no push is possible from where the bodies are.
     """
     believing = _Believing(settings.laboratory)
     with command_node("teach") as node:

@@ -41,8 +41,7 @@ class PrintOptions(Config):
 def run(options: PrintOptions, console: Console) -> None:
     """Write the file.
 
-    Raises:
-        SainError: numbers that cannot be, or a file that cannot be written.
+    Raises `SainError`: numbers that cannot be, or a file that cannot be written.
     """
     claim_file(options.out, options.overwrite)
     if options.board:
@@ -61,8 +60,7 @@ def run(options: PrintOptions, console: Console) -> None:
 def read_numbers(text: str, count: int) -> list[int]:
     """Return the numbers that a text names, of a family of so many tags.
 
-    Raises:
-        ConfigError: it names none, one twice, too many, or one that the family lacks.
+    Raises `ConfigError`: it names none, one twice, too many, or one that the family lacks.
     """
     numbers: list[int] = []
     for part in text.split(","):

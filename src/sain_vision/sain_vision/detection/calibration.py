@@ -62,8 +62,7 @@ def calibrate(
 ) -> Calibration:
     """Return the camera at the place that fits all looks; the first board is at a known pose.
 
-    Raises:
-        InvalidInputError: too few looks or tags, looks that are all alike, or a bad result.
+    Raises `InvalidInputError`: too few looks or tags, looks that are all alike, or a bad result.
     """
     _check_looks(camera, looks, limits)
     start = _start(camera, looks[0], first)

@@ -53,8 +53,7 @@ def trace_top(
 ) -> TracedTop:
     """Return the top of the object in a depth image [m] that is nearest to a place, or largest.
 
-    Raises:
-        InvalidInputError: nothing stands there, or it is cut by the image's edge.
+    Raises `InvalidInputError`: nothing stands there, or it is cut by the image's edge.
     """
     points = camera.place + depth[..., None] * camera.rays_of_all()
     heights = np.nan_to_num(points[..., 2], nan=-1.0)

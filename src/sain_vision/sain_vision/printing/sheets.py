@@ -36,8 +36,7 @@ def draw_tag(page: Page, family: str, number: int, x: float, y: float, size: flo
 def tag_sheets(family: str, numbers: Sequence[int], size: float, paper: str) -> list[Page]:
     """Return pages with tags of a side [m], with white around them and marks to cut along.
 
-    Raises:
-        ConfigError: a tag that the family lacks, or that is larger than the paper.
+    Raises `ConfigError`: a tag that the family lacks, or that is larger than the paper.
     """
     side = 1000.0 * size
     quiet = side / MODULES[family]
@@ -68,8 +67,7 @@ def tag_sheets(family: str, numbers: Sequence[int], size: float, paper: str) -> 
 def board_sheet(board: Board, paper: str = "a4") -> Page:
     """Return the page of a board; its origin is the board's lower left mark.
 
-    Raises:
-        ConfigError: it is larger than the paper.
+    Raises `ConfigError`: it is larger than the paper.
     """
     width, height = PAPERS[paper]
     wide, high = 1000.0 * np.array(board.extent)

@@ -59,8 +59,7 @@ class CalibrateOptions(Config):
 def run(options: CalibrateOptions, console: Console) -> None:
     """Take looks and write the file.
 
-    Raises:
-        SainError: no images, too few tags, or a bad result.
+    Raises `SainError`: no images, too few tags, or a bad result.
     """
     from sain_core.ros.node_main import command_node
     from sain_vision.ros.image_watcher import ImageWatcher

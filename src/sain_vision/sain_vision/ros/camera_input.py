@@ -135,8 +135,7 @@ class CameraInput:
 def _check_raw(message: CameraInfo, topic: str) -> None:
     """Check that K and D of a calibration fit the images on a topic.
 
-    Raises:
-        InvalidInputError: they are binned, a part of the sensor's image, or rectified.
+    Raises `InvalidInputError`: they are binned, a part of the sensor's image, or rectified.
     """
     binning, roi = (message.binning_x, message.binning_y), message.roi
     if max(binning) > 1:
@@ -162,8 +161,7 @@ def _check_raw(message: CameraInfo, topic: str) -> None:
 def publish_place(node: Node, config: CameraInputConfig) -> None:
     """Publish where a camera is, as the file of its calibration has it; nothing without a file.
 
-    Raises:
-        ConfigError: the file cannot be used.
+    Raises `ConfigError`: the file cannot be used.
     """
     if not config.extrinsics:
         return  # somebody else does

@@ -49,8 +49,7 @@ def encode_sightings(
 def decode_detections(message: Any, bodies: BodyFile, frame: str) -> dict[int, Observed]:
     """Return what a message says of bodies; what has another name is somebody else's.
 
-    Raises:
-        InvalidInputError: another frame, NaN, a tilted body, or one body twice.
+    Raises `InvalidInputError`: another frame, NaN, a tilted body, or one body twice.
     """
     if message.header.frame_id != frame:
         raise InvalidInputError(

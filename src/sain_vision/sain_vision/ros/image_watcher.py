@@ -34,8 +34,7 @@ class ImageWatcher:
     def next_image(self) -> tuple[Image, CameraModel]:
         """Return the next image.
 
-        Raises:
-            InvalidInputError: none comes, or what comes is not used, and why.
+        Raises `InvalidInputError`: none comes, or what comes is not used, and why.
         """
         self._latest, self.problem = None, ""
         end = time.monotonic() + PATIENCE

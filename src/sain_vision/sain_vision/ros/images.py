@@ -30,8 +30,7 @@ Depth = Float[ndarray, "height width"]
 def decode_grey(message: Any) -> Grey:
     """Return the brightness of an image.
 
-    Raises:
-        InvalidInputError: an encoding that is not read, or data of another size.
+    Raises `InvalidInputError`: an encoding that is not read, or data of another size.
     """
     if message.encoding not in TO_GREY:
         raise InvalidInputError(

@@ -87,8 +87,7 @@ class NewShapeOptions(Config):
 def run(options: NewShapeOptions, console: Console) -> None:
     """Look, show and write.
 
-    Raises:
-        SainError: no look, no object, or the user does not confirm.
+    Raises `SainError`: no look, no object, or the user does not confirm.
     """
     shown = options.path.with_suffix(".png")
     for path in (options.path, shown):

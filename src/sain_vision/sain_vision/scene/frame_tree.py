@@ -41,8 +41,7 @@ class FrameTree:
     ) -> None:
         """Take the transform of a frame at a time [s]; `inf` where it never moves.
 
-        Raises:
-            InvalidInputError: it is no pose, or there are too many frames.
+        Raises `InvalidInputError`: it is no pose, or there are too many frames.
         """
         known, contested = self._links.get(child), ""
         if known is None and len(self._links) >= MOST_FRAMES:
@@ -65,8 +64,7 @@ class FrameTree:
     def pose(self, frame: str) -> tuple[Float[ndarray, "3"], float]:
         """Return x, y and heading (3,) of a frame in the root, and the oldest stamp on the way.
 
-        Raises:
-            InvalidInputError: as `transform`, or it is not upright.
+        Raises `InvalidInputError`: as `transform`, or it is not upright.
         """
         place, turn, stamp = self.transform(frame)
         return flat_pose(place, turn, f"frame {frame!r}"), stamp
@@ -74,8 +72,7 @@ class FrameTree:
     def transform(self, frame: str) -> tuple[Place, Turn, float]:
         """Return place and turn of a frame in the root, and the oldest stamp on the way.
 
-        Raises:
-            InvalidInputError: no such frame was seen, it is not connected, or has two parents.
+        Raises `InvalidInputError`: no such frame was seen, it is not connected, or has two parents.
         """
         place, turn, stamp, name = np.zeros(3), Rotation.identity(), inf, frame
         for _ in range(DEEPEST):
