@@ -25,7 +25,7 @@ from benchmarks.faults.table import Row, show, write_page
 from sain_bags.reading.reader import Bag
 from sain_bringup.graph import LEARNER, MODEL, RECORDER, GraphOptions
 from sain_core.output import claim_file
-from sain_lab.keeping.laboratory import Laboratory
+from sain_lab.storage.laboratory import Laboratory
 
 STOPPED: Final = 10.0  # [s]
 LEARNING: Final = (LEARNER, MODEL)  # processes that are struck while a learner is at work

@@ -28,9 +28,9 @@ from sain_core.transitions import PushHistory
 from sain_core.types import PredictedScenes, PushSequences, Scene
 from sain_eval.scenes.families import ScenarioScene
 from sain_eval.scenes.scenarios import draw_scene
-from sain_lab.keeping.results import Result
-from sain_lab.learner import Learner, Lesson, prediction_error
-from sain_lab.teaching.lesson_plan import Watched
+from sain_lab.exploration.session import Watched
+from sain_lab.learner import Learner, Update, prediction_error
+from sain_lab.storage.results import Result
 from sain_model.compute.kernel_store import compile_kernels
 from sain_mppi.agent.agent import AgentConfig, planning_agent
 from sain_mppi.agent.events import Task
@@ -121,16 +121,16 @@ class Work:
         """Learn from a push, and keep what was measured of it."""
         model = self.shipped.with_bodies(result.own_bodies).condition(history)
         shipped = prediction_error(model.step(result.before[None], result.push[None])[0], result)
-        lesson = self.learner.observe(result)
-        self.take(lesson, shipped[0], int(result.episode.rpartition("/")[2]))
+        update = self.learner.observe(result)
+        self.take(update, shipped[0], int(result.episode.rpartition("/")[2]))
 
-    def take(self, lesson: Lesson, shipped: float, seed: int) -> None:
+    def take(self, update: Update, shipped: float, seed: int) -> None:
         """Keep what was measured of a push."""
-        service = lesson.errors.get(self.learner.judge.service, float("nan"))
-        row = {"seed": seed, SHIPPED: shipped, "errors": dict(lesson.errors), SERVICE: service}
-        row |= {"reason": lesson.reason, "model": self.learner.judge.service}
-        events = [f"{event.kind}: {event.text}" for event in lesson.events]
-        if any(event.kind == "training" for event in lesson.events):
+        service = update.errors.get(self.learner.judge.service, float("nan"))
+        row = {"seed": seed, SHIPPED: shipped, "errors": dict(update.errors), SERVICE: service}
+        row |= {"reason": update.reason, "model": self.learner.judge.service}
+        events = [f"{event.kind}: {event.text}" for event in update.events]
+        if any(event.kind == "training" for event in update.events):
             self.due = len(self.rows) + TRAINING
         if self.due is not None and len(self.rows) >= self.due:
             events += [f"{event.kind}: {event.text}" for event in self.learner.wait()]

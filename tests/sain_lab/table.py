@@ -8,7 +8,7 @@ from sain_core.model import load_dynamics
 from sain_core.push import PushLimits
 from sain_core.scene import STATE_SIZE
 from sain_core.shapes.bodies import Bodies
-from sain_lab.keeping.results import Result
+from sain_lab.storage.results import Result
 from sain_model.dynamics.load import parse_card, save_checkpoint, shipped_checkpoint
 from sain_model.dynamics.sain import weights_of
 from sain_model.physics.parameters import TEXTBOOK

@@ -13,9 +13,9 @@ from rich.console import Console
 
 from sain_core.errors import BusyError, DatasetError, OutputError, SainError
 from sain_lab.cli.lab import LabOptions, run
-from sain_lab.keeping.laboratory import LOG, MANIFEST, WAITING, Laboratory, OpenLaboratory, forget
-from sain_lab.keeping.log import LogReader, LogWriter
 from sain_lab.learner import Learner
+from sain_lab.storage.laboratory import LOG, MANIFEST, WAITING, Laboratory, OpenLaboratory, forget
+from sain_lab.storage.log import LogReader, LogWriter
 from tests.sain_lab.table import SmallTable
 
 PUSH = {"kind": "push", **SmallTable().push().record()}

@@ -9,10 +9,10 @@ from hypothesis import strategies as st
 
 import sain_lab.learner
 from sain_core.output import write_whole
-from sain_lab.keeping.laboratory import LOG, Laboratory
-from sain_lab.keeping.log import FAILED, TRAINED, TRAINING, encoded
 from sain_lab.learner import Learner
 from sain_lab.physics import Believer
+from sain_lab.storage.laboratory import LOG, Laboratory
+from sain_lab.storage.log import FAILED, TRAINED, TRAINING, encoded
 from sain_model.dynamics.load import card_path, shipped_checkpoint
 from tests.sain_lab.table import SmallTable
 

@@ -8,9 +8,9 @@ import pytest
 from sain_core.errors import ErrorCode
 from sain_core.model import load_dynamics
 from sain_lab.judging.curves import read_curves
-from sain_lab.keeping.laboratory import LOG, MANIFEST, Laboratory
-from sain_lab.keeping.log import CHANGED, DROPPED, JUMPED, LOADED, NOT_LEARNED, TRAINED, LogReader
 from sain_lab.learner import Learner
+from sain_lab.storage.laboratory import LOG, MANIFEST, Laboratory
+from sain_lab.storage.log import CHANGED, DROPPED, JUMPED, LOADED, NOT_LEARNED, TRAINED, LogReader
 from tests.sain_lab.table import TRUE, SmallTable, plant
 
 PUSHES = 24
@@ -22,14 +22,14 @@ def taught(tmp_path_factory):
     path, table = tmp_path_factory.mktemp("labs") / "small", SmallTable()
     results = [table.push() for _ in range(PUSHES)]
     with Learner.named(str(path), trains=False) as learner:
-        lessons = [learner.observe(one) for one in results]
+        updates = [learner.observe(one) for one in results]
         learner.end_episode()
-    return path, results, lessons
+    return path, results, updates
 
 
 def test_the_next_push_is_predicted_better_the_more_was_learned(taught):
-    _, _, lessons = taught
-    late = lessons[PUSHES // 2 :]
+    _, _, updates = taught
+    late = updates[PUSHES // 2 :]
     mean = {name: np.mean([one.errors[name] for one in late]) for name in ("planar", "physics")}
     assert mean["physics"] < 0.5 * mean["planar"]
 
@@ -81,10 +81,10 @@ def test_nothing_is_learned_twice_live_or_after_a_kill(taught, tmp_path):
 
 def test_a_push_is_predicted_before_it_is_learned_from(taught, tmp_path):
     """The errors of the first pushes do not depend on those that follow."""
-    _, results, lessons = taught
+    _, results, updates = taught
     with Learner.named(str(tmp_path / "again"), trains=False) as learner:
         again = [learner.observe(one) for one in results[:8]]
-    assert [one.errors for one in again] == [one.errors for one in lessons[:8]]
+    assert [one.errors for one in again] == [one.errors for one in updates[:8]]
 
 
 def bad(result, **changes):
@@ -115,10 +115,10 @@ def test_what_cannot_be_is_not_learned_from_and_said(tmp_path, make, reason):
     table = SmallTable()
     with Learner.named(str(tmp_path / "lab"), trains=False) as learner:
         learner.observe(table.push())
-        lesson = learner.observe(make(table.push()))
-        assert not lesson.learned
-        assert reason in lesson.reason
-        assert [event.kind for event in lesson.events] == [NOT_LEARNED]
+        update = learner.observe(make(table.push()))
+        assert not update.learned
+        assert reason in update.reason
+        assert [event.kind for event in update.events] == [NOT_LEARNED]
         assert learner.pushes == 1
     events = read_curves(Laboratory(tmp_path / "lab")).events
     assert reason in events[-1].text
@@ -156,13 +156,13 @@ def test_a_table_that_changes_is_noticed_and_the_error_returns(tmp_path, change,
             learner.observe(table.push())
         table.world = replace(table.world, config=replace(TRUE, **change))
         for _ in range(40):
-            lesson = learner.observe(table.push())
-            kinds += [event.kind for event in lesson.events]
-            errors.append(lesson.errors["physics"])
+            update = learner.observe(table.push())
+            kinds += [event.kind for event in update.events]
+            errors.append(update.errors["physics"])
     assert kinds.count(event) == 1
     assert np.mean(errors[25:]) < 0.5 * np.mean(errors[:10])
 
 
 def test_a_table_that_stays_is_left_alone(taught):
-    _, _, lessons = taught
-    assert [event.kind for one in lessons for event in one.events] == []
+    _, _, updates = taught
+    assert [event.kind for one in updates for event in one.events] == []

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from sain_lab.judging.betting import Bet
+from sain_lab.judging.sequential_test import Bet
 from sain_lab.physics import latest_run
 
 PUSHES = 250

@@ -19,7 +19,7 @@ from sain_core.ros import codec
 from sain_core.ros.qos import QUEUE
 from sain_core.scene import make_scene
 from sain_interfaces.msg import PushResult
-from sain_lab.keeping.laboratory import Laboratory
+from sain_lab.storage.laboratory import Laboratory
 from sain_model.physics.parameters import TEXTBOOK
 from sain_model.physics.planar import PlanarPrior
 
@@ -110,7 +110,7 @@ def test_a_training_ends_with_the_process_that_began_it(tmp_path):
     """Kill a process that has begun a training; what it trains on does not matter."""
     code = (
         "import time; from pathlib import Path; from sain_lab.training import Training;"
-        "from sain_lab.keeping.laboratory import OpenLaboratory;"
+        "from sain_lab.storage.laboratory import OpenLaboratory;"
         f"one = Training.start(OpenLaboratory(Path({str(tmp_path / 'lab')!r})), 0, 50);"
         "print(one._process.pid, flush=True); time.sleep(600)"
     )

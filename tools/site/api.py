@@ -40,7 +40,7 @@ PACKAGES: Final = {
     ),
     "sain_lab": (
         "Laboratories: what is learned where a table stands.",
-        ("learner", "keeping.results", "keeping.laboratory", "judging.curves"),
+        ("learner", "storage.results", "storage.laboratory", "judging.curves"),
     ),
     "sain_gym": (
         "The Gymnasium environment, and the agent as a policy in it.",

@@ -28,7 +28,7 @@ from sain_core.model import check_model_name
 from sain_core.shapes.body_file import read_bodies, write_tagged_bodies
 from sain_core.shapes.shape import BOTTOMS, FEET
 from sain_core.world import MASSES, ObservationConfig, changed_settings
-from sain_lab.keeping.laboratory import laboratory_path
+from sain_lab.storage.laboratory import laboratory_path
 from sain_model.compute.kernel_store import compile_visibly
 from sain_sim.world.engines import DEFAULT_ENGINE, ENGINE_HELP, check_engine
 from sain_sim.world.start import draw_episode

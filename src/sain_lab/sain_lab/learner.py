@@ -1,10 +1,10 @@
 """The learner: results in, and out come the belief, networks and decisions of a laboratory.
 
     with Learner.named("my_table") as learner:          # or a path; locked by this process
-        lesson = learner.observe(Result(push, before, after, bodies=bodies, episode="run 7/12"))
-        lesson.learned, lesson.reason                    # False: why nothing was learned from it
-        lesson.errors                                    # {"planar": 1.7, "physics": 1.2, ...} [mm]
-        lesson.events                                    # what was decided: Event(kind, text, ...)
+        update = learner.observe(Result(push, before, after, bodies=bodies, episode="run 7/12"))
+        update.learned, update.reason                    # False: why nothing was learned from it
+        update.errors                                    # {"planar": 1.7, "physics": 1.2, ...} [mm]
+        update.events                                    # what was decided: Event(kind, text, ...)
         learner.poll()                                   # a training that ended: more events
         learner.generation                               # changes when others should load again:
         learner.model, learner.model_name                # a model; "lab:PATH" for `load_model`
@@ -16,7 +16,7 @@
 3. A network is trained in a process of its own (`sain_lab.training`) when the pushes have grown by
    half since the last one. It becomes the candidate, and is judged on the pushes that came while it
    was trained. It goes into service when it errs less beyond chance on pushes that it has not
-   seen, and out when it errs more (`sain_lab.judging.betting`).
+   seen, and out when it errs more (`sain_lab.judging.sequential_test`).
 
 All state is in the log: a learner that opens a laboratory reads it, goes on with a training that
 was begun, and finds in `waiting` what was received and not learned from.
@@ -37,13 +37,13 @@ from sain_core.scene import POSITION, THETA, wrap_angle
 from sain_core.transitions import MOVED, PushHistory
 from sain_core.types import Scene
 from sain_lab.judging.judge import RECENT, Judge
-from sain_lab.keeping import log
-from sain_lab.keeping.laboratory import PHYSICS, PLANAR, SHIPPED, OpenLaboratory, service_of
-from sain_lab.keeping.log import Event
-from sain_lab.keeping.results import Result, why_not
 from sain_lab.physics import Believer
 from sain_lab.serving import model_name, planar
 from sain_lab.state import Job, State
+from sain_lab.storage import log
+from sain_lab.storage.laboratory import PHYSICS, PLANAR, SHIPPED, OpenLaboratory, service_of
+from sain_lab.storage.log import Event
+from sain_lab.storage.results import Result, why_not
 from sain_lab.training import Training
 from sain_model.dynamics.load import load_checkpoint, load_shipped
 from sain_model.dynamics.sain import SainDynamics
@@ -54,7 +54,7 @@ GROWTH: Final = 1.5  # of the number of pushes from one training to the next
 
 
 @dataclass(frozen=True)
-class Lesson:
+class Update:
     """What became of a result."""
 
     learned: bool  # whether it was learned from
@@ -146,7 +146,7 @@ class Learner:
         while self.waiting:
             yield self.waiting[0]
 
-    def observe(self, result: Result) -> Lesson:
+    def observe(self, result: Result) -> Update:
         """Learn from a result.
 
         Raises `OutputError`: the disk is full; nothing was learned, and the laboratory is whole.
@@ -154,13 +154,13 @@ class Learner:
         result = result.identified()
         try:
             ended = self.poll()
-            lesson = self._learn(result)
+            update = self._learn(result)
         except BaseException:
             self._failed = True
             raise
         finally:
             self._next(result.identity)
-        return replace(lesson, events=(*ended, *lesson.events))
+        return replace(update, events=(*ended, *update.events))
 
     def _next(self, identity: str) -> None:
         """Let others wait no longer for a result; forget what was received once all is learned."""
@@ -219,19 +219,19 @@ class Learner:
 
     # --- one result -------------------------------------------------------------------------------
 
-    def _learn(self, result: Result) -> Lesson:
+    def _learn(self, result: Result) -> Update:
         for name in (result.identity, result.digest):
             if reason := self._state.seen.get(name):
-                return Lesson(False, reason)
+                return Update(False, reason)
         if reason := why_not(result):
-            return Lesson(False, reason, events=(self._left_out(result, reason),))
+            return Update(False, reason, events=(self._left_out(result, reason),))
         if reason := self._state.why_not(result):
             place = {"episode": result.episode, "after": result.after.tolist()}
-            return Lesson(False, reason, events=(self._left_out(result, reason, **place),))
+            return Update(False, reason, events=(self._left_out(result, reason, **place),))
         errors, turns, problems = self._predict(result)
         self._append({"kind": "push", **result.record(), "errors": errors, "turns": turns})
         decided = (*problems, *self._settle(), *self._notice_jump())
-        return Lesson(True, "", errors, turns, (*decided, *self._train_if_due()))
+        return Update(True, "", errors, turns, (*decided, *self._train_if_due()))
 
     def _left_out(self, result: Result, reason: str, **place: Any) -> Event:
         return self._log(log.NOT_LEARNED, reason, id=result.identity, **place)

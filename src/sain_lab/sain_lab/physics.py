@@ -24,7 +24,7 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from sain_core.shapes.bodies import Bodies
-from sain_lab.keeping.results import Result, history_of
+from sain_lab.storage.results import Result, history_of
 from sain_model.dynamics.identify import ENOUGH as PUSHES_OF_BODY
 from sain_model.dynamics.identify import (
     LEAST_SPREAD,

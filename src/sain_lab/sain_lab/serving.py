@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
-from sain_lab.keeping.laboratory import PLANAR, PREFIX, SHIPPED, Laboratory
 from sain_lab.physics import physics_model
+from sain_lab.storage.laboratory import PLANAR, PREFIX, SHIPPED, Laboratory
 from sain_model.dynamics.load import load_checkpoint, load_shipped
 from sain_model.dynamics.priors import make_prior
 from sain_model.dynamics.sain import PHYSICS as PHYSICS_KIND

@@ -8,7 +8,7 @@ from sain_core.config import MOST_SEED, Config, option
 from sain_core.output import OVERWRITE_HELP
 from sain_core.world import ObservationConfig
 from sain_eval.scenes.scenarios import OFFERED, SCENARIOS
-from sain_lab.keeping.laboratory import laboratory_path
+from sain_lab.storage.laboratory import laboratory_path
 from sain_sim.world.engines import DEFAULT_ENGINE, ENGINE_HELP
 from sain_sim.world.truth import ALL, TRUTHS, TruthConfig
 

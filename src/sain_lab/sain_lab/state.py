@@ -19,10 +19,10 @@ from sain_core.scene import POSITION, THETA, wrap_angle
 from sain_core.transitions import PushHistory
 from sain_core.types import Scene
 from sain_lab.judging.judge import Judge
-from sain_lab.keeping import log
-from sain_lab.keeping.laboratory import service_of
-from sain_lab.keeping.results import Result, history_of
 from sain_lab.physics import Believer, BodyBeliever
+from sain_lab.storage import log
+from sain_lab.storage.laboratory import service_of
+from sain_lab.storage.results import Result, history_of
 from sain_model.dynamics.sain import SainDynamics
 from sain_mppi.agent.agent import MOST_PUSHES
 

@@ -25,8 +25,8 @@ from typing import TYPE_CHECKING, Final, Self
 import numpy as np
 
 from sain_core.errors import SainError
-from sain_lab.keeping.laboratory import Laboratory, service_of
-from sain_lab.keeping.results import Result
+from sain_lab.storage.laboratory import Laboratory, service_of
+from sain_lab.storage.results import Result
 
 if TYPE_CHECKING:
     from sain_model.data.dataset import Dataset

@@ -6,8 +6,8 @@ from builtin_interfaces.msg import Time
 
 from sain_lab.judging.chart import draw_curves
 from sain_lab.judging.curves import SERVICE, WINDOW, Curves
-from sain_lab.keeping.laboratory import PHYSICS, PLANAR
 from sain_lab.ros.learner_node import encode_learning
+from sain_lab.storage.laboratory import PHYSICS, PLANAR
 
 
 @pytest.mark.parametrize("pushes", [1, 7, 59, 333, 2001])

@@ -10,8 +10,8 @@ from sain_core.ros.qos import LATCHED, QUEUE
 from sain_core.scene import make_scene
 from sain_core.wire.learning import decode_learning
 from sain_interfaces.msg import Learning, PushResult
-from sain_lab.keeping.laboratory import Laboratory, OpenLaboratory
 from sain_lab.ros.learner_node import LearnerNode
+from sain_lab.storage.laboratory import Laboratory, OpenLaboratory
 from sain_model.physics.parameters import TEXTBOOK
 from sain_model.physics.planar import PlanarPrior
 from sain_model.ros.model_node import ModelNode

@@ -14,14 +14,14 @@ from sain_core.cli.terminal import FittingTable, make_table
 from sain_core.config import Config, option, required
 from sain_core.errors import ConfigError
 from sain_core.output import OVERWRITE_HELP
-from sain_lab.keeping.log import NOT_LEARNED
+from sain_lab.storage.log import NOT_LEARNED
 
 if TYPE_CHECKING:
     from sain_lab.judging.curves import Curves
-    from sain_lab.keeping.laboratory import Laboratory
-    from sain_lab.keeping.log import Event
-    from sain_lab.keeping.results import Result
     from sain_lab.learner import Learner
+    from sain_lab.storage.laboratory import Laboratory
+    from sain_lab.storage.log import Event
+    from sain_lab.storage.results import Result
 
 Action = Literal["list", "show", "add", "replay", "export", "forget"]
 SHOWN: Final = 12  # events
@@ -76,7 +76,7 @@ class LabOptions(Config):
 def run(options: LabOptions, console: Console) -> None:
     """Do what is asked for."""
     from sain_core.output import claim_folder
-    from sain_lab.keeping.laboratory import Laboratory, forget
+    from sain_lab.storage.laboratory import Laboratory, forget
 
     if options.chart_folder != Path():
         claim_folder(options.chart_folder, (CHART,), options.overwrite)
@@ -98,7 +98,7 @@ def run(options: LabOptions, console: Console) -> None:
 def show_list(console: Console) -> None:
     """Print all laboratories of this user."""
     from sain_core.errors import SainError
-    from sain_lab.keeping.laboratory import Laboratory, data_folder, laboratory_names
+    from sain_lab.storage.laboratory import Laboratory, data_folder, laboratory_names
 
     rows = []
     for name in laboratory_names():
@@ -199,9 +199,9 @@ def export(laboratory: "Laboratory", options: LabOptions, console: Console) -> N
 
 def add(options: LabOptions, console: Console) -> None:
     """Learn from recordings."""
-    from sain_lab.keeping.laboratory import Laboratory
-    from sain_lab.keeping.recordings import read_recording
     from sain_lab.learner import Learner
+    from sain_lab.storage.laboratory import Laboratory
+    from sain_lab.storage.recordings import read_recording
 
     laboratory, *names = options.names
     if not names:
@@ -234,9 +234,9 @@ def learn(
                 console.print(f"{event.pushes}: {event.kind}: {event.text}", soft_wrap=True)
 
     for result in results:
-        lesson = learner.observe(result)
-        reasons[lesson.reason] += 1
-        say(lesson.events)
+        update = learner.observe(result)
+        reasons[update.reason] += 1
+        say(update.events)
         if wait:
             say(learner.wait())
     learner.end_episode()
@@ -249,8 +249,8 @@ def learn(
 def replay(options: LabOptions, console: Console) -> None:
     """Stream recorded pushes through a learner as if they happened now."""
     from sain_core.scratch import scratch_folder
-    from sain_lab.keeping.recordings import read_recording
     from sain_lab.learner import Learner
+    from sain_lab.storage.recordings import read_recording
 
     with scratch_folder("replay") as scratch:
         name = options.laboratory or str(Path(scratch) / "replay")

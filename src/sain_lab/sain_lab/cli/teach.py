@@ -9,7 +9,7 @@ from sain_core.output import claim_file
 from sain_lab.settings import GRAPH, TeachOptions
 
 if TYPE_CHECKING:
-    from sain_lab.teaching.lesson_plan import Taught
+    from sain_lab.exploration.session import SessionResult
 
 
 def run(options: TeachOptions, console: Console) -> None:
@@ -17,17 +17,17 @@ def run(options: TeachOptions, console: Console) -> None:
     from sain_core.view.figures import write_png
     from sain_lab.judging.chart import draw_curves
     from sain_lab.judging.curves import read_curves
-    from sain_lab.keeping.laboratory import Laboratory
+    from sain_lab.storage.laboratory import Laboratory
     from sain_model.compute.kernel_store import compile_visibly
 
     claim_file(options.out, options.overwrite)
     compile_visibly(console)
     if options.world == GRAPH:
-        from sain_lab.ros.teaching import teach_on_graph
+        from sain_lab.ros.graph_world import teach_on_graph
 
         taught = teach_on_graph(options)
     else:
-        from sain_lab.teaching.lesson_plan import teach_in_world
+        from sain_lab.exploration.session import teach_in_world
 
         taught = teach_in_world(options)
     show(taught, console)
@@ -36,7 +36,7 @@ def run(options: TeachOptions, console: Console) -> None:
     console.print(f"chart: {path}", soft_wrap=True)
 
 
-def show(taught: "Taught", console: Console) -> None:
+def show(taught: "SessionResult", console: Console) -> None:
     """Print what was learned."""
     rows = (
         (name, f"{before[0]:.4g}", f"{before[1]:.2g}", f"{after[0]:.4g}", f"{after[1]:.2g}")

@@ -9,8 +9,8 @@ from matplotlib.figure import Figure
 from sain_core.view.figures import TEXT, new_figure, style_axes
 from sain_core.view.palette import PALETTE
 from sain_lab.judging.curves import SERVICE, WINDOW, Curves, running
-from sain_lab.keeping.laboratory import PHYSICS, PLANAR
-from sain_lab.keeping.log import CHANGED, DROPPED, JUMPED, LOADED
+from sain_lab.storage.laboratory import PHYSICS, PLANAR
+from sain_lab.storage.log import CHANGED, DROPPED, JUMPED, LOADED
 from sain_model.physics.parameters import BY_NAME
 
 LINES: Final = {

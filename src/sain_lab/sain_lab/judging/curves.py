@@ -9,8 +9,8 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from sain_core.randomness import Interval, bootstrap_mean, generator
-from sain_lab.keeping.laboratory import PHYSICS, PLANAR, Laboratory, check_record
-from sain_lab.keeping.log import Event, LogReader, Record
+from sain_lab.storage.laboratory import PHYSICS, PLANAR, Laboratory, check_record
+from sain_lab.storage.log import Event, LogReader, Record
 
 SERVICE: Final = "in service"
 WINDOW: Final = 50  # pushes of a running mean

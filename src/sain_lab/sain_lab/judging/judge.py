@@ -1,7 +1,7 @@
 """Who predicts best: the contenders of a laboratory, and which of them is in service.
 
 Decisions follow from the errors on pushes that no contender had learned from, in the order of time,
-by bets that stay valid when they are looked at after each push (`sain_lab.judging.betting`).
+by bets that stay valid when looked at after each push (`sain_lab.judging.sequential_test`).
 
 Two challengers may replace what is in service: the shipped model, from the first push on, and the
 latest network of the laboratory. A network is also judged on the pushes that came while it was
@@ -11,9 +11,9 @@ trained.
 from collections.abc import Mapping
 from typing import Any, Final
 
-from sain_lab.judging.betting import Bet
-from sain_lab.keeping.laboratory import PHYSICS, PLANAR, SHIPPED
-from sain_lab.keeping.log import CHANGED, DROPPED, FAILED, LEFT_OUT, LOADED, TRAINED, TRAINING
+from sain_lab.judging.sequential_test import Bet
+from sain_lab.storage.laboratory import PHYSICS, PLANAR, SHIPPED
+from sain_lab.storage.log import CHANGED, DROPPED, FAILED, LEFT_OUT, LOADED, TRAINED, TRAINING
 
 Decision = tuple[str, str, dict[str, Any]]  # kind and text of an event, and more about it
 Bets = dict[str, Bet]  # that a challenger errs less than these

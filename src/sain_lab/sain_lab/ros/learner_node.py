@@ -40,11 +40,11 @@ from sain_core.wire.bodies import decode_bodies
 from sain_interfaces.msg import Bodies, LearnedCurve, LearnerEvent, Learning, PushResult
 from sain_interfaces.srv import LoadModel
 from sain_lab.judging.curves import SERVICE, CurveReader, Curves, running
-from sain_lab.keeping.laboratory import PHYSICS, PLANAR, WAITING
-from sain_lab.keeping.log import Event
-from sain_lab.keeping.results import Result
-from sain_lab.learner import Learner, Lesson
+from sain_lab.learner import Learner, Update
 from sain_lab.settings import LearnerConfig
+from sain_lab.storage.laboratory import PHYSICS, PLANAR, WAITING
+from sain_lab.storage.log import Event
+from sain_lab.storage.results import Result
 from sain_model.compute.threads import one_numba_thread
 from sain_model.physics.parameters import BY_NAME
 
@@ -143,7 +143,7 @@ class LearnerNode(Node):
             self.get_logger().warning(text)
         waiting = len(self.learner.waiting)
         for _ in range(waiting):
-            self.worker.submit(self._learn, self._on_lesson)
+            self.worker.submit(self._learn, self._on_update)
         self._publish()
         self.ready = f"learns in {self.learner.laboratory.path}, after {self.learner.pushes} pushes"
         self.ready += f"; {waiting} more were received before" if waiting else ""
@@ -178,9 +178,9 @@ class LearnerNode(Node):
         except OutputError as error:
             self.get_logger().error(f"a crash now would lose push {message.push_id}: {error}")
         if not self._closed:
-            self.worker.submit(self._learn, self._on_lesson)
+            self.worker.submit(self._learn, self._on_update)
 
-    def _learn(self) -> Lesson:
+    def _learn(self) -> Update:
         """Learn from the result that waits longest; on the worker's thread."""
         with one_numba_thread():
             return self.learner.observe(self.learner.waiting[0])
@@ -200,7 +200,7 @@ class LearnerNode(Node):
             time=self.get_clock().now().nanoseconds * 1e-9,
         )
 
-    def _on_lesson(self, done: "Future[Lesson]") -> None:
+    def _on_update(self, done: "Future[Update]") -> None:
         if (error := done.exception()) is not None:
             text = f"{type(error).__name__}: {shortened(str(error))}"
             self.diagnostics.set(ERROR, f"a push was not learned from: {text}")

@@ -16,10 +16,16 @@ from sain_core.types import PushArray, Scene
 from sain_core.world import AnyWorld
 from sain_eval.scenes.families import ScenarioScene
 from sain_eval.scenes.scenarios import draw_scene
-from sain_lab.keeping.results import Result
+from sain_lab.exploration.information import (
+    Certainty,
+    InformativeDecider,
+    Work,
+    expected_error,
+    imagined_work,
+)
 from sain_lab.learner import Learner, prediction_error
 from sain_lab.settings import TeachOptions
-from sain_lab.teaching.information import Certainty, Teacher, Work, expected_error, imagined_work
+from sain_lab.storage.results import Result
 from sain_model.dynamics.sain import SainDynamics
 from sain_mppi.agent.agent import MOST_PUSHES, Agent, AgentConfig
 from sain_mppi.agent.events import Task
@@ -39,7 +45,7 @@ Model = Callable[[], SainDynamics]
 
 
 @dataclass(frozen=True)
-class Taught:
+class SessionResult:
     """What a teaching brought."""
 
     kind: str  # of physics that is the likeliest
@@ -54,13 +60,13 @@ class Taught:
 
 
 @dataclass
-class Teaching:
+class Session:
     """Pushes of a teacher, and the errors of what was believed on each."""
 
     model: Model  # returns the physics as it is believed now
     take: Callable[[Result], object]  # learns from a result
     work: Work  # pushes of typical plans
-    decider: Callable[[Model, Work], Decider] = Teacher  # makes what chooses the pushes
+    decider: Callable[[Model, Work], Decider] = InformativeDecider  # makes what chooses the pushes
     # whether `model` has learned from the last scene's pushes when the teaching ends
     believed: bool = False
     # [mm] of each push, with what was believed at first and then
@@ -70,7 +76,7 @@ class Teaching:
         self._first = self.model()
         self._last = PushHistory.empty(len(self.work.bodies))  # of the last scene
 
-    def run(self, rooms: Rooms, settings: TeachOptions) -> Taught:
+    def run(self, rooms: Rooms, settings: TeachOptions) -> SessionResult:
         """Make the pushes, in one room after another.
 
         Raises `NoPushError`: no push is possible in several rooms, or there is none any more.
@@ -108,7 +114,7 @@ class Teaching:
         self._last = history.then(*arrays).latest(MOST_PUSHES)
         self.take(result)
 
-    def _concluded(self) -> Taught:
+    def _concluded(self) -> SessionResult:
         empty = PushHistory.empty(len(self.work.bodies))
         bodies, last = self.work.bodies, empty if self.believed else self._last
         before = Certainty.of(self._first, bodies, empty)
@@ -116,7 +122,7 @@ class Teaching:
         needs, was = self.work.needs(after), before.named
         half = np.array(self.errors[len(self.errors) // 2 :])
         more = after.doubled(before)
-        return Taught(
+        return SessionResult(
             after.kind.name,
             len(self.errors),
             {name: (was.get(name, value), value) for name, value in after.named.items()},
@@ -164,7 +170,7 @@ def work_of(settings: TeachOptions, model: SainDynamics) -> Work:
     return imagined_work(alike, model, AgentConfig())
 
 
-def teach_in_world(settings: TeachOptions) -> Taught:
+def teach_in_world(settings: TeachOptions) -> SessionResult:
     """Teach in a simulated world.
 
     Raises `SainError`: no push is possible, or the laboratory cannot be opened.
@@ -172,7 +178,7 @@ def teach_in_world(settings: TeachOptions) -> Taught:
     with Learner.named(settings.laboratory) as learner:
         model = lambda: learner.believer.model  # noqa: E731
         work = work_of(settings, model())
-        teaching = Teaching(model, learner.observe, work, believed=True)
+        teaching = Session(model, learner.observe, work, believed=True)
         taught = teaching.run(_learned_between(rooms_of(settings), learner), settings)
         learner.wait()
         return taught

@@ -1,7 +1,7 @@
 """A laboratory: a folder with what was learned where a table stands.
 
     laboratory.json    format, name, how long the log is at least, the model in service
-    pushes.log         every push that was learned from, and every decision (`sain_lab.keeping.log`)
+    pushes.log         every push that was learned from, and every decision (`sain_lab.storage.log`)
     belief.json        what is believed of the physics, as ``sain_model identify`` writes it
     models/000100/     a network trained on the first 100 pushes, with its card
     waiting.log        pushes that were received, until they are in the log
@@ -37,9 +37,9 @@ from sain_core.output import (
 )
 from sain_core.provenance import FORMAT, other_format
 from sain_core.scene import STATE_SIZE
-from sain_lab.keeping import log
-from sain_lab.keeping.log import Event, LogReader, LogWriter, Record
-from sain_lab.keeping.results import Result
+from sain_lab.storage import log
+from sain_lab.storage.log import Event, LogReader, LogWriter, Record
+from sain_lab.storage.results import Result
 from sain_model.physics.parameters import BY_NAME
 
 PREFIX: Final = "lab:"

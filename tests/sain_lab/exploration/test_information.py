@@ -12,9 +12,9 @@ from sain_core.scene import POSITION, make_scene
 from sain_core.shapes.bodies import PAPER_DISKS
 from sain_core.transitions import PushHistory
 from sain_eval.scenes.scenarios import draw_scene
-from sain_lab.teaching.information import (
+from sain_lab.exploration.information import (
     Certainty,
-    Teacher,
+    InformativeDecider,
     Work,
     answers,
     expected_error,
@@ -117,7 +117,7 @@ def test_no_push_is_chosen_that_may_leave_the_reach(scenes, pushes):
 def decide(scene, **config):
     goal = draw_scene("anywhere", 1).goal
     work = Work(PAPER_DISKS, scene[None], PushLimits().sample(np.random.default_rng(1), 1))
-    agent = Agent(Teacher(lambda: MODEL, work, **config), AgentConfig())
+    agent = Agent(InformativeDecider(lambda: MODEL, work, **config), AgentConfig())
     events = EpisodeBegun(1, PAPER_DISKS), GoalGiven(Task(1, 0, goal, 5))
     return act(agent, *events, SceneObserved(scene, 1, 1))
 

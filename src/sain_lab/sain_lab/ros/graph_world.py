@@ -1,4 +1,4 @@
-"""Teaching on a graph that runs: pushes are sent as a person would, and the graph's learner learns.
+"""Session on a graph that runs: pushes are sent as a person would, and the graph's learner learns.
 
 A simulator is reset to a scene of the scenario now and then. Without one, as with a robot, all
 pushes are made from where the bodies are.
@@ -26,17 +26,17 @@ from sain_interfaces.msg import Bodies as BodiesMessage
 from sain_interfaces.msg import Push, PushResult
 from sain_interfaces.msg import Scene as SceneMessage
 from sain_interfaces.srv import ResetScene
-from sain_lab.keeping.laboratory import Laboratory
+from sain_lab.exploration.session import Session, SessionResult, scene_of, work_of
 from sain_lab.serving import believed
 from sain_lab.settings import TeachOptions
-from sain_lab.teaching.lesson_plan import Taught, Teaching, scene_of, work_of
+from sain_lab.storage.laboratory import Laboratory
 from sain_model.dynamics.sain import SainDynamics
 
 PATIENCE: Final = 30.0  # [s], for a scene, a result or a reset
 FIRST: Final = 3.0  # [s], for a simulator to be found
 
 
-def teach_on_graph(settings: TeachOptions) -> Taught:
+def teach_on_graph(settings: TeachOptions) -> SessionResult:
     """Teach on the graph that runs.
 
     Raises `ModelUnavailableError`: nobody answers on the graph; `ConfigError`: its bodies are
@@ -45,7 +45,7 @@ def teach_on_graph(settings: TeachOptions) -> Taught:
     believing = _Believing(settings.laboratory)
     with command_node("teach") as node:
         world = GraphWorld(node)
-        teaching = Teaching(believing, lambda result: None, work_of(settings, believing()))
+        teaching = Session(believing, lambda result: None, work_of(settings, believing()))
         return teaching.run(_rooms(world, settings), settings)
 
 

@@ -171,7 +171,7 @@ STILL: Final = 1e-3  # [m], a body that moves less is where it was
 SIDES: Final = unit(np.linspace(-np.pi, np.pi, 8, endpoint=False))
 
 
-class Teacher(Decider):
+class InformativeDecider(Decider):
     """Chooses the push that informs most."""
 
     def __init__(self, model: Callable[[], SainDynamics], work: Work, draws: int = DRAWS) -> None:
