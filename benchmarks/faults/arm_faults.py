@@ -36,13 +36,13 @@ from sain_bringup.graph import (
     RECORDER,
     ROBOT,
     SCENES,
-    UNWATCHED,
     graph_commands,
     restart_command,
     ros_arguments,
 )
-from sain_bringup.laboratory import ENABLE, SERVER, LaboratoryOptions, laboratory_graph
+from sain_bringup.laboratory import ENABLE, SERVER, LaboratoryOptions
 from sain_bringup.processes import UNHURRIED, Supervisor
+from sain_bringup.running import UNWATCHED
 from sain_core import wire
 from sain_core.errors import ErrorCode
 from sain_core.ros import codec
@@ -218,8 +218,7 @@ class Hall:
         thread.start()
         self.supervisor = stack.enter_context(Supervisor(self._folder, UNHURRIED, NEVER))
         seen = ObservationConfig(noise=",".join(map(str, NOISE)))
-        graph = laboratory_graph(replace(options, camera=seen))
-        commands = graph_commands(graph, ros_arguments(()), self._folder)
+        commands = graph_commands(replace(options, camera=seen), ros_arguments(()), self._folder)
         del commands[SERVER]  # it is in this process
         for name, command in commands.items():
             variables = UNWATCHED if name == ROBOT else {}

@@ -150,7 +150,7 @@ def graph(folder: Path, options: GraphOptions) -> Iterator[Graph]:
         observed = Observed()
         director.create_subscription(PushResult, "push_result", observed.on_result, QUEUE)
         try:
-            for name, command in graph_commands(options.graph(), ros_arguments(()), folder).items():
+            for name, command in graph_commands(options, ros_arguments(()), folder).items():
                 again = restart_command(name, command)
                 supervisor.start(name, command, patient=name == RECORDER, again=again)
             director.wait_for_graph(lambda: supervisor.starting(PARTS), lambda text: None)

@@ -5,7 +5,7 @@ import yaml
 from rich.console import Console
 
 from sain_arm.robot.robot import SHIPPED
-from sain_bringup.laboratory import LaboratoryOptions, fitting_start, run
+from sain_bringup.laboratory import LaboratoryOptions, run
 from sain_core.errors import ConfigError
 
 LARGE = SHIPPED / "bodies" / "t.yaml"
@@ -23,10 +23,10 @@ def test_a_body_too_large_for_the_robot_s_reach_is_named_with_both_sizes():
 def test_a_small_robot_has_a_small_t_where_it_can_push_it():
     options = LaboratoryOptions(robot="so101")
     assert options.bodies_file.name == "so101.yaml"
-    x, y, _ = fitting_start(options)
+    x, y, _ = options.place
     assert 0.35 < x < 0.5 and abs(y) < 0.15
     assert LaboratoryOptions(robot="ur5").bodies_file == LARGE
-    assert fitting_start(LaboratoryOptions(robot="ur5")) == ()
+    assert LaboratoryOptions(robot="ur5").place == ()
 
 
 def test_tags_too_small_for_the_camera_are_named_with_their_pixels(tmp_path):

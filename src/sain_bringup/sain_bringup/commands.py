@@ -5,7 +5,7 @@ from typing import Final
 from sain_core.cli.command_line import Command
 
 closed_loop: Final = Command("sain_bringup closed_loop", "ros.closed_loop", ros=True)
-graph: Final = Command("sain_bringup graph", "graph", ros=True)
+graph: Final = Command("sain_bringup graph", "running", ros=True)
 laboratory: Final = Command("sain_bringup laboratory", "laboratory", ros=True)
 goal: Final = Command("sain_bringup goal", "ros.goal", ros=True)
 push: Final = Command("sain_bringup push", "ros.push", ros=True)

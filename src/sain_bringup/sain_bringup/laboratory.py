@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import partial
+from functools import cached_property
 from pathlib import Path
 from typing import Final
 
@@ -12,23 +12,23 @@ from rich.console import Console
 from sain_arm.robot.robot import SHIPPED, read_robot
 from sain_bringup.graph import (
     DEPTH_IMAGES,
-    ELSEWHERE,
     OUTLINES,
     PAGE,
     ROBOT,
     SEEN_NOISE,
     TAGS,
-    Graph,
-    GraphConfig,
-    recording_folder,
-    run_graph,
+    GraphOptions,
+    absent,
 )
+from sain_bringup.running import run as run_graph
 from sain_core.camera.image_camera import ImageCameraConfig
 from sain_core.cli.command_line import command_of_node, executable
 from sain_core.config import option
 from sain_core.errors import ConfigError, OutOfRangeError
 from sain_core.push import PushLimits
 from sain_core.shapes.body_file import BodyFile, read_bodies
+from sain_core.shapes.shape import FEET
+from sain_sim.world.engines import DEFAULT_ENGINE
 from sain_vision.detection.tags import SMALLEST
 
 SEEN_TIMEOUT: Final = "3.0"  # [s], age of scenes that come from images drawn here
@@ -38,13 +38,16 @@ POSES: Final = "poses"
 
 
 @dataclass(frozen=True)
-class LaboratoryOptions(GraphConfig):
+class LaboratoryOptions(GraphOptions):
     """Start what an owner of a robot starts, with a simulated arm and table in place of it.
 
     A trajectory server moves the arm in MuJoCo, with physics that no model of SAIN has; `arm_node`
     pushes with it. Goals come as `goal` and RViz send them. The arm may move until Ctrl-C.
     """
 
+    engine: str = absent(DEFAULT_ENGINE)
+    bottom: str = absent(FEET)
+    gui: bool = absent(False)
     robot: str = option("ur5", "YAML file of the robot, or the name of a shipped one")
     bodies: Path | None = option(
         None, "YAML file of the bodies; by default a T that the robot can push"
@@ -60,21 +63,70 @@ class LaboratoryOptions(GraphConfig):
     enable: bool = option(True, "let the arm move; else start `sain_arm enable` for that")
     page: bool = option(True, "serve the live page, with the camera's picture")
     port: int = option(8080, "of the page", minimum=1, maximum=65535)
-    record: bool = option(True, "record all topics")
-    bag: Path | None = option(
-        None, "folder to make for the recording; by default bags/<date>-<time>"
-    )
 
-    def __post_init__(self) -> None:
-        """Check the fields, and the bodies; `run` reads the robot, whose files may be elsewhere."""
-        super().__post_init__()
+    def check_robot(self) -> None:
+        """Check the bodies; `run` reads the robot, whose files may be elsewhere."""
         read_bodies(self.bodies_file)
+
+    @property
+    def arm(self) -> str:
+        """The arm that the camera may see."""
+        return self.robot
 
     @property
     def bodies_file(self) -> Path:
         """The file of the bodies."""
         own = SHIPPED / "bodies" / f"{Path(self.robot).stem}.yaml"
         return self.bodies or (own if own.exists() else SHIPPED / "bodies" / "t.yaml")
+
+    @cached_property
+    def place(self) -> tuple[float, ...]:
+        """x, y, heading of a body that the arm could not push in the middle; of others nothing.
+
+        Raises:
+            ConfigError: one that may be pushed is too large for the robot's reach.
+        """
+        # What plans an arm's way is not installed with `pip install .`, which lists this command.
+        from sain_arm.planning.reach import fitting_place
+
+        robot, bodies = read_robot(self.robot), read_bodies(self.bodies_file)
+        reach = PushLimits().clearance + robot.tool_radius
+        pushable = max(bodies.bodies.pushable, key=lambda body: bodies.radii[body])
+        radius = bodies.radii[pushable]
+        size = radius * bodies.bodies.shapes[pushable].circumradius
+        try:
+            place = fitting_place(robot, size + reach)
+        except OutOfRangeError as error:
+            raise ConfigError(
+                f"{bodies.called(pushable)} is too large, with a radius of {radius:g} m: {error};"
+                " give --bodies with a smaller one"
+            ) from error
+        return () if place is None or len(bodies.names) > 1 else (*place.tolist(), 0.0)
+
+    def planner(self) -> dict[str, str]:
+        """Return the radius of the arm's tool."""
+        radius = read_robot(self.robot).tool_radius
+        differs = radius != PushLimits().tool_radius
+        return {"feasibility.limits.tool_radius": str(radius)} if differs else {}
+
+    def own_commands(self, ros: Sequence[str]) -> dict[str, list[str]]:
+        """Return the commands of the laboratory, of the arm's driver and of what enables it."""
+        bodies = str(self.bodies_file.absolute())
+        given: dict[str, object] = {"robot": self.robot, "bodies": bodies, "pace": self.pace}
+        given |= {"place": list(self.place)} if self.place else {}
+        given |= {"poses": "false"} if self.images else {}
+        given |= DEPTH_IMAGES if self.images == OUTLINES else {}
+        server = command_of_node("sain_arm", "trajectory_server", ros, **given)
+        # A camera that is computed on the same cores is late; a real one keeps to the default.
+        late = {"scene_timeout": SEEN_TIMEOUT} if self.images else {}
+        arm = command_of_node("sain_arm", "arm_node", ros, robot=self.robot, **late)
+        commands = {SERVER: server, ROBOT: arm}
+        if self.page:
+            commands[PAGE] = command_of_node("sain_live", "page_node", ros, port=self.port)
+        if self.enable:
+            enable = [str(executable("sain_arm", "enable")), "--robot", self.robot]
+            commands[ENABLE] = [*enable, "--ros-args", *ros]
+        return commands
 
 
 def run(options: LaboratoryOptions, console: Console) -> int:
@@ -84,33 +136,10 @@ def run(options: LaboratoryOptions, console: Console) -> int:
         SainError: the robot's files or a package are not there, or a log cannot be written.
         ConfigError: a body that the robot cannot push, or whose tags its camera cannot read.
     """
-    place = fitting_start(options)
+    place = options.place
     if options.see == TAGS and options.params_file is None:
         check_tags(read_bodies(options.bodies_file), place)
-    return run_graph(laboratory_graph(options, place), console)
-
-
-def fitting_start(options: LaboratoryOptions) -> tuple[float, ...]:
-    """Return x, y, heading of a body that the arm could not push in the middle; of others nothing.
-
-    Raises:
-        ConfigError: one that may be pushed is too large for the robot's reach.
-    """
-    # What plans an arm's way is not installed with `pip install .`, which lists this command.
-    from sain_arm.planning.reach import fitting_place
-
-    robot, bodies = read_robot(options.robot), read_bodies(options.bodies_file)
-    reach = PushLimits().clearance + robot.tool_radius
-    pushable = max(bodies.bodies.pushable, key=lambda body: bodies.radii[body])
-    radius = bodies.radii[pushable]
-    try:
-        place = fitting_place(robot, radius * bodies.bodies.shapes[pushable].circumradius + reach)
-    except OutOfRangeError as error:
-        raise ConfigError(
-            f"{bodies.called(pushable)} is too large, with a radius of {radius:g} m: {error}; give"
-            " --bodies with a smaller one"
-        ) from error
-    return () if place is None or len(bodies.names) > 1 else (*place.tolist(), 0.0)
+    return run_graph(options, console)
 
 
 def check_tags(bodies: BodyFile, place: tuple[float, ...]) -> None:
@@ -131,42 +160,3 @@ def check_tags(bodies: BodyFile, place: tuple[float, ...]) -> None:
                     f" {SMALLEST} px are needed; give --bodies with larger tags, a --params-file"
                     " with a larger images.width and images.height, or --see poses"
                 )
-
-
-def laboratory_graph(options: LaboratoryOptions, place: tuple[float, ...] = ()) -> Graph:
-    """Return the graph of a robot, with bodies at places, or in a row, in its laboratory."""
-    radius = read_robot(options.robot).tool_radius
-    differs = radius != PushLimits().tool_radius
-    see = "" if options.see == POSES else options.see
-    return Graph(
-        options,
-        see,
-        ELSEWHERE,
-        options.bodies_file,
-        arm=options.robot,
-        bag=recording_folder(options.record, options.bag),
-        planner={"feasibility.limits.tool_radius": str(radius)} if differs else {},
-        more=partial(_laboratory_commands, options, see, place),
-    )
-
-
-def _laboratory_commands(
-    options: LaboratoryOptions, see: str, place: tuple[float, ...], ros: Sequence[str]
-) -> dict[str, list[str]]:
-    """Return the commands of the laboratory, of the arm's driver and of who enables it."""
-    bodies = str(options.bodies_file.absolute())
-    given = {"robot": options.robot, "bodies": bodies, "pace": options.pace}
-    given |= {"place": list(place)} if place else {}
-    given |= {"poses": "false"} if see else {}
-    given |= DEPTH_IMAGES if see == OUTLINES else {}
-    server = command_of_node("sain_arm", "trajectory_server", ros, **given)
-    # A camera that is computed on the same cores is late; a real one keeps to the default.
-    late = {"scene_timeout": SEEN_TIMEOUT} if see else {}
-    arm = command_of_node("sain_arm", "arm_node", ros, robot=options.robot, **late)
-    commands = {SERVER: server, ROBOT: arm}
-    if options.page:
-        commands[PAGE] = command_of_node("sain_live", "page_node", ros, port=options.port)
-    if options.enable:
-        enable = [str(executable("sain_arm", "enable")), "--robot", options.robot]
-        commands[ENABLE] = [*enable, "--ros-args", *ros]
-    return commands

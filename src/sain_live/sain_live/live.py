@@ -1,10 +1,12 @@
 """``ros2 run sain_live live``: the whole graph with its live page, until Ctrl-C."""
 
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 from rich.console import Console
 
-from sain_bringup.graph import PAGE, Graph, GraphOptions, run_graph
+from sain_bringup.graph import PAGE, GraphOptions
+from sain_bringup.running import run as run_graph
 from sain_core.cli.command_line import command_of_node
 from sain_core.config import option
 from sain_eval.scenes.scenarios import SCENARIOS
@@ -37,15 +39,16 @@ class LiveOptions(GraphOptions):
         TruthConfig(self.world, engine=self.engine, bottom=self.bottom)
         PageConfig(self.host, self.port, self.scenario, self.seed)
 
-    def graph(self) -> Graph:
-        """Return the graph with its page; its arm moves all the way, as fast as is asked for."""
-        page = {name: getattr(self, name) for name in ("host", "port", "seed", "scenario")}
+    def simulator(self) -> dict[str, str]:
+        """Have the arm move all the way, as fast as is asked for."""
         pace = {"bullet.full_motion": "true", "real_time_factor": str(self.real_time_factor)}
-        return replace(
-            super().graph(),
-            simulator={**pace, "world": self.world},
-            more=lambda ros: {PAGE: command_of_node("sain_live", "page_node", ros, **page)},
-        )
+        return {**pace, "world": self.world}
+
+    def own_commands(self, ros: Sequence[str]) -> dict[str, list[str]]:
+        """Return the command of the page, beside a robot's."""
+        page = {name: getattr(self, name) for name in ("host", "port", "seed", "scenario")}
+        commands = super().own_commands(ros)
+        return commands | {PAGE: command_of_node("sain_live", "page_node", ros, **page)}
 
 
 def run(options: LiveOptions, console: Console) -> int:
@@ -56,4 +59,4 @@ def run(options: LiveOptions, console: Console) -> int:
         SainError: a package is not installed, or a log cannot be written.
     """
     check_free(options.host, options.port)
-    return run_graph(options.graph(), console)
+    return run_graph(options, console)

@@ -8,7 +8,6 @@ import pytest
 
 from sain_bringup.ros.closed_loop import (
     ClosedLoopOptions,
-    episode_plans,
     make_output_folder,
     what_is_left,
 )
@@ -18,7 +17,7 @@ DEMO = ClosedLoopOptions()
 
 
 def test_the_demo_is_three_anywhere_one_paper_and_one_push_t() -> None:
-    names = [scenario for scenario, _ in episode_plans(DEMO)]
+    names = [scenario for scenario, _ in DEMO.plans]
     assert names == ["anywhere", "anywhere", "anywhere", "paper", "push_t"]
     assert DEMO.tolerance == 0.02
 

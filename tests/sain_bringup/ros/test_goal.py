@@ -6,9 +6,10 @@ import pytest
 from rich.console import Console
 
 from sain_bringup import commands
-from sain_bringup.graph import GraphOptions, check_free
+from sain_bringup.graph import GraphOptions
 from sain_bringup.ros.goal import GoalOptions, GoalSender, goal_message
 from sain_bringup.ros.listener import SilentError
+from sain_bringup.running import check_free
 from sain_core.errors import BusyError
 from sain_core.guarding.ros.ownership import lock_namespace
 from sain_core.ros.node_main import command_node
@@ -48,11 +49,11 @@ def test_a_second_graph_is_refused_before_anything_starts(graph):
     release = lock_namespace(graph.bystander)
     try:
         with pytest.raises(BusyError, match=r"executes pushes in namespace /sain of domain \d+"):
-            check_free(GraphOptions().graph())
-        check_free(GraphOptions(robot="elsewhere").graph())  # arm_node has it
+            check_free(GraphOptions())
+        check_free(GraphOptions(robot="elsewhere"))  # arm_node has it
     finally:
         release()
-    check_free(GraphOptions().graph())
+    check_free(GraphOptions())
 
 
 @pytest.mark.parametrize("words", [["0.6"], ["0.6", "x"], ["0.6", "0.1", "0.2"]])

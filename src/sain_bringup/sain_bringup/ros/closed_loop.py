@@ -2,8 +2,8 @@
 
 import time
 from collections import Counter
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Final
 
@@ -16,12 +16,12 @@ from sain_bringup.graph import (
     EPISODES_KEY,
     NAMESPACE_KEY,
     RECORDINGS,
-    Graph,
-    GraphConfig,
-    start,
+    GraphOptions,
+    absent,
 )
 from sain_bringup.interrupts import Interrupts, Stopped
 from sain_bringup.processes import UNHURRIED, Supervisor
+from sain_bringup.running import start
 from sain_core.config import MOST_SEED, option
 from sain_core.errors import OutputError, SainError
 from sain_core.guarding.untrusted import PARTIAL
@@ -48,7 +48,7 @@ WRITTEN_BY_NODES: Final = (
 
 
 @dataclass(frozen=True)
-class ClosedLoopOptions(GraphConfig):
+class ClosedLoopOptions(GraphOptions):
     """Run the closed loop on the whole graph: simulator, model, planner and recorder.
 
     Starts the four as separate processes, plays episodes, and writes a recording, a top view
@@ -56,6 +56,10 @@ class ClosedLoopOptions(GraphConfig):
     `anywhere` episodes, one `paper` and one `push_t` episode, each to 2 cm.
     """
 
+    robot: str = absent("")
+    bodies: Path | None = absent(None)
+    record: bool = absent(True)
+    bag: Path | None = absent(None)
     episodes: Annotated[int | None, tyro.conf.arg(metavar="N")] = option(
         None, "episodes to play; by default 1 of a chosen scenario", minimum=1
     )
@@ -91,19 +95,38 @@ class ClosedLoopOptions(GraphConfig):
         if self.scenario is not None:
             OFFERED.check(self.scenario)
 
+    @property
+    def plans(self) -> list[tuple[str, int]]:
+        """Scenario and seed of each episode to play."""
+        if self.scenario is None and self.episodes is None:
+            wanted = [name for name, count in DEMO for _ in range(count)]
+        else:
+            wanted = [self.scenario or DEMO[0][0]] * (self.episodes or 1)
+        return [(name, self.seed + number) for number, name in enumerate(wanted)]
 
-def episode_plans(options: ClosedLoopOptions) -> list[tuple[str, int]]:
-    """Return scenario and seed of each episode to play."""
-    if options.scenario is None and options.episodes is None:
-        wanted = [name for name, count in DEMO for _ in range(count)]
-    else:
-        wanted = [options.scenario or DEMO[0][0]] * (options.episodes or 1)
-    return [(name, options.seed + number) for number, name in enumerate(wanted)]
+    @property
+    def folder(self) -> Path:
+        """The folder for the results."""
+        return self.out or RECORDINGS / time.strftime("closed_loop-%Y%m%d-%H%M%S")
+
+    def recording(self) -> Path:
+        """Return the folder of the recording."""
+        return self.folder / BAG
+
+    def custom_data(self, namespace: str) -> dict[str, str]:
+        """Return what was played and by what."""
+        episodes = " ".join(f"{scenario}:{seed}" for scenario, seed in self.plans)
+        about = {EPISODES_KEY: episodes, NAMESPACE_KEY: namespace, "model": self.model}
+        return about | provenance()
+
+    def simulator(self) -> dict[str, str]:
+        """Have the arm move all the way, for whom watches the recording."""
+        return {"bullet.full_motion": "true"}
 
 
-def describe(plans: Sequence[tuple[str, int]], options: ClosedLoopOptions) -> str:
+def describe(options: ClosedLoopOptions) -> str:
     """Return in a few words what is going to be played."""
-    counts = Counter(scenario for scenario, _ in plans)
+    counts = Counter(scenario for scenario, _ in options.plans)
     what = ", ".join(f"{count} × {name}" for name, count in counts.items())
     engine = "" if options.engine == BULLET else f" in {options.engine}"
     engine += "" if options.bottom == FEET else f" on {options.bottom} bottoms"
@@ -125,6 +148,7 @@ def run(options: ClosedLoopOptions, console: Console) -> int:
 
     interrupts, display = Interrupts(), Display(console)
     folder = make_output_folder(options)
+    options = replace(options, out=folder)
     try:
         with ros_context():
             return 0 if play_and_report(options, folder, display, interrupts) else 1
@@ -142,7 +166,7 @@ def make_output_folder(options: ClosedLoopOptions) -> Path:
     Raises:
         OutputError: it exists and is not empty, or cannot be written.
     """
-    folder = options.out or RECORDINGS / time.strftime("closed_loop-%Y%m%d-%H%M%S")
+    folder = options.folder
     if options.overwrite:
         remove(folder)
     claim_folder(folder)
@@ -171,7 +195,7 @@ def play_and_report(
     options: ClosedLoopOptions, folder: Path, display: Display, interrupts: Interrupts
 ) -> bool:
     """Play the episodes and write the results; return whether all reached the goal."""
-    display.headline(describe(episode_plans(options), options), folder)
+    display.headline(describe(options), folder)
     compile_first(display)
     with Supervisor(folder / LOGS, tell=display.note) as supervisor:
 
@@ -208,24 +232,17 @@ def play(
     """Start the graph and play all episodes on it, checking again and again."""
     from sain_bringup.ros.director import Director
 
-    plans = episode_plans(options)
     with display.stage("starting the graph", "simulator, model, planner and recorder are up"):
         sight = (folder / LOGS, options.see) if options.see else None
         director = Director(check, options.timeout, supervisor, sight, display.note)
-        episodes = " ".join(f"{scenario}:{seed}" for scenario, seed in plans)
-        namespace = director.get_namespace()
-        about = {EPISODES_KEY: episodes, NAMESPACE_KEY: namespace, "model": options.model}
-        about |= provenance()
-        moving = {"bullet.full_motion": "true"}  # all the way, for whom watches the recording
-        graph = Graph(options, options.see, bag=folder / BAG, about=about, simulator=moving)
-        start(supervisor, graph, folder / LOGS)
+        start(supervisor, options, folder / LOGS)
         names = [child.name for child in supervisor.children]
         director.wait_for_graph(
             lambda: supervisor.starting(names),
             lambda missing: display.status(waiting_for(missing)),
         )
-    for number, (scenario, seed) in enumerate(plans, start=1):
-        with display.episode(number, len(plans), f"{scenario} {seed}") as view:
+    for number, (scenario, seed) in enumerate(options.plans, start=1):
+        with display.episode(number, len(options.plans), f"{scenario} {seed}") as view:
             director.play(draw_scene(scenario, seed), options.tolerance, view)
 
 

@@ -136,6 +136,7 @@ def _unknown(tokens: Sequence[str], kind: type, prefixes: bool) -> str:
         f"--{group if prefixes else ''}{item.name}".replace("_", "-")
         for settings, group in _groups(kind)
         for item in fields(settings)
+        if item.init
     }
     alike = nearest(name, names - {name})
     hint = f"did you mean {alike[0]}?" if alike else "--help lists what there is"
