@@ -35,7 +35,7 @@ TOGETHER: Final = {  # files that share a worker, by a part of their path
 # The longest come first, so that no worker is left with one when all others are done.
 SYSTEM: Final = (  # marked `system`, by a part of their names; others have the mark in their files
     "tests/system/", "tests/benchmarks/", "tests/examples/", "documentation/test_first_steps",
-    "documentation/test_site", "workspace/test_optional_packages",
+    "documentation/test_site",
     "workspace/setup/", "sain_bags/report/test_page", "sain_live/page/test_in_browser",
     "sain_live/test_whole_graph", "sain_live/test_view",
     "sain_live/ros/test_page_node", "training/test_fine_tuning", "training/test_any_bodies",
