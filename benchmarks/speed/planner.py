@@ -19,7 +19,6 @@ import torch
 import tyro
 
 from benchmarks.report import Figure, ReportOptions, read_options, report
-from benchmarks.speed.inference import SIZE, multiplications, peak
 from benchmarks.timing import fastest
 from sain_core.model import IdentityPrior, load_dynamics
 from sain_core.push import LENGTH
@@ -27,12 +26,14 @@ from sain_core.randomness import generator
 from sain_core.types import Scene
 from sain_eval.scenes.families import ScenarioScene
 from sain_eval.scenes.scenarios import SCENARIOS
-from sain_model.dynamics.sain import SainDynamics
+from sain_model.dynamics.sain import SainDynamics, weights_of
+from sain_model.network.weights import DYNAMICS, RELATION
 from sain_mppi.algorithms.sampling import PlanResult
 from sain_mppi.objective.problem import Problem
 from sain_mppi.planner import Planner
 
 DEADLINE = 0.05  # [s]
+SIZE = 1024  # of the square matrices that show the machine's peak
 
 
 @dataclass(frozen=True)
@@ -80,6 +81,30 @@ def phases(sain: SainDynamics, options: Options) -> list[Figure]:
         Figure("floor: the network's products at the measured peak", 1e3 * floor, "ms"),
         Figure("plan / floor", times.total / floor, "times"),
     ]
+
+
+def peak(threads: int) -> Callable[[], object]:
+    """Return a multiplication of large matrices in single precision, on so many threads."""
+    left, right = torch.rand(SIZE, SIZE), torch.rand(SIZE, SIZE)
+
+    def multiply() -> None:
+        torch.set_num_threads(threads)
+        torch.mm(left, right)
+        torch.set_num_threads(1)
+
+    return multiply
+
+
+def multiplications(sain: SainDynamics, disks: int) -> float:
+    """Return the floating-point operations of the network's products for one push."""
+    tensors = weights_of(sain).tensors
+
+    def of(part: str) -> float:
+        return 2.0 * sum(
+            tensors[name].size for name in tensors if name.startswith(part) and "weight" in name
+        )
+
+    return disks * (disks - 1) * of(RELATION) + disks * of(DYNAMICS)
 
 
 def moving_pushes(planner: Planner, case: ScenarioScene) -> int:

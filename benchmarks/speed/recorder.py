@@ -123,7 +123,7 @@ def whole_graph(options: Options, folder: Path) -> list[Figure]:
         Figure("topics of which a sequence number is missing", len(missing), "", at_most=0),
         Figure("processor, recorder", 100 * recording, "% of a core"),
         Figure("processor, bare raw subscriptions", 100 * peer, "% of a core"),
-        Figure("recorder / bare", recording / peer, "", at_most=1.3),
+        Figure("recorder / bare", recording / peer, "", at_most=0.15),
     ]  # fmt: skip
 
 
