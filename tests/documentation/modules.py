@@ -17,7 +17,6 @@ from tests.paths import ROOT
 WITHOUT_PARSER = {  # modules, with what they accept
     "benchmarks": None,  # names of benchmarks, which it checks by itself
     "sain_model.cli.kernels": 0,
-    "sain_eval.plots.library_picture": 1,
     "mkdocs": None,
 }
 PARSER = re.compile(r"\btyro\.cli\(|\bread_options\(|\bArgumentParser\(")

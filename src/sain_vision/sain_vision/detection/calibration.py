@@ -25,14 +25,6 @@ COVERAGE: Final = 0.25  # share of the image's width and height that all looks s
 Pose = Float[ndarray, "3"]
 
 
-class Accepted(NamedTuple):
-    """What a calibration needs, and what of it is accepted."""
-
-    looks: int = 10  # at the board
-    max_error: float = 1.0  # [mm], of a place on the table, p95
-    max_bias: float = 0.5  # [mm], mean error of a look's places
-
-
 class Look(NamedTuple):
     """Points (P, 2) [m] of the board, and where an image shows them (P, 2) [px]."""
 
@@ -42,29 +34,26 @@ class Look(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Calibration:
-    """A camera at its place, and how far its looks are from a rigid board on the table.
-
-    Attributes:
-        camera: it.
-        error: of a corner's place on the table, p95 [mm].
-        bias: mean error of the first look's places, whose board lies at a known place [mm].
-        stretch: by how much the board seems larger than it is, over all looks, as a share.
-    """
+    """A camera at its place, and how far its looks are from a rigid board on the table."""
 
     camera: CameraModel
-    error: float
-    bias: tuple[float, float]
-    stretch: float
+    error: float  # of a corner's place on the table, p95 [mm]
+    bias: tuple[float, float]  # [mm], mean error of the first look, whose board's place is given
 
 
 def calibrate(
-    camera: CameraModel, looks: Sequence[Look], first: Pose, limits: Accepted
+    camera: CameraModel,
+    looks: Sequence[Look],
+    first: Pose,
+    max_error: float = 1.0,
+    max_bias: float = 0.5,
 ) -> Calibration:
     """Return the camera at the place that fits all looks; the first board is at a known pose.
 
-    Raises `InvalidInputError`: too few looks or tags, looks that are all alike, or a bad result.
+    Errors [mm] of places, p95, and the mean of the first look's, may be so large. Raises
+    `InvalidInputError`: too few tags, looks that are all alike, or a bad result.
     """
-    _check_looks(camera, looks, limits)
+    _check_looks(camera, looks)
     start = _start(camera, looks[0], first)
     poses = [
         fit_pose(one.points, start.on_plane(one.pixels, 0.0), _units(len(one.points))).pose
@@ -89,12 +78,10 @@ def calibrate(
         return np.nan_to_num(np.concatenate(off).ravel(), nan=1e3)
 
     solved = least_squares(errors, begin, loss="huber", f_scale=0.5, x_scale="jac")
-    return _checked(_camera_at(camera, solved.x), looks, first, limits)
+    return _checked(_camera_at(camera, solved.x), looks, first, max_error, max_bias)
 
 
-def _check_looks(camera: CameraModel, looks: Sequence[Look], limits: Accepted) -> None:
-    if len(looks) < limits.looks:
-        raise InvalidInputError(f"there are {len(looks)} looks; at least {limits.looks} are needed")
+def _check_looks(camera: CameraModel, looks: Sequence[Look]) -> None:
     for number, one in enumerate(looks, start=1):
         if len(one.points) < 4 * FEWEST_TAGS:
             raise InvalidInputError(
@@ -141,7 +128,7 @@ def _units(count: int) -> Float[ndarray, "P 2 2"]:
 
 
 def _checked(
-    camera: CameraModel, looks: Sequence[Look], first: Pose, limits: Accepted
+    camera: CameraModel, looks: Sequence[Look], first: Pose, max_error: float, max_bias: float
 ) -> Calibration:
     """Return a calibration with its errors, or raise what is wrong with it."""
     off, scales = [], []
@@ -154,19 +141,16 @@ def _checked(
     known = camera.on_plane(looks[0].pixels, 0.0) - _on_table(looks[0].points, first)[:, :2]
     error = 1e3 * float(np.quantile(np.linalg.norm(np.concatenate(off), axis=1), 0.95))
     bias = 1e3 * known.mean(axis=0)
-    made = Calibration(
-        camera, error, (float(bias[0]), float(bias[1])), float(np.mean(scales)) - 1.0
-    )
-    if not error <= limits.max_error:
+    if not error <= max_error:
         raise InvalidInputError(
-            f"places on the table are off by {error:.2f} mm (p95); at most {limits.max_error:g} mm"
-            f" is accepted. The board seems {100 * made.stretch:+.2f} % larger than it is: measure"
-            " the ruler on it, and check the camera's own calibration"
+            f"places on the table are off by {error:.2f} mm (p95); at most {max_error:g} mm is"
+            f" accepted. The board seems {100 * (np.mean(scales) - 1.0):+.2f} % larger than it is:"
+            " measure the ruler on it, and check the camera's own calibration"
         )
-    if not np.linalg.norm(bias) <= limits.max_bias:
+    if not np.linalg.norm(bias) <= max_bias:
         raise InvalidInputError(
-            f"the first board is off by {bias[0]:.2f}, {bias[1]:.2f} mm; at most"
-            f" {limits.max_bias:g} mm is accepted: was it where --board says?"
+            f"the first board is off by {bias[0]:.2f}, {bias[1]:.2f} mm; at most {max_bias:g} mm is"
+            " accepted: was it where --origin says?"
         )
     check_view(camera, "the calibrated camera")
-    return made
+    return Calibration(camera, error, (float(bias[0]), float(bias[1])))

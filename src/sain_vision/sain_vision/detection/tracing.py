@@ -17,7 +17,7 @@ from sain_core.guarding.untrusted import MOST_PARTS, MOST_RADIUS
 from sain_core.shapes.library import MOST_OUTLINE
 from sain_core.shapes.outlines import convex_parts
 from sain_core.types import Points
-from sain_vision.detection.overlay import FOUND, draw_line
+from sain_vision.detection.sighting import FOUND, draw_line
 from sain_vision.optics import CameraModel
 
 LOWEST: Final = 0.008  # [m] above the table, below which nothing counts
@@ -43,27 +43,20 @@ class TracedTop:
     count: int = 1  # of objects in the image, of which it is one
 
 
-def trace_top(
-    depth: Depth,
-    camera: CameraModel,
-    near: Float[ndarray, "2"] | None,
-    lowest: float = LOWEST,
-    highest: float = HIGHEST,
-    height_error: float = HEIGHT_ERROR,
-) -> TracedTop:
+def trace_top(depth: Depth, camera: CameraModel, near: Float[ndarray, "2"] | None) -> TracedTop:
     """Return the top of the object in a depth image [m] that is nearest to a place, or largest.
 
     Raises `InvalidInputError`: nothing stands there, or it is cut by the image's edge.
     """
     points = camera.place + depth[..., None] * camera.rays_of_all()
     heights = np.nan_to_num(points[..., 2], nan=-1.0)
-    stands = (heights > lowest) & (heights < highest)
+    stands = (heights > LOWEST) & (heights < HIGHEST)
     mask, count = _chosen(stands, points[..., :2], near)
-    height, error = float(np.quantile(heights[mask], EDGE)), height_error
-    upper = heights[mask & (abs(heights - height) < error)]
+    height = float(np.quantile(heights[mask], EDGE))
+    upper = heights[mask & (abs(heights - height) < HEIGHT_ERROR)]
     height = float(np.median(upper))
     # Sides that the camera sees are no top: the error that is allowed is that of this image.
-    error = float(np.clip(SPREAD * np.median(abs(upper - height)), FINEST_ERROR, error))
+    error = float(np.clip(SPREAD * np.median(abs(upper - height)), FINEST_ERROR, HEIGHT_ERROR))
     edge = camera.on_plane(_edge(mask & (abs(heights - height) < error)), height)
     if not np.isfinite(edge).all():
         raise InvalidInputError(

@@ -12,7 +12,7 @@ from sain_core.errors import ConfigError, SainError
 from sain_core.guarding.untrusted import check_frame
 from sain_core.output import OVERWRITE_HELP, claim_file
 from sain_vision.detection.board import Board
-from sain_vision.detection.calibration import FEWEST_TAGS, Accepted, Look, calibrate
+from sain_vision.detection.calibration import FEWEST_TAGS, Look, calibrate
 from sain_vision.detection.tags import TagConfig, TagFinder
 from sain_vision.extrinsics_file import Extrinsics, write_extrinsics
 from sain_vision.optics import TABLE, turn_of
@@ -36,16 +36,11 @@ class CalibrateOptions(Config):
         0.0, "time between looks; 0: Enter takes one", unit="s", minimum=0.0, maximum=60.0
     )
     board: Board = Board()
-    looks: int = option(Accepted().looks, "looks at the board", minimum=2, maximum=100)
+    looks: int = option(10, "looks at the board", minimum=2, maximum=100)
     max_error: float = option(
-        Accepted().max_error,
-        "largest error of a place on the table, p95",
-        unit="mm",
-        minimum=0.01,
+        1.0, "largest error of a place on the table, p95", unit="mm", minimum=0.01
     )
-    max_bias: float = option(
-        Accepted().max_bias, "largest mean error of a look's places", unit="mm", minimum=0.01
-    )
+    max_bias: float = option(0.5, "largest mean error of a look's places", unit="mm", minimum=0.01)
 
     def __post_init__(self) -> None:
         """Check the fields, and that the board lies on the table."""
@@ -62,7 +57,7 @@ def run(options: CalibrateOptions, console: Console) -> None:
     Raises `SainError`: no images, too few tags, or a bad result.
     """
     from sain_core.ros.node_main import command_node
-    from sain_vision.ros.image_watcher import ImageWatcher
+    from sain_vision.ros.camera_input import ImageWatcher
     from sain_vision.ros.images import decode_grey
 
     claim_file(options.out, options.overwrite)
@@ -83,8 +78,8 @@ def run(options: CalibrateOptions, console: Console) -> None:
             console.print(count, *finder.problems, sep="; ")
             if len(points) >= 4 * FEWEST_TAGS:
                 looks.append(Look(points, pixels))
-    accepted = Accepted(options.looks, options.max_error, options.max_bias)
-    made = calibrate(camera, looks, np.array(options.origin), accepted)
+    limits = options.max_error, options.max_bias
+    made = calibrate(camera, looks, np.array(options.origin), *limits)
     pose = Extrinsics(frame, "world", made.camera.place, turn_of(made.camera.rotation))
     about = {"error_mm": round(made.error, 3), "bias_mm": [round(one, 3) for one in made.bias]}
     write_extrinsics(options.out, pose, about)

@@ -1,11 +1,13 @@
-"""What nodes hear of a camera: images, their calibration, and where the camera is."""
+"""What nodes hear of a camera: images, their calibration, and where the camera is; or one look."""
 
+import time
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
+import rclpy
 from builtin_interfaces.msg import Time
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
@@ -20,13 +22,14 @@ from sain_core.ros.camera_topics import make_transform
 from sain_core.ros.qos import LATCHED, LATCHED_QUEUE, TRANSFORMS
 from sain_vision.extrinsics_file import read_extrinsics
 from sain_vision.optics import CameraModel, check_calibration, check_view, rotation_of
-from sain_vision.ros.settings import CameraInputConfig
+from sain_vision.ros.settings import COLOUR_TOPICS, CameraInputConfig
 from sain_vision.scene.frame_tree import FrameTree
 from sain_vision.scene.scene_tracker import FUTURE
 
 NEWEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 """Images and calibrations: from reliable publishers, too; where a node is late, the newest."""
 
+PATIENCE: Final = 5.0  # [s] for an image
 OnImage = Callable[[Image, CameraModel], None]
 
 
@@ -156,6 +159,41 @@ def _check_raw(message: CameraInfo, topic: str) -> None:
             f"the images on {topic} are rectified, and raw ones are needed: K and D are used, not"
             " P and R. Remap to the topic that ends in image_raw"
         )
+
+
+class ImageWatcher:
+    """Takes the next image of a camera on request."""
+
+    def __init__(
+        self, node: Node, topics: tuple[str, str] = COLOUR_TOPICS, placed: bool = False
+    ) -> None:
+        """Listen to a camera, whose pose comes from /tf if it is to be `placed`."""
+        self._node = node
+        self.problem = ""
+        self._latest: tuple[Image, CameraModel] | None = None
+        self._input = CameraInput(
+            node, Reception(node), topics, CameraInputConfig(), self._on_image, self._ignore,
+            placed=placed,
+        )  # fmt: skip
+
+    def next_image(self) -> tuple[Image, CameraModel]:
+        """Return the next image.
+
+        Raises `InvalidInputError`: none comes, or what comes is not used, and why.
+        """
+        self._latest, self.problem = None, ""
+        end = time.monotonic() + PATIENCE
+        while self._latest is None:
+            if time.monotonic() > end:
+                raise InvalidInputError(self.problem or self._input.missing)
+            rclpy.spin_once(self._node, timeout_sec=0.05)
+        return self._latest
+
+    def _on_image(self, message: Image, camera: CameraModel) -> None:
+        self._latest = message, camera
+
+    def _ignore(self, message: Any, error: BaseException) -> None:
+        self.problem = str(error)
 
 
 def publish_place(node: Node, config: CameraInputConfig) -> None:

@@ -17,15 +17,8 @@ from sain_core.guarding.documents import dump_yaml
 from sain_core.output import OVERWRITE_HELP, claim_file, write_whole
 from sain_core.shapes.library import OUTLINES, PLAIN, outline_folder, shape_names
 from sain_core.shapes.outlines import METRES, SHAPES, UNIT, BodyOutline, trace
-from sain_vision.detection.overlay import grey_of
-from sain_vision.detection.tracing import (
-    HEIGHT_ERROR,
-    HIGHEST,
-    LOWEST,
-    TracedTop,
-    draw_top,
-    trace_top,
-)
+from sain_vision.detection.sighting import grey_of
+from sain_vision.detection.tracing import TracedTop, draw_top, trace_top
 from sain_vision.extrinsics_file import read_extrinsics
 from sain_vision.look_files import read_camera, read_depth, read_picture
 from sain_vision.optics import CameraModel
@@ -54,11 +47,6 @@ class NewShapeOptions(Config):
     out: Path | None = option(None, "file to write; by default NAME.yaml among this user's shapes")
     overwrite: bool = option(False, OVERWRITE_HELP)
     yes: bool = option(False, "write without asking")
-    lowest: float = option(
-        LOWEST, "height above the table below which nothing counts", unit="m", minimum=0.002
-    )
-    highest: float = option(HIGHEST, "height above which it is the arm or a hand", unit="m")
-    height_error: float = option(HEIGHT_ERROR, "largest error of a height", unit="m", minimum=0.001)
 
     def __post_init__(self) -> None:
         """Check the fields, and that the name is free."""
@@ -100,7 +88,7 @@ def run(options: NewShapeOptions, console: Console) -> None:
             f" {camera.height} px; all must be of one size"
         )
     near = None if options.near is None else np.array(options.near)
-    top = trace_top(depth, camera, near, options.lowest, options.highest, options.height_error)
+    top = trace_top(depth, camera, near)
     body = trace(options.name, top.outline)
     what = describe(top, body)
     draw_top(picture, top, camera, options.name)
@@ -109,7 +97,8 @@ def run(options: NewShapeOptions, console: Console) -> None:
     console.print(f"{options.name}: {what}\npicture: {shown}", highlight=False)
     _confirm(options, console)
     write_whole(options.path, content_of(options.name, top, body).encode())
-    row = f"name: {options.name}, shape: '{_shape(options)}:flat', radius: {body.radius:.4f}"
+    shape = options.name if options.out is None else options.out.absolute()
+    row = f"name: {options.name}, shape: '{shape}:flat', radius: {body.radius:.4f}"
     console.print(
         f"{options.path}\nin a file of bodies:  - {{{row}, height: {top.height:.3f}}}",
         highlight=False,
@@ -136,10 +125,6 @@ def content_of(name: str, top: TracedTop, body: BodyOutline) -> str:
     return dump_yaml({SHAPES: {name: corners}, **about})
 
 
-def _shape(options: NewShapeOptions) -> str:
-    return options.name if options.out is None else str(options.out.absolute())
-
-
 def _confirm(options: NewShapeOptions, console: Console) -> None:
     if options.yes:
         return
@@ -161,7 +146,7 @@ def _look(options: NewShapeOptions) -> tuple[np.ndarray, CameraModel, np.ndarray
         picture = _grey(depth) if options.image is None else read_picture(options.image)
         return depth, read_camera(options.info, options.extrinsics), picture
     from sain_core.ros.node_main import command_node
-    from sain_vision.ros.image_watcher import ImageWatcher
+    from sain_vision.ros.camera_input import ImageWatcher
     from sain_vision.ros.images import decode_depth, decode_grey
     from sain_vision.ros.settings import DEPTH_TOPICS
 

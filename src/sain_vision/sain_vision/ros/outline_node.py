@@ -1,6 +1,6 @@
 """The node that finds bodies without tags: depth images in, poses with covariance out."""
 
-from time import monotonic, perf_counter
+from time import monotonic
 from typing import Any
 
 import numpy as np
@@ -12,29 +12,24 @@ from sain_core.scene import POSE, STATE_SIZE
 from sain_core.types import Mask
 from sain_interfaces.msg import Plan
 from sain_vision.detection.outlines import OutlineFinder, Pose
-from sain_vision.detection.overlay import grey_of
+from sain_vision.detection.sighting import grey_of
 from sain_vision.optics import CameraModel
 from sain_vision.ros.body_parameter import read_body_file
 from sain_vision.ros.images import decode_depth
 from sain_vision.ros.settings import DEPTH_TOPICS, OutlineNodeConfig
-from sain_vision.ros.sighting_node import SightingNode
+from sain_vision.ros.sighting_node import Found, SightingNode
 
 
 class OutlineNode(SightingNode):
     """Publishes the bodies without tags whose tops a depth image shows."""
 
+    settings, topics = OutlineNodeConfig, DEPTH_TOPICS
+    what, overlay = "outlines", "camera/outlines"
     config: OutlineNodeConfig
 
     def __init__(self, **options: Any) -> None:
         """Read the bodies and wait for images."""
-        super().__init__(
-            "outline_node",
-            OutlineNodeConfig,
-            "outlines",
-            DEPTH_TOPICS,
-            "camera/outlines",
-            **options,
-        )
+        super().__init__("outline_node", **options)
         if self.config.robot:
             self._listen_to_arm(self.config)
         self.reception.listen(Plan, "plan", self._on_plan, RELIABLE)
@@ -76,18 +71,17 @@ class OutlineNode(SightingNode):
             if np.isfinite(scene).all():
                 self.planned = dict(enumerate(scene[:, POSE]))
 
-    def on_image(self, message: Image, camera: CameraModel) -> None:
-        """Find outlines, and publish the bodies that have them."""
-        begun, depth = perf_counter(), decode_depth(message)
+    def find(self, message: Image, camera: CameraModel) -> Found:
+        """Find outlines, and the bodies that have them."""
+        depth = decode_depth(message)
         known = {
             body: [poses[body] for poses in (self.last, self.planned) if body in poses]
             for body in range(len(self.bodies.names))
         }
         search = monotonic() >= self.next_search
-        arm, problems = self._mask(camera)
-        found = self.finder.find(depth, camera, known, everywhere=search, arm=arm)
-        found[1].extend(problems)
+        arm, unmasked = self._mask(camera)
+        sightings, problems = self.finder.find(depth, camera, known, everywhere=search, arm=arm)
         if search:
             self.next_search = monotonic() + self.config.search_period
-        self.last |= {one.body: one.pose for one in found[0]}
-        self.publish(message, camera, found, lambda: grey_of(depth), begun)
+        self.last |= {one.body: one.pose for one in sightings}
+        return sightings, problems + unmasked, lambda: grey_of(depth)

@@ -3,7 +3,7 @@
 from abc import abstractmethod
 from collections.abc import Callable, Sequence
 from time import perf_counter
-from typing import Any
+from typing import Any, ClassVar
 
 import cv2
 import numpy as np
@@ -17,51 +17,39 @@ from sain_core.ros.node_main import NAMESPACE, OK, WARN, Diagnostics
 from sain_core.ros.parameters import LiveParameters, read_parameters
 from sain_core.ros.qos import RELIABLE
 from sain_core.shapes.body_file import BodyFile
-from sain_vision.detection.overlay import draw_overlay
-from sain_vision.detection.sighting import Sighting
+from sain_vision.detection.sighting import Sighting, draw_overlay
 from sain_vision.optics import CameraModel
 from sain_vision.ros.body_parameter import followed
 from sain_vision.ros.camera_input import CameraInput, publish_place
 from sain_vision.ros.detections import encode_sightings
 from sain_vision.ros.settings import CameraInputConfig
 
+Found = tuple[Sequence[Sighting], Sequence[str], Callable[[], np.ndarray]]
+"""Bodies in an image, problems in words, and what makes the grey image of the overlay."""
+
 
 class SightingNode(Node):
     """Publishes the bodies that images show."""
 
+    settings: ClassVar[type[CameraInputConfig]]  # its parameters
+    what: ClassVar[str]  # it finds, in diagnostics
+    topics: ClassVar[tuple[str, str]]  # of images and their calibration
+    overlay: ClassVar[str]  # topic of images with what was found
     config: CameraInputConfig
     bodies: BodyFile
 
-    def __init__(
-        self,
-        name: str,
-        settings: type[CameraInputConfig],
-        what: str,
-        topics: tuple[str, str],
-        overlay: str,
-        **options: Any,
-    ) -> None:
-        """Read the bodies and wait for images.
-
-        Args:
-            name: of the node.
-            settings: its parameters.
-            what: it finds, in diagnostics.
-            topics: of images and their calibration.
-            overlay: topic of images with what was found.
-            options: of `Node`.
-        """
+    def __init__(self, name: str, **options: Any) -> None:
+        """Read the bodies and wait for images."""
         super().__init__(name, namespace=NAMESPACE, **options)
-        config = read_parameters(self, settings)
+        config = read_parameters(self, self.settings)
         self.use(config)
         cv2.setNumThreads(1)  # more threads wait for each other on images of this size
-        self._what = what
         self.reception = reception = Reception(self)
-        self.diagnostics = Diagnostics(self, what, more=lambda: reception.figures)
+        self.diagnostics = Diagnostics(self, self.what, more=lambda: reception.figures)
         self._detections = self.create_publisher(Detection3DArray, "detections", RELIABLE)
-        self._overlay = self.create_publisher(Image, overlay, RELIABLE)
+        self._overlay = self.create_publisher(Image, self.overlay, RELIABLE)
         publish_place(self, config)
-        camera = CameraInput(self, reception, topics, config, self.on_image, self._ignore)
+        camera = CameraInput(self, reception, self.topics, config, self._on_image, self._ignore)
         self.diagnostics.set(WARN, camera.missing)
         LiveParameters(self, config, followed(self, self.use))
 
@@ -70,34 +58,20 @@ class SightingNode(Node):
         """Look for the bodies that a file states: take it as `config`, and them as `bodies`."""
 
     @abstractmethod
-    def on_image(self, message: Image, camera: CameraModel) -> None:
-        """Find bodies in an image, and `publish` them."""
+    def find(self, message: Image, camera: CameraModel) -> Found:
+        """Find bodies in an image."""
 
-    def publish(
-        self,
-        message: Image,
-        camera: CameraModel,
-        found: tuple[Sequence[Sighting], Sequence[str]],
-        grey: Callable[[], np.ndarray],
-        begun: float,
-    ) -> None:
-        """Publish what was found in an image, and what was wrong with it.
-
-        Args:
-            message: the image.
-            camera: that took it.
-            found: bodies, and problems in words.
-            grey: makes what the overlay is drawn on.
-            begun: when work on the image began [s], of `perf_counter`.
-        """
-        (sightings, problems), stamp = found, message.header.stamp
+    def _on_image(self, message: Image, camera: CameraModel) -> None:
+        """Publish what an image shows, and what is wrong with it."""
+        begun, stamp = perf_counter(), message.header.stamp
+        sightings, problems, grey = self.find(message, camera)
         detections = encode_sightings(sightings, self.bodies, self.config.frame, stamp)
         self._detections.publish(detections)
         if self._overlay.get_subscription_count():
             picture = draw_overlay(grey(), sightings, self.bodies, camera)
             self._overlay.publish(codec.encode_image(picture, "bgr8", message.header))
         took = f"{1e3 * (perf_counter() - begun):.0f} ms"
-        level, text = (WARN, "; ".join(problems)) if problems else (OK, f"finds {self._what}")
+        level, text = (WARN, "; ".join(problems)) if problems else (OK, f"finds {self.what}")
         self.diagnostics.set(level, text, bodies_seen=len(sightings), time=took)
 
     def _ignore(self, message: Any, error: BaseException) -> None:

@@ -1,6 +1,5 @@
 """The node that finds tags: images in, poses of bodies with covariance out."""
 
-from time import perf_counter
 from typing import Any
 
 from sensor_msgs.msg import Image
@@ -11,19 +10,19 @@ from sain_vision.optics import CameraModel
 from sain_vision.ros.body_parameter import read_body_file
 from sain_vision.ros.images import decode_grey
 from sain_vision.ros.settings import COLOUR_TOPICS, TagNodeConfig
-from sain_vision.ros.sighting_node import SightingNode
+from sain_vision.ros.sighting_node import Found, SightingNode
 
 
 class TagNode(SightingNode):
     """Publishes the bodies whose tags an image shows."""
 
+    settings, topics = TagNodeConfig, COLOUR_TOPICS
+    what, overlay = "tags", "camera/overlay"
     config: TagNodeConfig
 
     def __init__(self, **options: Any) -> None:
         """Read the bodies and wait for images."""
-        super().__init__(
-            "tag_node", TagNodeConfig, "tags", COLOUR_TOPICS, "camera/overlay", **options
-        )
+        super().__init__("tag_node", **options)
         family, count = self.config.tags.family, sum(map(len, self.bodies.tags))
         self.finder = TagFinder(self.config.tags)
         self.ready = f"{count} tags of {family} on {len(self.bodies.names)} bodies"
@@ -36,11 +35,11 @@ class TagNode(SightingNode):
         self.config, self.bodies = config, bodies
         self.locator = TagLocator(bodies, config.tags)
 
-    def on_image(self, message: Image, camera: CameraModel) -> None:
-        """Find tags, and publish the bodies that carry them."""
-        begun, grey = perf_counter(), decode_grey(message)
+    def find(self, message: Image, camera: CameraModel) -> Found:
+        """Find tags, and the bodies that carry them."""
+        grey = decode_grey(message)
         sightings, problems = self.locator.locate(self.finder.find(grey), camera)
         problems += self.finder.problems
         if self.finder.problems:
             self.get_logger().warning("; ".join(self.finder.problems), once=True)
-        self.publish(message, camera, (sightings, problems), lambda: grey, begun)
+        return sightings, problems, lambda: grey

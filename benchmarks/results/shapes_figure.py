@@ -1,20 +1,19 @@
 """All shapes in one picture: outlines, names, feet and centroid.
 
-``python -m sain_eval.plots.library_picture FILE.png`` draws it.
+./env python -m benchmarks.results.shapes_figure
 """
 
-import sys
-from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
+import tyro
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Polygon
-from rich.console import Console
 
-from sain_core.errors import SainError
+from sain_core.output import claim_file
 from sain_core.scene import RADIUS, STATE_SIZE
 from sain_core.shapes.library import get_shape, shape_names
 from sain_core.shapes.shape import Shape
@@ -26,7 +25,6 @@ from sain_eval.plots.axes import outline_patch
 COLUMNS: Final = 7
 TILE: Final = (1.3, 1.45)  # [inch]
 HALF: Final = 1.12  # [circumscribed radii], half of the width of a tile
-USAGE: Final = "usage: python -m sain_eval.plots.library_picture FILE.png"
 
 
 def draw_library() -> Figure:
@@ -60,20 +58,21 @@ def draw_shape(axes: Axes, shape: Shape) -> None:
     axes.set_axis_off()
 
 
-def main(arguments: Sequence[str]) -> int:
-    """Write the picture and print its path; return the exit status."""
-    error = Console(stderr=True, soft_wrap=True, markup=False, highlight=False)
-    if len(arguments) != 1 or arguments[0].startswith("-"):
-        error.print(USAGE)
-        return 2
-    try:
-        path = write_png(draw_library(), Path(arguments[0]))
-    except SainError as problem:
-        error.print(f"library_picture: {problem}")
-        return 1
-    Console(soft_wrap=True).print(str(path), markup=False, highlight=False)
-    return 0
+@dataclass(frozen=True)
+class Command:
+    """What to draw."""
+
+    out: Path = Path("results/shapes.png")
+    """A PNG."""
+    overwrite: bool = False
+    """Replace what others wrote there, such as docs/media/shapes.png."""
+
+
+def main(command: Command) -> None:
+    """Draw the picture, and print its path."""
+    claim_file(command.out, command.overwrite)
+    print(write_png(draw_library(), command.out))
 
 
 if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))
+    main(tyro.cli(Command, description=__doc__))
