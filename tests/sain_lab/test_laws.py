@@ -180,7 +180,7 @@ def test_what_fails_in_a_prediction_is_said_and_a_lost_network_left_out(place, t
     for what in ["receive"] * 6 + ["learn"] * 3 + ["finish", "poll"]:
         story.do(what)
     assert story.learner.judge.candidate == "models/000003"
-    story.learner._networks.clear()
+    story.learner._contenders._networks.clear()
     card_path(story.learner.laboratory.model_path("models/000003")).unlink()
     events = story.learner.observe(story.learner.waiting[0]).events
     assert events[0].kind == "left out"

@@ -7,7 +7,7 @@ import pytest
 
 from sain_core.errors import ErrorCode
 from sain_core.model import load_dynamics
-from sain_lab.judging.curves import read_curves
+from sain_lab.judging.curves import curves_of
 from sain_lab.learner import Learner
 from sain_lab.storage.laboratory import LOG, MANIFEST, Laboratory
 from sain_lab.storage.log import CHANGED, DROPPED, JUMPED, LOADED, NOT_LEARNED, TRAINED, LogReader
@@ -36,7 +36,7 @@ def test_the_next_push_is_predicted_better_the_more_was_learned(taught):
 
 def test_true_parameters_lie_within_what_is_believed(taught):
     path, _, _ = taught
-    values = read_curves(Laboratory(path)).parameters
+    values = curves_of(Laboratory(path).records()).parameters
     for name in ("slope_x", "length_offset"):
         first, last = values[name][0], values[name][-1]
         assert abs(last[1] - getattr(TRUE, name)) < 4.0 * last[2], name
@@ -120,7 +120,7 @@ def test_what_cannot_be_is_not_learned_from_and_said(tmp_path, make, reason):
         assert reason in update.reason
         assert [event.kind for event in update.events] == [NOT_LEARNED]
         assert learner.pushes == 1
-    events = read_curves(Laboratory(tmp_path / "lab")).events
+    events = curves_of(Laboratory(tmp_path / "lab").records()).events
     assert reason in events[-1].text
 
 

@@ -29,23 +29,19 @@ from dataclasses import dataclass, field, replace
 from threading import Lock
 from typing import Any, Final, Self
 
-import numpy as np
-
 from sain_core.errors import CheckpointError, OutputError, SainError
-from sain_core.push import pushed_bodies
-from sain_core.scene import POSITION, THETA, wrap_angle
-from sain_core.transitions import MOVED, PushHistory
-from sain_core.types import Scene
-from sain_lab.judging.judge import RECENT, Judge
-from sain_lab.physics import Believer
-from sain_lab.serving import model_name, planar
+from sain_core.output import remove
+from sain_core.transitions import PushHistory
+from sain_lab.contenders import Contenders, error_of
+from sain_lab.judging.judge import Judge
+from sain_lab.serving import model_name
 from sain_lab.state import Job, State
 from sain_lab.storage import log
-from sain_lab.storage.laboratory import PHYSICS, PLANAR, SHIPPED, OpenLaboratory, service_of
+from sain_lab.storage.laboratory import PHYSICS, OpenLaboratory, service_of
 from sain_lab.storage.log import Event
 from sain_lab.storage.results import Result, why_not
 from sain_lab.training import Training
-from sain_model.dynamics.load import load_checkpoint, load_shipped
+from sain_model.dynamics.load import load_shipped
 from sain_model.dynamics.sain import SainDynamics
 from sain_model.inference.kinds import FRICTION, write_belief
 
@@ -70,6 +66,7 @@ class Learner:
 
     Attributes:
         laboratory: where all of it is kept.
+        state: what follows from its log: beliefs and bets.
         waiting: results that were received, in order, and not observed yet.
     """
 
@@ -79,15 +76,15 @@ class Learner:
         Raises `DatasetError` or `CheckpointError`: the laboratory is damaged.
         """
         self.laboratory, self._trains = laboratory, trains
-        self._shipped, self._planar = load_shipped(), planar()
-        self._state = State(self._shipped)
+        shipped = load_shipped()
+        self.state = State(shipped)
+        self._contenders = Contenders(laboratory, shipped, self.state)
         self._training: Training | None = None
-        self._networks: dict[str, SainDynamics] = {}
         for record in laboratory.records():
-            self._state.take(record)
+            self.state.take(record)
         self._lock = Lock()  # of what waits: it is received on another thread
         self.waiting = deque(
-            one for one in laboratory.waiting() if one.identity not in self._state.seen
+            one for one in laboratory.waiting() if one.identity not in self.state.seen
         )
         self._failed = False  # something that was received is left to the next learner
         self._next("")
@@ -101,17 +98,12 @@ class Learner:
     @property
     def pushes(self) -> int:
         """The number of pushes that were learned from."""
-        return self._state.pushes
+        return self.state.pushes
 
     @property
     def judge(self) -> Judge:
         """Who is in service, and the bets."""
-        return self._state.judge
-
-    @property
-    def believer(self) -> Believer:
-        """What is believed of the physics."""
-        return self._state.believer
+        return self.state.judge
 
     @property
     def generation(self) -> int:
@@ -121,9 +113,7 @@ class Learner:
     @property
     def model(self) -> SainDynamics:
         """What is in service, for an episode that begins; see `sain_core.model.Model`."""
-        model = self._contender(self.judge.service)
-        assert model is not None
-        return model
+        return self._contenders.model(self.judge.service)
 
     @property
     def model_name(self) -> str:
@@ -172,10 +162,10 @@ class Learner:
 
     def poll(self) -> tuple[Event, ...]:
         """Begin the training that is due, or take one that has ended; return what follows."""
-        job = self._state.training
+        job = self.state.training
         if job is None or (self._training is not None and self._training.running):
             return ()
-        if self._training is None and not self._has_network(job):
+        if self._training is None and not self._contenders.has_network(job.service):
             if self._trains:
                 self._training = Training.start(self.laboratory, job.since, job.pushes)
             return ()
@@ -192,7 +182,7 @@ class Learner:
 
     def end_episode(self) -> None:
         """Let the belief take all pushes: nothing conditions on the running episode any more."""
-        if self._state.conditions:
+        if self.state.conditions:
             self._append({"kind": "end"})
         self._publish()
 
@@ -210,7 +200,7 @@ class Learner:
 
     def _append(self, record: dict[str, Any]) -> None:
         self.laboratory.append(record)
-        self._state.take(record)
+        self.state.take(record)
 
     def _log(self, kind: str, text: str, **about: Any) -> Event:
         event = Event(kind, text, self.pushes, time.time(), about)
@@ -221,34 +211,31 @@ class Learner:
 
     def _learn(self, result: Result) -> Update:
         for name in (result.identity, result.digest):
-            if reason := self._state.seen.get(name):
+            if reason := self.state.seen.get(name):
                 return Update(False, reason)
-        if reason := why_not(result):
-            return Update(False, reason, events=(self._left_out(result, reason),))
-        if reason := self._state.why_not(result):
-            place = {"episode": result.episode, "after": result.after.tolist()}
-            return Update(False, reason, events=(self._left_out(result, reason, **place),))
+        about: dict[str, Any] = {"id": result.identity}
+        reason = why_not(result)
+        if not reason and (reason := self.state.why_not(result)):
+            about |= {"episode": result.episode, "after": result.after.tolist()}
+        if reason:
+            return Update(False, reason, events=(self._log(log.NOT_LEARNED, reason, **about),))
         errors, turns, problems = self._predict(result)
         self._append({"kind": "push", **result.record(), "errors": errors, "turns": turns})
         decided = (*problems, *self._settle(), *self._notice_jump())
         return Update(True, "", errors, turns, (*decided, *self._train_if_due()))
 
-    def _left_out(self, result: Result, reason: str, **place: Any) -> Event:
-        return self._log(log.NOT_LEARNED, reason, id=result.identity, **place)
-
     def _predict(
         self, result: Result
     ) -> tuple[dict[str, float], dict[str, float], tuple[Event, ...]]:
         """Return the errors of all contenders on a push that nothing was learned from."""
-        history = self._state.history(result)
+        history = self.state.history(result)
         errors: dict[str, float] = {}
         turns: dict[str, float] = {}
         problems: list[Event] = []
         for name in self.judge.contenders:
             try:
-                model = self._contender(name, result)
-                if model is not None:
-                    errors[name], turns[name] = error_of(model, result, history)
+                if (found := self._contenders.errors(name, result, history)) is not None:
+                    errors[name], turns[name] = found
             except SainError as error:
                 problems += self._not_predicted(name, error)
         return errors, turns, tuple(problems)
@@ -261,23 +248,8 @@ class Learner:
             yield self._log(log.DROPPED, text, service=PHYSICS)
         elif lost and name == self.judge.candidate:
             yield self._log(log.LEFT_OUT, text, model=name)
-        elif text not in self._state.problems:
+        elif text not in self.state.problems:
             yield self._log(log.NOT_PREDICTED, text)
-
-    def _contender(self, name: str, result: Result | None = None) -> SainDynamics | None:
-        if name == PLANAR:
-            return self._planar
-        if result is not None and result.object:
-            return self._state.bodies.model(result) if name == PHYSICS else None
-        if name == PHYSICS:
-            return self.believer.model
-        if name == RECENT:
-            return self.believer.recent(self._state.recent)
-        if name == SHIPPED:
-            return self._shipped
-        if name not in self._networks:
-            self._networks[name] = load_checkpoint(self.laboratory.model_path(name))
-        return self._networks[name]
 
     # --- what follows -----------------------------------------------------------------------------
 
@@ -287,23 +259,23 @@ class Learner:
         while (decision := self.judge.decide()) is not None:
             kind, text, about = decision
             if kind == log.CHANGED:
-                about = about | {"anchor": self.believer.values}
+                about = about | {"anchor": self.state.believer.values}
             found.append(self._log(kind, text, **about))
         return (*found, *self._publish())
 
     def _notice_jump(self) -> tuple[Event, ...]:
         """Say once that friction has jumped; the belief has counted with it already."""
-        before = self.believer.jumped
-        if not before or self._state.jumped:
-            self._state.jumped = bool(before)
+        before = self.state.believer.jumped
+        if not before or self.state.jumped:
+            self.state.jumped = bool(before)
             return ()
-        now = self.believer.values[FRICTION]
+        now = self.state.believer.values[FRICTION]
         text = f"friction with the table is {now:.3g}; it was {before:.3g}"
         return (self._log(log.JUMPED, text, before=before, now=now),)
 
     def _publish(self) -> tuple[Event, ...]:
         """Write what others load, where it has changed; remove networks of no use any more."""
-        state, service = self._state, self.judge.service
+        state, service = self.state, self.judge.service
         named = state.bodies.update()
         changed = state.believer.update() or named
         if changed:
@@ -320,20 +292,20 @@ class Learner:
     def _remove_networks(self) -> tuple[Event, ...]:
         """Remove networks that are neither in service nor to be judged."""
         used = {self.judge.service, self.judge.candidate}
-        used |= {self._state.training.service} if self._state.training else set()
+        used |= {self.state.training.service} if self.state.training else set()
         found = []
-        for name in sorted(self._state.networks - used):
-            self._networks.pop(name, None)
-            self._state.networks.discard(name)
+        for name in sorted(self.state.networks - used):
+            self._contenders.forget(name)
+            self.state.networks.discard(name)
             try:
-                self.laboratory.remove_network(name)
+                remove(self.laboratory.path.resolve() / name)
             except OutputError as error:
-                if str(error) not in self._state.problems:
+                if str(error) not in self.state.problems:
                     found.append(self._log(log.NOT_REMOVED, str(error), model=name))
         return tuple(found)
 
     def _train_if_due(self) -> tuple[Event, ...]:
-        state = self._state
+        state = self.state
         if state.training is not None or not self._trains or state.unnamed < FIRST_TRAINING:
             return ()
         own, before = state.pushes - state.since, state.trained_at - state.since
@@ -347,26 +319,17 @@ class Learner:
             return begun, self._log(log.FAILED, str(error))
         return (begun, *self.poll())
 
-    def _has_network(self, job: Job) -> bool:
-        """Return True if a training had ended when the learner was killed."""
-        try:
-            self._contender(job.service)
-        except CheckpointError:
-            return False
-        return True
-
     def _finish(self, job: Job, problem: str) -> Event:
         """Make a trained network the candidate, judged on the pushes that came since."""
-        if not problem and job.since != self._state.since:
+        if not problem and job.since != self.state.since:
             problem = "the table has changed during this time"
         if problem:
             return self._log(log.FAILED, problem)
         try:
-            model = self._contender(job.service)
-            assert model is not None
+            model = self._contenders.model(job.service)
         except CheckpointError as error:
             return self._log(log.FAILED, str(error))
-        unseen = [self._unseen_error(model, *one) for one in self._state.unseen]
+        unseen = [self._unseen_error(model, *one) for one in self.state.unseen]
         failed = unseen.count(None)
         text = (
             f"a network was trained on {job.pushes - job.since} pushes, and judged on the"
@@ -380,32 +343,3 @@ class Learner:
             return None if result.object else error_of(model, result, history)[0]
         except SainError:
             return None  # counted in the event
-
-
-class NotFiniteError(SainError):
-    """A prediction that has NaN or Inf."""
-
-
-def error_of(model: SainDynamics, result: Result, history: PushHistory) -> tuple[float, float]:
-    """Return the errors of a model on a push, as `prediction_error`.
-
-    Raises `SainError`: it does not predict it.
-    """
-    conditioned = model.with_bodies(result.own_bodies).condition(history)
-    after = conditioned.step(result.before[None], result.push[None])[0]
-    if not np.isfinite(after).all():
-        raise NotFiniteError("the prediction has NaN or Inf")
-    return prediction_error(after, result)
-
-
-def prediction_error(after: Scene, result: Result) -> tuple[float, float]:
-    """Return mean errors of the bodies that were pushed or moved: places [mm], headings [degrees].
-
-    Moved has a body that ends 2 mm or more from where it was, in truth.
-    """
-    moved = np.hypot(*(result.after - result.before)[:, POSITION].T) >= MOVED
-    moved[pushed_bodies(result.push[None])[0]] = True
-    off = after[moved] - result.after[moved]
-    places = 1e3 * np.hypot(*off[:, POSITION].T)
-    turns = np.degrees(np.abs(wrap_angle(off[:, THETA])))
-    return float(places.mean()), float(turns.mean())

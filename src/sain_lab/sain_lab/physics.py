@@ -154,7 +154,8 @@ class Believer:
     def _fit(self) -> None:
         parts, episodes = observed(self.window)
         flat = all(part.bodies.lie_flat for part in parts)
-        kinds = [anchored(kind, self._anchor) for kind in self._candidates(flat)]
+        candidates = laboratory_kinds(self._base.belief, flat)
+        kinds = [anchored(kind, self._anchor) for kind in candidates]
         if [one.kind.name for one in self._kinds] != [kind.name for kind in kinds]:
             self._kinds, self._compared = [_Fitted(kind) for kind in kinds], 0
         best = max(self._kinds, key=lambda one: one.evidence)
@@ -194,9 +195,6 @@ class Believer:
                 self.jumped = float(before[FRICTION][0])
                 places[:first, column] = places[first:, column].mean()
         return replace(found, places=places)
-
-    def _candidates(self, flat: bool) -> list[Kind]:
-        return laboratory_kinds(self._base.belief, flat)
 
     def recent(self, latest: Sequence[Result]) -> SainDynamics | None:
         """Return physics that the latest pushes alone may have moved from what is believed.

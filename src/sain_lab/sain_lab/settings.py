@@ -68,9 +68,6 @@ class TeachOptions(Config):
     )
     lab: int = option(0, "number of a rough or measured world", minimum=0)
     seed: int = option(0, "of scenes and pushes", minimum=0, maximum=MOST_SEED)
-    per_scene: int = option(
-        8, "pushes in a scene before it is reset, where there is a simulator", minimum=1
-    )
     out: Path = option(Path("results/teaching.png"), "file for the chart")
     overwrite: bool = option(False, OVERWRITE_HELP)
 

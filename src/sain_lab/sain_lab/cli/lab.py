@@ -119,9 +119,9 @@ def show_list(console: Console) -> None:
 
 def show(laboratory: "Laboratory", console: Console, out: Path) -> None:
     """Print parameters, errors and events of a laboratory; draw the chart where it is asked for."""
-    from sain_lab.judging.curves import read_curves
+    from sain_lab.judging.curves import curves_of
 
-    curves = read_curves(laboratory)
+    curves = curves_of(laboratory.records())
     console.print(f"{laboratory.path}: {curves.pushes} pushes", soft_wrap=True)
     learned = {record["id"] for record in laboratory.records() if record["kind"] == "push"}
     if waiting := sum(one.identity not in learned for one in laboratory.waiting()):

@@ -16,7 +16,7 @@ def run(options: TeachOptions, console: Console) -> None:
     """Teach, print what was learned, and write the chart."""
     from sain_core.view.figures import write_png
     from sain_lab.judging.chart import draw_curves
-    from sain_lab.judging.curves import read_curves
+    from sain_lab.judging.curves import curves_of
     from sain_lab.storage.laboratory import Laboratory
     from sain_model.compute.kernel_store import compile_visibly
 
@@ -32,7 +32,8 @@ def run(options: TeachOptions, console: Console) -> None:
         taught = teach_in_world(options)
     show(taught, console)
     laboratory = Laboratory.named(options.laboratory)
-    path = write_png(draw_curves(read_curves(laboratory), laboratory.name), options.out)
+    curves = curves_of(laboratory.records())
+    path = write_png(draw_curves(curves, laboratory.name), options.out)
     console.print(f"chart: {path}", soft_wrap=True)
 
 

@@ -16,6 +16,7 @@ from sain_core.types import PushArray, Scene
 from sain_core.world import AnyWorld
 from sain_eval.scenes.families import ScenarioScene
 from sain_eval.scenes.scenarios import draw_scene
+from sain_lab.contenders import prediction_error
 from sain_lab.exploration.information import (
     Certainty,
     InformativeDecider,
@@ -23,13 +24,12 @@ from sain_lab.exploration.information import (
     expected_error,
     imagined_work,
 )
-from sain_lab.learner import Learner, prediction_error
+from sain_lab.learner import Learner
 from sain_lab.settings import TeachOptions
 from sain_lab.storage.results import Result
 from sain_model.dynamics.sain import SainDynamics
 from sain_mppi.agent.agent import MOST_PUSHES, Agent, AgentConfig
 from sain_mppi.agent.events import Task
-from sain_mppi.agent.planning import Decider
 from sain_mppi.agent.play import Sight, play
 from sain_sim.world.own import open_world
 from sain_sim.world.workcell import WorldConfig
@@ -38,6 +38,7 @@ NEVER: Final = 1e-4, 1e-3  # [m], [rad], tolerances that a push meets only by ch
 PLANS: Final = 12  # scenes of the scenario that plans are imagined in
 OTHERS: Final = 500_000  # between the seeds of scenes that are taught in, and imagined
 PATIENCE: Final = 10  # scenes in a row without a possible push
+PER_SCENE: Final = 8  # pushes before a scene is reset, where there is a simulator
 
 Room = tuple[AnyWorld[Any], ScenarioScene]
 Rooms = Generator[Room, None, None]
@@ -66,7 +67,6 @@ class Session:
     model: Model  # returns the physics as it is believed now
     take: Callable[[Result], object]  # learns from a result
     work: Work  # pushes of typical plans
-    decider: Callable[[Model, Work], Decider] = InformativeDecider  # makes what chooses the pushes
     # whether `model` has learned from the last scene's pushes when the teaching ends
     believed: bool = False
     # [mm] of each push, with what was believed at first and then
@@ -92,10 +92,10 @@ class Session:
         without, why, agent = 0, "", AgentConfig(seed=settings.seed)
         for number, (world, case) in enumerate(rooms):
             before, left = len(self.errors), settings.pushes - len(self.errors)
-            chooser = self.decider(self.model, self.work)
+            chooser = InformativeDecider(self.model, self.work)
             episode = f"teaching {settings.seed}/{number}"
             sight = Watched(world, self.judge, case.bodies, episode)
-            task = Task(1, 0, case.goal.within(*NEVER), min(settings.per_scene, left))
+            task = Task(1, 0, case.goal.within(*NEVER), min(PER_SCENE, left))
             why = play(Agent(chooser, agent), sight, [task], case.bodies).failure
             without = 0 if len(self.errors) > before else without + 1
             if len(self.errors) >= settings.pushes or without >= PATIENCE:
@@ -176,7 +176,7 @@ def teach_in_world(settings: TeachOptions) -> SessionResult:
     Raises `SainError`: no push is possible, or the laboratory cannot be opened.
     """
     with Learner.named(settings.laboratory) as learner:
-        model = lambda: learner.believer.model  # noqa: E731
+        model = lambda: learner.state.believer.model  # noqa: E731
         work = work_of(settings, model())
         teaching = Session(model, learner.observe, work, believed=True)
         taught = teaching.run(_learned_between(rooms_of(settings), learner), settings)

@@ -39,11 +39,6 @@ class Curves:
         return bootstrap_mean(values[np.isfinite(values)], generator(0, "curve"))
 
 
-def read_curves(laboratory: Laboratory) -> Curves:
-    """Return the curves of a laboratory; raises `DatasetError`."""
-    return curves_of(laboratory.records())
-
-
 class CurveReader:
     """The curves of a laboratory in which somebody learns."""
 

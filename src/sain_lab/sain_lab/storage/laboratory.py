@@ -111,7 +111,8 @@ class Laboratory:
         Raises:
             DatasetError: no laboratory is there, one of another version, or one copied in part.
         """
-        self.path = path
+        self.path, self.name, self.log_path = path, path.name, path / LOG
+        self.belief_path = path / BELIEF  # which need not exist yet
         self.manifest = _read_manifest(path)
         self.damage: list[str] = []  # a sentence for each damaged line that was read
         self._check_whole()
@@ -120,21 +121,6 @@ class Laboratory:
     def named(cls, name: str) -> Self:
         """Return the laboratory of a name or path."""
         return cls(laboratory_path(name))
-
-    @property
-    def name(self) -> str:
-        """Its name."""
-        return self.path.name
-
-    @property
-    def log_path(self) -> Path:
-        """The path of its log."""
-        return self.path / LOG
-
-    @property
-    def belief_path(self) -> Path:
-        """The path of its belief, which need not exist yet."""
-        return self.path / BELIEF
 
     @property
     def recordings(self) -> list[str]:
@@ -207,11 +193,6 @@ class OpenLaboratory(Laboratory):
                 raise OutputError(f"cannot write {path}: {error.strerror or error}") from error
             raise
 
-    @classmethod
-    def named(cls, name: str, owner: str = "learner") -> Self:
-        """Lock the laboratory of a name or path; it is made where there is none."""
-        return cls(laboratory_path(name), owner)
-
     def append(self, record: Record) -> None:
         """Append a record to the log; raises `OutputError`."""
         self._log.append(record)
@@ -246,10 +227,6 @@ class OpenLaboratory(Laboratory):
         if (self.path / service).exists():
             raise OutputError(f"{self.path / service} exists, and is of no training; move it away")
 
-    def remove_network(self, service: str) -> None:
-        """Remove the folder of a network; raises `OutputError`, see `sain_core.output.remove`."""
-        remove(self.path.resolve() / service)
-
     def close(self) -> None:
         """Write the manifest, and let another process have the laboratory."""
         self.state()
@@ -272,14 +249,12 @@ def forget(name: str) -> Path:
     """
     path = laboratory_path(name)
     _read_manifest(path)
-    if not (path / LOCK).exists():
-        remove(path)
-        return path
-    lock = _lock(path, "forget")
+    lock = _lock(path, "forget") if (path / LOCK).exists() else None
     try:
         remove(path)
     finally:
-        os.close(lock)
+        if lock is not None:
+            os.close(lock)
     return path
 
 
