@@ -5,7 +5,6 @@ from importlib.metadata import EntryPoint
 import numpy as np
 import pytest
 
-from sain_bags import commands as bags
 from sain_core.scene import POSITION, TARGET
 from sain_eval import commands
 from sain_mppi.objective import cost
@@ -74,8 +73,3 @@ def test_an_engine_that_explodes_is_the_reason_of_the_failure(tmp_path, capsys, 
     shown = capsys.readouterr().out
     assert "DivergedError: the engine found no solution of the push: body 1 would end" in shown
     assert "possible are 2 m; 0 pushes" in shown
-
-
-def test_an_empty_folder_is_no_recording_also_for_workers(tmp_path, capsys):
-    arguments = [str(tmp_path), "--workers", "2", "--out", str(tmp_path / "out")]
-    assert str(tmp_path) in said(bags.to_dataset, arguments, capsys)

@@ -9,6 +9,10 @@ import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
 
+from sain_core.push import make_push
+from sain_core.scene import POSITION
+from sain_core.view.image import TopPicture
+from sain_core.view.palette import PALETTE, rgba
 from sain_eval.scenes.scenarios import SCENARIOS
 from sain_gym.push_env import FIRST_DRAWN
 from tests.sain_gym.playing import digest, played, random_actions
@@ -76,11 +80,15 @@ def test_a_fresh_process_gives_the_same_bytes_and_loads_no_planner(make):
     assert done.stdout.split("\n")[:2] == [digest(played(env, 3, random_actions(env, 6))), "[]"]
 
 
-def test_an_image_is_rendered_only_when_asked_for(make):
-    env = make()
-    env.reset(seed=0)
+def test_an_image_shows_bodies_and_goal_and_is_rendered_only_when_asked_for(make):
+    env = make(scenario="rearrange_3", observation="image", image_size=240)
+    image, _ = env.reset(seed=2)
+    kept, at = image.copy(), TopPicture(240).pixel(env.scene[0, POSITION])
+    mid, goal = (np.round(255 * np.array(rgba(one)[:3])) for one in (PALETTE.mid, PALETTE.goal))
+    assert (image[at] == mid).all() and (image == goal).all(axis=-1).any()
+    after, *_ = env.step(make_push(0.0, 0.0, 0.15))
+    assert (after != image).any() and np.array_equal(image, kept)
     assert env.render() is None
     env = make(render_mode="rgb_array")
     env.reset(seed=0)
-    image = env.render()
-    assert (image.shape, image.dtype) == ((480, 480, 3), np.uint8)
+    assert (env.render().shape, env.render().dtype) == ((480, 480, 3), np.uint8)

@@ -1,6 +1,5 @@
 """Bad input is refused with what was wrong and what is allowed, and changes nothing."""
 
-import gymnasium
 import numpy as np
 import pytest
 from gymnasium.error import ResetNeeded
@@ -29,18 +28,11 @@ def test_a_scene_with_more_bodies_than_the_first_is_refused(make, monkeypatch):
     ("action", "kind", "message"),
     [
         ([0.0, 0.0, NAN, 0.1, 0.2], InvalidInputError, "angle of the action is nan; it must be"),
-        ([0.0, 0.0, 0.0, np.inf, 0.2], InvalidInputError, "length of the action is inf"),
         ([0.0, 0.1], InvalidInputError, r"shape \(2,\); needed: numbers with shape \(5,\) \(body"),
-        ([[0.0, 0.0, 0.1]], InvalidInputError, r"shape \(1, 3\); needed"),
         (["a", "b", "c"], InvalidInputError, "an array of <U1"),
-        ([None, 0.0, 0.1], InvalidInputError, "an array of object"),
         ([True, False, True], InvalidInputError, "an array of bool"),
-        ([1j, 0.0, 0.1], InvalidInputError, "an array of complex128"),
         ([0, 3.2, 0.0, 0.1, 0.2], OutOfRangeError, "location of the action is 3.2; allowed: -3.1"),
-        ([0, 0.0, -0.8, 0.1, 0.2], OutOfRangeError, "angle of the action is -0.8; allowed: -0.7"),
-        ([0, 0.0, 0.0, -0.01, 0.2], OutOfRangeError, "length of the action is -0.01; allowed: 0"),
         ([0, 0.0, 0.0, 1e300, 0.2], OutOfRangeError, r"length of the action is 1e\+300"),
-        ([0, 0.0, 0.0, 0.1, 0.6], OutOfRangeError, "speed of the action is 0.6; allowed: 0.01"),
     ],
 )  # fmt: skip
 def test_a_bad_action_moves_nothing(make, action, kind, message):
@@ -68,16 +60,10 @@ def test_a_refused_push_moves_nothing_and_costs(make):
     assert (after["pushes"], after["refusals"]) == (0, 1)
 
 
-def test_a_step_before_the_first_episode(make):
-    env = make()
+def test_a_step_before_the_first_episode_and_after_the_end(make):
+    env = make(scenario="paper")
     with pytest.raises(ResetNeeded, match="no episode has begun; call reset first"):
         env.step(AHEAD)
-    with pytest.raises(ResetNeeded):
-        gymnasium.make("sain/Push-v0").step(AHEAD)
-
-
-def test_a_step_after_the_end(make):
-    env = make(scenario="paper")
     env.reset(seed=0)
     while not env.episode.over:
         env.step(make_push(np.pi, 0.0, 0.1))
@@ -94,14 +80,10 @@ def test_a_step_after_the_end(make):
     ("settings", "message"),
     [
         ({"scenario": "nowhere"}, "scenario 'nowhere' is unknown .*; known: .*paper, "),
-        ({"scenario": 3}, "scenario is 3"),
         ({"engine": "havok"}, "engine 'havok' is unknown; known: bullet, mujoco"),
         ({"observation": "pixels"}, "observation is 'pixels'; allowed: 'state', 'image'"),
         ({"tolerance": NAN}, "tolerance is nan; it must be finite"),
         ({"tolerance": 0.2}, "tolerance is 0.2 m; it must be at most 0.075 m"),
-        ({"tolerance": "2 cm"}, "tolerance is '2 cm'; it must be of type float"),
-        ({"turn": -0.1}, "turn is -0.1 rad; it must be at least 0.0 rad"),
-        ({"image_size": 9}, "image_size is 9 px; it must be at least 16 px"),
         ({"image_size": 96.5}, "image_size is 96.5; it must be of type int"),
         ({"goal": 1}, "no setting goal; allowed: scenario, engine, .*, render_mode"),
         ({"engine": "mujoco", "world": "rough"}, "engine mujoco cannot simulate direction"),
@@ -118,7 +100,6 @@ def test_bad_settings(make, settings, message):
     ("options", "kind", "message"),
     [
         ({"scene": -1}, OutOfRangeError, "the option scene is -1; allowed: whole numbers from 0"),
-        ({"scene": 1.5}, OutOfRangeError, "the option scene is 1.5"),
         ({"scene": True}, OutOfRangeError, "the option scene is True"),
         ({"goal": 1}, ConfigError, "reset has no option 'goal'; allowed: scene"),
     ],

@@ -5,7 +5,7 @@ from math import pi
 import numpy as np
 import pytest
 
-from sain_core.push import ANGLE, BODY, PushLimits, make_push
+from sain_core.push import ANGLE, PushLimits, make_push
 from sain_eval.scenes.scenarios import SCENARIOS
 from sain_gym.spaces import PushSpaces
 
@@ -21,13 +21,6 @@ def test_limits_in_any_precision_are_the_limits(kind):
         assert push.dtype == np.float64
         assert push.tolist() == [0.0, pi, *limit[ANGLE:]]
         LIMITS.check(push)
-
-
-def test_each_body_has_the_same_share_of_random_actions():
-    spaces = PushSpaces("rearrange_3")
-    spaces.action.seed(0)
-    bodies = [spaces.push_of(spaces.action.sample())[BODY] for _ in range(3000)]
-    assert np.allclose(np.bincount(np.array(bodies, dtype=int)) / 3000, 1 / 3, atol=0.03)
 
 
 @pytest.mark.parametrize("scenario", sorted(SCENARIOS))

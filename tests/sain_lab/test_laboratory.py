@@ -7,7 +7,6 @@ import re
 from contextlib import suppress
 from io import StringIO
 
-import numpy as np
 import pytest
 from rich.console import Console
 
@@ -87,20 +86,15 @@ def test_a_file_of_something_else_is_not_made_a_log(tmp_path):
     ("record", "reason"),
     [
         ({"kind": "push"}, "it has no 'before'); 1 push is missing"),
-        ({**PUSH, "errors": 1.0}, "is damaged"),
         (PUSH, "it has no 'errors'); 1 push is missing"),
         ({"kind": "event", **EVENT, "event": "not learned", "about": {"id": []}}, "id is []"),
         ({"kind": "event", **EVENT, "event": "training", "about": []}, "about is []"),
         ({"kind": "event", "event": "loaded"}, "it has no 'text'); no push is missing"),
         ({"kind": "event", **EVENT, "about": {"service": "../x"}}, "service is '../x'"),
-        ({"kind": "event", **EVENT, "about": {}}, "it has no 'service'"),
-        ({"kind": "event", **EVENT, "about": 3}, "is damaged"),
         ({"kind": "event", **EVENT, "about": {"service": "planar"}, "pushes": -1}, "pushes is -1"),
         ({"kind": "belief", "pushes": 1, "parameters": {"luck": [1, 2]}}, "it has no 'luck'"),
-        ({"kind": "belief", "pushes": 1, "parameters": {"friction": [1]}}, "is damaged"),
         ({"kind": "belief", "pushes": 1, "parameters": []}, "is damaged"),
         ({"kind": "dream"}, "its kind 'dream' is not of this version"),
-        ({"kind": ["push"]}, "it has no kind"),
     ],
 )
 def test_a_record_without_what_its_kind_needs_is_named_and_left_out(tmp_path, record, reason):
@@ -136,15 +130,6 @@ def test_a_belief_that_was_changed_is_not_replaced(tmp_path):
     assert (path / "belief.json").read_text() == "mine"
 
 
-def test_one_process_has_a_laboratory(tmp_path):
-    with (
-        OpenLaboratory(tmp_path / "mine", "first"),
-        pytest.raises(BusyError, match=r"process \d+ \(first\) learns there"),
-    ):
-        OpenLaboratory(tmp_path / "mine")
-    OpenLaboratory(tmp_path / "mine").close()
-
-
 @pytest.mark.parametrize(
     ("damage", "message"),
     [
@@ -152,7 +137,6 @@ def test_one_process_has_a_laboratory(tmp_path):
         (lambda path: change(path, log_bytes=10**6), "copy it again while nothing learns"),
         (lambda path: change(path, service="models/000100"), "model in service"),
         (lambda path: change(path, service="../../etc"), "is damaged"),
-        (lambda path: change(path, generation=np.pi), "is damaged"),
         (lambda path: (path / LOG).unlink(), "not whole"),
         (lambda path: (path / MANIFEST).write_text("{"), "is damaged"),
     ],
@@ -203,20 +187,9 @@ def linked_models(path):
     return path
 
 
-def with_a_manifest_alone(path):
-    """Make a folder that has a file with the name of a laboratory's manifest."""
-    path.mkdir()
-    (path / MANIFEST).write_text("{}")
-    return path
-
-
 @pytest.mark.parametrize(
     ("make", "reason"),
-    [
-        (of_a_stranger, "nothing is removed"),
-        (linked_models, "is a symbolic link"),
-        (with_a_manifest_alone, "is damaged: it has no 'format'"),
-    ],
+    [(of_a_stranger, "nothing is removed"), (linked_models, "is a symbolic link")],
 )
 def test_what_is_not_ours_is_neither_forgotten_nor_removed_by_a_learner(tmp_path, make, reason):
     path = make(tmp_path / "lab")
@@ -229,10 +202,12 @@ def test_what_is_not_ours_is_neither_forgotten_nor_removed_by_a_learner(tmp_path
     assert set(files(tmp_path)) >= set(before)
 
 
-def test_forget_removes_it_unless_somebody_learns_there(tmp_path):
+def test_one_process_has_a_laboratory_and_forget_removes_it_later(tmp_path):
     path = tmp_path / "old"
-    with OpenLaboratory(path), pytest.raises(BusyError, match="learns there"):
-        forget(str(path))
+    with OpenLaboratory(path):
+        for attempt in (OpenLaboratory, lambda path: forget(str(path))):
+            with pytest.raises(BusyError, match=r"process \d+ \(learner\) learns there"):
+                attempt(path)
     assert f"removed {path}" in sain_lab("forget", str(path))
     assert not path.exists()
 
@@ -302,10 +277,6 @@ def test_a_recording_that_is_refused_makes_no_laboratory(tmp_path, action, name,
             sain_lab("add", mine, path)
         else:
             sain_lab("replay", path, laboratory=mine)
-    assert not (tmp_path / "mine").exists()
-
-
-def test_a_laboratory_that_is_to_learn_what_it_received_must_exist(tmp_path):
     with pytest.raises(DatasetError, match=r"no laboratory at .*mine; there are: .*--learn"):
-        sain_lab("add", str(tmp_path / "mine"))
+        sain_lab("add", mine)  # what it received
     assert not (tmp_path / "mine").exists()

@@ -10,8 +10,8 @@ from sain_core.model import load_dynamics
 from sain_lab.judging.curves import curves_of
 from sain_lab.learner import Learner
 from sain_lab.storage.laboratory import LOG, MANIFEST, Laboratory
-from sain_lab.storage.log import CHANGED, DROPPED, JUMPED, LOADED, NOT_LEARNED, TRAINED, LogReader
-from tests.sain_lab.table import TRUE, SmallTable, plant
+from sain_lab.storage.log import CHANGED, JUMPED, NOT_LEARNED, LogReader
+from tests.sain_lab.table import TRUE, SmallTable
 
 PUSHES = 24
 
@@ -32,6 +32,7 @@ def test_the_next_push_is_predicted_better_the_more_was_learned(taught):
     late = updates[PUSHES // 2 :]
     mean = {name: np.mean([one.errors[name] for one in late]) for name in ("planar", "physics")}
     assert mean["physics"] < 0.5 * mean["planar"]
+    assert [event.kind for one in updates for event in one.events] == []  # the table stays
 
 
 def test_true_parameters_lie_within_what_is_believed(taught):
@@ -87,62 +88,37 @@ def test_a_push_is_predicted_before_it_is_learned_from(taught, tmp_path):
     assert [one.errors for one in again] == [one.errors for one in updates[:8]]
 
 
-def bad(result, **changes):
-    return replace(result, identity="bad", **changes)
-
-
-def moved(scene, **where):
+def moved(scene, body, column, value):
     other = scene.copy()
-    for (body, column), value in where.get("at", {}).items():
-        other[body, column] += value
+    other[body, column] += value
     return other
 
 
 @pytest.mark.parametrize(
-    ("make", "reason"),
+    ("change", "reason"),
     [
-        (lambda r: bad(r, after=r.after * np.nan), "NaN or Inf"),
-        (lambda r: bad(r, push=np.array([0, 0, 0, np.inf, 0.2])), "finite"),
-        (lambda r: bad(r, before=moved(r.before, at={(1, 0): 0.01})), "somebody moved it"),
-        (lambda r: bad(r, before=moved(r.before, at={(0, 2): 0.5})), "somebody moved it"),
-        (lambda r: bad(r, code=ErrorCode.BLOCKED), "refused: BLOCKED"),
-        (lambda r: bad(r, after=moved(r.after, at={(0, 3): 0.2})), "not at rest"),
-        (lambda r: bad(r, after=moved(r.after, at={(1, 0): 3.0})), "a body moved 3"),
-        (lambda r: bad(r, after=r.after[:1]), "shape"),
+        (lambda r: {"after": r.after * np.nan}, "NaN or Inf"),
+        (lambda r: {"push": np.array([0, 0, 0, np.inf, 0.2])}, "finite"),
+        (lambda r: {"before": moved(r.before, 1, 0, 0.01)}, "somebody moved it"),
+        (lambda r: {"before": moved(r.before, 0, 2, 0.5)}, "somebody moved it"),
+        (lambda r: {"code": ErrorCode.BLOCKED}, "refused: BLOCKED"),
+        (lambda r: {"after": moved(r.after, 0, 3, 0.2)}, "not at rest"),
+        (lambda r: {"after": moved(r.after, 1, 0, 3.0)}, "a body moved 3"),
+        (lambda r: {"after": r.after[:1]}, "shape"),
     ],
 )
-def test_what_cannot_be_is_not_learned_from_and_said(tmp_path, make, reason):
+def test_what_cannot_be_is_not_learned_from_and_said(tmp_path, change, reason):
     table = SmallTable()
     with Learner.named(str(tmp_path / "lab"), trains=False) as learner:
         learner.observe(table.push())
-        update = learner.observe(make(table.push()))
+        result = table.push()
+        update = learner.observe(replace(result, identity="bad", **change(result)))
         assert not update.learned
         assert reason in update.reason
         assert [event.kind for event in update.events] == [NOT_LEARNED]
         assert learner.pushes == 1
     events = curves_of(Laboratory(tmp_path / "lab").records()).events
     assert reason in events[-1].text
-
-
-def test_a_planted_network_is_dropped_within_30_pushes(tmp_path):
-    table = SmallTable()
-    with Learner.named(str(tmp_path / "lab"), trains=False) as learner:
-        for _ in range(30):
-            learner.observe(table.push())
-        service = "models/000030"
-        plant(learner.laboratory.model_path(service))
-        for kind in (TRAINED, LOADED):
-            learner._log(kind, "planted", model=service, service=service)
-        learner._publish()
-        assert learner.model.network is not None
-        kinds = []
-        while DROPPED not in kinds:
-            kinds += [event.kind for event in learner.observe(table.push()).events]
-            assert learner.pushes <= 60
-        assert learner.judge.service == "physics"
-        assert learner.model.network is None
-    with Learner.named(str(tmp_path / "lab"), trains=False) as learner:
-        assert learner.judge.service == "physics"
 
 
 @pytest.mark.parametrize(
@@ -161,8 +137,3 @@ def test_a_table_that_changes_is_noticed_and_the_error_returns(tmp_path, change,
             errors.append(update.errors["physics"])
     assert kinds.count(event) == 1
     assert np.mean(errors[25:]) < 0.5 * np.mean(errors[:10])
-
-
-def test_a_table_that_stays_is_left_alone(taught):
-    _, _, updates = taught
-    assert [event.kind for one in updates for event in one.events] == []

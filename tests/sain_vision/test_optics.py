@@ -1,4 +1,3 @@
-# ruff: noqa: E501 - a case is a line
 """Lenses of every model: to pixels and back, and calibrations that are not used."""
 
 from typing import Any
@@ -43,22 +42,6 @@ def test_a_pixel_comes_back_to_itself_or_is_refused(lens):
     assert np.mean(used) > 0.5
 
 
-@pytest.mark.parametrize("lens", LENSES)
-def test_a_place_comes_back_to_itself_or_is_not_seen(lens):
-    random, used = np.random.default_rng(1), []
-    for _ in range(50):
-        camera = camera_of(lens, random.uniform(-1, 1, len(LENSES[lens])) * LENSES[lens])
-        places = np.column_stack([random.uniform(-3, 3, (200, 2)), np.ones(200)])
-        pixels = camera.project(places)
-        rays = camera.rays(np.nan_to_num(pixels, nan=-1e6))
-        good = np.isfinite(pixels).all(axis=1) & np.isfinite(rays).all(axis=1)
-        assert np.abs(rays[good] - places[good]).max(initial=0.0) < 0.001
-        again = camera.project(rays[good])
-        assert np.linalg.norm(again - pixels[good], axis=1).max(initial=0.0) < 0.01
-        used.append(good.mean())
-    assert np.mean(used) > 0.2
-
-
 @pytest.mark.parametrize(
     ("lens", "numbers", "focal"),
     [
@@ -97,10 +80,9 @@ def test_beyond_the_fold_of_a_lens_nothing_is_seen():
     assert np.isnan(camera.rays(far)).any()
 
 
-def edited(*changes: tuple[int, int, float]) -> np.ndarray:
+def edited(row: int, column: int, value: float) -> np.ndarray:
     matrix = K.copy()
-    for row, column, value in changes:
-        matrix[row, column] = value
+    matrix[row, column] = value
     return matrix
 
 
@@ -109,24 +91,17 @@ def edited(*changes: tuple[int, int, float]) -> np.ndarray:
     [
         (np.zeros((3, 3)), "plumb_bob", 5, "not calibrated, K is all zeros: calibrate first"),
         (K.T, "plumb_bob", 5, r"last row \[639.5, 479.5, 1.0\] .* is K transposed"),
-        (edited((2, 2, 2.0)), "plumb_bob", 5, "these must be 0 0 1"),
-        (edited((1, 0, 3.0)), "plumb_bob", 5, "3 below fx"),
-        (edited((0, 0, np.nan)), "plumb_bob", 5, "NaN or Inf"),
-        (edited((0, 0, -840.0)), "plumb_bob", 5, "focal lengths are -840 and 850 px"),
-        (edited((0, 0, 4.2), (1, 1, 4.2)), "plumb_bob", 5, "is the camera calibrated, in px"),
-        (edited((0, 0, 1700.0)), "plumb_bob", 5, "are 1700 and 850 px; one may be at most 1.2 ti"),
-        (edited((1, 1, 420.0)), "plumb_bob", 5, "are 840 and 420 px; one may be at most 1.2 times"),
-        (edited((0, 2, 1300.0)), "plumb_bob", 5, r"principal point is \(1300, 479.5\) px; .* 384 to"),
-        (edited((0, 2, 0.0), (1, 2, 0.0)), "plumb_bob", 5, r"principal point is \(0, 0\) px"),
+        (edited(2, 2, 2.0), "plumb_bob", 5, "these must be 0 0 1"),
+        (edited(1, 0, 3.0), "plumb_bob", 5, "3 below fx"),
+        (edited(0, 0, np.nan), "plumb_bob", 5, "NaN or Inf"),
+        (edited(0, 0, -840.0), "plumb_bob", 5, "focal lengths are -840 and 850 px"),
+        (edited(0, 0, 1700.0), "plumb_bob", 5, "are 1700 and 850 px; one may be at most 1.2 ti"),
+        (edited(0, 2, 1300.0), "plumb_bob", 5, r"principal point is \(1300, 479.5\) px; .* 384 to"),
         (2 * K - np.diag([0, 0, 1.0]), "plumb_bob", 5, "is K of images of another size, or of a"),
-        (K / 2 + np.diag([0, 0, 0.5]), "plumb_bob", 5, "is K of images of another size, or of a"),
-        (edited((0, 1, 300.0)), "plumb_bob", 5, "skew is 300 px; at most 42 px is allowed: calib"),
-        (edited((0, 1, -50.0)), "plumb_bob", 5, "skew is -50 px; at most 42 px"),
+        (edited(0, 1, -50.0), "plumb_bob", 5, "skew is -50 px; at most 42 px is allowed: calib"),
         (K, "fisheye", 4, "is 'fisheye'; allowed: plumb_bob, rational_polynomial, equidistant"),
-        (K, "", 5, "is ''; allowed"),
         (K, "plumb_bob", 8, "plumb_bob has 8 numbers; allowed: 5 or 4"),
-        (K, "rational_polynomial", 14, "has 14 numbers; allowed: 8"),
-        (K, "equidistant", 5, "equidistant has 5 numbers; allowed: 4"),
+        (K, "equidistant", 0, "equidistant has 0 numbers; allowed: 4"),
     ],
 )  # fmt: skip
 def test_what_a_calibration_may_not_be(matrix, lens, numbers, text):
@@ -138,14 +113,9 @@ def test_what_a_calibration_may_not_be(matrix, lens, numbers, text):
     ("lens", "numbers", "text"),
     [
         ("plumb_bob", [-50, 0, 0, 0, 0], r"\(-50, 0, 0, 0, 0\) folds at \(5\d\d, 480\) px, where"),
-        ("plumb_bob", [-1.0, 0, 0, 0, 0], r"\(-1, 0, 0, 0, 0\) folds at \(\d\d\d, 480\) px, where"),
-        ("plumb_bob", [0, -9.0, 0, 0], r"\(0, -9, 0, 0\) folds at"),
         ("plumb_bob", [1e300, 0, 0, 0, 0], r"\(1e\+300, 0, 0, 0, 0\) folds at"),
         ("plumb_bob", [1000, 0, 0, 0, 0], r"\(1000, .*\) moves \(0, 480\) px to [\d.]+ times its"),
-        ("plumb_bob", [9, 0, 0, 0, 0], "from the principal point, more than 1.5 times; it must be"),
-        ("plumb_bob", [0, 0, 5, 0, 0], r"folds at .* middle of each edge of 1280 x 960 px: calibrate"),
         ("rational_polynomial", [0, 0, 0, 0, 0, -5, 0, 0], "calibrate the camera again, with the"),
-        ("equidistant", [-5, 0, 0, 0], r"equidistant \(-5, 0, 0, 0\) folds at"),
         ("equidistant", [50, 0, 0, 0], r"equidistant \(50, 0, 0, 0\) moves"),
     ],
 )  # fmt: skip
@@ -170,10 +140,3 @@ def test_lenses_that_can_be_are_used(lens, numbers, focal):
     camera = check_calibration(WIDTH, HEIGHT, matrix, lens, np.array(numbers))
     assert np.isfinite(camera.rays(np.array([[640.0, 480.0]]))).all()
     assert camera.misses_corners == (focal in (950.0, 320.0, 250.0))
-
-
-def test_a_fisheye_without_its_numbers_is_refused():
-    with pytest.raises(InvalidInputError, match="equidistant has 0 numbers; allowed: 4"):
-        check_calibration(WIDTH, HEIGHT, K, "equidistant", np.zeros(0))
-    with pytest.raises(InvalidInputError, match="equidistant has 5 numbers"):
-        check_calibration(WIDTH, HEIGHT, K, "equidistant", np.zeros(5))

@@ -93,17 +93,21 @@ def test_the_papers_numbers_are_beside_those_of_sain(tmp_path):
     assert "| `paper` | 5 cm | 4/4, 5.5 |" in lines  # the paper has no MuJoCo
 
 
-def test_a_folder_without_results_is_named(tmp_path):
-    (tmp_path / "other").mkdir()
-    with pytest.raises(DatasetError, match=r"other/results\.json cannot be read"):
-        page(tmp_path, tmp_path / "other")
-    (tmp_path / "other" / RESULTS_FILE).write_text('{"schema": "else"}')
-    with pytest.raises(DatasetError, match="schema 'else'; allowed: 'sain-results-1'"):
-        page(tmp_path, tmp_path / "other")
-    earlier = evaluated(tmp_path / "earlier", "bullet", 4) / RESULTS_FILE
-    earlier.write_text(earlier.read_text().replace('"heading_tolerance"', '"turn"'))
-    with pytest.raises(DatasetError, match="is of an earlier version, without heading_tolerance"):
-        page(tmp_path, tmp_path / "earlier")
-    (tmp_path / "other" / RESULTS_FILE).write_text("[" * 100_000)
-    with pytest.raises(DatasetError, match="holds no results"):
-        page(tmp_path, tmp_path / "other")
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (lambda text: None, r"results\.json cannot be read"),
+        (lambda text: '{"schema": "else"}', "schema 'else'; allowed: 'sain-results-1'"),
+        (lambda text: "[" * 100_000, "holds no results"),
+        (lambda text: text.replace("heading_tolerance", "turn"), "without heading_tolerance"),
+        (lambda text: text.replace('"scenes": 4', '"scenes": null'), "scenes is 'None'"),
+    ],
+)
+def test_a_folder_without_results_is_named(tmp_path, content, message):
+    folder = evaluated(tmp_path / "a", "bullet", 4)
+    path, text = folder / RESULTS_FILE, content((folder / RESULTS_FILE).read_text())
+    path.unlink()
+    if text:
+        path.write_text(text)
+    with pytest.raises(DatasetError, match=message):
+        page(tmp_path, folder)

@@ -13,14 +13,14 @@ from sain_eval.cli.evaluate import EvaluateOptions, evaluate, jobs_of
 from sain_eval.cli.evaluate import run as run_command
 from sain_eval.loop.closed_loop import EpisodeOutcome
 from sain_eval.loop.results import (
-    JOURNAL_FILE,
     Journal,
     SceneRecord,
     scene_records,
     summarise,
+    wilson_interval,
     write_results,
 )
-from sain_eval.loop.tables import HEADER, failure_line, failures, shape_table, table_cells
+from sain_eval.loop.tables import failure_line, failures, shape_table, table_cells
 from sain_eval.scenes.scenarios import SCENARIOS
 
 CASE = SCENARIOS["paper"].scene(0)
@@ -42,17 +42,13 @@ def run(out, **changes):
     return json.loads((out / "results.json").read_text())
 
 
-def test_an_episode_is_judged_at_each_tolerance(records):
+def test_an_episode_is_judged_at_each_tolerance_and_the_summary_averages(records):
     wide, tight = records
     assert (wide.success, wide.pushes, wide.failure) == (True, 1, "")
     assert wide.final_distance == pytest.approx(0.04)
     assert wide.target_errors == pytest.approx((0.005,))
     assert (tight.success, tight.pushes, tight.failure) == (False, 2, "too far")
     assert tight.final_distance == pytest.approx(0.008)
-
-
-def test_the_summary_counts_and_averages(records):
-    wide = records[0]
     group = [replace(wide, seed=seed, pushes=2 + seed) for seed in range(3)]
     group.append(replace(wide, seed=3, success=False, pushes=15, failure="no"))
     (row,) = summarise(group)
@@ -85,35 +81,25 @@ def test_a_journal_goes_on_where_it_was_also_after_a_crash(records, tmp_path):
         assert journal.path.read_text() == whole
     with pytest.raises(OutputError, match="made with another tolerances"):
         Journal(tmp_path, {"tolerances": (0.02,)})
+    for line in ("no json\n", '{"other": 1}\n'):
+        journal.path.write_text(line)
+        with pytest.raises(OutputError, match="is damaged"):
+            Journal(tmp_path, SETTINGS)
 
 
-@pytest.mark.parametrize("line", ["no json\n", '{"other": 1}\n'])
-def test_a_damaged_journal_is_refused(tmp_path, line):
-    (tmp_path / JOURNAL_FILE).write_text(line)
-    with pytest.raises(OutputError, match="is damaged"):
-        Journal(tmp_path, SETTINGS)
-
-
-def test_the_command_writes_results_table_and_pictures(tmp_path):
-    content = run(tmp_path, pictures=1)
-    assert [scene["seed"] for scene in content["scenes"]] == [0, 0, 1, 1]
-    assert [row["successes"] for row in content["summary"]] == [0, 0]
-    names = {path.name for path in tmp_path.iterdir()}
-    assert names == {
-        ".sain-files",
-        "results.json", "table.md", "failures.md", "episodes.jsonl", "paper_0_null.png",
-    }  # fmt: skip
-
-
-def test_workers_find_the_same_as_one_process(tmp_path):
+def test_the_command_writes_the_same_files_with_one_process_and_with_workers(tmp_path):
     alone, together = tmp_path / "alone", tmp_path / "together"
-    wanted = {"controllers": "straight", "pictures": 2}
+    wanted = {"controllers": "straight", "pictures": 1}
     records = [run(alone, **wanted), run(together, workers=2, **wanted)]
     assert records[0]["scenes"] == records[1]["scenes"]
-    pictures = sorted(path.name for path in alone.glob("*.png"))
-    assert pictures == ["paper_0_straight.png", "paper_1_straight.png"]
-    for name in pictures:
-        assert (alone / name).read_bytes() == (together / name).read_bytes()
+    assert [scene["seed"] for scene in records[0]["scenes"]] == [0, 0, 1, 1]
+    names = {path.name for path in alone.iterdir()}
+    assert names == {path.name for path in together.iterdir()} == {
+        ".sain-files",
+        "results.json", "table.md", "failures.md", "episodes.jsonl", "paper_0_straight.png",
+    }  # fmt: skip
+    picture = "paper_0_straight.png"
+    assert (alone / picture).read_bytes() == (together / picture).read_bytes()
 
 
 def keep_a_table(records, tmp_path):
@@ -173,10 +159,7 @@ def test_a_person_finds_all_of_the_table_in_its_pages(records, tmp_path):
         ({"scenario": "somewhere"}, "scenario 'somewhere' is unknown; known: anywhere,"),
         ({"tolerances": "0"}, "--tolerances has 0.0 m; allowed"),
         ({"tolerances": "near"}, "allowed: numbers with commas, or pairs as 0.02:0.1"),
-        ({"tolerances": "0.02:"}, "--tolerances is '0.02:'; allowed: numbers"),
-        ({"tolerances": "0.02:0.1:3"}, "--tolerances is '0.02:0.1:3'; allowed: numbers"),
         ({"tolerances": "0.02:-1"}, "--tolerances has -1.0 rad; allowed: above 0, at most 5.0 rad"),
-        ({"tolerances": "nan"}, "--tolerances has nan m; allowed"),
         ({"controllers": ","}, "controllers is empty"),
         ({"models": "runs/mine"}, "--models is 'runs/mine' without --table; give"),
         ({"scenes": 0}, r"EvaluateOptions\.scenes is 0; it must be at least 1"),
@@ -196,17 +179,10 @@ POSE_RECORD = SceneRecord(
 
 def test_the_table_has_headings_refusals_and_planning_times():
     cells = table_cells(summarise([POSE_RECORD])[0])
-    assert dict(zip(HEADER, cells, strict=True)) == {
-        "scenario": "shapes",
-        "controller": "planar",
-        "within": "2 cm, 0.1 rad",
-        "solved": "1/1",
-        "95 % interval": "21-100 %",
-        "pushes": "4.0",
-        "prediction error": "5.0 mm, 0.030 rad",
-        "refused": "1",
-        "planning median / p95": "300 / 390 ms",
-    }
+    assert cells == [
+        "shapes", "planar", "2 cm, 0.1 rad", "1/1", "21-100 %", "4.0", "5.0 mm, 0.030 rad", "1",
+        "300 / 390 ms",
+    ]  # fmt: skip
 
 
 def test_each_shape_has_its_line_in_the_order_of_the_library(records):
@@ -225,3 +201,23 @@ def test_a_failure_is_listed_once_with_scene_and_reason(records):
         "shapes 7 (butter), planar, not within 2 cm, 0.1 rad: 30 pushes left body 0 12.0 mm away;"
         " 4 pushes, 1 refused, ended 12.0 mm, 0.050 rad away",
     ]
+
+
+@pytest.mark.parametrize(
+    ("successes", "trials", "low", "high"),
+    [
+        # Newcombe 1998, Statistics in Medicine 17:857, Table I, method 3.
+        (81, 263, 0.2553, 0.3662),
+        (15, 148, 0.0624, 0.1605),
+        (0, 20, 0.0, 0.1611),
+        (1, 29, 0.0061, 0.1718),
+        # By symmetry of the first and third.
+        (182, 263, 1 - 0.3662, 1 - 0.2553),
+        (20, 20, 1 - 0.1611, 1.0),
+    ],
+)
+def test_wilson_intervals_are_the_published_ones(successes, trials, low, high):
+    interval = wilson_interval(successes, trials)
+    assert interval.estimate == pytest.approx(successes / trials)
+    assert interval.low == pytest.approx(low, abs=6e-5)
+    assert interval.high == pytest.approx(high, abs=6e-5)

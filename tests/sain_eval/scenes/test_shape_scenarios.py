@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from sain_core.feasibility import Feasibility
-from sain_core.push import BODY, LENGTH, LOCATION, idle_pushes
 from sain_core.scene import POSITION, RADIUS, TARGET
 from sain_core.shapes.bodies import Bodies, check_bodies
 from sain_core.shapes.shape import is_inside
@@ -49,21 +48,6 @@ def test_bodies_and_poses_are_on_the_table_apart_and_with_room_for_the_tool(name
         way = np.linalg.norm((ends - case.disks)[:, POSITION], axis=1)
         assert way.min() >= 0.08
         assert not case.goal.judge(case.disks, case.disks, bodies).reached
-
-
-@pytest.mark.parametrize("name", POSES)
-def test_the_tool_can_stand_at_every_point_of_an_outline_at_the_start(name):
-    """Straight pushes of a few millimetres, but where an inner corner has no room for the tool."""
-    locations = np.linspace(-np.pi, np.pi, 73)[1:]
-    for seed in range(0, 40, 8):
-        case = SCENARIOS[name].scene(seed)
-        for body in range(len(case.disks)):
-            pushes = idle_pushes(72)
-            pushes[:, LOCATION], pushes[:, LENGTH], pushes[:, BODY] = locations, 0.004, body
-            scenes = np.broadcast_to(case.disks, (72, *case.disks.shape))
-            possible = FEASIBILITY.mask(scenes, pushes, bodies_of(case))
-            convex = bodies_of(case).shapes[body].is_convex
-            assert possible.all() if convex else possible.mean() > 0.5
 
 
 def test_body_0_alone_may_be_touched_where_it_pushes_another():

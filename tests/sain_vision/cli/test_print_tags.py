@@ -13,18 +13,11 @@ from sain_vision.cli.print_tags import PrintOptions, run
         ({"tags": "0-1000000000"}, "'0-1000000000'; the family has the tags 0 to 586"),
         ({"tags": "30", "family": "16h5"}, "'30'; the family has the tags 0 to 29"),
         ({"tags": "-3"}, "'-3'; allowed: numbers and upward ranges, as in 1,4,7-8"),
-        ({"tags": "5-2"}, "'5-2'; allowed: numbers and upward ranges"),
-        ({"tags": ""}, "''; allowed: numbers and upward ranges"),
         ({"tags": "1,,2"}, "'1,,2'; allowed: numbers and upward ranges"),
         ({"tags": "1-4,3"}, "'1-4,3', which has tag 3 twice; give each once"),
         ({"tags": "0-200"}, "'0-200', 201 tags; allowed: 1 to 200"),
-        ({"size": 0.0}, "size is 0.0 m; it must be at least 0.005 m"),
-        ({"size": 1e9}, "it must be at most 0.25 m"),
-        ({"size": float("nan")}, "size is nan; it must be finite"),
         ({"size": 0.2}, "size is 0.2 m; on a4 at most 0.147 m has room"),
         ({"board": True, "tags": "5"}, "--board has its own tags; leave out --tags"),
-        ({"board": True, "size": 0.1}, "--board has its own tags; leave out --size"),
-        ({"paper": "b5"}, "paper is 'b5'; allowed: 'a4', 'a3', 'letter'"),
     ],
 )
 def test_what_is_not_printed_is_refused_in_a_line(options, text, tmp_path):

@@ -96,6 +96,8 @@ def test_several_tags_are_one_body_and_some_of_them_suffice():
     [
         (ONE_EACH, [(1, POSES[0]), (1, POSES[1])], CAMERA, "tag 1 of body 1 (body_1) is seen 2"),
         (file_of((Tag(0, size=0.06),)), [(0, POSES[0])], CAMERA, "check size, place and height"),
+        (file_of((Tag(0, size=0.03),)), [(0, POSES[0])], CAMERA, "seems 40.0 mm large, and is 30"),
+        (file_of((Tag(0, size=0.01),)), [], CAMERA, "tag 0 of body 0 (body_0) has 9 px along its"),
         (
             ONE_EACH,
             [(0, POSES[0])],
@@ -103,17 +105,14 @@ def test_several_tags_are_one_body_and_some_of_them_suffice():
             "does not look down onto the table",
         ),
     ],
-    ids=["twice", "size", "camera"],
+    ids=["twice", "size", "seems", "small", "camera"],
 )  # fmt: skip
 def test_what_is_wrong_is_named_and_not_published(file, shown, camera, text):
     found, problems = locate(take(CAMERA, shown, np.random.default_rng(0)), file, camera)
     assert not found
     assert len(problems) == 1 and text in problems[0]
-
-
-def test_tags_that_nobody_has_are_nobody(picture):
-    found, problems = locate(picture, file_of((Tag(77),)))
-    assert (found, problems) == ({}, [])
+    with pytest.raises(ConfigError, match=r"has tag 30; family 16h5 has the tags 0 to 29"):
+        TagLocator(file_of((Tag(30),)), TagConfig(family="16h5"))
 
 
 def drawn(number: int, family: str = "36h11", module: int = 10) -> np.ndarray:
@@ -165,8 +164,6 @@ SQUARES = np.tile(np.pad(np.zeros((9, 9), np.uint8), 3, constant_values=255), (4
 RANDOM = np.random.default_rng(0)
 CROWDED = {
     "noise": RANDOM.integers(0, 255, (720, 1280), dtype=np.uint8),
-    "noise 640": RANDOM.integers(0, 255, (640, 640), dtype=np.uint8),
-    "chess": ((np.indices((720, 1280)) // 12).sum(axis=0) % 2 * 255).astype(np.uint8),
     "squares": SQUARES,
 }
 
@@ -178,9 +175,7 @@ def test_a_crowded_image_is_read_in_time_and_its_largest_squares_are(name):
     finder.find(picture)
     begun = time.process_time()
     found = finder.find(picture)
-    assert (
-        time.process_time() - begun < 1.5
-    )  # it took 5 to 8 s; 0.1 to 0.3 s where nothing else runs
+    assert time.process_time() - begun < 1.5  # 0.1 to 0.3 s where nothing else runs
     assert 5 in found
     assert any("more than can be read in time: only the 200 largest" in p for p in finder.problems)
 
@@ -190,23 +185,8 @@ def test_a_crowded_image_is_read_in_time_and_its_largest_squares_are(name):
     [
         (np.ascontiguousarray(drawn(5)[:, ::-1]), "the image shows tags mirrored"),
         (drawn(5, "25h9"), "the tags in the image are of family 25h9; tags.family is 36h11"),
-        (drawn(5, "16h5"), "the tags in the image are of family 16h5; tags.family is 36h11"),
     ],
 )
 def test_tags_that_are_none_of_the_family_are_named(picture, text):
     finder = TagFinder(TagConfig())
     assert not finder.find(picture) and text in finder.problems[0]
-
-
-def test_tags_that_the_camera_cannot_read_or_the_family_lacks_are_named():
-    tiny = file_of((Tag(0, size=0.01),))
-    found, problems = locate(take(CAMERA, [], np.random.default_rng(0)), tiny)
-    assert not found and "tag 0 of body 0 (body_0) has 9 px along its side" in problems[0]
-    with pytest.raises(ConfigError, match=r"has tag 30; family 16h5 has the tags 0 to 29"):
-        TagLocator(file_of((Tag(30),)), TagConfig(family="16h5"))
-
-
-def test_a_tag_of_another_size_is_named_with_the_size_that_it_seems_to_have():
-    picture = take(CAMERA, [(0, POSES[0])], np.random.default_rng(0))
-    _, (problem,) = locate(picture, file_of((Tag(0, size=0.03),)))
-    assert "tag 0 seems 40.0 mm large, and is 30 mm" in problem

@@ -65,11 +65,7 @@ def test_images_become_a_settled_scene(graph, camera_topics, bodies, picture):
             "a region of interest of 640 x 480 px at (8, 0); only the whole of 1280 x 720",
         ),
         ({"width": 1200}, "the image is 1280 x 720 px and its calibration is for 1200 x 720 px"),
-        ({"changes": {"d": [-50.0, 0, 0, 0, 0]}}, "plumb_bob (-50, 0, 0, 0, 0) folds at ("),
-        ({"changes": {"d": [0.1] * 3}}, "plumb_bob has 3 numbers; allowed: 5 or 4"),
-        ({"pose": (CAMERA.rotation, [0.4, 0.0, -0.85])}, ", under the table, and looks along ("),
         ({"pose": (np.eye(3), CAMERA.place)}, "shows no point of the table (x in [0.16, 1.16] m"),
-        ({"pose": (CAMERA.rotation, 1e3 * CAMERA.place)}, "it is at (-50, 100) m, 850 m above"),
         ({"image_frame": ""}, "the image has no frame_id; the driver must state the camera's"),
         ({"late": 4e9}, "its stamp is 0: the driver must stamp images"),
     ],
@@ -96,11 +92,10 @@ def test_bodies_without_tags_are_refused(graph, tmp_path):
         graph.start(TagNode, bodies=str(path))
 
 
-@pytest.mark.parametrize(
-    ("encoding", "channels"), [("mono8", 1), ("rgb8", 3), ("bgr8", 3), ("rgba8", 4), ("bgra8", 4)]
-)
-def test_encodings_of_one_grey_are_one_image(encoding, channels):
+@pytest.mark.parametrize("encoding", ["mono8", "rgb8", "bgr8", "rgba8", "bgra8"])
+def test_encodings_of_one_grey_are_one_image(encoding):
     grey = np.arange(12, dtype=np.uint8).reshape(3, 4) * 20
+    channels = 1 if encoding == "mono8" else len(encoding) - 1
     pixels = np.full((3, 4, channels), 255, np.uint8)
     pixels[..., : min(channels, 3)] = grey[..., None]
     padded = np.pad(pixels.reshape(3, -1), ((0, 0), (0, 5)))
@@ -109,9 +104,7 @@ def test_encodings_of_one_grey_are_one_image(encoding, channels):
     np.testing.assert_array_equal(decode_grey(message), grey)
 
 
-def test_rectified_images_are_refused_where_their_lens_is_stated(
-    graph, camera_topics, bodies, picture
-):
+def test_rectified_images_are_refused(graph, camera_topics, bodies, picture):
     remapped = ["--ros-args", "-r", "camera/color/image_raw:=camera/color/image_rect"]
     given = [Parameter("bodies", value=bodies)]
     graph.add(TagNode(context=graph.context, cli_args=remapped, parameter_overrides=given))

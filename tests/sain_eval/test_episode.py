@@ -7,17 +7,10 @@ import pytest
 from sain_core.scene import MID, POSITION, TARGET, VX
 
 
-def test_it_knows_when_each_tolerance_was_met(episode):
-    assert episode.pushes_to(0.05) == 1
-    assert episode.pushes_to(0.02) == 2
-    assert episode.pushes_to(0.005) is None
-    assert episode.last.distance == pytest.approx(0.008)
-
-
-def test_a_scene_that_moves_or_lost_a_disk_meets_nothing(episode):
-    moving = episode.pushes[-1].after.copy()
+def test_it_is_judged_at_each_tolerance_while_nothing_moves_or_is_lost(episode):
+    assert [episode.pushes_to(tolerance) for tolerance in (0.05, 0.02, 0.005)] == [1, 2, None]
+    moving, lost = (episode.pushes[-1].after.copy() for _ in range(2))
     moving[TARGET, VX] = 0.1
-    lost = episode.pushes[-1].after.copy()
     lost[0, POSITION] = [0.5, 0.9]
     for after in (moving, lost):
         last = replace(episode.pushes[-1], after=after)
