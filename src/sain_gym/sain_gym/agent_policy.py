@@ -10,18 +10,10 @@ from sain_core.types import PushArray
 from sain_eval.loop.closed_loop import agent_maker
 from sain_gym.episode import PushEpisode
 from sain_gym.push_env import PushEnv
+from sain_mppi.agent import events
 from sain_mppi.agent.agent import act
-from sain_mppi.agent.events import (
-    EpisodeBegun,
-    GoalGiven,
-    PushDecision,
-    PushEnded,
-    SceneObserved,
-    Stop,
-    Task,
-)
 
-Decision = PushDecision | Stop | None
+Decision = events.PushDecision | events.Stop | None
 EPISODE: Final = 1  # its id; the agent is new in each
 
 
@@ -65,7 +57,7 @@ class AgentPolicy:
         decision = decision or self._look(episode)
         if episode.goals_reached > self._goals and not episode.is_success:  # it found this, too
             decision = self._pursue(episode) or self._look(episode)
-        if not isinstance(decision, PushDecision):
+        if not isinstance(decision, events.PushDecision):
             reason = decision.failure or "the goal is reached" if decision else "the scene moves"
             raise NoPushError(f"the agent has no push for this scene: {reason}")
         self._push_id, self._decided = decision.push_id, episode.steps
@@ -75,22 +67,22 @@ class AgentPolicy:
     def _begin(self, episode: PushEpisode) -> Decision:
         """Let a new agent follow the first goal of an episode."""
         self._episode, self._agent = episode, self._make(episode.case)
-        begun = EpisodeBegun(EPISODE, episode.case.parameters().bodies)
+        begun = events.EpisodeBegun(EPISODE, episode.case.parameters().bodies)
         return act(self._agent, begun) or self._pursue(episode)
 
     def _pursue(self, episode: PushEpisode) -> Decision:
         """Let the agent follow the present goal."""
         record, pushes = episode.record, episode.case.max_pushes
         self._goals = episode.goals_reached
-        task = Task(self._goals + 1, EPISODE, record.goal, pushes)
-        return act(self._agent, GoalGiven(task))
+        task = events.Task(self._goals + 1, EPISODE, record.goal, pushes)
+        return act(self._agent, events.GoalGiven(task))
 
-    def _ended(self, episode: PushEpisode) -> PushEnded:
+    def _ended(self, episode: PushEpisode) -> events.PushEnded:
         """Return what came of the last push."""
         record = episode.answer
         assert record is not None, "a step has an answer"
         executed = record if record.code == ErrorCode.OK else None
-        return PushEnded(self._push_id, record.code, record=executed, episode_id=EPISODE)
+        return events.PushEnded(self._push_id, record.code, record=executed, episode_id=EPISODE)
 
     def _look(self, episode: PushEpisode) -> Decision:
-        return act(self._agent, SceneObserved(episode.scene, EPISODE, episode.pushes + 1))
+        return act(self._agent, events.SceneObserved(episode.scene, EPISODE, episode.pushes + 1))

@@ -14,7 +14,6 @@ from typing import Any, Final
 
 import numpy as np
 from gymnasium.spaces import Box, Dict
-from jaxtyping import Float
 from numpy import ndarray
 
 from sain_core.errors import InvalidInputError, OutOfRangeError
@@ -109,11 +108,7 @@ class PushSpaces:
         """Return a scene (N, 8) and a goal as they are observed."""
         bodies = np.zeros((self.most, STATE_SIZE))
         bodies[: len(scene)] = scene
-        return {"bodies": bodies, "goal": self.goal_of(goal)}
-
-    def goal_of(self, goal: Goal) -> Float[ndarray, "M 5"]:
-        """Return a goal as it is observed."""
         poses = np.full((self.most, 3), np.nan)
         for pose in goal.poses:
             poses[pose.body] = pose.x, pose.y, np.nan if pose.heading is None else pose.heading
-        return observed_poses(poses)
+        return {"bodies": bodies, "goal": observed_poses(poses)}

@@ -25,7 +25,7 @@ from sain_mppi.agent.planning import Decider
 from sain_mppi.agent.play import Sight, play
 from sain_sim.camera.camera import Camera, WorldCameraConfig
 from sain_sim.world.own import open_world
-from sain_sim.world.workcell import Sample, WorldConfig
+from sain_sim.world.workcell import Sample
 from sain_sim.world.world import CheckedWorld
 
 if TYPE_CHECKING:
@@ -121,7 +121,6 @@ def run_episode(
     case: ScenarioScene,
     agent: Agent,
     tolerance: Tolerance | float,
-    world_config: WorldConfig | None = None,
     camera: WorldCameraConfig = WorldCameraConfig(),
 ) -> EpisodeOutcome:
     """Play one scene with an agent until all its goals are reached, or it stops.
@@ -129,9 +128,9 @@ def run_episode(
     Each is to be reached within tolerance; a number is a distance [m]. The agent sees the world as
     the camera does. All that is returned is the truth.
     """
-    config, parameters = world_config or WorldConfig(), case.parameters()
+    parameters = case.parameters()
     goals = [Tolerance.of(tolerance).apply(goal) for goal in case.goals]
-    with open_world(parameters, config, engine=case.truth.engine) as world:
+    with open_world(parameters, engine=case.truth.engine) as world:
         world.reset(case.disks)
         sight = CameraSight(world, camera, case.seed)
         return play_goals(agent, sight, goals, parameters.bodies, case.max_pushes)

@@ -93,11 +93,6 @@ def read_results(folder: Path) -> RunResults:
         content = read_json(path)
         if content["schema"] != SCHEMA:
             raise DatasetError(f"{path} has the schema {content['schema']!r}; allowed: {SCHEMA!r}")
-        if lacking := {name for row in content["summary"] for name in NEEDED if name not in row}:
-            raise DatasetError(
-                f"{path} is of an earlier version, without {', '.join(sorted(lacking))}; run the"
-                " evaluation again"
-            )
         for row in content["summary"]:
             _check_row(row)
         return RunResults(
@@ -113,7 +108,8 @@ def read_results(folder: Path) -> RunResults:
 
 
 def _check_row(row: Mapping[str, Any]) -> None:
-    values = [(name, row.get(name), kinds) for name, kinds in (NEEDED | OPTIONAL).items()]
+    values = [(name, row[name], kinds) for name, kinds in NEEDED.items()]
+    values += [(name, row.get(name), kinds) for name, kinds in OPTIONAL.items()]
     values += [
         (f"{name}.{part}", row[name][part], kinds)
         for name, kinds in INTERVALS.items()

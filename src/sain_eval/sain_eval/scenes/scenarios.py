@@ -7,15 +7,8 @@ from sain_core.errors import SainError
 from sain_core.guarding.plugins import Plugins
 from sain_core.scene import Table
 from sain_core.shapes.bodies import check_bodies
-from sain_eval.scenes.families import (
-    STREAK_GOALS,
-    AnywhereScenario,
-    BlockedScenario,
-    IndirectScenario,
-    PaperScenario,
-    PoseScenario,
-    ScenarioScene,
-)
+from sain_eval.scenes import families
+from sain_eval.scenes.families import ScenarioScene
 
 
 @runtime_checkable
@@ -31,22 +24,22 @@ class Scenario(Protocol):
 
 
 _SCENARIOS: Final[tuple[Scenario, ...]] = (
-    PaperScenario(),  # the paper's Table I
-    PaperScenario("paper_shift", shift=0.02),  # the paper's Fig. 5
-    PaperScenario("paper_cube", target_shape="cube"),  # the paper's Fig. 6
-    AnywhereScenario(),
-    AnywhereScenario("clutter", extra_disks=(1, 3)),
-    AnywhereScenario("anywhere_cube", target_shape="cube"),
-    AnywhereScenario("anywhere_rubber", friction=(0.25, 0.45)),  # on a table that grips
-    PoseScenario("box", shape="box_3x2"),
-    PoseScenario("push_t", shape="t"),
-    PoseScenario("shapes"),  # another shape for each seed
-    IndirectScenario(),
-    PoseScenario("rearrange_2", count=2),
-    PoseScenario("rearrange_3", count=3),
-    PoseScenario("rearrange_4", count=4),
-    BlockedScenario(),
-    PoseScenario("streak", shape="t", goals=STREAK_GOALS),
+    families.PaperScenario(),  # the paper's Table I
+    families.PaperScenario("paper_shift", shift=0.02),  # the paper's Fig. 5
+    families.PaperScenario("paper_cube", target_shape="cube"),  # the paper's Fig. 6
+    families.AnywhereScenario(),
+    families.AnywhereScenario("clutter", extra_disks=(1, 3)),
+    families.AnywhereScenario("anywhere_cube", target_shape="cube"),
+    families.AnywhereScenario("anywhere_rubber", friction=(0.25, 0.45)),  # on a table that grips
+    families.PoseScenario("box", shape="box_3x2"),
+    families.PoseScenario("push_t", shape="t"),
+    families.PoseScenario("shapes"),  # another shape for each seed
+    families.IndirectScenario(),
+    families.PoseScenario("rearrange_2", count=2),
+    families.PoseScenario("rearrange_3", count=3),
+    families.PoseScenario("rearrange_4", count=4),
+    families.BlockedScenario(),
+    families.PoseScenario("streak", shape="t", goals=families.STREAK_GOALS),
 )
 
 SCENARIOS: Final[dict[str, Scenario]] = {scenario.name: scenario for scenario in _SCENARIOS}
