@@ -63,7 +63,6 @@ class PushEnvConfig(Config):
     )
 
     def __post_init__(self) -> None:
-        """Check the fields, the scenario, and that the engine has the effects of the world."""
         super().__post_init__()
         OFFERED.check(self.scenario)
         _ = self.truth

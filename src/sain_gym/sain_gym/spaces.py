@@ -43,7 +43,6 @@ class PushSpaces:
     """
 
     def __init__(self, scenario: str) -> None:
-        """Make the spaces of a scenario."""
         limits = PushLimits()
         first = draw_scene(scenario, 0)
         self.most = MOST_BODIES_IN.get(scenario, len(first.disks))

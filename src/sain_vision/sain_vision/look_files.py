@@ -34,7 +34,7 @@ def read_depth(path: Path) -> Float[ndarray, "height width"]:
 
     Raises `ConfigError`: there is no such file, or it is another image.
     """
-    pixels = _read_image(path, cv2.IMREAD_UNCHANGED)
+    pixels = _read_image(path)
     if pixels.dtype != np.uint16 or pixels.ndim != 2:
         raise ConfigError(
             f"{path} has pixels of {pixels.dtype} and shape {pixels.shape}; a depth image has one"
@@ -56,11 +56,6 @@ def known_depths(metres: Float[ndarray, "height width"]) -> Float[ndarray, "heig
             " must be in mm, floats in m, bytes in the stated order, and the camera uncovered"
         )
     return np.where(metres > 0.0, metres, np.nan)
-
-
-def read_picture(path: Path) -> UInt8[ndarray, "height width 3"]:
-    """Return blue, green and red of an image; raises as `read_depth`."""
-    return _read_image(path, cv2.IMREAD_COLOR)
 
 
 def read_camera(info: Path, extrinsics: Path) -> CameraModel:
@@ -100,7 +95,7 @@ def _data(matrix: Any) -> Any:
     return matrix.get("data") if isinstance(matrix, Mapping) else matrix
 
 
-def _read_image(path: Path, how: int) -> Any:
+def _read_image(path: Path) -> Any:
     try:
         data = np.frombuffer(read_regular(path, IMAGE_BYTES), dtype=np.uint8)
     except OSError as error:
@@ -108,7 +103,7 @@ def _read_image(path: Path, how: int) -> Any:
     except UntrustedFileError as error:
         raise ConfigError(f"image {path} is not read: {error}") from error
     _check_header(path, data)
-    pixels = cv2.imdecode(data, how)
+    pixels = cv2.imdecode(data, cv2.IMREAD_UNCHANGED)
     if pixels is None:
         raise ConfigError(f"{path} is no image that OpenCV reads; give a PNG")
     return pixels

@@ -129,7 +129,6 @@ class EvaluateOptions(WorkerOptions):
     )
 
     def __post_init__(self) -> None:
-        """Check the fields, and that every scenario and tolerance is one."""
         super().__post_init__()
         if self.models and not self.table:
             raise ConfigError(

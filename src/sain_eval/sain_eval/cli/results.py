@@ -26,7 +26,6 @@ class ResultsOptions(Config):
     )
 
     def __post_init__(self) -> None:
-        """Check that there is a folder, and that each name has both sides."""
         super().__post_init__()
         if not self.folders:
             raise ConfigError("no folder of an evaluation is given; at least one is needed")

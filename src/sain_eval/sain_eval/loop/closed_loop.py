@@ -41,7 +41,6 @@ class CameraSight(Sight):
     world: CheckedWorld
 
     def __init__(self, world: CheckedWorld, config: WorldCameraConfig, seed: int) -> None:
-        """Begin an episode with this seed."""
         super().__init__(world)
         self._camera = None if config.is_exact else Camera(config)
         self._looked = 0.0  # [s], while the world stood still
@@ -152,7 +151,6 @@ class StraightDecider(Decider):
     """Pushes the mid disk towards the goal, as far as a push goes, without looking at contacts."""
 
     def __init__(self, feasibility: Feasibility) -> None:
-        """Push within these limits."""
         self._limits = feasibility.limits
 
     def decide(self, job: PlanJob, generator: np.random.Generator) -> PushDecision:
@@ -180,7 +178,6 @@ class RandomDecider(Decider):
     """Pushes from anywhere to anywhere, as long as it is permitted."""
 
     def __init__(self, feasibility: Feasibility) -> None:
-        """Push within what this permits."""
         self._feasibility = feasibility
 
     def decide(self, job: PlanJob, generator: np.random.Generator) -> PushDecision:

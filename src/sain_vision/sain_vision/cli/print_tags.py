@@ -12,7 +12,6 @@ from sain_core.camera.decals import FAMILIES, tag_family
 from sain_core.config import Config, option
 from sain_core.errors import ConfigError
 from sain_core.output import OVERWRITE_HELP, claim_file, write_whole
-from sain_vision.detection.board import Board
 from sain_vision.printing.pdf import pdf_of
 from sain_vision.printing.sheets import PAPERS, board_sheet, tag_sheets
 
@@ -49,7 +48,7 @@ def run(options: PrintOptions, console: Console) -> None:
         for name in ("tags", "size", "family"):
             if getattr(options, name) != getattr(defaults, name):
                 raise ConfigError(f"--board has its own tags; leave out --{name}")
-        pages = [board_sheet(Board(), options.paper)]
+        pages = [board_sheet(options.paper)]
     else:
         numbers = read_numbers(options.tags, len(tag_family(options.family)))
         pages = tag_sheets(options.family, numbers, options.size, options.paper)

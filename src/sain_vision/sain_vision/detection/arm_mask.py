@@ -18,7 +18,6 @@ class ArmMask:
     """The convex hulls of an arm's links and tool, as a camera sees them."""
 
     def __init__(self, robot: Robot) -> None:
-        """Know the arm of this robot."""
         self._arm = ArmModel(robot)
         model = self._arm.model
         links = [geom for geom in range(model.ngeom) if model.geom_bodyid[geom] > 0]

@@ -1,67 +1,47 @@
-"""The board that a camera is calibrated with: tags at known places on one sheet."""
+"""The board that a camera is calibrated with: tags whose numbers count up, on one sheet.
+
+They are in rows, from the lower left one on; the origin is the lower left mark.
+"""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
-from sain_core.camera.decals import tag_family
-from sain_core.config import Config, option
-from sain_core.errors import ConfigError
 from sain_core.shapes.body_file import Tag
 from sain_core.types import Points
 
+FAMILY: Final = "36h11"
+FIRST: Final = 500  # number of the first tag
+COLUMNS, ROWS = 5, 6
+SIZE: Final = 0.028  # [m], side of a tag
+GAP: Final = 0.008  # [m], between tags
+STEP: Final = SIZE + GAP
+EXTENT: Final = (COLUMNS * STEP, ROWS * STEP)  # [m], width and height from the origin
 
-@dataclass(frozen=True)
-class Board(Config):
-    """Rows of tags whose numbers count up, from the lower left one on."""
 
-    family: str = option("36h11", "AprilTag family of the tags", choices=("36h11",))
-    first: int = option(500, "number of the first tag", minimum=0)
-    columns: int = option(5, "tags in a row", minimum=2, maximum=20)
-    rows: int = option(6, "rows", minimum=2, maximum=20)
-    size: float = option(0.028, "side of a tag", unit="m", minimum=0.005, maximum=0.2)
-    gap: float = option(0.008, "between tags", unit="m", minimum=0.002, maximum=0.1)
+def board_corners() -> dict[int, Points]:
+    """Return the corners (4, 2) [m] of each tag in the board's frame, by its number."""
+    middle = GAP + SIZE / 2
+    return {
+        FIRST + row * COLUMNS + column: Tag(
+            0, SIZE, middle + column * STEP, middle + row * STEP
+        ).corners()
+        for row in range(ROWS)
+        for column in range(COLUMNS)
+    }
 
-    def __post_init__(self) -> None:
-        """Check the fields, and that the family has the tags."""
-        super().__post_init__()
-        last, most = self.first + self.columns * self.rows - 1, len(tag_family(self.family)) - 1
-        if last > most:
-            raise ConfigError(
-                f"the board has the tags {self.first} to {last}; {self.family} has 0 to {most}:"
-                " give a smaller first"
-            )
 
-    @property
-    def extent(self) -> tuple[float, float]:
-        """Width and height [m] from the origin."""
-        step = self.size + self.gap
-        return self.columns * step, self.rows * step
-
-    def corners(self) -> dict[int, Points]:
-        """Return the corners (4, 2) [m] of each tag in the board's frame, by its number."""
-        step = self.size + self.gap
-        middle = self.gap + self.size / 2
-        return {
-            self.first + row * self.columns + column: Tag(
-                0, self.size, middle + column * step, middle + row * step
-            ).corners()
-            for row in range(self.rows)
-            for column in range(self.columns)
-        }
-
-    def common(
-        self, found: Mapping[int, Sequence[ndarray]]
-    ) -> tuple[Float[ndarray, "P 2"], Float[ndarray, "P 2"]]:
-        """Return corners (P, 2) [m] on the board and (P, 2) [px] in an image of tags found once."""
-        own = self.corners()
-        numbers = [number for number in own if len(found.get(number, ())) == 1]
-        if not numbers:
-            return np.zeros((0, 2)), np.zeros((0, 2))
-        return (
-            np.concatenate([own[number] for number in numbers]),
-            np.concatenate([found[number][0] for number in numbers]),
-        )
+def match_board(
+    found: Mapping[int, Sequence[ndarray]],
+) -> tuple[Float[ndarray, "P 2"], Float[ndarray, "P 2"]]:
+    """Return corners (P, 2) [m] on the board and (P, 2) [px] in an image of tags found once."""
+    own = board_corners()
+    numbers = [number for number in own if len(found.get(number, ())) == 1]
+    nothing = np.zeros((0, 2))
+    return (
+        np.concatenate([nothing, *(own[number] for number in numbers)]),
+        np.concatenate([nothing, *(found[number][0] for number in numbers)]),
+    )

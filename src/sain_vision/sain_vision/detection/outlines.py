@@ -76,7 +76,6 @@ class OutlineFinder:
     """Finds bodies by their outlines. Not for use by two threads."""
 
     def __init__(self, bodies: BodyFile, config: OutlineConfig) -> None:
-        """Know the outlines."""
         self._bodies, self._config = bodies, config
         self._outlines = [
             _marked(shape.outline(radius))

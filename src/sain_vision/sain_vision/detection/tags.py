@@ -70,7 +70,6 @@ class TagFinder:
     """
 
     def __init__(self, config: TagConfig) -> None:
-        """Look for tags of a family."""
         self._family = config.family
         self.problems: list[str] = []
 

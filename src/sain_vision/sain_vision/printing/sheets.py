@@ -7,7 +7,7 @@ import numpy as np
 
 from sain_core.camera.decals import tag_family
 from sain_core.errors import ConfigError
-from sain_vision.detection.board import Board
+from sain_vision.detection import board
 from sain_vision.printing.pdf import Page
 
 PAPERS: Final = {"a4": (210.0, 297.0), "a3": (297.0, 420.0), "letter": (215.9, 279.4)}  # [mm]
@@ -64,20 +64,20 @@ def tag_sheets(family: str, numbers: Sequence[int], size: float, paper: str) -> 
     return pages
 
 
-def board_sheet(board: Board, paper: str = "a4") -> Page:
+def board_sheet(paper: str = "a4") -> Page:
     """Return the page of a board; its origin is the board's lower left mark.
 
     Raises `ConfigError`: it is larger than the paper.
     """
     width, height = PAPERS[paper]
-    wide, high = 1000.0 * np.array(board.extent)
+    wide, high = 1000.0 * np.array(board.EXTENT)
     if wide > width - 2 * MARGIN or high > height - 2 * MARGIN - FOOT:
         raise ConfigError(f"the board is {wide:.0f} x {high:.0f} mm; it has no room on {paper}")
     page = Page(width, height)
     left, bottom = MARGIN, MARGIN + FOOT
-    for number, corners in board.corners().items():
+    for number, corners in board.board_corners().items():
         x, y = 1000.0 * corners.min(axis=0)
-        draw_tag(page, board.family, number, left + x, bottom + y, 1000.0 * board.size)
+        draw_tag(page, board.FAMILY, number, left + x, bottom + y, 1000.0 * board.SIZE)
     page.rectangle(left - 4.0, bottom - 0.1, 8.0, 0.2)
     page.rectangle(left - 0.1, bottom - 4.0, 0.2, 8.0)
     page.text(left + 5.0, bottom - 3.5, LETTERS, "origin; x to the right, y up. Print at 100 %")

@@ -11,7 +11,7 @@ from sain_core.config import Config, check_angle, check_text, option
 from sain_core.errors import ConfigError, SainError
 from sain_core.guarding.untrusted import check_frame
 from sain_core.output import OVERWRITE_HELP, claim_file
-from sain_vision.detection.board import Board
+from sain_vision.detection import board
 from sain_vision.detection.calibration import FEWEST_TAGS, Look, calibrate
 from sain_vision.detection.tags import TagConfig, TagFinder
 from sain_vision.extrinsics_file import Extrinsics, write_extrinsics
@@ -35,7 +35,6 @@ class CalibrateOptions(Config):
     interval: float = option(
         0.0, "time between looks; 0: Enter takes one", unit="s", minimum=0.0, maximum=60.0
     )
-    board: Board = Board()
     looks: int = option(10, "looks at the board", minimum=2, maximum=100)
     max_error: float = option(
         1.0, "largest error of a place on the table, p95", unit="mm", minimum=0.01
@@ -43,7 +42,6 @@ class CalibrateOptions(Config):
     max_bias: float = option(0.5, "largest mean error of a look's places", unit="mm", minimum=0.01)
 
     def __post_init__(self) -> None:
-        """Check the fields, and that the board lies on the table."""
         super().__post_init__()
         x, y, turn = self.origin
         if not TABLE.contains(np.array([x, y])):
@@ -61,7 +59,7 @@ def run(options: CalibrateOptions, console: Console) -> None:
     from sain_vision.ros.images import decode_grey
 
     claim_file(options.out, options.overwrite)
-    finder = TagFinder(TagConfig(family=options.board.family))
+    finder = TagFinder(TagConfig(family=board.FAMILY))
     looks: list[Look] = []
     with command_node("calibrate_camera") as node:
         watcher = ImageWatcher(node)
@@ -73,8 +71,8 @@ def run(options: CalibrateOptions, console: Console) -> None:
             frame = check_frame(
                 "frame_id of images", check_text("frame_id of images", message.header.frame_id)
             )
-            points, pixels = options.board.common(finder.find(decode_grey(message)))
-            count = f"  {len(points) // 4} of {len(options.board.corners())} tags"
+            points, pixels = board.match_board(finder.find(decode_grey(message)))
+            count = f"  {len(points) // 4} of {len(board.board_corners())} tags"
             console.print(count, *finder.problems, sep="; ")
             if len(points) >= 4 * FEWEST_TAGS:
                 looks.append(Look(points, pixels))

@@ -20,7 +20,7 @@ from sain_core.shapes.outlines import METRES, SHAPES, UNIT, BodyOutline, trace
 from sain_vision.detection.sighting import grey_of
 from sain_vision.detection.tracing import TracedTop, draw_top, trace_top
 from sain_vision.extrinsics_file import read_extrinsics
-from sain_vision.look_files import read_camera, read_depth, read_picture
+from sain_vision.look_files import read_camera, read_depth
 from sain_vision.optics import CameraModel
 
 SCALE: Final = 2  # times as large a picture is shown
@@ -42,14 +42,12 @@ class NewShapeOptions(Config):
     depth: Path | None = option(None, "depth image: PNG of 16 bits, in mm; needs info, extrinsics")
     info: Path | None = option(None, "calibration of the camera, as camera_calibration writes it")
     extrinsics: Path | None = option(None, "file of calibrate_camera; without it, from /tf")
-    image: Path | None = option(None, "colour image that fits the depth image, for the picture")
     frames: int = option(10, "depth images that are averaged", minimum=1, maximum=100)
     out: Path | None = option(None, "file to write; by default NAME.yaml among this user's shapes")
     overwrite: bool = option(False, OVERWRITE_HELP)
     yes: bool = option(False, "write without asking")
 
     def __post_init__(self) -> None:
-        """Check the fields, and that the name is free."""
         super().__post_init__()
         if not PLAIN.fullmatch(self.name):
             raise ConfigError(
@@ -81,11 +79,10 @@ def run(options: NewShapeOptions, console: Console) -> None:
     for path in (options.path, shown):
         claim_file(path, options.overwrite)
     depth, camera, picture = _look(options)
-    if depth.shape != (camera.height, camera.width) or depth.shape != picture.shape[:2]:
-        sizes = f"{depth.shape[1]} x {depth.shape[0]}, {picture.shape[1]} x {picture.shape[0]}"
+    if depth.shape != (camera.height, camera.width):
         raise InvalidInputError(
-            f"the images are {sizes} px and the calibration is for {camera.width} x"
-            f" {camera.height} px; all must be of one size"
+            f"the image is {depth.shape[1]} x {depth.shape[0]} px and the calibration is for"
+            f" {camera.width} x {camera.height} px; both must be of one size"
         )
     near = None if options.near is None else np.array(options.near)
     top = trace_top(depth, camera, near)
@@ -143,8 +140,7 @@ def _look(options: NewShapeOptions) -> tuple[np.ndarray, CameraModel, np.ndarray
     if options.depth is not None:
         assert options.info is not None and options.extrinsics is not None
         depth = read_depth(options.depth)
-        picture = _grey(depth) if options.image is None else read_picture(options.image)
-        return depth, read_camera(options.info, options.extrinsics), picture
+        return depth, read_camera(options.info, options.extrinsics), _grey(depth)
     from sain_core.ros.node_main import command_node
     from sain_vision.ros.camera_input import ImageWatcher
     from sain_vision.ros.images import decode_depth, decode_grey
@@ -165,7 +161,7 @@ def _look(options: NewShapeOptions) -> tuple[np.ndarray, CameraModel, np.ndarray
             )
     if options.extrinsics is not None:
         camera = read_extrinsics(options.extrinsics).placed(camera)
-    return depth, camera, picture if options.image is None else read_picture(options.image)
+    return depth, camera, picture
 
 
 def averaged(depths: Sequence[Any]) -> np.ndarray:

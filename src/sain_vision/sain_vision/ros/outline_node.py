@@ -28,7 +28,6 @@ class OutlineNode(SightingNode):
     config: OutlineNodeConfig
 
     def __init__(self, **options: Any) -> None:
-        """Read the bodies and wait for images."""
         super().__init__("outline_node", **options)
         if self.config.robot:
             self._listen_to_arm(self.config)

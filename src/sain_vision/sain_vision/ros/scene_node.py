@@ -52,7 +52,6 @@ class SceneNode(Node):
     """Follows the bodies and publishes them with the ids that pushes refer to."""
 
     def __init__(self, **options: Any) -> None:
-        """Read the bodies and wait for poses."""
         super().__init__("scene_node", namespace=NAMESPACE, **options)
         self.config = config = read_parameters(self, TrackingConfig)
         self.bodies = read_body_file(config.bodies)

@@ -39,7 +39,6 @@ class SightingNode(Node):
     bodies: BodyFile
 
     def __init__(self, name: str, **options: Any) -> None:
-        """Read the bodies and wait for images."""
         super().__init__(name, namespace=NAMESPACE, **options)
         config = read_parameters(self, self.settings)
         self.use(config)

@@ -21,7 +21,6 @@ class TagNode(SightingNode):
     config: TagNodeConfig
 
     def __init__(self, **options: Any) -> None:
-        """Read the bodies and wait for images."""
         super().__init__("tag_node", **options)
         family, count = self.config.tags.family, sum(map(len, self.bodies.tags))
         self.finder = TagFinder(self.config.tags)

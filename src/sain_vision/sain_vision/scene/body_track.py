@@ -54,7 +54,6 @@ class TrackingConfig(Config):
     state_file: str = option("", "file that keeps the ids, so that none is used twice; empty: none")
 
     def __post_init__(self) -> None:
-        """Check the fields and the numbers in words."""
         super().__post_init__()
         ObservationConfig(noise=self.noise)
 

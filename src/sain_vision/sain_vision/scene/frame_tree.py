@@ -32,7 +32,6 @@ class FrameTree:
     """The latest transforms, by their child frames."""
 
     def __init__(self, root: str) -> None:
-        """Begin without a frame; poses are in this one."""
         self._root = root
         self._links: dict[str, _Link] = {}
 
