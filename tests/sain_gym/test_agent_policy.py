@@ -40,7 +40,6 @@ def evaluated(env: PushEnv, controller: str, seed: int) -> EpisodeOutcome:
     ("scenario", "engine", "controller", "seed"),
     [
         ("anywhere", "mujoco", "planar", 1),
-        ("anywhere", "bullet", "sain", 2),
         ("rearrange_2", "bullet", "planar", 0),
         ("paper_shift", "bullet", "straight", 0),
     ],

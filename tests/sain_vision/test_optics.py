@@ -45,12 +45,9 @@ def test_a_pixel_comes_back_to_itself_or_is_refused(lens):
 @pytest.mark.parametrize(
     ("lens", "numbers", "focal"),
     [
-        ("plumb_bob", [0.0] * 5, 840),
         ("plumb_bob", [-0.3, 0.09, 0, 0, 0], 840),
-        ("rational_polynomial", [0.9, 0.17, 0, 0, 0.003, 1.3, 0.43, 0.03], 660),
         ("rational_polynomial", C1, 664),
         ("equidistant", [0.0] * 4, 600),
-        ("equidistant", [1e-9, 0, 0, 0], 600),
     ],
 )
 def test_rays_are_those_of_the_lens_own_formula(lens, numbers, focal):
@@ -70,14 +67,6 @@ def test_rays_are_those_of_the_lens_own_formula(lens, numbers, focal):
     rays = camera.rays(pixels)
     right = np.column_stack([r * np.cos(angle), r * np.sin(angle)])
     np.testing.assert_allclose(rays[:, :2], right, rtol=1e-6)
-
-
-def test_beyond_the_fold_of_a_lens_nothing_is_seen():
-    camera = camera_of("plumb_bob", [-0.3, 0, 0, 0, 0], 900)  # folds at a slope of 1.05
-    assert np.isnan(camera.project(np.array([[1.3, 0.0, 1.0]]))).all()
-    assert np.isfinite(camera.project(np.array([[1.0, 0.0, 1.0]]))).all()
-    far = np.array([[639.5 + 900 * 0.75, 479.5]])  # the fold is at 0.70
-    assert np.isnan(camera.rays(far)).any()
 
 
 def edited(row: int, column: int, value: float) -> np.ndarray:
@@ -127,9 +116,7 @@ def test_a_lens_that_cannot_be_is_named_with_the_place(lens, numbers, text):
 @pytest.mark.parametrize(
     ("lens", "numbers", "focal"),
     [
-        ("plumb_bob", [-0.3, 0.1, 0.001, -0.001, -0.01], 840.0),
         ("plumb_bob", [-0.3, 0, 0, 0, 0], 950.0),  # folds between the edges and the corners
-        ("plumb_bob", [0.2, 0.1, 0, 0, 0], 840.0),
         ("plumb_bob", [-2.0, 90.0, 0, 0, 0], 9000.0),  # a telescope
         ("equidistant", [-0.02, 0.01, 0, 0], 320.0),  # shows a circle
         ("equidistant", [0.0] * 4, 250.0),  # sees behind itself

@@ -17,7 +17,6 @@ from sain_eval.loop.results import (
     SceneRecord,
     scene_records,
     summarise,
-    wilson_interval,
     write_results,
 )
 from sain_eval.loop.tables import failure_line, failures, shape_table, table_cells
@@ -201,23 +200,3 @@ def test_a_failure_is_listed_once_with_scene_and_reason(records):
         "shapes 7 (butter), planar, not within 2 cm, 0.1 rad: 30 pushes left body 0 12.0 mm away;"
         " 4 pushes, 1 refused, ended 12.0 mm, 0.050 rad away",
     ]
-
-
-@pytest.mark.parametrize(
-    ("successes", "trials", "low", "high"),
-    [
-        # Newcombe 1998, Statistics in Medicine 17:857, Table I, method 3.
-        (81, 263, 0.2553, 0.3662),
-        (15, 148, 0.0624, 0.1605),
-        (0, 20, 0.0, 0.1611),
-        (1, 29, 0.0061, 0.1718),
-        # By symmetry of the first and third.
-        (182, 263, 1 - 0.3662, 1 - 0.2553),
-        (20, 20, 1 - 0.1611, 1.0),
-    ],
-)
-def test_wilson_intervals_are_the_published_ones(successes, trials, low, high):
-    interval = wilson_interval(successes, trials)
-    assert interval.estimate == pytest.approx(successes / trials)
-    assert interval.low == pytest.approx(low, abs=6e-5)
-    assert interval.high == pytest.approx(high, abs=6e-5)

@@ -2,7 +2,6 @@
 
 import io
 import os
-import re
 import struct
 import zlib
 from dataclasses import replace
@@ -132,27 +131,6 @@ def test_what_cannot_be_used_is_said(look, monkeypatch, tmp_path, change, text):
     monkeypatch.setattr("sys.stdin", io.StringIO())  # there is no terminal
     with pytest.raises((ConfigError, SainError), match=text):
         run(NewShapeOptions(**(look | change)), Console())
-
-
-def test_a_fisheye_without_distortion_is_a_fisheye(look, tmp_path, depth, capsys):
-    """A box of 100 x 60 mm, 0.9 m below and well off the middle, where a pinhole is 7 mm off."""
-    down = np.array([[0.0, -1, 0], [-1, 0, 0], [0, 0, -1]])
-    write_extrinsics(
-        look["extrinsics"], Extrinsics("c", "world", np.array([0.5, 0, 0.9]), turn_of(down)), {}
-    )
-    across, along = np.meshgrid(np.arange(640) - 319.5, np.arange(480) - 239.5)
-    angle = np.hypot(across, along) / 500
-    slope = np.tan(angle) / angle / 500
-    x, y = 0.5 - 0.86 * slope * along, -0.86 * slope * across
-    box = (abs(x - 0.75) < 0.05) & (abs(y - 0.25) < 0.03)
-    cv2.imwrite(str(look["depth"]), np.where(box, 860, 900).astype(np.uint16))
-    info = yaml.safe_load(look["info"].read_text())
-    info["camera_matrix"]["data"] = [500.0, 0, 319.5, 0, 500, 239.5, 0, 0, 1]
-    info |= {"distortion_model": "equidistant", "distortion_coefficients": {"data": [0.0] * 4}}
-    look["info"].write_text(yaml.safe_dump(info))
-    run(NewShapeOptions(**(look | {"near": (0.75, 0.25)})), Console(width=200))
-    long, short = map(int, re.search(r"(\d+) x (\d+) mm", capsys.readouterr().out).groups())
-    assert abs(long - 100) <= 2 and abs(short - 60) <= 2
 
 
 DOWN = np.array([[0.0, -1, 0], [-1, 0, 0], [0, 0, -1]])
