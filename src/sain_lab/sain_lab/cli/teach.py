@@ -25,37 +25,36 @@ def run(options: TeachOptions, console: Console) -> None:
     if options.world == GRAPH:
         from sain_lab.ros.graph_world import teach_on_graph
 
-        taught = teach_on_graph(options)
+        result = teach_on_graph(options)
     else:
         from sain_lab.exploration.session import teach_in_world
 
-        taught = teach_in_world(options)
-    show(taught, console)
+        result = teach_in_world(options)
+    show(result, console)
     laboratory = Laboratory.named(options.laboratory)
     curves = curves_of(laboratory.records())
     path = write_png(draw_curves(curves, laboratory.name), options.out)
     console.print(f"chart: {path}", soft_wrap=True)
 
 
-def show(taught: "SessionResult", console: Console) -> None:
+def show(result: "SessionResult", console: Console) -> None:
     """Print what was learned."""
     rows = (
         (name, f"{before[0]:.4g}", f"{before[1]:.2g}", f"{after[0]:.4g}", f"{after[1]:.2g}")
-        for name, (before, after) in taught.parameters.items()
+        for name, (before, after) in result.parameters.items()
     )
     columns = ("parameter", "before", "spread", "after", "spread")
-    console.print(make_table(f"Physics, {taught.kind}", columns, rows), soft_wrap=True)
-    if taught.errors:
-        before, after = taught.errors
-        console.print(
-            f"error of the later half of the pushes, each predicted before it was learned from:"
-            f" {before:.2f} mm with what was believed at first, {after:.2f} mm with what was"
-            " believed then",
-            soft_wrap=True,
-        )
-    now, later = taught.expected
+    console.print(make_table(f"Physics, {result.kind}", columns, rows), soft_wrap=True)
+    before, after = result.errors
+    console.print(
+        f"error of the later half of the pushes, each predicted before it was learned from:"
+        f" {before:.2f} mm with what was believed at first, {after:.2f} mm with what was"
+        " believed then",
+        soft_wrap=True,
+    )
+    now, later = result.expected
     console.print(
         f"uncertain parameters cost {now:.2f} mm in plans of the scenario;"
-        f" {taught.pushes} pushes more would leave {later:.2f} mm",
+        f" {result.pushes} pushes more would leave {later:.2f} mm",
         soft_wrap=True,
     )

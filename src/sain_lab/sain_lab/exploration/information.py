@@ -9,7 +9,7 @@ A push that is observed shrinks the covariance (Gauss, Kalman). Of many pushes t
 after which the pushes of typical plans are predicted best: least expected squared error.
 Parameters that no plan's push answers to are worth nothing, however uncertain they are.
 
-A teacher: an agent's decider that makes pushes which inform, within the planner's limits.
+A decider of an agent makes these pushes, within the planner's limits.
 """
 
 from collections.abc import Callable

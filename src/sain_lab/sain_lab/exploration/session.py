@@ -1,6 +1,6 @@
-"""A teaching: so many pushes of a teacher, scene after scene, and what they brought."""
+"""So many pushes that inform most, scene after scene, and what they brought."""
 
-from collections.abc import Callable, Generator, Iterable, Mapping
+from collections.abc import Callable, Generator, Mapping
 from contextlib import closing
 from dataclasses import dataclass, field, replace
 from itertools import count
@@ -16,7 +16,7 @@ from sain_core.types import PushArray, Scene
 from sain_core.world import AnyWorld
 from sain_eval.scenes.families import ScenarioScene
 from sain_eval.scenes.scenarios import draw_scene
-from sain_lab.contenders import prediction_error
+from sain_lab.contenders import error_of
 from sain_lab.exploration.information import (
     Certainty,
     InformativeDecider,
@@ -36,7 +36,7 @@ from sain_sim.world.workcell import WorldConfig
 
 NEVER: Final = 1e-4, 1e-3  # [m], [rad], tolerances that a push meets only by chance
 PLANS: Final = 12  # scenes of the scenario that plans are imagined in
-OTHERS: Final = 500_000  # between the seeds of scenes that are taught in, and imagined
+OTHERS: Final = 500_000  # between the seeds of scenes that pushes are made in, and imagined
 PATIENCE: Final = 10  # scenes in a row without a possible push
 PER_SCENE: Final = 8  # pushes before a scene is reset, where there is a simulator
 
@@ -47,28 +47,25 @@ Model = Callable[[], SainDynamics]
 
 @dataclass(frozen=True)
 class SessionResult:
-    """What a teaching brought."""
+    """What the pushes brought."""
 
     kind: str  # of physics that is the likeliest
     pushes: int  # that were made
     # by name, value and spread before and after
     parameters: Mapping[str, tuple[tuple[float, float], tuple[float, float]]]
-    # [mm] of the later half of the pushes, with what was believed at first and then; None: there
-    # are none
-    errors: tuple[float, float] | None
+    # [mm] of the later half of the pushes, with what was believed at first and then
+    errors: tuple[float, float]
     # [mm], error of plans from uncertain parameters, now and after as many pushes more
     expected: tuple[float, float]
 
 
 @dataclass
 class Session:
-    """Pushes of a teacher, and the errors of what was believed on each."""
+    """Pushes that inform most, and the errors of what was believed on each."""
 
     model: Model  # returns the physics as it is believed now
-    take: Callable[[Result], object]  # learns from a result
     work: Work  # pushes of typical plans
-    # whether `model` has learned from the last scene's pushes when the teaching ends
-    believed: bool = False
+    learner: Learner | None = None  # learns from the results; None: another process does
     # [mm] of each push, with what was believed at first and then
     errors: list[tuple[float, float]] = field(default_factory=list)
 
@@ -81,14 +78,6 @@ class Session:
 
         Raises `NoPushError`: no push is possible in several rooms, or there is none any more.
         """
-        with closing(rooms):
-            why = self.visit(rooms, settings)
-        if len(self.errors) < settings.pushes:
-            raise NoPushError(f"{len(self.errors)} of {settings.pushes} pushes were made: {why}")
-        return self._concluded()
-
-    def visit(self, rooms: Iterable[Room], settings: TeachOptions) -> str:
-        """Make the pushes; return why there were no more."""
         without, why, agent = 0, "", AgentConfig(seed=settings.seed)
         for number, (world, case) in enumerate(rooms):
             before, left = len(self.errors), settings.pushes - len(self.errors)
@@ -97,26 +86,28 @@ class Session:
             sight = Watched(world, self.judge, case.bodies, episode)
             task = Task(1, 0, case.goal.within(*NEVER), min(PER_SCENE, left))
             why = play(Agent(chooser, agent), sight, [task], case.bodies).failure
+            if self.learner is not None:
+                self.learner.end_episode()
             without = 0 if len(self.errors) > before else without + 1
             if len(self.errors) >= settings.pushes or without >= PATIENCE:
                 break
-        return why
+        if len(self.errors) < settings.pushes:
+            raise NoPushError(f"{len(self.errors)} of {settings.pushes} pushes were made: {why}")
+        return self._concluded()
 
     def judge(self, result: Result, history: PushHistory) -> None:
         """Take the errors on a push that nothing was learned from yet, and learn from it."""
-        both = []
-        for model in (self._first, self.model()):
-            conditioned = model.with_bodies(result.own_bodies).condition(history)
-            after = conditioned.step(result.before[None], result.push[None])[0]
-            both.append(prediction_error(after, result)[0])
-        self.errors.append((both[0], both[1]))
+        first, now = (error_of(model, result, history)[0] for model in (self._first, self.model()))
+        self.errors.append((first, now))
         arrays = result.before, result.push, result.after
         self._last = history.then(*arrays).latest(MOST_PUSHES)
-        self.take(result)
+        if self.learner is not None:
+            self.learner.observe(result)
 
     def _concluded(self) -> SessionResult:
         empty = PushHistory.empty(len(self.work.bodies))
-        bodies, last = self.work.bodies, empty if self.believed else self._last
+        # a learner beside this process conditions on the last scene's pushes still
+        bodies, last = self.work.bodies, self._last if self.learner is None else empty
         before = Certainty.of(self._first, bodies, empty)
         after = Certainty.of(self.model(), bodies, last)
         needs, was = self.work.needs(after), before.named
@@ -126,7 +117,7 @@ class Session:
             after.kind.name,
             len(self.errors),
             {name: (was.get(name, value), value) for name, value in after.named.items()},
-            (float(half[:, 0].mean()), float(half[:, 1].mean())) if len(half) else None,
+            (float(half[:, 0].mean()), float(half[:, 1].mean())),
             (1e3 * expected_error(after, needs), 1e3 * expected_error(more, needs)),
         )
 
@@ -171,17 +162,17 @@ def work_of(settings: TeachOptions, model: SainDynamics) -> Work:
 
 
 def teach_in_world(settings: TeachOptions) -> SessionResult:
-    """Teach in a simulated world.
+    """Make the pushes in a simulated world.
 
     Raises `SainError`: no push is possible, or the laboratory cannot be opened.
     """
     with Learner.named(settings.laboratory) as learner:
         model = lambda: learner.state.believer.model  # noqa: E731
         work = work_of(settings, model())
-        teaching = Session(model, learner.observe, work, believed=True)
-        taught = teaching.run(_learned_between(rooms_of(settings), learner), settings)
+        with closing(rooms_of(settings)) as rooms:
+            result = Session(model, work, learner).run(rooms, settings)
         learner.wait()
-        return taught
+        return result
 
 
 def rooms_of(settings: TeachOptions) -> Rooms:
@@ -191,13 +182,3 @@ def rooms_of(settings: TeachOptions) -> Rooms:
         with open_world(case.parameters(), WorldConfig(), engine=case.truth.engine) as world:
             world.reset(case.disks)
             yield world, case
-
-
-def _learned_between(rooms: Rooms, learner: Learner) -> Rooms:
-    """Yield rooms; an episode ends with each."""
-    with closing(rooms):
-        for room in rooms:
-            try:
-                yield room
-            finally:
-                learner.end_episode()

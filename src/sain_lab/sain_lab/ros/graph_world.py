@@ -45,8 +45,8 @@ def teach_on_graph(settings: TeachOptions) -> SessionResult:
     believing = _Believing(settings.laboratory)
     with command_node("teach") as node:
         world = GraphWorld(node)
-        teaching = Session(believing, lambda result: None, work_of(settings, believing()))
-        return teaching.run(_rooms(world, settings), settings)
+        session = Session(believing, work_of(settings, believing()))
+        return session.run(_rooms(world, settings), settings)
 
 
 def _rooms(
