@@ -5,26 +5,18 @@ from typing import Any
 
 import numpy as np
 import pytest
-from diagnostic_msgs.msg import DiagnosticArray
-from geometry_msgs.msg import (
-    Point,
-    Pose,
-    PoseArray,
-    Quaternion,
-    Transform,
-    TransformStamped,
-    Vector3,
-)
+from geometry_msgs.msg import Point, Pose, PoseArray, Quaternion
 from rclpy.parameter import Parameter
 from tf2_msgs.msg import TFMessage
 from visualization_msgs.msg import Marker, MarkerArray
 
 from sain_core import wire
 from sain_core.errors import ConfigError
-from sain_core.ros import codec
+from sain_core.ros.camera_topics import make_transform
 from sain_core.ros.qos import LATCHED_QUEUE
 from sain_core.scene import POSE, VELOCITY
 from sain_vision.ros.scene_node import SceneNode
+from tests.sain_vision.ros.conftest import Source
 
 ARRAY = "bodies: [{shape: disk, radius: 0.08, mass: 2.0}, {shape: t, radius: 0.1, mass: 1.0}]"
 FRAMES = """
@@ -35,22 +27,14 @@ bodies:
 PLACES = ((0.4, 0.0), (0.6, 0.1))
 
 
-class Camera:
+class Camera(Source):
     """Publishes where two bodies are, for a while."""
 
     def __init__(self, graph: Any) -> None:
-        self.graph = graph
-        graph.listen("/diagnostics", DiagnosticArray)
-        node = graph.bystander
-        self.array = node.create_publisher(PoseArray, "poses", 10)
-        self.tf = node.create_publisher(TFMessage, "/tf", 10)
-        self.frame, self.late, self.places = "world", 0.0, PLACES
-
-    def header(self) -> Any:
-        now = self.graph.bystander.get_clock().now().nanoseconds
-        header = codec.header(codec.encode_time(now - round(1e9 * self.late)))
-        header.frame_id = self.frame
-        return header
+        super().__init__(graph, "world")
+        self.array = graph.bystander.create_publisher(PoseArray, "poses", 10)
+        self.tf = graph.bystander.create_publisher(TFMessage, "/tf", 10)
+        self.places = PLACES
 
     def poses(self) -> None:
         half = {"z": float(np.sin(0.5)), "w": float(np.cos(0.5))}
@@ -60,28 +44,12 @@ class Camera:
         self.array.publish(PoseArray(header=self.header(), poses=poses))
 
     def frames(self) -> None:
+        turn = np.array([0.0, 0.0, 0.0, 1.0])
         transforms = [
-            TransformStamped(
-                header=self.header(),
-                child_frame_id=name,
-                transform=Transform(translation=Vector3(x=x, y=y), rotation=Quaternion(w=1.0)),
-            )
-            for name, (x, y) in zip(("tag_7", "tag_9"), self.places, strict=True)
+            make_transform(self.header(), name, np.array([*place, 0.0]), turn)
+            for name, place in zip(("tag_7", "tag_9"), self.places, strict=True)
         ]
         self.tf.publish(TFMessage(transforms=transforms))
-
-    def until(self, send: Any, done: Any, what: str) -> None:
-        """Send poses until something is so."""
-
-        def sent() -> bool:
-            send()
-            self.graph.spin(0.02)
-            return bool(done())
-
-        self.graph.wait(sent, what)
-
-    def told(self, text: str) -> bool:
-        return any(text in s.message for m in self.graph.heard["/diagnostics"] for s in m.status)
 
 
 @pytest.fixture
@@ -126,7 +94,7 @@ def test_old_frames_are_named(graph, camera, tmp_path):
     start(graph, tmp_path, FRAMES)
     camera.late = 3.0
     text = "body 0 (mug), frame 'tag_7', was last seen 3.0 s ago"
-    camera.until(camera.frames, lambda: camera.told(text), "the diagnostic")
+    camera.until(camera.frames, lambda: camera.says(text), "the diagnostic")
     assert not graph.heard["scene"]
 
 
@@ -134,11 +102,11 @@ def test_frames_that_are_not_connected_are_named(graph, camera, tmp_path):
     """Not even one frame of another may come on /tf: a static camera is all that there is."""
     start(graph, tmp_path, FRAMES)
     text = "frame 'tag_7' was never seen on /tf; it must be connected with 'world'"
-    camera.until(lambda: None, lambda: camera.told(text), "the diagnostic")
+    camera.until(lambda: None, lambda: camera.says(text), "the diagnostic")
     camera.frame = "kinect"
     camera.tf = graph.bystander.create_publisher(TFMessage, "/tf_static", LATCHED_QUEUE)
     text = "frame 'tag_7' ends at 'kinect' on /tf; it must be connected with 'world'"
-    camera.until(camera.frames, lambda: camera.told(text), "the diagnostic")
+    camera.until(camera.frames, lambda: camera.says(text), "the diagnostic")
     assert not graph.heard["scene"]
 
 

@@ -11,6 +11,7 @@ from sain_vision.ros.images import decode_grey
 from sain_vision.ros.scene_node import SceneNode
 from sain_vision.ros.tag_node import TagNode
 from tests.sain_vision.pictures import CAMERA, take
+from tests.sain_vision.ros.conftest import FRAME
 
 POSES = np.array([(0.40, 0.1, 0.3), (0.5, -0.1, 2.0)])
 BODIES = """
@@ -38,7 +39,7 @@ def test_images_become_a_settled_scene(graph, camera_topics, bodies, picture):
     graph.start(SceneNode, noise="0.0005,0.005", **patient)
     graph.listen("camera/overlay", Image)
     camera_topics.place()
-    camera_topics.until(picture, lambda: graph.find("scene", settled=True), "a scene")
+    camera_topics.show_until(picture, lambda: graph.find("scene", settled=True), "a scene")
     scene = wire.decode_disks(graph.find("scene", settled=True)[0].disks)
     assert np.abs(scene[:, :2] - POSES[:, :2]).max() < 0.0015
     assert scene[1, 2] == pytest.approx(POSES[1, 2], abs=0.01)
@@ -57,16 +58,19 @@ def test_images_become_a_settled_scene(graph, camera_topics, bodies, picture):
         ({"late": -3.0}, "the image is stamped 3.0 s in the future; is the camera's clock set"),
         ({"late": 3.0}, "the image is 3.0 s old; at most 0.5 s is allowed"),
         ({"calibrated": False}, "there is no calibration on /sain/camera/color/camera_info"),
-        ({"frame": "elsewhere"}, "frame 'camera_color_optical_frame' was never seen on /tf"),
+        ({"placed": "elsewhere"}, "frame 'camera_color_optical_frame' was never seen on /tf"),
         ({"changes": {"k": np.zeros(9)}}, "K is all zeros: calibrate first"),
         ({"changes": {"binning_x": 2, "binning_y": 2}}, "states a binning of 2 x 2; only 1 x 1"),
         (
             {"changes": {"roi": RegionOfInterest(x_offset=8, width=640, height=480)}},
             "a region of interest of 640 x 480 px at (8, 0); only the whole of 1280 x 720",
         ),
-        ({"width": 1200}, "the image is 1280 x 720 px and its calibration is for 1200 x 720 px"),
+        (
+            {"changes": {"width": 1200}},
+            "the image is 1280 x 720 px and its calibration is for 1200 x 720 px",
+        ),
         ({"pose": (np.eye(3), CAMERA.place)}, "shows no point of the table (x in [0.16, 1.16] m"),
-        ({"image_frame": ""}, "the image has no frame_id; the driver must state the camera's"),
+        ({"frame": ""}, "the image has no frame_id; the driver must state the camera's"),
         ({"late": 4e9}, "its stamp is 0: the driver must stamp images"),
     ],
 )
@@ -77,11 +81,9 @@ def test_what_is_wrong_is_said_and_nothing_is_sent(
     if "pose" in settings:
         rotation, place = settings.pop("pose")
         camera_topics.camera = CAMERA.moved(rotation, np.array(place))
-    camera_topics.place(settings.pop("frame", "camera_color_optical_frame"))
-    if settings.pop("width", 0):
-        camera_topics.cropped()
+    camera_topics.place(settings.pop("placed", FRAME))
     vars(camera_topics).update(settings)
-    camera_topics.until(picture, lambda: camera_topics.says(text), "the diagnostic")
+    camera_topics.show_until(picture, lambda: camera_topics.says(text), "the diagnostic")
     assert not graph.heard["detections"]
 
 
@@ -110,4 +112,4 @@ def test_rectified_images_are_refused(graph, camera_topics, bodies, picture):
     graph.add(TagNode(context=graph.context, cli_args=remapped, parameter_overrides=given))
     camera_topics.place()
     text = "image_rect are rectified, and raw ones are needed: K and D are used, not P and R"
-    camera_topics.until(picture, lambda: camera_topics.says(text), "the diagnostic")
+    camera_topics.show_until(picture, lambda: camera_topics.says(text), "the diagnostic")
