@@ -1,4 +1,4 @@
-"""A page without a graph: what it knows is made up, and its orders are only written down."""
+"""A page without a graph: what it knows is made up, and its requests are only kept."""
 
 import socket
 from collections.abc import Iterator
@@ -22,17 +22,11 @@ BODIES = Bodies.named(["t", "disk"], ["pushable", "fixed"])
 AIM = Goal((BodyPose(0, 0.5, 0.2, 0.5),))
 
 
-class Written:
-    """Orders, as they were given."""
+class Requests(list[Any]):
+    """Requests, as they were sent."""
 
-    def __init__(self) -> None:
-        self.given: list[tuple[Any, ...]] = []
-
-    def __getattr__(self, name: str) -> Any:
-        return lambda *values: self.given.append((name, *values))
-
-    def of(self, name: str) -> list[tuple[Any, ...]]:
-        return [order[1:] for order in self.given if order[0] == name]
+    def of(self, kind: type) -> list[Any]:
+        return [request for request in self if isinstance(request, kind)]
 
 
 def free_port() -> int:
@@ -46,9 +40,9 @@ def made_up() -> LiveState:
 
 
 @contextmanager
-def served(known: LiveState, orders: Any, **settings: Any) -> Iterator[LivePage]:
-    page = LivePage(known, orders, PageConfig(port=free_port(), **settings))
-    known.changed.set()
+def served(state: LiveState, send: Any, **settings: Any) -> Iterator[LivePage]:
+    page = LivePage(state, send, PageConfig(port=free_port(), **settings))
+    state.changed.set()
     try:
         yield page
     finally:

@@ -25,34 +25,34 @@ RECORDING = Recording(
 
 @pytest.fixture
 def played():
-    known = LiveState()
-    player = RecordingPlayer(known, RECORDING)
+    state = LiveState()
+    player = RecordingPlayer(state, RECORDING)
     player.play(False)
     player.seek(0.0)
-    yield known, player
+    yield state, player
     player.close()
 
 
 def test_a_time_shows_what_was_known_then(played):
-    known, player = played
+    state, player = played
     player.seek(2.5)
-    assert (known.why, player.push) == ("one 2.0", 1)
-    assert [line.text for line in known.log] == ["line 0", "line 1"]
+    assert (state.why, player.push) == ("one 2.0", 1)
+    assert [line.text for line in state.log] == ["line 0", "line 1"]
     player.seek(99.0)
-    assert (known.why, player.time) == ("one 3.0", 3.0)
+    assert (state.why, player.time) == ("one 3.0", 3.0)
 
 
 def test_steps_go_from_push_to_push_and_on_into_the_next_chapter_and_back(played):
-    known, player = played
+    state, player = played
     seen = []
     for _ in range(5):
         player.step(forward=True)
-        seen.append(known.why)
+        seen.append(state.why)
     assert seen == ["one 1.0", "one 3.0", "two 0.0", "two 0.5", "one 0.0"]
     seen.clear()
     for _ in range(5):
         player.step(forward=False)
-        seen.append(known.why)
+        seen.append(state.why)
     assert seen == ["two 0.5", "two 0.0", "one 3.0", "one 1.0", "one 0.0"]
 
 
@@ -64,12 +64,12 @@ def wait(done):
 
 
 def test_playing_goes_through_all_and_stops_at_the_end():
-    known, shown = LiveState(), []
-    player = RecordingPlayer(known, RECORDING, speed=20.0, loop=False)
+    state, shown = LiveState(), []
+    player = RecordingPlayer(state, RECORDING, speed=20.0, loop=False)
     while player.playing:
-        known.changed.wait(20.0)
-        known.changed.clear()
-        shown.append(known.why)
+        state.changed.wait(20.0)
+        state.changed.clear()
+        shown.append(state.why)
     assert (shown[-1], player.time, player.chapter.title) == ("two 0.5", 0.5, "two")
     player.play(True)
     assert (player.playing, player.chapter.title) == (True, "one")

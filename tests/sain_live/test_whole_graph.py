@@ -18,9 +18,9 @@ from selenium.webdriver.common.keys import Keys
 from sain_bringup.graph import executable
 from sain_core.scene import RADIUS
 from sain_core.shapes.library import get_shape
-from sain_live.orders import Reset
 from sain_live.page.scene import HANDLE
 from sain_live.page.serving import CAMERA, FIELD_OF_VIEW, LOOK_AT
+from sain_live.requests import Reset
 from tests.sain_bags.browser import WEBGL, Browser, opened_browser
 from tests.sain_live.straw import free_port
 
@@ -131,7 +131,7 @@ def planner_setting(graph: Any, name: str) -> int:
 
 
 def test_a_goal_is_dragged_a_slider_moved_and_a_body_arrives(address, graph):
-    case = Reset("push_t", 0).case()
+    case = Reset.draw("push_t", 0).case
     pose = case.goal.poses[0]
     with opened_browser(WEBGL) as browser:
         browser.chrome.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", SIZE)

@@ -117,14 +117,14 @@ class Viewer:
                     del self.nodes[below]
             elif name is not None:
                 moved = True
-                known = self.nodes.setdefault(name, {})
+                state = self.nodes.setdefault(name, {})
                 pose = {k: tuple(v) for k, v in message.items() if k in ("position", "wxyz")}
-                known.update(pose)
+                state.update(pose)
             elif uuid is not None:
-                known = self.controls.setdefault(uuid, {})
-                known.update(message.get("props", {}))
-                known.update(message.get("updates", {}))
+                state = self.controls.setdefault(uuid, {})
+                state.update(message.get("props", {}))
+                state.update(message.get("updates", {}))
                 if "value" in message:
-                    known["value"] = message["value"]
+                    state["value"] = message["value"]
         if moved:
             self.frames.append(time.monotonic())

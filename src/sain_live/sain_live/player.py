@@ -71,11 +71,11 @@ class RecordingPlayer:
     """
 
     def __init__(
-        self, known: LiveState, recording: Recording, speed: float = 1.0, loop: bool = True
+        self, state: LiveState, recording: Recording, speed: float = 1.0, loop: bool = True
     ) -> None:
         """Play from the start of the first chapter; with `loop` again and again."""
         self.recording, self.speed, self.playing = recording, speed, True
-        self._known, self._loop = known, loop
+        self._state, self._loop = state, loop
         self._chapter, self._time = 0, 0.0
         self._lock, self._end = RLock(), Event()
         self._show()
@@ -154,7 +154,7 @@ class RecordingPlayer:
         values = self.chapter.at(self._time).values
         lines = values.get("lines", 0)
         log = deque(self.recording.log[max(lines - LOG_LINES, 0) : lines], LOG_LINES)
-        self._known.update(**{"log": log, **values})
+        self._state.update(**{"log": log, **values})
 
     def _run(self) -> None:
         before = time.monotonic()

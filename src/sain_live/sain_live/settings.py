@@ -6,9 +6,10 @@ import socket
 from dataclasses import dataclass
 from typing import Final
 
-from sain_core.config import MOST_SEED, Config, option
+from sain_core.config import MOST_SEED, Config, FieldSetting, option, settings_of
 from sain_core.errors import BusyError, ConfigError
 from sain_eval.scenes.scenarios import OFFERED
+from sain_mppi.config import PlannerConfig
 
 NO_SCENARIO: Final = ""
 NO_BAG: Final = ""
@@ -49,6 +50,11 @@ class PageConfig(Config):
         """The address to type into a browser on this computer."""
         host = "127.0.0.1" if self.host in ("0.0.0.0", "") else self.host
         return f"http://{f'[{host}]' if ':' in host else host}:{self.port}"
+
+
+def planner_settings() -> list[FieldSetting]:
+    """Return the planner's settings by the names of its parameters, those of its groups last."""
+    return sorted(settings_of(PlannerConfig(), "planner."), key=lambda one: one.name.count("."))
 
 
 def check_free(host: str, port: int) -> None:

@@ -1,4 +1,4 @@
-"""What is known of the graph: the node writes it, the page shows it. Plain data.
+"""The state of the graph: the node writes it, the page shows it. Plain data.
 
 Every attribute of `LiveState` is replaced and never changed in place, so that a reader on another
 thread sees each as a whole and can tell by identity whether it is new.
@@ -16,11 +16,14 @@ import numpy as np
 from jaxtyping import Float, UInt8
 from numpy import ndarray
 
+from sain_core.errors import ErrorCode
 from sain_core.goal import Goal, Judgement
+from sain_core.scene import POSITION
 from sain_core.shapes.bodies import PAPER_DISKS, Bodies
 from sain_core.types import Pushes, Scene, Scenes
 from sain_core.wire.learning import Learned
 from sain_core.wire.scene_door import SeenScene
+from sain_core.world import PushRecord
 
 LOG_LINES: Final = 200  # that are kept
 LONGEST_LINE: Final = 400  # characters of one
@@ -72,26 +75,6 @@ class LivePlan:
     places: Float[ndarray, "R H N 2"]
 
 
-@dataclass(frozen=True, eq=False)
-class LiveResult:
-    """A push, as far as it has come: scenes (N, 8), beside what was predicted; NaN: not known."""
-
-    push_id: int
-    after: Scene | None = None
-    before: Scene | None = None
-    planned: Scene | None = None
-    physics: Scene | None = None
-    distance: float = nan  # [mm], from the goal before it
-    left: float = nan  # [mm], after it
-    planning: float = nan  # [ms]
-
-    def error(self, predicted: Scene | None) -> float:
-        """Return the largest distance [mm] of a body from where it was predicted."""
-        if predicted is None or self.after is None or predicted.shape != self.after.shape:
-            return nan
-        return 1e3 * float(np.hypot(*(predicted[:, :2] - self.after[:, :2]).T).max())
-
-
 @dataclass(frozen=True)
 class LogLine:
     """Something to read: when, in simulated seconds, what about, and the text."""
@@ -111,14 +94,22 @@ class LiveCurves:
     planning: tuple[float, ...] = ()  # [ms], from settled scene to push
 
     @classmethod
-    def of(cls, pushes: Sequence[LiveResult]) -> Self:
-        """Return the charts of pushes, of at least one."""
+    def of(cls, pushes: Sequence[PushRecord], distances: Sequence[float]) -> Self:
+        """Return the charts of pushes; a distance [m] before the first, and after each."""
         return cls(
-            (*(one.distance for one in pushes), pushes[-1].left),
-            (nan, *(one.error(one.planned) for one in pushes)),
-            (nan, *(one.error(one.physics) for one in pushes)),
-            (nan, *(one.planning for one in pushes)),
+            tuple(1e3 * distance for distance in distances),
+            (nan, *(largest_error(push, push.predicted) for push in pushes)),
+            (nan, *(largest_error(push, push.physics) for push in pushes)),
+            (nan, *(1e3 * push.planning_time or nan for push in pushes)),
         )
+
+
+def largest_error(push: PushRecord, predicted: Scene | None) -> float:
+    """Return the largest distance [mm] of a body from its prediction; NaN: it is not known."""
+    if predicted is None or push.code != ErrorCode.OK or predicted.shape != push.after.shape:
+        return nan
+    apart = np.linalg.norm((predicted - push.after)[:, POSITION], axis=1)
+    return 1e3 * float(apart.max())
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,14 +137,14 @@ class GhostLine:
 
 @dataclass(eq=False)
 class LiveState:
-    """All that is known. `changed` is set after each change, `log` is appended to."""
+    """The whole state. `changed` is set after each change, `log` is appended to."""
 
     scene: SeenScene | None = None
     epoch: float = 0.0  # [s], of the clock in the scenes, when the page heard the first of them
     bodies: Bodies = PAPER_DISKS
     aim: Goal | None = None
     plan: LivePlan | None = None
-    result: LiveResult | None = None
+    result: PushRecord | None = None  # of the last push
     arm: LiveArm | None = None
     ghost: tuple[GhostLine, ...] = ()  # the way of the push that the arm plans or makes
     picture: UInt8[ndarray, "H W 3"] | None = None  # of the camera, with what was found
@@ -176,7 +167,7 @@ class LiveState:
     changed: Event = field(default_factory=Event)
 
     def update(self, **values: Any) -> None:
-        """Replace what is known under these names."""
+        """Replace the values of these names."""
         for name, value in values.items():
             setattr(self, name, value)
         self.changed.set()

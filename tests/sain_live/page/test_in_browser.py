@@ -8,14 +8,15 @@ import numpy as np
 import pytest
 
 from sain_core.scene import RADIUS
-from sain_live.orders import planner_settings
 from sain_live.page.controls import description
 from sain_live.page.live_page import LivePage
 from sain_live.page.scene import HANDLE
 from sain_live.page.serving import CAMERA, FIELD_OF_VIEW, LOOK_AT
+from sain_live.requests import SetGoal
+from sain_live.settings import planner_settings
 from sain_live.state import Level
 from tests.sain_bags.browser import WEBGL, Browser, opened_browser
-from tests.sain_live.straw import AIM, BODIES, SCENE, Written, made_up, served
+from tests.sain_live.straw import AIM, BODIES, SCENE, Requests, made_up, served
 
 WIDTH, HEIGHT = 390, 844  # pixels of a phone
 SQUARE = 1.7 / 7  # of a handle's size: where the middle of its square is, along both axes
@@ -45,9 +46,9 @@ def browser():
 
 @pytest.fixture
 def page():
-    known, orders = made_up(), Written()
-    with served(known, orders) as page:
-        yield known, orders, page
+    state, requests = made_up(), Requests()
+    with served(state, requests.append) as page:
+        yield state, requests, page
 
 
 def opened(browser: Browser, page: LivePage, width: int, height: int, phone: bool) -> None:
@@ -79,7 +80,7 @@ def pixel(place: np.ndarray, scene: dict[str, float]) -> tuple[float, float]:
 
 
 def test_on_a_phone_the_panel_is_below_the_scene_and_goals_can_be_dragged(browser, page):
-    known, orders, page = page
+    state, requests, page = page
     opened(browser, page, WIDTH, HEIGHT, phone=True)
 
     def places() -> Any:
@@ -110,23 +111,23 @@ def test_on_a_phone_the_panel_is_below_the_scene_and_goals_can_be_dragged(browse
             browser.settle()
         touch("touchEnd", [])
         browser.settle()
-        return orders.of("aim")
+        return requests.of(SetGoal)
 
     def touch(kind: str, points: list[Any]) -> None:
         event = {"type": kind, "touchPoints": points}
         browser.chrome.execute_cdp_cmd("Input.dispatchTouchEvent", event)
 
     wait(drag, "the goal to be dragged")  # once it is drawn
-    ((aim,), *_) = orders.of("aim")
+    aim = requests.of(SetGoal)[0].goal
     assert (aim.poses[0].x, aim.poses[0].y) == pytest.approx((pose.x, pose.y - 0.1), abs=0.02)
-    assert known.aim is orders.of("aim")[-1][0]
+    assert state.aim is requests.of(SetGoal)[-1].goal
 
 
 def test_on_a_phone_no_tab_is_wider_than_the_screen(browser, page):
-    known, _, page = page
-    known.update(model="runs/" + 40 * "long" + "/sain.safetensors", why=80 * "why")
-    known.update(picture=np.zeros((480, 640, 3), np.uint8))
-    known.tell(Level.REFUSAL, 100 * "word")
+    state, _, page = page
+    state.update(model="runs/" + 40 * "long" + "/sain.safetensors", why=80 * "why")
+    state.update(picture=np.zeros((480, 640, 3), np.uint8))
+    state.tell(Level.REFUSAL, 100 * "word")
     opened(browser, page, WIDTH, HEIGHT, phone=True)
     wait(lambda: browser.run(UNFOLD), "the charts' bar")
     names = ("Run", "Planner", "Charts", "Learning", "Camera")

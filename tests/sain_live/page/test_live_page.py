@@ -9,9 +9,11 @@ from websockets.exceptions import InvalidStatus
 
 from sain_core.push import make_push
 from sain_core.wire.scene_door import SeenScene
+from sain_core.world import PushRecord
 from sain_live.page.serving import refusal
-from sain_live.state import Level, LivePlan, LiveResult
-from tests.sain_live.straw import AIM, SCENE, Written, made_up, served
+from sain_live.requests import Follow, LoadModel, Pause, Reset, SetGoal, SetParameter
+from sain_live.state import Level, LivePlan
+from tests.sain_live.straw import AIM, SCENE, Requests, made_up, served
 from tests.sain_live.viewer import Viewer
 
 GOAL = "/goals/0"
@@ -19,33 +21,34 @@ GOAL = "/goals/0"
 
 @pytest.fixture
 def shown():
-    known, orders = made_up(), Written()
-    with served(known, orders) as page:
+    state, requests = made_up(), Requests()
+    with served(state, requests.append) as page:
         viewer = Viewer(page.server.get_port())
         viewer.wait(lambda: GOAL in viewer.nodes and page.viewers == 1, "the page")
-        yield known, orders, page, viewer
+        yield state, requests, page, viewer
         viewer.close()
 
 
 def test_bodies_are_where_they_are(shown):
-    known, _, _, viewer = shown
+    state, _, _, viewer = shown
     viewer.wait(lambda: "position" in viewer.nodes["/bodies/1"], "body 1")
     assert viewer.nodes["/bodies/1"]["position"][:2] == pytest.approx((0.6, -0.2))
     moved = SCENE.copy()
     moved[1, :3] = 0.7, 0.1, np.pi / 2
-    known.update(scene=SeenScene(moved, 1, 2))
+    state.update(scene=SeenScene(moved, 1, 2))
     viewer.wait(lambda: viewer.nodes["/bodies/1"]["position"][0] > 0.69, "body 1 to move")
     assert viewer.nodes["/bodies/1"]["wxyz"] == pytest.approx((0.5**0.5, 0, 0, 0.5**0.5))
 
 
 def test_a_dragged_goal_is_an_order(shown):
-    known, orders, _, viewer = shown
+    state, requests, _, viewer = shown
     viewer.drag(GOAL, (0.45, 0.1), (0.4, -0.1))
-    viewer.wait(lambda: orders.of("aim"), "the order")
-    ((aim,),) = orders.of("aim")
+    viewer.wait(lambda: requests.of(SetGoal), "the order")
+    (request,) = requests.of(SetGoal)
+    aim = request.goal
     assert (aim.poses[0].x, aim.poses[0].y) == (0.4, -0.1)
     assert aim.poses[0].heading == pytest.approx(0.5)
-    assert known.aim is aim
+    assert state.aim is aim
 
 
 @pytest.mark.parametrize(
@@ -53,19 +56,19 @@ def test_a_dragged_goal_is_an_order(shown):
     [((0.5, 0.9), "off the table"), ((0.6, -0.2), "overlaps fixed body 1"), ((0.5, np.nan), "nan")],
 )
 def test_a_goal_where_none_can_be_snaps_back_and_is_told(shown, place, words):
-    known, orders, _, viewer = shown
+    state, requests, _, viewer = shown
     viewer.drag(GOAL, place)
     viewer.wait(lambda: words in viewer.texts, "the words")
     viewer.wait(lambda: viewer.nodes[GOAL]["position"][:2] == (0.5, 0.2), "the goal to snap back")
-    assert orders.of("aim") == []
-    assert known.aim is AIM
+    assert requests.of(SetGoal) == []
+    assert state.aim is AIM
 
 
 def test_settings_are_controls_and_orders(shown):
-    known, orders, _, viewer = shown
-    known.update(planner={"planner.horizon": 6, "planner.weights.position": [90.0, 90.0]})
+    state, requests, _, viewer = shown
+    state.update(planner={"planner.horizon": 6, "planner.weights.position": [90.0, 90.0]})
     viewer.wait(lambda: viewer.controls[viewer.control("horizon")]["value"] == 6, "the value")
-    assert orders.of("set") == []  # what the planner has is no order
+    assert requests.of(SetParameter) == []  # what the planner has is no order
     for label, value, name, expected in (
         ("horizon", 3, "planner.horizon", 3),
         ("thinning", 0.25, "planner.thinning", 0.25),
@@ -74,7 +77,8 @@ def test_settings_are_controls_and_orders(shown):
         ("position [1/m^2]", "[50, 60]", "planner.weights.position", [50.0, 60.0]),
     ):
         viewer.turn(label, value)
-        viewer.wait(lambda n=name, e=expected: (n, e) in orders.of("set"), f"the order for {name}")
+        wanted = SetParameter(name, expected)
+        viewer.wait(lambda w=wanted: w in requests, f"the request for {name}")
     slider = viewer.controls[viewer.control("thinning")]
     assert (slider["min"], slider["max"]) == (0.01, 1.0)
     assert "one round to the next: 0.5 halves them (0.01 to 1)" in viewer.texts
@@ -89,67 +93,67 @@ def test_what_is_left_is_not_taken_for_the_tolerance(shown):
 
 
 def test_a_refused_setting_goes_back(shown):
-    known, orders, _, viewer = shown
-    known.update(planner={"planner.horizon": 6, "planner.weights.position": [90.0, 90.0]})
+    state, requests, _, viewer = shown
+    state.update(planner={"planner.horizon": 6, "planner.weights.position": [90.0, 90.0]})
     position = viewer.control("position [1/m^2]")
     viewer.wait(lambda: viewer.controls[position]["value"] == "[90, 90]", "the planner's value")
     viewer.turn("position [1/m^2]", "many")
     viewer.wait(lambda: "it must be numbers" in viewer.texts, "the words")
     viewer.wait(lambda: viewer.controls[position]["value"] == "[90, 90]", "the value before")
     viewer.turn("horizon", 50)
-    viewer.wait(lambda: orders.of("set"), "the order")
-    known.update(planner=dict(known.planner))  # as after the planner's refusal
+    viewer.wait(lambda: requests.of(SetParameter), "the order")
+    state.update(planner=dict(state.planner))  # as after the planner's refusal
     horizon = viewer.control("horizon")
     viewer.wait(lambda: viewer.controls[horizon]["value"] == 6, "the value before")
 
 
 def test_buttons_are_orders(shown):
-    _, orders, _, viewer = shown
-    for name, order in (("Start", "start"), ("One push", "push_once"), ("Pause", "pause")):
+    _, requests, _, viewer = shown
+    for name, request in (("Start", Follow()), ("One push", Follow(1)), ("Pause", Pause())):
         viewer.turn("loop", name)
-        viewer.wait(lambda o=order: orders.of(o) == [()], f"the order {order}")
+        viewer.wait(lambda r=request: r in requests, f"the request {request}")
     viewer.turn("scenario", "rearrange_2")
     viewer.turn("seed", "5")
     viewer.wait(lambda: "Not started yet" in viewer.texts, "the hint")
     viewer.turn("Reset", True)
-    viewer.wait(lambda: orders.of("reset"), "the reset")
+    viewer.wait(lambda: requests.of(Reset), "the reset")
     viewer.wait(lambda: "Not started yet" not in viewer.texts, "no hint any more")
-    (reset,) = orders.of("reset")[0]
-    assert (reset.scenario, reset.seed) == ("rearrange_2", 5)
+    (reset,) = requests.of(Reset)
+    assert (reset.case.scenario, reset.case.seed) == ("rearrange_2", 5)
 
 
 def test_the_list_of_models_shows_the_one_that_is_served(shown):
-    known, orders, _, viewer = shown
+    state, requests, _, viewer = shown
     shows = viewer.controls[viewer.control("model")]
     assert shows["value"] == "none yet"
-    known.update(model="planar")
+    state.update(model="planar")
     viewer.wait(lambda: shows["value"] == "planar", "the model")
-    assert orders.of("load") == []  # what is served is no order
+    assert requests.of(LoadModel) == []  # what is served is no order
     viewer.turn("model", "bullet")
-    viewer.wait(lambda: orders.of("load") == [("bullet",)], "the order")
-    known.update(loading="identity")  # another viewer's
+    viewer.wait(lambda: requests.of(LoadModel) == [LoadModel("bullet")], "the order")
+    state.update(loading="identity")  # another viewer's
     viewer.wait(lambda: shows["value"] == "identity", "the one on its way")
-    known.update(loading="")  # as after a refusal
+    state.update(loading="")  # as after a refusal
     viewer.wait(lambda: shows["value"] == "planar", "the one before")
-    known.update(model="runs/mine/sain.safetensors")
+    state.update(model="runs/mine/sain.safetensors")
     viewer.wait(lambda: shows["value"] == "runs/mine/sain.safetensors", "one that was not listed")
 
 
 def test_texts_from_elsewhere_are_escaped(shown):
-    known, _, _, viewer = shown
-    known.tell(Level.FAULT, "<script>alert(1)</script>")
+    state, _, _, viewer = shown
+    state.tell(Level.FAULT, "<script>alert(1)</script>")
     viewer.wait(lambda: "alert" in viewer.texts, "the line")
     assert "<script>" not in viewer.texts
 
 
 def test_plan_and_result_are_drawn_and_cleared(shown):
-    known, _, _, viewer = shown
+    state, _, _, viewer = shown
     after = np.stack([SCENE, SCENE])
     after[:, 0, 0] += 0.05
     ways = np.zeros((3, 2, 2, 2)) + 0.4
     pushes = make_push(0.0, 0.0, [0.1, 0.1])
     plan = LivePlan(7, SCENE, pushes, after, np.full((2, 2), 0.01), np.arange(3.0), ways)
-    known.update(plan=plan, result=LiveResult(7, SCENE, SCENE, after[0], None))
+    state.update(plan=plan, result=PushRecord(pushes[0], SCENE, SCENE, after[0]))
     names = ("other_paths", "planned_paths", "planned_bodies", "regions", "push")
     wanted = {*(f"/plan/{name}" for name in names), "/result/expected_bodies"}
 
@@ -158,7 +162,7 @@ def test_plan_and_result_are_drawn_and_cleared(shown):
         return {one for one in wanted if any(node.startswith(one) for node in nodes)}
 
     viewer.wait(lambda: drawn() == wanted, "the plan")
-    known.update(plan=None, result=None)
+    state.update(plan=None, result=None)
     viewer.wait(lambda: not drawn(), "an empty table")
 
 
@@ -207,7 +211,7 @@ def test_no_other_website_may_frame_the_page(shown, hosts, status, words):
 
 
 def test_nonsense_from_a_viewer_changes_nothing(shown):
-    known, orders, _, viewer = shown
+    state, requests, _, viewer = shown
     for position in ("there", (), (1e308, -1e308, 0.0)):
         viewer.send(
             "TransformControlsUpdateMessage", name=GOAL, position=position, wxyz=(1, 0, 0, 0)
@@ -215,5 +219,5 @@ def test_nonsense_from_a_viewer_changes_nothing(shown):
         viewer.send("TransformControlsDragEndMessage", name=GOAL)
     viewer.wait(lambda: viewer.texts.count("goal of body 0") >= 2, "the words")
     viewer.drag(GOAL, (0.4, -0.1))
-    viewer.wait(lambda: orders.of("aim"), "the order")
-    assert known.aim.poses[0].x == 0.4
+    viewer.wait(lambda: requests.of(SetGoal), "the order")
+    assert state.aim.poses[0].x == 0.4

@@ -10,13 +10,13 @@ OK, WARN = DiagnosticStatus.OK, DiagnosticStatus.WARN
 
 
 @pytest.fixture
-def known():
+def state():
     return LiveState()
 
 
 @pytest.fixture
-def say(known):
-    health = Health(known)
+def say(state):
+    health = Health(state)
 
     def take(level, message):
         name = "/sain/mppi_node: planning"
@@ -27,16 +27,16 @@ def say(known):
     return take
 
 
-def lines(known):
-    return [(line.kind, line.text) for line in known.log]
+def lines(state):
+    return [(line.kind, line.text) for line in state.log]
 
 
-def test_later_trouble_is_a_fault_until_the_node_is_well(known, say):
+def test_later_trouble_is_a_fault_until_the_node_is_well(state, say):
     say(OK, "ready")
     for _ in range(2):
         say(WARN, "the model failed")
     say(OK, "pushing")
-    assert lines(known) == [
+    assert lines(state) == [
         (Level.FAULT, "planner: the model failed"),
         (Level.NOTE, "planner: pushing"),
     ]

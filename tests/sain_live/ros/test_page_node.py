@@ -8,7 +8,7 @@ from sain_core.errors import ErrorCode
 from sain_core.model import Model
 from sain_core.ros import codec
 from sain_interfaces.msg import Plan
-from sain_live.orders import Reset
+from sain_live.requests import Follow, LoadModel, Pause, Reset, SetParameter
 from sain_live.ros import tuning
 from sain_live.ros.page_node import PageNode
 from sain_live.state import Level, Phase
@@ -35,19 +35,19 @@ def whole(graph):
     planner = graph.start(MppiNode, **SMALL)
     page = graph.start(PageNode, port=free_port(), scenario="anywhere", seed=2)
     graph.wait(planner.remote._client.service_is_ready, "the model's service")
-    known = page.known
-    graph.wait(lambda: known.scene and known.scene.episode_id == 2, "the scenario")
-    graph.wait(lambda: known.planner and known.model and known.arm, "all about the graph")
+    state = page.state
+    graph.wait(lambda: state.scene and state.scene.episode_id == 2, "the scenario")
+    graph.wait(lambda: state.planner and state.model and state.arm, "all about the graph")
     graph.wait(lambda: "anywhere, seed 2" in told(page), "the goal")
     return page
 
 
 def told(page):
-    return "\n".join(line.text for line in page.known.log)
+    return "\n".join(line.text for line in page.state.log)
 
 
 def faults(page):
-    return [line.text for line in page.known.log if line.kind is Level.FAULT]
+    return [line.text for line in page.state.log if line.kind is Level.FAULT]
 
 
 def planner_states(graph):
@@ -64,65 +64,65 @@ def last_plan(graph):
 
 def drop(page, x, y):
     """Let go of the first goal at a place."""
-    body = page.known.aim.poses[0].body
+    body = page.state.aim.poses[0].body
     page.page.goals.drop(body, (x, y, 0.0), (1.0, 0.0, 0.0, 0.0), left=False)
 
 
 def test_the_loop_is_started_and_ends_at_the_goal(graph, whole):
-    assert (whole.known.phase, whole.known.model) == (Phase.PAUSED, "planar")
-    whole.asking.start()
-    graph.wait(lambda: whole.known.phase is Phase.REACHED, "the goal")
-    known, end = whole.known, last_plan(graph)
+    assert (whole.state.phase, whole.state.model) == (Phase.PAUSED, "planar")
+    whole.steering.send(Follow())
+    graph.wait(lambda: whole.state.phase is Phase.REACHED, "the goal")
+    state, end = whole.state, last_plan(graph)
     count = len(graph.heard["push"])
-    graph.wait(lambda: known.pushes == len(known.curves.distance) - 1 == count, "all pushes")
+    graph.wait(lambda: state.pushes == len(state.curves.distance) - 1 == count, "all pushes")
     graph.wait(lambda: "reached with" in told(whole), "the line")
-    graph.wait(lambda: np.isfinite(known.curves.planned[1:]).all(), "all results")
+    graph.wait(lambda: np.isfinite(state.curves.planned[1:]).all(), "all results")
     left = pytest.approx(1e3 * end.goal_distance)
-    graph.wait(lambda: known.curves.distance[-1] == left, "the distance after the last push")
-    assert known.result.push_id == graph.heard["push_result"][-1].push_id
+    graph.wait(lambda: state.curves.distance[-1] == left, "the distance after the last push")
+    assert np.array_equal(state.result.after, state.scene.disks)
     distance = pytest.approx(end.goal_distance)
-    graph.wait(lambda: known.judge(known.scene.disks).distance == distance, "the last scene")
+    graph.wait(lambda: state.judge(state.scene.disks).distance == distance, "the last scene")
 
 
 def test_a_goal_that_is_dragged_while_the_loop_runs_is_followed(graph, whole):
     drop(whole, 0.55, 0.1)
     graph.wait(lambda: "Start follows it" in told(whole), "the note")
-    whole.asking.start()
+    whole.steering.send(Follow())
     graph.wait(lambda: graph.heard["push"], "a push")
     drop(whole, 0.5, 0.15)
-    graph.wait(lambda: whole.known.phase is Phase.REACHED, "the goal")
+    graph.wait(lambda: whole.state.phase is Phase.REACHED, "the goal")
     distance = pytest.approx(last_plan(graph).goal_distance)
     graph.wait(
-        lambda: np.hypot(*(whole.known.scene.disks[1, :2] - (0.5, 0.15))) == distance,
+        lambda: np.hypot(*(whole.state.scene.disks[1, :2] - (0.5, 0.15))) == distance,
         "the body at the second goal",
     )
 
 
 def test_pause_ends_the_goal(graph, whole):
-    whole.asking.start()
+    whole.steering.send(Follow())
     graph.wait(lambda: graph.heard["push"], "a push")
-    whole.asking.pause()
-    graph.wait(lambda: whole.known.phase is Phase.PAUSED, "the pause")
+    whole.steering.send(Pause())
+    graph.wait(lambda: whole.state.phase is Phase.PAUSED, "the pause")
     count = len(graph.heard["push"])
     graph.wait(lambda: len(graph.heard["push_result"]) == count, "the push under way")
-    assert not whole.known.followed
+    assert not whole.state.followed
     graph.wait(lambda: "goal cancelled" in planner_states(graph), "what the planner says of it")
     assert faults(whole) == []
 
 
 def test_settings_and_models_are_live_and_refusals_are_told(graph, whole):
     planner = next(node for node in graph.nodes if isinstance(node, MppiNode))
-    whole.asking.set("planner.samples", 32)
+    whole.steering.send(SetParameter("planner.samples", 32))
     graph.wait(lambda: planner.config.planner.samples == 32, "the setting")
-    whole.asking.set("planner.samples", 0)
+    whole.steering.send(SetParameter("planner.samples", 0))
     graph.wait(lambda: "planner.samples = 0" in told(whole), "the refusal")
-    assert whole.known.planner["planner.samples"] == 32
-    whole.asking.load("identity")
-    graph.wait(lambda: whole.known.model == "identity", "the model")
-    whole.asking.load("nothing")
+    assert whole.state.planner["planner.samples"] == 32
+    whole.steering.send(LoadModel("identity"))
+    graph.wait(lambda: whole.state.model == "identity", "the model")
+    whole.steering.send(LoadModel("nothing"))
     graph.wait(lambda: "load nothing:" in told(whole), "the refusal")
-    assert whole.known.model == "identity"
-    scene, stamp = whole.known.scene, graph.bystander.get_clock().now().to_msg()
+    assert whole.state.model == "identity"
+    scene, stamp = whole.state.scene, graph.bystander.get_clock().now().to_msg()
     ids = {"episode_id": scene.episode_id, "scene_id": 99}
     message = codec.encode_scene(scene.disks, stamp=stamp, settled=True, **ids)
     graph.push(message, 5, (0.0, 0.0, 0.1))
@@ -139,39 +139,39 @@ def test_a_model_that_cannot_predict_the_bodies_is_refused_and_the_old_one_stays
     graph, whole, monkeypatch
 ):
     monkeypatch.setattr(server, "load_dynamics", lambda name: DisksAlone())
-    whole.asking.reset(Reset("push_t", 1))
+    whole.steering.send(Reset.draw("push_t", 1))
     model = next(node for node in graph.nodes if isinstance(node, ModelNode))
     graph.wait(lambda: model.service.bodies.shapes[0].name == "t", "the T")
-    whole.asking.load("identity")
+    whole.steering.send(LoadModel("identity"))
     words = "can only predict disks with the paper's roles; the bodies are t"
     graph.wait(lambda: words in told(whole), "the words")
-    assert whole.known.model == "planar"
+    assert whole.state.model == "planar"
 
 
 def test_the_page_says_what_the_graph_waits_for(graph, alone, monkeypatch):
     progress = ["compiling 31 of 40 kernels"]
     monkeypatch.setattr(tuning, "describe_compilation", lambda: progress[0])
-    known = alone.known
-    graph.wait(lambda: "compiling 31 of 40 kernels" in known.starting, "how far it is")
-    alone.asking.start()
+    state = alone.state
+    graph.wait(lambda: "compiling 31 of 40 kernels" in state.starting, "how far it is")
+    alone.steering.send(Follow())
     progress[0] = ""
     graph.start(SimNode)
-    graph.wait(lambda: known.starting == "waits for the planner and the model", "who is missing")
-    graph.wait(lambda: known.scene, "a scene")
-    alone.asking.start()
+    graph.wait(lambda: state.starting == "waits for the planner and the model", "who is missing")
+    graph.wait(lambda: state.scene, "a scene")
+    alone.steering.send(Follow())
     graph.wait(lambda: "not yet: waits for the planner and the model" in told(alone), "a refusal")
     graph.start(ModelNode, model="identity")
-    graph.wait(lambda: known.starting == "waits for the planner", "who is missing still")
+    graph.wait(lambda: state.starting == "waits for the planner", "who is missing still")
     graph.start(MppiNode, **SMALL)
-    graph.wait(lambda: known.starting == "", "all")
+    graph.wait(lambda: state.starting == "", "all")
     assert faults(alone) == []
 
 
 def test_without_a_graph_orders_are_refused_in_words(graph, alone):
-    alone.asking.start()
-    alone.asking.reset(Reset("push_t", 0))
-    alone.asking.set("planner.samples", 3)
-    alone.asking.load("planar")
+    alone.steering.send(Follow())
+    alone.steering.send(Reset.draw("push_t", 0))
+    alone.steering.send(SetParameter("planner.samples", 3))
+    alone.steering.send(LoadModel("planar"))
     for words in ("no scene was seen", "no simulator answers", "no planner", "no model's node"):
         graph.wait(lambda w=words: w in told(alone), words)
 
@@ -183,13 +183,13 @@ def test_a_recording_is_shown_and_cannot_be_steered(graph, alone):
     stamp = graph.bystander.get_clock().now().to_msg()
     ids = {"episode_id": 4, "scene_id": 1, "settled": True}
     scenes.publish(codec.encode_scene(SCENE, stamp=stamp, **ids))
-    graph.wait(lambda: alone.known.scene, "the scene")
+    graph.wait(lambda: alone.state.scene, "the scene")
     graph.aim((0.7, 0.05), 1, tolerance=0.03)
-    graph.wait(lambda: alone.known.aim and alone.known.aim.tolerance == 0.03, "the goal")
+    graph.wait(lambda: alone.state.aim and alone.state.aim.tolerance == 0.03, "the goal")
     viewer = Viewer(alone.config.port)
     viewer.wait(lambda: "/goals/1" in viewer.nodes, "the goal")
     viewer.close()
-    alone.asking.start()
+    alone.steering.send(Follow())
     graph.wait(lambda: "a recording cannot be steered" in told(alone), "the words")
 
 

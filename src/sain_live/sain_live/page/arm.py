@@ -19,7 +19,7 @@ from scipy.spatial.transform import Rotation
 
 from sain_core.errors import ConfigError
 from sain_core.scratch import cache_folder
-from sain_live.page.things import Quaternion, Vector
+from sain_live.page.drawing import Quaternion, Vector
 from sain_live.state import Level, LiveArm, LiveState
 
 LARGEST_MESH: Final = 50_000_000  # bytes of a file
@@ -118,25 +118,25 @@ class ArmView:
         self._moving: list[tuple[Joint, Any]] = []
         self._joints: Mapping[str, float] = {}
 
-    def show(self, known: LiveState) -> None:
+    def show(self, state: LiveState) -> None:
         """Draw what has changed."""
-        if known.arm is None:
+        if state.arm is None:
             return
-        if known.arm is not self._drawn:
-            self._drawn = known.arm
+        if state.arm is not self._drawn:
+            self._drawn = state.arm
             try:
-                self._make(known.arm)
+                self._make(state.arm)
             except (ConfigError, ElementTree.ParseError, ValueError) as error:
-                known.tell(Level.FAULT, f"the arm is not drawn: {error}")
+                state.tell(Level.FAULT, f"the arm is not drawn: {error}")
             self._joints = {}
-        if known.joints is self._joints:
+        if state.joints is self._joints:
             return
         for joint, frame in self._moving:
-            value = known.joints.get(joint.name)
+            value = state.joints.get(joint.name)
             if value is None or value == self._joints.get(joint.name):
                 continue
             frame.position, frame.wxyz = joint.pose(value)
-        self._joints = known.joints
+        self._joints = state.joints
 
     def _make(self, arm: LiveArm) -> None:
         if self._root is not None:

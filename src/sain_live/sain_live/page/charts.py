@@ -53,16 +53,16 @@ class ChartsView:
         panel.dock_left()
         panel.set_width(WIDTH)
 
-    def show(self, known: LiveState) -> None:
+    def show(self, state: LiveState) -> None:
         """Draw what has changed."""
-        if known.curves is not self._drawn:
-            self._drawn = curves = known.curves
+        if state.curves is not self._drawn:
+            self._drawn = curves = state.curves
             draw(self._distance, curves.distance)
             draw(self._errors, curves.planned, curves.physics)
             draw(self._planning, curves.planning)
-        if known.lines != self._lines:
-            self._lines = known.lines
-            self._log.content = log_text(list(known.log)[-LINES:])
+        if state.lines != self._lines:
+            self._lines = state.lines
+            self._log.content = log_text(list(state.log)[-LINES:])
 
 
 def push_chart(gui: viser.GuiApi, title: str, curves: int) -> Any:

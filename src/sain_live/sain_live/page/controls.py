@@ -1,5 +1,6 @@
 """The controls of a running graph: the loop, the episode, the model, and the planner's settings."""
 
+import dataclasses
 from collections.abc import Callable, Mapping, Sequence
 from html import escape
 from pathlib import Path
@@ -13,9 +14,19 @@ from sain_core.model import dynamics_names
 from sain_core.shapes.library import shape_names
 from sain_core.view.palette import PALETTE
 from sain_eval.scenes.scenarios import scenario_names
-from sain_live.orders import AS_DRAWN, Field, Orders, Reset, planner_settings
 from sain_live.page.texts import add_caption, distance_facts, fact_rows
-from sain_live.settings import PageConfig
+from sain_live.requests import (
+    AS_DRAWN,
+    Follow,
+    Learn,
+    LoadModel,
+    Pause,
+    Request,
+    Reset,
+    Send,
+    SetParameter,
+)
+from sain_live.settings import PageConfig, planner_settings
 from sain_live.state import Level, LiveState, Phase
 from sain_sim.world.truth import TRUTHS
 
@@ -42,10 +53,10 @@ class ControlsView:
     """The tab with buttons and choices."""
 
     def __init__(
-        self, server: viser.ViserServer, known: LiveState, orders: Orders, config: PageConfig
+        self, server: viser.ViserServer, state: LiveState, send: Send, config: PageConfig
     ) -> None:
         """Make the controls."""
-        self._gui, self._known, self._orders = server.gui, known, orders
+        self._gui, self._state, self._send = server.gui, state, send
         self._status = ""
         self._text = self._gui.add_html("")
         self._add_buttons()
@@ -54,28 +65,24 @@ class ControlsView:
         with self._gui.add_folder("Model"):
             self._add_model()
 
-    def show(self, known: LiveState) -> None:
+    def show(self, state: LiveState) -> None:
         """Show how the loop is doing, and the model that is served or on its way."""
-        text = status_text(known)
+        text = status_text(state)
         if text != self._status:
             self._status = self._text.content = text
-        model = known.loading or known.model or NONE_YET
+        model = state.loading or state.model or NONE_YET
         if model not in self._model.options:
             self._model.options = (*self._models, model)
         if self._model.value != model:
             self._model.value = model
-        self._learns.visible = known.learns is not None
-        if known.learns is not None and self._learns.value != known.learns:
-            self._learns.value = known.learns
+        self._learns.visible = state.learns is not None
+        if state.learns is not None and self._learns.value != state.learns:
+            self._learns.value = state.learns
 
     def _add_buttons(self) -> None:
-        orders = {
-            START: self._orders.start,
-            ONCE: self._orders.push_once,
-            PAUSE: self._orders.pause,
-        }
-        buttons = self._gui.add_button_group("loop", tuple(orders))
-        buttons.on_click(lambda event: orders[event.target.value]())
+        requests: dict[str, Request] = {START: Follow(), ONCE: Follow(most=1), PAUSE: Pause()}
+        buttons = self._gui.add_button_group("loop", tuple(requests))
+        buttons.on_click(lambda event: self._send(requests[event.target.value]))
 
     def _add_episode(self, config: PageConfig) -> None:
         gui = self._gui
@@ -113,16 +120,16 @@ class ControlsView:
 
     def _on_learns(self, event: viser.GuiEvent[Any]) -> None:
         if event.client is not None:
-            self._orders.learn(event.target.value)
+            self._send(Learn(event.target.value))
 
     def _load(self, path: str) -> None:
         if not path:
             raise ConfigError("no file is named; type the path of a checkpoint")
-        self._orders.load(path)
+        self._send(LoadModel(path))
 
     def _on_model(self, event: viser.GuiEvent[Any]) -> None:
         if event.client is not None and event.target.value != NONE_YET:
-            self._orders.load(event.target.value)
+            self._send(LoadModel(event.target.value))
 
     def _on_choice(self, event: viser.GuiEvent[Any]) -> None:
         if event.client is not None:
@@ -131,7 +138,7 @@ class ControlsView:
     def _reset(self) -> None:
         world = "" if self._world.value == AS_STARTED else self._world.value
         seed = read_seed(self._seed.value)
-        self._orders.reset(Reset(self._scenario.value, seed, self._shape.value, world))
+        self._send(Reset.draw(self._scenario.value, seed, self._shape.value, world))
         self._hint.content = ""
 
     def _next(self) -> None:
@@ -145,7 +152,7 @@ class ControlsView:
             try:
                 work()
             except SainError as error:
-                self._known.tell(Level.REFUSAL, str(error))
+                self._state.tell(Level.REFUSAL, str(error))
 
         return call
 
@@ -164,20 +171,20 @@ def read_seed(text: str) -> int:
     return int(words)
 
 
-def status_text(known: LiveState) -> str:
+def status_text(state: LiveState) -> str:
     """Return how the loop is doing, as HTML."""
-    colour = COLOURS.get(known.phase, PALETTE.soft)
-    facts = [("model", known.model or "-"), ("engine", known.engine or "-")]
-    facts += [("world", known.world or "-")]
-    if known.scene is not None:
-        facts.insert(0, ("episode", f"{known.scene.episode_id}, {known.time:.0f} s"))
-    if distance := distance_facts(known):
-        facts[1:1] = [*distance, ("pushes", str(known.pushes))]
-    reason = known.starting or known.why
+    colour = COLOURS.get(state.phase, PALETTE.soft)
+    facts = [("model", state.model or "-"), ("engine", state.engine or "-")]
+    facts += [("world", state.world or "-")]
+    if state.scene is not None:
+        facts.insert(0, ("episode", f"{state.scene.episode_id}, {state.time:.0f} s"))
+    if distance := distance_facts(state):
+        facts[1:1] = [*distance, ("pushes", str(state.pushes))]
+    reason = state.starting or state.why
     why = f'<div style="color:{PALETTE.soft};margin:2px 0 4px">{escape(reason)}</div>'
     return (
         f'<div style="padding:6px 14px;font-size:13px;line-height:1.5">'
-        f'<div style="font-size:17px;font-weight:600;color:{colour}">{known.phase}</div>'
+        f'<div style="font-size:17px;font-weight:600;color:{colour}">{state.phase}</div>'
         f"{why if reason else ''}{fact_rows(facts)}</div>"
     )
 
@@ -185,14 +192,15 @@ def status_text(known: LiveState) -> str:
 STEPS: Final = 100  # of a slider
 WIDEST: Final = {float: 10.0, int: 200.0}  # range of a slider; beyond, a number is typed
 OPEN: Final = "planner"
+Field = dataclasses.Field[Any]
 
 
 class PlannerForm:
     """The tab with the settings of the planner. A change counts from the next plan on."""
 
-    def __init__(self, server: viser.ViserServer, known: LiveState, orders: Orders) -> None:
+    def __init__(self, server: viser.ViserServer, state: LiveState, send: Send) -> None:
         """Make the controls, with the defaults."""
-        self._known, self._orders = known, orders
+        self._state, self._send = state, send
         self._shown: Mapping[str, Any] = {}
         self._controls: dict[str, tuple[Any, Any]] = {}
         gui, folders = server.gui, {}
@@ -205,12 +213,12 @@ class PlannerForm:
             self._controls[one.name] = (control, one.value)
             control.on_update(self._on_update(one.name))
 
-    def show(self, known: LiveState) -> None:
+    def show(self, state: LiveState) -> None:
         """Show the settings as the planner has them."""
-        if known.planner is self._shown:
+        if state.planner is self._shown:
             return
-        self._shown = known.planner
-        for name, value in known.planner.items():
+        self._shown = state.planner
+        for name, value in state.planner.items():
             if name in self._controls:
                 control, default = self._controls[name]
                 shown = show_value(tuple(value)) if isinstance(default, tuple) else value
@@ -227,13 +235,13 @@ class PlannerForm:
                     value = read_numbers(value)
                 except ValueError:
                     text = f"{name} is {value!r}; it must be numbers, as [1, 2]"
-                    self._known.tell(Level.REFUSAL, text)
-                    self._known.update(planner=dict(self._known.planner))  # the text goes back
+                    self._state.tell(Level.REFUSAL, text)
+                    self._state.update(planner=dict(self._state.planner))  # the text goes back
                     self._shown = {}
                     return
             elif isinstance(default, bool | int | float):
                 value = type(default)(value)
-            self._orders.set(name, value)
+            self._send(SetParameter(name, value))
 
         return take
 

@@ -36,9 +36,9 @@ class LearningView:
         self._errors = add_chart(gui, title, HEIGHT, empty, series)
         self._table = gui.add_html("")
 
-    def show(self, known: LiveState) -> None:
+    def show(self, state: LiveState) -> None:
         """Draw what has changed."""
-        learned = known.learned
+        learned = state.learned
         if learned is None or learned is self._shown:
             return
         self._shown = learned

@@ -8,7 +8,6 @@ from typing import Any, Final, Protocol
 import numpy as np
 import viser
 
-from sain_live.orders import Orders
 from sain_live.page.arm import ArmView
 from sain_live.page.charts import ChartsView
 from sain_live.page.controls import ControlsView, PlannerForm
@@ -17,6 +16,7 @@ from sain_live.page.playing import PlayingView
 from sain_live.page.scene import GoalsView, SceneView
 from sain_live.page.serving import open_server
 from sain_live.player import RecordingPlayer
+from sain_live.requests import Send
 from sain_live.settings import PageConfig
 from sain_live.state import Level, LiveState
 
@@ -42,9 +42,9 @@ class PictureView:
         self._image: Any = gui.add_image(np.full((2, 2, 3), 255, np.uint8), visible=False)
         self._shown: np.ndarray | None = None
 
-    def show(self, known: LiveState) -> None:
+    def show(self, state: LiveState) -> None:
         """Draw what has changed."""
-        picture = known.picture
+        picture = state.picture
         if picture is self._shown:
             return
         self._shown = picture
@@ -56,25 +56,25 @@ class PictureView:
 class PagePart(Protocol):
     """A part of the page."""
 
-    def show(self, known: LiveState) -> None:
+    def show(self, state: LiveState) -> None:
         """Draw what has changed."""
 
 
 class LivePage:
-    """Serves what is known to any number of viewers, and gives their orders."""
+    """Serves the state to any number of viewers, and sends on their requests."""
 
     def __init__(
         self,
-        known: LiveState,
-        orders: Orders | None,
+        state: LiveState,
+        send: Send | None,
         config: PageConfig,
         player: RecordingPlayer | None = None,
     ) -> None:
-        """Listen and show what is known.
+        """Listen and show the state.
 
         Args:
-            known: the graph, or a moment of a recording.
-            orders: what carries out what viewers ask of a graph; None: it is a recording.
+            state: of the graph, or at a moment of a recording.
+            send: takes what viewers ask of a graph; None: it is a recording.
             config: where it is served.
             player: of the recording.
 
@@ -82,7 +82,7 @@ class LivePage:
             BusyError: the port is in use.
             ConfigError: this computer has no such address.
         """
-        self._known, self._period = known, 1.0 / config.rate
+        self._state, self._period = state, 1.0 / config.rate
         self._end = Event()
         self.server = server = open_server(config)
         tabs = server.gui.add_tab_group()
@@ -90,12 +90,12 @@ class LivePage:
         if player is not None:
             with tabs.add_tab("Recording", viser.Icon.PLAYER_PLAY):
                 controls.append(PlayingView(server, player))
-        if orders is not None:
+        if send is not None:
             with tabs.add_tab("Run", viser.Icon.PLAYER_PLAY):
-                controls.append(ControlsView(server, known, orders, config))
+                controls.append(ControlsView(server, state, send, config))
             with tabs.add_tab("Planner", viser.Icon.ADJUSTMENTS):
-                controls.append(PlannerForm(server, known, orders))
-        self.goals = GoalsView(server, known, orders)
+                controls.append(PlannerForm(server, state, send))
+        self.goals = GoalsView(server, state, send)
         charts = ChartsView(server)
         with charts.panel.add_tab("Learning", viser.Icon.SCHOOL):
             learning = LearningView(server.gui)
@@ -122,27 +122,27 @@ class LivePage:
     def close(self) -> None:
         """Serve the page no more."""
         self._end.set()
-        self._known.changed.set()
+        self._state.changed.set()
         self._thread.join()
         self.server.stop()
 
     def draw(self) -> None:
         """Send what has changed to all viewers, as one."""
-        self._known.changed.clear()
+        self._state.changed.clear()
         with self.server.atomic():
             for view in self._views:
                 try:
-                    view.show(self._known)
+                    view.show(self._state)
                 except Exception as error:
                     logger.exception("the page could not be drawn")
                     text = f"{type(view).__name__} cannot draw: {type(error).__name__}: {error}"
-                    self._known.tell(Level.FAULT, text)
+                    self._state.tell(Level.FAULT, text)
         self.updates += 1
 
     def _run(self) -> None:
         due = time.monotonic()
         while not self._end.is_set():
-            if not self._known.changed.wait(WAIT):
+            if not self._state.changed.wait(WAIT):
                 continue
             due = max(due + self._period, time.monotonic() - BEHIND)
             if (early := due - time.monotonic()) > 0.0:

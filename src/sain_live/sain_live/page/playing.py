@@ -61,10 +61,10 @@ class PlayingView:
 
         return take
 
-    def show(self, known: LiveState) -> None:
+    def show(self, state: LiveState) -> None:
         """Show what is played, and where."""
         player = self._player
-        text = playing_text(player, known)
+        text = playing_text(player, state)
         if text != self._status:
             self._status = self._text.content = text
         label = PAUSE if player.playing else PLAY
@@ -92,15 +92,15 @@ class PlayingView:
         self._push.max, self._push.visible = max(chapter.pushes, 1), chapter.pushes > 0
 
 
-def playing_text(player: RecordingPlayer, known: LiveState) -> str:
+def playing_text(player: RecordingPlayer, state: LiveState) -> str:
     """Return what is shown, as HTML."""
     chapter = player.chapter
     facts = [("recording", player.recording.name)]
     facts += [("time", f"{player.time:.1f} of {chapter.duration:.1f} s")]
     facts += [("pushes", f"{player.push} of {chapter.pushes}")]
-    facts += distance_facts(known, digits=1)
-    facts += [("loop", f"{known.phase}{f': {known.why}' if known.why else ''}")]
-    facts += [("model", known.model), ("engine", known.engine), ("world", known.world)]
+    facts += distance_facts(state, digits=1)
+    facts += [("loop", f"{state.phase}{f': {state.why}' if state.why else ''}")]
+    facts += [("model", state.model), ("engine", state.engine), ("world", state.world)]
     return (
         f'<div style="padding:6px 14px;font-size:13px;line-height:1.5">'
         f'<div style="font-size:17px;font-weight:600">{escape(chapter.title)}</div>'

@@ -12,16 +12,18 @@ from sain_core.shapes.bodies import Bodies
 from sain_core.types import Scene
 from sain_core.view.scenes import bodies_in, goal_marks, plan_things, predictions, stage
 from sain_core.view.things import GoalMark, Look, Thing
-from sain_live.orders import FEASIBILITY, Orders, check_aim
-from sain_live.page.things import LOW, ThingsView, draw_goal, heading_of, sky, upright
-from sain_live.state import GhostLine, Level, LivePlan, LiveResult, LiveState
+from sain_core.world import PushRecord
+from sain_live.goals import FEASIBILITY, check_goal
+from sain_live.page.drawing import LOW, ThingsView, draw_goal, heading_of, sky, upright
+from sain_live.requests import Send, SetGoal
+from sain_live.state import GhostLine, Level, LivePlan, LiveState
 
 FEW: Final = 6  # other sequences that are shown, the cheapest
 GHOST_WIDTH: Final = 0.004  # [m], at most: these lines are not transparent
 
 
 class SceneView:
-    """Draws what is known of the scene, as far as it is new."""
+    """Draws the scene, as far as it is new."""
 
     def __init__(self, server: viser.ViserServer) -> None:
         """Draw the table."""
@@ -31,21 +33,21 @@ class SceneView:
         self._server, self._ghost = server, list[Any]()
         self._shown: dict[str, tuple[Any, ...]] = {}
 
-    def show(self, known: LiveState) -> None:
+    def show(self, state: LiveState) -> None:
         """Draw what has changed."""
-        seen, bodies = known.scene, known.bodies
+        seen, bodies = state.scene, state.bodies
         whole = seen is not None and len(bodies) == len(seen.disks)
         if seen is not None and whole and self._is_new("bodies", seen.disks, bodies):
             self._view.show_bodies(bodies_in(seen.disks, bodies))
-        if self._is_new("plan", known.plan):
-            plan = known.plan
-            self._view.show("plan", [] if plan is None else _plan(known, plan))
-        if self._is_new("result", known.result):
-            result = known.result
+        if self._is_new("plan", state.plan):
+            plan = state.plan
+            self._view.show("plan", [] if plan is None else _plan(state, plan))
+        if self._is_new("result", state.result):
+            result = state.result
             self._view.show("result", [] if result is None else _result(result, bodies))
 
-        if self._is_new("ghost", known.ghost):
-            self._draw_ghost(known.ghost)
+        if self._is_new("ghost", state.ghost):
+            self._draw_ghost(state.ghost)
 
     def _draw_ghost(self, lines: tuple[GhostLine, ...]) -> None:
         for node in self._ghost:
@@ -66,14 +68,14 @@ class SceneView:
         return before is None or any(map(is_not, before, now))
 
 
-def _plan(known: LiveState, plan: LivePlan) -> list[Thing]:
-    if len(plan.start) != len(known.bodies) or not len(plan.predicted):
+def _plan(state: LiveState, plan: LivePlan) -> list[Thing]:
+    if len(plan.start) != len(state.bodies) or not len(plan.predicted):
         return []
-    aim = known.aim
-    goal = aim if aim is not None and max(aim.wanted) < len(known.bodies) else None
+    aim = state.aim
+    goal = aim if aim is not None and max(aim.wanted) < len(state.bodies) else None
     made = plan_things(
         plan.start,
-        known.bodies,
+        state.bodies,
         goal,
         plan.pushes,
         plan.predicted,
@@ -83,13 +85,13 @@ def _plan(known: LiveState, plan: LivePlan) -> list[Thing]:
     return [thing for thing in made if not isinstance(thing, GoalMark)]  # `GoalsView` has them
 
 
-def _result(result: LiveResult, bodies: Bodies) -> list[Thing]:
-    if result.after is None or len(result.after) != len(bodies):
+def _result(push: PushRecord, bodies: Bodies) -> list[Thing]:
+    if len(push.after) != len(bodies):
         return []
-    before, after = result.before, result.after
+    before, after = push.before, push.after
     return [
-        *predictions(before, after, result.physics, bodies, Look.PHYSICS),
-        *predictions(before, after, result.planned, bodies, Look.EXPECTED),
+        *predictions(before, after, push.physics, bodies, Look.PHYSICS),
+        *predictions(before, after, push.predicted, bodies, Look.EXPECTED),
     ]
 
 
@@ -101,19 +103,19 @@ START, END = "start", "end"
 class GoalsView:
     """Draws the goal and takes what viewers do with it."""
 
-    def __init__(self, server: viser.ViserServer, known: LiveState, orders: Orders | None) -> None:
-        """Draw nothing yet; without orders, goals have no handles."""
+    def __init__(self, server: viser.ViserServer, state: LiveState, send: Send | None) -> None:
+        """Draw nothing yet; without `send`, goals have no handles."""
         self._server = server
-        self._known = known
-        self._orders = orders
+        self._state = state
+        self._send = send
         self._handles: dict[int, Any] = {}
         self._made: tuple[Any, ...] | None = None
         self._shown: Goal | None = None
         self._dragged: dict[int, int] = {}  # bodies, by the viewer who drags
 
-    def show(self, known: LiveState) -> None:
+    def show(self, state: LiveState) -> None:
         """Draw what has changed; a goal that is being dragged stays with its viewer."""
-        aim, seen, bodies = known.aim, known.scene, known.bodies
+        aim, seen, bodies = state.aim, state.scene, state.bodies
         if aim is None or seen is None:
             self._clear()
             return
@@ -152,7 +154,7 @@ class GoalsView:
 
     def _handle(self, name: str, size: float, pose: BodyPose) -> Any:
         """Add what carries a goal, and moves it where it can be dragged."""
-        if self._orders is None:
+        if self._send is None:
             return self._server.scene.add_frame(name, show_axes=False)
         handle = self._server.scene.add_transform_controls(
             name,
@@ -181,25 +183,25 @@ class GoalsView:
 
     def drop(self, body: int, position: Any, turn: Any, left: bool) -> None:
         """Take a goal where a viewer let it go; where that cannot be, it snaps back."""
-        known = self._known
-        aim, seen, bodies = known.aim, known.scene, known.bodies
-        if aim is None or seen is None or self._orders is None:
+        state = self._state
+        aim, seen, bodies = state.aim, state.scene, state.bodies
+        if aim is None or seen is None or self._send is None:
             return
         if left:
             self._snap_back(body, "the viewer who dragged it left; it is where it was")
             return
         try:
             moved = aim.with_pose(body, float(position[0]), float(position[1]), heading_of(turn))
-            check_aim(moved, seen.disks, bodies)
+            check_goal(moved, seen.disks, bodies)
         except (SainError, IndexError, TypeError, ValueError) as error:  # viewers send anything
             self._snap_back(body, f"{error}")
             return
-        known.update(aim=moved)
-        self._orders.aim(moved)
+        state.update(aim=moved)
+        self._send(SetGoal(moved))
 
     def _snap_back(self, body: int, why: str) -> None:
-        self._known.tell(Level.REFUSAL, f"goal of body {body}: {why}")
-        aim = self._known.aim
+        self._state.tell(Level.REFUSAL, f"goal of body {body}: {why}")
+        aim = self._state.aim
         for pose in () if aim is None else aim.poses:
             if pose.body == body and body in self._handles:
                 self._place(pose)

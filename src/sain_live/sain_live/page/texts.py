@@ -26,9 +26,9 @@ def fact_rows(facts: Iterable[tuple[str, str]]) -> str:
     )
 
 
-def distance_facts(known: LiveState, digits: int = 0) -> list[tuple[str, str]]:
+def distance_facts(state: LiveState, digits: int = 0) -> list[tuple[str, str]]:
     """Return how far the bodies are from the goal, and the tolerance; nothing without a goal."""
-    judged = None if known.scene is None else known.judge(known.scene.disks)
+    judged = None if state.scene is None else state.judge(state.scene.disks)
     if judged is None:
         return []
     left = f"{1e3 * judged.distance:.{digits}f} mm"

@@ -3,6 +3,7 @@
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from math import ceil
 from pathlib import Path
 from typing import Any, Final
 
@@ -19,7 +20,7 @@ SHOWN: Final = (
     "world", "lines", "result", "plan", "learned",
 )  # fmt: skip
 NOTED: Final = ("scene", "goal", "plan", "push_result")
-MOST: Final = 20_000  # moments that are kept; of more, every second, fourth, ... in motion
+MOST: Final = 20_000  # scenes in motion of a graph that are kept
 DIAGNOSTICS: Final = "/diagnostics"
 
 
@@ -53,16 +54,6 @@ class _Draft:
         moments = tuple(map(Snapshot, times, self.values))
         return Chapter(title, moments, tuple(times[numbers[id(frame)]] for frame in self.rests))
 
-    def thin(self) -> None:
-        """Leave out every second scene in motion."""
-        rests, kept, odd = {id(frame) for frame in self.rests}, [], False
-        for number, frame in enumerate(self.frames):
-            odd ^= not frame.settled
-            if frame.settled or odd or id(frame) in rests:
-                kept.append(number)
-        self.frames = [self.frames[number] for number in kept]
-        self.values = [self.values[number] for number in kept]
-
 
 def read_recording(path: Path) -> Recording:
     """Read a whole bag, each graph's episodes after those of the one before.
@@ -82,8 +73,8 @@ def read_recording(path: Path) -> Recording:
             for one in found
         ]
         drafts += found
-        arms += [reader.known.arm] * len(found)
-        log += list(reader.known.log)
+        arms += [reader.state.arm] * len(found)
+        log += list(reader.state.log)
     if not drafts:
         why = f": {log[0].text}" if log else "; it is no recording of the graph"
         raise DatasetError(f"{path} holds no scenes that can be shown{why}")
@@ -110,12 +101,12 @@ class _Reader:
     """Reads the episodes of one graph."""
 
     def __init__(self, bag: Bag, namespace: str, lines: int) -> None:
-        self.known = LiveState(log=deque(), lines=lines)
+        self.state = LiveState(log=deque(), lines=lines)
         # A topic's own type counts, where others came on it, too.
         last = sorted(bag.topics, key=lambda topic: topic.type.startswith(OWN_TYPES))
         topics = {topic.name: topic.type for topic in last}
         shapes_come = f"{namespace}/shapes" in topics
-        updater = StateUpdater(self.known, lambda: shapes_come, offers_goal=False)
+        updater = StateUpdater(self.state, lambda: shapes_come, offers_goal=False)
         self._takes = {
             name: (topic, take)
             for topic, (kind, take) in updater.handlers.items()
@@ -128,8 +119,8 @@ class _Reader:
         self._goals: dict[int, list[int]] = {}  # ids of those of an episode
         self._open: list[int] = []  # id of the latest that names no episode
         self._drafts: list[_Draft] = []
-        self._count, self._stride = 0, 1  # scenes in motion; each so many-th is kept
-        self._kept = 0
+        scenes = sum(one.messages for one in bag.topics if one.name == f"{namespace}/scene")
+        self._in_motion, self._stride = 0, max(1, ceil(scenes / MOST))  # each so many-th is kept
 
     def read(self) -> Sequence[_Draft]:
         for received in self._bag.messages(self._takes, self._types):
@@ -137,7 +128,7 @@ class _Reader:
             try:
                 self._take(topic, take, received)
             except Exception as error:  # noqa: BLE001 - as in a graph, one message ends nothing
-                self.known.tell(Level.FAULT, f"a message on {received.topic} is ignored: {error}")
+                self.state.tell(Level.FAULT, f"a message on {received.topic} is ignored: {error}")
         return self._drafts
 
     def goals(self, draft: _Draft) -> int:
@@ -145,7 +136,7 @@ class _Reader:
         return max(len(self._goals.get(draft.episode_id, ())), 1)
 
     def _take(self, topic: str, take: Take, received: Received) -> None:
-        message, known, ended = received.message, self.known, False
+        message, state, ended = received.message, self.state, False
         if topic == DIAGNOSTICS:
             for status in message.status:
                 status.level = bytes([status.level])  # as rclpy has it
@@ -154,18 +145,18 @@ class _Reader:
         elif topic == "push_result" and message.error_code == ErrorCode.OK and message.after.disks:
             for scene in (message.before, message.after):
                 scene.episode_id, scene.settled = message.episode_id, True
-            if known.scene is None or known.scene.episode_id != message.episode_id:
+            if state.scene is None or state.scene.episode_id != message.episode_id:
                 self._see(message.before)  # scenes were not recorded
                 self._note(received.log_time, ended)
             self._see(message.after)
             ended = True
         take(message)
-        if topic in NOTED and known.scene is not None:
+        if topic in NOTED and state.scene is not None:
             self._note(received.log_time, ended)
 
     def _give(self, goal: Any) -> None:
         """Count a goal of its episode; one that names none is of the episode that is shown."""
-        seen, number = self.known.scene, goal.episode_id
+        seen, number = self.state.scene, goal.episode_id
         shown = 0 if seen is None else seen.episode_id
         goals = self._goals.setdefault(number or shown, [] if number else list(self._open))
         if goals[-1:] != [goal.goal_id]:
@@ -175,7 +166,7 @@ class _Reader:
 
     def _note(self, log_time: int, ended: bool) -> None:
         """Keep what is known now; `ended`: a push has."""
-        known, seen = self.known, self.known.scene
+        state, seen = self.state, self.state.scene
         if seen is None:
             return
         key = seen.episode_id, max(len(self._goals.get(seen.episode_id, ())), 1)
@@ -183,16 +174,10 @@ class _Reader:
         if draft is None or (draft.episode_id, draft.goal) != key:
             draft = _Draft(*key)
             self._drafts.append(draft)
-        self._count += not seen.settled
-        if not seen.settled and self._count % self._stride:
+        self._in_motion += not seen.settled
+        if not seen.settled and self._in_motion % self._stride:
             return
-        self._kept += 1
         last = draft.frames[-1].stamp if draft.frames else 0
         stamp = max(round(1e9 * seen.stamp), last)  # topics may overtake each other
         frame = Frame(stamp, log_time, seen.scene_id, seen.settled, seen.disks)
-        draft.note(frame, {name: getattr(known, name) for name in SHOWN}, ended)
-        if self._kept > MOST:
-            self._stride *= 2
-            for one in self._drafts:
-                one.thin()
-            self._kept = sum(len(one.frames) for one in self._drafts)
+        draft.note(frame, {name: getattr(state, name) for name in SHOWN}, ended)

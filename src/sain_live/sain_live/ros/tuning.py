@@ -14,7 +14,7 @@ from sain_core.errors import ErrorCode
 from sain_core.ros.node_main import steady_timer
 from sain_core.ros.qos import RELIABLE
 from sain_interfaces.srv import DescribeModel, LoadModel
-from sain_live.orders import planner_settings
+from sain_live.settings import planner_settings
 from sain_live.state import Level, LiveState
 from sain_model.compute.kernel_store import describe_compilation
 
@@ -40,9 +40,9 @@ class _Node:
 class Tuning:
     """Follows and changes parameters and model. All calls come from the executor's thread."""
 
-    def __init__(self, node: Node, known: LiveState, has_simulator: Callable[[], bool]) -> None:
+    def __init__(self, node: Node, state: LiveState, has_simulator: Callable[[], bool]) -> None:
         """Look for planner and model."""
-        self._node, self._known, self._has_simulator = node, known, has_simulator
+        self._node, self._state, self._has_simulator = node, state, has_simulator
         self._load_model = node.create_client(LoadModel, "load_model")
         self._set = node.create_client(SetParameters, f"{PLANNER}/set_parameters")
         self._set_learner = node.create_client(SetParameters, f"{LEARNER}/set_parameters")
@@ -61,15 +61,15 @@ class Tuning:
                 "the model",
                 node.create_client(DescribeModel, "describe_model"),
                 DescribeModel.Request(),
-                lambda done: known.update(model=done.result().model),
-                lambda: known.update(loading=""),  # it may have ended before it could answer
+                lambda done: state.update(model=done.result().model),
+                lambda: state.update(loading=""),  # it may have ended before it could answer
             ),
             _Node(
                 "",
                 learner,
                 learns,
-                lambda done: known.update(learns=done.result().values[0].bool_value),
-                lambda: known.update(learns=None),
+                lambda done: state.update(learns=done.result().values[0].bool_value),
+                lambda: state.update(learns=None),
             ),
         )
         steady_timer(node, LOOK_AROUND, self._look_around)
@@ -86,8 +86,8 @@ class Tuning:
         """Send the latest of each setting; one request at a time, as sliders are fast."""
         if not self._set.service_is_ready():
             self._wanted.clear()
-            self._known.update(planner=dict(self._known.planner))
-            self._known.tell(Level.REFUSAL, "no planner is there to take a setting")
+            self._state.update(planner=dict(self._state.planner))
+            self._state.tell(Level.REFUSAL, "no planner is there to take a setting")
             return
         wanted, self._wanted, self._setting = self._wanted, {}, True
         request = SetParameters.Request()
@@ -97,32 +97,32 @@ class Tuning:
         self._set.call_async(request).add_done_callback(lambda done: self._on_set(wanted, done))
 
     def _on_set(self, wanted: Mapping[str, Any], done: Any) -> None:
-        self._setting, planner = False, dict(self._known.planner)
+        self._setting, planner = False, dict(self._state.planner)
         for (name, value), result in zip(wanted.items(), done.result().results, strict=True):
             if result.successful:
                 planner[name] = value
             else:
-                self._known.tell(Level.REFUSAL, f"{name} = {value!r}: {result.reason}")
-        self._known.update(planner=planner)  # also where refused: the control goes back
+                self._state.tell(Level.REFUSAL, f"{name} = {value!r}: {result.reason}")
+        self._state.update(planner=planner)  # also where refused: the control goes back
         if self._wanted:
             self._send_settings()
 
     def load(self, model: str) -> None:
         """Serve another model."""
         if not self._load_model.service_is_ready():
-            self._known.tell(Level.REFUSAL, "no model's node is there to load another model")
+            self._state.tell(Level.REFUSAL, "no model's node is there to load another model")
             return
-        self._known.update(loading=model)
-        self._known.tell(Level.NOTE, f"loads {model}")
+        self._state.update(loading=model)
+        self._state.tell(Level.NOTE, f"loads {model}")
 
         def on_reply(done: Any) -> None:
             reply = done.result()
-            self._known.update(model=reply.model, loading="")
+            self._state.update(model=reply.model, loading="")
             if reply.error_code == ErrorCode.OK:
-                self._known.tell(Level.NOTE, f"the model is {reply.model}")
+                self._state.tell(Level.NOTE, f"the model is {reply.model}")
             else:
                 stays = f"{reply.model} stays"
-                self._known.tell(Level.REFUSAL, f"load {model}: {reply.error_message}; {stays}")
+                self._state.tell(Level.REFUSAL, f"load {model}: {reply.error_message}; {stays}")
 
         self._load_model.call_async(LoadModel.Request(model=model)).add_done_callback(on_reply)
 
@@ -142,7 +142,7 @@ class Tuning:
             if node.name:
                 node.came = True
                 kind = Level.NOTE if there else Level.FAULT
-                self._known.tell(kind, f"{node.name} is {'ready' if there else 'gone'}")
+                self._state.tell(kind, f"{node.name} is {'ready' if there else 'gone'}")
             if there:
                 node.client.call_async(node.request).add_done_callback(node.on_reply)
             else:
@@ -151,12 +151,12 @@ class Tuning:
         text = describe_compilation() if missing else ""
         if not text and 0 < len(missing) < 2 + self._has_simulator():  # else a recording
             text = f"waits for {' and '.join(missing)}"
-        if text != self._known.starting:
-            self._known.update(starting=text)
+        if text != self._state.starting:
+            self._state.update(starting=text)
 
     def _on_planner(self, done: Any) -> None:
         values = map(parameter_value_to_python, done.result().values)
-        self._known.update(planner=dict(zip(self._names, values, strict=False)))
+        self._state.update(planner=dict(zip(self._names, values, strict=False)))
 
     def _end_planner(self) -> None:
         self._setting = False  # it answers nothing any more
@@ -167,7 +167,7 @@ class Tuning:
             for one in (*event.new_parameters, *event.changed_parameters)
         }
         if event.node == self._node.resolve_topic_name(LEARNER) and LEARNS in given:
-            self._known.update(learns=given[LEARNS])
+            self._state.update(learns=given[LEARNS])
         changed = {name: value for name, value in given.items() if name in self._names}
         if event.node == self._node.resolve_topic_name(PLANNER) and changed:
-            self._known.update(planner={**self._known.planner, **changed})
+            self._state.update(planner={**self._state.planner, **changed})

@@ -1,8 +1,7 @@
-"""What the page asks of the graph: goals and resets; the rest is in `tuning`."""
+"""Carries out requests: goals and resets; parameters and models are in `tuning`."""
 
 import time
 from collections.abc import Callable
-from functools import partial
 from queue import SimpleQueue
 from typing import Any, Final
 
@@ -11,14 +10,22 @@ from rclpy.node import Node
 
 from sain_bringup.ros.director import reset_request
 from sain_core.errors import ErrorCode
-from sain_core.goal import Goal
 from sain_core.ros.codec import encode_goal
 from sain_core.ros.node_main import steady_timer
 from sain_eval.scenes.families import ScenarioScene
 from sain_interfaces.action import Reach
 from sain_interfaces.msg import Plan
 from sain_interfaces.srv import ResetScene
-from sain_live.orders import Reset
+from sain_live.requests import (
+    Follow,
+    Learn,
+    LoadModel,
+    Pause,
+    Request,
+    Reset,
+    SetGoal,
+    SetParameter,
+)
 from sain_live.ros.tuning import Tuning
 from sain_live.state import Level, LiveState, Phase
 
@@ -26,20 +33,20 @@ AGAIN: Final = 0.1  # [s] between attempts to reset while a push is under way
 PATIENCE: Final = 60.0  # [s] for that push
 
 
-class Asking:
-    """Carries out the orders of viewers, on the executor's thread."""
+class Steering:
+    """Carries out the requests of viewers, on the executor's thread."""
 
-    def __init__(self, node: Node, known: LiveState) -> None:
+    def __init__(self, node: Node, state: LiveState) -> None:
         """Look for the others."""
-        self._node, self._known = node, known
-        self._orders: SimpleQueue[Callable[[], None]] = SimpleQueue()
+        self._node, self._state = node, state
+        self._requests: SimpleQueue[Request] = SimpleQueue()
         self._guard = node.create_guard_condition(self._carry_out)
         self._reach = ActionClient(node, Reach, "reach")
         self._reset_scene = node.create_client(ResetScene, "reset_scene")
-        self._tuning = Tuning(node, known, lambda: self.has_simulator)
+        self._tuning = Tuning(node, state, lambda: self.has_simulator)
         self._handle: Any = None  # of the goal that is followed
         self._goal = 0  # number of it
-        self._retry: Callable[[], None] = lambda: None  # sends a reset again
+        self._retry: Callable[[], None] | None = None  # sends a reset again
         steady_timer(node, AGAIN, self._try_again)
 
     @property
@@ -47,76 +54,54 @@ class Asking:
         """Whether there is one that can be reset."""
         return bool(self._reset_scene.service_is_ready())
 
-    # --- orders, from any thread
-
-    def start(self) -> None:
-        """Follow the goal, push by push."""
-        self._put(self._follow, 0)
-
-    def push_once(self) -> None:
-        """Follow the goal for one push."""
-        self._put(self._follow, 1)
-
-    def pause(self) -> None:
-        """Follow no goal any more."""
-        self._put(self._pause)
-
-    def aim(self, aim: Goal) -> None:
-        """Take a goal that was dragged: follow it, unless the loop is paused."""
-        self._put(self._take_aim)
-
-    def reset(self, reset: Reset) -> None:
-        """Start a new episode; raises `ConfigError` where there is no such scene."""
-        case = reset.case()
-        self._put(self._begin_reset, case, reset.world)
-
-    def set(self, name: str, value: Any) -> None:
-        """Change a parameter of the planner."""
-        self._put(self._tuning.set, name, value)
-
-    def load(self, model: str) -> None:
-        """Serve another model."""
-        self._put(self._tuning.load, model)
-
-    def learn(self, learns: bool) -> None:
-        """Learn from pushes, or not."""
-        self._put(self._tuning.learn, learns)
-
-    def _put(self, order: Callable[..., None], *given: Any) -> None:
-        self._orders.put(partial(order, *given))
+    def send(self, request: Request) -> None:
+        """Take a request, from any thread."""
+        self._requests.put(request)
         self._guard.trigger()
 
-    # --- on the executor's thread
-
     def _carry_out(self) -> None:
-        while not self._orders.empty():
-            self._orders.get()()
+        while not self._requests.empty():
+            match self._requests.get():
+                case Follow(most):
+                    self._follow(most)
+                case Pause():
+                    self._pause()
+                case Reset() as reset:
+                    self._begin_reset(reset)
+                case SetGoal():
+                    self._take_goal()
+                case SetParameter(name, value):
+                    self._tuning.set(name, value)
+                case LoadModel(model):
+                    self._tuning.load(model)
+                case Learn(enabled):
+                    self._tuning.learn(enabled)
 
     def _refuse(self, text: str) -> None:
-        self._known.tell(Level.REFUSAL, text)
+        self._state.tell(Level.REFUSAL, text)
 
-    def _take_aim(self) -> None:
-        if self._known.followed:
+    def _take_goal(self) -> None:
+        if self._state.followed:
             self._follow(0)
         else:
-            self._known.tell(Level.NOTE, "the goal is placed; Start follows it")
+            self._state.tell(Level.NOTE, "the goal is placed; Start follows it")
 
     def _follow(self, most: int) -> None:
-        known = self._known
-        if known.aim is None or known.scene is None:
+        state = self._state
+        if state.aim is None or state.scene is None:
             self._refuse("there is no goal yet: no scene was seen")
             return
         if not self._reach.server_is_ready():
             where = self._node.resolve_topic_name("reach")
             alone = f"no planner answers on {where}; a recording cannot be steered"
-            self._refuse(f"not yet: {known.starting}" if known.starting else alone)
+            self._refuse(f"not yet: {state.starting}" if state.starting else alone)
             return
-        known.update(followed=most == 0)
+        state.update(followed=most == 0)
         self._goal += 1
         number = self._goal
         stamp = self._node.get_clock().now().to_msg()
-        about = {"episode_id": known.scene.episode_id, "max_pushes": most}
-        goal = encode_goal(known.aim, stamp=stamp, goal_id=0, **about)
+        about = {"episode_id": state.scene.episode_id, "max_pushes": most}
+        goal = encode_goal(state.aim, stamp=stamp, goal_id=0, **about)
         sent = self._reach.send_goal_async(Reach.Goal(goal=goal))
         sent.add_done_callback(lambda done: self._on_accepted(number, done))
 
@@ -137,42 +122,43 @@ class Asking:
         if result.status == Plan.REACHED:
             count = f"{result.pushes} push{'' if result.pushes == 1 else 'es'}"
             text = f"reached with {count}, {1e3 * result.goal_distance:.0f} mm from the goal"
-            self._known.tell(Level.NOTE, text)
+            self._state.tell(Level.NOTE, text)
 
     def _pause(self) -> None:
         self._goal += 1
-        self._known.update(followed=False)
+        self._state.update(followed=False)
         if self._handle is not None:
             self._handle.cancel_goal_async()
             self._handle = None
-        elif self._known.phase in (Phase.PLANNING, Phase.PUSHING):
-            self._known.tell(Level.NOTE, "the goal is another sender's; it ends by its own")
+        elif self._state.phase in (Phase.PLANNING, Phase.PUSHING):
+            self._state.tell(Level.NOTE, "the goal is another sender's; it ends by its own")
 
-    def _begin_reset(self, case: ScenarioScene, world: str) -> None:
+    def _begin_reset(self, reset: Reset) -> None:
         if not self._reset_scene.service_is_ready():
             where = self._reset_scene.srv_name
             self._refuse(f"no simulator answers on {where}: reset a robot by hand")
             return
-        if self._handle is not None or self._known.followed:
+        if self._handle is not None or self._state.followed:
             self._pause()
-        request = reset_request(case)
-        request.world = world
-        self._ask_reset(case, request, time.monotonic() + PATIENCE)
+        request = reset_request(reset.case)
+        request.world = reset.world
+        self._ask_reset(reset.case, request, time.monotonic() + PATIENCE)
 
     def _try_again(self) -> None:
-        self._retry()
+        retry, self._retry = self._retry, None
+        if retry is not None:
+            retry()
 
     def _ask_reset(self, case: ScenarioScene, request: Any, until: float) -> None:
         def on_reply(done: Any) -> None:
-            reply, known = done.result(), self._known
+            reply, state = done.result(), self._state
             if reply.error_code == ErrorCode.BUSY and time.monotonic() < until:
-                known.update(why="waits for the push under way, to reset")
+                state.update(why="waits for the push under way, to reset")
                 self._retry = lambda: self._ask_reset(case, request, until)
             elif reply.error_code != ErrorCode.OK:
                 self._refuse(f"reset: {reply.error_message}")
             else:
-                known.update(aim=case.goal, phase=Phase.PAUSED, why="", pushes=0)
-                known.tell(Level.NOTE, f"{case.scenario}, seed {case.seed}")
+                state.update(aim=case.goal, phase=Phase.PAUSED, why="", pushes=0)
+                state.tell(Level.NOTE, f"{case.scenario}, seed {case.seed}")
 
-        self._retry = lambda: None
         self._reset_scene.call_async(request).add_done_callback(on_reply)

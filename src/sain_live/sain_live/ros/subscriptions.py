@@ -32,14 +32,14 @@ QOS: Final[dict[str, tuple[QoSProfile, ...]]] = {
 }
 
 
-class Listening:
+class GraphSubscriptions:
     """Hands the messages of a graph to `StateUpdater`."""
 
-    def __init__(self, node: Node, known: LiveState) -> None:
+    def __init__(self, node: Node, state: LiveState) -> None:
         """Listen from now on."""
         self._node, self._reception = node, Reception(node)
         self._picture: Subscription | None = None
-        self._updater = StateUpdater(known, lambda: bool(node.count_publishers("shapes")))
+        self._updater = StateUpdater(state, lambda: bool(node.count_publishers("shapes")))
         self._latest = []
         for topic, (kind, take) in self._updater.handlers.items():
             if topic in POLLED:
