@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from dataclasses import replace
 from io import BytesIO, StringIO
-from itertools import pairwise
+from itertools import chain, pairwise
 
 import numpy as np
 import pytest
@@ -14,7 +14,7 @@ from sain_bags.rows.episodes import Episode
 from sain_bags.rows.results import PlanRecord, RecordedPush
 from sain_bringup import movie
 from sain_bringup.display import Display, EpisodeView
-from sain_bringup.movie import Film, Moment, Scenery, choose_moments, encode_gif
+from sain_bringup.movie import Moment, Scenery, choose_moments, encode_gif, start_film
 from sain_bringup.report import PlayedEpisode, draw_picture, summary_table, written_files
 from sain_core.goal import Goal, Judgement
 from sain_core.output import claim_folder, write_whole
@@ -105,32 +105,23 @@ def test_moments_are_evenly_spaced_and_end_with_the_last() -> None:
 
 
 class FakeRenderer:
-    """Draws a red square as far right as the first joint says; some cameras see no target."""
-
-    def __init__(self, blind: int, used: list[float]) -> None:
-        self.blind, self.used, self.pixels = blind, used, (1, 1)
+    """Draws a red square as far right as the first joint says."""
 
     def __enter__(self) -> "FakeRenderer":
         return self
 
     def __exit__(self, *_: object) -> None:
-        self.close()
-
-    def close(self) -> None:
         pass
 
     def eyes(self, pairs: list, goal: np.ndarray, ring: float) -> np.ndarray:
-        assert len(pairs) == 5
         return np.arange(12.0).reshape(4, 3)
 
     def look_from(self, eye: np.ndarray) -> None:
-        if self.used[-1:] != [eye[0]]:
-            self.used.append(eye[0])
+        assert eye[0] == 0.0  # the best one
 
     def picture(
         self, joints: np.ndarray, disks: Scene, goal: np.ndarray, ring: float
     ) -> np.ndarray:
-        self.pixels = (int(joints[0] != 3 or len(self.used) > self.blind), 1)
         picture = np.full((96, 128, 3), 230, np.uint8)
         picture[40:60, int(joints[0]) * 8 :][:, :8] = (200, 60, 30)
         return picture
@@ -141,29 +132,13 @@ def in_this_process(work: Work, jobs: list, size: int) -> Iterator[object]:
     return iter([work.start().run(job) for job in jobs])
 
 
-def filmed(
-    monkeypatch: pytest.MonkeyPatch, blind: int = 0
-) -> tuple[list[Image.Image], list[float]]:
-    used: list[float] = []
-    monkeypatch.setattr(movie, "start_processes", in_this_process)
-    monkeypatch.setattr(movie.Scenery, "renderer", lambda _: FakeRenderer(blind, used))
-    scenery = Scenery(scene(0.4), None, None, GOAL, 0.08, "paper 4")
-    return Film(scenery, moments(5, 0.1), processes=2).frames(), used
-
-
-def test_a_camera_that_hides_the_target_is_moved(monkeypatch):
-    for blind, expected in ((0, [0]), (1, [0, 3]), (2, [0, 3, 6]), (99, [0, 3, 6, 0])):
-        frames, used = filmed(monkeypatch, blind)
-        assert len(frames) == 5
-        assert used == expected
-
-
 def test_the_gif_moves_and_ends_with_a_pause(monkeypatch):
-    frames, _ = filmed(monkeypatch)
+    monkeypatch.setattr(movie, "start_processes", in_this_process)
+    monkeypatch.setattr(movie.Scenery, "renderer", lambda _: FakeRenderer())
+    scenery = Scenery(scene(0.4), None, None, GOAL, 0.08, "paper 4")
+    frames = list(chain(*start_film(scenery, moments(5, 0.1), processes=2)))
     with Image.open(BytesIO(encode_gif(frames))) as shown:
-        assert shown.n_frames == 5
-        assert shown.size == (128, 96)
-        assert shown.info["duration"] == 80
+        assert (shown.n_frames, shown.size, shown.info["duration"]) == (5, (128, 96), 80)
         red = np.array(shown.convert("RGB")).reshape(-1, 3)
         shown.seek(4)
         assert shown.info["duration"] == 2080

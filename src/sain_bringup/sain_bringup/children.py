@@ -37,7 +37,6 @@ class Heartbeats:
     """The heartbeats of one process, which gets `environment`."""
 
     def __init__(self, limits: RestartLimits) -> None:
-        """Listen at an address of our own."""
         self._limits = limits
         self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
         self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_PASSCRED, 1)
@@ -143,7 +142,6 @@ class ProcessDiedError(SainError):
     """A process of the graph ended on its own; `reason` is one line, `exit_code` as in a shell."""
 
     def __init__(self, text: str, reason: str = "", exit_code: int = 1) -> None:
-        """Say why, and what the process said last."""
         super().__init__(text)
         self.reason, self.exit_code = reason or text, exit_code
 

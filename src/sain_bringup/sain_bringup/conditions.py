@@ -63,7 +63,6 @@ class Conditions:
     """Decides which line is printed when: once for each condition, and again when it comes back."""
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
-        """Begin without any."""
         self._clock = clock
         self._conditions: dict[tuple[str, str], _Condition] = {}  # by source and kind of line
 

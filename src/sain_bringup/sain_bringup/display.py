@@ -19,7 +19,6 @@ class Display:
     """Shows progress: in a terminal a moving line, elsewhere plain lines."""
 
     def __init__(self, console: Console) -> None:
-        """Show on this console."""
         self.console = console
         self._waiting = WaitingLine(console)
         self.begun = 0  # episodes that were played, whole or in part
@@ -70,7 +69,6 @@ class EpisodeView:
     """One episode as it is shown: the distance from target to goal after each push."""
 
     def __init__(self, display: Display, name: str) -> None:
-        """Begin with nothing known."""
         self._display = display
         self.name = name
         self.distances: list[float] = []  # [m]

@@ -102,7 +102,6 @@ class GraphOptions(Config):
     )
 
     def __post_init__(self) -> None:
-        """Check the fields, the model's name, the files, and that options fit together."""
         super().__post_init__()
         check_model_name(self.model)
         check_engine(self.engine)

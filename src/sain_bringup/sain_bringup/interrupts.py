@@ -13,7 +13,6 @@ class Stopped(BaseException):
     """A signal asked the program to end."""
 
     def __init__(self, number: int) -> None:
-        """Remember which signal."""
         super().__init__(number)
         self.number = number
 
@@ -26,7 +25,6 @@ class Interrupts:
     """
 
     def __init__(self) -> None:
-        """Take over the signals."""
         self._number: int | None = None
         self._deferred = False
         for number in SIGNALS:

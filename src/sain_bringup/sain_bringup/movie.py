@@ -5,12 +5,12 @@ is what happened.
 """
 
 import os
-from collections.abc import Sequence
+from collections.abc import Generator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from io import BytesIO
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any, Final, NamedTuple
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from jaxtyping import Float, UInt8
@@ -40,7 +40,6 @@ WIDTH, HEIGHT = 480, 360  # [px], of a picture
 LONGEST: Final = 60  # pictures at most; a longer episode is shown faster
 SAMPLES: Final = 8  # pictures that the common palette is made from
 SWATCH: Final = 40  # [px], rows that a rare colour gets in the sheet for the palette
-VIEWS: Final = 3  # cameras that are tried until one shows target and goal in every picture
 
 Picture = UInt8[ndarray, "height width 3"]
 
@@ -117,62 +116,38 @@ class Scenery:
         return renderer
 
 
-class FilmPart(NamedTuple):
-    """Moments of a film, seen from one place."""
-
-    moments: Sequence[Moment]
-    eye: Float[ndarray, "3"]  # [m]
-    whatever: bool  # pictures that hide the target or the goal count, too
-
-
-def render(scenery: Scenery, part: FilmPart) -> list[Image.Image] | None:
-    """Return the pictures of a part; None where one hides the target or the goal."""
-    frames = []
+def render(
+    scenery: Scenery, eye: Float[ndarray, "3"], moments: Sequence[Moment]
+) -> list[Image.Image]:
+    """Return the pictures of moments, seen from one place."""
     with scenery.renderer() as renderer:
-        renderer.look_from(part.eye)
-        for moment in part.moments:
-            picture = renderer.picture(moment.joints, moment.scene, scenery.goal, scenery.ring)
-            if not (part.whatever or all(renderer.pixels)):
-                return None
-            frames.append(_caption(picture, scenery.title, moment.judged))
-    return frames
+        renderer.look_from(eye)
+        return [
+            _caption(
+                renderer.picture(moment.joints, moment.scene, scenery.goal, scenery.ring),
+                scenery.title,
+                moment.judged,
+            )
+            for moment in moments
+        ]
 
 
-class Film:
-    """The pictures of an episode, rendered on all cores as soon as this is made.
+def start_film(
+    scenery: Scenery, moments: Sequence[Moment], processes: int = 0
+) -> Generator[list[Image.Image], None, None]:
+    """Begin to render in so many processes, 0: one for each core; to close it ends them.
 
-    The camera stands where no picture hides the target or the goal, or else in the best place.
+    The camera stands where the arm hides the target and the goal least.
     """
-
-    def __init__(self, scenery: Scenery, moments: Sequence[Moment], processes: int = 0) -> None:
-        """Begin to render in so many processes; 0: one for each core."""
-        with scenery.renderer() as renderer:
-            seen = [(moment.joints, moment.scene) for moment in moments]
-            eyes = renderer.eyes(seen, scenery.goal, scenery.ring)
-        self._views = [*((eye, False) for eye in eyes[:VIEWS]), (eyes[0], True)]
-        size = min(processes or len(os.sched_getaffinity(0)), MOST_PROCESSES, len(moments))
-        ends = np.linspace(0, len(moments), size + 1).astype(int).tolist()
-        self._parts = [moments[first:last] for first, last in pairwise(ends)]
-        start = partial(FunctionRunner, partial(render, scenery))
-        self._work = Work(start, Software((), ()))  # there is nothing that pictures must agree with
-        self._begin()
-
-    def _begin(self) -> None:
-        eye, whatever = self._views.pop(0)
-        parts = [FilmPart(moments, eye, whatever) for moments in self._parts]
-        self._pictures = start_processes(self._work, parts, len(parts))
-
-    def frames(self) -> list[Image.Image]:
-        """Wait for the pictures and return them."""
-        while True:
-            parts = list(self._pictures)
-            if None not in parts:
-                return [frame for part in parts if part is not None for frame in part]
-            self._begin()  # from the next place; from the last one, all pictures count
-
-    def close(self) -> None:
-        """End the processes, also in the middle of the work."""
-        self._pictures.close()
+    with scenery.renderer() as renderer:
+        seen = [(moment.joints, moment.scene) for moment in moments]
+        eye = renderer.eyes(seen, scenery.goal, scenery.ring)[0]
+    size = min(processes or len(os.sched_getaffinity(0)), MOST_PROCESSES, len(moments))
+    ends = np.linspace(0, len(moments), size + 1).astype(int).tolist()
+    parts = [moments[first:last] for first, last in pairwise(ends)]
+    start = partial(FunctionRunner, partial(render, scenery, eye))
+    # There is nothing that pictures must agree with.
+    return start_processes(Work(start, Software((), ())), parts, len(parts))
 
 
 def encode_gif(frames: Sequence[Image.Image]) -> bytes:

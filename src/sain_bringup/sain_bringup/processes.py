@@ -164,7 +164,6 @@ class Supervisor:
         return killed
 
     def __enter__(self) -> Self:
-        """Return the supervisor."""
         return self
 
     def __exit__(self, *_: object) -> None:

@@ -1,12 +1,13 @@
 """What a run leaves behind: summary, pictures and a page, all read back from the bag."""
 
-from collections.abc import Sequence
+from collections.abc import Generator, Sequence
 from contextlib import ExitStack, closing
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
+from PIL import Image
 from rich.text import Text
 
 from sain_bags.reading.reader import Bag
@@ -15,7 +16,13 @@ from sain_bags.report.writing import write_page
 from sain_bags.rows.episodes import Episode, read_episodes
 from sain_bringup.display import Display
 from sain_bringup.graph import EPISODES_KEY, NAMESPACE_KEY
-from sain_bringup.movie import Film, Scenery, choose_moments, encode_gif, episode_moments
+from sain_bringup.movie import (
+    Scenery,
+    choose_moments,
+    encode_gif,
+    episode_moments,
+    start_film,
+)
 from sain_core.cli.terminal import FittingTable
 from sain_core.output import write_json, write_whole
 from sain_core.view.scenes import goal_marks
@@ -165,7 +172,7 @@ def write_results(folder: Path, video: bool, display: Display) -> bool:
             write_page(folder / "report.html", read_content(bag).data)
         if film is not None:
             with display.stage("rendering the moving picture", "moving picture rendered"):
-                gif = encode_gif(film.frames())
+                gif = encode_gif([picture for part in film for picture in part])
                 write_whole(folder / "closed_loop.gif", gif)
     display.console.print()
     display.console.print(summary_table(summaries), soft_wrap=True)
@@ -203,7 +210,7 @@ def choose_episode(played: Sequence[PlayedEpisode]) -> PlayedEpisode:
     return max(played, key=rank)
 
 
-def begin_film(bag: Bag, one: PlayedEpisode) -> Film:
+def begin_film(bag: Bag, one: PlayedEpisode) -> Generator[list[Image.Image], None, None]:
     """Begin to render one episode from its recording."""
     one = one.last_part()
     assert one.episode.goal is not None
@@ -214,4 +221,4 @@ def begin_film(bag: Bag, one: PlayedEpisode) -> Film:
     ring = mark.body.radius + mark.tolerance
     shapes = tuple(shape.name for shape in bodies.shapes)
     scenery = Scenery(start, shapes, outline, mark.body.place, ring, one.title)
-    return Film(scenery, choose_moments(episode_moments(bag, one.episode)))
+    return start_film(scenery, choose_moments(episode_moments(bag, one.episode)))

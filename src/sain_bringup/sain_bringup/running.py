@@ -130,7 +130,6 @@ class Logs:
     """What processes say, as they say it."""
 
     def __init__(self, paths: list[Path]) -> None:
-        """Begin with these files."""
         self._places = dict.fromkeys(paths, 0)
 
     def show(self) -> None:

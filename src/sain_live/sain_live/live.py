@@ -34,7 +34,6 @@ class LiveOptions(GraphOptions):
     )
 
     def __post_init__(self) -> None:
-        """Check the fields, those of the page, and that the engine simulates the world."""
         super().__post_init__()
         TruthConfig(self.world, engine=self.engine, bottom=self.bottom)
         PageConfig(self.host, self.port, self.scenario, self.seed)

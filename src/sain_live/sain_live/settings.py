@@ -40,7 +40,6 @@ class PageConfig(Config):
     )
 
     def __post_init__(self) -> None:
-        """Check the fields and the scenario."""
         super().__post_init__()
         if self.scenario != NO_SCENARIO:
             OFFERED.check(self.scenario)

@@ -53,7 +53,6 @@ def test_a_goal_with_a_heading_is_shown_as_the_outline_of_the_body():
         there[:2] = goal
         renderer.mark_goal(get_shape(T).placed(there))
         marked = renderer.picture(JOINTS, scene, goal)
-        assert renderer.pixels.goal > 5
     changed = [np.abs(p.astype(int) - bare).max(axis=-1) > 20 for p in (ringed, marked)]
     assert changed[0].any() and changed[1].any() and (changed[0] != changed[1]).any()
 

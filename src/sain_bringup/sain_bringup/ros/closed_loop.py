@@ -90,7 +90,6 @@ class ClosedLoopOptions(GraphOptions):
     )
 
     def __post_init__(self) -> None:
-        """Check the fields, those of the graph, and the scenario."""
         super().__post_init__()
         if self.scenario is not None:
             OFFERED.check(self.scenario)

@@ -55,7 +55,6 @@ class GoalSender:
     """Sends one goal by the action, and prints what the planner says."""
 
     def __init__(self, node: "Node", console: Console) -> None:
-        """Look for the planner."""
         from rclpy.action import ActionClient
 
         from sain_bringup.ros.listener import GraphListener

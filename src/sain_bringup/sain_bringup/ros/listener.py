@@ -70,7 +70,6 @@ class LatestMessage:
     """Takes the latest message of a topic when it is asked for; none of them wakes the executor."""
 
     def __init__(self, node: Node, kind: type, topic: str) -> None:
-        """Subscribe."""
         self._subscription = node.create_subscription(
             kind, topic, print, QoSProfile(depth=1), callback_group=_Untriggered()
         )

@@ -31,7 +31,6 @@ class Progress:
     """
 
     def __init__(self, view: EpisodeView, clock: Callable[[], float] = time.monotonic) -> None:
-        """Begin before the first goal."""
         self._view = view
         self._clock = clock
         self._case: ScenarioScene | None = None

@@ -40,7 +40,6 @@ class Watcher:
     """Observes the graph and publishes nothing."""
 
     def __init__(self, node: "Node") -> None:
-        """Observe it by this node."""
         self.node = node
         self.received = 0
 

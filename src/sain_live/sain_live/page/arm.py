@@ -111,7 +111,6 @@ class ArmView:
     """Draws the arm as its joints are."""
 
     def __init__(self, server: viser.ViserServer) -> None:
-        """Draw nothing yet."""
         self._scene = server.scene
         self._root: Any = None
         self._drawn: LiveArm | None = None

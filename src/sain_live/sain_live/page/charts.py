@@ -38,7 +38,6 @@ class ChartsView:
     """Draws three charts and the log, in a panel of their own."""
 
     def __init__(self, server: viser.ViserServer) -> None:
-        """Make the panel."""
         self._drawn: LiveCurves | None = None
         self._lines = -1
         panel = server.gui.add_panel()

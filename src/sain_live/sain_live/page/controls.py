@@ -55,7 +55,6 @@ class ControlsView:
     def __init__(
         self, server: viser.ViserServer, state: LiveState, send: Send, config: PageConfig
     ) -> None:
-        """Make the controls."""
         self._gui, self._state, self._send = server.gui, state, send
         self._status = ""
         self._text = self._gui.add_html("")
@@ -199,7 +198,6 @@ class PlannerForm:
     """The tab with the settings of the planner. A change counts from the next plan on."""
 
     def __init__(self, server: viser.ViserServer, state: LiveState, send: Send) -> None:
-        """Make the controls, with the defaults."""
         self._state, self._send = state, send
         self._shown: Mapping[str, Any] = {}
         self._controls: dict[str, tuple[Any, Any]] = {}

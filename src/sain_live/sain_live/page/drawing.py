@@ -96,7 +96,6 @@ class ThingsView:
     """Draws lists of things, each in a group of nodes; a new list replaces that of its group."""
 
     def __init__(self, scene: viser.SceneApi) -> None:
-        """Draw nothing yet."""
         self._scene = scene
         self._nodes: dict[str, list[Any]] = {}
         self._bodies: dict[int, tuple[DrawnBody, tuple[Any, Any, Any]]] = {}

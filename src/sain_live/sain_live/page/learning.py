@@ -23,7 +23,6 @@ class LearningView:
     """The tab of a laboratory, beside the charts."""
 
     def __init__(self, gui: viser.GuiApi) -> None:
-        """Make the tab's contents, in the tab that is open."""
         self._shown: Learned | None = None
         self._text = gui.add_html(learning_text(None))
         series = [

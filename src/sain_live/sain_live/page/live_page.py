@@ -36,7 +36,6 @@ class PictureView:
     """The tab of the camera, beside the charts."""
 
     def __init__(self, gui: viser.GuiApi) -> None:
-        """Make the tab's contents, in the tab that is open."""
         self._gui = gui
         self._text = gui.add_html(NOTHING)
         self._image: Any = gui.add_image(np.full((2, 2, 3), 255, np.uint8), visible=False)

@@ -20,7 +20,6 @@ class PlayingView:
     """The tab of a recording, in place of the controls of a graph."""
 
     def __init__(self, server: viser.ViserServer, player: RecordingPlayer) -> None:
-        """Make the controls."""
         self._player, gui = player, server.gui
         self._viser = server.get_event_loop()
         self._status, self._moved = "", 0.0

@@ -26,7 +26,6 @@ class SceneView:
     """Draws the scene, as far as it is new."""
 
     def __init__(self, server: viser.ViserServer) -> None:
-        """Draw the table."""
         server.scene.set_background_image(sky(256), format="png")
         self._view = ThingsView(server.scene)
         self._view.show("stage", stage(FEASIBILITY))

@@ -26,7 +26,6 @@ class PageNode(Node):
     """
 
     def __init__(self, **options: Any) -> None:
-        """Listen to the graph, or read the recording, and listen to browsers."""
         super().__init__("page_node", namespace=NAMESPACE, **options)
         self.config = config = read_parameters(self, PageConfig)
         check_free(config.host, config.port)

@@ -37,7 +37,6 @@ class Steering:
     """Carries out the requests of viewers, on the executor's thread."""
 
     def __init__(self, node: Node, state: LiveState) -> None:
-        """Look for the others."""
         self._node, self._state = node, state
         self._requests: SimpleQueue[Request] = SimpleQueue()
         self._guard = node.create_guard_condition(self._carry_out)

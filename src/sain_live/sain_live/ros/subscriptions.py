@@ -36,7 +36,6 @@ class GraphSubscriptions:
     """Hands the messages of a graph to `StateUpdater`."""
 
     def __init__(self, node: Node, state: LiveState) -> None:
-        """Listen from now on."""
         self._node, self._reception = node, Reception(node)
         self._picture: Subscription | None = None
         self._updater = StateUpdater(state, lambda: bool(node.count_publishers("shapes")))

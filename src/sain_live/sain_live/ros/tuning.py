@@ -41,7 +41,6 @@ class Tuning:
     """Follows and changes parameters and model. All calls come from the executor's thread."""
 
     def __init__(self, node: Node, state: LiveState, has_simulator: Callable[[], bool]) -> None:
-        """Look for planner and model."""
         self._node, self._state, self._has_simulator = node, state, has_simulator
         self._load_model = node.create_client(LoadModel, "load_model")
         self._set = node.create_client(SetParameters, f"{PLANNER}/set_parameters")

@@ -58,7 +58,6 @@ class Health:
     """Writes what nodes report on ``/diagnostics`` into the log."""
 
     def __init__(self, state: LiveState) -> None:
-        """Begin without a report."""
         self._state = state
         self._levels: dict[str, tuple[bytes, str]] = {}
 

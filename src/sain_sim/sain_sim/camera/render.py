@@ -7,7 +7,7 @@ drawn twice as large and averaged down, which smooths the edges.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final, NamedTuple
+from typing import Final
 
 import numpy as np
 from jaxtyping import Float, Int, UInt8
@@ -73,13 +73,6 @@ class CameraConfig(Config):
     oversampling: int = option(2, "drawn so many times larger", minimum=1, maximum=4)
 
 
-class Pixels(NamedTuple):
-    """How much of a picture, before it is averaged down, shows what matters."""
-
-    target: int
-    goal: int
-
-
 class Renderer(Closeable):
     """Takes pictures of a Panda, a table and N disks."""
 
@@ -115,8 +108,7 @@ class Renderer(Closeable):
         self._projection = self._client.computeProjectionMatrixFOV(
             camera.field_of_view, camera.width / camera.height, NEAR, FAR
         )
-        self._ring = self._mark = _UNMADE
-        self.pixels = Pixels(0, 0)  # of the last picture
+        self._mark = _UNMADE
         self.look_from(np.array(camera.eye))
 
     def look_from(self, eye: Eye) -> None:
@@ -175,15 +167,11 @@ class Renderer(Closeable):
             client.resetBasePositionAndOrientation(body, place, turn)
         for body in self._goals.values():
             client.resetBasePositionAndOrientation(body, OFF_STAGE, [0, 0, 0, 1])
-        if goal is not None and self._mark != _UNMADE:
-            self._ring = self._mark
-        elif goal is not None:
-            ring = self._goals.setdefault(goal_radius, _UNMADE)
-            if ring == _UNMADE:
-                ring = self._goals[goal_radius] = build_ring(client, goal_radius)
+        if goal is not None and self._mark == _UNMADE:
+            if goal_radius not in self._goals:
+                self._goals[goal_radius] = build_ring(client, goal_radius)
             place = [float(goal[0]), float(goal[1]), 0.0]
-            client.resetBasePositionAndOrientation(ring, place, [0, 0, 0, 1])
-            self._ring = ring
+            client.resetBasePositionAndOrientation(self._goals[goal_radius], place, [0, 0, 0, 1])
 
     def picture(
         self, joints: Joints, scene: Scene, goal: Points | None = None, goal_radius: float = 0.05
@@ -193,9 +181,6 @@ class Renderer(Closeable):
         camera, times = self.camera, self.camera.oversampling
         colours, _, bodies = self.draw(camera.width * times, camera.height * times)
         body = bodies[..., None]
-        target = self._disks[min(TARGET, len(self._disks) - 1)]
-        ring = self._ring if goal is not None else _UNMADE - 1
-        self.pixels = Pixels(int((body == target).sum()), int((body == ring).sum()))
         image = _average(colours, times)
         on_table = _average(body == self._table_top, times)
         shade = 1 - on_table * (
