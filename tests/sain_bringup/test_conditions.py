@@ -14,67 +14,32 @@ class Clock:
         return self.now
 
 
-@pytest.fixture
-def clock():
-    return Clock()
+NEAR, FAR = "the goal (0.9, 0.0) is out of reach", "the goal (0.8, 0.1) is out of reach"
 
 
-@pytest.fixture
-def conditions(clock):
-    return Conditions(clock)
-
-
-@pytest.fixture
-def heard(clock, conditions):
-    """Report lines of one source for so long [s], once a second; returns what is printed."""
-
-    def hear(seconds, line, period=1.0, **more):
-        printed, end, due = [], clock.now + seconds, clock.now
+@pytest.mark.parametrize(
+    ("reports", "printed"),
+    [
+        ([(3.0, CAMERA), (60.0, CAMERA)], [CAMERA]),  # once
+        ([(3.0, CAMERA), (1.0, ""), (3.0, CAMERA)], [CAMERA, CAMERA]),  # cleared, and back
+        ([(3.0, CAMERA), (3.0, "camera: no tag")], [CAMERA, "camera: no tag"]),
+        ([(LASTS - 0.5, CAMERA), (10.0, "")], []),  # clears by itself
+        (120 * [(0.25, CAMERA), (0.25, "")], [CAMERA]),  # flickers
+        ([(20.0, NEAR), (AGAIN, FAR)], [NEAR, FAR]),  # other numbers, when they last
+        ([(3.0, CAMERA), (FORGOTTEN, None), (3.0, CAMERA)], [CAMERA, CAMERA]),  # its source died
+    ],
+)
+def test_each_condition_is_printed_once_and_again_after_it_has_cleared(reports, printed):
+    clock = Clock()
+    conditions, lines = Conditions(clock), []
+    for seconds, line in reports:
+        end = clock.now + seconds
         while clock.now < end:
-            if clock.now >= due:
-                conditions.report("camera", line() if callable(line) else line, **more)
-                due += period
-            printed += conditions.take()
+            if line is not None and (clock.now % 1.0 == 0.0 or seconds < 1.0):
+                conditions.report("camera", line)
+            lines += conditions.take()
             clock.now += 0.25
-        return printed
-
-    return hear
-
-
-def test_a_warning_is_printed_once_within_three_seconds(heard, clock):
-    assert heard(3.0, CAMERA) == [CAMERA]
-    assert heard(60.0, CAMERA) == []
-
-
-def test_one_that_clears_and_comes_back_is_printed_again(heard):
-    assert heard(3.0, CAMERA) == [CAMERA]
-    assert heard(1.0, "") == []
-    assert heard(3.0, CAMERA) == [CAMERA]
-
-
-def test_another_one_of_the_same_source_is_printed_beside_it(heard):
-    assert heard(3.0, CAMERA) + heard(3.0, "camera: no tag") == [CAMERA, "camera: no tag"]
-
-
-def test_a_warning_that_clears_at_once_is_not_printed(heard):
-    assert heard(LASTS - 0.5, CAMERA) + heard(10.0, "") == []
-
-
-def test_one_that_flickers_is_printed_once(heard):
-    flicker = iter([CAMERA, ""] * 1000)
-    assert heard(60.0, lambda: next(flicker), period=0.25) == [CAMERA]
-
-
-def test_the_same_words_with_other_numbers_are_printed_when_they_last(heard):
-    goals = ["the goal (0.9, 0.0) is out of reach", "the goal (0.8, 0.1) is out of reach"]
-    printed = heard(20.0, goals[0]) + heard(AGAIN, goals[1])
-    assert printed == goals
-
-
-def test_one_whose_source_died_is_printed_again_when_it_comes_back(heard, clock):
-    assert heard(3.0, CAMERA) == [CAMERA]
-    clock.now += FORGOTTEN
-    assert heard(3.0, CAMERA) == [CAMERA]
+    assert lines == printed
 
 
 @pytest.mark.parametrize(

@@ -59,16 +59,6 @@ def wait_for(log: Path, text: str) -> None:
     until(lambda: log.exists() and text in log.read_text())
 
 
-def test_processes_log_and_end_in_order(tmp_path: Path) -> None:
-    with Supervisor(tmp_path / "logs", StopTimes(interrupt=20.0)) as supervisor:
-        supervisor.start("orderly", python(ORDERLY))
-        (child,) = supervisor.children
-        wait_for(child.log, "up")
-        supervisor.check()
-    assert child.process.returncode == 0
-    assert (tmp_path / "logs" / "orderly.log").read_text() == "up\nclosing\nclosed\n"
-
-
 def test_a_process_that_dies_is_reported_with_its_last_words(tmp_path):
     with Supervisor(tmp_path, QUICK) as supervisor:
         supervisor.start("steady", SLEEP)
@@ -157,11 +147,3 @@ def test_a_second_interrupt_does_not_disturb_the_end(tmp_path):
     assert done.stderr == ""
     assert gone(int(done.stdout))
     assert (tmp_path / "orderly.log").read_text() == "up\nclosing\nclosed\n"
-
-
-def test_a_command_that_does_not_exist_is_reported(tmp_path):
-    with Supervisor(tmp_path, QUICK) as supervisor:
-        supervisor.start("ghost", [str(tmp_path / "no-such-program")])
-        until(lambda: supervisor.children[0].process.poll() is not None)
-        with pytest.raises(ProcessDiedError, match="No such file"):
-            supervisor.check()

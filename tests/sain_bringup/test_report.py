@@ -14,10 +14,9 @@ from sain_bags.rows.episodes import Episode
 from sain_bags.rows.results import PlanRecord, RecordedPush
 from sain_bringup import movie
 from sain_bringup.display import Display, EpisodeView
-from sain_bringup.movie import Moment, Scenery, choose_moments, encode_gif, start_film
-from sain_bringup.report import PlayedEpisode, draw_picture, summary_table, written_files
+from sain_bringup.movie import Moment, Scenery, encode_gif, start_film
+from sain_bringup.report import PlayedEpisode, draw_picture, summary_table
 from sain_core.goal import Goal, Judgement
-from sain_core.output import claim_folder, write_whole
 from sain_core.push import idle_pushes, make_push
 from sain_core.scene import make_scene
 from sain_core.types import Scene
@@ -96,14 +95,6 @@ def moments(count: int, step: float) -> list[Moment]:
     ]
 
 
-def test_moments_are_evenly_spaced_and_end_with_the_last() -> None:
-    chosen = choose_moments(moments(201, 0.05))
-    times = [moment.time for moment in chosen]
-    assert times[0] == 0.0
-    assert times[-1] == pytest.approx(10.0)
-    np.testing.assert_allclose(np.diff(times), 0.25)
-
-
 class FakeRenderer:
     """Draws a red square as far right as the first joint says."""
 
@@ -160,11 +151,3 @@ def test_the_line_of_an_episode():
     long = shown([0.1 * n for n in range(12)])
     assert "0 → … → 500 → 600" in long
     assert long.endswith("1100 mm")
-
-
-def test_the_files_to_open_are_listed_without_the_manifest(tmp_path):
-    for name in ("summary.json", "closed_loop.gif", "report.html"):
-        write_whole(claim_folder(tmp_path / "run") / name, b"")
-    (tmp_path / "run" / "bag").mkdir()
-    listed = [path.name for path in written_files(tmp_path / "run")]
-    assert listed == ["report.html", "closed_loop.gif", "summary.json", "bag"]

@@ -1,7 +1,5 @@
 """A recording that is played, without a page."""
 
-import time
-
 import pytest
 
 from sain_live.player import Chapter, Recording, RecordingPlayer, Snapshot
@@ -54,13 +52,6 @@ def test_steps_go_from_push_to_push_and_on_into_the_next_chapter_and_back(played
         player.step(forward=False)
         seen.append(state.why)
     assert seen == ["two 0.5", "two 0.0", "one 3.0", "one 1.0", "one 0.0"]
-
-
-def wait(done):
-    end = time.monotonic() + 20.0
-    while not done():
-        assert time.monotonic() < end
-        time.sleep(0.005)
 
 
 def test_playing_goes_through_all_and_stops_at_the_end():

@@ -1,7 +1,5 @@
 """What viewers ask for: resets, settings, and goals, which are checked before they are sent."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -43,11 +41,3 @@ def test_into_a_body_that_stays_is_refused_in_words(role):
     bodies = Bodies.named(["t", "disk"], ["pushable", role])
     with pytest.raises(InvalidInputError, match=r"goal of body 0 .*body 1"):
         check_goal(AIM.with_pose(0, 0.6, -0.2, 0.0), SCENE, bodies)
-
-
-def test_a_moved_goal_keeps_the_rest():
-    moved = AIM.with_pose(0, 0.4, 0.1, 1.0).poses[0]
-    assert moved == replace(AIM.poses[0], x=0.4, y=0.1, heading=1.0)
-    place = Goal.place(0.5, 0.0, 0.01).with_pose(1, 0.6, 0.1, 2.0)
-    assert (place.poses[0].heading, place.tolerance) == (None, 0.01)
-    assert place.places.tolist() == [[0.6, 0.1]]

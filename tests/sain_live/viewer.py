@@ -32,7 +32,6 @@ class Viewer:
     Attributes:
         nodes: of the scene, by name, with what was last said of each.
         controls: by identity, likewise.
-        frames: when [s] updates of the scene came, each of which may have several messages.
     """
 
     def __init__(self, port: int, origin: str | None = None) -> None:
@@ -48,7 +47,6 @@ class Viewer:
         )
         self.nodes: dict[str, dict[str, Any]] = {}
         self.controls: dict[str, dict[str, Any]] = {}
-        self.frames: list[float] = []
         self._thread = threading.Thread(target=self._listen, daemon=True)
         self._thread.start()
         self.send("ViewerCameraMessage", **CAMERA)
@@ -109,14 +107,12 @@ class Viewer:
         size = int.from_bytes(raw[HEADER : 2 * HEADER], "little")
         packed = raw[2 * HEADER : 2 * HEADER + size]
         messages = msgspec.msgpack.decode(zstandard.ZstdDecompressor().decompress(packed))
-        moved = False
         for message in messages["messages"]:
             name, uuid = message.get("name"), message.get("uuid")
             if message["type"] == "RemoveSceneNodeMessage":
                 for below in [one for one in self.nodes if f"{one}/".startswith(f"{name}/")]:
                     del self.nodes[below]
             elif name is not None:
-                moved = True
                 state = self.nodes.setdefault(name, {})
                 pose = {k: tuple(v) for k, v in message.items() if k in ("position", "wxyz")}
                 state.update(pose)
@@ -126,5 +122,3 @@ class Viewer:
                 state.update(message.get("updates", {}))
                 if "value" in message:
                     state["value"] = message["value"]
-        if moved:
-            self.frames.append(time.monotonic())

@@ -10,7 +10,7 @@ from sain_core.push import LENGTH, SPEED, make_push
 from sain_core.randomness import generator
 from sain_core.scene import POSITION, TARGET, make_scene, unit
 from sain_core.shapes.bodies import PAPER_DISKS
-from sain_mppi.config import MPPI, MPPI_ROUNDS, PlannerConfig
+from sain_mppi.config import PlannerConfig
 from sain_mppi.objective.problem import Problem
 from sain_mppi.planner import Planner
 
@@ -46,21 +46,6 @@ def test_the_next_plan_starts_from_the_rest_of_the_last(scene, dynamics):
     small = planner(dynamics, samples=1, rounds=1, stuck_rounds=0, correction_within=0.0)
     then = small.plan(problem(first.predicted[0]), generator(1), first.rest)
     np.testing.assert_allclose(then.pushes[:-1], first.pushes[1:])
-
-
-@pytest.mark.parametrize("algorithm", [MPPI_ROUNDS, MPPI])
-def test_few_samples_are_enough_where_the_last_plan_goes_on(scene, dynamics, algorithm):
-    plans = planner(dynamics, algorithm=algorithm, samples=256)
-    few = planner(dynamics, algorithm=algorithm, samples=8)
-    warm_costs, cold_costs = [], []
-    for seed in range(5):
-        first = plans.plan(problem(scene), generator(seed))
-        after = problem(first.predicted[0])
-        warm_costs.append(few.plan(after, generator(seed, 1), first.rest).cost)
-        cold_costs.append(few.plan(after, generator(seed, 1)).cost)
-        without = replace(few, config=replace(few.config, warm_start=False))
-        assert without.plan(after, generator(seed, 1), first.rest).cost == cold_costs[-1]
-    assert np.mean(warm_costs) < np.mean(cold_costs)
 
 
 def test_the_plan_for_another_goal_is_no_start(scene, dynamics):

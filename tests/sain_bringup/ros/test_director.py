@@ -117,35 +117,3 @@ def test_a_push_without_a_result_is_waited_for_in_vain_only_after_a_crash(
     else:
         with pytest.raises(GraphTimeoutError, match="no sign of planner or simulator"):
             play(graph, statuses, case, timeout=1.5)
-
-
-class StartingSupervisor(Supervisor):
-    """A supervisor of a model that gives signs of life for a while, and is never ready."""
-
-    def __init__(self, alive_for):
-        self.alive_until = monotonic() + alive_for
-
-    def starting(self, names):
-        return ["model"]
-
-    def heard_at(self, names):
-        return min(monotonic(), self.alive_until)
-
-    def last_words(self, name):
-        return f"; the end of its log:\n{name} compiles"
-
-
-def test_a_process_that_gives_signs_of_life_is_waited_for_and_then_named_with_its_log(ros_domain):
-    supervisor = StartingSupervisor(alive_for=1.0)
-    with ros_context():
-        director = Director(lambda: None, 0.5, supervisor)
-        try:
-            with pytest.raises(GraphTimeoutError) as told:
-                director.wait_for_graph(lambda: supervisor.starting([]), lambda text: None)
-        finally:
-            director.destroy_node()
-    assert monotonic() > supervisor.alive_until + 0.5
-    assert str(told.value) == (
-        "waited 0.5 s for the graph; still missing: model is ready; model makes no progress;"
-        " the end of its log:\nmodel compiles"
-    )

@@ -97,11 +97,6 @@ def test_a_planner_in_another_domain_is_named(graph, listener, monkeypatch):
     assert "export" not in listener.absence(PLANNER)
 
 
-def test_whose_graph_still_starts_is_not_sent_to_another(graph):
-    own = GraphListener(graph.bystander, print, starts=True)
-    assert own.absence(PLANNER).endswith(" yet; wait, or look at its log")
-
-
 def test_scenes_that_stop_are_missed_and_their_node_is_named(graph, listener, lines):
     node = graph.add(Node("scene_node", namespace="sain", context=graph.context))
     scenes = node.create_publisher(Scene, "scene", RELIABLE)

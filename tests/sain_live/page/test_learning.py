@@ -3,7 +3,7 @@
 import numpy as np
 
 from sain_core.wire.learning import Learned, LearnedCurve
-from sain_live.page.learning import error_data, learning_text, parameter_table
+from sain_live.page.learning import error_data, learning_text
 
 
 def curve(name, pushes, *rows, unit="m"):
@@ -29,10 +29,6 @@ def test_all_curves_share_their_places_and_are_in_millimetres():
     np.testing.assert_allclose(columns[0], [np.nan, 2.0, 4.0])
     np.testing.assert_allclose(columns[4], [np.nan, np.nan, 0.5])
     assert np.isnan(columns[6:]).all()  # nothing was in service
-
-
-def test_a_spread_that_grew_sharp_has_a_short_bar():
-    assert "width:25%" in parameter_table(LEARNED)
 
 
 def test_texts_of_strangers_are_text():

@@ -5,7 +5,6 @@ import pytest
 from diagnostic_msgs.msg import DiagnosticArray
 
 from sain_core.errors import ErrorCode
-from sain_core.model import Model
 from sain_core.ros import codec
 from sain_interfaces.msg import Plan
 from sain_live.requests import Follow, LoadModel, Pause, Reset, SetParameter
@@ -13,7 +12,6 @@ from sain_live.ros import tuning
 from sain_live.ros.page_node import PageNode
 from sain_live.state import Level, Phase
 from sain_model.ros.model_node import ModelNode
-from sain_model.serving import server
 from sain_mppi.ros.mppi_node import MppiNode
 from sain_sim.ros.sim_node import SimNode
 from tests.sain_live.straw import SCENE, free_port
@@ -128,24 +126,6 @@ def test_settings_and_models_are_live_and_refusals_are_told(graph, whole):
     graph.push(message, 5, (0.0, 0.0, 0.1))
     assert graph.result(5).error_code == ErrorCode.STALE_SCENE
     graph.wait(lambda: "push refused" in told(whole), "the line")
-
-
-class DisksAlone(Model):
-    def step(self, scenes, pushes):
-        return scenes.copy()
-
-
-def test_a_model_that_cannot_predict_the_bodies_is_refused_and_the_old_one_stays(
-    graph, whole, monkeypatch
-):
-    monkeypatch.setattr(server, "load_dynamics", lambda name: DisksAlone())
-    whole.steering.send(Reset.draw("push_t", 1))
-    model = next(node for node in graph.nodes if isinstance(node, ModelNode))
-    graph.wait(lambda: model.service.bodies.shapes[0].name == "t", "the T")
-    whole.steering.send(LoadModel("identity"))
-    words = "can only predict disks with the paper's roles; the bodies are t"
-    graph.wait(lambda: words in told(whole), "the words")
-    assert whole.state.model == "planar"
 
 
 def test_the_page_says_what_the_graph_waits_for(graph, alone, monkeypatch):

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from builtin_interfaces.msg import Time
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import Point, TransformStamped
 from sensor_msgs.msg import Image, JointState
 from std_msgs.msg import String
@@ -11,11 +12,12 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from sain_core.errors import InvalidInputError
 from sain_core.ros import codec
+from sain_core.ros.node_main import OK, WARN
 from sain_core.scene import make_scene
 from sain_core.shapes.bodies import Bodies
 from sain_core.wire.scene_door import SeenScene
 from sain_live.ros.updates import StateUpdater
-from sain_live.state import LiveState
+from sain_live.state import Level, LiveState
 
 SCENE = make_scene(np.array([(0.4, 0.0), (0.6, 0.2)]), np.full(2, 8.0), np.full(2, 0.06))
 TEE, BOX = Bodies.named(["t", "disk"]), Bodies.named(["box_3x2", "disk"])
@@ -116,3 +118,16 @@ def test_the_time_of_a_robot_begins_with_the_page(state, updater):
 
 def seen_scene(message):
     return SeenScene(SCENE, 1, message.scene_id, True, codec.decode_time(message.header.stamp))
+
+
+def test_later_trouble_of_a_node_is_a_fault_until_it_is_well(state, updater):
+    report = updater.handlers["/diagnostics"][1]
+    for level, text in (
+        (OK, "ready"), (WARN, "the model failed"), (WARN, "the model failed"), (OK, "pushing")
+    ):  # fmt: skip
+        status = DiagnosticStatus(level=level, name="/sain/mppi_node: planning", message=text)
+        report(DiagnosticArray(status=[status]))
+    assert [(line.kind, line.text) for line in state.log] == [
+        (Level.FAULT, "planner: the model failed"),
+        (Level.NOTE, "planner: pushing"),
+    ]

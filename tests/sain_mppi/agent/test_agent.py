@@ -6,18 +6,16 @@ from threading import Event, Thread
 import numpy as np
 import pytest
 
-from sain_core.errors import ErrorCode, ModelUnavailableError
+from sain_core.errors import ErrorCode
 from sain_core.goal import Goal
 from sain_core.model import IdentityPrior
 from sain_core.push import make_push
 from sain_core.scene import POSITION, TARGET
-from sain_core.shapes.bodies import PAPER_DISKS
 from sain_core.transitions import PushHistory
 from sain_core.world import PushRecord
 from sain_mppi.agent.agent import Agent, AgentConfig, act, planning_agent
 from sain_mppi.agent.events import (
     Computation,
-    EpisodeBegun,
     GoalCancelled,
     GoalGiven,
     PushDecision,
@@ -50,13 +48,6 @@ class Still(IdentityPrior):
 
     def rollout(self, scene, pushes):
         return np.broadcast_to(scene, (*pushes.shape[:2], *scene.shape)).copy()
-
-
-class Silent(Still):
-    """Never answers."""
-
-    def rollout(self, scene, pushes):
-        raise ModelUnavailableError("silent")
 
 
 class Fixed(Decider):
@@ -187,54 +178,11 @@ def test_a_plan_rests_on_its_own_episode_s_pushes_and_on_none_if_so_configured(s
     assert (model.conditioned, physics.conditioned) == ([int(history), 0], [])
 
 
-def test_physics_takes_over_with_the_same_history_and_the_decision_says_so(scene):
-    physics = Still()
-    agent = planning_agent(Silent(), physics, CONFIG)
-    act(agent, executed(SOMEBODY, PUSH, scene, scene))
-    decision = pushed(begun(agent, scene))
-    assert (physics.conditioned, str(decision.failure)) == ([1], "silent")
-    assert decision.plan.regions is None  # a model that failed is not asked for them
-
-
 def work(agent, *events) -> Computation:
     """Return the only work that events ask for."""
     [found] = [action for event in events for action in agent.update(event)]
     assert isinstance(found, Computation), found
     return found
-
-
-def test_work_that_raised_is_a_stop_and_what_the_push_need_not_wait_for_is_not(agent, scene):
-    bug = ZeroDivisionError("a bug")
-    first = work(agent, GoalGiven(TASK), SceneObserved(scene, 1, 1))
-    [stop] = agent.update(first.failed(bug))
-    assert (stop.reason, stop.error, stop.job.task) == (StopReason.FAILED, bug, TASK)
-    decision, complete, prepare = agent.update(
-        work(agent, GoalGiven(replace(TASK, goal_id=2))).run()
-    )
-    assert complete.failed(bug).decision is decision
-    assert agent.update(complete.failed(bug)) == agent.update(prepare.failed(bug)) == ()
-
-
-def test_a_cancelled_goal_is_a_stop_once_and_nothing_follows(agent, scene):
-    begun(agent, scene)
-    stop = stopped(act(agent, GoalCancelled()))
-    assert stop.failure == "CancelledError: the goal was cancelled"
-    assert act(agent, GoalCancelled(), SceneObserved(scene, 1, 2)) is None
-
-
-def test_an_episode_that_begins_again_has_no_result_of_the_push_under_way(agent, scene):
-    episode = EpisodeBegun(1, PAPER_DISKS)
-    act(agent, episode)
-    pushed(begun(agent, scene))
-    assert (act(agent, episode), agent.pushes) == (None, 0)
-    pushed(act(agent, SceneObserved(scene, 1, 1)))  # the next scene to arrive is decided on
-
-
-def test_scenes_wait_for_the_bodies_of_their_episode(agent, scene):
-    act(agent, GoalGiven(TASK))
-    assert act(agent, SceneObserved(scene, 1, 1, bodies_follow=True)) is None
-    assert agent.early == 1
-    assert pushed(act(agent, EpisodeBegun(1, PAPER_DISKS))).job.observed.key == (1, 1)
 
 
 def test_a_decision_is_cancelled_while_it_is_made(scene):

@@ -1,11 +1,12 @@
-"""Laws of the softmin weights."""
+"""Laws of the softmin weights, and of means with them."""
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sain_mppi.algorithms.sampling import effective_samples, softmin_weights
+from sain_core.push import make_push
+from sain_mppi.algorithms.sampling import effective_samples, softmin_weights, weighted_mean
 
 COSTS = st.lists(st.floats(-1e3, 1e3), min_size=1, max_size=40).map(np.array)
 
@@ -33,3 +34,9 @@ def test_temperature_to_zero_picks_the_cheapest(temperature):
 def test_effective_samples_lie_between_one_and_the_count(costs):
     count = effective_samples(softmin_weights(costs, 1.0))
     assert 1.0 - 1e-9 <= count <= len(costs) + 1e-9
+
+
+def test_the_mean_of_locations_is_taken_on_the_circle():
+    sequences = make_push([[3.0], [-3.0]], [[0.1], [0.3]], [[0.05], [0.15]])
+    mean = weighted_mean(sequences, np.array([0.5, 0.5]))
+    np.testing.assert_allclose(mean, make_push(np.pi, 0.2, 0.1)[None])

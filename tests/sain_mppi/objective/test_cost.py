@@ -62,17 +62,6 @@ def test_position_is_the_papers_weighted_square(scene):
     assert terms["position"] == pytest.approx(10.0 * 0.01 + 100.0 * 0.04)
 
 
-@pytest.mark.parametrize(("y", "out"), [(0.45, 0.0), (0.52, 0.0), (0.55, 0.03), (0.60, 0.08)])
-def test_a_disk_whose_rim_gets_to_the_edge_of_the_table_costs(scene, y, out):
-    after = scene.copy()
-    after[MID, POSITION], after[MID, RADIUS] = [0.4, y], 0.08  # the edge: 0.6
-    pushes = idle_pushes(1, 1)
-    terms = terms_of(scene, pushes, after[None, None], (0.5, 0.2))
-    start = scene[MID, RADIUS] - 0.08  # circles are as large as at the start
-    expected = WEIGHTS.overhang * max(out + start, 0.0)
-    assert terms["overhang"][0] == pytest.approx(expected, abs=1e-9)
-
-
 def test_a_mid_disk_that_the_tool_can_only_push_further_away_costs_unless_the_goal_asks(scene):
     def around(away, goal):
         after = scene.copy()
@@ -167,13 +156,3 @@ def test_a_cost_of_ones_own_that_is_no_number_is_named(scene, dynamics, monkeypa
     offer(monkeypatch, lambda rollout, objective: [value] * len(rollout.pushes))
     with pytest.raises(ConfigError, match=text):
         Objective(problem_of(scene, Goal.place(0.5, 0.25)), WEIGHTS).rest_cost()
-
-
-def test_a_cost_of_ones_own_may_forbid_some_samples(scene, dynamics, monkeypatch):
-    def mine(rollout, objective):
-        return np.where(np.arange(len(rollout.pushes)) % 2, np.inf, 0.0)
-
-    offer(monkeypatch, mine)
-    pushes = FEASIBILITY.limits.sample(generator(0), 64).reshape(64, 1, 5)
-    terms = terms_of(scene, pushes, dynamics.rollout(scene, pushes), (0.5, 0.25))
-    assert np.isinf(total_cost(terms)).sum() == 32

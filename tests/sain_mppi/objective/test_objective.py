@@ -60,16 +60,3 @@ def test_a_shape_that_gets_over_the_edge_of_the_table_costs(x, out):
     for goal in (GOAL, Goal.place(0.4, 0.0)):
         terms = objective(goal=goal).terms(idle_pushes(1, 1), after[None, None])
         assert terms["overhang"][0] == pytest.approx(CostWeights().overhang * out)
-
-
-def test_candidates_push_through_another_body_what_the_tool_may_not_touch():
-    bodies = Bodies.named(("bar", "disk", "disk"), ("pushable", "pushable", "movable"))
-    scene = np.concatenate([SCENE, SCENE[1:]])
-    scene[2, POSITION] = 0.6, 0.0
-    goal = Goal((BodyPose(0, 0.6, -0.2), BodyPose(2, 0.7, 0.1)))
-    search = objective(bodies, goal, scene)
-    drawn = candidates(search, np.random.default_rng(0), 200, 3)
-    assert drawn.shape == (200, 3, 5) and {0.0, 1.0} == set(drawn[..., BODY].ravel())
-    assert {"alignment", "approach"} <= set(
-        search.terms(drawn[:1], scene[None, None] + np.zeros((1, 3, 1, 1)))
-    )

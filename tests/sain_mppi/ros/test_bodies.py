@@ -6,7 +6,6 @@ from diagnostic_msgs.msg import DiagnosticArray
 from visualization_msgs.msg import Marker
 
 from sain_core import wire
-from sain_core.errors import ErrorCode
 from sain_core.goal import BodyPose
 from sain_core.goal import Goal as CoreGoal
 from sain_core.ros import codec
@@ -14,7 +13,6 @@ from sain_core.ros.qos import LATCHED
 from sain_core.scene import make_scene
 from sain_core.shapes.bodies import Bodies
 from sain_interfaces.msg import Bodies as BodiesMessage
-from sain_interfaces.msg import Goal, GoalPose, Plan
 from sain_model.physics.planar import PlanarPrior
 from sain_mppi.ros.mppi_node import MppiNode
 from tests.rviz import shown
@@ -107,27 +105,3 @@ def test_shapes_that_change_during_an_episode_are_ignored_and_reported(
     shapes(Bodies.named(["l", "disk"], ["pushable", "fixed"]))
     warned(graph, "shapes of episode 1 are ignored: the shape of body 0 changed from t to l")
     assert planner.agent.bodies == TEE
-
-
-UNSERVED = [
-    ({"x": np.nan}, (), ErrorCode.INVALID, "x of the goal of body 0 is nan"),
-    ({"tolerance": -0.1}, (), ErrorCode.OUT_OF_RANGE, "tolerance of body 0 is -0.1"),
-    ({"body": 1}, (), ErrorCode.INVALID, "goal of body 1 has heading 0.300 rad; it is a disk"),
-    ({"x": 3.0}, (), ErrorCode.OFF_TABLE, "of body 0 is off the table"),
-    ({"x": 0.62, "y": 0.25}, (), ErrorCode.INVALID, "the goal of body 0 overlaps fixed body 1"),
-]
-
-
-def test_a_goal_of_poses_that_cannot_be_served_says_why(graph, straw, shapes, planner):
-    shapes(TEE)
-    straw.show(disks=SCENE)
-    usual = {"body": 0, "x": 0.5, "y": 0.0, "heading": 0.3, "has_heading": True}
-    usual |= {"tolerance": 0.01, "heading_tolerance": 0.05}
-    for goal_id, (pose, keep, code, text) in enumerate(UNSERVED, start=3):
-        graph.aiming.publish(
-            Goal(goal_id=goal_id, poses=[GoalPose(**usual | pose)], keep=list(keep))
-        )
-        refused = plan(graph, goal_id=goal_id)
-        assert (refused.status, ErrorCode(refused.error_code)) == (Plan.NO_PUSH, code)
-        assert text in refused.error_message
-        assert not graph.heard["push"]

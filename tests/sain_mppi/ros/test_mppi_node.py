@@ -13,7 +13,6 @@ from sain_model.physics.planar import PlanarPrior
 from sain_mppi.agent.dead_end import Cause
 from sain_mppi.ros.mppi_node import MppiNode
 from sain_mppi.ros.plans import CAUSE, summary
-from tests.rviz import shown
 from tests.sain_mppi.ros.straw import GOAL, SMALL, START, nth_push, plan
 
 
@@ -74,22 +73,6 @@ def test_a_plan_says_how_the_last_push_came_out_and_looks_further_after_a_surpri
     assert made.last_expected[1] < 0.05
     assert made.concern.startswith("target 50 mm from where it should be")
     assert made.rollouts == 2 * 96
-
-
-def test_viewers_get_the_plan_what_else_was_tried_and_a_ghost(graph, straw, planner):
-    graph.aim(GOAL, 1)
-    straw.show()
-    made = plan(graph, push_id=nth_push(graph, 1).push_id)
-    graph.wait(lambda: graph.heard["plan_markers"], "markers")
-    markers = shown(graph.heard["plan_markers"]).visible
-    others = markers["others", 0]
-    assert len(others.points) == len(others.colors) == 2 * 2 * len(made.other_costs)
-    predicted = wire.decode_plan(made)[1]
-    for disk in (0, 1):
-        ghost = markers["planned", disk]
-        assert (ghost.pose.position.x, ghost.pose.position.y) == tuple(predicted[0, disk, POSITION])
-        assert ("region", disk) not in markers  # physics tells of none
-        assert len(markers["path", disk].points) == 3
 
 
 UNSERVED = [
