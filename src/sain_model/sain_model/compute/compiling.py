@@ -1,7 +1,6 @@
 """How kernels are compiled. Where they are kept is in `sain_model.compute.kernel_store`."""
 
 from collections.abc import Callable
-from pathlib import Path
 from types import FunctionType
 from typing import Any, Final, Self
 
@@ -9,7 +8,7 @@ import numba
 import numpy as np
 from numba.core.caching import _CacheLocator
 
-from sain_model.compute.kernel_store import module_folders
+from sain_model.compute.kernel_store import compiled_folder
 
 OPTIONS: Final[dict[str, Any]] = {"error_model": "numpy", "fastmath": {"contract", "arcp"}}
 # What lets Python call a kernel is a third of its compilation; most are called by kernels alone.
@@ -63,30 +62,29 @@ def _compile(function: Callable[..., Any], **options: bool) -> Callable[..., Any
 
 
 class BySources(_CacheLocator):
-    """Tells Numba to keep a kernel in the folder of its module and of all that it is made from.
+    """Tells Numba to keep kernels in the folder of all that they are made from.
 
     Numba itself looks at the path and the content of the kernel's own file alone. After an edit in
     one module, those that call it would run the old code.
     """
 
-    def __init__(self, function: FunctionType, module: str) -> None:
-        self._line = function.__code__.co_firstlineno
-        self._folder = module_folders()[module]
+    def __init__(self, line: int) -> None:
+        self._line = line
 
     @classmethod
     def from_function(cls, py_func: FunctionType, py_file: str) -> Self:
         """Return the locator of a function."""
-        located = cls(py_func, Path(py_file).stem)
+        located = cls(py_func.__code__.co_firstlineno)
         located.ensure_cache_path()
         return located
 
     def get_cache_path(self) -> str:
         """Return the folder."""
-        return str(self._folder)
+        return str(compiled_folder())
 
     def get_source_stamp(self) -> str:
         """Return what differs for other sources."""
-        return self._folder.name
+        return compiled_folder().name
 
     def get_disambiguator(self) -> str:
         """Return what tells functions of one name apart."""

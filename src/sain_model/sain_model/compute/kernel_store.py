@@ -1,8 +1,7 @@
 """Where compiled kernels are kept, whether all are there, and how they get there.
 
-They stand beside the sources, as Python's own compiled files do: a folder for each module of
-kernels, named by a hash of all that is frozen into its machine code. So an edit compiles only that
-module and those that use it, and the path of the checkout does not matter. Nothing here imports
+They stand beside the sources, as Python's own compiled files do, in a folder named by a hash of all
+that is frozen into the machine code: the path of the checkout does not matter. Nothing here imports
 Numba: to see that all kernels are there takes some milliseconds.
 """
 
@@ -88,43 +87,27 @@ def compile_kernels(report: Report | None = None) -> None:
     with _alone(tell):
         if not kernels_are_ready():
             _compile(tell)
-            _remove_outdated()
             _sign_kernels()
 
 
 # --- what is to be compiled -----------------------------------------------------------------------
 
 
-def source_hashes(package: Path = PACKAGE, core: Path = CORE) -> dict[str, str]:
-    """Return for each module of kernels a hash of all that its machine code is made from.
+def source_hash(package: Path = PACKAGE, core: Path = CORE) -> str:
+    """Return a hash of all that the machine code of kernels is made from.
 
-    That is its own source, the kernels and constants that it imports, and how kernels are compiled.
-    Kernels are followed through their imports; of other modules only the file itself counts.
+    That is the kernels, the modules whose constants they import, and how kernels are compiled.
     Raises `FileNotFoundError`: there are no kernels, so that none could be found stale.
     """
     kernels = sorted(package.rglob(f"*{SUFFIX}"))
     if not kernels:
         raise FileNotFoundError(f"no *{SUFFIX} under {package}: stale kernels would be used")
-    roots = {"sain_model": package, "sain_core": core}
-    return {path.stem: _hash(_sources(path, roots)) for path in kernels}
-
-
-def _sources(kernels: Path, roots: dict[str, Path]) -> set[Path]:
-    sources, waiting = {roots["sain_model"] / DECORATORS}, [kernels]
-    while waiting:
-        path = waiting.pop()
-        if path in sources:
-            continue
-        sources.add(path)
-        if path.name.endswith(SUFFIX):
-            for package, module in IMPORT.findall(path.read_text()):
-                waiting.append(roots[package].joinpath(*module.split(".")).with_suffix(".py"))
-    return sources
-
-
-def _hash(paths: set[Path]) -> str:
+    roots, sources = {"sain_model": package, "sain_core": core}, {package / DECORATORS, *kernels}
+    for path in kernels:
+        for root, module in IMPORT.findall(path.read_text()):
+            sources.add(roots[root].joinpath(*module.split(".")).with_suffix(".py"))
     digest = hashlib.sha256()
-    for path in sorted(paths, key=lambda path: path.name):
+    for path in sorted(sources, key=lambda path: path.name):
         digest.update(path.read_bytes())
     return digest.hexdigest()[:HASH_LENGTH]
 
@@ -152,17 +135,17 @@ def kernel_folder() -> Path:
 
 
 @functools.cache
-def module_folders() -> dict[str, Path]:
-    """Return for each module of kernels the folder of its compiled ones."""
-    return {name: kernel_folder() / f"{name}-{key}" for name, key in source_hashes().items()}
+def compiled_folder() -> Path:
+    """Return the folder of what is compiled from these sources."""
+    return kernel_folder() / f"kernels-{source_hash()}"
 
 
 @functools.cache
 def _stamp() -> Path:
     """The file that is there when all kernels are, for this Python, Numba and processor."""
-    made_by = platform.python_version(), version("numba"), _processor(), source_hashes()
-    digest = hashlib.sha256((PACKAGE / "cli" / "kernels.py").read_bytes() + repr(made_by).encode())
-    return kernel_folder() / f"complete-{digest.hexdigest()[:HASH_LENGTH]}"
+    made_by = repr((platform.python_version(), version("numba"), _processor())).encode()
+    digest = hashlib.sha256((PACKAGE / "cli" / "kernels.py").read_bytes() + made_by)
+    return compiled_folder() / f"complete-{digest.hexdigest()[:HASH_LENGTH]}"
 
 
 def _processor() -> str:
@@ -174,41 +157,33 @@ def _processor() -> str:
 
 
 @functools.cache
-def _kernels() -> frozenset[tuple[str, str]]:
+def _kernels() -> frozenset[str]:
     """The names of all kernels, with those of their modules."""
     paths = PACKAGE.rglob(f"*{SUFFIX}")
     return frozenset(
-        (path.stem, name) for path in paths for name in KERNEL.findall(path.read_text())
+        f"{path.stem}.{name}" for path in paths for name in KERNEL.findall(path.read_text())
     )
 
 
-def _missing() -> frozenset[tuple[str, str]]:
+def _missing() -> frozenset[str]:
     """The kernels that are not compiled. Numba names a file module.function-line.version.nbi."""
-    files = (file for folder in module_folders().values() for file in folder.glob("*.nbi"))
-    names = (file.name.partition("-")[0].split(".") for file in files)
-    return _kernels() - {(module, name) for module, name in names}
+    return _kernels() - {file.name.partition("-")[0] for file in compiled_folder().glob("*.nbi")}
 
 
 def _lock_file() -> Path:
     return kernel_folder() / "lock"
 
 
-def _remove_outdated() -> None:
-    """Remove kernels of earlier sources, and nothing else: others may keep theirs here, too."""
-    folders = module_folders()
-    ours = re.compile(rf"({'|'.join([*folders, 'complete'])})-[0-9a-f]{{{HASH_LENGTH}}}")
-    for path in kernel_folder().resolve().iterdir():
-        if ours.fullmatch(path.name) and path.name not in {one.name for one in folders.values()}:
-            with suppress(OutputError):  # of others, or made before there were manifests
-                remove(path)
-
-
 def _sign_kernels() -> None:
-    """Name in the manifest what this process has had compiled."""
-    for folder in module_folders().values():
-        sign(folder / "*.nb[ic]", grows=True)
+    """Name in the manifest what this process has had compiled, and remove what is outdated."""
     _stamp().touch()
+    sign(compiled_folder() / "*.nb[ic]", grows=True)
     sign(_stamp())
+    ours = re.compile(rf"kernels-[0-9a-f]{{{HASH_LENGTH}}}")
+    for path in kernel_folder().resolve().iterdir():
+        if ours.fullmatch(path.name) and path.name != compiled_folder().name:
+            with suppress(OutputError):  # of others: they may keep theirs here, too
+                remove(path)
 
 
 # --- how it gets there ----------------------------------------------------------------------------
@@ -231,33 +206,34 @@ def _alone(tell: Callable[[], None]) -> Iterator[None]:
 def _compile(tell: Callable[[], None]) -> None:
     """Run the compiler in a process for each chain: LLVM works for one thread of a process."""
     with tempfile.TemporaryDirectory() as folder:
-        outputs = [Path(folder, chain) for chain in CHAINS]
-        working = {_start_compiler(output.name, output): output for output in outputs}
+        working: dict[subprocess.Popen[bytes], Path] = {}
         try:
+            for chain in CHAINS:
+                output = Path(folder, chain)
+                working[_start_compiler(chain, output)] = output
             while working:
                 _wait(tell)
                 for child in [child for child in working if child.poll() is not None]:
-                    output = working.pop(child)
+                    printed = working.pop(child).read_text().strip().splitlines()
                     if child.returncode != 0:
-                        raise ModelUnavailableError(_failure(output.read_text(), child.returncode))
+                        failed = f"the compiler ended with {child.returncode}"
+                        end = "\n".join(
+                            [f"the kernels cannot be compiled; {failed}:", *printed[-5:]]
+                        )
+                        raise ModelUnavailableError(end)
         finally:
             for child in working:
                 child.kill()
                 child.wait()
 
 
-def _start_compiler(chain: str, output: Path) -> subprocess.Popen[bytes]:
+def _start_compiler(chain: str, output: Path) -> "subprocess.Popen[bytes]":
     command = [sys.executable, "-m", COMPILER, "--chain", chain]
     environment = {**os.environ, COMPILES: chain}
     with output.open("wb") as sink:
         return subprocess.Popen(
             command, env=environment, stdin=subprocess.DEVNULL, stdout=sink, stderr=sink
         )
-
-
-def _failure(printed: str, code: int) -> str:
-    end = "\n".join(printed.strip().splitlines()[-5:])
-    return f"the kernels cannot be compiled; the compiler ended with {code}:\n{end}"
 
 
 def _wait(tell: Callable[[], None]) -> None:

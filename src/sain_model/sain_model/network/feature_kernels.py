@@ -216,14 +216,8 @@ def make_work(bodies, corners, relation_inputs, body_inputs, widest):
 def write_lane(before, stroke, after, table, lane, places, work):
     """Write the features of one push into its lane.
 
-    Args:
-        before: scene (N, 8) before the push.
-        stroke: (8,), in its own frame, as `push_frames` makes it.
-        after: scene (N, 8) that the prior predicts.
-        table: of the outlines.
-        lane: which.
-        places: whether the network sees places and headings.
-        work: memory to fill.
+    The push is a stroke in its own frame, as `push_frames` makes it. `places`: whether the network
+    sees places and headings.
     """
     count, pushed = before.shape[0], int(stroke[BODY])
     origin_x, origin_y = before[pushed, X], before[pushed, Y]
@@ -339,18 +333,7 @@ def _write_world(before, stroke, after, lane, features):
 
 @callable_kernel
 def write_block(first, scenes, strokes, physics_next, table, places, bodies, relations):
-    """Write the features of up to `LANES` pushes, from the one numbered `first` on.
-
-    Args:
-        first: number of the first one.
-        scenes: (B, N, 8), before the pushes.
-        strokes: (B, 8).
-        physics_next: (B, N, 8), what a prior predicts.
-        table: of the outlines.
-        places: whether the network sees places and headings.
-        bodies: (B, N, D) float32, receives features of bodies.
-        relations: (B, N N, R) float32, receives features of relations.
-    """
+    """Write features (B, N, D) and (B, N N, R) of up to `LANES` pushes from number `first` on."""
     corners = table.corners.shape[0]
     work = make_work(scenes.shape[1], corners, relations.shape[2], bodies.shape[2], LANES)
     for index in range(first, min(first + LANES, scenes.shape[0])):

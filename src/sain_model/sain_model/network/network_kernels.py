@@ -104,13 +104,9 @@ def silu(y, rows):
 
 @compiled_apart
 def perceptron(weights, widths, x, hidden):
-    """Write what a perceptron makes of inputs (inputs, LANES); return to which `hidden` buffer.
+    """Write what a member's perceptron makes of inputs (inputs, LANES), whose padding is zero.
 
-    Args:
-        weights: of one member.
-        widths: of its layers.
-        x: inputs; rows of padding are zero.
-        hidden: (2, widest, LANES), scratch memory.
+    Returns in which of the two `hidden` buffers that is.
     """
     at, source, last = 0, x, len(widths) - 2
     for layer in range(last + 1):
@@ -178,17 +174,10 @@ def apply(push, residual, lane, scene):
 
 @callable_kernel
 def correct_block(first, scenes, strokes, physics_next, believed, table, places, weights):
-    """Correct up to `LANES` predictions, from the one numbered `first` on, in place.
+    """Correct up to `LANES` predictions (B, N, 8) in place, from the one numbered `first` on.
 
-    Args:
-        first: number of the first one.
-        scenes: (B, N, 8), before the pushes.
-        strokes: (B, 8), see `network.feature_kernels`.
-        physics_next: (B, N, 8), what a prior predicts; becomes the prediction.
-        believed: (B, N, P), what the network sees of what is believed of the physics.
-        table: of the outlines.
-        places: whether the network sees places and headings.
-        weights: of the network.
+    `believed` (B, N, P) is what the network sees of what is believed of the physics; `places`:
+    whether it sees places and headings.
     """
     relation_inputs, body_inputs = weights.relation_widths[0], weights.dynamics_widths[0]
     corners = table.corners.shape[0]

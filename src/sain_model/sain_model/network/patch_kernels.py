@@ -87,17 +87,10 @@ def _least_gap(table, placed, of, on, rounding):
 
 @compiled
 def _add_near(table, placed, poses, of, on, least, way, sums):
-    """Add up what is near: corners of one body about sides of another, weighted.
+    """Add up what is near: corners of body `of` about sides of body `on`, weighted.
 
-    Args:
-        table: of the outlines.
-        placed: their corners (M, 2) [m].
-        poses: of the bodies.
-        of: whose corners.
-        on: whose sides.
-        least: the smallest gap of the two bodies [m].
-        way: 1 where the normal is from `of` to `on`, else -1.
-        sums: (9,): weight, then weighted x, y, normal, gap, xx, xy and yy.
+    `least` is the smallest gap of the two [m], `way` 1 where the normal is from `of` to `on`, else
+    -1. The sums (9,) are weight, then weighted x, y, normal, gap, xx, xy and yy.
     """
     round_of = table.rounding[of] * poses[of, POSE_RADIUS]
     round_on = table.rounding[on] * poses[on, POSE_RADIUS]

@@ -120,15 +120,7 @@ def make_workspace(table):
 def load_bodies(states, order, table, start_x, start_y, physics, own, work):
     """Fill the scratch memory from a scene (N, 8), taken as at rest.
 
-    Args:
-        states: the scene.
-        order: number of the body of each row but the tool's, (N,).
-        table: of the bodies.
-        start_x: where the tool's axis stands [m].
-        start_y: likewise.
-        physics: numbers of the push.
-        own: numbers of the bodies, (N,).
-        work: to fill.
+    The tool's axis starts at (start_x, start_y) [m]; `order` (N,) has the body of each other row.
     """
     bodies = work.bodies
     bodies[TOOL].x, bodies[TOOL].y = start_x, start_y

@@ -20,11 +20,9 @@ ON_SIDE, ON_CORNER = 0, 1  # kinds of features
 
 @compiled_apart
 def find_touching(work, horizon):
-    """List the features of all bodies that are near each other, or will be soon.
+    """List anew, without impulses, the features that are near each other, or will be soon.
 
-    Args:
-        work: scratch memory; its list of contacts is made anew, without impulses.
-        horizon: no longer step than this will follow [s].
+    No longer step than the horizon [s] will follow.
     """
     count = work.counts
     count[0] = 0
@@ -53,19 +51,10 @@ def find_touching(work, horizon):
 
 @compiled
 def _list(work, point_body, side_body, point, side, kind, gap, past, left, limit):
-    """List a corner near a feature, unless there are `limit` contacts already.
+    """List a corner near a side or corner (`kind`), unless there are `limit` contacts already.
 
-    Args:
-        work: scratch memory.
-        point_body: row of the body that the corner is of.
-        side_body: row of the other.
-        point: number of the corner.
-        side: number of the side, or of the corner that begins it.
-        kind: which of both.
-        gap: between them, without rounding [m].
-        past: how far the point is from the beginning of the side [m].
-        left: how far it is from its end [m].
-        limit: how many contacts there may be.
+    The gap [m] is without rounding; the point is `past` [m] the beginning of the side, and has
+    `left` [m] to its end.
     """
     number = work.counts[0]
     if number < limit:
@@ -79,15 +68,9 @@ def _list(work, point_body, side_body, point, side, kind, gap, past, left, limit
 
 @compiled
 def _corners_against(work, point_body, side_body, near, meet, limit):
-    """List where corners of one body are near the outline of another.
+    """List where corners of one body are within `near` [m] of the outline of another.
 
-    Args:
-        work: scratch memory.
-        point_body: row of the one.
-        side_body: row of the other.
-        near: largest gap to list [m].
-        meet: whether to look at corners against corners as well.
-        limit: how many contacts there may be after it.
+    With `meet`, corners against corners as well; up to `limit` contacts.
     """
     body, other = work.bodies[point_body], work.bodies[side_body]
     cos_side, sin_side = other.cos, other.sin
@@ -117,10 +100,9 @@ def _corners_against(work, point_body, side_body, near, meet, limit):
 def _nearest(work, side_body, x, y):
     """Look at an outline from a point (x, y), in that outline's frame.
 
-    Returns:
-        The distance to the nearest feature [m]. Whether the point is inside: that feature is a
-        side that the point is behind, or a concave corner. A convex corner as near as `CROSSED`,
-        and the concave corner if it is the nearest feature; -1 if there is none.
+    Returns the distance to the nearest feature [m]; whether the point is inside: behind a side that
+    is that feature, or at a concave corner; a convex corner as near as `CROSSED`, and the concave
+    corner if it is the nearest feature; -1 if there is none.
     """
     nearest, inside, corner, hole = np.inf, False, -1, -1
     for side in range(work.first_corner[side_body], work.first_corner[side_body + 1]):
@@ -310,8 +292,8 @@ def first_touch_of(work, way_x, way_y):
 def _distance_to(work, row, dx, dy, way_x, way_y):
     """Return how far [m] the tool, at (dx, dy) from a body's centre, travels until they touch.
 
-    The tool's axis meets the outline grown by both radii: each side moved outward, and a circle
-    about each convex corner.
+    The tool's axis meets the outline grown by both radii: sides moved outward, and circles about
+    convex corners.
     """
     bodies, corners = work.bodies, work.corners
     cos, sin = bodies[row].cos, bodies[row].sin

@@ -26,10 +26,9 @@ SHARPEST = 0.001  # [m], the normal of sharper corners is not followed as they p
 def foresee(work, horizon, physics):
     """Look at how the listed features move.
 
-    Returns:
-        The time until the first of those apart touch [s] (at most the horizon), the fastest
-        approach of two that touch already [m/s], and the fastest turning of a normal between two
-        that press on each other [rad/s].
+    Returns the time until the first of those apart touch [s] (at most the horizon), the fastest
+    approach of two that touch already [m/s], and the fastest turning of a normal between two that
+    press on each other [rad/s].
     """
     impact, approach, turning, leave = horizon, 0.0, 0.0, horizon
     for index in range(work.counts[0]):
@@ -215,8 +214,7 @@ def press_in(work, step):
 def _place(contact, point, side, time):
     """Foresee a contact some time ahead [s] of when it was prepared.
 
-    Returns:
-        Its normal, and of both bodies the arms of a force along it and of one across it [m].
+    Returns its normal, and of both bodies the arms of a force along it and of one across it [m].
     """
     px, py = _turned(contact.point_x, contact.point_y, time * contact.point_spin)
     x = point.x - side.x + time * contact.going_x

@@ -109,14 +109,9 @@ def until_kink(profile, time):
 def calm_time(bodies, tool_speed, physics):
     """Return the longest step [s] in which friction changes no body's motion too much.
 
-    A body that does not spin slides straight and slows evenly: it may stop in one step. A body
-    that friction stops from the tool's speed in the longest step moves quasi-statically: the table
-    holds it back, and no step is too long for that (`hold_back`).
-
-    Args:
-        bodies: rows of bodies.
-        tool_speed: the tool's highest [m/s].
-        physics: for the longest step.
+    A body that does not spin slides straight and slows evenly: it may stop in one step. A body that
+    friction stops from the tool's highest speed [m/s] in the longest step moves quasi-statically:
+    the table holds it back, and no step is too long for that (`hold_back`).
     """
     step = physics.longest_step
     for row in range(1, bodies.shape[0]):
@@ -134,8 +129,7 @@ def calm_time(bodies, tool_speed, physics):
 def carry(body, step):
     """Move a body on by one step [s] with the mean of its velocities before and after.
 
-    Returns:
-        A bound on its speed after the step [m/s].
+    Returns a bound on its speed after the step [m/s].
     """
     speed = outer_speed(body)
     if speed < STILL:
@@ -154,13 +148,9 @@ def carry(body, step):
 
 @compiled
 def advance(work, tool_speed, physics, step):
-    """Move everything on by one step [s]; return a bound on the speeds after it [m/s].
+    """Move everything on by one step [s] that contacts were prepared for.
 
-    Args:
-        work: scratch memory with contacts prepared for this step.
-        tool_speed: the tool's highest [m/s].
-        physics: for the heights at which forces act.
-        step: duration [s].
+    Returns a bound on the speeds after it [m/s].
     """
     for row in range(1, work.bodies.shape[0]):
         body = work.bodies[row]
@@ -192,14 +182,7 @@ def advance(work, tool_speed, physics, step):
 
 @compiled
 def plan_step(work, tool_speed, physics, rest):
-    """Let collide what collides now, list the contacts, and return a good step [s].
-
-    Args:
-        work: scratch memory.
-        tool_speed: the tool's highest [m/s].
-        physics: for the limits.
-        rest: the step ends no later than this [s].
-    """
+    """Let collide what collides now, list the contacts, and return a step of at most `rest` [s]."""
     keep_impulses(work)
     step = min(rest, calm_time(work.bodies, tool_speed, physics))
     find_touching(work, step)
@@ -242,15 +225,9 @@ def creeps(bodies, speed, physics):
 
 @compiled_apart
 def creep(push, distance, physics, work):
-    """Carry out a push that is so slow that forces balance at all times.
+    """Carry out a push that is so slow that forces balance at all times, from the first touch on.
 
     There is no time in it but that in which the tool moves: steps are ways of the tool.
-
-    Args:
-        push: see `push_bodies_block`.
-        distance: that the tool travels until it touches a body [m].
-        physics: numbers of the push, a `PUSH_ROW`.
-        work: scratch memory, with the bodies.
     """
     bodies, tool = work.bodies, work.bodies[TOOL]
     way_x, way_y, length, speed = np.cos(push[2]), np.sin(push[2]), push[3], push[4]
@@ -290,18 +267,7 @@ def creep(push, distance, physics, work):
 
 @compiled_apart
 def push_bodies(states, order, push, table, physics, own, work, touched):
-    """Carry out one push in place.
-
-    Args:
-        states: scene (N, 8).
-        order: number of the body of each row but the tool's, (N,).
-        push: see `push_bodies_block`.
-        table: of the bodies.
-        physics: numbers of the push, a `PUSH_ROW`.
-        own: numbers of the bodies, `BODY_ROW`s (N,).
-        work: scratch memory.
-        touched: (N,) bool, receives which bodies the tool touched.
-    """
+    """Carry out one push in place; arguments are rows of those of `push_bodies_block`."""
     load_bodies(states, order, table, push[0], push[1], physics, own, work)
     tool = work.bodies[TOOL]
     way_x, way_y, length, fastest_tool = np.cos(push[2]), np.sin(push[2]), push[3], push[4]

@@ -14,17 +14,11 @@ SLOW = 1.0  # a support is slow that friction could stop in this many steps unde
 
 @compiled_apart
 def brake(work, row, slowing, physics, step):
-    """Slow a sliding body down by the friction of one step.
+    """Slow a sliding body down by the friction of one step [s].
 
-    The direction is taken at the velocity expected in the middle of the step, from the change
-    in the last one; that makes the step second order.
-
-    Args:
-        work: scratch memory.
-        row: of the body.
-        slowing: what friction takes from a support in this step, under the whole load [m/s].
-        physics: for the heights at which forces act.
-        step: duration [s].
+    The direction is taken at the velocity expected in the middle of the step, from the change in
+    the last one; that makes the step second order. `slowing` is what friction takes from a support
+    in this step, under the whole load [m/s].
     """
     body = work.bodies[row]
     vx = body.vx + 0.5 * step * body.change_x
@@ -125,21 +119,14 @@ def _lean(supports, first, last, fore, left):
 
 @compiled_apart
 def resist(work, row, physics, tool_speed, step):
-    """Let a body that creeps answer to impulses as the friction of its supports allows.
+    """Let a body that creeps answer to impulses of a step [s] as friction allows.
 
-    Without inertia what pushes a body is as large as the friction against it: w_i v_i / |v_i| at
-    a support with the load w_i. With |v_i| from the step before, that is linear in the velocity. So
-    the solver of impulses finds it, with a matrix in place of mass and moment of inertia. From
-    step to step it converges to Coulomb's law at each support: a body's motion is the normal of
-    the limit surface that these have together (Goyal, Ruina and Papadopoulos, "Planar sliding
-    with dry friction", Wear 143, 1991), whatever the size of the velocity.
-
-    Args:
-        work: scratch memory.
-        row: of the body.
-        physics: for the table's grain.
-        tool_speed: [m/s].
-        step: duration [s].
+    Without inertia what pushes a body is as large as the friction against it: w_i v_i / |v_i| at a
+    support with the load w_i. With |v_i| from the step before, that is linear in the velocity. So
+    the solver of impulses finds it, with a matrix in place of mass and moment of inertia. From step
+    to step it converges to Coulomb's law at each support: a body's motion is the normal of the
+    limit surface that these have together (Goyal, Ruina and Papadopoulos, "Planar sliding with dry
+    friction", Wear 143, 1991), whatever the size of the velocity.
     """
     body = work.bodies[row]
     first, last = work.first_support[row], work.first_support[row + 1]
@@ -217,18 +204,10 @@ def slide_on(slide, turn, grip, ratio):
     Friction takes h from the velocity u so that h lies on the ellipsoid h_xy^2 + (h_w / t)^2 =
     grip^2, and what is left of u is along the ellipsoid's normal at h (the principle of maximal
     dissipation): h_xy = -u_xy / (1 + m), h_w = -u_w / (1 + ratio m). The m > 0 for which h lies on
-    the ellipsoid is found by Newton's method on 1 / |h|, which is almost linear in m: it
-    converges from m = 0 without overshooting (More and Sorensen, "Computing a trust region step",
-    SIAM J. Sci. Stat. Comput. 4, 1983).
-
-    Args:
-        slide: |u_xy| [m/s].
-        turn: |u_w| / t [m/s].
-        grip: [m/s], less than what both are together.
-        ratio: moment of inertia over mass x torsion length^2.
-
-    Returns:
-        m.
+    the ellipsoid is returned. It is found by Newton's method on 1 / |h|, which is almost linear in
+    m: it converges from m = 0 without overshooting (More and Sorensen, "Computing a trust region
+    step", SIAM J. Sci. Stat. Comput. 4, 1983). `slide` is |u_xy| and `turn` |u_w| / t [m/s], both
+    together more than the grip; `ratio` is moment of inertia over mass x torsion length^2.
     """
     more = 0.0
     for _ in range(NEWTON_STEPS):
@@ -244,14 +223,11 @@ def slide_on(slide, turn, grip, ratio):
 
 @compiled
 def hold_back(body):
-    """Let the table hold a slow body back as far as friction can, against what pushes it.
+    """Let the table hold a slow body back as far as it can; return the change made [m/s].
 
     Sticking and creeping cannot be told from the velocity before the step: this is solved along
-    with the contacts, with an ellipsoid as limit surface (Goyal, Ruina and Papadopoulos, "Planar
-    sliding with dry friction", Wear 143, 1991; the ellipsoid is Howe and Cutkosky's).
-
-    Returns:
-        The change of velocity that this made [m/s].
+    with the contacts, with an ellipsoid as limit surface (Goyal, Ruina and Papadopoulos, as for
+    `resist`; the ellipsoid is Howe and Cutkosky's).
     """
     held_x, held_y, held_spin = body.held_x, body.held_y, body.held_spin
     if body.vx == 0.0 and body.vy == 0.0 and body.spin == 0.0:  # it is held already

@@ -19,14 +19,7 @@ TOUCH_SIZE = 4
 
 @callable_kernel
 def find_touches(scenes, strokes, table, touches):
-    """Write where tools begin and first touch.
-
-    Args:
-        scenes: (B, N, 8).
-        strokes: (B, 8).
-        table: of the N bodies.
-        touches: (B, 4), receives what is found.
-    """
+    """Write into (B, 4) where the tools of strokes (B, 8) begin and first touch."""
     for index in range(scenes.shape[0]):
         stroke, touch = strokes[index], touches[index]
         touch[GAP] = np.inf
