@@ -177,10 +177,9 @@ def _show(errors: "Figures", refused: dict[str, int], console: Console) -> None:
 def unseen(data: "Dataset", *cards: "ModelCard") -> "Dataset":
     """Return what no checkpoint was trained on: their test episodes, or all of other data.
 
-    Raises:
-        DatasetError: one has learned from this data and held nothing of it out by itself, or
-            between them they have seen every episode.
-        CheckpointError: a card of these data does not say which it has seen.
+    Raises `DatasetError`: one has learned from this data and held nothing of it out by itself, or
+    they have seen every episode between them; `CheckpointError`: a card of these data does not say
+    which it has seen.
     """
     held_out = np.ones(len(data), dtype=bool)
     for card in cards:

@@ -27,7 +27,7 @@ from numpy import ndarray
 from sain_core.errors import ConfigError
 from sain_core.model import REGION_STD
 from sain_core.push import pushed_bodies
-from sain_core.scene import MID, POSITION, RADIUS, THETA, wrap_angle
+from sain_core.scene import POSITION, RADIUS, THETA, wrap_angle
 from sain_core.transitions import PushHistory, Transitions
 from sain_core.types import Indices, Scalars, Scenes
 
@@ -77,16 +77,11 @@ class Region:
             raise ConfigError("Region.scores and .noise must be greater than 0 m")
 
     def score(
-        self,
-        members: Scalars,
-        friction: Scalars,
-        way: Scalars,
-        elongation: Scalars | float | None = None,
+        self, members: Scalars, friction: Scalars, way: Scalars, elongation: Scalars | float
     ) -> Scalars:
-        """Return the score (B,) [m]; elongation None: of disks."""
+        """Return the score (B,) [m]."""
         told = self.members * members + self.friction * friction + self.way * way
-        score = np.asarray(self.noise + told)
-        return score if elongation is None else score * np.exp(self.elongation * elongation)
+        return np.asarray((self.noise + told) * np.exp(self.elongation * elongation))
 
     def radius(self, score: Scalars) -> Scalars:
         """Return the radius (B,) [m] at scores (B,) [m]: factors between scores by their log."""
@@ -177,24 +172,22 @@ class Intervals:
         self,
         opened: "Prediction",
         scenes: Scenes,
-        pushed: Indices | None = None,
-        elongation: Float[ndarray, "N"] | None = None,
+        pushed: Indices,
+        elongation: Float[ndarray, "N"],
     ) -> "Prediction":
         """Return a prediction from scenes (B, N, 8) with the region of every body.
 
-        `pushed` (B,) are the bodies that pushes are against, None: body 0; `elongation` (N,) is
-        that of the bodies' supports, None: they are disks.
+        `pushed` (B,) are the bodies that pushes are against, `elongation` is of bodies' supports.
         """
         way = np.linalg.norm((opened.mean - scenes)[..., POSITION], axis=-1)
         radii, arcs = np.empty_like(way), np.empty_like(way)
         for disk in range(way.shape[1]):
             parts = (opened.members[:, disk], opened.friction[:, disk], way[:, disk])
-            long = None if elongation is None else float(elongation[disk])
             mid, target, arcs[:, disk] = (
-                each.radius(each.score(*parts, long)) for each in (self.mid, self.target, self.turn)
+                each.radius(each.score(*parts, float(elongation[disk])))
+                for each in (self.mid, self.target, self.turn)
             )
-            first = np.full(len(way), MID) if pushed is None else pushed
-            radii[:, disk] = np.where(first == disk, mid, target)
+            radii[:, disk] = np.where(pushed == disk, mid, target)
         turn = arcs / scenes[..., RADIUS] if self.usual_log_std[1] > 0.0 else None
         return replace(opened, radius=radii, turn=turn)
 

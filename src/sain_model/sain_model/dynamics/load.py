@@ -86,9 +86,8 @@ def card_path(weights: Path) -> Path:
 def save_checkpoint(path: Path, weights: NetworkWeights, card: ModelCard) -> ModelCard:
     """Write weights and card, each whole or not at all; return the card with the weights' hash.
 
-    Raises:
-        CheckpointError: the path does not end in .safetensors.
-        OutputError: the folder cannot be written.
+    Raises `CheckpointError`: the path does not end in .safetensors; `OutputError`: the folder
+    cannot be written.
     """
     if path.suffix != SUFFIX:
         raise CheckpointError(f"a checkpoint's name ends in {SUFFIX}; {path} does not")

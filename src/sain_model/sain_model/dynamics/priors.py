@@ -14,6 +14,8 @@ from sain_model.network.settings import IDENTITY, PLANAR, PLANAR_PRIORS
 from sain_model.physics.parameters import AXES
 from sain_model.physics.planar import PlanarConfig, PlanarPrior
 
+# What damaged values raise; a `ConfigError` is a `ValueError`.
+DAMAGED = CheckpointError, TypeError, KeyError, ValueError, AttributeError, OverflowError
 C = TypeVar("C", bound=Config)
 Settings = dict[str, Any]
 
@@ -29,13 +31,8 @@ def load_prior(name: str) -> Model:
 def make_prior(name: str, settings: Settings | None = None) -> Model:
     """Return the bare prior of a name, from any installed package.
 
-    Args:
-        name: of the prior, as in `sain_core.model.load_dynamics`.
-        settings: of `PlanarConfig`, for ``planar`` and ``planar_axes``; None: the usual ones.
-
-    Raises:
-        ConfigError: no package offers this name.
-        CheckpointError: the prior has no such settings.
+    `settings` are of `PlanarConfig`, for ``planar`` and ``planar_axes``; None: the usual ones.
+    Raises `ConfigError`: no package offers this name; `CheckpointError`: it has no such settings.
     """
     if name == IDENTITY:
         return IdentityPrior()
@@ -55,18 +52,8 @@ def prior_settings(prior: Model) -> Settings:
 
 @contextmanager
 def naming(part: str) -> Iterator[None]:
-    """Turn what goes wrong with a part of a card into an error that names the part.
-
-    Raises `CheckpointError`: anything went wrong.
-    """
+    """Turn what goes wrong with a part of a card into a `CheckpointError` that names it."""
     try:
         yield
-    except (
-        CheckpointError,
-        TypeError,
-        KeyError,
-        ValueError,
-        AttributeError,
-        OverflowError,
-    ) as error:  # ConfigError is one
+    except DAMAGED as error:
         raise CheckpointError(f"{part}: {error}") from error

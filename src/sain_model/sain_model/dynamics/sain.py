@@ -168,9 +168,8 @@ class SainDynamics(Model):
     def with_belief(self, path: Path) -> Self:
         """Return this model with the belief in a file of ``sain_model identify``.
 
-        Raises:
-            CheckpointError: no such file, or not a belief.
-            ConfigError: it infers nothing from pushes, or the belief is for another prior.
+        Raises `CheckpointError`: no such file, or not a belief; `ConfigError`: it infers nothing
+        from pushes, or the belief is for another prior.
         """
         if not self.takes_belief:
             return super().with_belief(path)

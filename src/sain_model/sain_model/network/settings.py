@@ -46,8 +46,7 @@ DEVICES: Final = (AUTO, CPU, CUDA)
 def choose_device(wanted: str) -> str:
     """Return the device, ``cpu`` or ``cuda``, for what is wanted, one of `DEVICES`.
 
-    Raises:
-        ConfigError: a GPU is wanted and PyTorch finds none, or no such device is known.
+    Raises `ConfigError`: a GPU is wanted and PyTorch finds none, or there is no such device.
     """
     if wanted not in DEVICES:
         hint = did_you_mean(wanted, DEVICES)

@@ -80,18 +80,9 @@ class BodyTable(NamedTuple):
 def push_bodies(
     scenes: Scenes, ways: Ways, pushed: Indices, table: BodyTable, physics: ndarray, own: ndarray
 ) -> tuple[Scenes, Touched]:
-    """Simulate pushes.
+    """Simulate pushes: return the settled scenes, and which bodies the tool touched (B, N).
 
-    Args:
-        scenes: (B, N, 8).
-        ways: of the tool, as `tool_ways` makes them.
-        pushed: which body each push is against, (B,).
-        table: of the N bodies.
-        physics: numbers of the pushes, (B,), as `rows_of` makes them.
-        own: numbers of the bodies, (B, N), likewise.
-
-    Returns:
-        The settled scenes, and which bodies the tool touched (B, N).
+    `ways` are as `tool_ways` makes them, `physics` (B,) and `own` (B, N) as `rows_of` does.
     """
     order, after = nearest_first(scenes, pushed), plain(scenes.copy())
     touched = np.zeros(scenes.shape[:2], dtype=bool)
@@ -260,19 +251,15 @@ class PlanarPrior(Model):
         return self if bodies == self.bodies else replace(self, bodies=bodies)
 
     def step(self, scenes: Scenes, pushes: Pushes, values: Values | None = None) -> Scenes:
-        """Predict the settled scenes (B, N, 8) after pushes from scenes (B, N, 8).
+        """Predict the settled scenes (B, N, 8) after pushes from scenes (B, N, 8) at rest.
 
-        Args:
-            scenes: settled scenes; velocities are taken as zero.
-            pushes: one push (B, 5) or stroke (B, 8) a scene. Length 0 leaves the scene unchanged,
-                bit for bit.
-            values: parameters by name (`sain_model.physics.parameters`), (B,); those of bodies
-                (B,) or (B, N). The settings have the others.
+        Each scene has one push (B, 5) or stroke (B, 8). Length 0 leaves it unchanged, bit for bit.
+        `values` are of parameters by name (`sain_model.physics.parameters`), (B,); those of bodies
+        (B,) or (B, N). The settings have the others.
 
-        Raises:
-            InvalidInputError: wrong shapes, NaN or Inf; a value that is not allowed; a stroke that
-                begins inside a body.
-            OutOfRangeError: a push that no model may be asked about.
+        Raises `InvalidInputError`: wrong shapes, NaN or Inf, a value that is not allowed, or a
+        stroke that begins inside a body; `OutOfRangeError`: a push that no model may be asked
+        about.
         """
         return self.step_with_contacts(scenes, pushes, values)[0]
 

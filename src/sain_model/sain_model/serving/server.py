@@ -85,10 +85,7 @@ class ModelServer:
         return other
 
     def check_pace(self) -> None:
-        """Check that a planner can wait for this model.
-
-        Raises `ConfigError`: it predicts too slowly.
-        """
+        """Check that a planner can wait for this model; raises `ConfigError`: it is too slow."""
         times = []
         for _ in range(TRIALS):
             begun = perf_counter()
@@ -112,15 +109,13 @@ class ModelServer:
     def knowing(self, history: PushHistory | None, bodies: Bodies = PAPER_DISKS) -> Model:
         """Return the model for these bodies, conditioned on an episode's earlier pushes.
 
-        The latest is kept.
-
-        Raises:
-            TooMuchWorkError: more pushes than the limit of work allows.
-            ConfigError: the model cannot predict these bodies.
+        Raises `TooMuchWorkError`: more pushes than the limit of work allows; `ConfigError`: the
+        model cannot predict these bodies.
         """
         if history is None or len(history) == 0:
             return self._usual.with_bodies(bodies)
-        self.check_work(len(history) * self._frictions(), history.disks)
+        trials = self._usual.trials if isinstance(self._usual, SainDynamics) else 1
+        self.check_work(len(history) * trials, history.disks)
         kept = self._learned
         if kept is None or not (kept[0] is history or kept[0].equals(history)) or kept[1] != bodies:
             self._learned = history, bodies, self._usual.with_bodies(bodies).condition(history)
@@ -141,18 +136,9 @@ class ModelServer:
         history: PushHistory | None = None,
         bodies: Bodies = PAPER_DISKS,
     ) -> PredictedScenes:
-        """Predict (K, H, N, 8) for push sequences (K, H, 5) from a scene (N, 8).
+        """Predict (K, H, N, 8) for push sequences (K, H, 5) from a scene (N, 8) of an episode.
 
-        `history` are the earlier pushes of the scene's episode, where they are known; `bodies` its
-        bodies.
-
-        Raises:
-            InvalidInputError: a scene that cannot exist.
-            OutOfRangeError: a push that no arm's limits could allow, or against a body that is not
-                pushable.
-            ConfigError: the model cannot predict these bodies.
-            TooMuchWorkError: K x H x N is above the limit, or N alone.
-            ModelUnavailableError: the model answers with something that no answer can be.
+        Raises: as `predict`.
         """
         self.check_work(pushes.shape[0] * pushes.shape[1], len(scene))
         check_asked_scenes(scene[None], bodies)
@@ -170,7 +156,7 @@ class ModelServer:
     ) -> Radii | None:
         """Return how sure the model is of a rollout (K, H, N) [m]; None: it cannot tell.
 
-        All but `predicted` as in `rollout`, whose answer that is.
+        `predicted` is what `rollout` answered.
         """
         return self.knowing(history, bodies).regions(scene, pushes, predicted)
 
@@ -182,21 +168,15 @@ class ModelServer:
         history: PushHistory | None = None,
         bodies: Bodies = PAPER_DISKS,
     ) -> tuple[Scenes, Scenes]:
-        """Predict where pushes (B, 5) lead from scenes (B, N, 8).
+        """Predict where pushes (B, 5) lead from scenes (B, N, 8) of an episode with earlier pushes.
 
-        Args:
-            scenes: settled scenes.
-            pushes: one a scene.
-            physics_next: (B, N, 8), what to correct; None: what the model's own prior predicts.
-            history: the earlier pushes of the episode of all these scenes, where they are known.
-            bodies: of all these scenes.
+        `physics_next` (B, N, 8) is corrected; None: what the model's own prior predicts. Returned
+        are the residual, angles wrapped, and the next state (B, N, 8).
 
-        Returns:
-            The residual (B, N, 8), angles wrapped, and the next state (B, N, 8).
-
-        Raises:
-            InvalidInputError, OutOfRangeError, TooMuchWorkError, ModelUnavailableError: as
-                `rollout`, for B x N predictions.
+        Raises `InvalidInputError`: a scene that cannot exist; `OutOfRangeError`: a push that no
+        arm's limits could allow, or against a body that is not pushable; `ConfigError`: the model
+        cannot predict these bodies; `TooMuchWorkError`: B x N is above the limit, or N alone;
+        `ModelUnavailableError`: the model answers with something that no answer can be.
         """
         self.check_work(len(scenes), scenes.shape[1])
         check_asked_scenes(scenes, bodies)
@@ -213,11 +193,9 @@ class ModelServer:
         if isinstance(dynamics, SainDynamics):
             next_state = dynamics.correct(scenes, pushes, physics_next)
         check_step(next_state, scenes, self._name)
-        return _residual(next_state, physics_next), next_state
-
-    def _frictions(self) -> int:
-        """Return how many predictions a past push costs: one for each place of a grid."""
-        return self._usual.trials if isinstance(self._usual, SainDynamics) else 1
+        residual = next_state - physics_next
+        residual[..., THETA] = wrap_angle(residual[..., THETA])
+        return residual, next_state
 
     def check_work(self, predictions: int, disks: int) -> None:
         """Raise `TooMuchWorkError` where a request is larger than the settings allow."""
@@ -236,10 +214,8 @@ class ModelServer:
 def load_server(config: "ServingConfig") -> ModelServer:
     """Return a server of the model that the settings name, loaded and tried.
 
-    Raises:
-        CheckpointError: a checkpoint that is missing, damaged or of another version.
-        ConfigError: no model of this name.
-        ModelUnavailableError: it predicts NaN or Inf.
+    Raises `CheckpointError`: a checkpoint that is missing, damaged or of another version;
+    `ConfigError`: no model of this name; `ModelUnavailableError`: it predicts NaN or Inf.
     """
     model = load_dynamics(config.model)
     if config.belief:
@@ -247,12 +223,6 @@ def load_server(config: "ServingConfig") -> ModelServer:
     server = ModelServer(as_observed(model, config.unknown), config)
     server.try_out()
     return server
-
-
-def _residual(next_state: Scenes, physics_next: Scenes) -> Scenes:
-    residual = next_state - physics_next
-    residual[..., THETA] = wrap_angle(residual[..., THETA])
-    return residual
 
 
 def describe_model(name: str, dynamics: Model) -> Description:

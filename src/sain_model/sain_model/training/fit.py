@@ -71,10 +71,8 @@ def identified_kind(path: Path, config: TrainingConfig) -> tuple[TrainingConfig,
     """Return the most likely physics of a belief, and settings that name it.
 
     A checkpoint on it infers friction alone, as in its training: the recordings show the rest.
-
-    Raises:
-        CheckpointError: no such file, or not a belief.
-        ConfigError: the settings ask for another prior.
+    Raises `CheckpointError`: no such file, or not a belief; `ConfigError`: the settings ask for
+    another prior.
     """
     kind = read_belief(path).likeliest
     if kind.of_bodies:
@@ -101,17 +99,11 @@ def fit(
 ) -> tuple[SainDynamics, list[LossHistory]]:
     """Train on single pushes, then on rollouts if wanted; fit regions to the validation part.
 
-    Args:
-        split: what to learn from, and what to choose the best epoch and fit regions by.
-        kind: the physics that is corrected, and what pushes show of it.
-        config: settings.
-        folder: of the state; a training that is there is resumed.
-        start: whose weights it starts from, and keeps if no epoch is better; None: new ones.
-        show: shows the training while it runs.
-        overwrite: replace a state of other settings or data.
+    Network and regions are those of the best epoch. A training whose state is in the folder is
+    resumed; with `overwrite`, one of other settings or data is replaced. The weights of `start` are
+    kept if no epoch is better. `show` shows the training while it runs.
 
-    Raises:
-        CheckpointError: the state in the folder is damaged or of other settings or data.
+    Raises `CheckpointError`: the state in the folder is damaged or of other settings or data.
     """
     if kind.of_bodies:
         split = _with_bodies(split, kind)
@@ -166,8 +158,8 @@ class Parent:
     def load(cls, name: str) -> Self:
         """Read a checkpoint: ``sain``, the one that comes with this package, or a path.
 
-        Raises:
-            CheckpointError: it is not sound, or of a kind that does not learn from single pushes.
+        Raises `CheckpointError`: it is not sound, or of a kind that does not learn from single
+        pushes.
         """
         if name != SHIPPED and not name.endswith(SUFFIX):
             raise CheckpointError(
@@ -184,10 +176,7 @@ class Parent:
 
     @property
     def settings(self) -> TrainingConfig:
-        """How it goes on learning where nothing else is asked for.
-
-        Raises `CheckpointError`: its card has settings that make no sense.
-        """
+        """How it goes on learning; raises `CheckpointError`: its card makes no sense."""
         learned, infers = self.card.training, self.sain.belief.trained.names
         return card_part(
             "training",
@@ -240,11 +229,10 @@ class Parent:
                 )
 
     def gain(self, sain: SainDynamics, held_out: Dataset) -> dict[str, Any]:
-        """Return mean errors on held-out episodes [mm], before and after.
+        """Return mean errors on held-out episodes [mm] before and after, and their ratio.
 
         They are those of the target; of the pushed body, where bodies have any shape. Friction is
-        told as in deployment. "ratio" is the one over the other with its 95 % interval over
-        episodes.
+        told as in deployment. The ratio has its 95 % interval over episodes.
         """
         parts = held_out.parts
         before, after = (

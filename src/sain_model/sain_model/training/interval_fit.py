@@ -54,7 +54,7 @@ def fit_regions(
             for column in range(3)
         )
         fitted = off.max(initial=0.0) > RESOLUTION
-        configs.append(fit_disk(parts, off, level, long, score) if fitted else None)
+        configs.append(fit_disk(parts, off, long, level, score) if fitted else None)
     mid, target, turn = configs
     mid = mid or Region()
     # Where scenes have one body, there are no others: theirs would be as the pushed one's.
@@ -128,22 +128,20 @@ def _scored(
 def fit_disk(
     parts: Float[ndarray, "3 M"],
     off: Scalars,
+    long: Scalars,
     level: float,
-    long: Scalars | None = None,
     like: Region | None = None,
 ) -> Region:
     """Fit one disk's radius to distances (M,) [m]: first the score, then its factors.
 
-    `long` are elongations (M,) of bodies of any shape. The score is that of `like`, where given.
+    `long` are elongations (M,). The score is that of `like`, where given.
     """
-    region = like or _fit_score(parts, off, level, long)
+    region = like or _fit_score(parts, off, long, level)
     scores, factors = _factors(region.score(parts[0], parts[1], parts[2], long), off, level)
     return replace(region, scores=scores, factors=factors)
 
 
-def _fit_score(
-    parts: Float[ndarray, "3 M"], off: Scalars, level: float, long: Scalars | None
-) -> Region:
+def _fit_score(parts: Float[ndarray, "3 M"], off: Scalars, long: Scalars, level: float) -> Region:
     """Return weights so that the score is, as near as can be, the level's quantile.
 
     That is quantile regression of the logarithm of the distance.
@@ -154,22 +152,19 @@ def _fit_score(
     def loss(parameters: Float[ndarray, "Q"]) -> float:
         values = np.exp(np.clip(parameters[: len(some) + 1], -20.0, 10.0))
         missing = logs - np.log(RESOLUTION + values[0] + values[1:] @ some)
-        if long is not None:
-            missing -= parameters[-1] * long
+        missing -= parameters[-1] * long
         pinball = np.maximum(level * missing, (level - 1.0) * missing).mean()
         return float(pinball + 1e-6 * np.square(parameters).sum())
 
     found = []
     for start in STARTS:
-        first = np.array([np.log(1e-4), *[start] * len(some), *[0.0] * (long is not None)])
+        first = np.array([np.log(1e-4), *[start] * len(some), 0.0])
         rough = minimize(loss, first, method="Powell")
         found.append(minimize(loss, rough.x, method="Nelder-Mead"))
     lowest = min(found, key=lambda result: result.fun).x
     best, weights = np.exp(np.clip(lowest[: len(some) + 1], -20.0, 10.0)), np.zeros(3)
     weights[varies] = best[1:]
-    elongation = 0.0 if long is None else float(lowest[-1])
-    members, friction, way = weights.tolist()
-    return Region(float(best[0] + RESOLUTION), members, friction, way, elongation)
+    return Region(float(best[0] + RESOLUTION), *weights.tolist(), float(lowest[-1]))
 
 
 def _factors(
