@@ -7,7 +7,7 @@ import numpy as np
 from sain_core.push import PushLimits
 from sain_core.scene import POSITION, make_scene, unit
 from sain_core.types import Pushes, Scenes
-from sain_model.data.dataset import Part, load_dataset
+from sain_model.data.dataset import Part, Windows, load_dataset, make_windows
 from sain_model.physics.planar import PlanarPrior
 
 EPISODES, PUSHES = 16, 6
@@ -55,3 +55,9 @@ def make_episodes(folder: Path, kept: np.ndarray = EVERY) -> Path:
 def load_episodes(folder: Path, kept: np.ndarray = EVERY) -> Part:
     """Return what `make_episodes` writes."""
     return load_dataset(make_episodes(folder, kept)).alike
+
+
+def whole_windows(data: Part, steps: int) -> Windows:
+    """Return the windows of all of so many pushes."""
+    windows = make_windows(data, steps)
+    return windows.select(windows.known.all(axis=1))

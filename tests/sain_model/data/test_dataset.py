@@ -16,7 +16,7 @@ from sain_model.network.interaction_network import InteractionNetwork
 from sain_model.network.settings import NetworkConfig
 from sain_model.physics.planar import PlanarPrior
 from sain_model.training.objectives import make_examples
-from tests.sain_model.rolling import EPISODES, EVERY, PUSHES, load_episodes
+from tests.sain_model.rolling import EPISODES, EVERY, PUSHES, load_episodes, whole_windows
 
 
 def test_all_shards_are_read_in_order(dataset):
@@ -189,7 +189,7 @@ def test_windows_never_cross_episodes_and_lose_no_push(tmp_path):
 
 def test_a_window_is_what_happened(tmp_path):
     data = load_episodes(tmp_path)
-    windows = make_windows(data, 3, whole=True)
+    windows = whole_windows(data, 3)
     assert len(windows) == EPISODES * (PUSHES - 2) and windows.known.all()
     np.testing.assert_array_equal(windows.scenes, data.state[windows.rows[:, 0]])
     np.testing.assert_array_equal(windows.next_scenes, data.next_state[windows.rows])

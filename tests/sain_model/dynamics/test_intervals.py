@@ -27,16 +27,16 @@ def draw(count: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def test_regions_hold_as_often_as_they_say_also_where_the_spread_is_small_or_large():
-    config = fit_disk(*draw(3000, 0), level=0.9)
+    config = fit_disk(*draw(3000, 0), np.zeros(3000), 0.9)
     parts, off = draw(20_000, 1)
-    score = config.score(*parts)
+    score = config.score(*parts, 0.0)
     held = off <= config.radius(score)
     assert held.mean() == pytest.approx(0.9, abs=0.015)
     for values in (score, np.hypot(parts[0], parts[1])):
         for rows in np.array_split(np.argsort(values), 3):
             assert held[rows].mean() == pytest.approx(0.9, abs=0.035)
-    half = fit_disk(*draw(3000, 0), level=0.5)
-    assert (off <= half.radius(half.score(*parts))).mean() == pytest.approx(0.5, abs=0.02)
+    half = fit_disk(*draw(3000, 0), np.zeros(3000), 0.5)
+    assert (off <= half.radius(half.score(*parts, 0.0))).mean() == pytest.approx(0.5, abs=0.02)
 
 
 def test_training_fits_them_the_card_keeps_them_and_the_report_measures_them(dataset, tmp_path):

@@ -8,7 +8,7 @@ import pytest
 import torch
 
 from sain_core.scene import POSE, POSITION, TARGET
-from sain_model.data.dataset import Dataset, Split, make_windows, split_by_episode
+from sain_model.data.dataset import Dataset, Split, split_by_episode
 from sain_model.dynamics.sain import residual_model
 from sain_model.evaluation.predictors import plain, roll_out
 from sain_model.inference.kinds import friction_kind
@@ -19,7 +19,7 @@ from sain_model.training.objectives import Rollouts, roll
 from sain_model.training.settings import TrainingConfig
 from sain_model.training.trainer import Trainer
 from tests.sain_model.conftest import make_trainer, random_network
-from tests.sain_model.rolling import load_episodes
+from tests.sain_model.rolling import load_episodes, whole_windows
 
 SMALL = NetworkConfig(hidden=16, message=8)
 
@@ -35,7 +35,7 @@ def split(data):
 
 
 def test_training_rolls_out_what_is_deployed(data):
-    windows = make_windows(data, 4, whole=True)
+    windows = whole_windows(data, 4)
     sain = residual_model(
         random_network(0.4, 1, hidden=16, message=8).weights,
         friction_kind(PlanarPrior(), infers=False),
@@ -61,7 +61,7 @@ def test_training_rolls_out_what_is_deployed(data):
 def test_differences_give_the_gradient_of_the_whole_rollout(data):
     """Compared with nudging the weights themselves, which knows nothing of how it is done."""
     network = random_network(0.4, 1, hidden=16, message=8)
-    windows = make_windows(data, 2, whole=True).select(np.arange(8))
+    windows = whole_windows(data, 2).select(np.arange(8))
     bias = network.dynamics[-1].bias
     roll(network, windows, PlanarPrior())[:, 1, TARGET, :2].sum().backward()
     found = bias.grad
@@ -91,7 +91,7 @@ def test_training_on_rollouts_lowers_the_error_of_rollouts(split, tmp_path):
         epochs=2, batch=32, network=SMALL, seed=3, steps_ahead=3, rollout_epochs=4
     )
     trainer = train(split, tmp_path, config)
-    windows = make_windows(split.test.alike, 3, whole=True)
+    windows = whole_windows(split.test.alike, 3)
 
     def error() -> float:
         with torch.inference_mode():

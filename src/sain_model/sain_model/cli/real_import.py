@@ -109,14 +109,13 @@ def _card(options: RealImportOptions, found: "Recordings") -> dict[str, Any]:
     stated = ~np.isnan(found.pushes.mass)
     return {
         "kind": "pushes of a real robot",
-        "sources": [{"path": str(path), "sha256": _sha256(path)} for path in found.paths],
+        "sources": [
+            {"path": str(path), "sha256": hashlib.sha256(read_regular(path)).hexdigest()}
+            for path in found.paths
+        ],
         "notes": list(found.notes),
         "mass": "as stated" if stated.all() else f"nominal where not stated: {options.mass} kg",
     }
-
-
-def _sha256(path: Path) -> str:
-    return hashlib.sha256(read_regular(path)).hexdigest()
 
 
 def _report(found: "Recordings", made: "Imported") -> Iterator[str]:

@@ -355,22 +355,14 @@ class Windows:
         return type(self)(**{name: array[which] for name, array in vars(self).items()})
 
 
-def make_windows(data: Part, steps: int, whole: bool = False) -> Windows:
-    """Return one window of at most so many pushes from every push of the data on.
-
-    `whole`: only windows of all T pushes, not the shorter ones at the end of an episode.
-    Raises `DatasetError`: no window is left.
-    """
+def make_windows(data: Part, steps: int) -> Windows:
+    """Return one window of at most so many pushes from every push of the data on."""
     after = following(data)
     rows = np.full((len(data), steps), -1)
     rows[:, 0] = np.arange(len(data))
     for step in range(1, steps):
         before = rows[:, step - 1]
         rows[:, step] = np.where(before >= 0, after[before], -1)
-    if whole:
-        rows = rows[rows[:, -1] >= 0]
-    if len(rows) == 0:
-        raise DatasetError(f"no episode has {steps} successive pushes; fewer, or longer episodes")
     last = np.maximum.accumulate(np.where(rows >= 0, np.arange(steps), 0), axis=1)
     filled = np.take_along_axis(rows, last, axis=1)
     idle = idle_pushes(size=data.action.shape[1])

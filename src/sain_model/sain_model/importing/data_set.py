@@ -4,6 +4,7 @@ Pushes that nearly repeat others are one episode: a split that divided them woul
 learned.
 """
 
+from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from math import pi
@@ -285,15 +286,11 @@ def _rows_of(keys: list[BodyKey]) -> dict[BodyKey, ndarray]:
 def _touches(
     found: Recordings, bodies: dict[BodyKey, Bodies], scenes: Scenes, strokes: Pushes
 ) -> FirstTouch:
-    parts = {
-        name: np.zeros(len(strokes), np.int64 if name == "nearest" else np.float64)
-        for name in ("gap", "nearest", "distance", "normal")
-    }
-    for key, rows in _rows_of(found.keys).items():
-        touch = first_touch(scenes[rows], strokes[rows], bodies[key])
-        for name, values in parts.items():
-            values[rows] = getattr(touch, name)
-    return FirstTouch(**parts)
+    rows = _rows_of(found.keys)
+    each = [first_touch(scenes[some], strokes[some], bodies[key]) for key, some in rows.items()]
+    order = np.argsort(np.concatenate([*rows.values()]))
+    columns = zip(*(vars(touch).values() for touch in each), strict=True)
+    return FirstTouch(*(np.concatenate(column)[order] for column in columns))
 
 
 def _predict(
@@ -374,12 +371,7 @@ def _summary(made: Imported) -> dict[str, Any]:
     columns = made.columns
     sizes = np.bincount(made.groups)
     counts = {
-        str(name): dict(
-            zip(
-                *(part.tolist() for part in np.unique(columns[name], return_counts=True)),
-                strict=True,
-            )
-        )
+        str(name): dict(sorted(Counter(columns[name].tolist()).items()))
         for name in (Column.SURFACE, Column.OBJECT, Column.RUN, Column.SHAPES)
     }
     return {

@@ -265,11 +265,8 @@ def _numbers(path: Path, name: str, texts: tuple[str, ...], row: ndarray) -> nda
 
 
 NPZ, MAT, CSV = SUFFIXES = (".npz", ".mat", ".csv")
-BESIDE: Final = (
-    "shapes.json",
-    "shapes.yaml",
-    "outlines.yaml",
-)  # where outlines stand if no file is named, in upper or lower case
+# Where outlines stand if no file is named, in upper or lower case.
+BESIDE: Final = ("shapes.json", "shapes.yaml", "outlines.yaml")
 MOST_FILES: Final = 10_000
 MOST_NAMED: Final = 5  # files that are left out
 PACKED: Final = (".gz", ".bz2", ".xz", ".zip", ".zst")

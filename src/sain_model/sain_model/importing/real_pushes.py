@@ -84,14 +84,11 @@ class RealPushes:
     def same_as_before(self) -> Mask:
         """Return which pushes (M,) are stated in an earlier row, too, to the bit."""
         exact = (self.before, self.after, self.tip_start, self.tip_end, self.speed[:, None])
-        numbers = np.ascontiguousarray(np.hstack(exact))
-        seen: set[tuple[str, str, bytes]] = set()
-        same = np.zeros(len(self), dtype=bool)
+        numbers = map(bytes, np.ascontiguousarray(np.hstack(exact)))
         texts = zip(self.surface.tolist(), self.object.tolist(), numbers, strict=True)
-        for index, (surface, body, row) in enumerate(texts):
-            key = (surface, body, row.tobytes())
-            same[index] = key in seen
-            seen.add(key)
+        seen = {push: row for row, push in reversed([*enumerate(texts)])}
+        same = np.ones(len(self), dtype=bool)
+        same[[*seen.values()]] = False
         return same
 
 
@@ -116,7 +113,10 @@ def check_real(pushes: RealPushes) -> RealPushes:
     Raises `DatasetError`: naming the row and the value of the first that is NaN or Inf, looks like
     millimetres or degrees, or is out of range.
     """
-    _check_numbers(pushes)
+    for name in ("before", "after", "tip_start", "tip_end", "speed"):
+        values = getattr(pushes, name)
+        finite = np.isfinite(values).reshape(len(values), -1).all(axis=1)
+        _refuse(pushes, ~finite, name, values, "it must be finite")
     for name in ("before", "after", "tip_start", "tip_end"):
         places = getattr(pushes, name)[:, :2]
         _refuse(
@@ -151,13 +151,6 @@ def check_real(pushes: RealPushes) -> RealPushes:
         for poses in (pushes.before, pushes.after)
     )
     return replace(pushes, before=before, after=after)
-
-
-def _check_numbers(pushes: RealPushes) -> None:
-    for name in ("before", "after", "tip_start", "tip_end", "speed"):
-        values = getattr(pushes, name)
-        finite = np.isfinite(values).reshape(len(values), -1).all(axis=1)
-        _refuse(pushes, ~finite, name, values, "it must be finite")
 
 
 def _refuse(pushes: RealPushes, wrong: Mask, name: str, values: ndarray, hint: str) -> None:

@@ -86,7 +86,7 @@ def infer(belief: Belief, pushes: ObservedPushes, known: Known) -> Posterior:
     log_evidence = np.stack([one.log_evidence for one in alone], axis=1) + odds
     best = log_evidence.argmax(axis=1)
     places, spreads = (
-        np.stack([_wide(part, width) for part in parts], axis=1)[rows, best]
+        np.stack([np.pad(p, ((0, 0), (0, width - p.shape[1]))) for p in parts], axis=1)[rows, best]
         for parts in ([one.places for one in alone], [one.spreads for one in alone])
     )
     together, inferred = np.full(known.rows, -np.inf), np.zeros(known.rows, dtype=bool)
@@ -144,7 +144,3 @@ def _curves(kind: Kind, pushes: ObservedPushes) -> Float[ndarray, "M G K"]:
     if kind.log_odds_of(pushes.bodies) == -np.inf:
         return np.zeros((len(pushes), len(kind.grid), len(FACTORS)))
     return LATEST.of(kind, pushes)
-
-
-def _wide(places: Places, width: int) -> Float[ndarray, "R W"]:
-    return np.pad(places, ((0, 0), (0, width - places.shape[1])))

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from sain_core.config import Config, option
-from sain_core.errors import BusyError, ConfigError
+from sain_core.errors import BusyError
 from sain_core.shapes.bodies import PAPER_DISKS, Bodies
 from sain_core.world import unknown_names
 from sain_model.compute.kernel_store import compile_kernels, describe_progress
@@ -56,7 +56,6 @@ class ServingConfig(Config):
 
 RECENT: Final = 256  # requests that the percentiles are of
 SERVING: Final = "serving"
-LONGEST_PATH: Final = 4096  # characters, as Linux has it
 
 
 @dataclass
@@ -149,8 +148,6 @@ class ModelService:
 
     def prepare(self, name: str) -> "ModelServer":
         """Return a server of the model of this name, loaded and tried; see `ModelServer`."""
-        if len(name) > LONGEST_PATH:
-            raise ConfigError(f"the model has {len(name)} characters; allowed: {LONGEST_PATH}")
         return self.server.with_model(name, self.bodies)
 
     def swap(self) -> bool:
