@@ -1,19 +1,11 @@
 """Regions that hold as often as they say, for errors whose law is known."""
 
-import json
-from dataclasses import asdict
-
 import numpy as np
 import pytest
 
-from sain_core.errors import CheckpointError
-from sain_core.model import load_dynamics
 from sain_core.shapes.bodies import Bodies
-from sain_model import commands
 from sain_model.data.dataset import Part
 from sain_model.dynamics.intervals import Intervals, Prediction
-from sain_model.dynamics.load import card_path
-from sain_model.dynamics.sain import SainDynamics
 from sain_model.training.interval_fit import fit_disk, fit_regions, with_regions
 
 
@@ -37,28 +29,6 @@ def test_regions_hold_as_often_as_they_say_also_where_the_spread_is_small_or_lar
             assert held[rows].mean() == pytest.approx(0.9, abs=0.035)
     half = fit_disk(*draw(3000, 0), np.zeros(3000), 0.5)
     assert (off <= half.radius(half.score(*parts, 0.0))).mean() == pytest.approx(0.5, abs=0.02)
-
-
-def test_training_fits_them_the_card_keeps_them_and_the_report_measures_them(dataset, tmp_path):
-    options = ["--epochs", "3", "--hidden", "8", "--members", "2", "--validation", "0.3"]
-    assert commands.train([str(dataset), "--out", str(tmp_path), *options]) == 0
-    path = tmp_path / "sain.safetensors"
-    card = json.loads(card_path(path).read_text())
-    sain = load_dynamics(str(path))
-    assert isinstance(sain, SainDynamics) and sain.network.intervals is not None
-    assert json.loads(json.dumps(asdict(sain.network.intervals))) == card["intervals"]
-    report = tmp_path / "errors.json"
-    checkpoint = ["--checkpoint", str(path), "--out", str(report)]
-    assert commands.evaluate([str(dataset), *checkpoint]) == 0
-    errors = json.loads(report.read_text())["after"]["1"]["errors"]
-    shown = {name: one["SAIN, history"] for name, one in errors.items() if "SAIN, history" in one}
-    assert "coverage" in shown["target"] and "coverage" in shown["pushed"]
-    assert shown["target"]["number"] == 18
-
-    card["intervals"]["target"]["factors"] = [1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0]
-    card_path(path).write_text(json.dumps(card))
-    with pytest.raises(CheckpointError, match=r"sain.json: intervals: Region has scores"):
-        load_dynamics(str(path))
 
 
 def factor(intervals: Intervals, logs: np.ndarray) -> float:

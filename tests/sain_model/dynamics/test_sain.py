@@ -15,7 +15,6 @@ from sain_model.dynamics.sain import SainDynamics, residual_model, with_interval
 from sain_model.evaluation.predictors import predict_with_history
 from sain_model.inference.kinds import FRICTION, friction_kind
 from sain_model.network.feature_kernels import BODY_FEATURES, RELATION_FEATURES
-from sain_model.network.features import apply_residual, true_residual
 from sain_model.network.interaction_network import InteractionNetwork, ensemble
 from sain_model.physics.parameters import PlanarConfig
 from sain_model.physics.planar import PlanarPrior
@@ -61,17 +60,6 @@ def test_renumbering_the_other_disks_renumbers_the_prediction(sain, random_pushe
     np.testing.assert_allclose(
         sain.step(scenes[:, order], pushes), sain.step(scenes, pushes)[:, order], atol=1e-4
     )
-
-
-def test_the_true_residual_makes_the_prediction_true(random_pushes):
-    scenes, pushes = random_pushes(30, 0)
-    physics = PlanarPrior().step(scenes, pushes)
-    truth = physics.copy()
-    truth[..., POSITION] += np.random.default_rng(0).normal(0, 0.01, truth[..., POSITION].shape)
-    truth[..., THETA] = wrap_angle(truth[..., THETA] + 3.0)
-    again = apply_residual(physics, pushes, true_residual(truth, pushes, physics))
-    np.testing.assert_allclose(again[..., POSITION], truth[..., POSITION], atol=1e-12)
-    np.testing.assert_allclose(wrap_angle(again[..., THETA] - truth[..., THETA]), 0, atol=1e-9)
 
 
 @pytest.mark.parametrize("bodies", [2, 4])

@@ -25,6 +25,7 @@ from sain_model.inference.posterior import Posterior, infer
 from sain_model.network.interaction_network import InteractionNetwork
 from sain_model.physics.parameters import AXES, TEXTBOOK, PlanarConfig, with_mass_ratio
 from sain_model.physics.planar import PlanarPrior
+from tests.sain_model.conftest import random_network
 
 Draw = Callable[[int, int], tuple[Scenes, Pushes]]
 AXES_FIRST, TEXTBOOK_SECOND = range(2)
@@ -96,14 +97,9 @@ def test_a_history_and_a_row_of_many_say_the_same(sain, random_pushes):
 
 
 def test_a_correction_that_pushes_contradict_is_dropped(belief, random_pushes):
-    torch.manual_seed(0)
-    module = InteractionNetwork()
-    with torch.no_grad():
-        for parameter in module.parameters():
-            parameter.add_(0.3 * torch.randn_like(parameter))
-    wild = residual_model(
-        module.weights, friction_kind(PlanarPrior(AXES)), "planar_axes"
-    ).believing(belief)
+    weights = random_network(0.3).weights
+    wild = residual_model(weights, friction_kind(PlanarPrior(AXES)), "planar_axes")
+    wild = wild.believing(belief)
     informed = wild.condition(seen(random_pushes, AXES))
     assert wild.corrects
     assert not informed.corrects
@@ -117,16 +113,14 @@ def test_a_correction_that_pushes_contradict_is_dropped(belief, random_pushes):
 RATIO = 1.6
 
 
-def telling(
-    draw: Draw, config: PlanarConfig = AXES, count: int = 4, noise: float | None = None
-) -> PushHistory:
+def telling(draw: Draw, count: int = 4, noise: float | None = None) -> PushHistory:
     """Return pushes that move the target in a world whose masses are not as scenes state.
 
     They are seen with errors of 0.1 mm, or with a noise [m].
     """
     scenes, pushes = draw(200, 7)
     scenes[..., MASS] = 8.0
-    after = PlanarPrior(config).step(with_mass_ratio(scenes, RATIO), pushes)
+    after = PlanarPrior(AXES).step(with_mass_ratio(scenes, RATIO), pushes)
     after[..., MASS] = 8.0
     moved = np.linalg.norm((after - scenes)[:, 1, POSITION], axis=-1) > 0.01
     chosen = np.flatnonzero(moved)[:count]
@@ -137,37 +131,10 @@ def telling(
     return PushHistory(scenes[chosen], pushes[chosen], after[chosen], seen)
 
 
-@pytest.fixture
-def weighing():
-    return default_belief(PlanarPrior(AXES)).with_unknown_masses()
-
-
-@pytest.fixture
-def unweighed():
-    torch.manual_seed(0)
-    model = residual_model(
-        InteractionNetwork().weights, friction_kind(PlanarPrior(AXES)), "planar_axes"
-    )
-    return model.believing(default_belief(PlanarPrior(AXES)))
-
-
-@pytest.mark.parametrize("friction", [0.08, 0.2])
-def test_four_pushes_tell_the_ratio_of_masses(weighing, random_pushes, friction):
-    history = telling(random_pushes, replace(AXES, friction=friction))
-    arrays = history.state, history.action, history.next_state
-    pushes = ObservedPushes(*arrays, np.zeros(len(history), np.int64))
-    posterior = infer(weighing, pushes, Known.everything(len(history)))
-    spread = posterior.log_spread(weighing, MASS_RATIO)[0]
-    assert 0.0 < spread < 0.1
-    off = abs(np.log(posterior.values(weighing, MASS_RATIO)[0] / RATIO))
-    assert off < 2.0 * spread
-    assert posterior.values(weighing, FRICTION)[0] == pytest.approx(friction, rel=0.05)
-
-
 @pytest.mark.parametrize("noise", [None, 0.001])
-def test_predictions_rest_on_the_ratio(unweighed, random_pushes, noise):
+def test_predictions_rest_on_the_ratio_of_masses(sain, random_pushes, noise):
     history = telling(random_pushes, noise=noise)
-    usual, unknown = unweighed.condition(history), unweighed.with_unknown_masses()
+    usual, unknown = sain.condition(history), sain.with_unknown_masses()
     told = unknown.condition(history)
     assert unknown.spread(MASS_RATIO) == pytest.approx(0.3, rel=0.05)
     assert 0.0 < told.spread(MASS_RATIO) < 0.15
@@ -183,10 +150,10 @@ def test_predictions_rest_on_the_ratio(unweighed, random_pushes, noise):
 
 
 @pytest.mark.parametrize("unknown", [False, True])
-def test_a_belief_is_read_as_it_was_written(weighing, tmp_path, unknown):
-    weighing = weighing if unknown else default_belief(PlanarPrior(AXES))
-    read = read_belief(write_belief(tmp_path / "belief.json", weighing))
-    for kind, other in zip(read.kinds, weighing.kinds, strict=True):
+def test_a_belief_is_read_as_it_was_written(belief, tmp_path, unknown):
+    written = belief.with_unknown_masses() if unknown else belief
+    read = read_belief(write_belief(tmp_path / "belief.json", written))
+    for kind, other in zip(read.kinds, written.kinds, strict=True):
         assert (kind.name, kind.names, kind.prior) == (other.name, other.names, other.prior)
         np.testing.assert_array_equal(kind.covariance, other.covariance)
     assert (MASS_RATIO in read.likeliest.names) == unknown

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import numba
 import numpy as np
 import pytest
 
@@ -83,10 +84,17 @@ def test_the_values_of_the_settings_change_no_bit(names, config, bottom):
 
 @ON_BOTH
 @pytest.mark.parametrize("names", EVERY)
-def test_a_batch_is_a_loop_to_the_bit(names, bottom):
+def test_a_batch_is_a_loop_to_the_bit_on_any_number_of_threads(names, bottom):
     scenes, pushes = draw(30, 1)
+    before = scenes.copy()
     values, prior = draw_values(30, 2, 1), PlanarPrior(PlanarConfig(), kinds(*names).on(bottom))
-    together = prior.step(scenes, pushes, values)
+    together, threads = prior.step(scenes, pushes, values), numba.get_num_threads()
+    np.testing.assert_array_equal(scenes, before)
+    try:
+        numba.set_num_threads(1)
+        assert prior.step(scenes, pushes, values).tobytes() == together.tobytes()
+    finally:
+        numba.set_num_threads(threads)
     for row in range(30):
         one = slice(row, row + 1)
         own = {name: value[one] for name, value in values.items()}

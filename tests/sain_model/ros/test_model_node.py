@@ -9,7 +9,6 @@ from sain_core.errors import CheckpointError, ConfigError, ErrorCode
 from sain_core.model import load_dynamics
 from sain_core.push import PushLimits
 from sain_core.ros import codec
-from sain_core.scene import MASS, POSE
 from sain_core.transitions import PushHistory
 from sain_interfaces.srv import PredictResidual, Rollout
 from sain_model.physics.planar import PlanarPrior
@@ -108,26 +107,6 @@ def test_earlier_pushes_tell_the_service_the_friction(graph, model):
     response = graph.call(PredictResidual, "predict_residual", request)
     assert ErrorCode(response.error_code) is ErrorCode.INVALID
     assert "past_scenes has 48 numbers; 32 were expected" in response.error_message
-
-
-def predict(graph, scenes, actions, physics_next=None):
-    request = PredictResidual.Request(batch=len(scenes), disks=scenes.shape[1])
-    request.scenes, request.pushes = codec.encode_floats(scenes), codec.encode_floats(actions)
-    if physics_next is not None:
-        request.physics_next = codec.encode_floats(physics_next)
-    return graph.call(PredictResidual, "predict_residual", request)
-
-
-def test_physics_that_is_given_is_what_gets_corrected(graph, model):
-    scenes = np.stack([SCENE] * 2)
-    given = scenes.copy()
-    given[..., POSE] = 0.25
-    response = predict(graph, scenes, pushes(2), given)
-    assert response.next_state.tolist() == given.ravel().tolist()
-    given[..., MASS] = 3.0
-    response = predict(graph, scenes, pushes(2), given)
-    assert ErrorCode(response.error_code) is ErrorCode.INVALID
-    assert "physics_next states other masses or radii" in response.error_message
 
 
 @pytest.mark.parametrize(

@@ -4,7 +4,7 @@ from time import sleep
 import numpy as np
 import pytest
 
-from sain_core.errors import ConfigError, TooMuchWorkError
+from sain_core.errors import ConfigError, InvalidInputError, TooMuchWorkError
 from sain_core.model import IdentityPrior, Model, load_dynamics
 from sain_core.push import PushLimits
 from sain_core.scene import wrap_angle
@@ -44,6 +44,9 @@ def test_next_state_is_physics_plus_residual(sain):
     np.testing.assert_array_equal(residual, difference)
     given = server.predict(SCENES, PUSHES, physics)
     np.testing.assert_array_equal(given[1], next_state)
+    physics[..., 6] = 3.0
+    with pytest.raises(InvalidInputError, match="physics_next states other masses or radii"):
+        server.predict(SCENES, PUSHES, physics)
 
 
 def past(friction: float, pushes: int = 4) -> PushHistory:

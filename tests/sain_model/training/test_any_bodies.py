@@ -1,12 +1,8 @@
 """Training, fine-tuning and evaluation on pushes of any body of scenes of any shapes."""
 
-import numpy as np
 import pytest
 
-from sain_core.errors import DatasetError
-from sain_core.push import BODY
 from sain_model import commands
-from sain_model.data.dataset import load_dataset
 from sain_model.dynamics.load import load_checkpoint
 from tests.sain_model.conftest import read_card
 
@@ -57,23 +53,3 @@ def test_fine_tuning_goes_on_with_pushes_of_any_body(
     again = [str(any_bodies), "--from", str(trained), "--out", str(tmp_path / "again")]
     assert commands.train(again) == 1
     assert "has learned from this data set already" in " ".join(capsys.readouterr().err.split())
-
-
-def test_rollouts_and_what_needs_one_kind_of_scene_refuse_them(any_bodies, tmp_path, capsys):
-    with pytest.raises(
-        DatasetError, match=r"scenes with the same bodies are needed, not: .*; give one folder"
-    ):
-        _ = load_dataset(any_bodies).alike
-    arguments = [str(any_bodies), "--out", str(tmp_path), *OWN, "--steps-ahead", "2"]
-    assert commands.train(arguments) == 1
-    assert "scenes with the same bodies are needed" in " ".join(capsys.readouterr().err.split())
-
-
-def test_a_push_of_a_body_that_is_not_there_is_refused(any_bodies, tmp_path):
-    path = sorted(any_bodies.glob("shard-*.npz"))[0]
-    with np.load(path) as shard:
-        content = dict(shard)
-    content["action"][1, BODY] = 7
-    np.savez(tmp_path / "shard-00000.npz", **content)
-    with pytest.raises(DatasetError, match="row 1 pushes body 7; pushable are 0"):
-        load_dataset(tmp_path)

@@ -78,30 +78,7 @@ def test_the_loss_is_the_papers():
     assert robust < mixed_loss(100 * predicted, examples, rows, TrainingConfig(robust=False))
 
 
-def test_a_command_line_says_what_is_wrong(dataset, tmp_path, capsys):
-    assert commands.train([str(tmp_path / "none"), "--out", str(tmp_path)]) == 1
-    assert "does not exist" in " ".join(capsys.readouterr().err.split())
-    missing = str(tmp_path / "m.safetensors")
-    assert commands.evaluate([str(dataset), "--checkpoint", missing]) == 1
-    assert "does not exist" in " ".join(capsys.readouterr().err.split())
-
-
 TINY = NetworkConfig(hidden=8, message=4)
-
-
-def test_adam_adds_the_l2_term_of_equation_5():
-    weight = torch.nn.Parameter(torch.tensor([0.3, -2.0]))
-    other = torch.nn.Parameter(weight.detach().clone())
-    settings = TrainingConfig(optimizer=ADAM, learning_rate=1e-3, weight_decay=2 * 0.05)
-    with_decay = settings.make_optimizer([weight])
-    without = replace(settings, weight_decay=0.0).make_optimizer([other])
-    for _ in range(3):
-        for parameter, optimiser, penalty in ((weight, with_decay, 0.0), (other, without, 0.05)):
-            loss = (parameter - 1.0).square().sum() + penalty * parameter.square().sum()
-            optimiser.zero_grad()
-            loss.backward()
-            optimiser.step()
-    torch.testing.assert_close(weight, other)
 
 
 def test_patience_ends_a_training_that_brings_nothing_more(split, tmp_path):
