@@ -59,7 +59,7 @@ class ErrorRows:
     @classmethod
     def after(cls, predictions: Sequence[Predictions], step: int) -> "ErrorRows":
         """Return the rows of all windows that are as long, after so many pushes, from 1."""
-        pieces = [_rows_of(some, step) for some in predictions]
+        pieces = [vars(_rows_of(some, step)).values() for some in predictions]
         return cls(*(_joined(columns) for columns in zip(*pieces, strict=True)))
 
     def __len__(self) -> int:
@@ -218,12 +218,8 @@ def _ways(before: Scenes, after: Scenes) -> Float[ndarray, "*B N"]:
     return np.asarray(np.linalg.norm((after - before)[..., POSITION], axis=-1))
 
 
-def _rows_of(
-    some: Predictions, step: int
-) -> tuple[
-    dict[str, Any], dict[str, ndarray], dict[str, ndarray], dict[str, ndarray], dict[str, Any]
-]:
-    """Return the columns of `ErrorRows` of one part."""
+def _rows_of(some: Predictions, step: int) -> ErrorRows:
+    """Return the rows of one part."""
     windows, part = some.windows, some.part
     chosen = windows.known[:, step - 1]
     truth, shape = windows.next_scenes[chosen, step - 1], (int(chosen.sum()), part.disks)
@@ -260,7 +256,7 @@ def _rows_of(
         assert said.radius is not None
         columns = {"spread": said.spread, "radius": said.radius}
         regions[name] = {key: 1e3 * values[chosen].reshape(-1) for key, values in columns.items()}
-    return about, off, turned, agreed, regions
+    return ErrorRows(about, off, turned, agreed, regions)
 
 
 def _latest_ways(first: Scenes, rollouts: ndarray, step: int) -> Float[ndarray, "W N"]:

@@ -39,7 +39,7 @@ def step_as_nominal(prior: PlanarPrior, scenes: Scenes, pushes: Pushes) -> Scene
     if prior.bodies.all_round:
         believed[..., RADIUS] = NOMINAL_RADIUS
         believed[:, MID, RADIUS] = NOMINAL_MID_RADIUS
-    return prior.step_as_if(scenes, believed, pushes)[0]
+    return prior.step_with_contacts(scenes, pushes, believed=believed)[0]
 
 
 NO_MOTION: Final = "no motion"

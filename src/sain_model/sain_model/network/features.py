@@ -27,7 +27,7 @@ from sain_core.push import (
 )
 from sain_core.scene import POSITION, THETA, wrap_angle
 from sain_core.shapes.bodies import Bodies
-from sain_core.types import Angles, Pushes, Scalars, Scenes
+from sain_core.types import Angles, Pushes, Scenes
 from sain_model.compute.compiling import plain
 from sain_model.compute.threads import run_blocks
 from sain_model.network.feature_kernels import (
@@ -60,12 +60,16 @@ MIRRORED_BELIEVED: Final = tuple(  # columns that change their sign in a mirror
 )
 
 
-def believed_features(scenes: Scenes, headings: Scalars, values: Values) -> Float[ndarray, "B N P"]:
-    """Return what is believed of each body's physics, scaled to be of order one.
+def network_beliefs(
+    config: NetworkConfig, scenes: Scenes, frames: Float[ndarray, "B S"], values: Values
+) -> Float[ndarray, "B N P"]:
+    """Return what a network sees of what is believed of each body's physics, of order one.
 
-    Headings (B,) [rad] are those of the frames of the pushes; values (B,) or (B, N) that are
-    missing are 0 here.
+    That is nothing, unless it was made to see it. `frames` are those of the pushes, as
+    `push_frames` makes them; values (B,) or (B, N) that are missing are 0 here.
     """
+    if not config.believed:
+        return np.empty((*scenes.shape[:2], 0))
     columns = [
         np.log(_value(scenes, values, name, middle) / middle) / _scale(name)
         for name, middle in FACTORS.items()
@@ -73,22 +77,10 @@ def believed_features(scenes: Scenes, headings: Scalars, values: Values) -> Floa
     columns += [_value(scenes, values, name, 0.0) / _scale(name) for name in NUMBERS]
     for name_x, name_y, of_body, times in VECTORS:
         x, y = (_value(scenes, values, name, 0.0) / _scale(name) for name in (name_x, name_y))
-        angle = times * (of_body * scenes[..., THETA] - headings[:, None])
+        angle = times * (of_body * scenes[..., THETA] - frames[:, LOCATION, None])
         cos, sin = np.cos(angle), np.sin(angle)
         columns += [cos * x - sin * y, sin * x + cos * y]
     return np.stack(columns, axis=-1)
-
-
-def network_beliefs(
-    config: NetworkConfig, scenes: Scenes, frames: Float[ndarray, "B S"], values: Values
-) -> Float[ndarray, "B N P"]:
-    """Return what a network sees of what is believed: nothing, unless it was made to see it.
-
-    `frames` are those of the pushes, as `network.features.push_frames` makes them.
-    """
-    if not config.believed:
-        return np.empty((*scenes.shape[:2], 0))
-    return believed_features(scenes, frames[:, LOCATION], values)
 
 
 def _value(scenes: Scenes, values: Values, name: str, default: float) -> Float[ndarray, "B N"]:

@@ -5,8 +5,8 @@ prior is given is checked here, once.
 """
 
 from collections.abc import Hashable, Mapping
-from dataclasses import Field, dataclass, field, fields
-from functools import lru_cache
+from dataclasses import dataclass, field, fields
+from functools import lru_cache, partial
 from typing import Any, Final, Literal, NamedTuple
 
 import numpy as np
@@ -100,15 +100,11 @@ def parameter(
 ) -> Any:
     """Declare a parameter of `PlanarConfig`; see `Parameter`."""
     setting: Any = option(default, meaning, unit=unit, minimum=least, maximum=most)
-    about = {"scope": scope, "spread": spread, "logarithm": logarithm}
-    return field(default=default, metadata={**setting.metadata, **about})
+    about = Parameter("", meaning, unit, scope, spread, logarithm, least, most)
+    return field(default=default, metadata={**setting.metadata, "parameter": about})
 
 
-def factor(
-    default: float, meaning: str, scope: Scope, spread: float, least: float, most: float
-) -> Any:
-    """Declare a parameter of which the logarithm has this spread."""
-    return parameter(default, meaning, scope, spread, least, most, logarithm=True)
+factor: Final = partial(parameter, logarithm=True)  # the spread is of the logarithm
 
 
 def harmonic(spread: float, most: float, unit: str = "rad") -> Any:
@@ -262,14 +258,10 @@ class PlanarConfig(Config):
 # fmt: on
 
 
-def _parameter(item: "Field[Any]") -> Parameter:
-    about = item.metadata
-    names = "description", "unit", "scope", "spread", "logarithm", "minimum", "maximum"
-    return Parameter(item.name, *(about[name] for name in names))
-
-
-BY_NAME: Final = {
-    item.name: _parameter(item) for item in fields(PlanarConfig) if "scope" in item.metadata
+BY_NAME: Final[dict[str, Parameter]] = {
+    item.name: item.metadata["parameter"]._replace(name=item.name)
+    for item in fields(PlanarConfig)
+    if "parameter" in item.metadata
 }
 BY_HEADING: Final = tuple(name for name in BY_NAME if "_offset_" in name)
 

@@ -264,18 +264,17 @@ class PlanarPrior(Model):
         return self.step_with_contacts(scenes, pushes, values)[0]
 
     def step_with_contacts(
-        self, scenes: Scenes, pushes: Pushes, values: Values | None = None
+        self,
+        scenes: Scenes,
+        pushes: Pushes,
+        values: Values | None = None,
+        believed: Scenes | None = None,
     ) -> tuple[Scenes, Touched]:
-        """As `step`, and tell for each push which bodies the tool touched, (B, N)."""
-        return self.step_as_if(scenes, scenes, pushes, values)
+        """As `step`, and tell for each push which bodies the tool touched, (B, N).
 
-    def step_as_if(
-        self, scenes: Scenes, believed: Scenes, pushes: Pushes, values: Values | None = None
-    ) -> tuple[Scenes, Touched]:
-        """As `step_with_contacts`, with masses and radii that are believed, (B, N, 8).
-
-        The tool moves as it does in truth: its way comes from the scenes. Overlaps of bodies that
-        are believed too large are undone without giving them speed.
+        Masses and radii may be others that are believed, (B, N, 8). The tool moves as it does in
+        truth: its way comes from the scenes. Overlaps of bodies that are believed too large are
+        undone without giving them speed.
         """
         check_batch(scenes, pushes, self.bodies)
         values = values or {}
@@ -289,7 +288,8 @@ class PlanarPrior(Model):
         physics["tool_radius"] = tip_radii(pushes, limits)
         ways = tool_ways(scenes, pushes, limits, bodies, physics)
         table, pushed = body_table(bodies), pushed_bodies(pushes)
-        after, touched = push_bodies(believed, ways, pushed, table, physics, own)
+        known = scenes if believed is None else believed
+        after, touched = push_bodies(known, ways, pushed, table, physics, own)
         idle = pushes[:, LENGTH] == 0.0
         after[idle] = scenes[idle]
         after[..., MASS:] = scenes[..., MASS:]

@@ -220,7 +220,8 @@ class Parent:
 
         Raises `DatasetError`: it, or one that it learned from in its turn, has seen this data set.
         """
-        seen = {sha for card in self.card.lineage() for sha in _data_hashes(card)}
+        learned = [card.data for card in self.card.lineage()]
+        seen = {sha for one in learned for sha in (one.get("sha256"), *one.get("sources", ()))}
         for sha in (data.sha256, *data.sources):
             if sha in seen:
                 raise DatasetError(
@@ -255,10 +256,6 @@ def _errors(sain: SainDynamics, part: Part) -> Scalars:
         return position_errors(after, part.next_state, TARGET)
     off = np.linalg.norm((after - part.next_state)[..., POSITION], axis=-1)
     return np.asarray(1e3 * off[np.arange(len(part)), pushed_bodies(part.action)])
-
-
-def _data_hashes(card: ModelCard) -> list[str]:
-    return [card.data.get("sha256", ""), *card.data.get("sources", ())]
 
 
 def gain_line(gain: dict[str, Any], parent: str, part: str) -> str:

@@ -26,35 +26,30 @@ FEW: Final = 60  # pushes below which there is one window
 STARTS: Final = (0.0, -2.0, -4.0)  # of the search, logarithms of the weights
 
 
-def fit_intervals(sain: SainDynamics, *data: Part, level: float = LEVEL) -> Intervals:
-    """Return regions that hold the pushed body and others in a share `level` of the pushes.
+def fit_intervals(sain: SainDynamics, *data: Part) -> Intervals:
+    """Return regions that hold the pushed body and others in a share `LEVEL` of the pushes.
 
     The model's weights were not fitted to this data. Friction is told as in deployment, by the
     episode's earlier pushes.
     """
-    return fit_regions([predict_with_history(sain, part) for part in data], data, level)
+    return fit_regions([predict_with_history(sain, part) for part in data], data)
 
 
 def fit_regions(
     predictions: Sequence[Prediction],
     data: Sequence[Part],
     level: float = LEVEL,
-    like: Intervals | None = None,
 ) -> Intervals:
-    """Return regions that hold bodies in a share `level` of predicted pushes.
-
-    Scores are those of `like`, where it is given.
-    """
+    """Return regions that hold bodies in a share `level` of predicted pushes."""
     pieces = [_scored(*piece) for piece in zip(predictions, data, strict=True)]
-    scores = (None, None, None) if like is None else (like.mid, like.target, like.turn)
     configs = []
-    for rows, score in enumerate(scores):  # places of pushed bodies and of others, turns
+    for rows in range(3):  # places of pushed bodies and of others, turns
         parts, off, long = (
             np.concatenate([piece[rows][column] for piece in pieces], axis=-1)
             for column in range(3)
         )
         fitted = off.max(initial=0.0) > RESOLUTION
-        configs.append(fit_disk(parts, off, long, level, score) if fitted else None)
+        configs.append(fit_disk(parts, off, long, level) if fitted else None)
     mid, target, turn = configs
     mid = mid or Region()
     # Where scenes have one body, there are no others: theirs would be as the pushed one's.
@@ -125,19 +120,10 @@ def _scored(
     return [(parts[:, rows], values[rows], long[rows]) for rows, values in scored]
 
 
-def fit_disk(
-    parts: Float[ndarray, "3 M"],
-    off: Scalars,
-    long: Scalars,
-    level: float,
-    like: Region | None = None,
-) -> Region:
-    """Fit one disk's radius to distances (M,) [m]: first the score, then its factors.
-
-    `long` are elongations (M,). The score is that of `like`, where given.
-    """
-    region = like or _fit_score(parts, off, long, level)
-    scores, factors = _factors(region.score(parts[0], parts[1], parts[2], long), off, level)
+def fit_disk(parts: Float[ndarray, "3 M"], off: Scalars, long: Scalars, level: float) -> Region:
+    """Fit one disk's radius to distances (M,) [m] of bodies with elongations (M,)."""
+    region = _fit_score(parts, off, long, level)
+    scores, factors = _factors(region.score(*parts, long), off, level)
     return replace(region, scores=scores, factors=factors)
 
 
