@@ -5,44 +5,40 @@ A file is read up to its first damage: no message comes through that its chunk's
 
 import os
 import struct
-from collections import Counter, deque
-from collections.abc import Callable, Iterator, Mapping
+from collections import deque
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
-from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import IO, Any, Final
 
-from mcap.exceptions import EndOfFile, McapError
-from mcap.reader import make_reader
-from mcap.records import Attachment, Channel, Chunk, DataEnd, McapRecord, Message, Metadata, Schema
-from mcap.stream_reader import StreamReader, breakup_chunk
-from mcap.well_known import Profile
-from mcap.writer import Writer as McapWriter
+from mcap.exceptions import EndOfFile
+from mcap.records import Metadata
+from mcap.stream_reader import StreamReader
 
 from sain_bags.bag.metadata import (
     METADATA_FILE,
     METADATA_RECORD,
     START_RECORD,
     Span,
-    Topic,
     bag_metadata,
     read_metadata,
-    read_profiles,
     read_record,
     span_of,
     storage_of,
+    topic_of,
     write_metadata,
 )
 from sain_bags.bag.parts import check_parts, earlier, mcap_files, move_files, remove_parts
-from sain_bags.mcap.integrity import DAMAGE, Unpacking, unpack
+from sain_bags.mcap.copying import McapCopy
+from sain_bags.mcap.integrity import DAMAGE, read_data
+from sain_bags.mcap.mcap_file import McapFile
 from sain_core.errors import DatasetError, OutputError, UntrustedFileError
 from sain_core.guarding.kinds import describe
-from sain_core.guarding.untrusted import PIECE_BYTES, open_regular
+from sain_core.guarding.untrusted import open_regular
 
-CHUNK_SIZE: Final = 1 << 20  # [bytes], so that the index of a bag of 10 GB stays small in memory
-CUT_OFF: Final = (EndOfFile, struct.error, StopIteration)  # before the record that ends the data
+CUT_OFF: Final = (EndOfFile, struct.error)  # before the record that ends the data
 
 Advance = Callable[[int], object]  # called with the number of bytes that were read
 
@@ -125,21 +121,15 @@ def join(aside: Path, folder: Path, advance: Advance = lambda done: None) -> Non
 
 def _describe(file: Path, about: Mapping[str, Any], notes: Mapping[str, str]) -> Span:
     """Write the ``metadata.yaml`` of a bag of one file; return the span of its messages."""
-    with file.open("rb") as stream:
-        summary = make_reader(stream).get_summary()
-    assert summary is not None and summary.statistics is not None
-    counts: Counter[tuple[str, str]] = Counter()
-    topics: dict[tuple[str, str], Topic] = {}
-    for number, channel in summary.channels.items():
-        schema, more = summary.schemas.get(channel.schema_id), channel.metadata
-        key = (channel.topic, schema.name if schema else "")
-        profiles = read_profiles(more.get("offered_qos_profiles", ""))
-        topics[key] = Topic(*key, "", more.get("topic_type_hash", ""), profiles)
-        counts[key] += summary.statistics.channel_message_counts.get(number, 0)
-    span, counted = span_of(summary.statistics), [(topics[key], counts[key]) for key in topics]
-    custom_data = {**(about.get("custom_data") or {}), **notes}
+    made = McapFile(file)
+    counts = made.statistics.channel_message_counts
+    topics = [
+        (topic_of(channel, made.schemas.get(channel.schema_id)), counts.get(number, 0))
+        for number, channel in made.channels.items()
+    ]
+    span, custom_data = span_of(made.statistics), {**(about.get("custom_data") or {}), **notes}
     distro = about.get("ros_distro") or "jazzy"
-    write_metadata(file.parent, bag_metadata({file.name: span}, counted, custom_data, distro))
+    write_metadata(file.parent, bag_metadata({file.name: span}, topics, custom_data, distro))
     return span
 
 
@@ -147,102 +137,51 @@ def _copy(
     files: tuple[Path, ...], target: Path, advance: Advance
 ) -> tuple[Mapping[str, Any], list[str]]:
     """Copy what can be read of files; return the metadata of the bag, and what was lost."""
+    about: dict[str, Any] = {}
     losses = []
     with target.open("wb") as stream:
-        copy = _Copy(stream)
+        copy = McapCopy(stream)
         for path in files:
             try:
                 source = open_regular(path)
             except UntrustedFileError as error:
                 raise DatasetError(f"{path} is not read: {error}") from error
             with source:
-                if damage := copy.take(source, advance):
+                if damage := _copy_file(source, copy, about, advance):
                     losses.append(f"{path.name}: {damage}")
         copy.writer.finish()
         stream.flush()
         os.fsync(stream.fileno())
-    return copy.about, losses
+    return about, losses
 
 
-class _Copy:
-    """A new MCAP file made of others' messages; channels and schemas stay as they were."""
+def _copy_file(source: IO[bytes], copy: McapCopy, about: dict[str, Any], advance: Advance) -> str:
+    """Copy a file up to its first damage, add what it says of the bag to `about`.
 
-    def __init__(self, stream: IO[bytes]) -> None:
-        self.about: Mapping[str, Any] = {}  # the metadata of the bag
-        self.writer = writer = McapWriter(stream, chunk_size=CHUNK_SIZE, enable_data_crcs=True)
-        self.writer.start(profile=Profile.ROS2, library="sain_bags")
-        # The same schema or channel of several files has one number here.
-        self._schema = cache(writer.register_schema)
-        self._channel = cache(
-            lambda topic, encoding, schema, more: writer.register_channel(
-                topic, encoding, schema, dict(more)
-            )
-        )
-
-    def take(self, stream: IO[bytes], advance: Advance) -> str:
-        """Copy a file up to its first damage; return where and what that is; empty: none."""
-        known: dict[tuple[type, int], Any] = {(Schema, 0): Schema(0, b"", "", "")}
-        unpacking, place, last = Unpacking(stream.seek(0, 2)), stream.seek(0), 0
-        records = iter(StreamReader(stream, False, True, True, PIECE_BYTES).records)
-        while True:
-            try:
-                record = next(records)
-                found = _opened(record, known, unpacking)
-            except (DatasetError, *CUT_OFF, *DAMAGE) as error:
-                why = "the file has no end" if isinstance(error, CUT_OFF) else error
-                last_message = f"after the message of {1e-9 * last:.3f} s"
-                when = last_message if last else "before any message"
-                return f"not read from byte {place:,} on, {when}: {why}"
-            if isinstance(record, DataEnd):
-                return _check_end(stream, records)
-            for one in found:
-                self._add(one, known)
-                last = max(last, one.log_time) if isinstance(one, Message) else last
-            advance(stream.tell() - place)
-            place = stream.tell()
-
-    def _add(self, one: McapRecord, known: Mapping[tuple[type, int], Any]) -> None:
-        if isinstance(one, Message | Channel):
-            channel = known[Channel, one.channel_id if isinstance(one, Message) else one.id]
-            schema = known[Schema, channel.schema_id]
-            about = self._schema(schema.name, schema.encoding, schema.data)
-            more = tuple(channel.metadata.items())
-            number = self._channel(channel.topic, channel.message_encoding, about, more)
-        if isinstance(one, Message):
-            self.writer.add_message(number, one.log_time, one.data, one.publish_time, one.sequence)
-        elif isinstance(one, Metadata) and one.name in (METADATA_RECORD, START_RECORD):
-            self.about = read_record(one) or self.about
-        elif isinstance(one, Metadata):
-            self.writer.add_metadata(one.name, one.metadata)
-        elif isinstance(one, Attachment):
-            about = (one.name, one.media_type, one.data)
-            self.writer.add_attachment(one.create_time, one.log_time, *about)
+    Returns:
+        where and what the damage is; empty: none.
+    """
+    place = last = 0
+    copy.begin_file()
+    try:
+        for record in read_data(source):
+            if isinstance(record, Metadata) and record.name in (METADATA_RECORD, START_RECORD):
+                about.update(read_record(record))
+            else:
+                last = max(last, copy.add(record))
+            advance(source.tell() - place)
+            place = source.tell()
+    except (DatasetError, *DAMAGE) as error:
+        why = "the file has no end" if isinstance(error, CUT_OFF) else error
+        when = f"after the message of {1e-9 * last:.3f} s" if last else "before any message"
+        return f"not read from byte {place:,} on, {when}: {why}"
+    return _check_end(source)
 
 
-def _check_end(stream: IO[bytes], summary: Iterator[McapRecord]) -> str:
+def _check_end(stream: IO[bytes]) -> str:
     """Return what stands behind the end, as where files were joined; damage there is no loss."""
     with suppress(*DAMAGE):
-        deque(summary, maxlen=0)
+        deque(StreamReader(stream, skip_magic=True).records, maxlen=0)
         if stream.read(1):
             return f"not read from byte {stream.tell() - 1:,} on: bytes follow its end"
     return ""
-
-
-def _opened(
-    record: McapRecord, known: dict[tuple[type, int], Any], unpacking: Unpacking
-) -> list[McapRecord]:
-    """Return the records of a chunk, whole, or the one; add what describes messages to `known`."""
-    found = [record]
-    if isinstance(record, Chunk):
-        unpacking.take(size := record.uncompressed_size)
-        record.data = unpack(record.compression.encode(), record.data, size)
-        record.compression = ""
-        found = breakup_chunk(record, validate_crc=True)
-    for one in found:
-        if isinstance(one, Message) and (Channel, one.channel_id) not in known:
-            raise McapError(f"a message is of channel {one.channel_id}, which is not described")
-        if isinstance(one, Channel) and (Schema, one.schema_id) not in known:
-            raise McapError(f"the schema of {one.topic} is missing")
-        if isinstance(one, Schema | Channel) and known.setdefault((type(one), one.id), one) != one:
-            raise McapError("it describes a channel otherwise than the file does before")
-    return found

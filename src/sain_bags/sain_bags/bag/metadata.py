@@ -10,7 +10,7 @@ from functools import lru_cache
 from pathlib import Path, PurePath
 from typing import Any, Final
 
-from mcap.records import Metadata, Statistics
+from mcap.records import Channel, Metadata, Schema, Statistics
 from rosbags.interfaces import Qos
 from rosbags.rosbag2.metadata import parse_qos
 
@@ -131,9 +131,11 @@ class Topic:
         """
         return self.type.startswith(OWN_TYPES) and self.type not in STREAMS
 
-    def qos_text(self) -> str:
-        """Return the offered profiles as the text that a channel's metadata holds."""
-        return dump_yaml([qos.as_record() for qos in self.offered_qos])
+    @property
+    def about(self) -> dict[str, str]:
+        """The metadata of its channel, as rosbag2 writes it."""
+        profiles = dump_yaml([qos.as_record() for qos in self.offered_qos])
+        return {"offered_qos_profiles": profiles, "topic_type_hash": self.type_hash}
 
 
 @dataclass(frozen=True)
@@ -171,6 +173,14 @@ def bag_metadata(
         "custom_data": dict(custom_data) or None,
         "ros_distro": ros_distro,
     }
+
+
+def topic_of(channel: Channel, schema: Schema | None) -> Topic:
+    """Return the topic that a channel of a file describes."""
+    more = channel.metadata
+    profiles = read_profiles(more.get("offered_qos_profiles", ""))
+    kind = schema.name if schema else ""
+    return Topic(channel.topic, kind, "", more.get("topic_type_hash", ""), profiles)
 
 
 def span_of(file: Statistics) -> Span:

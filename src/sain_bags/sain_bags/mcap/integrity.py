@@ -1,4 +1,4 @@
-"""Damage to an MCAP file: chunks opened so that it cannot pass for data, and the summary's CRC.
+"""Damage to an MCAP file: its data and its summary read so that no damage passes for data.
 
 Format: https://mcap.dev/spec.
 """
@@ -13,28 +13,29 @@ from typing import IO, Any, Final
 
 import zstandard
 from lz4.frame import LZ4FrameDecompressor
-from mcap.exceptions import McapError
-from mcap.opcode import Opcode
-from mcap.records import Footer
+from mcap.data_stream import RecordBuilder
+from mcap.exceptions import EndOfFile, McapError
+from mcap.reader import SeekingReader
+from mcap.records import Attachment, Chunk, DataEnd, Footer, McapRecord
 from mcap.stream_reader import StreamReader
+from mcap.summary import Summary
 from mcap.writer import MCAP0_MAGIC
 
 from sain_core.errors import DatasetError, UntrustedFileError
 from sain_core.guarding.untrusted import (
+    NAME_LENGTH,
     PIECE_BYTES,
-    PIECE_RECORDS,
+    SUMMARY_BYTES,
+    TOPICS,
     limit,
+    most_messages,
     open_regular,
     unpacked_bytes,
 )
 
-RECORD_HEAD: Final = struct.Struct("<BQ")  # opcode, length of the content
-CHUNK_HEAD: Final = struct.Struct("<QQQI")  # first and last time, size and CRC once decompressed
-MESSAGE_HEAD: Final = struct.Struct("<HIQQ")  # channel, sequence, log time, publish time
-
 FOOTER_SIZE: Final = 1 + 8 + 8 + 8  # [bytes], opcode, length and the footer but its CRC
 TAIL_SIZE: Final = FOOTER_SIZE + 4 + 8  # with the CRC and the closing magic
-WINDOW: Final = 1 << 20  # [bytes], compared at a time
+CRC_SIZE: Final = 4  # [bytes], at the end of the data and of an attachment
 
 DAMAGE: Final = (
     McapError,
@@ -75,11 +76,12 @@ def rescue(bag: Path) -> str:
     return f"`ros2 run sain_bags {command}` copies what can be read"
 
 
-def check_summary(stream: IO[bytes]) -> Footer:
-    """Compare the summary's CRC, which mcap's readers leave unchecked; return the footer.
+def read_summary(stream: IO[bytes]) -> Summary:
+    """Read the summary of a file, after comparing its CRC, which mcap's readers leave unchecked.
 
     Raises:
-        McapError: the file has no end, or the summary is damaged.
+        McapError: there is none, or it is damaged.
+        UntrustedFileError: it states more than is allowed.
     """
     size = stream.seek(0, 2)
     if size < TAIL_SIZE:
@@ -90,18 +92,23 @@ def check_summary(stream: IO[bytes]) -> Footer:
     stream.seek(size - TAIL_SIZE)
     reader = StreamReader(stream, skip_magic=True, record_size_limit=TAIL_SIZE)
     footer = next(iter(reader.records), None)
-    if not isinstance(footer, Footer):
-        raise McapError("it has no footer")
-    if footer.summary_start > size:
-        raise McapError("its summary is not where it should be")
-    if footer.summary_start and footer.summary_crc:
-        rest, crc = max(size - TAIL_SIZE + FOOTER_SIZE - footer.summary_start, 0), 0
-        stream.seek(footer.summary_start)
-        while rest and (content := stream.read(min(rest, WINDOW))):
-            rest, crc = rest - len(content), zlib.crc32(content, crc)
-        if rest or crc != footer.summary_crc:
-            raise McapError("its summary does not match its CRC")
-    return footer
+    if not isinstance(footer, Footer) or not 0 < footer.summary_start <= size - TAIL_SIZE:
+        raise McapError("it has no summary")
+    limit("bytes in its summary", size - footer.summary_start, SUMMARY_BYTES)
+    stream.seek(footer.summary_start)
+    content = stream.read(size - TAIL_SIZE + FOOTER_SIZE - footer.summary_start)
+    if footer.summary_crc and zlib.crc32(content) != footer.summary_crc:
+        raise McapError("its summary does not match its CRC")
+    stream.seek(0)
+    summary = SeekingReader(stream, record_size_limit=SUMMARY_BYTES).get_summary()
+    if summary is None or summary.statistics is None:
+        raise McapError("it has no summary")
+    limit("messages", summary.statistics.message_count, most_messages(size))
+    limit("topics", len(summary.channels), TOPICS)
+    names = [one.topic for one in summary.channels.values()]
+    names += [one.name for one in summary.schemas.values()]
+    limit("characters in a name", max(map(len, names), default=0), NAME_LENGTH)
+    return summary
 
 
 class Unpacking:
@@ -126,66 +133,79 @@ class Unpacking:
             )
 
 
-def chunk_data(content: memoryview) -> memoryview:
-    """Decompress a chunk record's content; if it has a CRC, that is right.
+def unpack_chunk(chunk: Chunk) -> bytes:
+    """Return the content of a chunk, decompressed; if it has a CRC, that is right.
 
     Raises:
-        DatasetError: it is damaged; the message says how it shows.
+        DatasetError and others of `DAMAGE`: it is damaged.
     """
-    _, _, size, crc = CHUNK_HEAD.unpack_from(content)
-    name_end = CHUNK_HEAD.size + 4 + int.from_bytes(content[28:32], "little")
-    data = _decompress(bytes(content[32:name_end]), content[name_end + 8 :], size)
-    if crc and zlib.crc32(data) != crc:
-        raise DatasetError("its CRC is wrong")
-    if not crc and len(data) != size:
-        raise DatasetError(f"it has {len(data)} bytes instead of {size}")
-    return memoryview(data)
-
-
-def _decompress(compression: bytes, data: memoryview, size: int) -> Any:
+    size = chunk.uncompressed_size
     if size > PIECE_BYTES:
         raise DatasetError(f"it says to hold {size:,} bytes; allowed: {PIECE_BYTES:,}")
-    try:
-        return unpack(compression, data, size)
-    except (zstandard.ZstdError, RuntimeError, ValueError, EOFError, MemoryError) as error:
-        if isinstance(error, DatasetError):
-            raise
-        raise DatasetError(f"it cannot be decompressed ({error})") from error
+    data: bytes = unpack(chunk.compression, chunk.data, size)
+    if chunk.uncompressed_crc and zlib.crc32(data) != chunk.uncompressed_crc:
+        raise DatasetError("its CRC is wrong")
+    if len(data) != size:
+        raise DatasetError(f"it has {len(data)} bytes instead of {size}")
+    return data
 
 
-def unpack(compression: bytes, data: Any, most: int) -> Any:
+def unpack(compression: str, data: Any, most: int) -> Any:
     """Return the content of data that is compressed, without more memory than it may have.
 
     Raises:
         DatasetError: it has more than `most` bytes.
         ZstdError, RuntimeError, ValueError, EOFError: it is damaged.
     """
-    if compression == b"zstd":
+    if compression == "zstd":
         # A frame that names its own size is given that much memory: not before it is looked at.
         if zstandard.frame_content_size(data) > most:
             raise DatasetError(f"it says to hold more than {most:,} bytes")
         return zstandard.ZstdDecompressor().decompress(data, max_output_size=most)
-    if compression == b"lz4":
+    if compression == "lz4":
         found = LZ4FrameDecompressor().decompress(data, max_length=most + 1)
         if len(found) > most:
             raise DatasetError(f"it holds more than {most:,} bytes")
         return found
     if compression:
-        name = compression[:20].decode(errors="replace")
-        raise DatasetError(f"it is compressed with {name!r}; allowed: zstd, lz4 or nothing")
+        raise DatasetError(
+            f"it is compressed with {compression[:20]!r}; allowed: zstd, lz4 or nothing"
+        )
     return data
 
 
-def records_in(data: memoryview) -> Iterator[tuple[int, int, int]]:
-    """Yield each record's opcode, and where its content begins and ends."""
-    place, size, count = 0, len(data), 0
-    while place < size:
-        limit("records in a part", count := count + 1, PIECE_RECORDS)
-        start = place + RECORD_HEAD.size
-        if start > size:
-            raise DatasetError("it ends inside a record")
-        opcode, length = RECORD_HEAD.unpack_from(data, place)
-        place = start + length
-        if place > size or (opcode == Opcode.MESSAGE and length < MESSAGE_HEAD.size):
-            raise DatasetError("its records do not fit into it")
-        yield opcode, start, place
+def read_data(stream: IO[bytes]) -> Iterator[McapRecord]:
+    """Yield the records of a file up to the end of its data, chunks unpacked; compare all CRCs.
+
+    Raises:
+        UntrustedFileError and others of `DAMAGE`: it is damaged, or too large.
+    """
+    unpacking = Unpacking(stream.seek(0, 2))
+    stream.seek(0)
+    for record in StreamReader(stream, False, True, True, PIECE_BYTES).records:
+        if isinstance(record, Chunk):
+            unpacking.take(record.uncompressed_size)
+            record.data, record.compression = unpack_chunk(record), ""
+        elif isinstance(record, Attachment):
+            _check_attachment(record, stream)
+        yield record
+        if isinstance(record, DataEnd):
+            return
+    raise EndOfFile
+
+
+def _check_attachment(record: Attachment, stream: IO[bytes]) -> None:
+    """Compare the CRC of an attachment, which ends where the stream is now."""
+    builder = RecordBuilder()
+    record.write(builder)
+    stream.seek(-CRC_SIZE, 1)
+    stated = stream.read(CRC_SIZE)
+    if any(stated) and builder.end()[-CRC_SIZE:] != stated:
+        raise McapError(f"the CRC of the attachment {record.name[:40]!r} is wrong")
+
+
+def check_file(stream: IO[bytes]) -> None:
+    """Read a whole file and compare every CRC in it; raises as `read_data` and `read_summary`."""
+    for _ in read_data(stream):
+        pass
+    read_summary(stream)

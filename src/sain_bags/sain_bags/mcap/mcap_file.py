@@ -1,44 +1,39 @@
-"""One MCAP file: the stretches of it that messages are read from.
+"""One MCAP file: the messages of its chunks, found through the indexes that follow each chunk.
 
-Messages are found through the indexes that follow each chunk. No CRC covers those, so nothing of
-them is believed that the chunk, which has one, does not confirm; what they leave out shows in the
-end, as fewer messages than the statistics have.
+No CRC covers those indexes, so nothing of them is believed that the chunk, which has one, does not
+confirm; what they leave out shows in the end, as fewer messages than the statistics have.
 
 Format: https://mcap.dev/spec.
 """
 
 import struct
-import zlib
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
+from io import BytesIO
 from pathlib import Path
-from typing import IO, Any, Final
+from typing import IO, Final
 
 import numpy as np
+from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
-from mcap.writer import MCAP0_MAGIC
+from mcap.records import Chunk, ChunkIndex
 from numpy import ndarray
 
 from sain_bags.mcap.integrity import (
-    CHUNK_HEAD,
-    MESSAGE_HEAD,
-    RECORD_HEAD,
+    CRC_SIZE,
+    DAMAGE,
     TAIL_SIZE,
     Unpacking,
-    check_summary,
-    chunk_data,
     opened,
-    records_in,
+    read_summary,
+    unpack_chunk,
 )
-from sain_bags.mcap.summary import Stretch, read_summary
 from sain_core.errors import DatasetError, UntrustedFileError
-from sain_core.guarding.untrusted import PIECE_BYTES
 
 CHANNELS: Final = 1 << 16  # their numbers have 16 bits
+RECORD_HEAD: Final = 1 + 8  # [bytes], opcode and length of the content
 CRC_PLACE: Final = 8 + 8 + 8  # [bytes], in a chunk: two times and its size stand before it
-CRC_SIZE: Final = 4  # [bytes], also at the end of the data and of an attachment
-STRETCH: Final = 1 << 18  # [bytes], of messages outside of chunks that are read together
 
 INDEX_HEAD: Final = struct.Struct("<BQHI")  # opcode, length; channel, length of the entries
 INDEX_ENTRY: Final = np.dtype([("log_time", "<i8"), ("place", "<u8")])
@@ -48,11 +43,12 @@ MESSAGE: Final = np.dtype(  # a message record up to its data
         "formats": ("u1", "<u8", "<u2", "<u4", "<i8", "<i8"),
     }
 )
+MESSAGE_HEAD: Final = MESSAGE.itemsize - RECORD_HEAD  # [bytes], what its length counts of that
 
 
 @dataclass(frozen=True)
 class Messages:
-    """Messages of one stretch."""
+    """Messages of one chunk."""
 
     data: ndarray  # (bytes,) uint8
     heads: ndarray  # (M,) `MESSAGE`
@@ -70,19 +66,28 @@ class McapFile:
         """
         self.path = path
         with opened(path) as stream:
-            start = check_summary(stream).summary_start
-            summary = read_summary(stream, start)
-            self.has_crcs = _has_crcs(stream, summary.chunks, start)
+            summary = read_summary(stream)
+            chunks = sorted(summary.chunk_indexes, key=lambda chunk: chunk.chunk_start_offset)
+            _check_chunks(chunks, stream.seek(0, 2))
+            self.has_crcs = _has_crcs(stream, chunks)
+        assert summary.statistics is not None
         self.channels, self.schemas = summary.channels, summary.schemas
         self.statistics = summary.statistics
-        self._chunks = summary.chunks
+        self._chunks = tuple(chunks)
 
-    def stretches(self, channels: Collection[int]) -> tuple[Stretch, ...]:
-        """Return those that may hold messages of these channels, in the order of the file."""
-        if not self._chunks and self.statistics.message_count:
-            with opened(self.path) as stream:
-                return tuple(_scan(stream))
-        return tuple(chunk for chunk in self._chunks if chunk.holds(channels))
+    @property
+    def is_indexed(self) -> bool:
+        """Return whether the summary leads to all messages; else they must be copied first."""
+        are_all = all(chunk.message_index_offsets for chunk in self._chunks)
+        return are_all and (bool(self._chunks) or not self.statistics.message_count)
+
+    def chunks(self, channels: Collection[int]) -> tuple[ChunkIndex, ...]:
+        """Return those that hold messages of these channels, in the order of the file."""
+        return tuple(
+            chunk
+            for chunk in self._chunks
+            if any(channel in channels for channel in chunk.message_index_offsets)
+        )
 
     def compare(self, found: Mapping[int, int]) -> None:
         """Compare how many messages were found, by channel, with the statistics.
@@ -103,58 +108,65 @@ class McapFile:
             with opened(self.path):
                 raise McapError(f"it has more than {self.statistics.message_count} messages")
 
-    def read(self, stretch: Stretch, channels: Collection[int]) -> Messages:
+    def read(self, chunk: ChunkIndex, channels: Collection[int]) -> Messages:
         """Read the messages of some channels, in the order of the file.
 
         Raises:
             DatasetError: it is damaged; the message says how it shows.
         """
         with opened(self.path) as stream:
-            stream.seek(stretch.offset)
-            content = stream.read(stretch.size + stretch.index_size)
-            return _messages(content, stretch, channels)
+            stream.seek(chunk.chunk_start_offset)
+            content = stream.read(chunk.chunk_length + chunk.message_index_length)
+            try:
+                data = _unpacked(content, chunk)
+            except UntrustedFileError:
+                raise
+            except (DatasetError, *DAMAGE) as error:
+                where = f"the chunk at byte {chunk.chunk_start_offset}"
+                raise McapError(f"{where}: {error}") from error
+            return _indexed(np.frombuffer(data, np.uint8), content, chunk, channels)
 
 
-def _has_crcs(stream: IO[bytes], chunks: list[Stretch], summary_start: int) -> bool:
+def _check_chunks(chunks: list[ChunkIndex], size: int) -> None:
+    """Check that no chunk is listed twice, and that all together are not too much."""
+    unpacking, end = Unpacking(size), 0
+    for chunk in chunks:
+        if chunk.chunk_start_offset < end:
+            raise McapError("its chunks are in each other")
+        end = chunk.chunk_start_offset + chunk.chunk_length
+        if end + chunk.message_index_length > size:
+            raise McapError("a chunk is not where it should be")
+        unpacking.take(chunk.uncompressed_size)
+
+
+def _has_crcs(stream: IO[bytes], chunks: list[ChunkIndex]) -> bool:
     """Return whether messages have CRCs: the chunks, by the first one, else all data together."""
-    end = summary_start or stream.seek(0, 2) - TAIL_SIZE
-    stream.seek(chunks[0].offset + RECORD_HEAD.size + CRC_PLACE if chunks else end - CRC_SIZE)
+    if chunks:
+        stream.seek(chunks[0].chunk_start_offset + RECORD_HEAD + CRC_PLACE)
+    else:
+        stream.seek(-TAIL_SIZE + RECORD_HEAD, 2)
+        stream.seek(int.from_bytes(stream.read(8), "little") - CRC_SIZE)  # before the summary
     return any(stream.read(CRC_SIZE))
 
 
-def _messages(content: bytes, stretch: Stretch, channels: Collection[int]) -> Messages:
-    data: Any = memoryview(content)[: stretch.size]
-    if stretch.is_chunk:
-        opcode, length = RECORD_HEAD.unpack_from(content)
-        if opcode != Opcode.CHUNK or length != stretch.size - RECORD_HEAD.size:
-            raise McapError("a chunk is not where it should be")
-        try:
-            if CHUNK_HEAD.unpack_from(data, RECORD_HEAD.size)[2] != stretch.unpacked_size:
-                raise DatasetError("its size is not as in its index")
-            data = chunk_data(data[RECORD_HEAD.size :])
-        except DatasetError as error:
-            raise McapError(f"the chunk at byte {stretch.offset}: {error}") from error
-    array = np.frombuffer(data, dtype=np.uint8)
-    if stretch.index_places:
-        return _indexed(array, content, stretch, channels)
-    places = [
-        start - RECORD_HEAD.size
-        for opcode, start, _ in records_in(memoryview(data))
-        if opcode == Opcode.MESSAGE
-    ]
-    found = _at(array, np.array(places, dtype=np.int64))
-    wanted = np.isin(found.heads["channel"], list(channels))
-    return Messages(array, found.heads[wanted], found.starts[wanted])
+def _unpacked(content: bytes, index: ChunkIndex) -> bytes:
+    """Return what is in a chunk, which is as its index says."""
+    if content[0] != Opcode.CHUNK:
+        raise DatasetError("it is not where it should be")
+    chunk = Chunk.read(ReadDataStream(BytesIO(content[RECORD_HEAD : index.chunk_length])))
+    if chunk.uncompressed_size != index.uncompressed_size:
+        raise DatasetError("its size is not as in its index")
+    return unpack_chunk(chunk)
 
 
 def _indexed(
-    data: ndarray, content: bytes, stretch: Stretch, channels: Collection[int]
+    data: ndarray, content: bytes, chunk: ChunkIndex, channels: Collection[int]
 ) -> Messages:
     """Pick the messages that the indexes name, when each is what its index says it is."""
     entries, owners = [np.empty(0, INDEX_ENTRY)], [np.empty(0, np.uint16)]
-    indexes = stretch.indexes
+    indexes = chunk.message_index_offsets
     for channel in indexes.keys() & channels:
-        start = indexes[channel] - stretch.offset
+        start = indexes[channel] - chunk.chunk_start_offset
         opcode, length, owner, size = INDEX_HEAD.unpack_from(content, start)
         if (opcode, length, owner) != (Opcode.MESSAGE_INDEX, size + 6, channel) or size % 16:
             raise McapError("the index of a chunk is damaged")
@@ -181,86 +193,13 @@ def _at(data: ndarray, places: ndarray) -> Messages:
     starts = len(data) - MESSAGE.itemsize + 1
     heads = np.ndarray((starts,), MESSAGE, data, strides=(1,))[places]  # one at each byte: a view
     lengths = heads["length"].astype(np.int64)
-    wrong = (heads["opcode"] != Opcode.MESSAGE) | (lengths < MESSAGE_HEAD.size)
+    wrong = (heads["opcode"] != Opcode.MESSAGE) | (lengths < MESSAGE_HEAD)
     if (late := heads["log_time"] < 0).any():
         time = int(heads["log_time"][late][0].astype(np.uint64))
         raise UntrustedFileError(
             f"a message was received at {time} ns; allowed: up to 2^63 - 1 ns, the year 2262: the"
             " recorder's clock was wrong; record it again"
         )
-    if wrong.any() or (places + RECORD_HEAD.size + lengths > len(data)).any():
+    if wrong.any() or (places + RECORD_HEAD + lengths > len(data)).any():
         raise McapError("a message is not inside its chunk")
     return Messages(data, heads, places + MESSAGE.itemsize)
-
-
-def _scan(stream: IO[bytes]) -> Iterator[Stretch]:
-    """Find chunks, and messages without one, in a file whose summary does not name them."""
-    unpacking = Unpacking(stream.seek(0, 2))
-    times: list[int] = []
-    start = 0
-    for opcode, place, content in data_records(stream):
-        is_message = opcode == Opcode.MESSAGE
-        if times and (not is_message or place - start > STRETCH):
-            yield Stretch(min(times), max(times), start, place - start, False)
-            times = []
-        end = place + RECORD_HEAD.size + len(content)
-        if is_message:
-            start = start if times else place
-            times.append(MESSAGE_HEAD.unpack_from(content)[2])
-        elif opcode == Opcode.CHUNK:
-            first, last, size, _ = CHUNK_HEAD.unpack_from(content)
-            unpacking.take(size)
-            yield Stretch(first, last, place, end - place, True, unpacked_size=size)
-    if times:
-        yield Stretch(min(times), max(times), start, end - start, False)
-
-
-def data_records(stream: IO[bytes]) -> Iterator[tuple[int, int, bytes]]:
-    """Yield each record's opcode, where it begins and its content, up to the end of the data.
-
-    The CRC of the data is compared.
-
-    Raises:
-        McapError, struct.error: it is damaged.
-        UntrustedFileError: a record is larger than is allowed.
-    """
-    size = stream.seek(0, 2)
-    stream.seek(0)
-    magic = stream.read(len(MCAP0_MAGIC))
-    if magic != MCAP0_MAGIC:
-        raise McapError("it does not begin as MCAP")
-    place, crc = len(magic), zlib.crc32(magic)
-    while True:
-        stream.seek(place)
-        head = stream.read(RECORD_HEAD.size)
-        opcode, length = RECORD_HEAD.unpack(head)
-        if length > size - place:
-            raise McapError("it ends inside a record")
-        if length > PIECE_BYTES:
-            raise UntrustedFileError(f"a record has {length:,} bytes; allowed: {PIECE_BYTES:,}")
-        content = stream.read(length)
-        if opcode == Opcode.DATA_END:
-            expected = int.from_bytes(content, "little")
-            if expected and expected != crc:
-                raise McapError("its data does not match its CRC")
-            return
-        crc = zlib.crc32(content, zlib.crc32(head, crc))
-        yield opcode, place, content
-        place += len(head) + length
-
-
-def check_file(stream: IO[bytes]) -> None:
-    """Read a whole file and compare every CRC in it; raises as `data_records`."""
-    unpacking = Unpacking(stream.seek(0, 2))
-    for opcode, place, content in data_records(stream):
-        if opcode == Opcode.CHUNK:
-            unpacking.take(CHUNK_HEAD.unpack_from(content)[2])
-            try:
-                chunk_data(memoryview(content))
-            except DatasetError as error:
-                raise McapError(f"the chunk at byte {place}: {error}") from error
-        elif opcode == Opcode.ATTACHMENT:
-            expected = int.from_bytes(content[-CRC_SIZE:], "little")
-            if expected and expected != zlib.crc32(memoryview(content)[:-CRC_SIZE]):
-                raise McapError(f"the CRC of the attachment at byte {place} is wrong")
-    check_summary(stream)

@@ -6,21 +6,20 @@ back until that is read, so that nothing but the overlap has to be kept.
 
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Final
 
 import numpy as np
-from mcap.records import Channel, Schema
+from mcap.records import Channel, ChunkIndex, Schema
 from numpy import ndarray
 
 from sain_bags.bag.definition_check import check_definition, check_version
-from sain_bags.mcap.mcap_file import CHANNELS, McapFile, Messages, Stretch
+from sain_bags.mcap.mcap_file import CHANNELS, McapFile, Messages
 from sain_core.errors import DatasetError
 
 NEVER: Final = (1 << 63) - 1  # [ns], later than every message
 SPARSE: Final = 4  # times as much data as messages: it is not kept for these few
 BATCH_SIZE: Final = 8 << 20  # [bytes], messages are handed on from here
-BATCH_STRETCHES: Final = 256  # or with so many read, where little is wanted of each
+BATCH_CHUNKS: Final = 256  # or with so many read, where little is wanted of each
 
 
 @dataclass(frozen=True)
@@ -34,7 +33,7 @@ class Batch:
     log_times: ndarray  # (M,) [ns since the epoch], received
     publish_times: ndarray  # (M,) [ns since the epoch]
     sequences: ndarray  # (M,) the publisher's count, 0: not known
-    ranks: ndarray  # (M,) which stretch of the bag it is from: breaks ties of log times
+    ranks: ndarray  # (M,) which chunk of the bag it is from: breaks ties of log times
 
     def __len__(self) -> int:
         """Return how many messages there are."""
@@ -112,10 +111,9 @@ class BagChannel:
 class BagFiles:
     """Files that are read as one."""
 
-    def __init__(self, paths: Sequence[Path]) -> None:
-        """Read their summaries; raises `DatasetError`."""
-        self.paths = tuple(paths)
-        self._files = [McapFile(path) for path in paths]
+    def __init__(self, files: Sequence[McapFile]) -> None:
+        """Begin with files that have indexes."""
+        self._files = files
         self.statistics = tuple(file.statistics for file in self._files)
         self.channels = tuple(
             BagChannel(number, channel, file.schemas.get(channel.schema_id))
@@ -141,7 +139,7 @@ class BagFiles:
         """
         wanted = [self._wanted(number, topics, types) for number in range(len(self._files))]
         counts = [np.zeros(CHANNELS, dtype=np.int64) for _ in self._files]
-        for batch in in_order(self._stretches(wanted, start, counts)):
+        for batch in in_order(self._chunks(wanted, start, counts)):
             chosen = batch if start is None else batch[batch.log_times >= start]
             if len(chosen):
                 yield chosen
@@ -149,22 +147,22 @@ class BagFiles:
             for file, numbers, found in zip(self._files, wanted, counts, strict=True):
                 file.compare({number: int(found[number]) for number in numbers})
 
-    def _stretches(
+    def _chunks(
         self, wanted: list[dict[int, int]], start: int | None, counts: list[ndarray]
     ) -> Iterator[tuple[int, Batch]]:
-        """Yield stretches by their beginning, each with when the next begins; count messages."""
-        places: list[tuple[Stretch, int, int]] = []  # with its file and its rank
+        """Yield chunks by their beginning, each with when the next begins; count messages."""
+        places: list[tuple[ChunkIndex, int, int]] = []  # with its file and its rank
         for number, file in enumerate(self._files):
-            for stretch in file.stretches(wanted[number].keys()):
-                if start is None or stretch.last >= start:
-                    places.append((stretch, number, len(places)))
-        places.sort(key=lambda place: (place[0].first, place[2]))
-        limits = [*(stretch.first for stretch, _, _ in places), NEVER][1:]
+            for chunk in file.chunks(wanted[number].keys()):
+                if start is None or chunk.message_end_time >= start:
+                    places.append((chunk, number, len(places)))
+        places.sort(key=lambda place: (place[0].message_start_time, place[2]))
+        limits = [*(chunk.message_start_time for chunk, _, _ in places), NEVER][1:]
         tables = [_table(numbers) for numbers in wanted]
         totals = [0] * len(wanted)
-        for (stretch, number, rank), limit in zip(places, limits, strict=True):
+        for (chunk, number, rank), limit in zip(places, limits, strict=True):
             file = self._files[number]
-            messages = file.read(stretch, wanted[number].keys())
+            messages = file.read(chunk, wanted[number].keys())
             found = np.bincount(messages.heads["channel"])
             counts[number][: len(found)] += found
             totals[number] += len(messages.heads)
@@ -191,7 +189,7 @@ def _table(numbers: dict[int, int]) -> ndarray:
 
 
 def make_batch(messages: Messages, channels: ndarray, rank: int) -> Batch:
-    """Return the messages of one stretch; `channels` has their numbers in the bag."""
+    """Return the messages of one chunk; `channels` has their numbers in the bag."""
     heads = messages.heads
     batch = Batch(
         messages.data,
@@ -207,19 +205,19 @@ def make_batch(messages: Messages, channels: ndarray, rank: int) -> Batch:
     return batch.compact() if sparse else batch
 
 
-def in_order(stretches: Iterable[tuple[int, Batch]]) -> Iterator[Batch]:
-    """Sort what comes by the stretch.
+def in_order(chunks: Iterable[tuple[int, Batch]]) -> Iterator[Batch]:
+    """Sort what comes chunk by chunk.
 
     Args:
-        stretches: the time before which nothing more will come once the batch is read, and the
+        chunks: the time before which nothing more will come once the batch is read, and the
             batch; batches in the order in which they begin.
     """
     held: list[Batch] = []
     size = 0
-    for limit, batch in stretches:
+    for limit, batch in chunks:
         held.append(batch)
         size += len(batch.data)
-        if size < BATCH_SIZE and len(held) < BATCH_STRETCHES:
+        if size < BATCH_SIZE and len(held) < BATCH_CHUNKS:
             continue
         joined = _sorted(_join(held))
         early = joined.log_times < limit
@@ -251,5 +249,5 @@ def _join(parts: Sequence[Batch]) -> Batch:
 def _sorted(batch: Batch) -> Batch:
     if (np.diff(batch.log_times) > 0).all():
         return batch
-    # Within a stretch messages stand in the order of the file, which a stable sort keeps.
+    # Within a chunk messages stand in the order of the file, which a stable sort keeps.
     return batch[np.lexsort((batch.ranks, batch.log_times))]

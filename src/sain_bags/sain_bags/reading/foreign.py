@@ -1,22 +1,27 @@
-"""Bags that are no MCAP files, or that rosbag2 compressed: copied, for as long as they are read."""
+"""Files of bags that cannot be read as they are: copied, for as long as the bag is read.
+
+These are sqlite3 files, what rosbag2 compressed, and MCAP files without chunks or indexes.
+"""
 
 import sqlite3
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import closing
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, Final
 
 import apsw
 import zstandard
-from mcap.well_known import Profile
-from mcap.writer import Writer as McapWriter
+from mcap.exceptions import McapError
+from mcap.records import Chunk, McapRecord, Message
+from mcap.stream_reader import breakup_chunk
 from rosbags.rosbag2 import ReaderError
 from ruamel.yaml.error import YAMLError
 
-from sain_bags.bag.metadata import Topic, read_profiles
-from sain_bags.mcap.integrity import Unpacking, unpack
-from sain_bags.reading.bag_files import BagFiles
-from sain_bags.reading.sqlite_file import StoredMessage, read_sqlite, whole_sqlite
+from sain_bags.mcap.copying import McapCopy
+from sain_bags.mcap.integrity import Unpacking, opened, read_data, unpack
+from sain_bags.mcap.mcap_file import McapFile
+from sain_bags.reading.sqlite_file import read_sqlite, whole_sqlite
 from sain_core.errors import DatasetError, UntrustedFileError
 from sain_core.guarding.untrusted import PIECE_BYTES, open_regular
 
@@ -28,118 +33,95 @@ STORAGES: Final = ("mcap", "sqlite3")
 WINDOW: Final = 1 << 20  # [bytes], unpacked at a time
 
 
-def is_foreign(metadata: Mapping[str, Any]) -> bool:
-    """Tell whether a bag is anything but MCAP files as they are."""
-    return _storage(metadata) != "mcap" or _mode(metadata) not in UNCOMPRESSED
-
-
-class CopiedBag:
-    """A copy in MCAP, which is deleted with this."""
+class ReadableFiles:
+    """The files of a bag as indexed MCAP files; copies are deleted with this."""
 
     def __init__(self, metadata: Mapping[str, Any], files: Sequence[Path]) -> None:
-        """Copy a bag's messages.
+        """Copy what must be copied.
 
         Raises:
             DatasetError: it cannot be read, or holds more than is allowed.
         """
-        self._place = TemporaryDirectory(prefix="sain_bags-")
+        self._storage = str(metadata.get("storage_identifier") or "mcap")
+        self._mode = str(metadata.get("compression_mode") or "").lower()
+        if self._storage not in STORAGES:
+            raise DatasetError(
+                f"{files[0]} is of the storage {self._storage[:40]!r};"
+                f" allowed: {', '.join(STORAGES)}"
+            )
+        if self._mode not in UNCOMPRESSED and metadata.get("compression_format") != "zstd":
+            raise DatasetError(f"{files[0]} is compressed; only zstd can be read")
+        self._place: TemporaryDirectory[str] | None = None
         try:
-            self.files = _copy(metadata, files, Path(self._place.name))
+            self.files = [self._readable(file) for file in files]
         except BaseException:
-            self._place.cleanup()
+            if self._place is not None:
+                self._place.cleanup()
             raise
 
+    def _readable(self, file: Path) -> McapFile:
+        source = self._unpacked(file) if self._mode == "file" else file
+        if self._storage == "sqlite3":
+            return self._copy(file, self._read_sqlite(file, source))
+        found = McapFile(source)
+        if found.is_indexed and self._mode != "message":
+            return found
+        with opened(source) as stream, closing(read_data(stream)) as records:
+            copy = self._copy(file, records)
+            if copy.statistics.message_count != (stated := found.statistics.message_count):
+                number = copy.statistics.message_count
+                raise McapError(f"{number} messages were found, instead of {stated}")
+        copy.has_crcs = found.has_crcs
+        return copy
 
-def _copy(metadata: Mapping[str, Any], files: Sequence[Path], place: Path) -> tuple[Path, ...]:
-    storage, mode = _storage(metadata), _mode(metadata)
-    if storage not in STORAGES:
-        raise DatasetError(
-            f"{files[0]} is of the storage {storage[:40]!r}; allowed: {', '.join(STORAGES)}"
-        )
-    if mode not in UNCOMPRESSED and metadata.get("compression_format") != "zstd":
-        raise DatasetError(f"{files[0]} is compressed; only zstd can be read")
-    unpacked = tuple(_unpack(file, place) if mode == "file" else file for file in files)
-    if storage == "mcap" and mode != "message":
-        return unpacked
-    copies = tuple(place / f"copy_{number}.mcap" for number in range(len(files)))
-    read = _read_sqlite if storage == "sqlite3" else _read_mcap
-    for file, source, copy in zip(unpacked, files, copies, strict=True):
-        with copy.open("wb") as stream:
-            _write(McapWriter(stream), read(file, source, place), mode == "message", source)
-    return copies
+    def _copy(self, file: Path, records: Iterable[McapRecord]) -> McapFile:
+        path = self._folder / f"{file.name}.copy"
+        unpacking = Unpacking(file.stat().st_size)
+        with path.open("wb") as stream:
+            copy = McapCopy(stream)
+            for record in records:
+                for one in breakup_chunk(record) if isinstance(record, Chunk) else (record,):
+                    if self._mode == "message" and isinstance(one, Message):
+                        one.data = _unpack_message(one.data, unpacking, file)
+                    copy.add(one)
+            copy.writer.finish()
+        made = McapFile(path)
+        made.has_crcs = False  # of the original
+        return made
 
+    def _read_sqlite(self, file: Path, source: Path) -> Iterator[McapRecord]:
+        try:
+            yield from read_sqlite(whole_sqlite(source, self._folder))
+        except (sqlite3.Error, ReaderError, *BAD_CONTENT, UntrustedFileError) as error:
+            reason = " ".join(str(error).split())
+            raise DatasetError(f"{file} cannot be read: {reason}; get the bag again") from error
 
-def _write(
-    writer: McapWriter, found: Iterator[Topic | StoredMessage], is_packed: bool, source: Path
-) -> None:
-    unpacking = Unpacking(source.stat().st_size)
-    channels: dict[tuple[str, str], int] = {}
-    writer.start(profile=Profile.ROS2)
-    for one in found:
-        if isinstance(one, Topic):
-            schema = writer.register_schema(one.type, "ros2msg", one.definition.encode())
-            about = {"offered_qos_profiles": one.qos_text(), "topic_type_hash": one.type_hash}
-            channels[one.name, one.type] = writer.register_channel(one.name, "cdr", schema, about)
-        else:
-            data = _unpack_message(one.data, unpacking, source) if is_packed else one.data
-            writer.add_message(channels[one.topic], one.time, data, one.time)
-    writer.finish()
-
-
-def _read_sqlite(file: Path, source: Path, place: Path) -> Iterator[Topic | StoredMessage]:
-    try:
-        yield from read_sqlite(whole_sqlite(file, place))
-    except (sqlite3.Error, ReaderError, *BAD_CONTENT, UntrustedFileError) as error:
-        reason = " ".join(str(error).split())
-        raise DatasetError(f"{source} cannot be read: {reason}; get the bag again") from error
-
-
-def _read_mcap(file: Path, *_: Path) -> Iterator[Topic | StoredMessage]:
-    bag = BagFiles([file])
-    for found in bag.channels:
-        schema, about = found.schema, found.channel.metadata
-        is_described = schema is not None and schema.encoding == "ros2msg"
-        yield Topic(
-            found.topic,
-            found.type,
-            found.definition() if is_described else "",
-            about.get("topic_type_hash", ""),
-            read_profiles(about.get("offered_qos_profiles", "")),
-        )
-    for batch in bag.batches():
-        columns = (batch.channels, batch.starts, batch.starts + batch.sizes, batch.log_times)
-        for number, start, end, time in zip(*(c.tolist() for c in columns), strict=True):
-            data = batch.data[start:end].tobytes()
-            yield StoredMessage((bag.channels[number].topic, bag.channels[number].type), time, data)
-
-
-def _unpack(source: Path, place: Path) -> Path:
-    """Return a file, unpacked; raises `DatasetError`."""
-    target = place / source.stem
-    try:
-        with open_regular(source) as packed, target.open("wb") as file:
+    def _unpacked(self, source: Path) -> Path:
+        """Return a copy of a file that rosbag2 compressed, decompressed."""
+        target = self._folder / source.stem
+        try:
             unpacking = Unpacking(source.stat().st_size)
-            reader = zstandard.ZstdDecompressor(max_window_size=PIECE_BYTES).stream_reader(packed)
-            while part := reader.read(WINDOW):
-                unpacking.take(len(part))
-                file.write(part)
-    except (OSError, UntrustedFileError, zstandard.ZstdError) as error:
-        raise DatasetError(f"{source} cannot be unpacked: {error}") from error
-    return target
+            with open_regular(source) as stream, target.open("wb") as file:
+                reader = zstandard.ZstdDecompressor(max_window_size=PIECE_BYTES).stream_reader(
+                    stream
+                )
+                while part := reader.read(WINDOW):
+                    unpacking.take(len(part))
+                    file.write(part)
+        except (OSError, UntrustedFileError, zstandard.ZstdError) as error:
+            raise DatasetError(f"{source} cannot be unpacked: {error}") from error
+        return target
+
+    @property
+    def _folder(self) -> Path:
+        self._place = self._place or TemporaryDirectory(prefix="sain_bags-")
+        return Path(self._place.name)
 
 
 def _unpack_message(data: bytes, unpacking: Unpacking, source: Path) -> bytes:
     try:
-        found = bytes(unpack(b"zstd", data, PIECE_BYTES))
+        found = bytes(unpack("zstd", data, PIECE_BYTES))
         unpacking.take(len(found))
     except (DatasetError, MemoryError, zstandard.ZstdError) as error:
         raise DatasetError(f"a message in {source} cannot be unpacked: {error}") from error
     return found
-
-
-def _storage(metadata: Mapping[str, Any]) -> str:
-    return str(metadata.get("storage_identifier") or "mcap")
-
-
-def _mode(metadata: Mapping[str, Any]) -> str:
-    return str(metadata.get("compression_mode") or "").lower()

@@ -23,10 +23,9 @@ from sain_bags.bag.metadata import (
     span_of,
     whole_span,
 )
-from sain_bags.mcap.integrity import opened
-from sain_bags.mcap.mcap_file import check_file
+from sain_bags.mcap.integrity import check_file, opened
 from sain_bags.reading.bag_files import BagChannel, BagFiles
-from sain_bags.reading.foreign import CopiedBag, is_foreign
+from sain_bags.reading.foreign import ReadableFiles
 from sain_core.errors import DatasetError, UntrustedFileError
 from sain_core.guarding.untrusted import DECODED_BYTES, TimeAllowance, limit
 
@@ -86,9 +85,8 @@ class Bag(BagFiles):
         """
         self.path = path
         self.metadata, self.files = find_files(path)
-        self._storage = self.metadata["storage_identifier"] or "mcap"
-        self._copy = CopiedBag(self.metadata, self.files) if is_foreign(self.metadata) else None
-        super().__init__(self._copy.files if self._copy else self.files)
+        self._readable = ReadableFiles(self.metadata, self.files)
+        super().__init__(self._readable.files)
         self.decoding = TimeAllowance(self.size)  # for all messages
         spans = [span_of(one) for one in self.statistics]
         self._span = whole_span(spans)
@@ -180,7 +178,7 @@ class Bag(BagFiles):
     @property
     def has_crcs(self) -> bool:
         """Whether damage to any message would be detected; in sqlite3 files it is not."""
-        return self._storage == "mcap" and all(file.has_crcs for file in self._files)
+        return all(file.has_crcs for file in self._files)
 
     def check(self) -> None:
         """Read all files and compare every CRC that they have.
@@ -188,8 +186,8 @@ class Bag(BagFiles):
         Raises:
             DatasetError: a bit is not as it was written.
         """
-        for file in self.paths:
-            with opened(file) as stream:
+        for file in self._files:
+            with opened(file.path) as stream:
                 check_file(stream)
 
     def decode(self, number: int, data: bytes) -> Any:

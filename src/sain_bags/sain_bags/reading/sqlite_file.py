@@ -5,9 +5,11 @@ import sqlite3
 from collections.abc import Iterator
 from contextlib import closing
 from pathlib import Path
-from typing import Final, NamedTuple
+from typing import Final
 from urllib.parse import quote
 
+from mcap.records import Channel, McapRecord, Message, Schema
+from mcap.well_known import MessageEncoding, SchemaEncoding
 from rosbags.interfaces import ConnectionExtRosbag2, MessageDefinitionFormat
 from rosbags.rosbag2.storage_sqlite3 import Sqlite3Reader
 
@@ -42,14 +44,6 @@ MESSAGE_SIZES: Final = f"""
 """
 
 
-class StoredMessage(NamedTuple):
-    """One message of a topic."""
-
-    topic: tuple[str, str]  # and its type
-    time: int  # [ns since the epoch], received
-    data: bytes
-
-
 def whole_sqlite(path: Path, place: Path) -> Path:
     """Return a file, or its copy with what its writer had left beside it: a journal.
 
@@ -68,8 +62,8 @@ def whole_sqlite(path: Path, place: Path) -> Path:
     return place / path.name
 
 
-def read_sqlite(path: Path) -> Iterator[Topic | StoredMessage]:
-    """Yield all topics of a file, then its messages in the order of their times.
+def read_sqlite(path: Path) -> Iterator[McapRecord]:
+    """Yield all topics of a file, then its messages in the order of their times, as MCAP has them.
 
     Raises:
         sqlite3.Error, ReaderError: the file is damaged.
@@ -79,14 +73,17 @@ def read_sqlite(path: Path) -> Iterator[Topic | StoredMessage]:
     reader = Sqlite3Reader(Path(quote(str(path.resolve()))))  # it makes a URI of it
     reader.open()
     try:
-        for one in reader.connections:
+        for number, one in enumerate(reader.connections, start=1):
             assert isinstance(one.ext, ConnectionExtRosbag2)
             is_described = one.msgdef.format == MessageDefinitionFormat.MSG and one.msgdef.data
             definition = one.msgdef.data if is_described else _installed(one.msgtype)
             profiles = tuple(map(as_topic_qos, one.ext.offered_qos_profiles))
-            yield Topic(one.topic, one.msgtype, definition, one.digest, profiles)
+            about = Topic(one.topic, one.msgtype, definition, one.digest, profiles).about
+            yield Schema(number, definition.encode(), SchemaEncoding.ROS2, one.msgtype)
+            yield Channel(number, one.topic, MessageEncoding.CDR, about, number)
+        numbers = {one.id: number for number, one in enumerate(reader.connections, start=1)}
         for connection, time, data in reader.messages(reader.connections):
-            yield StoredMessage((connection.topic, connection.msgtype), time, data)
+            yield Message(numbers[connection.id], time, data, time, 0)
     finally:
         reader.close()
 

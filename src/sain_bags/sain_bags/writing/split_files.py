@@ -55,13 +55,8 @@ class SplitFile(McapWriter):
             key = (topic.type, topic.definition)
             if key not in self._types:
                 self._types[key] = self.add_schema(*key, rare=topic.is_rare)
-            about = {
-                "offered_qos_profiles": topic.qos_text(),
-                "topic_type_hash": topic.type_hash,
-            }
-            number = self._topics[topic.name] = self.add_channel(
-                topic.name, self._types[key], about
-            )
+            number = self.add_channel(topic.name, self._types[key], topic.about)
+            self._topics[topic.name] = number
         return number
 
     def close(self, topics: Iterable[Topic], custom_data: Mapping[str, str]) -> None:
