@@ -36,11 +36,11 @@ def push(number: int, before: Scene, after: Scene, error_code: int = 1) -> Recor
         dynamics="planar", fallback=False, pushes=idle_pushes(1),
         predicted=(after + 0.003)[None], goal_distance=0.1, planning_time=0.1 * number,
     )  # fmt: skip
-    return RecordedPush(
-        push_id=number, push=make_push(0.0, 0.0, 0.1), before=before, after=after,
-        error_code=error_code, error_message="", source="test", duration=1.0, wall_time=0.02,
-        plan=plan, physics=after + 0.004,
+    made = RecordedPush(
+        make_push(0.0, 0.0, 0.1), before, after, push_id=number, code=error_code, source="test",
+        duration=1.0, physics=after + 0.004,
     )  # fmt: skip
+    return made.planned(plan)
 
 
 def played(*targets: float, refused: int = 0, name: str = "paper") -> PlayedEpisode:

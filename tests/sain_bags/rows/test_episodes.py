@@ -45,7 +45,7 @@ def test_a_refused_push_is_kept_apart_even_one_of_nan(episode_bag: Path) -> None
     first, _ = read_episodes(Bag(episode_bag))
     refused = first.pushes[1]
     assert not refused.executed
-    assert refused.error_message == "blocked"
+    assert refused.message == "blocked"
     assert refused.physics is None
     assert np.isnan(refused.push[LOCATION])
     assert [push.push_id for push in first.executed] == [1, 3]

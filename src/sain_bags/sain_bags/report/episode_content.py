@@ -149,7 +149,7 @@ def _from_pushes(gathered: Gathered) -> tuple[Frame, ...]:
     for push in gathered.episode.executed:
         scenes = (push.before, push.after)
         for scene, number, stamp in zip(scenes, push.scene_ids, push.stamps, strict=True):
-            if scene is None or (found and _same(found[-1], scene)):
+            if not len(scene) or (found and _same(found[-1], scene)):
                 continue
             found.append(Frame(stamp, 0, number, True, scene))
     return tuple(found) or (Frame(0, 0, 0, True, gathered.episode.start),)
@@ -188,12 +188,12 @@ def _moments(frames: Sequence[Frame], push: RecordedPush) -> Moments:
 def _push(push: RecordedPush, gathered: Gathered, frames: Sequence[Frame]) -> dict[str, Any]:
     """Return a push: what was expected of it, and what came."""
     episode, (first, last) = gathered.episode, _moments(frames, push)
-    plan, actual = push.plan, push.after if push.executed else None
+    plan, actual = push.plan, push.after if push.executed and len(push.after) else None
     return {
         "id": str(push.push_id),  # may be beyond what a number of JavaScript can hold
         "outcome": "executed" if push.executed else "refused",
         "reason": _reason(push),
-        "message": push.error_message,
+        "message": push.message,
         "source": push.source,
         "model": plan.dynamics if plan else "",
         "fallback": bool(plan and plan.fallback),
@@ -220,14 +220,14 @@ def _things(push: RecordedPush, actual: Scene | None, gathered: Gathered) -> lis
         for scene, look in ((scene, look) for scene, look in known if scene is not None):
             bodies = gathered.bodies(len(scene))
             things += predictions(push.before, actual, scene, bodies, look)
-    if push.before is not None:
+    if len(push.before):
         things += push_arrow(push.before, push.push, gathered.bodies(len(push.before)))
     return [as_json(thing) for thing in things]
 
 
 def _reason(push: RecordedPush) -> str:
     names = {int(code): code.name.lower().replace("_", " ") for code in ErrorCode}
-    return "" if push.executed else names.get(push.error_code, str(push.error_code))
+    return "" if push.executed else names.get(push.code, str(push.code))
 
 
 def target_error(one: Scene | None, other: Scene | None, body: int = TARGET) -> float | None:
@@ -246,6 +246,6 @@ def models(pushes: Sequence[RecordedPush]) -> dict[str, list[str]]:
 
 
 def _distance(scene: Scene | None, episode: Episode) -> float | None:
-    if scene is None or episode.goal is None:
+    if scene is None or not len(scene) or episode.goal is None:
         return None
     return rounded(episode.distance(scene))

@@ -104,8 +104,8 @@ class Episode:
 
     @property
     def records(self) -> tuple[PushRecord, ...]:
-        """The records of the pushes that were executed and have both scenes."""
-        return tuple(push.record for push in self.pushes if push.record is not None)
+        """The pushes that were executed and have both scenes."""
+        return tuple(push for push in self.executed if len(push.before) and len(push.after))
 
     def judge(self, scene: Scene) -> Judgement | None:
         """Judge a scene (N, 8); None: there is no goal."""
@@ -205,7 +205,7 @@ class _Draft:
 
     def push(self, push: RecordedPush) -> None:
         """Take a push, unless its result is the last one again: after a crash it is repeated."""
-        about = attrgetter("push_id", "error_code", "scene_ids")
+        about = attrgetter("push_id", "code", "scene_ids")
         if not self.pushes or about(self.pushes[-1]) != about(push):
             self.pushes.append(push)
 
@@ -272,7 +272,7 @@ class _Reader:
 
     def episodes(self) -> Iterator[Episode]:
         for (run, number), draft in sorted(self._drafts.items(), key=lambda item: item[0]):
-            if draft.scenes or any(push.before is not None for push in draft.pushes):
+            if draft.scenes or any(len(push.before) for push in draft.pushes):
                 yield _whole(number, draft, run)
 
     def _scene(self, message: Any, time: int) -> None:
@@ -343,9 +343,9 @@ def _is_same(goal: Any, other: Any) -> bool:
 
 def _episode(number: int, draft: _Draft, goal: Any, run: int) -> Episode:
     plans = {plan.push_id: plan for plan in draft.plans if plan.push_id}
-    pushes = tuple(replace(push, plan=plans.get(push.push_id)) for push in draft.pushes)
-    after = [push.after for push in pushes if push.after is not None]
-    scenes = draft.scenes or [push.before for push in pushes if push.before is not None]
+    pushes = tuple(push.planned(plans.get(push.push_id)) for push in draft.pushes)
+    after = [push.after for push in pushes if len(push.after)]
+    scenes = draft.scenes or [push.before for push in pushes if len(push.before)]
     return Episode(
         episode_id=number,
         start=scenes[0],

@@ -99,40 +99,33 @@ class Goals:
     def __init__(self) -> None:
         """Begin with the goal that asks for nothing."""
         self.faults: dict[int, str] = {}  # of goals that cannot be, by number
-        self._episodes, self._times = np.empty(0, np.uint64), np.empty(0, np.int64)
-        self._numbers = np.empty(0, np.int64)
-        self._known: dict[tuple[bytes, int], int] = {}
+        self._given: list[tuple[int, int, int]] = []  # episode, time, number
+        self._numbers: dict[bytes, int] = {}  # of goals, by all they ask for
         self._asked = [_asked(None, MOST_BODIES)]
         self._asked_alone = [_asked(None, 1)]  # the same, of a scene with one body
 
     def add(self, table: MessageTable, times: ndarray) -> None:
         """Add goals that were received at these times [ns since the epoch]."""
-        parts = [table.sequences[name] for name in ("poses", "keep")]
-        tolerances = table.columns["keep_tolerance"][:, None]
-        counts = np.stack([part.counts for part in parts], axis=-1)
-        numbers = np.empty(len(times), dtype=np.int64)
-        for some in np.unique(counts, axis=0):
-            rows = np.flatnonzero((counts == some).all(axis=1))
-            flat = [
-                part.take(rows, count).reshape(len(rows), count * part.values.shape[1])
-                for part, count in zip(parts, some.tolist(), strict=True)
-            ]
-            asked = np.concatenate([*flat, tolerances[rows]], axis=1)
-            _, first, again = np.unique(_bytes(asked), return_index=True, return_inverse=True)
-            found = [self._number(asked[row], int(some[0])) for row in first.tolist()]
-            numbers[rows] = np.array(found)[again]
-        self._episodes = np.append(self._episodes, table.columns["episode_id"])
-        self._times = np.append(self._times, times)
-        self._numbers = np.append(self._numbers, numbers)
+        episodes, tolerances = (table.columns[name] for name in ("episode_id", "keep_tolerance"))
+        all_poses, all_keep = (table.sequences[name] for name in ("poses", "keep"))
+        about = zip(episodes.tolist(), times.tolist(), tolerances.tolist(), strict=True)
+        for row, (episode, time, tolerance) in enumerate(about):
+            poses, keep = all_poses.one(row), all_keep.one(row)[:, 0]
+            key = np.concatenate([[len(poses), tolerance], keep, poses.ravel()]).tobytes()
+            if key not in self._numbers:
+                self._numbers[key] = self._define(poses, keep, tolerance)
+            self._given.append((episode, time, self._numbers[key]))
 
     def chosen(self, episodes: ndarray, times: ndarray) -> ndarray:
         """Return the number of the goal that held at each push (K,).
 
         It is the later of that of its episode and that for any episode.
         """
-        both = (self._latest(wanted, times) for wanted in (episodes, 0 * episodes))
-        latest = np.maximum(*both)
-        return np.append(self._numbers, NONE)[latest]  # -1 is the last
+        if not self._given:
+            return np.full(len(times), NONE)
+        about, given, numbers = map(np.array, zip(*self._given, strict=True))
+        both = [_latest(about, given, wanted, times) for wanted in (episodes, 0 * episodes)]
+        return np.append(numbers, NONE)[np.maximum(*both)]  # -1 is the last
 
     def columns(self, goals: ndarray, count: int) -> Columns:
         """Return the goals (M,) of scenes that have so many bodies."""
@@ -141,45 +134,37 @@ class Goals:
         flat = [np.ascontiguousarray(part).reshape(len(goals), -1) for part in parts]
         return {str(name): values for name, values in zip(POSED, flat, strict=True)}
 
-    def _latest(self, episodes: ndarray, times: ndarray) -> ndarray:
-        """Return the place of the latest goal of an episode (K,) at a time; -1: none."""
-        count = len(self._times)
-        every = np.concatenate([self._episodes, episodes.astype(np.uint64)])
-        moments = np.concatenate([self._times, times])
-        order = np.lexsort((np.arange(len(every)), moments, every))  # goals before pushes
-        latest = np.maximum.accumulate(np.where(order < count, np.arange(len(order)), -1))
-        goal = np.where(latest < 0, -1, order[latest])
-        goal[(goal < 0) | (every[goal] != every[order])] = -1
-        found = np.empty(len(every), dtype=np.int64)
-        found[order] = goal
-        return found[count:]
-
-    def _number(self, asked: ndarray, count: int) -> int:
-        """Return the number of a goal of so many poses; the rest is what to keep, and how near."""
-        key = (asked.tobytes(), count)
-        if key not in self._known:
-            self._known[key] = number = len(self._asked)
-            *keep, tolerance = asked[count * len(POSE_NAMES) :].tolist()
-            poses = asked[: count * len(POSE_NAMES)].reshape(-1, len(POSE_NAMES)).tolist()
-            message = SimpleNamespace(
-                poses=[SimpleNamespace(**dict(zip(POSE_NAMES, row, strict=True))) for row in poses],
-                keep=keep,
-                keep_tolerance=tolerance,
-            )
-            goal: Goal | None = None
-            try:
-                goal = _checked(decode_goal(message))
-            except SainError as error:
-                self.faults[number] = str(error)
-            self._asked.append(_asked(goal, MOST_BODIES))
-            self._asked_alone.append(_asked(goal and goal.fitted(1), 1))
-        return self._known[key]
+    def _define(self, poses: ndarray, keep: ndarray, tolerance: float) -> int:
+        """Add a goal that nothing asked for before; return its number."""
+        number = len(self._asked)
+        message = SimpleNamespace(
+            poses=[
+                SimpleNamespace(**dict(zip(POSE_NAMES, row, strict=True))) for row in poses.tolist()
+            ],
+            keep=keep.tolist(),
+            keep_tolerance=tolerance,
+        )
+        goal: Goal | None = None
+        try:
+            goal = _checked(decode_goal(message))
+        except SainError as error:
+            self.faults[number] = str(error)
+        self._asked.append(_asked(goal, MOST_BODIES))
+        self._asked_alone.append(_asked(goal and goal.fitted(1), 1))
+        return number
 
 
-def _bytes(rows: ndarray) -> ndarray:
-    """Return each row (M,) as its bytes, so that NaN is equal to itself."""
-    whole = np.ascontiguousarray(rows)
-    return whole.view(f"V{whole.dtype.itemsize * whole.shape[1]}")[:, 0]
+def _latest(about: ndarray, given: ndarray, episodes: ndarray, times: ndarray) -> ndarray:
+    """Return the place of the latest goal of each episode (K,) at a time; -1: none."""
+    count = len(given)
+    every = np.concatenate([about.astype(np.uint64), episodes.astype(np.uint64)])
+    order = np.lexsort((np.arange(len(every)), np.concatenate([given, times]), every))
+    latest = np.maximum.accumulate(np.where(order < count, np.arange(len(order)), -1))
+    goal = np.where(latest < 0, -1, order[latest])  # goals stand before pushes of their time
+    goal[(goal < 0) | (every[goal] != every[order])] = -1
+    found = np.empty(len(every), dtype=np.int64)
+    found[order] = goal
+    return found[count:]
 
 
 def _checked(goal: Goal) -> Goal:

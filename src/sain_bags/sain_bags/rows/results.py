@@ -4,7 +4,7 @@ Data set, report page and summaries read pushes here.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import Any, Final
 
@@ -18,7 +18,7 @@ from sain_bags.rows.topics import PUSH_RESULT, topics_of
 from sain_core.errors import ErrorCode
 from sain_core.push import PUSH_NAMES, pushed_bodies
 from sain_core.scene import STATE_SIZE
-from sain_core.types import PushArray, Pushes, Scene, Scenes
+from sain_core.types import Pushes, Scenes
 from sain_core.wire import as_sent, check_disks, check_fields, decode_plan
 from sain_core.world import PushRecord
 
@@ -29,7 +29,7 @@ SCENE_FIELDS: Final = (
     "header.frame_id", "disks",
 )  # fmt: skip
 FIELDS: Final = (  # of a `PushResult`
-    "push_id", "episode_id", "error_code", "error_message", "duration", "wall_time",
+    "push_id", "episode_id", "error_code", "error_message", "duration",
     *(f"push.{name}" for name in ("push_id", "episode_id", "source", *PUSH_NAMES)),
     *(f"{scene}.{name}" for scene in ("before", "after") for name in SCENE_FIELDS),
     *(f"prediction.{name}" for name in ("model", "error_code", "disks")),
@@ -67,11 +67,6 @@ class RecordedScenes:
         """The simulated times (K,) [ns]."""
         seconds = self.column("header.stamp.sec").astype(np.int64)
         return seconds * SECOND + self.column("header.stamp.nanosec").astype(np.int64)
-
-    def one(self, push: int) -> Scene | None:
-        """Return the scene of one push, whatever it holds; None: it is empty."""
-        scene = self.disks.one(push)
-        return scene if len(scene) else None
 
 
 @dataclass(frozen=True)
@@ -152,32 +147,32 @@ class Results:
         Raises:
             InvalidInputError: NaN or Inf in a scene, or in a push that was not refused.
         """
-        names = ("push_id", "episode_id", "error_code", "duration", "wall_time")
+        names = ("push_id", "episode_id", "error_code", "duration")
         numbers = zip(*(self.column(name).tolist() for name in names), strict=True)
         both = (self.before, self.after)
-        ids, stamps = ([one.column("scene_id") for one in both], [one.stamps for one in both])
-        for row, (push_id, episode, code, duration, wall_time) in enumerate(numbers):
-            scenes = self.before.one(row), self.after.one(row)
-            for scene in scenes:
-                if scene is not None:
-                    check_disks(scene)
+        scene_ids = [scenes.column("scene_id").tolist() for scenes in both]
+        stamps = [scenes.stamps.tolist() for scenes in both]
+        for row, (push_id, episode, code, duration) in enumerate(numbers):
+            before, after = (scenes.disks.one(row) for scenes in both)
+            for scene in filter(len, (before, after)):
+                check_disks(scene)
             if code == OK:
                 check_fields(self.actions[row], PUSH_NAMES, "push")
             physics = self.table.sequences["prediction.disks"].one(row)
             yield RecordedPush(
-                push_id,
                 self.actions[row],
-                *scenes,
-                code,
-                self.column("error_message")[row],
-                self.column("push.source")[row],
-                duration,
-                wall_time,
+                before,
+                after,
                 physics=physics if self.predicted[row] and len(physics) else None,
-                physics_model=self.models[row],
+                duration=duration,
+                code=code,
+                message=self.column("error_message")[row],
+                push_id=push_id,
                 episode_id=episode,
-                scene_ids=(int(ids[0][row]), int(ids[1][row])),
-                stamps=(int(stamps[0][row]), int(stamps[1][row])),
+                source=self.column("push.source")[row],
+                physics_model=self.models[row],
+                scene_ids=(scene_ids[0][row], scene_ids[1][row]),
+                stamps=(stamps[0][row], stamps[1][row]),
                 log_time=int(self.log_times[row]),
             )
 
@@ -213,46 +208,30 @@ class PlanRecord:
     log_time: int = 0  # [ns since the epoch]
 
 
-@dataclass(frozen=True)
-class RecordedPush:
-    """A push as a recording has it: executed or refused."""
+@dataclass(frozen=True, eq=False)
+class RecordedPush(PushRecord):
+    """A push and what only a recording has of it. A scene that it lacks is one without bodies."""
 
-    push_id: int
-    push: PushArray  # (5,), whatever it holds where it was refused
-    before: Scene | None  # (N, 8); None: it came before there was a scene
-    after: Scene | None  # (N, 8)
-    error_code: int
-    error_message: str
-    source: str
-    duration: float  # [s] simulated
-    wall_time: float  # [s]
-    plan: PlanRecord | None = None
-    physics: Scene | None = None  # (N, 8), f_p(s, a)
-    physics_model: str = ""
+    push_id: int = 0
     episode_id: int = 0
+    source: str = ""
+    physics_model: str = ""
     scene_ids: tuple[int, int] = (0, 0)  # before and after
     stamps: tuple[int, int] = (0, 0)  # [ns] simulated, the same
     log_time: int = 0  # [ns since the epoch]
+    plan: PlanRecord | None = None
 
     @property
     def executed(self) -> bool:
         """Whether it was carried out; a refused push moved nothing."""
-        return self.error_code == ErrorCode.OK
+        return self.code == OK
 
-    @property
-    def predicted(self) -> Scene | None:
-        """The scene (N, 8) that the planner expected after this push."""
-        if self.plan is None or not len(self.plan.predicted):
-            return None
-        return np.asarray(self.plan.predicted[0])
-
-    @property
-    def record(self) -> PushRecord | None:
-        """The record of a push that was executed; None: it was not, or a scene is missing."""
-        if not self.executed or self.before is None or self.after is None:
-            return None
-        time = self.plan.planning_time if self.plan else 0.0
-        return PushRecord(self.push, self.before, self.after, self.predicted, self.physics, time)
+    def planned(self, plan: PlanRecord | None) -> "RecordedPush":
+        """Return the push with the plan that sent it, and what that expected after it."""
+        if plan is None:
+            return self
+        predicted = plan.predicted[0] if len(plan.predicted) else None
+        return replace(self, plan=plan, predicted=predicted, planning_time=plan.planning_time)
 
 
 def recorded_plan(message: Any, log_time: int) -> PlanRecord:
