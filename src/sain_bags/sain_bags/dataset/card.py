@@ -98,13 +98,13 @@ class DatasetCard:
         self.transitions += rows
         self._shards.append(rows)
         self._moved += int(shard[Column.MOVED].sum())
-        self._fields = describe_fields(shard)
         for key in (*COUNTED, *COUNTED_BODIES):
             if key in shard:
                 self._counts[key].update(_occurrences(shard[key]))
         self._counts[DISKS][str(shard[Column.MASSES].shape[1])] += rows
         for name, values in _quantities(shard).items():
             self._spreads[name].add(values)
+        self._fields = describe_fields(shard)
 
     def left_out(self) -> tuple[str, ...]:
         """Return how many pushes are no row for each reason, with the first of them."""

@@ -18,12 +18,12 @@ import numpy as np
 
 from sain_bags.dataset.card import DatasetCard
 from sain_bags.dataset.dataset_folder import DatasetFolder
-from sain_bags.dataset.formats.sharding import Sharding
-from sain_bags.dataset.rows import BagPart, ConversionConfig, RowBlock, read_rows
+from sain_bags.dataset.formats.stored_rows import joined
+from sain_bags.dataset.rows import BagPart, ConversionConfig, Dropped, RowBlock, read_rows
 from sain_bags.dataset.sources import Source, find_sources, open_source
 from sain_core.errors import DatasetError
 from sain_core.model import Model, load_dynamics
-from sain_core.transitions import SHARD_SIZE, Column, Columns
+from sain_core.transitions import RECORDED, SHARD_SIZE, Column, Columns
 from sain_core.workers import Software, Work, WorkerOptions, run_on_workers
 
 WAITING_SHARDS: Final = 2  # that are made and not stored yet
@@ -35,8 +35,8 @@ ConversionProgress = Callable[[int, int, int], None]  # pushes read, of how many
 Writing = Callable[[int, int], None]  # rows written in a format other than npz, of how many
 
 
-class Numbering:
-    """Counts episodes over all recordings, and the steps of each.
+class Sharding:
+    """Numbers rows, and gathers them into shards, each of scenes with one number of disks.
 
     A simulator that is started anew counts its episodes and scenes from 1 again: where a number
     goes back, another episode has begun. Where scene ids show pushes between two rows,
@@ -44,29 +44,50 @@ class Numbering:
     """
 
     def __init__(self) -> None:
-        """Begin with episode 0."""
+        """Begin empty, with episode 0."""
         self.episodes = 0
         self._step = 0
         self._last: tuple[str, int, int] = ("", 0, 0)  # bag, and its numbers
+        self._waiting: dict[int, list[Columns]] = {}  # by number of disks
 
-    def number(self, blocks: Sequence[RowBlock], bag: str) -> Sequence[RowBlock]:
-        """Add `episode`, `step` and `bag_sha256` to the next rows; return them."""
+    def add(self, blocks: Sequence[RowBlock], bag: str) -> list[Columns]:
+        """Add the next rows of a bag; return the shards that they complete, in that order."""
+        full: list[tuple[int, Columns]] = []
+        self._number(blocks, bag)
+        for block in blocks:
+            waiting = self._waiting.setdefault(block.columns[Column.MASSES].shape[1], [])
+            before = sum(map(_length, waiting))
+            waiting.append(block.columns)
+            if before + len(block.places) < SHARD_SIZE:
+                continue
+            rows = joined(waiting)
+            ends = range(SHARD_SIZE, _length(rows) + 1, SHARD_SIZE)
+            for end in ends:
+                last = int(block.places[end - before - 1])
+                full.append((last, _tidy(rows, slice(end - SHARD_SIZE, end))))
+            waiting[:] = [{name: column[ends[-1] :] for name, column in rows.items()}]
+        return [columns for _, columns in sorted(full, key=lambda shard: shard[0])]
+
+    def rest(self) -> list[Columns]:
+        """Return the incomplete shards."""
+        left = [joined(waiting) for _, waiting in sorted(self._waiting.items())]
+        return [_tidy(rows, slice(None)) for rows in left if _length(rows)]
+
+    def _number(self, blocks: Sequence[RowBlock], bag: str) -> None:
+        """Add `episode`, `step` and `bag_sha256` to the next rows."""
         if not blocks:
-            return blocks
+            return
         order = np.argsort(np.concatenate([block.places for block in blocks]))
-        back = np.empty_like(order)
-        back[order] = np.arange(len(order))
         named, scenes = (
             np.concatenate([block.columns[name] for block in blocks])[order].astype(np.int64)
             for name in (Column.BAG_EPISODE, Column.BAG_SCENE)
         )
         episodes, steps = self._count(named, scenes, bag)
         ends = np.cumsum([len(block.places) for block in blocks])
-        for block, places in zip(blocks, np.split(back, ends[:-1]), strict=True):
+        for block, places in zip(blocks, np.split(np.argsort(order), ends[:-1]), strict=True):
             block.columns[Column.EPISODE] = episodes[places]
             block.columns[Column.STEP] = steps[places]
             block.columns[Column.BAG_SHA256] = np.full(len(places), bag)
-        return blocks
 
     def _count(
         self, episode_ids: np.ndarray, scene_ids: np.ndarray, bag: str
@@ -123,18 +144,22 @@ def convert(
     sources = find_sources(paths, config.namespace or None)
     identity = {**asdict(config), "bags": [source.sha256 for source in sources]}
     folder = DatasetFolder(out, identity, overwrite)
-    card, numbering = DatasetCard(), Numbering()
+    sharding, dropped = Sharding(), list[tuple[Path, Dropped]]()
+    card = DatasetCard()
     with closing(_read(sources, config, workers)) as rows:
-        for shard in _stored(folder, _shards(sources, rows, numbering, card, progress)):
+        for shard in _stored(folder, _shards(sources, rows, sharding, dropped, progress)):
             card.add(shard)
+    for bag, push in dropped:
+        card.drop(bag, push)
     if not card.transitions:
         why = ", ".join(card.left_out()) or "no push was made"
         raise DatasetError(f"no transition is left: {why}")
-    about = {**identity, **_versions(), "episodes": numbering.episodes}
-    folder.finish(card.content(about, [source.describe() for source in sources]), writing)
+    made_by = {name: version(name) for name in ("numpy", "mcap")}
+    about = {**identity, **made_by, "episodes": sharding.episodes}
+    folder.finish(card.content(about, [source.entry for source in sources]), writing)
     notes = tuple(note for source in sources for note in source.notes)
-    dropped, left_out = dict(card.dropped), card.left_out()
-    return Converted(card.transitions, numbering.episodes, dropped, notes, left_out)
+    counts, left_out = dict(card.dropped), card.left_out()
+    return Converted(card.transitions, sharding.episodes, counts, notes, left_out)
 
 
 class BagJob(NamedTuple):
@@ -202,10 +227,7 @@ def _read(
 
 
 def _stored(folder: DatasetFolder, shards: Iterable[Columns]) -> Iterator[Columns]:
-    """Store shards and yield each when it is stored; the next is made meanwhile.
-
-    After an error or a stop, earlier shards are stored first.
-    """
+    """Store shards, also before an error, and yield each then; the next is made meanwhile."""
     with ThreadPoolExecutor(max_workers=1) as writer:
         waiting: deque[Future[Columns]] = deque()
         for shard in shards:
@@ -219,30 +241,37 @@ def _stored(folder: DatasetFolder, shards: Iterable[Columns]) -> Iterator[Column
 def _shards(
     sources: Sequence[Source],
     rows_of_bags: Iterable[tuple[Source, BagPart]],
-    numbering: Numbering,
-    card: DatasetCard,
+    sharding: Sharding,
+    dropped: list[tuple[Path, Dropped]],
     progress: ConversionProgress,
 ) -> Iterator[Columns]:
-    """Stream all recordings as shards, and count dropped pushes on the card."""
+    """Stream all recordings as shards, and list the pushes that are no rows."""
     pushes = sum(source.pushes for source in sources)
-    sharding = Sharding(SHARD_SIZE)
     read = rows = 0
-
-    def passed_on(made: Iterable[Columns]) -> Iterator[Columns]:
-        nonlocal rows
-        for shard in made:
-            yield shard
-            rows += len(shard[Column.PUSH_ID])
-            progress(read, pushes, rows)
-
     for source, part in rows_of_bags:
-        for push in part.dropped:
-            card.drop(source.bag.path, push)
-        yield from passed_on(sharding.add(numbering.number(part.blocks, source.sha256)))
+        dropped += [(source.bag.path, push) for push in part.dropped]
+        for shard in sharding.add(part.blocks, source.sha256):
+            yield shard
+            rows += _length(shard)
         read += part.pushes
         progress(read, pushes, rows)
-    yield from passed_on(sharding.rest())
+    for shard in sharding.rest():
+        yield shard
+        rows += _length(shard)
+        progress(read, pushes, rows)
 
 
-def _versions() -> dict[str, str]:
-    return {name: version(name) for name in ("numpy", "mcap")}
+def _length(columns: Columns) -> int:
+    return len(columns[Column.PUSH_ID])
+
+
+def _tidy(columns: Columns, rows: slice) -> Columns:
+    """Return some rows with columns in order, and texts as wide as the longest of them."""
+    tidy = {}
+    for name in map(str, RECORDED):
+        column = columns[name][rows]
+        if column.dtype.kind == "U":
+            width = max(int(np.strings.str_len(column).max()), 1)
+            column = column.astype(f"<U{width}")
+        tidy[name] = np.ascontiguousarray(column)
+    return tidy

@@ -15,11 +15,11 @@ from typing import Any, Final
 import numpy as np
 
 from sain_bags.dataset.formats import MADE, SHARDS, FormatName, StoredRows, Write, find_format
-from sain_bags.dataset.formats.sharding import write_shard
 from sain_core.errors import DatasetError, OutputError
 from sain_core.guarding.documents import read_json
 from sain_core.guarding.untrusted import PARTIAL
 from sain_core.output import MANIFEST, claim_file, claim_folder, is_ours, remove, sign, write_json
+from sain_core.storage import read_arrays, write_arrays
 from sain_core.transitions import (
     PARTS,
     SEED,
@@ -137,6 +137,28 @@ class DatasetFolder:
             remove_files(self.path, name, self.path)
         write_json(self.path / IDENTITY_FILE, self._identity)
         self._begun = True
+
+
+def write_shard(folder: Path, index: int, arrays: Columns) -> Columns:
+    """Write columns as a shard, whole or not at all, unless it is there already; return them.
+
+    Raises:
+        DatasetError: there is a shard in its place, damaged or with other rows.
+        OutputError: the folder cannot be written, or the disk is full.
+    """
+    path = shard_path(folder, index)
+    if not path.exists():
+        write_arrays(path, arrays, deflate_numbers=False)
+        return arrays
+    found = read_arrays(path)
+    for key, wanted in arrays.items():
+        numbers = wanted.dtype.kind == "f"
+        if key not in found or not np.array_equal(found[key], wanted, equal_nan=numbers):
+            raise DatasetError(
+                f"{path} is there with another {key}, by another version of this program or of"
+                " the prior; --overwrite makes all shards anew"
+            )
+    return arrays
 
 
 def _read_identity(folder: Path) -> CardContent | None:

@@ -54,8 +54,9 @@ class Source:
             notes.append("it has no CRCs: damage inside messages is not detected")
         return tuple(f"{self.bag.path}: {note}" for note in notes)
 
-    def describe(self) -> dict[str, Any]:
-        """Return its entry in a card."""
+    @property
+    def entry(self) -> dict[str, Any]:
+        """Its entry in a card."""
         return {
             "path": str(self.bag.path),
             "sha256": self.sha256,

@@ -6,10 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sain_bags.dataset.formats.sharding import Columns
 from sain_bags.dataset.formats.stored_rows import StoredRows, goal_distance, reached
 from sain_core.storage import write_arrays
-from sain_core.transitions import shard_path
+from sain_core.transitions import Columns, shard_path
 
 GOAL = (0.9, 0.0)
 

@@ -1,6 +1,6 @@
 """The rows that a format is written from: one number of disks, streamed from disk."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from math import isnan
 from pathlib import Path
@@ -49,11 +49,11 @@ class StoredRows:
             starts = sorted({0, *np.flatnonzero(begins).tolist()})
             for start, end in zip(starts, [*starts[1:], len(begins)], strict=True):
                 if pieces and begins[start]:
-                    yield _joined(pieces)
+                    yield joined(pieces)
                     pieces = []
                 pieces.append({key: values[start:end] for key, values in chunk.items()})
         if pieces:
-            yield _joined(pieces)
+            yield joined(pieces)
 
 
 def goal_distance(columns: Columns) -> ndarray:
@@ -105,5 +105,8 @@ def _begins(before: Columns | None, chunk: Columns) -> ndarray:
     return begins
 
 
-def _joined(pieces: list[Columns]) -> Columns:
-    return {key: np.concatenate([piece[key] for piece in pieces]) for key in pieces[0]}
+def joined(parts: Sequence[Columns]) -> Columns:
+    """Return rows one after the other."""
+    if len(parts) == 1:
+        return parts[0]
+    return {key: np.concatenate([part[key] for part in parts]) for key in parts[0]}
